@@ -1,0 +1,275 @@
+"""What a block is: one pure function, its signals, states and parameters.
+
+A function becomes a block by one decorator line. Its signature is the declaration::
+
+    @block("friction", out="F", states="z")
+    def lugre(w, z, sigma0=P(260, "N m/rad", 0), ...):
+        return F, dz
+
+Arguments without default are signals or states, arguments with default are parameters.
+It returns the outputs that are not states, then one rate per state. Only arithmetic, NumPy
+ufuncs and ``np.where`` may touch a signal, so that the same line serves floats, arrays,
+whole logs and the symbolic scalars of the engine.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import control as ct
+import numpy as np
+
+from .errors import InputError
+
+
+@dataclass(frozen=True)
+class P:
+    """Declaration of a parameter.
+
+    Parameters
+    ----------
+    value : float
+        Default.
+    unit : str
+        SI unit in rotary names; :func:`unit_for` gives the linear one.
+    low, high : float
+        Bounds, inclusive.
+    neutral : float or None
+        Value at which an effect changes nothing.
+    span : tuple of float or None
+        Two values whose effects, combined linearly, give the effect at any value (0 and
+        pi/2 for a phase): the tracer then need not search this parameter.
+    grid : callable or None
+        ``grid(log) -> values`` worth trying on a log, for a parameter in which the effect is
+        not linear.
+    fitted : bool
+        False for a numerical constant that no record identifies.
+    """
+
+    value: float
+    unit: str
+    low: float = -math.inf
+    high: float = math.inf
+    neutral: float | None = None
+    span: tuple[float, float] | None = None
+    grid: Callable[[Any], np.ndarray] | None = None
+    fitted: bool = True
+
+
+@dataclass(frozen=True)
+class Block:
+    """A pure function with declared signals; ``system()`` makes it a python-control block."""
+
+    name: str
+    kind: str
+    function: Callable[..., Any]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    states: tuple[str, ...]
+    parameters: Mapping[str, P]
+    timed: bool = False
+    acts: tuple[str, ...] = ()
+    confused: tuple[str, ...] = ()
+    experiment: str = ""
+    exact: Callable[..., np.ndarray] | None = field(default=None, compare=False)
+    home: str = field(default="", compare=False)
+
+    @property
+    def doc(self) -> str:
+        return inspect.getdoc(self.function) or ""
+
+    @property
+    def equation(self) -> str:
+        """First line of the docstring: the equation in the field's symbols."""
+        return self.doc.split("\n", 1)[0]
+
+    @property
+    def gain(self) -> str:
+        """Name of the first parameter with a neutral value (an effect's strength)."""
+        return next(k for k, p in self.parameters.items() if p.neutral is not None)
+
+    def defaults(self) -> dict[str, float]:
+        return {k: p.value for k, p in self.parameters.items()}
+
+    def check(self, values: Mapping[str, Any]) -> None:
+        """Raise InputError for an unknown parameter or one outside its bounds."""
+        for key, value in values.items():
+            if key not in self.parameters:
+                known = ", ".join(self.parameters)
+                raise InputError(f"{self.name} has no parameter '{key}'; it has {known}.")
+            if not callable(value):
+                _check_bounds(f"{self.name}.{key}", value, self.parameters[key])
+
+    def __call__(self, *signals: Any, **values: Any) -> tuple[Any, ...]:
+        """Outputs that are not states, then the rates; ``t`` comes first where it is used."""
+        result = self.function(*signals, **values)
+        return result if isinstance(result, tuple) else (result,)
+
+    def system(
+        self,
+        name: str | None = None,
+        inputs: Sequence[str] | None = None,
+        outputs: Sequence[str] | None = None,
+        **values: Any,
+    ) -> ct.NonlinearIOSystem:
+        """The block as a NonlinearIOSystem whose parameters are keyed ``name.param``.
+
+        ``inputs`` and ``outputs`` rename the signals, in the declared order. A value may be a
+        function of the block's first signal where the block says so.
+        """
+        self.check(values)
+        name = name or self.name
+        functions = {k: v for k, v in values.items() if callable(v)}
+        numbers = {
+            k: float(values.get(k, p.value))
+            for k, p in self.parameters.items()
+            if k not in functions
+        }
+        keys = {k: f"{name}.{k}" for k in numbers}
+        n_in, fresh = len(self.inputs), [o for o in self.outputs if o not in self.states]
+
+        def evaluate(t: Any, x: Any, u: Any, params: Mapping[str, Any]) -> tuple[Any, ...]:
+            signals = [t] if self.timed else []
+            signals += [u[i] for i in range(n_in)] + [x[i] for i in range(len(self.states))]
+            return self(*signals, **{k: params[q] for k, q in keys.items()}, **functions)
+
+        def update(t: Any, x: Any, u: Any, params: Mapping[str, Any]) -> np.ndarray:
+            return np.array(evaluate(t, x, u, params)[len(fresh) :])
+
+        def output(t: Any, x: Any, u: Any, params: Mapping[str, Any]) -> np.ndarray:
+            out = dict(zip(fresh, evaluate(t, x, u, params), strict=False)) if fresh else {}
+            for i, state in enumerate(self.states):
+                out.setdefault(state, x[i])
+            return np.array([out[o] for o in self.outputs])
+
+        return ct.nlsys(
+            update if self.states else None,
+            output,
+            inputs=_renamed(name, "inputs", self.inputs, inputs),
+            outputs=_renamed(name, "outputs", self.outputs, outputs),
+            states=list(self.states),
+            params={q: numbers[k] for k, q in keys.items()},
+            name=name,
+            **({} if self.states else {"dt": None}),
+        )
+
+
+def _check_bounds(label: str, value: float, p: P) -> None:
+    if not isinstance(value, (int, float, np.number)) or math.isnan(value):
+        raise InputError(f"{label} must be a number, not {value!r}.")
+    if not p.low <= value <= p.high:
+        raise InputError(f"{label} = {value:g} lies outside [{p.low:g}, {p.high:g}] {p.unit}.")
+
+
+def _renamed(
+    block: str, what: str, own: Sequence[str], wanted: Sequence[str] | None
+) -> list[str]:
+    if wanted is None:
+        return list(own)
+    wanted = [wanted] if isinstance(wanted, str) else list(wanted)
+    if len(wanted) != len(own):
+        raise InputError(f"{block} has the {what} {', '.join(own)}: give {len(own)} names.")
+    return wanted
+
+
+REGISTRY: dict[str, Block] = {}
+
+
+def block(
+    kind: str,
+    *,
+    out: str,
+    states: str = "",
+    acts: str = "",
+    confused: str = "",
+    experiment: str = "",
+    exact: Callable[..., np.ndarray] | None = None,
+) -> Callable[[Callable[..., Any]], Block]:
+    """Declare a function as a block of a kind and enter it in the registry.
+
+    Parameters
+    ----------
+    kind : str
+        "friction", "plant", "observer", "controller" or "effect".
+    out, states : str
+        Names, separated by spaces; an output that is a state need not be returned.
+    acts : str
+        For an effect, what its output does: "torque" (added to the resisting side), "input"
+        (replaces u), or names of parameters that it multiplies by 1 + output.
+    confused, experiment : str
+        For an effect: the effects whose signature is alike, and what to record to tell.
+    exact : callable
+        ``exact(u, dt, **values)`` of an input effect on a held input, where the continuous
+        block can only approximate it.
+
+    Raises
+    ------
+    InputError
+        When another block has the name (a notebook cell that is run again replaces its own).
+    """
+
+    def declare(function: Callable[..., Any]) -> Block:
+        made = _declared(function, kind, tuple(out.split()), tuple(states.split()))
+        made = replace(
+            made,
+            acts=tuple(acts.split()),
+            confused=tuple(confused.split()),
+            experiment=experiment,
+            exact=exact,
+        )
+        known = REGISTRY.get(made.name)
+        if known is not None and not (known.home == made.home == "__main__"):
+            raise InputError(f"a block named '{made.name}' exists; choose another name.")
+        REGISTRY[made.name] = made
+        return made
+
+    return declare
+
+
+def _declared(
+    function: Callable[..., Any], kind: str, out: tuple[str, ...], states: tuple[str, ...]
+) -> Block:
+    arguments = inspect.signature(function).parameters
+    signals = [k for k, a in arguments.items() if a.default is inspect.Parameter.empty]
+    parameters = {k: a.default for k, a in arguments.items() if isinstance(a.default, P)}
+    timed = bool(signals) and signals[0] == "t"
+    inputs = tuple(s for s in signals[timed:] if s not in states)
+    if tuple(signals[timed:]) != inputs + states:
+        raise InputError(f"{function.__name__}: signals come first, then states {states}.")
+    return Block(
+        name=function.__name__,
+        kind=kind,
+        function=function,
+        inputs=inputs,
+        outputs=out,
+        states=states,
+        parameters=parameters,
+        timed=timed,
+        home=function.__module__,
+    )
+
+
+def members(kind: str) -> dict[str, Block]:
+    """The registered blocks of a kind, by name."""
+    return {name: made for name, made in REGISTRY.items() if made.kind == kind}
+
+
+_LINEAR = {
+    "N m": "N",
+    "N m/rad": "N/m",
+    "N m s/rad": "N s/m",
+    "N m s2/rad2": "N s2/m2",
+    "rad/s": "m/s",
+    "rad": "m",
+    "kg m2": "kg",
+    "1/rev": "rad/m",
+}
+
+
+def unit_for(unit: str, motion: str = "rotary") -> str:
+    """The unit's name on a rotary or a linear drive."""
+    return _LINEAR.get(unit, unit) if motion == "linear" else unit

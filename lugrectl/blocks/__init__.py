@@ -1,0 +1,1 @@
+"""The blocks: one pure function each, registered by one line."""

@@ -1,0 +1,22 @@
+"""The two ways in which an input can fail, each with its exit code."""
+
+from __future__ import annotations
+
+
+class InputError(ValueError):
+    """Wrong usage, or a file that cannot be read or understood (exit code 2)."""
+
+    exit_code = 2
+
+
+class Refused(ValueError):
+    """A readable record that cannot answer the question (exit code 3).
+
+    ``experiment`` says in one sentence what to record instead, where that is known.
+    """
+
+    exit_code = 3
+
+    def __init__(self, reason: str, experiment: str | None = None) -> None:
+        super().__init__(reason)
+        self.experiment = experiment

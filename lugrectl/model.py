@@ -1,0 +1,262 @@
+"""The declared model: plant, friction and effects, with TOML in and out."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+from .block import REGISTRY, Block, members, unit_for
+from .blocks import effects as _effects  # noqa: F401  fills the registry
+from .blocks import friction as _friction  # noqa: F401
+from .blocks.friction import J as J_DECLARATION
+from .errors import InputError
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """A drive with LuGre friction: J, sigma0, sigma1, Fc, Fs, Fv, vs in SI units.
+
+    kg m2, N m/rad, N m s/rad, N m, N m, N m s/rad, rad/s; letters as in the source paper.
+    """
+
+    J: float
+    sigma0: float
+    sigma1: float
+    Fc: float
+    Fs: float
+    Fv: float
+    vs: float
+
+    def __post_init__(self) -> None:
+        Model.of(self)
+
+    def friction(self) -> dict[str, float]:
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "J"}
+
+
+def table1() -> Parameters:
+    """The parameters of the source paper's Table 1."""
+    return Parameters(J=0.0022, sigma0=260.0, sigma1=0.6, Fc=0.285, Fs=0.335, Fv=0.018, vs=0.01)
+
+
+@dataclass(frozen=True)
+class Part:
+    """A block with values, where None marks one to be identified."""
+
+    key: str
+    block: Block
+    values: Mapping[str, float | None]
+
+
+@dataclass(frozen=True)
+class Model:
+    """A declared model: inertia, one friction law, any number of effects.
+
+    ``values()`` is flat: ``J``, the friction parameters by name, effects as ``key.parameter``.
+    """
+
+    name: str
+    motion: str
+    J: float | None
+    friction: Part
+    effects: tuple[Part, ...] = ()
+
+    @classmethod
+    def of(cls, p: Parameters) -> Model:
+        """The model of a LuGre drive without effects."""
+        values = {"model": "lugre", **p.friction()}
+        return model_from_dict({"plant": {"J": p.J}, "friction": values}, "parameters")
+
+    def values(self) -> dict[str, float | None]:
+        flat: dict[str, float | None] = {"J": self.J, **self.friction.values}
+        for part in self.effects:
+            flat |= {f"{part.key}.{k}": v for k, v in part.values.items()}
+        return flat
+
+    def with_values(self, flat: Mapping[str, float | None]) -> Model:
+        """The same structure with other values; names left out stay as they are."""
+        all_values = self.values() | dict(flat)
+
+        def own(part: Part, prefix: str) -> Part:
+            return replace(part, values={k: all_values[prefix + k] for k in part.values})
+
+        return replace(
+            self,
+            J=all_values["J"],
+            friction=own(self.friction, ""),
+            effects=tuple(own(part, f"{part.key}.") for part in self.effects),
+        )
+
+    def with_effect(self, name: str, values: Mapping[str, float | None] | None = None) -> Model:
+        """The model with one more effect; a second of a name gets the key ``name_2``."""
+        made = members("effect")[name]
+        used = sum(part.block.name == name for part in self.effects)
+        key = name if not used else f"{name}_{used + 1}"
+        values = {k: (values or {}).get(k) for k in made.parameters}
+        return replace(self, effects=(*self.effects, Part(key, made, values)))
+
+    def declarations(self) -> dict[str, Any]:
+        """The parameter declarations (unit, bounds) under the names of ``values()``."""
+        flat = {"J": J_DECLARATION, **self.friction.block.parameters}
+        for part in self.effects:
+            flat |= {f"{part.key}.{k}": p for k, p in part.block.parameters.items()}
+        return flat
+
+    def unit(self, key: str) -> str:
+        return unit_for(self.declarations()[key].unit, self.motion)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Nested like the TOML file; values not yet known are left out."""
+
+        def known(values: Mapping[str, float | None]) -> dict[str, float]:
+            return {k: v for k, v in values.items() if v is not None}
+
+        return {
+            "name": self.name,
+            "motion": self.motion,
+            "plant": known({"J": self.J}),
+            "friction": {"model": self.friction.block.name, **known(self.friction.values)},
+            "effects": [{"name": part.block.name, **known(part.values)} for part in self.effects],
+        }
+
+
+def model_from_dict(data: Mapping[str, Any], where: str) -> Model:
+    """Build a model from a dictionary nested like the TOML file.
+
+    Raises
+    ------
+    InputError
+        For an unknown key, friction model or effect, a value that is no number or outside its
+        bounds, Fs < Fc; the sentence starts with ``where``.
+    """
+    _known(data, ("name", "motion", "plant", "friction", "effects"), where)
+    motion = data.get("motion", "rotary")
+    if motion not in ("rotary", "linear"):
+        raise InputError(f"{where}: motion must be 'rotary' or 'linear', not {motion!r}.")
+    plant, friction = _table(data, "plant", where), _table(data, "friction", where)
+    _known(plant, ("J",), f"{where}: [plant]")
+    law = friction.get("model", "lugre")
+    part = _part(law, members("friction"), friction, f"{where}: [friction]", "friction model")
+    model = Model(
+        name=str(data.get("name", "drive")),
+        motion=motion,
+        J=_number(plant.get("J"), J_DECLARATION, f"{where}: [plant] J"),
+        friction=part,
+    )
+    effects = data.get("effects", [])
+    if not isinstance(effects, list):
+        raise InputError(f"{where}: effects are written [[effects]], once for each effect.")
+    for entry in effects:
+        name = entry.get("name")
+        use = _part(name, members("effect"), entry, f"{where}: [[effects]] {name}", "effect")
+        model = model.with_effect(use.block.name, use.values)
+    _stiction(part.values, where)
+    return model
+
+
+def _part(name: Any, known: Mapping[str, Block], entry: Any, where: str, what: str) -> Part:
+    if name not in known:
+        hint = difflib.get_close_matches(str(name), known, n=1)
+        meant = f" Did you mean '{hint[0]}'?" if hint else ""
+        raise InputError(f"{where}: unknown {what} {name!r}; known: {', '.join(known)}.{meant}")
+    made = known[name]
+    tag = "model" if what == "friction model" else "name"
+    _known(entry, (tag, *made.parameters), where)
+    values = {
+        k: _number(entry.get(k), p, f"{where} {k}") if k in entry or p.fitted else p.value
+        for k, p in made.parameters.items()
+    }
+    return Part(name, made, values)
+
+
+def _stiction(values: Mapping[str, float | None], where: str) -> None:
+    low, high = values.get("Fs"), values.get("Fc")
+    if low is not None and high is not None and low < high:
+        raise InputError(
+            f"{where}: Fs = {low:g} is below Fc = {high:g}; stiction is the higher of the two, "
+            "exchange them or leave both out to have them identified."
+        )
+
+
+def _table(data: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any]:
+    table = data.get(key, {})
+    if not isinstance(table, Mapping):
+        raise InputError(f"{where}: {key} must be a table, written [{key}].")
+    return table
+
+
+def _known(table: Mapping[str, Any], known: Iterable[str], where: str) -> None:
+    for key in table:
+        if key not in known:
+            hint = difflib.get_close_matches(key, list(known), n=1)
+            meant = f" Did you mean '{hint[0]}'?" if hint else ""
+            raise InputError(f"{where}: unknown key '{key}'; known: {', '.join(known)}.{meant}")
+
+
+def _number(value: Any, p: Any, where: str) -> float | None:
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise InputError(f"{where} must be a finite number, not {value!r}.")
+    if value < p.low or value > p.high:
+        rule = "negative" if value < 0 <= p.low else f"outside [{p.low:g}, {p.high:g}]"
+        raise InputError(f"{where} = {value:g} is {rule}; give a value in {p.unit} or leave it out.")
+    return float(value)
+
+
+def read_model(path: str | Path) -> Model:
+    """Read a model file (TOML, section 4 of the format description in the README).
+
+    Raises
+    ------
+    InputError
+        When the file is missing, is not TOML, or says something that is not understood.
+    """
+    path = Path(path)
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such model file.") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read as a text file ({error}).") from None
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: not a TOML file: {error}.") from None
+    return model_from_dict(data, str(path))
+
+
+def write_model(model: Model, path: str | Path) -> None:
+    """Write a model as the TOML file that :func:`read_model` reads."""
+    Path(path).write_text(model_toml(model), encoding="utf-8")
+
+
+def model_toml(model: Model) -> str:
+    """The model file's text, with the unit of each value as a comment."""
+    data, lines = model.to_dict(), []
+    lines += [f"name = {_quoted(data['name'])}", f'motion = "{data["motion"]}"', "", "[plant]"]
+    lines += _rows(data["plant"], "", model)
+    lines += ["", "[friction]", f'model = "{data["friction"].pop("model")}"']
+    lines += _rows(data["friction"], "", model)
+    for part, entry in zip(model.effects, data["effects"], strict=True):
+        lines += ["", "[[effects]]", f'name = "{entry.pop("name")}"']
+        lines += _rows(entry, f"{part.key}.", model)
+    return "\n".join(lines) + "\n"
+
+
+def _rows(values: Mapping[str, float], prefix: str, model: Model) -> list[str]:
+    return [f"{k} = {v!r}  # {model.unit(prefix + k)}" for k, v in values.items()]
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
+
+
+def registered(name: str) -> Block:
+    """The block of a name, or an InputError that lists what there is."""
+    if name not in REGISTRY:
+        raise InputError(f"no block named '{name}'; known: {', '.join(sorted(REGISTRY))}.")
+    return REGISTRY[name]
