@@ -4,5 +4,13 @@ from .blocks.plant import plant
 from .errors import InputError, Refused
 from .model import Model, Parameters, read_model, table1, write_model
 
-__all__ = ["InputError", "Model", "Parameters", "Refused", "plant", "read_model", "table1",
-           "write_model"]
+__all__ = [
+    "InputError",
+    "Model",
+    "Parameters",
+    "Refused",
+    "plant",
+    "read_model",
+    "table1",
+    "write_model",
+]

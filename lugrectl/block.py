@@ -48,6 +48,8 @@ class P:
         not linear.
     fitted : bool
         False for a numerical constant that no record identifies.
+    whole : bool
+        True for a count per turn, a whole number on a rotary drive.
     """
 
     value: float
@@ -58,6 +60,7 @@ class P:
     span: tuple[float, float] | None = None
     grid: Callable[[Any], np.ndarray] | None = None
     fitted: bool = True
+    whole: bool = False
 
 
 @dataclass(frozen=True)
@@ -151,7 +154,7 @@ class Block:
             output,
             inputs=_renamed(name, "inputs", self.inputs, inputs),
             outputs=_renamed(name, "outputs", self.outputs, outputs),
-            states=list(self.states),
+            states=list(self.states) or None,
             params={q: numbers[k] for k, q in keys.items()},
             name=name,
             **({} if self.states else {"dt": None}),
@@ -165,9 +168,7 @@ def _check_bounds(label: str, value: float, p: P) -> None:
         raise InputError(f"{label} = {value:g} lies outside [{p.low:g}, {p.high:g}] {p.unit}.")
 
 
-def _renamed(
-    block: str, what: str, own: Sequence[str], wanted: Sequence[str] | None
-) -> list[str]:
+def _renamed(block: str, what: str, own: Sequence[str], wanted: Sequence[str] | None) -> list[str]:
     if wanted is None:
         return list(own)
     wanted = [wanted] if isinstance(wanted, str) else list(wanted)
@@ -184,6 +185,7 @@ def block(
     *,
     out: str,
     states: str = "",
+    name: str = "",
     acts: str = "",
     confused: str = "",
     experiment: str = "",
@@ -197,6 +199,8 @@ def block(
         "friction", "plant", "observer", "controller" or "effect".
     out, states : str
         Names, separated by spaces; an output that is a state need not be returned.
+    name : str
+        The block's name, where it is not that of the function.
     acts : str
         For an effect, what its output does: "torque" (added to the resisting side), "input"
         (replaces u), or names of parameters that it multiplies by 1 + output.
@@ -216,6 +220,7 @@ def block(
         made = _declared(function, kind, tuple(out.split()), tuple(states.split()))
         made = replace(
             made,
+            name=name or made.name,
             acts=tuple(acts.split()),
             confused=tuple(confused.split()),
             experiment=experiment,
@@ -262,6 +267,7 @@ _LINEAR = {
     "N m": "N",
     "N m/rad": "N/m",
     "N m s/rad": "N s/m",
+    "N m/(rad s)": "N/(m s)",
     "N m s2/rad2": "N s2/m2",
     "rad/s": "m/s",
     "rad": "m",

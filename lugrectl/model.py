@@ -205,7 +205,9 @@ def _number(value: Any, p: Any, where: str) -> float | None:
         raise InputError(f"{where} must be a finite number, not {value!r}.")
     if value < p.low or value > p.high:
         rule = "negative" if value < 0 <= p.low else f"outside [{p.low:g}, {p.high:g}]"
-        raise InputError(f"{where} = {value:g} is {rule}; give a value in {p.unit} or leave it out.")
+        raise InputError(
+            f"{where} = {value:g} is {rule}; give a value in {p.unit} or leave it out."
+        )
     return float(value)
 
 

@@ -70,7 +70,7 @@ def gravity(theta, amplitude=AMPLITUDE, phase=PHASE):
 def torque_ripple(
     theta,
     amplitude=AMPLITUDE,
-    harmonic=P(2.0, "1/rev", 2.0, 1e6, grid=_harmonics),
+    harmonic=P(2.0, "1/rev", 2.0, 1e6, grid=_harmonics, whole=True),
     phase=PHASE,
 ):
     """r_e = A sin(N theta + phi).

@@ -46,25 +46,25 @@ class _Part:
         return out, tuple(rates)
 
 
-def assemble(model: Model, *, actuators: bool = True) -> Block:
+def assemble(model: Model, *, levels: Sequence[str] = ()) -> Block:
     """The plant of a model as one block with inputs u, d and outputs theta, w, F.
 
-    Without ``actuators`` the effects on the input are left out, for use where they have been
-    applied to the recorded torque already.
+    For each name in ``levels`` there is one more input ``x_name``, by which that parameter is
+    multiplied as 1 + x: an effect on a level can then be fed in as a series.
     """
     friction = _Part("", model.friction.block)
-    effects = [
-        _Part(f"{use.key}.", use.block)
-        for use in model.effects
-        if actuators or use.block.acts != ("input",)
-    ]
+    effects = [_Part(f"{use.key}.", use.block) for use in model.effects]
     parts = [friction, *effects]
     states = ["theta", "w", *(name for part in parts for name in part.states)]
 
-    def function(t: Any, u: Any, d: Any, *state: Any, **values: Any) -> tuple[Any, ...]:
-        signals = {"t": t, "u": u, "d": d, **dict(zip(states, state, strict=True))}
+    inputs = ("u", "d", *(f"x_{name}" for name in levels))
+
+    def function(t: Any, *given: Any, **values: Any) -> tuple[Any, ...]:
+        signals = {"t": t, **dict(zip((*inputs, *states), given, strict=True))}
         rates: dict[str, tuple[Any, ...]] = {}
-        scaled, torque = dict(values), d
+        scaled, torque = dict(values), signals["d"]
+        for name in levels:
+            scaled[name] = scaled[name] * (1.0 + signals[f"x_{name}"])
         for part in effects:
             out, rates[part.prefix] = part.evaluate(signals, part.own(values))
             if part.block.acts == ("input",):
@@ -84,7 +84,7 @@ def assemble(model: Model, *, actuators: bool = True) -> Block:
         name="plant",
         kind="plant",
         function=function,
-        inputs=("u", "d"),
+        inputs=inputs,
         outputs=("theta", "w", "F"),
         states=tuple(states),
         parameters={"J": J, **_parameters(parts)},

@@ -1,0 +1,351 @@
+"""What is noticed about a record: what is repaired, what is only said, what cannot be used."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+
+from .errors import Refused
+from .samples import Record
+from .units import UNITS, Unit, si_unit
+
+_BAND = 30.0  # Hz, motion slower than this is compared
+_SLOW_BAND = 5.0  # Hz
+_CLOSE = 0.02  # a ratio this close to a unit's is that unit's
+_OFF = 0.03  # a ratio this far from 1 is said
+_LAG = 1.5  # samples
+_BLOCKS = 20
+_SURE = 8.0  # standard errors
+
+
+def audit(record: Record, labels: Mapping[str, str | None] | None = None) -> Record:
+    """Look a record over: repair what has one cause, say what is doubtful.
+
+    Wrapped angles are unwrapped; ``w`` in another unit or of the other sign than
+    d theta/dt is converted, and ignored when it is neither; a torque of the other sign is
+    turned. A lag of ``w`` and a saturated ``u`` are said. ``labels`` are the units by role
+    that the file or the user stated (None: not stated), used to tell which of two
+    channels carries the wrong one.
+
+    Raises Refused when ``u`` or the motion is constant or nothing but noise.
+    """
+    labels = labels or {}
+    _alive(record)
+    record = _unwrap(record, labels)
+    record = _velocity(record, labels)
+    record = _torque_sign(record)
+    return _saturation(record)
+
+
+# ---- dead channels ------------------------------------------------------------------
+
+
+def _alive(record: Record) -> None:
+    what = {"u": "dead torque channel", "w": "nothing moves", "theta": "nothing moves"}
+    for role, meaning in what.items():
+        values = getattr(record, role)
+        if values is not None and np.ptp(values) <= 1e-9 * np.abs(values).max(initial=0.0):
+            raise Refused(
+                f"{record.source}: {role} is constant ({values[0]:.6g}): {meaning}.",
+                "Record a motion that starts, stops and reverses, with its torque.",
+            )
+    if record.theta is not None and len(np.unique(record.theta)) < 4:
+        raise Refused(
+            f"{record.source}: theta takes {len(np.unique(record.theta))} values only: "
+            "nothing moves by more than the sensor's step.",
+            "Record a motion of many sensor steps.",
+        )
+    if record.theta is None and record.w is not None and _is_noise(record.w):
+        raise Refused(
+            f"{record.source}: w is noise about zero: nothing moves.",
+            "Record a motion well above the sensor's noise.",
+        )
+
+
+def _is_noise(values: np.ndarray) -> bool:
+    """Whether values are uncorrelated from sample to sample, about zero."""
+    spread = np.std(values)
+    x = values - values.mean()
+    lag1 = np.mean(x[1:] * x[:-1]) / spread**2
+    return bool(
+        abs(lag1) < 5 / np.sqrt(len(x)) and abs(values.mean()) < 5 * spread / np.sqrt(len(x))
+    )
+
+
+# ---- wrapped angles -----------------------------------------------------------------
+
+
+def unwrapped(
+    role: str, theta: np.ndarray, label: str | None = None
+) -> tuple[np.ndarray, list[str]]:
+    """Return an angle (rad) without jumps by whole turns, and a sentence when there were any.
+
+    Jumps by 360 mean that degrees were taken for radians: the angle is then converted, too.
+    NaN is passed over. An angle is called wrapped only when it stays within the turns it
+    jumps by and runs on smoothly once the jumps are taken out.
+    """
+    good = np.flatnonzero(np.isfinite(theta))
+    values = theta[good]
+    for turn, factor in ((2 * np.pi, 1.0), (360.0, np.pi / 180)):
+        period = turn * max(1, round(np.ptp(values) / turn)) if values.size else turn
+        jumps = _jumps(values, period)
+        if not jumps.any():
+            continue
+        result = theta.copy()
+        result[good] = factor * np.unwrap(values, period=period)
+        said = f"{role} jumps by {period:.4g} {np.count_nonzero(jumps)} times: unwrapped"
+        if factor != 1.0:
+            stated = f"stated in {label}" if label else "without a unit"
+            said += f", and converted from deg ({stated}, but a turn is 360)"
+        return result, [said + "."]
+    return theta, []
+
+
+def _jumps(values: np.ndarray, period: float) -> np.ndarray:
+    """Return where values wrap by the period; nowhere when that does not explain them."""
+    steps = np.diff(values)
+    jumps = np.abs(steps) > period / 2
+    if not jumps.any() or np.ptp(values) > 1.02 * period:
+        return np.zeros(0, bool)
+    after = np.abs(np.abs(steps[jumps]) - period)
+    usual = np.abs(steps[~jumps]).max(initial=0.0)
+    return jumps if np.all(after <= 2 * usual + 0.01 * period) else np.zeros(0, bool)
+
+
+def _unwrap(record: Record, labels: Mapping[str, str | None]) -> Record:
+    if record.motion != "rotary":
+        return record
+    for role in ("theta", "theta_load"):
+        values = getattr(record, role)
+        if values is not None:
+            values, said = unwrapped(role, values, labels.get(role))
+            record = replace(record, **{role: values}).with_messages(*said)
+    return record
+
+
+# ---- w against d theta/dt -----------------------------------------------------------
+
+
+def _longest(record: Record) -> Record:
+    part = max(record.segments(), key=lambda s: s.stop - s.start)
+    return record.slice(part.start, part.stop)
+
+
+def _low_passed(
+    record: Record, *signals: np.ndarray, band: float = _BAND, keep_ends: bool = False
+) -> list[np.ndarray]:
+    """Return signals without what is faster than the motion, their ends cut off."""
+    edge = min(band, record.rate / 20)
+    sos = butter(3, edge, fs=record.rate, output="sos")
+    cut = 0 if keep_ends else int(record.rate / edge)
+    return [sosfiltfilt(sos, signal)[cut : len(signal) - cut] for signal in signals]
+
+
+def _regression(target: np.ndarray, source: np.ndarray, dt: float) -> tuple[float, float]:
+    """Fit target = g (source + T d source/dt) + ...; return g and T."""
+    first = np.gradient(source, dt)
+    terms = np.column_stack([source, first, np.gradient(first, dt), np.ones_like(source)])
+    size = np.linalg.norm(terms, axis=0)
+    found = np.linalg.lstsq(terms / size, target, rcond=None)[0] / size
+    return float(found[0]), float(found[1] / found[0]) if found[0] else 0.0
+
+
+def _velocity(record: Record, labels: Mapping[str, str | None]) -> Record:
+    """Compare w with d theta/dt.
+
+    Noise in the regressor pulls a fitted ratio towards zero, so the two regressions, w on
+    d theta/dt and the other way round, bracket the true ratio.
+    """
+    if record.w is None or record.theta is None:
+        return record
+    part = _longest(record)
+    assert part.w is not None and part.theta is not None
+    w, slope = _low_passed(part, part.w, np.gradient(part.theta, part.dt))
+    ratio, lead = _regression(w, slope, part.dt)
+    inverse, lag = _regression(slope, w, part.dt)
+    agreement = ratio * inverse
+    if agreement < 0.25:
+        return _ignored(record, f"has little in common with it (R2 = {max(agreement, 0.0):.2f})")
+    low, high = abs(ratio), abs(1 / inverse)
+    middle = float(np.sqrt(ratio / inverse)) * np.sign(ratio)
+    if low <= 1 + _OFF and high >= 1 - _OFF:
+        factor, record = np.sign(ratio), _turned(record) if ratio < 0 else record
+    else:
+        factor, record = _converted(record, labels, float(middle))
+    if factor and min(lag, -lead) > _LAG * record.dt:
+        record = record.with_messages(
+            f"w lags theta by {1e3 * lag:.3g} ms, as a filtered velocity does: left as it is."
+        )
+    return record
+
+
+def _ignored(record: Record, why: str) -> Record:
+    return replace(record, w=None).with_messages(
+        f"w is not d theta/dt but {why}: w is ignored and velocity is taken from theta."
+    )
+
+
+def _turned(record: Record) -> Record:
+    assert record.w is not None
+    return replace(record, w=-record.w).with_messages(
+        "w has the opposite sign of d theta/dt: its sign was changed."
+    )
+
+
+def _mistakes(
+    record: Record, labels: Mapping[str, str | None]
+) -> list[tuple[float, str, Unit, Unit]]:
+    """Return (ratio w to d theta/dt, role, unit taken, unit meant) of every mixed-up unit.
+
+    A channel without stated unit comes first, then one stated in SI: another unit is
+    stated on purpose, SI often by habit.
+    """
+    found = []
+    for role in ("w", "theta"):
+        label = labels.get(role)
+        taken = UNITS[label or si_unit(role, record.motion)]
+        order = 0 if label is None else 1 if taken.factor == 1 else 2
+        for meant in UNITS.values():
+            if (meant.quantity, meant.motion) == (taken.quantity, record.motion):
+                ratio = taken.factor / meant.factor
+                found.append((order, ratio if role == "w" else 1 / ratio, role, taken, meant))
+    found = [row for row in found if row[3] is not row[4] and row[3].quantity != "raw"]
+    return [row[1:] for row in sorted(found, key=lambda row: row[0])]
+
+
+def _converted(
+    record: Record, labels: Mapping[str, str | None], ratio: float
+) -> tuple[float, Record]:
+    """Return the record with the mixed-up unit put right, or without w."""
+    for expected, role, taken, meant in _mistakes(record, labels):
+        if abs(abs(ratio) / expected - 1) > _CLOSE:
+            continue
+        values = getattr(record, role) * (meant.factor / taken.factor)
+        stated = "stated" if labels.get(role) else "taken"
+        record = replace(record, **{role: values}).with_messages(
+            f"{role} is {stated} in {taken.name} but in fact in {meant.name} "
+            f"(w is {abs(ratio):.4g} times d theta/dt): converted."
+        )
+        return 1.0, _turned(record) if ratio < 0 else record
+    return 0.0, _ignored(record, f"{ratio:.4g} times it")
+
+
+# ---- sign of the torque -------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class TorqueFit:
+    """A plain balance ``u = J dw/dt + Fv w + Fc sign(w) + ...`` of slow signals.
+
+    ``inertia_t`` and ``power_t`` are J and the mean friction power over their standard
+    errors (jackknife over blocks of time); ``r2`` is the share of u that is explained.
+    """
+
+    inertia_t: float
+    power_t: float
+    r2: float
+
+
+def torque_fit(record: Record, band: float = _BAND) -> TorqueFit | None:
+    """Fit the balance to the longest stretch, up to ``band`` Hz; None without motion.
+
+    The angle is among the terms, for a spring; on a rotary drive its sin and cos, too, for
+    a gravity load.
+    """
+    part = _longest(record)
+    angle, speed = _motion(part)
+    (slow,) = _low_passed(part, speed, band=band, keep_ends=True)
+    still = 0.02 * np.std(slow)
+    if not still > 0:
+        return None
+    terms = [
+        np.gradient(slow, part.dt),
+        slow,
+        slow / (np.abs(slow) + still),
+        np.ones_like(slow),
+    ]
+    terms.append(angle - angle.mean())
+    if part.motion == "rotary":
+        terms += [np.sin(angle), np.cos(angle)]
+    u, *terms = _low_passed(part, part.u, *terms, band=band)
+    return _jackknife(np.column_stack(terms), u)
+
+
+def _motion(record: Record) -> tuple[np.ndarray, np.ndarray]:
+    """Return angle and speed, the one that was not recorded made from the other."""
+    angle, speed = record.theta, record.w
+    if speed is None:
+        assert angle is not None
+        return angle, np.gradient(angle, record.dt)
+    return (np.cumsum(speed) * record.dt if angle is None else angle), speed
+
+
+def _jackknife(terms: np.ndarray, u: np.ndarray) -> TorqueFit | None:
+    size = np.linalg.norm(terms, axis=0)
+    blocks = np.array_split(np.arange(len(u)), _BLOCKS)
+    grams = np.array([terms[b].T @ terms[b] for b in blocks]) / np.outer(size, size)
+    sides = np.array([terms[b].T @ u[b] for b in blocks]) / size
+    power = np.array([(terms[:, 1] * terms[:, 1]).sum(), (terms[:, 1] * terms[:, 2]).sum()])
+
+    def solve(keep: np.ndarray) -> np.ndarray:
+        x = np.linalg.lstsq(grams[keep].sum(0), sides[keep].sum(0), rcond=1e-12)[0] / size
+        return np.array([x[0], x[1:3] @ power])
+
+    every = np.arange(len(blocks))
+    full = solve(every)
+    left = np.array([solve(every != k) for k in every])
+    error = np.sqrt((len(every) - 1) * np.var(left, axis=0))
+    if not np.all(error > 0):
+        return None
+    x = np.linalg.lstsq(terms / size, u, rcond=None)[0]
+    r2 = 1 - np.var(u - (terms / size) @ x) / np.var(u)
+    return TorqueFit(float(full[0] / error[0]), float(full[1] / error[1]), float(r2))
+
+
+def _torque_sign(record: Record) -> Record:
+    """Turn a torque that drives against its own motion; only say so where it is doubtful.
+
+    Delay and filters make the fitted friction of a light drive negative, so the inertia
+    decides. Beyond a resonance between motor and sensor a right torque looks turned: the
+    balance must hold, turned, in all of the motion and in its slow part alone.
+    """
+    fit, slow = torque_fit(record), torque_fit(record, _SLOW_BAND)
+    if fit is None or slow is None:
+        return record
+    if fit.r2 < 0.05 and _is_noise(record.u - record.u.mean()):
+        raise Refused(
+            f"{record.source}: u is noise that has nothing to do with the motion: "
+            "dead torque channel.",
+            "Record the torque that the drive applies.",
+        )
+    if max(fit.inertia_t, slow.inertia_t) < -_SURE and min(fit.r2, slow.r2) > 0.8:
+        return replace(record, u=-record.u).with_messages(
+            "u drives against the motion it causes (the fitted inertia is negative): "
+            "its sign was changed."
+        )
+    turned = fit.inertia_t < -_SURE and slow.inertia_t < -2
+    brakes = max(fit.power_t, slow.power_t) < -_SURE and max(fit.inertia_t, slow.inertia_t) < 2
+    if turned and max(fit.r2, slow.r2) > 0.8 or brakes:
+        return record.with_messages(
+            "u seems to drive against the motion it causes, but not clearly enough to change "
+            "its sign; if it is wrong, give --scale u=-1."
+        )
+    return record
+
+
+def _saturation(record: Record) -> Record:
+    """Say when u stays at its own extreme; a torque of a few levels does so on purpose."""
+    if len(np.unique(record.u)) <= 20:
+        return record
+    for extreme in (record.u.max(), record.u.min()):
+        at = record.u == extreme
+        pairs = at & (np.r_[False, at[:-1]] | np.r_[at[1:], False])
+        if pairs.mean() >= 0.02:
+            record = record.with_messages(
+                f"u stays at exactly {extreme:.6g} {si_unit('u', record.motion)} for "
+                f"{100 * pairs.mean():.2g} % of the samples: the drive or the log saturates there."
+            )
+    return record

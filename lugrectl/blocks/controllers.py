@@ -1,0 +1,263 @@
+"""Controllers, compensation, feed-forward and prefilter.
+
+e is measured - reference, so a controller acts on -e. Blocks that put out ``u`` add up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import control as ct
+import numpy as np
+
+from ..block import P, block
+from ..errors import InputError
+from .friction import J
+
+if TYPE_CHECKING:
+    from ..model import Model, Parameters
+
+TAU = P(0.0, "s", 0.0)
+POLE = P(2.0, "1/s", 1e-12)
+MEASURED = {"velocity": "w", "position": "theta"}
+DERIVATIVE = {"velocity": "dr", "position": "ddr"}
+
+
+def action(e: Any, q: Any, kp: Any, ki: Any, tau: Any) -> tuple[Any, Any]:
+    """u = ki q - kp e; tau dq/dt = -e - q, and with tau = 0 the pure integral dq/dt = -e."""
+    leak = np.where(tau > 0.0, 1.0, 0.0)
+    return ki * q - kp * e, (-e - leak * q) / np.where(tau > 0.0, tau, 1.0)
+
+
+def lag(r_cmd: Any, r: Any, pole: Any) -> Any:
+    """dr/dt = pole (r_cmd - r)."""
+    return pole * (r_cmd - r)
+
+
+@block("controller", name="error", out="e")
+def _error(r, y):
+    """e = y - r, measured - reference."""
+    return y - r
+
+
+@block("controller", name="pi", out="u", states="q")
+def _pi(e, q, kp=P(1.6, "N m s/rad"), ki=P(0.16, "N m/rad")):
+    """u = kp (-e) + ki q, dq/dt = -e."""
+    return action(e, q, kp, ki, 0.0)
+
+
+@block("controller", name="pid", out="u", states="q")
+def _pid(
+    e,
+    w,
+    q,
+    kp=P(15.0, "N m/rad"),
+    ki=P(1.55, "N m/(rad s)"),
+    kd=P(0.0, "N m s/rad"),
+    tau=TAU,
+):
+    """u = kp (-e) + ki q - kd w, tau dq/dt = -e - q (tau = 0: dq/dt = -e)."""
+    u, dq = action(e, q, kp, ki, tau)
+    return u - kd * w, dq
+
+
+@block("controller", name="compensation", out="u")
+def _compensation(Fhat):
+    """u = Fhat."""
+    return Fhat
+
+
+@block("controller", name="feedforward", out="u")
+def _feedforward(a, J=J):
+    """u = J a, a the reference's acceleration."""
+    return J * a
+
+
+@block("controller", name="prefilter", out="r", states="r")
+def _prefilter(r_cmd, r, pole=POLE):
+    """dr/dt = pole (r_cmd - r)."""
+    return lag(r_cmd, r, pole)
+
+
+@block("controller", name="prefilter_dr", out="r dr", states="r")
+def _prefilter_dr(r_cmd, r, pole=POLE):
+    """dr/dt = pole (r_cmd - r), put out as well."""
+    dr = lag(r_cmd, r, pole)
+    return dr, dr
+
+
+@block("controller", name="prefilter_ddr", out="r ddr", states="r ddr")
+def _prefilter_ddr(r_cmd, ddr_cmd, r, ddr, pole=POLE):
+    """dr/dt = pole (r_cmd - r), and the reference's second derivative through the same filter."""
+    return lag(r_cmd, r, pole), lag(ddr_cmd, ddr, pole)
+
+
+_PREFILTERS = {None: _prefilter, "velocity": _prefilter_dr, "position": _prefilter_ddr}
+
+
+def _kind(kind: Any, known: Sequence[Any]) -> None:
+    if kind not in known:
+        raise InputError(f"unknown kind {kind!r}; known: {', '.join(map(str, known))}.")
+
+
+def error(
+    kind: str = "velocity",
+    *,
+    name: str = "error",
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> ct.NonlinearIOSystem:
+    """The control error e = measured - reference, as in the source paper.
+
+    Parameters
+    ----------
+    kind : "velocity" or "position"
+        Inputs r, w or r, theta.
+    name, inputs, outputs : str, list of str
+        Block name and, in order, other names for the signals.
+
+    Raises
+    ------
+    InputError
+        For another kind.
+    """
+    _kind(kind, list(MEASURED))
+    wanted = ["r", MEASURED[kind]] if inputs is None else inputs
+    return _error.system(name=name, inputs=wanted, outputs=outputs)
+
+
+def pi(
+    kp: float = 1.6,
+    ki: float = 0.16,
+    *,
+    name: str = "pi",
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> ct.NonlinearIOSystem:
+    """The controller u = (kp + ki/s)(-e): input e, output u.
+
+    Parameters
+    ----------
+    kp, ki : float
+        On a velocity error N m s/rad and N m/rad (the source paper's 1.6 and 0.16); on another
+        error per its unit.
+    name, inputs, outputs : str, list of str
+        Block name and, in order, other names for the signals.
+
+    Notes
+    -----
+    State q, the integral of -e. No anti-windup.
+    """
+    return _pi.system(name=name, inputs=inputs, outputs=outputs, kp=kp, ki=ki)
+
+
+def pid(
+    kp: float = 15.0,
+    ki: float = 1.55,
+    kd: float = 0.0,
+    tau: float | None = None,
+    *,
+    name: str = "pid",
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> ct.NonlinearIOSystem:
+    """The controller u = (kp + ki/(tau s + 1))(-e) - kd w: inputs e, w, output u.
+
+    Parameters
+    ----------
+    kp, ki, kd : float
+        On a position error N m/rad, N m/rad (pure integral: N m/(rad s)), N m s/rad.
+    tau : float or None
+        Time constant of the filtered integral action in s; None or 0 is pure integral action
+        ki/s (not the limit tau -> 0, which is proportional).
+    name, inputs, outputs : str, list of str
+        Block name and, in order, other names for the signals.
+
+    Raises
+    ------
+    InputError
+        For a negative tau.
+
+    Notes
+    -----
+    The C(s) of the source paper, section 2, with D on the measured velocity. No anti-windup.
+    """
+    gains = {"kp": kp, "ki": ki, "kd": kd, "tau": 0.0 if tau is None else tau}
+    return _pid.system(name=name, inputs=inputs, outputs=outputs, **gains)
+
+
+def compensation(
+    *,
+    name: str = "compensation",
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> ct.NonlinearIOSystem:
+    """Friction compensation u = Fhat: input Fhat, output u (source paper, section 2)."""
+    return _compensation.system(name=name, inputs=inputs, outputs=outputs)
+
+
+def feedforward(
+    p: Parameters | Model,
+    kind: str = "velocity",
+    *,
+    name: str = "feedforward",
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> ct.NonlinearIOSystem:
+    """Feed-forward of the reference's acceleration, u = J dr or J ddr: input dr or ddr, output u.
+
+    Parameters
+    ----------
+    p : Parameters or Model
+        Gives J.
+    kind : "velocity" or "position"
+        In a velocity loop the input is dr, the derivative of r; in a position loop ddr, its
+        second derivative.
+    name, inputs, outputs : str, list of str
+        Block name and, in order, other names for the signals.
+
+    Raises
+    ------
+    InputError
+        For another kind, or when J has no value.
+
+    Notes
+    -----
+    Source paper, eq. Canudas_u.
+    """
+    _kind(kind, list(DERIVATIVE))
+    wanted = [DERIVATIVE[kind]] if inputs is None else inputs
+    return _feedforward.system(name=name, inputs=wanted, outputs=outputs, J=p.J)
+
+
+def prefilter(
+    pole: float = 2.0,
+    kind: str | None = None,
+    *,
+    name: str = "prefilter",
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> ct.NonlinearIOSystem:
+    """The reference filter pole/(s + pole): input r_cmd, output r.
+
+    Parameters
+    ----------
+    pole : float
+        In 1/s; 2/(s + 2) in the source paper.
+    kind : None, "velocity" or "position"
+        What a feed-forward needs besides. "velocity" puts out dr too, the exact derivative of
+        the filtered r. "position" passes a second input ddr_cmd, the second derivative of
+        r_cmd, through the same filter to the output ddr: a filter of first order has no second
+        derivative of its own. It starts at ddr = 0, and what that misses decays like
+        exp(-pole t).
+    name, inputs, outputs : str, list of str
+        Block name and, in order, other names for the signals.
+
+    Raises
+    ------
+    InputError
+        For another kind, or a pole that is not positive.
+    """
+    _kind(kind, list(_PREFILTERS))
+    return _PREFILTERS[kind].system(name=name, inputs=inputs, outputs=outputs, pole=pole)

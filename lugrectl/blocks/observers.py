@@ -1,0 +1,230 @@
+"""Friction observers: an estimate Fhat of the friction torque from the measured velocity.
+
+All are copies of the LuGre law with a correction of dzhat/dt; Fhat is the law's torque with
+the corrected dzhat/dt in it. Their parameters are their own: those of the plant may differ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import control as ct
+
+from ..block import Block, P, block, members
+from ..errors import InputError
+from .friction import FC, FS, FV, SIGMA0, SIGMA1, VS, J, bristle, bristle_torque, lugre
+from .plant import acceleration
+
+if TYPE_CHECKING:
+    from ..model import Model, Parameters
+
+Gain = float | Callable[[Any], Any]
+
+
+@block("observer", out="Fhat")
+def no_observer(w):
+    """Fhat = 0: nothing is compensated."""
+    return 0.0 * w
+
+
+@block("observer", name="natural_observer", out="Fhat zhat", states="zhat")
+def _natural(w, zhat, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS):
+    """Fhat = sigma0 zhat + sigma1 dzhat/dt + Fv w, dzhat/dt = w - sigma0 |w| zhat / h(w)."""
+    dz = bristle(w, zhat, sigma0, Fc, Fs, vs)
+    return bristle_torque(w, zhat, dz, sigma0, sigma1, Fv), dz
+
+
+@block("observer", name="existing_observer", out="Fhat zhat", states="zhat")
+def _existing(
+    w, e, zhat, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS, k=P(0.35, "1", 0.0)
+):
+    """Fhat = sigma0 zhat + sigma1 dzhat/dt + Fv w, dzhat/dt = w - sigma0 |w| zhat / h(w) - k e."""
+    dz = bristle(w, zhat, sigma0, Fc, Fs, vs) - k * e
+    return bristle_torque(w, zhat, dz, sigma0, sigma1, Fv), dz
+
+
+@block("observer", name="proposed_observer", out="Fhat zhat what", states="zhat what")
+def _proposed(
+    w,
+    u,
+    zhat,
+    what,
+    J=J,
+    sigma0=SIGMA0,
+    sigma1=SIGMA1,
+    Fc=FC,
+    Fs=FS,
+    Fv=FV,
+    vs=VS,
+    K1=P(-10.24, "1"),
+    K2=P(22.0, "N m s/rad"),
+):
+    """Fhat = sigma0 zhat + sigma1 dzhat/dt + Fv w, J dwhat/dt = u - Fhat + K2 (w - what).
+
+    dzhat/dt = w - sigma0 |w| zhat / h(w) + K1 (w - what).
+    """
+    miss = w - what
+    dz = bristle(w, zhat, sigma0, Fc, Fs, vs) + _gain(K1, w) * miss
+    Fhat = bristle_torque(w, zhat, dz, sigma0, sigma1, Fv)
+    return Fhat, dz, acceleration(u + _gain(K2, w) * miss, Fhat, 0.0, J)
+
+
+def _gain(K: Any, w: Any) -> Any:
+    return K(w) if callable(K) else K
+
+
+def observer_block(name: str) -> Block:
+    """The registered observer of a name, which may leave out ``_observer``.
+
+    Raises
+    ------
+    InputError
+        When there is none.
+    """
+    known = members("observer")
+    for key in (name, f"{name}_observer"):
+        if key in known:
+            return known[key]
+    short = ", ".join(key.removesuffix("_observer") for key in known if key != "no_observer")
+    raise InputError(f"unknown observer {name!r}; known: {short}, and None for no observer.")
+
+
+def observer(
+    kind: str,
+    p: Parameters | Model,
+    *,
+    name: str | None = None,
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+    **gains: Any,
+) -> ct.NonlinearIOSystem:
+    """Any registered observer as a block, with J and the friction parameters of p.
+
+    ``gains`` are the observer's other parameters; those left out keep their defaults.
+
+    Raises
+    ------
+    InputError
+        For an unknown observer or gain, or when p lacks a LuGre parameter that it needs.
+    """
+    from ..model import Model
+
+    made = observer_block(kind)
+    model = p if isinstance(p, Model) else Model.of(p)
+    have = model.values()
+    needed = [k for k in ("J", *lugre.parameters) if k in made.parameters and k not in gains]
+    missing = [k for k in needed if have.get(k) is None]
+    if missing:
+        raise InputError(
+            f"{made.name} needs {', '.join(missing)}, which {model.name} does not give; "
+            "give it the parameters of a LuGre model."
+        )
+    values = {k: have[k] for k in needed} | gains
+    return made.system(name=name, inputs=inputs, outputs=outputs, **values)
+
+
+def natural_observer(
+    p: Parameters | Model,
+    *,
+    name: str = "natural_observer",
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> ct.NonlinearIOSystem:
+    """The LuGre law itself, run on the measured velocity: input w, outputs Fhat, zhat.
+
+    Fhat = sigma0 zhat + sigma1 dzhat/dt + Fv w, dzhat/dt = w - sigma0 |w| zhat / h(w).
+
+    Parameters
+    ----------
+    p : Parameters or Model
+        What the observer believes; keyed ``natural_observer.Fc`` ...
+    name, inputs, outputs : str, list of str
+        Block name and, in order, other names for the signals.
+
+    Raises
+    ------
+    InputError
+        When a LuGre parameter has no value.
+
+    Notes
+    -----
+    Source paper, eq. z_hat_dot and F_est. An error of zhat decays only while the drive moves;
+    at rest it stays.
+    """
+    return observer("natural_observer", p, name=name, inputs=inputs, outputs=outputs)
+
+
+def existing_observer(
+    p: Parameters | Model,
+    k: float = 0.35,
+    *,
+    name: str = "existing_observer",
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> ct.NonlinearIOSystem:
+    """The observer of Canudas de Wit et al. 1995: inputs w, e, outputs Fhat, zhat.
+
+    dzhat/dt = w - sigma0 |w| zhat / h(w) - k e, Fhat as in the natural observer.
+
+    Parameters
+    ----------
+    p : Parameters or Model
+        What the observer believes.
+    k : float
+        Gain >= 0 on the tracking error e (measured - reference): without unit on a velocity
+        error, in 1/s on a position error.
+    name, inputs, outputs : str, list of str
+        Block name and, in order, other names for the signals.
+
+    Raises
+    ------
+    InputError
+        When a LuGre parameter has no value or k is negative.
+
+    Notes
+    -----
+    Source paper, eq. Canudas_z. Its proof needs the feed-forward J ddr and an SPR
+    (sigma1 s + sigma0) / (J s^2 + C(s)); see :func:`lugrectl.spr_check`.
+    """
+    return observer("existing_observer", p, name=name, inputs=inputs, outputs=outputs, k=k)
+
+
+def proposed_observer(
+    p: Parameters | Model,
+    K1: Gain = -10.24,
+    K2: Gain = 22.0,
+    *,
+    name: str = "proposed_observer",
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> ct.NonlinearIOSystem:
+    """The source paper's observer: inputs w, u, outputs Fhat, zhat, what.
+
+    dzhat/dt = w - sigma0 |w| zhat / h(w) + K1 (w - what),
+    J dwhat/dt = u - Fhat + K2 (w - what), Fhat = sigma0 zhat + sigma1 dzhat/dt + Fv w.
+
+    Parameters
+    ----------
+    p : Parameters or Model
+        What the observer believes.
+    K1 : float or callable
+        Gain < 0 without unit, or a function of w made of NumPy functions; with the opposite
+        sign the estimate runs away near rest.
+    K2 : float or callable
+        Gain in N m s/rad, or a function of w.
+    name, inputs, outputs : str, list of str
+        Block name and, in order, other names for the signals.
+
+    Raises
+    ------
+    InputError
+        When J or a LuGre parameter has no value.
+
+    Notes
+    -----
+    Source paper, eq. obs_1 and obs_2; Fhat contains the K1 term. u is the torque that drives
+    the plant, a load torque is not known to the observer. Its fastest pole is near
+    -(K2 - sigma1 K1)/J, -12 790 1/s with the paper's gains: use a stiff solver.
+    """
+    return observer("proposed_observer", p, name=name, inputs=inputs, outputs=outputs, K1=K1, K2=K2)

@@ -1,0 +1,64 @@
+"""The command line: ``lugrectl COMMAND``; see ``lugrectl --help``."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import traceback
+import warnings
+from collections.abc import Sequence
+
+from .options import parser
+
+UNEXPECTED, INTERRUPTED, BROKEN_PIPE = 70, 130, 141
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code.
+
+    0 answered; 1 a checked property does not hold; 2 wrong usage or unreadable input; 3 the
+    record cannot answer; 70 a defect of this program; 130 interrupted.
+    """
+    with warnings.catch_warnings():
+        if argv is None and not sys.warnoptions:
+            warnings.simplefilter("ignore")
+        code = _run(argv)
+    return code
+
+
+def _run(argv: Sequence[str] | None) -> int:
+    try:
+        arguments = parser().parse_args(argv)
+        code = arguments.run(arguments)
+        sys.stdout.flush()
+        return code
+    except SystemExit as stop:  # argparse: 0 after --help, 2 for wrong usage
+        return int(stop.code or 0)
+    except KeyboardInterrupt:
+        return _said("interrupted.", INTERRUPTED)
+    except BrokenPipeError:  # the reader of a pipe has left; say nothing, not even at exit
+        with contextlib.suppress(OSError):  # stdout may be no file
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BROKEN_PIPE
+    except Exception as error:
+        return _failed(error)
+
+
+def _failed(error: Exception) -> int:
+    code = getattr(error, "exit_code", None)
+    if code is not None:
+        return _said(f"error: {error}", code)
+    if os.environ.get("LUGRECTL_DEBUG") == "1":
+        traceback.print_exc()
+    what = " ".join(f"{type(error).__name__}: {error}".split())
+    return _said(
+        f"unexpected {what}. Please report this with the command you typed; "
+        "LUGRECTL_DEBUG=1 shows where it happened.",
+        UNEXPECTED,
+    )
+
+
+def _said(sentence: str, code: int) -> int:
+    print(f"lugrectl: {sentence}", file=sys.stderr)
+    return code

@@ -1,0 +1,156 @@
+"""The commands on records: what they do with the options, print and return.
+
+Everything heavy is imported by the command that needs it.
+"""
+
+from __future__ import annotations
+
+import sys
+from argparse import Namespace
+from importlib import metadata, resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .errors import InputError, Refused
+
+if TYPE_CHECKING:
+    from .model import Model
+    from .record import Record
+
+
+def print_out(text: str) -> None:
+    """Print with one newline at the end, whatever the terminal's encoding lacks."""
+    encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
+    print(text.rstrip("\n").encode(encoding, "backslashreplace").decode(encoding))
+
+
+def version() -> str:
+    """The installed version; "unknown" in a source tree that is not installed."""
+    try:
+        return metadata.version("lugrectl")
+    except metadata.PackageNotFoundError:
+        return "unknown"
+
+
+def diagnose(a: Namespace) -> int:
+    """``lugrectl diagnose``."""
+    from .diagnose import diagnose as work
+
+    return _main_job(work, a)
+
+
+def identify(a: Namespace) -> int:
+    """``lugrectl identify``."""
+    from .diagnose import identify as work
+
+    return _main_job(work, a)
+
+
+def demo(a: Namespace) -> int:
+    """``lugrectl demo``: diagnose on the record and model that ship in the package."""
+    from .diagnose import diagnose as work
+
+    with resources.as_file(resources.files("lugrectl") / "demo") as folder:
+        files = {"records": [str(folder / "record.csv")], "model": str(folder / "model.toml")}
+        options = {"columns": None, "units": None, "scale": None, "rate": None}
+        fixed = {"holdout": None, "horizon": 1.0}
+        return _main_job(work, Namespace(**vars(a), **files, **options, **fixed))
+
+
+def _main_job(work: Any, a: Namespace) -> int:
+    from .model import read_model
+    from .report import check_folder, text, write
+
+    model = read_model(a.model)
+    if a.out is not None:
+        check_folder(a.out)
+        _spare(a)
+    result = _answered(work, a, model)
+    refused = getattr(result, "verdict", None) == "refused"
+    written = write(result, a.out) if a.out is not None and not refused else []
+    print_out(result.to_json() if a.json else text(result))
+    if written:
+        where = f"report: {written[0]} (and {', '.join(p.name for p in written[1:])})"
+        print(where, file=sys.stderr if a.json else sys.stdout)
+    if refused and a.json:
+        print(f"lugrectl: refused: {result.reason}", file=sys.stderr)
+    return Refused.exit_code if refused else 0
+
+
+def _answered(work: Any, a: Namespace, model: Model) -> Any:
+    """What ``work`` returns; a record that cannot answer becomes the verdict "refused"."""
+    from .progress import Bar
+    from .results import Diagnosis
+
+    records: list[Record] = []
+    try:
+        holdout = _read_all(a, model, records)
+        options = {"holdout": holdout, "horizon": a.horizon, "seed": a.seed}
+        with Bar(sys.stderr) as bar:
+            one = records[0] if len(records) == 1 else records
+            return work(one, model, progress=bar, **options)
+    except Refused as no:
+        return Diagnosis(
+            "refused",
+            reason=str(no),
+            experiment=no.experiment,
+            declared=model,
+            record=records[0] if records else None,
+            messages=tuple(m for record in records for m in record.messages),
+        )
+
+
+def _read_all(a: Namespace, model: Model, records: list[Record]) -> Any:
+    """Append the training records to ``records``; return what ``holdout`` is to be."""
+    names = [Path(name).resolve() for name in a.records]
+    twice = next((n for n in names if names.count(n) > 1), None)
+    if twice is not None:
+        raise InputError(f"{twice.name} is given twice; name each record once.")
+    apart = a.holdout not in (None, "last")
+    if apart and Path(a.holdout).resolve() in names:
+        raise InputError(_not_held_out(a.holdout))
+    for name in a.records:
+        records.append(_read(name, a, model))
+    if not apart:
+        return a.holdout
+    holdout = _read(a.holdout, a, model)
+    if any(_same(holdout, record) for record in records):
+        raise InputError(_not_held_out(a.holdout))
+    return holdout
+
+
+def _not_held_out(name: str) -> str:
+    return (
+        f"--holdout {name} holds the same samples as a training record; give a file of its own, "
+        "or --holdout last."
+    )
+
+
+def _same(one: Record, other: Record) -> bool:
+    return one.samples == other.samples and all(
+        (values == other.channels().get(role, values + 1)).all()
+        for role, values in one.channels().items()
+        if role in ("u", "w", "theta")
+    )
+
+
+def _read(name: str, a: Namespace, model: Model) -> Record:
+    from .record import read_record
+
+    pairs = {
+        k: ",".join(v) if (v := getattr(a, k)) else None for k in ("columns", "units", "scale")
+    }
+    return read_record(name, **pairs, rate=a.rate, motion=model.motion)
+
+
+def _spare(a: Namespace) -> None:
+    """Raise InputError where the report would overwrite a file that it is made from."""
+    from .report import FILES
+
+    sources = {Path(name).resolve() for name in [*a.records, a.model, a.holdout or "last"]}
+    for name in FILES:
+        if (Path(a.out) / name).resolve() in sources:
+            raise InputError(
+                f"--out {a.out} would overwrite {Path(a.out) / name}, which is an input; "
+                "choose another folder."
+            )

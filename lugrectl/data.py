@@ -1,0 +1,128 @@
+"""Records made ready for fitting: one stretch of samples, sensor noise, smoothed motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .errors import InputError
+from .noise import Noise, sensor_noise, smooth
+from .record import Record
+
+
+@dataclass(frozen=True)
+class Log:
+    """The motion as an effect sees it: values in the middle of each sample interval.
+
+    ``t`` s, ``theta`` rad, ``w`` rad/s, ``a`` rad/s2, ``u`` N m held over the interval; ``dt``
+    and ``motion`` for the grids of effect parameters.
+    """
+
+    t: np.ndarray
+    theta: np.ndarray
+    w: np.ndarray
+    a: np.ndarray
+    u: np.ndarray
+    dt: float
+    motion: str
+
+
+@dataclass(frozen=True)
+class Data:
+    """One or several runs laid end to end.
+
+    ``y`` is (N, 2), measured theta and w with nan where not recorded; ``runs`` the index ranges
+    without a gap; ``noise`` the sensors' own (its torque is a first guess); ``log`` the
+    smoothed motion.
+    """
+
+    t: np.ndarray
+    u: np.ndarray
+    y: np.ndarray
+    dt: float
+    motion: str
+    runs: tuple[tuple[int, int], ...]
+    noise: Noise
+    log: Log = field(repr=False)
+
+    @property
+    def signal(self) -> str:
+        """The channel on which errors are counted: w, or theta where only that was recorded."""
+        return "w" if np.isfinite(self.noise.w) else "theta"
+
+    @property
+    def channel(self) -> int:
+        return 1 if self.signal == "w" else 0
+
+    @property
+    def unit(self) -> str:
+        names = {"rotary": ("rad", "rad/s"), "linear": ("m", "m/s")}
+        return names[self.motion][self.channel]
+
+
+def prepare(records: Sequence[Record]) -> Data:
+    """Lay records of one rate end to end.
+
+    Raises
+    ------
+    InputError
+        When the records differ in rate, in kind of motion or in what was recorded.
+    """
+    _alike(records)
+    first = records[0]
+    y = np.concatenate([_measured(r) for r in records])
+    runs, base = [], 0
+    for r in records:
+        runs += [(base + s.start, base + s.stop) for s in r.segments()]
+        base += r.samples
+    t = np.concatenate([r.t for r in records])
+    u = np.concatenate([r.u for r in records])
+    noise = Noise(0.01 * float(np.std(u)), *_channel_noise(y))
+    log = _log(t, u, y, first.dt, first.motion, runs, noise)
+    return Data(t, u, y, first.dt, first.motion, tuple(runs), noise, log)
+
+
+def _alike(records: Sequence[Record]) -> None:
+    first = records[0]
+    for r in records[1:]:
+        if abs(r.dt / first.dt - 1.0) > 1e-3:
+            raise InputError(
+                f"{r.source} has {r.rate:g} samples a second, {first.source} has {first.rate:g}; "
+                "give runs of one rate."
+            )
+        same = (r.w is None, r.theta is None) == (first.w is None, first.theta is None)
+        if r.motion != first.motion or not same:
+            raise InputError(f"{r.source} and {first.source} do not hold the same channels.")
+
+
+def _measured(r: Record) -> np.ndarray:
+    empty = np.full(r.samples, np.nan)
+    return np.column_stack([empty if c is None else c for c in (r.theta, r.w)])
+
+
+def _channel_noise(y: np.ndarray) -> tuple[float, float]:
+    theta, w = (sensor_noise(c) if np.isfinite(c).any() else np.nan for c in y.T)
+    return theta, w
+
+
+def _log(t, u, y, dt, motion, runs, noise) -> Log:
+    state = np.empty_like(y)
+    for a, b in runs:
+        state[a:b] = smooth(y[a:b], dt, noise, _jump(y[a:b], dt, noise))
+    theta, w = state.T
+    middle = theta + 0.5 * dt * w
+    ahead = np.append(w[1:], w[-1])
+    last = [b - 1 for _, b in runs]
+    ahead[last] = w[last]
+    return Log(t + 0.5 * dt, middle, 0.5 * (w + ahead), (ahead - w) / dt, u, dt, motion)
+
+
+def _jump(y: np.ndarray, dt: float, noise: Noise) -> float:
+    """Typical size of dw/dt, on a smoothing window long enough to show it."""
+    w = y[:, 1] if np.isfinite(noise.w) else np.gradient(y[:, 0], dt)
+    rough = noise.w if np.isfinite(noise.w) else noise.theta / dt
+    n = max(5, int(round(0.02 / dt)))
+    a = (w[n:] - w[:-n]) / (n * dt)
+    return max(float(np.std(a)), rough / (n * dt))

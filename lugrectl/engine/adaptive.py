@@ -1,0 +1,102 @@
+"""One run of a traced system with error control and located events."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import Refused
+from .adaptive_code import adaptive_code
+from .emit import Emitter, indent
+from .load import has_numba, load
+from .trace import Program
+
+
+class Diverged(Refused):
+    """The solution of a system does not go on: it grows without bound or is no number."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """States (n, N) at the grid points, the number of trial steps, and the last time at which
+    the error test was given up because a relay would not come to rest (nan: never)."""
+
+    states: np.ndarray
+    steps: int
+    unsettled: float
+
+
+class Adaptive:
+    """Compiled adaptive run and outputs of a program.
+
+    Parameters
+    ----------
+    program : Program
+        A traced system.
+    backend : str or None
+        "numba", "python", or None: numba where it can be imported.
+    """
+
+    def __init__(self, program: Program, backend: str | None = None) -> None:
+        self.program = program
+        self.backend = backend or ("numba" if has_numba() else "python")
+        self._run = load(adaptive_code(program, self.backend), self.backend).run
+        self._outputs = load(_output_code(program), "numpy").outputs
+
+    def run(
+        self,
+        t: np.ndarray,
+        u: np.ndarray,
+        x0: np.ndarray,
+        p: np.ndarray,
+        *,
+        hold: bool,
+        rtol: float,
+    ) -> Run:
+        """States at the times t (N,) for inputs u (m, N), held or linear between them.
+
+        The error of each step is at most ``rtol`` times the largest value that each state has
+        had so far.
+
+        Raises
+        ------
+        Diverged
+            Names the state and the time.
+        """
+        shape = (len(self.program.states), len(t))
+        status = np.array([0.0, 0.0, 0.0, np.nan, 0.0])
+        arguments = [np.require(a, float, ["C", "W"]) for a in (t, u, x0, p)]
+        grid, inputs, start, values = arguments
+        if self.backend == "numba":
+            states = np.empty(shape)
+            good = self._run(grid, inputs, bool(hold), start, values, float(rtol), states, status)
+        else:
+            grid, inputs, start, values = (a.tolist() for a in arguments)
+            lists = [[0.0] * shape[1] for _ in range(shape[0])]
+            good = self._run(grid, inputs, bool(hold), start, values, float(rtol), lists, status)
+            states = np.array(lists).reshape(shape)
+        if not good:
+            label = self.program.states[int(status[2])]
+            raise Diverged(
+                f"{self.program.name}: state {label} grows without bound or is not a number "
+                f"at t = {status[1]:.6g} s."
+            )
+        return Run(states, int(status[4]), float(status[3]))
+
+    def outputs(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Outputs (ny, N) at the times t, all at once."""
+        y = np.empty((len(self.program.outputs), len(t)))
+        with np.errstate(all="ignore"):
+            self._outputs(t, x, u, p, y)
+        return y
+
+
+def _output_code(program: Program) -> str:
+    emitter = Emitter("array")
+    codes = emitter.write(program.y)
+    lines = [f"{x.value} = x[{i}]" for i, x in enumerate(program.x)]
+    lines += [f"{u.value} = u[{i}]" for i, u in enumerate(program.u)]
+    lines += [f"{p.value} = p[{i}]" for i, p in enumerate(program.p)]
+    lines += emitter.body + [f"y[{i}] = {code}" for i, code in enumerate(codes)]
+    return f"def outputs(t, x, u, p, y):\n{indent(lines, 1)}\n"

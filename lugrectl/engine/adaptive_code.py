@@ -1,0 +1,249 @@
+"""The text of an adaptive run whose steps end on the time grid and at kinks and jumps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from .emit import Emitter, indent
+from .graph import Node, rename, symbols_in
+from .rosenbrock import Equations, step
+from .switching import freeze_modes
+from .trace import Program
+
+# l0, l1, ... are the switching functions after the trial step, a0, a1, ... before it, m0, m1,
+# ... the side (+1 or -1) taken during it. A step must not pass a zero: the length at which it
+# meets one is bracketed between `low` and `high`. Within DEAD of its largest value a switching
+# function counts as zero; a step that starts there takes the side on which it ends. Where that
+# does not settle (a relay that sticks), the rest of the interval goes in short steps.
+_RUN = """
+DEAD = 1e-11
+PATIENCE = 40
+
+{robust}
+@fast
+def run(grid, u, held, x_start, p, rtol, x_out, status):
+{unpack}
+{fixed}
+    h_next = 0.01 * (grid[1] - grid[0])
+    v_low, v_high, v_start, tries = 0.0, 0.0, 0.0, 0
+    for k in range(len(grid) - 1):
+        dt = grid[k + 1] - grid[k]
+        t, done, events, low, high = grid[k], 0.0, 0, 0.0, 0.0
+{interval}
+        while done < dt:
+            left = dt - done
+            if high > 0.0:
+                h = 0.5 * (low + high)
+                if tries % 3 != 2 and v_low > v_high:
+                    h = low + (high - low) * min(0.999, max(1e-3, v_low / (v_low - v_high)))
+                tries += 1
+            elif h_next > 0.999 * left:
+                h = left
+            elif h_next > 0.5 * left:
+                h = 0.5 * left
+            else:
+                h = h_next
+{step}
+            status[4] += 1.0
+            error = ({error}) / rtol
+            if not error <= 1.0 and (events < PATIENCE or h > 1e-3 * dt):
+                h_next = h * max(0.1, 0.9 / sqrt(sqrt(error))) if error < inf else 0.1 * h
+                low, high = 0.0, 0.0
+                if h_next < 1e-13 * dt or t + h_next == t:
+                    status[0], status[1] = k, t
+{blame}
+                    return False
+                continue
+            if not error <= 1.0:
+                status[3] = t
+{leads}
+            crossed = worst < -1.0 and events < PATIENCE
+            if crossed and low == 0.0 and high == 0.0:
+                flipped = False
+{flip_at_start}
+                if flipped:
+                    events += 1
+                    continue
+                v_low, tries = v_start, 0
+            if crossed:
+                high, v_high = h, worst
+            elif high > 0.0 and worst > 1.0:
+                low, v_low = h, worst
+            if (crossed or low == h) and t + low < t + high and high - low > 1e-15 * dt:
+                continue
+{accept}
+            v_start = worst
+            t, done = t + h, done + h
+            if left - h <= 1e-13 * dt:
+                done = dt
+            if high > 0.0:
+                events += 1
+                low, high = 0.0, 0.0
+            else:
+                longer = h * min(5.0, 0.9 / sqrt(sqrt(max(error, 1e-8))))
+                h_next = longer if h >= h_next else max(longer, h_next)
+{store}
+    return True
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """What the text is made of."""
+
+    states: list[str]
+    inputs: list[str]
+    step: list[Node]
+    leads: list[Node]
+
+
+def adaptive_code(program: Program, kind: str) -> str:
+    """The function ``run``; ``kind`` "numba" or "python" (errors of ``math`` are caught)."""
+    parts = _parts(program)
+    fixed = [node.value for node in program.p]
+    stepper, opening, closing = (Emitter("scalar", c, fixed) for c in "bcd")
+    step_code = _assign(stepper, ["n", "e"], _split(parts.step, len(parts.states)))
+    start = _assign(opening, ["a"], [parts.leads])
+    end = _assign(closing, ["l"], [_at_end(program, parts.leads)])
+    return _RUN.format(
+        robust="" if kind == "numba" else _robust(parts.step),
+        unpack=indent(_unpack(program, len(parts.leads)), 1),
+        fixed=indent(stepper.head + opening.head + closing.head, 1),
+        interval=indent(_interval(parts) + start + _sides(parts), 2),
+        step=indent(step_code if kind == "numba" else _guarded(step_code, parts), 3),
+        error=" + ".join(_relative(i) for i in range(len(parts.states))) or "0.0",
+        blame=indent(_blame(len(parts.states)), 5),
+        leads=indent(_end_inputs(parts) + end + _worst(len(parts.leads)), 3),
+        flip_at_start=indent(_flips(len(parts.leads), at_start=True), 4),
+        accept=indent(_accept(parts), 3),
+        store=indent([f"out{i}[k + 1] = {x}" for i, x in enumerate(parts.states)], 2),
+    )
+
+
+def _parts(program: Program) -> _Parts:
+    graph = program.graph
+    smooth, leads = freeze_modes(program.xdot, {node.value for node in program.p})
+    slopes = [graph.symbol(f"du{i}") for i in range(len(program.u))]
+    equations = Equations(graph, program.t, program.x, program.u, smooth, slopes)
+    after, error = step(equations)
+    return _Parts(
+        [node.value for node in program.x], [node.value for node in program.u], after + error, leads
+    )
+
+
+def _split(nodes: Sequence[Node], count: int) -> list[Sequence[Node]]:
+    return [nodes[:count], nodes[count:]]
+
+
+def _assign(
+    emitter: Emitter, letters: Sequence[str], groups: Sequence[Sequence[Node]]
+) -> list[str]:
+    """Code that leaves each group of nodes in the variables letter0, letter1, ..."""
+    codes = emitter.write([node for group in groups for node in group])
+    names = [f"{c}{i}" for c, group in zip(letters, groups, strict=True) for i in range(len(group))]
+    return emitter.body + [f"{name} = {code}" for name, code in zip(names, codes, strict=True)]
+
+
+def _at_end(program: Program, leads: Sequence[Node]) -> list[Node]:
+    """The switching functions in terms of the state, inputs and time after the step."""
+    graph = program.graph
+    to = {x.index: graph.symbol(f"n{i}") for i, x in enumerate(program.x)}
+    to |= {u.index: graph.symbol(f"v{i}") for i, u in enumerate(program.u)}
+    to[program.t.index] = program.t + graph.symbol("h")
+    return rename(leads, to)
+
+
+def _unpack(program: Program, leads: int) -> list[str]:
+    lines = [f"{p.value} = p[{i}]" for i, p in enumerate(program.p)]
+    for i, x in enumerate(program.x):
+        lines += [f"{x.value} = x_start[{i}]", f"s{i} = abs({x.value}) + 1e-9"]
+        lines += [f"out{i} = x_out[{i}]", f"out{i}[0] = {x.value}"]
+    lines += [f"in{i} = u[{i}]" for i in range(len(program.u))]
+    return lines + [line for i in range(leads) for line in (f"m{i} = 1.0", f"r{i} = 0.0")]
+
+
+def _interval(parts: _Parts) -> list[str]:
+    lines = []
+    for i, u in enumerate(parts.inputs):
+        slope = f"0.0 if held else (in{i}[k + 1] - in{i}[k]) / dt"
+        lines += [f"{u} = in{i}[k]", f"d{u} = {slope}"]
+    return lines
+
+
+def _sides(parts: _Parts) -> list[str]:
+    lines = []
+    for i in range(len(parts.leads)):
+        lines += [f"r{i} = max(r{i}, abs(a{i}))", f"if abs(a{i}) > DEAD * r{i}:"]
+        lines += [f"    m{i} = 1.0 if a{i} > 0.0 else -1.0"]
+    return lines
+
+
+def _end_inputs(parts: _Parts) -> list[str]:
+    return [f"v{i} = {u} + h * d{u}" for i, u in enumerate(parts.inputs)]
+
+
+def _relative(i: int) -> str:
+    return f"abs(e{i}) / max(s{i}, abs(n{i}))"
+
+
+def _blame(states: int) -> list[str]:
+    """The state with the largest error, or the first that is no number."""
+    lines = ["largest = -1.0"]
+    for i in range(states):
+        lines += [f"part = {_relative(i)}", "if largest == largest and not part <= largest:"]
+        lines += [f"    status[2], largest = {i}, part"]
+    return lines
+
+
+def _worst(leads: int) -> list[str]:
+    """How far the nearest switching function is from zero, in widths of its dead band."""
+    lines = ["worst = 2.0"]
+    for i in range(leads):
+        lines += [f"r{i} = max(r{i}, abs(l{i}))"]
+        lines += [f"worst = min(worst, m{i} * l{i} / (DEAD * r{i} + 1e-300))"]
+    return lines
+
+
+def _flips(leads: int, *, at_start: bool) -> list[str]:
+    lines = []
+    for i in range(leads):
+        started = f" and abs(a{i}) <= DEAD * r{i}" if at_start else ""
+        lines += [f"if m{i} * l{i} < -DEAD * r{i}{started}:", f"    m{i} = -m{i}"]
+        lines += ["    flipped = True"] if at_start else []
+    return lines
+
+
+def _accept(parts: _Parts) -> list[str]:
+    lines = _flips(len(parts.leads), at_start=False)
+    lines += [f"a{i} = l{i}" for i in range(len(parts.leads))]
+    for i, x in enumerate(parts.states):
+        lines += [f"{x} = n{i}", f"s{i} = max(s{i}, abs({x}))"]
+    return lines + [f"{u} = v{i}" for i, u in enumerate(parts.inputs)]
+
+
+def _guarded(code: list[str], parts: _Parts) -> list[str]:
+    """In plain Python an overflow raises: then the step is taken with NumPy's rules."""
+    names = [f"{c}{i}" for c in "ne" for i in range(len(parts.states))]
+    again = f"{', '.join(names)}, = robust({', '.join(_arguments(parts.step))})"
+    tried = ["    " + line for line in code or ["pass"]]
+    return [
+        "try:",
+        *tried,
+        "except (ArithmeticError, ValueError):",
+        "    " + (again if names else "pass"),
+    ]
+
+
+def _arguments(nodes: Sequence[Node]) -> list[str]:
+    return sorted(symbols_in(nodes))
+
+
+def _robust(nodes: Sequence[Node]) -> str:
+    emitter = Emitter("array", "b")
+    codes = emitter.write(nodes)
+    body = [*emitter.body, f"return [float(v) for v in ({''.join(c + ', ' for c in codes)})]"]
+    arguments = _arguments(nodes)
+    numbers = [f"{name} = np.float64({name})" for name in arguments]
+    head = f"def robust({', '.join(arguments)}):\n    with np.errstate(all='ignore'):\n"
+    return head + indent(numbers + body, 2) + "\n\n"

@@ -1,0 +1,151 @@
+"""The text of the loop over lanes, samples and substeps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from .emit import Emitter, indent
+from .graph import Node, rename
+from .rosenbrock import Equations, step
+from .switching import average_jumps
+from .trace import Program
+
+_LOOP = """
+@fast
+def run(x_start, start, length, u, stride, series, p, y, gain, correct, t0, dt, substeps, rtol,
+        y_hat, x_end, first, last):
+    for lane in {lanes}:
+{unpack}
+        own, begins = series[lane], start[lane]
+        whole = dt / substeps
+        shortest = whole * 1e-6
+{fixed}
+        for j in range(length):
+            k = begins + j
+            t = t0 + k * dt
+            row = k * stride
+{read}
+{output}
+            if correct:
+{correct}
+{scale}
+            for i in range(substeps):
+                if stride > 1:
+                    row = k * stride + i
+{read_again}
+                t = t0 + (k + i / substeps) * dt
+                left = {whole}
+                h = left
+                while {unfinished}:
+{step}
+{finish}
+"""
+
+_SCALAR_STEP = """
+{code}
+error = {error}
+if not isfinite({state}):
+    error = 0.0
+if not error <= rtol and h > shortest:
+    h = h * max(0.1, 0.8 * sqrt(sqrt(rtol / error))) if error < inf else h * 0.1
+    continue
+{advance}
+t = t + h
+left = left - h
+h = min(left, h * min(5.0, 0.8 * sqrt(sqrt(rtol / max(error, 1e-30)))))
+"""
+
+_ARRAY_STEP = """
+{code}
+error = np.where(np.isfinite({state}), {error}, 0.0)
+good = (error <= rtol) | (h <= shortest)
+{advance}
+t = np.where(good, t + h, t)
+left = np.where(good, left - h, left)
+growth = 0.8 * np.sqrt(np.sqrt(rtol / np.maximum(error, 1e-30)))
+h = np.minimum(left, h * np.where(growth == growth, np.clip(growth, 0.1, 5.0), 0.1))
+"""
+
+
+def lane_code(program: Program, kind: str) -> str:
+    """The function ``run``: lanes one by one ("scalar") or all at once ("array")."""
+    fixed = [node.value for node in program.p]
+    at_sample, at_step = Emitter(kind, "a", fixed), Emitter(kind, "b", fixed)
+    outputs = at_sample.write(program.y)
+    inner = _step_code(program, kind, at_step)
+    states = [node.value for node in program.x]
+    read = [f"u{i} = u[own, row, {i}]" for i in range(len(program.u))]
+    store = [f"y_hat[lane, j, {i}] = {code}" for i, code in enumerate(outputs)]
+    scalar = kind == "scalar"
+    return _LOOP.format(
+        lanes="range(first, last)" if scalar else "(slice(first, last),)",
+        whole="whole" if scalar else "np.full(last - first, whole)",
+        unfinished="left > 0.0" if scalar else "np.any(left > 0.0)",
+        unpack=indent(_unpack(program), 2),
+        fixed=indent(at_sample.head + at_step.head, 2),
+        read=indent(read, 3),
+        output=indent(at_sample.body + store, 3),
+        correct=indent(_correct(outputs, states, kind), 4),
+        scale=indent([f"s{i} = {_most(kind, f's{i}', x)}" for i, x in enumerate(states)], 3),
+        read_again=indent(read, 5),
+        step=indent(inner, 5),
+        finish=indent([f"x_end[lane, {i}] = {x}" for i, x in enumerate(states)], 2),
+    )
+
+
+def _unpack(program: Program) -> list[str]:
+    lines = [f"{x.value} = x_start[lane, {i}]" for i, x in enumerate(program.x)]
+    lines += [f"s{i} = abs({x.value}) + 1e-9" for i, x in enumerate(program.x)]
+    return lines + [f"{p.value} = p[lane, {i}]" for i, p in enumerate(program.p)]
+
+
+def _most(kind: str, a: str, b: str) -> str:
+    return f"{'max' if kind == 'scalar' else 'np.maximum'}({a}, abs({b}))"
+
+
+def _step_code(program: Program, kind: str, emitter: Emitter) -> list[str]:
+    """One trial step, its error relative to the states' scales, and whether it counts."""
+    states = [node.value for node in program.x]
+    after, estimate = fixed_step(program)
+    codes = emitter.write(after + estimate)
+    new, errors = codes[: len(states)], codes[len(states) :]
+    parts = [f"abs({e}) / {_most(kind, f's{i}', new[i])}" for i, e in enumerate(errors)]
+    pairs = zip(states, new, strict=True)
+    if kind == "scalar":
+        template, advance = _SCALAR_STEP, [f"{', '.join(states)} = {', '.join(new)}"]
+    else:
+        template, advance = _ARRAY_STEP, [f"{x} = np.where(good, {n}, {x})" for x, n in pairs]
+    lines = template.format(
+        code="\n".join(emitter.body),
+        error=" + ".join(parts) or "0.0",
+        state=" + ".join(states) or "0.0",
+        advance="\n".join(advance if states else []),
+    )
+    return [line for line in lines.split("\n") if line]
+
+
+def fixed_step(program: Program) -> tuple[list[Node], list[Node]]:
+    """The state after a step of length h with held inputs, and its error."""
+    equations = Equations(
+        graph=program.graph,
+        t=program.t,
+        x=program.x,
+        u=program.u,
+        xdot=average_jumps(program.xdot, {node.value for node in program.p}),
+    )
+    begin = {program.graph.symbol("begin").index: program.t}
+    new, error = step(equations)
+    return rename(new, begin), rename(error, begin)
+
+
+def _correct(outputs: Sequence[str], states: Sequence[str], kind: str) -> list[str]:
+    """x += gain (y - y_hat), without the outputs that were not measured (nan)."""
+    lines = []
+    for o, code in enumerate(outputs):
+        drop = "0.0 if c{0} != c{0} else c{0}"
+        drop = drop if kind == "scalar" else "np.where(np.isnan(c{0}), 0.0, c{0})"
+        lines += [f"c{o} = y[k, {o}] - {code}", f"c{o} = " + drop.format(o)]
+    for i, name in enumerate(states):
+        gains = " + ".join(f"gain[lane, {i}, {o}] * c{o}" for o in range(len(outputs)))
+        lines += [f"{name} = {name} + {gains}"] if gains else []
+    return lines

@@ -1,0 +1,203 @@
+"""Many fixed-step runs of one system along one record."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import control as ct
+import numpy as np
+
+from ..errors import InputError
+from .lane_code import lane_code
+from .load import has_numba, load, threads
+from .trace import Program, trace
+
+
+class Lanes:
+    """Many fixed-step runs of one traced system along one record, side by side.
+
+    Parameters
+    ----------
+    system : control.NonlinearIOSystem
+        Block or interconnection in continuous time.
+    backend : str or None
+        "numba", "numpy", or None: numba where it can be imported.
+    outputs : sequence of str or None
+        The outputs wanted, in order; None for all.
+
+    Attributes
+    ----------
+    states, inputs, outputs, parameters : tuple of str
+    defaults : ndarray
+        Parameter values of the system, in the order of ``parameters``.
+
+    Raises
+    ------
+    TraceError
+        When the system's functions cannot be followed.
+    """
+
+    def __init__(
+        self,
+        system: ct.NonlinearIOSystem,
+        *,
+        backend: str | None = None,
+        outputs: Sequence[str] | None = None,
+    ) -> None:
+        self.backend = backend or ("numba" if has_numba() else "numpy")
+        self.program = _chosen(trace(system), outputs)
+        self.states, self.inputs = self.program.states, self.program.inputs
+        self.outputs, self.parameters = self.program.outputs, self.program.parameters
+        self.defaults = self.program.defaults.copy()
+        kind = "array" if self.backend == "numpy" else "scalar"
+        self._run: Callable[..., None] = load(lane_code(self.program, kind), self.backend).run
+
+    def run(
+        self,
+        x0: np.ndarray,
+        start: np.ndarray,
+        length: int,
+        u: np.ndarray,
+        p: np.ndarray,
+        *,
+        dt: float,
+        substeps: int = 2,
+        t0: float = 0.0,
+        series: np.ndarray | None = None,
+        y: np.ndarray | None = None,
+        gain: np.ndarray | None = None,
+        per_substep: bool = False,
+        rtol: float = 1e-4,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Run L lanes over ``length`` samples each; sample k of the record is at t0 + k dt.
+
+        At each sample the output is stored, then the state corrected by
+        ``gain @ (y - output)`` where ``y`` is given, then integrated over dt in ``substeps``
+        equal steps (or more, see ``rtol``) with the input held. A lane that blows up ends in
+        inf or nan.
+
+        Parameters
+        ----------
+        x0 : (L, n)
+            States at the start.
+        start : (L,) int
+            Sample at which each lane begins.
+        length : int
+            Samples per lane.
+        u : (N, m) or (S, N, m)
+            Inputs, held over each sample interval; with ``per_substep`` N substeps rows, held
+            over each substep.
+        p : (L, q)
+            Parameters.
+        series : (L,) int
+            The input set that each lane uses (default 0).
+        y : (N, ny)
+            Measured outputs; nan: no correction by that output at that sample.
+        gain : (n, ny) or (L, n, ny)
+            Correction gain.
+        rtol : float
+            A substep whose estimated error exceeds this part of the largest value that the
+            state has had in the lane is divided (a crossing of zero speed under static
+            friction); inf: never.
+
+        Returns
+        -------
+        y_hat : (L, length, ny)
+            Outputs before the correction.
+        x : (L, n)
+            States after the last interval.
+
+        Raises
+        ------
+        InputError
+            When the shapes do not fit together or a lane leaves the record.
+
+        Notes
+        -----
+        L-stable Rosenbrock steps of order 4. Kinks (abs, sign) are not located; a condition on
+        time counts by its share of the step. With rtol = inf the result is a smooth function
+        of the parameters.
+        """
+        x0, p = self._rows(x0, self.states, "x0"), self._rows(p, self.parameters, "p")
+        u, stride = self._inputs(u, substeps if per_substep else 1)
+        count, samples = len(x0), u.shape[1] // stride
+        start = _indices(start, count, samples - length, "start")
+        series = _indices(0 if series is None else series, count, len(u) - 1, "series")
+        y, gain = self._correction(y, gain, count, samples)
+        if len(p) != count:
+            raise InputError(f"p has {len(p)} rows for {count} lanes.")
+        y_hat = np.empty((count, length, len(self.outputs)))
+        x_end = np.empty_like(x0)
+        fixed = (x0, start, int(length), u, stride, series, p, y, gain, gain.size > 0)
+        fixed += (float(t0), float(dt), int(substeps), float(rtol), y_hat, x_end)
+        with np.errstate(all="ignore"):
+            self._spread(fixed, count, count * length * substeps)
+        return y_hat, x_end
+
+    def _spread(self, arguments: tuple, count: int, steps: int) -> None:
+        """All lanes in one call, or in chunks on the threads where numba has let go of the GIL."""
+        workers = threads() if self.backend == "numba" and steps > 20_000 else 1
+        if min(workers, count) < 2:
+            self._run(*arguments, 0, count)
+            return
+        edges = np.linspace(0, count, min(count, 4 * workers) + 1).astype(int).tolist()
+        with ThreadPoolExecutor(workers) as pool:
+            jobs = [
+                pool.submit(self._run, *arguments, a, b)
+                for a, b in zip(edges, edges[1:], strict=False)
+            ]
+            for job in jobs:
+                job.result()
+
+    def _rows(self, values: np.ndarray, names: Sequence[str], label: str) -> np.ndarray:
+        rows = _plain(np.atleast_2d(values))
+        if rows.ndim != 2 or rows.shape[1] != len(names):
+            raise InputError(f"{label} needs the columns {', '.join(names)}; it is {rows.shape}.")
+        return rows
+
+    def _inputs(self, u: np.ndarray, stride: int) -> tuple[np.ndarray, int]:
+        u = np.asarray(u, dtype=float)
+        u = _plain(u if u.ndim == 3 else u[None])
+        if u.ndim != 3 or u.shape[2] != len(self.inputs) or u.shape[1] % stride:
+            raise InputError(
+                f"u needs the columns {', '.join(self.inputs)} and whole samples; it is {u.shape}."
+            )
+        return u, stride
+
+    def _correction(
+        self, y: np.ndarray | None, gain: np.ndarray | None, count: int, samples: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        n, ny = len(self.states), len(self.outputs)
+        if y is None or gain is None:
+            return np.empty((0, ny)), np.empty((0, n, ny))
+        y, gain = _plain(y), np.asarray(gain, dtype=float)
+        if y.shape != (samples, ny) or gain.shape not in ((n, ny), (count, n, ny)):
+            raise InputError(
+                f"y must be ({samples}, {ny}) and gain ({n}, {ny}) or ({count}, {n}, {ny}); "
+                f"they are {y.shape} and {gain.shape}."
+            )
+        return y, _plain(np.broadcast_to(gain, (count, n, ny)))
+
+
+def _plain(values: np.ndarray, kind: type = float) -> np.ndarray:
+    """One memory layout, so that there is one compiled version."""
+    return np.require(values, kind, ["C", "W"])
+
+
+def _indices(values: np.ndarray | int, count: int, highest: int, label: str) -> np.ndarray:
+    whole = _plain(np.broadcast_to(np.asarray(values), (count,)), np.int64)
+    if np.any(whole < 0) or np.any(whole > highest):
+        raise InputError(f"{label} must lie between 0 and {highest}, so that no lane runs out.")
+    return whole
+
+
+def _chosen(program: Program, outputs: Sequence[str] | None) -> Program:
+    if outputs is None:
+        return program
+    unknown = [name for name in outputs if name not in program.outputs]
+    if unknown:
+        raise InputError(f"{program.name} has no output '{unknown[0]}'; it has {program.outputs}.")
+    y = tuple(program.y[program.outputs.index(name)] for name in outputs)
+    return replace(program, outputs=tuple(outputs), y=y)

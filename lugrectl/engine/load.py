@@ -1,0 +1,109 @@
+"""Generated source as a module: a real file in a cache directory, so that numba can keep
+its machine code beside it for the next process."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import os
+import sys
+import tempfile
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+
+from .emit import ARRAY_HEADER, SCALAR_HEADER
+
+NUMBA_HEADER = (
+    'from numba import njit\n\nfast = njit(cache=True, nogil=True, error_model="numpy")\n'
+)
+HEADERS: Mapping[str, str] = {
+    "numba": SCALAR_HEADER + NUMBA_HEADER,
+    "python": SCALAR_HEADER + "import numpy as np\n\n\ndef fast(function):\n    return function\n",
+    "numpy": ARRAY_HEADER + "\n\ndef fast(function):\n    return function\n",
+}
+
+
+@cache
+def has_numba() -> bool:
+    return importlib.util.find_spec("numba") is not None
+
+
+def cache_dir() -> Path:
+    """Where generated code is kept: $LUGRECTL_CACHE, else the user's cache directory.
+
+    A temporary directory of this process where neither can be written.
+    """
+    return _usable(os.environ.get("LUGRECTL_CACHE") or str(_user_cache()))
+
+
+def _user_cache() -> Path:
+    if os.name == "nt":
+        base = os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local"
+    elif sys.platform == "darwin":
+        base = Path.home() / "Library" / "Caches"
+    else:
+        base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(base) / "lugrectl"
+
+
+@cache
+def _usable(wanted: str) -> Path:
+    try:
+        path = Path(wanted)
+        path.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path):
+            return path
+    except OSError:
+        return Path(tempfile.mkdtemp(prefix="lugrectl-"))
+
+
+def load(source: str, backend: str) -> ModuleType:
+    """The module of a source text; ``fast`` decorates what numba shall compile.
+
+    Parameters
+    ----------
+    source : str
+        Function definitions.
+    backend : str
+        "numba", "python" (the same text, not compiled) or "numpy".
+    """
+    text = HEADERS[backend] + "\n\n" + source
+    name = f"lugrectl_{backend}_{hashlib.sha256(text.encode()).hexdigest()[:20]}"
+    if name not in sys.modules:
+        sys.modules[name] = _from_file(text, name) if backend == "numba" else _direct(text, name)
+    return sys.modules[name]
+
+
+def _direct(text: str, name: str) -> ModuleType:
+    module = ModuleType(name)
+    exec(compile(text, f"<{name}>", "exec"), module.__dict__)
+    return module
+
+
+def _from_file(text: str, name: str) -> ModuleType:
+    path = cache_dir() / f"{name}.py"
+    if not path.exists():
+        _write_whole(path, text)
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def _write_whole(path: Path, text: str) -> None:
+    """Another process sees the whole file or none."""
+    handle, part = tempfile.mkstemp(dir=path.parent, suffix=".part")
+    with os.fdopen(handle, "w", encoding="utf-8") as file:
+        file.write(text)
+    os.replace(part, path)
+
+
+def threads() -> int:
+    """How many threads numba code may use: the processors, or $NUMBA_NUM_THREADS."""
+    from numba import config
+
+    return int(config.NUMBA_NUM_THREADS)

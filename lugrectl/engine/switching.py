@@ -1,0 +1,108 @@
+"""Kinks and jumps: what a step does about abs, sign, np.where and comparisons."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from .graph import Node, substitute, symbols_in
+from .ops import COMPARISONS
+
+
+def average_jumps(roots: Sequence[Node], fixed: set[str]) -> list[Node]:
+    """For a step of fixed length: a condition on time alone counts by its share of the step.
+
+    np.where(t >= t0, a, b) becomes b + s (a - b), where s is the part of [t, t + h] after t0;
+    the result is then a continuous function of t0, and exact where t0 is on the grid. The
+    start of the step is the symbol ``begin``, its length ``h``. ``fixed`` names the symbols
+    (parameters) that a condition on time may contain.
+    """
+    shares: dict[int, Node] = {}
+
+    def rule(node: Node, args: tuple[Node, ...]) -> Node | None:
+        share = _share(node, args, shares, fixed)
+        if share is not None:
+            shares[node.index] = share
+            return share
+        if node.op == "where" and node.args[0].index in shares:
+            return args[2] + args[0] * (args[1] - args[2])
+        return None
+
+    return substitute(roots, rule)
+
+
+def _share(
+    node: Node, args: tuple[Node, ...], shares: dict[int, Node], fixed: set[str]
+) -> Node | None:
+    """The share of the step in which a condition on time holds; None for any other node."""
+    if node.op in COMPARISONS:
+        names = symbols_in([node])
+        timed = "t" in names and names <= fixed | {"t"}
+        return _held_part(node.args[1] - node.args[0]) if timed else None
+    if not any(a.index in shares for a in node.args):
+        return None
+    if node.op == "logical_not":
+        return 1.0 - args[0]
+    if node.op == "logical_and":
+        return _number(node.args[0], args[0], shares) * _number(node.args[1], args[1], shares)
+    if node.op == "logical_or":
+        a, b = (_number(n, v, shares) for n, v in zip(node.args, args, strict=True))
+        return a + b - a * b
+    return None
+
+
+def _number(old: Node, new: Node, shares: dict[int, Node]) -> Node:
+    return new if old.index in shares else new.graph.make("where", new, 1.0, 0.0)
+
+
+def _held_part(lead: Node) -> Node:
+    """The part of the step in which ``lead`` >= 0, were it linear over the step."""
+    graph = lead.graph
+    begin, h, t = graph.symbol("begin"), graph.symbol("h"), graph.symbol("t")
+    first = substitute([lead], lambda n, args: begin if n is t else None)[0]
+    last = substitute([lead], lambda n, args: begin + h if n is t else None)[0]
+    change = last - first
+    still = graph.make("where", first >= 0.0, 1.0, 0.0)
+    part = (np.maximum(last, 0.0) - np.maximum(first, 0.0)) / change
+    return graph.make("where", abs(change) > 0.0, part, still)
+
+
+def freeze_modes(roots: Sequence[Node], fixed: set[str]) -> tuple[list[Node], list[Node]]:
+    """For steps that end where a kink or jump is met: smooth roots and switching functions.
+
+    Between two events each |a|, sign(a), comparison, maximum and minimum stays on one side. Its
+    side is the symbol ``m0``, ``m1``, ... (+1 or -1), the sign of the switching function with
+    the same number. Conditions on ``fixed`` symbols alone stay as they are.
+    """
+    leads: list[Node] = []
+    known: dict[int, Node] = {}
+
+    def side(lead: Node) -> Node:
+        if lead.index not in known:
+            known[lead.index] = lead.graph.symbol(f"m{len(leads)}")
+            leads.append(lead)
+        return known[lead.index]
+
+    def rule(node: Node, args: tuple[Node, ...]) -> Node | None:
+        if node.op not in _SIDES or symbols_in([node]) <= fixed:
+            return None
+        lead, result = _SIDES[node.op]
+        return result(side(lead(*args)), *args)
+
+    return substitute(roots, rule), leads
+
+
+def _choose(mode: Node, yes: Node, no: Node) -> Node:
+    return mode.graph.make("where", mode > 0.0, yes, no)
+
+
+# operation: its switching function, and its value on the side m
+_SIDES: dict[str, tuple[Callable[..., Node], Callable[..., Node]]] = {
+    "absolute": (lambda a: a, lambda m, a: m * a),
+    "sign": (lambda a: a, lambda m, a: m),
+    "less": (lambda a, b: b - a, lambda m, a, b: m > 0.0),
+    "less_equal": (lambda a, b: b - a, lambda m, a, b: m > 0.0),
+    "maximum": (lambda a, b: a - b, _choose),
+    "minimum": (lambda a, b: b - a, _choose),
+}

@@ -1,0 +1,146 @@
+"""How NumPy code meets a node: operators, ufuncs, np.where and np.clip build the graph."""
+
+from __future__ import annotations
+
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
+
+from .ops import DERIVED, OPS
+
+
+class TraceError(TypeError):
+    """A block's function cannot be followed symbolically."""
+
+
+class Symbolic(NDArrayOperatorsMixin):
+    """Behaviour of a node inside a block's function."""
+
+    __slots__ = ()
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+        return apply_ufunc(ufunc, method, inputs, options)
+
+    def __array_function__(self, function: Any, types: Any, args: Any, options: Any) -> Any:
+        return apply_function(function, args, options)
+
+    def __bool__(self) -> NoReturn:
+        raise TraceError(
+            "a Python branch (if, and, or, min, max) depends on a signal; "
+            "write np.where, np.minimum or np.maximum"
+        )
+
+    def __float__(self) -> NoReturn:
+        raise TraceError("a signal is turned into a number (float() or math.*); write np.*")
+
+    __int__ = __index__ = __complex__ = __round__ = __float__
+
+    def clip(self, low: Any = None, high: Any = None) -> Any:
+        return _clip(self, low, high)
+
+
+def _method(name: str) -> Any:
+    """NumPy calls ``element.exp()`` for ``np.exp`` of an array of objects."""
+    return lambda self: apply_ufunc(getattr(np, name), "__call__", (self,), {})
+
+
+for _name, _op in OPS.items():
+    if isinstance(_op.value, np.ufunc) and _op.value.nin == 1:
+        setattr(Symbolic, _name, _method(_name))
+for _name in ("square", "reciprocal", "fabs", "degrees", "radians", "deg2rad", "rad2deg"):
+    setattr(Symbolic, _name, _method(_name))
+
+
+class SignalArray(np.ndarray):
+    """An array of nodes that also carries ufuncs, np.where and np.clip to them."""
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+        if method != "__call__" or ufunc is np.matmul:
+            plain = (np.asarray(a) if isinstance(a, np.ndarray) else a for a in inputs)
+            return signal_array(getattr(ufunc, method)(*plain, **options))
+        return apply_ufunc(ufunc, method, inputs, options)
+
+    def __array_function__(self, function: Any, types: Any, args: Any, options: Any) -> Any:
+        if function in FUNCTIONS:
+            return apply_function(function, args, options)
+        return super().__array_function__(function, types, args, options)
+
+
+def signal_array(values: Any) -> Any:
+    """The nodes as a SignalArray; a single node stays itself."""
+    if isinstance(values, Symbolic):
+        return values
+    array = np.empty(np.shape(values), dtype=object)
+    array[...] = values
+    return array.view(SignalArray)
+
+
+def apply_ufunc(ufunc: np.ufunc, method: str, inputs: Any, options: dict[str, Any]) -> Any:
+    """A ufunc on nodes, element by element where arrays take part."""
+    out = options.pop("out", None)
+    if method != "__call__" or options:
+        raise TraceError(f"np.{ufunc.__name__}.{method} with options cannot be followed")
+    inputs = [_listed(a) for a in inputs]
+    result = _elementwise(lambda *args: _scalar(ufunc.__name__, args), inputs)
+    if out is not None and isinstance(out[0], np.ndarray):
+        out[0][...] = result
+        return out[0]
+    return result
+
+
+def _scalar(name: str, args: tuple[Any, ...]) -> Any:
+    node = next((a for a in args if isinstance(a, Symbolic)), None)
+    if node is None:
+        return getattr(np, name)(*args)
+    if name in DERIVED:
+        return DERIVED[name](*args)
+    if name not in OPS:
+        raise TraceError(f"np.{name} of a signal cannot be followed")
+    return node.graph.make(name, *args)
+
+
+def _elementwise(function: Any, inputs: Any) -> Any:
+    if not any(isinstance(a, np.ndarray) and a.ndim for a in inputs):
+        return function(*(a[()] if isinstance(a, np.ndarray) else a for a in inputs))
+    cells = np.broadcast(*(_cell(a) for a in inputs))
+    result = np.empty(cells.shape, dtype=object)
+    result.flat = [function(*values) for values in cells]
+    return result.view(SignalArray)
+
+
+def _cell(value: Any) -> np.ndarray:
+    if isinstance(value, np.ndarray):
+        return value.view(np.ndarray)
+    cell = np.empty((), dtype=object)
+    cell[()] = value
+    return cell
+
+
+def _where(condition: Any, yes: Any, no: Any) -> Any:
+    def choose(c: Any, a: Any, b: Any) -> Any:
+        if not isinstance(c, Symbolic):
+            return a if c else b
+        return c.graph.make("where", c, a, b)
+
+    return _elementwise(choose, [_listed(a) for a in (condition, yes, no)])
+
+
+def _clip(value: Any, low: Any = None, high: Any = None, **bounds: Any) -> Any:
+    low, high = bounds.get("a_min", bounds.get("min", low)), bounds.get("a_max", high)
+    high = bounds.get("max", high)
+    value = value if low is None else np.maximum(value, low)
+    return value if high is None else np.minimum(value, high)
+
+
+def _listed(value: Any) -> Any:
+    return signal_array(value) if isinstance(value, (list, tuple)) else value
+
+
+FUNCTIONS = {np.where: _where, np.clip: _clip}
+
+
+def apply_function(function: Any, args: Any, options: dict[str, Any]) -> Any:
+    if function not in FUNCTIONS:
+        raise TraceError(f"np.{function.__name__} of a signal cannot be followed")
+    return FUNCTIONS[function](*args, **options)

@@ -1,0 +1,320 @@
+"""From a python-control system to its equations, by calling its own functions on symbols.
+
+The blocks' update and output functions run once, through python-control's own wiring, with
+symbolic scalars in place of numbers. Numeric parameters stay arguments; all else that a
+function reads is taken as it is at that moment. Every trace is compared with the system itself
+before it is returned.
+"""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import control as ct
+import numpy as np
+from scipy.sparse.csgraph import connected_components
+
+from ..errors import InputError
+from .graph import Graph, Node, evaluate, symbols_in
+from .symbolic import TraceError, signal_array
+
+
+class AlgebraicLoop(InputError):
+    """Outputs that depend on themselves without a state in between."""
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """The equations of a system: xdot = f(t, x, u, p), y = g(t, x, u, p) as graph nodes.
+
+    ``parameters`` are unique labels, ``keys`` the names under which python-control knows them
+    (one key can have several defaults in different blocks), ``defaults`` their values.
+    ``fixed`` holds the keys that were needed as numbers while tracing.
+    """
+
+    name: str
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    parameters: tuple[str, ...]
+    keys: tuple[str, ...]
+    defaults: np.ndarray
+    fixed: Mapping[str, Any]
+    graph: Graph
+    t: Node
+    x: tuple[Node, ...]
+    u: tuple[Node, ...]
+    p: tuple[Node, ...]
+    xdot: tuple[Node, ...]
+    y: tuple[Node, ...]
+
+    def values(self, t: Any, x: Any, u: Any, p: Any | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """(xdot, y) by interpretation; x (n, ...), u (m, ...), p (q, ...) may be batches."""
+        p = self.defaults if p is None else p
+        known = {self.t.value: t}
+        for nodes, numbers in ((self.x, x), (self.u, u), (self.p, p)):
+            known |= {node.value: v for node, v in zip(nodes, numbers, strict=True)}
+        shape = np.broadcast_shapes(*(np.shape(v) for v in known.values()))
+        rows = [np.broadcast_to(v, shape) for v in evaluate(self.xdot + self.y, known)]
+        rows = np.array(rows, dtype=float).reshape(-1, *shape)
+        return rows[: len(self.x)], rows[len(self.x) :]
+
+    def arguments(self, params: Mapping[str, Any] | None) -> np.ndarray:
+        """The parameter vector with ``params`` in place of defaults."""
+        params = params or {}
+        pairs = zip(self.keys, self.defaults, strict=True)
+        return np.array([float(params.get(k, v)) for k, v in pairs])
+
+
+def trace(system: ct.NonlinearIOSystem, params: Mapping[str, Any] | None = None) -> Program:
+    """The equations of a continuous system, checked against the system itself.
+
+    Parameters
+    ----------
+    system : control.NonlinearIOSystem
+        A block or an interconnection, nested or not.
+    params : dict, optional
+        Parameters as for ``control.input_output_response``.
+
+    Raises
+    ------
+    TraceError
+        When a function branches on a signal, uses ``math``, or otherwise cannot be followed.
+    AlgebraicLoop
+        When outputs depend on themselves; names the blocks.
+    InputError
+        For a discrete-time system.
+    """
+    if system.isdtime(strict=True):
+        raise InputError(f"{system.name} is a discrete-time system; the engine needs dt = 0.")
+    system._update_params(params)
+    program = _Tracer(system).program()
+    check(program, system, params)
+    return program
+
+
+@dataclass
+class _Slot:
+    """A parameter of one or more blocks that have the same key and value."""
+
+    key: str
+    value: float
+    node: Node
+    users: list[str] = field(default_factory=list)
+
+    def label(self, keys: Sequence[str]) -> str:
+        return self.key if keys.count(self.key) == 1 else f"{self.users[0]}:{self.key}"
+
+
+class _Tracer:
+    """Symbols for one system and the walk through its blocks."""
+
+    def __init__(self, system: ct.NonlinearIOSystem) -> None:
+        self.system, self.graph = system, Graph()
+        self.t = self.graph.symbol("t")
+        self.x = self._symbols("x", system.nstates)
+        self.u = self._symbols("u", system.ninputs)
+        self.slots: dict[tuple[str, float], _Slot] = {}
+        self.fixed: dict[str, Any] = {}
+        self.values: dict[int, dict[str, Any]] = {}
+        self._collect(system)
+
+    def _symbols(self, letter: str, count: int | None) -> tuple[Node, ...]:
+        if count is None:
+            raise TraceError(f"{self.system.name} does not say how many signals it has")
+        return tuple(self.graph.symbol(f"{letter}{i}") for i in range(count))
+
+    def _collect(self, system: Any) -> None:
+        """One symbol for each numeric parameter: blocks with equal key and value share it."""
+        if isinstance(system, ct.InterconnectedSystem):
+            for block in system.syslist:
+                self._collect(block)
+            return
+        known = dict(system._current_params)
+        for key, value in known.items():
+            if isinstance(value, (int, float, np.number)) and not isinstance(value, bool):
+                node = self.graph.symbol(f"p{len(self.slots)}")
+                slot = self.slots.setdefault((key, float(value)), _Slot(key, float(value), node))
+                slot.users.append(system.name)
+                known[key] = slot.node
+        self.values[id(system)] = known
+
+    def _free_slots(self, roots: Sequence[Node]) -> list[_Slot]:
+        """All but the parameters that went into the equations as numbers."""
+        seen = symbols_in(roots)
+        return [s for s in self.slots.values() if s.key not in self.fixed or s.node.value in seen]
+
+    def program(self) -> Program:
+        xdot = self._rates(self.system, self.x, self.u)
+        y = self._outputs(self.system, self.x, self.u)
+        slots = self._free_slots(xdot + y)
+        keys = [slot.key for slot in slots]
+        return Program(
+            name=self.system.name,
+            states=tuple(self.system.state_labels),
+            inputs=tuple(self.system.input_labels),
+            outputs=tuple(self.system.output_labels),
+            parameters=tuple(slot.label(keys) for slot in slots),
+            keys=tuple(keys),
+            defaults=np.array([slot.value for slot in slots]),
+            fixed=self.fixed,
+            graph=self.graph,
+            t=self.t,
+            x=self.x,
+            u=self.u,
+            p=tuple(slot.node for slot in slots),
+            xdot=tuple(xdot),
+            y=tuple(y),
+        )
+
+    def _rates(self, system: Any, x: Sequence[Node], u: Sequence[Node]) -> list[Node]:
+        if not system.nstates:
+            return []
+        if not isinstance(system, ct.InterconnectedSystem):
+            return self._call(system, system.updfcn, x, u, system.nstates)
+        inputs, _ = self._signals(system, x, u)
+        return [
+            rate
+            for block, own, held in _parts(system, x, inputs)
+            for rate in self._rates(block, own, held)
+        ]
+
+    def _outputs(self, system: Any, x: Sequence[Node], u: Sequence[Node]) -> list[Node]:
+        if isinstance(system, ct.InterconnectedSystem):
+            inputs, outputs = self._signals(system, x, u)
+            return self._linear(system.output_map, outputs + inputs)
+        if system.outfcn is None:
+            return list(x[: system.noutputs])
+        return self._call(system, system.outfcn, x, u, system.noutputs)
+
+    def _signals(
+        self, system: Any, x: Sequence[Node], u: Sequence[Node]
+    ) -> tuple[list[Node], list[Node]]:
+        """Inputs and outputs of all blocks: python-control's passes, until nothing changes."""
+        external = self._linear(system.input_map, u)
+        inputs = external
+        for _ in range(len(system.syslist) + 1):
+            outputs = [
+                y
+                for block, own, held in _parts(system, x, inputs)
+                for y in self._outputs(block, own, held)
+            ]
+            fed = zip(self._linear(system.connect_map, outputs), external, strict=True)
+            new = [a + b for a, b in fed]
+            if all(a is b for a, b in zip(inputs, new, strict=True)):
+                return inputs, outputs
+            inputs = new
+        raise AlgebraicLoop(self._loop_message(system, x))
+
+    def _loop_message(self, system: Any, x: Sequence[Node]) -> str:
+        """Find the blocks whose outputs reach their own inputs without a state between."""
+        probes = [self.graph.symbol(f"probe{i}") for i in range(system.connect_map.shape[0])]
+        owner = [i for i, b in enumerate(system.syslist) for _ in range(b.ninputs)]
+        reach = np.zeros((len(system.syslist),) * 2)
+        row = 0
+        for i, (block, own, held) in enumerate(_parts(system, x, probes)):
+            for output in self._outputs(block, own, held):
+                seen = symbols_in([output])
+                if any(probe.value in seen for probe in held):
+                    for k in np.flatnonzero(system.connect_map[:, row]):
+                        reach[i, owner[k]] = 1
+                row += 1
+        _, group = connected_components(reach, connection="strong")
+        looped = [
+            block.name
+            for i, block in enumerate(system.syslist)
+            if reach[i, i] or np.count_nonzero(group == group[i]) > 1
+        ]
+        return (
+            f"{system.name}: algebraic loop through {', '.join(looped)}; each answers its input "
+            "at once: put a state (a lag, a sensor) between them."
+        )
+
+    def _linear(self, matrix: Any, nodes: Sequence[Node]) -> list[Node]:
+        rows = np.atleast_2d(np.asarray(matrix, dtype=float))
+        return [
+            self.graph.total(gain * node for gain, node in zip(row, nodes, strict=True) if gain)
+            for row in rows
+        ]
+
+    def _call(
+        self, block: Any, function: Callable[..., Any], x: Any, u: Any, size: int
+    ) -> list[Node]:
+        """One block's function on symbols; where it needs a parameter as a number, it gets it."""
+        signals = signal_array(list(x)), signal_array(list(u))
+        known = self.values[id(block)]
+        try:
+            result = function(self.t, *signals, known)
+        except Exception:
+            self.fixed |= {k: v for k, v in block._current_params.items() if known[k] is not v}
+            known.update(block._current_params)
+            try:
+                result = function(self.t, *signals, known)
+            except Exception as error:
+                raise TraceError(_blame(block, function, error)) from error
+        return self._nodes(block, result, size)
+
+    def _nodes(self, block: Any, result: Any, size: int) -> list[Node]:
+        flat = np.asarray(result, dtype=object).reshape(-1)
+        if len(flat) != size:
+            raise InputError(f"{block.name} returned {len(flat)} values where it declares {size}.")
+        return [v if isinstance(v, Node) else self.graph.constant(v) for v in flat]
+
+
+def _parts(system: Any, x: Sequence[Node], u: Sequence[Node]) -> list[tuple[Any, Any, Any]]:
+    """Each block with its states and inputs, in python-control's order."""
+    parts, first, entry = [], 0, 0
+    for block in system.syslist:
+        own, held = x[first : first + block.nstates], u[entry : entry + block.ninputs]
+        parts.append((block, own, held))
+        first, entry = first + block.nstates, entry + block.ninputs
+    return parts
+
+
+def _blame(block: Any, function: Callable[..., Any], error: Exception) -> str:
+    """Which block, which line, why."""
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [f for f in frames if f.filename == function.__code__.co_filename]
+    place = f", {own[-1].filename} line {own[-1].lineno}" if own else ""
+    return f"block {block.name}{place}: {error}"
+
+
+def check(
+    program: Program,
+    system: ct.NonlinearIOSystem,
+    params: Mapping[str, Any] | None = None,
+    scales: Sequence[float] = (1.0, 1e-3, 30.0, 0.1),
+) -> None:
+    """Compare a trace with the system's own functions at random points.
+
+    Raises TraceError where they differ: a function that keeps state of its own, draws random
+    numbers, or takes another way for symbols than for numbers.
+    """
+    random = np.random.default_rng(len(program.graph.nodes))
+    single = {k for k in program.keys if program.keys.count(k) == 1 and k not in program.fixed}
+    for scale in scales:
+        pairs = zip(program.keys, program.defaults, strict=True)
+        spread = 0.0 if scale == 1.0 else 0.2
+        values = {k: v * (1 + spread * random.uniform(-1, 1)) for k, v in pairs if k in single}
+        t = abs(scale * random.standard_normal())
+        x, u = (scale * random.standard_normal(len(s)) for s in (program.x, program.u))
+        system._update_params({**(params or {}), **values})
+        with np.errstate(all="ignore"):
+            own = np.concatenate([system._rhs(t, x, u), system._out(t, x, u)])
+        ours = np.concatenate(program.values(t, x, u, program.arguments(values)))
+        _compare(program, own, ours)
+    system._update_params(params)
+
+
+def _compare(program: Program, own: np.ndarray, ours: np.ndarray) -> None:
+    size = np.max(np.abs(own[np.isfinite(own)]), initial=1e-300)
+    bad = ~np.isclose(ours, own, rtol=1e-9, atol=1e-13 * size, equal_nan=True)
+    if np.any(bad):
+        label = (program.states + program.outputs)[int(np.flatnonzero(bad)[0])]
+        raise TraceError(
+            f"{program.name}: the traced equation of {label} differs from the system's own "
+            "(does a block keep values between calls, or draw random numbers?)"
+        )

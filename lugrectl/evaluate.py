@@ -1,0 +1,71 @@
+"""How far a model's simulation is from what was measured, on samples it has not seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .fit import Fitted
+from .noise import Noise, observer_gain
+from .predictor import Predictor, Values, Windows
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Errors of one model: RMS with restarts, RMS of the residual torque, simulated signal."""
+
+    error: float
+    torque: float
+    simulated: np.ndarray
+
+
+def judge(
+    predictor: Predictor, values: Values, noise: Noise, test: Windows, yardstick: Noise
+) -> Judged:
+    """Simulate each judging window from the recorded torque alone.
+
+    The state at a window's restart comes from the observer run over the lead-in before it.
+    The residual torque is what the observer with the gain of ``yardstick`` has to supply.
+    """
+    lead = Windows(test.start, 0, test.burn)
+    _, x = predictor.run([values], lead, noise)
+    window = Windows(test.start + test.burn, 0, test.length)
+    y, _ = predictor.run([values], window, noise, corrected=False, x0=x[0])
+    channel = predictor.data.channel
+    measured = predictor.data.y[test.counted][..., channel]
+    simulated = y[0, ..., channel]
+    torque = missing_torque(predictor, values, test, yardstick)
+    return Judged(_rms(measured - simulated), _rms(torque), simulated)
+
+
+def missing_torque(
+    predictor: Predictor, values: Values, where: Windows, noise: Noise
+) -> np.ndarray:
+    """Torque missing on the resisting side, (windows, length): the observer supplies it."""
+    y, _ = predictor.run([values], where, noise)
+    e = np.nan_to_num(predictor.data.y[where.counted] - y[0])
+    K, _ = observer_gain(values["J"], predictor.data.dt, noise)
+    return -values["J"] / predictor.data.dt * (e @ K[1])
+
+
+def free_run(
+    predictor: Predictor, values: Values, noise: Noise, runs: Sequence[tuple[int, int]]
+) -> float:
+    """RMS error of the simulation without restarts over whole runs."""
+    channel, squares, count = predictor.data.channel, 0.0, 0
+    for a, b in runs:
+        y, _ = predictor.run([values], Windows(np.array([a]), 0, b - a), noise, corrected=False)
+        e = predictor.data.y[a:b, channel] - y[0, 0, :, channel]
+        squares, count = squares + float(e @ e), count + len(e)
+    return float(np.sqrt(squares / count))
+
+
+def _rms(e: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(e**2)))
+
+
+def torque_of(fitted: Fitted, noise: Noise) -> np.ndarray:
+    """The residual torque of a fit on its own windows."""
+    return missing_torque(fitted.predictor, fitted.values, fitted.where, noise)

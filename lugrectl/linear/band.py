@@ -1,0 +1,106 @@
+"""Bandwidth by exact root isolation of |T(jw)|^2 = c |T(0)|^2."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+from lugrectl.errors import InputError
+
+from .exact import Poly, add, hurwitz, odd_roots, positive_roots, real_product, scale
+from .transfer import number, read_transfer
+from .verdict import Verdict, show_poles
+
+LEVELS = {"-3dB": Fraction(10 ** (-3 / 10)), "half-power": Fraction(1, 2)}
+
+
+class UnstableLoopWarning(UserWarning):
+    """The transfer function has poles that are not left of the imaginary axis."""
+
+
+@dataclass(frozen=True)
+class BandwidthVerdict(Verdict):
+    """Truthy iff T is stable and its bandwidth is a finite number.
+
+    ``bandwidth`` in rad/s and ``hertz``: the first fall of |T(jw)| through the level; nan
+    without a DC gain (T(0) zero or infinite), inf if never below. ``crossings``: all crossings
+    in rad/s, falling and rising in turn. ``poles`` in 1/s, rightmost first.
+    """
+
+    bandwidth: float
+    hertz: float
+    crossings: tuple[float, ...]
+    stable: bool
+    poles: tuple[complex, ...]
+    reason: str
+
+    def __bool__(self) -> bool:
+        return self.stable and math.isfinite(self.bandwidth)
+
+
+def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:
+    """Where |T(jw)| first falls below its DC value by 3 dB.
+
+    With x = w^2 and T = n/d in lowest terms, the sign changes on x > 0 of
+    |n(jw)|^2 |d(0)|^2 - c |n(0)|^2 |d(jw)|^2 are isolated exactly; c = 10^(-3/10) for "-3dB"
+    (amplitude 0.70795), 1/2 for "half-power" (0.70711), 10^(level/10) for a negative number of
+    dB. Stability is decided exactly for the given coefficients (Routh), after cancelling common
+    factors; a touch of the level is no crossing.
+
+    T : continuous SISO control.TransferFunction or StateSpace, or a pair (num, den).
+    Raises InputError if T is none of these, or for an unknown level.
+    """
+    c, transfer = _power(level), read_transfer(T)
+    num, den, cancelled = transfer
+    poles, stable = transfer.poles, hurwitz(den)
+    dc = bool(num) and bool(num[0]) and bool(den[0])
+    crossings = _crossings(num, den, c) if dc else ()
+    width = (crossings[0] if crossings else math.inf) if dc else math.nan
+    reason = _reason(num, den, width, level)
+    if not stable:
+        reason = f"T is not stable (poles {show_poles(poles)} 1/s): {reason}"
+    if not hurwitz(cancelled):
+        reason += "; a common factor that is not stable was cancelled from T"
+    return BandwidthVerdict(width, width / (2 * math.pi), crossings, stable, poles, reason)
+
+
+def bandwidth(T: Any, level: str | float = "-3dB") -> float:
+    """Bandwidth in rad/s as ``bandwidth_check(T, level).bandwidth``.
+
+    Of an unstable T the crossing is returned with an UnstableLoopWarning that names the poles;
+    nan without a DC gain; inf if |T| never falls below the level.
+    """
+    verdict = bandwidth_check(T, level)
+    if not verdict.stable and not math.isnan(verdict.bandwidth):
+        warnings.warn(verdict.reason, UnstableLoopWarning, stacklevel=2)
+    return verdict.bandwidth
+
+
+def _power(level: str | float) -> Fraction:
+    if isinstance(level, str):
+        if level not in LEVELS:
+            raise InputError(f"Level {level!r} is unknown; use '-3dB', 'half-power' or dB < 0.")
+        return LEVELS[level]
+    if (db := float(number(level, "level"))) >= 0:
+        raise InputError(f"Level {db:g} dB is not below the DC gain; use a negative number.")
+    return Fraction(10 ** (db / 10))
+
+
+def _crossings(num: Poly, den: Poly, c: Fraction) -> tuple[float, ...]:
+    above = scale(real_product(num, num), den[0] ** 2)
+    level = scale(real_product(den, den), -c * num[0] ** 2)
+    return tuple(math.sqrt(x) for x in positive_roots(odd_roots(add(above, level))))
+
+
+def _reason(num: Poly, den: Poly, width: float, level: str | float) -> str:
+    if math.isnan(width):
+        value = "infinite" if num and not den[0] else "zero"
+        return f"T(0) is {value}, so there is no DC gain to measure a bandwidth from"
+    name = level if isinstance(level, str) else f"{level:g} dB"
+    start = f"{name} of |T(0)| = {abs(float(Fraction(num[0]) / den[0])):.6g}"
+    if math.isinf(width):
+        return f"|T(jw)| never falls below {start}"
+    return f"|T(jw)| falls through {start} at {width:.6g} rad/s ({width / (2 * math.pi):.6g} Hz)"

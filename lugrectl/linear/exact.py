@@ -1,0 +1,230 @@
+"""Polynomials with exact rational coefficients: division, real roots, Hurwitz test.
+
+A polynomial is a tuple of numbers in ascending powers without trailing zeros; ``()`` is zero.
+No decision in here is taken in floating point; floats appear only as values of isolated roots.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from fractions import Fraction
+from itertools import pairwise, zip_longest
+
+Poly = tuple[Fraction | int, ...]
+
+
+def poly(coefficients: Iterable[Fraction | int]) -> Poly:
+    """Ascending coefficients without the trailing zeros."""
+    p = list(coefficients)
+    while p and p[-1] == 0:
+        p.pop()
+    return tuple(p)
+
+
+def add(a: Poly, b: Poly) -> Poly:
+    """a + b."""
+    return poly(x + y for x, y in zip_longest(a, b, fillvalue=0))
+
+
+def mul(a: Poly, b: Poly) -> Poly:
+    """a b."""
+    out: list[Fraction | int] = [0] * (len(a) + len(b))
+    for i, x in enumerate(a):
+        for j, y in enumerate(b):
+            out[i + j] += x * y
+    return poly(out)
+
+
+def scale(a: Poly, c: Fraction | int) -> Poly:
+    """c a."""
+    return poly(c * x for x in a)
+
+
+def divide(a: Poly, b: Poly) -> tuple[Poly, Poly]:
+    """Quotient and remainder of a / b."""
+    rest, quotient = list(a), [Fraction(0)] * max(len(a) - len(b) + 1, 0)
+    for k in range(len(quotient) - 1, -1, -1):
+        q = quotient[k] = Fraction(rest[k + len(b) - 1]) / b[-1]
+        for i, y in enumerate(b):
+            rest[k + i] -= q * y
+    return poly(quotient), poly(rest)
+
+
+def derivative(a: Poly) -> Poly:
+    """da/dx."""
+    return poly(i * c for i, c in enumerate(a) if i)
+
+
+def primitive(a: Poly) -> tuple[int, ...]:
+    """A positive multiple of a with coprime integer coefficients."""
+    if not a:
+        return ()
+    common = math.lcm(*(Fraction(c).denominator for c in a))
+    whole = [int(c * common) for c in a]
+    divisor = math.gcd(*whole)
+    return tuple(c // divisor for c in whole)
+
+
+def gcd(a: Poly, b: Poly) -> Poly:
+    """Greatest common divisor, with positive leading coefficient."""
+    a, b = primitive(a), primitive(b)
+    while b:
+        a, b = b, primitive(divide(a, b)[1])
+    return scale(a, -1) if a and a[-1] < 0 else a
+
+
+def shift(a: Poly, eps: Fraction) -> Poly:
+    """a(s - eps)."""
+    p = list(a)
+    for i in range(len(p) - 1):
+        for k in range(len(p) - 2, i - 1, -1):
+            p[k] -= eps * p[k + 1]
+    return tuple(p)
+
+
+def even_odd(a: Poly) -> tuple[Poly, Poly]:
+    """The parts e, o of a(jw) = e(x) + j w o(x), x = w^2."""
+    signed = [c * (-1) ** (i // 2) for i, c in enumerate(a)]
+    return poly(signed[0::2]), poly(signed[1::2])
+
+
+def real_product(a: Poly, b: Poly) -> Poly:
+    """Re(a(jw) conj b(jw)) as a polynomial in x = w^2; |a|^2 when b is a."""
+    (ae, ao), (be, bo) = even_odd(a), even_odd(b)
+    return add(mul(ae, be), mul((0, 1), mul(ao, bo)))
+
+
+def squarefree(a: Poly) -> list[Poly]:
+    """Square-free factors f1, f2, ... with a = c f1 f2^2 f3^3 ..."""
+    repeated = gcd(a, derivative(a))
+    rest, factors = divide(a, repeated)[0], []
+    while len(rest) > 1:
+        common = gcd(rest, repeated)
+        factors.append(divide(rest, common)[0])
+        rest, repeated = common, divide(repeated, common)[0]
+    return factors
+
+
+def distinct_roots(a: Poly) -> Poly:
+    """A polynomial with every root of a, once each."""
+    return divide(a, gcd(a, derivative(a)))[0]
+
+
+def odd_roots(a: Poly) -> Poly:
+    """A polynomial with the roots of odd multiplicity of a, once each: there a changes sign."""
+    out: Poly = (1,)
+    for factor in squarefree(a)[0::2]:
+        out = mul(out, factor)
+    return out
+
+
+def sturm(a: Poly) -> list[tuple[int, ...]]:
+    """Sturm chain of a square-free a."""
+    chain = [primitive(a), primitive(derivative(a))]
+    while chain[-1]:
+        chain.append(primitive(scale(divide(chain[-2], chain[-1])[1], -1)))
+    return chain[:-1]
+
+
+def sign_at(a: tuple[int, ...], x: Fraction | None) -> int:
+    """Sign of a(x), of a at +infinity when x is None; integer arithmetic only."""
+    if x is None or not a:
+        value = a[-1] if a else 0
+    else:
+        value, power = 0, 1
+        for c in reversed(a):
+            value = value * x.numerator + c * power
+            power *= x.denominator
+    return (value > 0) - (value < 0)
+
+
+def changes(chain: list[tuple[int, ...]], x: Fraction | None) -> int:
+    """Sign changes along the chain at x; their loss over (a, b] is the number of roots there."""
+    signs = [s for s in (sign_at(a, x) for a in chain) if s]
+    return sum(s != t for s, t in pairwise(signs))
+
+
+def count_positive(a: Poly) -> int:
+    """Number of roots in (0, inf) of a square-free a."""
+    if all(c >= 0 for c in a) or all(c <= 0 for c in a):
+        return 0
+    chain = sturm(a)
+    return changes(chain, Fraction(0)) - changes(chain, None)
+
+
+def positive_roots(a: Poly) -> list[float]:
+    """Roots in (0, inf) of a square-free a, ascending, to the last digit or so."""
+    if not count_positive(a):
+        return []
+    chain = sturm(a)
+    # Cauchy's bound, rounded up to a power of two so that every bisection point is dyadic.
+    bound = 1 + max(abs(Fraction(c, chain[0][-1])) for c in chain[0])
+    top = Fraction(2 ** math.ceil(bound).bit_length())
+    found, todo = [], [(Fraction(0), top, changes(chain, Fraction(0)), changes(chain, top))]
+    while todo:
+        low, high, at_low, at_high = todo.pop()
+        if at_low - at_high == 1:
+            found.append(_refine(chain[0], low, high))
+        elif at_low > at_high:
+            mid = (low + high) / 2
+            at_mid = changes(chain, mid)
+            todo += [(mid, high, at_mid, at_high), (low, mid, at_low, at_mid)]
+    return found
+
+
+def _refine(a: tuple[int, ...], low: Fraction, high: Fraction) -> float:
+    """The only root in (low, high]; low itself may be a root of another interval."""
+    above = sign_at(a, high)
+    while above and high - low > high / 2**56:
+        mid = (low + high) / 2
+        sign = sign_at(a, mid)
+        if sign in (0, above):
+            high, above = mid, sign
+        else:
+            low = mid
+    return float(high)
+
+
+def nonnegative(a: Poly) -> bool:
+    """Whether a(x) >= 0 on [0, inf)."""
+    if all(c >= 0 for c in a):
+        return True
+    return a[-1] > 0 and a[0] >= 0 and not count_positive(odd_roots(a))
+
+
+def positive(a: Poly) -> bool:
+    """Whether a(x) > 0 on [0, inf)."""
+    return bool(a) and a[0] > 0 and a[-1] > 0 and not count_positive(distinct_roots(a))
+
+
+def hurwitz(a: Poly) -> bool:
+    """Whether every root has a negative real part (Routh); true for a constant, not for zero."""
+    p = list(a[::-1])
+    while len(p) > 1:
+        if p[0] * p[1] <= 0:
+            return False
+        ratio = Fraction(p[0]) / p[1]
+        p = [
+            p[1],
+            *(
+                c - ratio * p[i + 1] if i % 2 == 0 and i + 1 < len(p) else c
+                for i, c in enumerate(p)
+                if i > 1
+            ),
+        ]
+    return bool(p)
+
+
+def axis_roots(a: Poly) -> tuple[list[float], bool]:
+    """Frequencies w >= 0 of the roots on the imaginary axis, and whether any lies right of it."""
+    zeros = next(i for i, c in enumerate(a) if c)
+    rest = a[zeros:]
+    symmetric = gcd(*even_odd(rest))  # in x = w^2: the roots s whose mirror -s is a root too
+    mirror = poly(
+        0 if i % 2 else symmetric[i // 2] * (-1) ** (i // 2) for i in range(2 * len(symmetric) - 1)
+    )
+    single = distinct_roots(symmetric)
+    on_axis = [math.sqrt(x) for x in positive_roots(single)]
+    right = len(on_axis) < len(single) - 1 or not hurwitz(divide(rest, mirror)[0])
+    return [0.0] * bool(zeros) + on_axis, right

@@ -1,0 +1,73 @@
+"""L2 gain of the proposed observer's linear part."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from lugrectl.errors import InputError
+
+from .transfer import number, parameter, to_float
+from .verdict import Verdict
+
+
+@dataclass(frozen=True)
+class L2Verdict(Verdict):
+    """Truthy iff the L2 gain is finite.
+
+    ``gain``: the L2 gain (inf when there is none). ``frequency``: where |G(jw)| is largest, in
+    rad/s: 0 at DC or when |G| is constant, inf when it is approached as w grows, nan when G is
+    unstable and its gain is no peak on the axis.
+    """
+
+    gain: float
+    frequency: float
+    reason: str
+
+    def __bool__(self) -> bool:
+        return bool(np.isfinite(self.gain))
+
+
+def l2_check(p: Any, K2: float) -> L2Verdict:
+    """L2 gain of G(s) = (J s + K2)/(sigma1 s + sigma0).
+
+    The pole is -sigma0/sigma1 whatever K2 is: K2 moves the zero only, so no sign of K2 makes G
+    unstable. |G(jw)|^2 = (K2^2 + J^2 w^2)/(sigma0^2 + sigma1^2 w^2) is monotone in w, so for
+    sigma0/sigma1 > 0 the gain is the larger of |K2|/sigma0 (at DC) and J/sigma1 (as w grows).
+    It is infinite for sigma1 = 0 (G improper), for sigma0 = 0 (integrator) unless K2 = 0, and
+    for sigma0/sigma1 < 0 (unstable: also where the zero cancels the pole, because the mode
+    stays). The comparison is exact for the given floats.
+
+    Parameters
+    ----------
+    p : any object with attributes J (N m s^2/rad), sigma0 (N m/rad), sigma1 (N m s/rad)
+    K2 : observer gain in N m s/rad
+
+    Raises InputError for values that are not finite numbers and for sigma0 = sigma1 = 0.
+    """
+    J, sigma0, sigma1 = (parameter(p, name) for name in ("J", "sigma0", "sigma1"))
+    return L2Verdict(*_gain(J, number(K2, "K2"), sigma0, sigma1))
+
+
+def _gain(J: Fraction, K2: Fraction, s0: Fraction, s1: Fraction) -> tuple[float, float, str]:
+    inf = float("inf")
+    if not s0 and not s1:
+        raise InputError("sigma0 and sigma1 are both 0: G(s) has no denominator; give one.")
+    if not s1 and J:
+        return inf, inf, "sigma1 = 0 makes G(s) improper: |G| grows with J w/sigma0 without bound"
+    if not s0 and K2:
+        return inf, 0.0, "sigma0 = 0 with K2 not 0 makes G(s) an integrator: |G| is unbounded at DC"
+    if s0 * s1 < 0:
+        pole = to_float(-s0 / s1)
+        return inf, float("nan"), f"G(s) is unstable: its pole -sigma0/sigma1 is {pole:+.6g} 1/s"
+    dc, high = abs(K2 / s0) if s0 else None, abs(J / s1) if s1 else None
+    if dc == high or dc is None or high is None:
+        gain = to_float(high if dc is None else dc)  # type: ignore
+        return gain, 0.0, f"|G(jw)| is {gain:.6g} at every frequency"
+    a, b = to_float(dc), to_float(high)
+    if dc > high:
+        return a, 0.0, f"|K2|/sigma0 = {a:.6g} at DC is above J/sigma1 = {b:.6g}, its limit"
+    return b, inf, f"J/sigma1 = {b:.6g}, the limit as w grows, is above |K2|/sigma0 = {a:.6g} at DC"

@@ -1,0 +1,125 @@
+"""Reading a transfer function as exact polynomials."""
+
+from __future__ import annotations
+
+import math
+from decimal import Decimal
+from fractions import Fraction
+from numbers import Rational
+from typing import Any, NamedTuple
+
+import control as ct
+import numpy as np
+
+from lugrectl.errors import InputError
+
+from .exact import Poly, divide, gcd, poly
+
+
+class Transfer(NamedTuple):
+    """T(s) = num / den in lowest terms; ``cancelled`` is the common factor taken out."""
+
+    num: Poly
+    den: Poly
+    cancelled: Poly
+
+    @property
+    def poles(self) -> tuple[complex, ...]:
+        """Roots of ``den`` in 1/s, rightmost first (floats: for display, not for decisions)."""
+        monic = [to_float(Fraction(c) / self.den[-1]) for c in reversed(self.den)]
+        if not np.all(np.isfinite(monic)):
+            raise InputError("The coefficients of T(s) differ by more than 1e308; rescale time.")
+        return tuple(sorted(map(complex, np.roots(monic)), key=lambda s: (-s.real, s.imag)))
+
+
+def number(value: Any, what: str) -> Fraction:
+    """The exact value of a finite real number; InputError for anything else."""
+    try:
+        if isinstance(value, str):
+            raise TypeError
+        if isinstance(value, Rational):  # numpy integers keep a fixed width inside a Fraction
+            return Fraction(int(value.numerator), int(value.denominator))
+        return Fraction(value if isinstance(value, Decimal) else float(value))
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{what} is {value!r}, but a finite real number is needed.") from None
+
+
+def to_float(value: Fraction) -> float:
+    """The nearest float; infinite where there is none."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
+
+
+def parameter(p: Any, name: str) -> Fraction:
+    """Parameter ``name`` of p, exactly."""
+    return number(getattr(p, name, None), f"parameter {name}")
+
+
+def read_transfer(T: Any) -> Transfer:
+    """T as exact polynomials in lowest terms, its coefficients taken as exact.
+
+    T is a continuous single-input single-output control.TransferFunction or
+    control.StateSpace, or a pair (num, den) of coefficients in descending powers of s, which
+    may be fractions.Fraction. Raises InputError for anything else.
+    """
+    if isinstance(T, ct.TransferFunction | ct.StateSpace):
+        _require_continuous_siso(T)
+    if isinstance(T, ct.TransferFunction):
+        num, den = _descending(T.num[0][0], "numerator"), _descending(T.den[0][0], "denominator")
+    elif isinstance(T, ct.StateSpace):
+        num, den = _from_state_space(T)
+    elif isinstance(T, tuple | list) and len(T) == 2:
+        num, den = _descending(T[0], "numerator"), _descending(T[1], "denominator")
+    else:
+        raise InputError(
+            f"T is a {type(T).__name__}, but a control.TransferFunction, a control.StateSpace or "
+            "a pair (num, den) is needed; control.linearize makes one of a nonlinear system."
+        )
+    if not den:
+        raise InputError("The denominator of T(s) is zero.")
+    common = gcd(num, den)
+    return Transfer(divide(num, common)[0], divide(den, common)[0], common)
+
+
+def _require_continuous_siso(T: Any) -> None:
+    if (T.ninputs, T.noutputs) != (1, 1):
+        raise InputError(
+            f"T has {T.ninputs} inputs and {T.noutputs} outputs, but the check is for one of "
+            "each; pick one channel, such as T[0, 0]."
+        )
+    if T.isdtime(strict=True):
+        raise InputError(
+            f"T is discrete-time (dt = {T.dt}), but the check is for continuous time; "
+            "give T(s) itself."
+        )
+
+
+def _descending(coefficients: Any, what: str) -> Poly:
+    items = np.atleast_1d(np.asarray(coefficients, dtype=object))
+    if items.ndim > 1:
+        raise InputError(f"The {what} of T has {items.ndim} dimensions; give one row of numbers.")
+    return poly([number(c, f"a coefficient of the {what}") for c in items][::-1])
+
+
+def _from_state_space(T: Any) -> tuple[Poly, Poly]:
+    """C adj(sI - A) B + D det(sI - A) over det(sI - A), by Faddeev and LeVerrier."""
+    A, B, C, D = (_exact_matrix(M) for M in (T.A, T.B, T.C, T.D))
+    eye = _exact_matrix(np.eye(T.nstates))
+    M = eye
+    num, den = [Fraction(0)], [Fraction(1)]
+    for k in range(1, T.nstates + 1):
+        num.append((C @ M @ B)[0, 0])
+        AM = A @ M
+        den.append(-sum(np.diagonal(AM), Fraction(0)) / k)
+        M = AM + den[-1] * eye
+    return poly([n + D[0, 0] * d for n, d in zip(num, den, strict=True)][::-1]), poly(den[::-1])
+
+
+def _exact_matrix(M: Any) -> np.ndarray:
+    rows = np.asarray(M, dtype=object)
+    values = [number(x, "an entry of the state-space matrices") for x in rows.ravel()]
+    out = np.empty(rows.size, dtype=object)
+    out[:] = values
+    return out.reshape(rows.shape)

@@ -1,0 +1,159 @@
+"""The commands that need no record: checks, catalogue, model template."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import textwrap
+from argparse import Namespace
+from importlib import resources
+from typing import Any
+
+from .commands import print_out
+from .errors import InputError
+
+# The source paper's gains, by loop; K2 of the proposed observer.
+PAPER = {"velocity": {"kp": 1.6, "ki": 0.16}, "position": {"kp": 15.0, "ki": 1.55}}
+PAPER_K2 = 22.0
+_UNITS = {
+    "gain": "",
+    "frequency": "rad/s",
+    "bandwidth": "rad/s",
+    "hertz": "Hz",
+    "margin": "1/s",
+    "band_edge": "rad/s",
+}
+
+
+def check(a: Namespace) -> int:
+    """``lugrectl check``: 0 when the property holds, 1 when not."""
+    from . import linear
+
+    loop = a.loop or ("position" if a.property == "spr" else "velocity")
+    p, name = _parameters(a)
+    if a.property == "l2":
+        gains = {"K2": PAPER_K2 if a.K2 is None else a.K2}
+        verdict, about = linear.l2_check(p, **gains), {}
+    else:
+        gains, about = _gains(a, loop), {"loop": loop}
+        made = {
+            ("spr", "position"): linear.position_T,
+            ("spr", "velocity"): linear.velocity_T,
+            ("bandwidth", "position"): linear.position_loop_tf,
+            ("bandwidth", "velocity"): linear.velocity_loop_tf,
+        }[a.property, loop](p, **gains)
+        verdict = (linear.spr_check if a.property == "spr" else linear.bandwidth_check)(made)
+    _unused(a)
+    facts = {"schema": 1, "check": a.property, **about, "model": name, "gains": gains}
+    facts |= verdict.summary()
+    print_out(_document(facts) if a.json else _check_text(facts))
+    return 0 if verdict else 1
+
+
+def _parameters(a: Namespace) -> tuple[Any, str]:
+    """An object with the parameters that a check needs, and the model's name."""
+    from .model import read_model, table1
+
+    if a.model is None:
+        return table1(), "Table 1"
+    model = read_model(a.model)
+    needed = ("J",) if a.property == "bandwidth" else ("J", "sigma0", "sigma1")
+    values = model.values()
+    if set(needed) - set(values):
+        raise InputError(
+            f"{a.model}: {a.property} is about LuGre friction, but the file declares "
+            f"'{model.friction.block.name}'; set model = \"lugre\" with sigma0 and sigma1."
+        )
+    missing = [k for k in needed if values[k] is None]
+    if missing:
+        raise InputError(
+            f"{a.model}: {a.property} needs {' and '.join(missing)}, which the file leaves out."
+        )
+    return Namespace(**values), model.name
+
+
+def _gains(a: Namespace, loop: str) -> dict[str, float]:
+    """The paper's gains when none is given, else those given and 0 for the others."""
+    given = {k: getattr(a, k) for k in ("kp", "ki", "kd") if getattr(a, k) is not None}
+    gains = {"kp": 0.0, "ki": 0.0, "kd": 0.0} | (given or PAPER[loop])
+    return gains if a.tau is None else gains | {"tau": a.tau}
+
+
+def _unused(a: Namespace) -> None:
+    names = ("kp", "ki", "kd", "tau") if a.property == "l2" else ("K2",)
+    extra = [f"--{k}" for k in names if getattr(a, k) is not None]
+    extra += [f"--{a.loop}"] if a.property == "l2" and a.loop else []
+    if extra:
+        said = f"note: {', '.join(extra)} has no part in {a.property} and was not used."
+        print(f"lugrectl: {said}", file=sys.stderr)
+
+
+def _check_text(facts: dict[str, Any]) -> str:
+    about = f"{facts['loop']} loop of " if "loop" in facts else ""
+    gains = ", ".join(f"{k} {v:g}" for k, v in facts["gains"].items())
+    reason = facts["reason"].rstrip(".") + "."
+    lines = [
+        f"{_answer(facts)}: {about}{facts['model']}, {gains}",
+        textwrap.fill(reason, 80, initial_indent="  ", subsequent_indent="  "),
+    ]
+    known = {k: unit for k, unit in _UNITS.items() if k in facts and not math.isnan(facts[k])}
+    lines += [f"  {k}: {facts[k]:.6g} {unit}".rstrip() for k, unit in known.items()]
+    return "\n".join(lines)
+
+
+def _answer(facts: dict[str, Any]) -> str:
+    if facts["check"] == "l2":
+        return "finite L2 gain" if facts["holds"] else "no finite L2 gain"
+    if facts["check"] == "spr":
+        return "SPR" if facts["holds"] else "not SPR"
+    if not facts["stable"]:
+        return "unstable loop"
+    return f"bandwidth {facts['hertz']:.4g} Hz" if facts["holds"] else "no bandwidth"
+
+
+def effects(a: Namespace) -> int:
+    """``lugrectl effects``."""
+    from .block import members
+    from .blocks import effects as _fills_the_registry  # noqa: F401
+
+    blocks = members("effect").values()
+    if a.json:
+        print_out(_document([_effect_facts(b) for b in blocks]))
+        return 0
+    print_out("\n".join(map(_effect_text, blocks)))
+    return 0
+
+
+def _effect_text(b: Any) -> str:
+    parameters = ", ".join(f"{k} [{p.unit}]" for k, p in b.parameters.items())
+    lines = [b.equation.rstrip("."), f"parameters: {parameters}"]
+    lines += [f"confused with: {', '.join(b.confused)}"] if b.confused else []
+    filled = [textwrap.fill(x, 80, initial_indent="  ", subsequent_indent="    ") for x in lines]
+    return "\n".join([b.name, *filled])
+
+
+def _effect_facts(b: Any) -> dict[str, Any]:
+    return {
+        "name": b.name,
+        "equation": b.equation.rstrip("."),
+        "parameters": {
+            k: {"unit": p.unit, "low": p.low, "high": p.high, "neutral": p.neutral}
+            for k, p in b.parameters.items()
+        },
+        "confused_with": list(b.confused),
+        "experiment": b.experiment or None,
+    }
+
+
+def template(a: Namespace) -> int:
+    """``lugrectl model``."""
+    toml = (resources.files("lugrectl") / "demo" / "template.toml").read_text(encoding="utf-8")
+    print_out(_document({"schema": 1, "toml": toml}) if a.json else toml)
+    return 0
+
+
+def _document(value: Any) -> str:
+    from .results import _plain
+
+    return json.dumps(_plain(value), indent=2, allow_nan=False)

@@ -1,0 +1,193 @@
+"""Ready-made loops: blocks wired by their signal names alone."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import control as ct
+
+from .block import Block
+from .blocks import controllers
+from .blocks.observers import Gain, observer_block
+from .blocks.observers import observer as build_observer
+from .blocks.plant import plant
+from .errors import InputError
+
+if TYPE_CHECKING:
+    from .model import Model, Parameters
+
+OUTPUTS = ("theta", "w", "F", "Fhat", "u", "e")
+SEEN = ("theta", "w", "u", "e", "r")
+
+
+def velocity_loop(
+    p: Parameters | Model,
+    observer: str | None = None,
+    *,
+    kp: float = 1.6,
+    ki: float = 0.16,
+    K1: Gain = -10.24,
+    K2: Gain = 22.0,
+    k: float = 0.35,
+    observer_parameters: Parameters | Model | None = None,
+    prefilter: bool | float = False,
+    feedforward: bool = False,
+    load: bool = False,
+    name: str = "velocity_loop",
+) -> ct.InterconnectedSystem:
+    """PI velocity control with friction compensation, u = (kp + ki/s)(r - w) + Fhat.
+
+    Parameters
+    ----------
+    p : Parameters or Model
+        The plant; friction and effects of a whole model act inside it.
+    observer : str or None
+        "natural", "existing", "proposed", or the name of any registered observer whose inputs
+        are among theta, w, u, e, r. None: Fhat = 0.
+    kp, ki : float
+        N m s/rad, N m/rad.
+    K1, K2, k : float
+        Gains of the proposed (K1, K2: numbers or functions of w) and existing (k) observer.
+    observer_parameters : Parameters or Model, optional
+        What the observer believes; as the plant where left out.
+    prefilter : bool or float
+        Put pole/(s + pole) behind the input r; True is the source paper's 2/(s + 2).
+    feedforward : bool
+        Add u = J dr with the plant's J. dr, the derivative of r in rad/s2, becomes an input;
+        with a prefilter it is the exact derivative of the filtered reference and no input.
+    load : bool
+        Add the input d, a load torque in N m that opposes positive w.
+    name : str
+        Name of the loop.
+
+    Returns
+    -------
+    control.InterconnectedSystem
+        Inputs r [, dr] [, d]; outputs theta, w, F, Fhat, u, e. e is against the filtered
+        reference where there is a prefilter. Parameters of a block are set at simulation time
+        by its key, ``params={"plant.Fc": 0.3}``, and reach no other block; blocks: plant,
+        *observer*_observer, pi, feedforward, prefilter.
+
+    Raises
+    ------
+    InputError
+        For an unknown observer, or a parameter that is missing or out of bounds.
+
+    Notes
+    -----
+    Source paper, fig. sys (a). Stiff: with python-control, simulate with
+    ``solve_ivp_method="LSODA"`` and an atol of 1e-8 or less, as z is about 1e-3. SciPy's BDF and
+    Radau can stop with an error: nothing depends on theta, and the step with which they
+    differentiate by it grows until it overflows.
+    """
+    gains = {"K1": K1, "K2": K2, "k": k}
+    estimate = _observer(observer, observer_parameters or p, gains)
+    inputs, reference = _reference(p, "velocity", prefilter, feedforward)
+    parts = [plant(p), estimate, controllers.pi(kp, ki), *reference]
+    return _closed(parts, inputs, load, name)
+
+
+def position_loop(
+    p: Parameters | Model,
+    observer: str | None = None,
+    *,
+    kp: float = 15.0,
+    ki: float = 1.55,
+    kd: float = 0.0,
+    tau: float | None = None,
+    K1: Gain = -10.24,
+    K2: Gain = 22.0,
+    k: float = 0.35,
+    observer_parameters: Parameters | Model | None = None,
+    prefilter: bool | float = False,
+    feedforward: bool = False,
+    load: bool = False,
+    name: str = "position_loop",
+) -> ct.InterconnectedSystem:
+    """PID position control with friction compensation.
+
+    u = (kp + ki/(tau s + 1))(r - theta) - kd w + Fhat; tau None or 0: pure integral action.
+
+    Parameters
+    ----------
+    kp, ki, kd, tau : float
+        N m/rad, N m/rad (pure integral: N m/(rad s)), N m s/rad, s.
+    feedforward : bool
+        Add u = J ddr with the plant's J. ddr, the second derivative of r in rad/s2, becomes an
+        input, also with a prefilter, which it then passes as r does.
+    p, observer, K1, K2, k, observer_parameters, prefilter, load, name
+        As in :func:`velocity_loop`; e is the position error, k is in 1/s.
+
+    Returns
+    -------
+    control.InterconnectedSystem
+        Inputs r [, ddr] [, d]; outputs theta, w, F, Fhat, u, e. The controller's block is
+        ``pid``.
+
+    Raises
+    ------
+    InputError
+        For an unknown observer, or a parameter that is missing or out of bounds.
+
+    Notes
+    -----
+    Source paper, fig. sys (b). Its gains, the defaults, make the compensated loop unstable:
+    J s^3 + kp s + ki has no s^2 term, and the growth has a time constant of 19 s. kd > 0 with
+    kd kp > J ki cures it.
+    """
+    gains = {"K1": K1, "K2": K2, "k": k}
+    estimate = _observer(observer, observer_parameters or p, gains)
+    inputs, reference = _reference(p, "position", prefilter, feedforward)
+    parts = [plant(p), estimate, controllers.pid(kp, ki, kd, tau), *reference]
+    return _closed(parts, inputs, load, name)
+
+
+def _observer(name: str | None, p: Parameters | Model, gains: dict[str, Any]) -> Any:
+    """The observer block of a loop; gains that it does not have are left out."""
+    made = observer_block("no_observer" if name is None else name)
+    _fits(made)
+    return build_observer(made.name, p, **{g: v for g, v in gains.items() if g in made.parameters})
+
+
+def _fits(made: Block) -> None:
+    strange = [s for s in made.inputs if s not in SEEN]
+    if strange:
+        raise InputError(
+            f"{made.name} needs {', '.join(strange)}; a ready-made loop offers {', '.join(SEEN)}: "
+            "wire it with control.interconnect."
+        )
+    if "Fhat" not in made.outputs:
+        raise InputError(f"{made.name} has no output Fhat; an observer in a loop needs one.")
+
+
+def _reference(
+    p: Parameters | Model, kind: str, prefilter: bool | float, feedforward: bool
+) -> tuple[list[str], list[Any]]:
+    """The loop's reference inputs, and the blocks from there to the error and the feed-forward."""
+    measured, derivative = controllers.MEASURED[kind], controllers.DERIVATIVE[kind]
+    ahead = [controllers.feedforward(p, kind)] if feedforward else []
+    if prefilter is False or prefilter is None:
+        return ["r", derivative][: 1 + len(ahead)], [controllers.error(kind), *ahead]
+    # the input keeps its name, so the filtered signals need others
+    inputs, outputs = ["r"], ["r_filtered"]
+    if feedforward:
+        inputs += [derivative] if kind == "position" else []
+        outputs += [f"{derivative}_filtered"]
+        ahead = [controllers.feedforward(p, kind, inputs=outputs[1:])]
+    pole = 2.0 if prefilter is True else prefilter
+    smooth = controllers.prefilter(
+        pole, kind if feedforward else None, inputs=inputs, outputs=outputs
+    )
+    return inputs, [smooth, controllers.error(kind, inputs=["r_filtered", measured]), *ahead]
+
+
+def _closed(parts: list[Any], inputs: list[str], load: bool, name: str) -> ct.InterconnectedSystem:
+    return ct.interconnect(
+        [*parts, controllers.compensation()],
+        inputs=inputs + ["d"] * load,
+        outputs=list(OUTPUTS),
+        # empty, or two loops in one system would share the last one's values
+        params={},
+        check_unused=False,
+        name=name,
+    )

@@ -1,0 +1,122 @@
+"""What the sensors' own noise is, and the observer gain that goes with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_discrete_are
+from scipy.signal import filtfilt
+
+_THIRD_DIFFERENCE = np.sqrt(20.0)  # white noise of unit variance, differenced three times
+_NORMAL_MAD = 0.6745
+
+
+def sensor_noise(x: np.ndarray) -> float:
+    """Standard deviation of a sampled signal's own noise, without any model.
+
+    Median size of the third differences, which a motion sampled finely leaves near zero; never
+    below what the signal's resolution alone gives (a step of q: q / sqrt(12)). Too high where
+    the motion itself changes within four samples.
+    """
+    x = x[np.isfinite(x)]
+    third = np.abs(np.diff(x, 3))
+    steps = np.abs(np.diff(x))
+    moved = steps[steps > 1e-9 * max(float(np.ptp(x)), 1e-300)]
+    resolution = float(np.quantile(moved, 0.001)) if len(moved) else 0.0
+    spread = float(np.median(third)) / _NORMAL_MAD / _THIRD_DIFFERENCE
+    return max(spread, resolution / np.sqrt(12.0))
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations: torque per sample (N m), theta (rad), w (rad/s); nan: not recorded."""
+
+    torque: float
+    theta: float
+    w: float
+
+    def channels(self) -> np.ndarray:
+        """Which of theta, w were recorded."""
+        return np.isfinite([self.theta, self.w])
+
+
+def observer_gain(J: float, dt: float, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
+    """Steady-state Kalman gain of J dw/dt = torque noise, dtheta/dt = w.
+
+    Returns
+    -------
+    gain : (2, 2) array
+        From the innovations of theta, w to theta, w; the column of an unrecorded one is 0.
+    covariance : (2, 2) array
+        Of the innovations; 1 on the diagonal where nothing was recorded.
+    """
+    seen = noise.channels()
+    P, R = _prediction_covariance(dt, noise.torque / J, noise)
+    gain, covariance = np.zeros((2, 2)), np.eye(2)
+    S = P[np.ix_(seen, seen)] + R
+    gain[:, seen] = P[:, seen] @ np.linalg.inv(S)
+    covariance[np.ix_(seen, seen)] = S
+    return gain, covariance
+
+
+def _prediction_covariance(dt: float, jump: float, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
+    """Covariance of the predicted theta, w and of the recorded channels' noise.
+
+    ``jump`` is the standard deviation of dw/dt, independent from sample to sample.
+    """
+    seen = noise.channels()
+    R = np.diag(np.array([noise.theta, noise.w])[seen] ** 2)
+    if not seen[0]:
+        q = (jump * dt) ** 2
+        return np.diag([0.0, 0.5 * (q + np.sqrt(q**2 + 4.0 * q * R[0, 0]))]), R
+    scale = noise.theta * np.array([1.0, 1.0 / dt])  # else the equation is too ill conditioned
+    push = np.array([0.5, 1.0]) * jump * dt**2 / noise.theta
+    A, H = np.array([[1.0, 1.0], [0.0, 1.0]]), np.eye(2)[seen]
+    Q = np.outer(push, push) + 1e-16 * max(push[1] ** 2, 1e-12) * np.eye(2)
+    P = solve_discrete_are(A.T, H.T, Q, R / np.outer(scale[seen], scale[seen]))
+    return P * np.outer(scale, scale), R
+
+
+def smooth(y: np.ndarray, dt: float, noise: Noise, jump: float) -> np.ndarray:
+    """Smoothed theta and w of one run, (N, 2): Kalman filter of fixed gain, then backwards.
+
+    ``jump`` is how much dw/dt may differ from one sample to the next. Missing samples must
+    have been filled; where theta was not recorded it is the integral of w from 0.
+    """
+    P, R = _prediction_covariance(dt, jump, noise)
+    if not noise.channels()[0]:
+        gain = P[1, 1] / (P[1, 1] + R[0, 0])
+        w = filtfilt([gain], [1.0, gain - 1.0], y[:, 1])
+        return np.column_stack([dt * np.cumsum(w), w])
+    K, _ = observer_gain(1.0, dt, Noise(jump, noise.theta, noise.w))
+    A = np.array([[1.0, dt], [0.0, 1.0]])
+    C = (np.eye(2) - K * noise.channels()) @ P @ A.T @ np.linalg.inv(P)
+    y = np.where(np.isfinite(y), y, 0.0)
+    ahead, filtered = _forward(y, dt, K)
+    return _backward(ahead, filtered, C)
+
+
+def _forward(y: np.ndarray, dt: float, K: np.ndarray) -> tuple[list, list]:
+    (a, b), (c, d) = K.tolist()
+    rows = y.tolist()
+    theta, w = rows[0][0], rows[0][1] if d else (rows[1][0] - rows[0][0]) / dt
+    ahead, filtered = [], []
+    for m0, m1 in rows:
+        ahead.append((theta, w))
+        e0, e1 = m0 - theta, m1 - w
+        theta, w = theta + a * e0 + b * e1, w + c * e0 + d * e1
+        filtered.append((theta, w))
+        theta += dt * w
+    return ahead, filtered
+
+
+def _backward(ahead: list, filtered: list, C: np.ndarray) -> np.ndarray:
+    (a, b), (c, d) = C.tolist()
+    theta, w = filtered[-1]
+    out = [(theta, w)]
+    for (f0, f1), (p0, p1) in zip(filtered[-2::-1], ahead[:0:-1], strict=True):
+        e0, e1 = theta - p0, w - p1
+        theta, w = f0 + a * e0 + b * e1, f1 + c * e0 + d * e1
+        out.append((theta, w))
+    return np.array(out[::-1])

@@ -1,0 +1,131 @@
+"""What can be typed: commands and their options."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable
+from typing import Any
+
+from . import commands, lookups
+
+
+def parser() -> argparse.ArgumentParser:
+    """The parser of all commands; ``run`` of its result is the command's function."""
+    top = argparse.ArgumentParser(
+        prog="lugrectl",
+        description="Find out what the model of a servo drive lacks, from a log of its torque "
+        "and motion.",
+        epilog="Exit codes: 0 answered, 1 a checked property does not hold, 2 wrong usage or "
+        "unreadable file, 3 the record cannot answer.",
+        allow_abbrev=False,
+    )
+    top.add_argument("--version", action=_Version, help="show the version and exit")
+    made = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    demo = _command(made, "demo", commands.demo, "the main job on a record that ships with it")
+    _results(demo, out="lugrectl-demo")
+    demo.add_argument("--seed", type=_seed, default=0, metavar="N", help="of random choices")
+    _records(_command(made, "diagnose", commands.diagnose, "name what the model lacks"))
+    _records(_command(made, "identify", commands.identify, "fit the declared model only"))
+    _checks(_command(made, "check", lookups.check, "linear checks: l2, spr, bandwidth"))
+    _command(made, "effects", lookups.effects, "the catalogue of effects")
+    _command(made, "model", lookups.template, "print a commented model file to start from")
+    return top
+
+
+def _command(made: Any, name: str, run: Callable[..., int], what: str) -> argparse.ArgumentParser:
+    command = made.add_parser(
+        name, help=what, description=what[0].upper() + what[1:] + ".", allow_abbrev=False
+    )
+    command.set_defaults(run=run)
+    command.add_argument("--json", action="store_true", help="one JSON document on stdout")
+    return command
+
+
+def _results(command: argparse.ArgumentParser, out: str | None = None) -> None:
+    command.add_argument(
+        "--out",
+        metavar="DIR",
+        default=out,
+        help="write report.html, report.json and model.toml there"
+        + (f" (default: {out})" if out else ""),
+    )
+
+
+def _records(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    add("records", nargs="+", metavar="RECORD", help="CSV, MAT, NPZ, Parquet file of the drive")
+    add("--model", required=True, metavar="MODEL.toml", help="the declared model")
+    add("--holdout", metavar="RECORD|last", help="judge on this file, or on the last half")
+    add(
+        "--horizon",
+        type=_positive,
+        default=1.0,
+        metavar="S",
+        help="simulate over so many seconds between restarts (default: 1)",
+    )
+    _results(command)
+    for name, example, what in (
+        ("columns", "t=time,u=torque", "names of columns"),
+        ("units", "theta=deg", "units, over those in the header"),
+        ("scale", "u=35.15", "factors on raw values"),
+    ):
+        add(f"--{name}", action="append", metavar=example, help=what)
+    add("--rate", type=_positive, metavar="HZ", help="sampling rate of a record without t")
+    add("--seed", type=_seed, default=0, metavar="N", help="of random choices (default: 0)")
+
+
+def _checks(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    add("property", choices=("l2", "spr", "bandwidth"))
+    add("--model", metavar="MODEL.toml", help="default: Table 1 of the source paper")
+    loop = command.add_mutually_exclusive_group()
+    loop.add_argument(
+        "--position",
+        dest="loop",
+        action="store_const",
+        const="position",
+        help="about the position loop (default for spr)",
+    )
+    loop.add_argument(
+        "--velocity",
+        dest="loop",
+        action="store_const",
+        const="velocity",
+        help="about the velocity loop (default for bandwidth)",
+    )
+    for gain in ("kp", "ki", "kd", "tau", "K2"):
+        add(f"--{gain}", type=_finite, metavar="X")
+
+
+class _Version(argparse.Action):
+    """The installed version, looked up only when it is asked for."""
+
+    def __init__(self, option_strings: Any, dest: str, **options: Any) -> None:
+        super().__init__(option_strings, dest, nargs=0, **options)
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        print(f"lugrectl {commands.version()}")
+        parser.exit(0)
+
+
+def _finite(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"'{text}' is not a finite number")
+    return value
+
+
+def _positive(text: str) -> float:
+    if (value := _finite(text)) <= 0:
+        raise argparse.ArgumentTypeError(f"{text} is not above 0")
+    return value
+
+
+def _seed(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number from 0 on")
+    return int(text)

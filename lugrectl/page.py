@@ -1,0 +1,129 @@
+"""The HTML report: a fragment for Jupyter and a self-contained page."""
+
+from __future__ import annotations
+
+import html as markup
+from typing import Any
+
+from .model import model_toml
+from .wording import Grid, Section, headline, sections
+
+_STYLE = """
+.lugrectl { font: 16px/1.5 system-ui, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif;
+  color: #1c2430; background: #fff; max-width: 46rem; overflow-wrap: break-word; }
+.lugrectl h1 { font-size: 1.5rem; line-height: 1.25; margin: 0 0 .4rem; }
+.lugrectl h2 { font-size: 1.05rem; margin: 1.8rem 0 .4rem; padding-bottom: .15rem;
+  border-bottom: 1px solid #d9dee5; }
+.lugrectl p { margin: .4rem 0; }
+.lugrectl .verdict { padding: .8rem 1rem; border-left: .35rem solid #5b6675;
+  background: #f4f6f8; }
+.lugrectl .found { border-color: #1f6fb4; }
+.lugrectl .adequate { border-color: #2f7d4f; }
+.lugrectl .ambiguous, .lugrectl .unexplained { border-color: #c47f17; }
+.lugrectl .refused { border-color: #b03a2e; }
+.lugrectl .equation { font-family: ui-monospace, Menlo, Consolas, "DejaVu Sans Mono", monospace; }
+.lugrectl .table { overflow-x: auto; }
+.lugrectl table { border-collapse: collapse; font-size: .92rem; margin: .5rem 0;
+  font-variant-numeric: tabular-nums; }
+.lugrectl th, .lugrectl td { padding: .25rem .9rem .25rem 0; border-bottom: 1px solid #e6eaef;
+  text-align: left; white-space: nowrap; background: none; }
+.lugrectl th { font-weight: 600; color: #4a5563; }
+.lugrectl .r { text-align: right; }
+.lugrectl .small { font-size: .88rem; color: #4a5563; }
+.lugrectl figure { margin: 1rem 0; break-inside: avoid; }
+.lugrectl figcaption { font-size: .88rem; color: #4a5563; margin-top: .2rem; }
+.lugrectl svg { display: block; width: 100%; height: auto; max-width: 44rem; }
+.lugrectl pre { font-size: .85rem; line-height: 1.4; background: #f4f6f8; padding: .8rem 1rem;
+  overflow-x: auto; }
+"""
+_PAGE_STYLE = """
+@media (max-width: 36rem) {
+  .lugrectl { font-size: 15px; }
+  .lugrectl table { font-size: .8rem; }
+  .lugrectl th, .lugrectl td { padding-right: .55rem; }
+  .lugrectl td:first-child { white-space: normal; min-width: 5rem; }
+}
+:root { color-scheme: light; }
+body { margin: 0; padding: 1.5rem 1rem 3rem; background: #fff; }
+.lugrectl { margin: 0 auto; }
+@media print {
+  body { padding: 0; }
+  .lugrectl { max-width: none; font-size: 11pt; }
+  .lugrectl h2 { break-after: avoid; }
+  .lugrectl table, .lugrectl pre { break-inside: avoid; }
+  .lugrectl .table, .lugrectl pre { overflow: visible; }
+  .lugrectl .verdict { -webkit-print-color-adjust: exact; print-color-adjust: exact; }
+}
+@page { margin: 18mm; }
+"""
+
+
+def fragment(d: Any) -> str:
+    """The report as an HTML fragment with its own style and inline plots, for Jupyter."""
+    return f"<style>{_STYLE}</style>\n{_body(d)}"
+
+
+def html(d: Any) -> str:
+    """The report as one self-contained page: inline style and plots, nothing to fetch."""
+    title = markup.escape(f"lugrectl: {headline(d)[0]}")
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{title}</title>\n<style>{_STYLE}{_PAGE_STYLE}</style>\n</head>\n"
+        f"<body>\n{_body(d)}\n</body>\n</html>\n"
+    )
+
+
+def _body(d: Any) -> str:
+    title, meaning = headline(d)
+    kind = markup.escape(title.split(":")[0])
+    first = f"<h1>{markup.escape(title)}</h1>\n<p>{markup.escape(meaning)}</p>"
+    parts = [f'<div class="verdict {kind}">\n{first}\n</div>']
+    figures = _figures(d)
+    for part in sections(d):
+        parts.append(_section_html(part))
+        if part.title == "Error before and after":
+            parts, figures = parts + figures, []
+    parts += [*figures, _model_html(d)]
+    return '<div class="lugrectl">\n' + "\n".join(p for p in parts if p) + "\n</div>"
+
+
+def _section_html(part: Section) -> str:
+    lines = [f"<h2>{markup.escape(part.title)}</h2>"]
+    for line in part.lines:
+        style = ' class="equation"' if part.formula else ""
+        lines.append(f"<p{style}>{markup.escape(line.removeprefix('- '))}</p>")
+    if part.grid:
+        lines.append(_grid_html(part.grid))
+    if part.footnote:
+        lines.append(f'<p class="small">{markup.escape(part.footnote)}</p>')
+    return "\n".join(lines)
+
+
+def _grid_html(grid: Grid) -> str:
+    def row(cells: tuple[str, ...], tag: str) -> str:
+        made = [
+            f'<{tag} class="{side}">{markup.escape(cell)}</{tag}>'
+            for cell, side in zip(cells, grid.align, strict=True)
+        ]
+        return "<tr>" + "".join(made) + "</tr>"
+
+    rows = "\n".join(row(cells, "td") for cells in grid.rows)
+    head = row(grid.head, "th")
+    body = f"<thead>{head}</thead>\n<tbody>\n{rows}\n</tbody>"
+    return f'<div class="table"><table>\n{body}\n</table></div>'
+
+
+def _figures(d: Any) -> list[str]:
+    from .plot import drawings
+
+    return [
+        f"<figure>\n{svg}\n<figcaption>{markup.escape(caption)}</figcaption>\n</figure>"
+        for caption, svg in drawings(d)
+    ]
+
+
+def _model_html(d: Any) -> str:
+    if getattr(d, "model", None) is None:
+        return ""
+    return f"<h2>Model file</h2>\n<pre>{markup.escape(model_toml(d.model))}</pre>"

@@ -1,0 +1,274 @@
+"""Plots of a diagnosis. Each takes ``ax=None`` and returns the Axes; pyplot is not touched."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable
+from types import MethodType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .block import unit_for
+from .errors import InputError
+from .views import Residual, binned, motion_of, residual, rms_over_time, simulated, stretch
+from .wording import number
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MEASURED, BEFORE, AFTER, QUIET = "#3b4450", "#d1622b", "#1f6fb4", "#b9c2cd"
+_POINTS = 2500  # most points drawn of a scatter or a line
+_BARS = 10  # most candidates in the ranking
+_RC: dict[Any, Any] = {
+    "font.size": 10,
+    "font.family": "sans-serif",
+    "text.usetex": False,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#5b6675",
+    "axes.grid": True,
+    "grid.color": "#e6eaef",
+    "axes.axisbelow": True,
+    "axes.titlesize": 10.5,
+    "axes.titlelocation": "left",
+    "legend.frameon": False,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "lugrectl",
+}
+
+
+def motion(d: Any, ax: Axes | None = None) -> Axes:
+    """Measured and simulated signal over the two held-out seconds where the model errs most."""
+    traces = d.traces
+    if simulated(traces, "refitted") is None:
+        raise InputError("this diagnosis holds no simulated motion to plot.")
+    ax = ax if ax is not None else _new().subplots()
+    cut = stretch(traces)
+    step = max((cut.stop - cut.start) // _POINTS, 1)
+    cut = slice(cut.start, cut.stop, step)
+    t = traces.t[cut]
+    ax.plot(t, traces.measured[cut], color=QUIET, lw=3.5, label="measured")
+    for name, color, values in _models(d):
+        ax.plot(t, values[cut], color=color, lw=1.3, label=f"simulated, {name}")
+    ax.set(xlabel="t [s]", ylabel=_signal(d), xlim=(t[0], t[-1]))
+    _headed(ax, "Measured and simulated, held-out samples")
+    return ax
+
+
+def error(d: Any, ax: Axes | None = None) -> Axes:
+    """RMS of measured minus simulated over the whole record, in short bins of held-out samples."""
+    traces = d.traces
+    if simulated(traces, "refitted") is None:
+        raise InputError("this diagnosis holds no simulated motion to plot.")
+    ax = ax if ax is not None else _new().subplots()
+    for name, color, values in _models(d):
+        edges, rms = rms_over_time(traces.t, traces.measured - values)
+        ax.stairs(rms, edges, baseline=None, color=color, lw=1.4, label=name)
+    floor = (d.error or {}).get("noise_floor")
+    if floor:
+        ax.axhline(floor, color=MEASURED, lw=1.0, ls=":", label="sensor noise")
+    ax.set(xlabel="t [s]", ylabel=f"RMS error of {_signal(d)}", xlim=(traces.t[0], traces.t[-1]))
+    ax.set_ylim(bottom=0)
+    _headed(ax, "Error over the record, held-out samples")
+    return ax
+
+
+def torque(d: Any, ax: Axes | None = None) -> Axes:
+    """Residual torque against the signal that explains it: samples and their mean."""
+    view = residual(d)
+    if view is None:
+        raise InputError("this diagnosis holds no residual torque to plot.")
+    ax = ax if ax is not None else _new().subplots()
+    edges = np.linspace(*_limits(view.x, 0.1), 61)
+    for y, name, color in _residuals(view):
+        some = _some(len(view.x))
+        ax.plot(view.x[some], y[some], ".", ms=2.5, color=color, alpha=0.25, mew=0, rasterized=True)
+        ax.plot(*binned(view.x, y, edges), color="white", lw=3.6)
+        ax.plot(*binned(view.x, y, edges), color=color, lw=2.0, label=f"{name}, mean")
+    unit = unit_for("N m", motion_of(d))
+    name = "residual torque" if unit == "N m" else "residual force"
+    times = " x sign(w)" if view.level else ""
+    ax.set(xlabel=view.label, ylabel=f"{name}{times} [{unit}]", xlim=(edges[0], edges[-1]))
+    low, high = _limits(view.before, 1.0)
+    ax.set_ylim(low - 0.2 * (high - low), high + 0.2 * (high - low))
+    _headed(ax, f"{name.capitalize()}{', held-out samples' * view.held_out}")
+    return ax
+
+
+def ranking(d: Any, ax: Axes | None = None) -> Axes:
+    """Gain in log-likelihood of every candidate that was tried, best on top."""
+    tried = sorted(d.ranking, key=lambda c: -np.nan_to_num(c.score, nan=-np.inf))[:_BARS]
+    if not tried:
+        raise InputError("this diagnosis holds no ranking to plot.")
+    ax = ax if ax is not None else _new().subplots()
+    chosen = {f.name for f in d.effects}
+    others = {c.name for f in d.effects for c in f.alternatives}
+    colors = [AFTER if c.name in chosen else MEASURED if c.name in others else QUIET for c in tried]
+    scores = np.nan_to_num([c.score for c in tried], posinf=0.0, neginf=0.0)
+    ax.barh(range(len(tried)), scores, color=colors, height=0.7)
+    positive = scores[scores > 0]
+    if len(positive) and positive.max() > 30 * max(positive.min(), 1.0):
+        ax.set_xscale("symlog", linthresh=max(1.0, positive.max() * 1e-4))
+    ax.set_yticks(range(len(tried)), [c.name for c in tried])
+    ax.invert_yaxis()
+    ax.grid(False, axis="y")
+    for i, c in enumerate(tried):
+        ax.annotate(
+            f"{_score(c.score)}  ({100 * c.share:.0f} %)",
+            (max(float(scores[i]), 0.0), i),
+            xytext=(4, 0),
+            textcoords="offset points",
+            va="center",
+            fontsize="small",
+        )
+    ax.set_xlabel("gain in log-likelihood (share of the residual torque's power)")
+    ax.margins(x=0.32)
+    ax.set_title("Candidates tried")
+    return ax
+
+
+PANELS: dict[str, tuple[Callable[..., Any], str]] = {
+    "motion": (
+        motion,
+        "The two seconds of held-out samples where the refitted model errs most. The model is "
+        "simulated from the recorded input alone.",
+    ),
+    "error": (error, "Error of the simulated motion over the whole record, in short bins."),
+    "torque": (torque, "What the model leaves unexplained, before and after."),
+    "ranking": (
+        ranking,
+        "How much better than the refitted model each candidate explains the training samples. "
+        "Blue: added to the model; dark: the alternatives named above.",
+    ),
+}
+
+
+def available(d: Any) -> list[str]:
+    """Names of the plots for which the diagnosis holds data; none where it was refused."""
+    if getattr(d, "verdict", None) in (None, "refused"):
+        return []
+    names = (
+        ["motion", "error"] if simulated(getattr(d, "traces", None), "refitted") is not None else []
+    )
+    names += ["torque"] if getattr(d, "traces", None) is not None and residual(d) else []
+    return names + (["ranking"] if getattr(d, "ranking", ()) else [])
+
+
+def overview(d: Any, ax: Axes | None = None) -> Any:
+    """All plots that the diagnosis has data for, on a new Figure that shows itself in Jupyter.
+
+    The Figure's ``axes`` are the plots. Given an Axes, only the first plot (measured and
+    simulated motion, where there is any) is drawn into it, and the Axes is returned.
+    Raises InputError when there is nothing to plot.
+    """
+    names = available(d)
+    if not names:
+        raise InputError("this diagnosis holds nothing to plot (refused, or without traces).")
+    if ax is not None:
+        return PANELS[names[0]][0](d, ax)
+    columns = min(len(names), 2)
+    rows = -(-len(names) // columns)
+    with _style():
+        figure = _new(6.2 * columns, 3.4 * rows)
+        for i, name in enumerate(names):
+            PANELS[name][0](d, figure.add_subplot(rows, columns, i + 1))
+    return figure
+
+
+def drawings(d: Any) -> list[tuple[str, str]]:
+    """Caption and inline SVG of every plot that the diagnosis has data for."""
+    made = []
+    for name in available(d):
+        with _style():
+            figure = _new(6.4, 3.3)
+            PANELS[name][0](d, figure.subplots())
+            made.append((PANELS[name][1], _inline_svg(figure, name)))
+    return made
+
+
+def _style() -> Any:
+    import matplotlib
+
+    return matplotlib.rc_context(_RC)
+
+
+def _new(width: float = 6.4, height: float = 3.3) -> Figure:
+    """A figure outside pyplot that shows itself in Jupyter."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained", dpi=100)
+    figure._repr_png_ = MethodType(_png, figure)  # type: ignore[attr-defined]
+    return figure
+
+
+def _png(figure: Figure) -> bytes:
+    file = io.BytesIO()
+    figure.savefig(file, format="png", dpi=110)
+    return file.getvalue()
+
+
+def _inline_svg(figure: Figure, name: str) -> str:
+    """SVG to stand inside an HTML page: no header, no address, ids of its own."""
+    file = io.StringIO()
+    figure.savefig(file, format="svg", dpi=160)
+    svg = file.getvalue()
+    svg = svg[svg.index("<svg") :]
+    svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
+    svg = re.sub(r'\sxmlns(:\w+)?="[^"]*"', "", svg)
+    svg = re.sub(r'(\bid="|url\(#|href="#)', rf"\g<1>{name}-", svg)
+    return svg.replace("<svg ", f'<svg role="img" aria-label="{name}" ', 1).strip()
+
+
+def _models(d: Any) -> list[tuple[str, str, np.ndarray]]:
+    """Name, colour and trace of the models worth drawing: refitted and, if new, augmented."""
+    refitted, augmented = (simulated(d.traces, name) for name in ("refitted", "augmented"))
+    made = [] if refitted is None else [("refitted", BEFORE, refitted)]
+    if augmented is not None and d.effects:
+        made.append(("augmented", AFTER, augmented))
+    return made
+
+
+def _residuals(view: Residual) -> list[tuple[np.ndarray, str, str]]:
+    made = [(view.before, "refitted", BEFORE)]
+    return made if view.after is None else [*made, (view.after, "augmented", AFTER)]
+
+
+def _signal(d: Any) -> str:
+    name = (d.error or {}).get("signal", "w")
+    return f"{name} [{(d.error or {}).get('unit') or unit_for('rad/s', motion_of(d))}]"
+
+
+def _limits(values: np.ndarray, cut: float) -> tuple[float, float]:
+    """Range of the finite values without ``cut`` percent on either side; never empty."""
+    finite = values[np.isfinite(values)]
+    low, high = np.percentile(finite, [cut, 100.0 - cut])
+    return (low, high) if high > low else (low - 0.5, high + 0.5)
+
+
+def _score(value: float) -> str:
+    return f"{value:,.0f}" if abs(value) >= 100 else number(value, 2)
+
+
+def _some(n: int) -> np.ndarray:
+    """Indices of at most a few thousand samples, spread at random but always the same."""
+    if n <= _POINTS:
+        return np.arange(n)
+    return np.random.default_rng(0).choice(n, _POINTS, replace=False)
+
+
+def _headed(ax: Axes, title: str) -> None:
+    """Title with the legend in one line below it, above the axes."""
+    ax.set_title(title, pad=22)
+    ax.legend(
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=3,
+        fontsize="small",
+        borderaxespad=0.2,
+        borderpad=0.0,
+        handlelength=1.4,
+        columnspacing=1.2,
+    )

@@ -1,0 +1,240 @@
+"""Measured logs: from the columns of a file to a Record in SI units on uniform time."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from .audit import audit, unwrapped
+from .columns import Choice, choose_columns
+from .errors import InputError
+from .readers import read_table
+from .samples import Record
+from .textfile import Table
+from .timebase import Stamped, uniform
+from .units import ROLES, Unit, did_you_mean, role_unit, si_unit
+
+__all__ = ["Record", "parse_pairs", "read_record"]
+
+_FAST = {
+    "rotary": 400.0,
+    "linear": 20.0,
+}  # rad/s, m/s: faster is doubtful without a unit
+
+
+def parse_pairs(text: str, what: str) -> dict[str, str]:
+    """Read 't=time,u=torque' into a dict of role to value.
+
+    A comma may stand inside a value unless a role and '=' follow it. ``what`` names the
+    option ("columns", "units", "scale") in the InputError raised for anything else.
+    """
+    pairs: dict[str, str] = {}
+    for part in re.split(r",\s*(?=\w+\s*=)", text.strip()):
+        role, equals, value = (piece.strip() for piece in part.partition("="))
+        if not equals or not value:
+            raise InputError(
+                f"--{what}: '{part.strip()}' is not of the form role=value; "
+                f"roles are {', '.join(ROLES)}."
+            )
+        if role in pairs:
+            raise InputError(f"--{what}: {role} is given twice.")
+        pairs[role] = value
+    _known_roles(pairs, what)
+    return pairs
+
+
+def read_record(
+    path: str | Path,
+    *,
+    columns: Mapping[str, str] | str | None = None,
+    units: Mapping[str, str] | str | None = None,
+    scale: Mapping[str, float] | str | None = None,
+    rate: float | None = None,
+    motion: str | None = None,
+) -> Record:
+    """Read a measured log (CSV, MAT, NPZ; MAT v7.3 and Parquet with the extra ``files``).
+
+    Parameters
+    ----------
+    columns : role -> name of the column, for columns not called by their role.
+    units : role -> unit, over the unit in the header; without either a column is in SI.
+    scale : role -> factor on the raw value, before the unit; needed for A, V, % and counts.
+    rate : sampling rate in Hz, needed when there is no t; t wins when both are given.
+    motion : "rotary" or "linear", taken from the units when not given.
+
+    Each of the first three may be a text such as "t=time,u=torque".
+
+    Raises
+    ------
+    InputError : the file or an argument cannot be read or understood.
+    Refused : the record is readable but cannot answer (see ``timebase`` and ``audit``).
+    """
+    named, stated, factors = (
+        _pairs(columns, "columns"),
+        _pairs(units, "units"),
+        _factors(scale),
+    )
+    if rate is not None and not (np.isfinite(rate) and rate > 0):
+        raise InputError(f"--rate must be a positive number of Hz, not {rate}.")
+    table = read_table(path)
+    choices, said = choose_columns(table, named, need_time=rate is None)
+    _check_used(table.source, choices, stated, factors)
+    found = {c.role: _unit(table, c, stated, factors) for c in choices}
+    drive = _motion(table.source, found, motion)
+    raw, more = table.load([c.index for c in choices])
+    if not len(raw[0]):
+        raise InputError(f"{table.source} holds names of columns but no data.")
+    said = [*more, *said]
+    channels = {}
+    for choice, values in zip(choices, raw, strict=True):
+        said += _remarks(table, choice, values, found, factors, drive)
+        channels[choice.role] = _si(values, found[choice.role], factors.get(choice.role))
+    labels = {role: unit.name if unit else None for role, unit in found.items()}
+    return _assembled(table, channels, labels, rate, drive, said)
+
+
+def _si(values: np.ndarray, unit: Unit | None, factor: float | None) -> np.ndarray:
+    return values * ((1.0 if factor is None else factor) * (unit.factor if unit else 1.0))
+
+
+def _assembled(
+    table: Table,
+    channels: dict[str, np.ndarray],
+    labels: dict[str, str | None],
+    rate: float | None,
+    motion: str,
+    said: list[str],
+) -> Record:
+    """Bring SI channels to uniform time and have the record looked over."""
+    t = channels.pop("t", None)
+    if t is None:
+        t = np.arange(len(channels["u"])) / float(rate or 1.0)
+    if motion == "rotary":  # before any interpolation, which would cut through the jumps
+        for role in ("theta", "theta_load"):
+            if role in channels:
+                channels[role], more = unwrapped(role, channels[role], labels[role])
+                said = [*said, *more]
+    required = tuple(role for role in ("u", "w", "theta") if role in channels)
+    record = uniform(Stamped(table.source, t, channels, table.where), required, motion)
+    if rate is not None and "t" in labels and abs(record.rate / rate - 1) > 0.01:
+        said = [
+            *said,
+            f"The rate given, {rate:g} Hz, disagrees with t ({record.rate:.6g} Hz); t was used.",
+        ]
+    return audit(replace(record, messages=(*said, *record.messages)), labels)
+
+
+# ---- what the user says -------------------------------------------------------------
+
+
+def _known_roles(given: Mapping[str, object], what: str) -> None:
+    for role in given:
+        if role not in ROLES:
+            raise InputError(
+                f"--{what}: there is no role '{role}'{did_you_mean(role, ROLES)}; "
+                f"roles are {', '.join(ROLES)}."
+            )
+
+
+def _pairs(given: Mapping[str, str] | str | None, what: str) -> dict[str, str]:
+    if isinstance(given, str):
+        return parse_pairs(given, what)
+    pairs = {role: str(value) for role, value in (given or {}).items()}
+    _known_roles(pairs, what)
+    return pairs
+
+
+def _factors(given: Mapping[str, float] | str | None) -> dict[str, float]:
+    pairs = parse_pairs(given, "scale") if isinstance(given, str) else dict(given or {})
+    _known_roles(pairs, "scale")
+    factors = {}
+    for role, text in pairs.items():
+        try:
+            factors[role] = float(text)
+        except (TypeError, ValueError):
+            factors[role] = np.nan
+        if not np.isfinite(factors[role]) or factors[role] == 0:
+            raise InputError(f"--scale: '{text}' for {role} is not a number other than 0.")
+    return factors
+
+
+def _check_used(
+    source: str,
+    choices: list[Choice],
+    stated: Mapping[str, object],
+    factors: Mapping[str, object],
+) -> None:
+    present = {c.role for c in choices}
+    for what, given in (("units", stated), ("scale", factors)):
+        for role in given:
+            if role not in present:
+                raise InputError(f"--{what} names {role}, but {source} has no column for it.")
+
+
+# ---- units --------------------------------------------------------------------------
+
+
+def _unit(
+    table: Table,
+    choice: Choice,
+    stated: Mapping[str, str],
+    factors: Mapping[str, float],
+) -> Unit | None:
+    text = stated.get(choice.role) or table.units[choice.index] or choice.implied
+    if text is None or (text == choice.implied and choice.role in factors):
+        return None
+    where = f"{table.source}, column '{table.names[choice.index]}'"
+    return role_unit(choice.role, text, scaled=choice.role in factors, where=where)
+
+
+def _motion(source: str, found: Mapping[str, Unit | None], given: str | None) -> str:
+    """Return the kind of drive that the units belong to; they must not belong to both."""
+    if given not in (None, "rotary", "linear"):
+        raise InputError(f"motion must be 'rotary' or 'linear', not '{given}'.")
+    kinds = {role: unit for role, unit in found.items() if unit and unit.motion}
+    for role, unit in kinds.items():
+        for other, its in kinds.items():
+            if its.motion != unit.motion:
+                raise InputError(
+                    f"{source}: {role} is in {unit.name} but {other} in {its.name}; "
+                    "give all of them for a rotary drive or all for a linear one."
+                )
+        if given not in (None, unit.motion):
+            raise InputError(
+                f"{source}: {role} is in {unit.name}, which does not fit motion = '{given}'."
+            )
+    return given or next((str(unit.motion) for unit in kinds.values()), "rotary")
+
+
+def _remarks(
+    table: Table,
+    choice: Choice,
+    values: np.ndarray,
+    found: Mapping[str, Unit | None],
+    factors: Mapping[str, float],
+    motion: str,
+) -> list[str]:
+    """Return what the user should know of how a channel's numbers were understood."""
+    role, name, unit = choice.role, table.names[choice.index], found[choice.role]
+    if role in factors:
+        per = f" (in {unit.name})" if unit else ""
+        return [f"{role} is {factors[role]:g} times column '{name}'{per}."]
+    if unit is not None or role not in ("u", "w", "theta"):
+        return []
+    values = values[np.isfinite(values)]
+    assumed = si_unit(role, motion)
+    if values.size and np.ptp(values) >= 100 and not np.any(values % 1):
+        return [
+            f"{role} has no unit and holds whole numbers only: taken as {assumed}; if these are "
+            f"counts or another unit, give --scale {role}=FACTOR or --units {role}=UNIT."
+        ]
+    if role == "w" and "theta" not in found and np.abs(values).max(initial=0) > _FAST[motion]:
+        return [
+            f"w has no unit and reaches {np.abs(values).max():.4g}: taken as {assumed}; "
+            "if it is not, give --units w=UNIT."
+        ]
+    return []

@@ -1,0 +1,92 @@
+"""Reports of a diagnosis: text for a terminal, HTML for Jupyter and as a page, files."""
+
+from __future__ import annotations
+
+import os
+import textwrap
+from pathlib import Path
+from typing import Any
+
+from .atomic import nearest, write_together
+from .errors import InputError
+from .model import model_toml
+from .page import fragment, html
+from .wording import Grid, Section, headline, sections
+
+__all__ = ["check_folder", "fragment", "html", "text", "write"]
+
+WIDTH = 80
+FILES: tuple[str, ...] = ("report.html", "report.json", "model.toml")
+
+
+def text(d: Any) -> str:
+    """The report in 80 columns: verdict, effects, error before and after, parameters, notes.
+
+    ``d`` is a Diagnosis, or any result with ``estimates``, ``error``, ``model``, ``messages``.
+    """
+    title, meaning = headline(d)
+    parts = [f"{title}\n{_wrapped(meaning, '  ')}", *map(_section_text, sections(d))]
+    return "\n\n".join(parts) + "\n"
+
+
+def _section_text(part: Section) -> str:
+    lines = [part.title]
+    lines += [_wrapped(line, "  ", "    " if line[:2] == "- " else "  ") for line in part.lines]
+    if part.grid:
+        lines += _grid_text(part.grid)
+    if part.footnote:
+        lines.append(_wrapped(part.footnote, "  "))
+    return "\n".join(lines)
+
+
+def _wrapped(line: str, indent: str, later: str | None = None) -> str:
+    return textwrap.fill(
+        line,
+        WIDTH,
+        initial_indent=indent,
+        subsequent_indent=indent if later is None else later,
+        break_on_hyphens=False,
+    )
+
+
+def _grid_text(grid: Grid) -> list[str]:
+    table = [grid.head, *grid.rows]
+    widths = [max(len(row[i]) for row in table) for i in range(len(grid.head))]
+
+    def line(row: tuple[str, ...]) -> str:
+        cells = [
+            cell.ljust(w) if side == "l" else cell.rjust(w)
+            for cell, w, side in zip(row, widths, grid.align, strict=True)
+        ]
+        return ("  " + "  ".join(cells)).rstrip()
+
+    return [line(row) for row in table]
+
+
+def write(d: Any, folder: str | Path) -> list[Path]:
+    """Write report.html, report.json and model.toml into a folder, all three or none.
+
+    The folder is made when it is missing; other files in it are left alone. Returns the paths.
+    Raises InputError when the folder cannot be written, or when ``d`` has no model (refused).
+    """
+    folder = Path(folder)
+    if getattr(d, "model", None) is None:
+        raise InputError(f"{folder}: there is no model to write, so no report is written.")
+    content = dict(zip(FILES, (html(d), d.to_json() + "\n", model_toml(d.model)), strict=True))
+    try:
+        write_together(content, folder)
+    except OSError as error:
+        raise InputError(
+            f"{folder}: the report cannot be written there ({error.strerror or error}); "
+            "choose another folder."
+        ) from None
+    return [folder / name for name in FILES]
+
+
+def check_folder(folder: str | Path) -> None:
+    """Raise InputError when a report could not be written into the folder."""
+    base = nearest(Path(folder).absolute())
+    if not base.is_dir():
+        raise InputError(f"{folder}: {base} is not a folder; choose another one.")
+    if not os.access(base, os.W_OK | os.X_OK):
+        raise InputError(f"{folder}: no permission to write there; choose another folder.")

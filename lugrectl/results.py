@@ -1,0 +1,155 @@
+"""What a diagnosis says: small frozen objects, plain data, no drawing and no printing."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from .model import Model
+from .record import Record
+
+VERDICTS = ("adequate", "found", "ambiguous", "unexplained", "refused")
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A fitted value with its unit and 95 % interval (None where it cannot be told)."""
+
+    value: float
+    unit: str
+    ci95: tuple[float, float] | None = None
+
+    def summary(self) -> dict[str, Any]:
+        return {"value": self.value, "unit": self.unit, "ci95": self.ci95 and list(self.ci95)}
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect that was tried: how much better it explains the training samples.
+
+    ``score`` is the gain in log-likelihood over the refitted model, ``share`` the part of the
+    residual torque's power that it removes, ``parameters`` its fitted values.
+    """
+
+    name: str
+    score: float
+    share: float
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """An effect that the declared model lacks, and what else would explain the same."""
+
+    name: str
+    parameters: Mapping[str, Estimate]
+    alternatives: tuple[Candidate, ...] = ()
+
+    def summary(self) -> dict[str, Any]:
+        return {
+            "name": self.name,
+            "parameters": {k: v.summary() for k, v in self.parameters.items()},
+            "alternatives": [{"name": a.name, "score": a.score} for a in self.alternatives],
+        }
+
+
+@dataclass(frozen=True)
+class Traces:
+    """Arrays behind the plots, one value for each sample of the first record.
+
+    ``simulated`` maps "declared", "refitted", "augmented" to the error signal simulated with
+    restarts on held-out samples (NaN elsewhere); ``residual`` maps the same names to the
+    residual torque; ``signals`` holds theta, w, u, t smoothed; ``held_out`` marks the samples.
+    """
+
+    t: np.ndarray
+    measured: np.ndarray
+    held_out: np.ndarray
+    simulated: Mapping[str, np.ndarray]
+    residual: Mapping[str, np.ndarray]
+    signals: Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The answer of :func:`lugrectl.diagnose`.
+
+    ``error``, ``free_error`` and ``torque_error`` are the mappings of the JSON format; ``model``
+    is the augmented model (the refitted one where nothing was added, None where refused).
+    """
+
+    verdict: str
+    effects: tuple[Finding, ...] = ()
+    depends_on: tuple[str, ...] = ()
+    experiment: str | None = None
+    error: Mapping[str, Any] | None = None
+    free_error: Mapping[str, Any] | None = None
+    torque_error: Mapping[str, Any] | None = None
+    model: Model | None = None
+    declared: Model | None = None
+    estimates: Mapping[str, Estimate] = field(default_factory=dict)
+    record: Record | None = None
+    messages: tuple[str, ...] = ()
+    reason: str | None = None
+    ranking: tuple[Candidate, ...] = ()
+    traces: Traces | None = None
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python, as in the JSON document; never NaN or Infinity."""
+        nested = self.model.to_dict() if self.model else {}
+        return _plain(
+            {
+                "schema": 1,
+                "verdict": self.verdict,
+                "effects": [finding.summary() for finding in self.effects],
+                "depends_on": list(self.depends_on),
+                "experiment": self.experiment,
+                "error": self.error,
+                "free_error": self.free_error,
+                "torque_error": self.torque_error,
+                "model": {k: nested.get(k, {}) for k in ("plant", "friction")}
+                | {"effects": nested.get("effects", [])},
+                "parameters": {k: v.summary() for k, v in self.estimates.items()},
+                "ranking": [{"name": c.name, "score": c.score} for c in self.ranking],
+                "record": self.record.summary() if self.record else None,
+                "messages": list(self.messages),
+                "reason": self.reason,
+            }
+        )
+
+    def to_json(self) -> str:
+        """One JSON document (schema 1)."""
+        return json.dumps(self.summary(), indent=2, allow_nan=False)
+
+    def __str__(self) -> str:
+        from .report import text
+
+        return text(self)
+
+    def _repr_html_(self) -> str:
+        from .report import fragment
+
+        return fragment(self)
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw measured and simulated motion, residual and ranking; returns the axes."""
+        from .plot import overview
+
+        return overview(self, ax)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

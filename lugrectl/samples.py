@@ -1,0 +1,113 @@
+"""The Record: what a log holds once it is read, in SI units on uniform time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .errors import InputError
+
+_MOTIONS = ("rotary", "linear")
+_ROLES = ("t", "u", "w", "theta", "r", "d", "temperature", "theta_load")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Record:
+    """A measured log: float64 channels of one length N, in SI units.
+
+    ``u`` (N m or N) is held between samples. ``w`` (rad/s or m/s) or ``theta`` (rad or m),
+    or both, are present; ``r``, ``d``, ``temperature`` and ``theta_load`` are None when not
+    recorded. ``t`` (s) starts at its recorded value and runs in steps of ``dt``.
+
+    ``gaps`` holds the indices of the first sample after a stretch of lost samples: there, and
+    only there, ``t`` jumps by more than ``dt``, and no simulation may run across.
+    ``dropped`` counts the samples of the file that were missing or merged; ``messages`` are
+    sentences on all that was noticed and done.
+
+    Raises InputError when the channels differ in length, hold NaN, or none is of motion.
+    """
+
+    t: np.ndarray
+    u: np.ndarray
+    w: np.ndarray | None = None
+    theta: np.ndarray | None = None
+    r: np.ndarray | None = None
+    d: np.ndarray | None = None
+    temperature: np.ndarray | None = None
+    theta_load: np.ndarray | None = None
+    dt: float = 0.0
+    motion: str = "rotary"
+    source: str = "record"
+    dropped: int = 0
+    messages: tuple[str, ...] = ()
+    gaps: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        for role, values in self.channels().items():
+            values = np.ascontiguousarray(values, dtype=np.float64)
+            if values.ndim != 1 or values.shape != np.shape(self.t):
+                raise InputError(f"{self.source}: {role} must be one-dimensional, as long as t.")
+            if not np.isfinite(values).all():
+                raise InputError(f"{self.source}: {role} holds values that are not finite.")
+            object.__setattr__(self, role, values)
+        if self.w is None and self.theta is None:
+            raise InputError(f"{self.source}: a record needs w or theta.")
+        if self.motion not in _MOTIONS:
+            raise InputError(f"motion must be 'rotary' or 'linear', not '{self.motion}'.")
+        if not self.dt > 0 and len(self.t) > 1:
+            object.__setattr__(self, "dt", float(np.median(np.diff(self.t))))
+        if not self.dt > 0:
+            raise InputError(f"{self.source}: the time step dt must be positive.")
+
+    def __repr__(self) -> str:
+        roles = " ".join(self.channels())
+        return (
+            f"<Record {self.source}: {roles}, {self.samples} samples "
+            f"at {self.rate:.6g} Hz, {self.motion}>"
+        )
+
+    def channels(self) -> dict[str, np.ndarray]:
+        """Return the channels that are present, by role, with t first."""
+        return {role: getattr(self, role) for role in _ROLES if getattr(self, role) is not None}
+
+    @property
+    def samples(self) -> int:
+        """Number of samples N."""
+        return len(self.t)
+
+    @property
+    def rate(self) -> float:
+        """Sampling rate in Hz."""
+        return float(f"{1 / self.dt:.12g}")
+
+    @property
+    def duration(self) -> float:
+        """Recorded time in s, the last sample's step included, gaps not."""
+        return self.samples / self.rate
+
+    def segments(self) -> list[slice]:
+        """Return the stretches without a gap, in order."""
+        edges = [0, *self.gaps, self.samples]
+        return [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]
+
+    def slice(self, a: int, b: int) -> Record:
+        """Return samples a to b - 1 as a record; its messages and ``dropped`` stay the log's."""
+        a, b, _ = slice(a, b).indices(self.samples)
+        if b <= a:
+            raise InputError(f"{self.source}: the slice {a}:{b} holds no sample.")
+        cut = {role: values[a:b] for role, values in self.channels().items()}
+        return replace(self, **cut, gaps=tuple(g - a for g in self.gaps if a < g < b))
+
+    def with_messages(self, *messages: str) -> Record:
+        """Return the record with sentences added."""
+        return replace(self, messages=(*self.messages, *messages))
+
+    def summary(self) -> dict[str, int | float]:
+        """Return samples, rate (Hz), duration (s) and dropped as plain numbers."""
+        return {
+            "samples": self.samples,
+            "rate": self.rate,
+            "duration": self.duration,
+            "dropped": self.dropped,
+        }

@@ -1,0 +1,69 @@
+"""Which samples fit and choose, and which are held out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from .data import Data
+from .errors import Refused
+from .predictor import Windows, windows
+
+BLOCK = 2.0  # s, least length of a held-out block
+GAP = 0.25  # s, between the samples that fit and those that judge; also the observer's lead-in
+WINDOW = 0.5  # s, counted samples of one fitting window
+
+
+@dataclass(frozen=True)
+class Split:
+    """Windows that fit, windows that judge (one for each restart), in samples."""
+
+    train: Windows
+    test: Windows
+    free: tuple[tuple[int, int], ...]
+    in_sample: bool
+
+
+def split(data: Data, horizon: float, *, last: bool = False, held_out: int | None = None) -> Split:
+    """Every other block, the last half, or all runs from sample ``held_out`` on.
+
+    Raises
+    ------
+    Refused
+        When there is not enough for both parts.
+    """
+    gap = max(2, round(GAP / data.dt))
+    span = max(1, round(horizon / data.dt))
+    if held_out is not None:
+        train = [(a, b) for a, b in data.runs if b <= held_out]
+        test = [(a, b) for a, b in data.runs if a >= held_out]
+    elif last:
+        train, test = _halves(data.runs)
+    else:
+        train, test = _alternate(data.runs, gap, span, data.dt)
+    fitting = windows(train, gap, max(1, round(WINDOW / data.dt)))
+    judging = windows(test, gap, span)
+    if len(fitting.start) < 4 or not len(judging.start):
+        least = 2 * (max(BLOCK, horizon) + GAP)
+        raise Refused(
+            "the record is too short to fit and to judge on different samples",
+            f"record at least {4 * least:.0f} s of motion, or give a second run with --holdout",
+        )
+    whole = test if (last or held_out is not None) else list(data.runs)
+    return Split(fitting, judging, tuple(whole), not (last or held_out is not None))
+
+
+def _halves(runs: Sequence[tuple[int, int]]) -> tuple[list, list]:
+    middle = (runs[0][0] + runs[-1][1]) // 2
+    train = [(a, min(b, middle)) for a, b in runs if a < middle]
+    return train, [(max(a, middle), b) for a, b in runs if b > middle]
+
+
+def _alternate(
+    runs: Sequence[tuple[int, int]], gap: int, span: int, dt: float
+) -> tuple[list, list]:
+    """Blocks of whole horizons, at least BLOCK long, dealt in turn; each starts with a gap."""
+    restarts = max(1, -(-round(BLOCK / dt) // span))
+    length = gap + restarts * span
+    blocks = [(s, s + length) for a, b in runs for s in range(a, b - length + 1, length)]
+    return blocks[0::2], blocks[1::2]

@@ -1,0 +1,111 @@
+"""Values to start from where the declared model leaves them open."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from .data import Data
+from .errors import Refused
+from .fit import fit, free_keys, whitened
+from .model import Model
+from .predictor import Predictor, Windows, along
+from .search import screen
+
+DEFLECTIONS = (1e-5, 1e-4, 1e-3, 1e-2)  # Fc / sigma0 as a share of the largest speed, in s
+STRIBECK_SPEEDS = (1e-3, 5e-3, 2e-2)  # vs as a share of the largest speed
+
+
+def completed(model: Model, data: Data, train: Windows) -> Model:
+    """The model with a first guess for every missing value.
+
+    Inertia, Coulomb and viscous friction come from a regression of the torque on the motion
+    (over the training windows); presliding and Stribeck values from a coarse search; a declared
+    effect without values from the score test.
+
+    Raises
+    ------
+    Refused
+        When the motion does not tell an inertia.
+    """
+    if None not in model.values().values():
+        return model
+    known = [part for part in model.effects if None not in part.values.values()]
+    core = replace(model, effects=tuple(known))
+    core = core.with_values(_regressed(core, data, train))
+    core = _searched(core, data, train, model)
+    for part in model.effects:
+        core = _with_effect(core, part, data, train) if part not in known else core
+    return core
+
+
+def _regressed(model: Model, data: Data, train: Windows) -> dict[str, float]:
+    at, log = train.counted.ravel(), data.log
+    torque, columns, names = log.u[at].copy(), [], []
+    for part in model.effects:
+        if part.block.acts == ("torque",):
+            torque -= along(part.block, log, part.values)[at]
+    slow = 0.02 * float(np.max(np.abs(log.w[at])))
+    shapes = {"J": log.a[at], "Fv": log.w[at], "Fc": np.tanh(log.w[at] / slow)}
+    values = model.values()
+    for name, shape in shapes.items():
+        if values.get(name, 0.0) is not None:
+            torque -= (values.get(name) or 0.0) * shape
+        else:
+            names.append(name)
+            columns.append(shape)
+    if not names:
+        return {}
+    A = np.column_stack([*columns, np.ones(len(at))])
+    found = dict(zip(names, np.linalg.lstsq(A, torque, rcond=None)[0], strict=False))
+    size = 1e-3 * float(np.std(log.u[at]))
+    if found.get("J", 1.0) <= 0.0:
+        raise Refused(
+            "the motion tells no inertia: torque and acceleration do not go together",
+            "record a motion with clear acceleration in both directions",
+        )
+    return {k: max(v, size if k == "Fc" else size / np.max(np.abs(log.w))) for k, v in found.items()
+            } | ({"J": found["J"]} if "J" in found else {})  # fmt: skip
+
+
+def _searched(core: Model, data: Data, train: Windows, asked: Model) -> Model:
+    """The best of a coarse grid for what the regression cannot tell."""
+    values = core.values()
+    speed = float(np.max(np.abs(data.log.w)))
+    guesses = []
+    for z, v in product(DEFLECTIONS, STRIBECK_SPEEDS):
+        J, Fc = values["J"], values.get("Fc", 0.0)
+        sigma0 = Fc / (z * speed) if Fc else 1.0
+        guess = {"sigma0": sigma0, "sigma1": np.sqrt(sigma0 * J), "Fs": 1.2 * Fc, "vs": v * speed}
+        missing = {k: float(g) for k, g in guess.items() if k in values and values[k] is None}
+        guesses.append(core.with_values(_ordered(values, missing)))
+    predictor = Predictor(guesses[0], data)
+    noise = replace(data.noise, torque=0.05 * float(np.std(data.u)))
+    white = whitened(predictor, [g.values() for g in guesses], train, noise)
+    cost = np.sum(white**2, axis=(1, 2, 3))
+    return guesses[int(np.argmin(np.where(np.isfinite(cost), cost, np.inf)))]
+
+
+def _ordered(values: dict, missing: dict[str, float]) -> dict[str, float]:
+    """Stiction stays above a Coulomb level that was given, and the other way round."""
+    if "Fs" in missing:
+        missing["Fs"] = max(missing["Fs"], 1.05 * (values["Fc"] or 0.0))
+    return missing
+
+
+def _with_effect(core: Model, part, data: Data, train: Windows) -> Model:
+    predictor = Predictor(core, data)
+    base = fit(predictor, core.values(), free_keys(predictor), train, data.noise, rounds=1)
+    trials = screen(base, [part.block.name])
+    if not trials:
+        raise Refused(
+            f"the record does not show the declared effect {part.block.name}: no value within "
+            "its bounds fits",
+            "give its values in the model file or leave it out",
+        )
+    start = trials[0].values
+    found = {k: start[f"{trials[0].key}.{k}"] for k in part.values}
+    given = {k: v for k, v in part.values.items() if v is not None}
+    return core.with_effect(part.block.name, found | given)

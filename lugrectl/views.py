@@ -1,0 +1,151 @@
+"""What the plots of a diagnosis show, as arrays: the telling stretch, errors, residuals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .block import REGISTRY, Block, unit_for
+from .results import Traces
+
+STRETCH = 2.0  # seconds shown of measured and simulated motion
+UNITS = {"theta": "rad", "w": "rad/s", "u": "N m", "t": "s"}
+_BINS = 200  # of the error over the record
+_TURNS = 12  # harmonics up to here are shown over one whole turn
+
+
+@dataclass(frozen=True)
+class Residual:
+    """Residual torque against the signal that explains it.
+
+    ``before`` and ``after`` belong to the refitted and the augmented model (``after`` is None
+    where they are the same); values without a number are left out by the mask already.
+    """
+
+    x: np.ndarray
+    before: np.ndarray
+    after: np.ndarray | None
+    label: str
+    level: bool
+    held_out: bool
+
+
+def motion_of(d: Any) -> str:
+    """ "rotary" or "linear"."""
+    return next((x.motion for x in (d.model, d.declared, d.record) if x is not None), "rotary")
+
+
+def simulated(traces: Traces | None, name: str) -> np.ndarray | None:
+    """A simulated trace, or None where it holds no number."""
+    values = traces.simulated.get(name) if traces is not None else None
+    return values if values is not None and np.isfinite(values).any() else None
+
+
+def stretch(traces: Traces) -> slice:
+    """The samples, about two seconds, over which the refitted model errs most."""
+    model = simulated(traces, "refitted")
+    n = len(traces.t)
+    if model is None or n < 2:
+        return slice(0, n)
+    width = min(max(round(STRETCH / float(np.median(np.diff(traces.t)))), 2), n)
+    power = np.nan_to_num(np.square(traces.measured - model))
+    total = np.r_[0.0, np.cumsum(power)]
+    start = int(np.argmax(total[width:] - total[:-width]))
+    return slice(start, start + width)
+
+
+def rms_over_time(t: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Edges and RMS of an error in equal bins of the record; NaN where a bin has no number."""
+    edges = np.linspace(t[0], t[-1], min(_BINS, max(len(t) // 20, 1)) + 1)
+    _, mean = binned(t, np.square(error), edges, least=1)
+    return edges, np.sqrt(mean)
+
+
+def binned(
+    x: np.ndarray, y: np.ndarray, edges: np.ndarray, least: int = 5
+) -> tuple[np.ndarray, np.ndarray]:
+    """Centres and means of y in bins of x; NaN where fewer than ``least`` finite values lie."""
+    good = np.isfinite(x) & np.isfinite(y)
+    bins = len(edges) - 1
+    where = np.clip(np.searchsorted(edges, x[good], side="right") - 1, 0, bins - 1)
+    count = np.bincount(where, minlength=bins)
+    total = np.bincount(where, weights=y[good], minlength=bins)
+    mean = np.where(count >= least, total / np.maximum(count, 1), np.nan)
+    return (edges[1:] + edges[:-1]) / 2, mean
+
+
+def residual(d: Any) -> Residual | None:
+    """The residual torque against the signal that explains it; None without traces."""
+    traces: Traces | None = d.traces
+    if traces is None:
+        return None
+    before = traces.residual.get("refitted")
+    if before is None or not np.isfinite(before).any():
+        return None
+    x, label = _explaining(d)
+    after = traces.residual.get("augmented")
+    sign = _level_sign(d)
+    good = np.isfinite(x) & np.isfinite(before) & (np.isfinite(sign) if sign is not None else True)
+    held_out = bool((good & traces.held_out).any())
+    good = good & traces.held_out if held_out else good
+    factor = sign[good] if sign is not None else 1.0
+    if not d.effects or (after is not None and np.array_equal(after, before, equal_nan=True)):
+        after = None
+    return Residual(
+        x=x[good],
+        before=before[good] * factor,
+        after=None if after is None else after[good] * factor,
+        label=label,
+        level=sign is not None,
+        held_out=held_out,
+    )
+
+
+def _effect(d: Any) -> tuple[Block | None, dict[str, float]]:
+    """The best effect's block (None when nothing is named) and its values."""
+    if not d.effects:
+        return None, {}
+    first = d.effects[0]
+    return REGISTRY.get(first.name), {k: e.value for k, e in first.parameters.items()}
+
+
+def _level_sign(d: Any) -> np.ndarray | None:
+    """sign(w) where the effect changes a friction parameter: then the level is what differs."""
+    made, _ = _effect(d)
+    w = d.traces.signals.get("w")
+    if made is None or w is None or made.acts in (("torque",), ("input",)) or not made.acts:
+        return None
+    return np.sign(w)
+
+
+def _explaining(d: Any) -> tuple[np.ndarray, str]:
+    """The abscissa of the residual and its label with unit."""
+    made, values = _effect(d)
+    signals = {"t": d.traces.t, **d.traces.signals}
+    wanted = ([*made.inputs, *(["t"] if made.timed else [])] if made else []) + list(d.depends_on)
+    name = next((s for s in [*wanted, "w", "theta"] if s in signals), "t")
+    motion = motion_of(d)
+    unit, x = unit_for(UNITS.get(name, ""), motion), signals[name]
+    if made and made.acts == ("input",) and made.states and name == "u":
+        return np.gradient(x, d.traces.t), f"du/dt [{unit}/s]"
+    period = _period(name, made, values, motion)
+    if period and np.ptp(x[np.isfinite(x)]) > period:
+        turn = "one turn" if period == 2 * np.pi and motion == "rotary" else f"{period:.4g} {unit}"
+        return np.mod(x, period), f"{name} modulo {turn} [{unit}]"
+    return x, f"{name} [{unit}]" if unit else name
+
+
+def _period(name: str, made: Block | None, values: dict[str, float], motion: str) -> float | None:
+    """The period at which a signal is folded, None when it is not."""
+    if "frequency" in values and name == "t":
+        return 1.0 / values["frequency"]
+    if name not in ("theta", "theta_load"):
+        return None
+    order = values.get("harmonic", 1.0)
+    if motion == "linear":
+        return 2 * np.pi / order if "harmonic" in values else None
+    if made is not None and "phase" not in made.parameters:
+        return None
+    return 2 * np.pi if order <= _TURNS else 2 * np.pi / order

@@ -1,0 +1,230 @@
+"""What a diagnosis says, in words and tables: the content that text and HTML reports share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from .block import REGISTRY
+
+_SMALL = {"rad": "rad", "m": "m", "rad/s": "rad/s", "m/s": "m/s", "N m": "N m", "N": "N"}
+NONE = "-"
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A table; ``align`` holds one letter, l or r, for each column."""
+
+    head: tuple[str, ...]
+    align: str
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True)
+class Section:
+    """A titled part of a report: paragraphs, then a table, then a footnote."""
+
+    title: str
+    lines: tuple[str, ...] = ()
+    grid: Grid | None = None
+    footnote: str = ""
+    formula: bool = False
+
+
+def number(value: Any, digits: int = 4) -> str:
+    """A number in so many digits, whole ones in full; '-' for None, NaN and infinity."""
+    if value is None or not math.isfinite(value):
+        return NONE
+    if 10 ** (digits - 1) <= abs(value) < 1e6:
+        return f"{value:.0f}"
+    return f"{value:#.{digits}g}".rstrip(".")
+
+
+def equation(name: str) -> str:
+    """The equation of a registered block, without its full stop; empty when unknown."""
+    known = REGISTRY.get(name)
+    return known.equation.rstrip(".") if known else ""
+
+
+def headline(d: Any) -> tuple[str, str]:
+    """The verdict with what it names, and one sentence that says what it means."""
+    verdict, names = _get(d, "verdict"), " and ".join(f.name for f in _get(d, "effects", ()))
+    if verdict == "adequate":
+        return "adequate", "The record proves nothing that the model lacks."
+    if verdict == "found":
+        return f"found: {names}", f"The model lacks {names}; the record proves it."
+    if verdict == "ambiguous":
+        return f"ambiguous: {names}?", (
+            f"The record proves that something is missing, but not what: {names} explains it "
+            "best, and others explain it as well."
+        )
+    if verdict == "unexplained":
+        on = ", ".join(_get(d, "depends_on", ())) or "no signal of the record alone"
+        return "unexplained", (
+            f"The record proves that something is missing which hangs on {on}; nothing in the "
+            "catalogue explains it."
+        )
+    if verdict == "refused":
+        return "refused", _get(d, "reason") or "The record cannot answer."
+    return "identified", "The declared model was fitted to the record; nothing was added."
+
+
+def sections(d: Any) -> list[Section]:
+    """Everything below the headline, in reading order; parts without content are left out."""
+    parts = [_effect(d, finding) for finding in _get(d, "effects", ())]
+    parts += [_depends(d), _experiment(d), errors(d), _parameters(d), _record(d), _notes(d)]
+    return [part for part in parts if part is not None]
+
+
+def _effect(d: Any, finding: Any) -> Section:
+    lines = [equation(finding.name)] if equation(finding.name) else []
+    others = [_alternative(c.name) for c in finding.alternatives]
+    footnote = ""
+    if others:
+        same = _get(d, "verdict") == "ambiguous"
+        footnote = "Explain it as well: " if same else "Next best: "
+        footnote += "; ".join(others) + "."
+    rows = [
+        (key, *_with_interval(estimate), estimate.unit)
+        for key, estimate in finding.parameters.items()
+    ]
+    grid = Grid(("parameter", "value", "95 % interval", "unit"), "lrrl", tuple(rows))
+    title = "Missing" if _get(d, "verdict") == "found" else "Best explanation"
+    return Section(f"{title}: {finding.name}", tuple(lines), grid, footnote, formula=True)
+
+
+def _alternative(name: str) -> str:
+    return f"{name} ({equation(name)})" if equation(name) else name
+
+
+def _with_interval(estimate: Any) -> tuple[str, str]:
+    value, interval = estimate.value, estimate.ci95
+    if interval is None or not all(math.isfinite(x) for x in interval):
+        return (f"{value:.5g}" if math.isfinite(value) else NONE), NONE
+    shown = [_to_width(x, interval[1] - interval[0]) for x in (value, *interval)]
+    return shown[0], f"{shown[1]} to {shown[2]}"
+
+
+def _to_width(value: float, width: float) -> str:
+    """A value with the decimals that show an interval's width to two places."""
+    decimals = 1 - math.floor(math.log10(width)) if width > 0 else 99
+    if decimals <= 7 and abs(value) < 1e7:
+        return f"{value:.{max(decimals, 0)}f}"
+    ratio = abs(value) / width if width > 0 else 1e3
+    return number(value, min(max(2 + math.ceil(math.log10(ratio)), 3), 8) if ratio > 0 else 3)
+
+
+def _depends(d: Any) -> Section | None:
+    on = ", ".join(_get(d, "depends_on", ()))
+    return Section("What it hangs on", (f"The residual torque hangs on {on}.",)) if on else None
+
+
+def _experiment(d: Any) -> Section | None:
+    text = _get(d, "experiment")
+    return (
+        Section("What to record next", (_sentence(text[0].upper() + text[1:]),)) if text else None
+    )
+
+
+def _sentence(text: str) -> str:
+    return text if text.endswith((".", "!", "?")) else f"{text}."
+
+
+def errors(d: Any) -> Section | None:
+    """The before/after table: declared, refitted, augmented, noise floor."""
+    error, free, torque = (_get(d, k) for k in ("error", "free_error", "torque_error"))
+    rows, footnote = [], ""
+    if error:
+        label = f"{error['signal']} over {error['horizon']:g} s, held out"
+        rows.append(_error_row(d, label, error))
+    if free:
+        star = "*" if free.get("in_sample") else ""
+        scope = f"whole record{star}" if star else "held out"
+        rows.append(_error_row(d, f"{free['signal']} free, {scope}", free))
+        footnote = "* includes samples that the fit has seen." if star else ""
+    if torque:
+        rows.append(_error_row(d, "torque, held out", torque))
+    if not rows:
+        return None
+    head = ("RMS", "unit", "declared", "refitted", "augmented", "noise", "improved")
+    return Section(
+        "Error before and after", _scope(error), Grid(head, "llrrrrr", tuple(rows)), footnote
+    )
+
+
+def _scope(error: Mapping[str, Any] | None) -> tuple[str, ...]:
+    if not error:
+        return ()
+    return (
+        f"Measured minus simulated over {error['samples']} held-out samples, restarted every "
+        f"{error['horizon']:g} s; improvement is counted against the refitted model.",
+    )
+
+
+def _error_row(d: Any, label: str, error: Mapping[str, Any]) -> tuple[str, ...]:
+    keys = ("declared", "refitted", "augmented", "noise_floor")
+    factor, unit = readable([error.get(k) for k in keys], error["unit"])
+    cells = [number(_times(error.get(k), factor), 3) for k in keys]
+    return label, unit, *cells, improvement(d, error)
+
+
+def _times(value: float | None, factor: float) -> float | None:
+    return None if value is None else value * factor
+
+
+def improvement(d: Any, error: Mapping[str, Any]) -> str:
+    """How much smaller the augmented error is than the refitted one; '-' if nothing was added."""
+    before, after = error.get("refitted"), error.get("augmented")
+    if not before or after is None or not _get(d, "effects", ()):
+        return NONE
+    return f"{100 * (1 - after / before):.0f} %" if math.isfinite(after / before) else NONE
+
+
+def readable(values: Iterable[float | None], unit: str) -> tuple[float, str]:
+    """Factor and unit with a prefix (m, u) that bring small SI values near 1."""
+    largest = max((abs(v) for v in values if v is not None and math.isfinite(v)), default=0.0)
+    if unit not in _SMALL or largest >= 0.1 or largest == 0.0:
+        return 1.0, unit
+    return (1e3, f"m{unit}") if largest >= 1e-4 else (1e6, f"u{unit}")
+
+
+def _parameters(d: Any) -> Section | None:
+    shown = {f.name for f in _get(d, "effects", ())}
+    declared = _get(d, "declared")
+    before = declared.values() if declared else {}
+    rows = [
+        (key, number(before.get(key)), *_with_interval(estimate), estimate.unit)
+        for key, estimate in _get(d, "estimates", {}).items()
+        if key.split(".")[0] not in shown
+    ]
+    if not rows:
+        return None
+    head = ("parameter", "declared", "fitted", "95 % interval", "unit")
+    return Section("Fitted parameters", (), Grid(head, "lrrrl", tuple(rows)))
+
+
+def _record(d: Any) -> Section | None:
+    record, model = _get(d, "record"), _get(d, "declared")
+    lines = []
+    if record is not None:
+        facts = record.summary()
+        lines.append(
+            f"{record.source}: {facts['samples']} samples at {facts['rate']:g} Hz, "
+            f"{facts['duration']:g} s, {facts['dropped']} dropped."
+        )
+    if model is not None:
+        lines.append(f"Model: {model.name}, {model.motion}, {model.friction.block.name} friction.")
+    return Section("Record and model", tuple(lines)) if lines else None
+
+
+def _notes(d: Any) -> Section | None:
+    notes = tuple(f"- {_sentence(m)}" for m in _get(d, "messages", ()))
+    return Section("Notes", notes) if notes else None
+
+
+def _get(d: Any, name: str, default: Any = None) -> Any:
+    """An attribute, or the default where it is absent or None (an identification has fewer)."""
+    value = getattr(d, name, None)
+    return default if value is None else value

@@ -1,0 +1,222 @@
+"""The catalogue's effects: parameters drawn for one record, names and order of the contract."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from .hiding import ALL, TURN, Context, Size, effect, either, harmonic, moment, phase
+from .machines import Machine
+
+
+@effect("constant_torque", "torque", "", excitations=ALL)
+def _constant(c, rng):
+    s = either(rng)
+    return Size(lambda x: (s * x,), c.aim)
+
+
+@effect("gravity", "amplitude phase", "theta", only="rotary")
+def _gravity(c, rng):
+    phi = phase(rng)
+    return Size(lambda x: (x, phi), c.scaled(np.sin(c.theta + phi)))
+
+
+@effect("torque_ripple", "amplitude harmonic phase", "theta")
+def _ripple(c, rng):
+    n, phi = harmonic(c, rng), phase(rng)
+    return Size(lambda x: (x, n, phi), c.scaled(np.sin(n * c.theta + phi)))
+
+
+@effect("position_dependent_friction", "ratio harmonic phase", "theta w")
+def _position_friction(c, rng):
+    n, phi = harmonic(c, rng, 1, 8), phase(rng)
+    return Size(lambda x: (x, n, phi), 1.4 * c.target, high=0.9)
+
+
+@effect("coulomb_asymmetry", "ratio", "w", excitations=ALL)
+def _coulomb(c, rng):
+    s = either(rng)
+    return Size(lambda x: (s * x,), c.target, high=0.8)
+
+
+@effect("viscous_asymmetry", "ratio", "w")
+def _viscous(c, rng):
+    s = either(rng)
+    return Size(lambda x: (s * x,), min(0.9, c.scaled(c.machine.Fv * c.w)), high=0.9)
+
+
+@effect("quadratic_drag", "coefficient", "w")
+def _quadratic(c, rng):
+    return Size(lambda x: (x,), c.scaled(c.w**2))
+
+
+@effect("thermal_drift", "ratio time_constant", "t w", excitations=ALL)
+def _thermal(c, rng):
+    s, tau = (-1.0 if rng.random() < 0.75 else 1.0), c.t[-1] * float(rng.uniform(0.15, 0.5))
+    return Size(lambda x: (s * x, tau), 1.4 * c.target, high=0.75)
+
+
+@effect("load_dependent_friction", "coefficient", "theta w", only="load")
+def _load(c, rng):
+    load = c.machine.load_peak * np.sin(c.theta + c.machine.load[2])
+    return Size(lambda x: (x,), c.scaled(load), high=2.0)
+
+
+@effect("dwell_stiction", "ratio time_constant", "w t", excitations=("stopgo",))
+def _dwell(c, rng):
+    tau = float(np.exp(rng.uniform(np.log(0.1), np.log(0.8))))
+    return Size(lambda x: (x, tau), 0.6, high=1.5)
+
+
+def _stribeck_truth(m: Machine, excess: float) -> Machine:
+    # bristles so stiff that only the static map is left to see
+    sigma0 = 12.0 * m.sigma0
+    return replace(
+        m,
+        Fs=m.Fc + excess,
+        Fs_twin=m.Fc,
+        sigma0=sigma0,
+        sigma1=0.8 * np.sqrt(sigma0 * m.J),
+        vs=0.08 * m.w_max,
+    )
+
+
+@effect("stribeck", "Fs vs", "w", excitations=("sparse", "stopgo", "moves"), declared="coulomb")
+def _stribeck(c, rng):
+    m, vs = c.machine, 0.08 * c.machine.w_max
+    return Size(lambda x: (m.Fc + x, vs), 0.4 * m.Fc, high=2.0 * m.Fc, friction=_stribeck_truth)
+
+
+def _presliding_truth(m: Machine, sigma0: float) -> Machine:
+    sigma1 = 0.5 * np.sqrt(sigma0 * m.J)
+    return replace(m, sigma0=sigma0, sigma1=sigma1, twin_static=True)
+
+
+@effect("presliding", "sigma0 sigma1", "w", excitations=ALL, declared="stribeck")
+def _presliding(c, rng):
+    m = c.machine
+
+    def build(sigma0):
+        return sigma0, 0.5 * float(np.sqrt(sigma0 * m.J))
+
+    low, high = 0.003 * m.sigma0, 5.0 * m.sigma0
+    return Size(build, 0.1 * m.sigma0, low, high, -0.7, _presliding_truth)
+
+
+def _timing(c: Context, shape: Callable[[float], np.ndarray], low: float, high: float) -> float:
+    """First guess of a time from the effect-free run."""
+    probe = 3e-3
+    rms = float(np.sqrt(np.mean(shape(probe) ** 2)))
+    return float(np.clip(probe * c.aim / max(rms, 1e-12), low, high))
+
+
+def _late_torque(c: Context):
+    return lambda T: c.u - np.interp(c.t - T, c.t, c.u)
+
+
+@effect("input_delay", "delay", "u", late=True)
+def _delay(c, rng):
+    high = max(0.01, 2.5 / c.rate)
+    start = _timing(c, _late_torque(c), 1e-3, high)
+    return Size(lambda x: (round(x / c.fine) * c.fine,), start, 5e-4, high)
+
+
+@effect("actuator_lag", "time_constant", "u", late=True)
+def _lag(c, rng):
+    high = max(0.016, 4.0 / c.rate)
+    return Size(lambda x: (x,), _timing(c, _late_torque(c), 1e-3, high), 5e-4, high)
+
+
+@effect("velocity_sensor_lag", "time_constant", "w", only="tacho", late=True)
+def _sensor(c, rng):
+    def shape(T):
+        return c.machine.J * np.gradient(c.w - np.interp(c.t - T, c.t, c.w), c.t)
+
+    return Size(lambda x: (x,), _timing(c, shape, 1e-3, 0.016), 5e-4, 0.016)
+
+
+@effect("actuator_saturation", "limit", "u", excitations=("rich", "torque"))
+def _saturation(c, rng):
+    m, u = c.machine, np.abs(c.u)
+    floor = 1.15 * (m.Fs + m.load_peak)
+    levels = np.linspace(0.999, 0.2, 80) * float(u.max())
+    rms = [np.sqrt(np.mean(np.maximum(0.0, u - level) ** 2)) for level in levels]
+    start = max(floor, float(np.interp(c.aim, rms, levels)))
+    return Size(lambda x: (x,), start, floor, max(floor, float(u.max())), -4.0)
+
+
+@effect("actuator_dead_zone", "half_width", "u", excitations=ALL)
+def _dead_zone(c, rng):
+    return Size(lambda x: (x,), c.aim, high=0.6 * float(np.max(np.abs(c.u))))
+
+
+@effect("return_spring", "stiffness rest", "theta")
+def _spring(c, rng):
+    middle, span = 0.5 * (c.theta.max() + c.theta.min()), np.ptp(c.theta)
+    rest = float(middle + rng.uniform(-0.3, 0.3) * span)
+    return Size(lambda x: (x, rest), c.scaled(c.theta - rest))
+
+
+@effect("hard_stop", "position stiffness side", "theta")
+def _stop(c, rng):
+    side, span = either(rng), float(np.ptp(c.theta))
+    edge = float(c.theta.max() if side > 0 else c.theta.min())
+    k = float(rng.uniform(2.0, 8.0)) * c.friction / (0.1 * span)
+    depth = np.linspace(0.005, 0.45, 90) * span
+    rms = [np.sqrt(np.mean(np.maximum(0, side * (c.theta - edge) + d) ** 2)) for d in depth]
+    start = float(np.interp(c.aim, k * np.array(rms), depth))
+    return Size(lambda x: (edge - side * x, k, side), start, 0.003 * span, 0.6 * span, 1.6)
+
+
+def _second_mass(c: Context, rng) -> tuple[float, float, float]:
+    """First guess of the load inertia, frequency of its spring with the motor held, damping."""
+    start = float(np.clip(c.scaled(c.acceleration), 0.05 * c.machine.J, 2.0 * c.machine.J))
+    omega = TURN * float(rng.uniform(10.0, min(40.0, c.rate / 12.0)))
+    return start, omega, float(rng.uniform(0.03, 0.12))
+
+
+@effect("elastic_coupling", "load_inertia stiffness damping", "w u")
+def _elastic(c, rng):
+    start, omega, zeta = _second_mass(c, rng)
+    j = c.machine.J
+    return Size(lambda x: (x, x * omega**2, 2.0 * zeta * x * omega), start, 0.03 * j, 2.0 * j, 1.0)
+
+
+@effect("backlash", "load_inertia gap stiffness damping", "w u")
+def _backlash(c, rng):
+    start, omega, zeta = _second_mass(c, rng)
+    j, omega = c.machine.J, 2.0 * omega
+    gap = float(np.ptp(c.theta)) * float(np.exp(rng.uniform(np.log(0.002), np.log(0.01))))
+    return Size(
+        lambda x: (x, gap, x * omega**2, 4.0 * zeta * x * omega), start, 0.03 * j, 2.0 * j, 1.0
+    )
+
+
+@effect("inertia_step", "ratio time", "t w")
+def _inertia(c, rng):
+    s, t0 = (1.0 if rng.random() < 0.7 else -1.0), moment(c, rng)
+    start = c.scaled(c.machine.J * c.acceleration * (c.t >= t0))
+    top = 2.0 if s > 0 else 0.6
+    return Size(lambda x: (s * x, t0), min(start, top), high=top)
+
+
+@effect("friction_step", "ratio time", "t w", excitations=ALL)
+def _friction(c, rng):
+    s, t0 = either(rng), moment(c, rng)
+    return Size(lambda x: (s * x, t0), 1.5 * c.target, high=1.5 if s > 0 else 0.75)
+
+
+@effect("periodic_disturbance", "amplitude frequency phase", "t", excitations=ALL)
+def _periodic(c, rng):
+    f = float(np.exp(rng.uniform(np.log(0.7), np.log(min(20.0, c.rate / 10.0)))))
+    phi = phase(rng)
+    return Size(lambda x: (x, f, phi), np.sqrt(2.0) * c.aim)
+
+
+@effect("encoder_eccentricity", "amplitude phase", "theta w", only="rotary")
+def _eccentric(c, rng):
+    phi = phase(rng)
+    change = np.cos(c.theta + phi) * c.acceleration - np.sin(c.theta + phi) * c.w**2
+    return Size(lambda x: (x, phi), min(0.15, c.scaled(c.machine.J * change)), high=0.15)

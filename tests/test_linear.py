@@ -1,0 +1,215 @@
+"""L2 gain, bandwidth and the loops' transfer functions, against closed forms and control."""
+
+import json
+import math
+import warnings
+from fractions import Fraction as Q
+from types import SimpleNamespace
+
+import control as ct
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from lugrectl.errors import InputError
+from lugrectl.linear import (
+    UnstableLoopWarning,
+    bandwidth,
+    bandwidth_check,
+    l2_check,
+    position_loop_tf,
+    position_T,
+    spr_check,
+    velocity_loop_tf,
+    velocity_T,
+)
+
+P = SimpleNamespace(J=0.0022, sigma0=260.0, sigma1=0.6, Fc=0.285, Fs=0.335, Fv=0.018, vs=0.01)
+HZ = 2 * np.pi
+
+
+def parameters(**changes):
+    return SimpleNamespace(**{**vars(P), **changes})
+
+
+# --- L2 gain -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("K2", [22.0, -22.0, 0.0, 0.5, 0.95, 1e4])
+def test_l2_gain_is_the_h_infinity_norm(K2):
+    verdict = l2_check(P, K2=K2)
+    norm = ct.norm(ct.tf([P.J, K2], [P.sigma1, P.sigma0]), "inf", print_warning=False)
+    assert verdict and verdict.gain == pytest.approx(norm, rel=1e-6)
+    assert verdict.frequency == (0 if abs(K2) / 260 > 0.0022 / 0.6 else math.inf)
+
+
+@pytest.mark.parametrize(
+    ("changes", "K2", "gain", "frequency"),
+    [
+        ({"sigma1": 0.0}, 22.0, math.inf, math.inf),
+        ({"sigma0": 0.0}, 22.0, math.inf, 0.0),
+        ({"sigma0": 0.0}, 0.0, 0.0022 / 0.6, 0.0),
+        ({"sigma0": 256.0, "sigma1": 0.5, "J": 0.25}, 128.0, 0.5, 0.0),  # pole meets zero
+        ({"sigma0": 256.0, "sigma1": 0.5, "J": 0.25}, -128.0, 0.5, 0.0),  # all-pass
+        ({"sigma1": -0.6}, 22.0, math.inf, math.nan),
+        ({"sigma0": -256.0, "sigma1": 0.5, "J": 0.25}, -128.0, math.inf, math.nan),
+        ({"sigma0": -260.0, "sigma1": -0.6}, 22.0, 22 / 260, 0.0),
+        ({"sigma0": 1e-300}, 1e300, math.inf, 0.0),
+    ],
+)
+def test_l2_edge_cases(changes, K2, gain, frequency):
+    verdict = l2_check(parameters(**changes), K2=K2)
+    assert verdict.gain == pytest.approx(gain, rel=1e-15)
+    assert bool(verdict) == math.isfinite(gain)
+    assert verdict.frequency == frequency or math.isnan(verdict.frequency) == math.isnan(frequency)
+    assert verdict.reason
+
+
+@pytest.mark.parametrize(
+    ("changes", "K2", "word"),
+    [
+        ({"sigma0": 0.0, "sigma1": 0.0}, 1.0, "denominator"),
+        ({"sigma0": None}, 1.0, "sigma0"),
+        ({"J": math.nan}, 1.0, "J"),
+        ({}, math.inf, "K2"),
+        ({}, "22", "K2"),
+    ],
+)
+def test_l2_says_what_is_wrong(changes, K2, word):
+    with pytest.raises(InputError, match=word):
+        l2_check(parameters(**changes), K2=K2)
+
+
+# --- bandwidth ---------------------------------------------------------------------------
+
+
+def test_bandwidth_of_the_velocity_loop():
+    T = velocity_loop_tf(P, kp=1.6, ki=0.16)
+    assert bandwidth(T) / HZ == pytest.approx(115.5, abs=0.05)
+    assert bandwidth(T, "half-power") / HZ == pytest.approx(115.8, abs=0.05)
+    assert bandwidth(T) == pytest.approx(ct.bandwidth(T), rel=1e-9)
+    assert bandwidth(T, -6) == pytest.approx(ct.bandwidth(T, -6), rel=1e-9)
+    c, J, kp, ki = 10**-0.3, P.J, 1.6, 0.16
+    x = np.roots([c * J**2, c * (kp**2 - 2 * J * ki) - kp**2, -(1 - c) * ki**2]).max()
+    assert bandwidth(T) == pytest.approx(math.sqrt(x), rel=1e-12)
+
+
+def test_bandwidth_warns_of_the_unstable_position_loop():
+    T = position_loop_tf(P, kp=15, ki=1.55)
+    with pytest.warns(UnstableLoopWarning, match=r"\+0\.05167 \+- 82\.57j, -0\.1033"):
+        value = bandwidth(T)
+    assert value / HZ == pytest.approx(20.4, abs=0.05)
+    verdict = bandwidth_check(T)
+    assert not verdict and not verdict.stable and verdict.bandwidth == value
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert bandwidth_check(position_loop_tf(P, kp=15, ki=1.55, kd=0.1))
+
+
+def test_loops_by_feedback():
+    s = ct.tf("s")
+    w = np.array([0.1, 3.0, 80.0, 900.0])
+    for tau, i in ((None, 1 / s), (0.05, 1 / (0.05 * s + 1))):
+        C = 15 + 1.55 * i
+        inner = ct.feedback(1 / (P.J * s**2), 0.4 * s)
+        cases = [
+            (position_loop_tf(P, 15, 1.55, 0.4, tau), ct.feedback(C * inner, 1)),
+            (velocity_loop_tf(P, 15, 1.55, tau=tau), ct.feedback(C / (P.J * s), 1)),
+            (velocity_loop_tf(P, 15, 1.55, 0.4, tau), ct.feedback(C / ((P.J + 0.4) * s), 1)),
+            (position_T(P, 15, 1.55, 0.4, tau), (0.6 * s + 260) / (P.J * s**2 + C + 0.4 * s)),
+            (velocity_T(P, 15, 1.55, 0.4, tau), (0.6 * s + 260) / (P.J * s + C + 0.4 * s)),
+        ]
+        for ours, reference in cases:
+            np.testing.assert_allclose(ours(1j * w), reference(1j * w), rtol=1e-9)
+        with_prefilter = position_loop_tf(P, 15, 1.55, 0.4, tau, prefilter=True)
+        np.testing.assert_allclose(with_prefilter(2j), cases[0][0](2j) * 2 / (2j + 2), rtol=1e-12)
+
+
+def test_no_integral_action_leaves_no_pole_at_zero():
+    assert velocity_loop_tf(P, kp=1.6).poles() == pytest.approx([-1.6 / P.J])
+
+
+def test_loops_refuse_bad_gains():
+    with pytest.raises(InputError, match="tau is -1 s"):
+        position_T(P, kp=1, ki=1, tau=-1)
+    with pytest.raises(InputError, match="kp"):
+        velocity_loop_tf(P, kp=math.nan)
+    with pytest.raises(InputError, match="no denominator"):
+        velocity_T(parameters(J=0.0))
+
+
+def level_ratio(T, w):
+    return abs(T(1j * w)) / abs(T(0))
+
+
+@pytest.mark.parametrize(
+    ("num", "den", "expected"),
+    [
+        ([-1], [1, 1], math.sqrt(10**0.3 - 1)),  # negative DC gain
+        ([1, 0], [1, 1], math.nan),  # zero DC gain
+        ([0], [1, 1], math.nan),
+        ([1], [1, 0], math.nan),  # infinite DC gain
+        ([1, 0], [1, 1, 0], math.sqrt(10**0.3 - 1)),  # common s
+        ([1, 1], [1, 1.1], math.inf),
+        ([2], [1], math.inf),
+        ([1, 1], [1], math.inf),  # improper
+        ([1], [1e-9, 1], 1e9 * math.sqrt(10**0.3 - 1)),
+    ],
+)
+def test_bandwidth_edge_cases(num, den, expected):
+    assert bandwidth(ct.tf(num, den)) == pytest.approx(expected, rel=1e-13, nan_ok=True)
+    assert bool(bandwidth_check((num, den))) == math.isfinite(expected)
+
+
+def test_bandwidth_lists_every_crossing_and_skips_a_touch():
+    notch = ct.tf([1, 0.1, 1], [1, 2, 1])
+    verdict = bandwidth_check(notch)
+    assert verdict.bandwidth == verdict.crossings[0] < 1 < verdict.crossings[1]
+    assert len(verdict.crossings) == 2
+    for w in verdict.crossings:
+        assert level_ratio(notch, w) == pytest.approx(10**-0.15, rel=1e-12)
+    # |n|^2 - |n(0)|^2 |d|^2 / 2 = (7 x - 1)^2 / 50: a touch of half power at x = 1/7
+    den = [1, 2, 1]
+    assert bandwidth([[1, Q(2, 5), Q(1, 5)], den], "half-power") == math.inf
+    assert len(bandwidth_check([[1, Q(399, 1000), Q(1, 5)], den], "half-power").crossings) == 2
+
+
+positives = st.integers(1, 40).map(lambda k: Q(k, 4))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(positives, min_size=1, max_size=4), st.lists(positives, max_size=3), positives)
+def test_bandwidth_agrees_with_control_on_stable_systems(poles, zeros, gain):
+    assume(len(zeros) < len(poles))
+    T = ct.zpk([-float(z) for z in zeros], [-float(q) for q in poles], float(gain))
+    verdict = bandwidth_check(T)
+    assert (
+        verdict
+        and verdict.stable
+        and level_ratio(T, verdict.bandwidth) == pytest.approx(10**-0.15, rel=1e-9)
+    )
+    before = np.linspace(0, verdict.bandwidth, 200, endpoint=False)[1:]
+    assert level_ratio(T, before).min() > 10**-0.15 * (1 - 1e-9)
+
+
+def test_bandwidth_refuses_unknown_levels():
+    for level in ("3dB", 3.0, math.nan):
+        with pytest.raises(InputError, match="[Ll]evel"):
+            bandwidth_check(([1], [1, 1]), level)
+
+
+# --- verdicts ----------------------------------------------------------------------------
+
+
+def test_verdicts_print_and_sum_up():
+    loop = position_loop_tf(P, kp=15, ki=1.55)
+    for verdict in (l2_check(P, K2=22), spr_check(position_T(P, kp=15)), bandwidth_check(loop)):
+        summary = verdict.summary()
+        assert json.loads(json.dumps(summary)) == summary
+        assert summary["holds"] is bool(verdict)
+        assert verdict.reason in str(verdict)
+        assert verdict._repr_html_().startswith("<pre>") and "<  0" not in verdict._repr_html_()
+        with pytest.raises(AttributeError):
+            verdict.reason = "other"
+    assert "Re T(jw) &lt; 0" in spr_check(position_T(P, kp=15))._repr_html_()

@@ -1,0 +1,308 @@
+"""Strict positive realness against closed forms, a dense grid and its own invariances."""
+
+import math
+from decimal import Decimal
+from fractions import Fraction as Q
+from types import SimpleNamespace
+
+import control as ct
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from lugrectl.errors import InputError
+from lugrectl.linear import bandwidth_check, position_T, spr_check, velocity_T
+
+P = SimpleNamespace(J=0.0022, sigma0=260.0, sigma1=0.6, Fc=0.285, Fs=0.335, Fv=0.018, vs=0.01)
+
+
+def parameters(**changes):
+    return SimpleNamespace(**{**vars(P), **changes})
+
+
+# --- SPR: known answers ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("num", "den", "kind", "margin", "edge"),
+    [
+        ([1], [1, 1], "SPR", 1, math.inf),
+        ([1, 2], [1, 1], "SPR", 1, math.inf),  # pole reaches the axis first
+        ([1, 1], [1, 2], "SPR", 1, math.inf),  # zero does
+        ([1, 1], [1], "SPR", 1, math.inf),  # relative degree -1
+        ([3], [1], "SPR", math.inf, math.inf),
+        ([1, 3, 2], [1, 3, 2], "SPR", math.inf, math.inf),  # all cancels
+        ([1, 1], [1, 1, 1], "WSPR", 0, math.inf),  # P = 1: w^2 Re T -> 0
+        ([1, 1, 1], [1, 1], "WSPR", 0, math.inf),  # its inverse: T(s - eps) -> -eps
+        ([1], [1, 0], "PR", 0, 0),
+        ([1, 0], [1, 0], "SPR", math.inf, math.inf),  # the common s goes first
+        ([1, 0], [1, 0, 1], "PR", 0, 0),
+        ([1, 1, 1], [1, 1, 0], "PR", 0, math.inf),  # 1/s + s/(s + 1)
+        ([2, 1, 1], [1, 1, 1, 1], "PR", 0, math.inf),  # 1/(s + 1) + s/(s^2 + 1)
+        ([1, 0, 1], [1, 1, 1], "PR", 0, 1),  # double root of P: a touch
+        ([0], [1, 1], "PR", 0, 0),
+        ([-1], [1, 1], "not PR", 0, 0),
+        ([1], [1, -1], "not PR", 0, 0),
+        ([-1, 0], [1, 0, 1], "not PR", 0, 0),  # residue -1/2 at +-j
+        ([-1], [1, 0], "not PR", 0, 0),
+        ([-1, 1], [1], "not PR", 0, math.inf),  # Re T = 1, but -s
+        ([1, 0, 1, 0], [1, 0, 0, 0, 0], "not PR", 0, 0),  # repeated pole at 0
+        ([1, 0, 1, 1], [1, 0, 2, 0, 1], "not PR", 0, math.inf),  # s/(s^2 + 1) + 1/(s^2 + 1)^2
+        ([1], [1, 2, 1], "not PR", 0, 1),
+        ([1, 2, 3], [1], "not PR", 0, math.sqrt(3)),
+        ([1, 1], [1, 0, 4], "not PR", 0, 2),  # band ended by a pole, not by a root
+    ],
+)
+def test_spr_known_answers(num, den, kind, margin, edge):
+    verdict = spr_check((num, den))
+    assert verdict.classification == kind
+    assert bool(verdict) == (kind == "SPR")
+    assert verdict.margin == pytest.approx(margin, rel=1e-13)
+    assert verdict.band_edge == pytest.approx(edge, rel=1e-13)
+    assert verdict.reason.startswith(kind) and verdict.reason.endswith(".")
+
+
+def test_spr_inverse_of_a_wspr_loses_real_part_under_any_shift():
+    for eps in (1e-1, 1e-3, 1e-6):
+        s = 1j * 1e6 - eps
+        assert (s + 1 / (s + 1)).real < 0
+
+
+@pytest.mark.parametrize(
+    ("gains", "kind"),
+    [
+        ({"kp": 15}, "not PR"),
+        ({"kp": 15, "ki": 1.55}, "not PR"),
+        ({"kp": 15, "kd": 0.953}, "not PR"),
+        ({"kp": 15, "kd": 0.955}, "SPR"),
+        ({"kp": 0, "kd": 0.955}, "PR"),  # pole at 0
+        ({"kp": -15, "kd": 0.955}, "not PR"),
+        ({"kp": 15, "kd": 0.955, "ki": 1.55}, "PR"),  # zero at 0
+        ({"kp": 15, "kd": 0.953, "ki": 1.55}, "not PR"),
+        ({"kp": 15, "kd": 0.955, "ki": 1e4}, "not PR"),  # Kd Kp < J Ki
+        ({"kp": 15, "kd": 0.955, "ki": 1.55, "tau": 0.01}, "SPR"),
+        ({"kp": 15, "kd": 0.953, "ki": 1.55, "tau": 0.01}, "not PR"),
+        ({"kp": 15, "kd": 0.955, "ki": 600, "tau": 0.01}, "not PR"),
+        ({"kp": 15, "kd": 0.955, "ki": 1.55, "tau": 0}, "PR"),
+    ],
+)
+def test_spr_of_position_controllers(gains, kind):
+    verdict = spr_check(position_T(P, **gains))
+    assert verdict.classification == kind, verdict.reason
+
+
+def test_spr_names_band_edge_limit_and_poles():
+    short = spr_check(position_T(P, kp=15, kd=0.953))
+    assert short.band_edge == pytest.approx(math.sqrt(260 * 15 / (260 * 0.0022 - 0.6 * 0.953)))
+    assert "w^2 Re T(jw) tends to -41.3223" in short.reason and "4415.88" in short.reason
+    assert spr_check(position_T(P, kp=15)).band_edge == pytest.approx(math.sqrt(15 / 0.0022))
+    assert "0.05167 +- 82.57j" in spr_check(position_T(P, kp=15, ki=1.55)).reason
+
+
+@pytest.mark.parametrize(("kp", "kd"), [(15, 0.955), (15, 1.2), (0.5, 2.0), (900, 30.0)])
+def test_spr_margin_of_pd_closed_form(kp, kd):
+    # T(s - eps): sigma1 Kd - sigma0 J - sigma1 J eps >= 0, poles and zero left of the axis
+    poles = np.roots([P.J, kd, kp]).real
+    expected = min(kd / P.J - P.sigma0 / P.sigma1, P.sigma0 / P.sigma1, -poles.max())
+    assert spr_check(position_T(P, kp=kp, kd=kd)).margin == pytest.approx(expected, rel=1e-11)
+
+
+def test_spr_filtered_pid_agrees_with_the_conditions_of_the_notes():
+    rng = np.random.default_rng(3)
+    seen = set()
+    for kp, kd, ki, tau in 10 ** rng.uniform([0, -0.3, 0, -3], [2, 0.3, 4, 0], (100, 4)):
+        a = P.sigma1 * kd - P.sigma0 * P.J
+        b = a - P.sigma1 * ki * tau + P.sigma0 * kp * tau**2
+        poles = np.roots([P.J * tau, P.J + kd * tau, kd + kp * tau, kp + ki])
+        roots = np.roots([a * tau**2, b, P.sigma0 * (kp + ki)])
+        touches = np.any((np.abs(roots.imag) < 1e-12) & (roots.real > 0))
+        expected = a > 0 and not touches and poles.real.max() < 0
+        assert bool(spr_check(position_T(P, kp, ki, kd, tau))) == expected
+        seen.add(expected)
+    assert seen == {True, False}
+
+
+def test_spr_leaky_integral_is_possible():
+    leak, ki, kp, kd = 0.5, 1.55, 15, 0.955
+    T = ([P.sigma1, P.sigma0 + P.sigma1 * leak, P.sigma0 * leak],
+         [P.J, kd + P.J * leak, kp + kd * leak, ki + kp * leak])  # fmt: skip
+    assert spr_check(T)
+    assert spr_check(position_T(P, kp, ki / leak, kd, 1 / leak))  # the same controller
+
+
+@pytest.mark.parametrize(
+    ("gains", "kind"),
+    [
+        ({"kp": 1.6}, "SPR"),
+        ({"kp": 1.6, "ki": 0.16}, "PR"),
+        ({"kp": 0.01, "ki": 260 * 0.01 / 0.6 * 0.999}, "PR"),
+        ({"kp": 0.01, "ki": 260 * 0.01 / 0.6 * 1.001}, "not PR"),
+        ({"kp": -1.6}, "not PR"),
+        ({}, "PR"),  # (sigma1 s + sigma0)/(J s)
+    ],
+)
+def test_spr_of_velocity_controllers(gains, kind):
+    assert spr_check(velocity_T(P, **gains)).classification == kind
+
+
+def test_spr_exact_equality():
+    # sigma1 Kd = sigma0 J: weakly SPR when it holds exactly, as in binary fractions
+    p = parameters(J=0.25, sigma0=2.0, sigma1=0.5)
+    assert spr_check(position_T(p, kp=1, kd=1)).classification == "WSPR"
+    assert spr_check(velocity_T(p, kp=0.25, ki=1)).classification == "PR"
+    # decimals: exact as fractions or Decimal, a matter of rounding as floats
+    J, s0, s1 = Q("0.0022"), Q(260), Q("0.6")
+    assert spr_check(([s1, s0], [J, s0 * J / s1, 15])).classification == "WSPR"
+    decimal = ([Decimal("0.6"), 260], [Decimal("0.0022"), Decimal("0.9533"), 15])
+    assert spr_check(decimal).classification == "not PR"
+    near = spr_check(position_T(P, kp=15, kd=260 * 0.0022 / 0.6))
+    assert near.margin < 1e-9 and "rounding of the inputs decides" in near.reason
+
+
+def test_spr_of_state_space_is_exact_and_drops_hidden_modes():
+    T = ct.tf2ss(position_T(P, kp=15, kd=0.955))
+    assert spr_check(T).margin == pytest.approx(0.955 / 0.0022 - 260 / 0.6, rel=1e-9)
+    hidden = ct.ss([[-1, 0], [0, 5]], [[1], [0]], [[1, 1]], 0)  # 1/(s + 1), 5 is not reached
+    assert spr_check(hidden).margin == 1
+    assert spr_check(ct.ss([], [], [], [[2.0]])).margin == math.inf
+
+
+@pytest.mark.parametrize(
+    ("T", "word"),
+    [
+        (ct.tf([1], [1, 0.5], 0.01), "discrete-time"),
+        (ct.ss(0.5, 1, 1, 0, True), "discrete-time"),
+        (ct.ss(-np.eye(2), np.eye(2), np.eye(2), 0), "2 inputs"),
+        (ct.frd([1, 2], [1, 2]), "FrequencyResponseData"),
+        (([1], [0, 0]), "denominator of T"),
+        (([1], [1, math.nan]), "denominator"),
+        (([1j], [1, 1]), "numerator"),
+        (("12", "34"), "numerator"),
+        (([[1, 2]], [1, 1]), "numerator"),
+        (3.0, "float"),
+    ],
+)
+def test_transfer_functions_that_cannot_be_understood(T, word):
+    for check in (spr_check, bandwidth_check):
+        with pytest.raises(InputError, match=word):
+            check(T)
+
+
+# --- SPR: properties ---------------------------------------------------------------------
+
+coefficients = st.integers(-9, 9).map(lambda k: Q(k, 2))
+positives = st.integers(1, 40).map(lambda k: Q(k, 4))
+
+
+def convolve(a, b):
+    return [sum(a[i] * b[k - i] for i in range(len(a)) if 0 <= k - i < len(b))
+            for k in range(len(a) + len(b) - 1)]  # fmt: skip
+
+
+def total(T, U):
+    left, right = convolve(T[0], U[1]), convolve(U[0], T[1])
+    size = max(len(left), len(right))
+    pad = [[Q(0)] * (size - len(x)) + list(x) for x in (left, right)]
+    return [x + y for x, y in zip(*pad, strict=True)], convolve(T[1], U[1])
+
+
+@st.composite
+def anything(draw):
+    """Any T up to order 5: mostly not positive real."""
+    den = [draw(positives), *draw(st.lists(coefficients, min_size=0, max_size=5))]
+    return draw(st.lists(coefficients, min_size=1, max_size=len(den) + 1)), den
+
+
+@st.composite
+def near_passive(draw):
+    """A few passive terms, less a constant or plus a lag: near the border of PR."""
+    T = [draw(coefficients.map(abs)) - draw(st.sampled_from([0, 0, Q(1, 8)]))], [Q(1)]
+    for _ in range(draw(st.integers(1, 2))):
+        a, b, c = draw(positives), draw(positives), draw(positives)
+        rlc, rc = ([c, Q(0)], [Q(1), a, b]), ([c], [Q(1), a])
+        T = total(T, draw(st.sampled_from([rlc, rc])))
+    return T if draw(st.booleans()) else (T[0], convolve(T[1], [draw(positives) / 40, Q(1)]))
+
+
+transfers = st.one_of(anything(), near_passive())
+
+
+def on_grid(T):
+    """Rightmost pole and cos(arg T(jw)) over a dense grid with the corner frequencies in it."""
+    num, den = ([float(c) for c in x] for x in T)
+    poles = np.roots(den)
+    corners = np.abs(np.concatenate([poles, np.roots(num)]))
+    w = np.concatenate([np.geomspace(1e-4, 1e4, 20001), corners[corners > 0]])
+    with np.errstate(all="ignore"):
+        values = np.polyval(num, 1j * w) / np.polyval(den, 1j * w)
+        cosine = values.real / np.abs(values)
+    degree = len(den) - len(np.trim_zeros(num, "f"))
+    pole = max(poles.real, default=-math.inf)
+    if degree < -1 or (degree == -1 and np.trim_zeros(num, "f")[0] < 0):
+        pole = math.inf  # at infinity, repeated or with a negative residue
+    return pole, cosine[np.isfinite(cosine)], degree
+
+
+def reduced(T):
+    """Whether np.roots sees a common root (then the grid's poles are not T's)."""
+    poles, zeros = (np.roots([float(c) for c in x]) for x in T)
+    return np.any(np.abs(poles[:, None] - zeros[None, :]) < 1e-2)
+
+
+@settings(max_examples=300, deadline=None)
+@given(transfers)
+def test_spr_never_disagrees_with_a_decisive_grid(T):
+    assume(any(T[0]) and not reduced(T))
+    verdict = spr_check(T)
+    pole, cosine, degree = on_grid(T)
+    if pole > 1e-3 or cosine.min() < -1e-6:
+        assert verdict.classification == "not PR", verdict.reason
+    elif pole < -1e-3 and cosine.min() > 1e-6:
+        at_rest = ("SPR", "WSPR") if T[0][-1] else ("PR",)  # a zero at s = 0
+        assert verdict.classification in at_rest, verdict.reason
+        assert verdict.band_edge == math.inf
+        if degree == 0 and T[0][-1]:
+            assert verdict and verdict.margin > 0
+
+
+@settings(max_examples=100, deadline=None)
+@given(transfers, positives, positives)
+def test_spr_is_invariant_under_positive_scaling_and_time_scaling(T, gain, rate):
+    verdict = spr_check(T)
+    faster = [[c / rate ** (len(x) - 1 - i) for i, c in enumerate(x)] for x in T]  # T(s/rate)
+    for other, factor in (([[gain * c for c in T[0]], T[1]], 1), (faster, float(rate))):
+        again = spr_check(other)
+        assert again.classification == verdict.classification
+        assert again.margin == pytest.approx(factor * verdict.margin, rel=1e-12)
+        assert again.band_edge == pytest.approx(factor * verdict.band_edge, rel=1e-12)
+
+
+@settings(max_examples=60, deadline=None)
+@given(near_passive())
+def test_spr_margin_is_where_positive_realness_ends(T):
+    margin = spr_check(T).margin
+    if not 0 < margin < math.inf:
+        return
+
+    def shifted(eps):
+        def expand(x):
+            out = [Q(0)]
+            for c in x:
+                out = convolve(out, [Q(1), -Q(eps)])
+                out[-1] += c
+            return out
+
+        return spr_check(tuple(expand(x) for x in T)).classification
+
+    assert shifted(margin * (1 - 1e-6)) != "not PR"
+    assert shifted(margin * (1 + 1e-6)) == "not PR"
+
+
+@settings(max_examples=100, deadline=None)
+@given(transfers)
+def test_spr_of_the_inverse(T):
+    assume(any(T[0]))
+    verdict, inverse = spr_check(T), spr_check((T[1], T[0]))
+    assert verdict.classification == inverse.classification
+    assert verdict.margin == pytest.approx(inverse.margin, rel=1e-12)
