@@ -1,16 +1,81 @@
-"""Friction in servo drives: blocks for python-control, observers, checks, and diagnosis."""
+"""Friction in servo drives: blocks for python-control, observers, checks, and diagnosis of logs.
 
-from .blocks.plant import plant
-from .errors import InputError, Refused
-from .model import Model, Parameters, read_model, table1, write_model
+Names are loaded on first use, so that the command line starts quickly.
+"""
 
-__all__ = [
-    "InputError",
-    "Model",
-    "Parameters",
-    "Refused",
-    "plant",
-    "read_model",
-    "table1",
-    "write_model",
-]
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "block": "block P",
+    "blocks.controllers": "compensation error feedforward pi pid prefilter",
+    "blocks.library": "effect friction",
+    "blocks.observers": "existing_observer natural_observer proposed_observer",
+    "blocks.plant": "plant",
+    "diagnose": "diagnose",
+    "errors": "InputError Refused",
+    "identify": "identify",
+    "linear": "bandwidth bandwidth_check l2_check position_T position_loop_tf spr_check "
+    "velocity_T velocity_loop_tf",
+    "loops": "position_loop velocity_loop",
+    "model": "Model Parameters read_model table1 write_model",
+    "record": "Record read_record",
+    "results": "Diagnosis",
+    "simulate": "simulate",
+}
+_HOME = {name: home for home, names in _HOMES.items() for name in names.split()}
+
+__all__ = sorted([*_HOME, "__version__"])  # pyright: ignore[reportUnsupportedDunderAll]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'lugrectl' has no attribute '{name}'")
+    value = getattr(import_module(f".{_HOME[name]}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return __all__
+
+
+if TYPE_CHECKING:
+    from .block import P, block  # noqa: F401
+    from .blocks.controllers import (  # noqa: F401
+        compensation,
+        error,
+        feedforward,
+        pi,
+        pid,
+        prefilter,
+    )
+    from .blocks.library import effect, friction  # noqa: F401
+    from .blocks.observers import (  # noqa: F401
+        existing_observer,
+        natural_observer,
+        proposed_observer,
+    )
+    from .blocks.plant import plant  # noqa: F401
+    from .diagnose import diagnose  # noqa: F401
+    from .errors import InputError, Refused  # noqa: F401
+    from .identify import identify  # noqa: F401
+    from .linear import (  # noqa: F401
+        bandwidth,
+        bandwidth_check,
+        l2_check,
+        position_loop_tf,
+        position_T,
+        spr_check,
+        velocity_loop_tf,
+        velocity_T,
+    )
+    from .loops import position_loop, velocity_loop  # noqa: F401
+    from .model import Model, Parameters, read_model, table1, write_model  # noqa: F401
+    from .record import Record, read_record  # noqa: F401
+    from .results import Diagnosis  # noqa: F401
+    from .simulate import simulate  # noqa: F401

@@ -18,6 +18,7 @@ _CLOSE = 0.02  # a ratio this close to a unit's is that unit's
 _OFF = 0.03  # a ratio this far from 1 is said
 _LAG = 1.5  # samples
 _BLOCKS = 20
+_TURNS = 16  # most turns that a counter wraps after (57 would pass for 360 deg)
 _SURE = 8.0  # standard errors
 
 
@@ -89,8 +90,9 @@ def unwrapped(
     """
     good = np.flatnonzero(np.isfinite(theta))
     values = theta[good]
-    for turn, factor in ((2 * np.pi, 1.0), (360.0, np.pi / 180)):
-        period = turn * max(1, round(np.ptp(values) / turn)) if values.size else turn
+    travel = float(np.ptp(values)) if values.size else 0.0
+    for turn, most, factor in ((2 * np.pi, _TURNS, 1.0), (360.0, 1, np.pi / 180)):
+        period = turn * min(max(1, round(travel / turn)), most)
         jumps = _jumps(values, period)
         if not jumps.any():
             continue
@@ -157,7 +159,8 @@ def _velocity(record: Record, labels: Mapping[str, str | None]) -> Record:
     """Compare w with d theta/dt.
 
     Noise in the regressor pulls a fitted ratio towards zero, so the two regressions, w on
-    d theta/dt and the other way round, bracket the true ratio.
+    d theta/dt and the other way round, bracket the true ratio; few swings of the motion
+    leave it less certain.
     """
     if record.w is None or record.theta is None:
         return record
@@ -169,9 +172,11 @@ def _velocity(record: Record, labels: Mapping[str, str | None]) -> Record:
     agreement = ratio * inverse
     if agreement < 0.25:
         return _ignored(record, f"has little in common with it (R2 = {max(agreement, 0.0):.2f})")
-    low, high = abs(ratio), abs(1 / inverse)
+    swings = 1 + np.count_nonzero(np.diff(np.sign(slope - slope.mean())))
+    margin = _OFF + 3 * np.sqrt(max(1 - agreement, 0.0) / swings)
+    low, high = sorted((abs(ratio), abs(1 / inverse)))
     middle = float(np.sqrt(ratio / inverse)) * np.sign(ratio)
-    if low <= 1 + _OFF and high >= 1 - _OFF:
+    if low <= 1 + margin and high >= 1 - margin:
         factor, record = np.sign(ratio), _turned(record) if ratio < 0 else record
     else:
         factor, record = _converted(record, labels, float(middle))

@@ -50,6 +50,8 @@ class P:
         False for a numerical constant that no record identifies.
     whole : bool
         True for a count per turn, a whole number on a rotary drive.
+    angle : bool
+        True for a phase, which stays an angle on a linear drive.
     """
 
     value: float
@@ -61,6 +63,7 @@ class P:
     grid: Callable[[Any], np.ndarray] | None = None
     fitted: bool = True
     whole: bool = False
+    angle: bool = False
 
 
 @dataclass(frozen=True)

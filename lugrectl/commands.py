@@ -41,7 +41,7 @@ def diagnose(a: Namespace) -> int:
 
 def identify(a: Namespace) -> int:
     """``lugrectl identify``."""
-    from .diagnose import identify as work
+    from .identify import identify as work
 
     return _main_job(work, a)
 

@@ -34,7 +34,7 @@ class Data:
     """One or several runs laid end to end.
 
     ``y`` is (N, 2), measured theta and w with nan where not recorded; ``runs`` the index ranges
-    without a gap; ``noise`` the sensors' own (its torque is a first guess); ``log`` the
+    without a gap; ``noise`` the sensors' own (its jump is the typical dw/dt); ``log`` the
     smoothed motion.
     """
 
@@ -79,7 +79,7 @@ def prepare(records: Sequence[Record]) -> Data:
         base += r.samples
     t = np.concatenate([r.t for r in records])
     u = np.concatenate([r.u for r in records])
-    noise = Noise(0.01 * float(np.std(u)), *_channel_noise(y))
+    noise = _noise(y, first.dt, runs)
     log = _log(t, u, y, first.dt, first.motion, runs, noise)
     return Data(t, u, y, first.dt, first.motion, tuple(runs), noise, log)
 
@@ -102,15 +102,15 @@ def _measured(r: Record) -> np.ndarray:
     return np.column_stack([empty if c is None else c for c in (r.theta, r.w)])
 
 
-def _channel_noise(y: np.ndarray) -> tuple[float, float]:
+def _noise(y: np.ndarray, dt: float, runs: Sequence[tuple[int, int]]) -> Noise:
     theta, w = (sensor_noise(c) if np.isfinite(c).any() else np.nan for c in y.T)
-    return theta, w
+    return Noise(max(_jump(y[a:b], dt, theta, w) for a, b in runs), theta, w)
 
 
 def _log(t, u, y, dt, motion, runs, noise) -> Log:
     state = np.empty_like(y)
     for a, b in runs:
-        state[a:b] = smooth(y[a:b], dt, noise, _jump(y[a:b], dt, noise))
+        state[a:b] = smooth(y[a:b], dt, noise)
     theta, w = state.T
     middle = theta + 0.5 * dt * w
     ahead = np.append(w[1:], w[-1])
@@ -119,10 +119,11 @@ def _log(t, u, y, dt, motion, runs, noise) -> Log:
     return Log(t + 0.5 * dt, middle, 0.5 * (w + ahead), (ahead - w) / dt, u, dt, motion)
 
 
-def _jump(y: np.ndarray, dt: float, noise: Noise) -> float:
+def _jump(y: np.ndarray, dt: float, theta_noise: float, w_noise: float) -> float:
     """Typical size of dw/dt, on a smoothing window long enough to show it."""
-    w = y[:, 1] if np.isfinite(noise.w) else np.gradient(y[:, 0], dt)
-    rough = noise.w if np.isfinite(noise.w) else noise.theta / dt
+    seen = np.isfinite(w_noise)
+    w = y[:, 1] if seen else np.gradient(y[:, 0], dt)
+    rough = w_noise if seen else theta_noise / dt
     n = max(5, int(round(0.02 / dt)))
     a = (w[n:] - w[:-n]) / (n * dt)
     return max(float(np.std(a)), rough / (n * dt))

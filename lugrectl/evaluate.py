@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .fit import Fitted
 from .noise import Noise, observer_gain
 from .predictor import Predictor, Values, Windows
 
@@ -46,7 +45,7 @@ def missing_torque(
     """Torque missing on the resisting side, (windows, length): the observer supplies it."""
     y, _ = predictor.run([values], where, noise)
     e = np.nan_to_num(predictor.data.y[where.counted] - y[0])
-    K, _ = observer_gain(values["J"], predictor.data.dt, noise)
+    K, _ = observer_gain(predictor.data.dt, noise)
     return -values["J"] / predictor.data.dt * (e @ K[1])
 
 
@@ -64,8 +63,3 @@ def free_run(
 
 def _rms(e: np.ndarray) -> float:
     return float(np.sqrt(np.mean(e**2)))
-
-
-def torque_of(fitted: Fitted, noise: Noise) -> np.ndarray:
-    """The residual torque of a fit on its own windows."""
-    return missing_torque(fitted.predictor, fitted.values, fitted.where, noise)

@@ -50,9 +50,9 @@ def coordinates(predictor: Predictor, keys: Sequence[str]) -> list[Coordinate]:
     for key in keys:
         p = declared[key]
         if key == "Fs":
-            made.append(Coordinate(key, "excess", p.low, p.high, 1e-4))
+            made.append(Coordinate(key, "excess", p.low, p.high, 1e-3))
         elif "." not in key:
-            made.append(Coordinate(key, "log", p.low, p.high, 1e-4))
+            made.append(Coordinate(key, "log", p.low, p.high, 5e-4))
         else:
             size = typical(p, predictor.data.log)
             made.append(Coordinate(key, "linear", p.low, p.high, size))
@@ -90,7 +90,8 @@ def is_instant(p: P) -> bool:
 class Fitted:
     """Values at the maximum, with what is needed to judge them.
 
-    ``loglik`` has one value for each window; ``information`` and ``scores`` are those of the
+    ``anchor`` holds the values that were believed beforehand; ``loglik`` has one value for each
+    window; ``information`` and ``scores`` are those of the
     coordinates, for intervals; ``innovations`` are whitened, (windows, length, channels).
     """
 
@@ -103,11 +104,17 @@ class Fitted:
     innovations: np.ndarray = field(repr=False)
     information: np.ndarray = field(repr=False)
     scores: np.ndarray = field(repr=False)
+    anchor: dict[str, float] = field(default_factory=dict)
     instants: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def total(self) -> float:
         return float(self.loglik.sum())
+
+    @property
+    def torque_noise(self) -> float:
+        """Standard deviation of the torque that the model does not foresee, per sample."""
+        return self.noise.jump * self.values["J"]
 
     def covariance(self) -> np.ndarray:
         """Of the coordinates: the larger of the model's own and the windows' scatter.
@@ -144,30 +151,36 @@ def fit(
     where: Windows,
     noise: Noise,
     *,
+    anchor: Values | None = None,
     rounds: int = 3,
     steps: int = 8,
 ) -> Fitted:
-    """Maximise the likelihood of the predictions over the free values and the torque noise."""
+    """Maximise the likelihood of the predictions over the free values and the noise of dw/dt.
+
+    ``anchor`` is what was believed beforehand (default: ``values``): a weak prior around it
+    keeps directions that the record does not tell where they were declared.
+    """
+    anchor = dict(values) | dict(anchor or {})
     declared = predictor.model.declarations()
     moments = [k for k in free if is_instant(declared[k])]
     coords = coordinates(predictor, [k for k in free if k not in moments])
-    current, prior = dict(values), _Prior.at(coords, values)
+    current, prior = dict(values), _Prior.at(coords, anchor)
     placed: dict[str, tuple[float, float]] = {}
     noise, loglik = tune(predictor, current, where, noise)
     for turn in range(rounds):
         before = loglik.sum()
-        current, linear = _descend(predictor, current, coords, where, noise, prior, steps)
         for key in moments:
             current[key], placed[key] = place(predictor, current, key, where, noise)
+        current, linear = _descend(predictor, current, coords, where, noise, prior, steps)
         noise, loglik = tune(predictor, current, where, noise)
         if turn and loglik.sum() - before < 0.5:
             break
     linear, _ = _linearise(predictor, current, coords, where, noise, prior)
     white = whitened(predictor, [current], where, noise)[0]
-    loglik = _loglik(predictor, current, white, noise)
+    loglik = _loglik(predictor, white, noise)
     return Fitted(
         predictor, current, tuple(coords), where, noise, loglik, white,
-        linear.information, linear.scores, placed,
+        linear.information, linear.scores, anchor, placed,
     )  # fmt: skip
 
 
@@ -303,28 +316,28 @@ def whitened(
     y, _ = predictor.run(sets, where, noise)
     e = np.nan_to_num(predictor.data.y[where.counted] - y, nan=0.0, posinf=1e150, neginf=-1e150)
     noises = [noise] * len(sets) if isinstance(noise, Noise) else noise
-    for i, (v, q) in enumerate(zip(sets, noises, strict=True)):
-        _, S = observer_gain(v["J"], predictor.data.dt, q)
+    for i, q in enumerate(noises):
+        _, S = observer_gain(predictor.data.dt, q)
         e[i] = e[i] @ np.linalg.inv(np.linalg.cholesky(S)).T
     return e
 
 
-def _loglik(predictor: Predictor, values: Values, white: np.ndarray, noise: Noise) -> np.ndarray:
+def _loglik(predictor: Predictor, white: np.ndarray, noise: Noise) -> np.ndarray:
     """Gaussian log-likelihood of each window."""
-    _, S = observer_gain(values["J"], predictor.data.dt, noise)
+    _, S = observer_gain(predictor.data.dt, noise)
     return -0.5 * np.sum(white**2, axis=(1, 2)) - 0.5 * white.shape[1] * np.linalg.slogdet(S)[1]
 
 
 def tune(
     predictor: Predictor, values: Values, where: Windows, noise: Noise
 ) -> tuple[Noise, np.ndarray]:
-    """The torque noise under which the innovations are most likely."""
+    """The noise of dw/dt under which the innovations are most likely."""
     width = 2.0
     for _ in range(6):
         factors = np.exp(width * np.linspace(-1.0, 1.0, 5))
-        noises = [replace(noise, torque=noise.torque * f) for f in factors]
+        noises = [replace(noise, jump=noise.jump * f) for f in factors]
         white = whitened(predictor, [values] * len(noises), where, noises)
-        logliks = [_loglik(predictor, values, w, q) for w, q in zip(white, noises, strict=True)]
+        logliks = [_loglik(predictor, w, q) for w, q in zip(white, noises, strict=True)]
         best = int(np.argmax([ll.sum() for ll in logliks]))
         noise, loglik = noises[best], logliks[best]
         if 0 < best < 4:

@@ -154,6 +154,6 @@ def template(a: Namespace) -> int:
 
 
 def _document(value: Any) -> str:
-    from .results import _plain
+    from .results import plain
 
-    return json.dumps(_plain(value), indent=2, allow_nan=False)
+    return json.dumps(plain(value), indent=2, allow_nan=False)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-from .block import REGISTRY, Block, members, unit_for
+from .block import Block, members, unit_for
 from .blocks import effects as _effects  # noqa: F401  fills the registry
 from .blocks import friction as _friction  # noqa: F401
 from .blocks.friction import J as J_DECLARATION
@@ -78,6 +78,10 @@ class Model:
             flat |= {f"{part.key}.{k}": v for k, v in part.values.items()}
         return flat
 
+    def known(self) -> dict[str, float]:
+        """``values()`` without those still missing."""
+        return {k: v for k, v in self.values().items() if v is not None}
+
     def with_values(self, flat: Mapping[str, float | None]) -> Model:
         """The same structure with other values; names left out stay as they are."""
         all_values = self.values() | dict(flat)
@@ -108,7 +112,8 @@ class Model:
         return flat
 
     def unit(self, key: str) -> str:
-        return unit_for(self.declarations()[key].unit, self.motion)
+        p = self.declarations()[key]
+        return p.unit if p.angle else unit_for(p.unit, self.motion)
 
     def to_dict(self) -> dict[str, Any]:
         """Nested like the TOML file; values not yet known are left out."""
@@ -255,10 +260,3 @@ def _rows(values: Mapping[str, float], prefix: str, model: Model) -> list[str]:
 
 def _quoted(text: str) -> str:
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
-
-
-def registered(name: str) -> Block:
-    """The block of a name, or an InputError that lists what there is."""
-    if name not in REGISTRY:
-        raise InputError(f"no block named '{name}'; known: {', '.join(sorted(REGISTRY))}.")
-    return REGISTRY[name]

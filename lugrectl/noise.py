@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import solve_discrete_are
@@ -30,9 +31,13 @@ def sensor_noise(x: np.ndarray) -> float:
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations: torque per sample (N m), theta (rad), w (rad/s); nan: not recorded."""
+    """Standard deviations of what no model foresees.
 
-    torque: float
+    ``jump`` of dw/dt, independent from sample to sample (rad/s2): the torque's noise over J;
+    ``theta`` (rad) and ``w`` (rad/s) of the sensors, nan where not recorded.
+    """
+
+    jump: float
     theta: float
     w: float
 
@@ -41,8 +46,9 @@ class Noise:
         return np.isfinite([self.theta, self.w])
 
 
-def observer_gain(J: float, dt: float, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
-    """Steady-state Kalman gain of J dw/dt = torque noise, dtheta/dt = w.
+@lru_cache(maxsize=256)
+def observer_gain(dt: float, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
+    """Steady-state Kalman gain of dw/dt = noise, dtheta/dt = w.
 
     Returns
     -------
@@ -50,9 +56,13 @@ def observer_gain(J: float, dt: float, noise: Noise) -> tuple[np.ndarray, np.nda
         From the innovations of theta, w to theta, w; the column of an unrecorded one is 0.
     covariance : (2, 2) array
         Of the innovations; 1 on the diagonal where nothing was recorded.
+
+    Notes
+    -----
+    Answers are remembered: do not write into the arrays.
     """
     seen = noise.channels()
-    P, R = _prediction_covariance(dt, noise.torque / J, noise)
+    P, R = _prediction_covariance(dt, noise)
     gain, covariance = np.zeros((2, 2)), np.eye(2)
     S = P[np.ix_(seen, seen)] + R
     gain[:, seen] = P[:, seen] @ np.linalg.inv(S)
@@ -60,12 +70,9 @@ def observer_gain(J: float, dt: float, noise: Noise) -> tuple[np.ndarray, np.nda
     return gain, covariance
 
 
-def _prediction_covariance(dt: float, jump: float, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
-    """Covariance of the predicted theta, w and of the recorded channels' noise.
-
-    ``jump`` is the standard deviation of dw/dt, independent from sample to sample.
-    """
-    seen = noise.channels()
+def _prediction_covariance(dt: float, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
+    """Covariance of the predicted theta, w and of the recorded channels' noise."""
+    seen, jump = noise.channels(), noise.jump
     R = np.diag(np.array([noise.theta, noise.w])[seen] ** 2)
     if not seen[0]:
         q = (jump * dt) ** 2
@@ -78,18 +85,18 @@ def _prediction_covariance(dt: float, jump: float, noise: Noise) -> tuple[np.nda
     return P * np.outer(scale, scale), R
 
 
-def smooth(y: np.ndarray, dt: float, noise: Noise, jump: float) -> np.ndarray:
+def smooth(y: np.ndarray, dt: float, noise: Noise) -> np.ndarray:
     """Smoothed theta and w of one run, (N, 2): Kalman filter of fixed gain, then backwards.
 
-    ``jump`` is how much dw/dt may differ from one sample to the next. Missing samples must
-    have been filled; where theta was not recorded it is the integral of w from 0.
+    Missing samples must have been filled; where theta was not recorded it is the integral of w
+    from 0.
     """
-    P, R = _prediction_covariance(dt, jump, noise)
+    P, R = _prediction_covariance(dt, noise)
     if not noise.channels()[0]:
         gain = P[1, 1] / (P[1, 1] + R[0, 0])
         w = filtfilt([gain], [1.0, gain - 1.0], y[:, 1])
         return np.column_stack([dt * np.cumsum(w), w])
-    K, _ = observer_gain(1.0, dt, Noise(jump, noise.theta, noise.w))
+    K, _ = observer_gain(dt, noise)
     A = np.array([[1.0, dt], [0.0, 1.0]])
     C = (np.eye(2) - K * noise.channels()) @ P @ A.T @ np.linalg.inv(P)
     y = np.where(np.isfinite(y), y, 0.0)

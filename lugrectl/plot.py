@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 MEASURED, BEFORE, AFTER, QUIET = "#3b4450", "#d1622b", "#1f6fb4", "#b9c2cd"
 _POINTS = 2500  # most points drawn of a scatter or a line
+_DOTS: dict[str, Any] = {"ms": 2.5, "alpha": 0.25, "mew": 0, "rasterized": True}
 _BARS = 10  # most candidates in the ranking
 _RC: dict[Any, Any] = {
     "font.size": 10,
@@ -83,17 +84,19 @@ def torque(d: Any, ax: Axes | None = None) -> Axes:
         raise InputError("this diagnosis holds no residual torque to plot.")
     ax = ax if ax is not None else _new().subplots()
     edges = np.linspace(*_limits(view.x, 0.1), 61)
+    some, shown = _some(len(view.x)), list(_limits(view.before, 1.0))
     for y, name, color in _residuals(view):
-        some = _some(len(view.x))
-        ax.plot(view.x[some], y[some], ".", ms=2.5, color=color, alpha=0.25, mew=0, rasterized=True)
-        ax.plot(*binned(view.x, y, edges), color="white", lw=3.6)
-        ax.plot(*binned(view.x, y, edges), color=color, lw=2.0, label=f"{name}, mean")
+        x, mean = binned(view.x, y, edges)
+        ax.plot(view.x[some], y[some], ".", **_DOTS, color=color)
+        ax.plot(x, mean, color="white", lw=3.6)
+        ax.plot(x, mean, color=color, lw=2.0, label=f"{name}, mean")
+        shown += list(mean[np.isfinite(mean)])
     unit = unit_for("N m", motion_of(d))
     name = "residual torque" if unit == "N m" else "residual force"
     times = " x sign(w)" if view.level else ""
     ax.set(xlabel=view.label, ylabel=f"{name}{times} [{unit}]", xlim=(edges[0], edges[-1]))
-    low, high = _limits(view.before, 1.0)
-    ax.set_ylim(low - 0.2 * (high - low), high + 0.2 * (high - low))
+    margin = 0.15 * (max(shown) - min(shown))
+    ax.set_ylim(min(shown) - margin, max(shown) + margin)
     _headed(ax, f"{name.capitalize()}{', held-out samples' * view.held_out}")
     return ax
 

@@ -63,8 +63,7 @@ class Predictor:
         self.levels = tuple(n for n in LEVELS if n == "J" or n in model.friction.values)
         core = replace(model, effects=tuple(traced))
         block = assemble(core, levels=self.levels)
-        known = {k: v for k, v in core.values().items() if v is not None}
-        self.lanes = Lanes(block.system(**known))
+        self.lanes = Lanes(block.system(**core.known()))  # pyright: ignore[reportArgumentType]
         self.keys = [name.split(".", 1)[1] for name in self.lanes.parameters]
         hidden = len(self.lanes.outputs) - data.y.shape[1]
         self._seen = np.pad(data.y, ((0, 0), (0, hidden)), constant_values=np.nan)
@@ -97,6 +96,27 @@ class Predictor:
                         x[name] = (1.0 + x[name]) * (1.0 + change) - 1.0
         return np.column_stack([u, d, *x.values()])
 
+    def torque(self, values: Values) -> np.ndarray:
+        """What drives the plant along the log with all its effects, as one torque (N,).
+
+        An effect on a level counts by the torque that it takes off.
+        """
+        log, other = self.data.log, Predictor.like(self, self.model)
+        other.outside = self.model.effects
+        u, d, *x = other.series(values).T
+        parts = {
+            "J": values["J"] * log.a,
+            "Fv": values.get("Fv", 0.0) * log.w,
+            "Fc": self.friction(values) - values.get("Fv", 0.0) * log.w,
+        }
+        resisting = [parts[n] * xn for n, xn in zip(self.levels, x, strict=True) if n in parts]
+        return u - d - np.sum(resisting, axis=0)
+
+    def friction(self, values: Values) -> np.ndarray:
+        """The friction law's steady torque along the log, without effects (N,)."""
+        w, level = self.data.log.w, values.get("Fc", 0.0)
+        return level * np.sign(w) + values.get("Fv", 0.0) * w
+
     def run(
         self,
         values: Sequence[Values],
@@ -123,7 +143,7 @@ class Predictor:
         if x0 is None:
             x0 = np.concatenate([self.initial(v, where.start) for v in values])
         noises = [noise] * sets if isinstance(noise, Noise) else noise
-        gains = [self.gain(v["J"], q) for v, q in zip(values, noises, strict=True)]
+        gains = [self.gain(q) for q in noises]
         y, x = self.lanes.run(
             x0,
             start,
@@ -152,10 +172,10 @@ class Predictor:
             index.append(known[key])
         return np.array(made), np.array(index)
 
-    def gain(self, J: float, noise: Noise) -> np.ndarray:
+    def gain(self, noise: Noise) -> np.ndarray:
         """Kalman gain to all states; those beyond theta and w follow through them."""
         gain = np.zeros((len(self.lanes.states), len(self.lanes.outputs)))
-        gain[:2, :2], _ = observer_gain(J, self.data.dt, noise)
+        gain[:2, :2], _ = observer_gain(self.data.dt, noise)
         return gain
 
     def initial(self, values: Values, start: np.ndarray) -> np.ndarray:

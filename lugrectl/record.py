@@ -20,10 +20,7 @@ from .units import ROLES, Unit, did_you_mean, role_unit, si_unit
 
 __all__ = ["Record", "parse_pairs", "read_record"]
 
-_FAST = {
-    "rotary": 400.0,
-    "linear": 20.0,
-}  # rad/s, m/s: faster is doubtful without a unit
+_FAST = {"rotary": 400.0, "linear": 20.0}  # rad/s, m/s: faster is doubtful without a unit
 
 
 def parse_pairs(text: str, what: str) -> dict[str, str]:
@@ -73,11 +70,8 @@ def read_record(
     InputError : the file or an argument cannot be read or understood.
     Refused : the record is readable but cannot answer (see ``timebase`` and ``audit``).
     """
-    named, stated, factors = (
-        _pairs(columns, "columns"),
-        _pairs(units, "units"),
-        _factors(scale),
-    )
+    named, stated = _pairs(columns, "columns"), _pairs(units, "units")
+    factors = _factors(scale)
     if rate is not None and not (np.isfinite(rate) and rate > 0):
         raise InputError(f"--rate must be a positive number of Hz, not {rate}.")
     table = read_table(path)

@@ -102,7 +102,7 @@ class Diagnosis:
     def summary(self) -> dict[str, Any]:
         """Plain Python, as in the JSON document; never NaN or Infinity."""
         nested = self.model.to_dict() if self.model else {}
-        return _plain(
+        return plain(
             {
                 "schema": 1,
                 "verdict": self.verdict,
@@ -143,11 +143,11 @@ class Diagnosis:
         return overview(self, ax)
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     if isinstance(value, Mapping):
-        return {str(k): _plain(v) for k, v in value.items()}
+        return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(v) for v in value]
+        return [plain(v) for v in value]
     if isinstance(value, np.generic):
         value = value.item()
     if isinstance(value, float) and not math.isfinite(value):

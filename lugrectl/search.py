@@ -10,8 +10,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from .block import Block, members
-from .evaluate import torque_of
-from .fit import Fitted, fit, free_keys, typical, whitened
+from .evaluate import missing_torque
+from .fit import Fitted, fit, free_keys, tune, typical, whitened
 from .predictor import Predictor, along
 
 FEW = 40  # grid points that are all tried exactly
@@ -19,7 +19,7 @@ KEPT = 6  # of a longer grid, after a look at the residual torque
 ZOOMS = 2  # finer grids around the best point
 LARGEST = 2_000_000  # counted samples in one engine call
 
-Progress = Callable[[float, str], None]
+Say = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,14 @@ class Trial:
     key: str
     values: dict[str, float]
     promise: float
+
+
+@dataclass(frozen=True)
+class Contest:
+    """All effects by promise, and those that were fitted, best first."""
+
+    trials: list[Trial]
+    fits: list[tuple[Trial, Fitted]]
 
 
 def screen(base: Fitted, names: Sequence[str]) -> list[Trial]:
@@ -145,7 +153,10 @@ def _grid(base: Fitted, made: Block) -> list[dict[str, float]]:
 
 def _prescreened(base: Fitted, made: Block, points: list[dict]) -> list[dict[str, float]]:
     """The points whose effect resembles the residual torque most, best first."""
-    index, target = base.where.counted.ravel(), torque_of(base, base.noise).ravel()
+    index, target = (
+        base.where.counted.ravel(),
+        missing_torque(base.predictor, base.values, base.where, base.noise).ravel(),
+    )
     every = max(1, int(0.002 / base.predictor.data.dt))
     index, target = index[::every], target[::every] - target.mean()
     log = base.predictor.data.log
@@ -204,8 +215,51 @@ def _combine(
     return dict(zip([made.gain, *names], map(float, x), strict=True)) | point
 
 
-def refine(trial: Trial, *, rounds: int = 2) -> Fitted:
+def at_anchor(base: Fitted) -> Fitted:
+    """The base model at the values that were believed beforehand.
+
+    A model that lacks an effect bends its other parameters to make up for it, sometimes too far
+    to find the way back: candidates start from here as well.
+    """
+    values = base.values | base.anchor
+    noise, loglik = tune(base.predictor, values, base.where, base.noise)
+    return replace(base, values=values, noise=noise, loglik=loglik)
+
+
+def refine(trial: Trial, *, rounds: int = 8, steps: int = 8) -> Fitted:
     """Fit the model with the trial's effect, all parameters free."""
-    base = trial.fitted
-    predictor = base.predictor
-    return fit(predictor, trial.values, free_keys(predictor), base.where, base.noise, rounds=rounds)
+    base, predictor = trial.fitted, trial.fitted.predictor
+    own = {k: v for k, v in trial.values.items() if k not in base.anchor}
+    anchor = base.anchor | own
+    free = free_keys(predictor)
+    return fit(
+        predictor,
+        trial.values,
+        free,
+        base.where,
+        base.noise,
+        anchor=anchor,
+        rounds=rounds,
+        steps=steps,
+    )
+
+
+def contest(base: Fitted, names: Sequence[str], gate: float, tried: int, say: Say) -> Contest:
+    """Fit the promising effects shortly from each start, then the best of them to the end."""
+    starts = [base, at_anchor(base)]
+    screened = [screen(start, names) for start in starts]
+    first: dict[str, tuple[Trial, Fitted]] = {}
+    for trials in screened:
+        for trial in [t for t in trials if t.promise > gate][:tried]:
+            say(f"trying {trial.name}")
+            fitted = refine(trial, rounds=1, steps=5)
+            known = first.get(trial.name)
+            if known is None or fitted.total > known[1].total:
+                first[trial.name] = trial, fitted
+    best = sorted(first.values(), key=lambda pair: -pair[1].total)[:tried]
+    finished = []
+    for trial, fitted in best:
+        say(f"fitting {trial.name}")
+        further = replace(trial, fitted=fitted, values=fitted.values)
+        finished.append((trial, refine(further)))
+    return Contest(screened[0], sorted(finished, key=lambda pair: -pair[1].total))

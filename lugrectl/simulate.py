@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import warnings
-import weakref
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import control as ct
@@ -13,15 +11,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
-from .engine.adaptive import Adaptive, Diverged
-from .engine.graph import symbols_in
+from .engine.adaptive import Diverged
+from .engine.compiled import compiled
 from .engine.symbolic import TraceError
-from .engine.trace import check, trace
 from .errors import InputError
+
+_respond: Any = ct.input_output_response  # its annotations know no arrays
 
 
 def simulate(
-    system: ct.NonlinearIOSystem,
+    system: Any,
     t: ArrayLike,
     inputs: ArrayLike | Sequence[Any] | None = None,
     x0: ArrayLike | Sequence[Any] = 0.0,
@@ -76,11 +75,13 @@ def simulate(
     the samples and where an absolute value, a sign, a comparison or a limit switches. A system
     whose functions cannot be traced is left to LSODA, with a warning that names the block.
     """
+    if None in (system.nstates, system.ninputs, system.noutputs):
+        raise InputError(f"{system.name}: give its inputs=, outputs= and states= in ct.nlsys.")
     times = _times(t)
     u = _inputs(system, times, inputs)
     start = _start(system, x0)
     if system.isdtime(strict=True):
-        return ct.input_output_response(system, times, u, start, params=params, squeeze=squeeze)
+        return _respond(system, times, u, start, params=params, squeeze=squeeze)
     states, y = None, None
     if method in (None, "rosenbrock"):
         try:
@@ -114,7 +115,7 @@ def _by_rosenbrock(
     hold: bool,
     rtol: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    engine = _engine(system, params)
+    engine = compiled(system, params)
     p = engine.program.arguments(params)
     states = x0[:, None]
     if system.nstates and len(t) > 1:
@@ -144,83 +145,6 @@ def _all_finite(system: Any, t: np.ndarray, y: np.ndarray) -> None:
         )
 
 
-@dataclass(frozen=True)
-class _Known:
-    """A traced system and what it was traced from."""
-
-    fingerprint: Any
-    engine: Adaptive
-
-    def fits(self, fingerprint: Any, params: Mapping[str, Any]) -> bool:
-        fixed = self.engine.program.fixed
-        same = all(_token(params.get(k, v)) == _token(v) for k, v in fixed.items())
-        return self.fingerprint == fingerprint and same
-
-
-_traced: weakref.WeakKeyDictionary[Any, list[_Known]] = weakref.WeakKeyDictionary()
-
-
-def _engine(system: Any, params: Mapping[str, Any] | None) -> Adaptive:
-    """The compiled system; the one of an earlier call where nothing but numbers has changed."""
-    given = dict(params or {})
-    fingerprint = (_fingerprint(system), _override_token(given))
-    entries = _traced.setdefault(system, [])
-    for entry in entries:
-        if entry.fits(fingerprint, given):
-            check(entry.engine.program, system, params, scales=(1.0,))
-            return entry.engine
-    program = trace(system, params)
-    _no_unknown(system, program, given)
-    engine = Adaptive(program)
-    entries[:] = [*entries[-7:], _Known(fingerprint, engine)]
-    return engine
-
-
-def _no_unknown(system: Any, program: Any, given: Mapping[str, Any]) -> None:
-    """python-control ignores a parameter that no block reads; here it is an error."""
-    seen = symbols_in([*program.xdot, *program.y])
-    read = {k for k, p in zip(program.keys, program.p, strict=True) if p.value in seen}
-    known = read | set(program.fixed) | _default_keys(system)
-    unknown = [k for k, v in given.items() if k not in known and isinstance(v, (int, float))]
-    if unknown:
-        raise InputError(
-            f"{system.name}: no block reads the parameter '{unknown[0]}'; "
-            f"there are {', '.join(sorted(known)) or 'none'}."
-        )
-
-
-def _default_keys(system: Any) -> set[str]:
-    own = set(system.params)
-    return own.union(*(_default_keys(block) for block in getattr(system, "syslist", ())))
-
-
-def _fingerprint(system: Any) -> Any:
-    """What a trace depends on besides the values of numeric parameters."""
-    params = tuple((k, _token(v)) for k, v in system.params.items())
-    if isinstance(system, ct.InterconnectedSystem):
-        maps = (system.connect_map, system.input_map, system.output_map)
-        wiring = tuple(np.asarray(m).tobytes() for m in maps)
-        return params, wiring, tuple(_fingerprint(block) for block in system.syslist)
-    matrices = ()
-    if isinstance(system, ct.StateSpace):
-        matrices = tuple(np.asarray(m).tobytes() for m in (system.A, system.B, system.C, system.D))
-    return params, matrices, id(system.updfcn), id(system.outfcn)
-
-
-def _override_token(given: Mapping[str, Any]) -> Any:
-    return frozenset((k, None if _is_number(v) else _token(v)) for k, v in given.items())
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
-
-
-def _token(value: Any) -> Any:
-    if _is_number(value):
-        return float(value)
-    return value.tobytes() if isinstance(value, np.ndarray) else id(value)
-
-
 def _by_scipy(
     system: Any,
     t: np.ndarray,
@@ -235,7 +159,7 @@ def _by_scipy(
     options = {"rtol": rtol, "atol": 1e-4 * rtol}
     try:
         if not hold or not system.nstates:
-            response = ct.input_output_response(
+            response = _respond(
                 system,
                 t,
                 u,
@@ -296,7 +220,7 @@ def _inputs(system: Any, t: np.ndarray, inputs: Any) -> np.ndarray:
     if isinstance(rows, (list, tuple)) and len(rows) != len(t):
         rows = np.vstack([_row(part, len(t)) for part in rows]) if rows else 0.0
     u = np.array(rows, dtype=float)
-    count = system.ninputs if system.ninputs is not None else (len(u) if u.ndim == 2 else 1)
+    count = system.ninputs
     if u.ndim == 0:
         u = np.full((count, len(t)), float(u))
     if u.ndim == 1 and count == 1:

@@ -46,7 +46,8 @@ def _regressed(model: Model, data: Data, train: Windows) -> dict[str, float]:
     torque, columns, names = log.u[at].copy(), [], []
     for part in model.effects:
         if part.block.acts == ("torque",):
-            torque -= along(part.block, log, part.values)[at]
+            own = {k: v for k, v in part.values.items() if v is not None}
+            torque -= along(part.block, log, own)[at]
     slow = 0.02 * float(np.max(np.abs(log.w[at])))
     shapes = {"J": log.a[at], "Fv": log.w[at], "Fc": np.tanh(log.w[at] / slow)}
     values = model.values()
@@ -76,14 +77,14 @@ def _searched(core: Model, data: Data, train: Windows, asked: Model) -> Model:
     speed = float(np.max(np.abs(data.log.w)))
     guesses = []
     for z, v in product(DEFLECTIONS, STRIBECK_SPEEDS):
-        J, Fc = values["J"], values.get("Fc", 0.0)
+        J, Fc = values["J"] or 0.0, values.get("Fc") or 0.0
         sigma0 = Fc / (z * speed) if Fc else 1.0
         guess = {"sigma0": sigma0, "sigma1": np.sqrt(sigma0 * J), "Fs": 1.2 * Fc, "vs": v * speed}
         missing = {k: float(g) for k, g in guess.items() if k in values and values[k] is None}
         guesses.append(core.with_values(_ordered(values, missing)))
     predictor = Predictor(guesses[0], data)
-    noise = replace(data.noise, torque=0.05 * float(np.std(data.u)))
-    white = whitened(predictor, [g.values() for g in guesses], train, noise)
+    noise = replace(data.noise, jump=0.3 * data.noise.jump)
+    white = whitened(predictor, [g.known() for g in guesses], train, noise)
     cost = np.sum(white**2, axis=(1, 2, 3))
     return guesses[int(np.argmin(np.where(np.isfinite(cost), cost, np.inf)))]
 
@@ -97,7 +98,7 @@ def _ordered(values: dict, missing: dict[str, float]) -> dict[str, float]:
 
 def _with_effect(core: Model, part, data: Data, train: Windows) -> Model:
     predictor = Predictor(core, data)
-    base = fit(predictor, core.values(), free_keys(predictor), train, data.noise, rounds=1)
+    base = fit(predictor, core.known(), free_keys(predictor), train, data.noise, rounds=1)
     trials = screen(base, [part.block.name])
     if not trials:
         raise Refused(

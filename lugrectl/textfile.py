@@ -133,9 +133,14 @@ def _layout(source: str, lines: list[str]) -> _Layout:
     if len(names) == width - 1 and not any(row[-1] for row in tail):
         names, units = (*names, ""), (*units, None)
     if len(names) != width:
+        hint = (
+            "if these are decimal commas, separate the columns by semicolons"
+            if delimiter == "," and width > len(names)
+            else "name every column once"
+        )
         raise InputError(
             f"{source}: line {rows[start][0] + 1} has {width} cells but the header names "
-            f"{len(names)} columns; if these are decimal commas, separate columns by semicolons."
+            f"{len(names)}; {hint}."
         )
     return _Layout(delimiter, width, rows[start][0], names, units)
 
@@ -231,9 +236,7 @@ def _load_fast(
 
 def _parsed(body: list[str], layout: _Layout, indices: Sequence[int]) -> np.ndarray | None:
     try:
-        return np.loadtxt(
-            body, delimiter=layout.delimiter, usecols=indices, comments=None, ndmin=2
-        )
+        return np.loadtxt(body, delimiter=layout.delimiter, usecols=indices, comments=None, ndmin=2)
     except ValueError:
         return None
 

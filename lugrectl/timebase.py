@@ -60,7 +60,8 @@ def uniform(log: Stamped, required: tuple[str, ...], motion: str) -> Record:
 def _long_enough(log: Stamped, samples: int) -> None:
     if samples < MIN_SAMPLES:
         raise Refused(
-            f"{log.source} is too short: {samples} samples; at least {MIN_SAMPLES} are needed.",
+            f"{log.source} is too short: {_count(samples, 'sample')}; "
+            f"at least {MIN_SAMPLES} are needed.",
             f"Record at least {MIN_SECONDS:g} s, better 20 s or more, with {MIN_SAMPLES} samples.",
         )
 
@@ -75,7 +76,7 @@ def _fill_missing(log: Stamped, required: tuple[str, ...]) -> None:
     lost = ~np.isfinite(log.t)
     if lost.any():
         _fillable(log, "t", lost)
-        log.said.append(f"t is missing in {_count(lost.sum(), 'row')}, which were left out.")
+        log.said.append(f"t is missing in {_count(lost.sum(), 'row')}: left out.")
         log.keep(~lost)
     affected = np.zeros(len(log.t), bool)
     for role, values in list(log.channels.items()):
@@ -91,7 +92,7 @@ def _fill_missing(log: Stamped, required: tuple[str, ...]) -> None:
         log.channels[role] = _filled(role, log.t, values, lost)
         affected |= lost if role in required else False
         how = "held" if role in _HELD else "interpolated"
-        log.said.append(f"{role} is missing in {_count(lost.sum(), 'sample')}, which were {how}.")
+        log.said.append(f"{role} is missing in {_count(lost.sum(), 'sample')}: filled in ({how}).")
     log.dropped += int(affected.sum())
 
 
@@ -150,7 +151,7 @@ def _merge_doubles(log: Stamped) -> None:
     merged = len(first) - len(starts)
     log.t, log.rows, log.channels = log.t[starts], log.rows[starts], channels
     log.dropped += merged
-    log.said.append(f"t repeats itself in {_count(merged, 'row')}, merged into one per stamp.")
+    log.said.append(f"t repeats itself in {_count(merged, 'row')}: merged into one per stamp.")
     _long_enough(log, len(log.t))
 
 

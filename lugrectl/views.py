@@ -88,6 +88,8 @@ def residual(d: Any) -> Residual | None:
     after = traces.residual.get("augmented")
     sign = _level_sign(d)
     good = np.isfinite(x) & np.isfinite(before) & (np.isfinite(sign) if sign is not None else True)
+    if not good.any():
+        return None
     held_out = bool((good & traces.held_out).any())
     good = good & traces.held_out if held_out else good
     factor = sign[good] if sign is not None else 1.0
@@ -104,8 +106,8 @@ def residual(d: Any) -> Residual | None:
 
 
 def _effect(d: Any) -> tuple[Block | None, dict[str, float]]:
-    """The best effect's block (None when nothing is named) and its values."""
-    if not d.effects:
+    """The best effect's block and its values; no block when the residual has no named cause."""
+    if not d.effects or d.verdict == "unexplained":
         return None, {}
     first = d.effects[0]
     return REGISTRY.get(first.name), {k: e.value for k, e in first.parameters.items()}

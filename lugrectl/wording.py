@@ -61,14 +61,19 @@ def headline(d: Any) -> tuple[str, str]:
             "best, and others explain it as well."
         )
     if verdict == "unexplained":
-        on = ", ".join(_get(d, "depends_on", ())) or "no signal of the record alone"
-        return "unexplained", (
-            f"The record proves that something is missing which hangs on {on}; nothing in the "
-            "catalogue explains it."
-        )
+        return "unexplained", _unexplained(", ".join(_get(d, "depends_on", ())), names)
     if verdict == "refused":
         return "refused", _get(d, "reason") or "The record cannot answer."
     return "identified", "The declared model was fitted to the record; nothing was added."
+
+
+def _unexplained(on: str, names: str) -> str:
+    more = f"{names} explains a part, but more is missing" if names else "something is missing"
+    which = f", which hangs on {on}" if on else ""
+    return f"The record proves it: {more}{which}. Nothing in the catalogue explains it."
+
+
+_TITLES = {"found": "Missing", "unexplained": "Explains a part"}
 
 
 def sections(d: Any) -> list[Section]:
@@ -91,7 +96,7 @@ def _effect(d: Any, finding: Any) -> Section:
         for key, estimate in finding.parameters.items()
     ]
     grid = Grid(("parameter", "value", "95 % interval", "unit"), "lrrl", tuple(rows))
-    title = "Missing" if _get(d, "verdict") == "found" else "Best explanation"
+    title = _TITLES.get(_get(d, "verdict"), "Best explanation")
     return Section(f"{title}: {finding.name}", tuple(lines), grid, footnote, formula=True)
 
 
@@ -137,29 +142,31 @@ def errors(d: Any) -> Section | None:
     error, free, torque = (_get(d, k) for k in ("error", "free_error", "torque_error"))
     rows, footnote = [], ""
     if error:
-        label = f"{error['signal']} over {error['horizon']:g} s, held out"
-        rows.append(_error_row(d, label, error))
+        rows.append(_error_row(d, f"{error['signal']}, restarted", error))
     if free:
         star = "*" if free.get("in_sample") else ""
-        scope = f"whole record{star}" if star else "held out"
-        rows.append(_error_row(d, f"{free['signal']} free, {scope}", free))
-        footnote = "* includes samples that the fit has seen." if star else ""
+        rows.append(_error_row(d, f"{free['signal']}, free run{star}", free))
+        footnote = "Free run: without restarts, over the held-out part."
+        if star:
+            footnote = (
+                "* Without restarts, over the whole record, of which the fit has seen a part."
+            )
     if torque:
-        rows.append(_error_row(d, "torque, held out", torque))
+        rows.append(_error_row(d, "torque", torque))
     if not rows:
         return None
     head = ("RMS", "unit", "declared", "refitted", "augmented", "noise", "improved")
-    return Section(
-        "Error before and after", _scope(error), Grid(head, "llrrrrr", tuple(rows)), footnote
-    )
+    grid = Grid(head, "llrrrrr", tuple(rows))
+    return Section("Error before and after", _scope(error), grid, footnote)
 
 
 def _scope(error: Mapping[str, Any] | None) -> tuple[str, ...]:
     if not error:
         return ()
     return (
-        f"Measured minus simulated over {error['samples']} held-out samples, restarted every "
-        f"{error['horizon']:g} s; improvement is counted against the refitted model.",
+        f"Measured minus simulated over {error['samples']} held-out samples; the simulation is "
+        f"restarted every {error['horizon']:g} s. Improvement is counted against the refitted "
+        "model.",
     )
 
 

@@ -127,8 +127,8 @@ def test_text_says_what_was_found_and_how_much_it_helps():
     assert said.startswith("found: torque_ripple\n")
     assert "r_e = A sin(N theta + phi)" in said
     assert re.search(r"amplitude +0\.0501 +0\.0489 to 0\.0513 +N m", said)
-    assert re.search(r"w over 1 s, held out +rad/s +- +0\.210 +0\.0210 +0\.0101 +90 %", said)
-    assert re.search(r"torque, held out +mN m +40\.0 +36\.0 +2\.20 +- +94 %", said)
+    assert re.search(r"w, restarted +rad/s +- +0\.210 +0\.0210 +0\.0101 +90 %", said)
+    assert re.search(r"torque +mN m +40\.0 +36\.0 +2\.20 +- +94 %", said)
     assert re.search(r"J +0\.0024\d* +0\.0022\d* +0\.00213\d* to 0\.00227\d* +kg m2", said)
     assert "periodic_disturbance (r_e = A sin(2 pi f t + phi))" in " ".join(said.split())
 
@@ -136,7 +136,7 @@ def test_text_says_what_was_found_and_how_much_it_helps():
 def test_text_of_the_other_verdicts():
     assert "Explain it as well: periodic_disturbance" in report.text(diagnosis("ambiguous"))
     assert "Record slow moves both ways." in report.text(diagnosis("ambiguous"))
-    assert "theta" in report.text(diagnosis("unexplained")).splitlines()[1]
+    assert "hangs on theta" in report.text(diagnosis("unexplained")).splitlines()[1]
     assert "u is constant." in report.text(diagnosis("refused"))
     adequate = report.text(diagnosis("adequate"))
     assert "90 %" not in adequate and "Missing" not in adequate
@@ -145,8 +145,10 @@ def test_text_of_the_other_verdicts():
 def test_errors_of_a_linear_drive_are_shown_in_millimetres():
     error = diagnosis().error | {"signal": "theta", "unit": "m", "refitted": 6.74e-3}
     small = {"declared": 9.1e-3, "augmented": 2.64e-3, "noise_floor": 1e-6}
-    said = report.text(diagnosis(error=error | small))
-    assert re.search(r"theta over 1 s, held out +mm +9\.10 +6\.74 +2\.64 +0\.00100", said)
+    free = diagnosis().free_error | {"signal": "theta", "unit": "m", "augmented": 3.16e-3}
+    said = report.text(diagnosis(error=error | small, free_error=free))
+    assert max(map(len, said.splitlines())) <= 80
+    assert re.search(r"theta, restarted +mm +9\.10 +6\.74 +2\.64 +0\.00100", said)
 
 
 def test_an_identification_is_rendered_by_what_it_has():
@@ -415,7 +417,9 @@ def test_linear_drives_have_linear_labels():
 def test_residual_of_an_unexplained_record_hangs_on_what_was_named():
     view = views.residual(diagnosis("unexplained"))
     assert view.label.startswith("theta") and view.after is None
-    assert views.residual(diagnosis("unexplained", depends_on=("t",))).label == "t [s]"
+    d = diagnosis("unexplained", depends_on=("t",), effects=(effect("quadratic_drag"),))
+    assert views.residual(d).label == "t [s]"
+    assert "quadratic_drag explains a part" in " ".join(report.text(d).split())
 
 
 def test_without_held_out_samples_the_whole_record_is_shown():

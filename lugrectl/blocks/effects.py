@@ -13,7 +13,7 @@ import numpy as np
 
 from ..block import P, block
 
-PHASE = P(0.0, "rad", -np.pi, np.pi, span=(0.0, np.pi / 2))
+PHASE = P(0.0, "rad", -np.pi, np.pi, span=(0.0, np.pi / 2), angle=True)
 AMPLITUDE = P(0.0, "N m", 0.0, neutral=0.0)
 RATIO = P(0.0, "1", -0.95, 20.0, neutral=0.0)
 
@@ -111,7 +111,7 @@ def viscous_asymmetry(w, ratio=P(0.0, "1", -1.0, 1.0, neutral=0.0)):
     confused="viscous_asymmetry thermal_drift",
     experiment="record constant speeds up to the highest that the drive allows, then a coast-down",
 )
-def quadratic_drag(w, coefficient=P(0.0, "N m s2/rad2", 0.0, neutral=0.0)):
+def quadratic_drag(w, coefficient: Any = P(0.0, "N m s2/rad2", 0.0, neutral=0.0)):
     """r_e = c w |w|."""
     return coefficient * w * np.abs(w)
 
@@ -142,7 +142,7 @@ def return_spring(
 def periodic_disturbance(
     t,
     amplitude=AMPLITUDE,
-    frequency=P(1.0, "Hz", 1e-9, 1e6, grid=_frequencies),
+    frequency: Any = P(1.0, "Hz", 1e-9, 1e6, grid=_frequencies),
     phase=PHASE,
 ):
     """r_e = A sin(2 pi f t + phi)."""
@@ -156,7 +156,7 @@ def periodic_disturbance(
     confused="thermal_drift inertia_step",
     experiment="repeat the run and see whether the change comes back; log the temperature",
 )
-def friction_step(t, ratio=RATIO, time=P(0.0, "s", grid=_instants)):
+def friction_step(t, ratio: Any = RATIO, time=P(0.0, "s", grid=_instants)):
     """G = 1 + a from t0."""
     return ratio * np.where(t >= time, 1.0, 0.0)
 
@@ -178,7 +178,7 @@ def held_late(u: np.ndarray, dt: float, delay: float) -> np.ndarray:
     experiment="record a torque chirp: the phase lag of a delay grows linearly with frequency",
     exact=held_late,
 )
-def input_delay(u, p1, p2, delay=P(0.0, "s", 0.0, 0.2, neutral=0.0)):
+def input_delay(u, p1, p2, delay: Any = P(0.0, "s", 0.0, 0.2, neutral=0.0)):
     """u(t - T).
 
     On a held input the delay is exact; the continuous block is the Pade approximation of order

@@ -1,7 +1,9 @@
-"""The fast engine: trace python-control systems, generate code, step many runs at once."""
+"""The fast engine: trace python-control systems, generate code, step one run or many."""
 
+from .adaptive import Adaptive, Diverged
 from .lanes import Lanes
+from .program import Program
 from .symbolic import TraceError
-from .trace import AlgebraicLoop, Program, trace
+from .trace import AlgebraicLoop, trace
 
-__all__ = ["AlgebraicLoop", "Lanes", "Program", "TraceError", "trace"]
+__all__ = ["Adaptive", "AlgebraicLoop", "Diverged", "Lanes", "Program", "TraceError", "trace"]

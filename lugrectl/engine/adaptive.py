@@ -10,7 +10,7 @@ from ..errors import Refused
 from .adaptive_code import adaptive_code
 from .emit import Emitter, indent
 from .load import has_numba, load
-from .trace import Program
+from .program import Program
 
 
 class Diverged(Refused):

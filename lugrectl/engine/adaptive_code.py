@@ -7,15 +7,16 @@ from dataclasses import dataclass
 
 from .emit import Emitter, indent
 from .graph import Node, rename, symbols_in
+from .program import Program
 from .rosenbrock import Equations, step
 from .switching import freeze_modes
-from .trace import Program
 
 # l0, l1, ... are the switching functions after the trial step, a0, a1, ... before it, m0, m1,
 # ... the side (+1 or -1) taken during it. A step must not pass a zero: the length at which it
 # meets one is bracketed between `low` and `high`. Within DEAD of its largest value a switching
 # function counts as zero; a step that starts there takes the side on which it ends. Where that
-# does not settle (a relay that sticks), the rest of the interval goes in short steps.
+# does not settle, kinks are no longer located in the interval (noise about zero), and a jump
+# that goes on switching (a relay that sticks) makes the rest of it go in short steps.
 _RUN = """
 DEAD = 1e-11
 PATIENCE = 40
@@ -29,7 +30,7 @@ def run(grid, u, held, x_start, p, rtol, x_out, status):
     v_low, v_high, v_start, tries = 0.0, 0.0, 0.0, 0
     for k in range(len(grid) - 1):
         dt = grid[k + 1] - grid[k]
-        t, done, events, low, high = grid[k], 0.0, 0, 0.0, 0.0
+        t, done, low, high, events, relays = grid[k], 0.0, 0.0, 0.0, 0, 0
 {interval}
         while done < dt:
             left = dt - done
@@ -44,10 +45,13 @@ def run(grid, u, held, x_start, p, rtol, x_out, status):
                 h = 0.5 * left
             else:
                 h = h_next
+            if relays >= PATIENCE:
+                h = min(h, left, 1e-3 * dt)
+                status[3] = t
 {step}
             status[4] += 1.0
             error = ({error}) / rtol
-            if not error <= 1.0 and (events < PATIENCE or h > 1e-3 * dt):
+            if not error <= 1.0 and not (relays >= PATIENCE and error < inf):
                 h_next = h * max(0.1, 0.9 / sqrt(sqrt(error))) if error < inf else 0.1 * h
                 low, high = 0.0, 0.0
                 if h_next < 1e-13 * dt or t + h_next == t:
@@ -55,15 +59,12 @@ def run(grid, u, held, x_start, p, rtol, x_out, status):
 {blame}
                     return False
                 continue
-            if not error <= 1.0:
-                status[3] = t
 {leads}
             crossed = worst < -1.0 and events < PATIENCE
             if crossed and low == 0.0 and high == 0.0:
                 flipped = False
 {flip_at_start}
                 if flipped:
-                    events += 1
                     continue
                 v_low, tries = v_start, 0
             if crossed:
@@ -78,7 +79,6 @@ def run(grid, u, held, x_start, p, rtol, x_out, status):
             if left - h <= 1e-13 * dt:
                 done = dt
             if high > 0.0:
-                events += 1
                 low, high = 0.0, 0.0
             else:
                 longer = h * min(5.0, 0.9 / sqrt(sqrt(max(error, 1e-8))))
@@ -96,53 +96,85 @@ class _Parts:
     inputs: list[str]
     step: list[Node]
     leads: list[Node]
+    jumps: list[bool]
 
 
 def adaptive_code(program: Program, kind: str) -> str:
     """The function ``run``; ``kind`` "numba" or "python" (errors of ``math`` are caught)."""
     parts = _parts(program)
-    fixed = [node.value for node in program.p]
-    stepper, opening, closing = (Emitter("scalar", c, fixed) for c in "bcd")
-    step_code = _assign(stepper, ["n", "e"], _split(parts.step, len(parts.states)))
-    start = _assign(opening, ["a"], [parts.leads])
-    end = _assign(closing, ["l"], [_at_end(program, parts.leads)])
+    fixed = [node.value for node in program.p] if kind == "numba" else []
+    step_code = _Section(_names("ne", len(parts.states)), parts.step, "b", fixed)
+    start = _Section(_names("a", len(parts.leads)), parts.leads, "c", fixed)
+    end = _Section(_names("l", len(parts.leads)), _at_end(program, parts.leads), "d", fixed)
+    sections = (step_code, start, end)
+    write = _Section.plain if kind == "numba" else _Section.guarded
     return _RUN.format(
-        robust="" if kind == "numba" else _robust(parts.step),
+        robust="" if kind == "numba" else "".join(part.robust() for part in sections),
         unpack=indent(_unpack(program, len(parts.leads)), 1),
-        fixed=indent(stepper.head + opening.head + closing.head, 1),
-        interval=indent(_interval(parts) + start + _sides(parts), 2),
-        step=indent(step_code if kind == "numba" else _guarded(step_code, parts), 3),
+        fixed=indent([line for part in sections for line in part.emitter.head], 1),
+        interval=indent(_interval(parts) + write(start) + _sides(parts), 2),
+        step=indent(write(step_code), 3),
         error=" + ".join(_relative(i) for i in range(len(parts.states))) or "0.0",
         blame=indent(_blame(len(parts.states)), 5),
-        leads=indent(_end_inputs(parts) + end + _worst(len(parts.leads)), 3),
-        flip_at_start=indent(_flips(len(parts.leads), at_start=True), 4),
+        leads=indent(_end_inputs(parts) + write(end) + _worst(len(parts.leads)), 3),
+        flip_at_start=indent(_flips(parts.jumps, at_start=True), 4),
         accept=indent(_accept(parts), 3),
         store=indent([f"out{i}[k + 1] = {x}" for i, x in enumerate(parts.states)], 2),
     )
 
 
+def _names(letters: str, count: int) -> list[str]:
+    return [f"{letter}{i}" for letter in letters for i in range(count)]
+
+
+class _Section:
+    """Code that leaves the values of nodes in named variables."""
+
+    def __init__(
+        self, names: list[str], nodes: Sequence[Node], prefix: str, fixed: Sequence[str]
+    ) -> None:
+        self.names, self.nodes, self.prefix = names, nodes, prefix
+        self.emitter = Emitter("scalar", prefix, fixed)
+        self.codes = self.emitter.write(nodes)
+
+    def plain(self) -> list[str]:
+        pairs = zip(self.names, self.codes, strict=True)
+        return self.emitter.body + [f"{name} = {code}" for name, code in pairs]
+
+    def guarded(self) -> list[str]:
+        """In plain Python an overflow raises: then NumPy's rules apply."""
+        if not self.names:
+            return []
+        again = f"{', '.join(self.names)}, = robust_{self.prefix}({', '.join(self._arguments())})"
+        tried = ["    " + line for line in self.plain()]
+        return ["try:", *tried, "except (ArithmeticError, ValueError):", f"    {again}"]
+
+    def robust(self) -> str:
+        """The same as a function that returns inf or nan where ``math`` would raise."""
+        emitter = Emitter("array", self.prefix)
+        values = "".join(f"{code}, " for code in emitter.write(self.nodes))
+        lines = [f"{name} = np.float64({name})" for name in self._arguments()]
+        lines += [*emitter.body, f"return [float(v) for v in ({values})]"]
+        head = f"def robust_{self.prefix}({', '.join(self._arguments())}):\n"
+        return head + "    with np.errstate(all='ignore'):\n" + indent(lines, 2) + "\n\n\n"
+
+    def _arguments(self) -> list[str]:
+        return sorted(symbols_in(self.nodes))
+
+
 def _parts(program: Program) -> _Parts:
     graph = program.graph
-    smooth, leads = freeze_modes(program.xdot, {node.value for node in program.p})
+    smooth, leads, jumps = freeze_modes(program.xdot, {node.value for node in program.p})
     slopes = [graph.symbol(f"du{i}") for i in range(len(program.u))]
     equations = Equations(graph, program.t, program.x, program.u, smooth, slopes)
     after, error = step(equations)
     return _Parts(
-        [node.value for node in program.x], [node.value for node in program.u], after + error, leads
+        [node.value for node in program.x],
+        [node.value for node in program.u],
+        after + error,
+        leads,
+        jumps,
     )
-
-
-def _split(nodes: Sequence[Node], count: int) -> list[Sequence[Node]]:
-    return [nodes[:count], nodes[count:]]
-
-
-def _assign(
-    emitter: Emitter, letters: Sequence[str], groups: Sequence[Sequence[Node]]
-) -> list[str]:
-    """Code that leaves each group of nodes in the variables letter0, letter1, ..."""
-    codes = emitter.write([node for group in groups for node in group])
-    names = [f"{c}{i}" for c, group in zip(letters, groups, strict=True) for i in range(len(group))]
-    return emitter.body + [f"{name} = {code}" for name, code in zip(names, codes, strict=True)]
 
 
 def _at_end(program: Program, leads: Sequence[Node]) -> list[Node]:
@@ -205,45 +237,19 @@ def _worst(leads: int) -> list[str]:
     return lines
 
 
-def _flips(leads: int, *, at_start: bool) -> list[str]:
+def _flips(jumps: Sequence[bool], *, at_start: bool) -> list[str]:
     lines = []
-    for i in range(leads):
+    for i, jump in enumerate(jumps):
         started = f" and abs(a{i}) <= DEAD * r{i}" if at_start else ""
         lines += [f"if m{i} * l{i} < -DEAD * r{i}{started}:", f"    m{i} = -m{i}"]
-        lines += ["    flipped = True"] if at_start else []
+        lines += ["    events += 1"] + ["    relays += 1"] * jump
+        lines += ["    flipped = True"] * at_start
     return lines
 
 
 def _accept(parts: _Parts) -> list[str]:
-    lines = _flips(len(parts.leads), at_start=False)
+    lines = _flips(parts.jumps, at_start=False)
     lines += [f"a{i} = l{i}" for i in range(len(parts.leads))]
     for i, x in enumerate(parts.states):
         lines += [f"{x} = n{i}", f"s{i} = max(s{i}, abs({x}))"]
     return lines + [f"{u} = v{i}" for i, u in enumerate(parts.inputs)]
-
-
-def _guarded(code: list[str], parts: _Parts) -> list[str]:
-    """In plain Python an overflow raises: then the step is taken with NumPy's rules."""
-    names = [f"{c}{i}" for c in "ne" for i in range(len(parts.states))]
-    again = f"{', '.join(names)}, = robust({', '.join(_arguments(parts.step))})"
-    tried = ["    " + line for line in code or ["pass"]]
-    return [
-        "try:",
-        *tried,
-        "except (ArithmeticError, ValueError):",
-        "    " + (again if names else "pass"),
-    ]
-
-
-def _arguments(nodes: Sequence[Node]) -> list[str]:
-    return sorted(symbols_in(nodes))
-
-
-def _robust(nodes: Sequence[Node]) -> str:
-    emitter = Emitter("array", "b")
-    codes = emitter.write(nodes)
-    body = [*emitter.body, f"return [float(v) for v in ({''.join(c + ', ' for c in codes)})]"]
-    arguments = _arguments(nodes)
-    numbers = [f"{name} = np.float64({name})" for name in arguments]
-    head = f"def robust({', '.join(arguments)}):\n    with np.errstate(all='ignore'):\n"
-    return head + indent(numbers + body, 2) + "\n\n"

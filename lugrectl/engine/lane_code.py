@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from .emit import Emitter, indent
 from .graph import Node, rename
+from .program import Program
 from .rosenbrock import Equations, step
 from .switching import average_jumps
-from .trace import Program
 
 _LOOP = """
 @fast
@@ -18,7 +18,7 @@ def run(x_start, start, length, u, stride, series, p, y, gain, correct, t0, dt, 
 {unpack}
         own, begins = series[lane], start[lane]
         whole = dt / substeps
-        shortest = whole * 1e-6
+        shortest = whole * 1e-4
 {fixed}
         for j in range(length):
             k = begins + j

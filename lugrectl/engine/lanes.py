@@ -12,7 +12,8 @@ import numpy as np
 from ..errors import InputError
 from .lane_code import lane_code
 from .load import has_numba, load, threads
-from .trace import Program, trace
+from .program import Program
+from .trace import trace
 
 
 class Lanes:
@@ -117,8 +118,8 @@ class Lanes:
         Notes
         -----
         L-stable Rosenbrock steps of order 4. Kinks (abs, sign) are not located; a condition on
-        time counts by its share of the step. With rtol = inf the result is a smooth function
-        of the parameters.
+        time counts by its share of the step. At the default rtol a result carries noise of some
+        1e-7 of its range as a function of the parameters: differences need steps well above.
         """
         x0, p = self._rows(x0, self.states, "x0"), self._rows(p, self.parameters, "p")
         u, stride = self._inputs(u, substeps if per_substep else 1)

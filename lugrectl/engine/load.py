@@ -3,7 +3,9 @@ its machine code beside it for the next process."""
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
+import importlib
 import importlib.util
 import os
 import sys
@@ -27,7 +29,12 @@ HEADERS: Mapping[str, str] = {
 
 @cache
 def has_numba() -> bool:
-    return importlib.util.find_spec("numba") is not None
+    """Whether numba is there and goes with this NumPy."""
+    try:
+        importlib.import_module("numba")
+    except ImportError:
+        return False
+    return True
 
 
 def cache_dir() -> Path:
@@ -96,14 +103,27 @@ def _from_file(text: str, name: str) -> ModuleType:
 
 def _write_whole(path: Path, text: str) -> None:
     """Another process sees the whole file or none."""
+    _make_room(path.parent)
     handle, part = tempfile.mkstemp(dir=path.parent, suffix=".part")
     with os.fdopen(handle, "w", encoding="utf-8") as file:
         file.write(text)
     os.replace(part, path)
 
 
+def _make_room(folder: Path, most: int = 500) -> None:
+    """Drop the older half of a full cache, compiled code included."""
+    sources = list(folder.glob("lugrectl_*.py"))
+    if len(sources) < most:
+        return
+    with contextlib.suppress(OSError):
+        for old in sorted(sources, key=lambda path: path.stat().st_mtime)[: most // 2]:
+            for compiled in (folder / "__pycache__").glob(f"{old.stem}.*"):
+                compiled.unlink()
+            old.unlink()
+
+
 def threads() -> int:
     """How many threads numba code may use: the processors, or $NUMBA_NUM_THREADS."""
     from numba import config
 
-    return int(config.NUMBA_NUM_THREADS)
+    return int(getattr(config, "NUMBA_NUM_THREADS", 1))

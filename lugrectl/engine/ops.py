@@ -117,6 +117,7 @@ DERIVED: dict[str, Callable[..., Any]] = {
     "bitwise_or": lambda a, b: np.logical_or(a, b),
     "invert": lambda a: np.logical_not(a),
     "heaviside": lambda a, b: where(a < 0.0, 0.0, where(np.equal(a, 0.0), b, 1.0)),
+    "clip": lambda a, low, high: np.minimum(np.maximum(a, low), high),
     "fmax": lambda a, b: np.maximum(a, b),
     "fmin": lambda a, b: np.minimum(a, b),
     "degrees": lambda a: a * (180.0 / np.pi),

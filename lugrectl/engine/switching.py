@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import numpy as np
-
 from .graph import Node, substitute, symbols_in
 from .ops import COMPARISONS
 
@@ -64,18 +62,23 @@ def _held_part(lead: Node) -> Node:
     last = substitute([lead], lambda n, args: begin + h if n is t else None)[0]
     change = last - first
     still = graph.make("where", first >= 0.0, 1.0, 0.0)
-    part = (np.maximum(last, 0.0) - np.maximum(first, 0.0)) / change
+    above, before = graph.make("maximum", last, 0.0), graph.make("maximum", first, 0.0)
+    part = (above - before) / change
     return graph.make("where", abs(change) > 0.0, part, still)
 
 
-def freeze_modes(roots: Sequence[Node], fixed: set[str]) -> tuple[list[Node], list[Node]]:
+def freeze_modes(
+    roots: Sequence[Node], fixed: set[str]
+) -> tuple[list[Node], list[Node], list[bool]]:
     """For steps that end where a kink or jump is met: smooth roots and switching functions.
 
     Between two events each |a|, sign(a), comparison, maximum and minimum stays on one side. Its
     side is the symbol ``m0``, ``m1``, ... (+1 or -1), the sign of the switching function with
-    the same number. Conditions on ``fixed`` symbols alone stay as they are.
+    the same number. Conditions on ``fixed`` symbols alone stay as they are. The third result
+    says which functions switch a jump rather than a kink.
     """
     leads: list[Node] = []
+    jumps: set[int] = set()
     known: dict[int, Node] = {}
 
     def side(lead: Node) -> Node:
@@ -87,15 +90,21 @@ def freeze_modes(roots: Sequence[Node], fixed: set[str]) -> tuple[list[Node], li
     def rule(node: Node, args: tuple[Node, ...]) -> Node | None:
         if node.op not in _SIDES or symbols_in([node]) <= fixed:
             return None
-        lead, result = _SIDES[node.op]
-        return result(side(lead(*args)), *args)
+        make_lead, result = _SIDES[node.op]
+        lead = make_lead(*args)
+        if node.op not in _KINKS:
+            jumps.add(lead.index)
+        return result(side(lead), *args)
 
-    return substitute(roots, rule), leads
+    smooth = substitute(roots, rule)
+    return smooth, leads, [lead.index in jumps for lead in leads]
 
 
 def _choose(mode: Node, yes: Node, no: Node) -> Node:
     return mode.graph.make("where", mode > 0.0, yes, no)
 
+
+_KINKS = {"absolute", "maximum", "minimum"}
 
 # operation: its switching function, and its value on the side m
 _SIDES: dict[str, tuple[Callable[..., Node], Callable[..., Node]]] = {

@@ -18,6 +18,7 @@ class Symbolic(NDArrayOperatorsMixin):
     """Behaviour of a node inside a block's function."""
 
     __slots__ = ()
+    graph: Any
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
         return apply_ufunc(ufunc, method, inputs, options)
@@ -32,7 +33,10 @@ class Symbolic(NDArrayOperatorsMixin):
         )
 
     def __float__(self) -> NoReturn:
-        raise TraceError("a signal is turned into a number (float() or math.*); write np.*")
+        raise TraceError(
+            "a signal is turned into a number (float(), math.*, or an entry of a float array); "
+            "write np.* functions and np.array([...])"
+        )
 
     __int__ = __index__ = __complex__ = __round__ = __float__
 
@@ -105,7 +109,8 @@ def _elementwise(function: Any, inputs: Any) -> Any:
         return function(*(a[()] if isinstance(a, np.ndarray) else a for a in inputs))
     cells = np.broadcast(*(_cell(a) for a in inputs))
     result = np.empty(cells.shape, dtype=object)
-    result.flat = [function(*values) for values in cells]
+    for place, values in enumerate(cells):
+        result.flat[place] = function(*values)
     return result.view(SignalArray)
 
 
@@ -141,6 +146,13 @@ FUNCTIONS = {np.where: _where, np.clip: _clip}
 
 
 def apply_function(function: Any, args: Any, options: dict[str, Any]) -> Any:
-    if function not in FUNCTIONS:
-        raise TraceError(f"np.{function.__name__} of a signal cannot be followed")
-    return FUNCTIONS[function](*args, **options)
+    """A NumPy function on nodes: our own, or NumPy's on an array of objects."""
+    if function in FUNCTIONS:
+        return FUNCTIONS[function](*args, **options)
+    return function(*[_boxed(a) for a in args], **options)
+
+
+def _boxed(value: Any) -> Any:
+    if isinstance(value, Symbolic):
+        return _cell(value).view(SignalArray)
+    return [_boxed(v) for v in value] if isinstance(value, (list, tuple)) else value

@@ -9,7 +9,7 @@ before it is returned.
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,55 +18,14 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from ..errors import InputError
-from .graph import Graph, Node, evaluate, symbols_in
+from .check import check
+from .graph import Graph, Node, symbols_in
+from .program import Program
 from .symbolic import TraceError, signal_array
 
 
 class AlgebraicLoop(InputError):
     """Outputs that depend on themselves without a state in between."""
-
-
-@dataclass(frozen=True, eq=False)
-class Program:
-    """The equations of a system: xdot = f(t, x, u, p), y = g(t, x, u, p) as graph nodes.
-
-    ``parameters`` are unique labels, ``keys`` the names under which python-control knows them
-    (one key can have several defaults in different blocks), ``defaults`` their values.
-    ``fixed`` holds the keys that were needed as numbers while tracing.
-    """
-
-    name: str
-    states: tuple[str, ...]
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    parameters: tuple[str, ...]
-    keys: tuple[str, ...]
-    defaults: np.ndarray
-    fixed: Mapping[str, Any]
-    graph: Graph
-    t: Node
-    x: tuple[Node, ...]
-    u: tuple[Node, ...]
-    p: tuple[Node, ...]
-    xdot: tuple[Node, ...]
-    y: tuple[Node, ...]
-
-    def values(self, t: Any, x: Any, u: Any, p: Any | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """(xdot, y) by interpretation; x (n, ...), u (m, ...), p (q, ...) may be batches."""
-        p = self.defaults if p is None else p
-        known = {self.t.value: t}
-        for nodes, numbers in ((self.x, x), (self.u, u), (self.p, p)):
-            known |= {node.value: v for node, v in zip(nodes, numbers, strict=True)}
-        shape = np.broadcast_shapes(*(np.shape(v) for v in known.values()))
-        rows = [np.broadcast_to(v, shape) for v in evaluate(self.xdot + self.y, known)]
-        rows = np.array(rows, dtype=float).reshape(-1, *shape)
-        return rows[: len(self.x)], rows[len(self.x) :]
-
-    def arguments(self, params: Mapping[str, Any] | None) -> np.ndarray:
-        """The parameter vector with ``params`` in place of defaults."""
-        params = params or {}
-        pairs = zip(self.keys, self.defaults, strict=True)
-        return np.array([float(params.get(k, v)) for k, v in pairs])
 
 
 def trace(system: ct.NonlinearIOSystem, params: Mapping[str, Any] | None = None) -> Program:
@@ -90,6 +49,8 @@ def trace(system: ct.NonlinearIOSystem, params: Mapping[str, Any] | None = None)
     """
     if system.isdtime(strict=True):
         raise InputError(f"{system.name} is a discrete-time system; the engine needs dt = 0.")
+    if None in (system.nstates, system.ninputs, system.noutputs):
+        raise InputError(f"{system.name}: give its inputs=, outputs= and states= in ct.nlsys.")
     system._update_params(params)
     program = _Tracer(system).program()
     check(program, system, params)
@@ -122,25 +83,27 @@ class _Tracer:
         self.values: dict[int, dict[str, Any]] = {}
         self._collect(system)
 
-    def _symbols(self, letter: str, count: int | None) -> tuple[Node, ...]:
-        if count is None:
-            raise TraceError(f"{self.system.name} does not say how many signals it has")
+    def _symbols(self, letter: str, count: Any) -> tuple[Node, ...]:
         return tuple(self.graph.symbol(f"{letter}{i}") for i in range(count))
 
     def _collect(self, system: Any) -> None:
         """One symbol for each numeric parameter: blocks with equal key and value share it."""
-        if isinstance(system, ct.InterconnectedSystem):
-            for block in system.syslist:
-                self._collect(block)
-            return
-        known = dict(system._current_params)
-        for key, value in known.items():
-            if isinstance(value, (int, float, np.number)) and not isinstance(value, bool):
-                node = self.graph.symbol(f"p{len(self.slots)}")
-                slot = self.slots.setdefault((key, float(value)), _Slot(key, float(value), node))
-                slot.users.append(system.name)
-                known[key] = slot.node
-        self.values[id(system)] = known
+        blocks = list(_blocks(system))
+        for block in blocks:
+            self.values[id(block)] = dict(block._current_params)
+        for own in (True, False):  # the blocks' own keys first: overrides do not renumber them
+            for block in blocks:
+                keys = [k for k in block._current_params if (k in block.params) is own]
+                self.values[id(block)] |= {k: self._symbol(block, k) for k in keys}
+
+    def _symbol(self, block: Any, key: str) -> Any:
+        value = block._current_params[key]
+        if not isinstance(value, (int, float, np.number)) or isinstance(value, bool):
+            return value
+        node = self.graph.symbol(f"p{len(self.slots)}")
+        slot = self.slots.setdefault((key, float(value)), _Slot(key, float(value), node))
+        slot.users.append(block.name)
+        return slot.node
 
     def _free_slots(self, roots: Sequence[Node]) -> list[_Slot]:
         """All but the parameters that went into the equations as numbers."""
@@ -264,6 +227,15 @@ class _Tracer:
         return [v if isinstance(v, Node) else self.graph.constant(v) for v in flat]
 
 
+def _blocks(system: Any) -> Iterator[Any]:
+    """The blocks of all levels that have functions of their own."""
+    if not isinstance(system, ct.InterconnectedSystem):
+        yield system
+        return
+    for block in system.syslist:
+        yield from _blocks(block)
+
+
 def _parts(system: Any, x: Sequence[Node], u: Sequence[Node]) -> list[tuple[Any, Any, Any]]:
     """Each block with its states and inputs, in python-control's order."""
     parts, first, entry = [], 0, 0
@@ -277,44 +249,7 @@ def _parts(system: Any, x: Sequence[Node], u: Sequence[Node]) -> list[tuple[Any,
 def _blame(block: Any, function: Callable[..., Any], error: Exception) -> str:
     """Which block, which line, why."""
     frames = traceback.extract_tb(error.__traceback__)
-    own = [f for f in frames if f.filename == function.__code__.co_filename]
+    file = getattr(getattr(function, "__code__", None), "co_filename", None)
+    own = [f for f in frames if f.filename == file]
     place = f", {own[-1].filename} line {own[-1].lineno}" if own else ""
     return f"block {block.name}{place}: {error}"
-
-
-def check(
-    program: Program,
-    system: ct.NonlinearIOSystem,
-    params: Mapping[str, Any] | None = None,
-    scales: Sequence[float] = (1.0, 1e-3, 30.0, 0.1),
-) -> None:
-    """Compare a trace with the system's own functions at random points.
-
-    Raises TraceError where they differ: a function that keeps state of its own, draws random
-    numbers, or takes another way for symbols than for numbers.
-    """
-    random = np.random.default_rng(len(program.graph.nodes))
-    single = {k for k in program.keys if program.keys.count(k) == 1 and k not in program.fixed}
-    for scale in scales:
-        pairs = zip(program.keys, program.defaults, strict=True)
-        spread = 0.0 if scale == 1.0 else 0.2
-        values = {k: v * (1 + spread * random.uniform(-1, 1)) for k, v in pairs if k in single}
-        t = abs(scale * random.standard_normal())
-        x, u = (scale * random.standard_normal(len(s)) for s in (program.x, program.u))
-        system._update_params({**(params or {}), **values})
-        with np.errstate(all="ignore"):
-            own = np.concatenate([system._rhs(t, x, u), system._out(t, x, u)])
-        ours = np.concatenate(program.values(t, x, u, program.arguments(values)))
-        _compare(program, own, ours)
-    system._update_params(params)
-
-
-def _compare(program: Program, own: np.ndarray, ours: np.ndarray) -> None:
-    size = np.max(np.abs(own[np.isfinite(own)]), initial=1e-300)
-    bad = ~np.isclose(ours, own, rtol=1e-9, atol=1e-13 * size, equal_nan=True)
-    if np.any(bad):
-        label = (program.states + program.outputs)[int(np.flatnonzero(bad)[0])]
-        raise TraceError(
-            f"{program.name}: the traced equation of {label} differs from the system's own "
-            "(does a block keep values between calls, or draw random numbers?)"
-        )

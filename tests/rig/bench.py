@@ -95,5 +95,5 @@ def simulate(setup: Setup, table: Table, machine: Machine | None = None) -> Run:
         setup.theta0,
     )
     t = np.arange(out.shape[1]) * period
-    signals = dict(zip(OUT, out, strict=True))
+    signals: dict[str, np.ndarray] = dict(zip(OUT, out, strict=True))
     return Run(t, signals, float(np.sqrt(friction)), float(np.sqrt(effect)))

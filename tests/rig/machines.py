@@ -52,16 +52,20 @@ def _turn(*bits: int) -> tuple[float, ...]:
     return tuple(2.0 * np.pi / 2**b for b in bits)
 
 
-def _rotary(name, values, w_max, w_noise, quanta) -> Machine:
-    return Machine(name, "rotary", *values, w_max, w_noise, quanta)
+PARAMETERS = ("J", "sigma0", "sigma1", "Fc", "Fs", "Fv", "vs")
+Values = tuple[float, ...]  # in the order of PARAMETERS
 
 
-def _linear(name, values, w_max, w_noise, quanta) -> Machine:
-    return Machine(name, "linear", *values, w_max, w_noise, quanta)
+def _rotary(name: str, values: Values, w_max: float, w_noise: float, quanta: Values) -> Machine:
+    known = dict(zip(PARAMETERS, values, strict=True))
+    return Machine(name, "rotary", **known, w_max=w_max, w_noise=w_noise, quanta=quanta)
+
+
+def _linear(name: str, values: Values, w_max: float, w_noise: float, quanta: Values) -> Machine:
+    return replace(_rotary(name, values, w_max, w_noise, quanta), motion="linear")
 
 
 _ALL = (
-    # J, sigma0, sigma1, Fc, Fs, Fv, vs
     _rotary("servo", (2.2e-3, 260, 0.6, 0.285, 0.335, 0.018, 0.01), 12, 2e-3, _turn(16, 18, 20)),
     _rotary("wrist", (0.02, 1500, 3.0, 0.9, 1.3, 0.12, 0.08), 8, 2e-3, _turn(14, 17, 20)),
     _rotary("joint", (0.13, 5500, 20, 2.2, 2.9, 0.9, 0.03), 5, 1e-3, _turn(16, 18, 20)),

@@ -46,7 +46,7 @@ J, S0, S1, FC, FS, FV, VS, LOAD, LOAD_A, LOAD_PHI, FS_TWIN, STATIC_TWIN = range(
 MODE, KP, KI, KPP, U_MAX, XI_MAX, U_INIT, LAG_WM, NO_TACHO, QUANTUM = range(10)
 OPEN_LOOP, SPEED_LOOP, POSITION_LOOP = 0, 1, 2
 # per sample: recorded position and speed, then the truth (means over the sample, work so far)
-OUT = (
+OUT: tuple[str, ...] = (
     "u",
     "theta",
     "w",
@@ -275,7 +275,7 @@ def step(t, h, command, delayed, same, x, m, on, p):
     level, fv = friction_level(t, theta, w, x[REST], m, on, p)
     x[Z], mean, rate = bristle(x[Z], w, level, m[S0], h)
     friction = m[S0] * mean + m[S1] * rate + fv * w
-    x[REST] = x[REST] + h if abs(w) < 0.5 * m[VS] else 0.0
+    x[REST] = x[REST] + h if abs(w) < 0.5 * m[VS] else 0.0  # presliding counts as rest
     j_now, swing = inertia(t, theta, w, m, on, p)
     against = friction + load_torque(theta, m) + resisting(t, theta, w, on, p)
     x[ACC] = (torque - against - swing - coupling(x, theta, w, h, on, p)) / j_now

@@ -14,7 +14,7 @@ from .bench import Run, Setup, drive_row, simulate, tune
 from .declared import model_text, model_tree
 from .excitation import EXCITATIONS
 from .hiding import Context, Effect, Size, find, needs_gravity, suits
-from .machines import MACHINES, Machine, specimen, with_load
+from .machines import MACHINES, PARAMETERS, Machine, specimen, with_load
 from .plant import KI, KP
 from .strength import COARSE, calibrate, present
 
@@ -103,11 +103,13 @@ def _strong_enough(setup: Setup) -> Setup:
     return setup
 
 
-def _hide(setup: Setup, names: list[str], seed: int, strength: float):
+def _hide(
+    setup: Setup, names: list[str], seed: int, strength: float
+) -> tuple[Run, list[dict], Machine]:
     """Draw and scale each effect on its own, then run them together."""
     base = simulate(setup, {})
     if not names:
-        return base, []
+        return base, [], setup.machine
     s = base.signals
     context = Context(
         setup.machine,
@@ -127,9 +129,8 @@ def _hide(setup: Setup, names: list[str], seed: int, strength: float):
         x, alone = calibrate(setup, effect, size, strength)
         sizes[name] = (size, x)
         told.append(_tell(effect, size, x, alone, strength))
-        last = alone
-    run = last if len(names) == 1 else simulate(setup, *present(setup.machine, sizes))
-    return run, told
+    table, truth = present(setup.machine, sizes)
+    return simulate(setup, table, truth), told, truth
 
 
 def _tell(effect: Effect, size: Size, x: float, alone: Run, strength: float) -> dict:
@@ -159,18 +160,18 @@ def _answer(run: Run, told: list[dict]) -> dict:
     }
 
 
-def _rig(setup: Setup) -> dict:
+def _rig(setup: Setup, m: Machine) -> dict:
     """The machine as it really is, and its drive."""
-    m, gains = setup.machine, setup.drive
+    gains = setup.drive
     return {
         "quantum": setup.quantum,
         "drive": {
             "loop": setup.loop,
             "kp": float(gains[KP]),
             "ki": float(gains[KI]),
-            "limit": m.torque_peak,
+            "limit": setup.machine.torque_peak,
         },
-        "plant": {key: getattr(m, key) for key in "J sigma0 sigma1 Fc Fs Fv vs".split()},
+        "plant": {key: float(getattr(m, key)) for key in PARAMETERS},
         "load": m.load,
     }
 
@@ -208,7 +209,7 @@ def make(
     sigma = m.w_noise if w_noise is None else w_noise
     options = {"quantum": quantum, "w_noise": sigma, "position_only": position_only}
     setup = _prepare(m, names, excitation, seed, rate, duration, options)
-    run, told = _hide(setup, names, seed, strength) if strength > 0.0 else (simulate(setup, {}), [])
+    run, told, true = _hide(setup, names if strength > 0.0 else [], seed, strength)
     model = model_tree(m, names, stream(seed, "declared"), declared_error, omit)
     columns = {"t": run.t, "u": run.signals["u"], "theta": run.signals["theta"]}
     columns["u"] = columns["u"] + torque_noise * stream(seed, "torque").normal(size=len(run.t))
@@ -224,6 +225,6 @@ def make(
         "seed": seed,
         "rate": rate,
         "position_only": position_only,
-        **_rig(setup),
+        **_rig(setup, true),
     }
     return Case(columns, model, truth, run)

@@ -1,0 +1,65 @@
+"""Whether a trace says what the system itself says."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import control as ct
+import numpy as np
+
+from .program import Program
+from .symbolic import TraceError
+
+
+def check(
+    program: Program,
+    system: ct.NonlinearIOSystem,
+    params: Mapping[str, Any] | None = None,
+    scales: Sequence[float] = (1.0, 1e-3, 30.0, 0.1),
+) -> None:
+    """Compare a trace with the system's own functions at random points of these sizes.
+
+    Raises TraceError where they differ: a function that keeps state of its own, draws random
+    numbers, or takes another way for symbols than for numbers.
+    """
+    random = np.random.default_rng(len(program.graph.nodes))
+    single = {k for k in program.keys if program.keys.count(k) == 1 and k not in program.fixed}
+    compared = 0
+    for scale in scales:
+        pairs = zip(program.keys, program.arguments(params), strict=True)
+        spread = 0.0 if scale == 1.0 else 0.2
+        values = {k: v * (1 + spread * random.uniform(-1, 1)) for k, v in pairs if k in single}
+        t = abs(scale * random.standard_normal())
+        x, u = (scale * random.standard_normal(len(s)) for s in (program.x, program.u))
+        own = _own(system, t, x, u, {**(params or {}), **values})
+        if own is not None:
+            p = program.arguments({**(params or {}), **values})
+            ours = np.concatenate(program.values(t, x, u, p))
+            compared += _compare(program, own, ours)
+    system._update_params(params)
+    if not compared and program.xdot + program.y:
+        raise TraceError(f"{program.name}: gives no finite value at any point that was tried")
+
+
+def _own(system: Any, t: float, x: Any, u: Any, params: Mapping[str, Any]) -> np.ndarray | None:
+    """The system's rates and outputs; None where python-control meets a NaN inside a loop."""
+    system._update_params(params)
+    try:
+        with np.errstate(all="ignore"):
+            return np.concatenate([system._rhs(t, x, u), system._out(t, x, u)])
+    except (RuntimeError, ArithmeticError):
+        return None
+
+
+def _compare(program: Program, own: np.ndarray, ours: np.ndarray) -> bool:
+    """Whether the point counts: some value is finite."""
+    size = np.max(np.abs(own[np.isfinite(own)]), initial=1e-300)
+    bad = ~np.isclose(ours, own, rtol=1e-9, atol=1e-11 * size, equal_nan=True)
+    if np.any(bad):
+        label = (program.states + program.outputs)[int(np.flatnonzero(bad)[0])]
+        raise TraceError(
+            f"{program.name}: the traced equation of {label} differs from the system's own "
+            "(does a block keep values between calls, or draw random numbers?)"
+        )
+    return bool(np.any(np.isfinite(own)))

@@ -1,0 +1,101 @@
+"""Traced and compiled systems, kept for the next call while the system is what it was."""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import control as ct
+import numpy as np
+
+from ..errors import InputError
+from .adaptive import Adaptive
+from .check import check
+from .graph import symbols_in
+from .symbolic import TraceError
+from .trace import trace
+
+
+@dataclass(frozen=True)
+class _Known:
+    """A traced system and what it was traced from."""
+
+    fingerprint: Any
+    overridden: frozenset[str]
+    engine: Adaptive
+
+    def fits(self, fingerprint: Any, given: Mapping[str, Any]) -> bool:
+        """Whether only values of parameters differ, none of which was needed as a number."""
+        program = self.engine.program
+        numbers = {k for k, v in given.items() if _is_number(v)}
+        return (
+            self.fingerprint == fingerprint
+            and self.overridden <= numbers <= {*program.keys, *program.fixed}
+            and all(_token(given.get(k, v)) == _token(v) for k, v in program.fixed.items())
+        )
+
+
+_traced: weakref.WeakKeyDictionary[Any, list[_Known]] = weakref.WeakKeyDictionary()
+
+
+def compiled(system: Any, params: Mapping[str, Any] | None = None) -> Adaptive:
+    """The compiled system; the one of an earlier call where nothing but numbers has changed."""
+    given = dict(params or {})
+    others = frozenset((k, _token(v)) for k, v in given.items() if not _is_number(v))
+    fingerprint = (_fingerprint(system), others)
+    entries = _traced.setdefault(system, [])
+    for entry in [e for e in entries if e.fits(fingerprint, given)]:
+        try:
+            check(entry.engine.program, system, params, scales=(1.0,))
+            return entry.engine
+        except TraceError:  # something that a block reads outside its parameters has changed
+            entries.remove(entry)
+    program = trace(system, params)
+    _no_unknown(system, program, given)
+    engine = Adaptive(program)
+    numbers = frozenset(k for k, v in given.items() if _is_number(v))
+    entries[:] = [*entries[-7:], _Known(fingerprint, numbers, engine)]
+    return engine
+
+
+def _no_unknown(system: Any, program: Any, given: Mapping[str, Any]) -> None:
+    """python-control ignores a parameter that no block reads; here it is an error."""
+    seen = symbols_in([*program.xdot, *program.y])
+    read = {k for k, p in zip(program.keys, program.p, strict=True) if p.value in seen}
+    known = read | set(program.fixed) | _default_keys(system)
+    unknown = [k for k, v in given.items() if k not in known and isinstance(v, (int, float))]
+    if unknown:
+        raise InputError(
+            f"{system.name}: no block reads the parameter '{unknown[0]}'; "
+            f"there are {', '.join(sorted(known)) or 'none'}."
+        )
+
+
+def _default_keys(system: Any) -> set[str]:
+    own = set(system.params)
+    return own.union(*(_default_keys(block) for block in getattr(system, "syslist", ())))
+
+
+def _fingerprint(system: Any) -> Any:
+    """What a trace depends on besides the values of numeric parameters."""
+    params = tuple((k, _token(v)) for k, v in system.params.items())
+    if isinstance(system, ct.InterconnectedSystem):
+        maps = (system.connect_map, system.input_map, system.output_map)
+        wiring = tuple(np.asarray(m).tobytes() for m in maps)
+        return params, wiring, tuple(_fingerprint(block) for block in system.syslist)
+    matrices = ()
+    if isinstance(system, ct.StateSpace):
+        matrices = tuple(np.asarray(m).tobytes() for m in (system.A, system.B, system.C, system.D))
+    return params, matrices, id(system.updfcn), id(system.outfcn)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
+
+
+def _token(value: Any) -> Any:
+    if _is_number(value):
+        return float(value)
+    return value.tobytes() if isinstance(value, np.ndarray) else id(value)

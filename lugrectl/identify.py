@@ -1,0 +1,73 @@
+"""Fit the declared model alone."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from .job import Progress, begin, estimates, on_everything, score
+from .model import Model
+from .record import Record
+from .results import Estimate, plain
+
+
+@dataclass(frozen=True)
+class Identification:
+    """Fitted parameters of the declared structure, with the errors before and after."""
+
+    estimates: Mapping[str, Estimate]
+    error: Mapping[str, Any]
+    model: Model
+    record: Record
+    messages: tuple[str, ...]
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python; never NaN or Infinity."""
+        nested = self.model.to_dict()
+        return plain(
+            {
+                "schema": 1,
+                "parameters": {k: v.summary() for k, v in self.estimates.items()},
+                "error": self.error,
+                "model": {k: nested[k] for k in ("plant", "friction", "effects")},
+                "record": self.record.summary(),
+                "messages": list(self.messages),
+            }
+        )
+
+    def to_json(self) -> str:
+        """One JSON document (schema 1)."""
+        return json.dumps(self.summary(), indent=2, allow_nan=False)
+
+
+def identify(
+    record: Record | Sequence[Record],
+    model: Model,
+    *,
+    holdout: str | Record | None = None,
+    horizon: float = 1.0,
+    seed: int = 0,
+    progress: Callable[[float, str], None] | None = None,
+) -> Identification:
+    """Fit the parameters of a declared model, without looking for missing effects.
+
+    Parameters and errors are those of :func:`lugrectl.diagnose`; missing values are identified.
+
+    Raises
+    ------
+    Refused
+        When the record cannot answer.
+    """
+    report: Progress = progress or (lambda fraction, what: None)
+    job = begin(record, model, holdout, horizon, report)
+    whole = on_everything(job.base, job)
+    error = score(job, job.base)["error"]
+    return Identification(
+        estimates=estimates(whole),
+        error={k: v for k, v in error.items() if k != "augmented"},
+        model=whole.predictor.model.with_values(whole.values),
+        record=job.records[0],
+        messages=job.messages,
+    )

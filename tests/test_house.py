@@ -1,0 +1,110 @@
+"""The rules of the house: one-way imports, the top level, lint, types, what may be imported."""
+
+from __future__ import annotations
+
+import ast
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "lugrectl"
+STOREYS = [
+    {"errors", "block"},
+    {"blocks", "model", "units"},
+    {"loops", "engine", "linear", "readers", "timebase", "samples", "audit", "record"},
+    {"simulate", "noise", "data", "results"},
+    {"predictor", "split"},
+    {"fit", "evaluate", "structure"},
+    {"search"},
+    {"start"},
+    {"job"},
+    {"explain"},
+    {"diagnose", "identify"},
+    {"plot", "page", "wording", "views", "atomic", "progress", "report"},
+    {"options", "commands", "lookups", "cli", "__main__", "demo"},
+]
+DRAWING = {"plot", "page", "report", "wording", "views"}
+
+
+def room(path: Path) -> str:
+    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+def imported(path: Path) -> set[tuple[str, bool]]:
+    """Rooms of this package that a file imports, and whether only inside a function."""
+    tree = ast.parse(path.read_text())
+    depth = len(path.relative_to(PACKAGE).parts)
+    top = {id(node) for node in tree.body}
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.level == depth:
+            names = [node.module] if node.module else [alias.name for alias in node.names]
+            found |= {(name.split(".")[0], id(node) not in top) for name in names}
+    return found
+
+
+def test_imports_run_one_way():
+    storey = {name: level for level, names in enumerate(STOREYS) for name in names}
+    for path in PACKAGE.rglob("*.py"):
+        own = room(path)
+        if own == "__init__":
+            continue
+        assert own in storey, f"{path.name} has no place in the house"
+        for other, deferred in imported(path):
+            upward = storey[other] > storey[own]
+            assert not upward or deferred, f"{path.name} imports {other}, which is above it"
+
+
+def test_computing_neither_draws_nor_prints():
+    for path in PACKAGE.rglob("*.py"):
+        level = [names for names in STOREYS if room(path) in names]
+        if not level or STOREYS.index(level[0]) >= 11:
+            continue
+        tree = ast.parse(path.read_text())
+        called = {n.func.id for n in ast.walk(tree)
+                  if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)}  # fmt: skip
+        assert "print" not in called, path
+        assert "matplotlib" not in path.read_text(), path
+
+
+def test_top_level_holds_what_it_should():
+    if not (ROOT / ".git").exists():
+        pytest.skip("not a git checkout")
+    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True)
+    tops = {line.split("/")[0] for line in listed.stdout.splitlines()}
+    extra = {t for t in tops if not t.startswith(".")}
+    assert extra <= {"pyproject.toml", "lugrectl", "tests", "notebooks", "README.md"}
+
+
+def test_rooms_are_not_crowded():
+    for path in [*PACKAGE.rglob("*.py"), *(ROOT / "tests").rglob("*.py")]:
+        assert len(path.read_text().splitlines()) <= 400, path
+
+
+@pytest.mark.parametrize("arguments", [["check"], ["format", "--check"]])
+def test_ruff(arguments):
+    if shutil.which("ruff") is None and not (Path(sys.executable).parent / "ruff").exists():
+        pytest.skip("ruff is not installed")
+    command = [sys.executable, "-m", "ruff", *arguments, "lugrectl", "tests", "notebooks"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_types():
+    pytest.importorskip("basedpyright")
+    command = [sys.executable, "-m", "basedpyright", "--pythonpath", sys.executable]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
+
+
+def test_quick_commands_load_nothing_heavy():
+    code = (
+        "import sys, lugrectl.cli as c; c.main(['--version']); "
+        "sys.exit(any(m in sys.modules for m in ('control', 'matplotlib', 'numba', 'scipy')))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0 and "lugrectl" in done.stdout

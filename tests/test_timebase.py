@@ -1,0 +1,178 @@
+"""Uniform time: what is filled, merged, resampled or cut, and what is refused."""
+
+import numpy as np
+import pytest
+
+from lugrectl.errors import Refused
+from lugrectl.record import read_record
+
+from .logs import cell, csv, machine, refused
+
+
+def test_rate_instead_of_time(tmp_path):
+    path = csv(tmp_path, "n,u,w,theta")
+    record = read_record(path, rate=1000)
+    np.testing.assert_allclose(record.t, machine()["t"], atol=1e-12)
+    assert record.messages == ()
+    both = read_record(csv(tmp_path), rate=900)
+    assert both.rate == 1000.0 and any("900" in m for m in both.messages)
+    assert read_record(csv(tmp_path), rate=1000.5).messages == ()
+
+
+def test_time_starts_where_it_starts(tmp_path):
+    record = read_record(csv(tmp_path, keep=slice(500, None)))
+    assert record.t[0] == 0.5 and record.samples == 2500
+
+
+@pytest.mark.parametrize("keep", [slice(3), slice(199), slice(0, 900)])
+def test_too_short(tmp_path, keep):
+    refused(Refused, csv(tmp_path, keep=keep), "too short", "run.csv")
+
+
+def test_time_backwards(tmp_path):
+    def swap(lines):
+        lines[400], lines[401] = lines[401], lines[400]
+        return lines
+
+    refused(Refused, csv(tmp_path, change=swap), "backwards", "line 402")
+    commented = csv(tmp_path, change=lambda x: [*swap(x)[:9], "# remark", *x[9:]])
+    refused(Refused, commented, "line 403")
+
+
+def test_wrong_time_unit(tmp_path):
+    path = csv(tmp_path, "t [ms],u,w,theta")
+    refused(Refused, path, "1e+06 Hz", "--units t=")
+    log = machine()
+    np.savez(tmp_path / "a.npz", **(log | {"t": 1e3 * log["t"]}))
+    refused(Refused, tmp_path / "a.npz", "1 Hz", "--units t=ms")
+    assert read_record(tmp_path / "a.npz", units="t=ms").rate == 1000.0
+
+
+@pytest.mark.parametrize("mark", ["", "nan", "NaN", "N/A", "inf"])
+def test_isolated_missing_samples_are_filled(tmp_path, mark):
+    def holes(lines):
+        for line in (100, 101, 102, 2000):
+            lines = cell(line, 1, mark)(lines)
+        return cell(900, 3, mark)(lines)
+
+    log, record = machine(), read_record(csv(tmp_path, change=holes))
+    assert record.samples == 3000 and record.dropped == 5
+    assert np.all(record.u[98:101] == record.u[97])  # held
+    assert record.theta is not None
+    assert record.theta[898] == pytest.approx((log["theta"][897] + log["theta"][899]) / 2)
+    assert any(m.startswith("u is missing in 4 samples") for m in record.messages)
+
+
+@pytest.mark.parametrize("column", [0, 1, 2, 3])
+def test_runs_of_nan_are_refused(tmp_path, column):
+    def hole(lines):
+        for line in range(500, 510):
+            lines = cell(line, column, "nan")(lines)
+        return lines
+
+    role = ("t", "u", "w", "theta")[column]
+    refused(Refused, csv(tmp_path, change=hole), role, "10 samples", "line 500")
+
+
+def test_many_scattered_nan_are_refused(tmp_path):
+    def holes(lines):
+        for line in range(5, 3000, 50):
+            lines = cell(line, 1, "")(lines)
+        return lines
+
+    refused(Refused, csv(tmp_path, change=holes), "u", "60 samples")
+
+
+def test_missing_optional_channel_is_left_out(tmp_path):
+    log = machine()
+    load = np.where(np.arange(3000) < 50, np.nan, 0.1)
+    heat = np.where(np.arange(3000) % 100, np.nan, 20.0 + log["t"])
+    np.savez(tmp_path / "a.npz", **log, d=load, temperature=heat)
+    record = read_record(tmp_path / "a.npz")
+    assert record.d is None and any(m.startswith("d has too many") for m in record.messages)
+    assert record.temperature is not None
+    np.testing.assert_allclose(record.temperature[:2900], 20 + log["t"][:2900], atol=1e-9)
+    assert record.dropped == 0
+
+
+def test_doubled_stamps_are_merged(tmp_path):
+    twice = np.sort(np.r_[np.arange(3000), [10, 10, 700]])
+    record = read_record(csv(tmp_path, keep=twice))
+    assert record.samples == 3000 and record.dropped == 3
+    assert any("repeats itself in 3 rows" in m for m in record.messages)
+    np.testing.assert_allclose(record.w, machine()["w"], rtol=1e-8)
+
+
+def test_few_lost_rows_are_filled_and_counted(tmp_path):
+    keep = np.setdiff1d(np.arange(3000), [50, 51, 1200])
+    log, record = machine(), read_record(csv(tmp_path, keep=keep))
+    assert record.samples == 3000 and record.dropped == 3 and record.gaps == ()
+    np.testing.assert_allclose(record.t, log["t"], atol=1e-9)
+    assert record.u[50] == record.u[51] == record.u[49]
+    np.testing.assert_allclose(record.theta, log["theta"], atol=2e-4)
+
+
+def test_longer_losses_are_gaps(tmp_path):
+    keep = np.setdiff1d(np.arange(3000), np.r_[1200:1260, 1265:1305, 2500:2507])
+    log, record = machine(), read_record(csv(tmp_path, keep=keep))
+    assert record.gaps == (1200, 1200 + 2500 - 1305)
+    for part in record.segments():
+        np.testing.assert_allclose(np.diff(record.t[part]), 1e-3, rtol=1e-6)
+    found = np.searchsorted(log["t"] + 5e-4, record.t)
+    np.testing.assert_allclose(record.u, log["u"][found], rtol=1e-8)
+    assert any("2 gaps" in m for m in record.messages)
+    assert record.dropped == 5  # the stretch 1260..1264 is too short to be of use
+
+
+def test_too_many_lost_rows_are_refused(tmp_path):
+    lost = np.random.default_rng(5).choice(np.arange(10, 2990, 4), 75, replace=False)
+    keep = np.setdiff1d(np.arange(3000), lost)
+    refused(Refused, csv(tmp_path, keep=keep), "75 of 3000")
+    scraps = np.flatnonzero(np.arange(3000) % 200 < 150)
+    refused(Refused, csv(tmp_path, keep=scraps), "too short", "between lost samples")
+
+
+def test_jitter_is_resampled_without_delay(tmp_path):
+    """Held torque keeps its time integral; motion is read off where it was measured."""
+    rng = np.random.default_rng(3)
+    t = np.arange(3000) * 1e-3
+    stamps = t + 1e-3 * rng.uniform(-0.04, 0.04, len(t))
+    stamps[0] = 0.0
+    values = {"u": np.sin(9 * stamps), "w": 7 * np.cos(7 * stamps), "theta": np.sin(7 * stamps)}
+    np.savez(tmp_path / "a.npz", t=stamps, **values)
+    record = read_record(tmp_path / "a.npz")
+    assert any("jitters" in m for m in record.messages) and record.gaps == ()
+    np.testing.assert_allclose(np.diff(record.t), record.dt, rtol=1e-6)
+    np.testing.assert_allclose(record.theta, np.sin(7 * record.t), atol=1e-5)
+    held = np.sum(values["u"][:-1] * np.diff(stamps))
+    assert np.sum(record.u[:-1]) * record.dt == pytest.approx(held, abs=2e-3 * 1e-3)
+    late = np.mean((record.u - np.sin(9 * record.t)) * np.cos(9 * record.t)) / np.mean(
+        9 * np.cos(9 * record.t) ** 2
+    )
+    assert abs(late) < 2e-6  # seconds; taking the previous value would be 20 times that
+
+
+def test_stamps_rounded_too_coarsely(tmp_path):
+    t = np.arange(3000) * 1.3e-3
+    values = {"u": np.sin(9 * t), "w": 7 * np.cos(7 * t), "theta": np.sin(7 * t)}
+    np.savez(tmp_path / "a.npz", t=np.round(t, 3), **values)
+    record = read_record(tmp_path / "a.npz")
+    assert record.dt == pytest.approx(1.3e-3, rel=1e-4) and record.dropped == 0
+    assert any("rounded" in m for m in record.messages)
+    np.testing.assert_array_equal(record.u, values["u"])
+
+
+def test_irregular_beyond_repair(tmp_path):
+    rng = np.random.default_rng(4)
+    log = machine()
+    t = np.cumsum(rng.exponential(1e-3, 3000))
+    np.savez(tmp_path / "a.npz", **(log | {"t": t}))
+    refused(Refused, tmp_path / "a.npz", "irregular", "sample")
+
+
+def test_stamps_in_single_precision_are_a_grid(tmp_path):
+    log = machine()
+    np.savez(tmp_path / "a.npz", **(log | {"t": (20 + log["t"]).astype(np.float32)}))
+    record = read_record(tmp_path / "a.npz")
+    assert record.messages == ()
+    np.testing.assert_array_equal(record.u, log["u"])
