@@ -10,6 +10,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from .block import Block, members
+from .data import Log
 from .evaluate import missing_torque
 from .fit import Fitted, fit, free_keys, tune, typical, whitened
 from .predictor import Predictor, along
@@ -159,21 +160,28 @@ def _prescreened(base: Fitted, made: Block, points: list[dict]) -> list[dict[str
     )
     every = max(1, int(0.002 / base.predictor.data.dt))
     index, target = index[::every], target[::every] - target.mean()
-    log = base.predictor.data.log
-    few = _thinned(log, index)
-    power = []
-    for point in points:
-        columns = [
-            along(made, few, made.defaults() | {made.gain: 1.0} | point | span)
-            for span in _spans(made)
-        ]
-        B = np.column_stack(columns)
-        c, *_ = np.linalg.lstsq(B, target, rcond=1e-9)
-        power.append(float(c @ (B.T @ target)))
-    return [points[i] for i in _peaks(np.array(power))[:KEPT]]
+    few = _thinned(base.predictor.data.log, index)
+    (name, *_), spans = points[0], _spans(made)
+    tried = np.array([point[name] for point in points])
+    power = [
+        _resemblance(made, few, name, part, spans, target)
+        for part in np.array_split(tried, -(-len(tried) // 32))
+    ]
+    return [points[i] for i in _peaks(np.concatenate(power))[:KEPT]]
 
 
-def _thinned(log, index):
+def _resemblance(
+    made: Block, log: Log, name: str, tried: np.ndarray, spans: list[dict], target: np.ndarray
+) -> np.ndarray:
+    """Power of the target that the effect explains at each value of one parameter."""
+    unit = made.defaults() | {made.gain: 1.0, name: tried[:, None]}
+    B = np.stack([along(made, log, unit | span) for span in spans], axis=1)
+    H, g = B @ B.transpose(0, 2, 1), B @ target
+    H = H + 1e-9 * np.trace(H, axis1=1, axis2=2)[:, None, None] * np.eye(len(spans))
+    return np.sum(g * np.linalg.solve(H, g[..., None])[..., 0], axis=1)
+
+
+def _thinned(log: Log, index: np.ndarray) -> Log:
     return replace(log, **{k: getattr(log, k)[index] for k in ("t", "theta", "w", "a", "u")})
 
 
