@@ -7,14 +7,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from .block import members
-from .evaluate import Judged, missing_torque
-from .explain import Explanation, Step, explain
-from .fit import Fitted
-from .job import Job, Progress, begin, estimates, on_everything, score
 from .model import Model
-from .predictor import windows
 from .record import Record
 from .results import Diagnosis, Finding, Traces
+from .tracing.evaluate import Judged, missing_torque
+from .tracing.explain import Explanation, Step, explain
+from .tracing.fit import Fitted
+from .tracing.job import Job, Progress, begin, estimates, on_everything, score
+from .tracing.predictor import windows
 
 
 def diagnose(

@@ -7,10 +7,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from .job import Progress, begin, estimates, on_everything, score
 from .model import Model
 from .record import Record
 from .results import Estimate, plain
+from .tracing.job import Progress, begin, estimates, on_everything, score
 
 
 @dataclass(frozen=True)

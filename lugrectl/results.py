@@ -138,7 +138,7 @@ class Diagnosis:
 
     def plot(self, ax: Any = None) -> Any:
         """Draw measured and simulated motion, residual and ranking; returns the axes."""
-        from .plot import overview
+        from .report.plot import overview
 
         return overview(self, ax)
 

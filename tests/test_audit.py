@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from lugrectl.audit import audit, torque_fit, unwrapped
 from lugrectl.errors import Refused
 from lugrectl.record import Record, read_record
+from lugrectl.record.audit import audit, torque_fit, unwrapped
 
 from .logs import DATA, measured
 

@@ -14,30 +14,35 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "lugrectl"
 STOREYS = [
     {"errors", "block"},
-    {"blocks", "model", "units"},
-    {"loops", "engine", "linear", "readers", "timebase", "samples", "audit", "record"},
-    {"simulate", "noise", "data", "results"},
-    {"predictor", "split"},
-    {"fit", "evaluate", "structure"},
+    {"blocks", "model"},
+    {"loops", "engine", "linear", "record"},
+    {"simulate", "results"},
+    {"tracing"},
+    {"diagnose", "identify"},
+    {"report"},
+    {"cli", "__main__", "demo"},
+]
+TRACING = [
+    {"noise"},
+    {"data"},
+    {"predictor"},
+    {"split", "fit", "evaluate", "structure"},
     {"search"},
     {"start"},
     {"job"},
     {"explain"},
-    {"diagnose", "identify"},
-    {"plot", "page", "wording", "views", "atomic", "progress", "report"},
-    {"options", "commands", "lookups", "cli", "__main__", "demo"},
 ]
-DRAWING = {"plot", "page", "report", "wording", "views"}
+COMPUTING = set.union(*STOREYS[:6])
 
 
 def room(path: Path) -> str:
     return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
 
 
-def imported(path: Path) -> set[tuple[str, bool]]:
-    """Rooms of this package that a file imports, and whether only inside a function."""
+def imports(path: Path, inside: Path) -> set[tuple[str, bool]]:
+    """What a file imports of a folder's members, and whether only inside a function."""
     tree = ast.parse(path.read_text())
-    depth = len(path.relative_to(PACKAGE).parts)
+    depth = len(path.relative_to(inside).parts)
     top = {id(node) for node in tree.body}
     found = set()
     for node in ast.walk(tree):
@@ -47,27 +52,28 @@ def imported(path: Path) -> set[tuple[str, bool]]:
     return found
 
 
-def test_imports_run_one_way():
-    storey = {name: level for level, names in enumerate(STOREYS) for name in names}
-    for path in PACKAGE.rglob("*.py"):
-        own = room(path)
+@pytest.mark.parametrize(
+    "folder, storeys", [(PACKAGE, STOREYS), (PACKAGE / "tracing", TRACING)], ids=["house", "room"]
+)
+def test_imports_run_one_way(folder, storeys):
+    level = {name: i for i, names in enumerate(storeys) for name in names}
+    for path in folder.rglob("*.py"):
+        own = path.relative_to(folder).parts[0].removesuffix(".py")
         if own == "__init__":
             continue
-        assert own in storey, f"{path.name} has no place in the house"
-        for other, deferred in imported(path):
-            upward = storey[other] > storey[own]
+        assert own in level, f"{path.name} has no place in the house"
+        for other, deferred in imports(path, folder):
+            upward = level[other] > level[own]
             assert not upward or deferred, f"{path.name} imports {other}, which is above it"
 
 
 def test_computing_neither_draws_nor_prints():
     for path in PACKAGE.rglob("*.py"):
-        level = [names for names in STOREYS if room(path) in names]
-        if not level or STOREYS.index(level[0]) >= 11:
+        if room(path) not in COMPUTING:
             continue
         tree = ast.parse(path.read_text())
-        called = {n.func.id for n in ast.walk(tree)
-                  if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)}  # fmt: skip
-        assert "print" not in called, path
+        calls = [n.func for n in ast.walk(tree) if isinstance(n, ast.Call)]
+        assert "print" not in [f.id for f in calls if isinstance(f, ast.Name)], path
         assert "matplotlib" not in path.read_text(), path
 
 

@@ -7,8 +7,8 @@ import pytest
 import scipy.io
 
 from lugrectl.errors import InputError
-from lugrectl.readers import read_table
 from lugrectl.record import read_record
+from lugrectl.record.readers import read_table
 
 from .logs import cell, csv, machine, refused, rows, write
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from lugrectl.errors import InputError
 from lugrectl.record import Record, parse_pairs, read_record
-from lugrectl.units import UNITS, parse_unit
+from lugrectl.record.units import UNITS, parse_unit
 
 from .logs import DATA, csv, machine, measured, refused
 

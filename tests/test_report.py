@@ -13,11 +13,12 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from lugrectl import atomic, plot, report, views, wording
+from lugrectl import report
 from lugrectl.block import members
 from lugrectl.errors import InputError
 from lugrectl.model import Model, read_model, table1
 from lugrectl.record import Record
+from lugrectl.report import atomic, plot, views, wording
 from lugrectl.results import VERDICTS, Candidate, Diagnosis, Estimate, Finding, Traces
 
 HOSTILE = '<script src="http://x.y/z.js">alert(1)</script> & "q".csv'

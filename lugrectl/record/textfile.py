@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .errors import InputError
+from ..errors import InputError
 from .units import parse_unit
 
 _SNIFF = 400  # lines looked at to find delimiter, header and first row

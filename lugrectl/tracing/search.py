@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 from scipy.optimize import least_squares
 
-from .block import Block, members
+from ..block import Block, members
 from .data import Log
 from .evaluate import missing_torque
 from .fit import Fitted, fit, free_keys, tune, typical, whitened
@@ -18,6 +18,7 @@ from .predictor import Predictor, along
 FEW = 40  # grid points that are all tried exactly
 KEPT = 6  # of a longer grid, after a look at the residual torque
 ZOOMS = 2  # finer grids around the best point
+HOPELESS = 0.1  # of the leader's gain after a short fit, below which a candidate is dropped
 LARGEST = 2_000_000  # counted samples in one engine call
 
 Say = Callable[[str], None]
@@ -234,40 +235,34 @@ def at_anchor(base: Fitted) -> Fitted:
     return replace(base, values=values, noise=noise, loglik=loglik)
 
 
-def refine(trial: Trial, *, rounds: int = 8, steps: int = 8) -> Fitted:
+def refine(trial: Trial, *, most: int = 30) -> Fitted:
     """Fit the model with the trial's effect, all parameters free."""
     base, predictor = trial.fitted, trial.fitted.predictor
     own = {k: v for k, v in trial.values.items() if k not in base.anchor}
     anchor = base.anchor | own
     free = free_keys(predictor)
-    return fit(
-        predictor,
-        trial.values,
-        free,
-        base.where,
-        base.noise,
-        anchor=anchor,
-        rounds=rounds,
-        steps=steps,
-    )
+    return fit(predictor, trial.values, free, base.where, base.noise, anchor=anchor, most=most)
 
 
 def contest(base: Fitted, names: Sequence[str], gate: float, tried: int, say: Say) -> Contest:
     """Fit the promising effects shortly from each start, then the best of them to the end."""
-    starts = [base, at_anchor(base)]
-    screened = [screen(start, names) for start in starts]
-    first: dict[str, tuple[Trial, Fitted]] = {}
-    for trials in screened:
-        for trial in [t for t in trials if t.promise > gate][:tried]:
-            say(f"trying {trial.name}")
-            fitted = refine(trial, rounds=1, steps=5)
-            known = first.get(trial.name)
-            if known is None or fitted.total > known[1].total:
-                first[trial.name] = trial, fitted
-    best = sorted(first.values(), key=lambda pair: -pair[1].total)[:tried]
+    promising = screen(base, names)
+    chosen = [t for t in promising if t.promise > gate][:tried]
+    if chosen:
+        chosen += [t for t in screen(at_anchor(base), names) if t.promise > gate][:tried]
+    short: dict[str, tuple[Trial, Fitted]] = {}
+    for trial in chosen:
+        say(f"trying {trial.name}")
+        fitted = refine(trial, most=5)
+        known = short.get(trial.name)
+        if known is None or fitted.total > known[1].total:
+            short[trial.name] = trial, fitted
+    best = sorted(short.values(), key=lambda pair: -pair[1].total)[:tried]
     finished = []
     for trial, fitted in best:
         say(f"fitting {trial.name}")
-        further = replace(trial, fitted=fitted, values=fitted.values)
-        finished.append((trial, refine(further)))
-    return Contest(screened[0], sorted(finished, key=lambda pair: -pair[1].total))
+        top = max(f.total for _, f in finished) if finished else fitted.total
+        if fitted.total - base.total > HOPELESS * (top - base.total):
+            fitted = refine(replace(trial, fitted=fitted, values=fitted.values))
+        finished.append((trial, fitted))
+    return Contest(promising, sorted(finished, key=lambda pair: -pair[1].total))

@@ -10,8 +10,8 @@ from argparse import Namespace
 from importlib import resources
 from typing import Any
 
+from ..errors import InputError
 from .commands import print_out
-from .errors import InputError
 
 # The source paper's gains, by loop; K2 of the proposed observer.
 PAPER = {"velocity": {"kp": 1.6, "ki": 0.16}, "position": {"kp": 15.0, "ki": 1.55}}
@@ -28,7 +28,7 @@ _UNITS = {
 
 def check(a: Namespace) -> int:
     """``lugrectl check``: 0 when the property holds, 1 when not."""
-    from . import linear
+    from .. import linear
 
     loop = a.loop or ("position" if a.property == "spr" else "velocity")
     p, name = _parameters(a)
@@ -53,7 +53,7 @@ def check(a: Namespace) -> int:
 
 def _parameters(a: Namespace) -> tuple[Any, str]:
     """An object with the parameters that a check needs, and the model's name."""
-    from .model import read_model, table1
+    from ..model import read_model, table1
 
     if a.model is None:
         return table1(), "Table 1"
@@ -114,8 +114,8 @@ def _answer(facts: dict[str, Any]) -> str:
 
 def effects(a: Namespace) -> int:
     """``lugrectl effects``."""
-    from .block import members
-    from .blocks import effects as _fills_the_registry  # noqa: F401
+    from ..block import members
+    from ..blocks import effects as _fills_the_registry  # noqa: F401
 
     blocks = members("effect").values()
     if a.json:
@@ -154,6 +154,6 @@ def template(a: Namespace) -> int:
 
 
 def _document(value: Any) -> str:
-    from .results import plain
+    from ..results import plain
 
     return json.dumps(plain(value), indent=2, allow_nan=False)

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ..errors import InputError
 from .audit import audit, unwrapped
 from .columns import Choice, choose_columns
-from .errors import InputError
 from .readers import read_table
 from .samples import Record
 from .textfile import Table

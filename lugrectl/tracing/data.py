@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .errors import InputError
+from ..errors import InputError
+from ..record import Record
 from .noise import Noise, sensor_noise, smooth
-from .record import Record
 
 
 @dataclass(frozen=True)

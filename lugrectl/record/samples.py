@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .errors import InputError
+from ..errors import InputError
 
 _MOTIONS = ("rotary", "linear")
 _ROLES = ("t", "u", "w", "theta", "r", "d", "temperature", "theta_load")

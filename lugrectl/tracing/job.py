@@ -6,15 +6,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from .block import unit_for
+from ..block import unit_for
+from ..model import Model
+from ..record import Record
+from ..results import Estimate
 from .data import Data, prepare
 from .evaluate import Judged, free_run, judge
 from .fit import Fitted, fit, free_keys, tune
-from .model import Model
 from .noise import Noise
 from .predictor import Predictor, windows
-from .record import Record
-from .results import Estimate
 from .split import Split, split
 from .start import completed
 
@@ -69,7 +69,7 @@ def on_everything(fitted: Fitted, job: Job) -> Fitted:
     where = windows(job.data.runs, train.burn, train.length)
     predictor = fitted.predictor
     free, anchor = free_keys(predictor), fitted.anchor
-    return fit(predictor, fitted.values, free, where, fitted.noise, anchor=anchor, rounds=6)
+    return fit(predictor, fitted.values, free, where, fitted.noise, anchor=anchor)
 
 
 def estimates(fitted: Fitted) -> dict[str, Estimate]:

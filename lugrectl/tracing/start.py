@@ -7,10 +7,10 @@ from itertools import product
 
 import numpy as np
 
+from ..errors import Refused
+from ..model import Model
 from .data import Data
-from .errors import Refused
 from .fit import fit, free_keys, whitened
-from .model import Model
 from .predictor import Predictor, Windows, along
 from .search import screen
 
@@ -98,7 +98,7 @@ def _ordered(values: dict, missing: dict[str, float]) -> dict[str, float]:
 
 def _with_effect(core: Model, part, data: Data, train: Windows) -> Model:
     predictor = Predictor(core, data)
-    base = fit(predictor, core.known(), free_keys(predictor), train, data.noise, rounds=1)
+    base = fit(predictor, core.known(), free_keys(predictor), train, data.noise, most=8)
     trials = screen(base, [part.block.name])
     if not trials:
         raise Refused(

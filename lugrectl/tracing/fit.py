@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from scipy import stats
 
-from .block import P
+from ..block import P
 from .data import Log
 from .noise import Noise, observer_gain
 from .predictor import Predictor, Values, Windows
 
 PRIOR = 1.5  # natural log units: a friction parameter is believed within a factor of 4.5
+REACH = {"J": 2.5, "Fc": 4.0, "Fs": 4.0}  # factor by which a value may leave the declared one
+FAR = 10.0  # the same for all others
 LEAST_EXCESS = 1e-4  # of Fs over Fc, relative
+NOISE_STEPS = (1.0, 0.6, 0.25, 1.5)  # factors tried at each step of a fit
 DROP = 1.92  # of the log-likelihood at the ends of a 95 % interval
 
 
@@ -39,20 +43,25 @@ class Coordinate:
         if self.kind == "log":
             return float(np.clip(np.exp(x), max(self.low, 1e-12), self.high))
         if self.kind == "excess":
-            return float(values["Fc"] * (1.0 + np.exp(min(x, 5.0))))
+            return float(min(values["Fc"] * (1.0 + np.exp(min(x, 5.0))), self.high))
         return float(np.clip(x, self.low, self.high))
 
 
-def coordinates(predictor: Predictor, keys: Sequence[str]) -> list[Coordinate]:
-    """How each of the keys is stepped: positive plant parameters in their logarithm."""
+def coordinates(predictor: Predictor, keys: Sequence[str], anchor: Values) -> list[Coordinate]:
+    """How each of the keys is stepped: positive plant parameters in their logarithm.
+
+    Those stay within a factor of what was declared: a model that lacks an effect would send
+    them anywhere to make up for it.
+    """
     declared = predictor.model.declarations()
     made = []
     for key in keys:
         p = declared[key]
-        if key == "Fs":
-            made.append(Coordinate(key, "excess", p.low, p.high, 1e-3))
-        elif "." not in key:
-            made.append(Coordinate(key, "log", p.low, p.high, 5e-4))
+        if "." not in key:
+            far = REACH.get(key, FAR)
+            low, high = max(p.low, anchor[key] / far), min(p.high, anchor[key] * far)
+            kind, step = ("excess", 1e-3) if key == "Fs" else ("log", 5e-4)
+            made.append(Coordinate(key, kind, low, high, step))
         else:
             size = typical(p, predictor.data.log)
             made.append(Coordinate(key, "linear", p.low, p.high, size))
@@ -152,36 +161,44 @@ def fit(
     noise: Noise,
     *,
     anchor: Values | None = None,
-    rounds: int = 3,
-    steps: int = 8,
+    most: int = 30,
 ) -> Fitted:
     """Maximise the likelihood of the predictions over the free values and the noise of dw/dt.
 
-    ``anchor`` is what was believed beforehand (default: ``values``): a weak prior around it
-    keeps directions that the record does not tell where they were declared.
+    Levenberg-Marquardt steps, the noise following at each, at most ``most`` of them. ``anchor``
+    is what was believed beforehand (default: ``values``): a weak prior around it keeps
+    directions that the record does not tell where they were declared.
     """
     anchor = dict(values) | dict(anchor or {})
     declared = predictor.model.declarations()
     moments = [k for k in free if is_instant(declared[k])]
-    coords = coordinates(predictor, [k for k in free if k not in moments])
-    current, prior = dict(values), _Prior.at(coords, anchor)
-    placed: dict[str, tuple[float, float]] = {}
-    noise, loglik = tune(predictor, current, where, noise)
-    for turn in range(rounds):
-        before = loglik.sum()
-        for key in moments:
-            current[key], placed[key] = place(predictor, current, key, where, noise)
-        current, linear = _descend(predictor, current, coords, where, noise, prior, steps)
-        noise, loglik = tune(predictor, current, where, noise)
-        if turn and loglik.sum() - before < 0.5:
-            break
-    linear, _ = _linearise(predictor, current, coords, where, noise, prior)
-    white = whitened(predictor, [current], where, noise)[0]
+    coords = coordinates(predictor, [k for k in free if k not in moments], anchor)
+    place_all = partial(_placed, predictor, moments, where)
+    climb = _Climb(predictor, coords, where, _Prior.at(coords, anchor))
+    noise, _ = tune(predictor, values, where, noise)
+    values, _ = place_all(values, noise)
+    values, noise = climb.up(values, noise, most if not moments else max(1, most // 3))
+    for _ in range(2 if moments and most > 3 else 0):
+        values, _ = place_all(values, noise)
+        values, noise = climb.up(values, noise, most // 3)
+    noise, loglik = tune(predictor, values, where, noise, width=0.3)
+    values, placed = place_all(values, noise)
+    linear = climb.linearised(values, noise)
+    white = whitened(predictor, [values], where, noise)[0]
     loglik = _loglik(predictor, white, noise)
     return Fitted(
-        predictor, current, tuple(coords), where, noise, loglik, white,
+        predictor, values, tuple(coords), where, noise, loglik, white,
         linear.information, linear.scores, anchor, placed,
     )  # fmt: skip
+
+
+def _placed(
+    predictor: Predictor, moments: Sequence[str], where: Windows, values: Values, noise: Noise
+) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
+    current, intervals = dict(values), {}
+    for key in moments:
+        current[key], intervals[key] = place(predictor, current, key, where, noise)
+    return current, intervals
 
 
 def place(
@@ -245,26 +262,60 @@ class _Linear:
     scores: np.ndarray
 
 
-def _descend(predictor, values, coords, where, noise, prior, steps) -> tuple[dict, _Linear]:
-    """Levenberg-Marquardt at fixed noise."""
-    current, damping = dict(values), 1e-3
-    linear, cost = _linearise(predictor, current, coords, where, noise, prior)
-    for _ in range(steps):
-        x = np.array([c.into(current) for c in coords])
-        gradient = linear.scores.sum(0) - prior.weight * (x - prior.center)
-        H = linear.information + np.diag(prior.weight)
-        moved = _move(H, gradient, damping, coords, current)
-        trial, reached = _linearise(predictor, moved, coords, where, noise, prior)
-        if not reached < cost:
-            damping *= 20.0
-            if damping > 1e4:
+@dataclass(frozen=True)
+class _Climb:
+    """Steps towards the maximum of likelihood and prior."""
+
+    predictor: Predictor
+    coords: Sequence[Coordinate]
+    where: Windows
+    prior: _Prior
+
+    def up(self, values: Values, noise: Noise, most: int) -> tuple[dict[str, float], Noise]:
+        current, damping = dict(values), 1e-3
+        noise, total = self.judged(current, noise, (1.0,))
+        linear, small = self.linearised(current, noise), 0
+        for _ in range(most):
+            moved = self.moved(linear, current, damping)
+            better, reached = self.judged(moved, noise, NOISE_STEPS)
+            if not reached > total:
+                damping *= 20.0
+                if damping > 1e5:
+                    break
+                continue
+            small = small + 1 if reached - total < 0.3 else 0
+            current, noise, total = moved, better, reached
+            damping = max(0.1 * damping, 1e-8)
+            if small == 2:
                 break
-            continue
-        gained, current, linear, cost = cost - reached, moved, trial, reached
-        damping = max(0.1 * damping, 1e-8)
-        if gained < 0.2:
-            break
-    return current, linear
+            linear = self.linearised(current, noise)
+        return current, noise
+
+    def judged(self, values: Values, noise: Noise, factors: Sequence[float]) -> tuple[Noise, float]:
+        """The best of some noises for these values, and the sum of log-likelihood and prior."""
+        noises = [replace(noise, jump=noise.jump * f) for f in factors]
+        white = whitened(self.predictor, [values] * len(noises), self.where, noises)
+        totals = [_loglik(self.predictor, w, q).sum() for w, q in zip(white, noises, strict=True)]
+        best = int(np.argmax(np.nan_to_num(totals, nan=-np.inf)))
+        return noises[best], float(totals[best]) - self.prior.cost(self.at(values))
+
+    def at(self, values: Values) -> np.ndarray:
+        return np.array([c.into(values) for c in self.coords])
+
+    def moved(self, linear: _Linear, values: Values, damping: float) -> dict[str, float]:
+        prior = self.prior
+        gradient = linear.scores.sum(0) - prior.weight * (self.at(values) - prior.center)
+        H = linear.information + np.diag(prior.weight)
+        return _move(H, gradient, damping, self.coords, values)
+
+    def linearised(self, values: Values, noise: Noise) -> _Linear:
+        sets = [dict(values)]
+        for c in self.coords:
+            moved = dict(values)
+            moved[c.key] = c.back(c.into(values) + c.step, values)
+            sets.append(moved | _tied(c, self.coords, values, moved))
+        with np.errstate(over="ignore", invalid="ignore"):
+            return _derivative(whitened(self.predictor, sets, self.where, noise), self.coords)
 
 
 def _move(H, gradient, damping, coords, values) -> dict[str, float]:
@@ -278,25 +329,13 @@ def _move(H, gradient, damping, coords, values) -> dict[str, float]:
     return moved
 
 
-def _linearise(predictor, values, coords, where, noise, prior) -> tuple[_Linear, float]:
-    sets = [dict(values)]
-    for c in coords:
-        moved = dict(values)
-        moved[c.key] = c.back(c.into(values) + c.step, values)
-        sets.append(moved | _tied(c, coords, values, moved))
-    with np.errstate(over="ignore", invalid="ignore"):
-        return _derivative(whitened(predictor, sets, where, noise), values, coords, prior)
-
-
-def _derivative(white, values, coords, prior) -> tuple[_Linear, float]:
+def _derivative(white: np.ndarray, coords: Sequence[Coordinate]) -> _Linear:
     r = white[0]
     A = np.stack([(r - w) / c.step for w, c in zip(white[1:], coords, strict=True)])
-    A = A.reshape(len(coords), len(r), -1)
+    A = np.nan_to_num(A.reshape(len(coords), len(r), -1), posinf=0.0, neginf=0.0)
     scores = np.einsum("pwn,wn->wp", A, r.reshape(len(r), -1))
     flat = A.reshape(len(coords), -1)
-    x = np.array([c.into(values) for c in coords])
-    cost = 0.5 * float(np.sum(r**2)) + prior.cost(x)
-    return _Linear(flat @ flat.T, scores), cost if np.isfinite(flat).all() else np.inf
+    return _Linear(flat @ flat.T, scores)
 
 
 def _tied(c: Coordinate, coords: Sequence[Coordinate], values: Values, moved: Values) -> dict:
@@ -329,17 +368,21 @@ def _loglik(predictor: Predictor, white: np.ndarray, noise: Noise) -> np.ndarray
 
 
 def tune(
-    predictor: Predictor, values: Values, where: Windows, noise: Noise
+    predictor: Predictor, values: Values, where: Windows, noise: Noise, *, width: float = 2.0
 ) -> tuple[Noise, np.ndarray]:
-    """The noise of dw/dt under which the innovations are most likely."""
-    width = 2.0
-    for _ in range(6):
+    """The noise of dw/dt under which the innovations are most likely, to 2 %.
+
+    ``width`` is how far the first look reaches, in natural log units.
+    """
+    while True:
         factors = np.exp(width * np.linspace(-1.0, 1.0, 5))
         noises = [replace(noise, jump=noise.jump * f) for f in factors]
         white = whitened(predictor, [values] * len(noises), where, noises)
         logliks = [_loglik(predictor, w, q) for w, q in zip(white, noises, strict=True)]
         best = int(np.argmax([ll.sum() for ll in logliks]))
+        edge = best in (0, 4) and 1e-9 < noise.jump < 1e9
         noise, loglik = noises[best], logliks[best]
-        if 0 < best < 4:
+        if not edge:
+            if width < 0.04:
+                return noise, loglik
             width *= 0.35
-    return noise, loglik

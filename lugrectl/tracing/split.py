@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ..errors import Refused
 from .data import Data
-from .errors import Refused
 from .predictor import Windows, windows
 
 BLOCK = 2.0  # s, least length of a held-out block
 GAP = 0.25  # s, between the samples that fit and those that judge; also the observer's lead-in
-WINDOW = 0.5  # s, counted samples of one fitting window
+WINDOW = 1.0  # s, counted samples of one fitting window
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ import textwrap
 from pathlib import Path
 from typing import Any
 
+from ..errors import InputError
+from ..model import model_toml
 from .atomic import nearest, write_together
-from .errors import InputError
-from .model import model_toml
 from .page import fragment, html
 from .wording import Grid, Section, headline, sections
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
-from .errors import Refused
+from ..errors import Refused
 from .samples import Record
 from .units import UNITS, Unit, si_unit
 

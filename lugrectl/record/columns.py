@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from .errors import InputError
+from ..errors import InputError
 from .textfile import Table, split_unit
 from .units import ROLES, did_you_mean
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import scipy.io
 
-from .errors import InputError
+from ..errors import InputError
 from .textfile import Table, read_text, split_unit
 
 _EXTRA = 'install it with pip install "lugrectl[files]"'

@@ -11,11 +11,11 @@ from importlib import metadata, resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .errors import InputError, Refused
+from ..errors import InputError, Refused
 
 if TYPE_CHECKING:
-    from .model import Model
-    from .record import Record
+    from ..model import Model
+    from ..record import Record
 
 
 def print_out(text: str) -> None:
@@ -34,21 +34,21 @@ def version() -> str:
 
 def diagnose(a: Namespace) -> int:
     """``lugrectl diagnose``."""
-    from .diagnose import diagnose as work
+    from ..diagnose import diagnose as work
 
     return _main_job(work, a)
 
 
 def identify(a: Namespace) -> int:
     """``lugrectl identify``."""
-    from .identify import identify as work
+    from ..identify import identify as work
 
     return _main_job(work, a)
 
 
 def demo(a: Namespace) -> int:
     """``lugrectl demo``: diagnose on the record and model that ship in the package."""
-    from .diagnose import diagnose as work
+    from ..diagnose import diagnose as work
 
     with resources.as_file(resources.files("lugrectl") / "demo") as folder:
         files = {"records": [str(folder / "record.csv")], "model": str(folder / "model.toml")}
@@ -58,8 +58,8 @@ def demo(a: Namespace) -> int:
 
 
 def _main_job(work: Any, a: Namespace) -> int:
-    from .model import read_model
-    from .report import check_folder, text, write
+    from ..model import read_model
+    from ..report import check_folder, text, write
 
     model = read_model(a.model)
     if a.out is not None:
@@ -79,8 +79,8 @@ def _main_job(work: Any, a: Namespace) -> int:
 
 def _answered(work: Any, a: Namespace, model: Model) -> Any:
     """What ``work`` returns; a record that cannot answer becomes the verdict "refused"."""
+    from ..results import Diagnosis
     from .progress import Bar
-    from .results import Diagnosis
 
     records: list[Record] = []
     try:
@@ -135,7 +135,7 @@ def _same(one: Record, other: Record) -> bool:
 
 
 def _read(name: str, a: Namespace, model: Model) -> Record:
-    from .record import read_record
+    from ..record import read_record
 
     pairs = {
         k: ",".join(v) if (v := getattr(a, k)) else None for k in ("columns", "units", "scale")
@@ -145,7 +145,7 @@ def _read(name: str, a: Namespace, model: Model) -> Record:
 
 def _spare(a: Namespace) -> None:
     """Raise InputError where the report would overwrite a file that it is made from."""
-    from .report import FILES
+    from ..report import FILES
 
     sources = {Path(name).resolve() for name in [*a.records, a.model, a.holdout or "last"]}
     for name in FILES:

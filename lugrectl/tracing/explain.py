@@ -8,13 +8,13 @@ from functools import partial
 
 import numpy as np
 
-from .block import members
+from ..block import members
+from ..model import Model
+from ..results import Candidate
 from .evaluate import missing_torque
 from .fit import Fitted, fit, free_keys
 from .job import Progress
-from .model import Model
 from .predictor import Predictor
-from .results import Candidate
 from .search import Contest, Trial, contest
 from .structure import Dependence, dependences
 
@@ -24,7 +24,7 @@ LEAST_SIZE = 0.015  # of the RMS friction torque, below which an effect is not w
 LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a signal
 LEFT_SIZE = 0.003  # of the torque's standard deviation, below which nothing is worth a word
 MOST_EFFECTS = 3
-TRIED = 3  # candidates fitted in full at each step
+TRIED = 4  # candidates fitted in full at each step
 
 
 @dataclass(frozen=True)
@@ -135,9 +135,7 @@ def _inside(found: Fitted) -> Fitted:
     """The same model with its effects inside the plant, fitted once more."""
     predictor = Predictor(found.predictor.model, found.predictor.data)
     free = free_keys(predictor)
-    return fit(
-        predictor, found.values, free, found.where, found.noise, anchor=found.anchor, rounds=8
-    )
+    return fit(predictor, found.values, free, found.where, found.noise, anchor=found.anchor)
 
 
 def _left_over(base: Fitted, final: Fitted) -> Dependence | None:

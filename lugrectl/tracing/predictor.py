@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from .blocks.plant import assemble
+from ..blocks.plant import assemble
+from ..engine.lanes import Lanes
+from ..model import Model, Part
 from .data import Data, Log
-from .engine.lanes import Lanes
-from .model import Model, Part
 from .noise import Noise, observer_gain
 
 LEVELS = ("J", "Fc", "Fs", "Fv")
-STEP = 5e-4  # s, longest integration step
+STEP = 1e-3  # s, longest integration step; the engine divides it where it must
 
 Values = Mapping[str, float]
 
@@ -63,11 +63,9 @@ class Predictor:
         self.levels = tuple(n for n in LEVELS if n == "J" or n in model.friction.values)
         core = replace(model, effects=tuple(traced))
         block = assemble(core, levels=self.levels)
-        self.lanes = Lanes(block.system(**core.known()))  # pyright: ignore[reportArgumentType]
+        self.lanes = Lanes(block.system(**core.known()), outputs=["theta", "w"])  # pyright: ignore[reportArgumentType]
         self.keys = [name.split(".", 1)[1] for name in self.lanes.parameters]
-        hidden = len(self.lanes.outputs) - data.y.shape[1]
-        self._seen = np.pad(data.y, ((0, 0), (0, hidden)), constant_values=np.nan)
-        self.substeps = max(1, round(data.dt / STEP))
+        self.substeps = max(1, int(np.ceil(data.dt / STEP - 1e-9)))
 
     def like(self, model: Model) -> Predictor:
         """The same traced plant with other effects outside of it."""
@@ -154,10 +152,10 @@ class Predictor:
             substeps=self.substeps,
             t0=float(self.data.t[0]),
             series=np.repeat(index, n),
-            y=self._seen if corrected else None,
+            y=self.data.y if corrected else None,
             gain=np.repeat(np.array(gains), n, axis=0) if corrected else None,
         )
-        y = y[:, where.burn :, :2].reshape(sets, n, where.length, 2)
+        y = y[:, where.burn :].reshape(sets, n, where.length, 2)
         return y, x.reshape(sets, n, -1)
 
     def _distinct(self, values: Sequence[Values]) -> tuple[np.ndarray, np.ndarray]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import html as markup
 from typing import Any
 
-from .model import model_toml
+from ..model import model_toml
 from .wording import Grid, Section, headline, sections
 
 _STYLE = """

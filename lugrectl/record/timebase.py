@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .errors import Refused
+from ..errors import Refused
 from .samples import Record
 
 MIN_SAMPLES = 200
