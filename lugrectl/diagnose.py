@@ -86,8 +86,8 @@ def diagnose(
 
 def _verdict(found: Explanation) -> tuple[str, tuple[str, ...]]:
     """The verdict, and the signals on which what was found or left hangs."""
-    if found.left:
-        return "unexplained", found.left.signals
+    if found.unexplained:
+        return "unexplained", found.hangs_on
     if not found.steps:
         return "adequate", ()
     tied = any(step.tied for step in found.steps)
@@ -127,7 +127,8 @@ def _experiment(verdict: str, steps: Sequence[Step], depends: Sequence[str]) -> 
         others = " or ".join(c.name for c in step.tied)
         return f"To tell {step.trial.name} from {others}: {block.experiment}."
     if verdict == "unexplained":
-        return f"To see what it is: {_ADVICE[depends[0]]}."
+        advice = _ADVICE[depends[0]] if depends else _ADVICE["a"]
+        return f"To see what it is: {advice}."
     return None
 
 

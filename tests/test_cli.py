@@ -48,7 +48,8 @@ def job(monkeypatch):
 
     fake.calls, fake.answer = [], found()
     fake.diagnose = fake.identify = work
-    monkeypatch.setitem(sys.modules, "lugrectl.diagnose", fake)
+    for name in ("diagnose", "identify"):
+        monkeypatch.setitem(sys.modules, f"lugrectl.{name}", fake)
     return fake
 
 

@@ -16,13 +16,14 @@ from .fit import Fitted, fit, free_keys
 from .job import Progress
 from .predictor import Predictor
 from .search import Contest, Trial, contest
-from .structure import Dependence, dependences
+from .structure import colour, dependences, in_bursts
 
 GATE = 20.0  # least gain in log-likelihood, also without the best window
 LEAST_SHARE = 0.04  # of the residual torque's power that an effect must remove
 LEAST_SIZE = 0.015  # of the RMS friction torque, below which an effect is not worth a name
 LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a signal
-LEFT_SIZE = 0.003  # of the torque's standard deviation, below which nothing is worth a word
+WHOLE = 0.9  # share above which the effects found explain the residual, whatever is left
+COLOUR = {"theta": 0.25, "w": 0.05}  # of the innovations; quantised positions are never white
 MOST_EFFECTS = 3
 TRIED = 4  # candidates fitted in full at each step
 
@@ -40,13 +41,14 @@ class Step:
 class Explanation:
     """Accepted effects, the final model with them inside, and what is left.
 
-    ``left`` is the dependence that still stands out, None where nothing does.
+    ``unexplained`` says whether something proven is left; ``hangs_on`` on which signals.
     """
 
     steps: tuple[Step, ...]
     final: Fitted
     ranking: tuple[Candidate, ...]
-    left: Dependence | None
+    unexplained: bool
+    hangs_on: tuple[str, ...]
 
 
 def explain(base: Fitted, report: Progress) -> Explanation:
@@ -64,10 +66,13 @@ def explain(base: Fitted, report: Progress) -> Explanation:
         proven = [(t, f) for t, f in tried.fits if _proven(current, f, t.key)]
         if not proven:
             break
-        trial, best = max(proven, key=lambda pair: pair[1].total)
-        steps.append(Step(trial, best, _ties(current, best, tried.fits)))
+        even = _even(proven)
+        (trial, best), *others = even
+        tied = tuple(_candidate(current, t, f) for t, f in others)
+        steps.append(Step(trial, best, tied))
         current = _inside(best)
-    return Explanation(tuple(steps), current, tuple(ranking), _left_over(base, current))
+    unexplained, hangs_on = _left_over(base, current)
+    return Explanation(tuple(steps), current, tuple(ranking), unexplained, hangs_on)
 
 
 def _names(model: Model) -> list[str]:
@@ -101,7 +106,7 @@ def size(fitted: Fitted, key: str) -> float:
 
 def _share(before: Fitted, after: Fitted) -> float:
     """Part of the residual torque's power that is gone."""
-    return 1.0 - (after.torque_noise / before.torque_noise) ** 2
+    return max(0.0, 1.0 - (after.torque_noise / before.torque_noise) ** 2)
 
 
 def _ranking(base: Fitted, tried: Contest) -> list[Candidate]:
@@ -116,19 +121,32 @@ def _ranking(base: Fitted, tried: Contest) -> list[Candidate]:
     return sorted(made, key=lambda c: -c.score)
 
 
-def _ties(
-    before: Fitted, best: Fitted, fits: Sequence[tuple[Trial, Fitted]]
-) -> tuple[Candidate, ...]:
-    """Others that explain the training windows as well within two standard errors."""
-    tied = []
-    for trial, fitted in fits:
-        lead = best.loglik - fitted.loglik
-        error = float(np.std(lead, ddof=1)) * np.sqrt(len(lead))
-        even = lead.sum() < max(3.0, 2.0 * error)
-        if fitted is not best and even and _proven(before, fitted, trial.key):
-            score = fitted.total - before.total
-            tied.append(Candidate(trial.name, score, _share(before, fitted)))
-    return tuple(tied)
+def _even(proven: Sequence[tuple[Trial, Fitted]]) -> list[tuple[Trial, Fitted]]:
+    """The best effect and all that explain the windows as well within two standard errors.
+
+    Fewest parameters first. An effect whose strength may as well be none imitates another (a
+    soft spring with a distant rest is a constant torque) and is left out.
+    """
+    top = max(proven, key=lambda pair: pair[1].total)[1]
+    even = [(t, f) for t, f in proven if f is top or _as_well(top, f)]
+    real = [(t, f) for t, f in even if not _imitates(t, f)] or even
+    return sorted(real, key=lambda pair: (len(pair[1].free), -pair[1].total))
+
+
+def _as_well(top: Fitted, other: Fitted) -> bool:
+    lead = top.loglik - other.loglik
+    error = float(np.std(lead, ddof=1)) * np.sqrt(len(lead))
+    return lead.sum() < max(3.0, 2.0 * error)
+
+
+def _imitates(trial: Trial, fitted: Fitted) -> bool:
+    gain = next(p for p in fitted.predictor.model.effects if p.key == trial.key).block.gain
+    low, high = fitted.intervals().get(f"{trial.key}.{gain}", (1.0, 1.0))
+    return low <= 0.0 <= high
+
+
+def _candidate(before: Fitted, trial: Trial, fitted: Fitted) -> Candidate:
+    return Candidate(trial.name, fitted.total - before.total, _share(before, fitted))
 
 
 def _inside(found: Fitted) -> Fitted:
@@ -138,12 +156,28 @@ def _inside(found: Fitted) -> Fitted:
     return fit(predictor, found.values, free, found.where, found.noise, anchor=found.anchor)
 
 
-def _left_over(base: Fitted, final: Fitted) -> Dependence | None:
-    """What the residual torque still hangs on, if that is more than a trifle."""
-    data = base.predictor.data
+def _left_over(base: Fitted, final: Fitted) -> tuple[bool, tuple[str, ...]]:
+    """Whether something proven is left, and the signals that it hangs on."""
+    if _share(base, final) > WHOLE:
+        return False, ()
+    log = base.predictor.data.log
     before = missing_torque(base.predictor, base.values, base.where, base.noise)
     after = missing_torque(final.predictor, final.values, final.where, base.noise)
-    now = dependences(after, data.log, final.where.counted)[0]
-    share = now.share * float(np.mean(after**2) / np.mean(before**2))
-    size = LEFT_SIZE * float(np.std(data.u))
-    return now if now.t > 3.0 and share > LEFT_SHARE and now.rms > size else None
+    now, first = (dependences(r, log, base.where.counted) for r in (after, before))
+    weight = float(np.mean(after**2) / np.mean(before**2))
+    standing = now[0].t > 3.0 and weight * now[0].share > LEFT_SHARE
+    friction = base.predictor.friction(base.values)[base.where.counted]
+    matters = np.std(after) > LEAST_SIZE * np.std(friction)
+    if not matters or not (standing or _coloured(final)):
+        return False, ()
+    best = now[0] if standing else max(now[0], first[0], key=lambda d: d.share)
+    if best.share < LEFT_SHARE:
+        return True, ("t",) if in_bursts(after) else ()
+    return True, best.signals
+
+
+def _coloured(fitted: Fitted) -> bool:
+    """Whether the innovations still tell the next one; w decides where it was recorded."""
+    channel = fitted.predictor.data.signal
+    theta, w = colour(fitted.innovations)
+    return {"theta": theta, "w": w}[channel] > COLOUR[channel]

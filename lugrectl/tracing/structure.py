@@ -1,4 +1,4 @@
-"""Does the residual torque hang on a signal? Held-out smooth functions, no model of the effect."""
+"""Is anything left, and on which signal does it hang? No model of the effect is used."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ from .data import Log
 CELL = 0.01  # s over which the residual torque is averaged
 FOLDS = 4
 BINS = 80
+ORDER = 12  # past innovations that are asked to predict the next
+FEW = 0.2  # of the windows that hold BULK of the power: what is left comes in bursts
+BULK = 0.8
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,8 @@ def dependences(torque: np.ndarray, log: Log, counted: np.ndarray) -> list[Depen
     at = counted[:, :n].reshape(len(torque), -1, every)
     signal = {k: getattr(log, k)[at].mean(2) for k in ("t", "theta", "w", "u", "a")}
     way = signal["w"] > 0
+    turning = log.motion == "rotary" and np.ptp(signal["theta"]) > 2.5 * np.pi
+    around = _turn(signal["theta"]) if turning else _bins(signal["theta"], BINS // 2)
     features = {
         ("theta",): _bins(signal["theta"]),
         ("theta", "w"): 2 * _bins(signal["theta"]) + way,
@@ -54,12 +59,16 @@ def dependences(torque: np.ndarray, log: Log, counted: np.ndarray) -> list[Depen
         ("u",): _bins(signal["u"]),
         ("a",): _bins(signal["a"]),
     }
-    if log.motion == "rotary" and np.ptp(signal["theta"]) > 2.5 * np.pi:
-        turn = np.floor(np.mod(signal["theta"], 2 * np.pi) * BINS / (2 * np.pi)).astype(int)
-        features["theta", "turn"] = turn
-        features["theta", "w", "turn"] = 2 * turn + way
+    if turning:
+        features["theta", "turn"] = around
+        features["theta", "w", "turn"] = 2 * around + way
     found = [_validated(k, r, bins) for k, bins in features.items()]
+    found.append(_validated(("theta", "slope"), r, around, signal["a"]))
     return sorted(found, key=lambda d: -d.share)
+
+
+def _turn(theta: np.ndarray) -> np.ndarray:
+    return np.floor(np.mod(theta, 2 * np.pi) * BINS / (2 * np.pi)).astype(int)
 
 
 def _bins(x: np.ndarray, count: int = BINS, equal: bool = False) -> np.ndarray:
@@ -71,23 +80,54 @@ def _bins(x: np.ndarray, count: int = BINS, equal: bool = False) -> np.ndarray:
     return np.searchsorted(edges, x)
 
 
-def _validated(name: tuple[str, ...], r: np.ndarray, bins: np.ndarray) -> Dependence:
-    """Means by cell from the other folds predict each fold; neighbouring windows stay apart."""
+def _validated(
+    name: tuple[str, ...], r: np.ndarray, bins: np.ndarray, slope: np.ndarray | None = None
+) -> Dependence:
+    """Means by cell (or slopes against a signal) from the other folds predict each fold."""
+    x = np.ones_like(r) if slope is None else slope / np.std(slope)
     fold = np.arange(len(r)) % FOLDS
     predicted = np.zeros_like(r)
     size = int(bins.max()) + 1
     for k in range(FOLDS):
         own = fold == k
-        count = np.bincount(bins[~own].ravel(), minlength=size)
-        total = np.bincount(bins[~own].ravel(), r[~own].ravel(), minlength=size)
-        predicted[own] = (total / (count + 3.0))[bins[own]]
+        count = np.bincount(bins[~own].ravel(), (x**2)[~own].ravel(), minlength=size)
+        total = np.bincount(bins[~own].ravel(), (x * r)[~own].ravel(), minlength=size)
+        predicted[own] = (total / (count + 3.0))[bins[own]] * x[own]
     gain = np.sum(r**2 - (r - predicted) ** 2, axis=1)
     power = float(np.sum(r**2))
     spread = float(np.std(gain, ddof=1)) * np.sqrt(len(gain))
-    signals = tuple(s for s in name if s != "turn")
     return Dependence(
-        signals,
+        tuple(s for s in name if s not in ("turn", "slope")),
         max(0.0, float(gain.sum()) / max(power, 1e-300)),
         float(gain.sum()) / max(spread, 1e-300),
         float(np.sqrt(np.mean(predicted**2))),
     )
+
+
+def in_bursts(torque: np.ndarray) -> bool:
+    """Whether a few windows hold nearly all of the power."""
+    power = np.sort(np.sum(torque**2, axis=1))[::-1]
+    few = max(1, int(FEW * len(power)))
+    return float(power[:few].sum()) > BULK * float(power.sum())
+
+
+def colour(innovations: np.ndarray) -> np.ndarray:
+    """Part of each channel's power that its own past predicts, (channels,): 0 for white noise.
+
+    Fitted on every other window and counted on the rest.
+    """
+    return np.array([_predictable(e) for e in np.moveaxis(innovations, 2, 0)])
+
+
+def _predictable(e: np.ndarray) -> float:
+    if not np.any(e):
+        return 0.0
+    past = np.lib.stride_tricks.sliding_window_view(e[:, :-1], ORDER, axis=1)
+    ahead = e[:, ORDER:]
+    missed = total = 0.0
+    for fold in (0, 1):
+        own = np.arange(len(e)) % 2 == fold
+        c, *_ = np.linalg.lstsq(past[~own].reshape(-1, ORDER), ahead[~own].ravel(), rcond=None)
+        missed += float(np.sum((ahead[own] - past[own] @ c) ** 2))
+        total += float(np.sum(ahead[own] ** 2))
+    return 1.0 - missed / total

@@ -1,0 +1,66 @@
+"""Sensor noise without a model, the observer's gain, and the smoothed motion."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lugrectl.tracing.noise import Noise, observer_gain, sensor_noise, smooth
+
+DT = 1e-3
+T = np.arange(0, 8, DT)
+
+
+def motion():
+    theta = np.sin(2 * np.pi * 0.7 * T) + 0.1 * np.sin(2 * np.pi * 5.0 * T)
+    w = 2 * np.pi * (0.7 * np.cos(2 * np.pi * 0.7 * T) + 0.5 * np.cos(2 * np.pi * 5.0 * T))
+    return theta, w
+
+
+@given(st.floats(1e-4, 1e-1), st.integers(0, 2**31))
+def test_noise_is_told_from_motion(sigma, seed):
+    _, w = motion()
+    noisy = w + sigma * np.random.default_rng(seed).normal(size=len(w))
+    assert sensor_noise(noisy) == pytest.approx(sigma, rel=0.1)
+
+
+def test_a_coarse_signal_is_never_better_than_its_resolution():
+    theta, _ = motion()
+    step = 0.01
+    assert sensor_noise(np.round(theta / step) * step) >= 0.99 * step / np.sqrt(12)
+
+
+@pytest.mark.parametrize("seen", [(1e-6, 2e-3), (1e-6, np.nan), (np.nan, 2e-3)])
+def test_gain_is_that_of_the_covariance_run_to_its_end(seen):
+    noise = Noise(30.0, *seen)
+    gain, S = observer_gain(DT, noise)
+    on = noise.channels()
+    A, push = np.array([[1, DT], [0, 1]]), noise.jump * np.array([DT**2 / 2, DT])
+    R = np.diag(np.array(seen)[on] ** 2)
+    H, P = np.eye(2)[on], np.diag([1e-12 if on[0] else 0.0, 1e-6])
+    for _ in range(4000):
+        innovation = H @ P @ H.T + R
+        K = P @ H.T @ np.linalg.inv(innovation)
+        if not on[0]:
+            K[0] = 0.0
+        P = A @ (np.eye(2) - K @ H) @ P @ A.T + np.outer(push, push)
+        if not on[0]:
+            P[0], P[:, 0] = 0.0, 0.0
+    assert np.allclose(gain[:, on], K, rtol=1e-5, atol=1e-9)
+    assert np.allclose(S[np.ix_(on, on)], innovation, rtol=1e-5)
+    assert np.all(gain[:, ~on] == 0.0)
+
+
+@pytest.mark.parametrize("channels", ["both", "theta", "w"])
+def test_smoothing_brings_both_signals_nearer_the_truth(channels):
+    theta, w = motion()
+    rng = np.random.default_rng(3)
+    noise = {"both": (2e-5, 0.02), "theta": (2e-5, np.nan), "w": (np.nan, 0.02)}[channels]
+    y = np.column_stack([theta + noise[0] * rng.normal(size=len(T)),
+                         w + noise[1] * rng.normal(size=len(T))])  # fmt: skip
+    state = smooth(y, DT, Noise(10.0, *noise))
+    middle = slice(200, -200)
+    rough = np.diff(y[:, 0]) / DT - w[:-1] if channels == "theta" else y[:, 1] - w
+    assert np.std((state[:, 1] - w)[middle]) < 0.6 * np.std(rough[middle])
+    if channels != "w":
+        assert np.std((state[:, 0] - theta)[middle]) < 2.2e-5

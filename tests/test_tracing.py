@@ -1,0 +1,159 @@
+"""Splitting, fitting and judging, on records from a simulator that shares nothing with it."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lugrectl import Refused, diagnose, identify
+from lugrectl.model import model_from_dict
+from lugrectl.record import Record
+from lugrectl.results import VERDICTS
+from lugrectl.tracing.data import prepare
+from lugrectl.tracing.fit import fit, free_keys, whitened
+from lugrectl.tracing.job import begin
+from lugrectl.tracing.predictor import Predictor
+from lugrectl.tracing.split import GAP, split
+from tests.rig import make
+
+
+def quiet(fraction, what):
+    pass
+
+
+def record_of(case):
+    c = {k: v for k, v in case.columns.items() if k != "t"}
+    t = case.columns["t"]
+    motion = case.model["motion"]
+    return Record(t=t, dt=(t[-1] - t[0]) / (len(t) - 1), motion=motion, **c)
+
+
+def model_of(case):
+    return model_from_dict(case.model, "case")
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return make("none", machine="servo", excitation="rich", seed=101, duration=20.0)
+
+
+@pytest.fixture(scope="module")
+def job(plain):
+    return begin(record_of(plain), model_of(plain), None, 1.0, quiet)
+
+
+@given(st.floats(9.0, 60.0), st.sampled_from([100.0, 333.0, 1000.0]), st.floats(0.3, 3.0))
+def test_no_sample_fits_and_judges(duration, rate, horizon):
+    n = int(duration * rate)
+    t = np.arange(n) / rate
+    data = prepare([Record(t=t, u=np.sin(t), w=np.cos(3 * t), dt=1 / rate)])
+    try:
+        parts = split(data, horizon)
+    except Refused:
+        assert duration < 4 * (max(2.0, horizon) + GAP) + 4.0
+        return
+    seen, held = set(parts.train.counted.ravel()), set(parts.test.counted.ravel())
+    assert not seen & held
+    between = min(abs(a - b) for a in (min(seen), max(seen)) for b in held)
+    assert between >= round(GAP * rate)
+    blocks = np.split(np.sort(list(held)), np.flatnonzero(np.diff(np.sort(list(held))) > 1) + 1)
+    assert min(len(b) for b in blocks) >= 0.99 * min(2.0, duration / 4) * rate - 2
+
+
+def test_refit_recovers_the_machine(plain, job):
+    true = plain.truth["plant"]
+    for key, tolerance in {"J": 1e-3, "Fc": 2e-3, "Fv": 5e-3, "sigma0": 0.02}.items():
+        assert job.base.values[key] == pytest.approx(true[key], rel=tolerance)
+    low, high = job.base.intervals()["Fc"]
+    assert low < job.base.values["Fc"] < high
+
+
+def test_innovations_of_the_right_model_are_white(job):
+    e = job.base.innovations
+    for channel in range(2):
+        x = e[..., channel]
+        assert np.var(x) == pytest.approx(1.0, abs=0.25)
+        for lag in (1, 2, 5, 20):
+            assert abs(np.mean(x[:, lag:] * x[:, :-lag])) < 0.06
+
+
+def test_likelihood_is_highest_at_the_fit(job):
+    base = job.base
+    top = np.sum(base.innovations**2)
+    for key in ("J", "Fc", "Fv", "sigma0"):
+        for factor in (0.98, 1.02):
+            moved = base.values | {key: base.values[key] * factor}
+            white = whitened(base.predictor, [moved], base.where, base.noise)
+            assert np.sum(white**2) > top
+
+
+def test_an_effect_along_the_log_is_the_effect_in_the_plant(plain):
+    """The series form, used in the search, and the block inside the plant predict the same."""
+    model = model_of(plain)
+    values = {"amplitude": 0.05, "harmonic": 7.0, "phase": 0.4}
+    ripple = model.with_effect("torque_ripple", values)
+    asymmetric = ripple.with_effect("coulomb_asymmetry", {"ratio": 0.1})
+    data = prepare([record_of(plain)])
+    where = split(data, 1.0).train
+    inside, outside = Predictor(asymmetric, data), Predictor(asymmetric, data, inside=0)
+    a, _ = inside.run([asymmetric.known()], where, data.noise)
+    b, _ = outside.run([asymmetric.known()], where, data.noise)
+    bare, _ = Predictor(model, data).run([model.known()], where, data.noise)
+    effect = np.std(a - bare, axis=(0, 1, 2))
+    assert np.all(np.std(a - b, axis=(0, 1, 2)) < 0.02 * effect)
+
+
+def test_missing_values_are_identified(plain):
+    tree = plain.model | {"plant": {}, "friction": {"model": "lugre"}}
+    found = identify(record_of(plain), model_from_dict(tree, "case"))
+    for key in ("J", "Fc", "Fv"):
+        true = plain.truth["plant"][key]
+        assert found.estimates[key].value == pytest.approx(true, rel=0.01)
+    assert found.error["declared"] is None
+    assert found.error["refitted"] < 3 * found.error["noise_floor"]
+
+
+def test_intervals_cover_over_repeated_noise():
+    """Twelve records of one machine: 95 % intervals of J and Fc miss at most three in 24."""
+    missed = 0
+    for seed in range(12):
+        case = make("none", machine="servo", excitation="rich", seed=500, duration=12.0,
+                    torque_noise=5e-4)  # fmt: skip
+        rng = np.random.default_rng(seed)
+        c = case.columns
+        record = Record(
+            t=c["t"], u=c["u"] + 5e-4 * rng.normal(size=len(c["t"])), theta=c["theta"],
+            w=c["w"] + 2e-3 * rng.normal(size=len(c["t"])), dt=1e-3,
+        )  # fmt: skip
+        model = model_of(case)
+        data = prepare([record])
+        predictor = Predictor(model, data)
+        where = split(data, 1.0).train
+        fitted = fit(predictor, model.known(), free_keys(predictor), where, data.noise)
+        for key in ("J", "Fc"):
+            low, high = fitted.intervals()[key]
+            missed += not low < case.truth["plant"][key] < high
+    assert missed <= 3
+
+
+def test_diagnosis_has_the_whole_answer(plain):
+    result = diagnose(record_of(plain), model_of(plain), holdout="last")
+    answer = result.summary()
+    assert answer["verdict"] in VERDICTS and answer["schema"] == 1
+    assert answer["free_error"]["in_sample"] is False
+    assert answer["error"]["refitted"] == answer["error"]["augmented"]
+    assert answer["error"]["declared"] > answer["error"]["refitted"]
+    assert answer["experiment"] is None and answer["effects"] == []
+
+
+def test_a_separate_run_can_be_held_out():
+    runs = [make("none", machine="servo", excitation="rich", seed=s, duration=10.0) for s in (7, 7)]
+    result = diagnose(record_of(runs[0]), model_of(runs[0]), holdout=record_of(runs[1]))
+    assert result.error["samples"] <= len(runs[1].columns["t"])
+    assert not result.free_error["in_sample"]
+
+
+def test_too_short_a_record_is_refused(plain):
+    short = record_of(plain).slice(0, 3000)
+    with pytest.raises(Refused, match="too short"):
+        diagnose(short, model_of(plain))
