@@ -115,6 +115,16 @@ class Model:
         p = self.declarations()[key]
         return p.unit if p.angle else unit_for(p.unit, self.motion)
 
+    def remarks(self) -> tuple[str, ...]:
+        """What looks wrong about the values, one sentence each."""
+        Fs, Fc = self.friction.values.get("Fs"), self.friction.values.get("Fc")
+        if Fs is None or Fc is None or Fs >= Fc:
+            return ()
+        return (
+            f"model {self.name}: Fs = {Fs:g} is below Fc = {Fc:g}, though stiction is the higher "
+            "of the two; the fit starts from Fs = Fc and keeps Fs above it.",
+        )
+
     def to_dict(self) -> dict[str, Any]:
         """Nested like the TOML file; values not yet known are left out."""
 
@@ -137,7 +147,7 @@ def model_from_dict(data: Mapping[str, Any], where: str) -> Model:
     ------
     InputError
         For an unknown key, friction model or effect, a value that is no number or outside its
-        bounds, Fs < Fc; the sentence starts with ``where``.
+        bounds; the sentence starts with ``where``.
     """
     _known(data, ("name", "motion", "plant", "friction", "effects"), where)
     motion = data.get("motion", "rotary")
@@ -160,7 +170,6 @@ def model_from_dict(data: Mapping[str, Any], where: str) -> Model:
         name = entry.get("name")
         use = _part(name, members("effect"), entry, f"{where}: [[effects]] {name}", "effect")
         model = model.with_effect(use.block.name, use.values)
-    _stiction(part.values, where)
     return model
 
 
@@ -177,15 +186,6 @@ def _part(name: Any, known: Mapping[str, Block], entry: Any, where: str, what: s
         for k, p in made.parameters.items()
     }
     return Part(name, made, values)
-
-
-def _stiction(values: Mapping[str, float | None], where: str) -> None:
-    low, high = values.get("Fs"), values.get("Fc")
-    if low is not None and high is not None and low < high:
-        raise InputError(
-            f"{where}: Fs = {low:g} is below Fc = {high:g}; stiction is the higher of the two, "
-            "exchange them or leave both out to have them identified."
-        )
 
 
 def _table(data: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any]:

@@ -23,7 +23,7 @@ LEAST_SHARE = 0.04  # of the residual torque's power that an effect must remove
 LEAST_SIZE = 0.015  # of the RMS friction torque, below which an effect is not worth a name
 LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a signal
 WHOLE = 0.9  # share above which the effects found explain the residual, whatever is left
-COLOUR = {"theta": 0.25, "w": 0.05}  # of the innovations; quantised positions are never white
+COLOUR = {"theta": 0.2, "w": 0.05}  # of the innovations; quantised positions are never white
 MOST_EFFECTS = 3
 TRIED = 4  # candidates fitted in full at each step
 

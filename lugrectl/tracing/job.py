@@ -33,7 +33,8 @@ class Job:
 
     @property
     def messages(self) -> tuple[str, ...]:
-        return tuple(m for r in self.records for m in r.messages)
+        """What was noticed about the model and the records."""
+        return (*self.declared.remarks(), *(m for r in self.records for m in r.messages))
 
 
 def begin(

@@ -11,7 +11,9 @@ from .predictor import Windows, windows
 
 BLOCK = 2.0  # s, least length of a held-out block
 GAP = 0.25  # s, between the samples that fit and those that judge; also the observer's lead-in
-WINDOW = 1.0  # s, counted samples of one fitting window
+WINDOWS = (1.0, 0.5, 0.25)  # s, counted samples of one fitting window: the longest of which
+ENOUGH = 8  # fit into what may be seen
+LEAST = 4
 
 
 @dataclass(frozen=True)
@@ -41,13 +43,15 @@ def split(data: Data, horizon: float, *, last: bool = False, held_out: int | Non
         train, test = _halves(data.runs)
     else:
         train, test = _alternate(data.runs, gap, span, data.dt)
-    fitting = windows(train, gap, max(1, round(WINDOW / data.dt)))
+    lengths = [max(1, round(length / data.dt)) for length in WINDOWS]
+    cuts = [windows(train, gap, length) for length in lengths]
+    fitting = next((cut for cut in cuts if len(cut.start) >= ENOUGH), cuts[-1])
     judging = windows(test, gap, span)
-    if len(fitting.start) < 4 or not len(judging.start):
-        least = 2 * (max(BLOCK, horizon) + GAP)
+    if len(fitting.start) < LEAST or not len(judging.start):
         raise Refused(
             "the record is too short to fit and to judge on different samples",
-            f"record at least {4 * least:.0f} s of motion, or give a second run with --holdout",
+            f"record at least {8 * (max(BLOCK, horizon) + GAP):.0f} s of motion, or give a second "
+            "run with --holdout",
         )
     whole = test if (last or held_out is not None) else list(data.runs)
     return Split(fitting, judging, tuple(whole), not (last or held_out is not None))
