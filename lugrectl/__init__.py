@@ -11,21 +11,26 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _HOMES = {
-    "block": "block P",
+    "spec": "block P",
+    "blocks.comparison": "adaptive_observer disturbance_observer extended_state_observer "
+    "friedland_park_observer",
     "blocks.controllers": "compensation error feedforward pi pid prefilter",
     "blocks.library": "effect friction",
     "blocks.observers": "existing_observer natural_observer proposed_observer",
     "blocks.plant": "plant",
-    "diagnose": "diagnose",
+    "design": "Certificate Design PAPER certify design_gains excitation natural_decay",
+    "diagnosis": "diagnose",
     "errors": "InputError Refused",
-    "identify": "identify",
+    "identification": "identify",
     "linear": "bandwidth bandwidth_check l2_check position_T position_loop_tf spr_check "
     "velocity_T velocity_loop_tf",
     "loops": "position_loop velocity_loop",
+    "mixed": "simulate_sampled",
     "model": "Model Parameters read_model table1 write_model",
     "record": "Record read_record",
     "results": "Diagnosis",
-    "simulate": "simulate",
+    "sampling": "sampled",
+    "simulation": "simulate",
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names.split()}
 
@@ -45,7 +50,12 @@ def __dir__() -> list[str]:
 
 
 if TYPE_CHECKING:
-    from .block import P, block  # noqa: F401
+    from .blocks.comparison import (  # noqa: F401
+        adaptive_observer,
+        disturbance_observer,
+        extended_state_observer,
+        friedland_park_observer,
+    )
     from .blocks.controllers import (  # noqa: F401
         compensation,
         error,
@@ -61,9 +71,18 @@ if TYPE_CHECKING:
         proposed_observer,
     )
     from .blocks.plant import plant  # noqa: F401
-    from .diagnose import diagnose  # noqa: F401
+    from .design import (  # noqa: F401
+        PAPER,
+        Certificate,
+        Design,
+        certify,
+        design_gains,
+        excitation,
+        natural_decay,
+    )
+    from .diagnosis import diagnose  # noqa: F401
     from .errors import InputError, Refused  # noqa: F401
-    from .identify import identify  # noqa: F401
+    from .identification import identify  # noqa: F401
     from .linear import (  # noqa: F401
         bandwidth,
         bandwidth_check,
@@ -75,7 +94,10 @@ if TYPE_CHECKING:
         velocity_T,
     )
     from .loops import position_loop, velocity_loop  # noqa: F401
+    from .mixed import simulate_sampled  # noqa: F401
     from .model import Model, Parameters, read_model, table1, write_model  # noqa: F401
     from .record import Record, read_record  # noqa: F401
     from .results import Diagnosis  # noqa: F401
-    from .simulate import simulate  # noqa: F401
+    from .sampling import sampled  # noqa: F401
+    from .simulation import simulate  # noqa: F401
+    from .spec import P, block  # noqa: F401

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import control as ct
 
-from .block import Block
-from .blocks import controllers
+from .blocks import comparison, controllers  # noqa: F401  comparison registers its observers
 from .blocks.observers import Gain, observer_block
 from .blocks.observers import observer as build_observer
 from .blocks.plant import plant
 from .errors import InputError
+from .spec import Block
 
 if TYPE_CHECKING:
     from .model import Model, Parameters
@@ -26,9 +27,10 @@ def velocity_loop(
     *,
     kp: float = 1.6,
     ki: float = 0.16,
-    K1: Gain = -10.24,
-    K2: Gain = 22.0,
-    k: float = 0.35,
+    K1: Gain | None = None,
+    K2: Gain | None = None,
+    k: float | None = None,
+    gains: Mapping[str, Any] | None = None,
     observer_parameters: Parameters | Model | None = None,
     prefilter: bool | float = False,
     feedforward: bool = False,
@@ -42,12 +44,16 @@ def velocity_loop(
     p : Parameters or Model
         The plant; friction and effects of a whole model act inside it.
     observer : str or None
-        "natural", "existing", "proposed", or the name of any registered observer whose inputs
-        are among theta, w, u, e, r. None: Fhat = 0.
+        "natural", "existing", "proposed", "friedland_park", "disturbance", "extended_state",
+        "adaptive", or the name of any registered observer whose inputs are among theta, w, u,
+        e, r. None: Fhat = 0.
     kp, ki : float
         N m s/rad, N m/rad.
-    K1, K2, k : float
-        Gains of the proposed (K1, K2: numbers or functions of w) and existing (k) observer.
+    K1, K2, k : float, optional
+        Gains of the proposed (K1, K2: numbers or functions of w; -10.24, 22) and existing (k;
+        0.35) observer, or of another that has them. None: the observer's own default.
+    gains : dict, optional
+        Any other parameters of the observer by name, ``gains={"tau": 0.005}``.
     observer_parameters : Parameters or Model, optional
         What the observer believes; as the plant where left out.
     prefilter : bool or float
@@ -80,8 +86,8 @@ def velocity_loop(
     Radau can stop with an error: nothing depends on theta, and the step with which they
     differentiate by it grows until it overflows.
     """
-    gains = {"K1": K1, "K2": K2, "k": k}
-    estimate = _observer(observer, observer_parameters or p, gains)
+    shared = {"K1": K1, "K2": K2, "k": k}
+    estimate = _observer(observer, observer_parameters or p, shared, gains)
     inputs, reference = _reference(p, "velocity", prefilter, feedforward)
     parts = [plant(p), estimate, controllers.pi(kp, ki), *reference]
     return _closed(parts, inputs, load, name)
@@ -95,9 +101,10 @@ def position_loop(
     ki: float = 1.55,
     kd: float = 0.0,
     tau: float | None = None,
-    K1: Gain = -10.24,
-    K2: Gain = 22.0,
-    k: float = 0.35,
+    K1: Gain | None = None,
+    K2: Gain | None = None,
+    k: float | None = None,
+    gains: Mapping[str, Any] | None = None,
     observer_parameters: Parameters | Model | None = None,
     prefilter: bool | float = False,
     feedforward: bool = False,
@@ -115,7 +122,7 @@ def position_loop(
     feedforward : bool
         Add u = J ddr with the plant's J. ddr, the second derivative of r in rad/s2, becomes an
         input, also with a prefilter, which it then passes as r does.
-    p, observer, K1, K2, k, observer_parameters, prefilter, load, name
+    p, observer, K1, K2, k, gains, observer_parameters, prefilter, load, name
         As in :func:`velocity_loop`; e is the position error, k is in 1/s.
 
     Returns
@@ -135,18 +142,24 @@ def position_loop(
     J s^3 + kp s + ki has no s^2 term, and the growth has a time constant of 19 s. kd > 0 with
     kd kp > J ki cures it.
     """
-    gains = {"K1": K1, "K2": K2, "k": k}
-    estimate = _observer(observer, observer_parameters or p, gains)
+    shared = {"K1": K1, "K2": K2, "k": k}
+    estimate = _observer(observer, observer_parameters or p, shared, gains)
     inputs, reference = _reference(p, "position", prefilter, feedforward)
     parts = [plant(p), estimate, controllers.pid(kp, ki, kd, tau), *reference]
     return _closed(parts, inputs, load, name)
 
 
-def _observer(name: str | None, p: Parameters | Model, gains: dict[str, Any]) -> Any:
-    """The observer block of a loop; gains that it does not have are left out."""
+def _observer(
+    name: str | None,
+    p: Parameters | Model,
+    shared: Mapping[str, Any],
+    gains: Mapping[str, Any] | None,
+) -> Any:
+    """The observer block of a loop; ``shared`` gains that it does not have are left out."""
     made = observer_block("no_observer" if name is None else name)
     _fits(made)
-    return build_observer(made.name, p, **{g: v for g, v in gains.items() if g in made.parameters})
+    known = {g: v for g, v in shared.items() if v is not None and g in made.parameters}
+    return build_observer(made.name, p, **(known | dict(gains or {})))
 
 
 def _fits(made: Block) -> None:

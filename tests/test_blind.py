@@ -69,6 +69,16 @@ def test_a_stranger_is_not_given_a_name_it_does_not_have():
     assert "positions" in result.experiment
 
 
+def test_what_cannot_be_told_is_said():
+    """A soft spring over half a turn, in a noisy torque: gravity does as well."""
+    case = make("return_spring", machine="wrist", excitation="sparse", seed=10, rate=250.0,
+                duration=20.0, torque_noise=0.03, strength=0.08, declared_error=0.05)  # fmt: skip
+    result, names = verdict(case)
+    assert result.verdict == "ambiguous" and names[0] == "return_spring"
+    assert "gravity" in [a.name for a in result.effects[0].alternatives]
+    assert "return_spring from gravity" in result.experiment
+
+
 @pytest.mark.slow
 def test_twenty_records_with_nothing_missing():
     called = [verdict(sample("none", seed))[0].verdict for seed in range(5000, 5020)]

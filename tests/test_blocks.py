@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lugrectl import loops as _loops  # noqa: F401  fills the registry
-from lugrectl.block import REGISTRY, block, members, unit_for
 from lugrectl.blocks.plant import assemble
 from lugrectl.errors import InputError
 from lugrectl.model import model_from_dict
+from lugrectl.spec import REGISTRY, block, members, unit_for
 
 KINDS = {"friction", "plant", "observer", "controller", "effect"}
 BLOCKS = [pytest.param(made, id=made.name) for made in REGISTRY.values()]
@@ -336,7 +336,13 @@ def test_controllers_are_linear(made):
 
 @pytest.mark.parametrize("made", [pytest.param(m, id=m.name) for m in members("observer").values()])
 def test_observers_put_out_an_odd_estimate(made):
+    """Signals change sign with the drive's direction; levels and scales do not."""
     assert made.outputs[0] == "Fhat" and "w" in made.inputs
+    levels = ("zeta", "excess", "ahat", "scale")
     args, values = arguments(made, (50,)), strong(made)
-    for one, other in zip(made(*args, **values), made(*[-a for a in args], **values), strict=True):
-        np.testing.assert_array_equal(one, -np.asarray(other))
+    signals = [*made.inputs, *made.states]
+    mirrored = [a if k in levels else -a for k, a in zip(signals, args, strict=True)]
+    one, other = made(*args, **values), made(*mirrored, **values)
+    fresh = [k for k in made.outputs if k not in made.states]
+    for k, a, b in zip([*fresh, *made.states], one, other, strict=True):
+        np.testing.assert_array_equal(a, b if k in levels else -np.asarray(b))

@@ -12,12 +12,12 @@ import control as ct
 import numpy as np
 import pytest
 
-from lugrectl.block import members
 from lugrectl.cli import commands, main
 from lugrectl.cli.progress import Bar
 from lugrectl.errors import InputError, Refused
 from lugrectl.model import Model, read_model, table1, write_model
 from lugrectl.results import Candidate, Diagnosis, Estimate, Finding
+from lugrectl.spec import members
 
 MODEL = Model.of(table1())
 
@@ -38,7 +38,7 @@ def found(**changes):
 @pytest.fixture
 def job(monkeypatch):
     """Stands for lugrectl.diagnose: notes how it is called and returns or raises ``answer``."""
-    fake = ModuleType("lugrectl.diagnose")
+    fake = ModuleType("lugrectl.diagnosis")
 
     def work(record, model, **options):
         fake.calls.append((record, model, options))
@@ -48,7 +48,7 @@ def job(monkeypatch):
 
     fake.calls, fake.answer = [], found()
     fake.diagnose = fake.identify = work
-    for name in ("diagnose", "identify"):
+    for name in ("diagnosis", "identification"):
         monkeypatch.setitem(sys.modules, f"lugrectl.{name}", fake)
     return fake
 
@@ -207,7 +207,6 @@ def test_the_holdout_must_not_be_a_training_file(files, job, capsys, how):
     [
         "",
         "nonsense",
-        "reproduce",
         "diagnose",
         "diagnose one.csv",
         "diagnose one.csv --mod model.toml",
@@ -248,7 +247,7 @@ def test_version_and_help_do_not_load_what_only_the_work_needs():
     script = (
         "import sys; from lugrectl.cli import main\n"
         "codes = [main(['--version']), main(['--help'])]\n"
-        "heavy = {'numba', 'lugrectl.diagnose', 'lugrectl.report.plot', 'lugrectl.report'}\n"
+        "heavy = {'numba', 'lugrectl.diagnosis', 'lugrectl.report.plot', 'lugrectl.report'}\n"
         "sys.exit(f'{codes} {heavy & set(sys.modules)}' if any(codes) or heavy & set(sys.modules)"
         " else 0)"
     )

@@ -13,13 +13,14 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "lugrectl"
 STOREYS = [
-    {"errors", "block"},
+    {"errors", "spec"},
     {"blocks", "model"},
-    {"loops", "engine", "linear", "record"},
-    {"simulate", "results"},
+    {"loops", "engine", "linear", "record", "design", "sampling"},
+    {"simulation", "results", "mixed"},
     {"tracing"},
-    {"diagnose", "identify"},
+    {"diagnosis", "identification"},
     {"report"},
+    {"reproduce"},
     {"cli", "__main__", "demo"},
 ]
 TRACING = [
@@ -114,3 +115,11 @@ def test_quick_commands_load_nothing_heavy():
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0 and "lugrectl" in done.stdout
+
+
+def test_no_public_name_is_hidden_by_a_module():
+    """``lg.NAME`` must stay the function, whichever module of that name is loaded first."""
+    import lugrectl
+
+    rooms = {room(path) for path in PACKAGE.rglob("*.py")}
+    assert not rooms & set(lugrectl._HOME)

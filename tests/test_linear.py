@@ -1,7 +1,9 @@
 """L2 gain, bandwidth and the loops' transfer functions, against closed forms and control."""
 
+import itertools
 import json
 import math
+import re
 import warnings
 from fractions import Fraction as Q
 from types import SimpleNamespace
@@ -81,6 +83,37 @@ def test_l2_says_what_is_wrong(changes, K2, word):
         l2_check(parameters(**changes), K2=K2)
 
 
+def l2_norm(y, t):
+    return math.sqrt(np.trapezoid(y**2, t))
+
+
+def test_l2_meaning_bounds_the_error():
+    """||e_z|| <= gain ||e_w|| + m |e_z(0) + (J/sigma1) e_w(0)|, and no smaller numbers do."""
+    verdict = l2_check(P, K2=22)
+    gain, start, mix = map(float, re.findall(r"\d\.\d+", verdict.meaning))
+    pole, t = P.sigma0 / P.sigma1, np.linspace(0, 4, 400_001)
+
+    def norms(ez0, ew0, b):
+        """sigma1 dez/dt + sigma0 ez = -(J dew/dt + 22 ew) for ew = ew0 exp(-b t)."""
+        forced = -(22 - P.J * b) * ew0 / (P.sigma0 - P.sigma1 * b)
+        ez = forced * np.exp(-b * t) + (ez0 - forced) * np.exp(-pole * t)
+        return l2_norm(ez, t), l2_norm(ew0 * np.exp(-b * t), t), abs(ez0 + mix * ew0)
+
+    for case in itertools.product((1e-3, 0.0), (1.0, -0.1), (3.0, 300.0, 5000.0)):
+        ez, ew, c = norms(*case)
+        assert ez <= gain * ew + start * c
+    assert norms(1e-3, 0.0, 3.0)[0] == pytest.approx(start * 1e-3, rel=1e-4)
+    ez, ew, _ = norms(-mix, 1.0, 3.0)
+    assert ez == pytest.approx(gain * ew, rel=1e-2)
+
+
+def test_l2_meaning_where_little_follows():
+    assert "stays for good" in l2_check(parameters(sigma0=0.0), K2=0.0).meaning
+    assert "nothing follows" in l2_check(parameters(sigma1=0.0), K2=22.0).meaning
+    rigid = l2_check(parameters(sigma1=0.0, J=0.0), K2=22.0).meaning  # e_z = -K2/sigma0 e_w
+    assert "e_z(0)" not in rigid and "e_z tends to 0" in rigid
+
+
 # --- bandwidth ---------------------------------------------------------------------------
 
 
@@ -105,6 +138,22 @@ def test_bandwidth_warns_of_the_unstable_position_loop():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert bandwidth_check(position_loop_tf(P, kp=15, ki=1.55, kd=0.1))
+
+
+def test_bandwidth_with_a_prefilter():
+    """|T|^2 4/(x + 4) = c: a cubic in x for the velocity PI, a quartic for the position PI(D)."""
+    c, kp, ki, kd, J = 10**-0.3, 15, 1.55, 0.3, P.J
+    error = np.polynomial.Polynomial([ki**2, kp**2])
+    d = {
+        velocity_loop_tf: [ki**2, kp**2 - 2 * (J + kd) * ki, (J + kd) ** 2],
+        position_loop_tf: [ki**2, kp**2 - 2 * ki * kd, kd**2 - 2 * J * kp, J**2],
+    }
+    for loop, square in d.items():
+        level = 4 * error - c * np.polynomial.Polynomial([4, 1]) * np.polynomial.Polynomial(square)
+        x = min(r.real for r in level.roots() if abs(r.imag) < 1e-9 * abs(r) and r.real > 0)
+        verdict = bandwidth_check(loop(P, kp, ki, kd, prefilter=True))
+        assert verdict and verdict.bandwidth == pytest.approx(math.sqrt(x), rel=1e-9)
+        assert 1.9 < verdict.bandwidth < 2.1 and len(verdict.crossings) == 1
 
 
 def test_loops_by_feedback():

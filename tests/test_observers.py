@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import lugrectl as lg
-from lugrectl.block import REGISTRY
 from lugrectl.blocks.observers import (
     existing_observer,
     natural_observer,
@@ -17,6 +16,7 @@ from lugrectl.blocks.observers import (
     proposed_observer,
 )
 from lugrectl.model import model_from_dict
+from lugrectl.spec import REGISTRY
 
 P = lg.table1()
 OFF = replace(P, J=0.003, Fc=0.2, Fs=0.31, sigma0=300.0)

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
 from lugrectl import report
-from lugrectl.block import members
 from lugrectl.errors import InputError
 from lugrectl.model import Model, table1
 from lugrectl.report import plot, views
 from lugrectl.results import Candidate, Diagnosis
+from lugrectl.spec import members
 
 from .made_up import PHI, A, N, diagnosis, effect, traces
 

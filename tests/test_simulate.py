@@ -16,7 +16,7 @@ import lugrectl as lg
 from lugrectl.engine import AlgebraicLoop, adaptive
 from lugrectl.engine.adaptive import Diverged
 from lugrectl.errors import InputError
-from lugrectl.simulate import simulate
+from lugrectl.simulation import simulate
 
 from .systems import pi, velocity_loop
 

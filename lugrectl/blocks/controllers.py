@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import control as ct
 import numpy as np
 
-from ..block import P, block
 from ..errors import InputError
+from ..spec import P, block
 from .friction import J
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..block import P, block
+from ..spec import P, block
 
 PHASE = P(0.0, "rad", -np.pi, np.pi, span=(0.0, np.pi / 2), angle=True)
 AMPLITUDE = P(0.0, "N m", 0.0, neutral=0.0)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..block import P, block
+from ..spec import P, block
 
 J = P(0.0022, "kg m2", 1e-12)
 SIGMA0 = P(260.0, "N m/rad", 0.0)

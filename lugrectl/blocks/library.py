@@ -7,8 +7,8 @@ from typing import Any
 
 import control as ct
 
-from ..block import Block, members
 from ..errors import InputError
+from ..spec import Block, members
 
 
 def _chosen(kind: str, name: str) -> Block:

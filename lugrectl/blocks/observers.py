@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import control as ct
 
-from ..block import Block, P, block, members
 from ..errors import InputError
+from ..spec import Block, P, block, members
 from .friction import FC, FS, FV, SIGMA0, SIGMA1, VS, J, bristle, bristle_torque, lugre
 from .plant import acceleration
 

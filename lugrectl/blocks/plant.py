@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import control as ct
 
-from ..block import Block, P
 from ..errors import InputError
+from ..spec import Block, P
 from .friction import J
 
 if TYPE_CHECKING:

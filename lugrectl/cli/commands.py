@@ -34,27 +34,47 @@ def version() -> str:
 
 def diagnose(a: Namespace) -> int:
     """``lugrectl diagnose``."""
-    from ..diagnose import diagnose as work
+    from ..diagnosis import diagnose as work
 
     return _main_job(work, a)
 
 
 def identify(a: Namespace) -> int:
     """``lugrectl identify``."""
-    from ..identify import identify as work
+    from ..identification import identify as work
 
     return _main_job(work, a)
 
 
 def demo(a: Namespace) -> int:
     """``lugrectl demo``: diagnose on the record and model that ship in the package."""
-    from ..diagnose import diagnose as work
+    from ..diagnosis import diagnose as work
 
     with resources.as_file(resources.files("lugrectl") / "demo") as folder:
         files = {"records": [str(folder / "record.csv")], "model": str(folder / "model.toml")}
         options = {"columns": None, "units": None, "scale": None, "rate": None}
         fixed = {"holdout": None, "horizon": 1.0}
         return _main_job(work, Namespace(**vars(a), **files, **options, **fixed))
+
+
+def reproduce(a: Namespace) -> int:
+    """``lugrectl reproduce``: the source paper's numbers and figures, and what it leaves out."""
+    from ..report import check_folder
+    from ..reproduce import reproduce as work
+    from ..reproduce import text, write
+    from .progress import Bar
+
+    if a.out is not None:
+        check_folder(a.out)
+    with Bar(sys.stderr) as bar:
+        result = work(progress=bar)
+        bar(1.0, "writing")
+        written = write(result, a.out) if a.out is not None else []
+    print_out(result.to_json() if a.json else text(result))
+    if written:
+        where = f"page: {written[0]} (and {', '.join(p.name for p in written[1:])})"
+        print(where, file=sys.stderr if a.json else sys.stdout)
+    return 0
 
 
 def _main_job(work: Any, a: Namespace) -> int:

@@ -35,15 +35,15 @@ def check(a: Namespace) -> int:
     if a.property == "l2":
         gains = {"K2": PAPER_K2 if a.K2 is None else a.K2}
         verdict, about = linear.l2_check(p, **gains), {}
-    else:
+    elif a.property == "spr":
         gains, about = _gains(a, loop), {"loop": loop}
-        made = {
-            ("spr", "position"): linear.position_T,
-            ("spr", "velocity"): linear.velocity_T,
-            ("bandwidth", "position"): linear.position_loop_tf,
-            ("bandwidth", "velocity"): linear.velocity_loop_tf,
-        }[a.property, loop](p, **gains)
-        verdict = (linear.spr_check if a.property == "spr" else linear.bandwidth_check)(made)
+        made = linear.position_T if loop == "position" else linear.velocity_T
+        verdict = linear.spr_check(made(p, **gains))
+    else:
+        gains, about = _gains(a, loop), {"loop": loop, "prefilter": bool(a.prefilter)}
+        made = linear.position_loop_tf if loop == "position" else linear.velocity_loop_tf
+        level = "half-power" if a.half_power else "-3dB"
+        verdict = linear.bandwidth_check(made(p, **gains, prefilter=bool(a.prefilter)), level)
     _unused(a)
     facts = {"schema": 1, "check": a.property, **about, "model": name, "gains": gains}
     facts |= verdict.summary()
@@ -77,12 +77,17 @@ def _gains(a: Namespace, loop: str) -> dict[str, float]:
     """The paper's gains when none is given, else those given and 0 for the others."""
     given = {k: getattr(a, k) for k in ("kp", "ki", "kd") if getattr(a, k) is not None}
     gains = {"kp": 0.0, "ki": 0.0, "kd": 0.0} | (given or PAPER[loop])
-    return gains if a.tau is None else gains | {"tau": a.tau}
+    times = {k: getattr(a, k) for k in ("tau", "leak", "derivative_filter")}
+    return gains | {k: v for k, v in times.items() if v is not None}
 
 
 def _unused(a: Namespace) -> None:
-    names = ("kp", "ki", "kd", "tau") if a.property == "l2" else ("K2",)
-    extra = [f"--{k}" for k in names if getattr(a, k) is not None]
+    loop, filters = (
+        ("kp", "ki", "kd", "tau", "leak", "derivative_filter"),
+        ("prefilter", "half_power"),
+    )
+    names = {"l2": loop + filters, "spr": ("K2", *filters), "bandwidth": ("K2",)}[a.property]
+    extra = [f"--{k.replace('_', '-')}" for k in names if getattr(a, k) is not None]
     extra += [f"--{a.loop}"] if a.property == "l2" and a.loop else []
     if extra:
         said = f"note: {', '.join(extra)} has no part in {a.property} and was not used."
@@ -92,10 +97,11 @@ def _unused(a: Namespace) -> None:
 def _check_text(facts: dict[str, Any]) -> str:
     about = f"{facts['loop']} loop of " if "loop" in facts else ""
     gains = ", ".join(f"{k} {v:g}" for k, v in facts["gains"].items())
-    reason = facts["reason"].rstrip(".") + "."
+    gains += ", prefilter 2/(s + 2)" if facts.get("prefilter") else ""
+    said = [facts[k].rstrip(".") + "." for k in ("reason", "meaning", "repair") if facts.get(k)]
     lines = [
         f"{_answer(facts)}: {about}{facts['model']}, {gains}",
-        textwrap.fill(reason, 80, initial_indent="  ", subsequent_indent="  "),
+        *(textwrap.fill(s, 80, initial_indent="  ", subsequent_indent="  ") for s in said),
     ]
     known = {k: unit for k, unit in _UNITS.items() if k in facts and not math.isnan(facts[k])}
     lines += [f"  {k}: {facts[k]:.6g} {unit}".rstrip() for k, unit in known.items()]
@@ -114,8 +120,8 @@ def _answer(facts: dict[str, Any]) -> str:
 
 def effects(a: Namespace) -> int:
     """``lugrectl effects``."""
-    from ..block import members
     from ..blocks import effects as _fills_the_registry  # noqa: F401
+    from ..spec import members
 
     blocks = members("effect").values()
     if a.json:

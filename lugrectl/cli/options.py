@@ -27,6 +27,8 @@ def parser() -> argparse.ArgumentParser:
     demo.add_argument("--seed", type=_seed, default=0, metavar="N", help="of random choices")
     _records(_command(made, "diagnose", commands.diagnose, "name what the model lacks"))
     _records(_command(made, "identify", commands.identify, "fit the declared model only"))
+    paper = _command(made, "reproduce", commands.reproduce, "the source paper, recomputed")
+    paper.add_argument("--out", metavar="DIR", help="write reproduce.html and reproduce.json there")
     _checks(_command(made, "check", lookups.check, "linear checks: l2, spr, bandwidth"))
     _command(made, "effects", lookups.effects, "the catalogue of effects")
     _command(made, "model", lookups.template, "print a commented model file to start from")
@@ -96,6 +98,15 @@ def _checks(command: argparse.ArgumentParser) -> None:
     )
     for gain in ("kp", "ki", "kd", "tau", "K2"):
         add(f"--{gain}", type=_finite, metavar="X")
+    add("--leak", type=_finite, metavar="X", help="leaky integral, ki/(s + X), X in 1/s")
+    add("--derivative-filter", type=_finite, metavar="X", help="kd s/(X s + 1), X in s")
+    add("--prefilter", action="store_true", default=None, help="2/(s + 2) in front of the loop")
+    add(
+        "--half-power",
+        action="store_true",
+        default=None,
+        help="bandwidth at half power (-3.0103 dB) instead of -3 dB",
+    )
 
 
 class _Version(argparse.Action):

@@ -53,7 +53,7 @@ def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:
     T : continuous SISO control.TransferFunction or StateSpace, or a pair (num, den).
     Raises InputError if T is none of these, or for an unknown level.
     """
-    c, transfer = _power(level), read_transfer(T)
+    c, transfer = level_power(level), read_transfer(T)
     num, den, cancelled = transfer
     poles, stable = transfer.poles, hurwitz(den)
     dc = bool(num) and bool(num[0]) and bool(den[0])
@@ -79,7 +79,7 @@ def bandwidth(T: Any, level: str | float = "-3dB") -> float:
     return verdict.bandwidth
 
 
-def _power(level: str | float) -> Fraction:
+def level_power(level: str | float) -> Fraction:
     if isinstance(level, str):
         if level not in LEVELS:
             raise InputError(f"Level {level!r} is unknown; use '-3dB', 'half-power' or dB < 0.")

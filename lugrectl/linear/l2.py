@@ -20,12 +20,14 @@ class L2Verdict(Verdict):
 
     ``gain``: the L2 gain (inf when there is none). ``frequency``: where |G(jw)| is largest, in
     rad/s: 0 at DC or when |G| is constant, inf when it is approached as w grows, nan when G is
-    unstable and its gain is no peak on the axis.
+    unstable and its gain is no peak on the axis. ``meaning``: what follows for the error
+    e_z = z - zhat of the proposed observer.
     """
 
     gain: float
     frequency: float
     reason: str
+    meaning: str
 
     def __bool__(self) -> bool:
         return bool(np.isfinite(self.gain))
@@ -41,6 +43,16 @@ def l2_check(p: Any, K2: float) -> L2Verdict:
     for sigma0/sigma1 < 0 (unstable: also where the zero cancels the pole, because the mode
     stays). The comparison is exact for the given floats.
 
+    What it is for (source paper, err_z_lap and lemma 5): with constant K2 the observer's errors
+    obey sigma1 de_z/dt + sigma0 e_z = -(J de_w/dt + K2 e_w) whatever u, w and K1 do, so with
+    c = e_z(0) + (J/sigma1) e_w(0), which err_z_lap leaves out,
+
+        e_z = -G e_w + c exp(-sigma0 t/sigma1),
+        ||e_z||_2 <= gain ||e_w||_2 + |c| sqrt(sigma1/(2 sigma0)).
+
+    Hence e_w in L2 makes e_z in L2; if w is bounded, so is de_z/dt, and e_z -> 0 (Barbalat). It
+    gives no rate, and does not show that e_w is in L2: that is for K1.
+
     Parameters
     ----------
     p : any object with attributes J (N m s^2/rad), sigma0 (N m/rad), sigma1 (N m s/rad)
@@ -49,7 +61,8 @@ def l2_check(p: Any, K2: float) -> L2Verdict:
     Raises InputError for values that are not finite numbers and for sigma0 = sigma1 = 0.
     """
     J, sigma0, sigma1 = (parameter(p, name) for name in ("J", "sigma0", "sigma1"))
-    return L2Verdict(*_gain(J, number(K2, "K2"), sigma0, sigma1))
+    gain, frequency, reason = _gain(J, number(K2, "K2"), sigma0, sigma1)
+    return L2Verdict(gain, frequency, reason, _meaning(gain, J, sigma0, sigma1))
 
 
 def _gain(J: Fraction, K2: Fraction, s0: Fraction, s1: Fraction) -> tuple[float, float, str]:
@@ -71,3 +84,17 @@ def _gain(J: Fraction, K2: Fraction, s0: Fraction, s1: Fraction) -> tuple[float,
     if dc > high:
         return a, 0.0, f"|K2|/sigma0 = {a:.6g} at DC is above J/sigma1 = {b:.6g}, its limit"
     return b, inf, f"J/sigma1 = {b:.6g}, the limit as w grows, is above |K2|/sigma0 = {a:.6g} at DC"
+
+
+def _meaning(gain: float, J: Fraction, s0: Fraction, s1: Fraction) -> str:
+    if gain == float("inf"):
+        return "nothing follows for e_z: that e_w is in L2 does not make e_z so"
+    bound = f"||e_z||_2 <= {gain:.6g} ||e_w||_2"
+    if not s0:
+        return f"{bound} if e_z(0) + (J/sigma1) e_w(0) = 0; else that part of e_z stays for good"
+    if s1:
+        root = to_float(s1 / (2 * s0)) ** 0.5
+        bound += f" + {root:.6g} |e_z(0) + {to_float(J / s1):.6g} e_w(0)|"
+    return (
+        f"{bound}: e_w in L2 makes e_z in L2, and with w bounded e_z tends to 0, at no stated rate"
+    )

@@ -2,33 +2,92 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any
 
 import control as ct
 
 from lugrectl.errors import InputError
 
-from .exact import Poly, add, mul, poly, scale
-from .transfer import number, parameter
+from .controller import Controller, read_controller
+from .exact import Poly, add, mul, poly
+from .transfer import number, parameter, to_float
+
+
+@dataclass(frozen=True)
+class Loop:
+    """What a T(s) is made of: J, sigma0, sigma1, C, and s^order, 1 for velocity, 2 for position."""
+
+    J: Fraction
+    sigma0: Fraction
+    sigma1: Fraction
+    order: int
+    controller: Controller
+
+    def T(self) -> tuple[Poly, Poly]:
+        """(sigma1 s + sigma0)/(J s^order + C(s)), exactly."""
+        C = self.controller
+        bristle = poly([self.sigma0, self.sigma1])
+        dens = mul(C.on_error[1], C.derivative[1])
+        return mul(bristle, dens), closed_den(self.J, self.order, C)
+
+
+class LoopT(ct.TransferFunction):
+    """T(s) of a loop that remembers the ``loop``, so that ``spr_check`` can name a repair.
+
+    What is computed from it is a plain control.TransferFunction.
+    """
+
+    loop: Loop
 
 
 def position_T(
-    p: Any, kp: float = 0, ki: float = 0, kd: float = 0, tau: float | None = None
+    p: Any,
+    kp: float = 0,
+    ki: float = 0,
+    kd: float = 0,
+    tau: float | None = None,
+    *,
+    derivative_filter: float | None = None,
+    leak: float | None = None,
+    controller: Any = None,
 ) -> ct.TransferFunction:
     """T(s) = (sigma1 s + sigma0)/(J s^2 + C(s)), the SPR condition of the existing observer.
 
-    C(s) = Kp + Kd s + Ki/(tau s + 1), tau a time constant in s; Ki/s when tau is None or 0.
-    C acts on the position error (Canudas de Wit et al., 1995).
-    Raises InputError for values that are not finite, tau < 0, and a zero denominator.
+    C(s) = Kp + Kd s/(Td s + 1) + I(s) + X(s) acts on the position error (Canudas de Wit et al.,
+    1995). Viscous friction that is not compensated adds to Kd.
+
+    Parameters
+    ----------
+    p : any object with attributes J, sigma0, sigma1
+    kp, ki, kd : the gains
+    tau : time constant in s of a filtered integral, I(s) = Ki/(tau s + 1)
+    leak : rate in 1/s of a leaky integral, I(s) = Ki/(s + leak); with neither, or 0, I = Ki/s
+    derivative_filter : time constant Td in s; None or 0 is the pure Kd s
+    controller : X(s), any continuous SISO transfer function as for ``spr_check``, taken in lowest
+        terms and added to the other terms
+
+    Raises InputError for values that are not finite, a negative time constant or leak, tau and
+    leak together, and a zero denominator.
     """
-    return _error_T(p, 2, _Controller(kp, ki, kd, tau))
+    return _error_T(p, 2, read_controller(kp, ki, kd, tau, derivative_filter, leak, controller))
 
 
 def velocity_T(
-    p: Any, kp: float = 0, ki: float = 0, kd: float = 0, tau: float | None = None
+    p: Any,
+    kp: float = 0,
+    ki: float = 0,
+    kd: float = 0,
+    tau: float | None = None,
+    *,
+    derivative_filter: float | None = None,
+    leak: float | None = None,
+    controller: Any = None,
 ) -> ct.TransferFunction:
     """T(s) = (sigma1 s + sigma0)/(J s + C(s)): C as in ``position_T``, on the velocity error."""
-    return _error_T(p, 1, _Controller(kp, ki, kd, tau))
+    return _error_T(p, 1, read_controller(kp, ki, kd, tau, derivative_filter, leak, controller))
 
 
 def position_loop_tf(
@@ -37,16 +96,22 @@ def position_loop_tf(
     ki: float = 0,
     kd: float = 0,
     tau: float | None = None,
-    prefilter: bool = False,
+    prefilter: bool | float = False,
+    *,
+    derivative_filter: float | None = None,
+    leak: float | None = None,
+    controller: Any = None,
 ) -> ct.TransferFunction:
     """Reference to position with friction fully compensated (plant 1/(J s^2)).
 
-    theta/r = (Kp + I(s))/(J s^2 + Kd s + Kp + I(s)), I(s) = Ki/(tau s + 1), or Ki/s when tau is
-    None or 0. D acts on the measured velocity, not on the error, so Kd s is missing in the
-    numerator. ``prefilter`` puts 2/(s + 2) in front. Friction left uncompensated (Fv) is not
-    in here. Raises InputError as ``position_T``.
+    theta/r = E(s)/(J s^2 + D(s) + E(s)) with E(s) = Kp + I(s) + X(s), D(s) = Kd s/(Td s + 1)
+    and everything as in ``position_T``. D acts on the measured velocity, not on the error, so
+    it is missing in the numerator; a D on the error belongs into ``controller``. ``prefilter``
+    puts a/(s + a) in front, a in 1/s; True is the source paper's 2/(s + 2). Friction left
+    uncompensated (Fv) is not in here. Raises InputError as ``position_T``, and for a < 0.
     """
-    return _reference_tf(p, 2, _Controller(kp, ki, kd, tau), prefilter, "theta")
+    C = read_controller(kp, ki, kd, tau, derivative_filter, leak, controller)
+    return _reference_tf(p, 2, C, prefilter, "theta")
 
 
 def velocity_loop_tf(
@@ -55,51 +120,54 @@ def velocity_loop_tf(
     ki: float = 0,
     kd: float = 0,
     tau: float | None = None,
-    prefilter: bool = False,
+    prefilter: bool | float = False,
+    *,
+    derivative_filter: float | None = None,
+    leak: float | None = None,
+    controller: Any = None,
 ) -> ct.TransferFunction:
     """Reference to velocity with friction fully compensated (plant 1/(J s)).
 
-    w/r = (Kp + I(s))/((J + Kd) s + Kp + I(s)), I(s) and ``prefilter`` as in
-    ``position_loop_tf``: Kd multiplies the measured acceleration, like an added inertia.
+    w/r = E(s)/(J s + D(s) + E(s)), all as in ``position_loop_tf``: Kd multiplies the measured
+    acceleration, like an added inertia.
     """
-    return _reference_tf(p, 1, _Controller(kp, ki, kd, tau), prefilter, "w")
+    C = read_controller(kp, ki, kd, tau, derivative_filter, leak, controller)
+    return _reference_tf(p, 1, C, prefilter, "w")
 
 
-class _Controller:
-    """Exact polynomials of C(s): the integral's denominator, all of C, the part without D."""
-
-    def __init__(self, kp: float, ki: float, kd: float, tau: float | None) -> None:
-        p_gain, i_gain, d_gain = number(kp, "kp"), number(ki, "ki"), number(kd, "kd")
-        lag = number(0 if tau is None else tau, "tau")
-        if lag < 0:
-            raise InputError(f"tau is {float(lag):g} s, but a time constant cannot be negative.")
-        # Without integral action no factor s enters numerator and denominator alike.
-        self.den: Poly = (1,) if not i_gain else (1, lag) if lag else (0, 1)
-        self.without_d = add(scale(self.den, p_gain), poly([i_gain]))
-        self.whole = add(self.without_d, mul(self.den, poly([0, d_gain])))
+def closed_den(J: Fraction, order: int, C: Controller) -> Poly:
+    """(J s^order + C(s)) times the denominators in C."""
+    (error_num, error_den), (rate_num, rate_den) = C.on_error, C.derivative
+    inertia = mul(poly([0] * order + [J]), mul(error_den, rate_den))
+    return add(inertia, add(mul(error_num, rate_den), mul(rate_num, error_den)))
 
 
-def _closed_den(p: Any, order: int, C: _Controller) -> Poly:
-    inertia = poly([0] * order + [parameter(p, "J")])
-    return add(mul(inertia, C.den), C.whole)
-
-
-def _error_T(p: Any, order: int, C: _Controller) -> ct.TransferFunction:
-    bristle = poly([parameter(p, "sigma0"), parameter(p, "sigma1")])
-    return _tf(mul(bristle, C.den), _closed_den(p, order, C))
+def _error_T(p: Any, order: int, C: Controller) -> LoopT:
+    J, sigma0, sigma1 = (parameter(p, name) for name in ("J", "sigma0", "sigma1"))
+    loop = Loop(J, sigma0, sigma1, order, C)
+    T = LoopT(*rounded(*loop.T()))
+    T.loop = loop
+    return T
 
 
 def _reference_tf(
-    p: Any, order: int, C: _Controller, prefilter: bool, output: str
+    p: Any, order: int, C: Controller, prefilter: bool | float, output: str
 ) -> ct.TransferFunction:
-    num, den = C.without_d, _closed_den(p, order, C)
-    if prefilter:
-        num, den = scale(num, 2), mul(den, (2, 1))
-    return _tf(num, den, inputs="r", outputs=output)
+    num = mul(C.on_error[0], C.derivative[1])
+    den = closed_den(parameter(p, "J"), order, C)
+    if prefilter is not False and prefilter is not None:
+        pole = number(2 if prefilter is True else prefilter, "prefilter")
+        if pole <= 0:
+            raise InputError(f"prefilter is {float(pole):g} 1/s, but its pole must be above 0.")
+        num, den = mul(num, (pole,)), mul(den, (pole, 1))
+    return ct.TransferFunction(*rounded(num, den), inputs="r", outputs=output)
 
 
-def _tf(num: Poly, den: Poly, **names: str) -> ct.TransferFunction:
+def rounded(num: Poly, den: Poly) -> tuple[list[float], list[float]]:
+    """Coefficients in descending powers, each rounded once."""
     if not den:
         raise InputError("J and all gains are 0: the loop has no denominator; give one of them.")
-    top, bottom = ([float(c) for c in reversed(p or (0,))] for p in (num, den))
-    return ct.TransferFunction(top, bottom, **names)
+    top, bottom = ([to_float(Fraction(c)) for c in reversed(p or (0,))] for p in (num, den))
+    if not all(map(math.isfinite, top + bottom)):
+        raise InputError("A coefficient of the loop is above 1e308; give smaller gains.")
+    return top, bottom

@@ -10,20 +10,17 @@ from typing import Any
 
 from .exact import (
     Poly,
-    add,
     axis_roots,
-    distinct_roots,
-    divide,
-    gcd,
     hurwitz,
     nonnegative,
     odd_roots,
-    positive,
     positive_roots,
     real_product,
-    shift,
 )
-from .transfer import Transfer, read_transfer, to_float
+from .loops import LoopT
+from .realness import band_edge, classify, margin
+from .repair import Repair, find_repair
+from .transfer import Transfer, read_transfer
 from .verdict import Verdict, show_poles
 
 NEAR_ZERO = 1e-12
@@ -37,13 +34,16 @@ class SprVerdict(Verdict):
     positive real for any eps > 0), "PR", "not PR". ``margin``: the largest eps in 1/s for which
     T(s - eps) is positive real; inf for a positive constant, 0 unless SPR. ``band_edge``: end of
     the band (0+, band_edge) with Re T(jw) > 0 in rad/s; inf if nothing ends it, 0 if Re T is
-    not positive just above w = 0.
+    not positive just above w = 0. ``repair``: the change of the controller that makes T SPR, in a
+    sentence; None for an SPR T, where there is none of the kinds that ``spr_repair`` tries, and
+    for a T that ``position_T`` or ``velocity_T`` did not make.
     """
 
     classification: str
     margin: float
     band_edge: float
     reason: str
+    repair: str | None = None
 
     def __bool__(self) -> bool:
         return self.classification == "SPR"
@@ -74,62 +74,31 @@ def spr_check(T: Any) -> SprVerdict:
     """
     transfer = read_transfer(T)
     num, den, _ = transfer
-    kind = _classify(num, den)
-    margin = _margin(num, den) if kind == "SPR" else 0.0
-    edge = _band_edge(num, den)
+    kind, edge = classify(num, den), band_edge(num, den)
+    eps = margin(num, den) if kind == "SPR" else 0.0
+    repair = find_repair(T.loop) if isinstance(T, LoopT) and kind != "SPR" else None
     reason = _REASONS[kind](transfer, edge) + _rounding(num, den)
-    return SprVerdict(kind, margin, edge, f"{kind}: {reason}.")
+    return SprVerdict(kind, eps, edge, f"{kind}: {reason}.", repair and repair.sentence)
 
 
-def _positive_real(num: Poly, den: Poly) -> bool:
-    return nonnegative(real_product(num, den)) and hurwitz(add(num, den))
+def spr_repair(T: Any) -> Repair | None:
+    """The least change of the controller that makes a T of ``position_T``, ``velocity_T`` SPR.
 
+    Position: a filter on the derivative is dropped (with C(s) bounded, w^2 Re T tends to
+    -sigma0/J); pure integral action gets the least leak, its gain and Kp kept, after the least
+    Kd where the controller without the integral needs one; else the least Kd. Velocity: the
+    least leak of a pure or leaky integral. Else, and for either loop, the least Kp. The leak is
+    tried for C(s) = Kp + Kd s + I(s) only. In Kd and
+    Kp the set of SPR controllers is an upward interval, as Kd s/(sigma1 s + sigma0) and
+    Kp/(sigma1 s + sigma0) are positive real and add to 1/T; in the leak it is one for Kp >= 0
+    and sigma1 Kd > sigma0 J. Its end is found by bisection of the exact decision.
 
-def _classify(num: Poly, den: Poly) -> str:
-    if not _positive_real(num, den):
-        return "not PR"
-    real = real_product(num, den)
-    if not (positive(real) and hurwitz(den)):
-        return "PR"
-    # Of full degree, Re T (times w^2 for relative degree 1) has a limit above zero.
-    return "SPR" if len(real) == min(len(num), len(den)) else "WSPR"
-
-
-def _margin(num: Poly, den: Poly) -> float:
-    """Largest eps with T(s - eps) PR, of an SPR T, by bisection of the exact decision."""
-    # Poles and zeros must stay left of the axis, and the nearest is not beyond their mean.
-    means = [Fraction(p[-2]) / p[-1] / (len(p) - 1) for p in (num, den) if len(p) > 1]
-    if not means:
-        return math.inf
-    nearest = min(means)
-    if _positive_real(shift(num, nearest), shift(den, nearest)):
-        return to_float(nearest)
-    bits = nearest.numerator.bit_length() - nearest.denominator.bit_length()
-    low = Fraction(2) ** bits
-    high = 2 * low
-    while not _positive_real(shift(num, low), shift(den, low)):
-        low, high = low / 2, low
-    while high - low > low / 2**50:
-        eps = (low + high) / 2
-        if _positive_real(shift(num, eps), shift(den, eps)):
-            low = eps
-        else:
-            high = eps
-    return to_float(low)
-
-
-def _band_edge(num: Poly, den: Poly) -> float:
-    real, square = real_product(num, den), real_product(den, den)
-    if not real:
-        return 0.0
-    # In lowest terms an axis pole that leaves Re T finite does not end the band.
-    common = gcd(real, square)
-    real, square = divide(real, common)[0], divide(square, common)[0]
-    at_zero = next(c for c in real if c) * next(c for c in square if c)
-    if at_zero < 0:
-        return 0.0
-    ends = positive_roots(distinct_roots(real)) + positive_roots(odd_roots(square))
-    return math.sqrt(min(ends, default=math.inf))
+    Returns None for an SPR T, where no such change helps, for J, sigma0 or sigma1 not above 0
+    (or Kp < 0 with an integral), and for a T that is of no known loop.
+    """
+    if not isinstance(T, LoopT) or classify(*read_transfer(T)[:2]) == "SPR":
+        return None
+    return find_repair(T.loop)
 
 
 def _negative_bands(real: Poly) -> str:

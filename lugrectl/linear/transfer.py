@@ -57,49 +57,59 @@ def parameter(p: Any, name: str) -> Fraction:
     return number(getattr(p, name, None), f"parameter {name}")
 
 
-def read_transfer(T: Any) -> Transfer:
+def read_transfer(T: Any, name: str = "T") -> Transfer:
     """T as exact polynomials in lowest terms, its coefficients taken as exact.
 
     T is a continuous single-input single-output control.TransferFunction or
     control.StateSpace, or a pair (num, den) of coefficients in descending powers of s, which
-    may be fractions.Fraction. Raises InputError for anything else.
+    may be fractions.Fraction. Raises InputError, which calls it ``name``, for anything else.
     """
     if isinstance(T, ct.TransferFunction | ct.StateSpace):
-        _require_continuous_siso(T)
+        _require_continuous_siso(T, name)
     if isinstance(T, ct.TransferFunction):
-        num, den = _descending(T.num[0][0], "numerator"), _descending(T.den[0][0], "denominator")
+        num, den = (
+            _descending(T.num[0][0], "numerator", name),
+            _descending(T.den[0][0], "denominator", name),
+        )
     elif isinstance(T, ct.StateSpace):
         num, den = _from_state_space(T)
     elif isinstance(T, tuple | list) and len(T) == 2:
-        num, den = _descending(T[0], "numerator"), _descending(T[1], "denominator")
+        num, den = _descending(T[0], "numerator", name), _descending(T[1], "denominator", name)
     else:
         raise InputError(
-            f"T is a {type(T).__name__}, but a control.TransferFunction, a control.StateSpace or "
-            "a pair (num, den) is needed; control.linearize makes one of a nonlinear system."
+            f"{name} is a {type(T).__name__}, but a control.TransferFunction, a control.StateSpace "
+            "or a pair (num, den) is needed; control.linearize makes one of a nonlinear system."
         )
     if not den:
-        raise InputError("The denominator of T(s) is zero.")
+        raise InputError(f"The denominator of {name}(s) is zero.")
+    return lowest_terms(num, den)
+
+
+def lowest_terms(num: Poly, den: Poly) -> Transfer:
+    """num/den without its common factor."""
     common = gcd(num, den)
     return Transfer(divide(num, common)[0], divide(den, common)[0], common)
 
 
-def _require_continuous_siso(T: Any) -> None:
+def _require_continuous_siso(T: Any, name: str) -> None:
     if (T.ninputs, T.noutputs) != (1, 1):
         raise InputError(
-            f"T has {T.ninputs} inputs and {T.noutputs} outputs, but the check is for one of "
-            "each; pick one channel, such as T[0, 0]."
+            f"{name} has {T.ninputs} inputs and {T.noutputs} outputs, but the check is for one of "
+            f"each; pick one channel, such as {name}[0, 0]."
         )
     if T.isdtime(strict=True):
         raise InputError(
-            f"T is discrete-time (dt = {T.dt}), but the check is for continuous time; "
-            "give T(s) itself."
+            f"{name} is discrete-time (dt = {T.dt}), but the check is for continuous time; "
+            f"give {name}(s) itself."
         )
 
 
-def _descending(coefficients: Any, what: str) -> Poly:
+def _descending(coefficients: Any, what: str, name: str) -> Poly:
     items = np.atleast_1d(np.asarray(coefficients, dtype=object))
     if items.ndim > 1:
-        raise InputError(f"The {what} of T has {items.ndim} dimensions; give one row of numbers.")
+        raise InputError(
+            f"The {what} of {name} has {items.ndim} dimensions; give one row of numbers."
+        )
     return poly([number(c, f"a coefficient of the {what}") for c in items][::-1])
 
 

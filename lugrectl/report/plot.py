@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..block import unit_for
 from ..errors import InputError
+from ..spec import unit_for
 from .views import Residual, binned, motion_of, residual, rms_over_time, simulated, stretch
 from .wording import number
 

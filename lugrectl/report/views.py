@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ..block import REGISTRY, Block, unit_for
 from ..results import Traces
+from ..spec import REGISTRY, Block, unit_for
 
 STRETCH = 2.0  # seconds shown of measured and simulated motion
 UNITS = {"theta": "rad", "w": "rad/s", "u": "N m", "t": "s"}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -46,6 +46,11 @@ class Data:
     runs: tuple[tuple[int, int], ...]
     noise: Noise
     log: Log = field(repr=False)
+    smoothed: bool = False
+
+    def with_torque(self, u: np.ndarray) -> Data:
+        """The same motion under a smoothed torque."""
+        return replace(self, u=u, log=replace(self.log, u=u), smoothed=True)
 
     @property
     def signal(self) -> str:
@@ -82,6 +87,15 @@ def prepare(records: Sequence[Record]) -> Data:
     noise = _noise(y, first.dt, runs)
     log = _log(t, u, y, first.dt, first.motion, runs, noise)
     return Data(t, u, y, first.dt, first.motion, tuple(runs), noise, log)
+
+
+def averaged(u: np.ndarray, weight: float, runs: Sequence[tuple[int, int]]) -> np.ndarray:
+    """Each sample moved by ``weight`` towards the mean of itself and its two neighbours."""
+    out = u.copy()
+    for a, b in runs:
+        mean = (u[a : b - 2] + u[a + 1 : b - 1] + u[a + 2 : b]) / 3.0
+        out[a + 1 : b - 1] += weight * (mean - u[a + 1 : b - 1])
+    return out
 
 
 def _alike(records: Sequence[Record]) -> None:

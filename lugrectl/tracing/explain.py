@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
-from ..block import members
 from ..model import Model
 from ..results import Candidate
+from ..spec import members
 from .evaluate import missing_torque
-from .fit import Fitted, fit, free_keys
+from .fit import Fitted, fit, free_keys, tune
 from .job import Progress
-from .predictor import Predictor
+from .predictor import Predictor, held
 from .search import Contest, Trial, contest
 from .structure import colour, dependences, in_bursts
 
@@ -71,6 +71,7 @@ def explain(base: Fitted, report: Progress) -> Explanation:
         tied = tuple(_candidate(current, t, f) for t, f in others)
         steps.append(Step(trial, best, tied))
         current = _inside(best)
+        steps, current = _pruned(steps, current)
     unexplained, hangs_on = _left_over(base, current)
     return Explanation(tuple(steps), current, tuple(ranking), unexplained, hangs_on)
 
@@ -87,8 +88,28 @@ def _names(model: Model) -> list[str]:
 
 def _proven(before: Fitted, after: Fitted, key: str) -> bool:
     gain = after.loglik - before.loglik
-    certain = gain.sum() - max(gain.max(), 0.0) > GATE
+    certain = (
+        gain.sum() - max(gain.max(), 0.0) > GATE and after.total - _mirrored(after, key) > GATE
+    )
     return certain and _share(before, after) > LEAST_SHARE and size(after, key) > LEAST_SIZE
+
+
+def _mirrored(fitted: Fitted, key: str) -> float:
+    """Log-likelihood of an effect on the input turned round in time; -inf for any other.
+
+    Noise on the recorded torque is averaged by a delay or a lag, and as much by an advance:
+    only what the advance does not gain is physics.
+    """
+    predictor, data = fitted.predictor, fitted.predictor.data
+    part = next(p for p in predictor.model.effects if p.key == key)
+    if part.block.acts != ("input",):
+        return -np.inf
+    own = {k: fitted.values[f"{key}.{k}"] for k in part.values}
+    ahead = held(part, data.u[::-1], data.dt, own)[::-1]
+    neutral = part.block.parameters[part.block.gain].neutral or 0.0
+    values = fitted.values | {f"{key}.{part.block.gain}": neutral}
+    other = predictor.on(data.with_torque(ahead))
+    return float(tune(other, values, fitted.where, fitted.noise)[1].sum())
 
 
 def size(fitted: Fitted, key: str) -> float:
@@ -96,7 +117,8 @@ def size(fitted: Fitted, key: str) -> float:
     predictor, at = fitted.predictor, fitted.where.counted.ravel()
     model = predictor.model
     part = next(p for p in model.effects if p.key == key)
-    off = {f"{key}.{part.block.gain}": part.block.parameters[part.block.gain].neutral}
+    neutral = part.block.parameters[part.block.gain].neutral or 0.0
+    off = {f"{key}.{part.block.gain}": neutral}
     change = predictor.torque(fitted.values) - predictor.torque(fitted.values | off)
     friction = predictor.friction(fitted.values)
     return float(np.std(change[at]) + abs(np.mean(change[at]))) / float(
@@ -119,6 +141,30 @@ def _ranking(base: Fitted, tried: Contest) -> list[Candidate]:
         score = f.total - base.total if f else t.promise
         made.append(Candidate(t.name, score, _share(base, f) if f else 0.0, own))
     return sorted(made, key=lambda c: -c.score)
+
+
+def _pruned(steps: list[Step], fitted: Fitted) -> tuple[list[Step], Fitted]:
+    """Without an effect that a later one has made needless."""
+    for step in steps[:-1]:
+        key = step.trial.key
+        if size(fitted, key) > LEAST_SIZE:
+            continue
+        without = _without(fitted, key)
+        if without.total > fitted.total - GATE:
+            return _pruned([s for s in steps if s is not step], without)
+    return steps, fitted
+
+
+def _without(fitted: Fitted, key: str) -> Fitted:
+    model = fitted.predictor.model
+    rest = replace(model, effects=tuple(p for p in model.effects if p.key != key))
+    predictor = Predictor(rest, fitted.predictor.data)
+    values, anchor = (
+        {k: v for k, v in old.items() if not k.startswith(f"{key}.")}
+        for old in (fitted.values, fitted.anchor)
+    )
+    free = free_keys(predictor)
+    return fit(predictor, values, free, fitted.where, fitted.noise, anchor=anchor)
 
 
 def _even(proven: Sequence[tuple[Trial, Fitted]]) -> list[tuple[Trial, Fitted]]:
@@ -177,7 +223,12 @@ def _left_over(base: Fitted, final: Fitted) -> tuple[bool, tuple[str, ...]]:
 
 
 def _coloured(fitted: Fitted) -> bool:
-    """Whether the innovations still tell the next one; w decides where it was recorded."""
+    """Whether the innovations still tell the next one; w decides where it was recorded.
+
+    A smoothed torque colours them by itself.
+    """
+    if fitted.predictor.data.smoothed:
+        return False
     channel = fitted.predictor.data.signal
     theta, w = colour(fitted.innovations)
     return {"theta": theta, "w": w}[channel] > COLOUR[channel]

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from scipy import stats
 
-from ..block import P
+from ..spec import P
 from .data import Log
 from .noise import Noise, observer_gain
 from .predictor import Predictor, Values, Windows

@@ -6,17 +6,23 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ..block import unit_for
+import numpy as np
+
 from ..model import Model
 from ..record import Record
 from ..results import Estimate
-from .data import Data, prepare
+from ..spec import unit_for
+from .data import Data, averaged, prepare
 from .evaluate import Judged, free_run, judge
 from .fit import Fitted, fit, free_keys, tune
 from .noise import Noise
 from .predictor import Predictor, windows
 from .split import Split, split
 from .start import completed
+
+CALM = 50.0  # least gain in log-likelihood for a smoothed torque
+CALMEST = 5  # times that it may be averaged over three samples
+SMOOTHED = "u is noisy from sample to sample: it was averaged over neighbouring samples."
 
 Progress = Callable[[float, str], None]
 
@@ -34,7 +40,9 @@ class Job:
     @property
     def messages(self) -> tuple[str, ...]:
         """What was noticed about the model and the records."""
-        return (*self.declared.remarks(), *(m for r in self.records for m in r.messages))
+        smoothed = (SMOOTHED,) if self.data.smoothed else ()
+        noticed = (m for r in self.records for m in r.messages)
+        return (*self.declared.remarks(), *noticed, *smoothed)
 
 
 def begin(
@@ -56,7 +64,32 @@ def begin(
     predictor = Predictor(started, data)
     values = started.known()
     base = fit(predictor, values, free_keys(predictor), parts.train, data.noise)
+    calm = calmed(base)
+    if calm is not None:
+        report(0.1, "refitting with the torque smoothed")
+        predictor = predictor.on(calm)
+        data, noise = calm, base.noise
+        base = fit(predictor, base.values, free_keys(predictor), parts.train, noise, anchor=values)
     return Job(records, model, data, parts, base)
+
+
+def calmed(base: Fitted) -> Data | None:
+    """The data with the torque averaged over neighbouring samples, where that is more likely.
+
+    Noise on the recorded torque, which the drive never saw, would otherwise make any effect
+    look real that smooths the torque (a delay between two samples does).
+    """
+    data, found, total = base.predictor.data, None, base.total
+    for _ in range(CALMEST):
+        calmer = [data.with_torque(averaged(data.u, part, data.runs)) for part in (0.3, 1.0)]
+        on = [tune(base.predictor.on(c), base.values, base.where, base.noise)[1] for c in calmer]
+        totals = [float(loglik.sum()) for loglik in on]
+        best = int(np.argmax(totals))
+        if totals[best] < total + CALM:
+            break
+        data = found = calmer[best]
+        total = totals[best]
+    return found
 
 
 def on_everything(fitted: Fitted, job: Job) -> Fitted:

@@ -76,6 +76,12 @@ class Predictor:
         other.outside = tuple(p for p in model.effects if p not in inside)
         return other
 
+    def on(self, data: Data) -> Predictor:
+        """The same plant on other data."""
+        other = self.like(self.model)
+        other.data = data
+        return other
+
     def series(self, values: Values) -> np.ndarray:
         """Inputs of the plant along the log, (N, 2 + levels): torque, load, relative levels."""
         data = self.data

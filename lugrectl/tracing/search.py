@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 from scipy.optimize import least_squares
 
-from ..block import Block, members
+from ..spec import Block, members
 from .data import Log
 from .evaluate import missing_torque
 from .fit import Fitted, fit, free_keys, tune, typical, whitened

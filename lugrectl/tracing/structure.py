@@ -47,6 +47,7 @@ def dependences(torque: np.ndarray, log: Log, counted: np.ndarray) -> list[Depen
     r = torque[:, :n].reshape(len(torque), -1, every).mean(2)
     at = counted[:, :n].reshape(len(torque), -1, every)
     signal = {k: getattr(log, k)[at].mean(2) for k in ("t", "theta", "w", "u", "a")}
+    signal["u"] = _beside(signal["u"])
     way = signal["w"] > 0
     turning = log.motion == "rotary" and np.ptp(signal["theta"]) > 2.5 * np.pi
     around = _turn(signal["theta"]) if turning else _bins(signal["theta"], BINS // 2)
@@ -65,6 +66,12 @@ def dependences(torque: np.ndarray, log: Log, counted: np.ndarray) -> list[Depen
     found = [_validated(k, r, bins) for k, bins in features.items()]
     found.append(_validated(("theta", "slope"), r, around, signal["a"]))
     return sorted(found, key=lambda d: -d.share)
+
+
+def _beside(u: np.ndarray) -> np.ndarray:
+    """Mean of the neighbouring cells: noise on the torque is in the residual, too."""
+    padded = np.pad(u, ((0, 0), (1, 1)), mode="edge")
+    return 0.5 * (padded[:, :-2] + padded[:, 2:])
 
 
 def _turn(theta: np.ndarray) -> np.ndarray:

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from .block import members
 from .model import Model
 from .record import Record
 from .results import Diagnosis, Finding, Traces
+from .spec import members
 from .tracing.evaluate import Judged, missing_torque
 from .tracing.explain import Explanation, Step, explain
 from .tracing.fit import Fitted

@@ -1,0 +1,221 @@
+"""A quadratic Lyapunov function of the proposed observer's errors, and what it guarantees."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import InputError
+from .dynamics import Drive, drive, error_matrices, number, slowest_pole
+
+MATCHED = "the observer's parameters and J are those of the drive, and no load torque d acts"
+ANY_MOTION = "valid for every w(t), bounded or not, and every torque u"
+LOSS = 1e-3  # share of the rate given up where the best V would be singular
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate:
+    """V = A e_z^2 + B e_z e_w + C e_w^2 with -dV/dt >= e'(Q0 + a Q1) e, a = sigma0 |w|/h(w).
+
+    ``holds``: V is positive definite and never grows. ``rate``: in 1/s, the errors' guaranteed
+    decay, V(t) <= V(0) exp(-2 rate t) for every motion; None where none is guaranteed without
+    conditions on w. ``alpha`` (in ``alpha_unit``) and ``beta``: the source paper's constants of
+    the lemma named by ``lemma``. ``P``, ``Q0``, ``Q1``: symmetric (2, 2) matrices in (e_z, e_w).
+    ``pole_at_rest``: real part in 1/s of the slowest pole at w = 0, which no rate can exceed.
+    A, B, C, alpha, beta and the matrices are None where no V of this form exists;
+    ``conditions`` then says why.
+    """
+
+    holds: bool
+    lemma: str
+    conditions: tuple[str, ...]
+    pole_at_rest: float
+    rate: float | None = None
+    A: float | None = None
+    B: float | None = None
+    C: float | None = None
+    alpha: float | None = None
+    alpha_unit: str | None = None
+    beta: float | None = None
+    P: np.ndarray | None = None
+    Q0: np.ndarray | None = None
+    Q1: np.ndarray | None = None
+
+    def __bool__(self) -> bool:
+        return self.holds
+
+    def V(self, ez: ArrayLike, ew: ArrayLike) -> Any:
+        """V(e_z, e_w), elementwise; e_z in rad, e_w in rad/s."""
+        P = self._matrix(self.P)
+        x, y = np.asarray(ez, dtype=float), np.asarray(ew, dtype=float)
+        return P[0, 0] * x * x + 2.0 * P[0, 1] * x * y + P[1, 1] * y * y
+
+    def rate_at(self, a: ArrayLike) -> Any:
+        """Guaranteed decay of the errors in 1/s while sigma0 |w|/h(w) = a, elementwise.
+
+        The largest r with -dV/dt >= 2 r V. Over a motion, V(t) <= V(0) exp(-2 int rate_at(a)).
+        """
+        P, Q = self._matrix(self.P), self._matrix(self.Q0)
+        Q1 = self._matrix(self.Q1)
+        a = np.asarray(a, dtype=float)
+        q = [[Q[i, j] + a * Q1[i, j] for j in (0, 1)] for i in (0, 1)]
+        det = np.maximum(q[0][0] * q[1][1] - q[0][1] ** 2, 0.0)
+        trace = q[0][0] * P[1, 1] + q[1][1] * P[0, 0] - 2.0 * q[0][1] * P[0, 1]
+        size = P[0, 0] * P[1, 1] - P[0, 1] ** 2
+        root = np.sqrt(np.maximum(trace * trace - 4.0 * size * det, 0.0))
+        return np.where(trace > 0.0, det / np.where(trace > 0.0, trace + root, 1.0), 0.0)
+
+    def bound(self, ez: float, ew: float = 0.0) -> tuple[float, float]:
+        """Largest |e_z| (rad) and |e_w| (rad/s) ever reached from these initial errors.
+
+        With a rate both are to be multiplied by exp(-rate t).
+        """
+        inverse = np.linalg.inv(self._matrix(self.P))
+        start = float(self.V(ez, ew))
+        return math.sqrt(start * inverse[0, 0]), math.sqrt(start * inverse[1, 1])
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python; the matrices as lists."""
+        own = {k: getattr(self, k) for k in self.__dataclass_fields__}
+        own["conditions"] = list(self.conditions)
+        return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in own.items()}
+
+    def __str__(self) -> str:
+        rate = "none" if self.rate is None else f"{self.rate:.6g} 1/s"
+        head = f"{self.lemma}: {'holds' if self.holds else 'no certificate'}, rate {rate}"
+        return "\n".join([head, *(f"  {sentence}" for sentence in self.conditions)])
+
+    def _matrix(self, matrix: np.ndarray | None) -> np.ndarray:
+        if matrix is None:
+            raise InputError("there is no certificate for these gains, so there is no V.")
+        return matrix
+
+
+def lyapunov(A: float, B: float, C: float) -> np.ndarray:
+    """P of V = e'P e = A e_z^2 + B e_z e_w + C e_w^2."""
+    return np.array([[A, B / 2.0], [B / 2.0, C]])
+
+
+def common(m: Drive, C: float, beta: float) -> tuple[float, float]:
+    """A and B of eq. AB: the only V that serves every a >= 0, up to C and beta.
+
+    As a grows without bound -dV/dt >= 0 needs -(P M1 + M1'P) >= 0. M1 has rank one, so its
+    cross term must vanish, which is eq. ineq3: B = 2 C sigma1/J; and beta = 2 A - B sigma1/J.
+    """
+    B = 2.0 * C * m.sigma1 / m.J
+    return B * m.sigma1 / (2.0 * m.J) + beta / 2.0, B
+
+
+def constant_certificate(
+    p: Any, K1: float, K2: float, C: float, beta: float, lemma: str, conditions: tuple[str, ...]
+) -> Certificate:
+    """The certificate of constant gains with the V that C and beta give, where it decays."""
+    m = drive(p)
+    A, B = common(m, C, beta)
+    P = lyapunov(A, B, C)
+    M0, M1 = error_matrices(m, K1, K2)
+    Q0, Q1 = (-(P @ M + M.T @ P) for M in (M0, M1))
+    Q1[0, 1] = Q1[1, 0] = 0.0  # exactly, by the choice of B
+    made = Certificate(
+        holds=True,
+        lemma=lemma,
+        conditions=conditions,
+        pole_at_rest=slowest_pole(m, K1, K2),
+        A=A,
+        B=B,
+        C=C,
+        alpha=K2 / m.J,
+        alpha_unit="1/s",
+        beta=beta,
+        P=P,
+        Q0=Q0,
+        Q1=Q1,
+    )
+    rate = float(made.rate_at(0.0))
+    return replace(made, rate=rate) if K1 < 0.0 < K2 and m.sigma1 > 0.0 and rate > 0.0 else made
+
+
+def certify(p: Any, K1: float, K2: float) -> Certificate:
+    """The best V = A e_z^2 + B e_z e_w + C e_w^2 that serves constant gains at every speed.
+
+    Parameters
+    ----------
+    p : Parameters or Model
+        With LuGre friction; J, sigma0, Fc, Fs > 0.
+    K1 : float
+        Without unit.
+    K2 : float
+        In N m s/rad.
+
+    Returns
+    -------
+    Certificate
+        Truthy when a V exists that is positive definite and grows for no motion; its ``rate``
+        is the largest that any such V guarantees (but see below). C = 1.
+
+    Raises
+    ------
+    InputError
+        For a gain that is no finite number (a function of w: see :func:`design_gains`).
+
+    Notes
+    -----
+    With x = e_z and y = e_w + (sigma1/J) e_z the error system of the source paper (eq.
+    err_z_dot_new, err_w_dot_new) is dx/dt = -(a - K1 sigma1/J) x - K1 y,
+    dy/dt = g x - (K2/J) y, g = (K2 sigma1/J - sigma0)/J, and the V allowed by every a >= 0 are
+    V = C (y^2 + (beta/2C) x^2). With sigma1 > 0 one of them decays exponentially if and only if
+    K1 < 0 < K2, more than lemma6 asks for. The best rate is that of the slowest pole at w = 0
+    where g > 0, and min(-K1 sigma1/J, K2/J) where g < 0, with beta/2C = |g|/|K1|; where this
+    is so small that P is nearly singular, less than 0.5 % of the rate is given up for a larger
+    one.
+    Gains for which no such V exists may still do where |w| is bounded.
+    """
+    m = drive(p)
+    K1, K2 = number(K1, "K1"), number(K2, "K2")
+    g = (K2 * m.sigma1 / m.J - m.sigma0) / m.J
+    reason = _obstacle(m, K1, K2, g)
+    if reason:
+        pole = slowest_pole(m, K1, K2)
+        return Certificate(False, "certify", (reason, MATCHED), pole)
+    decays = K1 < 0.0 < K2 and m.sigma1 > 0.0
+    first = "K1 < 0 < K2 and sigma1 > 0" if decays else _why_no_rate(m, K1, K2)
+    sentences = (first, MATCHED, ANY_MOTION)
+    return constant_certificate(m, K1, K2, 1.0, 2.0 * _weight(m, K1, K2, g), "certify", sentences)
+
+
+def _obstacle(m: Drive, K1: float, K2: float, g: float) -> str:
+    """Why no V of the form exists, or nothing."""
+    if K1 > 0.0:
+        pole = slowest_pole(m, K1, K2)
+        return f"K1 = {K1:g} > 0: at w = 0 the error has the unstable pole {pole:+.4g} 1/s"
+    if K2 < 0.0:
+        ratio = abs(K1 / K2)
+        return (
+            f"K2 = {K2:g} < 0: at a constant speed with |w|/h(w) above {ratio:.4g} rad/(N m s) "
+            "the error has an unstable pole"
+        )
+    if K1 == 0.0 and g != 0.0:
+        return "K1 = 0: at w = 0 nothing corrects e_z, which drives e_w: no V of this form exists"
+    return ""
+
+
+def _why_no_rate(m: Drive, K1: float, K2: float) -> str:
+    if K1 == 0.0:
+        return "no rate: with K1 = 0 nothing corrects e_z at w = 0"
+    if K2 == 0.0:
+        return "no rate: with K2 = 0 a pole tends to 0 as |w|/h(w) grows"
+    return "no rate: with sigma1 = 0 no V of this form decays in e_z at w = 0"
+
+
+def _weight(m: Drive, K1: float, K2: float, g: float) -> float:
+    """beta/(2 C) of the best V (see :func:`certify`)."""
+    if K1 == 0.0:
+        return (m.sigma1 / m.J) ** 2 or 1.0
+    best = abs(g) / -K1
+    d1, d2 = -K1 * m.sigma1 / m.J, K2 / m.J
+    loss = LOSS * min(d1, d2)
+    return max(best, (2.0 * math.sqrt(loss * (abs(d1 - d2) + loss)) / K1) ** 2)

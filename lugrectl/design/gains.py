@@ -1,0 +1,205 @@
+"""Gains of the proposed observer by the three constructions of the source paper."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..blocks.friction import level
+from ..errors import InputError
+from .certificate import (
+    ANY_MOTION,
+    MATCHED,
+    Certificate,
+    constant_certificate,
+    lyapunov,
+)
+from .dynamics import Drive, drive, positive, slowest_pole
+
+
+@dataclass(frozen=True)
+class ScheduledGain:
+    """offset + slope |w|/h(w): a gain that ``proposed_observer`` takes in place of a number.
+
+    ``slope`` is in the gain's unit times N m s/rad; Fc, Fs, vs are those of h(w).
+    """
+
+    offset: float
+    slope: float
+    Fc: float
+    Fs: float
+    vs: float
+
+    def __call__(self, w: Any) -> Any:
+        return self.offset + self.slope * np.abs(w) / level(w, self.Fc, self.Fs, self.vs)
+
+
+@dataclass(frozen=True)
+class Design:
+    """Gains of the proposed observer and what they guarantee.
+
+    ``K1`` (without unit) and ``K2`` (N m s/rad) are numbers or functions of w, as
+    ``proposed_observer`` takes them; ``gains`` holds both, for ``velocity_loop(..., **gains)``.
+    """
+
+    method: str
+    K1: float | ScheduledGain
+    K2: float | ScheduledGain
+    certificate: Certificate
+
+    @property
+    def gains(self) -> dict[str, float | ScheduledGain]:
+        return {"K1": self.K1, "K2": self.K2}
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python; a gain that depends on w as its offset and slope."""
+
+        def plain(K: float | ScheduledGain) -> Any:
+            if isinstance(K, ScheduledGain):
+                return {"offset": K.offset, "slope": K.slope, "of": "|w|/h(w)"}
+            return K
+
+        own = {"method": self.method, "K1": plain(self.K1), "K2": plain(self.K2)}
+        return own | {"certificate": self.certificate.summary()}
+
+
+def design_gains(p: Any, method: str = "constant", **choices: float) -> Design:
+    """Gains K1, K2 of the proposed observer, with a certificate.
+
+    Parameters
+    ----------
+    p : Parameters or Model
+        With LuGre friction; J, sigma0, Fc, Fs > 0.
+    method : str
+        "time-varying" (lemma4): K1 = C sigma0/(A J) (sigma1 |w|/h - 1), K2 = alpha + sigma1 K1,
+        both functions of w; alpha in N m s/rad.
+        "bounded" (lemma5): the same K1(w) and the constant K2 = alpha + sigma1 C sigma0/(A J)
+        (sigma1 M/C1 - 1), C1 = min(Fc, Fs); for |w| <= M, with M in rad/s chosen beforehand.
+        "constant" (lemma6): K1 = -2 C (sigma1 alpha + sigma0)/(beta J), K2 = J alpha; alpha in
+        1/s.
+    choices : float
+        Positive numbers. A, C, alpha ("time-varying"), A, C, alpha, M ("bounded"; M has no
+        default), C, alpha, beta ("constant", where A and B follow by eq. AB). Defaults: C = 1;
+        A = C sigma1^2/J^2 and alpha = 2 J sigma0/sigma1, which put a double pole of the errors
+        at -sigma0/sigma1 at rest; in "constant" alpha = sigma0/sigma1, beta = 2 C sigma1^2/J^2,
+        with the poles -sigma0/sigma1 and -2 sigma0/sigma1 at rest. With sigma1 = 0 there are no
+        defaults.
+
+    Returns
+    -------
+    Design
+        Only "constant" has a guaranteed rate; the others decay while the drive moves, see
+        :meth:`Certificate.rate_at` and :meth:`Excitation.rate`.
+
+    Raises
+    ------
+    InputError
+        For an unknown method or choice, one that is missing or not positive, or sigma1 = 0 in
+        "bounded" and "constant".
+
+    Notes
+    -----
+    Source paper, eq. K1, eq1 and eq2 (with the factor sigma1 that the paper drops inside the
+    bracket), AB, K3_new. Faster decay at every speed for the same constant gains may be found
+    by :func:`certify`, which is not bound to the paper's V.
+    """
+    if method not in _METHODS:
+        raise InputError(f"unknown method {method!r}; known: {', '.join(_METHODS)}.")
+    build, allowed = _METHODS[method]
+    for key in choices:
+        if key not in allowed:
+            raise InputError(f"method '{method}' has no choice '{key}'; it has {allowed}.")
+    m = drive(p)
+    if m.sigma1 == 0.0 and method != "time-varying":
+        raise InputError(f"method '{method}' needs sigma1 > 0; use method='time-varying'.")
+    K1, K2, certificate = build(m, {k: positive(v, k) for k, v in choices.items()})
+    return Design(method, K1, K2, certificate)
+
+
+def _default(m: Drive, given: dict[str, float], key: str, make: Callable[[], float]) -> float:
+    if key not in given and m.sigma1 == 0.0:
+        raise InputError(f"sigma1 = 0 leaves no default for {key}: give {key}.")
+    return given[key] if key in given else make()
+
+
+def _scheduled(m: Drive, given: dict[str, float]) -> tuple[float, float, float, ScheduledGain]:
+    """A, C, alpha and K1(w) of eq. K1."""
+    C = given.get("C", 1.0)
+    A = _default(m, given, "A", lambda: C * (m.sigma1 / m.J) ** 2)
+    alpha = _default(m, given, "alpha", lambda: 2.0 * m.J * m.sigma0 / m.sigma1)
+    size = C * m.sigma0 / (A * m.J)
+    return A, C, alpha, ScheduledGain(-size, size * m.sigma1, m.Fc, m.Fs, m.vs)
+
+
+def _diagonal(
+    m: Drive,
+    A: float,
+    C: float,
+    alpha: float,
+    pole: float,
+    lemma: str,
+    sentences: tuple[str, ...],
+) -> Certificate:
+    """V = A e_z^2 + C e_w^2 with -dV/dt >= 2 A a e_z^2 + 2 C (alpha/J) e_w^2."""
+    Q0 = np.diag([0.0, 2.0 * C * alpha / m.J])
+    return Certificate(
+        holds=True,
+        lemma=lemma,
+        conditions=(*sentences, MATCHED),
+        pole_at_rest=pole,
+        A=A,
+        B=0.0,
+        C=C,
+        alpha=alpha,
+        alpha_unit="N m s/rad",
+        P=lyapunov(A, 0.0, C),
+        Q0=Q0,
+        Q1=np.diag([2.0 * A, 0.0]),
+    )
+
+
+def _time_varying(
+    m: Drive, given: dict[str, float]
+) -> tuple[ScheduledGain, ScheduledGain, Certificate]:
+    A, C, alpha, K1 = _scheduled(m, given)
+    K2 = ScheduledGain(alpha + m.sigma1 * K1.offset, m.sigma1 * K1.slope, m.Fc, m.Fs, m.vs)
+    sentences = (
+        "e_w tends to 0 for every bounded w",
+        "no rate by itself: exponential where |w| stays above a positive bound, or where w is "
+        "bounded and persistently exciting (Excitation.rate)",
+    )
+    pole = slowest_pole(m, K1.offset, K2.offset)
+    return K1, K2, _diagonal(m, A, C, alpha, pole, "lemma4", sentences)
+
+
+def _bounded(m: Drive, given: dict[str, float]) -> tuple[ScheduledGain, float, Certificate]:
+    if "M" not in given:
+        raise InputError("method 'bounded' needs M, the largest |w| in rad/s: give M.")
+    A, C, alpha, K1 = _scheduled(m, given)
+    K2 = alpha + m.sigma1 * (K1.offset + K1.slope * given["M"] / m.low)
+    sentences = (
+        f"|w| <= M = {given['M']:g} rad/s",
+        "sigma1 > 0",
+        "e_z and e_w tend to 0, also at rest; the lemma gives no rate",
+    )
+    pole = slowest_pole(m, K1.offset, K2)
+    return K1, K2, _diagonal(m, A, C, alpha, pole, "lemma5", sentences)
+
+
+def _constant(m: Drive, given: dict[str, float]) -> tuple[float, float, Certificate]:
+    C = given.get("C", 1.0)
+    alpha = given.get("alpha", m.sigma0 / m.sigma1)
+    beta = given.get("beta", 2.0 * C * (m.sigma1 / m.J) ** 2)
+    K1, K2 = -2.0 * C * (m.sigma1 * alpha + m.sigma0) / (beta * m.J), m.J * alpha
+    sentences = ("sigma1 > 0", MATCHED, ANY_MOTION)
+    return K1, K2, constant_certificate(m, K1, K2, C, beta, "lemma6", sentences)
+
+
+_METHODS: dict[str, tuple[Callable[..., Any], str]] = {
+    "time-varying": (_time_varying, "A, C, alpha"),
+    "bounded": (_bounded, "A, C, alpha, M"),
+    "constant": (_constant, "C, alpha, beta"),
+}

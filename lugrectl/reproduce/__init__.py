@@ -1,0 +1,9 @@
+"""The source paper recomputed: its numbers and figures, and where they do not hold."""
+
+from __future__ import annotations
+
+from .page import html, text, write
+from .results import Reproduction
+from .scenarios import reproduce
+
+__all__ = ["Reproduction", "html", "reproduce", "text", "write"]

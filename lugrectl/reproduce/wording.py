@@ -1,0 +1,258 @@
+"""What the reproduction says, in words and tables: shared by text, page and JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from typing import Any
+
+from ..design import PAPER
+from ..linear.verdict import show_poles
+from ..report.wording import NONE, Grid, Section, number
+from .bench import Outcome, Row
+from .results import PaperFigure, Reproduction, Width
+
+UNITS = {
+    "J": ("kg m2", "total inertia"),
+    "sigma0": ("N m/rad", "bristle stiffness"),
+    "sigma1": ("N m s/rad", "bristle damping"),
+    "Fc": ("N m", "Coulomb friction"),
+    "Fs": ("N m", "stiction"),
+    "Fv": ("N m s/rad", "viscous friction"),
+    "vs": ("rad/s", "Stribeck velocity"),
+}
+SMALL = 1e-6  # below this a value is not told from 0
+HOLDS, FAILS = "holds", "does not hold"
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A statement of the source paper, what was found, and whether it holds."""
+
+    paper: str
+    found: str
+    status: str
+
+
+def slips() -> tuple[dict[str, str], ...]:
+    """Labels of the paper that do not hold as printed: label, status, note."""
+    return tuple(
+        {"label": p.label, "status": p.status, "note": p.note} for p in PAPER if p.status != HOLDS
+    )
+
+
+def headline(r: Reproduction) -> tuple[str, str]:
+    """What the page says first."""
+    v, pi = (_width(r, loop, "paper's PI") for loop in ("velocity", "position"))
+    return "The position PI of the paper is unstable once friction is compensated", (
+        f"Its velocity loop reproduces ({v.hertz:.1f} Hz). "
+        f"Its position loop crosses -3 dB at {pi.hertz:.1f} Hz, but its poles are "
+        f"{show_poles(pi.poles)} 1/s: J s^3 + Kp s + Ki has no s^2 term, whatever Ki > 0 is. The "
+        f"oscillation grows by e every {1 / pi.poles[0].real:.1f} s, too slowly to be seen in a "
+        "figure of a few seconds. Which observer tracks best depends on its gains and on the "
+        "scenario: every table below names both."
+    )
+
+
+def claims(r: Reproduction) -> tuple[Claim, ...]:
+    """The statements of the paper that can be checked by simulation."""
+    made = list(_bandwidth_claims(r))
+    if figure := r.figure("velocity"):
+        none, best = (milli(list(figure.errors.values())[i]) for i in (1, 2))
+        made.append(
+            Claim(
+                "Velocity: friction degrades the PI severely, the proposed observer is a remedy",
+                f"{none} against {best} mrad/s RMS, with exact observer parameters, where the "
+                "natural observer does the same; with wrong ones see the tables",
+                HOLDS,
+            )
+        )
+    if figure := r.figure("position"):
+        none, best = (milli(list(figure.errors.values())[i]) for i in (1, 2))
+        made.append(
+            Claim(
+                "Position: the proposed observer performs well",
+                f"{best} mrad RMS over 1 to 5 s, {none} with no observer (step of 1 rad, "
+                "prefilter, exact parameters); later it grows without bound",
+                FAILS,
+            )
+        )
+    if r.growth:
+        made.append(
+            Claim(
+                "(not in the paper) growth of the compensated position loop",
+                f"time constant {r.growth.predicted:.2f} s from the poles, "
+                f"{r.growth.simulated:.2f} s in simulation over {r.growth.window[0]:g} to "
+                f"{r.growth.window[1]:g} s with the {r.growth.observer}",
+                "unstable",
+            )
+        )
+    return tuple(made)
+
+
+def _bandwidth_claims(r: Reproduction) -> Iterator[Claim]:
+    v, half = (_width(r, "velocity", "paper's PI", level) for level in ("-3dB", "half-power"))
+    left = _width(r, "velocity", "paper's PI, Fv left in")
+    yield Claim(
+        "Velocity PI: around 115 Hz at -3 dB",
+        f"{v.hertz:.1f} Hz (half power {half.hertz:.1f} Hz; Fv left in {left.hertz:.1f} Hz)",
+        HOLDS,
+    )
+    pi, left = (_width(r, "position", f"paper's PI{x}") for x in ("", ", Fv left in"))
+    yield Claim(
+        "Position PI: approximately 20 Hz",
+        f"|T| crosses -3 dB at {pi.hertz:.1f} Hz, but the loop is unstable and has no bandwidth; "
+        f"stable with Fv left uncompensated (Fv Kp > J Ki, {left.hertz:.1f} Hz)",
+        FAILS,
+    )
+
+
+def _width(r: Reproduction, loop: str, label: str, level: str = "-3dB") -> Width:
+    return next(w for w in r.widths if (w.loop, w.label, w.level) == (loop, label, level))
+
+
+def opening(r: Reproduction) -> list[Section]:
+    """Paper against toolkit, Table 1, bandwidths."""
+    rows = tuple((c.paper, c.found, c.status) for c in claims(r))
+    compared = Section(
+        "Paper and recomputation", (), Grid(("paper", "recomputed", ""), "lll", rows)
+    )
+    return [compared, _table1(r), _widths(r, "velocity"), _widths(r, "position")]
+
+
+def _table1(r: Reproduction) -> Section:
+    rows = tuple(
+        (UNITS[f.name][1], f.name, f"{getattr(r.parameters, f.name):g}", UNITS[f.name][0])
+        for f in fields(r.parameters)
+    )
+    return Section("Table 1", (), Grid(("parameter", "", "value", "unit"), "llrl", rows))
+
+
+def _widths(r: Reproduction, loop: str) -> Section:
+    chosen = [w for w in r.widths if w.loop == loop]
+    rows = tuple(
+        (
+            w.label,
+            ", ".join(f"{k.capitalize()} {v:.4g}" for k, v in w.gains.items() if v),
+            f"{w.hertz:.1f}",
+            ("half power" if w.level == "half-power" else "-3 dB") if w.stable else "UNSTABLE",
+            w.spr or NONE,
+        )
+        for w in chosen
+    )
+    lines = tuple(
+        f"Unstable: {w.label}, poles {show_poles(w.poles)} 1/s. The frequency is where |T| "
+        "crosses, no bandwidth."
+        for w in chosen
+        if not w.stable
+    )
+    plant = "1/(J s)"
+    if loop == "position":
+        plant = "1/(J s^2), D on the measured speed"
+        lines += (
+            "PID and PD are chosen for the same crossing. PID: damping ratio 0.71 and the paper's "
+            "Ki/Kp. PD: Kd 5 % above sigma0 J/sigma1, where T(s) becomes SPR.",
+        )
+    foot = (
+        f"Friction compensated, plant {plant}. Last column: T(s) of the existing observer's "
+        "condition; its proof needs SPR and the feed-forward."
+    )
+    grid = Grid(("controller", "gains", "Hz", "level", "T(s)"), "llrll", rows)
+    return Section(f"Bandwidth, {loop} loop", lines, grid, foot)
+
+
+def figure_section(figure: PaperFigure) -> Section:
+    """One figure of the paper: scenario and errors."""
+    unit = f"m{figure.unit}"
+    window = f"{figure.window[0]:g} to {figure.window[1]:g} s"
+    rows = tuple((name, milli(value)) for name, value in figure.errors.items())
+    lines = (figure.scenario,)
+    if figure.key == "position":
+        lines += (
+            "The oscillation that the prefilter's start excites does not die out with friction "
+            "compensated; below, the same loop over 100 s.",
+        )
+    grid = Grid(("loop", f"RMS error {window} [{unit}]"), "lr", rows)
+    return Section(f"The paper's {figure.key} figure", lines, grid)
+
+
+def study_section(o: Outcome) -> Section:
+    """One study: scenario, ranking, table, what the columns are."""
+    said = _said(o)
+    lines = [f"{o.study.scenario} {said}", *(_ranking(o, i) for i in o.study.ranked)]
+    head = ("", *(c.short for c in o.study.compensations))
+    rows = tuple((_label(o, row), *(milli(v) for v in row.rms)) for row in o.rows)
+    grid = Grid(head, "l" + "r" * len(o.study.compensations), rows)
+    return Section(o.study.title, (*lines, *o.study.notes), grid, _columns(o))
+
+
+def _columns(o: Outcome) -> str:
+    """What the columns are; every gain is named."""
+    said = ["k: existing observer and its gain"]
+    for c in o.study.compensations[1:]:
+        gains = ", ".join(f"{k[0].upper() + k[1:]} = {v:g}" for k, v in c.gains.items())
+        if c.observer is None:
+            said.append(f"{c.short}: no observer, PI with {gains}")
+        elif c.short == c.observer and gains:
+            said.append(f"{c.short}: {gains}")
+    return "; ".join(said) + "."
+
+
+def _alike(o: Outcome) -> bool:
+    return len({row.measure for row in o.rows}) == 1
+
+
+def _said(o: Outcome) -> str:
+    m = o.rows[0].measure
+    if _alike(o):
+        return f"RMS of {m.signal} over {m.window[0]:g} to {m.window[1]:g} s, in m{m.unit}."
+    units = {row.measure.unit for row in o.rows}
+    if len(units) == 1:
+        return f"RMS of {m.signal} over the window given, in m{m.unit}."
+    return "RMS over the window given."
+
+
+def _label(o: Outcome, row: Row) -> str:
+    if _alike(o):
+        return row.label
+    m = row.measure
+    window = f"{m.window[0]:g}-{m.window[1]:g} s"
+    units = {r.measure.unit for r in o.rows}
+    what = f" {m.signal} [m{m.unit}]" if len(units) > 1 else ""
+    return f"{row.label},{what} {window}"
+
+
+def _ranking(o: Outcome, index: int) -> str:
+    """The compensations of one row, best first, ties to 0.5 % joined; each with its gains."""
+    row, m = o.rows[index], o.rows[index].measure
+    order = sorted(zip(row.rms, o.study.compensations, strict=True), key=lambda pair: pair[0])
+    groups: list[list[Any]] = []
+    for value, c in order:
+        if groups and value <= max(1.005 * groups[-1][0], SMALL):
+            groups[-1][1].append(c)
+        else:
+            groups.append([value, [c]])
+    said = "; ".join(
+        f"{' and '.join(c.label for c in o.study.compensations if c in tied)} ({milli(value)})"
+        for value, tied in groups
+    )
+    window = f"{m.window[0]:g} to {m.window[1]:g} s"
+    return f"Best first in this scenario, {row.label}, {window}, RMS in m{m.unit}: {said}."
+
+
+def milli(value: float) -> str:
+    """A value in thousandths, three digits; "runs away" for infinity."""
+    if not math.isfinite(value):
+        return "runs away"
+    if value < SMALL:
+        return "<0.001"
+    value *= 1e3
+    return number(value, 3 if value >= 0.1 else 2)
+
+
+def closing() -> list[Section]:
+    """The slips of the paper's text."""
+    rows = tuple(tuple(s.values()) for s in slips())
+    grid = Grid(("label", "status", "why"), "lll", rows)
+    return [Section("Where the paper's text does not hold as printed", (), grid)]

@@ -1,0 +1,294 @@
+"""Sampled blocks against the continuous ones, closed forms and known stability limits.
+
+Table 1 at 1 kHz unless told otherwise.
+"""
+
+import control as ct
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import lugrectl as lg
+from lugrectl.blocks.comparison import (
+    adaptive_observer,
+    disturbance_observer,
+    extended_state_observer,
+    friedland_park_observer,
+)
+from lugrectl.sampling import advance, ramp_response, sampled
+from lugrectl.simulation import simulate
+
+P, DT = lg.table1(), 1e-3
+SPEEDS = [0.0, 1e-6, 1e-3, 0.01, 0.1, 1.0, 2.5, 10.0, 100.0]
+entries = st.floats(-1.0, 1.0)
+sizes = st.sampled_from([1e-9, 1e-4, 0.1, 1.0, 10.0])
+OBSERVERS = [
+    pytest.param(lg.natural_observer(P), [1e-3], id="natural"),
+    pytest.param(lg.existing_observer(P), [1e-3], id="existing"),
+    pytest.param(lg.proposed_observer(P), [1e-3, 0.1], id="proposed"),
+    pytest.param(friedland_park_observer(P), [0.2], id="friedland_park"),
+    pytest.param(disturbance_observer(P), [0.0], id="disturbance"),
+    pytest.param(extended_state_observer(P), [0.0, 0.0], id="extended_state"),
+]
+LUGRE = OBSERVERS[:3]
+
+
+def h(w):
+    return P.Fc + (P.Fs - P.Fc) * np.exp(-((w / P.vs) ** 2))
+
+
+def inputs_of(system, **signals):
+    return np.array([signals[k] for k in system.input_labels])
+
+
+def transition(observer, w):
+    """The matrix by which the states of two samples at constant w hang together."""
+
+    def rates(x, v):
+        return observer.updfcn(0.0, x, v, observer.params)
+
+    v, n = inputs_of(observer, w=w, u=0.1, e=0.0), observer.nstates
+    still = advance(rates, np.zeros(n), v, v, DT)
+    return np.column_stack([advance(rates, unit, v, v, DT) - still for unit in np.eye(n)])
+
+
+def step_response(block, u, x0, steps):
+    """Outputs (ny, steps) of a discrete block."""
+    t = block.dt * np.arange(steps)
+    x0 = [*x0, *[0.0] * (block.nstates - len(x0))]
+    return np.atleast_2d(ct.input_output_response(block, t, u, x0, squeeze=False).outputs)
+
+
+# The closed form.
+
+
+@given(st.lists(entries, min_size=8, max_size=8), sizes, sizes, st.integers(0, 3))
+def test_ramp_response_solves_its_equation(numbers, size, other, kind):
+    """x(1) of dx/ds = B x + p + q s by a Taylor matrix exponential with 40 digits."""
+    a, b, c, d = numbers[:4]
+    B = np.array([[a, b], [c, d]]) * size
+    if kind == 1:
+        B = np.array([[a, b], [-b, a]]) * size  # a pair of complex eigenvalues
+    if kind == 2:
+        B = np.array([[a * size, other], [0.0, a * size]])  # a double one
+    if kind == 3:
+        B = np.array([[-abs(a) * size, 0.0], [b, -100.0]])  # stiff
+    p, q = np.array(numbers[4:6]), np.array(numbers[6:])
+    whole = np.zeros((4, 4))
+    whole[:2, :2], whole[:2, 2], whole[:2, 3], whole[2, 3] = B, q, p, 1.0
+    with mpmath.workdps(40):
+        exact = np.array((mpmath.expm(mpmath.matrix(whole), method="taylor")[:2, 3]).tolist())
+    exact = exact.astype(float).ravel()
+    scale = np.abs(exact).max() + np.abs(p).max() + np.abs(q).max()
+    np.testing.assert_allclose(ramp_response(B, p, q), exact, rtol=0, atol=1e-11 * scale)
+
+
+def test_larger_systems_go_through_scipy():
+    """Two blocks side by side, as one of four states."""
+    rng = np.random.default_rng(1)
+    one, two = rng.normal(size=(2, 2, 2))
+    p, q = rng.normal(size=(2, 4))
+    whole = np.block([[one, np.zeros((2, 2))], [np.zeros((2, 2)), two]])
+    apart = [ramp_response(B, p[k], q[k]) for B, k in ((one, slice(2)), (two, slice(2, 4)))]
+    assert ramp_response(whole, p, q) == pytest.approx(np.concatenate(apart), rel=1e-10)
+
+
+@pytest.mark.parametrize(("observer", "x0"), LUGRE)
+def test_a_batch_is_many_single_steps(observer, x0):
+    rng = np.random.default_rng(0)
+    n, m = observer.nstates, observer.ninputs
+    x, before, now = (rng.normal(size=(k, 5, 3)) for k in (n, m, m))
+
+    def rates(x, v):
+        return observer.updfcn(0.0, x, v, observer.params)
+
+    whole = advance(rates, x, before, now, DT)
+    for place in ((0, 0), (4, 2)):
+        k = (slice(None), *place)
+        single = advance(rates, x[k], before[k], now[k], DT)
+        np.testing.assert_allclose(whole[k], single, rtol=1e-10, atol=1e-12)
+
+
+# Constant speed.
+
+
+@pytest.mark.parametrize(("observer", "x0"), OBSERVERS)
+@pytest.mark.parametrize("w", SPEEDS)
+def test_stable_at_any_constant_speed(observer, x0, w):
+    """Eigenvalues are exp(dt pole) of the continuous block, none outside the unit circle."""
+    v = inputs_of(observer, w=w, u=0.1, e=0.0)
+    poles = np.linalg.eigvals(ct.linearize(observer, np.zeros(observer.nstates), v).A)
+    found = np.linalg.eigvals(transition(observer, w))
+    assert np.abs(found).max() <= 1.0 + 1e-12
+    # a double pole (extended state) is known to the root of the rounding error only
+    assert np.sort(found.real) == pytest.approx(np.sort(np.exp(DT * poles).real), abs=1e-5)
+
+
+@pytest.mark.parametrize("w", [-100.0, -0.3, 0.004, 2.0, 100.0])
+def test_natural_observer_follows_the_closed_form(w):
+    """z = h sign(w)/sigma0 + (z0 - h sign(w)/sigma0) exp(-sigma0 |w| t/h) at every sample."""
+    observer = sampled(lg.natural_observer(P), DT)
+    z = step_response(observer, np.full((1, 60), w), [1e-3], 60)[1]
+    end, a = np.sign(w) * h(w) / P.sigma0, P.sigma0 * abs(w) / h(w)
+    assert z == pytest.approx(end + (1e-3 - end) * np.exp(-a * DT * np.arange(60)), abs=1e-12)
+
+
+@pytest.mark.parametrize("w", [0.0, 0.05, 3.0, 100.0])
+def test_proposed_observer_is_exact_with_held_torque(w):
+    """Against the continuous observer, u held and different in every step."""
+    t = DT * np.arange(40)
+    u = np.random.default_rng(2).normal(size=40)
+    rows = np.array([np.full(40, w), u])
+    exact = simulate(lg.proposed_observer(P), t, rows, [1e-3, w + 0.1], hold=True, rtol=1e-10)
+    found = step_response(sampled(lg.proposed_observer(P), DT), rows, [1e-3, w + 0.1], 40)
+    np.testing.assert_allclose(found, exact.outputs, rtol=2e-6, atol=2e-7)
+
+
+def test_existing_observer_takes_a_linear_error_exactly():
+    t = DT * np.arange(50)
+    rows = np.array(
+        [np.full(50, 0.4), np.interp(t, [0, 0.011, 0.03, 0.049], [0.0, 3.0, -2.0, 1.0])]
+    )
+    exact = simulate(lg.existing_observer(P, k=5.0), t, rows, [0.0], rtol=1e-10)
+    found = step_response(sampled(lg.existing_observer(P, k=5.0), DT), rows, [0.0], 50)
+    np.testing.assert_allclose(found, exact.outputs, atol=1e-8)
+
+
+# A speed that changes.
+
+
+def sine_error(observer, x0, dt):
+    """Largest error of Fhat along 2 s of a 1 rad/s, 1 Hz sine, against the continuous block.
+
+    The torque is the one that a drive with LuGre friction needs, held between samples.
+    """
+    t = dt * np.arange(round(2 / dt) + 1)
+    wave = ct.nlsys(
+        None,
+        lambda t, x, u, p: np.array([np.sin(2 * np.pi * t), 0.3 * np.sin(7 * t)]),
+        inputs=[],
+        outputs=["w", "e"],
+        name="wave",
+    )
+    w, e = np.sin(2 * np.pi * t), 0.3 * np.sin(7 * t)
+    F = simulate(lg.friction("lugre"), t, w).outputs
+    u = F + 2 * np.pi * P.J * np.cos(2 * np.pi * t)
+    inputs = [k for k in ("u",) if k in observer.input_labels]
+    along = ct.interconnect(
+        [wave, observer], inputs=inputs, outputs=["Fhat"], params={}, check_unused=False
+    )
+    exact = simulate(along, t, u if inputs else None, x0, hold=True, rtol=1e-8, squeeze=False)
+    found = step_response(sampled(observer, dt), inputs_of(observer, w=w, u=u, e=e), x0, len(t))
+    return np.abs(found[0] - np.asarray(exact.outputs)[0]).max()
+
+
+@pytest.mark.parametrize(("observer", "x0"), OBSERVERS)
+def test_friction_along_a_sine_is_that_of_the_continuous_observer(observer, x0):
+    assert sine_error(observer, x0, DT) < 1e-3
+
+
+@pytest.mark.parametrize(("observer", "x0"), LUGRE)
+def test_the_error_is_of_second_order(observer, x0):
+    ratio = sine_error(observer, x0, 4 * DT) / sine_error(observer, x0, DT)
+    assert 10 < ratio < 24
+
+
+def test_the_slope_is_that_of_the_middle_of_the_step():
+    """dx/dt = 1 - v x from 0, v from 0 to 2 in one second: as with v = 1."""
+    found = advance(lambda x, v: 1.0 - v * x, np.zeros(1), np.zeros(1), np.full(1, 2.0), 1.0)
+    assert found == pytest.approx(1.0 - np.exp(-1.0), rel=1e-12)
+
+
+# What is not enough.
+
+
+@pytest.mark.parametrize("share", [0.98, 1.02])
+def test_explicit_euler_fails_above_its_limit(share):
+    """|1 - sigma0 |w| dt/h| > 1 above 2 h(w)/(sigma0 dt), 2.19 rad/s; the sampled form is quiet."""
+    limit = 2 * h(3.0) / (P.sigma0 * DT)
+    assert limit == pytest.approx(2.19, abs=0.01)
+    w = share * limit
+    natural, z = lg.natural_observer(P), 1e-3
+    for _ in range(1500):
+        z += DT * natural.dynamics(0.0, [z], [w])[0]
+    end = h(w) / P.sigma0
+    assert (abs(z - end) > 1e3) if share > 1 else (abs(z - end) < 1e-9)
+    quiet = step_response(sampled(natural, DT), np.full((1, 1500), w), [1e-3], 1500)[1]
+    assert quiet[-1] == pytest.approx(end, rel=1e-9)
+
+
+@pytest.mark.parametrize("w", [0.0, 0.1, 1.0, 100.0])
+def test_holding_z_alone_is_not_enough(w):
+    """zhat exact, what by explicit Euler: its pole -(K2 - sigma1 K1)/J is 12.8 times 1/dt."""
+    observer = lg.proposed_observer(P)
+
+    def alone(x):
+        def rate(z):
+            return np.array(observer.dynamics(0.0, [z, x[1]], [w, 0.1]))
+
+        still, slope = rate(0.0), rate(1.0)[0] - rate(0.0)[0]
+        z = x[0] + DT * ramp_response(
+            np.array([[DT * slope]]), still[:1] + slope * x[0], np.zeros(1)
+        )
+        return np.array([z[0], x[1] + DT * rate(x[0])[1]])
+
+    matrix = np.column_stack([alone(unit) - alone(np.zeros(2)) for unit in np.eye(2)])
+    assert np.abs(np.linalg.eigvals(matrix)).max() > 10.0
+    assert np.abs(np.linalg.eigvals(transition(observer, w))).max() < 1.0
+
+
+# The block.
+
+
+def test_signals_parameters_and_states():
+    made = sampled(lg.proposed_observer(P, K2=15.0, name="second"), 2e-3)
+    assert (made.name, made.dt) == ("second", 2e-3)
+    assert made.input_labels == ["w", "u"] and made.output_labels == ["Fhat", "zhat", "what"]
+    assert made.state_labels == ["zhat", "what", "last_w", "last_u", "begun"]
+    state, u = [1e-3, 0.2, 0.3, 0.1, 1.0], [0.4, 0.0]
+    usual = made.output(0.0, state, u)
+    assert not np.allclose(usual, made.output(0.0, state, u, params={"second.K2": 30.0}))
+    assert np.array_equal(usual, made.output(0.0, state, u))
+
+
+def test_the_first_sample_takes_the_states_as_they_are():
+    observer = lg.proposed_observer(P)
+    first = sampled(observer, DT).output(0.0, [1e-3, 0.2, 0, 0, 0], [0.4, 0.1])
+    assert first == pytest.approx(observer.output(0.0, [1e-3, 0.2], [0.4, 0.1]), rel=1e-14)
+
+
+def test_gains_that_are_functions_of_w():
+    one = sampled(lg.proposed_observer(P, K1=lambda w: -10.0 * np.abs(w)), DT)
+    two = sampled(lg.proposed_observer(P, K1=-10.0 * 0.4), DT)
+    state, u = [1e-3, 0.2, 0.4, 0.1, 1.0], [0.4, 0.0]
+    assert one.output(0.0, state, u) == pytest.approx(two.output(0.0, state, u), rel=1e-12)
+
+
+def test_sampled_pi_integrates_by_trapezoids():
+    e = np.array([0.0, 1.0, 3.0, -2.0])
+    u = step_response(sampled(lg.pi(0.0, 1.0), 0.1), e[None], [0.0], 4)[0]
+    assert u == pytest.approx(-0.1 * np.array([0.0, 0.5, 2.5, 3.0]))
+
+
+def test_held_inputs_can_be_named():
+    e = np.array([[0.0, 1.0, 3.0, -2.0]])
+    u = step_response(sampled(lg.pi(0.0, 1.0), 0.1, held=["e"]), e, [0.0], 4)[0]
+    assert u == pytest.approx(-0.1 * np.array([0.0, 0.0, 1.0, 4.0]))
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: sampled(adaptive_observer(P), DT), "not affine"),
+        (lambda: sampled(lg.natural_observer(P), 0.0), "sample time"),
+        (lambda: sampled(lg.natural_observer(P), float("nan")), "sample time"),
+        (lambda: sampled(sampled(lg.pi(), DT), DT), "discrete already"),
+        (lambda: sampled(lg.compensation(), DT), "no states"),
+        (lambda: sampled(lg.pi(), DT, held=["u"]), "no input u"),
+    ],
+)
+def test_what_cannot_be_sampled_is_said(call, said):
+    with pytest.raises(lg.InputError, match=said):
+        call()
