@@ -8,11 +8,13 @@ System Identification, ch. 7).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from ..blocks.friction import EPS, coulomb
 from ..blocks.plant import assemble
 from ..engine.lanes import Lanes
 from ..model import Model, Part
@@ -59,7 +61,7 @@ class Predictor:
         count = len(model.effects) if inside is None else inside
         traced = [p for p in model.effects[:count] if p.block.acts != ("input",)]
         self.model, self.data = model, data
-        self.outside = tuple(p for p in model.effects if p not in traced)
+        self.inside = frozenset(p.key for p in traced)
         self.levels = tuple(n for n in LEVELS if n == "J" or n in model.friction.values)
         core = replace(model, effects=tuple(traced))
         block = assemble(core, levels=self.levels)
@@ -69,18 +71,20 @@ class Predictor:
 
     def like(self, model: Model) -> Predictor:
         """The same traced plant with other effects outside of it."""
-        other = object.__new__(Predictor)
-        other.__dict__.update(self.__dict__)
-        inside = [p for p in self.model.effects if p not in self.outside]
+        other = copy(self)
         other.model = model
-        other.outside = tuple(p for p in model.effects if p not in inside)
         return other
 
     def on(self, data: Data) -> Predictor:
         """The same plant on other data."""
-        other = self.like(self.model)
+        other = copy(self)
         other.data = data
         return other
+
+    @property
+    def outside(self) -> tuple[Part, ...]:
+        """The effects that are fed in as series."""
+        return tuple(p for p in self.model.effects if p.key not in self.inside)
 
     def series(self, values: Values) -> np.ndarray:
         """Inputs of the plant along the log, (N, 2 + levels): torque, load, relative levels."""
@@ -105,9 +109,9 @@ class Predictor:
 
         An effect on a level counts by the torque that it takes off.
         """
-        log, other = self.data.log, Predictor.like(self, self.model)
-        other.outside = self.model.effects
-        u, d, *x = other.series(values).T
+        log, every = self.data.log, copy(self)
+        every.inside = frozenset()
+        u, d, *x = every.series(values).T
         parts = {
             "J": values["J"] * log.a,
             "Fv": values.get("Fv", 0.0) * log.w,
@@ -118,8 +122,8 @@ class Predictor:
 
     def friction(self, values: Values) -> np.ndarray:
         """The friction law's steady torque along the log, without effects (N,)."""
-        w, level = self.data.log.w, values.get("Fc", 0.0)
-        return level * np.sign(w) + values.get("Fv", 0.0) * w
+        level, viscous = values.get("Fc", 0.0), values.get("Fv", 0.0)
+        return coulomb(self.data.log.w, Fc=level, Fv=viscous, eps=EPS.value)[0]
 
     def run(
         self,
