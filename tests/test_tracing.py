@@ -10,7 +10,7 @@ from lugrectl.model import model_from_dict
 from lugrectl.record import Record
 from lugrectl.results import VERDICTS
 from lugrectl.tracing.data import prepare
-from lugrectl.tracing.fit import fit, free_keys, whitened
+from lugrectl.tracing.fit import Coordinate, fit, free_keys, whitened
 from lugrectl.tracing.job import begin
 from lugrectl.tracing.predictor import Predictor
 from lugrectl.tracing.split import GAP, split
@@ -157,3 +157,11 @@ def test_too_short_a_record_is_refused(plain):
     short = record_of(plain).slice(0, 3000)
     with pytest.raises(Refused, match="too short"):
         diagnose(short, model_of(plain))
+
+
+@given(st.floats(-20.0, 20.0))
+def test_a_phase_stays_an_angle(x):
+    phase = Coordinate("gravity.phase", "angle", -np.pi, np.pi, 1e-4).back(x, {})
+    assert -np.pi < phase <= np.pi + 1e-12
+    assert np.cos(phase) == pytest.approx(np.cos(x), abs=1e-9)
+    assert np.sin(phase) == pytest.approx(np.sin(x), abs=1e-9)

@@ -27,7 +27,7 @@ class Coordinate:
     """One free parameter and the coordinate in which it is stepped."""
 
     key: str
-    kind: str  # "log", "excess" (Fs over Fc) or "linear"
+    kind: str  # "log", "excess" (Fs over Fc), "angle" or "linear"
     low: float
     high: float
     step: float
@@ -44,6 +44,8 @@ class Coordinate:
             return float(np.clip(np.exp(x), max(self.low, 1e-12), self.high))
         if self.kind == "excess":
             return float(min(values["Fc"] * (1.0 + np.exp(min(x, 5.0))), self.high))
+        if self.kind == "angle":
+            return float(np.pi - (np.pi - x) % (2.0 * np.pi))
         return float(np.clip(x, self.low, self.high))
 
 
@@ -64,7 +66,8 @@ def coordinates(predictor: Predictor, keys: Sequence[str], anchor: Values) -> li
             made.append(Coordinate(key, kind, low, high, step))
         else:
             size = typical(p, predictor.data.log)
-            made.append(Coordinate(key, "linear", p.low, p.high, size))
+            kind = "angle" if p.angle else "linear"
+            made.append(Coordinate(key, kind, p.low, p.high, size))
     return made
 
 
@@ -138,12 +141,15 @@ class Fitted:
         return inverse * np.outer(ratio, ratio)
 
     def intervals(self) -> dict[str, tuple[float, float]]:
-        """95 % intervals by key."""
+        """95 % intervals by key; that of a phase may reach beyond half a turn."""
         width = np.sqrt(np.diag(self.covariance())) * stats.t.ppf(0.975, len(self.scores) - 1)
         made = dict(self.instants)
         for c, half in zip(self.free, width, strict=True):
             x = c.into(self.values)
-            made[c.key] = (c.back(x - half, self.values), c.back(x + half, self.values))
+            ends = x - half, x + half
+            if c.kind != "angle":
+                ends = c.back(ends[0], self.values), c.back(ends[1], self.values)
+            made[c.key] = ends
         return made
 
 
@@ -247,7 +253,7 @@ class _Prior:
 
     @classmethod
     def at(cls, coords: Sequence[Coordinate], values: Values) -> _Prior:
-        weight = [0.0 if c.kind == "linear" else PRIOR**-2 for c in coords]
+        weight = [PRIOR**-2 if c.kind in ("log", "excess") else 0.0 for c in coords]
         return cls(np.array([c.into(values) for c in coords]), np.array(weight))
 
     def cost(self, x: np.ndarray) -> float:
@@ -324,7 +330,7 @@ def _move(H, gradient, damping, coords, values) -> dict[str, float]:
     dx = np.linalg.lstsq(unit, gradient / scale, rcond=1e-12)[0] / scale
     moved = dict(values)
     for c, step in zip(coords, dx, strict=True):
-        limited = np.clip(step, -0.7, 0.7) if c.kind != "linear" else step
+        limited = step if c.kind == "linear" else np.clip(step, -0.7, 0.7)
         moved[c.key] = c.back(c.into(values) + limited, moved)
     return moved
 
