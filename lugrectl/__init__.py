@@ -22,8 +22,8 @@ _HOMES = {
     "diagnosis": "diagnose",
     "errors": "InputError Refused",
     "identification": "identify",
-    "linear": "bandwidth bandwidth_check l2_check position_T position_loop_tf spr_check "
-    "velocity_T velocity_loop_tf",
+    "linear": "bandwidth bandwidth_check check_designs l2_check position_T position_loop_tf "
+    "spr_check spr_repair velocity_T velocity_loop_tf",
     "loops": "position_loop velocity_loop",
     "mixed": "simulate_sampled",
     "model": "Model Parameters read_model table1 write_model",
@@ -86,10 +86,12 @@ if TYPE_CHECKING:
     from .linear import (  # noqa: F401
         bandwidth,
         bandwidth_check,
+        check_designs,
         l2_check,
         position_loop_tf,
         position_T,
         spr_check,
+        spr_repair,
         velocity_loop_tf,
         velocity_T,
     )

@@ -68,7 +68,8 @@ def headline(d: Any) -> tuple[str, str]:
 
 
 def _unexplained(on: str, names: str) -> str:
-    more = f"{names} explains a part, but more is missing" if names else "something is missing"
+    verb = "explain" if " and " in names else "explains"
+    more = f"{names} {verb} a part, but more is missing" if names else "something is missing"
     which = f", which hangs on {on}" if on else ""
     return f"The record proves it: {more}{which}. Nothing in the catalogue explains it."
 
