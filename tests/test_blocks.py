@@ -346,3 +346,14 @@ def test_observers_put_out_an_odd_estimate(made):
     fresh = [k for k in made.outputs if k not in made.states]
     for k, a, b in zip([*fresh, *made.states], one, other, strict=True):
         np.testing.assert_array_equal(a, b if k in levels else -np.asarray(b))
+
+
+def test_the_delay_block_keeps_its_phase():
+    """Within 1 degree of exp(-s T) up to w T = 1.7, as its docstring says, and of gain 1."""
+    T = 0.01
+    block = REGISTRY["input_delay"].system(delay=T)
+    linear = block.linearize([0.0, 0.0], [0.0])
+    for x in (0.1, 0.5, 1.0, 1.7):
+        response = complex(linear(1j * x / T))
+        assert abs(np.angle(response * np.exp(1j * x), deg=True)) < 1.0
+        assert abs(response) == pytest.approx(1.0, abs=1e-4)

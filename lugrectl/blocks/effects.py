@@ -182,7 +182,7 @@ def input_delay(u, p1, p2, delay: Any = P(0.0, "s", 0.0, 0.2, neutral=0.0)):
     """u(t - T).
 
     On a held input the delay is exact; the continuous block is the Pade approximation of order
-    2, 1 - 12 s T/(s^2 T^2 + 6 s T + 12), good to 1 degree of phase up to w T = 2.
+    2, 1 - 12 s T/(s^2 T^2 + 6 s T + 12), good to 1 degree of phase up to w T = 1.7.
     """
     rate = np.where(delay > 0.0, 1.0 / np.maximum(delay, 1e-12), 0.0)
     return u - p2, rate * p2, rate * (12.0 * (u - p1) - 6.0 * p2)

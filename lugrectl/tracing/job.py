@@ -13,7 +13,7 @@ from ..record import Record
 from ..results import Estimate
 from ..spec import unit_for
 from .data import Data, averaged, prepare
-from .evaluate import Judged, free_run, judge
+from .evaluate import free_run, judge
 from .fit import Fitted, fit, free_keys, tune
 from .noise import Noise
 from .predictor import Predictor, windows
@@ -25,6 +25,7 @@ CALMEST = 5  # times that it may be averaged over three samples
 SMOOTHED = "u is noisy from sample to sample: it was averaged over neighbouring samples."
 
 Progress = Callable[[float, str], None]
+_Models = dict[str, tuple[Predictor, Mapping[str, float], Noise] | None]
 
 
 @dataclass(frozen=True)
@@ -119,8 +120,11 @@ def estimates(fitted: Fitted) -> dict[str, Estimate]:
 
 def score(job: Job, final: Fitted) -> dict[str, Any]:
     """The three errors of the JSON format, and under "judged" what they were counted on."""
-    judged = _judged(job, final)
-    data, parts = job.data, job.parts
+    models, data, parts = _models(job, final), job.data, job.parts
+    judged = {
+        name: judge(*found, parts.test, job.base.noise) if found else None
+        for name, found in models.items()
+    }
     floor = data.noise.w if data.signal == "w" else data.noise.theta
     error = {
         "signal": data.signal,
@@ -132,12 +136,12 @@ def score(job: Job, final: Fitted) -> dict[str, Any]:
     }
     torque = {k: j.torque if j else None for k, j in judged.items()}
     unit = unit_for("N m", data.motion)
-    free = _free_error(job, final)
+    free = _free_error(job, models)
     return {"error": error, "free_error": free, "torque_error": {"unit": unit, **torque},
             "judged": judged}  # fmt: skip
 
 
-def _candidates(job: Job, final: Fitted) -> dict[str, tuple[Predictor, Mapping, Noise] | None]:
+def _models(job: Job, final: Fitted) -> _Models:
     """Predictor, values and noise of the declared, refitted and augmented model."""
     base, given = job.base, job.declared.values()
     declared = None
@@ -152,18 +156,8 @@ def _candidates(job: Job, final: Fitted) -> dict[str, tuple[Predictor, Mapping, 
     }
 
 
-def _judged(job: Job, final: Fitted) -> dict[str, Judged | None]:
-    return {
-        name: judge(*found, job.parts.test, job.base.noise) if found else None
-        for name, found in _candidates(job, final).items()
-    }
-
-
-def _free_error(job: Job, final: Fitted) -> dict[str, Any]:
+def _free_error(job: Job, models: _Models) -> dict[str, Any]:
     runs = job.parts.free
-    errors = {
-        name: free_run(*found, runs) if found else None
-        for name, found in _candidates(job, final).items()
-    }
+    errors = {name: free_run(*found, runs) if found else None for name, found in models.items()}
     data = job.data
     return {"signal": data.signal, "unit": data.unit, "in_sample": job.parts.in_sample, **errors}
