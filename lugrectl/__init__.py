@@ -17,10 +17,13 @@ _HOMES = {
     "blocks.controllers": "compensation error feedforward pi pid prefilter",
     "blocks.library": "effect friction",
     "blocks.observers": "existing_observer natural_observer proposed_observer",
-    "blocks.plant": "plant",
+    "blocks.plant": "plant sensor",
+    "bristles": "deflection",
     "design": "Certificate Design PAPER certify design_gains excitation natural_decay",
     "diagnosis": "diagnose",
+    "ensemble": "Sweep sweep sweep_chunks",
     "errors": "InputError Refused",
+    "fleet": "Fleet diagnose_each",
     "identification": "identify",
     "linear": "bandwidth bandwidth_check check_designs l2_check position_T position_loop_tf "
     "spr_check spr_repair velocity_T velocity_loop_tf",
@@ -70,7 +73,8 @@ if TYPE_CHECKING:
         natural_observer,
         proposed_observer,
     )
-    from .blocks.plant import plant  # noqa: F401
+    from .blocks.plant import plant, sensor  # noqa: F401
+    from .bristles import deflection  # noqa: F401
     from .design import (  # noqa: F401
         PAPER,
         Certificate,
@@ -81,7 +85,9 @@ if TYPE_CHECKING:
         natural_decay,
     )
     from .diagnosis import diagnose  # noqa: F401
+    from .ensemble import Sweep, sweep, sweep_chunks  # noqa: F401
     from .errors import InputError, Refused  # noqa: F401
+    from .fleet import Fleet, diagnose_each  # noqa: F401
     from .identification import identify  # noqa: F401
     from .linear import (  # noqa: F401
         bandwidth,

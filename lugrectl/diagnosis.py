@@ -99,7 +99,8 @@ def _inputs(steps: Sequence[Step]) -> tuple[str, ...]:
     made: list[str] = []
     for step in steps:
         block = members("effect")[step.trial.name]
-        friction = "w" if {"Fc", "Fs", "Fv"} & set(block.acts) else None
+        levels = {act.removeprefix("+") for act in block.acts}
+        friction = "w" if {"Fc", "Fs", "Fv"} & levels else None
         made += [s for s in ("t" if block.timed else None, *block.inputs, friction) if s]
     return tuple(dict.fromkeys(made))
 

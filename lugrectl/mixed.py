@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import warnings
-from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import control as ct
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .engine.adaptive import Diverged
-from .engine.compiled import compiled
+from . import arguments
+from .blocklist import followed
+from .engine.held import Course
+from .engine.net import Net, Part
 from .errors import InputError
+
+LATE = " after the delay"
 
 
 def simulate_sampled(
@@ -66,8 +67,6 @@ def simulate_sampled(
         drive, times that are not dt apart, unknown or missing inputs.
     Diverged
         When a state or signal grows without bound: names it and the time.
-    TraceError
-        When the plant's functions cannot be followed (``lugrectl.engine``).
 
     Examples
     --------
@@ -77,220 +76,112 @@ def simulate_sampled(
     >>> t = dt * np.arange(1000)
     >>> resp = lg.simulate_sampled(lg.plant(p), drive, t, 0.1 * np.sin(6.28 * t))
     """
-    logic = drive if isinstance(drive, ct.NonlinearIOSystem) else _wired(drive)
-    wiring = _Wiring.of(plant, logic)
-    times = _grid(t, logic)
-    given = wiring.signals(inputs, len(times))
-    if int(delay) != delay or delay < 0:
-        raise InputError(f"delay is a whole number of samples, 0 or more, not {delay!r}.")
-    starts = _start(plant, x0), _start(logic, drive_x0)
-    with np.errstate(all="ignore"):  # what is not finite is refused by name
-        states, y = _run(plant, logic, wiring, times, given, starts, int(delay), rtol)
+    parts = _parts(plant, drive, delay)
+    net = Net(plant.name, parts, _outside(parts, plant), 1, earlier=True)
+    times = _grid(t, parts)
+    u = _inputs(net, times, inputs)
+    held = u if u.size else np.zeros((len(net.outside), len(times)))
+    flags, column = np.ones((1, len(times))), np.arange(len(times))
+    starts = [_start(plant, x0), _drive_start(drive, parts, drive_x0)]
+    track = followed(
+        net, Course(times, held, flags, column, True), np.concatenate(starts), None, None, rtol
+    )
+    shown = [i for i, label in enumerate(net.signals) if not label.endswith(LATE)]
+    labels = _drive_states(drive, parts)
     return ct.TimeResponseData(
         times,
-        y,
-        states,
-        np.array([given[k] for k in wiring.outside]).reshape(-1, len(times)),
+        track.y[shown],
+        np.vstack([track.x, track.q[: len(labels)]]),
+        u,
         issiso=False,
-        output_labels=[*plant.output_labels, *logic.output_labels],
-        input_labels=list(wiring.outside),
-        state_labels=[*_states(plant), *(f"drive_{k}" for k in _states(logic))],
+        output_labels=[net.signals[i] for i in shown],
+        input_labels=list(net.outside),
+        state_labels=[*_states(plant), *labels],
         sysname=plant.name,
         title=f"Sampled response of {plant.name}",
     )
 
 
-def _run(
-    plant: Any,
-    logic: Any,
-    wiring: _Wiring,
-    t: np.ndarray,
-    given: Mapping[str, np.ndarray],
-    starts: tuple[np.ndarray, np.ndarray],
-    delay: int,
-    rtol: float,
-) -> tuple[np.ndarray, np.ndarray]:
-    """States (n, N) and outputs (ny, N) of both sides at the samples."""
-    engine = compiled(plant)
-    p = engine.program.arguments(None)
-    plant._update_params(None)
-    blocks = _Blocks(logic)
-    u, v = (_rows(side.input_labels, given, len(t)) for side in (plant, logic))
-    acting = np.zeros(len(wiring.acting))
-    waiting = deque([acting] * delay)
-    states, y, unsettled = [], [], []
-    x, s = starts
-    for k, now in enumerate(t):
-        u[wiring.acted, k] = acting
-        measured = plant._out(now, x, u[:, k])
-        v[wiring.reading, k] = measured[wiring.read]
-        answer, following = blocks.step(now, s, v[:, k])
-        states.append(np.concatenate([x, s]))
-        y.append(np.concatenate([measured, answer]))
-        _all_finite(y[-1], plant, logic, now)
-        if k + 1 == len(t):
-            break
-        waiting.append(answer[wiring.acting])
-        u[wiring.acted, k] = acting = waiting.popleft()
-        s = following()
-        if plant.nstates:
-            held = np.column_stack([u[:, k], u[:, k]])
-            part = engine.run(t[k : k + 2], held, x, p, hold=True, rtol=rtol)
-            x = part.states[:, -1]
-            unsettled += [part.unsettled] if np.isfinite(part.unsettled) else []
-    if unsettled:
-        warnings.warn(
-            f"{plant.name}: a sign or comparison switches without end near t = "
-            f"{unsettled[0]:.6g} s; the result there is coarse: write np.tanh(w/eps) for "
-            "np.sign(w).",
-            RuntimeWarning,
-            stacklevel=3,
+def _parts(plant: Any, drive: Any, delay: Any) -> tuple[Part, ...]:
+    """The plant, the drive's blocks, and the delay between them."""
+    if int(delay) != delay or delay < 0:
+        raise InputError(f"delay is a whole number of samples, 0 or more, not {delay!r}.")
+    blocks = [drive] if isinstance(drive, ct.NonlinearIOSystem) else list(drive)
+    _fit(blocks)
+    logic = [Part(b, tuple(b.input_labels), tuple(b.output_labels), 0) for b in blocks]
+    made = {k for part in logic for k in part.outputs}
+    read = {k for part in logic for k in part.inputs}
+    twice = sorted({*plant.output_labels} & made)
+    if twice:
+        raise InputError(f"{plant.name} and the drive both put out {', '.join(twice)}.")
+    acting = [k for k in plant.input_labels if k in made]
+    if not acting or not read & {*plant.output_labels}:
+        raise InputError(
+            f"the drive must put out one of {', '.join(plant.input_labels)} and read one of "
+            f"{', '.join(plant.output_labels)}: {plant.name} and the drive are wired by names."
         )
-    return np.array(states).T, np.array(y).T
+    late = LATE if delay else ""
+    entries = tuple(k + late if k in acting else k for k in plant.input_labels)
+    first = Part(plant, entries, tuple(plant.output_labels))
+    last = [_delay_part(acting, int(delay), blocks)] if delay else []
+    return (first, *logic, *last)
 
 
-class _Blocks:
-    """The drive's blocks, evaluated only where an input has changed: much quicker than
-    python-control's passes over all of them."""
-
-    def __init__(self, logic: Any) -> None:
-        logic._update_params(None)
-        whole = isinstance(logic, ct.InterconnectedSystem)
-        self.name, self.parts = logic.name, logic.syslist if whole else [logic]
-        m, n = logic.ninputs, logic.noutputs
-        self.connect = logic.connect_map if whole else np.zeros((m, n))
-        self.feed = logic.input_map if whole else np.eye(m)
-        self.out = logic.output_map if whole else np.eye(n, n + m)
-        slices = [self._slices(count) for count in ("ninputs", "noutputs", "nstates")]
-        self.places = list(zip(*slices, strict=True))
-        self.y = np.zeros(self.connect.shape[1])
-
-    def _slices(self, count: str) -> list[slice]:
-        ends = np.cumsum([getattr(part, count) or 0 for part in self.parts]).tolist()
-        return [slice(a, b) for a, b in zip([0, *ends], ends, strict=False)]
-
-    def step(self, t: float, s: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, Any]:
-        """The outputs at this sample, and a function that returns the states at the next."""
-        outside, y = self.feed @ v, self.y
-        inputs: list[Any] = [None] * len(self.parts)
-        changed, passes = True, 0
-        while changed:
-            changed, passes = False, passes + 1
-            if passes > len(self.parts) + 1:
-                if not np.isfinite(y).all():
-                    break  # 0 * inf in the wiring never settles
-                raise InputError(f"{self.name}: an output depends on itself within one sample.")
-            for k, (part, (i, o, x)) in enumerate(zip(self.parts, self.places, strict=True)):
-                u = outside[i] + self.connect[i] @ y
-                if inputs[k] is None or u.tobytes() != inputs[k].tobytes():
-                    inputs[k], changed = u, True
-                    y[o] = part._out(t, s[x], u)
-
-        def following() -> np.ndarray:
-            rows = [
-                part._rhs(t, s[x], u)
-                for part, (_, _, x), u in zip(self.parts, self.places, inputs, strict=True)
-                if part.nstates
-            ]
-            return np.concatenate(rows) if rows else s
-
-        return self.out @ np.concatenate([y, *inputs]), following
+def _delay_part(acting: Sequence[str], samples: int, blocks: Sequence[Any]) -> Part:
+    n = len(acting)
+    line = ct.nlsys(
+        lambda t, x, u, params: np.concatenate([x[n:], u]),
+        lambda t, x, u, params: x[:n],
+        inputs=list(acting),
+        outputs=n,
+        states=n * samples,
+        dt=True,
+        name="delay",
+    )
+    return Part(line, tuple(acting), tuple(k + LATE for k in acting), 0)
 
 
-@dataclass(frozen=True)
-class _Wiring:
-    """Which signals go where, by position: the drive's outputs ``acting`` on the plant inputs
-    ``acted``, the plant outputs ``read`` by the drive's inputs ``reading``."""
-
-    acting: list[int]
-    acted: list[int]
-    read: list[int]
-    reading: list[int]
-    outside: tuple[str, ...]
-    references: tuple[str, ...]
-
-    @classmethod
-    def of(cls, plant: Any, logic: Any) -> _Wiring:
-        twice = sorted({*plant.output_labels} & {*logic.output_labels})
-        if twice:
-            raise InputError(f"{plant.name} and the drive both put out {', '.join(twice)}.")
-        acting = [k for k in logic.output_labels if k in plant.input_labels]
-        reading = [k for k in logic.input_labels if k in plant.output_labels]
-        if not acting or not reading:
-            raise InputError(
-                f"the drive must put out one of {', '.join(plant.input_labels)} and read one of "
-                f"{', '.join(plant.output_labels)}: {plant.name} and the drive are wired by names."
-            )
-        references = [k for k in logic.input_labels if k not in reading]
-        loads = [k for k in plant.input_labels if k not in [*acting, *references]]
-        return cls(
-            [logic.output_labels.index(k) for k in acting],
-            [plant.input_labels.index(k) for k in acting],
-            [plant.output_labels.index(k) for k in reading],
-            [logic.input_labels.index(k) for k in reading],
-            (*references, *loads),
-            tuple(references),
-        )
-
-    def signals(self, inputs: Any, samples: int) -> dict[str, np.ndarray]:
-        """The outside signals by name, each (N,)."""
-        named = inputs
-        if inputs is None or np.ndim(inputs) == 0 and not isinstance(inputs, Mapping):
-            named = dict.fromkeys(self.references, 0.0 if inputs is None else inputs)
-        elif not isinstance(inputs, Mapping):
-            rows = np.atleast_2d(np.asarray(inputs, dtype=float))
-            if len(rows) != len(self.references):
-                raise InputError(
-                    f"the drive reads {', '.join(self.references) or 'nothing'} from outside, "
-                    f"but there are {len(rows)} inputs."
-                )
-            named = dict(zip(self.references, rows, strict=True))
-        strange = [k for k in named if k not in self.outside]
-        if strange:
-            raise InputError(
-                f"no input '{strange[0]}' comes from outside; there are {', '.join(self.outside)}."
-            )
-        return {k: _series(k, named.get(k, 0.0), samples) for k in self.outside}
-
-
-def _series(label: str, values: Any, samples: int) -> np.ndarray:
-    row = np.asarray(values, dtype=float)
-    if row.shape not in ((), (samples,)) or not np.all(np.isfinite(row)):
-        raise InputError(f"input {label} must be a finite number or {samples} of them.")
-    return np.array(np.broadcast_to(row, (samples,)))
-
-
-def _rows(labels: Sequence[str], given: Mapping[str, np.ndarray], samples: int) -> np.ndarray:
-    rows = [given.get(k, np.zeros(samples)) for k in labels]
-    return np.array(rows, dtype=float).reshape(len(labels), samples)
-
-
-def _wired(blocks: Sequence[Any]) -> Any:
-    """The drive's blocks as one system: all outputs, and the inputs that none of them puts out."""
+def _fit(blocks: Sequence[Any]) -> None:
     free = [b.name for b in blocks if b.nstates and not b.isdtime(strict=True)]
     if free:
         raise InputError(
             f"{free[0]} runs in continuous time: give the drive sampled({free[0]}, dt)."
         )
-    rates = {float(b.dt) for b in blocks if b.nstates}
+    rates = {float(b.dt) for b in blocks if b.nstates and b.dt is not True}
     if len(rates) > 1:
         raise InputError(f"the drive's blocks have different sample times: {sorted(rates)} s.")
-    outputs = list(dict.fromkeys(k for b in blocks for k in b.output_labels))
-    needed = dict.fromkeys(k for b in blocks for k in b.input_labels)
-    inputs = [k for k in needed if k not in outputs]
-    return ct.interconnect(
-        list(blocks), inputs=inputs, outputs=outputs, params={}, check_unused=False, name="drive"
-    )
 
 
-def _grid(t: Any, logic: Any) -> np.ndarray:
-    times = np.array(t, dtype=float)
-    if times.ndim != 1 or not len(times) or not np.all(np.isfinite(times)):
-        raise InputError("t must be a list of finite times.")
-    dt = logic.dt if logic.isdtime(strict=True) and logic.dt is not True else None
+def _outside(parts: Sequence[Part], plant: Any) -> tuple[str, ...]:
+    """What nobody puts out: first what the drive reads, then what the plant alone reads."""
+    made = {k for part in parts for k in part.outputs}
+    ordered = [k for part in (*parts[1:], parts[0]) for k in part.inputs]
+    return tuple(dict.fromkeys(k for k in ordered if k not in made))
+
+
+def _inputs(net: Net, t: np.ndarray, given: Any) -> np.ndarray:
+    """By name; an array or a number stands for what the drive reads."""
+    read = {k for part in net.parts[1:] for k in part.inputs}
+    references = [k for k in net.outside if k in read]
+    if given is None:
+        given = {}
+    elif not isinstance(given, Mapping):
+        rows = np.asarray(given, dtype=float)
+        rows = [rows] * len(references) if rows.ndim == 0 else np.atleast_2d(rows)
+        if len(rows) != len(references):
+            raise InputError(
+                f"the drive reads {', '.join(references) or 'nothing'} from outside, "
+                f"but there are {len(rows)} inputs."
+            )
+        given = dict(zip(references, rows, strict=True))
+    return arguments.by_name(net.name, net.outside, t, given)
+
+
+def _grid(t: Any, parts: Sequence[Part]) -> np.ndarray:
+    times = arguments.times(t)
+    known = [p.block.dt for p in parts[1:] if p.block.isdtime(strict=True)]
+    dt = next((float(dt) for dt in known if dt is not True), None)
     step = np.diff(times)
-    if logic.nstates and dt is None:
-        raise InputError(f"{logic.name} has no sample time: make it of sampled(block, dt).")
     wanted = float(step[0]) if dt is None and len(step) else dt
     if len(step) and np.max(np.abs(step - wanted)) > 1e-6 * float(wanted or 1.0):
         raise InputError(f"t must go in steps of the drive's sample time, {wanted:g} s.")
@@ -301,17 +192,20 @@ def _states(system: Any) -> list[str]:
     return list(system.state_labels or ()) if system.nstates else []
 
 
+def _drive_states(drive: Any, parts: Sequence[Part]) -> list[str]:
+    if isinstance(drive, ct.NonlinearIOSystem):
+        return [f"drive_{k}" for k in _states(drive)]
+    blocks = [p.block for p in parts[1:] if not p.outputs[0].endswith(LATE)]
+    return [f"drive_{b.name}_{k}" for b in blocks for k in _states(b)]
+
+
+def _drive_start(drive: Any, parts: Sequence[Part], x0: Any) -> np.ndarray:
+    """The drive's states, then those of the delay, which begins with zeros."""
+    count, own = sum(p.nstates for p in parts[1:]), len(_drive_states(drive, parts))
+    single = isinstance(drive, ct.NonlinearIOSystem)
+    start = arguments.start(drive.name if single else "drive", own, x0)
+    return np.concatenate([start, np.zeros(count - own)])
+
+
 def _start(system: Any, x0: Any) -> np.ndarray:
-    start = np.asarray(x0, dtype=float)
-    if start.ndim == 0:
-        return np.full(system.nstates or 0, float(start))
-    if start.ndim != 1 or len(start) > (system.nstates or 0):
-        raise InputError(f"{system.name} has {system.nstates} states, x0 has {start.shape}.")
-    return np.concatenate([start, np.zeros(system.nstates - len(start))])
-
-
-def _all_finite(y: np.ndarray, plant: Any, logic: Any, now: float) -> None:
-    bad = np.flatnonzero(~np.isfinite(y))
-    if len(bad):
-        label = [*plant.output_labels, *logic.output_labels][bad[0]]
-        raise Diverged(f"{plant.name}: output {label} is {y[bad[0]]} at t = {now:.6g} s.")
+    return arguments.start(system.name, int(system.nstates or 0), x0)

@@ -98,17 +98,17 @@ class Model:
 
     def with_effect(self, name: str, values: Mapping[str, float | None] | None = None) -> Model:
         """The model with one more effect; a second of a name gets the key ``name_2``."""
-        made = members("effect")[name]
+        made, given = members("effect")[name], values or {}
         used = sum(part.block.name == name for part in self.effects)
         key = name if not used else f"{name}_{used + 1}"
-        values = {k: (values or {}).get(k) for k in made.parameters}
+        values = {k: given.get(k, None if p.fitted else p.value) for k, p in made.own.items()}
         return replace(self, effects=(*self.effects, Part(key, made, values)))
 
     def declarations(self) -> dict[str, Any]:
         """The parameter declarations (unit, bounds) under the names of ``values()``."""
         flat = {"J": J_DECLARATION, **self.friction.block.parameters}
         for part in self.effects:
-            flat |= {f"{part.key}.{k}": p for k, p in part.block.parameters.items()}
+            flat |= {f"{part.key}.{k}": p for k, p in part.block.own.items()}
         return flat
 
     def unit(self, key: str) -> str:
@@ -180,10 +180,10 @@ def _part(name: Any, known: Mapping[str, Block], entry: Any, where: str, what: s
         raise InputError(f"{where}: unknown {what} {name!r}; known: {', '.join(known)}.{meant}")
     made = known[name]
     tag = "model" if what == "friction model" else "name"
-    _known(entry, (tag, *made.parameters), where)
+    _known(entry, (tag, *made.own), where)
     values = {
         k: _number(entry.get(k), p, f"{where} {k}") if k in entry or p.fitted else p.value
-        for k, p in made.parameters.items()
+        for k, p in made.own.items()
     }
     return Part(name, made, values)
 
@@ -206,8 +206,12 @@ def _known(table: Mapping[str, Any], known: Iterable[str], where: str) -> None:
 def _number(value: Any, p: Any, where: str) -> float | None:
     if value is None:
         return None
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+    real = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not real or not (math.isfinite(value) or value == p.neutral):
         raise InputError(f"{where} must be a finite number, not {value!r}.")
+    if p.choices and value not in p.choices:
+        known = " or ".join(f"{c:g}" for c in p.choices)
+        raise InputError(f"{where} = {value:g}; it must be {known}.")
     if value < p.low or value > p.high:
         rule = "negative" if value < 0 <= p.low else f"outside [{p.low:g}, {p.high:g}]"
         raise InputError(
@@ -255,7 +259,7 @@ def model_toml(model: Model) -> str:
 
 
 def _rows(values: Mapping[str, float], prefix: str, model: Model) -> list[str]:
-    return [f"{k} = {v!r}  # {model.unit(prefix + k)}" for k, v in values.items()]
+    return [f"{k} = {float(v)!r}  # {model.unit(prefix + k)}" for k, v in values.items()]
 
 
 def _quoted(text: str) -> str:

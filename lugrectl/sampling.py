@@ -11,10 +11,9 @@ import control as ct
 import numpy as np
 from scipy.linalg import expm
 
+from .engine.symbolic import signal_array
 from .errors import InputError
 
-NEAR = 0.1  # relative distance of two eigenvalues below which their slope is integrated
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
 SERIES = [1.0 / math.factorial(k + 3) for k in range(12, -1, -1)]  # phi3, highest power first
 
 
@@ -73,17 +72,24 @@ def sampled(
     holds = np.array([s in keep for s in labels], dtype=bool)
     n, keys, evaluate = int(system.nstates or 0), tuple(system.params), _functions(system)
 
-    @lru_cache(maxsize=4)  # output and update ask for the same step
-    def advanced(x: tuple, before: tuple, now: tuple, values: tuple) -> np.ndarray:
-        rates, _ = evaluate(dict(zip(keys, values, strict=True)))
-        return advance(rates, np.array(x), np.array(before), np.array(now), dt)
+    def advanced(x: Any, before: Any, now: Any, params: Any) -> np.ndarray:
+        return advance(evaluate(params)[0], x, before, now, dt)
 
-    def state(t: float, s: Any, v: Any, params: Any) -> np.ndarray:
+    @lru_cache(maxsize=4)  # output and update ask for the same step
+    def known(x: tuple, before: tuple, now: tuple, values: tuple) -> np.ndarray:
+        params = dict(zip(keys, values, strict=True))
+        return advanced(np.array(x), np.array(before), np.array(now), params)
+
+    def state(t: Any, s: Any, v: Any, params: Any) -> np.ndarray:
+        s, v = np.asanyarray(s), np.asanyarray(v)
+        before = _array([t - dt, *s[n:-1]])
+        now = _array([t, *np.where(holds, s[n:-1], v)])
+        if object in (before.dtype, now.dtype):  # the engine follows the equations
+            return np.where(s[-1] < 0.5, s[:n], advanced(s[:n], before, now, params))
         if s[-1] < 0.5:
-            return np.array(s[:n], dtype=float)
-        last = s[n:-1]
-        before, now = (t - dt, *map(float, last)), (t, *map(float, np.where(holds, last, v)))
-        return advanced(tuple(map(float, s[:n])), before, now, tuple(params[k] for k in keys))
+            return s[:n]
+        values = tuple(params[k] for k in keys)
+        return known(tuple(s[:n].tolist()), tuple(before.tolist()), tuple(now.tolist()), values)
 
     def update(t: float, s: Any, v: Any, params: Any) -> np.ndarray:
         return np.concatenate([state(t, s, v, params), v, [1.0]])
@@ -149,30 +155,74 @@ def ramp_response(B: np.ndarray, start: np.ndarray, change: np.ndarray) -> np.nd
     -------
     (n, ...) ndarray
     """
+    B, start, change = _array(B), _array(start), _array(change)
     if len(B) == 1:
-        one, two, _ = _phi(B[0])
+        one, two = _phi(B[0])
         return one * start + two * change
     if len(B) == 2:
-        return _by_eigenvalues(B, start, change)
+        return _by_polynomials(B, start, change)
     return _by_expm(B, start, change)
 
 
-def _by_eigenvalues(B: np.ndarray, start: np.ndarray, change: np.ndarray) -> np.ndarray:
-    """f(B) = mean of f at the eigenvalues + (slope of f between them) (B - middle)."""
+def _by_polynomials(B: np.ndarray, start: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """f(B) = a + b B for phi1 and phi2, where b is the slope of f between the eigenvalues.
+
+    phi1 and phi2 are divided differences of e^x with one and two nodes at 0. In that of three
+    or four nodes the two that are farthest apart are taken last: nothing cancels.
+    """
     middle, half = 0.5 * (B[0, 0] + B[1, 1]), 0.5 * (B[0, 0] - B[1, 1])
-    reach = np.sqrt(half * half + B[0, 1] * B[1, 0] + 0j)
-    near = np.abs(reach) < NEAR * np.maximum(1.0, np.abs(middle))
-    places = np.array([1.0, -1.0, *NODES]).reshape(-1, *[1] * np.ndim(reach))
-    one, two, three = _phi(middle + places * reach)
-    weights = 0.5 * WEIGHTS.reshape(places[2:].shape)
-    total, twice = 0.0, np.where(near, 1.0, 2.0 * reach)
-    # phi1' = phi1 - phi2, phi2' = phi2 - 2 phi3
-    for f, slope, v in ((one, one - two, start), (two, two - 2.0 * three, change)):
-        inside = (weights * slope[2:]).sum(axis=0)
-        slant = np.where(near, inside, (f[0] - f[1]) / twice)
-        turned = np.array([half * v[0] + B[0, 1] * v[1], B[1, 0] * v[0] - half * v[1]])
-        total = total + np.real(0.5 * (f[0] + f[1]) * v + slant * turned)
-    return np.asarray(total)
+    gap = half * half + B[0, 1] * B[1, 0]
+    trace, det = 2.0 * middle, B[0, 0] * B[1, 1] - B[0, 1] * B[1, 0]
+    reach = np.sqrt(np.abs(gap))
+    size = np.where(gap >= 0.0, np.abs(middle) + reach, np.sqrt(np.abs(middle**2 - gap)))
+    near, paired = _by_series(trace, det, size < 0.5), _by_pair(middle, reach, det, gap < 0.0)
+    apart = _by_recursion(middle, reach, det, (gap >= 0.0) & (size >= 0.5))
+    (a1, b1, a2, b2) = (
+        np.where(size < 0.5, n, np.where(gap < 0.0, c, r))
+        for n, c, r in zip(near, paired, apart, strict=True)
+    )
+    turned = [
+        b1 * (B[i, 0] * start[0] + B[i, 1] * start[1])
+        + b2 * (B[i, 0] * change[0] + B[i, 1] * change[1])
+        for i in range(2)
+    ]
+    return np.array([a1 * start[i] + a2 * change[i] + turned[i] for i in range(2)])
+
+
+def _by_series(trace: Any, det: Any, here: Any) -> tuple[Any, Any, Any, Any]:
+    """Both eigenvalues small: phi(k) = 1/k! + B phi(k+1), B^2 = trace B - det."""
+    trace, det = np.where(here, trace, 0.0), np.where(here, det, 0.0)
+    a, b = SERIES[0], 0.0
+    for factor in SERIES[1:]:
+        a, b = factor - det * b, a + trace * b
+    a2, b2 = 0.5 - det * b, a + trace * b
+    return 1.0 - det * b2, a2 + trace * b2, a2, b2
+
+
+def _by_pair(middle: Any, reach: Any, det: Any, here: Any) -> tuple[Any, Any, Any, Any]:
+    """Eigenvalues middle +- i reach, not small: e^B = a0 + b0 B, B phi(k+1) = phi(k) - 1/k!."""
+    reach, det = np.where(here, reach, 1.0), np.where(here, det, 1.0)
+    trace, growth = 2.0 * middle, np.exp(np.where(here, middle, 0.0))
+    b0 = growth * np.sin(reach) / reach
+    a0 = growth * np.cos(reach) - middle * b0
+    b1 = (1.0 - a0) / det
+    a1 = b0 - trace * b1
+    b2 = (1.0 - a1) / det
+    return a1, b1, b1 - trace * b2, b2
+
+
+def _by_recursion(middle: Any, reach: Any, det: Any, here: Any) -> tuple[Any, Any, Any, Any]:
+    """Real eigenvalues, the larger one not small: divided differences that end on it."""
+    large = np.where(here, middle + np.where(middle < 0.0, -reach, reach), 1.0)
+    small = np.where(here, det, 0.0) / large
+    highest = np.where(large > small, large, small)
+    width = np.abs(large - small)
+    distinct = np.where(width > 0.0, width, 1.0)
+    b0 = np.exp(highest) * np.where(width > 0.0, -np.expm1(-distinct) / distinct, 1.0)
+    one, two = _phi(small)
+    b1 = (b0 - one) / large
+    b2 = (b1 - two) / large
+    return one - b1 * small, b1, two - b2 * small, b2
 
 
 def _by_expm(B: np.ndarray, start: np.ndarray, change: np.ndarray) -> np.ndarray:
@@ -183,16 +233,16 @@ def _by_expm(B: np.ndarray, start: np.ndarray, change: np.ndarray) -> np.ndarray
     return np.moveaxis(whole[..., :n, -1], -1, 0)
 
 
-def _phi(x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """phi1, phi2, phi3, where phi0 = e^x and phi(k+1) = (phi(k) - 1/k!)/x."""
+def _phi(x: Any) -> tuple[Any, Any]:
+    """phi1, phi2, where phi0 = e^x and phi(k+1) = (phi(k) - 1/k!)/x."""
     small = np.abs(x) < 0.5
     near, far = np.where(small, x, 0.0), np.where(small, 1.0, x)
     three = SERIES[0]
     for factor in SERIES[1:]:
         three = factor + near * three
-    two = np.where(small, 0.5 + near * three, (np.expm1(far) / far - 1.0) / far)
-    one = np.where(small, 1.0 + near * two, np.expm1(far) / far)
-    return one, two, np.where(small, three, (two - 0.5) / far)
+    one = np.expm1(far) / far
+    two = np.where(small, 0.5 + near * three, (one - 1.0) / far)
+    return np.where(small, 1.0 + near * two, one), two
 
 
 def _functions(system: Any) -> Callable[[Any], tuple[Any, Any]]:
@@ -200,16 +250,21 @@ def _functions(system: Any) -> Callable[[Any], tuple[Any, Any]]:
 
     def evaluate(params: Any) -> tuple[Any, Any]:
         def rates(x: Any, v: Any) -> Any:
-            return np.asarray(system.updfcn(v[0], x, v[1:], params))
+            return _array(system.updfcn(v[0], x, v[1:], params))
 
         def outputs(x: Any, v: Any) -> Any:
             if system.outfcn is None:
                 return x[: system.noutputs]
-            return np.asarray(system.outfcn(v[0], x, v[1:], params))
+            return _array(system.outfcn(v[0], x, v[1:], params))
 
         return rates, outputs
 
     return evaluate
+
+
+def _array(values: Any) -> np.ndarray:
+    array = np.asarray(values)
+    return signal_array(array) if array.dtype == object else array
 
 
 def _fits(system: Any, dt: float) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -11,18 +12,24 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
+from . import arguments
+from .blocklist import simulate_blocks, simulate_discrete, together
 from .engine.adaptive import Diverged
+from .engine.blame import culprit
 from .engine.compiled import compiled
 from .engine.symbolic import TraceError
 from .errors import InputError
 
+LONG = (
+    1000  # samples from which a discrete system is traced: python-control needs 12 us or more each
+)
 _respond: Any = ct.input_output_response  # its annotations know no arrays
 
 
 def simulate(
     system: Any,
     t: ArrayLike,
-    inputs: ArrayLike | Sequence[Any] | None = None,
+    inputs: Mapping[str, ArrayLike] | ArrayLike | Sequence[Any] | None = None,
     x0: ArrayLike | Sequence[Any] = 0.0,
     *,
     params: Mapping[str, Any] | None = None,
@@ -31,18 +38,23 @@ def simulate(
     rtol: float = 1e-6,
     squeeze: bool | None = None,
 ) -> ct.TimeResponseData:
-    """The response of a block or an interconnection, as ``ct.input_output_response`` gives it.
+    """The response of a block, an interconnection or a list of blocks with any sample times.
 
     Parameters
     ----------
-    system : control.NonlinearIOSystem
-        Any python-control system. In discrete time python-control's own loop is used.
+    system : control.NonlinearIOSystem or list of them
+        Any python-control system; or blocks that are wired by their signal names as
+        ``ct.interconnect`` does (equal output names add up), continuous and sampled ones with
+        one or several sample times side by side.
     t : (N,) array_like
-        Increasing times in s, evenly spaced or not.
-    inputs : array_like or list, optional
-        (m, N), or (N,) for one input, a number, or a list of such parts; default 0.
+        Increasing times in s, evenly spaced or not. Of a discrete-time system: its samples.
+    inputs : dict, array_like or list, optional
+        By name, each a number or (N,), 0 where left out; or (m, N), or (N,) for one input, a
+        number, or a list of such parts; default 0. A list of blocks has as inputs what its
+        blocks read and none puts out, in the order of the blocks.
     x0 : array_like or list
-        Initial states: a number for all, or a list that is padded with zeros.
+        Initial states: a number for all, or a list that is padded with zeros; those of a list
+        of blocks one block after the other.
     params : dict, optional
         Parameters in place of the defaults; other values need no new compilation.
     method : str, optional
@@ -57,15 +69,17 @@ def simulate(
     Returns
     -------
     control.TimeResponseData
-        With the labels, shapes and parameters of ``ct.input_output_response``.
+        With the labels, shapes and parameters of ``ct.input_output_response``; of a list of
+        blocks, all their outputs and the states ``block_state``.
 
     Raises
     ------
     InputError
         For times that do not increase, shapes that do not fit, a NaN in an input, an unknown
-        parameter, or an algebraic loop (the blocks are named).
+        input or parameter, or an algebraic loop (the blocks are named).
     Diverged
-        When a state grows without bound or is no number: names the state and the time.
+        When a state or signal grows without bound or is no number: names it, its block and the
+        time.
 
     Notes
     -----
@@ -74,24 +88,35 @@ def simulate(
     (Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.7). Steps end at
     the samples and where an absolute value, a sign, a comparison or a limit switches. A system
     whose functions cannot be traced is left to LSODA, with a warning that names the block.
+
+    A sampled block ticks at the multiples of its sample time: it reads its inputs as they are
+    then, puts out at once what it answers, holds that to its next tick, and moves on its
+    states; before the first it holds what it answers to its initial state. At a tick its
+    states in the result are those before it. Blocks without states and sample time act at
+    every instant. A sampled block that cannot be traced is called at its ticks, without a
+    warning: the result is the same.
     """
+    options = {"params": params, "hold": hold, "rtol": rtol, "squeeze": squeeze}
+    times = arguments.times(t)
+    if isinstance(system, (list, tuple)):
+        if any(getattr(block, "dt", None) not in (None, 0) for block in system):
+            return simulate_blocks(system, times, inputs, x0, method=method, **options)
+        system = together(system)
     if None in (system.nstates, system.ninputs, system.noutputs):
         raise InputError(f"{system.name}: give its inputs=, outputs= and states= in ct.nlsys.")
-    times = _times(t)
-    u = _inputs(system, times, inputs)
-    start = _start(system, x0)
+    u = arguments.inputs(system.name, system.input_labels, times, inputs)
+    start = arguments.start(system.name, system.nstates, x0)
     if system.isdtime(strict=True):
-        return _respond(system, times, u, start, params=params, squeeze=squeeze)
-    states, y = None, None
-    if method in (None, "rosenbrock"):
-        try:
-            states, y = _by_rosenbrock(system, times, u, start, params, hold, rtol)
-        except TraceError as error:
-            warnings.warn(f"{error}; LSODA is used instead.", RuntimeWarning, stacklevel=2)
-    if y is None:
-        states, y = _by_scipy(system, times, u, start, params, hold, rtol, method or "LSODA")
+        return _discrete(system, times, u, start, params, squeeze)
+    states, y = _continuous(system, times, u, start, params, method, hold, rtol)
+    return _response(system, times, y, states, u, params, squeeze)
+
+
+def _response(
+    system: Any, t: np.ndarray, y: Any, states: Any, u: np.ndarray, params: Any, squeeze: Any
+) -> ct.TimeResponseData:
     return ct.TimeResponseData(
-        times,
+        t,
         y,
         states if system.nstates else None,
         u,
@@ -104,6 +129,48 @@ def simulate(
         title="Input/output response for " + system.name,
         squeeze=squeeze,
     )
+
+
+def _discrete(
+    system: Any, t: np.ndarray, u: np.ndarray, x0: np.ndarray, params: Any, squeeze: Any
+) -> ct.TimeResponseData:
+    """python-control's loop; the traced one where it is long."""
+    steady = system.dt is not True and np.allclose(np.diff(t), system.dt, rtol=1e-6, atol=0.0)
+    if steady and len(t) > LONG:
+        try:
+            states, y = simulate_discrete(system, t, u, x0, params)
+            return _response(system, t, y, states, u, params, squeeze)
+        except TraceError:
+            pass
+    try:
+        with np.errstate(all="ignore"):
+            response = _respond(system, t, u, x0, params=params, squeeze=squeeze)
+    except RuntimeError as error:
+        first = culprit(system, t[0], x0, u[:, 0])
+        if first:
+            raise Diverged(f"{system.name}: {first} at t = {t[0]:.6g} s.") from error
+        raise Diverged(f"{system.name}: python-control's simulation failed: {error}.") from error
+    return response
+
+
+def _continuous(
+    system: Any,
+    t: np.ndarray,
+    u: np.ndarray,
+    x0: np.ndarray,
+    params: Mapping[str, Any] | None,
+    method: str | None,
+    hold: bool,
+    rtol: float,
+) -> tuple[np.ndarray | None, np.ndarray]:
+    """States and outputs in continuous time."""
+    if method in (None, "rosenbrock"):
+        try:
+            return _by_rosenbrock(system, t, u, x0, params, hold, rtol)
+        except TraceError as error:
+            warnings.warn(f"{error}; LSODA is used instead.", RuntimeWarning, stacklevel=3)
+    with np.errstate(all="ignore"):  # what is not finite is refused by name
+        return _by_scipy(system, t, u, x0, params, hold, rtol, method or "LSODA")
 
 
 def _by_rosenbrock(
@@ -127,22 +194,25 @@ def _by_rosenbrock(
                 f"{run.unsettled:.6g} s; the result there is coarse: write np.tanh(w/eps) for "
                 "np.sign(w).",
                 RuntimeWarning,
-                stacklevel=3,
+                stacklevel=4,
             )
     elif not system.nstates:
         states = np.empty((0, len(t)))
     y = engine.outputs(t, states, u, p)
-    _all_finite(system, t, y)
+    _all_finite(system, t, states, u, y)
     return states, y
 
 
-def _all_finite(system: Any, t: np.ndarray, y: np.ndarray) -> None:
+def _all_finite(system: Any, t: np.ndarray, states: Any, u: np.ndarray, y: np.ndarray) -> None:
     bad = np.argwhere(~np.isfinite(y.T))
     if len(bad):
         k, i = bad[0]
-        raise Diverged(
-            f"{system.name}: output {system.output_labels[i]} is {y[i, k]} at t = {t[k]:.6g} s."
-        )
+        x = np.zeros(0) if states is None else states[:, k]
+        first = culprit(system, float(t[k]), x, u[:, k])
+        label = system.output_labels[i]
+        if not isinstance(system, ct.InterconnectedSystem) or not first:
+            first = f"output {label} is {y[i, k]}"
+        raise Diverged(f"{system.name}: {first} at t = {t[k]:.6g} s.")
 
 
 def _by_scipy(
@@ -173,9 +243,31 @@ def _by_scipy(
         else:
             states, y = _held_by_scipy(system, t, u, x0, params, dict(options, method=method))
     except RuntimeError as error:
+        _name_failure(system, t, u, x0, dict(options, method=method))
         raise Diverged(f"{system.name}: python-control's simulation failed: {error}.") from error
-    _all_finite(system, t, y)
+    _all_finite(system, t, states, u, y)
     return states, y
+
+
+def _name_failure(
+    system: Any, t: np.ndarray, u: np.ndarray, x0: np.ndarray, options: Mapping[str, Any]
+) -> None:
+    """Raise what says more than python-control, which calls a NaN an algebraic loop."""
+    culprit(system, t[0], x0, u[:, 0])
+
+    def rates(time: float, x: np.ndarray) -> np.ndarray:
+        held = np.array([np.interp(time, t, row) for row in u])
+        try:
+            return system._rhs(time, x, held)
+        except RuntimeError as error:
+            first = culprit(system, time, x, held)
+            if first:
+                raise Diverged(f"{system.name}: {first} at t = {time:.6g} s.") from error
+            raise
+
+    with contextlib.suppress(RuntimeError):
+        if system.nstates:
+            solve_ivp(rates, (t[0], t[-1]), x0, max_step=np.diff(t).max(), **options)
 
 
 def _held_by_scipy(
@@ -201,56 +293,3 @@ def _held_by_scipy(
         states[:, k + 1] = part.y[:, -1]
     y = [system._out(now, x, held) for now, x, held in zip(t, states.T, u.T, strict=True)]
     return states, np.array(y).T
-
-
-def _times(t: ArrayLike) -> np.ndarray:
-    times = np.array(t, dtype=float)
-    if times.ndim != 1 or not len(times) or not np.all(np.isfinite(times)):
-        raise InputError("t must be a list of finite times.")
-    back = np.flatnonzero(np.diff(times) <= 0)
-    if len(back):
-        k = int(back[0])
-        raise InputError(f"t must increase; after {times[k]:g} s comes {times[k + 1]:g} s.")
-    return times
-
-
-def _inputs(system: Any, t: np.ndarray, inputs: Any) -> np.ndarray:
-    """The inputs as (m, N), in every form that python-control takes."""
-    rows: Any = 0.0 if inputs is None else inputs
-    if isinstance(rows, (list, tuple)) and len(rows) != len(t):
-        rows = np.vstack([_row(part, len(t)) for part in rows]) if rows else 0.0
-    u = np.array(rows, dtype=float)
-    count = system.ninputs
-    if u.ndim == 0:
-        u = np.full((count, len(t)), float(u))
-    if u.ndim == 1 and count == 1:
-        u = u[None]
-    if u.shape != (count, len(t)):
-        labels = ", ".join(system.input_labels)
-        raise InputError(
-            f"{system.name} needs inputs ({labels}) of shape ({count}, {len(t)}), not {u.shape}."
-        )
-    bad = np.argwhere(~np.isfinite(u))
-    if len(bad):
-        i, k = bad[0]
-        raise InputError(f"input {system.input_labels[i]} is {u[i, k]} at t = {t[k]:.6g} s.")
-    return u
-
-
-def _row(part: Any, samples: int) -> np.ndarray:
-    row = np.asarray(part, dtype=float)
-    if row.ndim == 2 or (row.ndim == 1 and len(row) == samples):
-        return np.atleast_2d(row)
-    return np.outer(row, np.ones(samples))
-
-
-def _start(system: Any, x0: Any) -> np.ndarray:
-    if np.ndim(x0) == 0 and not isinstance(x0, (list, tuple)):
-        return np.full(system.nstates, float(x0))
-    parts = x0 if isinstance(x0, (list, tuple)) else [x0]
-    start = np.concatenate([np.ravel(np.asarray(part, dtype=float)) for part in parts] or [[]])
-    if len(start) > system.nstates:
-        raise InputError(f"{system.name} has {system.nstates} states, x0 has {len(start)}.")
-    if not np.all(np.isfinite(start)):
-        raise InputError(f"{system.name}: x0 must be finite.")
-    return np.concatenate([start, np.zeros(system.nstates - len(start))])

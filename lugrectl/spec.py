@@ -52,6 +52,11 @@ class P:
         True for a count per turn, a whole number on a rotary drive.
     angle : bool
         True for a phase, which stays an angle on a linear drive.
+    choices : tuple of float
+        The only values allowed, where they are few (a side): chosen, not fitted continuously.
+    shared : bool
+        True for a value that an effect borrows from the plant that it is built into: there it
+        is no parameter of its own. A block that stands alone has it as its own.
     """
 
     value: float
@@ -64,6 +69,8 @@ class P:
     fitted: bool = True
     whole: bool = False
     angle: bool = False
+    choices: tuple[float, ...] = ()
+    shared: bool = False
 
 
 @dataclass(frozen=True)
@@ -82,6 +89,9 @@ class Block:
     confused: tuple[str, ...] = ()
     experiment: str = ""
     exact: Callable[..., np.ndarray] | None = field(default=None, compare=False)
+    tries: Callable[..., list[dict[str, float]]] | None = field(default=None, compare=False)
+    start: tuple[str, ...] = ()
+    load: bool = False
     home: str = field(default="", compare=False)
 
     @property
@@ -97,6 +107,23 @@ class Block:
     def gain(self) -> str:
         """Name of the first parameter with a neutral value (an effect's strength)."""
         return next(k for k, p in self.parameters.items() if p.neutral is not None)
+
+    @property
+    def own(self) -> dict[str, P]:
+        """The parameters that are not borrowed from the plant."""
+        return {k: p for k, p in self.parameters.items() if not p.shared}
+
+    @property
+    def fresh(self) -> tuple[str, ...]:
+        """The outputs that are not states: what the function returns before the rates."""
+        return tuple(o for o in self.outputs if o not in self.states)
+
+    def deeds(self, result: Sequence[Any]) -> tuple[tuple[str, Any], ...]:
+        """Each act of an effect with its output: one output for all, or one for each."""
+        outputs = result[: len(self.fresh)]
+        if len(outputs) == 1:
+            return tuple((act, outputs[0]) for act in self.acts)
+        return tuple(zip(self.acts, outputs, strict=True))
 
     def defaults(self) -> dict[str, float]:
         return {k: p.value for k, p in self.parameters.items()}
@@ -136,7 +163,7 @@ class Block:
             if k not in functions
         }
         keys = {k: f"{name}.{k}" for k in numbers}
-        n_in, fresh = len(self.inputs), [o for o in self.outputs if o not in self.states]
+        n_in, fresh = len(self.inputs), self.fresh
 
         def evaluate(t: Any, x: Any, u: Any, params: Mapping[str, Any]) -> tuple[Any, ...]:
             signals = [t] if self.timed else []
@@ -169,6 +196,9 @@ def _check_bounds(label: str, value: float, p: P) -> None:
         raise InputError(f"{label} must be a number, not {value!r}.")
     if not p.low <= value <= p.high:
         raise InputError(f"{label} = {value:g} lies outside [{p.low:g}, {p.high:g}] {p.unit}.")
+    if p.choices and value not in p.choices:
+        known = " or ".join(f"{c:g}" for c in p.choices)
+        raise InputError(f"{label} = {value:g} must be {known}.")
 
 
 def _renamed(block: str, what: str, own: Sequence[str], wanted: Sequence[str] | None) -> list[str]:
@@ -180,7 +210,23 @@ def _renamed(block: str, what: str, own: Sequence[str], wanted: Sequence[str] | 
     return wanted
 
 
-REGISTRY: dict[str, Block] = {}
+class _Registry(dict[tuple[str, str], Block]):
+    """Blocks by kind and name; a name alone finds the block of that name that came first."""
+
+    def __missing__(self, key: Any) -> Block:
+        for (_, name), made in self.items():
+            if name == key:
+                return made
+        raise KeyError(key)
+
+    def get(self, key: Any, default: Any = None) -> Any:
+        try:
+            return self[key]
+        except KeyError:
+            return default
+
+
+REGISTRY = _Registry()
 
 
 def block(
@@ -193,6 +239,9 @@ def block(
     confused: str = "",
     experiment: str = "",
     exact: Callable[..., np.ndarray] | None = None,
+    tries: Callable[..., list[dict[str, float]]] | None = None,
+    start: str = "",
+    load: bool = False,
 ) -> Callable[[Callable[..., Any]], Block]:
     """Declare a function as a block of a kind and enter it in the registry.
 
@@ -206,17 +255,28 @@ def block(
         The block's name, where it is not that of the function.
     acts : str
         For an effect, what its output does: "torque" (added to the resisting side), "input"
-        (replaces u), or names of parameters that it multiplies by 1 + output.
+        (replaces u), "sensor" (the outputs are what the sensors say), names of parameters that
+        it multiplies by 1 + output, or names with a plus ("+Fc") to which it adds the output.
+        One output serves all acts; otherwise each act has its own.
     confused, experiment : str
         For an effect: the effects whose signature is alike, and what to record to tell.
     exact : callable
-        ``exact(u, dt, **values)`` of an input effect on a held input, where the continuous
-        block can only approximate it.
+        ``exact(u, dt, **values)`` of an input effect on a held input: the mean of its output
+        over each cell.
+    tries : callable
+        ``tries(log, values)``: sets of all its parameters worth trying on a log, where none can
+        be found by a linear step from its neutral value. ``values`` holds the plant's; a set may
+        hold plant parameters too, which then move along.
+    start : str
+        For each state the input to which it is equal in equilibrium, or 0; default all 0.
+    load : bool
+        True for a torque effect that is a load: friction that depends on the load feels it.
 
     Raises
     ------
     InputError
-        When another block has the name (a notebook cell that is run again replaces its own).
+        When another block of the kind has the name (a notebook cell that is run again replaces
+        its own).
     """
 
     def declare(function: Callable[..., Any]) -> Block:
@@ -228,11 +288,14 @@ def block(
             confused=tuple(confused.split()),
             experiment=experiment,
             exact=exact,
+            tries=tries,
+            start=tuple(start.split()) or ("0",) * len(made.states),
+            load=load,
         )
-        known = REGISTRY.get(made.name)
+        known = members(kind).get(made.name)
         if known is not None and not (known.home == made.home == "__main__"):
-            raise InputError(f"a block named '{made.name}' exists; choose another name.")
-        REGISTRY[made.name] = made
+            raise InputError(f"{kind}: a block named '{made.name}' exists; choose another name.")
+        REGISTRY[kind, made.name] = made
         return made
 
     return declare
@@ -263,7 +326,7 @@ def _declared(
 
 def members(kind: str) -> dict[str, Block]:
     """The registered blocks of a kind, by name."""
-    return {name: made for name, made in REGISTRY.items() if made.kind == kind}
+    return {name: made for (of, name), made in REGISTRY.items() if of == kind}
 
 
 _LINEAR = {
@@ -272,6 +335,7 @@ _LINEAR = {
     "N m s/rad": "N s/m",
     "N m/(rad s)": "N/(m s)",
     "N m s2/rad2": "N s2/m2",
+    "N m (s/rad)^n": "N (s/m)^n",
     "rad/s": "m/s",
     "rad": "m",
     "kg m2": "kg",

@@ -7,53 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lugrectl import loops as _loops  # noqa: F401  fills the registry
-from lugrectl.blocks.plant import assemble
 from lugrectl.errors import InputError
-from lugrectl.model import model_from_dict
 from lugrectl.spec import REGISTRY, block, members, unit_for
 
+from .drives import arguments, strong
+
 KINDS = {"friction", "plant", "observer", "controller", "effect"}
-BLOCKS = [pytest.param(made, id=made.name) for made in REGISTRY.values()]
-EFFECTS = [pytest.param(made, id=made.name) for made in members("effect").values()]
-LAWS = list(members("friction"))
+BLOCKS = [pytest.param(made, id=f"{kind}-{name}") for (kind, name), made in REGISTRY.items()]
 every_block = pytest.mark.parametrize("made", BLOCKS)
-every_effect = pytest.mark.parametrize("made", EFFECTS)
-every_law = pytest.mark.parametrize("law", LAWS)
-
-
-def arguments(made, shape, seed=0):
-    """Random signals and states; z-like states stay small, as the bristles do."""
-    rng = np.random.default_rng(seed)
-    time = [rng.uniform(0.0, 5.0, shape)] if made.timed else []
-    size = {s: 1e-3 if s.startswith("z") else 1.0 for s in made.inputs + made.states}
-    return time + [size[s] * rng.normal(size=shape) for s in made.inputs + made.states]
-
-
-def strong(made, seed=0):
-    """Parameter values away from the defaults, inside their bounds."""
-    rng = np.random.default_rng(seed)
-    values = {}
-    for key, p in made.parameters.items():
-        low, high = max(p.low, p.value - 0.5 * abs(p.value) - 0.1), p.value * 1.5 + 0.1
-        values[key] = rng.uniform(low, min(p.high, max(high, low)))
-    return values
-
-
-def model_of(law):
-    """A model with the law's default parameters and nothing else."""
-    friction = {k: p.value for k, p in members("friction")[law].parameters.items() if p.fitted}
-    return model_from_dict({"plant": {"J": 0.0022}, "friction": {"model": law, **friction}}, law)
-
-
-def plant_of(model):
-    """The plant's pure function with all values filled in: arguments t, u, d, states."""
-    made = assemble(model)
-    values = model.values()
-
-    def rates(*signals):
-        return made(*signals, **values)
-
-    return made, rates
 
 
 @every_block
@@ -92,9 +53,9 @@ def test_zero_in_gives_finite_out(made):
 
 @every_block
 def test_number_of_results(made):
-    fresh = [o for o in made.outputs if o not in made.states]
     result = made(*arguments(made, ()), **made.defaults())
-    assert len(result) == len(fresh) + len(made.states)
+    assert len(result) == len(made.fresh) + len(made.states)
+    assert set(made.fresh) == set(made.outputs) - set(made.states)
 
 
 @every_block
@@ -186,73 +147,20 @@ def test_a_second_block_of_a_name_is_refused():
             return theta
 
 
-# Effects.
+def test_kinds_have_names_of_their_own():
+    """The Stribeck law and the effect that makes Coulomb friction one."""
+    assert members("friction")["stribeck"] is not members("effect")["stribeck"]
+    assert REGISTRY["friction", "stribeck"].outputs == ("F",)
+    assert REGISTRY["effect", "stribeck"].acts == ("Fc",)
+    assert REGISTRY["lugre"] is members("friction")["lugre"]
+    assert REGISTRY.get("no such block") is None
 
 
-@every_effect
-def test_effect_declaration(made):
-    assert made.acts in (("torque",), ("input",)) or all(
-        any(key in law.parameters for law in members("friction").values()) for key in made.acts
-    )
-    assert len([o for o in made.outputs if o not in made.states]) == 1
-    neutral = made.parameters[made.gain].neutral
-    assert made.parameters[made.gain].low <= neutral <= made.parameters[made.gain].high
-    assert made.experiment and not made.experiment.endswith(".")
-    assert made.name not in made.confused
-
-
-@every_law
-@every_effect
-def test_effect_at_its_neutral_value_changes_nothing(made, law):
-    """Same rates at random points, and its own states stay at rest or do not matter."""
-    model = model_of(law)
-    neutral = strong(made) | {made.gain: made.parameters[made.gain].neutral}
-    _, bare = plant_of(model)
-    whole, rates = plant_of(model.with_effect(made.name, neutral))
-    n = 3 + len(model.friction.block.states)  # F and the rates of theta, w, friction
-    for seed in range(5):
-        args = arguments(assemble(model), (20,), seed)
-        own = [np.zeros(20)] * (len(whole.states) - (n - 1))
-        for _ in range(10):
-            step = rates(*args, *own)
-            for with_effect, without in zip(step[:n], bare(*args), strict=True):
-                np.testing.assert_array_equal(with_effect, without)
-            own = [x + 1e-3 * rate for x, rate in zip(own, step[n:], strict=True)]
-
-
-@every_effect
-def test_effect_with_strength_changes_the_plant(made):
-    model = model_of("lugre")
-    values = {made.gain: 0.5 * min(made.parameters[made.gain].high, 0.4)}
-    defaults = made.defaults() | values
-    _, bare = plant_of(model)
-    whole, rates = plant_of(model.with_effect(made.name, defaults))
-    args = arguments(assemble(model), (20,))
-    own = [np.full(20, 0.1)] * (len(whole.states) - 3)
-    assert not np.array_equal(rates(*args, *own)[2], bare(*args)[2])
-
-
-@pytest.mark.parametrize("made", [m for m in members("effect").values() if m.exact])
-def test_exact_form_of_an_effect_at_its_neutral_value_changes_nothing(made):
-    u = np.random.default_rng(0).normal(size=50)
-    neutral = made.defaults() | {made.gain: made.parameters[made.gain].neutral}
-    np.testing.assert_array_equal(made.exact(u, 1e-3, **neutral), u)
-
-
-@every_law
-def test_plant_blocks_keep_the_contract(law):
-    """The plant is assembled, not registered; with every effect in it at once."""
-    model = model_of(law)
-    for made in members("effect").values():
-        model = model.with_effect(made.name, strong(made))
-    whole, rates = plant_of(model)
-    assert whole.inputs == ("u", "d") and whole.outputs == ("theta", "w", "F")
-    args = arguments(whole, (6, 2))
-    batch = rates(*args)
-    single = rates(*[float(a[4, 1]) for a in args])
-    for of_batch, number in zip(batch, single, strict=True):
-        assert np.shape(of_batch) == (6, 2)
-        np.testing.assert_allclose(number, of_batch[4, 1], rtol=1e-12, atol=1e-14)
+def test_a_choice_is_refused_in_between():
+    stop = members("effect")["hard_stop"]
+    stop.check({"side": -1.0})
+    with pytest.raises(InputError, match=r"hard_stop.side = 0.5 must be -1 or 1"):
+        stop.check({"side": 0.5})
 
 
 # Friction laws.
@@ -300,7 +208,7 @@ def test_friction_is_zero_at_rest_and_unbent(law, w):
 
 @given(st.floats(0.05, 50.0), st.booleans(), levels, st.floats(1.0, 3.0))
 def test_steady_sliding_of_lugre_is_the_static_map(speed, backwards, Fc, ratio):
-    lugre, stribeck = REGISTRY["lugre"], REGISTRY["stribeck"]
+    lugre, stribeck = (members("friction")[law] for law in ("lugre", "stribeck"))
     w = -speed if backwards else speed
     values = lugre.defaults() | {"Fc": Fc, "Fs": ratio * Fc, "vs": 0.03}
     h = Fc * (1.0 + (ratio - 1.0) * np.exp(-((w / 0.03) ** 2)))
@@ -313,7 +221,7 @@ def test_steady_sliding_of_lugre_is_the_static_map(speed, backwards, Fc, ratio):
 @given(speeds, levels, st.floats(1.0, 3.0))
 def test_bristles_never_bend_beyond_stiction(w, Fc, ratio):
     """|z| <= Fs/sigma0 is invariant: on its edge dz/dt points inwards."""
-    lugre = REGISTRY["lugre"]
+    lugre = members("friction")["lugre"]
     values = lugre.defaults() | {"Fc": Fc, "Fs": ratio * Fc}
     edge = values["Fs"] / values["sigma0"]
     assert lugre(w, edge, **values)[1] <= 1e-12 * abs(w)
@@ -346,14 +254,3 @@ def test_observers_put_out_an_odd_estimate(made):
     fresh = [k for k in made.outputs if k not in made.states]
     for k, a, b in zip([*fresh, *made.states], one, other, strict=True):
         np.testing.assert_array_equal(a, b if k in levels else -np.asarray(b))
-
-
-def test_the_delay_block_keeps_its_phase():
-    """Within 1 degree of exp(-s T) up to w T = 1.7, as its docstring says, and of gain 1."""
-    T = 0.01
-    block = REGISTRY["input_delay"].system(delay=T)
-    linear = block.linearize([0.0, 0.0], [0.0])
-    for x in (0.1, 0.5, 1.0, 1.7):
-        response = complex(linear(1j * x / T))
-        assert abs(np.angle(response * np.exp(1j * x), deg=True)) < 1.0
-        assert abs(response) == pytest.approx(1.0, abs=1e-4)

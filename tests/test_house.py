@@ -13,12 +13,12 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "lugrectl"
 STOREYS = [
-    {"errors", "spec"},
+    {"errors", "spec", "arguments", "jobs"},
     {"blocks", "model"},
     {"loops", "engine", "linear", "record", "design", "sampling"},
-    {"simulation", "results", "mixed"},
+    {"simulation", "results", "mixed", "blocklist", "bristles", "ensemble"},
     {"tracing"},
-    {"diagnosis", "identification"},
+    {"diagnosis", "identification", "fleet", "workers"},
     {"report"},
     {"reproduce"},
     {"cli", "__main__", "demo"},
@@ -26,8 +26,11 @@ STOREYS = [
 TRACING = [
     {"noise"},
     {"data"},
+    {"series"},
     {"predictor"},
     {"split", "fit", "evaluate", "structure"},
+    {"score"},
+    {"tries"},
     {"search"},
     {"start"},
     {"job"},

@@ -10,6 +10,8 @@ import pytest
 
 from . import rig
 from .rig.bench import FINE, simulate
+from .rig.columns import CHANNELS
+from .rig.hard import HARD, harden
 from .rig.hiding import Context, find
 from .rig.machines import GRAVITY_LOAD, MACHINES
 from .rig.record import stream
@@ -17,6 +19,11 @@ from .rig.reference import open_loop, wave
 
 EVERY = [*rig.CATALOGUE, *rig.STRANGERS]
 SHORT: dict = {"duration": 5.0, "rate": 500.0}
+
+
+def test_kinds_of_effects():
+    assert len(rig.CATALOGUE) == 28 and len(rig.STRANGERS) >= 4
+    assert not set(rig.CATALOGUE) & set(rig.STRANGERS)
 
 
 def neutral_record(name):
@@ -170,6 +177,84 @@ def test_what_cannot_be_hidden_is_refused():
     for effect, machine, options in cases:
         with pytest.raises(ValueError):
             rig.make(effect, machine, duration=1.0, **options)
+
+
+def test_lost_samples_and_stamps_that_jitter():
+    whole = rig.make(seed=6, **SHORT)
+    case = rig.make(seed=6, dropped=0.01, **SHORT)
+    n, kept = len(whole.columns["t"]), len(case.columns["t"])
+    assert 0.01 * n + 6 <= n - kept <= 0.01 * n + 40
+    at = np.searchsorted(whole.columns["t"], case.columns["t"])
+    for name, values in case.columns.items():
+        assert np.array_equal(values, whole.columns[name][at])
+    steps = np.diff(rig.make(seed=6, jitter=0.06, **SHORT).columns["t"]) * SHORT["rate"]
+    assert np.mean(steps) == pytest.approx(1.0) and 0.08 < np.max(np.abs(steps - 1.0)) <= 0.12
+
+
+def test_channels_beside_the_usual_ones():
+    def columns(effect, **options):
+        case = rig.make(effect, "joint", "moves", seed=3, channels=CHANNELS, **SHORT, **options)
+        return case, case.columns
+
+    case, c = columns("thermal_drift", load=True)
+    ratio, tau = case.truth["parameters"].values()
+    rise = c["temperature"] - c["temperature"][0]
+    assert np.corrcoef(rise, -np.expm1(-c["t"] / tau))[0, 1] > 0.99
+    size, phase = case.truth["load"][1:]
+    np.testing.assert_allclose(c["d"], size * np.sin(c["theta"] + phase), atol=0.02 * size)
+    assert "effects" not in case.model
+    np.testing.assert_allclose(c["theta_load"], c["theta"], atol=1e-9)
+    assert np.max(np.abs(c["r"] - c["theta"])) < 0.2 * np.ptp(c["theta"])
+    case, c = columns("elastic_coupling", load=False)
+    assert "d" not in c
+    np.testing.assert_allclose(
+        c["theta_load"], case.hidden.signals["th_load"], atol=0.51 * case.truth["quantum"]
+    )
+
+
+def test_further_runs_are_of_the_same_machine():
+    case = rig.make("torque_ripple", "servo", seed=8, load=False, runs=3, **SHORT)
+    assert len(case.more) == 2
+    for other in case.more:
+        brings = other.truth["nuisance"]
+        assert other.hidden.table == case.hidden.table
+        assert not np.allclose(other.columns["theta"], case.columns["theta"], atol=0.1)
+        assert other.hidden.machine.J == case.hidden.machine.J
+        friction = other.hidden.machine.Fc / case.hidden.machine.Fc
+        assert friction == pytest.approx(brings["friction"]) and 0.95 <= friction <= 1.05
+        off = other.columns["u"] - other.hidden.signals["u"]
+        np.testing.assert_allclose(off, brings["offset"], atol=1e-12)
+        zero = other.columns["theta"] - other.hidden.signals["theta"]
+        np.testing.assert_allclose(zero, brings["zero"], atol=1e-12)
+    alone = rig.make("torque_ripple", "servo", seed=8, load=False, **SHORT)
+    assert np.array_equal(alone.columns["u"], case.columns["u"])
+    same = rig.make("none", "servo", seed=8, runs=2, nuisances=(), **SHORT).more[0]
+    assert set(same.truth["nuisance"].values()) == {0.0, 1.0}
+
+
+def test_what_a_refit_takes_over_is_not_visible():
+    for name, least, most in (("gravity", 0.1, 0.2), ("sublinear_viscous", 0.0, 0.08)):
+        entry = rig.make(name, "servo", seed=1, load=False, **SHORT).truth["effects"][0]
+        assert least < entry["visible"] < most
+
+
+@pytest.mark.parametrize("kind", HARD)
+def test_hard_records(kind):
+    drawn = rig.draw("coulomb_asymmetry", 2)
+    change = HARD[kind](["coulomb_asymmetry"], drawn, stream(2, "hard"))
+    assert change and any(drawn.get(key) != value for key, value in change.items())
+    short = {"duration": 5.0} if change.get("rate", 0.0) < 5000.0 else {"duration": 2.0}
+    case = rig.make(**{**drawn, **change, **short})
+    assert all(np.all(np.isfinite(x)) for x in case.columns.values())
+
+
+def test_one_difficulty_is_named():
+    kinds = {
+        rig.sample("none", seed, 1, hard=True, duration=2.0).truth["hard"] for seed in range(9)
+    }
+    assert kinds <= set(HARD) and len(kinds) > 3
+    timed = harden(["friction_step"], rig.draw("friction_step", 1), stream(1, "x"))[0]
+    assert timed in HARD and HARD["several runs"](["friction_step"], {"rate": 1e3}, None) is None
 
 
 def test_every_draw_suits_its_effect():

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from .rig import plant
-from .rig.bench import Setup, drive_row, machine_row, simulate, tune
+from .rig.bench import Setup, drive_row, machine_row, replay, simulate, tune
 from .rig.machines import GRAVITY_LOAD, MACHINES, NO_LOAD
 from .rig.plant import SPEED_LOOP
 from .rig.reference import lugre_reference, open_loop, wave
@@ -52,13 +52,15 @@ def test_torque_effects_agree_with_radau():
         "quadratic_drag": (1e-3,),
         "return_spring": (0.05, 0.3),
         "periodic_disturbance": (0.04, 6.0, 0.5),
-        "sublinear_drag": (0.02,),
+        "sublinear_viscous": (0.02, 0.4),
+        "speed_hump": (0.03, 4.0, 1.5),
         "constant_torque": (0.02,),
     }
 
     def extra(t, th, w):
         still = 0.1 * np.sin(th + 0.4) + 0.05 * np.sin(7 * th - 1.0) + 0.05 * (th - 0.3) + 0.02
-        drag = 1e-3 * w * abs(w) + 0.02 * np.sign(w) * np.sqrt(abs(w))
+        drag = 1e-3 * w * abs(w) + 0.02 * np.sign(w) * abs(w) ** 0.4
+        drag += 0.03 * np.sign(w) * np.exp(-(((abs(w) - 4.0) / 1.5) ** 2))
         return still + drag + 0.04 * np.sin(2 * np.pi * 6.0 * t + 0.5)
 
     theta, w = lugre_reference(m, torque, rate, extra)
@@ -217,12 +219,12 @@ def test_stop_bumps_and_pulses_push_where_and_when_they_should():
     np.testing.assert_allclose(s["effect"], ring, atol=2e-4)
 
 
-def test_inertia_step_and_pose_inertia():
+def test_inertia_step_and_inertia_of_the_pose():
     torque = np.full(1000, 0.01)
     w = simulate(open_loop(SLIPPERY, torque), {"inertia_step": (0.5, 0.5)}).signals["w_true"]
     rate = np.diff(w) * SLIPPERY.J / 0.01 / 1e-3
     assert rate[[100, 900]] == pytest.approx([1.0, 1.0 / 1.5], rel=1e-4)
-    s = simulate(open_loop(SLIPPERY, torque), {"pose_inertia": (0.4, 2.0, 0.3)}).signals
+    s = simulate(open_loop(SLIPPERY, torque), {"pose_dependent_inertia": (0.4, 2.0, 0.3)}).signals
     inertia = SLIPPERY.J * (1 + 0.4 * np.cos(2 * s["theta_true"] + 0.3))
     energy = 0.5 * inertia * s["w_true"] ** 2
     np.testing.assert_allclose(energy, 0.01 * s["theta_true"], atol=1e-4 * np.max(energy))
@@ -266,6 +268,53 @@ def test_sensor_effects_act_on_what_is_measured():
     np.testing.assert_allclose(s["w"], w * (1 + 0.1 * np.cos(th + 0.6)), atol=1e-12)
 
 
+def test_torque_constant_ripples_with_position():
+    torque = np.full(1500, 0.02)
+    table = {"torque_constant_ripple": (0.3, 4.0, 0.7)}
+    s = simulate(open_loop(SLIPPERY, torque), table).signals
+    th = s["theta_true"]
+    work = 0.02 * (th - 0.3 / 4.0 * (np.cos(4 * th + 0.7) - np.cos(0.7)))
+    assert np.ptp(th) > 2 * np.pi
+    energy = 0.5 * SLIPPERY.J * s["w_true"] ** 2
+    np.testing.assert_allclose(energy, work, atol=1e-4 * np.max(work))
+
+
+def test_cable_drags_behind_and_forgets_what_is_far_back():
+    torque = 0.1 * np.sin(2 * np.pi * np.arange(4000) * 1e-3)
+    s = simulate(open_loop(SLIPPERY, torque), {"dragged_cable": (0.02, 0.4)}).signals
+    th = s["theta_true"]
+    turns = np.flatnonzero(np.diff(np.sign(s["w_true"]))) + 1
+    a, b = turns[1], turns[2]  # one stroke, from a full stretch the other way
+    assert abs(th[b] - th[a]) > 0.8
+    gone = np.abs(th[a:b] - th[a])
+    way = np.sign(th[b] - th[a])
+    stretch = np.array([np.minimum(-d + gone, d) / d for d in (0.1, 0.2, 0.3, 0.4)])
+    np.testing.assert_allclose(s["effect"][a:b], 0.02 * way * stretch.mean(0), atol=5e-4)
+
+
+def test_run_again_from_its_own_states():
+    m, rate = MACHINES["wrist"], 500.0
+    _, torque = wave(m, 2.0, rate)
+    table = {"elastic_coupling": (0.01, 30.0, 0.02), "input_delay": (3.1e-3,)}
+    done = simulate(replace(open_loop(m, torque, rate), jitter=0.05), table)
+    restart = np.zeros(len(torque), dtype=bool)
+    restart[[300, 700]] = True
+    theta, w = replay(done, torque, restart)
+    np.testing.assert_allclose(theta, done.signals["theta_true"], atol=1e-12)
+    np.testing.assert_allclose(w, done.signals["w_true"], atol=1e-12)
+    _, w = replay(done, torque + 0.1 * m.Fc, restart)
+    off = np.abs(w - done.signals["w_true"])
+    assert np.max(off[[0, 300, 700]]) == 0.0 and np.max(off[:300]) > 1e-3
+
+
+def test_samples_come_when_their_stamps_say():
+    torque = np.full(400, 0.1)
+    done = simulate(replace(open_loop(SLIPPERY, torque), jitter=0.1), {})
+    period = np.diff(done.t)
+    assert 0.15e-3 < np.max(np.abs(period - 1e-3)) < 0.2e-3
+    np.testing.assert_allclose(done.signals["w_true"], 0.1 / SLIPPERY.J * done.t, rtol=1e-6)
+
+
 def test_a_load_is_held_from_the_start():
     m = replace(SERVO, load=(GRAVITY_LOAD, 0.3, 0.0))
     gains = tune(m, SPEED_LOOP, 1000.0, np.random.default_rng(0), False, False)
@@ -289,6 +338,6 @@ def test_plain_python_computes_the_same(monkeypatch):
     on = np.ones(len(plant.EFFECTS), dtype=bool)
     rows = np.full((len(plant.EFFECTS), plant.WIDTH), 0.05)
     rows[[plant.BUMPS, plant.PULSES], :4] = [0.05, 0.3, 1.0, 1.0]
-    args = machine_row(m), setup.drive, on, rows, setup.refs, setup.noise, 2e-3, 100, 0.1
+    args = machine_row(m), setup.drive, on, rows, setup.refs, setup.noise, setup.stamps, 100, 0.1
     for ours, theirs in zip(plain.run(*args), plant.run(*args), strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=1e-6, atol=1e-9)

@@ -371,3 +371,12 @@ def test_two_drives_of_unequal_friction_in_one_loop() -> None:
     t = np.arange(0, 0.1, 1e-3)
     r = 0.3 * np.sin(2 * np.pi * 12 * t)
     assert worst(simulate(loop, t, r).states, reference(loop, t, r)) < 5e-6
+
+
+def test_inputs_by_name() -> None:
+    plant, t = lg.plant(lg.table1()), np.arange(0, 0.02, 1e-3)
+    wave = 0.5 * np.sin(50 * t)
+    expected = simulate(plant, t, np.vstack([wave, np.full(20, 0.1)])).states
+    np.testing.assert_array_equal(simulate(plant, t, {"d": 0.1, "u": wave}).states, expected)
+    with pytest.raises(InputError, match="no input 'x' comes from outside; there are u, d"):
+        simulate(plant, t, {"x": 1.0})

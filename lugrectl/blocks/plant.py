@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import control as ct
 
 from ..errors import InputError
-from ..spec import Block, P
+from ..spec import Block
 from .friction import J
+from .parts import Part, through_sensors
 
 if TYPE_CHECKING:
     from ..model import Model, Parameters
@@ -21,79 +21,100 @@ def acceleration(u: Any, F: Any, d: Any, J: Any) -> Any:
     return (u - F - d) / J
 
 
-@dataclass(frozen=True)
-class _Part:
-    """A friction law or effect inside the plant: where its parameters and states stand."""
-
-    prefix: str
-    block: Block
-
-    @property
-    def states(self) -> tuple[str, ...]:
-        return tuple(self.prefix.replace(".", "_") + name for name in self.block.states)
-
-    def own(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        return {k: values[self.prefix + k] for k in self.block.parameters}
-
-    def evaluate(
-        self, signals: Mapping[str, Any], values: Mapping[str, Any]
-    ) -> tuple[Any, tuple[Any, ...]]:
-        """The part's output and its rates."""
-        args = [signals["t"]] if self.block.timed else []
-        args += [signals[name] for name in self.block.inputs]
-        args += [signals[name] for name in self.states]
-        out, *rates = self.block(*args, **values)
-        return out, tuple(rates)
-
-
-def assemble(model: Model, *, levels: Sequence[str] = ()) -> Block:
+def assemble(model: Model, *, levels: Sequence[str] = (), sensed: bool = False) -> Block:
     """The plant of a model as one block with inputs u, d and outputs theta, w, F.
 
-    For each name in ``levels`` there is one more input ``x_name``, by which that parameter is
-    multiplied as 1 + x: an effect on a level can then be fed in as a series.
-    """
-    friction = _Part("", model.friction.block)
-    effects = [_Part(f"{use.key}.", use.block) for use in model.effects]
-    parts = [friction, *effects]
-    states = ["theta", "w", *(name for part in parts for name in part.states)]
+    Effects act in the order of the physics: on the input, as loads, on levels, as other
+    torques; effects of one group in the order in which the model lists them. What is added to
+    a level comes on top of what multiplies it. Effects may read ``load``: d and all loads.
 
+    Parameters
+    ----------
+    levels : sequence of str
+        For each there is one more input ``x_name``, by which that parameter is multiplied as
+        1 + x: an effect on a level can then be fed in as a series. "torque" gives an input
+        ``x_torque``, which resists without being a load.
+    sensed : bool
+        Adds the outputs theta_m, w_m, with the sensor effects and their states inside; they are
+        left out otherwise.
+    """
+    friction = Part("", model.friction.block)
+    uses = [Part(f"{use.key}.", use.block) for use in model.effects]
+    sensors = [part for part in uses if "sensor" in part.block.acts]
+    effects = [part for part in uses if part not in sensors]
+    parts = [friction, *effects, *(sensors if sensed else ())]
+    states = ("theta", "w", *(name for part in parts for name in part.states))
     inputs = ("u", "d", *(f"x_{name}" for name in levels))
 
     def function(t: Any, *given: Any, **values: Any) -> tuple[Any, ...]:
         signals = {"t": t, **dict(zip((*inputs, *states), given, strict=True))}
+        values |= {n: values[n] * (1.0 + signals[f"x_{n}"]) for n in levels if n != "torque"}
         rates: dict[str, tuple[Any, ...]] = {}
-        scaled, torque = dict(values), signals["d"]
-        for name in levels:
-            scaled[name] = scaled[name] * (1.0 + signals[f"x_{name}"])
-        for part in effects:
-            out, rates[part.prefix] = part.evaluate(signals, part.own(values))
-            if part.block.acts == ("input",):
-                signals["u"] = out
-            elif part.block.acts == ("torque",):
-                torque = torque + out
-            else:
-                for name in part.block.acts:
-                    if name in scaled:
-                        scaled[name] = scaled[name] * (1.0 + out)
-        F, rates[""] = friction.evaluate(signals, friction.own(scaled))
-        dw = acceleration(signals["u"], F, torque, scaled["J"])
+        torque, values = _applied(effects, signals, values, rates)
+        law = friction.results(signals, values)
+        rates[""] = friction.rates(law)
+        measured = through_sensors(sensors, signals, values, rates) if sensed else ()
+        dw = acceleration(signals["u"], law[0], torque, values["J"])
         flat = [rate for part in parts for rate in rates[part.prefix]]
-        return F, signals["w"], dw, *flat
+        return law[0], *measured, signals["w"], dw, *flat
 
     return Block(
         name="plant",
         kind="plant",
         function=function,
         inputs=inputs,
-        outputs=("theta", "w", "F"),
-        states=tuple(states),
-        parameters={"J": J, **_parameters(parts)},
+        outputs=("theta", "w", "F", *(("w_m", "theta_m") if sensed else ())),
+        states=states,
+        parameters={"J": J, **{k: p for part in parts for k, p in part.parameters.items()}},
         timed=True,
     )
 
 
-def _parameters(parts: Sequence[_Part]) -> dict[str, P]:
-    return {part.prefix + k: p for part in parts for k, p in part.block.parameters.items()}
+def stage(block: Block) -> int:
+    """When an effect acts: on the input, as a load, on levels, as another torque.
+
+    One that is a torque and a level comes last, so that its torque sees all other levels.
+    """
+    if "torque" in block.acts:
+        return 1 if block.load else 3
+    return 0 if block.acts == ("input",) else 2
+
+
+def _applied(
+    effects: Sequence[Part],
+    signals: dict[str, Any],
+    values: Mapping[str, Any],
+    rates: dict[str, tuple[Any, ...]],
+) -> tuple[Any, dict[str, Any]]:
+    """All effects: the resisting torque and the plant's values; u and the load go into signals.
+
+    A parameter that the friction law does not have is passed over.
+    """
+    scaled, added = dict(values), {}
+    load, torque = signals["d"], signals.get("x_torque", 0.0)
+    for turn in range(4):
+        if turn == 2:
+            signals["load"] = load
+        if turn == 3:
+            scaled |= {name: scaled[name] + sum(more) for name, more in added.items()}
+        for part in effects:
+            if stage(part.block) != turn:
+                continue
+            results = part.results(signals, scaled)
+            rates[part.prefix] = part.rates(results)
+            for act, out in part.block.deeds(results):
+                name = act.removeprefix("+")
+                if act == "input":
+                    signals["u"] = out
+                elif turn == 1:
+                    load = load + out
+                elif act == "torque":
+                    torque = torque + out
+                elif name in scaled and act == name:
+                    scaled[name] = scaled[name] * (1.0 + out)
+                elif name in scaled:
+                    added.setdefault(name, []).append(out)
+    return load + torque, scaled
 
 
 def plant(
@@ -108,7 +129,8 @@ def plant(
     Parameters
     ----------
     of : Parameters or Model
-        LuGre parameters, or a whole model: friction, input, level and torque effects inside.
+        LuGre parameters, or a whole model: friction, input, level and torque effects inside;
+        its sensor effects make the block :func:`lugrectl.sensor`.
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
@@ -130,9 +152,65 @@ def plant(
     from ..model import Model
 
     model = of if isinstance(of, Model) else Model.of(of)
-    values = model.values()
+    return _system(assemble(model), model, name, inputs, outputs)
+
+
+def sensor(
+    of: Parameters | Model,
+    *,
+    name: str = "sensor",
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> ct.NonlinearIOSystem:
+    """What the sensors say of the motion: inputs w, theta, outputs w_m, theta_m.
+
+    Parameters
+    ----------
+    of : Parameters or Model
+        The model's sensor effects, one behind the other; without any the signals pass through.
+    name, inputs, outputs : str, list of str
+        Block name and, in order, other names for the signals.
+
+    Raises
+    ------
+    InputError
+        When a parameter of a sensor effect has no value yet.
+    """
+    from ..model import Model
+
+    model = of if isinstance(of, Model) else Model.of(of)
+    uses = [Part(f"{use.key}.", use.block) for use in model.effects]
+    parts = [part for part in uses if "sensor" in part.block.acts]
+    states = tuple(name for part in parts for name in part.states)
+
+    def function(*given: Any, **values: Any) -> tuple[Any, ...]:
+        signals = dict(zip(("t", "w", "theta", *states), given, strict=True))
+        rates: dict[str, tuple[Any, ...]] = {}
+        w, theta = through_sensors(parts, signals, values, rates)
+        return w, theta, *(rate for part in parts for rate in rates[part.prefix])
+
+    made = Block(
+        name="sensor",
+        kind="sensor",
+        function=function,
+        inputs=("w", "theta"),
+        outputs=("w_m", "theta_m"),
+        states=states,
+        parameters={k: p for part in parts for k, p in part.parameters.items()},
+        timed=True,
+    )
+    return _system(made, model, name, inputs, outputs)
+
+
+def _system(
+    made: Block,
+    model: Model,
+    name: str,
+    inputs: Sequence[str] | None,
+    outputs: Sequence[str] | None,
+) -> ct.NonlinearIOSystem:
+    values = {k: v for k, v in model.values().items() if k in made.parameters}
     missing = [k for k, v in values.items() if v is None]
     if missing:
         raise InputError(f"{model.name}: {', '.join(missing)} has no value; identify it first.")
-    made = assemble(model)
     return made.system(name=name, inputs=inputs, outputs=outputs, **values)

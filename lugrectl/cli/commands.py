@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
+from collections.abc import Sequence
 from importlib import metadata, resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,7 +34,13 @@ def version() -> str:
 
 
 def diagnose(a: Namespace) -> int:
-    """``lugrectl diagnose``."""
+    """``lugrectl diagnose``; with --each every log by itself."""
+    if a.each:
+        from .each import each
+
+        return each(a)
+    if a.jobs is not None:
+        raise InputError("--jobs is for many logs: it goes with --each.")
     from ..diagnosis import diagnose as work
 
     return _main_job(work, a)
@@ -82,6 +89,7 @@ def _main_job(work: Any, a: Namespace) -> int:
     from ..report import check_folder, text, write
 
     model = read_model(a.model)
+    a.records = _files(a.records)
     if a.out is not None:
         check_folder(a.out)
         _spare(a)
@@ -99,7 +107,7 @@ def _main_job(work: Any, a: Namespace) -> int:
 
 def _answered(work: Any, a: Namespace, model: Model) -> Any:
     """What ``work`` returns; a record that cannot answer becomes the verdict "refused"."""
-    from ..results import Diagnosis
+    from ..fleet import refusal
     from .progress import Bar
 
     records: list[Record] = []
@@ -110,14 +118,7 @@ def _answered(work: Any, a: Namespace, model: Model) -> Any:
             one = records[0] if len(records) == 1 else records
             return work(one, model, progress=bar, **options)
     except Refused as no:
-        return Diagnosis(
-            "refused",
-            reason=str(no),
-            experiment=no.experiment,
-            declared=model,
-            record=records[0] if records else None,
-            messages=tuple(m for record in records for m in record.messages),
-        )
+        return refusal(no, model, records)
 
 
 def _read_all(a: Namespace, model: Model, records: list[Record]) -> Any:
@@ -139,6 +140,19 @@ def _read_all(a: Namespace, model: Model, records: list[Record]) -> Any:
     return holdout
 
 
+def _files(names: Sequence[str]) -> list[str]:
+    """The files named, patterns expanded that the shell left (on Windows it leaves all)."""
+    from ..workers import files_of
+
+    folder = next((name for name in names if Path(name).is_dir()), None)
+    if folder is not None:
+        raise InputError(
+            f"{folder} is a folder: name the records of one drive, or let diagnose take every "
+            "record in it by itself with --each."
+        )
+    return [str(path) for name in names for path in files_of(name, folders=False)]
+
+
 def _not_held_out(name: str) -> str:
     return (
         f"--holdout {name} holds the same samples as a training record; give a file of its own, "
@@ -157,10 +171,15 @@ def _same(one: Record, other: Record) -> bool:
 def _read(name: str, a: Namespace, model: Model) -> Record:
     from ..record import read_record
 
+    return read_record(name, **reading(a), motion=model.motion)
+
+
+def reading(a: Namespace) -> dict[str, Any]:
+    """The options on how a record is to be read."""
     pairs = {
         k: ",".join(v) if (v := getattr(a, k)) else None for k in ("columns", "units", "scale")
     }
-    return read_record(name, **pairs, rate=a.rate, motion=model.motion)
+    return {**pairs, "rate": a.rate}
 
 
 def _spare(a: Namespace) -> None:

@@ -132,9 +132,10 @@ def effects(a: Namespace) -> int:
 
 
 def _effect_text(b: Any) -> str:
-    parameters = ", ".join(f"{k} [{p.unit}]" for k, p in b.parameters.items())
+    parameters = ", ".join(f"{k} [{p.unit}]" for k, p in b.own.items() if p.fitted)
     lines = [b.equation.rstrip("."), f"parameters: {parameters}"]
     lines += [f"confused with: {', '.join(b.confused)}"] if b.confused else []
+    lines += [f"to tell: {b.experiment}"] if b.experiment else []
     filled = [textwrap.fill(x, 80, initial_indent="  ", subsequent_indent="    ") for x in lines]
     return "\n".join([b.name, *filled])
 
@@ -145,8 +146,11 @@ def _effect_facts(b: Any) -> dict[str, Any]:
         "equation": b.equation.rstrip("."),
         "parameters": {
             k: {"unit": p.unit, "low": p.low, "high": p.high, "neutral": p.neutral}
-            for k, p in b.parameters.items()
+            for k, p in b.own.items()
+            if p.fitted
         },
+        "acts_on": list(b.acts),
+        "about": " ".join(b.doc.partition("\n")[2].split()),
         "confused_with": list(b.confused),
         "experiment": b.experiment or None,
     }

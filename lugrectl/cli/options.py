@@ -17,15 +17,21 @@ def parser() -> argparse.ArgumentParser:
         description="Find out what the model of a servo drive lacks, from a log of its torque "
         "and motion.",
         epilog="Exit codes: 0 answered, 1 a checked property does not hold, 2 wrong usage or "
-        "unreadable file, 3 the record cannot answer.",
+        "unreadable file, 3 the record cannot answer. lugrectl COMMAND --help shows a command's "
+        "options. To begin: lugrectl demo, then lugrectl model > my.toml and lugrectl diagnose "
+        "run.csv --model my.toml --out report.",
         allow_abbrev=False,
     )
     top.add_argument("--version", action=_Version, help="show the version and exit")
     made = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
     demo = _command(made, "demo", commands.demo, "the main job on a record that ships with it")
     _results(demo, out="lugrectl-demo")
-    demo.add_argument("--seed", type=_seed, default=0, metavar="N", help="of random choices")
-    _records(_command(made, "diagnose", commands.diagnose, "name what the model lacks"))
+    demo.add_argument(
+        "--seed", type=_seed, default=0, metavar="N", help="of random choices (default: 0)"
+    )
+    diagnose = _command(made, "diagnose", commands.diagnose, "name what the model lacks")
+    _records(diagnose)
+    _fleet(diagnose)
     _records(_command(made, "identify", commands.identify, "fit the declared model only"))
     paper = _command(made, "reproduce", commands.reproduce, "the source paper, recomputed")
     paper.add_argument("--out", metavar="DIR", help="write reproduce.html and reproduce.json there")
@@ -56,7 +62,12 @@ def _results(command: argparse.ArgumentParser, out: str | None = None) -> None:
 
 def _records(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
-    add("records", nargs="+", metavar="RECORD", help="CSV, MAT, NPZ, Parquet file of the drive")
+    add(
+        "records",
+        nargs="+",
+        metavar="RECORD",
+        help="CSV, MAT, NPZ or Parquet file; several are runs of one drive, taken together",
+    )
     add("--model", required=True, metavar="MODEL.toml", help="the declared model")
     add("--holdout", metavar="RECORD|last", help="judge on this file, or on the last half")
     add(
@@ -77,9 +88,33 @@ def _records(command: argparse.ArgumentParser) -> None:
     add("--seed", type=_seed, default=0, metavar="N", help="of random choices (default: 0)")
 
 
+def _fleet(command: argparse.ArgumentParser) -> None:
+    many = command.add_argument_group(
+        "many drives",
+        "One log per drive and one table of all. A RECORD may then be a folder, for every record "
+        "in it. --out writes DIR/LOG/report.html and the like for each log when it is done, and "
+        "DIR/index.html and DIR/summary.csv at the end, or at Ctrl-C of what is done. Exit code: "
+        "0 when every log was answered, else the highest of their codes, after all are through.",
+    )
+    many.add_argument("--each", action="store_true", help="diagnose every log by itself")
+    many.add_argument(
+        "--jobs",
+        type=_count,
+        metavar="N",
+        help="logs at the same time, each in a process of its own (default: as many as there "
+        "are processors or logs); 1 uses no other process",
+    )
+
+
 def _checks(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
-    add("property", choices=("l2", "spr", "bandwidth"))
+    add(
+        "property",
+        choices=("l2", "spr", "bandwidth"),
+        help="l2: finite gain of (J s + K2)/(sigma1 s + sigma0), from speed to bristle error of "
+        "the proposed observer; spr: is (sigma1 s + sigma0)/(J s^2 + C(s)), or J s + C(s), "
+        "strictly positive real; bandwidth: of the closed loop, friction compensated",
+    )
     add("--model", metavar="MODEL.toml", help="default: Table 1 of the source paper")
     loop = command.add_mutually_exclusive_group()
     loop.add_argument(
@@ -96,8 +131,14 @@ def _checks(command: argparse.ArgumentParser) -> None:
         const="velocity",
         help="about the velocity loop (default for bandwidth)",
     )
-    for gain in ("kp", "ki", "kd", "tau", "K2"):
-        add(f"--{gain}", type=_finite, metavar="X")
+    for gain, what in (
+        ("kp", "proportional gain; of kp, ki, kd those left out are 0, the paper's if all are"),
+        ("ki", "integral gain"),
+        ("kd", "derivative gain"),
+        ("tau", "filtered integral, ki/(X s + 1), X in s (default: pure, ki/s)"),
+        ("K2", "observer gain, for l2 (default: 22)"),
+    ):
+        add(f"--{gain}", type=_finite, metavar="X", help=what)
     add("--leak", type=_finite, metavar="X", help="leaky integral, ki/(s + X), X in 1/s")
     add("--derivative-filter", type=_finite, metavar="X", help="kd s/(X s + 1), X in s")
     add("--prefilter", action="store_true", default=None, help="2/(s + 2) in front of the loop")
@@ -134,6 +175,12 @@ def _positive(text: str) -> float:
     if (value := _finite(text)) <= 0:
         raise argparse.ArgumentTypeError(f"{text} is not above 0")
     return value
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number from 1 on")
+    return int(text)
 
 
 def _seed(text: str) -> int:

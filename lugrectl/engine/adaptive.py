@@ -12,6 +12,8 @@ from .emit import Emitter, indent
 from .load import has_numba, load
 from .program import Program
 
+_BLOCK = 4096  # samples whose intermediate results fit into the processor's cache
+
 
 class Diverged(Refused):
     """The solution of a system does not go on: it grows without bound or is no number."""
@@ -56,8 +58,8 @@ class Adaptive:
     ) -> Run:
         """States at the times t (N,) for inputs u (m, N), held or linear between them.
 
-        The error of each step is at most ``rtol`` times the largest value that each state has
-        had so far.
+        The error of each step is at most ``rtol``: the states' errors, each divided by the
+        largest value that the state has had so far, as the root of the sum of their squares.
 
         Raises
         ------
@@ -88,7 +90,9 @@ class Adaptive:
         """Outputs (ny, N) at the times t, all at once."""
         y = np.empty((len(self.program.outputs), len(t)))
         with np.errstate(all="ignore"):
-            self._outputs(t, x, u, p, y)
+            for first in range(0, len(t), _BLOCK):
+                part = slice(first, first + _BLOCK)
+                self._outputs(t[part], x[:, part], u[:, part], p, y[:, part])
         return y
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import heapq
+from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from .graph import Node, reachable
+from .graph import Node, reachable, substitute
 from .ops import OPS
 
 SCALAR_HEADER = """from math import (
@@ -16,6 +18,9 @@ ARRAY_HEADER = "import numpy as np\nfrom numpy import inf, nan\n"
 
 _INFIX = {"add", "subtract", "multiply", "divide", "negative"}
 _LONGEST = 70
+# the result is 0 there, but the library's way to say so is slow
+_EXP = "(0.0 if {0} < -745.2 else exp({0}))"
+_NAMED_TWICE = {"sign", "maximum", "minimum", "exp"}
 
 
 class Emitter:
@@ -68,7 +73,7 @@ class Emitter:
         uses: dict[int, list[int]] = {}
         for node in nodes:
             for argument in node.args:
-                often = 2 if node.op in ("sign", "maximum", "minimum") else 1
+                often = 2 if node.op in _NAMED_TWICE else 1
                 uses.setdefault(argument.index, []).extend([node.index] * often)
         for root in roots:
             uses.setdefault(root.index, []).extend([-1, -1])
@@ -81,7 +86,94 @@ class Emitter:
             return repr(node.value) if node.value >= 0 else f"({node.value!r})"
         op = OPS[node.op]
         template = op.scalar if self.kind == "scalar" else op.array
+        if node.op == "exp" and self.kind == "scalar":
+            template = _EXP
         return template.format(*(text[a.index] for a in node.args))
+
+
+def reciprocals(roots: Sequence[Node]) -> list[Node]:
+    """The roots with a (1/b) for a/b: equal but for rounding.
+
+    For compiled code: 1/b is shared, leaves the loop where b does not change, and can be worked
+    out before a is known.
+    """
+
+    def rule(node: Node, args: tuple[Node, ...]) -> Node | None:
+        plain = node.op != "divide" or args[0].is_constant(1.0)
+        return None if plain else args[0] * (1.0 / args[1])
+
+    return substitute(roots, rule)
+
+
+_SUMS = ("add", "subtract")
+_COST = {"divide": 4, "sqrt": 5, "exp": 12, "log": 12, "sin": 12, "cos": 12, "tanh": 20}
+
+
+def early_first(roots: Sequence[Node], late: Iterable[str]) -> list[Node]:
+    """The roots with the terms of each sum added in the order in which they are known.
+
+    Equal but for rounding. ``late`` names the symbols that are known last. Compiled code waits
+    for the longest chain of operations, and most other work is done meanwhile.
+    """
+    nodes = reachable(roots)
+    uses = Counter([a.index for n in nodes for a in n.args] + 2 * [root.index for root in roots])
+    known = _Known(late)
+    new: dict[int, Node] = {}
+    for node in nodes:
+        terms = _terms(node, uses) if node.op in _SUMS else []
+        # (x + 1e16) - 1e16 is meant as it is written
+        plain = any(n.is_constant() and abs(n.value) > 1e6 for _, n in terms)
+        if len(terms) > 2 and not plain:
+            new[node.index] = _added([(sign, new[n.index]) for sign, n in terms], known)
+        else:
+            args = [new[a.index] for a in node.args]
+            new[node.index] = node.graph.make(node.op, *args) if args else node
+    return [new[root.index] for root in roots]
+
+
+class _Known:
+    """After how many products a value is known: 0 for what does not depend on ``late``."""
+
+    def __init__(self, late: Iterable[str]) -> None:
+        self.late, self.when = frozenset(late), dict[int, int]()
+
+    def __call__(self, node: Node) -> int:
+        if node.index not in self.when:
+            first = max(map(self, node.args), default=int(node.value in self.late))
+            self.when[node.index] = first and first + _COST.get(node.op, 1)
+        return self.when[node.index]
+
+
+def _terms(node: Node, uses: Counter[int]) -> list[tuple[int, Node]]:
+    """A sum as signs and terms, through inner sums that nothing else uses."""
+    found, stack = [], [(1, node)]
+    while stack:
+        sign, one = stack.pop()
+        inner = one is node or uses[one.index] == 1
+        if inner and one.op == "negative":
+            stack.append((-sign, one.args[0]))
+        elif inner and one.op in _SUMS:
+            stack.append((sign if one.op == "add" else -sign, one.args[1]))
+            stack.append((sign, one.args[0]))
+        else:
+            found.append((sign, one))
+    return found
+
+
+def _added(terms: Sequence[tuple[int, Node]], known: _Known) -> Node:
+    make = terms[0][1].graph.make
+    heap = [(known(node), i, sign, node) for i, (sign, node) in enumerate(terms)]
+    heapq.heapify(heap)
+    count = len(heap)
+    while len(heap) > 1:
+        (_, _, sign, a), (_, _, other, b) = heapq.heappop(heap), heapq.heappop(heap)
+        if sign < 0 < other:
+            sign, other, a, b = other, sign, b, a
+        total = make("add" if sign == other else "subtract", a, b)
+        heapq.heappush(heap, (known(total), count, sign, total))
+        count += 1
+    _, _, sign, total = heap[0]
+    return total if sign > 0 else make("negative", total)
 
 
 def indent(lines: Iterable[str], depth: int) -> str:

@@ -12,17 +12,17 @@ from .switching import average_jumps
 
 _LOOP = """
 @fast
-def run(x_start, start, length, u, stride, series, p, y, gain, correct, t0, dt, substeps, rtol,
-        y_hat, x_end, first, last):
+def run(x_start, start, length, u, stride, series, p, y, seen, gain, correct, t0, dt, substeps,
+        rtol, y_hat, x_end, first, last):
     for lane in {lanes}:
 {unpack}
-        own, begins = series[lane], start[lane]
+        own, begins, view, zero = series[lane], start[lane], seen[lane], t0[lane]
         whole = dt / substeps
         shortest = whole * 1e-4
 {fixed}
         for j in range(length):
             k = begins + j
-            t = t0 + k * dt
+            t = zero + k * dt
             row = k * stride
 {read}
 {output}
@@ -33,7 +33,7 @@ def run(x_start, start, length, u, stride, series, p, y, gain, correct, t0, dt, 
                 if stride > 1:
                     row = k * stride + i
 {read_again}
-                t = t0 + (k + i / substeps) * dt
+                t = zero + (k + i / substeps) * dt
                 left = {whole}
                 h = left
                 while {unfinished}:
@@ -144,7 +144,7 @@ def _correct(outputs: Sequence[str], states: Sequence[str], kind: str) -> list[s
     for o, code in enumerate(outputs):
         drop = "0.0 if c{0} != c{0} else c{0}"
         drop = drop if kind == "scalar" else "np.where(np.isnan(c{0}), 0.0, c{0})"
-        lines += [f"c{o} = y[k, {o}] - {code}", f"c{o} = " + drop.format(o)]
+        lines += [f"c{o} = y[view, k, {o}] - {code}", f"c{o} = " + drop.format(o)]
     for i, name in enumerate(states):
         gains = " + ".join(f"gain[lane, {i}, {o}] * c{o}" for o in range(len(outputs)))
         lines += [f"{name} = {name} + {gains}"] if gains else []

@@ -65,14 +65,16 @@ class Lanes:
         *,
         dt: float,
         substeps: int = 2,
-        t0: float = 0.0,
+        t0: float | np.ndarray = 0.0,
         series: np.ndarray | None = None,
         y: np.ndarray | None = None,
+        seen: np.ndarray | None = None,
         gain: np.ndarray | None = None,
         per_substep: bool = False,
         rtol: float = 1e-4,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Run L lanes over ``length`` samples each; sample k of the record is at t0 + k dt.
+        """Run L lanes over ``length`` samples each; sample k of the record is at t0 + k dt,
+        where each lane may have its own t0, (L,).
 
         At each sample the output is stored, then the state corrected by
         ``gain @ (y - output)`` where ``y`` is given, then integrated over dt in ``substeps``
@@ -94,8 +96,10 @@ class Lanes:
             Parameters.
         series : (L,) int
             The input set that each lane uses (default 0).
-        y : (N, ny)
+        y : (N, ny) or (M, N, ny)
             Measured outputs; nan: no correction by that output at that sample.
+        seen : (L,) int
+            The measured set that each lane uses (default 0).
         gain : (n, ny) or (L, n, ny)
             Correction gain.
         rtol : float
@@ -127,12 +131,14 @@ class Lanes:
         start = _indices(start, count, samples - length, "start")
         series = _indices(0 if series is None else series, count, len(u) - 1, "series")
         y, gain = self._correction(y, gain, count, samples)
+        seen = _indices(0 if seen is None else seen, count, max(len(y) - 1, 0), "seen")
         if len(p) != count:
             raise InputError(f"p has {len(p)} rows for {count} lanes.")
         y_hat = np.empty((count, length, len(self.outputs)))
         x_end = np.empty_like(x0)
-        fixed = (x0, start, int(length), u, stride, series, p, y, gain, gain.size > 0)
-        fixed += (float(t0), float(dt), int(substeps), float(rtol), y_hat, x_end)
+        fixed = (x0, start, int(length), u, stride, series, p, y, seen, gain, gain.size > 0)
+        clock = _plain(np.broadcast_to(np.asarray(t0, dtype=float), (count,)))
+        fixed += (clock, float(dt), int(substeps), float(rtol), y_hat, x_end)
         with np.errstate(all="ignore"):
             self._spread(fixed, count, count * length * substeps)
         return y_hat, x_end
@@ -172,12 +178,13 @@ class Lanes:
     ) -> tuple[np.ndarray, np.ndarray]:
         n, ny = len(self.states), len(self.outputs)
         if y is None or gain is None:
-            return np.empty((0, ny)), np.empty((0, n, ny))
-        y, gain = _plain(y), np.asarray(gain, dtype=float)
-        if y.shape != (samples, ny) or gain.shape not in ((n, ny), (count, n, ny)):
+            return np.empty((0, 0, ny)), np.empty((0, n, ny))
+        y, gain = np.asarray(y, dtype=float), np.asarray(gain, dtype=float)
+        y = _plain(y if y.ndim == 3 else y[None])
+        if y.shape[1:] != (samples, ny) or gain.shape not in ((n, ny), (count, n, ny)):
             raise InputError(
                 f"y must be ({samples}, {ny}) and gain ({n}, {ny}) or ({count}, {n}, {ny}); "
-                f"they are {y.shape} and {gain.shape}."
+                f"they are {y.shape[1:]} and {gain.shape}."
             )
         return y, _plain(np.broadcast_to(gain, (count, n, ny)))
 

@@ -17,9 +17,11 @@ from types import ModuleType
 
 from .emit import ARRAY_HEADER, SCALAR_HEADER
 
-NUMBA_HEADER = (
-    'from numba import njit\n\nfast = njit(cache=True, nogil=True, error_model="numpy")\n'
-)
+# a b + c may be rounded once: what else fastmath allows would change the meaning of code
+NUMBA_HEADER = """from numba import njit
+
+fast = njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+"""
 HEADERS: Mapping[str, str] = {
     "numba": SCALAR_HEADER + NUMBA_HEADER,
     "python": SCALAR_HEADER + "import numpy as np\n\n\ndef fast(function):\n    return function\n",

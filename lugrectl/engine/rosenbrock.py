@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from .derivative import derivatives, jacobian
 from .graph import Graph, Node, rename
@@ -43,32 +44,40 @@ class Equations:
     slopes: Sequence[Node] | None = None
 
 
-def step(system: Equations) -> tuple[list[Node], list[Node]]:
-    """The state after a step of length ``h`` (a symbol) and the estimate of its error."""
+def step(system: Equations, *, divided: bool = False) -> tuple[list[Node], list[Node]]:
+    """The state after a step of length ``h`` (a symbol) and the estimate of its error.
+
+    ``divided``: all equations are divided by gamma h, which takes fewer operations; h must not
+    be 0 then.
+    """
     graph = system.graph
     h = graph.symbol("h")
     gh = h * GAMMA
-    lu = SparseLU(graph, _iteration_matrix(system, gh))
+    one = graph.constant(1.0)
+    gain, unit = (one, 1.0 / gh) if divided else (gh, one)
+    lu = SparseLU(graph, _iteration_matrix(system, gain, unit))
     drift = _time_derivative(system)
     rates, stages = list(system.xdot), []
     for number, ((weights, instant), coupling) in enumerate(zip(STAGES, COUPLING, strict=True)):
         if 0 < number < 3:  # the last stage shares its right-hand side with the one before
-            rates = _rates_at(system, _combine(graph, system.x, weights, stages), h * instant)
-        time_gain = gh * (h * TIME_WEIGHTS[number])
+            rates = _rates_at(system, _combine(system.x, weights, stages), h * instant)
+        time_gain = gain * (h * TIME_WEIGHTS[number])
+        couple = [unit * (GAMMA * c) for c in coupling]
+        # what is known early is added up first: compiled code waits for one chain of operations
         right = [
-            gh * rate + _weighted(graph, [GAMMA * c for c in coupling], stages, i) + time_gain * d
+            gain * rate + (graph.total(_terms(couple, stages, i)) + time_gain * d)
             for i, (rate, d) in enumerate(zip(rates, drift, strict=True))
         ]
         stages.append(lu.solve(right))
     zero = [graph.constant(0.0)] * len(system.x)
-    return _combine(graph, system.x, SOLUTION, stages), _combine(graph, zero, ERROR, stages)
+    return _combine(system.x, SOLUTION, stages), _combine(zero, ERROR, stages)
 
 
-def _iteration_matrix(system: Equations, gh: Node) -> list[list[Node]]:
-    """I - gamma h J."""
+def _iteration_matrix(system: Equations, gain: Node, unit: Node) -> list[list[Node]]:
+    """I - gamma h J, or that divided by gamma h."""
     rows = jacobian(system.xdot, system.x)
     return [
-        [(1.0 if i == j else 0.0) - gh * entry for j, entry in enumerate(row)]
+        [(unit if i == j else 0.0) - gain * entry for j, entry in enumerate(row)]
         for i, row in enumerate(rows)
     ]
 
@@ -93,16 +102,14 @@ def _rates_at(system: Equations, state: Sequence[Node], later: Node) -> list[Nod
     return rename(system.xdot, to)
 
 
-def _weighted(
-    graph: Graph, weights: Sequence[float], stages: Sequence[Sequence[Node]], i: int
-) -> Node:
-    return graph.total(w * stage[i] for w, stage in zip(weights, stages, strict=False))
+def _terms(weights: Sequence[Any], stages: Sequence[Sequence[Node]], i: int) -> list[Node]:
+    return [w * stage[i] for w, stage in zip(weights, stages, strict=False)]
 
 
 def _combine(
-    graph: Graph, base: Sequence[Node], weights: Sequence[float], stages: Sequence[Sequence[Node]]
+    base: Sequence[Node], weights: Sequence[float], stages: Sequence[Sequence[Node]]
 ) -> list[Node]:
-    return [b + _weighted(graph, weights, stages, i) for i, b in enumerate(base)]
+    return [b.graph.total([b, *_terms(weights, stages, i)]) for i, b in enumerate(base)]
 
 
 class SparseLU:

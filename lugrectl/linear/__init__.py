@@ -1,11 +1,11 @@
 """Linear checks: L2 gain, strict positive realness, bandwidth, and the loops they are about."""
 
 from .band import BandwidthVerdict, UnstableLoopWarning, bandwidth, bandwidth_check
+from .designs import DesignChecks, check_designs
 from .l2 import L2Verdict, l2_check
 from .loops import position_loop_tf, position_T, velocity_loop_tf, velocity_T
 from .repair import Repair
 from .spr import SprVerdict, spr_check, spr_repair
-from .sweep import DesignChecks, check_designs
 
 __all__ = [
     "BandwidthVerdict",

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..results import Traces
-from ..spec import REGISTRY, Block, unit_for
+from ..spec import members, Block, unit_for
 
 STRETCH = 2.0  # seconds shown of measured and simulated motion
 UNITS = {"theta": "rad", "w": "rad/s", "u": "N m", "t": "s"}
@@ -110,7 +110,7 @@ def _effect(d: Any) -> tuple[Block | None, dict[str, float]]:
     if not d.effects or d.verdict == "unexplained":
         return None, {}
     first = d.effects[0]
-    return REGISTRY.get(first.name), {k: e.value for k, e in first.parameters.items()}
+    return members("effect").get(first.name), {k: e.value for k, e in first.parameters.items()}
 
 
 def _level_sign(d: Any) -> np.ndarray | None:

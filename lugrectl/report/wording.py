@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ..spec import REGISTRY
+from ..spec import members
 
 _SMALL = {"rad": "rad", "m": "m", "rad/s": "rad/s", "m/s": "m/s", "N m": "N m", "N": "N"}
 NONE = "-"
@@ -44,7 +44,7 @@ def number(value: Any, digits: int = 4) -> str:
 
 def equation(name: str) -> str:
     """The equation of a registered block, without its full stop; empty when unknown."""
-    known = REGISTRY.get(name)
+    known = members("effect").get(name)
     return known.equation.rstrip(".") if known else ""
 
 

@@ -16,8 +16,8 @@ from .noise import Noise, sensor_noise, smooth
 class Log:
     """The motion as an effect sees it: values in the middle of each sample interval.
 
-    ``t`` s, ``theta`` rad, ``w`` rad/s, ``a`` rad/s2, ``u`` N m held over the interval; ``dt``
-    and ``motion`` for the grids of effect parameters.
+    ``t`` s, ``theta`` rad, ``w`` rad/s, ``a`` rad/s2, ``u`` N m and ``load`` N m (as recorded,
+    else 0) held over the interval; ``dt``, ``motion`` and ``runs`` for whoever looks at it.
     """
 
     t: np.ndarray
@@ -25,21 +25,24 @@ class Log:
     w: np.ndarray
     a: np.ndarray
     u: np.ndarray
+    load: np.ndarray
     dt: float
     motion: str
+    runs: tuple[tuple[int, int], ...]
 
 
 @dataclass(frozen=True)
 class Data:
     """One or several runs laid end to end.
 
-    ``y`` is (N, 2), measured theta and w with nan where not recorded; ``runs`` the index ranges
-    without a gap; ``noise`` the sensors' own (its jump is the typical dw/dt); ``log`` the
-    smoothed motion.
+    ``d`` is the recorded load torque, 0 where none was; ``y`` is (N, 2), measured theta and w
+    with nan where not recorded; ``runs`` the index ranges without a gap; ``noise`` the sensors'
+    own (its jump is the typical dw/dt); ``log`` the smoothed motion.
     """
 
     t: np.ndarray
     u: np.ndarray
+    d: np.ndarray
     y: np.ndarray
     dt: float
     motion: str
@@ -84,9 +87,26 @@ def prepare(records: Sequence[Record]) -> Data:
         base += r.samples
     t = np.concatenate([r.t for r in records])
     u = np.concatenate([r.u for r in records])
+    d = np.concatenate([np.zeros(r.samples) if r.d is None else r.d for r in records])
     noise = _noise(y, first.dt, runs)
-    log = _log(t, u, y, first.dt, first.motion, runs, noise)
-    return Data(t, u, y, first.dt, first.motion, tuple(runs), noise, log)
+    log = _log(t, u, d, y, first.dt, first.motion, tuple(runs), noise)
+    return Data(t, u, d, y, first.dt, first.motion, tuple(runs), noise, log)
+
+
+def thinned(data: Data, every: int) -> Data:
+    """Every so many samples; the torque is their mean, which is what moves the drive.
+
+    What the sensors say is taken as it is, so their noise stays what it was.
+    """
+    at = [np.arange(a, b - every + 1, every) for a, b in data.runs]
+    ends = np.cumsum([0, *map(len, at)]).tolist()
+    index = np.concatenate(at)
+    cells = index[:, None] + np.arange(every)
+    u, d, dt = data.u[cells].mean(1), data.d[cells].mean(1), data.dt * every
+    runs = tuple(zip(ends, ends[1:], strict=False))
+    mean = {k: getattr(data.log, k)[cells].mean(1) for k in ("t", "theta", "w", "a")}
+    log = replace(data.log, **mean, u=u, load=d, dt=dt, runs=runs)
+    return replace(data, t=data.t[index], u=u, d=d, y=data.y[index], dt=dt, runs=runs, log=log)
 
 
 def averaged(u: np.ndarray, weight: float, runs: Sequence[tuple[int, int]]) -> np.ndarray:
@@ -121,7 +141,7 @@ def _noise(y: np.ndarray, dt: float, runs: Sequence[tuple[int, int]]) -> Noise:
     return Noise(max(_jump(y[a:b], dt, theta, w) for a, b in runs), theta, w)
 
 
-def _log(t, u, y, dt, motion, runs, noise) -> Log:
+def _log(t, u, d, y, dt, motion, runs, noise) -> Log:
     state = np.empty_like(y)
     for a, b in runs:
         state[a:b] = smooth(y[a:b], dt, noise)
@@ -130,7 +150,7 @@ def _log(t, u, y, dt, motion, runs, noise) -> Log:
     ahead = np.append(w[1:], w[-1])
     last = [b - 1 for _, b in runs]
     ahead[last] = w[last]
-    return Log(t + 0.5 * dt, middle, 0.5 * (w + ahead), (ahead - w) / dt, u, dt, motion)
+    return Log(t + 0.5 * dt, middle, 0.5 * (w + ahead), (ahead - w) / dt, u, d, dt, motion, runs)
 
 
 def _jump(y: np.ndarray, dt: float, theta_noise: float, w_noise: float) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .noise import Noise, observer_gain
+from .noise import Noise
 from .predictor import Predictor, Values, Windows
 
 
@@ -45,7 +45,7 @@ def missing_torque(
     """Torque missing on the resisting side, (windows, length): the observer supplies it."""
     y, _ = predictor.run([values], where, noise)
     e = np.nan_to_num(predictor.data.y[where.counted] - y[0])
-    K, _ = observer_gain(predictor.data.dt, noise)
+    K, _ = predictor.filter(noise, values)
     return -values["J"] / predictor.data.dt * (e @ K[1])
 
 

@@ -10,11 +10,11 @@ import numpy as np
 
 from ..model import Model
 from ..results import Candidate
-from ..spec import members
+from ..spec import P, members
 from .evaluate import missing_torque
 from .fit import Fitted, fit, free_keys, tune
 from .job import Progress
-from .predictor import Predictor, held
+from .predictor import Predictor
 from .search import Contest, Trial, contest
 from .structure import colour, dependences, in_bursts
 
@@ -25,7 +25,9 @@ LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a sign
 WHOLE = 0.9  # share above which the effects found explain the residual, whatever is left
 COLOUR = {"theta": 0.2, "w": 0.05}  # of the innovations; quantised positions are never white
 MOST_EFFECTS = 3
-TRIED = 4  # candidates fitted in full at each step
+TRIED = 6  # candidates fitted in full at each step
+TURNING = ("gravity", "encoder_eccentricity")  # once per turn: nothing on a linear axis
+NEAR = 0.5  # of the leader's gain, within which a candidate is fitted inside the plant
 
 
 @dataclass(frozen=True)
@@ -63,7 +65,8 @@ def explain(base: Fitted, report: Progress) -> Explanation:
         tried = contest(current, names, 0.5 * GATE, TRIED, partial(report, at))
         if turn == 0:
             ranking = _ranking(current, tried)
-        proven = [(t, f) for t, f in tried.fits if _proven(current, f, t.key)]
+        settled = _settled(current, tried.fits)
+        proven = [(t, f) for t, f in settled if _proven(current, f, t.key)]
         if not proven:
             break
         even = _even(proven)
@@ -76,14 +79,43 @@ def explain(base: Fitted, report: Progress) -> Explanation:
     return Explanation(tuple(steps), current, tuple(ranking), unexplained, hangs_on)
 
 
+def _settled(before: Fitted, fits: Sequence[tuple[Trial, Fitted]]) -> list[tuple[Trial, Fitted]]:
+    """The leaders fitted inside the plant where their series along the log is an approximation.
+
+    An effect with states, or on the sensors, sees the measured motion in its series.
+    """
+    top = max((f.total - before.total for _, f in fits), default=0.0)
+    made = []
+    for trial, fitted in fits:
+        block = members("effect")[trial.name]
+        rough = (block.states and block.exact is None) or "sensor" in block.acts
+        near = fitted.total - before.total > NEAR * top
+        made.append((trial, _inside(fitted) if rough and near else fitted))
+    return made
+
+
 def _names(model: Model) -> list[str]:
-    """Effects worth trying: a second of a kind only where it can differ (another harmonic)."""
+    """Effects worth trying on what the model has.
+
+    A second of a kind only where it can differ; nothing that the friction law has already, or
+    that acts on what it lacks.
+    """
     used = {part.block.name for part in model.effects}
-    return [
-        name
-        for name, made in members("effect").items()
-        if name not in used or any(p.grid and p.unit != "s" for p in made.parameters.values())
-    ]
+    has = {"J", *model.friction.values}
+    names = []
+    for name, made in members("effect").items():
+        levels = {a.removeprefix("+") for a in made.acts} - {"torque", "input", "sensor"}
+        again = name in used and not any(_repeats(p) for p in made.own.values())
+        idle = len(levels) == len(made.acts) and not levels & has
+        turning = name in TURNING and model.motion == "linear"
+        if not (again or idle or turning or has & set(made.own)):
+            names.append(name)
+    return names
+
+
+def _repeats(p: P) -> bool:
+    """Whether two effects of a kind differ in it: another harmonic, the other side."""
+    return bool(p.choices) or bool(p.grid and p.unit != "s")
 
 
 def _proven(before: Fitted, after: Fitted, key: str) -> bool:
@@ -95,17 +127,17 @@ def _proven(before: Fitted, after: Fitted, key: str) -> bool:
 
 
 def _mirrored(fitted: Fitted, key: str) -> float:
-    """Log-likelihood of an effect on the input turned round in time; -inf for any other.
+    """Log-likelihood of a late input turned round in time; -inf for any other effect.
 
     Noise on the recorded torque is averaged by a delay or a lag, and as much by an advance:
     only what the advance does not gain is physics.
     """
     predictor, data = fitted.predictor, fitted.predictor.data
     part = next(p for p in predictor.model.effects if p.key == key)
-    if part.block.acts != ("input",):
+    if part.block.exact is None:
         return -np.inf
     own = {k: fitted.values[f"{key}.{k}"] for k in part.values}
-    ahead = held(part, data.u[::-1], data.dt, own)[::-1]
+    ahead = part.block.exact(data.u[::-1], data.dt, **own)[::-1]
     neutral = part.block.parameters[part.block.gain].neutral or 0.0
     values = fitted.values | {f"{key}.{part.block.gain}": neutral}
     other = predictor.on(data.with_torque(ahead))

@@ -11,7 +11,7 @@ from scipy import stats
 
 from ..spec import P
 from .data import Log
-from .noise import Noise, observer_gain
+from .noise import Noise
 from .predictor import Predictor, Values, Windows
 
 PRIOR = 1.5  # natural log units: a friction parameter is believed within a factor of 4.5
@@ -64,6 +64,8 @@ def coordinates(predictor: Predictor, keys: Sequence[str], anchor: Values) -> li
             low, high = max(p.low, anchor[key] / far), min(p.high, anchor[key] * far)
             kind, step = ("excess", 1e-3) if key == "Fs" else ("log", 5e-4)
             made.append(Coordinate(key, kind, low, high, step))
+        elif p.low >= 0.0 and p.neutral != 0.0 and anchor[key] > 0.0:
+            made.append(Coordinate(key, "log", max(p.low, 1e-12), p.high, 1e-3))
         else:
             size = typical(p, predictor.data.log)
             kind = "angle" if p.angle else "linear"
@@ -90,12 +92,13 @@ def free_keys(predictor: Predictor) -> list[str]:
     """All parameters that a record can identify; a count per turn is found by search alone."""
     rotary = predictor.model.motion == "rotary"
     declared = predictor.model.declarations()
-    return [k for k, p in declared.items() if p.fitted and not (p.whole and rotary)]
+    fixed = {k for k, p in declared.items() if p.choices or (p.whole and rotary)}
+    return [k for k, p in declared.items() if p.fitted and k not in fixed]
 
 
 def is_instant(p: P) -> bool:
     """A moment in time: the likelihood has steps in it, so it is placed, not descended."""
-    return p.unit == "s" and p.grid is not None
+    return p.unit == "s" and p.grid is not None and p.low < 0.0
 
 
 @dataclass(frozen=True)
@@ -191,7 +194,7 @@ def fit(
     values, placed = place_all(values, noise)
     linear = climb.linearised(values, noise)
     white = whitened(predictor, [values], where, noise)[0]
-    loglik = _loglik(predictor, white, noise)
+    loglik = _loglik(predictor, white, noise, values)
     return Fitted(
         predictor, values, tuple(coords), where, noise, loglik, white,
         linear.information, linear.scores, anchor, placed,
@@ -301,7 +304,9 @@ class _Climb:
         """The best of some noises for these values, and the sum of log-likelihood and prior."""
         noises = [replace(noise, jump=noise.jump * f) for f in factors]
         white = whitened(self.predictor, [values] * len(noises), self.where, noises)
-        totals = [_loglik(self.predictor, w, q).sum() for w, q in zip(white, noises, strict=True)]
+        totals = [
+            _loglik(self.predictor, w, q, values).sum() for w, q in zip(white, noises, strict=True)
+        ]
         best = int(np.argmax(np.nan_to_num(totals, nan=-np.inf)))
         return noises[best], float(totals[best]) - self.prior.cost(self.at(values))
 
@@ -361,15 +366,15 @@ def whitened(
     y, _ = predictor.run(sets, where, noise)
     e = np.nan_to_num(predictor.data.y[where.counted] - y, nan=0.0, posinf=1e150, neginf=-1e150)
     noises = [noise] * len(sets) if isinstance(noise, Noise) else noise
-    for i, q in enumerate(noises):
-        _, S = observer_gain(predictor.data.dt, q)
+    for i, (q, values) in enumerate(zip(noises, sets, strict=True)):
+        _, S = predictor.filter(q, values)
         e[i] = e[i] @ np.linalg.inv(np.linalg.cholesky(S)).T
     return e
 
 
-def _loglik(predictor: Predictor, white: np.ndarray, noise: Noise) -> np.ndarray:
+def _loglik(predictor: Predictor, white: np.ndarray, noise: Noise, values: Values) -> np.ndarray:
     """Gaussian log-likelihood of each window."""
-    _, S = observer_gain(predictor.data.dt, noise)
+    _, S = predictor.filter(noise, values)
     return -0.5 * np.sum(white**2, axis=(1, 2)) - 0.5 * white.shape[1] * np.linalg.slogdet(S)[1]
 
 
@@ -384,7 +389,7 @@ def tune(
         factors = np.exp(width * np.linspace(-1.0, 1.0, 5))
         noises = [replace(noise, jump=noise.jump * f) for f in factors]
         white = whitened(predictor, [values] * len(noises), where, noises)
-        logliks = [_loglik(predictor, w, q) for w, q in zip(white, noises, strict=True)]
+        logliks = [_loglik(predictor, w, q, values) for w, q in zip(white, noises, strict=True)]
         best = int(np.argmax([ll.sum() for ll in logliks]))
         edge = best in (0, 4) and 1e-9 < noise.jump < 1e9
         noise, loglik = noises[best], logliks[best]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from scipy.linalg import expm
 from scipy.signal import filtfilt
 
 _THIRD_DIFFERENCE = np.sqrt(20.0)  # white noise of unit variance, differenced three times
@@ -50,14 +51,31 @@ class Noise:
         return np.flatnonzero(self.channels())
 
 
+Rows = tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class Sensing:
+    """Sensors with states s, linearised: ds/dt = A s + B (theta, w), and they say
+    (theta, w) D' + s C'; nested tuples, so that it can be a key."""
+
+    A: Rows
+    B: Rows
+    C: Rows
+    D: Rows
+
+
 @lru_cache(maxsize=256)
-def observer_gain(dt: float, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
+def observer_gain(
+    dt: float, noise: Noise, sensing: Sensing | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Steady-state Kalman gain of dw/dt = noise, dtheta/dt = w.
 
     Returns
     -------
-    gain : (2, 2) array
-        From the innovations of theta, w to theta, w; the column of an unrecorded one is 0.
+    gain : (2 + s, 2) array
+        From the innovations of theta, w to theta, w and the sensors' states; the column of an
+        unrecorded one is 0.
     covariance : (2, 2) array
         Of the innovations; 1 on the diagonal where nothing was recorded.
 
@@ -66,12 +84,39 @@ def observer_gain(dt: float, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
     Answers are remembered: do not write into the arrays.
     """
     seen = noise.recorded()
-    P, R = _prediction_covariance(dt, noise)
-    gain, covariance = np.zeros((2, 2)), np.eye(2)
-    S = P[seen][:, seen] + R
-    gain[:, seen] = P[:, seen] @ np.linalg.inv(S)
+    if sensing is None:
+        (P, R), H = _prediction_covariance(dt, noise), np.eye(2)[seen]
+    else:
+        P, H, R = _behind_sensors(dt, noise, sensing)
+    gain, covariance = np.zeros((len(P), 2)), np.eye(2)
+    S = H @ P @ H.T + R
+    gain[:, seen] = P @ H.T @ np.linalg.inv(S)
     covariance[seen[:, None], seen] = S
     return gain, covariance
+
+
+def _behind_sensors(
+    dt: float, noise: Noise, sensing: Sensing
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Covariance of predicted theta, w and sensor states; what is seen of them; its noise."""
+    A, B, C, D = (np.array(rows, dtype=float) for rows in vars(sensing).values())
+    n, seen = 2 + len(A), noise.recorded()
+    flow = np.zeros((n + 1, n + 1))  # the last one is the jump of dw/dt
+    flow[0, 1] = flow[1, n] = 1.0
+    flow[2:n, :2], flow[2:n, 2:n] = B, A
+    step = expm(flow * dt)
+    H = np.hstack([D, C])[seen]
+    R = np.diag(np.array([noise.theta, noise.w])[seen] ** 2)
+    kept = np.arange(0 if noise.channels()[0] else 1, n)  # else nothing tells theta
+    scale = noise.theta * np.ones(n) / dt if noise.channels()[0] else noise.w * np.ones(n)
+    scale[0] *= dt
+    a = (step[:n, :n] * scale / scale[:, None])[np.ix_(kept, kept)]
+    push = (noise.jump * step[:n, n] / scale)[kept]
+    sizes = np.sqrt(np.diag(R))
+    h = (H * scale / sizes[:, None])[:, kept]
+    P = np.zeros((n, n))
+    P[np.ix_(kept, kept)] = _riccati(a, h, np.outer(push, push), np.eye(len(seen)))
+    return P * np.outer(scale, scale), H, R
 
 
 def _prediction_covariance(dt: float, noise: Noise) -> tuple[np.ndarray, np.ndarray]:

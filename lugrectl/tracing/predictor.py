@@ -7,24 +7,23 @@ System Identification, ch. 7).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from ..blocks.friction import EPS, coulomb
+from ..blocks.friction import EPS, stribeck
+from ..blocks.parts import Part as Placed
 from ..blocks.plant import assemble
 from ..engine.lanes import Lanes
 from ..model import Model, Part
-from .data import Data, Log
-from .noise import Noise, observer_gain
+from .data import Data
+from .noise import Noise, Sensing, observer_gain
+from .series import Fed, Memory, Values, depends_on_plant, feed, run_alone
 
 LEVELS = ("J", "Fc", "Fs", "Fv")
-STEP = 1e-3  # s, longest integration step; the engine divides it where it must
-
-Values = Mapping[str, float]
+STEP = 2e-3  # s, longest integration step; the engine divides it where it must
 
 
 @dataclass(frozen=True)
@@ -49,30 +48,44 @@ def windows(blocks: Sequence[tuple[int, int]], burn: int, length: int) -> Window
     return Windows(np.array(starts, dtype=int), burn, length)
 
 
+def coarser(where: Windows, runs: Sequence[tuple[int, int]], every: int) -> Windows:
+    """The same stretches where only every so many samples are left."""
+    burn, length = -(-where.burn // every), where.length // every
+    starts, base = [], 0
+    for a, b in runs:
+        own = where.start[(where.start >= a) & (where.start < b)]
+        count = (b - a) // every
+        moved = np.minimum(-(-(own - a) // every), count - burn - length)
+        starts.append(base + moved[moved >= 0])
+        base += count
+    return Windows(np.concatenate(starts), burn, length)
+
+
 class Predictor:
     """A model's structure on some data: series, innovations and simulations for any values.
 
-    The first ``inside`` effects are part of the traced plant. The others, and all that act on
-    the input, are evaluated along the log and fed in as series, so that a candidate needs no
-    new engine.
+    The first ``inside`` effects are part of the traced plant. The others, and those that act on
+    the held torque alone, are evaluated along the log and fed in as series, so that a candidate
+    needs no new engine.
     """
 
     def __init__(self, model: Model, data: Data, inside: int | None = None) -> None:
         count = len(model.effects) if inside is None else inside
-        traced = [p for p in model.effects[:count] if p.block.acts != ("input",)]
+        traced = [p for p in model.effects[:count] if p.block.exact is None]
         self.model, self.data = model, data
         self.inside = frozenset(p.key for p in traced)
         self.levels = tuple(n for n in LEVELS if n == "J" or n in model.friction.values)
-        core = replace(model, effects=tuple(traced))
-        block = assemble(core, levels=self.levels)
-        self.lanes = Lanes(block.system(**core.known()), outputs=["theta", "w"])  # pyright: ignore[reportArgumentType]
+        self.core = replace(model, effects=tuple(traced))
+        block = assemble(self.core, levels=("torque", *self.levels), sensed=True)
+        self.lanes = Lanes(block.system(**self.core.known()), outputs=["theta_m", "w_m"])  # pyright: ignore[reportArgumentType]
         self.keys = [name.split(".", 1)[1] for name in self.lanes.parameters]
         self.substeps = max(1, int(np.ceil(data.dt / STEP - 1e-9)))
+        self.dose: dict[str, float] = {}
 
-    def like(self, model: Model) -> Predictor:
-        """The same traced plant with other effects outside of it."""
+    def like(self, model: Model, dose: dict[str, float] | None = None) -> Predictor:
+        """The same traced plant with other effects outside of it, perhaps a part of them only."""
         other = copy(self)
-        other.model = model
+        other.model, other.dose = model, dose or {}
         return other
 
     def on(self, data: Data) -> Predictor:
@@ -86,44 +99,44 @@ class Predictor:
         """The effects that are fed in as series."""
         return tuple(p for p in self.model.effects if p.key not in self.inside)
 
-    def series(self, values: Values) -> np.ndarray:
-        """Inputs of the plant along the log, (N, 2 + levels): torque, load, relative levels."""
-        data = self.data
-        u, d = data.u, np.zeros(len(data.u))
-        x = {name: np.zeros(len(u)) for name in self.levels}
-        for part in self.outside:
-            own = {k: values[f"{part.key}.{k}"] for k in part.values}
-            if part.block.acts == ("input",):
-                u = held(part, u, data.dt, own)
-            elif part.block.acts == ("torque",):
-                d = d + along(part.block, data.log, own)
-            else:
-                change = along(part.block, data.log, own)
-                for name in part.block.acts:
-                    if name in x:
-                        x[name] = (1.0 + x[name]) * (1.0 + change) - 1.0
-        return np.column_stack([u, d, *x.values()])
+    def fed(self, values: Values, memory: Memory | None = None) -> Fed:
+        """What the effects outside the plant feed into it along the log."""
+        outside = {p.key for p in self.outside}
+        return feed(self.model, outside, values, self.data, self.levels, memory, self.dose)
+
+    def everything(self, values: Values) -> Fed:
+        """The same of all effects, whether inside the plant or not."""
+        keys = {p.key for p in self.model.effects}
+        return feed(self.model, keys, values, self.data, self.levels)
 
     def torque(self, values: Values) -> np.ndarray:
         """What drives the plant along the log with all its effects, as one torque (N,).
 
-        An effect on a level counts by the torque that it takes off.
+        An effect on a level counts by the torque that it takes off, one on a sensor by the
+        torque that would feign it.
         """
-        log, every = self.data.log, copy(self)
-        every.inside = frozenset()
-        u, d, *x = every.series(values).T
-        parts = {
-            "J": values["J"] * log.a,
-            "Fv": values.get("Fv", 0.0) * log.w,
-            "Fc": self.friction(values) - values.get("Fv", 0.0) * log.w,
-        }
-        resisting = [parts[n] * xn for n, xn in zip(self.levels, x, strict=True) if n in parts]
-        return u - d - np.sum(resisting, axis=0)
+        log, fed = self.data.log, self.everything(values)
+        plant = {k: v * (1.0 + fed.levels[k]) if k in fed.levels else v for k, v in values.items()}
+        inertia = (plant["J"] - values["J"]) * log.a
+        feigned = 0.0
+        if fed.error is not None:
+            feigned = values["J"] * np.gradient(fed.error[:, 1], log.dt)
+        return fed.u - fed.load - fed.torque - inertia - self.friction(plant) + feigned
 
     def friction(self, values: Values) -> np.ndarray:
         """The friction law's steady torque along the log, without effects (N,)."""
         level, viscous = values.get("Fc", 0.0), values.get("Fv", 0.0)
-        return coulomb(self.data.log.w, Fc=level, Fv=viscous, eps=EPS.value)[0]
+        stiction, vs = values.get("Fs", level), values.get("vs", 1.0)
+        return stribeck(self.data.log.w, Fc=level, Fs=stiction, Fv=viscous, vs=vs, eps=EPS.value)[0]
+
+    def weights(self, values: Values) -> dict[str, np.ndarray]:
+        """Torque along the log (N,) for one unit of what an effect on a level puts out."""
+        rest = self.friction(values)
+        made = {"J": values["J"] * self.data.log.a}
+        for name in self.levels[1:]:
+            made[name] = self.friction(dict(values) | {name: 2.0 * values[name]}) - rest
+            made[f"+{name}"] = made[name] / max(values[name], 1e-12)
+        return made
 
     def run(
         self,
@@ -136,7 +149,8 @@ class Predictor:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Predicted theta, w over the counted samples of each window, for each set of values.
 
-        ``noise`` may differ from set to set; without ``corrected`` the run is free.
+        They are what the sensors say, their effects included. ``noise`` may differ from set to
+        set; without ``corrected`` the run is free.
 
         Returns
         -------
@@ -145,13 +159,15 @@ class Predictor:
             States after the last sample.
         """
         sets, n = len(values), len(where.start)
-        series, index = self._distinct(values)
+        series, errors, index = self._distinct(values)
         p = np.array([[v[k] for k in self.keys] for v in values])
         start = np.tile(where.start, sets)
         if x0 is None:
-            x0 = np.concatenate([self.initial(v, where.start) for v in values])
+            x0 = self.initial(values, where.start).reshape(len(start), -1)
         noises = [noise] * sets if isinstance(noise, Noise) else noise
-        gains = [self.gain(q) for q in noises]
+        gains = [self.filter(q, v)[0] for q, v in zip(noises, values, strict=True)]
+        sensed = any(e is not None for e in errors)
+        seen = [self.data.y if e is None else self.data.y - e for e in errors if sensed]
         y, x = self.lanes.run(
             x0,
             start,
@@ -160,61 +176,126 @@ class Predictor:
             np.repeat(p, n, axis=0),
             dt=self.data.dt,
             substeps=self.substeps,
-            t0=float(self.data.t[0]),
+            t0=self.data.t[start] - start * self.data.dt,
             series=np.repeat(index, n),
-            y=self.data.y if corrected else None,
+            y=(np.array(seen) if sensed else self.data.y) if corrected else None,
+            seen=np.repeat(index, n) if sensed and corrected else None,
             gain=np.repeat(np.array(gains), n, axis=0) if corrected else None,
         )
         y = y[:, where.burn :].reshape(sets, n, where.length, 2)
+        if sensed:
+            y = y + np.array([_at(errors[i], where) for i in index])
         return y, x.reshape(sets, n, -1)
 
-    def _distinct(self, values: Sequence[Values]) -> tuple[np.ndarray, np.ndarray]:
-        """One set of series for each distinct setting of the outside effects."""
-        known: dict[tuple[float, ...], int] = {}
-        made, index = [], []
+    def _distinct(
+        self, values: Sequence[Values]
+    ) -> tuple[np.ndarray, list[np.ndarray | None], np.ndarray]:
+        """Series and sensor errors for each distinct setting of the outside effects."""
+        outside, known = self.outside, {}
+        borrowing = any(depends_on_plant(p) for p in outside)
+        names = [f"{p.key}.{k}" for p in outside for k in p.block.own]
+        names += [k for k in self.model.values() if borrowing and "." not in k]
+        different: list[Values] = []
+        index = []
         for v in values:
-            key = tuple(v[f"{part.key}.{k}"] for part in self.outside for k in part.values)
+            key = tuple(v[name] for name in names)
             if key not in known:
-                known[key] = len(made)
-                made.append(self.series(v))
+                known[key] = len(different)
+                different.append(v)
             index.append(known[key])
-        return np.array(made), np.array(index)
+        memory = self._ran(different)
+        fed = [self.fed(v, memory) for v in different]
+        series = [np.column_stack([f.u, f.load, f.torque, *f.levels.values()]) for f in fed]
+        return np.array(series), [f.error for f in fed], np.array(index)
 
-    def gain(self, noise: Noise) -> np.ndarray:
-        """Kalman gain to all states; those beyond theta and w follow through them."""
+    def _ran(self, values: Sequence[Values]) -> Memory:
+        """Effects with states along the log, all sets at once."""
+        memory: Memory = {}
+        log = self.data.log
+        signals = {k: getattr(log, k) for k in ("t", "theta", "w", "a", "u")}
+        for part in self.outside:
+            if not part.block.states or part.block.exact is not None:
+                continue
+            placed = Placed(f"{part.key}.", part.block)
+            sets = [placed.arguments(v) for v in values]
+            made = run_alone(part.block, log, signals, sets)
+            memory |= {(part.key, *s.values()): m for s, m in zip(sets, made, strict=True)}
+        return memory
+
+    def filter(self, noise: Noise, values: Values) -> tuple[np.ndarray, np.ndarray]:
+        """Kalman gain to all states and the innovations' covariance.
+
+        Beyond theta, w and the sensors' states none is corrected: they follow.
+        """
+        names, sensing = self._sensing(values)
+        K, S = observer_gain(self.data.dt, noise, sensing)
         gain = np.zeros((len(self.lanes.states), len(self.lanes.outputs)))
-        gain[:2, :2], _ = observer_gain(self.data.dt, noise)
-        return gain
+        for row, name in zip(K, ("theta", "w", *names), strict=True):
+            gain[self.lanes.states.index(name)] = row
+        return gain, S
 
-    def initial(self, values: Values, start: np.ndarray) -> np.ndarray:
-        """States at the start of each window: smoothed motion, z from the torque balance."""
-        log, dt = self.data.log, self.data.dt
-        x0 = np.zeros((len(start), len(self.lanes.states)))
-        x0[:, 0] = log.theta[start] - 0.5 * dt * log.w[start]
-        x0[:, 1] = log.w[start] - 0.5 * dt * log.a[start]
-        if "z" in self.lanes.states:
-            x0[:, self.lanes.states.index("z")] = self._deflection(values, start)
+    def _sensing(self, values: Values) -> tuple[tuple[str, ...], Sensing | None]:
+        """The sensors inside the plant that have states, linearised at rest."""
+        parts = [
+            Placed(f"{p.key}.", p.block)
+            for p in self.core.effects
+            if "sensor" in p.block.acts and p.block.states
+        ]
+        names = tuple(name for part in parts for name in part.states)
+        if not names:
+            return (), None
+        columns = []
+        for axis in ("theta", "w", *names):
+            signals = dict.fromkeys(("theta", "w", *names), 0.0) | {axis: 1.0}
+            out, rates = {"theta_m": signals["theta"], "w_m": signals["w"]}, []
+            for part in parts:
+                own = part.results(
+                    signals | {"theta": out["theta_m"], "w": out["w_m"]}, dict(values)
+                )
+                out, rates = part.outputs(own), rates + list(part.rates(own))
+            columns.append([out["theta_m"], out["w_m"], *rates])
+        M = np.array(columns, dtype=float).T
+        rows = [tuple(map(tuple, m.tolist())) for m in (M[2:, 2:], M[2:, :2], M[:2, 2:], M[:2, :2])]
+        return names, Sensing(*rows)
+
+    def initial(self, values: Sequence[Values], start: np.ndarray) -> np.ndarray:
+        """States (sets, starts, states) at the start of each window.
+
+        The smoothed motion, z from the torque balance, effects' states as run along the log.
+        """
+        log, dt, names = self.data.log, self.data.dt, self.lanes.states
+        x0 = np.zeros((len(values), len(start), len(names)))
+        x0[..., 0] = log.theta[start] - 0.5 * dt * log.w[start]
+        x0[..., 1] = log.w[start] - 0.5 * dt * log.a[start]
+        if "z" in names:
+            for x, v in zip(x0, values, strict=True):
+                x[:, names.index("z")] = self._bristle_torque(v, start) / max(v["sigma0"], 1e-12)
+        for part in self.core.effects:
+            if part.block.states:
+                for name, x in self._states(part, values, start).items():
+                    x0[..., names.index(name)] = x
         return x0
 
-    def _deflection(self, values: Values, start: np.ndarray) -> np.ndarray:
+    def _states(
+        self, part: Part, values: Sequence[Values], start: np.ndarray
+    ) -> dict[str, np.ndarray]:
+        """States of one effect at the starts, (sets, starts) by name in the plant."""
+        placed = Placed(f"{part.key}.", part.block)
         log = self.data.log
-        F = log.u[start] - values["J"] * log.a[start] - values["Fv"] * log.w[start]
-        for part in self.model.effects:
-            if part.block.acts == ("torque",) and not part.block.states:
-                own = {k: values[f"{part.key}.{k}"] for k in part.values}
-                F = F - along(part.block, log, own)[start]
-        limit = max(values["Fs"], values["Fc"])
-        return np.clip(F, -limit, limit) / max(values["sigma0"], 1e-12)
+        signals = {k: getattr(log, k) for k in ("t", "theta", "w", "a", "u")}
+        ran = run_alone(part.block, log, signals, [placed.arguments(v) for v in values])
+        own = ran[:, start, len(part.block.fresh) :]
+        return {name: own[..., i] for i, name in enumerate(placed.states)}
+
+    def _bristle_torque(self, values: Values, start: np.ndarray) -> np.ndarray:
+        log, stateless = self.data.log, [p for p in self.model.effects if not p.block.states]
+        model = replace(self.model, effects=tuple(stateless))
+        fed = feed(model, {p.key for p in stateless}, values, self.data, self.levels)
+        viscous = values.get("Fv", 0.0) * log.w
+        F = (fed.u - fed.load - fed.torque - values["J"] * log.a - viscous)[start]
+        limit = max(values.get("Fs", 0.0), values["Fc"])
+        return np.clip(F, -limit, limit)
 
 
-def along(block: Any, log: Log, values: Values) -> np.ndarray:
-    """A stateless effect evaluated along a log."""
-    names = (["t"] if block.timed else []) + list(block.inputs)
-    return np.asarray(block(*[getattr(log, name) for name in names], **values)[0])
-
-
-def held(part: Part, u: np.ndarray, dt: float, values: Values) -> np.ndarray:
-    """An input effect applied to a held torque."""
-    if part.block.exact is not None:
-        return part.block.exact(u, dt, **values)
-    return np.asarray(part.block(u, **values)[0])
+def _at(error: np.ndarray | None, where: Windows) -> np.ndarray:
+    return np.zeros((*where.counted.shape, 2)) if error is None else error[where.counted]

@@ -10,16 +10,19 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from ..spec import Block, members
-from .data import Log
+from .data import Log, thinned
 from .evaluate import missing_torque
-from .fit import Fitted, fit, free_keys, tune, typical, whitened
-from .predictor import Predictor, along
+from .fit import Fitted, fit, free_keys, tune, typical
+from .predictor import Predictor, coarser
+from .score import Score, whitened_by_parts
+from .series import resisting
+from .tries import tried
 
-FEW = 40  # grid points that are all tried exactly
-KEPT = 6  # of a longer grid, after a look at the residual torque
+COARSE = 2e-3  # s, longest sampling interval on which effects are searched
+FEW = 4  # grid points that are all tried exactly
+KEPT = 4  # of a longer grid, after a look at the residual torque
 ZOOMS = 2  # finer grids around the best point
 HOPELESS = 0.1  # of the leader's gain after a short fit, below which a candidate is dropped
-LARGEST = 2_000_000  # counted samples in one engine call
 
 Say = Callable[[str], None]
 
@@ -49,44 +52,31 @@ def screen(base: Fitted, names: Sequence[str]) -> list[Trial]:
     The promise is the score test's gain in log-likelihood, with the parameters of the base
     model free to follow.
     """
-    score = _Score(base)
+    score = Score(base)
     trials = [trial for name in names if (trial := _screen_one(base, name, score))]
     return sorted(trials, key=lambda trial: -trial.promise)
 
 
-class _Score:
-    """Gain in log-likelihood from small changes, the base model's own directions taken out."""
-
-    def __init__(self, base: Fitted) -> None:
-        self.base = base
-        sets = [base.values]
-        for c in base.free:
-            moved = dict(base.values)
-            moved[c.key] = c.back(c.into(base.values) + c.step, base.values)
-            sets.append(moved)
-        white = whitened(base.predictor, sets, base.where, base.noise)
-        A = (white[0] - white[1:]).reshape(len(base.free), -1)
-        size = np.linalg.norm(A, axis=1)
-        A = A[size > 0] / size[size > 0, None]
-        U, s, _ = np.linalg.svd(A.T, full_matrices=False)
-        self.basis = U[:, s > 1e-8 * s[0]] if len(s) else U
-        self.r = white[0].ravel()
-        self.white = white[0]
-
-    def gain(self, columns: np.ndarray) -> tuple[float, np.ndarray]:
-        """Gain and coefficients for directions (k, n), each an innovation change per unit."""
-        B = columns - (columns @ self.basis) @ self.basis.T
-        H, g = B @ B.T, B @ self.r
-        scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
-        unit = H / np.outer(scale, scale) + 1e-9 * np.eye(len(H))
-        c = np.linalg.solve(unit, g / scale) / scale
-        return 0.5 * float(g @ c), c
-
-
-def _screen_one(base: Fitted, name: str, score: _Score) -> Trial | None:
+def _screen_one(base: Fitted, name: str, score: Score) -> Trial | None:
     made = members("effect")[name]
-    model = base.predictor.model.with_effect(name, made.defaults())
+    model = base.predictor.model.with_effect(name, _open(made))
     predictor, key = base.predictor.like(model), model.effects[-1].key
+    screener = tried if made.tries else _linear
+    found = screener(base, made, predictor, key, score)
+    if found is None:
+        return None
+    promise, values = found
+    return Trial(name, replace(base, predictor=predictor), key, values, promise)
+
+
+def _open(made: Block) -> dict[str, float]:
+    return {k: p.value for k, p in made.own.items()}
+
+
+def _linear(
+    base: Fitted, made: Block, predictor: Predictor, key: str, score: Score
+) -> tuple[float, dict[str, float]] | None:
+    """A step from the neutral value, over a grid of what the effect is not linear in."""
     spans, points = _spans(made), _grid(base, made)
     step = typical(made.parameters[made.gain], predictor.data.log)
 
@@ -96,7 +86,7 @@ def _screen_one(base: Fitted, name: str, score: _Score) -> Trial | None:
             for point in tried
             for span in spans
         ]
-        white = _whitened_by_parts(predictor, sets, base)
+        white = whitened_by_parts(predictor, sets, base)
         columns = ((score.white - white) / step).reshape(len(tried), len(spans), -1)
         return [(*score.gain(c), point) for c, point in zip(columns, tried, strict=True)]
 
@@ -105,17 +95,7 @@ def _screen_one(base: Fitted, name: str, score: _Score) -> Trial | None:
         points = _closer(points, best[2])
         best = max([best, *score_of(points)], key=lambda found: found[0])
     values = _combine(base, made, best[2], spans, best[1])
-    if values is None:
-        return None
-    start = base.values | _values(key, made, values)
-    return Trial(name, replace(base, predictor=predictor), key, start, best[0])
-
-
-def _whitened_by_parts(predictor: Predictor, sets: list[dict], base: Fitted) -> np.ndarray:
-    """In calls of bounded size, for the memory's sake."""
-    most = max(1, LARGEST // max(1, base.where.counted.size))
-    parts = [sets[i : i + most] for i in range(0, len(sets), most)]
-    return np.concatenate([whitened(predictor, p, base.where, base.noise) for p in parts])
+    return None if values is None else (best[0], base.values | _values(key, made, values))
 
 
 def _closer(points: list[dict], best: dict) -> list[dict]:
@@ -127,7 +107,7 @@ def _closer(points: list[dict], best: dict) -> list[dict]:
 
 
 def _values(key: str, made: Block, given: dict[str, float]) -> dict[str, float]:
-    return {f"{key}.{k}": given.get(k, p.value) for k, p in made.parameters.items()}
+    return {f"{key}.{k}": given.get(k, p.value) for k, p in made.own.items()}
 
 
 def _continuous(base: Fitted, made: Block) -> bool:
@@ -161,29 +141,39 @@ def _prescreened(base: Fitted, made: Block, points: list[dict]) -> list[dict[str
     )
     every = max(1, int(0.002 / base.predictor.data.dt))
     index, target = index[::every], target[::every] - target.mean()
-    few = _thinned(base.predictor.data.log, index)
+    few, weights = _thinned(base, index)
     (name, *_), spans = points[0], _spans(made)
     tried = np.array([point[name] for point in points])
     power = [
-        _resemblance(made, few, name, part, spans, target)
+        _resemblance(made, few, weights, name, part, spans, target)
         for part in np.array_split(tried, -(-len(tried) // 32))
     ]
     return [points[i] for i in _peaks(np.concatenate(power))[:KEPT]]
 
 
 def _resemblance(
-    made: Block, log: Log, name: str, tried: np.ndarray, spans: list[dict], target: np.ndarray
+    made: Block,
+    log: Log,
+    weights: dict,
+    name: str,
+    tried: np.ndarray,
+    spans: list[dict],
+    target: np.ndarray,
 ) -> np.ndarray:
     """Power of the target that the effect explains at each value of one parameter."""
     unit = made.defaults() | {made.gain: 1.0, name: tried[:, None]}
-    B = np.stack([along(made, log, unit | span) for span in spans], axis=1)
+    B = np.stack([resisting(made, log, unit | span, weights) for span in spans], axis=1)
     H, g = B @ B.transpose(0, 2, 1), B @ target
-    H = H + 1e-9 * np.trace(H, axis1=1, axis2=2)[:, None, None] * np.eye(len(spans))
+    ridge = 1e-9 * np.trace(H, axis1=1, axis2=2) + 1e-300
+    H = H + ridge[:, None, None] * np.eye(len(spans))
     return np.sum(g * np.linalg.solve(H, g[..., None])[..., 0], axis=1)
 
 
-def _thinned(log: Log, index: np.ndarray) -> Log:
-    return replace(log, **{k: getattr(log, k)[index] for k in ("t", "theta", "w", "a", "u")})
+def _thinned(base: Fitted, index: np.ndarray) -> tuple[Log, dict[str, np.ndarray]]:
+    """Some samples of the log and of the weights of levels on it."""
+    log, weights = base.predictor.data.log, base.predictor.weights(base.values)
+    signals = {k: getattr(log, k)[index] for k in ("t", "theta", "w", "a", "u", "load")}
+    return replace(log, **signals), {k: v[index] for k, v in weights.items()}
 
 
 def _peaks(power: np.ndarray) -> np.ndarray:
@@ -200,11 +190,11 @@ def _combine(
     gain = made.parameters[made.gain]
     if len(spans) == 1:
         return {made.gain: float(c[0]), **point} if gain.low <= c[0] <= gain.high else None
-    log = base.predictor.data.log
-    few = _thinned(log, np.unique(np.linspace(0, len(log.t) - 1, 2000).astype(int)))
+    samples = len(base.predictor.data.log.t)
+    few, weights = _thinned(base, np.unique(np.linspace(0, samples - 1, 2000).astype(int)))
     known = made.defaults() | point
     target = sum(
-        ci * along(made, few, known | {made.gain: 1.0} | span)
+        ci * resisting(made, few, known | {made.gain: 1.0} | span, weights)
         for ci, span in zip(c, spans, strict=True)
     )
     names = list(spans[0])
@@ -212,7 +202,7 @@ def _combine(
 
     def miss(x: np.ndarray) -> np.ndarray:
         own = dict(zip([made.gain, *names], x, strict=True))
-        return (along(made, few, known | own) - target) / size
+        return (resisting(made, few, known | own, weights) - target) / size
 
     starts = [[float(np.abs(c).sum()), *span.values()] for span in spans]
     starts += [[float(np.abs(c).sum()), *(-v for v in span.values())] for span in spans]
@@ -244,12 +234,35 @@ def refine(trial: Trial, *, most: int = 30) -> Fitted:
     return fit(predictor, trial.values, free, base.where, base.noise, anchor=anchor, most=most)
 
 
+def lightened(base: Fitted) -> Fitted:
+    """The base model on as few samples a second as tell effects apart."""
+    data = base.predictor.data
+    every = int(COARSE / data.dt + 1e-9)
+    if every < 2:
+        return base
+    where = coarser(base.where, data.runs, every)
+    predictor = base.predictor.on(thinned(data, every))
+    noise, loglik = tune(predictor, base.values, where, base.noise)
+    return replace(base, predictor=predictor, where=where, noise=noise, loglik=loglik)
+
+
+def _heavy(trial: Trial, base: Fitted, values: dict[str, float]) -> Trial:
+    """A trial on all samples again."""
+    predictor = base.predictor.like(trial.fitted.predictor.model)
+    return replace(trial, fitted=replace(base, predictor=predictor), values=values)
+
+
 def contest(base: Fitted, names: Sequence[str], gate: float, tried: int, say: Say) -> Contest:
-    """Fit the promising effects shortly from each start, then the best of them to the end."""
-    promising = screen(base, names)
+    """Fit the promising effects shortly from each start, then the best of them to the end.
+
+    All but the end goes on fewer samples a second.
+    """
+    light = lightened(base)
+    promising = screen(light, names)
     chosen = [t for t in promising if t.promise > gate][:tried]
     if chosen:
-        chosen += [t for t in screen(at_anchor(base), names) if t.promise > gate][:tried]
+        likely = [t.name for t in promising if t.promise > 0.2 * gate][: 2 * tried]
+        chosen += [t for t in screen(at_anchor(light), likely) if t.promise > gate][:tried]
     short: dict[str, tuple[Trial, Fitted]] = {}
     for trial in chosen:
         say(f"trying {trial.name}")
@@ -258,11 +271,11 @@ def contest(base: Fitted, names: Sequence[str], gate: float, tried: int, say: Sa
         if known is None or fitted.total > known[1].total:
             short[trial.name] = trial, fitted
     best = sorted(short.values(), key=lambda pair: -pair[1].total)[:tried]
+    lead = best[0][1].total - light.total if best else 0.0
     finished = []
     for trial, fitted in best:
-        say(f"fitting {trial.name}")
-        top = max(f.total for _, f in finished) if finished else fitted.total
-        if fitted.total - base.total > HOPELESS * (top - base.total):
-            fitted = refine(replace(trial, fitted=fitted, values=fitted.values))
-        finished.append((trial, fitted))
+        if fitted.total - light.total > HOPELESS * lead:
+            say(f"fitting {trial.name}")
+            whole = _heavy(trial, base, fitted.values)
+            finished.append((whole, refine(whole)))
     return Contest(promising, sorted(finished, key=lambda pair: -pair[1].total))

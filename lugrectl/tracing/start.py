@@ -11,8 +11,9 @@ from ..errors import Refused
 from ..model import Model
 from .data import Data
 from .fit import fit, free_keys, whitened
-from .predictor import Predictor, Windows, along
+from .predictor import Predictor, Windows
 from .search import screen
+from .series import resisting
 
 DEFLECTIONS = (1e-5, 1e-4, 1e-3, 1e-2)  # Fc / sigma0 as a share of the largest speed, in s
 STRIBECK_SPEEDS = (1e-3, 5e-3, 2e-2)  # vs as a share of the largest speed
@@ -43,11 +44,11 @@ def completed(model: Model, data: Data, train: Windows) -> Model:
 
 def _regressed(model: Model, data: Data, train: Windows) -> dict[str, float]:
     at, log = train.counted.ravel(), data.log
-    torque, columns, names = log.u[at].copy(), [], []
+    torque, columns, names = log.u[at] - log.load[at], [], []
     for part in model.effects:
-        if part.block.acts == ("torque",):
+        if part.block.acts == ("torque",) and not part.block.states:
             own = {k: v for k, v in part.values.items() if v is not None}
-            torque -= along(part.block, log, own)[at]
+            torque -= resisting(part.block, log, own, {})[at]
     slow = 0.02 * float(np.max(np.abs(log.w[at])))
     shapes = {"J": log.a[at], "Fv": log.w[at], "Fc": np.tanh(log.w[at] / slow)}
     values = model.values()

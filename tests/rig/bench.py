@@ -7,20 +7,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .machines import CONSTANT_LOAD, GRAVITY_LOAD, Machine
-from .plant import CODE, EFFECTS, OPEN_LOOP, OUT, WIDTH, run
+from .plant import ACC, CODE, EFFECTS, OPEN_LOOP, OUT, STATES, TH, THL, U_INIT, WIDTH, WL, W, Z, run
+from .plant import replay as replay_record
 
 Table = dict[str, tuple[float, ...]]  # effect name -> row of the effect table
 FINE = 20e-6
-
-
-@dataclass(frozen=True)
-class Run:
-    """Signals per sample (see `plant.OUT`) and RMS of friction and effect torque."""
-
-    t: np.ndarray
-    signals: dict[str, np.ndarray]
-    friction_rms: float
-    effect_rms: float
+SEEN = {"theta_true": TH, "w_true": W, "z": Z, "th_load": THL, "w_load": WL, "a_true": ACC}
 
 
 @dataclass(frozen=True)
@@ -36,10 +28,39 @@ class Setup:
     theta0: float
     drive: np.ndarray = field(repr=False)
     step: float = FINE
+    jitter: float = 0.0  # of the sampling period, either way
+
+    @property
+    def stamps(self) -> np.ndarray:
+        """Times of the samples, and the end of the last one."""
+        k = np.arange(self.refs.shape[1] + 1)
+        if not self.jitter:
+            return k / self.rate
+        off = np.random.default_rng(k[-1]).uniform(-self.jitter, self.jitter, len(k))
+        off[[0, -1]] = 0.0
+        return (k + off) / self.rate
 
     @property
     def fine_steps(self) -> int:
         return int(np.ceil(1.0 / (self.rate * self.step) - 1e-9))
+
+
+@dataclass(frozen=True)
+class Run:
+    """Signals per sample (`plant.OUT` and `SEEN`) and RMS of friction and effect torque.
+
+    The rest is what it takes to run parts of it again: the set-up, the machine as it was, the
+    effect table and the states at the samples.
+    """
+
+    t: np.ndarray
+    signals: dict[str, np.ndarray]
+    friction_rms: float
+    effect_rms: float
+    setup: Setup = field(repr=False)
+    machine: Machine = field(repr=False)
+    table: Table = field(repr=False)
+    states: np.ndarray = field(repr=False)
 
 
 def machine_row(m: Machine) -> np.ndarray:
@@ -75,25 +96,48 @@ def drive_row(m: Machine, gains: tuple[float, ...], quantum: float, theta0: floa
     return row
 
 
-def simulate(setup: Setup, table: Table, machine: Machine | None = None) -> Run:
-    """Run the record with the effects of the table; `machine` replaces the set-up's."""
+def _effects(table: Table) -> tuple[np.ndarray, np.ndarray]:
     on = np.zeros(len(EFFECTS), dtype=bool)
     rows = np.zeros((len(EFFECTS), WIDTH))
     for name, values in table.items():
         on[CODE[name]] = True
         rows[CODE[name], : len(values)] = values
-    period = 1.0 / setup.rate
-    out, friction, effect = run(
-        machine_row(machine or setup.machine),
+    return on, rows
+
+
+def simulate(setup: Setup, table: Table, machine: Machine | None = None) -> Run:
+    """Run the record with the effects of the table; `machine` replaces the set-up's."""
+    machine = machine or setup.machine
+    out, states, friction, effect = run(
+        machine_row(machine),
         setup.drive,
-        on,
-        rows,
+        *_effects(table),
         setup.refs,
         setup.noise,
-        period,
+        setup.stamps,
         setup.fine_steps,
         setup.theta0,
     )
-    t = np.arange(out.shape[1]) * period
-    signals: dict[str, np.ndarray] = dict(zip(OUT, out, strict=True))
-    return Run(t, signals, float(np.sqrt(friction)), float(np.sqrt(effect)))
+    signals = dict(zip(OUT, out, strict=True)) | {k: states[i] for k, i in SEEN.items()}
+    rms = float(np.sqrt(friction)), float(np.sqrt(effect))
+    return Run(setup.stamps[:-1], signals, *rms, setup, machine, table, states)
+
+
+def replay(done: Run, torque: np.ndarray, restart: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Position and speed as noiseless sensors show them when this torque drives the machine.
+
+    At the samples where `restart` is set the machine is put into the state it truly had.
+    """
+    assert done.states.shape == (STATES, len(torque))
+    setup = done.setup
+    seen = replay_record(
+        machine_row(done.machine),
+        *_effects(done.table),
+        np.ascontiguousarray(torque),
+        setup.stamps,
+        setup.fine_steps,
+        done.states,
+        np.ascontiguousarray(restart),
+        float(setup.drive[U_INIT]),
+    )
+    return seen[0], seen[1]

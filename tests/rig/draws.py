@@ -3,19 +3,30 @@
 from __future__ import annotations
 
 from .checks import problems
+from .columns import stream
 from .excitation import EXCITATIONS
+from .hard import harden
 from .hiding import find
 from .machines import MACHINES
-from .record import Case, Names, make, names_of, stream
+from .record import Case, Names, make, names_of
 
 
-def sample(effect: Names, seed: int, tries: int = 5, **fixed) -> Case:
-    """A drawn record, drawn again while it has problems; `fixed` overrides what is drawn."""
-    case = make(**{**draw(effect, seed), **fixed})
-    for again in range(1, tries):
+def sample(effect: Names, seed: int, tries: int = 5, hard: bool = False, **fixed) -> Case:
+    """A drawn record, drawn again while it has problems; `fixed` overrides what is drawn.
+
+    `hard` adds one difficulty, named in the truth under "hard".
+    """
+    kind, change = "", {}
+    for again in range(tries):
+        drawn = draw(effect, seed, again)
+        if hard:
+            names = names_of(effect)
+            rng = stream(seed, f"hard {again} " + " ".join(names))
+            kind, change = harden(names, drawn, rng)
+        case = make(**{**drawn, **change, **fixed})
+        case.truth["hard"] = kind
         if not problems(case):
             break
-        case = make(**{**draw(effect, seed, again), **fixed})
     return case
 
 

@@ -1,4 +1,4 @@
-"""The catalogue's effects: parameters drawn for one record, names and order of the contract."""
+"""The catalogue's effects with parameters drawn for one record: names of the contract first."""
 
 from __future__ import annotations
 
@@ -220,3 +220,23 @@ def _eccentric(c, rng):
     phi = phase(rng)
     change = np.cos(c.theta + phi) * c.acceleration - np.sin(c.theta + phi) * c.w**2
     return Size(lambda x: (x, phi), min(0.15, c.scaled(c.machine.J * change)), high=0.15)
+
+
+@effect("torque_constant_ripple", "ratio harmonic phase", "u theta")
+def _constant_ripple(c, rng):
+    n, phi = harmonic(c, rng, 1, 24), phase(rng)
+    start = c.scaled(c.u * np.sin(n * c.theta + phi))
+    return Size(lambda x: (x, n, phi), min(start, 0.5), high=0.6)
+
+
+@effect("sublinear_viscous", "coefficient exponent", "w")
+def _sublinear(c, rng):
+    n = float(rng.uniform(0.35, 0.75))
+    return Size(lambda x: (x, n), c.scaled(np.abs(c.w) ** n))
+
+
+@effect("pose_dependent_inertia", "ratio harmonic phase", "theta w", only="rotary")
+def _pose(c, rng):
+    n, phi = float(rng.choice([1.0, 1.0, 2.0])), phase(rng)
+    start = c.scaled(c.machine.J * c.acceleration * np.cos(n * c.theta + phi))
+    return Size(lambda x: (x, n, phi), min(start, 0.6), high=0.8)

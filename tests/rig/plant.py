@@ -27,7 +27,8 @@ EFFECTS = (
     "input_delay actuator_lag actuator_saturation actuator_dead_zone return_spring hard_stop "
     "elastic_coupling backlash inertia_step friction_step periodic_disturbance "
     "velocity_sensor_lag encoder_eccentricity "
-    "torque_bumps sublinear_drag pose_inertia torque_droop decaying_burst contact_pulses"
+    "torque_constant_ripple sublinear_viscous pose_dependent_inertia "
+    "torque_bumps torque_droop decaying_burst contact_pulses speed_hump dragged_cable"
 ).split()
 WIDTH = 24  # columns of the effect table
 CODE = {name: row for row, name in enumerate(EFFECTS)}
@@ -36,29 +37,21 @@ COULOMB_ASYM, VISCOUS_ASYM, QUADRATIC, THERMAL, LOAD_FRICTION, DWELL = range(4, 
 DELAY, ACT_LAG, SATURATION, DEAD_ZONE, SPRING, STOP = range(10, 16)
 ELASTIC, BACKLASH, INERTIA_STEP, FRICTION_STEP, PERIODIC = range(16, 21)
 SENSOR_LAG, ECCENTRIC = range(21, 23)
-BUMPS, SUBLINEAR, POSE, DROOP, BURST, PULSES = range(23, 29)
+KT_RIPPLE, SUBLINEAR, POSE = range(23, 26)
+BUMPS, DROOP, BURST, PULSES, HUMP, CABLE = range(26, 32)
 
-# state: motor, bristle, bristle of the declared structure, load, torque, measured speed, ...
-TH, W, Z, ZN, THL, WL, UA, WS, REST, ACC, ACCL = range(11)
+# state: motor, bristle, bristle of the declared structure, load, torque, measured speed, time
+# at rest, accelerations, then the springs of the cable
+TH, W, Z, ZN, THL, WL, UA, WS, REST, ACC, ACCL, SLIDER = range(12)
+SLIDERS = 4
+STATES = SLIDER + SLIDERS
 # machine
 J, S0, S1, FC, FS, FV, VS, LOAD, LOAD_A, LOAD_PHI, FS_TWIN, STATIC_TWIN = range(12)
 # drive
 MODE, KP, KI, KPP, U_MAX, XI_MAX, U_INIT, LAG_WM, NO_TACHO, QUANTUM = range(10)
 OPEN_LOOP, SPEED_LOOP, POSITION_LOOP = 0, 1, 2
-# per sample: recorded position and speed, then the truth (means over the sample, work so far)
-OUT: tuple[str, ...] = (
-    "u",
-    "theta",
-    "w",
-    "theta_true",
-    "w_true",
-    "z",
-    "friction",
-    "effect",
-    "work",
-    "th_load",
-    "w_load",
-)
+# per sample: as recorded, then the truth (means over the sample, work so far)
+OUT = ("u", "theta", "w", "friction", "effect", "work")
 
 
 @compiled
@@ -111,6 +104,17 @@ def pulses(t, row):
 
 
 @compiled
+def dragged(x, w, h, row):
+    """row: all limits together, longest stretch. Sliders behind springs (Maxwell-slip)."""
+    total = 0.0
+    for i in range(SLIDERS):
+        longest = row[1] * (i + 1.0) / SLIDERS
+        x[SLIDER + i] = min(max(x[SLIDER + i] + h * w, -longest), longest)
+        total += x[SLIDER + i] / longest
+    return row[0] * total / SLIDERS
+
+
+@compiled
 def resisting(t, theta, w, on, p):
     """r_e of every torque effect that is present."""
     r = 0.0
@@ -131,7 +135,10 @@ def resisting(t, theta, w, on, p):
     if on[BUMPS]:
         r += bumps(theta, p[BUMPS])
     if on[SUBLINEAR]:
-        r += p[SUBLINEAR, 0] * math.sqrt(abs(w)) * sign(w)
+        r += p[SUBLINEAR, 0] * abs(w) ** p[SUBLINEAR, 1] * sign(w)
+    if on[HUMP]:
+        gap = (abs(w) - p[HUMP, 1]) / p[HUMP, 2]
+        r += p[HUMP, 0] * math.exp(-gap * gap) * sign(w)
     if on[BURST] and t > p[BURST, 1]:
         age = t - p[BURST, 1]
         ring = math.sin(2.0 * math.pi * p[BURST, 3] * age)
@@ -189,8 +196,11 @@ def declared_friction(x, w, friction, m, h):
 
 
 @compiled
-def actuator(u, x, h, on, p):
+def actuator(u, theta, x, h, on, p):
     """Mean torque at the motor over a fine step of (already delayed) command u."""
+    gain = 1.0
+    if on[KT_RIPPLE]:
+        gain += p[KT_RIPPLE, 0] * math.sin(p[KT_RIPPLE, 1] * theta + p[KT_RIPPLE, 2])
     if on[DEAD_ZONE]:
         u = sign(u) * max(abs(u) - p[DEAD_ZONE, 0], 0.0)
     if on[SATURATION]:
@@ -200,10 +210,10 @@ def actuator(u, x, h, on, p):
     old = x[UA]
     x[UA] = u
     if not on[ACT_LAG] or p[ACT_LAG, 0] <= 0.0:
-        return u
+        return gain * u
     tau = p[ACT_LAG, 0]
     x[UA] = u + (old - u) * math.exp(-h / tau)
-    return u + (old - x[UA]) * tau / h
+    return gain * (u + (old - x[UA]) * tau / h)
 
 
 @compiled
@@ -234,9 +244,9 @@ def inertia(t, theta, w, m, on, p):
     if on[INERTIA_STEP] and t >= p[INERTIA_STEP, 1]:
         now *= 1.0 + p[INERTIA_STEP, 0]
     if on[POSE]:
-        a, n, phi = p[POSE, 0], p[POSE, 1], p[POSE, 2]
-        swing = -0.5 * now * a * n * math.sin(n * theta + phi) * w * w
-        now *= 1.0 + a * math.cos(n * theta + phi)
+        a, n, angle = p[POSE, 0], p[POSE, 1], p[POSE, 1] * theta + p[POSE, 2]
+        swing = -0.5 * now * a * n * math.sin(angle) * w * w
+        now *= 1.0 + a * math.cos(angle)
     return now, swing
 
 
@@ -268,9 +278,9 @@ def same_friction(m, on):
 @compiled
 def step(t, h, command, delayed, same, x, m, on, p):
     """One fine step. Returns friction, friction of the declared structure, effect torque."""
-    torque = actuator(delayed, x, h, on, p)
     w = x[W] + 0.5 * h * x[ACC]
     theta = x[TH] + 0.5 * h * x[W]
+    torque = actuator(delayed, theta, x, h, on, p)
     t += 0.5 * h
     level, fv = friction_level(t, theta, w, x[REST], m, on, p)
     x[Z], mean, rate = bristle(x[Z], w, level, m[S0], h)
@@ -278,6 +288,8 @@ def step(t, h, command, delayed, same, x, m, on, p):
     x[REST] = x[REST] + h if abs(w) < 0.5 * m[VS] else 0.0  # presliding counts as rest
     j_now, swing = inertia(t, theta, w, m, on, p)
     against = friction + load_torque(theta, m) + resisting(t, theta, w, on, p)
+    if on[CABLE]:
+        against += dragged(x, w, h, p[CABLE])
     x[ACC] = (torque - against - swing - coupling(x, theta, w, h, on, p)) / j_now
     half = math.exp(-0.5 * h / max(p[SENSOR_LAG, 0], 1e-9)) if on[SENSOR_LAG] else 1.0
     x[WS] = w + (x[WS] - w) * half
@@ -307,21 +319,31 @@ def control(w_m, theta_m, rv, rp, feed, drive, xi, period):
 
 
 @compiled
-def run(m, drive, on, p, refs, noise, period, n, theta0):
+def held(told, stamps, j, k, late, first):
+    """Torque told at the time `late`, and the sample (from j on, at most k) that told it."""
+    while j < k and stamps[j + 1] <= late:
+        j += 1
+    return (told[j] if late >= 0.0 else first), j
+
+
+@compiled
+def run(m, drive, on, p, refs, noise, stamps, n, theta0):
     """Whole record. refs (3, N): speed, position from the start, torque; noise (1, N) of w.
 
-    Returns an array (len(OUT), N) and the mean squares of friction (declared structure) and
-    effect torque over all fine steps.
+    Sample k lasts from stamps[k] to stamps[k + 1].  Returns an array (len(OUT), N), the states
+    (STATES, N) at the samples, and the mean squares of friction (declared structure) and effect
+    torque over all fine steps.
     """
     samples = refs.shape[1]
-    out = np.zeros((11, samples))
-    x = np.zeros(11)
+    out, states = np.zeros((6, samples)), np.zeros((STATES, samples))
+    x = np.zeros(STATES)
     x[TH], x[THL], x[UA] = theta0, theta0, drive[U_INIT]
-    h = period / n
-    shift = int(p[DELAY, 0] / h + 0.5) if on[DELAY] else 0
+    late, j = (p[DELAY, 0] if on[DELAY] else 0.0), 0
     q, xi, same = drive[QUANTUM], drive[U_INIT], same_friction(m, on)
     start, theta_old, w_diff, work, sum_f, sum_e = theta0, theta0, 0.0, 0.0, 0.0, 0.0
     for k in range(samples):
+        period = stamps[k + 1] - stamps[k]
+        h = period / n
         theta_m, w_m, _ = sensed(x[TH], x[W], x[ACC], x, on, p)
         if q > 0.0:
             theta_m = q * math.floor(theta_m / q + 0.5)
@@ -333,18 +355,37 @@ def run(m, drive, on, p, refs, noise, period, n, theta0):
         speed = w_diff if drive[NO_TACHO] > 0.0 else out[2, k]
         rp = start + refs[1, k]
         u, xi = control(speed, theta_m, refs[0, k], rp, refs[2, k], drive, xi, period)
-        out[0, k], out[3, k], out[4, k], out[5, k] = u, x[TH], x[W], x[Z]
-        out[8, k], out[9, k], out[10, k] = work, x[THL], x[WL]
+        out[0, k], out[5, k] = u, work
+        states[:, k] = x
         mean_f, mean_e = 0.0, 0.0
         for i in range(n):
-            late = k * n + i - shift
-            held = out[0, late // n] if late >= 0 else drive[U_INIT]
+            t = stamps[k] + i * h
+            delayed, j = held(out[0], stamps, j, k, t + 0.5 * h - late, drive[U_INIT])
             before = x[TH]
-            f, f_nominal, e = step((k * n + i) * h, h, u, held, same, x, m, on, p)
+            f, f_nominal, e = step(t, h, u, delayed, same, x, m, on, p)
             work += f * (x[TH] - before)
             mean_f += f
             mean_e += e
             sum_f += f_nominal * f_nominal
             sum_e += e * e
-        out[6, k], out[7, k] = mean_f / n, mean_e / n
-    return out, sum_f / (samples * n), sum_e / (samples * n)
+        out[3, k], out[4, k] = mean_f / n, mean_e / n
+    return out, states, sum_f / (samples * n), sum_e / (samples * n)
+
+
+@compiled
+def replay(m, on, p, told, stamps, n, states, restart, first):
+    """What the sensors show, (2, N), under the torque told, set to the true state at restarts."""
+    samples = len(told)
+    seen = np.zeros((2, samples))
+    x, j = states[:, 0].copy(), 0
+    late = p[DELAY, 0] if on[DELAY] else 0.0
+    for k in range(samples):
+        if restart[k]:
+            x[:] = states[:, k]
+        seen[0, k], seen[1, k], _ = sensed(x[TH], x[W], x[ACC], x, on, p)
+        h = (stamps[k + 1] - stamps[k]) / n
+        for i in range(n):
+            t = stamps[k] + i * h
+            delayed, j = held(told, stamps, j, k, t + 0.5 * h - late, first)
+            step(t, h, delayed, delayed, True, x, m, on, p)
+    return seen

@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import json
-import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from .bench import Run, Setup, drive_row, simulate, tune
+from .columns import Logger, carries, stream
 from .declared import model_text, model_tree
 from .excitation import EXCITATIONS
 from .hiding import Context, Effect, Size, find, needs_gravity, suits
-from .machines import MACHINES, PARAMETERS, Machine, specimen, with_load
+from .machines import MACHINES, NO_LOAD, PARAMETERS, Machine, specimen, with_load
 from .plant import KI, KP
+from .repeats import NUISANCES, nuisance, turned, warmed
 from .strength import COARSE, calibrate, present
+from .visible import visible
 
 Names = str | Sequence[str]
+UNITS = {"t": "s", "u": "N m", "theta": "rad", "w": "rad/s", "d": "N m", "theta_load": "rad"}
+LINEAR = {"t": "s", "u": "N", "theta": "m", "w": "m/s", "d": "N", "theta_load": "m"}
 
 
 @dataclass(frozen=True)
@@ -29,27 +33,24 @@ class Case:
     model: dict
     truth: dict
     hidden: Run
+    more: tuple[Case, ...] = ()  # further runs of the same machine
 
     def write(self, folder: str | Path) -> Path:
-        """Write record.csv, model.toml and truth.json; returns the folder."""
+        """Write record.csv (record-2.csv, ...), model.toml and truth.json; returns the folder."""
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
-        linear = self.model["motion"] == "linear"
-        units = {"t": "s", "u": "N m", "theta": "rad", "w": "rad/s"}
-        if linear:
-            units = {"t": "s", "u": "N", "theta": "m", "w": "m/s"}
-        header = ",".join(f"{name} [{units[name]}]" for name in self.columns)
-        rows = np.column_stack(list(self.columns.values()))
-        np.savetxt(
-            folder / "record.csv", rows, fmt="%.10g", delimiter=",", header=header, comments=""
-        )
+        for i, case in enumerate((self, *self.more)):
+            _table(case, folder / ("record.csv" if i == 0 else f"record-{i + 1}.csv"))
         (folder / "model.toml").write_text(model_text(self.model))
         (folder / "truth.json").write_text(json.dumps(self.truth, indent=1))
         return folder
 
 
-def stream(seed: int, purpose: str) -> np.random.Generator:
-    return np.random.default_rng([seed, zlib.crc32(purpose.encode())])
+def _table(case: Case, path: Path) -> None:
+    units = (LINEAR if case.model["motion"] == "linear" else UNITS) | {"temperature": "degC"}
+    header = ",".join(f"{k} [{units[k]}]" if k in units else k for k in case.columns)
+    rows = np.column_stack(list(case.columns.values()))
+    np.savetxt(path, rows, fmt="%.10g", delimiter=",", header=header, comments="")
 
 
 def names_of(effect: Names) -> list[str]:
@@ -76,8 +77,9 @@ def _prepare(machine, names, excitation, seed, rate, duration, options) -> Setup
     if excitation not in EXCITATIONS:
         raise ValueError(f"unknown excitation {excitation!r}: one of {', '.join(EXCITATIONS)}")
     t = np.arange(int(round(duration * rate))) / rate
-    loop, refs = EXCITATIONS[excitation](machine, stream(seed, "excitation"), t)
-    rng = stream(seed, "sensor")
+    again = options["again"]
+    loop, refs = EXCITATIONS[excitation](machine, stream(seed, "excitation" + again), t)
+    rng = stream(seed, "sensor" + again)
     quantum = options["quantum"]
     quantum = float(rng.choice(machine.quanta)) if quantum is None else quantum
     theta0 = float(rng.uniform(-np.pi, np.pi)) if machine.rotary and rng.random() < 0.5 else 0.0
@@ -86,7 +88,8 @@ def _prepare(machine, names, excitation, seed, rate, duration, options) -> Setup
     late = any(find(n).late for n in names)
     gains = tune(machine, loop, rate, stream(seed, "gains"), late, options["position_only"])
     drive = drive_row(machine, gains, quantum, theta0)
-    setup = Setup(machine, loop, refs, noise, rate, quantum, theta0, drive)
+    jitter = options["jitter"]
+    setup = Setup(machine, loop, refs, noise, rate, quantum, theta0, drive, jitter=jitter)
     return _strong_enough(setup) if excitation == "torque" else setup
 
 
@@ -144,6 +147,7 @@ def _tell(effect: Effect, size: Size, x: float, alone: Run, strength: float) -> 
         "effect_rms": alone.effect_rms,
         "friction_rms": alone.friction_rms,
         "limited": bool(abs(np.log(ratio / strength)) > np.log(1.15)),
+        "visible": visible(alone) / alone.friction_rms,
         "row": list(map(float, values)),
     }
 
@@ -191,6 +195,11 @@ def make(
     quantum: float | None = None,
     load: bool | None = None,
     omit: Sequence[str] = (),
+    jitter: float = 0.0,
+    dropped: float = 0.0,
+    channels: Sequence[str] = (),
+    runs: int = 1,
+    nuisances: tuple[str, ...] = NUISANCES,
 ) -> Case:
     """Simulate one record whose model file lacks `effect` (a name, names, or "none").
 
@@ -199,6 +208,9 @@ def make(
     motion, so it covers drive and sensor effects too.  `torque_noise` and `w_noise` are standard
     deviations in the record's units, `quantum` the encoder step (`None`: the machine's own).
     `load`: with or without a declared load; `omit`: values left out of the model file.
+    `jitter` is of the sampling period, `dropped` the share of samples lost; `channels` are
+    recorded too where the machine has them (a load that is recorded is not declared).  `runs`
+    of the same machine differ by `nuisances`; those after the first are the case's `more`.
     Raises ValueError for unknown names and for effects that the record cannot carry.
     """
     names = names_of(effect)
@@ -208,13 +220,14 @@ def make(
             raise ValueError(f"{name} cannot be hidden here: it needs {find(name).only}")
     sigma = m.w_noise if w_noise is None else w_noise
     options = {"quantum": quantum, "w_noise": sigma, "position_only": position_only}
-    setup = _prepare(m, names, excitation, seed, rate, duration, options)
+    options |= {"jitter": jitter, "again": ""}
+    plan = names, excitation, seed, rate, duration
+    setup = _prepare(m, *plan, options)
     run, told, true = _hide(setup, names if strength > 0.0 else [], seed, strength)
-    model = model_tree(m, names, stream(seed, "declared"), declared_error, omit)
-    columns = {"t": run.t, "u": run.signals["u"], "theta": run.signals["theta"]}
-    columns["u"] = columns["u"] + torque_noise * stream(seed, "torque").normal(size=len(run.t))
-    if not position_only:
-        columns["w"] = run.signals["w"]
+    seen = tuple(c for c in channels if carries(c, m, setup.loop))
+    logger = Logger(position_only, torque_noise, seen, dropped)
+    declared = replace(m, load=(NO_LOAD, 0.0, 0.0)) if "d" in seen else m
+    model = model_tree(declared, names, stream(seed, "declared"), declared_error, omit)
     truth = {
         **_answer(run, told),
         "w_noise": None if position_only else sigma,
@@ -224,7 +237,30 @@ def make(
         "excitation": excitation,
         "seed": seed,
         "rate": rate,
+        "duration": duration,
         "position_only": position_only,
+        "channels": list(seen),
         **_rig(setup, true),
     }
-    return Case(columns, model, truth, run)
+    case = Case(logger.columns(run, seed), model, truth, run)
+    options["quantum"] = setup.quantum
+    others = [f" {i}" for i in range(1, runs)]
+    rigs = [_prepare(m, *plan, {**options, "again": again}) for again in others]
+    more = [
+        _repeat(case, rig, again, logger, nuisances)
+        for rig, again in zip(rigs, others, strict=True)
+    ]
+    return replace(case, more=tuple(more))
+
+
+def _repeat(case: Case, setup: Setup, again: str, logger: Logger, kinds: tuple[str, ...]) -> Case:
+    """Another run: the same machine and effect, other references, noise and nuisances."""
+    seed, before = case.truth["seed"], case.hidden
+    brings = nuisance(before.machine, before.table, kinds, stream(seed, "nuisance" + again))
+    setup = replace(setup, machine=warmed(setup.machine, brings.friction))
+    machine = warmed(before.machine, brings.friction)
+    run = simulate(setup, turned(before.table, brings.turn), machine)
+    columns = logger.columns(run, seed, again)
+    columns["u"] = columns["u"] + brings.offset
+    columns["theta"] = columns["theta"] + brings.zero
+    return Case(columns, case.model, case.truth | {"nuisance": asdict(brings)}, run)

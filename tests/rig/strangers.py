@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .hiding import ALL, TURN, Size, effect, moment, phase
+from .hiding import ALL, TURN, Size, effect, moment
 
 
 @effect("torque_bumps", "", "theta", text="narrow torque bumps at fixed positions")
@@ -17,19 +17,6 @@ def _bumps(c, rng):
     shapes = rng.uniform(0.5, 1.0, count) * rng.choice([-1.0, 1.0], count)
     tail = (width, period, float(count), *map(float, centres), *map(float, shapes))
     return Size(lambda x: (x, *tail), 2.0 * c.aim, power=1.0)
-
-
-@effect("sublinear_drag", "", "w", text="drag that grows with the square root of speed")
-def _sublinear(c, rng):
-    return Size(lambda x: (x,), c.scaled(np.sqrt(np.abs(c.w))))
-
-
-@effect("pose_inertia", "", "theta w", text="inertia that depends on position")
-def _pose(c, rng):
-    n = float(rng.integers(1, 3)) if c.machine.rotary else TURN / float(np.ptp(c.theta))
-    phi = phase(rng)
-    start = c.scaled(c.machine.J * c.acceleration * np.cos(n * c.theta + phi))
-    return Size(lambda x: (x, n, phi), min(start, 0.6), high=0.7)
 
 
 @effect("torque_droop", "", "u", text="torque constant that droops with torque")
@@ -54,3 +41,20 @@ def _pulses(c, rng):
     tail = (length, float(count), *map(float, times), *map(float, shapes))
     share = np.sqrt(0.5 * length * count * 0.58 / c.t[-1])
     return Size(lambda x: (x, *tail), c.aim / share)
+
+
+@effect("speed_hump", "", "w", text="drag that peaks at one speed, as churning or a resonance does")
+def _hump(c, rng):
+    speed = np.abs(c.w)
+    moving = speed[speed > 0.1 * speed.max()]
+    middle = float(np.quantile(moving, rng.uniform(0.35, 0.7)))
+    width = middle * float(rng.uniform(0.15, 0.35))
+    shape = np.exp(-(((speed - middle) / width) ** 2))
+    return Size(lambda x: (x, middle, width), c.scaled(shape))
+
+
+@effect("dragged_cable", "", "theta w", text="a cable that drags behind (Maxwell-slip sliders)")
+def _cable(c, rng):
+    presliding, travel = c.machine.Fs / c.machine.sigma0, float(np.ptp(c.theta))
+    longest = max(30.0 * presliding, float(rng.uniform(0.03, 0.12)) * travel)
+    return Size(lambda x: (x, longest), 1.2 * c.aim)

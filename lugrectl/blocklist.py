@@ -1,0 +1,222 @@
+"""Continuous blocks beside sampled ones, whose outputs are held between their ticks."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import control as ct
+import numpy as np
+
+from . import arguments
+from .engine.adaptive import Diverged
+from .engine.choice import compiled_net, engine
+from .engine.held import Course, Track
+from .engine.hybrid import state_labels
+from .engine.net import Net, Part
+from .errors import InputError
+
+NEAR = 1e-6  # of the shortest sample time: ticks and times closer than that are one
+
+
+def simulate_blocks(
+    blocks: Sequence[Any],
+    t: np.ndarray,
+    inputs: Any,
+    x0: Any,
+    *,
+    params: Mapping[str, Any] | None,
+    method: str | None,
+    hold: bool,
+    rtol: float,
+    squeeze: bool | None,
+) -> ct.TimeResponseData:
+    """The list form of :func:`lugrectl.simulate`."""
+    net, periods = wired(blocks)
+    u = arguments.inputs(net.name, net.outside, t, inputs)
+    start = arguments.start(net.name, net.count(True) + net.count(False), x0)
+    course = _course(t, u, periods, hold)
+    track = followed(net, course, start, params, method, rtol)
+    return ct.TimeResponseData(
+        t,
+        track.y,
+        in_order(net, track.x, track.q),
+        u,
+        params=dict(params) if params else None,
+        issiso=len(net.outside) == len(net.signals) == 1,
+        output_labels=list(net.signals),
+        input_labels=list(net.outside),
+        state_labels=list(state_labels(net)),
+        sysname=net.name,
+        title="Input/output response for " + net.name,
+        squeeze=squeeze,
+    )
+
+
+def simulate_discrete(
+    system: Any, t: np.ndarray, u: np.ndarray, x0: np.ndarray, params: Mapping[str, Any] | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """States and outputs of a discrete-time system at its samples t; TraceError if it cannot."""
+    part = Part(system, tuple(system.input_labels), tuple(system.output_labels), 0)
+    net = Net(system.name, (part,), part.inputs, 1)
+    held = compiled_net(net, params)
+    course = Course(t, u, np.ones((1, len(t))), np.arange(len(t)), True)
+    p = held.hybrid.flow.arguments(params)
+    track = held.run(course, np.zeros(0), x0, p, 1.0)
+    return track.q, track.y
+
+
+def wired(blocks: Sequence[Any], name: str = "blocks") -> tuple[Net, list[float]]:
+    """The net of a list of blocks and its sample times.
+
+    Raises
+    ------
+    InputError
+        For what is no block, two blocks of one name, or dt = True without a sample time.
+    """
+    systems = [_system(b) for b in blocks]
+    names = [b.name for b in systems]
+    twice = [k for k in names if names.count(k) > 1]
+    if twice or not systems:
+        raise InputError(
+            f"two blocks are called {twice[0]}: give one of them another name="
+            if twice
+            else "the list of blocks is empty."
+        )
+    rates = [_rate(b, systems) for b in systems]
+    periods = sorted({rate for rate in rates if rate is not None})
+    parts = [
+        Part(
+            b,
+            tuple(b.input_labels),
+            tuple(b.output_labels),
+            None if rate is None else periods.index(rate),
+        )
+        for b, rate in zip(systems, rates, strict=True)
+    ]
+    return Net(name, tuple(parts), _outside(parts), len(periods)), periods
+
+
+def together(blocks: Sequence[Any], name: str = "blocks") -> Any:
+    """The interconnection of continuous blocks: all signals out, all that none puts out in."""
+    net, _ = wired(blocks, name)
+    return ct.interconnect(
+        [part.block for part in net.parts],
+        inputs=list(net.outside),
+        outputs=list(net.signals),
+        params={},
+        check_unused=False,
+        name=name,
+    )
+
+
+def _system(block: Any) -> Any:
+    if isinstance(block, ct.TransferFunction):
+        block = ct.ss(block)
+    if not isinstance(block, ct.NonlinearIOSystem):
+        raise InputError(f"a block must be a python-control system, not {type(block).__name__}.")
+    if None in (block.nstates, block.ninputs, block.noutputs):
+        raise InputError(f"{block.name}: give its inputs=, outputs= and states= in ct.nlsys.")
+    return block
+
+
+def _rate(block: Any, blocks: Sequence[Any]) -> float | None:
+    """The sample time in s, None in continuous time; dt = True takes that of the others."""
+    if not block.isdtime(strict=True):
+        return None
+    if block.dt is not True:
+        return float(block.dt)
+    known = {float(b.dt) for b in blocks if b.isdtime(strict=True) and b.dt is not True}
+    if len(known) != 1:
+        raise InputError(f"{block.name} has dt=True: give it a sample time in s.")
+    return known.pop()
+
+
+def _outside(parts: Sequence[Part]) -> tuple[str, ...]:
+    """What is read and put out by none, in the order in which it is read."""
+    made = {k for part in parts for k in part.outputs}
+    return tuple(dict.fromkeys(k for part in parts for k in part.inputs if k not in made))
+
+
+def _course(t: np.ndarray, u: np.ndarray, periods: Sequence[float], hold: bool) -> Course:
+    """Ticks at the multiples of each sample time, between the first and the last wanted time."""
+    near = NEAR * min(periods)
+    grid, ticks = t, []
+    for dt in periods:
+        first, last = np.ceil(t[0] / dt - NEAR), np.floor(t[-1] / dt + NEAR)
+        ticks.append(dt * np.arange(first, last + 1))
+        grid = _joined(grid, ticks[-1], near)
+    flags = np.zeros((len(periods), len(grid)))
+    for row, own in zip(flags, ticks, strict=True):
+        row[_nearest(grid, own)] = 1.0
+        row[0] = max(row[0], 0.5)  # before the first tick: the answer to the initial state
+    column = np.full(len(grid), -1)
+    column[_nearest(grid, t)] = np.arange(len(t))
+    if hold:
+        given = u[:, np.searchsorted(t, grid + near, side="right") - 1]
+    else:
+        given = np.array([np.interp(grid, t, row) for row in u]).reshape(len(u), len(grid))
+    return Course(grid, given, flags, column, hold)
+
+
+def _joined(grid: np.ndarray, more: np.ndarray, near: float) -> np.ndarray:
+    """The grid with those of the other times that it does not have."""
+    if not len(more):
+        return grid
+    new = more[np.abs(grid[_nearest(grid, more)] - more) > near]
+    return np.sort(np.concatenate([grid, new]))
+
+
+def _nearest(grid: np.ndarray, times: np.ndarray) -> np.ndarray:
+    right = np.clip(np.searchsorted(grid, times), 1, max(len(grid) - 1, 1))
+    left = right - 1
+    right = np.minimum(right, len(grid) - 1)
+    return np.where(times - grid[left] <= grid[right] - times, left, right)
+
+
+def followed(
+    net: Net,
+    course: Course,
+    start: np.ndarray,
+    params: Mapping[str, Any] | None,
+    method: str | None,
+    rtol: float,
+) -> Track:
+    """The track of a net from its initial states, those of the blocks one after the other."""
+    chosen, p = engine(net, params, method)
+    sampled = is_sampled(net)
+    track = chosen.run(course, start[~sampled], start[sampled], p, rtol)
+    if np.isfinite(track.unsettled):
+        warnings.warn(
+            f"{net.name}: a sign or comparison switches without end near t = "
+            f"{track.unsettled:.6g} s; the result there is coarse: write np.tanh(w/eps) for "
+            "np.sign(w).",
+            RuntimeWarning,
+            stacklevel=4,
+        )
+    _all_finite(net, course.grid[course.kept], track.y)
+    return track
+
+
+def is_sampled(net: Net) -> np.ndarray:
+    """Of each state in the blocks' order, whether it is a sampled block's."""
+    return np.array([part.sampled for part in net.parts for _ in range(part.nstates)], dtype=bool)
+
+
+def in_order(net: Net, x: np.ndarray, q: np.ndarray) -> np.ndarray:
+    sampled = is_sampled(net)
+    states = np.empty((len(sampled), x.shape[1]))
+    states[~sampled], states[sampled] = x, q
+    return states
+
+
+def _all_finite(net: Net, t: np.ndarray, y: np.ndarray) -> None:
+    bad = np.argwhere(~np.isfinite(y.T))
+    if len(bad):
+        k, i = bad[0]
+        label = net.signals[i]
+        names = ", ".join(net.parts[j].block.name for j, _ in net.sources[label])
+        raise Diverged(
+            f"{net.name}: output {label} of block {names} is {y[i, k]} at t = {t[k]:.6g} s."
+        )

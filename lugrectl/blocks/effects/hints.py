@@ -1,0 +1,163 @@
+"""Where to look for an effect in a log: grids of one parameter, and whole sets to try.
+
+A log has the motion as arrays (t, theta, w, a, u, load), the sample time dt and the kind of
+motion; ``values`` are the plant's, by name. Sets are starting points for a fit, so they are a
+factor of two or three apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from ..friction import VS
+
+Values = Mapping[str, float]
+Sets = list[dict[str, float]]
+
+
+def harmonics(log: Any) -> np.ndarray:
+    """Whole orders of a turn from 2; on a linear drive half a resolution cell of travel apart."""
+    if log.motion == "linear":
+        return np.pi / np.ptp(log.theta) * np.arange(4.0, 400.0)
+    return np.arange(2.0, 97.0)
+
+
+def orders(log: Any) -> np.ndarray:
+    """As :func:`harmonics`, from once a turn."""
+    return harmonics(log) if log.motion == "linear" else np.arange(1.0, 97.0)
+
+
+def low_orders(log: Any) -> np.ndarray:
+    """The first orders of a turn; on a linear drive up to six periods in the travel."""
+    if log.motion == "linear":
+        return np.pi / np.ptp(log.theta) * np.arange(1.0, 13.0)
+    return np.arange(1.0, 7.0)
+
+
+def frequencies(log: Any) -> np.ndarray:
+    """Half a resolution cell apart, from three periods in the log to a tenth of the rate."""
+    length = log.t[-1] - log.t[0]
+    return np.arange(3.0 / length, min(0.1 / log.dt, 120.0), 0.5 / length)
+
+
+def instants(log: Any) -> np.ndarray:
+    """Times that leave a tenth of the log on either side."""
+    return log.t[0] + (log.t[-1] - log.t[0]) * np.linspace(0.1, 0.9, 33)
+
+
+def durations(log: Any) -> np.ndarray:
+    """Time constants from a fiftieth of the log to three times its length."""
+    return (log.t[-1] - log.t[0]) * np.geomspace(0.02, 3.0, 12)
+
+
+def exponents(log: Any) -> np.ndarray:
+    """Powers of the speed between none and one."""
+    return np.array([0.15, 0.3, 0.5, 0.7, 0.85])
+
+
+def _sets(**choices: Iterable[float]) -> Sets:
+    """Every combination of the values."""
+    made = product(*choices.values())
+    return [{k: float(v) for k, v in zip(choices, one, strict=True)} for one in made]
+
+
+def _times(log: Any, name: str) -> Sets:
+    return _sets(**{name: log.dt * np.array([0.5, 1.0, 2.0, 4.0, 8.0, 16.0])})
+
+
+def delays(log: Any, values: Values) -> Sets:
+    """Half a sample to 16 samples."""
+    return _times(log, "delay")
+
+
+def lags(log: Any, values: Values) -> Sets:
+    """Half a sample to 16 samples."""
+    return _times(log, "time_constant")
+
+
+def limits(log: Any, values: Values) -> Sets:
+    """Torques that the log exceeds for a moment, and up to a fifth of the time."""
+    size = np.abs(log.u)
+    return _sets(limit=np.quantile(size[size > 0.0], [0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.999]))
+
+
+def half_widths(log: Any, values: Values) -> Sets:
+    """Shares of the torque's size; Coulomb friction then was taken for too much by as much."""
+    sets = _sets(half_width=np.std(log.u) * np.array([0.02, 0.05, 0.1, 0.2, 0.4]))
+    Fc = values.get("Fc")
+    if Fc is None:
+        return sets
+    return sets + [s | {"Fc": max(Fc - s["half_width"], 0.2 * Fc)} for s in sets]
+
+
+def stops(log: Any, values: Values) -> Sets:
+    """Near either end of the travel, a third or all of the torque's size at the very end."""
+    low, high, size = np.min(log.theta), np.max(log.theta), np.std(log.u)
+    sets = []
+    for side, part, share in product((-1.0, 1.0), (0.02, 0.05, 0.1, 0.2, 0.35), (0.3, 1.0)):
+        depth = part * (high - low)
+        position = (high if side > 0 else low) - side * depth
+        sets.append({"position": position, "stiffness": share * size / depth, "side": side})
+    return sets
+
+
+def couplings(log: Any, values: Values) -> Sets:
+    """A twentieth to a half of the inertia behind springs from slow to a quarter of the rate."""
+    low = 3.0 / (log.t[-1] - log.t[0])
+    tuned = np.geomspace(max(low, 2.0), max(min(0.25 / log.dt, 200.0), 4.0), 16)
+    return [_behind(values["J"], *pair) for pair in product((0.05, 0.15, 0.35), tuned)]
+
+
+def gaps(log: Any, values: Values) -> Sets:
+    """As :func:`couplings`, through gaps of half a thousandth to a twentieth of the travel."""
+    tuned = np.geomspace(15.0, max(min(0.2 / log.dt, 80.0), 30.0), 3)
+    widths = np.ptp(log.theta) * np.geomspace(0.0005, 0.05, 80)
+    made = product(tuned, widths)
+    return [_behind(values["J"], 0.15, f, 0.15) | {"gap": float(gap)} for f, gap in made]
+
+
+def _behind(J: float, share: float, frequency: float, damping: float = 0.1) -> dict[str, float]:
+    """A share of J moved behind a spring whose load alone rings at a frequency in Hz."""
+    load, ringing = share * J, 2.0 * np.pi * frequency
+    return {
+        "load_inertia": float(load),
+        "stiffness": float(load * ringing**2),
+        "damping": float(2.0 * damping * load * ringing),
+        "J": (1.0 - share) * J,
+    }
+
+
+def stictions(log: Any, values: Values) -> Sets:
+    """A tenth to one above Fc, gone at a hundredth to a third of the largest speed."""
+    if not values.get("Fc"):
+        return []
+    speeds = np.max(np.abs(log.w)) * np.array([0.01, 0.03, 0.1, 0.3])
+    return _sets(Fs=values["Fc"] * np.array([1.1, 1.4, 2.0]), vs=speeds)
+
+
+def bristles(log: Any, values: Values) -> Sets:
+    """Break-away after a hundred thousandth to a hundredth of the travel, two dampings."""
+    if not values.get("Fc"):
+        return []
+    bends = np.ptp(log.theta) * np.array([1e-5, 1e-4, 1e-3, 1e-2])
+    return [
+        {"sigma0": float(k), "sigma1": float(2.0 * part * np.sqrt(k * values["J"]))}
+        for k in values["Fc"] / bends
+        for part in (0.1, 0.5)
+    ]
+
+
+def dwells(log: Any, values: Values) -> Sets:
+    """Time constants around the rests in the log; none where the drive hardly rests."""
+    resting = np.abs(log.w) < 0.5 * values.get("vs", VS.value)
+    edges = np.flatnonzero(np.diff(np.r_[False, resting, False].astype(int)))
+    lengths = log.dt * (edges[1::2] - edges[::2])
+    rests = lengths[lengths > 5.0 * log.dt]
+    if not len(rests):
+        return []
+    typical = float(np.median(rests))
+    return _sets(ratio=(0.2, 0.6), time_constant=typical * np.array([0.2, 0.5, 1.5, 5.0]))

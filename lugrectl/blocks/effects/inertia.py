@@ -1,0 +1,133 @@
+"""Inertia that changes, and inertia behind a spring."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ...spec import P, block
+from ..friction import J
+from . import hints
+from .levels import RATIO
+from .loads import PHASE
+
+SHARED_J = replace(J, shared=True)
+LOAD = P(0.0, "kg m2", 0.0, neutral=0.0)
+STIFFNESS = P(10.0, "N m/rad", 0.0)
+DAMPING = P(0.01, "N m s/rad", 0.0)
+
+
+@block(
+    "effect",
+    out="level",
+    acts="J",
+    confused="friction_step pose_dependent_inertia",
+    experiment="accelerate and brake along the same path before and after the change",
+)
+def inertia_step(t, ratio: Any = RATIO, time=P(0.0, "s", grid=hints.instants)):
+    """J (1 + a) from t0.
+
+    A payload taken up or put down at the drive's own speed. In a log: from one time on the
+    residual torque goes with the acceleration. Under moves of one kind a step of friction looks
+    alike.
+    """
+    return ratio * np.where(t >= time, 1.0, 0.0)
+
+
+@block(
+    "effect",
+    out="level d",
+    acts="J torque",
+    confused="inertia_step gravity encoder_eccentricity torque_ripple",
+    experiment="run through the same positions at two accelerations and at a constant high speed",
+)
+def pose_dependent_inertia(
+    theta,
+    w,
+    ratio=P(0.0, "1", 0.0, 0.9, neutral=0.0),
+    harmonic=P(1.0, "1/rev", 1e-3, 1e6, grid=hints.low_orders, whole=True),
+    phase=PHASE,
+    J: Any = SHARED_J,
+):
+    """J(theta) = J (1 + a cos(N theta + phi)), r_e = (1/2) dJ/dtheta w^2.
+
+    The torque goes with the change of J: together they keep the kinetic energy. N = 1 is an arm
+    with an elbow, N = 2 a crank; on linear drives N = 2 pi / period in rad/m. In a log: the
+    residual goes with the acceleration by a factor that hangs on position, and with w^2 at
+    constant speed, as for an eccentric encoder. At one acceleration it is gravity or a ripple.
+    One such effect to a model.
+    """
+    angle = harmonic * theta + phase
+    return ratio * np.cos(angle), -0.5 * J * ratio * harmonic * np.sin(angle) * w * w
+
+
+def _stretched(twist: Any, gap: Any) -> Any:
+    """How far a coupling with a gap of this total width is stretched."""
+    return np.maximum(twist - 0.5 * gap, 0.0) + np.minimum(twist + 0.5 * gap, 0.0)
+
+
+def _load_side(w: Any, twist: Any, w_load: Any, load_inertia: Any, gap: Any, k: Any, c: Any):
+    """Torque on the motor and the rates of twist and load speed; all 0 without a load."""
+    there = load_inertia > 0.0
+    touching = np.abs(twist) >= 0.5 * gap
+    torque = k * _stretched(twist, gap) + np.where(touching, c * (w - w_load), 0.0)
+    torque = np.where(there, torque, 0.0)
+    return (
+        torque,
+        np.where(there, w - w_load, 0.0),
+        torque / np.where(there, load_inertia, 1.0),
+    )
+
+
+@block(
+    "effect",
+    out="d",
+    states="twist w_load",
+    start="0 w",
+    acts="torque",
+    confused="input_delay velocity_sensor_lag backlash presliding",
+    experiment="record a torque chirp through the resonance, with an encoder on the load if any",
+    tries=hints.couplings,
+)
+def elastic_coupling(
+    w, twist, w_load, load_inertia=LOAD, stiffness: Any = STIFFNESS, damping: Any = DAMPING
+):
+    """r_e = K twist + D (w - w_load), Jl dw_load/dt = r_e, dtwist/dt = w - w_load.
+
+    A load inertia Jl on top of J behind a spring and a damper; friction stays on the motor. The
+    states are 0 and w where both turn together. In a log: the motor resists at
+    sqrt(K/Jl) (anti-resonance) and yields at sqrt(K (1/J + 1/Jl)) (resonance). Well below that
+    it is a larger J; near it a sensor lag or a delay turns the phase alike.
+    """
+    return _load_side(w, twist, w_load, load_inertia, 0.0, stiffness, damping)
+
+
+@block(
+    "effect",
+    out="d",
+    states="twist w_load",
+    start="0 w",
+    acts="torque",
+    confused="elastic_coupling presliding actuator_dead_zone",
+    experiment="reverse slowly and fast at several amplitudes: the gap is a fixed angle",
+    tries=hints.gaps,
+)
+def backlash(
+    w,
+    twist,
+    w_load,
+    load_inertia=LOAD,
+    gap=P(0.01, "rad", 0.0),
+    stiffness: Any = STIFFNESS,
+    damping: Any = DAMPING,
+):
+    """r_e = K s + D (w - w_load), s = twist beyond +-gap/2, Jl dw_load/dt = r_e.
+
+    dtwist/dt = w - w_load; no torque while |twist| < gap/2, gap being the total width. twist = 0
+    is the middle of the gap. In a log: after each reversal the drive runs with J alone over a
+    fixed angle, then meets the load with a blow. With a gap of 0 it is an elastic coupling; at
+    one small amplitude it may be presliding.
+    """
+    return _load_side(w, twist, w_load, load_inertia, gap, stiffness, damping)

@@ -1,0 +1,138 @@
+"""Torques on the resisting side that hang on position or time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ...spec import P, block
+from . import hints
+
+PHASE = P(0.0, "rad", -np.pi, np.pi, span=(0.0, np.pi / 2), angle=True)
+AMPLITUDE = P(0.0, "N m", 0.0, neutral=0.0)
+
+
+@block(
+    "effect",
+    out="d",
+    acts="torque",
+    load=True,
+    confused="coulomb_asymmetry gravity return_spring",
+    experiment="record a hold at zero torque and the same slow move in both directions",
+)
+def constant_torque(t, torque=P(0.0, "N m", neutral=0.0)):
+    """r_e = T0.
+
+    In a log: the mean of the residual torque, the same in both directions and at rest. A load
+    that hangs on the drive, or an offset of the current sensor. Over a short travel gravity and
+    a return spring are constant too; an asymmetry of friction is not there at rest.
+    """
+    return torque + 0.0 * t
+
+
+@block(
+    "effect",
+    out="d",
+    acts="torque",
+    load=True,
+    confused="constant_torque return_spring torque_ripple",
+    experiment="record slow moves over at least one whole turn in both directions",
+)
+def gravity(theta, amplitude=AMPLITUDE, phase=PHASE):
+    """r_e = A sin(theta + phi).
+
+    In a log: once per turn, the same in both directions and at every speed. Over less than a
+    quarter turn it is a constant torque with a return spring.
+    """
+    return amplitude * np.sin(theta + phase)
+
+
+@block(
+    "effect",
+    out="d",
+    acts="torque",
+    confused="periodic_disturbance position_dependent_friction torque_constant_ripple "
+    "encoder_eccentricity",
+    experiment="record slow moves over several periods at two different speeds, both ways",
+)
+def torque_ripple(
+    theta,
+    amplitude: Any = AMPLITUDE,
+    harmonic=P(2.0, "1/rev", 2.0, 1e6, grid=hints.harmonics, whole=True),
+    phase=PHASE,
+):
+    """r_e = A sin(N theta + phi).
+
+    N >= 2 on rotary drives (N = 1 is gravity); on linear drives N = 2 pi / period in rad/m. In a
+    log: a line at a fixed order of the position, the same in both directions and at every
+    torque (cogging). At one constant speed it is a periodic disturbance; in one direction it
+    is friction that hangs on position; at one torque a ripple of the torque constant.
+    """
+    return amplitude * np.sin(harmonic * theta + phase)
+
+
+@block(
+    "effect",
+    out="d",
+    acts="torque",
+    load=True,
+    confused="gravity constant_torque",
+    experiment="record slow moves over the whole travel, in both directions, at two frequencies",
+)
+def return_spring(
+    theta,
+    stiffness: Any = P(0.0, "N m/rad", 0.0, neutral=0.0),
+    rest=P(0.0, "rad", span=(0.0, 1.0)),
+):
+    """r_e = K (theta - theta0).
+
+    In a log: a straight line over position, the same in both directions; a cable or a torsion
+    spring. Over a short travel gravity is as straight, and under a single sine so is inertia.
+    """
+    return stiffness * (theta - rest)
+
+
+@block(
+    "effect",
+    out="d",
+    acts="torque",
+    load=True,
+    confused="return_spring gravity",
+    experiment="move slowly into the end of the travel and back, twice",
+    tries=hints.stops,
+)
+def hard_stop(
+    theta,
+    position=P(0.0, "rad"),
+    stiffness: Any = P(0.0, "N m/rad", 0.0, neutral=0.0),
+    side: Any = P(1.0, "1", -1.0, 1.0, choices=(-1.0, 1.0)),
+):
+    """r_e = K (theta - thetas) beyond thetas, side (theta - thetas) > 0.
+
+    side = +1 stops positive motion, -1 negative. Elastic: what goes in comes back. In a log: a
+    torque on one side of one position and none on the other. Where the drive only just gets
+    there it may as well be a spring or gravity near the end of the travel.
+    """
+    return side * stiffness * np.maximum(side * (theta - position), 0.0)
+
+
+@block(
+    "effect",
+    out="d",
+    acts="torque",
+    confused="torque_ripple",
+    experiment="repeat the run at another speed and once at standstill: a fixed frequency stays",
+)
+def periodic_disturbance(
+    t,
+    amplitude: Any = AMPLITUDE,
+    frequency: Any = P(1.0, "Hz", 1e-9, 1e6, grid=hints.frequencies),
+    phase=PHASE,
+):
+    """r_e = A sin(2 pi f t + phi).
+
+    In a log: a line at a fixed frequency, whatever the speed (mains, a neighbouring machine). At
+    one constant speed a ripple over position has one too. The phase is that at t = 0 of the log.
+    """
+    return amplitude * np.sin(2 * np.pi * frequency * t + phase)

@@ -1,0 +1,190 @@
+"""The bristle deflection along a measured velocity, exact where the velocity is held."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import lapack
+
+from .blocks.friction import bristle, lugre
+from .engine.derivative import derivatives
+from .engine.emit import Emitter, indent
+from .engine.graph import Graph, Node, substitute
+from .engine.load import has_numba, load, threads
+from .errors import InputError
+
+if TYPE_CHECKING:
+    from .model import Model, Parameters
+
+_dtbtrs: Any = lapack.dtbtrs  # pyright: ignore[reportAttributeAccessIssue]
+KEYS = ("sigma0", "Fc", "Fs", "vs")
+BLOCK = 8192  # samples whose coefficients stay in the processor's cache
+CHUNK = 8 * BLOCK  # samples for one thread at a time
+
+# dz/dt = b - a z at held w; z moves by the share 1 - e^(-a dt) of the way to b/a, and by b dt
+# where a is 0.
+_COEFFICIENTS = """
+def coefficients(w, p, dt):
+    {names}, = p
+{body}
+    a = {a}
+    return np.expm1(-dt * a), a, {b}
+"""
+
+_FOLLOW = """
+@fast
+def follow(less, a, b, dt, z, out):
+    for k in range(len(out)):
+        out[k] = z
+        gain = -less[k] / a[k] if a[k] > 0.0 else dt
+        z += less[k] * z + gain * b[k]
+    return z
+"""
+
+
+def deflection(w: ArrayLike, dt: float, p: Parameters | Model, z0: ArrayLike = 0.0) -> np.ndarray:
+    """The bristle deflection z of the LuGre law along a velocity that is held between samples.
+
+    z[k+1] = e^(-a dt) z[k] + (1 - e^(-a dt)) w[k]/a, a = sigma0 |w[k]| / h(w[k]).
+
+    Parameters
+    ----------
+    w : (N,) or (L, N) array_like
+        Velocity in rad/s, one record or L of them.
+    dt : float
+        Sample time in s.
+    p : Parameters or Model
+        Whose sigma0, Fc, Fs, vs are taken.
+    z0 : float or (L,) array_like
+        Deflection in rad at the first sample.
+
+    Returns
+    -------
+    ndarray
+        z in rad, of the shape of w; z[0] = z0.
+
+    Raises
+    ------
+    InputError
+        For a dt that is not positive, a velocity that is no number, shapes that do not fit, or a
+        LuGre parameter without a value.
+
+    Notes
+    -----
+    Exact for a velocity that is constant from sample to sample, at any speed; the velocity of a
+    moving drive is not, which leaves an error of first order in dt. Source paper, eq. LuGre1,
+    taken from the friction law's own function.
+    """
+    speed, start = _checked(w, dt, z0)
+    values = _values(p)
+    z = np.empty_like(speed)
+    for row, first, out in zip(speed, start, z, strict=True):
+        _along(row, dt, values, float(first), out)
+    return z.reshape(np.shape(w))
+
+
+def _checked(w: ArrayLike, dt: float, z0: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    speed = np.asarray(w, dtype=float)
+    if speed.ndim not in (1, 2) or not speed.shape[-1]:
+        raise InputError(f"w must be (N,) or (L, N), not {speed.shape}.")
+    if not (isinstance(dt, (int, float, np.number)) and 0.0 < float(dt) < np.inf):
+        raise InputError(f"the sample time must be a positive number of seconds, not {dt!r}.")
+    speed = np.ascontiguousarray(np.atleast_2d(speed))
+    if not np.isfinite(speed).all():
+        lane, k = np.argwhere(~np.isfinite(speed))[0]
+        raise InputError(f"the velocity is {speed[lane, k]} at sample {k}: fill the gap first.")
+    start = np.asarray(z0, dtype=float)
+    if start.shape not in ((), (len(speed),)) or not np.all(np.isfinite(start)):
+        raise InputError(f"z0 must be a finite number or {len(speed)} of them.")
+    return speed, np.broadcast_to(start, (len(speed),))
+
+
+def _values(p: Parameters | Model) -> tuple[float, ...]:
+    from .model import Model
+
+    model = p if isinstance(p, Model) else Model.of(p)
+    have = model.values()
+    missing = [k for k in KEYS if have.get(k) is None]
+    if missing:
+        raise InputError(
+            f"{model.name} gives no {', '.join(missing)}: the deflection is that of a LuGre model."
+        )
+    values = {k: float(have[k]) for k in KEYS}  # pyright: ignore[reportArgumentType]
+    lugre.check(values)
+    return tuple(values.values())
+
+
+def _along(w: np.ndarray, dt: float, values: tuple[float, ...], z: float, out: np.ndarray) -> None:
+    advance = _compiled() if has_numba() else _by_lapack
+    begin = 0
+    for less, a, b in _coefficients_along(w, dt, values):
+        end = begin + len(less)
+        z = advance(less, a, b, dt, z, out[begin:end])
+        begin = end
+
+
+def _coefficients_along(
+    w: np.ndarray, dt: float, values: tuple[float, ...]
+) -> Iterator[tuple[np.ndarray, ...]]:
+    """Block by block; the threads are ahead of the recursion on a long record."""
+    coefficients = _coefficients()
+
+    def chunk(begin: int) -> list[tuple[np.ndarray, ...]]:
+        part = w[begin : begin + CHUNK]
+        with np.errstate(all="ignore"):
+            blocks = range(0, len(part), BLOCK)
+            return [coefficients(part[i : i + BLOCK], values, dt) for i in blocks]
+
+    begins = range(0, len(w), CHUNK)
+    workers = min(threads(), len(begins)) if has_numba() else 1
+    if workers < 2:
+        for begin in begins:
+            yield from chunk(begin)
+        return
+    with ThreadPoolExecutor(workers) as pool:
+        for blocks in pool.map(chunk, begins):
+            yield from blocks
+
+
+def _by_lapack(
+    less: np.ndarray, a: np.ndarray, b: np.ndarray, dt: float, z: float, out: np.ndarray
+) -> float:
+    """The recursion as a unit lower bidiagonal system of equations."""
+    n, moving = len(less), a > 0.0
+    gain = np.where(moving, -less / np.where(moving, a, 1.0), dt)
+    band = np.empty((2, n + 1), order="F")
+    band[1, :n] = -1.0 - less
+    right = np.empty(n + 1)
+    right[0], right[1:] = z, gain * b
+    solved, _ = _dtbtrs(band, right, uplo="L", diag="U", overwrite_b=True)
+    out[:] = solved[:n]
+    return float(solved[n])
+
+
+@cache
+def _compiled() -> Callable[..., float]:
+    return load(_FOLLOW, "numba").follow
+
+
+@cache
+def _coefficients() -> Callable[..., tuple[np.ndarray, ...]]:
+    """e^(-a dt) - 1, a and b from the friction law's own function, which is affine in z."""
+    graph = Graph()
+    w, z, *p = (graph.symbol(name) for name in ("w", "z", *KEYS))
+    rate: Any = bristle(w, z, *p)
+    slope = derivatives([rate], z)[0]
+    still = substitute([rate], lambda node, args: graph.constant(0.0) if node is z else None)[0]
+    emitter = Emitter("array")
+    a, b = emitter.write(substitute([-slope, still], _no_underflow))
+    text = _COEFFICIENTS.format(names=", ".join(KEYS), body=indent(emitter.body, 1), a=a, b=b)
+    return load(text, "numpy").coefficients
+
+
+def _no_underflow(node: Node, args: tuple[Node, ...]) -> Node | None:
+    """e^x below 1e-304 is several times slower than above, and adds nothing either way."""
+    return np.exp(np.maximum(args[0], -700.0)) if node.op == "exp" else None  # pyright: ignore

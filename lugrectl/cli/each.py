@@ -1,0 +1,147 @@
+"""``lugrectl diagnose --each``: every log by itself, one table."""
+
+from __future__ import annotations
+
+import os
+import sys
+from argparse import Namespace
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..errors import InputError
+from .commands import print_out, reading
+from .progress import Bar
+
+if TYPE_CHECKING:
+    from ..fleet import Fleet, Outcome
+
+INTERRUPTED, UNEXPECTED = 130, 70
+
+
+def each(a: Namespace) -> int:
+    """Diagnose, print and write; the exit code is the highest of the logs'."""
+    from ..fleet import run_each
+    from ..model import read_model
+    from ..record import parse_pairs
+    from ..report.fleet_page import rendered
+    from ..workers import record_files
+
+    if a.holdout not in (None, "last"):
+        raise InputError(
+            f"--holdout {a.holdout} is one file, but with --each every log is judged on its own "
+            "samples; leave it out, or give --holdout last."
+        )
+    model, how = read_model(a.model), reading(a)
+    for what in ("columns", "units", "scale"):  # a slip here would fail every log
+        if how[what]:
+            parse_pairs(how[what], what)
+    files = [str(file) for file in record_files(a.records)]
+    out = Store(a.out, files, a.model) if a.out is not None else None
+    with Bar(sys.stderr) as bar:
+        fleet = run_each(
+            files,
+            model,
+            jobs=a.jobs or min(processors(), len(files)),
+            progress=bar,
+            keep=False,
+            render=rendered if out else None,
+            done=out,
+            holdout=a.holdout,
+            horizon=a.horizon,
+            seed=a.seed,
+            **how,
+        )
+    where = ""
+    try:
+        where = out.index(fleet) if out and fleet.outcomes else ""
+    finally:  # a full disk must not cost the answer
+        print_out(fleet.to_json() if a.json else str(fleet))
+    if where:
+        print(where, file=sys.stderr if a.json else sys.stdout)
+    _tell(fleet, a.json)
+    return INTERRUPTED if fleet.unfinished else fleet.exit_code
+
+
+def processors() -> int:
+    """Processors that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+class Store:
+    """Where the reports go: a folder per log as soon as it is done, the index at the end.
+
+    Raises InputError where nothing can be written, or where an input would be overwritten.
+    """
+
+    def __init__(self, folder: str, files: Sequence[str], model: str) -> None:
+        from ..report import check_folder
+        from ..report.fleet_page import folder_names
+
+        self._folder = Path(folder)
+        self._names = dict(zip(files, folder_names(files), strict=True))
+        self._links: dict[str, str] = {}
+        check_folder(folder)
+        self._spare(files, model)
+
+    def __call__(self, outcome: Outcome, content: dict[str, str] | None) -> Outcome:
+        from ..report.fleet_page import store
+
+        if content is None:
+            return outcome
+        name = self._names[outcome.file]
+        try:
+            store(content, self._folder / name)
+        except InputError as no:
+            return replace(outcome, exit_code=no.exit_code, reason=str(no))
+        self._links[outcome.file] = f"{name}/report.html"
+        return outcome
+
+    def index(self, fleet: Fleet) -> str:
+        """Write the table with links to the reports; returns the line that says where."""
+        from ..report.fleet_page import write_index
+
+        index, table = write_index(fleet, self._folder, self._links)
+        return f"table: {index} (and {table.name}, a folder for each report)"
+
+    def _spare(self, files: Sequence[str], model: str) -> None:
+        from ..report import FILES
+        from ..report.fleet_page import INDEX
+
+        if any(Path(file).resolve().parent == self._folder.resolve() for file in files):
+            raise InputError(
+                f"--out {self._folder} holds records, and the next run would take summary.csv "
+                "for one; choose another folder."
+            )
+        sources = {Path(name).resolve() for name in [*files, model]}
+        targets = [self._folder / name for name in INDEX]
+        targets += [self._folder / n / name for n in self._names.values() for name in FILES]
+        for target in targets:
+            if target.resolve() in sources:
+                raise InputError(
+                    f"--out {self._folder} would overwrite {target}, which is an input; choose "
+                    "another folder."
+                )
+
+
+def _tell(fleet: Fleet, as_json: bool) -> None:
+    """On stderr: what cut the work short, and what the table on stdout does not show."""
+    said = []
+    without = [o for o in fleet.outcomes if o.exit_code]
+    if without and as_json:
+        total = len(fleet.outcomes)
+        said.append(f"{len(without)} of {total} logs without an answer; see their reason.")
+    broken = next((o.file for o in without if o.exit_code == UNEXPECTED), None)
+    if broken:
+        said.append(
+            f"{broken}: unexpected. Please report this with the command you typed; diagnosing "
+            "that log alone with LUGRECTL_DEBUG=1 shows where it happened."
+        )
+    if fleet.unfinished:
+        total = len(fleet.outcomes) + len(fleet.unfinished)
+        said.append(f"interrupted: {len(fleet.outcomes)} of {total} logs done.")
+    for sentence in said:
+        print(f"lugrectl: {sentence}", file=sys.stderr)

@@ -1,0 +1,80 @@
+"""Compiled systems as plain data, for threads, other processes and other machines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from .adaptive import Adaptive, _output_code
+from .adaptive_code import adaptive_code
+from .load import load
+
+
+@dataclass(frozen=True)
+class Portable:
+    """The generated text of an adaptive run, with its labels: pickles, whatever its system holds.
+
+    Blocks hold closures, which do not pickle, and expression graphs are deep. The text is what a
+    worker needs: it compiles it, or loads the machine code that is kept for it on disk.
+    """
+
+    name: str
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    backend: str
+    run_code: str
+    output_code: str
+
+    @classmethod
+    def of(cls, engine: Adaptive, outputs: Sequence[str] | None = None) -> Portable:
+        """What a compiled system consists of; ``outputs``: only these are worked out."""
+        program = engine.program
+        wanted = tuple(program.outputs if outputs is None else outputs)
+        unknown = [name for name in wanted if name not in program.outputs]
+        if unknown:
+            has = ", ".join(program.outputs) or "none"
+            raise InputError(f"{program.name} has no output '{unknown[0]}'; it has {has}.")
+        y = tuple(program.y[program.outputs.index(name)] for name in wanted)
+        return cls(
+            program.name,
+            program.states,
+            program.inputs,
+            wanted,
+            engine.backend,
+            adaptive_code(program, engine.backend),
+            _output_code(replace(program, outputs=wanted, y=y)),
+        )
+
+    def loaded(self) -> Loaded:
+        """Ready to run; fast after the first time."""
+        return Loaded(self)
+
+
+class Loaded(Adaptive):
+    """An adaptive run from its text; the GIL is free while numba's code runs."""
+
+    def __init__(self, portable: Portable) -> None:
+        self.program: Any = portable  # of a program, runs read the name and the labels only
+        self.backend = portable.backend
+        self._run = load(portable.run_code, portable.backend).run
+        self._outputs = load(portable.output_code, "numpy").outputs
+
+    def response(
+        self, t: np.ndarray, u: np.ndarray, x0: np.ndarray, p: np.ndarray, hold: bool, rtol: float
+    ) -> tuple[np.ndarray, np.ndarray, float]:
+        """States (n, N), outputs (ny, N), and where a relay would not come to rest (nan: none).
+
+        Raises ``Diverged`` as ``Adaptive.run`` does.
+        """
+        states, unsettled = np.empty((0, len(t))), np.nan
+        if len(x0) and len(t) > 1:
+            run = self.run(t, u, x0, p, hold=hold, rtol=rtol)
+            states, unsettled = run.states, run.unsettled
+        elif len(x0):
+            states = x0[:, None]
+        return states, self.outputs(t, states, u, p), unsettled

@@ -1,0 +1,215 @@
+"""The equations of a net: the flow between ticks, and what a tick does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .check import check
+from .graph import Graph, Node, rename, symbols_in
+from .net import Net
+from .program import Program
+from .trace import AlgebraicLoop, _Tracer
+
+Answer = Callable[[int, Sequence[Node]], list[Node]]
+
+
+@dataclass(frozen=True, eq=False)
+class Tick:
+    """The sampled parts' states and held outputs after a tick: nodes of t, x, q, u, g, p.
+
+    ``q`` are the states before it, ``g`` one flag for each sample time: 1 a tick, 0.5 outputs
+    alone, 0 nothing. Held values are the inputs of the flow that follow those from outside.
+    """
+
+    q: tuple[Node, ...]
+    g: tuple[Node, ...]
+    new_q: tuple[Node, ...]
+    new_h: tuple[Node, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Hybrid:
+    """Flow, tick (None: not asked for) and all signals of a net; one parameter vector.
+
+    The signals ``y`` depend on t, x, u and, where the net reads earlier values, on the held
+    values before the tick, ``b0``, ``b1``, ... ``checked`` holds the blocks that were compared
+    with their own traces.
+    """
+
+    net: Net
+    flow: Program
+    y: tuple[Node, ...]
+    tick: Tick | None
+    checked: tuple[tuple[Program, Any], ...]
+
+
+def trace_net(net: Net, params: Mapping[str, Any] | None = None, *, ticks: bool = True) -> Hybrid:
+    """The equations of a net, each block's checked against the block itself.
+
+    Raises TraceError when a function cannot be followed, AlgebraicLoop when outputs depend on
+    themselves. Without ``ticks`` the sampled parts are not looked at.
+    """
+    checked = []
+    for part in net.parts:
+        part.block._update_params(params)
+        if ticks or not part.sampled:
+            program = _Tracer(part.block).program()
+            check(program, part.block, params)
+            checked.append((program, part.block))
+    return _NetTracer(net).hybrid(ticks, tuple(checked))
+
+
+class _NetTracer(_Tracer):
+    """Symbols for a net and the walk through its parts."""
+
+    def __init__(self, net: Net) -> None:
+        self.net, self.graph = net, Graph()
+        self.t = self.graph.symbol("t")
+        self.x = self._symbols("x", net.count(False))
+        self.q = self._symbols("q", net.count(True))
+        self.g = self._symbols("g", net.groups)
+        self.u = self._symbols("u", len(net.outside) + len(net.held))
+        self.slots, self.fixed, self.values = {}, {}, {}
+        for part in net.parts:
+            self._collect(part.block)
+
+    def hybrid(self, ticks: bool, checked: tuple[tuple[Program, Any], ...]) -> Hybrid:
+        inputs, outputs = self._settle(self._held_parts(), self._answer)
+        xdot = [
+            rate
+            for i, part in enumerate(self.net.parts)
+            if not part.sampled
+            for rate in self._rates(part.block, self._own(i), inputs[i])
+        ]
+        tick = self._tick(outputs) if ticks else None
+        y = self._signals_of(outputs)
+        roots = [*xdot, *y, *(tick.new_q + tick.new_h if tick else ())]
+        return Hybrid(self.net, self._flow(xdot, roots), tuple(y), tick, checked)
+
+    def _own(self, i: int) -> Sequence[Node]:
+        return (self.q if self.net.parts[i].sampled else self.x)[self.net.places[i]]
+
+    def _held_parts(self) -> list[list[Node] | None]:
+        """The held outputs of the sampled parts, None for the others."""
+        rows: list[list[Node] | None] = [[] if part.sampled else None for part in self.net.parts]
+        values = self.u[len(self.net.outside) :]
+        for (i, _), node in zip(self.net.held, values, strict=True):
+            held = rows[i]
+            assert held is not None
+            held.append(node)
+        return rows
+
+    def _answer(self, i: int, inputs: Sequence[Node]) -> list[Node]:
+        return self._outputs(self.net.parts[i].block, self._own(i), inputs)
+
+    def _settle(
+        self, fixed: Sequence[list[Node] | None], answer: Answer
+    ) -> tuple[list[list[Node]], list[list[Node]]]:
+        """Inputs and outputs of all parts at one instant; ``fixed`` ones do not answer."""
+        parts, zero = self.net.parts, self.graph.constant(0.0)
+        outputs = [
+            [zero] * len(p.outputs) if f is None else f for p, f in zip(parts, fixed, strict=True)
+        ]
+        inputs: list[list[Node]] = [[] for _ in parts]
+        for _ in range(len(parts) + 2):
+            before = [node for row in inputs for node in row]
+            for i, part in enumerate(parts):
+                inputs[i] = [self._signal(label, outputs) for label in part.inputs]
+                if fixed[i] is None:
+                    outputs[i] = answer(i, inputs[i])
+            after = [node for row in inputs for node in row]
+            if list(map(id, before)) == list(map(id, after)):
+                return inputs, outputs
+        raise AlgebraicLoop(self.net.loop_message(self._quick(fixed, answer)))
+
+    def _quick(self, fixed: Sequence[list[Node] | None], answer: Answer) -> list[list[bool]]:
+        """Which outputs answer an input at once."""
+        rows = []
+        for i, part in enumerate(self.net.parts):
+            probes = [self.graph.symbol(f"probe{k}") for k in range(len(part.inputs))]
+            names = {probe.value for probe in probes}
+            outputs = answer(i, probes) if fixed[i] is None else []
+            rows.append([bool(names & symbols_in([node])) for node in outputs])
+            rows[-1] += [False] * (len(part.outputs) - len(outputs))
+        return rows
+
+    def _signal(self, label: str, outputs: Sequence[Sequence[Node]]) -> Node:
+        """The sum of all outputs of a name, or the input from outside."""
+        if label in self.net.outside:
+            return self.u[self.net.outside.index(label)]
+        return self.graph.total(outputs[i][j] for i, j in self.net.sources[label])
+
+    def _tick(self, flowing: Sequence[list[Node]]) -> Tick:
+        parts, still = self.net.parts, self._held_parts()
+
+        def answer(i: int, inputs: Sequence[Node]) -> list[Node]:
+            fresh, held = self._answer(i, inputs), still[i]
+            return fresh if held is None else self._chosen(i, 0.25, fresh, held)
+
+        earlier = [
+            row if self.net.earlier and not part.sampled else None
+            for part, row in zip(parts, flowing, strict=True)
+        ]
+        inputs, outputs = self._settle(earlier, answer)
+        new_q = []
+        for i, part in enumerate(parts):
+            if part.sampled:
+                own = self._own(i)
+                new_q += self._chosen(i, 0.75, self._rates(part.block, own, inputs[i]), own)
+        return Tick(self.q, self.g, tuple(new_q), tuple(outputs[i][j] for i, j in self.net.held))
+
+    def _chosen(
+        self, i: int, level: float, fresh: Sequence[Node], kept: Sequence[Node]
+    ) -> list[Node]:
+        """Fresh values where the part's sample time ticks, else those kept."""
+        flag = self.g[self.net.parts[i].group or 0] > level
+        return [self.graph.make("where", flag, a, b) for a, b in zip(fresh, kept, strict=True)]
+
+    def _signals_of(self, outputs: Sequence[Sequence[Node]]) -> list[Node]:
+        if self.net.earlier:
+            held = self.u[len(self.net.outside) :]
+            before = {u.index: self.graph.symbol(f"b{k}") for k, u in enumerate(held)}
+            outputs = [
+                row if part.sampled else rename(row, before)
+                for part, row in zip(self.net.parts, outputs, strict=True)
+            ]
+        return [
+            self.graph.total(outputs[i][j] for i, j in self.net.sources[label])
+            for label in self.net.signals
+        ]
+
+    def _flow(self, xdot: Sequence[Node], roots: Sequence[Node]) -> Program:
+        slots = self._free_slots(roots)
+        keys = [slot.key for slot in slots]
+        held = [f"{self.net.parts[i].outputs[j]}" for i, j in self.net.held]
+        return Program(
+            name=self.net.name,
+            states=state_labels(self.net, sampled=False),
+            inputs=(*self.net.outside, *held),
+            outputs=(),
+            parameters=tuple(slot.label(keys) for slot in slots),
+            keys=tuple(keys),
+            defaults=np.array([slot.value for slot in slots]),
+            fixed=self.fixed,
+            graph=self.graph,
+            t=self.t,
+            x=self.x,
+            u=self.u,
+            p=tuple(slot.node for slot in slots),
+            xdot=tuple(xdot),
+            y=(),
+        )
+
+
+def state_labels(net: Net, *, sampled: bool | None = None) -> tuple[str, ...]:
+    """``block_state``, of the continuous parts, the sampled ones, or all in their order."""
+    return tuple(
+        f"{part.block.name}_{label}"
+        for part in net.parts
+        if part.nstates and sampled in (None, part.sampled)
+        for label in part.block.state_labels
+    )

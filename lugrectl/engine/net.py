@@ -1,0 +1,108 @@
+"""Blocks wired by their signal names, continuous and sampled ones side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.sparse.csgraph import connected_components
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A block, the names of its signals in the net, and the number of its sample time.
+
+    ``group`` is None where the block acts at every instant.
+    """
+
+    block: Any
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    group: int | None = None
+
+    @property
+    def sampled(self) -> bool:
+        return self.group is not None
+
+    @property
+    def nstates(self) -> int:
+        return int(self.block.nstates or 0)
+
+
+@dataclass(frozen=True, eq=False)
+class Net:
+    """Parts of which equal output names add up, and the signals that come from outside.
+
+    ``earlier``: at a tick the sampled parts read the others as they were just before it, as a
+    converter that measures first and then puts out; otherwise all hold at once.
+    """
+
+    name: str
+    parts: tuple[Part, ...]
+    outside: tuple[str, ...]
+    groups: int
+    earlier: bool = False
+
+    @cached_property
+    def signals(self) -> tuple[str, ...]:
+        """All output names, each once."""
+        return tuple(dict.fromkeys(k for part in self.parts for k in part.outputs))
+
+    @cached_property
+    def sources(self) -> dict[str, list[tuple[int, int]]]:
+        """Part and output that feed each signal."""
+        found: dict[str, list[tuple[int, int]]] = {k: [] for k in self.signals}
+        for i, part in enumerate(self.parts):
+            for j, label in enumerate(part.outputs):
+                found[label].append((i, j))
+        return found
+
+    @cached_property
+    def held(self) -> list[tuple[int, int]]:
+        """Part and output of each value that is held between ticks."""
+        return [
+            (i, j)
+            for i, part in enumerate(self.parts)
+            if part.sampled
+            for j in range(len(part.outputs))
+        ]
+
+    @cached_property
+    def places(self) -> list[slice]:
+        """Each part's states among those of the continuous or those of the sampled parts."""
+        ends, slices = {True: 0, False: 0}, []
+        for part in self.parts:
+            begin = ends[part.sampled]
+            ends[part.sampled] = begin + part.nstates
+            slices.append(slice(begin, begin + part.nstates))
+        return slices
+
+    def count(self, sampled: bool) -> int:
+        """How many states the continuous or the sampled parts have."""
+        return sum(part.nstates for part in self.parts if part.sampled is sampled)
+
+    def readers(self, label: str) -> list[int]:
+        return [i for i, part in enumerate(self.parts) if label in part.inputs]
+
+    def loop_message(self, answers_at_once: Sequence[Sequence[bool]]) -> str:
+        """What to say about an algebraic loop, given which outputs answer inputs at once."""
+        reach = np.zeros((len(self.parts),) * 2)
+        for i, flags in enumerate(answers_at_once):
+            for label, quick in zip(self.parts[i].outputs, flags, strict=True):
+                if quick:
+                    reach[i, self.readers(label)] = 1
+        names = ", ".join(self.parts[i].block.name for i in looped(reach))
+        return (
+            f"{self.name}: algebraic loop through {names}: an output depends on itself at the "
+            "same instant; put a state or a sample of delay between them."
+        )
+
+
+def looped(reach: np.ndarray) -> list[int]:
+    """The members that reach themselves."""
+    _, group = connected_components(reach, connection="strong")
+    sizes = np.bincount(group)
+    return [i for i in range(len(reach)) if reach[i, i] or sizes[group[i]] > 1]

@@ -1,0 +1,48 @@
+"""What a sweep has to know of a system, whatever it is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ..blocklist import together, wired
+from ..engine.hybrid import state_labels
+from ..errors import InputError
+
+
+@dataclass(frozen=True)
+class Face:
+    """Name and labels of a system or a list of blocks. ``sampled``: not in continuous time."""
+
+    system: Any
+    name: str
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    states: tuple[str, ...]
+    sampled: bool
+
+    @classmethod
+    def of(cls, system: Any) -> Face:
+        """As ``simulate`` sees it; a list of continuous blocks becomes their interconnection."""
+        if isinstance(system, (list, tuple)):
+            if any(getattr(block, "dt", None) not in (None, 0) for block in system):
+                net, _ = wired(system)
+                labels = tuple(net.outside), tuple(net.signals), tuple(state_labels(net))
+                return cls(list(system), net.name, *labels, sampled=True)
+            system = together(system)
+        if None in (system.nstates, system.ninputs, system.noutputs):
+            raise InputError(f"{system.name}: give its inputs=, outputs= and states= in ct.nlsys.")
+        labels = system.input_labels, system.output_labels, system.state_labels
+        inputs, outputs, states = map(tuple, labels)
+        return cls(system, system.name, inputs, outputs, states, system.isdtime(strict=True))
+
+    def chosen(self, what: str, names: Sequence[str] | str | None) -> tuple[str, ...]:
+        """The names of outputs or states (``what``), all for None, where they exist."""
+        has = self.outputs if what == "output" else self.states
+        chosen = tuple(has if names is None else [names] if isinstance(names, str) else names)
+        unknown = [name for name in chosen if name not in has]
+        if unknown:
+            there = ", ".join(has) or "none"
+            raise InputError(f"{self.name} has no {what} '{unknown[0]}'; it has {there}.")
+        return chosen

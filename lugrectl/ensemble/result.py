@@ -1,0 +1,170 @@
+"""What a sweep gives back."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..results import plain
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """Many runs of one system. ``sweep["w"]`` is one signal of all members, (L, N).
+
+    Attributes
+    ----------
+    name : str
+        The system's.
+    t : (N,) ndarray
+        Times in s.
+    outputs, states : tuple of str
+        Labels of the rows of ``y`` and ``x``.
+    y : (L, ny, N) ndarray or None
+        Outputs; nan for members that failed or were not reached; None with ``reduce``.
+    x : (L, nx, N) ndarray or None
+        The states asked for.
+    reduced : (L, ...) ndarray or None
+        What ``reduce`` made of each member.
+    params : dict of (L,) ndarray
+        The table.
+    members : (L,) ndarray
+        Numbers of the members (of a chunk: within the whole sweep).
+    done : (L,) ndarray of bool
+        Members that were run, with or without success.
+    failed : dict
+        Number of a failed member -> what happened, in a sentence.
+    coarse : dict
+        Number of a member whose sign or comparison switched without end -> the time in s.
+    message : str or None
+        What the user should know of the sweep as a whole.
+    """
+
+    name: str
+    t: np.ndarray
+    outputs: tuple[str, ...]
+    states: tuple[str, ...]
+    y: np.ndarray | None
+    x: np.ndarray | None
+    reduced: np.ndarray | None
+    params: Mapping[str, np.ndarray]
+    members: np.ndarray
+    done: np.ndarray
+    failed: Mapping[int, str] = field(default_factory=dict)
+    coarse: Mapping[int, float] = field(default_factory=dict)
+    message: str | None = None
+
+    def __len__(self) -> int:
+        return len(self.members)
+
+    def __getitem__(self, signal: str) -> np.ndarray:
+        for labels, values in ((self.outputs, self.y), (self.states, self.x)):
+            if signal in labels and values is not None:
+                return values[:, labels.index(signal)]
+        there = ", ".join([*(self.outputs if self.y is not None else ()), *self.states])
+        raise InputError(f"this sweep holds no signal '{signal}'; it holds {there or 'none'}.")
+
+    @property
+    def ok(self) -> np.ndarray:
+        """(L,) bool: the members that succeeded."""
+        return self.done & ~np.isin(self.members, list(self.failed))
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python: sizes, ranges of parameters, what failed (the first ten)."""
+        ranges = {k: [np.nanmin(v), np.nanmax(v)] for k, v in self.params.items() if _some(v)}
+        return plain(
+            {
+                "system": self.name,
+                "members": len(self),
+                "done": int(self.done.sum()),
+                "succeeded": int(self.ok.sum()),
+                "failed": len(self.failed),
+                "failures": dict(sorted(self.failed.items())[:10]),
+                "coarse": len(self.coarse),
+                "samples": len(self.t),
+                "duration": float(self.t[-1] - self.t[0]),
+                "outputs": self.outputs,
+                "states": self.states,
+                "parameters": ranges,
+                "message": self.message,
+            }
+        )
+
+    def to_pandas(self) -> Any:
+        """A DataFrame: a row for each member and time, a column for each signal.
+
+        With ``reduce``: a row for each member, with its parameters. Raises InputError where
+        pandas is not installed.
+        """
+        pandas = _library("pandas")
+        index = pandas.Index(self.members, name="member")
+        if self.reduced is not None:
+            flat = self.reduced.reshape(len(self), -1)
+            names = [f"reduced{i}" for i in range(flat.shape[1])]
+            names = ["reduced"] if self.reduced.ndim == 1 else names
+            columns = {k: flat[:, i] for i, k in enumerate(names)}
+            return pandas.DataFrame({**self.params, **columns}, index=index)
+        both = pandas.MultiIndex.from_product([self.members, self.t], names=["member", "t"])
+        return pandas.DataFrame({k: self[k].ravel() for k in self._signals()}, index=both)
+
+    def to_xarray(self) -> Any:
+        """A Dataset over member and t (and those of ``reduced``), parameters as coordinates.
+
+        Raises InputError where xarray is not installed.
+        """
+        xarray = _library("xarray")
+        data: dict[str, Any] = {k: (("member", "t"), self[k]) for k in self._signals()}
+        coords = {"member": self.members, "t": self.t}
+        if self.reduced is not None:
+            extra = [f"reduced_{i}" for i in range(self.reduced.ndim - 1)]
+            data["reduced"] = (("member", *extra), self.reduced)
+        beside = {k: ("member", v) for k, v in self.params.items()} | {
+            "done": ("member", self.done)
+        }
+        taken = {*data, *coords}
+        renamed = {f"parameter {k}" if k in taken else k: v for k, v in beside.items()}
+        return xarray.Dataset(data, {**coords, **renamed}, {"system": self.name})
+
+    def plot(self, ax: Any = None, output: str | None = None) -> Any:
+        """Median and the band from 5 to 95 % of one output (the first); returns the axes."""
+        from ..report.band import band
+
+        return band(self, ax, output)
+
+    def _signals(self) -> list[str]:
+        outputs = self.outputs if self.y is not None else ()
+        return list(dict.fromkeys([*outputs, *self.states]))
+
+    def __str__(self) -> str:
+        said = f"{self.name}: {int(self.ok.sum())} of {len(self)} members simulated"
+        said += f", {len(self.failed)} failed" if self.failed else ""
+        return said + f", {len(self.t)} samples to {self.t[-1]:g} s."
+
+    def __repr__(self) -> str:
+        return f"<Sweep {self}>"
+
+    def _repr_html_(self) -> str:
+        words = [str(self), f"Outputs: {', '.join(self.outputs)}."]
+        words += [f"{k}: {np.nanmin(v):.4g} to {np.nanmax(v):.4g}." for k, v in self._ranges()]
+        words += [f"Member {i}: {s}" for i, s in sorted(self.failed.items())[:3]]
+        return "".join(f"<div>{html.escape(line)}</div>" for line in words)
+
+    def _ranges(self) -> list[tuple[str, np.ndarray]]:
+        return [(k, v) for k, v in self.params.items() if _some(v)][:6]
+
+
+def _some(values: np.ndarray) -> bool:
+    return not bool(np.all(np.isnan(values)))
+
+
+def _library(name: str) -> Any:
+    try:
+        return import_module(name)
+    except ImportError:
+        raise InputError(f"{name} is not installed; python -m pip install {name}.") from None

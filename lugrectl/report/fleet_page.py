@@ -1,0 +1,209 @@
+"""A fleet as text, as an HTML page, as CSV, and as files."""
+
+from __future__ import annotations
+
+import csv
+import html as markup
+import io
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from ..errors import InputError
+from ..model import model_toml
+from . import FILES, _grid_text, _wrapped, page
+from .atomic import write_together
+from .wording import NONE, Grid, number, readable
+
+INDEX: tuple[str, ...] = ("index.html", "summary.csv")
+ERRORS = ("declared", "refitted", "augmented", "noise_floor")
+_HEAD = ("log", "verdict", "declared", "refitted", "augmented", "noise", "unit", "s")
+_ALIGN = "llrrrrlr"
+_NOTE = (
+    "RMS of measured minus simulated on held-out samples, with the model as declared, refitted, "
+    "and with the effects added; noise is the sensor's; s is the time that it took."
+)
+_STYLE = """
+.lugrectl.fleet { max-width: 60rem; }
+.fleet .table > table { width: 100%; }
+.fleet td.log { white-space: normal; overflow-wrap: anywhere; min-width: 8rem; }
+.fleet tr.more > * { border-bottom: none; }
+.fleet td.what { white-space: normal; padding: 0 0 .5rem 1.2rem; color: #4a5563; }
+.fleet .tag { border-left-width: .35rem; border-left-style: solid; padding-left: .5rem; }
+.fleet .failed { border-color: #b03a2e; }
+"""
+
+
+def headline(fleet: Any) -> tuple[str, str]:
+    """The counts, and one sentence on what they are of."""
+    n, left = len(fleet.outcomes), len(fleet.unfinished)
+    counts = ", ".join(f"{many} {verdict}" for verdict, many in fleet.counts.items() if many)
+    title = f"{n} log{'s' * (n != 1)}: {counts}" if n else "no log finished"
+    against = f" against {fleet.model.name}" if fleet.model else ""
+    meaning = f"Each log diagnosed by itself{against}."
+    if left:
+        meaning += f" Interrupted: {left} of {n + left} left out."
+    return title, meaning
+
+
+def text(fleet: Any) -> str:
+    """The table, each log followed by what was found or why there is no answer."""
+    title, meaning = headline(fleet)
+    lines = [title, _wrapped(meaning, "  ")]
+    if fleet.rows:
+        shown = _shown([row["file"] for row in fleet.rows])
+        cells = [_cells(row, name) for row, name in zip(fleet.rows, shown, strict=True)]
+        head, *table = _grid_text(Grid(_HEAD, _ALIGN, tuple(cells)))
+        lines += ["", head]
+        for line, row in zip(table, fleet.rows, strict=True):
+            lines += [line, *(_wrapped(said, "      ", "        ") for said in details(row))]
+        lines += ["", _wrapped(_NOTE, "  ")]
+    return "\n".join(lines) + "\n"
+
+
+def details(row: Mapping[str, Any]) -> list[str]:
+    """What was found in a log with its values, or why there is no answer."""
+    said = [_effect(effect) for effect in row["effects"]]
+    if row["verdict"] == "unexplained" and row["depends_on"]:
+        said.append(f"{'the rest ' * bool(said)}hangs on {', '.join(row['depends_on'])}")
+    if row["message"] and row["verdict"] not in ("ambiguous", "unexplained"):
+        said.append(row["message"])
+    return said
+
+
+def _effect(effect: Mapping[str, Any]) -> str:
+    units = {k: "" if unit == "1" else f" {unit}" for k, unit in effect["units"].items()}
+    values = ", ".join(f"{k} {number(v, 3)}{units[k]}" for k, v in effect["values"].items())
+    others = " or ".join(effect["alternatives"])
+    return f"{effect['name']}: {values}" + (f" (or {others})" if others else "")
+
+
+def _cells(row: Mapping[str, Any], name: str) -> tuple[str, ...]:
+    values = [row[k] for k in ERRORS]
+    factor, unit = readable(values, row["unit"] or "")
+    shown = [number(v if v is None else v * factor, 3) for v in values]
+    return name, row["verdict"], *shown, unit or NONE, number(row["seconds"], 2)
+
+
+def _shown(files: Sequence[str]) -> list[str]:
+    """File names without the folder that all of them lie in."""
+    try:
+        common = os.path.commonpath([os.path.dirname(file) for file in files])
+    except ValueError:  # absolute and relative ones, or two drives
+        return list(files)
+    return [os.path.relpath(file, common) if common else file for file in files]
+
+
+def fragment(fleet: Any, links: Mapping[str, str] | None = None) -> str:
+    """The table as an HTML fragment with its own style; ``links`` leads from file to page."""
+    return f"<style>{page._STYLE}{_STYLE}</style>\n{_body(fleet, links or {})}"
+
+
+def html(fleet: Any, links: Mapping[str, str] | None = None) -> str:
+    """The table as one self-contained page that links to the reports."""
+    title = markup.escape(f"lugrectl: {headline(fleet)[0]}")
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{title}</title>\n<style>{page._STYLE}{page._PAGE_STYLE}{_STYLE}</style>\n"
+        f"</head>\n<body>\n{_body(fleet, links or {})}\n</body>\n</html>\n"
+    )
+
+
+def _body(fleet: Any, links: Mapping[str, str]) -> str:
+    title, meaning = map(markup.escape, headline(fleet))
+    ths = "".join(f'<th class="{a}">{h}</th>' for h, a in zip(_HEAD, _ALIGN, strict=True))
+    shown = _shown([row["file"] for row in fleet.rows])
+    rows = "\n".join(
+        _row(row, name, links.get(row["file"])) for row, name in zip(fleet.rows, shown, strict=True)
+    )
+    left = "".join(f"<li>{markup.escape(file)}</li>" for file in fleet.unfinished)
+    return (
+        f'<div class="lugrectl fleet">\n<div class="verdict">\n<h1>{title}</h1>\n'
+        f"<p>{meaning}</p>\n</div>\n"
+        f'<div class="table"><table>\n<thead><tr>{ths}</tr></thead>\n<tbody>\n{rows}\n'
+        f'</tbody>\n</table></div>\n<p class="small">{_NOTE}</p>\n'
+        + (f"<h2>Left out</h2>\n<ul>{left}</ul>\n" if left else "")
+        + "</div>"
+    )
+
+
+def _row(row: Mapping[str, Any], name: str, link: str | None) -> str:
+    log = markup.escape(name)
+    if link is not None:
+        log = f'<a href="{quote(link)}">{log}</a>'
+    verdict = f'<span class="tag {row["verdict"]}">{row["verdict"]}</span>'
+    rest = zip(_cells(row, name)[2:], _ALIGN[2:], strict=True)
+    cells = "".join(f'<td class="{a}">{markup.escape(cell)}</td>' for cell, a in rest)
+    what = "<br>".join(markup.escape(said) for said in details(row))
+    more = f'\n<tr><td class="what" colspan="{len(_HEAD)}">{what}</td></tr>' if what else ""
+    kind = ' class="more"' if what else ""
+    return f'<tr{kind}><td class="log">{log}</td><td>{verdict}</td>{cells}</tr>{more}'
+
+
+def table_csv(fleet: Any, links: Mapping[str, str] | None = None) -> str:
+    """One line per log, in SI units and full precision, for a spreadsheet."""
+    errors = ("signal", "unit", *ERRORS)
+    out = io.StringIO()
+    table = csv.writer(out, lineterminator="\n")
+    table.writerow(["file", "verdict", "effects", *errors, "seconds", "message", "report"])
+    for row in fleet.rows:
+        effects = "; ".join(_effect(effect) for effect in row["effects"])
+        values = [row[k] for k in (*errors, "seconds", "message")]
+        table.writerow(
+            [row["file"], row["verdict"], effects, *values, (links or {}).get(row["file"], "")]
+        )
+    return out.getvalue()
+
+
+def folder_names(files: Iterable[str]) -> list[str]:
+    """A folder's name for each log: its own without suffix, with more of its path where needed.
+
+    No two are the same, even where letters' case does not count.
+    """
+    paths = [Path(file) for file in files]
+    stems = [path.stem.casefold() for path in paths]
+    used = {name.casefold() for name in INDEX}
+    names = []
+    for path, shown in zip(paths, map(Path, _shown(list(map(str, paths)))), strict=True):
+        name = path.stem
+        if stems.count(name.casefold()) > 1:
+            above = [part for part in shown.parent.parts if part not in ("..", path.anchor)]
+            name = "-".join([*above, name])
+        name = wanted = name.strip(" .") or "log"
+        n = 1
+        while name.casefold() in used:
+            n += 1
+            name = f"{wanted}-{n}"
+        used.add(name.casefold())
+        names.append(name)
+    return names
+
+
+def rendered(d: Any) -> dict[str, str] | None:
+    """The files of one report as text; None where there is no model to write (refused)."""
+    from . import html as report_page
+
+    if getattr(d, "model", None) is None:
+        return None
+    made = (report_page(d), d.to_json() + "\n", model_toml(d.model))
+    return dict(zip(FILES, made, strict=True))
+
+
+def store(content: Mapping[str, str], folder: Path) -> None:
+    """Write texts by file name into a folder, all or none; InputError where that fails."""
+    try:
+        write_together(content, folder)
+    except OSError as error:
+        raise InputError(
+            f"{folder}: {' and '.join(content)} cannot be written ({error.strerror or error})."
+        ) from None
+
+
+def write_index(fleet: Any, folder: str | Path, links: Mapping[str, str]) -> list[Path]:
+    """Write index.html and summary.csv; returns their paths."""
+    made = (html(fleet, links), table_csv(fleet, links))
+    store(dict(zip(INDEX, made, strict=True)), Path(folder))
+    return [Path(folder) / name for name in INDEX]

@@ -1,0 +1,180 @@
+"""Effects evaluated along a log: the series that they feed into a plant that lacks them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from ..blocks.parts import Part as Placed
+from ..blocks.parts import borrowed
+from ..blocks.plant import stage
+from ..engine.lanes import Lanes
+from ..model import Model, Part
+from ..spec import Block, members
+from .data import Data, Log
+
+LEAD = 2.0  # s that an effect with states runs before it counts
+STRETCH = 6.0  # s that it then counts
+
+Values = Mapping[str, float]
+Memory = dict[tuple, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Fed:
+    """What effects feed into the plant, each (N,): torque applied, loads and other torques on
+    the resisting side, relative changes of levels; ``error`` of theta, w as sensed, (N, 2)."""
+
+    u: np.ndarray
+    load: np.ndarray
+    torque: np.ndarray
+    levels: dict[str, np.ndarray]
+    error: np.ndarray | None
+
+
+def feed(
+    model: Model,
+    outside: Collection[str],
+    values: Values,
+    data: Data,
+    levels: Sequence[str],
+    memory: Memory | None = None,
+    dose: Mapping[str, float] | None = None,
+) -> Fed:
+    """The effects with the keys ``outside`` along the log, in the order of the physics.
+
+    ``dose`` is the part of its output that an effect has, by key, where it is not the whole.
+    """
+    log, zero = data.log, np.zeros(len(data.u))
+    signals: dict[str, Any] = {k: getattr(log, k) for k in ("t", "theta", "w", "a", "u")}
+    signals["load"] = data.d
+    load, torque, error = data.d, zero, None
+    x = dict.fromkeys(levels, zero)
+    for part in sorted(model.effects, key=lambda part: stage(part.block)):
+        block, fed = part.block, part.key in outside
+        if not (fed or block.load):
+            continue
+        plant = {k: v * (1.0 + x[k]) if k in x else v for k, v in values.items() if "." not in k}
+        own = {k: values[f"{part.key}.{k}"] for k in block.own} | borrowed(block, plant)
+        out = _outputs(part, signals, own, values, log, memory)
+        part_of = (dose or {}).get(part.key, 1.0)
+        if "sensor" in block.acts:
+            said = dict(zip(block.fresh, out, strict=True))
+            off = np.column_stack([said["theta_m"] - log.theta, said["w_m"] - log.w])
+            error = part_of * off if error is None else error + part_of * off
+            continue
+        for act, change in block.deeds(out):
+            change = part_of * (change - signals["u"] if act == "input" else change)
+            if act == "input":
+                signals["u"] = signals["u"] + change
+            elif block.load:
+                signals["load"] = signals["load"] + change
+                load = load + change if fed else load
+            elif act == "torque":
+                torque = torque + change
+            elif act in x:
+                x[act] = (1.0 + x[act]) * (1.0 + change) - 1.0
+            elif act.removeprefix("+") in x:
+                name = act.removeprefix("+")
+                x[name] = x[name] + change / max(values[name], 1e-12)
+    return Fed(signals["u"], load, torque, x, error)
+
+
+def depends_on_plant(part: Part) -> bool:
+    """Whether an effect's series changes with the plant's own values."""
+    shared = any(p.shared for p in part.block.parameters.values())
+    return shared or any(act.startswith("+") for act in part.block.acts)
+
+
+def _outputs(
+    part: Part,
+    signals: Mapping[str, Any],
+    own: Mapping[str, Any],
+    values: Values,
+    log: Log,
+    memory: Memory | None,
+) -> list[np.ndarray]:
+    block = part.block
+    if block.exact is not None:
+        return [block.exact(signals["u"], log.dt, **own)]
+    if block.states:
+        numbers = Placed(f"{part.key}.", block).arguments(values)
+        made = (memory or {}).get((part.key, *numbers.values()))
+        made = run_alone(block, log, signals, [numbers])[0] if made is None else made
+        return list(made.T[: len(block.fresh)])
+    out = block(*_read(block, signals), **own)[: len(block.fresh)]
+    return [np.broadcast_to(o, log.t.shape) for o in out]
+
+
+def _read(block: Block, signals: Mapping[str, Any]) -> list[Any]:
+    return [signals[name] for name in ((("t",) if block.timed else ()) + block.inputs)]
+
+
+def resisting(block: Block, log: Log, values: Values, weights: Mapping[str, Any]) -> np.ndarray:
+    """A stateless effect as a torque on the resisting side; ``values`` may be columns.
+
+    ``weights`` are, by act, the torque along the log that one unit of its output stands for.
+    Of a sensor effect, which is none, the error of theta.
+    """
+    signals = {k: getattr(log, k) for k in ("t", "theta", "w", "a", "u", "load")}
+    made = block(*_read(block, signals), **values)
+    if "sensor" in block.acts:
+        return made[block.fresh.index("theta_m")] - log.theta
+    total: Any = 0.0
+    for act, out in block.deeds(made):
+        if act == "input":
+            total = total + log.u - out
+        elif act == "torque":
+            total = total + out
+        else:
+            total = total + out * weights.get(act, 0.0)
+    return total
+
+
+@cache
+def _engine(name: str) -> Lanes:
+    """The effect's block by itself; puts out its outputs, then its states."""
+    made = members("effect")[name]
+    whole = replace(made, outputs=(*made.fresh, *made.states))
+    return Lanes(whole.system(), outputs=whole.outputs)
+
+
+def run_alone(
+    block: Block, log: Log, signals: Mapping[str, Any], sets: Sequence[Values]
+) -> np.ndarray:
+    """Outputs and states (sets, N, both) of an effect with states, driven by the log's signals.
+
+    The log is cut into stretches that run side by side, each with a lead-in from equilibrium.
+    """
+    engine = _engine(block.name)
+    many, u = len(sets), np.column_stack([signals[name] for name in block.inputs])
+    keys = [name.split(".", 1)[1] for name in engine.parameters]
+    p = np.array([[float(v[k]) for k in keys] for v in sets])
+    y = np.zeros((many, len(log.t), len(engine.outputs)))
+    stretch, lead = (max(2, round(s / log.dt)) for s in (STRETCH, LEAD))
+    for a, b in log.runs:
+        length = min(b - a, stretch + lead)
+        starts = [max(a, min(c - lead, b - length)) for c in range(a, b, stretch)]
+        x0 = [[_rest(name, signals, s) for name in block.start] for s in starts]
+        out, _ = engine.run(
+            np.tile(np.array(x0, dtype=float).reshape(len(starts), -1), (many, 1)),
+            np.tile(starts, many),
+            length,
+            u,
+            np.repeat(p, len(starts), axis=0),
+            dt=log.dt,
+            t0=float(log.t[a] - a * log.dt),
+            substeps=max(1, round(log.dt / 2e-3)),
+        )
+        out = out.reshape(many, len(starts), length, -1)
+        for i, (s, c) in enumerate(zip(starts, range(a, b, stretch), strict=True)):
+            y[:, c : min(c + stretch, b)] = out[:, i, c - s : min(c + stretch, b) - s]
+    return y
+
+
+def _rest(name: str, signals: Mapping[str, Any], at: int) -> float:
+    return 0.0 if name == "0" else float(signals[name][at])

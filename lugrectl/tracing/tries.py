@@ -1,0 +1,137 @@
+"""Effects that act non-linearly: the sets of values that they propose, and the best of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+from scipy.optimize import minimize
+
+from ..blocks.parts import Part as Placed
+from ..spec import Block
+from .evaluate import missing_torque
+from .fit import Fitted
+from .predictor import Predictor
+from .score import Score, whitened_by_parts
+from .series import run_alone
+
+DOSE = 1e-3  # of an effect's series, small enough to be a derivative
+SMEAR = 0.03  # s over which blows are averaged, so that a near miss counts
+MANY = 60  # sets beyond which only the smeared torque is compared
+STRENGTHS = ("kg m2", "N m/rad", "N m s/rad")
+POLISH = 60  # evaluations of the smeared torque around the best set
+
+Values = Mapping[str, float]
+Found = tuple[float, dict[str, float]]
+
+
+def tried(base: Fitted, made: Block, predictor: Predictor, key: str, score: Score) -> Found | None:
+    """The best of the sets that an effect proposes: its promise, and all values to start from.
+
+    Its series in a small dose tells the direction; a set whose own strength the direction calls
+    for comes before another of the same direction.
+    """
+    assert made.tries is not None
+    proposed = made.tries(base.predictor.data.log, base.values)
+    if not proposed:
+        return None
+    sets = [_whole(base, made, key, given) for given in proposed]
+    found: list[Found] = []
+    if made.states and made.acts == ("torque",):
+        resemblance = Resemblance(base, made, key)
+        power, start = resemblance.best(sets)
+        found.append((resemblance.worth(power), start))
+    if len(sets) <= MANY:
+        worth = _doses(base, predictor, key, score, sets)
+        best = int(np.argmax(worth))
+        found.append((worth[best], sets[best]))
+    return max(found, key=lambda one: one[0])
+
+
+def _whole(base: Fitted, made: Block, key: str, given: Values) -> dict[str, float]:
+    """All values of the model; the plant's that move along included."""
+    own = {f"{key}.{k}": float(given.get(k, p.value)) for k, p in made.own.items()}
+    return base.values | {k: float(v) for k, v in given.items() if k in base.values} | own
+
+
+def _doses(
+    base: Fitted, predictor: Predictor, key: str, score: Score, sets: Sequence[Values]
+) -> list[float]:
+    """Gain in log-likelihood along each set's direction, less where it calls for another size."""
+    little = predictor.like(predictor.model, {key: DOSE})
+    own = [base.values | {k: v for k, v in one.items() if k.startswith(f"{key}.")} for one in sets]
+    worth = []
+    for white in whitened_by_parts(little, own, base):
+        gain, (c,) = score.gain((score.white - white).reshape(1, -1) / DOSE)
+        fits = c > 0.0 and np.isfinite(gain)
+        worth.append(float(gain / (1.0 + np.log(c) ** 2)) if fits else 0.0)
+    return worth
+
+
+class Resemblance:
+    """How much of the missing torque an effect with states explains, both smeared over time."""
+
+    def __init__(self, base: Fitted, made: Block, key: str) -> None:
+        self.base, self.made, self.placed = base, made, Placed(f"{key}.", made)
+        log = self.log = base.predictor.data.log
+        self.signals = {k: getattr(log, k) for k in ("t", "theta", "w", "a", "u")}
+        self.width = max(1, round(SMEAR / log.dt))
+        weights = base.predictor.weights(base.values)
+        known = np.array([log.w, np.ones_like(log.w), *weights.values()])
+        U, s, _ = np.linalg.svd(self._seen(known).T, full_matrices=False)
+        self.basis = U[:, s > 1e-9 * s[0]]
+        torque = missing_torque(base.predictor, base.values, base.where, base.noise)
+        self.target = self._rest(uniform_filter1d(torque, self.width, axis=-1).reshape(1, -1))[0]
+
+    def _seen(self, series: np.ndarray) -> np.ndarray:
+        seen = uniform_filter1d(series[:, self.base.where.counted], self.width, axis=-1)
+        return seen.reshape(len(series), -1)
+
+    def _rest(self, series: np.ndarray) -> np.ndarray:
+        return series - (series @ self.basis) @ self.basis.T
+
+    def power(self, sets: Sequence[Values]) -> tuple[np.ndarray, np.ndarray]:
+        """Share of the target that each explains, and the factor on its torque for that."""
+        own = [self.placed.arguments(s) for s in sets]
+        d = self._rest(self._seen(run_alone(self.made, self.log, self.signals, own)[..., 0]))
+        size = np.maximum(np.sum(d * d, axis=1), 1e-300)
+        c = np.maximum(d @ self.target, 0.0) / size
+        return c * c * size / np.maximum(self.target @ self.target, 1e-300), c
+
+    def best(self, sets: Sequence[Values]) -> tuple[float, dict[str, float]]:
+        """The power of the best set, and a set near it that explains more."""
+        power, c = self.power(sets)
+        k = int(np.argmax(power))
+        return float(power[k]), self._polished(self._scaled(sets[k], float(c[k])))
+
+    def _scaled(self, start: Values, c: float) -> dict[str, float]:
+        """Mass, spring and damper stronger by the same factor make c times the torque."""
+        units = {k: p.unit for k, p in self.made.own.items()}
+        strong = {f"{self.placed.prefix}{k}" for k, u in units.items() if u in STRENGTHS}
+        scaled = {k: v * c if k in strong else v for k, v in start.items()}
+        (before, after), (_, factor) = self.power([start, scaled])
+        return scaled if abs(after - before) < 0.01 and abs(factor - 1.0) < 0.1 else dict(start)
+
+    def worth(self, power: float) -> float:
+        """The gain in log-likelihood that goes with it, every smeared stretch counted once."""
+        return -0.5 * len(self.target) / self.width * float(np.log1p(-min(power, 1.0 - 1e-9)))
+
+    def _polished(self, start: Values) -> dict[str, float]:
+        """A set near by that explains more: a simplex search in logarithms."""
+        names = [f"{self.placed.prefix}{k}" for k, p in self.made.own.items() if p.fitted]
+
+        def at(x: np.ndarray) -> dict[str, float]:
+            moved = {k: float(start[k] * np.exp(v)) for k, v in zip(names, x, strict=True)}
+            return dict(start) | moved
+
+        def miss(x: np.ndarray) -> float:
+            power, c = self.power([at(x)])
+            return -float(power[0]) + 0.01 * float(np.log(max(c[0], 1e-9)) ** 2)
+
+        options = {"maxfev": POLISH, "initial_simplex": _simplex(len(names))}
+        return at(minimize(miss, np.zeros(len(names)), method="Nelder-Mead", options=options).x)
+
+
+def _simplex(n: int) -> np.ndarray:
+    return np.vstack([np.zeros(n), 0.15 * np.eye(n)])

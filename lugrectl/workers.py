@@ -1,0 +1,130 @@
+"""What a fleet needs around its jobs: the files, models sent to other processes, threads."""
+
+from __future__ import annotations
+
+import contextlib
+import copyreg
+import glob
+import importlib
+import os
+import pickle
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from .errors import InputError
+from .model import Model
+from .record import Record
+from .spec import REGISTRY, Block, members
+
+SUFFIXES = (".csv", ".mat", ".npz", ".parquet")
+_THREADS = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+    "NUMBA_NUM_THREADS",
+)
+
+
+def record_files(logs: Iterable[str | Path | Record]) -> list[Path | Record]:
+    """The logs with folders and patterns replaced by the files they stand for, each file once.
+
+    A folder stands for its .csv, .mat, .npz and .parquet files, axis2 before axis10; a pattern
+    (``*``, ``?``, ``**``) for what it matches, unless a file has that very name.
+
+    Raises InputError for a folder without such files and for a pattern without match.
+    """
+    found: dict[Any, Path | Record] = {}
+    for log in logs:
+        for one in [log] if isinstance(log, Record) else files_of(log):
+            key = id(one) if isinstance(one, Record) else os.path.abspath(one)
+            found.setdefault(key, one)
+    if not found:
+        raise InputError("there is no record to diagnose.")
+    return list(found.values())
+
+
+def files_of(name: str | Path, folders: bool = True) -> list[Path]:
+    """The files that a name, a pattern or (unless told) a folder stands for."""
+    path = Path(name)
+    if folders and path.is_dir():
+        files = [p for p in path.iterdir() if _is_record(p)]
+        if not files:
+            raise InputError(f"{path} holds no record ({', '.join(SUFFIXES)}).")
+        return sorted(files, key=_natural)
+    if os.path.lexists(path) or not glob.has_magic(str(path)):
+        return [path]
+    matches = sorted(map(Path, glob.glob(str(path), recursive=True)), key=_natural)
+    if not matches:
+        raise InputError(f"{path} matches no file.")
+    return [file for match in matches for file in files_of(match, folders)]
+
+
+def _is_record(path: Path) -> bool:
+    hidden = path.name.startswith(".")
+    return path.suffix.lower() in SUFFIXES and not hidden and path.is_file()
+
+
+def _natural(path: Path) -> list[Any]:
+    """Numbers in names count as numbers."""
+    parts = re.split(r"(\d+)", str(path))
+    return [int(p) if i % 2 else p for i, p in enumerate(parts)]
+
+
+@contextlib.contextmanager
+def one_thread_each(on: bool = True) -> Iterator[None]:
+    """Processes started inside use one numerical thread; the user's own setting stays."""
+    added = [name for name in _THREADS if on and name not in os.environ]
+    os.environ.update(dict.fromkeys(added, "1"))
+    try:
+        yield
+    finally:
+        for name in added:
+            os.environ.pop(name, None)
+
+
+@dataclass(frozen=True)
+class Sent:
+    """A model on its way to another process, with the user's own effects to look for there."""
+
+    packed: bytes
+    effects: tuple[tuple[str, str], ...]
+
+    @classmethod
+    def of(cls, model: Model) -> Sent:
+        own = [(b.name, b.home) for b in members("effect").values()]
+        return cls(pickle.dumps(model), tuple(e for e in own if not _ours(e[1])))
+
+    def open(self) -> Model:
+        """The model; raises InputError where a block of the user's is not known here."""
+        for name, home in self.effects:
+            _registered("effect", name, home)
+        return pickle.loads(self.packed)
+
+
+def _ours(home: str) -> bool:
+    return home.split(".")[0] == "lugrectl"
+
+
+def _registered(kind: str, name: str, home: str) -> Block:
+    """A block by kind and name, its module imported if need be."""
+    if (kind, name) not in REGISTRY:
+        with contextlib.suppress(ImportError):
+            importlib.import_module(home)
+    if (kind, name) not in REGISTRY:
+        raise InputError(
+            f"the {kind} '{name}' is not known in the worker processes; put it into a module "
+            "that can be imported, or use jobs=1."
+        )
+    return REGISTRY[kind, name]
+
+
+def _by_name(made: Block) -> tuple[Any, ...]:
+    return _registered, (made.kind, made.name, made.home)
+
+
+# A block's decorator takes its function's place, so that pickle would not find the function.
+copyreg.pickle(Block, _by_name)

@@ -1,0 +1,118 @@
+"""What could have been reached on a record: two answers, of different independence.
+
+``exact`` is the package's own evaluation of the true model with the true values, taken from the
+``declared`` error of `lugrectl.identify`: same windows, same restarts, same state estimate as
+the diagnosis, so that the ratio of the errors says what naming and fitting cost. It cannot be
+had for strangers, and an effect that the package computes wrongly would spoil both alike.
+
+``floor`` shares nothing with the package: the rig runs its own plant over the same windows from
+the state that the machine truly had at each restart, under the torque as recorded. It is less
+than any estimate of the state can reach, for position only by far, and it is there for every
+record. Where ``exact`` is much larger than ``floor``, look at the package's physics first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..rig.bench import replay
+from ..rig.hiding import CATALOGUE
+from ..rig.machines import CONSTANT_LOAD, GRAVITY_LOAD, PARAMETERS
+from ..rig.record import Case
+
+
+def true_model(case: Case) -> dict[str, Any] | None:
+    """The truth, nested like a model file; None where it is not all in the rig's catalogue."""
+    t, effects = case.truth, []
+    kind, size, phase = t["load"]
+    if "d" not in t["channels"]:
+        if kind == GRAVITY_LOAD:
+            effects.append({"name": "gravity", "amplitude": size, "phase": phase})
+        elif kind == CONSTANT_LOAD:
+            effects.append({"name": "constant_torque", "torque": size})
+    for entry in t["effects"]:
+        if entry["effect"] not in CATALOGUE:
+            return None
+        if CATALOGUE[entry["effect"]].declared == "lugre":  # else it is in the friction
+            effects.append({"name": entry["effect"], **entry["parameters"]})
+    friction = {k: t["plant"][k] for k in PARAMETERS if k != "J"}
+    return {
+        "name": "truth",
+        "motion": case.model["motion"],
+        "plant": {"J": t["plant"]["J"]},
+        "friction": {"model": "lugre", **friction},
+        "effects": effects,
+    }
+
+
+def exact(case: Case, records: Sequence[Any], apart: Any) -> dict[str, Any]:
+    """Errors of the true model as it stands, and with its parameters fitted."""
+    import lugrectl as lg
+    from lugrectl.model import model_from_dict
+
+    tree = true_model(case)
+    if tree is None:
+        return {"reason": "outside the catalogue"}
+    try:
+        model = model_from_dict(tree, "truth")
+        error = lg.identify(records, model, holdout=apart).error
+    except (lg.InputError, lg.Refused, NotImplementedError) as failure:
+        return {"reason": str(failure)}
+    return {"declared": error["declared"], "refitted": error["refitted"]}
+
+
+def floor(case: Case, records: Sequence[Any], found: Any) -> float | None:
+    """RMS error of the rig's own plant over the windows on which the package was judged."""
+    if found.traces is None or found.error is None:
+        return None
+    signal, horizon = found.error["signal"], found.error["horizon"]
+    total, count = 0.0, 0
+    for run, (t, held_out) in zip((case, *case.more), stretches(records, found), strict=True):
+        starts = restarts(t, held_out, horizon)
+        if not len(starts):
+            continue
+        e = _missed(run, signal, starts, horizon)
+        total, count = total + float(e @ e), count + len(e)
+    return float(np.sqrt(total / count)) if count else None
+
+
+def stretches(records: Sequence[Any], found: Any) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Times and held-out flags of each record, cut from the diagnosis' traces."""
+    edges = np.cumsum([0, *(r.samples for r in records)])
+    held_out = np.zeros(edges[-1], dtype=bool)
+    seen = found.traces.held_out[: edges[-1]]
+    held_out[: len(seen)] = seen
+    return [(r.t, held_out[a:b]) for r, a, b in zip(records, edges[:-1], edges[1:], strict=True)]
+
+
+def restarts(t: np.ndarray, held_out: np.ndarray, horizon: float) -> np.ndarray:
+    """Times at which a window of the horizon starts within the held-out stretches."""
+    dt = float(np.median(np.diff(t)))
+    span = max(1, round(horizon / dt))
+    flags = np.flatnonzero(np.diff(np.concatenate([[0], held_out.astype(int), [0]])))
+    made = []
+    for a, b in zip(flags[::2], flags[1::2], strict=True):
+        made += [t[i] for i in range(a, b - span + 1, span)]
+    return np.array(made)
+
+
+def _missed(run: Case, signal: str, starts: np.ndarray, horizon: float) -> np.ndarray:
+    """Recorded minus simulated, at the recorded samples inside the windows."""
+    done, c = run.hidden, run.columns
+    every, half = done.t, 0.5 / done.setup.rate
+    kept = np.searchsorted(every, c["t"] - 1e-9)
+    torque = done.signals["u"].copy()
+    offset = run.truth.get("nuisance", {}).get("offset", 0.0)
+    zero = run.truth.get("nuisance", {}).get("zero", 0.0)
+    torque[kept] = c["u"] - offset
+    restart = np.zeros(len(every), dtype=bool)
+    restart[np.minimum(np.searchsorted(every, starts - half), len(every) - 1)] = True
+    theta, w = replay(done, torque, restart)
+    at = np.searchsorted(starts, every + half, side="right") - 1
+    inside = (at >= 0) & (every + half < starts[np.maximum(at, 0)] + horizon)
+    inside = inside[kept]
+    simulated = {"theta": theta + zero, "w": w}[signal][kept]
+    return (c[signal] - simulated)[inside]

@@ -1,0 +1,133 @@
+"""Jobs on executors: nothing is lost, nothing piles up, an interrupt keeps what is done."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Iterator
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+
+import pytest
+
+from lugrectl.errors import InputError, Refused
+from lugrectl.jobs import JobError, run_jobs
+
+
+def square(x: float) -> float:
+    if x == 3:
+        raise Refused("three cannot be answered.")
+    if x == 5:
+        raise FileNotFoundError(2, "No such file", "five.csv")
+    return x * x
+
+
+def fragile(x: int) -> int:
+    if x == 4:
+        os._exit(9)
+    return -x
+
+
+EXPECTED = {i: i * i for i in range(8) if i not in (3, 5)}
+
+
+def check_squares(found: dict[int, object]) -> None:
+    errors = {i: e for i, e in found.items() if isinstance(e, JobError)}
+    assert {i: v for i, v in found.items() if i not in errors} == EXPECTED
+    assert (errors[3].sentence, errors[3].exit_code) == ("three cannot be answered.", 3)
+    assert "five.csv" in errors[5].sentence and errors[5].exit_code == 2
+    assert [errors[i].index for i in (3, 5)] == [3, 5]
+
+
+@pytest.mark.parametrize("chunk", [1, 3, 100])
+def test_inline_and_on_threads(chunk: int) -> None:
+    check_squares(dict(run_jobs(square, range(8), chunk=chunk)))
+    with ThreadPoolExecutor(2) as pool:
+        check_squares(dict(run_jobs(square, range(8), executor=pool, chunk=chunk)))
+
+
+def test_on_processes_one_of_which_dies() -> None:
+    """The item that kills its worker is an error; its neighbours are not."""
+    found = dict(run_jobs(fragile, range(8), jobs=2, chunk=3))
+    died = found.pop(4)
+    assert found == {i: -i for i in range(8) if i != 4}
+    assert isinstance(died, JobError) and died.index == 4 and "process died" in died.sentence
+
+
+def test_failures_cross_processes() -> None:
+    check_squares(dict(run_jobs(square, range(8), jobs=2)))
+
+
+def test_progress_counts_every_job() -> None:
+    told: list[tuple[float, str]] = []
+    list(run_jobs(square, range(4), progress=lambda *a: told.append(a)))
+    assert told == [(0.25, "1 of 4"), (0.5, "2 of 4"), (0.75, "3 of 4"), (1.0, "4 of 4")]
+    list(run_jobs(square, iter(range(2)), progress=lambda *a: told.append(a)))
+    assert told[4:] == [(0.0, "1 done"), (0.0, "2 done")]
+
+
+def test_items_are_taken_as_they_are_needed() -> None:
+    taken: list[int] = []
+
+    def endless() -> Iterator[int]:
+        while True:
+            taken.append(len(taken))
+            yield taken[-1]
+
+    with ThreadPoolExecutor(2) as pool:
+        found = run_jobs(float, endless(), executor=pool, chunk=5)
+        for _ in range(100):
+            next(found)
+        found.close()  # pyright: ignore[reportAttributeAccessIssue]
+    assert len(taken) <= 100 + 5 * 5
+
+
+class Half(Executor):
+    """Does the first half of what it is given; then Ctrl-C is pressed."""
+
+    def __init__(self) -> None:
+        self.futures: list[Future] = []
+
+    def submit(self, fn, /, *args, **kwargs):
+        future: Future = Future()
+        self.futures.append(future)
+        if len(self.futures) <= 4:
+            future.set_result(fn(*args))
+        elif len(self.futures) == 8:
+            raise KeyboardInterrupt
+        return future
+
+
+def test_an_interrupt_yields_what_is_done_and_cancels_the_rest() -> None:
+    pool, found = Half(), {}
+    with pytest.raises(KeyboardInterrupt):
+        for index, value in run_jobs(float, range(50), executor=pool):
+            found[index] = value
+    assert found == {0: 0.0, 1: 1.0, 2: 2.0, 3: 3.0}
+    assert all(f.cancelled() for f in pool.futures[4:7])
+
+
+def test_an_early_end_leaves_nothing_running() -> None:
+    """Processes that would sleep for a minute are ended."""
+    start, found = time.monotonic(), run_jobs(time.sleep, [0.0, 60.0, 60.0], jobs=2)
+    next(found)
+    found.close()  # pyright: ignore[reportAttributeAccessIssue]
+    assert time.monotonic() - start < 30
+    deadline = time.monotonic() + 10
+    while any("ExecutorManager" in type(t).__name__ for t in threading.enumerate()):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def test_a_shut_down_executor_is_reported_for_each_job() -> None:
+    with ThreadPoolExecutor(1) as pool:
+        pass
+    found = dict(run_jobs(float, range(3), executor=pool))
+    assert [found[i].sentence.startswith("RuntimeError") for i in range(3)] == [True] * 3
+
+
+def test_wrong_usage() -> None:
+    with pytest.raises(InputError, match="from 1"):
+        run_jobs(float, [], jobs=0)
+    with pytest.raises(InputError, match="sent to another process"):
+        run_jobs(lambda x: x, [1], jobs=2)
