@@ -18,7 +18,9 @@ _HOMES = {
     "blocks.library": "effect friction",
     "blocks.observers": "existing_observer natural_observer proposed_observer",
     "blocks.plant": "plant sensor",
+    "blocks.table": "tabulated",
     "bristles": "deflection",
+    "compensating": "Compensation compensate",
     "design": "Certificate Design PAPER certify design_gains excitation natural_decay",
     "diagnosis": "diagnose",
     "ensemble": "Sweep sweep sweep_chunks",
@@ -31,7 +33,7 @@ _HOMES = {
     "mixed": "simulate_sampled",
     "model": "Model Parameters read_model table1 write_model",
     "record": "Record read_record",
-    "results": "Diagnosis",
+    "results": "Diagnosis Table",
     "sampling": "sampled",
     "simulation": "simulate",
 }
@@ -74,7 +76,9 @@ if TYPE_CHECKING:
         proposed_observer,
     )
     from .blocks.plant import plant, sensor  # noqa: F401
+    from .blocks.table import tabulated  # noqa: F401
     from .bristles import deflection  # noqa: F401
+    from .compensating import Compensation, compensate  # noqa: F401
     from .design import (  # noqa: F401
         PAPER,
         Certificate,
@@ -105,7 +109,7 @@ if TYPE_CHECKING:
     from .mixed import simulate_sampled  # noqa: F401
     from .model import Model, Parameters, read_model, table1, write_model  # noqa: F401
     from .record import Record, read_record  # noqa: F401
-    from .results import Diagnosis  # noqa: F401
+    from .results import Diagnosis, Table  # noqa: F401
     from .sampling import sampled  # noqa: F401
     from .simulation import simulate  # noqa: F401
     from .spec import P, block  # noqa: F401

@@ -8,13 +8,14 @@ import numpy as np
 
 from .model import Model
 from .record import Record
-from .results import Diagnosis, Finding, Traces
+from .results import Diagnosis, Finding, Table, Traces
 from .spec import members
 from .tracing.evaluate import Judged, missing_torque
 from .tracing.explain import Explanation, Step, explain
 from .tracing.fit import Fitted
 from .tracing.job import Job, Progress, begin, estimates, on_everything, score
 from .tracing.predictor import windows
+from .tracing.tabulate import tabulate
 
 
 def diagnose(
@@ -45,7 +46,7 @@ def diagnose(
     horizon : float
         Time between restarts of the simulation, s.
     seed : int
-        For steps that draw at random; at present none does.
+        For what is drawn at random: the resampled error of the table of what is left.
     progress : callable
         ``progress(fraction, what)``.
 
@@ -66,6 +67,7 @@ def diagnose(
     report(0.92, "parameters and intervals")
     whole = on_everything(found.final, job)
     verdict, depends = _verdict(found)
+    table = _table(found.final, job, depends, seed) if verdict == "unexplained" else None
     return Diagnosis(
         verdict=verdict,
         effects=tuple(_finding(step, whole) for step in found.steps),
@@ -81,7 +83,14 @@ def diagnose(
         messages=job.messages,
         ranking=found.ranking,
         traces=_traces(job, found.final, scored["judged"]),
+        table=table,
     )
+
+
+def _table(final: Fitted, job: Job, depends: Sequence[str], seed: int) -> Table | None:
+    """What is left as a function of the signals that it hangs on."""
+    torque = missing_torque(final.predictor, final.values, final.where, job.base.noise)
+    return tabulate(torque, job.data.log, final.where.counted, depends, seed=seed)
 
 
 def _verdict(found: Explanation) -> tuple[str, tuple[str, ...]]:

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import control as ct
 import numpy as np
 
+from .blocks.table import tabulated
 from .model import Model
 from .record import Record
+
+if TYPE_CHECKING:
+    from .compensating import Compensation
 
 VERDICTS = ("adequate", "found", "ambiguous", "unexplained", "refused")
 
@@ -75,12 +80,86 @@ class Traces:
     signals: Mapping[str, np.ndarray]
 
 
+@dataclass(frozen=True, eq=False)
+class Table:
+    """An unexplained residual torque as a table over the signals it hangs on: no physics.
+
+    ``signals``: the one it is a table over, and "w" where each direction has its own. ``points``
+    (n,) in that signal's SI unit; ``values`` (n,), or (2, n) for w > 0 and w < 0, on the
+    resisting side; ``error`` their standard errors; ``periodic``: it repeats every 2 pi.
+    ``share``: part of the residual torque's power that such a table predicts on windows that it
+    was not fitted to, below 0 where it does worse than none; ``share95`` its interval over
+    ``windows`` windows. ``rms``: of the tabulated torque along the record.
+    """
+
+    signals: tuple[str, ...]
+    points: np.ndarray
+    values: np.ndarray
+    error: np.ndarray
+    periodic: bool
+    share: float
+    share95: tuple[float, float]
+    rms: float
+    unit: str
+    windows: int
+    motion: str = "rotary"
+
+    @property
+    def name(self) -> str:
+        """What it is."""
+        over = self.signals[0] + " and the direction of w" * (len(self.signals) == 2)
+        return f"unexplained residual over {over} (table, no physics)"
+
+    def block(
+        self,
+        *,
+        name: str = "table",
+        inputs: Sequence[str] | None = None,
+        outputs: Sequence[str] | None = None,
+    ) -> ct.NonlinearIOSystem:
+        """The table as a block that puts out d: :func:`lugrectl.tabulated`."""
+        return tabulated(
+            self.signals[0],
+            self.points,
+            self.values,
+            periodic=self.periodic,
+            name=name,
+            inputs=inputs,
+            outputs=outputs,
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python, as under "table" in the JSON document."""
+        return plain(
+            {
+                "name": self.name,
+                "signals": list(self.signals),
+                "unit": self.unit,
+                "periodic": self.periodic,
+                "points": self.points.tolist(),
+                "values": self.values.tolist(),
+                "standard_error": self.error.tolist(),
+                "share": self.share,
+                "share_ci95": list(self.share95),
+                "rms": self.rms,
+                "windows": self.windows,
+            }
+        )
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the table with its 95 % band; returns the axes."""
+        from .report.closing import table
+
+        return table(self, ax)
+
+
 @dataclass(frozen=True)
 class Diagnosis:
     """The answer of :func:`lugrectl.diagnose`.
 
     ``error``, ``free_error`` and ``torque_error`` are the mappings of the JSON format; ``model``
     is the augmented model (the refitted one where nothing was added, None where refused).
+    ``table`` offers what is unexplained as a block; ``compensation`` is there where asked for.
     """
 
     verdict: str
@@ -98,6 +177,8 @@ class Diagnosis:
     reason: str | None = None
     ranking: tuple[Candidate, ...] = ()
     traces: Traces | None = None
+    table: Table | None = None
+    compensation: Compensation | None = None
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as in the JSON document; never NaN or Infinity."""
@@ -116,6 +197,8 @@ class Diagnosis:
                 | {"effects": nested.get("effects", [])},
                 "parameters": {k: v.summary() for k, v in self.estimates.items()},
                 "ranking": [{"name": c.name, "score": c.score} for c in self.ranking],
+                "table": self.table.summary() if self.table else None,
+                "compensation": self.compensation.summary() if self.compensation else None,
                 "record": self.record.summary() if self.record else None,
                 "messages": list(self.messages),
                 "reason": self.reason,

@@ -86,7 +86,10 @@ def simulate(
     The blocks' own functions are traced to one expression graph (``lugrectl.engine``), compared
     with the system's right-hand side, and stepped by an L-stable Rosenbrock method of order 4
     (Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.7). Steps end at
-    the samples and where an absolute value, a sign, a comparison or a limit switches. A system
+    the samples and where an absolute value, a sign, a comparison or a limit switches. A sign or
+    comparison that drives its own argument back to zero from both sides rests there, as a drive
+    on Coulomb friction does (Filippov), and counts in the outputs with the value that holds it;
+    where such a rest is only approached, in ever shorter swings, a warning says so. A system
     whose functions cannot be traced is left to LSODA, with a warning that names the block.
 
     A sampled block ticks at the multiples of its sample time: it reads its inputs as they are
@@ -115,11 +118,13 @@ def simulate(
 def _response(
     system: Any, t: np.ndarray, y: Any, states: Any, u: np.ndarray, params: Any, squeeze: Any
 ) -> ct.TimeResponseData:
-    return ct.TimeResponseData(
-        t,
-        y,
-        states if system.nstates else None,
-        u,
+    """The response made of its first sample and given the arrays: python-control copies them."""
+    y, x = np.asarray(y), np.asarray(states) if system.nstates else None
+    response = ct.TimeResponseData(
+        t[:1],
+        y[:, :1],
+        None if x is None else x[:, :1],
+        u[:, :1],
         params=params,
         issiso=system.issiso(),
         output_labels=system.output_labels,
@@ -129,6 +134,8 @@ def _response(
         title="Input/output response for " + system.name,
         squeeze=squeeze,
     )
+    response.t, response.y, response.x, response.u = t, y, x, u
+    return response
 
 
 def _discrete(
@@ -204,15 +211,15 @@ def _by_rosenbrock(
 
 
 def _all_finite(system: Any, t: np.ndarray, states: Any, u: np.ndarray, y: np.ndarray) -> None:
-    bad = np.argwhere(~np.isfinite(y.T))
-    if len(bad):
-        k, i = bad[0]
-        x = np.zeros(0) if states is None else states[:, k]
-        first = culprit(system, float(t[k]), x, u[:, k])
-        label = system.output_labels[i]
-        if not isinstance(system, ct.InterconnectedSystem) or not first:
-            first = f"output {label} is {y[i, k]}"
-        raise Diverged(f"{system.name}: {first} at t = {t[k]:.6g} s.")
+    if np.isfinite(y).all():
+        return
+    k, i = np.argwhere(~np.isfinite(y.T))[0]
+    x = np.zeros(0) if states is None else states[:, k]
+    first = culprit(system, float(t[k]), x, u[:, k])
+    label = system.output_labels[i]
+    if not isinstance(system, ct.InterconnectedSystem) or not first:
+        first = f"output {label} is {y[i, k]}"
+    raise Diverged(f"{system.name}: {first} at t = {t[k]:.6g} s.")
 
 
 def _by_scipy(

@@ -294,16 +294,16 @@ def test_lists_of_blocks() -> None:
 
 def test_a_relay_that_does_not_settle_is_said() -> None:
     relay = ct.nlsys(
-        lambda t, x, u, p: -p["a"] * np.sign(x[0]) + 0.1,
+        lambda t, x, u, p: np.array([x[1], -p["a"] * (np.sign(x[0]) + 0.5 * np.sign(x[1]))]),
         None,
         inputs=0,
-        outputs=1,
-        states=["x"],
+        outputs=2,
+        states=["x", "v"],
         params={"a": 1.0},
         name="relay",
     )
     with pytest.warns(RuntimeWarning, match="relay: in 2 members a sign"):
-        s = lg.sweep(relay, T, None, {"a": [1.0, 2.0]}, x0=0.105)
+        s = lg.sweep(relay, T, None, {"a": [1.0, 2.0]}, x0=[1e-6, 0.0])
     assert set(s.coarse) == {0, 1} and s.ok.all()
     assert all(not math.isnan(time) for time in s.coarse.values())
 

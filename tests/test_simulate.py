@@ -122,6 +122,60 @@ def test_labels_shapes_and_squeezing_are_python_controls() -> None:
                 assert getattr(ours, key) == getattr(theirs, key)
 
 
+@pytest.mark.parametrize("squeeze", [None, True, False])
+@pytest.mark.parametrize("name", ["siso", "loop"])
+def test_the_response_is_used_as_python_controls(name: str, squeeze: bool | None) -> None:
+    """Values, unpacking, indexing, keywords of a call, pandas and plot."""
+    lag = ct.ss([[-1.0]], [[1.0]], [[2.0]], [[0.0]], name="lag", inputs="u", outputs="y")
+    system = lag if name == "siso" else velocity_loop(lg.plant(lg.table1()))
+    t = np.arange(0, 0.02, 1e-3)
+    given = np.sin(90 * t)
+    ours = simulate(system, t, given, squeeze=squeeze)
+    theirs = ct.input_output_response(
+        system, t, given, squeeze=squeeze, solve_ivp_method="LSODA", solve_ivp_kwargs=TIGHT
+    )
+    _same(ours, theirs)
+    _same(ours(squeeze=False, transpose=True), theirs(squeeze=False, transpose=True))
+    (t1, y1), (t2, y2) = ours, theirs
+    np.testing.assert_array_equal(t1, t2)
+    assert y1.shape == y2.shape and len(ours(return_x=True)) == 3
+    assert ours(return_x=True)[2].shape == theirs(return_x=True)[2].shape
+    assert (ours.ntraces, ours.issiso) == (theirs.ntraces, theirs.issiso)
+    label = system.output_labels[0]
+    if name == "loop" or squeeze is False:
+        np.testing.assert_array_equal(ours.outputs[label], ours.outputs[0])
+    for one, other in zip(_lines(ours), _lines(theirs), strict=True):
+        assert one.shape == other.shape
+    given[:] = 7.0
+    assert np.max(ours.inputs) <= 1.0
+
+
+def _same(ours, theirs) -> None:
+    for key in ("time", "outputs", "states", "inputs"):
+        one, other = np.asarray(getattr(ours, key)), np.asarray(getattr(theirs, key))
+        assert one.shape == other.shape
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-5 * np.max(np.abs(other)))
+
+
+def _lines(response) -> list[np.ndarray]:
+    """What plot() draws."""
+    plt = pytest.importorskip("matplotlib.pyplot")
+    plt.switch_backend("Agg")
+    drawn = response.plot()
+    found = [line.get_xydata() for ax in np.ravel(drawn.axes) for line in ax.get_lines()]
+    plt.close("all")
+    return found
+
+
+def test_the_response_as_a_table() -> None:
+    pytest.importorskip("pandas")
+    loop, t = velocity_loop(lg.plant(lg.table1())), np.arange(0, 0.02, 1e-3)
+    ours = simulate(loop, t, np.sin(90 * t)).to_pandas()
+    theirs = ct.input_output_response(loop, t, np.sin(90 * t)).to_pandas()
+    assert list(ours.columns) == list(theirs.columns) and ours.shape == theirs.shape
+    np.testing.assert_array_equal(ours["time"], t)
+
+
 def test_a_static_block() -> None:
     t = np.linspace(0, 1, 5)
     static = ct.nlsys(None, lambda t, x, u, p: np.tanh(u) + t, inputs=1, outputs=1, dt=None)
@@ -220,11 +274,22 @@ def test_bouncing_between_limits() -> None:
     np.testing.assert_allclose(swing[[0, 2, 4, 6, 8]], [1, -1, 1, -1, 1], atol=1e-7)
 
 
-def test_a_relay_that_sticks_is_said(backend: str) -> None:
+def test_a_relay_that_sticks_stays() -> None:
     stuck = block(lambda t, x, u, p: u[0] - np.sign(x[0]), inputs=1)
+    x = simulate(stuck, np.linspace(0, 2, 21), 0.5, 0.3).states[0]
+    np.testing.assert_allclose(x[[3, -1]], [0.15, 0.0], atol=1e-12)
+
+
+def test_a_relay_that_never_settles_is_said(backend: str) -> None:
+    """The swings of x'' = -sign(x) - sign(x')/2 shrink by 3 each: endless by t = 5.5."""
+    swing = block(
+        lambda t, x, u, p: np.array([x[1], -np.sign(x[0]) - 0.5 * np.sign(x[1])]),
+        states=2,
+        outputs=2,
+    )
     with pytest.warns(RuntimeWarning, match="switches without end"):
-        x = simulate(stuck, np.linspace(0, 2, 21), 0.5, 0.3).states[0]
-    np.testing.assert_allclose(x[[3, -1]], [0.15, 0.0], atol=1e-3)
+        x = simulate(swing, np.linspace(0, 8, 21), x0=[1.0, 0.0]).states
+    assert np.max(np.abs(x[:, -1])) < 1e-3
 
 
 def test_other_parameters_need_no_new_code() -> None:

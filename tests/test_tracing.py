@@ -9,9 +9,11 @@ from lugrectl import Refused, diagnose, identify
 from lugrectl.model import model_from_dict
 from lugrectl.record import Record
 from lugrectl.results import VERDICTS
+from lugrectl.tracing.coordinates import Coordinate, free_keys
 from lugrectl.tracing.data import prepare
-from lugrectl.tracing.fit import Coordinate, fit, free_keys, whitened
+from lugrectl.tracing.fit import fit
 from lugrectl.tracing.job import begin
+from lugrectl.tracing.likelihood import whitened
 from lugrectl.tracing.predictor import Predictor
 from lugrectl.tracing.split import GAP, split
 from tests.rig import make

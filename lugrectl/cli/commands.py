@@ -8,6 +8,8 @@ from __future__ import annotations
 import sys
 from argparse import Namespace
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 from importlib import metadata, resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -38,12 +40,32 @@ def diagnose(a: Namespace) -> int:
     if a.each:
         from .each import each
 
+        if a.compensate is not None:
+            raise InputError("--compensate is for one drive: it does not go with --each.")
         return each(a)
     if a.jobs is not None:
         raise InputError("--jobs is for many logs: it goes with --each.")
     from ..diagnosis import diagnose as work
 
-    return _main_job(work, a)
+    return _main_job(work if a.compensate is None else partial(_closing, work, a.compensate), a)
+
+
+def _closing(work: Any, loop: str, record: Any, model: Model, **options: Any) -> Any:
+    """What ``work`` finds, and the control loop compensated with it."""
+    from ..compensating import compensate
+
+    found = work(record, model, **options)
+    if found.model is None:
+        return found
+    options["progress"](0.97, "closing the control loop")
+    lugre = "sigma0" in model.friction.values
+    options = {"observer": "proposed" if lugre else "disturbance", "record": found.record}
+    try:
+        made = compensate(found.model, declared=model, loop=loop, table=found.table, **options)
+    except InputError as no:  # the diagnosis stands all the same
+        message = f"the control loop was not closed: {no}"
+        return replace(found, messages=(*found.messages, message))
+    return replace(found, compensation=made)
 
 
 def identify(a: Namespace) -> int:

@@ -31,6 +31,12 @@ def parser() -> argparse.ArgumentParser:
     )
     diagnose = _command(made, "diagnose", commands.diagnose, "name what the model lacks")
     _records(diagnose)
+    diagnose.add_argument(
+        "--compensate",
+        choices=("velocity", "position"),
+        help="close this control loop too: friction compensation by the declared and by the "
+        "augmented model, tracking error of both in simulation",
+    )
     _fleet(diagnose)
     _records(_command(made, "identify", commands.identify, "fit the declared model only"))
     paper = _command(made, "reproduce", commands.reproduce, "the source paper, recomputed")

@@ -8,15 +8,13 @@ import numpy as np
 
 from ..errors import Refused
 from .adaptive_code import adaptive_code
-from .emit import Emitter, indent
 from .load import has_numba, load
+from .output_code import output_code
 from .program import Program
-
-_BLOCK = 4096  # samples whose intermediate results fit into the processor's cache
 
 
 class Diverged(Refused):
-    """The solution of a system does not go on: it grows without bound or is no number."""
+    """The solution of a system does not go on: it grows without bound, or is no number."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +42,7 @@ class Adaptive:
         self.program = program
         self.backend = backend or ("numba" if has_numba() else "python")
         self._run = load(adaptive_code(program, self.backend), self.backend).run
-        self._outputs = load(_output_code(program), "numpy").outputs
+        self._outputs = load(output_code(program), "numpy").outputs
 
     def run(
         self,
@@ -81,8 +79,8 @@ class Adaptive:
         if not good:
             label = self.program.states[int(status[2])]
             raise Diverged(
-                f"{self.program.name}: state {label} grows without bound or is not a number "
-                f"at t = {status[1]:.6g} s."
+                f"{self.program.name}: state {label} grows without bound, is not a number, or "
+                f"changes faster than steps can follow, at t = {status[1]:.6g} s."
             )
         return Run(states, int(status[4]), float(status[3]))
 
@@ -90,17 +88,5 @@ class Adaptive:
         """Outputs (ny, N) at the times t, all at once."""
         y = np.empty((len(self.program.outputs), len(t)))
         with np.errstate(all="ignore"):
-            for first in range(0, len(t), _BLOCK):
-                part = slice(first, first + _BLOCK)
-                self._outputs(t[part], x[:, part], u[:, part], p, y[:, part])
+            self._outputs(t, x, u, p, y)
         return y
-
-
-def _output_code(program: Program) -> str:
-    emitter = Emitter("array")
-    codes = emitter.write(program.y)
-    lines = [f"{x.value} = x[{i}]" for i, x in enumerate(program.x)]
-    lines += [f"{u.value} = u[{i}]" for i, u in enumerate(program.u)]
-    lines += [f"{p.value} = p[{i}]" for i, p in enumerate(program.p)]
-    lines += emitter.body + [f"y[{i}] = {code}" for i, code in enumerate(codes)]
-    return f"def outputs(t, x, u, p, y):\n{indent(lines, 1)}\n"

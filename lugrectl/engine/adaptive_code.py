@@ -9,19 +9,24 @@ from .emit import Emitter, early_first, indent, reciprocals
 from .graph import Node, rename, symbols_in
 from .program import Program
 from .rosenbrock import Equations, step
+from .sliding import Sliding, margin, names, settle, sliding
 from .switching import freeze_modes
 
 # l0, l1, ... are the switching functions after the trial step, a0, a1, ... before it, m0, m1,
-# ... the side (+1 or -1) taken during it. A step must not pass a zero: the length at which it
-# meets one is bracketed between `low` and `high` and found by regula falsi with the weights of
-# Anderson and Bjorck (BIT 13, 1973), every fourth time by halving. Within DEAD of its largest
-# value a switching function counts as zero; a step that starts there takes the side on which it
-# ends. Where that does not settle, kinks are no longer located in the interval (noise about
+# ... the side taken during it: +1, -1, 0 while it is exactly 0, nan while it is not a number. A
+# step must not pass a zero: the length at which it meets one is bracketed between `low` and
+# `high` and found by regula falsi with the weights of Anderson and Bjorck (BIT 13, 1973), every
+# fourth time by halving. Within DEAD of its largest value a switching function counts as zero; a
+# step that starts there takes the side on which it ends, and where it ends there too, the
+# function says nothing about the length of the step. Where events follow each other without a
+# step that ends FAR from all zeros, kinks are no longer located in the interval (noise about
 # zero), and a jump that goes on switching (a relay that sticks) makes the rest of it go in short
-# steps.
+# steps. A run that would not get through an interval in any time ends.
 _RUN = """
 DEAD = 1e-11
+FAR = 1e5
 PATIENCE = 40
+TRIALS = 65536
 
 {robust}
 @fast
@@ -33,8 +38,10 @@ def run(grid, u, held, x_start, p, rtol, x_out, status):
     for k in range(len(grid) - 1):
         dt = grid[k + 1] - grid[k]
         t, done, low, high, events, relays = grid[k], 0.0, 0.0, 0.0, 0, 0
+        first_step, due = steps, 0.0
 {interval}
         while done < dt:
+{settle}
             left = dt - done
             if high > 0.0:
                 h = 0.5 * (low + high)
@@ -52,18 +59,21 @@ def run(grid, u, held, x_start, p, rtol, x_out, status):
                 status[3] = t
 {step}
             steps += 1
+            stuck = False
+            if steps - first_step >= TRIALS:
+                stuck, first_step, due = done <= due, steps, done + 1e-5 * dt
 {weights}
             error = sqrt({error}) / rtol
-            if not error <= 1.0 and not (relays >= PATIENCE and error < inf):
+            if stuck or not error <= 1.0 and not (relays >= PATIENCE and error < inf):
                 h_next = h * max(0.1, 0.9 / sqrt(sqrt(error))) if error < inf else 0.1 * h
                 low, high = 0.0, 0.0
-                if h_next < 1e-13 * dt or t + h_next == t:
+                if stuck or h_next < 1e-13 * dt or t + h_next == t:
                     status[0], status[1], status[4] = k, t, steps
 {blame}
                     return False
                 continue
 {leads}
-            crossed = worst < -1.0 and events < PATIENCE
+            crossed = worst < -1.0 and events < 2 * PATIENCE
             if crossed and low == 0.0 and high == 0.0:
                 flipped = False
 {flip_at_start}
@@ -87,8 +97,10 @@ def run(grid, u, held, x_start, p, rtol, x_out, status):
             if left - h <= 1e-13 * dt:
                 done = dt
             if high > 0.0:
-                low, high = 0.0, 0.0
+                low, high, events = 0.0, 0.0, events + 1
             else:
+                if worst > FAR and relays < PATIENCE:
+                    events, relays = 0, 0
                 longer = h * min(5.0, 0.9 / sqrt(sqrt(max(error, 1e-8))))
                 h_next = longer if h >= h_next else max(longer, h_next)
 {store}
@@ -106,6 +118,7 @@ class _Parts:
     step: list[Node]
     leads: list[Node]
     jumps: list[bool]
+    slides: Sliding
 
 
 def adaptive_code(program: Program, kind: str) -> str:
@@ -118,20 +131,26 @@ def adaptive_code(program: Program, kind: str) -> str:
     step_code = _Section(_names("ne", len(parts.states)), nodes, "b", fixed)
     start = _Section(_names("a", len(parts.leads)), parts.leads, "c", fixed)
     end = _Section(_names("l", len(parts.leads)), _at_end(program, parts.leads), "d", fixed)
-    sections = (step_code, start, end)
+    rates = [rate for pair in parts.slides.sides.values() for rate in pair]
+    moves = [(f"move{j}_{i}", n) for i, m in parts.slides.moves.items() for j, n in m.items()]
+    begin = [*names(parts.slides), *(name for name, _ in moves)]
+    rest = _Section(begin, [*rates, *(node for _, node in moves)], "rest", fixed)
+    after = _Section(names(parts.slides, "end_"), _at_end(program, rates), "late", fixed)
+    sections = (step_code, start, end, rest, after)
     write = _Section.plain if kind == "numba" else _Section.guarded
     return _RUN.format(
         robust="" if kind == "numba" else "".join(part.robust() for part in sections),
-        unpack=indent(_unpack(program, len(parts.leads)), 1),
+        unpack=indent(_unpack(program, parts), 1),
         fixed=indent([line for part in sections for line in part.emitter.head], 1),
         interval=indent(_interval(parts) + write(start) + _sides(parts), 2),
+        settle=indent(settle(parts.slides, parts.states, write(rest)), 3),
         step=indent(write(step_code), 3),
         weights=indent(_weights(len(parts.states)), 3),
         error=" + ".join(f"g{i} * g{i}" for i in range(len(parts.states))) or "0.0",
         blame=indent(_blame(len(parts.states)), 5),
-        leads=indent(_end_inputs(parts) + write(end) + _nearest(len(parts.leads)), 3),
-        before=indent([_least("first", i, "a") for i in range(len(parts.leads))], 4),
-        flip_at_start=indent(_flips(parts.jumps, at_start=True), 4),
+        leads=indent(_end_inputs(parts) + write(end) + _late(parts, write(after)), 3),
+        before=indent(_before(parts), 4),
+        flip_at_start=indent(_flips(parts, at_start=True), 4),
         accept=indent(_accept(parts), 3),
         store=indent([f"out{i}[k + 1] = {x}" for i, x in enumerate(parts.states)], 2),
     )
@@ -180,7 +199,8 @@ def _parts(program: Program) -> _Parts:
     graph = program.graph
     smooth, leads, jumps = freeze_modes(program.xdot, {node.value for node in program.p})
     slopes = [graph.symbol(f"du{i}") for i in range(len(program.u))]
-    equations = Equations(graph, program.t, program.x, program.u, smooth, slopes)
+    slides = sliding(program, smooth, leads, jumps)
+    equations = Equations(graph, program.t, program.x, program.u, slides.xdot, slopes)
     after, error = step(equations, divided=True)
     return _Parts(
         [node.value for node in program.x],
@@ -188,6 +208,7 @@ def _parts(program: Program) -> _Parts:
         after + error,
         leads,
         jumps,
+        slides,
     )
 
 
@@ -200,14 +221,15 @@ def _at_end(program: Program, leads: Sequence[Node]) -> list[Node]:
     return rename(leads, to)
 
 
-def _unpack(program: Program, leads: int) -> list[str]:
+def _unpack(program: Program, parts: _Parts) -> list[str]:
     lines = [f"{p.value} = p[{i}]" for i, p in enumerate(program.p)]
     for i, x in enumerate(program.x):
         lines += [f"{x.value} = x_start[{i}]", f"s{i} = abs({x.value}) + 1e-9"]
         lines += [f"q{i} = 1.0 / s{i}"]
         lines += [f"out{i} = x_out[{i}]", f"out{i}[0] = {x.value}"]
     lines += [f"in{i} = u[{i}]" for i in range(len(program.u))]
-    return lines + [line for i in range(leads) for line in (f"m{i} = 1.0", f"r{i} = 0.0")]
+    lines += [f"{letter}{i} = 0.0" for i in range(len(parts.leads)) for letter in "mr"]
+    return lines + [f"on{i} = 0.0" for i in parts.slides.sides]
 
 
 def _interval(parts: _Parts) -> list[str]:
@@ -220,10 +242,26 @@ def _interval(parts: _Parts) -> list[str]:
 
 def _sides(parts: _Parts) -> list[str]:
     lines = []
-    for i in range(len(parts.leads)):
-        lines += [f"r{i} = max(r{i}, abs(a{i}))", f"if abs(a{i}) > DEAD * r{i}:"]
-        lines += [f"    m{i} = 1.0 if a{i} > 0.0 else -1.0"]
+    for i, lead in enumerate(parts.leads):
+        lines += [_widest(i, "a")]
+        if i in parts.slides.sides and symbols_in([lead]) & {*parts.inputs}:
+            lines += [f"on{i} = on{i} if abs(a{i}) <= DEAD * r{i} else 0.0"]
+        lines += [f"if {_moves(parts, i)}(a{i} == 0.0 or not abs(a{i}) <= DEAD * r{i}):"]
+        lines += [f"    m{i} = {_side(i, 'a')}"]
     return lines
+
+
+def _moves(parts: _Parts, i: int) -> str:
+    return f"on{i} == 0.0 and " if i in parts.slides.sides else ""
+
+
+def _side(i: int, value: str) -> str:
+    return f"1.0 if {value}{i} > 0.0 else (-1.0 if {value}{i} < 0.0 else {value}{i})"
+
+
+def _widest(i: int, value: str) -> str:
+    """Not ``max``, which Python and numba leave differently from nan."""
+    return f"r{i} = abs({value}{i}) if abs({value}{i}) > r{i} else r{i}"
 
 
 def _end_inputs(parts: _Parts) -> list[str]:
@@ -247,30 +285,63 @@ def _blame(states: int) -> list[str]:
     return lines
 
 
-def _nearest(leads: int) -> list[str]:
+def _late(parts: _Parts, rates: Sequence[str]) -> list[str]:
     """How far the nearest switching function is from zero, in widths of its dead band."""
     lines = ["worst = 1e300"]
-    for i in range(leads):
-        lines += [f"r{i} = max(r{i}, abs(l{i}))", _least("worst", i, "l")]
+    for i in range(len(parts.leads)):
+        lines += [_widest(i, "l"), f"far = {_within(i)} / (DEAD * r{i} + 1e-300)"]
+        lines += [f"far = -2.0 if {_lands(i)} else far"]
+        lines += [
+            f"if {_moves(parts, i)}far < worst and (abs(far) > 1.0 or abs(a{i}) > DEAD * r{i}):"
+        ]
+        lines += ["    worst = far"]
+    if not parts.slides.sides:
+        return lines
+    lines += [f"if {' or '.join(f'on{i} > 0.0' for i in parts.slides.sides)}:"]
+    lines += ["    " + line for line in rates]
+    for i in parts.slides.sides:
+        lines += [f"    if on{i} > 0.0:", f"        worst = min({margin(i, 'end_')}, worst)"]
     return lines
 
 
-def _least(name: str, i: int, value: str) -> str:
-    return f"{name} = min({name}, m{i} * {value}{i} / (DEAD * r{i} + 1e-300))"
+def _within(i: int) -> str:
+    """Negative where a step ends on a side that it has not taken."""
+    return f"(m{i} * l{i} if m{i} != 0.0 else -abs(l{i}))"
 
 
-def _flips(jumps: Sequence[bool], *, at_start: bool) -> list[str]:
+def _lands(i: int) -> str:
+    return f"l{i} == 0.0 and m{i} != 0.0 and a{i} != 0.0"
+
+
+def _before(parts: _Parts) -> list[str]:
+    """The same at the start of a step, which has left the zero of an earlier event."""
     lines = []
-    for i, jump in enumerate(jumps):
-        started = f" and abs(a{i}) <= DEAD * r{i}" if at_start else ""
-        lines += [f"if m{i} * l{i} < -DEAD * r{i}{started}:", f"    m{i} = -m{i}"]
-        lines += ["    events += 1"] + ["    relays += 1"] * jump
-        lines += ["    flipped = True"] * at_start
+    for i in range(len(parts.leads)):
+        far = f"m{i} * a{i} / (DEAD * r{i} + 1e-300)"
+        if i in parts.slides.sides:
+            far = f"({margin(i)}) if on{i} > 0.0 else ({far})"
+        lines += [f"far = {far}", "if 1.0 < far < first:", "    first = far"]
+    return lines
+
+
+def _flips(parts: _Parts, *, at_start: bool) -> list[str]:
+    lines = []
+    for i, jump in enumerate(parts.jumps):
+        count = ["    events += 1"] + ["    relays += 1"] * jump
+        wrong, turn = f"{_within(i)} < -DEAD * r{i}", f"    m{i} = {_side(i, 'l')}"
+        moves = _moves(parts, i)
+        if at_start:
+            started = f"{moves}abs(a{i}) <= DEAD * r{i}"
+            lines += [f"if {started} and ({wrong} or {_lands(i)}):"]
+            lines += [turn, *count, "    flipped = True"]
+        else:
+            lines += [f"if {moves}{wrong}:", turn, *count]
+            lines += [f"elif {moves}(l{i} == 0.0 or m{i} * l{i} != m{i} * l{i}):", turn]
     return lines
 
 
 def _accept(parts: _Parts) -> list[str]:
-    lines = _flips(parts.jumps, at_start=False)
+    lines = _flips(parts, at_start=False)
     lines += [f"a{i} = l{i}" for i in range(len(parts.leads))]
     for i, x in enumerate(parts.states):
         lines += [f"{x} = n{i}", f"s{i} = max(s{i}, abs({x}))", f"q{i} = o{i}"]

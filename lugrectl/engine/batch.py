@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from .adaptive import Adaptive, _output_code
+from .adaptive import Adaptive
 from .adaptive_code import adaptive_code
 from .load import load
+from .output_code import output_code
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class Portable:
             wanted,
             engine.backend,
             adaptive_code(program, engine.backend),
-            _output_code(replace(program, outputs=wanted, y=y)),
+            output_code(replace(program, outputs=wanted, y=y)),
         )
 
     def loaded(self) -> Loaded:

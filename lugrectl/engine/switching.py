@@ -73,35 +73,43 @@ def freeze_modes(
     """For steps that end where a kink or jump is met: smooth roots and switching functions.
 
     Between two events each |a|, sign(a), comparison, maximum and minimum stays on one side. Its
-    side is the symbol ``m0``, ``m1``, ... (+1 or -1), the sign of the switching function with
-    the same number. Conditions on ``fixed`` symbols alone stay as they are. The third result
+    side is the symbol ``m0``, ``m1``, ... (+1, 0, -1, or nan), the sign of the switching function
+    with the same number. Conditions on ``fixed`` symbols alone stay as they are. The third result
     says which functions switch a jump rather than a kink.
     """
     leads: list[Node] = []
     jumps: set[int] = set()
     known: dict[int, Node] = {}
 
-    def side(lead: Node) -> Node:
+    def side(lead: Node, jump: bool) -> Node:
+        opposite = _opposite(lead)
+        if opposite.index in known or lead.op == "negative":
+            return -side(opposite, jump)
         if lead.index not in known:
             known[lead.index] = lead.graph.symbol(f"m{len(leads)}")
             leads.append(lead)
+        jumps.update([lead.index] * jump)
         return known[lead.index]
 
     def rule(node: Node, args: tuple[Node, ...]) -> Node | None:
         if node.op not in _SIDES or symbols_in([node]) <= fixed:
             return None
         make_lead, result = _SIDES[node.op]
-        lead = make_lead(*args)
-        if node.op not in _KINKS:
-            jumps.add(lead.index)
-        return result(side(lead), *args)
+        return result(side(make_lead(*args), node.op not in _KINKS), *args)
 
     smooth = substitute(roots, rule)
     return smooth, leads, [lead.index in jumps for lead in leads]
 
 
+def _opposite(lead: Node) -> Node:
+    """The same function with the other sign: w > v and w < v switch together."""
+    return lead.args[1] - lead.args[0] if lead.op == "subtract" else -lead
+
+
 def _choose(mode: Node, yes: Node, no: Node) -> Node:
-    return mode.graph.make("where", mode > 0.0, yes, no)
+    """What is no number on one side stays none: then the mode is nan."""
+    make = mode.graph.make
+    return make("where", mode > 0.0, yes, make("where", mode <= 0.0, no, yes + no))
 
 
 _KINKS = {"absolute", "maximum", "minimum"}
@@ -111,7 +119,7 @@ _SIDES: dict[str, tuple[Callable[..., Node], Callable[..., Node]]] = {
     "absolute": (lambda a: a, lambda m, a: m * a),
     "sign": (lambda a: a, lambda m, a: m),
     "less": (lambda a, b: b - a, lambda m, a, b: m > 0.0),
-    "less_equal": (lambda a, b: b - a, lambda m, a, b: m > 0.0),
+    "less_equal": (lambda a, b: b - a, lambda m, a, b: m >= 0.0),
     "maximum": (lambda a, b: a - b, _choose),
     "minimum": (lambda a, b: b - a, _choose),
 }

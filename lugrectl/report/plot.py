@@ -12,6 +12,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..spec import unit_for
+from . import closing
 from .views import Residual, binned, motion_of, residual, rms_over_time, simulated, stretch
 from .wording import number
 
@@ -141,6 +142,14 @@ PANELS: dict[str, tuple[Callable[..., Any], str]] = {
     ),
     "error": (error, "Error of the simulated motion over the whole record, in short bins."),
     "torque": (torque, "What the model leaves unexplained, before and after."),
+    "table": (
+        lambda d, ax: closing.table(d.table, ax),
+        "What is left of the torque as a table, with its 95 % band. It explains nothing.",
+    ),
+    "tracking": (
+        lambda d, ax: closing.tracking(d.compensation, ax),
+        "Tracking error of the simulated loop: motion minus reference.",
+    ),
     "ranking": (
         ranking,
         "How much better than the refitted model each candidate explains the training samples. "
@@ -157,7 +166,10 @@ def available(d: Any) -> list[str]:
         ["motion", "error"] if simulated(getattr(d, "traces", None), "refitted") is not None else []
     )
     names += ["torque"] if getattr(d, "traces", None) is not None and residual(d) else []
-    return names + (["ranking"] if getattr(d, "ranking", ()) else [])
+    names += ["table"] if getattr(d, "table", None) is not None else []
+    names += ["ranking"] if getattr(d, "ranking", ()) else []
+    made = getattr(d, "compensation", None)
+    return names + (["tracking"] if made is not None and made.runs else [])
 
 
 def overview(d: Any, ax: Axes | None = None) -> Any:

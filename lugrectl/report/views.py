@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..results import Traces
-from ..spec import members, Block, unit_for
+from ..spec import Block, members, unit_for
 
 STRETCH = 2.0  # seconds shown of measured and simulated motion
 UNITS = {"theta": "rad", "w": "rad/s", "u": "N m", "t": "s"}

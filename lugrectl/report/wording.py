@@ -80,7 +80,8 @@ _TITLES = {"found": "Missing", "unexplained": "Explains a part"}
 def sections(d: Any) -> list[Section]:
     """Everything below the headline, in reading order; parts without content are left out."""
     parts = [_effect(d, finding) for finding in _get(d, "effects", ())]
-    parts += [_depends(d), _experiment(d), errors(d), _parameters(d), _record(d), _notes(d)]
+    parts += [_depends(d), _table(d), _experiment(d), errors(d), _parameters(d)]
+    parts += [_compensation(d), _record(d), _notes(d)]
     return [part for part in parts if part is not None]
 
 
@@ -125,6 +126,48 @@ def _to_width(value: float, width: float) -> str:
 def _depends(d: Any) -> Section | None:
     on = ", ".join(_get(d, "depends_on", ()))
     return Section("What it hangs on", (f"The residual torque hangs on {on}.",)) if on else None
+
+
+def _table(d: Any) -> Section | None:
+    """What a table of the unexplained torque is worth."""
+    table = _get(d, "table")
+    if table is None:
+        return None
+    low, high = (100.0 * share for share in table.share95)
+    (factor, unit) = readable([table.rms], table.unit)
+    lines = (
+        f"{table.name[0].upper()}{table.name[1:]}: {table.values.size} values, "
+        f"{number(table.rms * factor, 3)} {unit} RMS along the record.",
+        f"It explains {100.0 * table.share:.0f} % of the residual torque's power on windows that "
+        f"it was not fitted to (95 % interval {low:.0f} to {high:.0f} %).",
+        "It is no part of the model file; table.block() puts it into a loop.",
+    )
+    return Section("Unexplained, as a table", lines)
+
+
+def _compensation(d: Any) -> Section | None:
+    """Tracking error in simulation without compensation, before and after."""
+    c = _get(d, "compensation")
+    if c is None:
+        return None
+    errors = (c.none, c.before, c.after)
+    factor, unit = readable(errors, c.unit)
+    row = (f"{c.kind} loop", unit, *(number(e * factor, 3) for e in errors))
+    grid = Grid(("RMS tracking error", "unit", "none", "before", "after"), "llrrr", (row,))
+    watcher = f"the {c.observer} observer" if c.observer else "no observer"
+    lines = [
+        f"Simulated on the augmented model: {watcher}, with what the declared model (before) and "
+        "the augmented model (after) know.",
+    ]
+    if c.compensated:
+        lines.append(f"Fed forward as a torque: {', '.join(c.compensated)}.")
+    lines += [f"Not compensated: {name}; {why}." for name, why in c.left]
+    lines += [_sentence(m) for m in c.messages]
+    certificate = c.certificate
+    footnote = ""
+    if certificate is not None and certificate.rate:
+        footnote = f"Observer errors decay at {number(certificate.rate, 3)} 1/s at least."
+    return Section("Compensation, in simulation", tuple(lines), grid, footnote)
 
 
 def _experiment(d: Any) -> Section | None:

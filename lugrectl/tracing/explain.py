@@ -11,15 +11,18 @@ import numpy as np
 from ..model import Model
 from ..results import Candidate
 from ..spec import P, members
+from .coordinates import free_keys
 from .evaluate import missing_torque
-from .fit import Fitted, fit, free_keys, tune
+from .fit import Fitted, fit
 from .job import Progress
+from .likelihood import tune
 from .predictor import Predictor
 from .search import Contest, Trial, contest
 from .structure import colour, dependences, in_bursts
 
 GATE = 20.0  # least gain in log-likelihood, also without the best window
 LEAST_SHARE = 0.04  # of the residual torque's power that an effect must remove
+LEAST_OF_FIRST = 0.02  # the same of the residual before any effect was added
 LEAST_SIZE = 0.015  # of the RMS friction torque, below which an effect is not worth a name
 LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a signal
 WHOLE = 0.9  # share above which the effects found explain the residual, whatever is left
@@ -27,7 +30,6 @@ COLOUR = {"theta": 0.2, "w": 0.05}  # of the innovations; quantised positions ar
 MOST_EFFECTS = 3
 TRIED = 6  # candidates fitted in full at each step
 TURNING = ("gravity", "encoder_eccentricity")  # once per turn: nothing on a linear axis
-NEAR = 0.5  # of the leader's gain, within which a candidate is fitted inside the plant
 
 
 @dataclass(frozen=True)
@@ -65,33 +67,19 @@ def explain(base: Fitted, report: Progress) -> Explanation:
         tried = contest(current, names, 0.5 * GATE, TRIED, partial(report, at))
         if turn == 0:
             ranking = _ranking(current, tried)
-        settled = _settled(current, tried.fits)
-        proven = [(t, f) for t, f in settled if _proven(current, f, t.key)]
+        proven = [(t, f) for t, f in tried.fits if _proven(base, current, f, t.key)]
         if not proven:
             break
         even = _even(proven)
         (trial, best), *others = even
         tied = tuple(_candidate(current, t, f) for t, f in others)
         steps.append(Step(trial, best, tied))
-        current = _inside(best)
+        current = best if trial.rough else _inside(best)
         steps, current = _pruned(steps, current)
+        if _share(base, current) > 1.0 - LEAST_OF_FIRST:
+            break
     unexplained, hangs_on = _left_over(base, current)
     return Explanation(tuple(steps), current, tuple(ranking), unexplained, hangs_on)
-
-
-def _settled(before: Fitted, fits: Sequence[tuple[Trial, Fitted]]) -> list[tuple[Trial, Fitted]]:
-    """The leaders fitted inside the plant where their series along the log is an approximation.
-
-    An effect with states, or on the sensors, sees the measured motion in its series.
-    """
-    top = max((f.total - before.total for _, f in fits), default=0.0)
-    made = []
-    for trial, fitted in fits:
-        block = members("effect")[trial.name]
-        rough = (block.states and block.exact is None) or "sensor" in block.acts
-        near = fitted.total - before.total > NEAR * top
-        made.append((trial, _inside(fitted) if rough and near else fitted))
-    return made
 
 
 def _names(model: Model) -> list[str]:
@@ -118,12 +106,15 @@ def _repeats(p: P) -> bool:
     return bool(p.choices) or bool(p.grid and p.unit != "s")
 
 
-def _proven(before: Fitted, after: Fitted, key: str) -> bool:
+def _proven(base: Fitted, before: Fitted, after: Fitted, key: str) -> bool:
+    """Whether an effect is certain, and large enough beside what was there and is there."""
     gain = after.loglik - before.loglik
     certain = (
         gain.sum() - max(gain.max(), 0.0) > GATE and after.total - _mirrored(after, key) > GATE
     )
-    return certain and _share(before, after) > LEAST_SHARE and size(after, key) > LEAST_SIZE
+    matters = _share(base, after) - _share(base, before) > LEAST_OF_FIRST
+    large = _share(before, after) > LEAST_SHARE and size(after, key) > LEAST_SIZE
+    return bool(np.isfinite(after.total)) and certain and matters and large
 
 
 def _mirrored(fitted: Fitted, key: str) -> float:

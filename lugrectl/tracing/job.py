@@ -12,9 +12,12 @@ from ..model import Model
 from ..record import Record
 from ..results import Estimate
 from ..spec import unit_for
+from .coordinates import free_keys
 from .data import Data, averaged, prepare
+from .doubts import refuse_dead, refuse_unfit
 from .evaluate import free_run, judge
-from .fit import Fitted, fit, free_keys, tune
+from .fit import Fitted, fit
+from .likelihood import tune
 from .noise import Noise
 from .predictor import Predictor, windows
 from .split import Split, split
@@ -37,13 +40,14 @@ class Job:
     data: Data
     parts: Split
     base: Fitted
+    doubts: tuple[str, ...] = ()
 
     @property
     def messages(self) -> tuple[str, ...]:
         """What was noticed about the model and the records."""
         smoothed = (SMOOTHED,) if self.data.smoothed else ()
         noticed = (m for r in self.records for m in r.messages)
-        return (*self.declared.remarks(), *noticed, *smoothed)
+        return (*self.declared.remarks(), *noticed, *self.doubts, *smoothed)
 
 
 def begin(
@@ -56,9 +60,12 @@ def begin(
     """Split the records and refit the declared model on the part that may be seen."""
     records = (record,) if isinstance(record, Record) else tuple(record)
     apart = (holdout,) if isinstance(holdout, Record) else ()
-    data = prepare([*records, *apart])
+    every = [*records, *apart]
+    refuse_dead(every)
+    data = prepare(every)
     held_out = sum(r.samples for r in records) if apart else None
     parts = split(data, horizon, last=holdout == "last", held_out=held_out)
+    doubts = refuse_unfit(every, model, data)
     report(0.02, "first guess")
     started = completed(model, data, parts.train)
     report(0.05, "refitting the declared model")
@@ -71,7 +78,7 @@ def begin(
         predictor = predictor.on(calm)
         data, noise = calm, base.noise
         base = fit(predictor, base.values, free_keys(predictor), parts.train, noise, anchor=values)
-    return Job(records, model, data, parts, base)
+    return Job(records, model, data, parts, base, doubts)
 
 
 def calmed(base: Fitted) -> Data | None:

@@ -110,12 +110,12 @@ def _behind_sensors(
     kept = np.arange(0 if noise.channels()[0] else 1, n)  # else nothing tells theta
     scale = noise.theta * np.ones(n) / dt if noise.channels()[0] else noise.w * np.ones(n)
     scale[0] *= dt
-    a = (step[:n, :n] * scale / scale[:, None])[np.ix_(kept, kept)]
+    a = (step[:n, :n] * scale / scale[:, None])[kept][:, kept]
     push = (noise.jump * step[:n, n] / scale)[kept]
     sizes = np.sqrt(np.diag(R))
     h = (H * scale / sizes[:, None])[:, kept]
     P = np.zeros((n, n))
-    P[np.ix_(kept, kept)] = _riccati(a, h, np.outer(push, push), np.eye(len(seen)))
+    P[kept[:, None], kept] = _riccati(a, h, np.outer(push, push), np.eye(len(seen)))
     return P * np.outer(scale, scale), H, R
 
 

@@ -7,9 +7,10 @@ System Identification, ch. 7).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from ..engine.lanes import Lanes
 from ..model import Model, Part
 from .data import Data
 from .noise import Noise, Sensing, observer_gain
-from .series import Fed, Memory, Values, depends_on_plant, feed, run_alone
+from .series import UNDOING, Fed, Memory, Values, depends_on_plant, feed, run_alone
 
 LEVELS = ("J", "Fc", "Fs", "Fv")
 STEP = 2e-3  # s, longest integration step; the engine divides it where it must
@@ -123,7 +124,7 @@ class Predictor:
             feigned = values["J"] * np.gradient(fed.error[:, 1], log.dt)
         return fed.u - fed.load - fed.torque - inertia - self.friction(plant) + feigned
 
-    def friction(self, values: Values) -> np.ndarray:
+    def friction(self, values: Mapping[str, Any]) -> np.ndarray:
         """The friction law's steady torque along the log, without effects (N,)."""
         level, viscous = values.get("Fc", 0.0), values.get("Fv", 0.0)
         stiction, vs = values.get("Fs", level), values.get("vs", 1.0)
@@ -265,8 +266,9 @@ class Predictor:
         """
         log, dt, names = self.data.log, self.data.dt, self.lanes.states
         x0 = np.zeros((len(values), len(start), len(names)))
-        x0[..., 0] = log.theta[start] - 0.5 * dt * log.w[start]
-        x0[..., 1] = log.w[start] - 0.5 * dt * log.a[start]
+        for x, v in zip(x0, values, strict=True):
+            theta, w = self._motion(v, start)
+            x[:, 0], x[:, 1] = theta - 0.5 * dt * w, w - 0.5 * dt * log.a[start]
         if "z" in names:
             for x, v in zip(x0, values, strict=True):
                 x[:, names.index("z")] = self._bristle_torque(v, start) / max(v["sigma0"], 1e-12)
@@ -275,6 +277,22 @@ class Predictor:
                 for name, x in self._states(part, values, start).items():
                     x0[..., names.index(name)] = x
         return x0
+
+    def _motion(self, values: Values, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """theta and w behind the sensors that are inside the plant, in the middle of a cell."""
+        log = self.data.log
+        theta, w = log.theta[start], log.w[start]
+        _, sensing = self._sensing(values)
+        if sensing is not None and np.any(sensing.C):
+            slow, fast = sensing.A[0][0], sensing.B[0][1]
+            w = (log.a[start] - slow * w) / fast
+        parts = [Placed(f"{p.key}.", p.block) for p in self.core.effects if _instant_sensor(p)]
+        for part in reversed(parts):
+            seen = theta, w
+            for _ in range(UNDOING):
+                out = part.outputs(part.results({"theta": theta, "w": w}, dict(values)))
+                theta, w = seen[0] - (out["theta_m"] - theta), seen[1] - (out["w_m"] - w)
+        return theta, w
 
     def _states(
         self, part: Part, values: Sequence[Values], start: np.ndarray
@@ -295,6 +313,10 @@ class Predictor:
         F = (fed.u - fed.load - fed.torque - values["J"] * log.a - viscous)[start]
         limit = max(values.get("Fs", 0.0), values["Fc"])
         return np.clip(F, -limit, limit)
+
+
+def _instant_sensor(part: Part) -> bool:
+    return "sensor" in part.block.acts and not part.block.states
 
 
 def _at(error: np.ndarray | None, where: Windows) -> np.ndarray:

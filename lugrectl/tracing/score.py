@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .fit import Fitted, whitened
+from .fit import Fitted
+from .likelihood import whitened
 from .predictor import Predictor
 
 LARGEST = 2_000_000  # counted samples in one engine call

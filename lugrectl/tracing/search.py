@@ -10,9 +10,11 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from ..spec import Block, members
+from .coordinates import free_keys, typical
 from .data import Log, thinned
 from .evaluate import missing_torque
-from .fit import Fitted, fit, free_keys, tune, typical
+from .fit import Fitted, fit
+from .likelihood import tune
 from .predictor import Predictor, coarser
 from .score import Score, whitened_by_parts
 from .series import resisting
@@ -20,8 +22,12 @@ from .tries import tried
 
 COARSE = 2e-3  # s, longest sampling interval on which effects are searched
 FEW = 4  # grid points that are all tried exactly
+SHAKES = (0.7, 0.7, 0.3)  # largest spread of a random search about what a short fit found
+STEPS = 30.0  # typical steps by which an effect is tried
+SHAKEN = 40  # sets of it
 KEPT = 4  # of a longer grid, after a look at the residual torque
 ZOOMS = 2  # finer grids around the best point
+UNLIKELY = 0.01  # promise over what another effect has gained, below which one is not tried
 HOPELESS = 0.1  # of the leader's gain after a short fit, below which a candidate is dropped
 
 Say = Callable[[str], None]
@@ -29,13 +35,23 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Trial:
-    """An effect added to a fitted model: a first estimate, and how much it should gain."""
+    """An effect added to a fitted model: a first estimate, and how much it should gain.
+
+    ``others`` are more values to start from.
+    """
 
     name: str
     fitted: Fitted
     key: str
     values: dict[str, float]
     promise: float
+    others: tuple[dict[str, float], ...] = ()
+
+    @property
+    def rough(self) -> bool:
+        """Whether its series is an approximation: it sees the measured motion."""
+        block = members("effect")[self.name]
+        return bool(block.states and block.exact is None) or "sensor" in block.acts
 
 
 @dataclass(frozen=True)
@@ -61,12 +77,16 @@ def _screen_one(base: Fitted, name: str, score: Score) -> Trial | None:
     made = members("effect")[name]
     model = base.predictor.model.with_effect(name, _open(made))
     predictor, key = base.predictor.like(model), model.effects[-1].key
-    screener = tried if made.tries else _linear
-    found = screener(base, made, predictor, key, score)
-    if found is None:
+    if made.tries:
+        found = tried(base, made, predictor, key, score)
+    else:
+        linear = _linear(base, made, predictor, key, score)
+        found = [linear] if linear else []
+    if not found:
         return None
-    promise, values = found
-    return Trial(name, replace(base, predictor=predictor), key, values, promise)
+    (promise, values), *others = found
+    trial = replace(base, predictor=predictor)
+    return Trial(name, trial, key, values, promise, tuple(v for _, v in others))
 
 
 def _open(made: Block) -> dict[str, float]:
@@ -78,7 +98,7 @@ def _linear(
 ) -> tuple[float, dict[str, float]] | None:
     """A step from the neutral value, over a grid of what the effect is not linear in."""
     spans, points = _spans(made), _grid(base, made)
-    step = typical(made.parameters[made.gain], predictor.data.log)
+    step = STEPS * typical(made.parameters[made.gain], predictor.data.log)
 
     def score_of(tried: Sequence[dict[str, float]]) -> list[tuple[float, np.ndarray, dict]]:
         sets = [
@@ -225,13 +245,63 @@ def at_anchor(base: Fitted) -> Fitted:
     return replace(base, values=values, noise=noise, loglik=loglik)
 
 
-def refine(trial: Trial, *, most: int = 30) -> Fitted:
+def refine(trial: Trial, *, most: int = 30, rough: bool = False) -> Fitted:
     """Fit the model with the trial's effect, all parameters free."""
     base, predictor = trial.fitted, trial.fitted.predictor
     own = {k: v for k, v in trial.values.items() if k not in base.anchor}
     anchor = base.anchor | own
     free = free_keys(predictor)
-    return fit(predictor, trial.values, free, base.where, base.noise, anchor=anchor, most=most)
+    return fit(
+        predictor, trial.values, free, base.where, base.noise,
+        anchor=anchor, most=most, rough=rough,
+    )  # fmt: skip
+
+
+def _short(trial: Trial) -> tuple[Trial, Fitted]:
+    """A few steps from each of a trial's starts; inside the plant where its series is rough."""
+    if trial.rough:
+        inside = Predictor(trial.fitted.predictor.model, trial.fitted.predictor.data)
+        trial = replace(trial, fitted=replace(trial.fitted, predictor=inside))
+    fits = [
+        refine(replace(trial, values=v), most=5, rough=True) for v in (trial.values, *trial.others)
+    ]
+    best = max(fits, key=lambda f: f.total)
+    for spread in SHAKES if trial.rough and best.total > trial.fitted.total else ():
+        moved = _shaken(best, trial.key, spread)
+        if moved is not None:
+            again = refine(replace(trial, values=moved), most=5, rough=True)
+            best = max(best, again, key=lambda f: f.total)
+    return trial, best
+
+
+def _shaken(found: Fitted, key: str, spread: float) -> dict[str, float] | None:
+    """Values of the effect near those found that do better as they are.
+
+    Blows make many optima. Drawn with the shape of the uncertainty, in logarithms.
+    """
+    own = [c for c in found.free if c.key.startswith(f"{key}.") and c.kind == "log"]
+    if len(own) < 2:
+        return None
+    index = [found.free.index(c) for c in own]
+    C = found.covariance()[np.ix_(index, index)]
+    size = np.sqrt(np.max(np.diag(C)))
+    if not (np.all(np.isfinite(C)) and 0.0 < size < np.inf):
+        return None
+    values, axes = np.linalg.eigh(C * (spread / size) ** 2)
+    draws = np.random.default_rng(len(own)).normal(size=(SHAKEN, len(own)))
+    steps = (draws * np.sqrt(np.maximum(values, 0.0))) @ axes.T
+    sets = [
+        found.values
+        | {
+            c.key: c.back(c.into(found.values) + d, found.values)
+            for c, d in zip(own, step, strict=True)
+        }
+        for step in steps
+    ]
+    white = np.nan_to_num(whitened_by_parts(found.predictor, sets, found), posinf=1e150)
+    cost = np.sum(white**2, axis=(1, 2, 3))
+    best = int(np.argmin(cost))
+    return sets[best] if cost[best] < np.sum(found.innovations**2) else None
 
 
 def lightened(base: Fitted) -> Fitted:
@@ -248,8 +318,15 @@ def lightened(base: Fitted) -> Fitted:
 
 def _heavy(trial: Trial, base: Fitted, values: dict[str, float]) -> Trial:
     """A trial on all samples again."""
-    predictor = base.predictor.like(trial.fitted.predictor.model)
+    found = trial.fitted.predictor
+    predictor = found.on(base.predictor.data) if trial.rough else base.predictor.like(found.model)
     return replace(trial, fitted=replace(base, predictor=predictor), values=values)
+
+
+def _hides(name: str) -> bool:
+    """Whether a refit can take the trace of an effect away: it has no linear part to find."""
+    made = members("effect")[name]
+    return bool(made.tries) and made.acts != ("torque",)
 
 
 def contest(base: Fitted, names: Sequence[str], gate: float, tried: int, say: Say) -> Contest:
@@ -259,14 +336,17 @@ def contest(base: Fitted, names: Sequence[str], gate: float, tried: int, say: Sa
     """
     light = lightened(base)
     promising = screen(light, names)
-    chosen = [t for t in promising if t.promise > gate][:tried]
-    if chosen:
-        likely = [t.name for t in promising if t.promise > 0.2 * gate][: 2 * tried]
-        chosen += [t for t in screen(at_anchor(light), likely) if t.promise > gate][:tried]
+    chosen = [t for t in promising if t.promise > gate][: 2 * tried]
+    likely = [t.name for t in promising if t.promise > 0.2 * gate][: 2 * tried] if chosen else []
+    likely += [n for n in names if n not in likely and _hides(n)]
+    chosen += [t for t in screen(at_anchor(light), likely) if t.promise > gate][:tried]
     short: dict[str, tuple[Trial, Fitted]] = {}
-    for trial in chosen:
+    for trial in sorted(chosen, key=lambda trial: -trial.promise):
+        lead = max((f.total for _, f in short.values()), default=light.total) - light.total
+        if trial.promise < UNLIKELY * lead:
+            continue
         say(f"trying {trial.name}")
-        fitted = refine(trial, most=5)
+        trial, fitted = _short(trial)
         known = short.get(trial.name)
         if known is None or fitted.total > known[1].total:
             short[trial.name] = trial, fitted

@@ -20,6 +20,8 @@ from .data import Data, Log
 LEAD = 2.0  # s that an effect with states runs before it counts
 STRETCH = 6.0  # s that it then counts
 
+UNDOING = 15  # iterations that undo a sensor's error
+
 Values = Mapping[str, float]
 Memory = dict[tuple, np.ndarray]
 
@@ -50,23 +52,18 @@ def feed(
     ``dose`` is the part of its output that an effect has, by key, where it is not the whole.
     """
     log, zero = data.log, np.zeros(len(data.u))
-    signals: dict[str, Any] = {k: getattr(log, k) for k in ("t", "theta", "w", "a", "u")}
-    signals["load"] = data.d
-    load, torque, error = data.d, zero, None
+    sensors = [p for p in model.effects if p.key in outside and "sensor" in p.block.acts]
+    signals, error = _behind_sensors(sensors, values, log, dose or {})
+    load, torque = data.d, zero
     x = dict.fromkeys(levels, zero)
     for part in sorted(model.effects, key=lambda part: stage(part.block)):
         block, fed = part.block, part.key in outside
-        if not (fed or block.load):
+        if not (fed or block.load) or "sensor" in block.acts:
             continue
         plant = {k: v * (1.0 + x[k]) if k in x else v for k, v in values.items() if "." not in k}
         own = {k: values[f"{part.key}.{k}"] for k in block.own} | borrowed(block, plant)
         out = _outputs(part, signals, own, values, log, memory)
         part_of = (dose or {}).get(part.key, 1.0)
-        if "sensor" in block.acts:
-            said = dict(zip(block.fresh, out, strict=True))
-            off = np.column_stack([said["theta_m"] - log.theta, said["w_m"] - log.w])
-            error = part_of * off if error is None else error + part_of * off
-            continue
         for act, change in block.deeds(out):
             change = part_of * (change - signals["u"] if act == "input" else change)
             if act == "input":
@@ -82,6 +79,38 @@ def feed(
                 name = act.removeprefix("+")
                 x[name] = x[name] + change / max(values[name], 1e-12)
     return Fed(signals["u"], load, torque, x, error)
+
+
+def _behind_sensors(
+    parts: Sequence[Part], values: Values, log: Log, dose: Mapping[str, float]
+) -> tuple[dict[str, Any], np.ndarray | None]:
+    """The log's signals as they are behind these sensors, and the sensors' error at the samples.
+
+    What is measured is what the sensors say of the motion: it is undone by iteration, sensors
+    with states by what they made of the measured motion.
+    """
+    signals: dict[str, Any] = {k: getattr(log, k) for k in ("t", "theta", "w", "a", "u", "load")}
+    if not parts:
+        return signals, None
+    total = np.zeros((len(log.t), 2))
+    for part in reversed(parts):
+        own = {k: values[f"{part.key}.{k}"] for k in part.block.own}
+        measured = np.column_stack([signals["theta"], signals["w"]])
+        error, before = np.zeros_like(measured), np.inf
+        for _ in range(1 if part.block.states else UNDOING):
+            signals["theta"], signals["w"] = (measured - error).T
+            out = dict(zip(part.block.fresh, _outputs(part, signals, own, values, log, None),
+                           strict=True))  # fmt: skip
+            said = np.column_stack([out["theta_m"], out["w_m"]])
+            error = dose.get(part.key, 1.0) * (said - (measured - error))
+            change, before = abs(float(np.sum(error)) - before), float(np.sum(error))
+            if change < 1e-12:
+                break
+        signals["theta"], signals["w"] = (measured - error).T
+        total += error
+    for a, b in log.runs:  # from the middles of the intervals to the samples
+        total[a + 1 : b] = 0.5 * (total[a : b - 1] + total[a + 1 : b])
+    return signals, total
 
 
 def depends_on_plant(part: Part) -> bool:

@@ -9,8 +9,10 @@ import numpy as np
 
 from ..errors import Refused
 from ..model import Model
+from .coordinates import free_keys
 from .data import Data
-from .fit import fit, free_keys, whitened
+from .fit import fit
+from .likelihood import whitened
 from .predictor import Predictor, Windows
 from .search import screen
 from .series import resisting

@@ -16,37 +16,35 @@ from .predictor import Predictor
 from .score import Score, whitened_by_parts
 from .series import run_alone
 
-DOSE = 1e-3  # of an effect's series, small enough to be a derivative
+DOSE = 0.1  # of an effect's series: a derivative, but well above the noise of the integration
 SMEAR = 0.03  # s over which blows are averaged, so that a near miss counts
 MANY = 60  # sets beyond which only the smeared torque is compared
 STRENGTHS = ("kg m2", "N m/rad", "N m s/rad")
+STARTS = 3  # sets from which an effect is fitted
+LEAST_POWER = 0.02  # of the smeared torque, below which a set is not worth polishing
 POLISH = 60  # evaluations of the smeared torque around the best set
 
 Values = Mapping[str, float]
 Found = tuple[float, dict[str, float]]
 
 
-def tried(base: Fitted, made: Block, predictor: Predictor, key: str, score: Score) -> Found | None:
-    """The best of the sets that an effect proposes: its promise, and all values to start from.
+def tried(base: Fitted, made: Block, predictor: Predictor, key: str, score: Score) -> list[Found]:
+    """The best of the sets that an effect proposes: their promise, and all values to start from.
 
     Its series in a small dose tells the direction; a set whose own strength the direction calls
     for comes before another of the same direction.
     """
     assert made.tries is not None
-    proposed = made.tries(base.predictor.data.log, base.values)
-    if not proposed:
-        return None
-    sets = [_whole(base, made, key, given) for given in proposed]
+    sets = [
+        _whole(base, made, key, given) for given in made.tries(base.predictor.data.log, base.values)
+    ]
     found: list[Found] = []
-    if made.states and made.acts == ("torque",):
-        resemblance = Resemblance(base, made, key)
-        power, start = resemblance.best(sets)
-        found.append((resemblance.worth(power), start))
-    if len(sets) <= MANY:
+    if sets and made.states and made.acts == ("torque",):
+        found += Resemblance(base, made, key).best(sets)
+    if sets and len(sets) <= MANY:
         worth = _doses(base, predictor, key, score, sets)
-        best = int(np.argmax(worth))
-        found.append((worth[best], sets[best]))
-    return max(found, key=lambda one: one[0])
+        found += [(worth[i], sets[i]) for i in np.argsort(worth)[::-1][:STARTS]]
+    return sorted(found, key=lambda one: -one[0])[:STARTS]
 
 
 def _whole(base: Fitted, made: Block, key: str, given: Values) -> dict[str, float]:
@@ -99,11 +97,15 @@ class Resemblance:
         c = np.maximum(d @ self.target, 0.0) / size
         return c * c * size / np.maximum(self.target @ self.target, 1e-300), c
 
-    def best(self, sets: Sequence[Values]) -> tuple[float, dict[str, float]]:
-        """The power of the best set, and a set near it that explains more."""
+    def best(self, sets: Sequence[Values]) -> list[Found]:
+        """Sets that explain most, polished, with the gain in log-likelihood that goes with it."""
         power, c = self.power(sets)
-        k = int(np.argmax(power))
-        return float(power[k]), self._polished(self._scaled(sets[k], float(c[k])))
+        top = np.argsort(-power)[:2]
+        return [
+            (self.worth(float(power[k])), self._polished(self._scaled(sets[k], float(c[k]))))
+            for k in top
+            if power[k] > LEAST_POWER
+        ]
 
     def _scaled(self, start: Values, c: float) -> dict[str, float]:
         """Mass, spring and damper stronger by the same factor make c times the torque."""

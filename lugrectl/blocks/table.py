@@ -1,0 +1,141 @@
+"""A torque given as a table over a signal, as a block: no physics, piecewise linear."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import control as ct
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import InputError
+from ..spec import Block, P
+from .friction import EPS
+
+TURN = 2.0 * np.pi
+SIGNALS = ("theta", "w", "t", "u")
+SCALE = P(1.0, "1")
+ROUND = 0.02  # of the distance between points, over which a corner is rounded
+
+
+def corners(points: ArrayLike, values: ArrayLike) -> tuple[tuple[float, float, float], ...]:
+    """Where the line through the points turns: place, change of slope, half-width of the turn."""
+    x, y = np.asarray(points, dtype=float), np.asarray(values, dtype=float)
+    gap = np.diff(x)
+    change = np.diff(np.r_[0.0, np.diff(y) / gap, 0.0])
+    width = ROUND * np.minimum(np.r_[gap[0], gap], np.r_[gap, gap[-1]])
+    return tuple(zip(x.tolist(), change.tolist(), width.tolist(), strict=True))
+
+
+def polyline(x: Any, middle: float, turns: Sequence[tuple[float, float, float]]) -> Any:
+    """Straight lines that turn at x_i, constant outside: (y_1 + y_n)/2 + sum_i c_i |x - x_i| / 2.
+
+    |x - x_i| is written sqrt((x - x_i)^2 + delta_i^2), delta_i one fiftieth of the distance
+    between the points: without a kink nothing stops a solver at each of them.
+    """
+    total = middle + 0.0 * x
+    for place, change, width in turns:
+        total = total + 0.5 * change * np.sqrt((x - place) * (x - place) + width * width)
+    return total
+
+
+def tabulated(
+    signal: str,
+    points: ArrayLike,
+    values: ArrayLike,
+    *,
+    periodic: bool = False,
+    name: str = "table",
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> ct.NonlinearIOSystem:
+    """A torque as a table over one signal: input the signal, output d (N m).
+
+    d = scale f(signal), f linear between the points and constant outside them. With two rows of
+    values, one for w > 0 and one for w < 0, w is a second input and
+    d = scale ((f_1 + f_2)/2 + (f_1 - f_2)/2 tanh(w/eps)).
+
+    Parameters
+    ----------
+    signal : str
+        "theta" (rad), "w" (rad/s), "t" (s; the block then has no input for it) or "u" (N m).
+    points : (n,) array_like
+        Increasing, at least two.
+    values : (n,) or (2, n) array_like
+        Torque in N m that resists positive w; two rows for the two directions of w.
+    periodic : bool
+        For theta: f repeats every 2 pi, and the points lie within one turn.
+    name, inputs, outputs : str, list of str
+        Block name and, in order, other names for the signals.
+
+    Returns
+    -------
+    control.NonlinearIOSystem
+        Without states; parameters ``table.scale`` (1) and, for two rows, ``table.eps`` (1e-4
+        rad/s, as in the ``coulomb`` law).
+
+    Raises
+    ------
+    InputError
+        For another signal, points that do not increase, shapes that do not fit, no numbers.
+
+    Notes
+    -----
+    Corners are rounded over one fiftieth of the distance between points, which moves f there by
+    at most one hundredth of its second difference. The angle of a periodic table is
+    arctan2(sin theta, cos theta).
+    """
+    if signal not in SIGNALS:
+        raise InputError(f"{name}: no table over '{signal}'; known: {', '.join(SIGNALS)}.")
+    x, rows = _checked(name, points, values)
+    if rows.shape[0] == 2 and signal == "w":
+        raise InputError(f"{name}: a table over w has both directions in it; give one row.")
+    if periodic:
+        if signal != "theta" or x[-1] - x[0] >= TURN:
+            raise InputError(
+                f"{name}: a periodic table is one over theta, with points within one turn."
+            )
+        x, rows = around(x, rows)
+    return _table(signal, x, rows, periodic).system(name=name, inputs=inputs, outputs=outputs)
+
+
+def _table(signal: str, x: np.ndarray, rows: np.ndarray, periodic: bool) -> Block:
+    lines = [(0.5 * float(y[0] + y[-1]), corners(x, y)) for y in rows]
+    two = len(lines) == 2
+
+    def function(*given: Any, scale: Any, eps: Any = EPS.value) -> Any:
+        at = np.arctan2(np.sin(given[0]), np.cos(given[0])) if periodic else given[0]
+        first, *others = (polyline(at, *line) for line in lines)
+        if not others:
+            return scale * first
+        way = np.tanh(given[1] / eps)
+        return scale * (0.5 * (first + others[0]) + 0.5 * (first - others[0]) * way)
+
+    inputs = (*(() if signal == "t" else (signal,)), *(("w",) if two else ()))
+    parameters = {"scale": SCALE} | ({"eps": EPS} if two else {})
+    return Block("table", "effect", function, inputs, ("d",), (), parameters, timed=signal == "t")
+
+
+def around(x: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The points of one turn in (-pi, pi], and two more on either side that repeat them."""
+    angle = np.pi - np.mod(np.pi - x, TURN)
+    order = np.argsort(angle)
+    angle, rows = angle[order], rows[:, order]
+    beyond = np.arange(-2, len(x) + 2)
+    turn, index = np.divmod(beyond, len(x))
+    return angle[index] + TURN * turn, rows[:, index]
+
+
+def _checked(name: str, points: ArrayLike, values: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    x, rows = np.array(points, dtype=float), np.atleast_2d(np.array(values, dtype=float))
+    if x.ndim != 1 or len(x) < 2 or not np.all(np.isfinite(x)) or np.any(np.diff(x) <= 0.0):
+        raise InputError(f"{name}: points must be at least two increasing numbers.")
+    if rows.ndim != 2 or len(rows) not in (1, 2) or rows.shape[1] != len(x):
+        raise InputError(
+            f"{name}: values have the shape {np.shape(values)}; give one for each of the "
+            f"{len(x)} points, or two rows of them for the two directions of w."
+        )
+    if not np.all(np.isfinite(rows)):
+        raise InputError(f"{name}: values must be finite numbers.")
+    return x, rows

@@ -1,0 +1,208 @@
+"""Compensation before and after: designs, simulates and compares three loops."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import control as ct
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..blocks.controllers import MEASURED
+from ..blocks.observers import Gain
+from ..engine.adaptive import Diverged
+from ..errors import InputError
+from ..model import Model, Parameters
+from ..record import Record
+from ..results import Table
+from ..simulation import simulate
+from ..spec import unit_for
+from .feeding import sorted_out, with_table
+from .gains import controller, observer_gains
+from .reference import Course, course
+from .result import LOOPS, Compensation, Run
+from .wiring import OUTPUTS, Task, closed
+
+WORSE = 1.05  # ratio from which the error counts as larger
+
+
+def compensate(
+    model: Model,
+    *,
+    declared: Model | Parameters | None = None,
+    loop: str = "velocity",
+    kp: float | None = None,
+    ki: float | None = None,
+    kd: float | None = None,
+    bandwidth: float = 20.0,
+    observer: str | None = "proposed",
+    K1: Gain | None = None,
+    K2: Gain | None = None,
+    gains: Mapping[str, Any] | None = None,
+    reference: tuple[ArrayLike, ArrayLike] | None = None,
+    record: Record | None = None,
+    table: Table | None = None,
+) -> Compensation:
+    """Tracking error with the compensation of the declared and of the augmented model.
+
+    u = C (r - y) + J a + Fhat + d: controller, acceleration a of the reference, observer, and the
+    torque d of the model's effects from the measured w, theta and t. The drive is the augmented
+    model with all its effects, sensors included; what the compensation believes is the declared
+    model "before" and the augmented one "after".
+
+    Parameters
+    ----------
+    model : Model
+        The augmented model, ``diagnose(...).model``.
+    declared : Model or Parameters, optional
+        As the model without its effects where left out; values that it lacks are those of
+        ``model``.
+    loop : "velocity" or "position"
+        PI on w, or PID on theta with D on the error of w.
+    kp, ki, kd : float, optional
+        Units as in :func:`lugrectl.velocity_loop` and :func:`lugrectl.position_loop`. Where none
+        is given all poles of the compensated loop are at -bandwidth; else the others are 0.
+    bandwidth : float
+        In 1/s, for the gains that are left out.
+    observer : str or None
+        As in the ready-made loops; None for the effects' torque alone.
+    K1, K2 : float or callable, optional
+        Both for the proposed observer; left out they are ``design_gains(...)`` for each model, or
+        -1 and 2 sqrt(J sigma0) where sigma1 hardly damps (below a tenth of that).
+    gains : dict, optional
+        Other gains of the observer by name; its defaults where left out.
+    reference : (t, r), optional
+        Times in s and the reference in rad/s or rad, from its first value at rest. Left out: a
+        sine of the speed inside the range of ``record``, or of 1 rad/s at 0.25 Hz.
+    record : Record, optional
+        For the default reference.
+    table : Table, optional
+        An unexplained torque that acts on the drive too, compensated "after" unless it is one
+        over u.
+
+    Returns
+    -------
+    Compensation
+
+    Raises
+    ------
+    InputError
+        For an unknown loop or observer, a gain out of bounds, a value that the model lacks, or a
+        friction law that the observer cannot copy.
+
+    Notes
+    -----
+    Torque and level effects are compensated. The torque of a level effect is the friction law
+    with it minus that without it, each with its own bristle state, run on the measured motion:
+    a step at w = 0 fed forward would shake a drive at rest. The observer is given u without d,
+    as it knows no load. What acts on the command, the sensors, the inertia or a second mass is
+    not compensated. The error is that of the motion itself, not of what the sensors say.
+    """
+    if loop not in MEASURED:
+        raise InputError(f"unknown loop '{loop}'; known: {', '.join(MEASURED)}.")
+    bare = replace(model, effects=())
+    before = bare if declared is None else _completed(declared, model)
+    given = {"kp": kp, "ki": ki, "kd": kd}
+    if loop == "velocity" and kd is not None:
+        raise InputError("a velocity loop has no kd; its gains are kp and ki.")
+    task = Task(model, table, loop, controller(given, loop, bandwidth, _value(model, "J")))
+    timed = any(part.block.timed for part in (*model.effects, *before.effects))
+    timed = timed or (table is not None and table.signals[0] == "t")
+    way = course(reference, record, loop, bandwidth, timed)
+    chosen = {"before": before, "after": model}
+    designs = {k: observer_gains(m, observer, K1, K2, gains) for k, m in chosen.items()}
+    systems = {"none": closed(task, None, None, {}, "none")}
+    for key, believed in chosen.items():
+        systems[key] = closed(task, believed, observer, designs[key][0], key)
+    runs, errors, messages = _simulated(task, systems, way)
+    messages += _useless(errors)
+    fed, left = sorted_out(model)
+    if table is not None:
+        fed, left = with_table(table, fed, left)
+    return Compensation(
+        kind=loop,
+        observer=observer,
+        none=errors["none"],
+        before=errors["before"],
+        after=errors["after"],
+        unit=unit_for("rad/s" if loop == "velocity" else "rad", model.motion),
+        controller=task.controller,
+        gains={k: d[1] for k, d in designs.items()},
+        certificate=designs["after"][2],
+        compensated=fed,
+        left=left,
+        reference=way.told,
+        messages=tuple(messages),
+        loop=systems,
+        runs=runs,
+    )
+
+
+def _value(model: Model, key: str) -> float:
+    value = model.values()[key]
+    if value is None:
+        raise InputError(f"{model.name}: {key} has no value; identify it first.")
+    return value
+
+
+def _completed(declared: Model | Parameters, model: Model) -> Model:
+    """The declared model, what it leaves out filled in from the augmented one."""
+    made = declared if isinstance(declared, Model) else Model.of(declared)
+    known = model.known()
+    return made.with_values({k: known.get(k) for k, v in made.values().items() if v is None})
+
+
+def _simulated(
+    task: Task, systems: Mapping[str, ct.InterconnectedSystem], way: Course
+) -> tuple[dict[str, Run], dict[str, float], list[str]]:
+    """Each loop's run and error, and a sentence for each that does not do its work."""
+    r, inputs = way.followed(task.kind), way.inputs(task.kind)
+    runs, errors, messages = {}, {}, []
+    for key, system in systems.items():
+        x0 = np.zeros(system.nstates)
+        x0[system.state_labels.index("plant_theta")] = way.theta[0]
+        try:
+            with warnings.catch_warnings(record=True) as said:
+                warnings.simplefilter("always")
+                response = simulate(system, way.t, inputs, x0)
+        except Diverged as error:
+            errors[key] = math.inf
+            messages.append(f"The loop {LOOPS[key]} is unstable and runs away ({error})")
+            continue
+        outputs: dict[str, Any] = dict(zip(OUTPUTS, response.outputs, strict=True))
+        runs[key] = run = Run(way.t, r, outputs[MEASURED[task.kind]], outputs["u"])
+        errors[key] = _rms(run.y - r)
+        messages += [f"The loop {LOOPS[key]}: {warning.message}" for warning in said]
+        messages += _trouble(run, LOOPS[key])
+    return runs, errors, messages
+
+
+def _useless(errors: Mapping[str, float]) -> list[str]:
+    """What the comparison of the errors says against a compensation."""
+    made = []
+    if errors["after"] > WORSE * errors["before"]:
+        made.append(f"The error is larger {LOOPS['after']} than {LOOPS['before']}.")
+    for key in ("before", "after"):
+        if errors["none"] < WORSE * errors[key] < math.inf:
+            made.append(f"{LOOPS[key].capitalize()} the drive tracks no better than without.")
+    return made
+
+
+def _trouble(run: Run, which: str) -> list[str]:
+    """Whether a loop's error grows, or is as large as what it is to follow."""
+    e, size = run.y - run.r, _rms(run.r - run.r.mean())
+    first, *_, last = (_rms(part) for part in np.array_split(e, 4))
+    if last > 2.0 * first and last > 0.5 * size:
+        return [f"The loop {which} is unstable: its error grows."]
+    if _rms(e) > size:
+        return [f"The loop {which} does not follow its reference."]
+    return []
+
+
+def _rms(e: np.ndarray) -> float:
+    with np.errstate(over="ignore"):
+        return float(np.sqrt(np.mean(e**2)))

@@ -1,0 +1,89 @@
+"""The torque of a model's effects from the measured motion, to be fed forward."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import control as ct
+
+from ..blocks.plant import assemble
+from ..model import Model, Part
+from ..results import Table
+from ..spec import Block
+
+_REASONS = (
+    ("input", "it acts between the command and the motor"),
+    ("sensor", "it is in what the sensors say"),
+    ("J", "it changes the inertia"),
+)
+
+
+def _why_not(block: Block) -> str | None:
+    """Why an effect's torque cannot be fed forward; None where it can."""
+    if "load_inertia" in block.own:
+        return "the second mass is not measured"
+    return next((why for act, why in _REASONS if act in block.acts), None)
+
+
+def sorted_out(model: Model) -> tuple[tuple[str, ...], tuple[tuple[str, str], ...]]:
+    """Effects that are compensated, and those that are not with the reason."""
+    reasons = {part.key: _why_not(part.block) for part in model.effects}
+    fed = tuple(k for k, why in reasons.items() if why is None)
+    return fed, tuple((k, why) for k, why in reasons.items() if why is not None)
+
+
+def with_table(
+    table: Table, fed: tuple[str, ...], left: tuple[tuple[str, str], ...]
+) -> tuple[tuple[str, ...], tuple[tuple[str, str], ...]]:
+    if table.signals[0] == "u":
+        return fed, (*left, (table.name, "it hangs on the torque itself"))
+    return (*fed, table.name), left
+
+
+def effects_torque(model: Model, *, name: str = "effects") -> ct.NonlinearIOSystem | None:
+    """The torque of a model's effects from the measured motion: inputs w_m, theta_m, output u.
+
+    None where no effect of the model can be compensated. Physics is the plant's own: with u = 0
+    it resists by -J dw/dt.
+    """
+    parts = tuple(part for part in model.effects if _why_not(part.block) is None)
+    if not parts:
+        return None
+    made = _torque_block(replace(model, effects=parts), parts)
+    known = model.known()
+    return made.system(
+        name=name,
+        inputs=["w_m", "theta_m"],
+        outputs=["u"],
+        **{k: known[k] for k in made.parameters},
+    )
+
+
+def _torque_block(model: Model, parts: Sequence[Part]) -> Block:
+    full, bare = assemble(model), assemble(replace(model, effects=()))
+    idle = all(part.block.acts == ("torque",) and not part.block.states for part in parts)
+    first, second = len(full.states) - 2, len(bare.states) - 2
+    states = () if idle else (*full.states[2:], *(f"{s}_bare" for s in bare.states[2:]))
+
+    def function(t: Any, w: Any, theta: Any, *x: Any, **values: Any) -> tuple[Any, ...]:
+        given = x if states else (0.0,) * (first + second)
+        F, _, dw, *rates = full.function(t, 0.0, 0.0, theta, w, *given[:first], **values)
+        resisting = -values["J"] * dw
+        if idle:  # the friction that is in both cancels
+            return (resisting - F,)
+        own = {k: values[k] for k in bare.parameters}
+        alone, _, _, *others = bare.function(t, 0.0, 0.0, theta, w, *given[first:], **own)
+        return resisting - alone, *rates, *others
+
+    return Block(
+        name="effects",
+        kind="controller",
+        function=function,
+        inputs=("w", "theta"),
+        outputs=("u",),
+        states=states,
+        parameters=full.parameters,
+        timed=True,
+    )

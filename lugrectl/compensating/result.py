@@ -1,0 +1,87 @@
+"""What a compensation comes to: tracking errors, the loops, what is left out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import control as ct
+import numpy as np
+
+from ..blocks.controllers import MEASURED
+from ..design import Certificate
+from ..results import plain
+
+LOOPS = {
+    "none": "without compensation",
+    "before": "with the compensation of the declared model",
+    "after": "with the compensation of the augmented model",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One simulated loop: reference, motion (both rad/s or rad) and torque u (N m) over t (s)."""
+
+    t: np.ndarray
+    r: np.ndarray
+    y: np.ndarray
+    u: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Compensation:
+    """The answer of :func:`lugrectl.compensate`.
+
+    ``none``, ``before``, ``after``: RMS of motion minus reference in ``unit`` without
+    compensation, with that of the declared, and with that of the augmented model; infinite where
+    the loop runs away, which ``messages`` then say. ``loop`` and ``runs`` hold the closed loops
+    and their simulations under the same three names (no run where one ran away).
+    ``compensated``: effects whose torque is fed forward; ``left``: effects that are not, each
+    with the reason. ``gains`` are the observer's in the loops "before" and "after",
+    ``certificate`` what they guarantee "after" (None where there is no design).
+    """
+
+    kind: str
+    observer: str | None
+    none: float
+    before: float
+    after: float
+    unit: str
+    controller: Mapping[str, float]
+    gains: Mapping[str, Mapping[str, Any]]
+    certificate: Certificate | None
+    compensated: tuple[str, ...]
+    left: tuple[tuple[str, str], ...]
+    reference: Mapping[str, float]
+    messages: tuple[str, ...]
+    loop: Mapping[str, ct.InterconnectedSystem]
+    runs: Mapping[str, Run]
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python, as under "compensation" in the JSON document."""
+        return plain(
+            {
+                "loop": self.kind,
+                "observer": self.observer,
+                "signal": MEASURED[self.kind],
+                "unit": self.unit,
+                "none": self.none,
+                "before": self.before,
+                "after": self.after,
+                "controller": self.controller,
+                "observer_gains": self.gains,
+                "certificate": self.certificate.summary() if self.certificate else None,
+                "compensated": list(self.compensated),
+                "not_compensated": [{"name": n, "reason": why} for n, why in self.left],
+                "reference": self.reference,
+                "messages": list(self.messages),
+            }
+        )
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the tracking errors over time; returns the axes."""
+        from ..report.closing import tracking
+
+        return tracking(self, ax)

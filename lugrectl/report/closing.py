@@ -1,0 +1,55 @@
+"""Plots for closing the loop: the table of an unexplained torque, the tracking errors."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..spec import unit_for
+from .views import UNITS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_COLOURS = {"none": "#b9c2cd", "before": "#d1622b", "after": "#1f6fb4"}
+_WAYS = (("w > 0", _COLOURS["after"]), ("w < 0", _COLOURS["before"]))
+_BAND = 1.96  # standard errors of a 95 % interval
+
+
+def table(made: Any, ax: Axes | None = None) -> Axes:
+    """The table with its 95 % band, one line for each direction where it has two."""
+    from .plot import _headed, _new
+
+    ax = ax if ax is not None else _new().subplots()
+    rows, errors = np.atleast_2d(made.values), np.atleast_2d(made.error)
+    ways = _WAYS if len(rows) == 2 else (("table", _COLOURS["after"]),)
+    x = made.points
+    if made.periodic:  # the line back to the first point
+        x = np.r_[x, x[0] + 2.0 * np.pi]
+        rows, errors = (np.column_stack([y, y[:, :1]]) for y in (rows, errors))
+    for y, error, (label, colour) in zip(rows, errors, ways, strict=True):
+        ax.fill_between(x, y - _BAND * error, y + _BAND * error, color=colour, alpha=0.2, lw=0)
+        ax.plot(x, y, color=colour, lw=1.6, label=label)
+    signal = made.signals[0]
+    unit = unit_for(UNITS[signal], made.motion)
+    turn = " modulo one turn" if made.periodic else ""
+    name = "torque" if made.unit == "N m" else "force"
+    ax.set(xlabel=f"{signal}{turn} [{unit}]", ylabel=f"{name} [{made.unit}]", xlim=(x[0], x[-1]))
+    _headed(ax, f"Unexplained {name} over {signal}, no physics")
+    return ax
+
+
+def tracking(made: Any, ax: Axes | None = None) -> Axes:
+    """Motion minus reference over time, of the loops that did not run away."""
+    from .plot import _headed, _new
+
+    ax = ax if ax is not None else _new().subplots()
+    for key, run in made.runs.items():
+        ax.plot(run.t, run.y - run.r, color=_COLOURS[key], lw=1.3, label=key)
+    signal = "w" if made.kind == "velocity" else "theta"
+    ax.set(xlabel="t [s]", ylabel=f"error of {signal} [{made.unit}]")
+    ax.margins(x=0.0)
+    if made.runs:
+        _headed(ax, "Tracking error in simulation")
+    return ax

@@ -1,0 +1,174 @@
+"""The torque channel: dead, clipped, another column, or not the torque of this motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from ..errors import Refused
+from ..model import Model
+from ..record import Record
+from ..spec import unit_for
+from .balance import Balance, Cells, balance, cells, moving, named, running
+from .data import Data
+
+COPY = 1e-4  # share of the torque's variance that another column does not explain
+STUCK = 0.05  # s, a torque that stays at one value for as long may be dead
+HELD = 0.01  # share of the samples at one value from which on it may be a limit or dead
+LACKING = 0.1  # of the torque's RMS: as large as an effect that is to be found
+RELATED = 4.0  # standard errors over blocks of time, of J or of the friction's power
+VERY_SURE = 8.0  # standard errors over blocks of time
+
+
+def copied(record: Record, data: Data, run: slice) -> None:
+    """A torque that repeats another column, its noise included, is that column."""
+    u = record.u - record.u.mean()
+    if not u.any():
+        return
+    steps = np.abs(np.diff(u))
+    steps = steps[steps > 1e-9 * np.ptp(u)]
+    rounding = float(np.quantile(steps, 0.001)) ** 2 / 6.0 if len(steps) else 0.0
+    for name, x, noise in _columns(record, data, run):
+        inside = np.isfinite(x)
+        x = x - x[inside].mean()
+        power = float(x[inside] @ x[inside])
+        if not power:
+            continue
+        slope = float(x[inside] @ u[inside]) / power
+        left = float(np.mean((u[inside] - slope * x[inside]) ** 2))
+        total = float(np.mean(u**2))
+        exact = left < 1e-12 * total + (0.5 * slope * noise) ** 2 + rounding
+        if left > COPY * total or not exact or _obeys(record, data, run, name, slope):
+            continue
+        raise Refused(
+            f"{record.source}: u is {slope:.4g} times {name} to within "
+            f"{100 * np.sqrt(left / total):.2g} %, its noise included: that is no torque.",
+            "Record the torque that the drive applies, and check the names of the columns.",
+        )
+
+
+def _columns(record: Record, data: Data, run: slice) -> Iterator[tuple[str, np.ndarray, float]]:
+    """Columns, and w's and theta's differences, each with the noise that a torque cannot know."""
+    dt, noise = record.dt, data.noise
+    if record.w is not None:
+        yield "w", record.w, noise.w
+        a = np.append(np.diff(record.w), np.nan) / dt
+        yield "the difference of w", a, noise.w / dt
+        yield "the difference of w", np.r_[np.nan, a[:-1]], noise.w / dt
+        yield "the difference of w", np.gradient(record.w, dt), 0.5 * noise.w / dt
+    if record.theta is not None:
+        yield "theta", record.theta, noise.theta
+        yield "d theta/dt", np.gradient(record.theta, dt), 0.5 * noise.theta / dt
+        second = np.r_[np.nan, np.diff(record.theta, 2), np.nan] / dt**2
+        yield "the second difference of theta", second, noise.theta / dt**2
+    if record.r is not None and _is_motion(record.r, data, run):
+        yield "the reference r", record.r, np.inf
+
+
+def _is_motion(r: np.ndarray, data: Data, run: slice) -> bool:
+    """Whether a reference is one of speed or position (of torque, u may well repeat it)."""
+    x = r - r.mean()
+    for signal in (data.log.w[run], data.log.theta[run]):
+        y = signal - signal.mean()
+        product = float(x @ y)
+        gain, back = product / max(float(y @ y), 1e-300), product / max(float(x @ x), 1e-300)
+        if 0.8 < gain < 1.25 and gain * back > 0.8:
+            return True
+    return False
+
+
+def _obeys(record: Record, data: Data, run: slice, name: str, slope: float) -> bool:
+    """Whether a proportional controller without a change of reference explains the copy.
+
+    It brakes what it copies, and what it moves dies away.
+    """
+    if slope > 0.0 or name not in ("w", "d theta/dt", "theta"):
+        return False
+    if name != "theta":
+        return float(record.u @ data.log.w[run]) > 0.0
+    first, last = np.array_split(data.log.w[run], 2)
+    return bool(np.std(last) < 0.5 * np.std(first))
+
+
+def stuck(records: Sequence[Record], data: Data, at: Cells, remarks: list[str]) -> None:
+    """Where u stays at one value, the rest of the record tells whether the motion needs another."""
+    found = [(*one, at.mean(running(one[1].astype(float))) > 0.5) for one in _values_held(data)]
+    if not found:
+        return
+    _, slides = moving(data, at)
+    fit = balance(data, at, ~np.any([held for *_, held in found], axis=0))
+    for value, flagged, clipped, held in found:
+        which = held & slides
+        if fit is None or not which.any():
+            continue
+        lack = fit.torque(data, at.only(which)) - value
+        rms, share = float(np.sqrt(np.mean(lack**2))), float(which.sum() / slides.sum())
+        beyond = float(np.sign(value - np.median(data.u)) * lack.mean())
+        if rms < 3.0 * fit.left or clipped and beyond < 0.7 * rms:
+            continue
+        unit, kind = unit_for("N m", data.motion), "clipped" if clipped else "dead"
+        told = (
+            f"{named(records)}: u stays at {value:.4g} {unit} for {100 * flagged.mean():.2g} % of "
+            f"the samples, where the motion takes {rms:.3g} {unit} (RMS) more or less"
+        )
+        if np.sqrt(share) * rms > LACKING * np.std(fit.u):
+            cure = "Raise the range of the log" if clipped else "Mend the torque channel"
+            reason = f"{told}: the torque channel is {kind} there."
+            raise Refused(reason, f"{cure} and record again, or cut that part out.")
+        remarks.append(f"{told}: it may be {kind} there.")
+
+
+def _values_held(data: Data) -> Iterator[tuple[float, np.ndarray, bool]]:
+    """The value u is stuck at for longest, and its extremes; where; whether it may be a limit."""
+    u, least = data.u, max(10, round(STUCK / data.dt))
+    edges = np.r_[0, np.flatnonzero(np.diff(u)) + 1, len(u)]
+    lengths = np.diff(edges)
+    long = lengths >= least
+    extremes = float(u.min()), float(u.max())
+    if long.any():
+        values, index = np.unique(u[edges[:-1][long]], return_inverse=True)
+        value = float(values[np.argmax(np.bincount(index, lengths[long]))])
+        flagged = np.repeat(long, lengths) & (u == value)
+        if value not in extremes and flagged.mean() >= HELD:
+            yield value, flagged, False
+    for value in extremes:
+        flagged = (u == value) & np.repeat(lengths > 1, lengths)
+        if flagged.mean() >= HELD:
+            yield value, flagged, extremes[0] < 0.0 < extremes[1]
+
+
+def related(
+    records: Sequence[Record], model: Model, data: Data, fit: Balance, remarks: list[str]
+) -> None:
+    """The inertia must be positive, and known from somewhere."""
+    where, sure = named(records), fit.J / max(fit.error, 1e-300)
+    clear = "Record a motion with clear acceleration in both directions, with its torque."
+    coarse = balance(data, cells(data, 8.0 * fit.cells.size * data.dt))
+    slow = coarse.J / max(coarse.error, 1e-300) if coarse else sure
+    if sure < -VERY_SURE and slow < -2.0:
+        raise Refused(
+            f"{where}: torque and acceleration are of opposite sign (fitted inertia {fit.J:.3g}, "
+            f"{-sure:.0f} standard errors below 0): u is not the torque that causes this motion.",
+            clear + " If its sign is wrong, give --scale u=-1.",
+        )
+    if max(sure, fit.power_t) < RELATED:
+        raise Refused(
+            f"{where}: u has nothing to do with the motion: it neither accelerates the drive nor "
+            "pays for its friction.",
+            "Record the torque that the drive applies, in the same run as the motion.",
+        )
+    size = model.J if model.J is not None else max(fit.J, fit.error)
+    if fit.error < 0.5 * size:
+        return
+    needed = 10.0 * fit.error / max(size, 1e-300) * fit.acceleration
+    unit, torque = unit_for("rad/s", data.motion), unit_for("N m", data.motion)
+    told = (
+        f"{where}: the inertia hardly shows: an acceleration of {fit.acceleration:.3g} {unit}2 "
+        f"(RMS) beside {fit.left:.3g} {torque} that a plain balance leaves over"
+    )
+    if model.J is None:
+        raise Refused(f"{told}.", f"Record about {needed:.2g} {unit}2 or declare J.")
+    remarks.append(
+        f"{told}; it rests on the declared J (about {needed:.2g} {unit}2 would tell it)."
+    )

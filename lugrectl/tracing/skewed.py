@@ -1,0 +1,143 @@
+"""Channels recorded at different instants: an effect ahead of its cause."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import Refused
+from ..record import Record
+from .balance import BLOCKS, cells, motion_terms, moving, named, running
+from .data import Data
+
+FARTHEST = 0.2  # s, the largest skew that is looked for
+SAVED = 0.2  # of the disagreement must go with a shift for it to be called a skew
+DATED = 0.1  # of the torque must accelerate for the torque to be dated
+SURE = 3.0  # standard errors over blocks of time; what a shift saves varies much among them
+
+Left = Callable[[int], np.ndarray]  # squares that a shift of so many samples leaves, by cell
+
+
+def sensors_skewed(records: Sequence[Record], data: Data) -> bool:
+    """Refuse a w that is early; whether it is late, as a filter makes it.
+
+    Differences of neighbouring samples are half a sample early; they are left alone.
+    """
+    if not (np.isfinite(data.noise.w) and np.isfinite(data.noise.theta)):
+        return False
+    found = sensor_skew(data, FARTHEST)
+    if found is None or found.t < SURE or found.gain < SAVED:
+        return False
+    if found.lag > 1.4 * data.dt:
+        raise Refused(
+            f"{named(records)}: w is {1e3 * found.lag:.3g} ms ahead of d theta/dt: the channels "
+            "are skewed in time against each other.",
+            "Record w and theta at the same instants, or leave one of them out.",
+        )
+    return found.lag < -0.75 * data.dt
+
+
+def torque_skewed(records: Sequence[Record], data: Data, remarks: list[str]) -> None:
+    """An effect before its cause; seen only where acceleration, which dates the motion, counts."""
+    found = skew(data, FARTHEST)
+    if found is None or found.lag > -0.75 * data.dt or found.t < SURE or found.inertial < DATED:
+        return
+    told = f"{named(records)}: the motion is {-1e3 * found.lag:.3g} ms ahead of the torque"
+    if found.gain > SAVED:
+        raise Refused(
+            f"{told} that causes it: u and the motion are skewed in time against each other.",
+            "Record u and the motion at the same instants, or shift u by that time.",
+        )
+    if found.gain > 0.25 * SAVED:
+        remarks.append(f"{told} by a plain balance: they may be skewed in time.")
+
+
+@dataclass(frozen=True)
+class Skew:
+    """``lag`` s at which two channels agree best; negative: the effect is before its cause.
+
+    ``gain`` is the share of the disagreement that goes with the shift, ``t`` its mean over
+    blocks of time over its standard error; ``inertial`` is the RMS of the accelerating torque
+    over that of all torque, negative with the inertia.
+    """
+
+    lag: float
+    gain: float
+    t: float
+    inertial: float = np.nan
+
+
+def skew(data: Data, farthest: float) -> Skew | None:
+    """How late the motion follows the torque, up to ``farthest`` s; None where none is best."""
+    room = max(2, round(farthest / data.dt))
+    at = cells(data, room=room)
+    at = at.only(moving(data, at)[1]) if len(at.start) else at
+    if len(at.start) < 5 * BLOCKS:
+        return None
+    terms, _ = motion_terms(data, at)
+    size = np.linalg.norm(terms, axis=0)
+    Q, R = np.linalg.qr(terms / np.where(size > 0, size, 1.0))
+    total = running(data.u - data.d)
+
+    def left(k: int) -> np.ndarray:
+        u = at.mean(total, -k)
+        return (u - Q @ (Q.T @ u)) ** 2
+
+    k = _best(left, room, at.size)
+    u = at.mean(total, -k)
+    x = np.linalg.lstsq(R, Q.T @ u, rcond=1e-9)[0]
+    inertial = float(x[0] / max(np.linalg.norm(u - u.mean()), 1e-300))
+    return _judged(left, k, room, data.dt, inertial)
+
+
+def sensor_skew(data: Data, farthest: float) -> Skew | None:
+    """How late d theta/dt is against w; negative: w is late, as a filtered velocity is."""
+    room = max(2, round(farthest / data.dt))
+    at = cells(data, room=room + 1)
+    if len(at.start) < 5 * BLOCKS:
+        return None
+    theta, w, span = data.y[:, 0], data.y[:, 1], at.size * data.dt
+    slope, total = (theta[at.start + at.size] - theta[at.start]) / span, running(w)
+    slope -= slope.mean()
+
+    def left(k: int) -> np.ndarray:
+        a = at.start - k
+        mean = at.mean(total, -k) - 0.5 * (w[a] - w[a + at.size]) / at.size  # trapezia
+        mean -= mean.mean()
+        return (slope - mean * (mean @ slope) / max(float(mean @ mean), 1e-300)) ** 2
+
+    k = _best(left, room, at.size)
+    return _judged(left, k, room, data.dt)
+
+
+def _best(left: Left, room: int, stride: int) -> int:
+    """The shift that leaves least: coarsely over all, then sample by sample."""
+    sums: dict[int, float] = {}
+
+    def total(k: int) -> float:
+        if k not in sums:
+            sums[k] = float(left(k).sum())
+        return sums[k]
+
+    k = min((0, *range(-(room // stride) * stride, room + 1, stride)), key=total)
+    step = stride
+    while step > 1:
+        step = max(1, step // 2)
+        k = min((n for n in (k, k - step, k + step) if abs(n) <= room), key=total)
+    return k
+
+
+def _judged(left: Left, k: int, room: int, dt: float, inertial: float = np.nan) -> Skew | None:
+    if k == 0 or abs(k) >= room - 1:
+        return None
+    none, best = left(0), left(k)
+    before, least, after = float(left(k - 1).sum()), float(best.sum()), float(left(k + 1).sum())
+    bend = before - 2.0 * least + after
+    beside = 0.5 * (before - after) / bend if bend > 0.0 else 0.0  # a parabola's lowest point
+    gain = 1.0 - least / max(float(none.sum()), 1e-300)
+    blocks = np.linspace(0, len(best), BLOCKS, endpoint=False).astype(int)
+    saved = np.add.reduceat(none - best, blocks)
+    t = float(saved.mean() / max(saved.std() / np.sqrt(BLOCKS - 1), 1e-300))
+    return Skew((k + float(np.clip(beside, -0.5, 0.5))) * dt, gain, t, inertial)

@@ -1,0 +1,269 @@
+"""A residual that nothing explains, as a table over the signals it hangs on. No physics."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import BSpline
+from scipy.linalg import solve
+
+from ..blocks.friction import EPS
+from ..blocks.table import TURN
+from ..results import Table
+from ..spec import unit_for
+from .data import Log
+from .structure import CELL, FOLDS
+
+KNOWN = (("theta",), ("theta", "w"), ("w",), ("t",), ("t", "w"), ("u",))
+SIZES = (12, 24, 48, 96)  # points of a table
+STIFFNESS = tuple(10.0 ** np.arange(-9.0, 1.0))  # weights of the curvature tried
+TURNING = 1.25  # turns from which one table serves every turn
+BLOCKS = 120  # most blocks of windows
+DRAWS = 300  # of blocks with replacement
+LEVEL = (2.5, 97.5)
+LOST = 0.02  # of the gain, for fewer points
+
+
+@dataclass(frozen=True)
+class _Cells:
+    """Residual torque and signals of a block of windows, averaged over short cells."""
+
+    r: np.ndarray
+    x: np.ndarray
+    w: np.ndarray | None
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """Points of a table, whether it repeats every turn, and the sums that fit it.
+
+    ``G`` (blocks, m, m) and ``g`` (blocks, m) are the normal equations of each block of windows,
+    ``S`` the curvature.
+    """
+
+    points: np.ndarray
+    periodic: bool
+    G: np.ndarray
+    g: np.ndarray
+    S: np.ndarray
+
+    def solved(self, weight: np.ndarray, stiffness: float) -> np.ndarray:
+        """Values at the points from windows counted with these weights."""
+        return solve(self.system(weight, stiffness), weight @ self.g, assume_a="pos")
+
+    def system(self, weight: np.ndarray, stiffness: float) -> np.ndarray:
+        H = np.tensordot(weight, self.G, 1)
+        size = np.trace(H)
+        return H + stiffness * size * self.S + 1e-10 * size * np.eye(len(H))
+
+    def gain(self, values: np.ndarray, of: np.ndarray) -> np.ndarray:
+        """Power that tables (tables, m) take from the blocks: |r|^2 - |r - A v|^2."""
+        taken = np.einsum("si,bij,sj->sb", values, self.G[of], values, optimize=True)
+        return 2.0 * values @ self.g[of].T - taken
+
+
+def tabulate(
+    torque: np.ndarray, log: Log, counted: np.ndarray, signals: Sequence[str], *, seed: int = 0
+) -> Table | None:
+    """The residual torque as a smooth function of some signals.
+
+    Minimises sum (r - f)^2 + weight int f''^2 over tables f with linear pieces (penalised
+    B-splines of degree 1). Number of points and weight are those that predict the folds of
+    windows best; fewer points where that costs less than a standard error and a fiftieth, one
+    table for every turn where that costs less than two.
+
+    Parameters
+    ----------
+    torque : (windows, length) array
+        Residual torque on the resisting side, N m.
+    log : Log
+        Motion of the whole record.
+    counted : (windows, length) int array
+        Sample indices of ``torque``.
+    signals : sequence of str
+        "theta", "w", "t" or "u"; or "theta" or "t" with "w" for one table in each direction.
+    seed : int
+        Of the resampling.
+
+    Returns
+    -------
+    Table or None
+        None where no table can be made: other signals (a function of the acceleration is an
+        inertia), or a signal that does not change.
+
+    Notes
+    -----
+    The share of the residual's power is that of predictions of each fold from the others, number
+    of points and weight chosen without it. Standard errors come from windows drawn with
+    replacement, so that noise coloured within a window does no harm; they are widened by the
+    ratio of the Bayesian to the sampling variance of a penalised fit, which makes up for its
+    bias (Nychka, J. American Statistical Association 83, 1988). They hold on average over the
+    table, less at its sharpest peaks.
+    """
+    name = tuple(signals)
+    if name not in KNOWN or len(torque) < 2 * FOLDS:
+        return None
+    cells = _cells(torque, log, counted, name)
+    if not np.ptp(np.concatenate([c.x for c in cells])) > 0.0:
+        return None
+    power = np.array([c.r @ c.r for c in cells])
+    grids = _grids(cells, name, log.motion)
+    fold = np.arange(len(cells)) % FOLDS
+    gain = np.zeros(len(cells))
+    for k in range(FOLDS):
+        own = fold == k
+        grid, stiffness = _chosen(grids, ~own)
+        gain[own] = grid.gain(grid.solved(1.0 * ~own, stiffness)[None], own)[0]
+    grid, stiffness = _chosen(grids, np.full(len(fold), True))
+    values = grid.solved(np.ones(len(fold)), stiffness)
+    draws = _draws(len(fold), seed)
+    error = _error(grid, stiffness, draws)
+    shares = (draws @ gain) / np.maximum(draws @ power, 1e-300)
+    low, high = np.percentile(shares, LEVEL)
+    square = values @ grid.G.sum(0) @ values / sum(len(c.r) for c in cells)
+    rows = (2, -1) if len(name) == 2 else (-1,)
+    return Table(
+        signals=name,
+        points=grid.points,
+        values=values.reshape(rows),
+        error=error.reshape(rows),
+        periodic=grid.periodic,
+        share=float(gain.sum() / max(power.sum(), 1e-300)),
+        share95=(float(low), float(high)),
+        rms=float(np.sqrt(square)),
+        unit=unit_for("N m", log.motion),
+        windows=len(torque),
+        motion=log.motion,
+    )
+
+
+def _cells(
+    torque: np.ndarray, log: Log, counted: np.ndarray, name: tuple[str, ...]
+) -> list[_Cells]:
+    """Neighbouring windows together where there are many."""
+    every = max(1, round(CELL / log.dt))
+    n = torque.shape[1] // every * every
+
+    def mean(values: np.ndarray) -> np.ndarray:
+        return values[:, :n].reshape(len(values), -1, every).mean(2)
+
+    r, x = mean(torque), mean(getattr(log, name[0])[counted])
+    if name[0] == "u":  # its noise is in the residual, too
+        padded = np.pad(x, ((0, 0), (1, 1)), mode="edge")
+        x = 0.5 * (padded[:, :-2] + padded[:, 2:])
+    w = mean(log.w[counted]) if len(name) == 2 else None
+    blocks = np.array_split(np.arange(len(r)), min(len(r), BLOCKS))
+    return [_Cells(r[b].ravel(), x[b].ravel(), None if w is None else w[b].ravel()) for b in blocks]
+
+
+def _grids(cells: Sequence[_Cells], name: tuple[str, ...], motion: str) -> list[_Grid]:
+    """Tables of every size, the simplest first."""
+    x = np.concatenate([c.x for c in cells])
+    wraps = name[0] == "theta" and motion == "rotary" and np.ptp(x) > TURNING * TURN
+    sizes = [n for n in SIZES if n <= len(x) // 8] or SIZES[:1]
+    made = []
+    for n in sizes:
+        if wraps:
+            turn = np.linspace(-np.pi, np.pi, n, endpoint=False)
+            made.append(_grid(cells, turn, True))
+        points = np.linspace(x.min(), x.max(), n)
+        if name[0] in ("w", "u"):  # half by range, half where the drive dwells
+            points = 0.5 * (points + np.quantile(x, np.linspace(0.0, 1.0, n)))
+        made.append(_grid(cells, points, False))
+    return made
+
+
+def _grid(cells: Sequence[_Cells], points: np.ndarray, periodic: bool) -> _Grid:
+    seen = _around if periodic else _hats
+    S = _around_curvature(len(points)) if periodic else _curvature(points)
+    G, g = [], []
+    for c in cells:
+        A = seen(c.x, points)
+        if c.w is not None:
+            way = 0.5 * np.tanh(c.w / EPS.value)[:, None]
+            A = np.hstack([(0.5 + way) * A, (0.5 - way) * A])
+        G.append(A.T @ A)
+        g.append(A.T @ c.r)
+    S = S if cells[0].w is None else np.kron(np.eye(2), S)
+    return _Grid(points, periodic, np.array(G), np.array(g), S)
+
+
+def _hats(x: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """How much of each point's value the line through the points has at x; (len(x), points)."""
+    knots = np.r_[points[0], points, points[-1]]
+    return BSpline.design_matrix(x, knots, 1).toarray()
+
+
+def _around(x: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """The same over one turn, whose end is its beginning."""
+    closed = np.r_[points, points[0] + TURN]
+    A = _hats(np.clip(np.mod(x - points[0], TURN) + points[0], closed[0], closed[-1]), closed)
+    A[:, 0] += A[:, -1]
+    return A[:, :-1]
+
+
+def _around_curvature(n: int) -> np.ndarray:
+    """As :func:`_curvature`, of n points around one turn."""
+    one = np.eye(n)
+    change = np.roll(one, 1, axis=1) - 2.0 * one + np.roll(one, -1, axis=1)
+    return change.T @ change * float(n) ** 3
+
+
+def _curvature(points: np.ndarray) -> np.ndarray:
+    """S of v'S v = int f''^2 over the range as unit, f'' from the changes of slope."""
+    h = np.diff(points) / (points[-1] - points[0])
+    n = len(points)
+    slope = np.diff(np.eye(n), axis=0) / h[:, None]
+    middle = 0.5 * (h[1:] + h[:-1])
+    change = np.diff(slope, axis=0)
+    return change.T @ (change / middle[:, None])
+
+
+def _chosen(grids: Sequence[_Grid], seen: np.ndarray) -> tuple[_Grid, float]:
+    """Grid and stiffness by the blocks seen alone, each fold of them predicted from the rest."""
+    tried = [(grid, *_tried(grid, seen)) for grid in grids]
+    best = max((gain for _, gain, _ in tried), key=np.sum)
+    turning = [found for found in tried if found[0].periodic]
+    around = max((gain for _, gain, _ in turning), key=np.sum, default=None)
+    if around is not None and np.sum(best - around) <= 2.0 * _uncertain((best - around)[seen]):
+        tried, best = turning, around
+    for grid, gain, stiffness in tried:
+        short = (best - gain)[seen]
+        if short.sum() <= min(_uncertain(short), LOST * max(float(best.sum()), 0.0)):
+            return grid, stiffness
+    raise AssertionError("the best grid is as good as itself")
+
+
+def _uncertain(short: np.ndarray) -> float:
+    """Standard error of a sum over blocks."""
+    return float(np.std(short, ddof=1)) * np.sqrt(len(short))
+
+
+def _tried(grid: _Grid, seen: np.ndarray) -> tuple[np.ndarray, float]:
+    """Gain by block with the stiffness that predicts best, and that stiffness."""
+    fold = (np.cumsum(seen) - 1) % FOLDS
+    gains = np.zeros((len(STIFFNESS), len(seen)))
+    for k in range(FOLDS):
+        own = seen & (fold == k)
+        others = 1.0 * (seen & ~own)
+        gains[:, own] = grid.gain(np.array([grid.solved(others, s) for s in STIFFNESS]), own)
+    best = int(np.argmax(gains.sum(axis=1)))
+    return gains[best], STIFFNESS[best]
+
+
+def _draws(blocks: int, seed: int) -> np.ndarray:
+    """How often each block is drawn, (draws, blocks)."""
+    index = np.random.default_rng(seed).integers(0, blocks, (DRAWS, blocks))
+    return np.array([np.bincount(row, minlength=blocks) for row in index], dtype=float)
+
+
+def _error(grid: _Grid, stiffness: float, draws: np.ndarray) -> np.ndarray:
+    """Standard error of the values at the points."""
+    drawn = np.array([grid.solved(weight, stiffness) for weight in draws])
+    whole = np.ones(draws.shape[1])
+    inverse = np.linalg.inv(grid.system(whole, stiffness))
+    G = np.tensordot(whole, grid.G, 1)
+    widened = np.diag(inverse) / np.maximum(np.diag(inverse @ G @ inverse), 1e-300)
+    return np.std(drawn, axis=0, ddof=1) * np.sqrt(np.maximum(widened, 1.0))

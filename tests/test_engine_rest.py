@@ -1,0 +1,237 @@
+"""Coulomb friction of a user's own block, with np.sign: starts, stops and rests in closed form."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import control as ct
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import lugrectl as lg
+from lugrectl.engine import adaptive
+from lugrectl.engine.adaptive import Adaptive
+from lugrectl.engine.trace import trace
+
+J, FC = 0.3, 0.7
+
+
+@pytest.fixture(autouse=True)
+def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Plain Python where a test does not ask for both backends: nothing to compile."""
+    monkeypatch.setattr(adaptive, "has_numba", lambda: False)
+    monkeypatch.setattr("lugrectl.engine.compiled._traced", {})
+
+
+@pytest.fixture(params=["python", "numba"])
+def backend(
+    request: pytest.FixtureRequest, interpreted: None, monkeypatch: pytest.MonkeyPatch
+) -> str:
+    """With and without numba."""
+    if request.param == "numba":
+        pytest.importorskip("numba")
+    monkeypatch.setattr(adaptive, "has_numba", lambda: request.param == "numba")
+    return request.param
+
+
+def two_conditions(w: Any) -> Any:
+    return np.where(w > 0.0, 1.0, np.where(w < 0.0, -1.0, 0.0))
+
+
+def drive(side: Callable[[Any], Any] = np.sign) -> ct.NonlinearIOSystem:
+    """J dw/dt = u - Fc sign(w), dtheta/dt = w; puts out theta, w and the friction."""
+    return ct.nlsys(
+        lambda t, x, u, p: np.array([x[1], (u[0] - FC * side(x[1])) / J]),
+        lambda t, x, u, p: np.array([x[0], x[1], FC * side(x[1])]),
+        states=["theta", "w"],
+        inputs="u",
+        outputs=["angle", "speed", "friction"],
+        name="drive",
+    )
+
+
+@pytest.mark.parametrize("side", [np.sign, two_conditions])
+def test_a_ramped_torque_breaks_away_at_Fc(backend: str, side: Callable[[Any], Any]) -> None:
+    """u = c t: at rest to t0 = Fc/c, then w = c (t - t0)^2 / 2 J; the friction holds u."""
+    c, t = 0.5, np.linspace(0.0, 3.0, 32)
+    ours = lg.simulate(drive(side), t, c * t)
+    t0 = FC / c
+    after = np.maximum(t - t0, 0.0)
+    theta, w, friction = ours.outputs
+    assert np.max(np.abs(w[t <= t0])) < 1e-12 * w[-1]
+    np.testing.assert_allclose(theta, c * after**3 / 6 / J, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(friction, np.minimum(c * t, FC), rtol=1e-9)
+    started = t[-1] - np.sqrt(2.0 * J * w[-1] / c)
+    assert started == pytest.approx(t0, rel=1e-6)
+
+
+def test_coasting_stops_and_stays() -> None:
+    """w = w0 - Fc t / J to t = J w0 / Fc, theta = J w0^2 / 2 Fc from there on."""
+    t, w0 = np.linspace(0.0, 3.0, 31), 1.5
+    theta, w, friction = lg.simulate(drive(), t, 0.0, [0.0, w0]).outputs
+    stop = J * w0 / FC
+    assert np.all(w[t > stop] == 0.0) and np.all(friction[t > stop] == 0.0)
+    np.testing.assert_allclose(w, np.maximum(w0 - FC * t / J, 0.0), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(theta[t > stop], J * w0**2 / 2 / FC, rtol=1e-10)
+
+
+def test_a_held_torque_frees_it_at_once() -> None:
+    t = np.linspace(0.0, 2.0, 21)
+    u = np.where(t >= 1.0, 1.0, np.where(t >= 0.5, -0.4, 0.3))
+    _, w, friction = lg.simulate(drive(), t, u, hold=True).outputs
+    np.testing.assert_allclose(w, np.maximum(t - 1.0, 0.0) * (1.0 - FC) / J, atol=1e-12)
+    np.testing.assert_allclose(friction, np.minimum(u, FC), rtol=1e-12)
+
+
+def test_a_sine_above_Fc_rests_twice_a_period() -> None:
+    """Moves from a = arcsin(Fc/A) to where A (cos a - cos t) = Fc (t - a), rests to pi + a."""
+    A, t = 0.75, np.linspace(0.0, 2 * np.pi, 201)
+    swing = ct.nlsys(
+        lambda t, x, u, p: (A * np.sin(t) - FC * np.sign(x)) / J,
+        None,
+        states=1,
+        inputs=0,
+        outputs=1,
+        name="swing",
+    )
+    w = lg.simulate(swing, t, rtol=1e-9).states[0]
+    a = np.arcsin(FC / A)
+
+    def speed(t: Any) -> Any:
+        return (A * (np.cos(a) - np.cos(t)) - FC * (t - a)) / J
+
+    end = brentq(speed, a + 0.1, np.pi, xtol=1e-14)
+    exact = np.where((t > a) & (t < end), speed(t), 0.0)
+    exact += np.where((t > np.pi + a), -speed(np.minimum(t - np.pi, end)), 0.0)
+    np.testing.assert_allclose(w, exact, rtol=0, atol=1e-9)
+    assert np.max(np.abs(w[(t > end) & (t < np.pi + a)])) < 1e-12 * np.max(w)
+
+
+def test_stick_slip_on_a_belt_has_the_period_of_the_closed_form() -> None:
+    """m x'' + k x = -F, F up to Fs within ``narrow`` of the belt's speed v, Fk beyond.
+
+    After Fs/k it creeps for tau = sqrt(2 m narrow / (k v)) to x1 = Fs/k + v tau, slips through
+    the phase pi + 2 phi of a free oscillation, tan(phi) = v sqrt(m k) / (k x1 - Fk), to the
+    mirror image of x1 about Fk/k, and rides from there to Fs/k.
+    """
+    m, k, v, Fs, Fk, narrow = 1.0, 4.0, 0.2, 1.5, 1.0, 1e-9
+
+    def update(t: Any, x: Any, u: Any, p: Any) -> Any:
+        slip = x[1] - v
+        level = np.where(np.abs(slip) < narrow, Fs, Fk)
+        return np.array([x[1], (-k * x[0] - level * np.sign(slip)) / m])
+
+    belt = ct.nlsys(update, None, states=2, inputs=0, outputs=2, name="belt")
+    tau = np.sqrt(2 * m * narrow / k / v)
+    x1 = Fs / k + v * tau
+    phi = np.arctan2(v * np.sqrt(m * k), k * x1 - Fk)
+    riding = (Fs / k - (2 * Fk / k - x1)) / v
+    period = tau + (np.pi + 2 * phi) / np.sqrt(k / m) + riding
+    t = np.concatenate([[0.0], Fs / k / v + period * np.arange(5)])
+    x = lg.simulate(belt, t, x0=[0.0, v], rtol=1e-9).states
+    np.testing.assert_allclose(x[0, 1:], Fs / k, rtol=0, atol=1e-6 * v * period)
+    np.testing.assert_allclose(x[1, 1:], v, rtol=0, atol=2 * narrow)
+
+
+def test_bodies_that_grip_each_other_move_as_one() -> None:
+    """The relay is between two speeds: together at t1, then at (u - 0)/(J1 + J2)."""
+    J1, J2 = 0.4, 0.6
+
+    def update(t: Any, x: Any, u: Any, p: Any) -> Any:
+        F = FC * np.sign(x[0] - x[1])
+        return np.array([(u[0] - F) / J1, F / J2])
+
+    grip = ct.nlsys(update, None, states=2, inputs=1, outputs=2, name="grip")
+    t = np.linspace(0.0, 2.0, 21)
+    w = lg.simulate(grip, t, 0.2, [1.0, 0.0]).states
+    together = 1.0 / (FC / J1 + FC / J2 - 0.2 / J1)
+    np.testing.assert_allclose(J1 * w[0] + J2 * w[1], J1 + 0.2 * t, rtol=1e-12)
+    gone = t > together
+    assert gone.sum() > 5 and np.max(np.abs((w[0] - w[1])[gone])) < 1e-12
+
+
+def test_a_relay_follows_a_moving_input() -> None:
+    """dx/dt = 3 sign(u - x), |du/dt| < 3: x = u once it is there."""
+    relay = ct.nlsys(
+        lambda t, x, u, p: 3.0 * np.sign(u[0] - x[0]), None, states=1, inputs=1, outputs=1, name="r"
+    )
+    t = np.linspace(0.0, 4.0, 81)
+    u = np.sin(t)
+    x = lg.simulate(relay, t, u, 0.5).states[0]
+    np.testing.assert_allclose(x[t > 0.5], u[t > 0.5], atol=1e-10)
+
+
+def test_two_relays_that_act_on_each_other() -> None:
+    """Full inertia matrix: the friction of one shaft pushes the other, at rest as well."""
+    M = np.linalg.inv([[2.0, 0.9], [0.9, 1.0]])
+
+    def rates(side: Callable[[Any], Any]) -> Callable[..., Any]:
+        return lambda t, x, u, p: M @ np.array([u[0] - FC * side(x[0]), -0.4 * side(x[1])])
+
+    t = np.linspace(0.0, 6.0, 61)
+    u = 1.1 * np.exp(-0.3 * t) * np.sin(2.0 * t)
+    sharp, smooth = (
+        ct.nlsys(rates(side), None, states=2, inputs=1, outputs=2, name="shafts")
+        for side in (np.sign, lambda w: np.tanh(w / 1e-5))
+    )
+    ours = lg.simulate(sharp, t, u, [0.3, -0.2], rtol=1e-8).states
+    near = lg.simulate(smooth, t, u, [0.3, -0.2], rtol=1e-8).states
+    np.testing.assert_allclose(ours, near, atol=2e-4)
+    rest = np.abs(ours) < 1e-12
+    assert rest[0].sum() > 5 and rest[1].sum() > 5 and np.any(rest[0] & rest[1])
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_two_relays_in_a_random_system_are_the_limit_of_steep_slopes(seed: int) -> None:
+    """dx/dt = A x + b1 sign(c1 x) + b2 sign(c2 x) + g u, most of which come to rest."""
+    random = np.random.default_rng(seed)
+    A = random.normal(size=(3, 3)) - np.eye(3)
+    c, g, x0 = random.normal(size=(2, 3)), random.normal(size=3), random.normal(size=3)
+    b = -np.abs(random.normal(size=2)) * c.T + 0.2 * random.normal(size=(3, 2))
+
+    def system(side: Callable[[Any], Any]) -> ct.NonlinearIOSystem:
+        def update(t: Any, x: Any, u: Any, p: Any) -> Any:
+            return A @ x + b @ np.array([side(c[0] @ x), side(c[1] @ x)]) + g * u[0]
+
+        return ct.nlsys(update, None, states=3, inputs=1, outputs=3, name="relays")
+
+    t = np.linspace(0.0, 4.0, 41)
+    u = 1.5 * np.sin(2.3 * t) + 0.3
+    steep = lg.simulate(system(lambda s: np.tanh(s / 1e-6)), t, u, x0, rtol=1e-7).states
+    ours = lg.simulate(system(np.sign), t, u, x0, rtol=1e-7).states
+    np.testing.assert_allclose(ours, steep, atol=1e-3 * np.max(np.abs(steep)))
+
+
+def test_friction_models_of_the_library_come_near_it() -> None:
+    """Coulomb by tanh(w/eps), and LuGre with stiff bristles and Fs = Fc."""
+    t = np.linspace(0.0, 1.0, 201)
+    u = 1.5 * np.sin(4.0 * t)
+    ours = lg.simulate(drive(), t, u).states[1]
+    stiff = lg.Parameters(J=J, sigma0=1e8, sigma1=1e4, Fc=FC, Fs=FC, Fv=0.0, vs=0.01)
+    lugre = lg.simulate(lg.plant(stiff), t, {"u": u}).states[1]
+    np.testing.assert_allclose(ours, lugre, atol=1e-3 * np.max(lugre))
+
+
+def test_rest_takes_few_steps_and_stays_through_a_loop(backend: str) -> None:
+    """A PI that winds up against Coulomb friction: long rests, each sample in one step."""
+    pi = ct.nlsys(
+        lambda t, x, u, p: 0.2 - u[0],
+        lambda t, x, u, p: 2.0 * x[0] + 0.5 * (0.2 - u[0]),
+        inputs="speed",
+        outputs="u",
+        states="q",
+        name="pi",
+    )
+    loop = ct.interconnect(
+        [drive(), pi], inputs=[], outputs=["speed", "u", "friction"], check_unused=False
+    )
+    engine, t = Adaptive(trace(loop), backend), np.linspace(0.0, 20.0, 401)
+    x0, none = np.array([0.0, -0.5, 0.0]), np.empty((0, len(t)))
+    run = engine.run(t, none, x0, np.empty(0), hold=True, rtol=1e-6)
+    assert np.isnan(run.unsettled) and run.steps < 1500
+    speed, u, friction = engine.outputs(t, run.states, none, np.empty(0))
+    rest = np.abs(speed) < 1e-14
+    assert rest.sum() > 20
+    np.testing.assert_allclose(friction[rest], u[rest], atol=1e-9)
