@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -62,6 +63,7 @@ def diagnose(
     report = progress or (lambda fraction, what: None)
     job = begin(record, model, holdout, horizon, report)
     found = explain(job.base, report)
+    job = replace(job, base=found.base)
     report(0.85, "judging on held-out samples")
     scored = score(job, found.final)
     report(0.92, "parameters and intervals")

@@ -131,11 +131,12 @@ def adaptive_code(program: Program, kind: str) -> str:
     step_code = _Section(_names("ne", len(parts.states)), nodes, "b", fixed)
     start = _Section(_names("a", len(parts.leads)), parts.leads, "c", fixed)
     end = _Section(_names("l", len(parts.leads)), _at_end(program, parts.leads), "d", fixed)
-    rates = [rate for pair in parts.slides.sides.values() for rate in pair]
+    weights = [*parts.slides.parts.values(), *parts.slides.steps.values()]
     moves = [(f"move{j}_{i}", n) for i, m in parts.slides.moves.items() for j, n in m.items()]
     begin = [*names(parts.slides), *(name for name, _ in moves)]
-    rest = _Section(begin, [*rates, *(node for _, node in moves)], "rest", fixed)
-    after = _Section(names(parts.slides, "end_"), _at_end(program, rates), "late", fixed)
+    rest = _Section(begin, [*weights, *(node for _, node in moves)], "rest", fixed)
+    late = _at_end(program, weights[: len(parts.slides.parts)])
+    after = _Section(names(parts.slides, "end_")[: len(late)], late, "late", fixed)
     sections = (step_code, start, end, rest, after)
     write = _Section.plain if kind == "numba" else _Section.guarded
     return _RUN.format(
@@ -200,7 +201,7 @@ def _parts(program: Program) -> _Parts:
     smooth, leads, jumps = freeze_modes(program.xdot, {node.value for node in program.p})
     slopes = [graph.symbol(f"du{i}") for i in range(len(program.u))]
     slides = sliding(program, smooth, leads, jumps)
-    equations = Equations(graph, program.t, program.x, program.u, slides.xdot, slopes)
+    equations = Equations(graph, program.t, program.x, program.u, slides.rates, slopes)
     after, error = step(equations, divided=True)
     return _Parts(
         [node.value for node in program.x],
@@ -229,7 +230,7 @@ def _unpack(program: Program, parts: _Parts) -> list[str]:
         lines += [f"out{i} = x_out[{i}]", f"out{i}[0] = {x.value}"]
     lines += [f"in{i} = u[{i}]" for i in range(len(program.u))]
     lines += [f"{letter}{i} = 0.0" for i in range(len(parts.leads)) for letter in "mr"]
-    return lines + [f"on{i} = 0.0" for i in parts.slides.sides]
+    return lines + [f"on{i} = 0.0" for i in parts.slides.parts]
 
 
 def _interval(parts: _Parts) -> list[str]:
@@ -244,7 +245,7 @@ def _sides(parts: _Parts) -> list[str]:
     lines = []
     for i, lead in enumerate(parts.leads):
         lines += [_widest(i, "a")]
-        if i in parts.slides.sides and symbols_in([lead]) & {*parts.inputs}:
+        if i in parts.slides.parts and symbols_in([lead]) & {*parts.inputs}:
             lines += [f"on{i} = on{i} if abs(a{i}) <= DEAD * r{i} else 0.0"]
         lines += [f"if {_moves(parts, i)}(a{i} == 0.0 or not abs(a{i}) <= DEAD * r{i}):"]
         lines += [f"    m{i} = {_side(i, 'a')}"]
@@ -252,7 +253,7 @@ def _sides(parts: _Parts) -> list[str]:
 
 
 def _moves(parts: _Parts, i: int) -> str:
-    return f"on{i} == 0.0 and " if i in parts.slides.sides else ""
+    return f"on{i} == 0.0 and " if i in parts.slides.parts else ""
 
 
 def _side(i: int, value: str) -> str:
@@ -295,11 +296,11 @@ def _late(parts: _Parts, rates: Sequence[str]) -> list[str]:
             f"if {_moves(parts, i)}far < worst and (abs(far) > 1.0 or abs(a{i}) > DEAD * r{i}):"
         ]
         lines += ["    worst = far"]
-    if not parts.slides.sides:
+    if not parts.slides.parts:
         return lines
-    lines += [f"if {' or '.join(f'on{i} > 0.0' for i in parts.slides.sides)}:"]
+    lines += [f"if {' or '.join(f'on{i} > 0.0' for i in parts.slides.parts)}:"]
     lines += ["    " + line for line in rates]
-    for i in parts.slides.sides:
+    for i in parts.slides.parts:
         lines += [f"    if on{i} > 0.0:", f"        worst = min({margin(i, 'end_')}, worst)"]
     return lines
 
@@ -318,7 +319,7 @@ def _before(parts: _Parts) -> list[str]:
     lines = []
     for i in range(len(parts.leads)):
         far = f"m{i} * a{i} / (DEAD * r{i} + 1e-300)"
-        if i in parts.slides.sides:
+        if i in parts.slides.parts:
             far = f"({margin(i)}) if on{i} > 0.0 else ({far})"
         lines += [f"far = {far}", "if 1.0 < far < first:", "    first = far"]
     return lines

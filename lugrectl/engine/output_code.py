@@ -45,11 +45,11 @@ def output_code(program: Program) -> str:
     ]
     made = sliding(program, smooth, leads, wanted)
     seen = symbols_in(smooth[len(program.x) :])
-    if not any(f"m{i}" in seen for i in made.sides):
+    if not any(f"m{i}" in seen for i in made.parts):
         code = [*_unpack(program), *_write(program.y, "v", _targets(program))]
         return _BLOCKS.format(scales="scales = ()", code=indent(code, 1))
     code = [*_unpack(program), *_sides(leads)]
-    values = "".join(f"a{i}, " for i in made.sides)
+    values = "".join(f"a{i}, " for i in made.parts)
     return _BLOCKS.format(
         scales="scales = [np.nanmax(abs(a)) for a in leads(t, x, u, p)]",
         code=indent(code + _resting(program, made) + _write_held(program, made), 1),
@@ -73,7 +73,7 @@ def _write(nodes: Sequence[Node], prefix: str, targets: Sequence[str]) -> list[s
 
 
 def _write_held(program: Program, made: Sliding) -> list[str]:
-    return _write(made.xdot[len(program.x) :], "v", _targets(program))
+    return _write(made.rates[len(program.x) :], "v", _targets(program))
 
 
 def _sides(leads: Sequence[Node]) -> list[str]:
@@ -85,15 +85,20 @@ def _sides(leads: Sequence[Node]) -> list[str]:
 
 
 def _resting(program: Program, made: Sliding) -> list[str]:
-    """The jumps that rest, until they agree with each other; others leave their zero."""
+    """As ``settle`` has it, for all samples."""
     lines = [f"du{i} = 0.0" for i in range(len(program.u))]
-    for scale, i in enumerate(made.sides):
-        lines += [f"near{i} = abs(a{i}) <= 1e-11 * scales[{scale}]", f"on{i} = 1.0 * near{i}"]
-    turn = _write([r for pair in made.sides.values() for r in pair], "side", names(made))
-    for i in made.sides:
+    for scale, i in enumerate(made.parts):
+        lines += [f"on{i} = 1.0 * (abs(a{i}) <= 1e-11 * scales[{scale}])"]
+        lines += [f"m{i} = np.where(on{i} > 0.0, 1.0, m{i})"]
+    turn = _write([*made.parts.values(), *made.steps.values()], "rest", names(made))
+    for i in made.parts:
+        off = f"np.where(step{i} < 0.0, np.maximum(-part{i}, part{i} - 1.0), inf)"
+        turn += [f"off{i} = np.where(on{i} > 0.0, {off}, -1.0)"]
+    turn += [f"worst = np.maximum.reduce([{', '.join(f'off{i}' for i in made.parts)}])"]
+    for i in made.parts:
         turn += [
-            f"on{i} = 1.0 * (near{i} & (up{i} < 0.0) & (down{i} > 0.0))",
-            f"leaves = near{i} & (on{i} == 0.0) & (down{i} > up{i})",
-            f"m{i} = np.where(leaves, np.where(up{i} >= 0.0, 1.0, -1.0), np.sign(a{i}))",
+            f"leaves = ~(off{i} < 0.0) & (off{i} >= worst)",
+            f"side = np.where(off{i} < inf, np.where(part{i} < 0.5, 1.0, -1.0), np.sign(a{i}))",
+            f"m{i}, on{i} = np.where(leaves, side, m{i}), np.where(leaves, 0.0, on{i})",
         ]
-    return lines + [f"for _ in range({2 * len(made.sides)}):", *("    " + line for line in turn)]
+    return lines + [f"for _ in range({len(made.parts) + 1}):", *("    " + line for line in turn)]

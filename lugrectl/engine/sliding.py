@@ -13,19 +13,24 @@ from dataclasses import dataclass
 from .derivative import derivatives
 from .graph import Node, rename, symbols_in
 from .program import Program
+from .rosenbrock import SparseLU
+
+MOST = 8  # jumps of a system that can come to rest; later ones go on switching
 
 
 @dataclass(frozen=True, eq=False)
 class Sliding:
     """The rates with rests in them.
 
-    The symbol ``on0`` is 1 while the jump with the switching function 0 rests, else 0.
-    ``sides`` are the rates of that function above and below its zero, ``moves`` how far each
-    state goes with it along the jump; of the jumps that can come to rest only.
+    The symbol ``on3`` is 1 while the jump with the switching function 3 rests, else 0; its
+    ``m3`` is 1 then. By jump that can come to rest: ``parts`` is the weight of its lower side,
+    between 0 and 1 in a rest, and ``steps`` how much faster its switching function grows above
+    its zero than below; ``moves`` is how far each state goes along the jump with that function.
     """
 
-    xdot: list[Node]
-    sides: dict[int, tuple[Node, Node]]
+    rates: list[Node]
+    parts: dict[int, Node]
+    steps: dict[int, Node]
     moves: dict[int, dict[int, Node]]
 
 
@@ -34,91 +39,107 @@ def sliding(
 ) -> Sliding:
     """Rests for the smooth rates and switching functions of ``freeze_modes``.
 
-    Expressions after the rates of the states, outputs say, are taken along.
-    Several rests at a time are eliminated one after the other, as unknowns of a linear system.
+    Expressions after the rates of the states, outputs say, are taken along. Jumps that rest at
+    the same time add up.
     """
-    graph, roots = program.graph, list(smooth)
-    found: list[int] = []
+    make, one = program.graph.make, program.graph.constant(1.0)
+    apart: dict[int, list[Node]] = {}
     for i in (i for i, jump in enumerate(jumps) if jump):
-        mode, on = graph.symbol(f"m{i}"), graph.symbol(f"on{i}")
-        above, below = (rename(roots, {mode.index: graph.constant(v)}) for v in (1.0, -1.0))
-        up, down = (_rate(program, leads[i], side) for side in (above, below))
-        if _at_zero(up - down, leads[i]).is_constant(0.0):
-            continue
-        found.append(i)
-        share = (up + down) / graph.make("where", on > 0.0, down - up, 1.0)
-        roots = [
-            old if a is b else graph.make("where", on > 0.0, 0.5 * (a + b + share * (a - b)), old)
-            for old, a, b in zip(roots, above, below, strict=True)
-        ]
-    sides, moves = {}, {}
-    for i in found:
-        above, below = (_free(roots, i, value) for value in (1.0, -1.0))
-        up, down = (_rate(program, leads[i], side) for side in (above, below))
-        sides[i] = up, down
-        pairs = list(zip(above, below, strict=True))[: len(program.x)]
-        apart = ((j, a - b) for j, (a, b) in enumerate(pairs))
-        moves[i] = {j: jump / (up - down) for j, jump in apart if not jump.is_constant(0.0)}
-    return Sliding(roots, sides, moves)
+        steps = _step(smooth, i)
+        if len(apart) < MOST and not _at_zero(_along(program, leads[i], steps), leads[i]):
+            apart[i] = steps
+    on = {i: program.graph.symbol(f"on{i}") > 0.0 for i in apart}
+    gains = {(i, j): _along(program, leads[i], apart[j]) for i in apart for j in apart}
+    matrix = [
+        [make("where", on[i], gains[i, j], one if i == j else 0.0) for j in apart] for i in apart
+    ]
+    right = [make("where", on[i], _rate(program, leads[i], smooth), 0.0) for i in apart]
+    parts = dict(zip(apart, SparseLU(program.graph, matrix).solve(right), strict=True))
+    rates = list(smooth)
+    for i, steps in apart.items():
+        rates = [rate - parts[i] * step for rate, step in zip(rates, steps, strict=True)]
+    moves = {
+        i: {
+            j: step / gains[i, i]
+            for j, step in enumerate(steps[: len(program.x)])
+            if not step.is_constant(0.0)
+        }
+        for i, steps in apart.items()
+    }
+    return Sliding(rates, parts, {i: gains[i, i] for i in apart}, moves)
 
 
-def _free(roots: Sequence[Node], i: int, value: float) -> list[Node]:
-    """The rates on one side of jump i, which does not rest; others may."""
+def _step(roots: Sequence[Node], i: int) -> list[Node]:
+    """The roots above a jump less those below."""
     graph = roots[0].graph
-    mode, on = graph.symbol(f"m{i}"), graph.symbol(f"on{i}")
-    return rename(roots, {mode.index: graph.constant(value), on.index: graph.constant(0.0)})
+    mode = graph.symbol(f"m{i}").index
+    above, below = (rename(roots, {mode: graph.constant(v)}) for v in (1.0, -1.0))
+    return [a - b for a, b in zip(above, below, strict=True)]
+
+
+def _along(program: Program, lead: Node, motion: Sequence[Node]) -> Node:
+    """The change of a switching function with the states."""
+    pairs = zip(program.x, motion, strict=False)
+    return program.graph.total(derivatives([lead], x)[0] * step for x, step in pairs)
 
 
 def _rate(program: Program, lead: Node, xdot: Sequence[Node]) -> Node:
     """Time derivative of a switching function."""
-    graph = program.graph
-    terms = [derivatives([lead], program.t)[0]]
-    terms += [derivatives([lead], x)[0] * f for x, f in zip(program.x, xdot, strict=False)]
-    slopes = (graph.symbol(f"du{i}") for i in range(len(program.u)))
+    terms = [_along(program, lead, xdot), derivatives([lead], program.t)[0]]
+    slopes = (program.graph.symbol(f"du{i}") for i in range(len(program.u)))
     terms += [derivatives([lead], u)[0] * d for u, d in zip(program.u, slopes, strict=True)]
-    return graph.total(terms)
+    return program.graph.total(terms)
 
 
-def _at_zero(node: Node, lead: Node) -> Node:
-    """A node where the switching function is 0, if that is easy to see: w = 0, or w = v.
+def _at_zero(gain: Node, lead: Node) -> bool:
+    """Whether a jump is seen to be none where its switching function is 0: w = 0, or w = v.
 
-    A jump of |w| sign(w), say, is none there.
+    It is none for |w| sign(w), say.
     """
-    sides = [lead, lead.graph.constant(0.0)] if lead.op != "subtract" else list(lead.args)
-    for one, other in (sides, sides[::-1]):
+    pair = [lead, lead.graph.constant(0.0)] if lead.op != "subtract" else list(lead.args)
+    for one, other in (pair, pair[::-1]):
         if one.op == "symbol" and one.value not in symbols_in([other]):
-            return rename([node], {one.index: other})[0]
-    return node
+            gain = rename([gain], {one.index: other})[0]
+            break
+    return gain.is_constant(0.0)
 
 
 def names(made: Sliding, prefix: str = "") -> list[str]:
-    """Variables for the rates of the switching functions on both sides."""
-    return [f"{prefix}{side}{i}" for i in made.sides for side in ("up", "down")]
+    """Variables for the weights and steps of all rests."""
+    return [f"{prefix}{name}{i}" for name in ("part", "step") for i in made.parts]
 
 
-def settle(made: Sliding, states: Sequence[str], sides: Sequence[str]) -> list[str]:
-    """Code at the start of a step: which jumps rest, from the rates that ``sides`` works out."""
-    if not made.sides:
+def settle(made: Sliding, states: Sequence[str], weights: Sequence[str]) -> list[str]:
+    """Code at the start of a step: which jumps rest, from what ``weights`` works out.
+
+    All that are at zero are taken to rest; of those that would need a weight outside (0, 1), the
+    farthest outside leaves, as long as there is one.
+    """
+    if not made.parts:
         return []
-    lines = [f"for _ in range({2 * len(made.sides)}):", *("    " + line for line in sides)]
-    lines += ["    changed = False"]
-    for i in made.sides:
+    lines = []
+    for i in made.parts:
+        lines += [f"was{i}, side{i} = on{i}, m{i}", f"if abs(a{i}) <= DEAD * r{i}:"]
+        lines += [f"    on{i}, m{i} = 1.0, 1.0"]
+    lines += [f"for _ in range({len(made.parts) + 1}):", *("    " + line for line in weights)]
+    lines += ["    outside, leaving = 0.0, -1"]
+    for i in made.parts:
         lines += [
-            f"    dead = DEAD * (abs(up{i}) + abs(down{i}))",
-            f"    rests = up{i} < -dead and down{i} > dead",
-            f"    if rests != (on{i} > 0.0) and (on{i} > 0.0 or abs(a{i}) <= DEAD * r{i}):",
-            f"        m{i} = 0.0 if rests else (1.0 if up{i} >= -dead else -1.0)",
-            f"        on{i}, changed, events = 1.0 - on{i}, True, events + 1",
+            f"    off = DEAD + max(-part{i}, part{i} - 1.0) if step{i} < 0.0 else inf",
+            f"    if on{i} > 0.0 and not off <= outside:",
+            f"        outside, leaving = off, {i}",
         ]
-    lines += ["    if not changed:", "        break"]
+    lines += ["    if leaving < 0:", "        break"]
+    for i in made.parts:
+        lines += [f"    if leaving == {i}:", f"        on{i} = 0.0"]
+        lines += [f"        m{i} = (1.0 if part{i} < 0.5 else -1.0) if outside < inf else side{i}"]
     for i, moves in made.moves.items():
-        lines += [f"if on{i} > 0.0:"]
+        lines += [f"events += on{i} != was{i}", f"if on{i} > 0.0:"]
         lines += [f"    {states[j]} -= a{i} * move{j}_{i}" for j in moves] + [f"    a{i} = 0.0"]
-    near = " or ".join(f"on{i} > 0.0 or abs(a{i}) <= DEAD * r{i}" for i in made.sides)
+    near = " or ".join(f"on{i} > 0.0 or abs(a{i}) <= DEAD * r{i}" for i in made.parts)
     return [f"if high == 0.0 and ({near}):", *("    " + line for line in lines)]
 
 
 def margin(i: int, prefix: str = "") -> str:
     """Code of how far a rest is from its end, in widths of the dead band."""
-    up, down = f"{prefix}up{i}", f"{prefix}down{i}"
-    return f"min(-{up}, {down}) / (DEAD * (abs({up}) + abs({down})) + 1e-300)"
+    return f"(0.5 - abs({prefix}part{i} - 0.5)) / DEAD"

@@ -28,6 +28,8 @@ LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a sign
 WHOLE = 0.9  # share above which the effects found explain the residual, whatever is left
 COLOUR = {"theta": 0.2, "w": 0.05}  # of the innovations; quantised positions are never white
 MOST_EFFECTS = 3
+RETRIED = 3  # candidates whose plant values the model without them is fitted from again
+PART = 0.1  # of the leader's gain that one which explains as much may lack
 TRIED = 6  # candidates fitted in full at each step
 TURNING = ("gravity", "encoder_eccentricity")  # once per turn: nothing on a linear axis
 
@@ -43,11 +45,12 @@ class Step:
 
 @dataclass(frozen=True)
 class Explanation:
-    """Accepted effects, the final model with them inside, and what is left.
+    """The refitted model, accepted effects, the final model with them inside, and what is left.
 
     ``unexplained`` says whether something proven is left; ``hangs_on`` on which signals.
     """
 
+    base: Fitted
     steps: tuple[Step, ...]
     final: Fitted
     ranking: tuple[Candidate, ...]
@@ -67,10 +70,13 @@ def explain(base: Fitted, report: Progress) -> Explanation:
         tried = contest(current, names, 0.5 * GATE, TRIED, partial(report, at))
         if turn == 0:
             ranking = _ranking(current, tried)
+        better = _better_base(current, tried.fits)
+        if better is not None:
+            base, current = (better if current is base else base), better
         proven = [(t, f) for t, f in tried.fits if _proven(base, current, f, t.key)]
         if not proven:
             break
-        even = _even(proven)
+        even = _even(current, proven)
         (trial, best), *others = even
         tied = tuple(_candidate(current, t, f) for t, f in others)
         steps.append(Step(trial, best, tied))
@@ -79,7 +85,23 @@ def explain(base: Fitted, report: Progress) -> Explanation:
         if _share(base, current) > 1.0 - LEAST_OF_FIRST:
             break
     unexplained, hangs_on = _left_over(base, current)
-    return Explanation(tuple(steps), current, tuple(ranking), unexplained, hangs_on)
+    return Explanation(base, tuple(steps), current, tuple(ranking), unexplained, hangs_on)
+
+
+def _better_base(current: Fitted, fits: Sequence[tuple[Trial, Fitted]]) -> Fitted | None:
+    """The model without more effects, fitted again from the plants that the candidates found.
+
+    A refit can end in a poor optimum; then any effect that leads out of it would look good.
+    """
+    best, free = current, [c.key for c in current.free] + list(current.instants)
+    for _, found in fits[:RETRIED]:
+        values = {k: found.values[k] for k in current.values}
+        again = fit(
+            current.predictor, values, free, current.where, found.noise,
+            anchor=current.anchor, most=12,
+        )  # fmt: skip
+        best = max(best, again, key=lambda f: f.total)
+    return best if best.total > current.total + 3.0 else None
 
 
 def _names(model: Model) -> list[str]:
@@ -190,22 +212,24 @@ def _without(fitted: Fitted, key: str) -> Fitted:
     return fit(predictor, values, free, fitted.where, fitted.noise, anchor=anchor)
 
 
-def _even(proven: Sequence[tuple[Trial, Fitted]]) -> list[tuple[Trial, Fitted]]:
+def _even(before: Fitted, proven: Sequence[tuple[Trial, Fitted]]) -> list[tuple[Trial, Fitted]]:
     """The best effect and all that explain the windows as well within two standard errors.
 
     Fewest parameters first. An effect whose strength may as well be none imitates another (a
     soft spring with a distant rest is a constant torque) and is left out.
     """
     top = max(proven, key=lambda pair: pair[1].total)[1]
-    even = [(t, f) for t, f in proven if f is top or _as_well(top, f)]
+    even = [(t, f) for t, f in proven if f is top or _as_well(before, top, f)]
     real = [(t, f) for t, f in even if not _imitates(t, f)] or even
     return sorted(real, key=lambda pair: (len(pair[1].free), -pair[1].total))
 
 
-def _as_well(top: Fitted, other: Fitted) -> bool:
+def _as_well(before: Fitted, top: Fitted, other: Fitted) -> bool:
+    """Within two standard errors over the windows, and nearly as much of the gain."""
     lead = top.loglik - other.loglik
     error = float(np.std(lead, ddof=1)) * np.sqrt(len(lead))
-    return lead.sum() < max(3.0, 2.0 * error)
+    much = max(10.0, PART * (top.total - before.total))
+    return lead.sum() < min(max(3.0, 2.0 * error), much)
 
 
 def _imitates(trial: Trial, fitted: Fitted) -> bool:
