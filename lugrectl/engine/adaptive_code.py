@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from .emit import Emitter, early_first, indent, reciprocals
+from .event_code import HELPERS, REST, Parts, nearest_before, nearest_zero, start_sides, turns
 from .graph import Node, rename, symbols_in
 from .program import Program
 from .rosenbrock import Equations, step
-from .sliding import Sliding, margin, names, settle, sliding
+from .sliding import names, settle, sliding
 from .switching import freeze_modes
 
 # l0, l1, ... are the switching functions after the trial step, a0, a1, ... before it, m0, m1,
@@ -28,6 +28,7 @@ FAR = 1e5
 PATIENCE = 40
 TRIALS = 65536
 
+{helpers}
 {robust}
 @fast
 def run(grid, u, held, x_start, p, rtol, x_out, status):
@@ -109,18 +110,6 @@ def run(grid, u, held, x_start, p, rtol, x_out, status):
 """
 
 
-@dataclass(frozen=True, eq=False)
-class _Parts:
-    """What the text is made of."""
-
-    states: list[str]
-    inputs: list[str]
-    step: list[Node]
-    leads: list[Node]
-    jumps: list[bool]
-    slides: Sliding
-
-
 def adaptive_code(program: Program, kind: str) -> str:
     """The function ``run``; ``kind`` "numba" or "python" (errors of ``math`` are caught)."""
     parts = _parts(program)
@@ -131,27 +120,23 @@ def adaptive_code(program: Program, kind: str) -> str:
     step_code = _Section(_names("ne", len(parts.states)), nodes, "b", fixed)
     start = _Section(_names("a", len(parts.leads)), parts.leads, "c", fixed)
     end = _Section(_names("l", len(parts.leads)), _at_end(program, parts.leads), "d", fixed)
-    weights = [*parts.slides.parts.values(), *parts.slides.steps.values()]
-    moves = [(f"move{j}_{i}", n) for i, m in parts.slides.moves.items() for j, n in m.items()]
-    begin = [*names(parts.slides), *(name for name, _ in moves)]
-    rest = _Section(begin, [*weights, *(node for _, node in moves)], "rest", fixed)
-    late = _at_end(program, weights[: len(parts.slides.parts)])
-    after = _Section(names(parts.slides, "end_")[: len(late)], late, "late", fixed)
+    rest, after = _rests(program, parts, fixed)
     sections = (step_code, start, end, rest, after)
     write = _Section.plain if kind == "numba" else _Section.guarded
     return _RUN.format(
+        helpers=HELPERS + (REST if parts.slides.parts else ""),
         robust="" if kind == "numba" else "".join(part.robust() for part in sections),
         unpack=indent(_unpack(program, parts), 1),
         fixed=indent([line for part in sections for line in part.emitter.head], 1),
-        interval=indent(_interval(parts) + write(start) + _sides(parts), 2),
+        interval=indent(_interval(parts) + write(start) + start_sides(parts), 2),
         settle=indent(settle(parts.slides, parts.states, write(rest)), 3),
         step=indent(write(step_code), 3),
         weights=indent(_weights(len(parts.states)), 3),
         error=" + ".join(f"g{i} * g{i}" for i in range(len(parts.states))) or "0.0",
         blame=indent(_blame(len(parts.states)), 5),
-        leads=indent(_end_inputs(parts) + write(end) + _late(parts, write(after)), 3),
-        before=indent(_before(parts), 4),
-        flip_at_start=indent(_flips(parts, at_start=True), 4),
+        leads=indent(_end_inputs(parts) + write(end) + nearest_zero(parts, write(after)), 3),
+        before=indent(nearest_before(parts), 4),
+        flip_at_start=indent(turns(parts, at_start=True), 4),
         accept=indent(_accept(parts), 3),
         store=indent([f"out{i}[k + 1] = {x}" for i, x in enumerate(parts.states)], 2),
     )
@@ -196,20 +181,33 @@ class _Section:
         return sorted(symbols_in(self.nodes))
 
 
-def _parts(program: Program) -> _Parts:
+def _parts(program: Program) -> Parts:
     graph = program.graph
     smooth, leads, jumps = freeze_modes(program.xdot, {node.value for node in program.p})
     slopes = [graph.symbol(f"du{i}") for i in range(len(program.u))]
     slides = sliding(program, smooth, leads, jumps)
     equations = Equations(graph, program.t, program.x, program.u, slides.rates, slopes)
     after, error = step(equations, divided=True)
-    return _Parts(
+    return Parts(
         [node.value for node in program.x],
         [node.value for node in program.u],
         after + error,
         leads,
         jumps,
         slides,
+    )
+
+
+def _rests(program: Program, parts: Parts, fixed: Sequence[str]) -> tuple[_Section, _Section]:
+    """What tells whether jumps rest, before a step and after it."""
+    slides = parts.slides
+    weights = [*slides.parts.values(), *slides.steps.values()]
+    moves = [(f"move{j}_{i}", n) for i, m in slides.moves.items() for j, n in m.items()]
+    begin = [*names(slides), *(name for name, _ in moves)]
+    late = _at_end(program, weights[: len(slides.parts)])
+    return (
+        _Section(begin, [*weights, *(node for _, node in moves)], "rest", fixed),
+        _Section(names(slides, "end_")[: len(late)], late, "late", fixed),
     )
 
 
@@ -222,7 +220,7 @@ def _at_end(program: Program, leads: Sequence[Node]) -> list[Node]:
     return rename(leads, to)
 
 
-def _unpack(program: Program, parts: _Parts) -> list[str]:
+def _unpack(program: Program, parts: Parts) -> list[str]:
     lines = [f"{p.value} = p[{i}]" for i, p in enumerate(program.p)]
     for i, x in enumerate(program.x):
         lines += [f"{x.value} = x_start[{i}]", f"s{i} = abs({x.value}) + 1e-9"]
@@ -233,7 +231,7 @@ def _unpack(program: Program, parts: _Parts) -> list[str]:
     return lines + [f"on{i} = 0.0" for i in parts.slides.parts]
 
 
-def _interval(parts: _Parts) -> list[str]:
+def _interval(parts: Parts) -> list[str]:
     lines = []
     for i, u in enumerate(parts.inputs):
         slope = f"0.0 if held else (in{i}[k + 1] - in{i}[k]) / dt"
@@ -241,31 +239,7 @@ def _interval(parts: _Parts) -> list[str]:
     return lines
 
 
-def _sides(parts: _Parts) -> list[str]:
-    lines = []
-    for i, lead in enumerate(parts.leads):
-        lines += [_widest(i, "a")]
-        if i in parts.slides.parts and symbols_in([lead]) & {*parts.inputs}:
-            lines += [f"on{i} = on{i} if abs(a{i}) <= DEAD * r{i} else 0.0"]
-        lines += [f"if {_moves(parts, i)}(a{i} == 0.0 or not abs(a{i}) <= DEAD * r{i}):"]
-        lines += [f"    m{i} = {_side(i, 'a')}"]
-    return lines
-
-
-def _moves(parts: _Parts, i: int) -> str:
-    return f"on{i} == 0.0 and " if i in parts.slides.parts else ""
-
-
-def _side(i: int, value: str) -> str:
-    return f"1.0 if {value}{i} > 0.0 else (-1.0 if {value}{i} < 0.0 else {value}{i})"
-
-
-def _widest(i: int, value: str) -> str:
-    """Not ``max``, which Python and numba leave differently from nan."""
-    return f"r{i} = abs({value}{i}) if abs({value}{i}) > r{i} else r{i}"
-
-
-def _end_inputs(parts: _Parts) -> list[str]:
+def _end_inputs(parts: Parts) -> list[str]:
     return [f"v{i} = {u} + h * d{u}" for i, u in enumerate(parts.inputs)]
 
 
@@ -286,63 +260,8 @@ def _blame(states: int) -> list[str]:
     return lines
 
 
-def _late(parts: _Parts, rates: Sequence[str]) -> list[str]:
-    """How far the nearest switching function is from zero, in widths of its dead band."""
-    lines = ["worst = 1e300"]
-    for i in range(len(parts.leads)):
-        lines += [_widest(i, "l"), f"far = {_within(i)} / (DEAD * r{i} + 1e-300)"]
-        lines += [f"far = -2.0 if {_lands(i)} else far"]
-        lines += [
-            f"if {_moves(parts, i)}far < worst and (abs(far) > 1.0 or abs(a{i}) > DEAD * r{i}):"
-        ]
-        lines += ["    worst = far"]
-    if not parts.slides.parts:
-        return lines
-    lines += [f"if {' or '.join(f'on{i} > 0.0' for i in parts.slides.parts)}:"]
-    lines += ["    " + line for line in rates]
-    for i in parts.slides.parts:
-        lines += [f"    if on{i} > 0.0:", f"        worst = min({margin(i, 'end_')}, worst)"]
-    return lines
-
-
-def _within(i: int) -> str:
-    """Negative where a step ends on a side that it has not taken."""
-    return f"(m{i} * l{i} if m{i} != 0.0 else -abs(l{i}))"
-
-
-def _lands(i: int) -> str:
-    return f"l{i} == 0.0 and m{i} != 0.0 and a{i} != 0.0"
-
-
-def _before(parts: _Parts) -> list[str]:
-    """The same at the start of a step, which has left the zero of an earlier event."""
-    lines = []
-    for i in range(len(parts.leads)):
-        far = f"m{i} * a{i} / (DEAD * r{i} + 1e-300)"
-        if i in parts.slides.parts:
-            far = f"({margin(i)}) if on{i} > 0.0 else ({far})"
-        lines += [f"far = {far}", "if 1.0 < far < first:", "    first = far"]
-    return lines
-
-
-def _flips(parts: _Parts, *, at_start: bool) -> list[str]:
-    lines = []
-    for i, jump in enumerate(parts.jumps):
-        count = ["    events += 1"] + ["    relays += 1"] * jump
-        wrong, turn = f"{_within(i)} < -DEAD * r{i}", f"    m{i} = {_side(i, 'l')}"
-        moves = _moves(parts, i)
-        if at_start:
-            started = f"{moves}abs(a{i}) <= DEAD * r{i}"
-            lines += [f"if {started} and ({wrong} or {_lands(i)}):"]
-            lines += [turn, *count, "    flipped = True"]
-        else:
-            lines += [f"if {moves}{wrong}:", turn, *count]
-            lines += [f"elif {moves}(l{i} == 0.0 or m{i} * l{i} != m{i} * l{i}):", turn]
-    return lines
-
-
-def _accept(parts: _Parts) -> list[str]:
-    lines = _flips(parts, at_start=False)
+def _accept(parts: Parts) -> list[str]:
+    lines = turns(parts, at_start=False)
     lines += [f"a{i} = l{i}" for i in range(len(parts.leads))]
     for i, x in enumerate(parts.states):
         lines += [f"{x} = n{i}", f"s{i} = max(s{i}, abs({x}))", f"q{i} = o{i}"]

@@ -21,10 +21,12 @@ from .emit import ARRAY_HEADER, SCALAR_HEADER
 NUMBA_HEADER = """from numba import njit
 
 fast = njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+small = njit(error_model="numpy", fastmath={"contract"})
 """
 HEADERS: Mapping[str, str] = {
     "numba": SCALAR_HEADER + NUMBA_HEADER,
-    "python": SCALAR_HEADER + "import numpy as np\n\n\ndef fast(function):\n    return function\n",
+    "python": SCALAR_HEADER
+    + "import numpy as np\n\n\ndef fast(function):\n    return function\n\n\nsmall = fast\n",
     "numpy": ARRAY_HEADER + "\n\ndef fast(function):\n    return function\n",
 }
 
@@ -74,7 +76,7 @@ def load(source: str, backend: str) -> ModuleType:
     Parameters
     ----------
     source : str
-        Function definitions.
+        Function definitions, decorated by ``fast``; by ``small`` where only they call them.
     backend : str
         "numba", "python" (the same text, not compiled) or "numpy".
     """

@@ -15,7 +15,7 @@ from .graph import Node, rename, symbols_in
 from .program import Program
 from .rosenbrock import SparseLU
 
-MOST = 8  # jumps of a system that can come to rest; later ones go on switching
+MOST = 4  # jumps of a system that can come to rest; later ones go on switching
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,24 +122,18 @@ def settle(made: Sliding, states: Sequence[str], weights: Sequence[str]) -> list
         lines += [f"was{i}, side{i} = on{i}, m{i}", f"if abs(a{i}) <= DEAD * r{i}:"]
         lines += [f"    on{i}, m{i} = 1.0, 1.0"]
     lines += [f"for _ in range({len(made.parts) + 1}):", *("    " + line for line in weights)]
-    lines += ["    outside, leaving = 0.0, -1"]
+    lines += ["    farthest, leaving = 0.0, -1"]
     for i in made.parts:
         lines += [
-            f"    off = DEAD + max(-part{i}, part{i} - 1.0) if step{i} < 0.0 else inf",
-            f"    if on{i} > 0.0 and not off <= outside:",
-            f"        outside, leaving = off, {i}",
+            f"    if on{i} > 0.0 and not outside(part{i}, step{i}) <= farthest:",
+            f"        farthest, leaving = outside(part{i}, step{i}), {i}",
         ]
     lines += ["    if leaving < 0:", "        break"]
     for i in made.parts:
         lines += [f"    if leaving == {i}:", f"        on{i} = 0.0"]
-        lines += [f"        m{i} = (1.0 if part{i} < 0.5 else -1.0) if outside < inf else side{i}"]
+        lines += [f"        m{i} = (1.0 if part{i} < 0.5 else -1.0) if farthest < inf else side{i}"]
     for i, moves in made.moves.items():
         lines += [f"events += on{i} != was{i}", f"if on{i} > 0.0:"]
         lines += [f"    {states[j]} -= a{i} * move{j}_{i}" for j in moves] + [f"    a{i} = 0.0"]
     near = " or ".join(f"on{i} > 0.0 or abs(a{i}) <= DEAD * r{i}" for i in made.parts)
     return [f"if high == 0.0 and ({near}):", *("    " + line for line in lines)]
-
-
-def margin(i: int, prefix: str = "") -> str:
-    """Code of how far a rest is from its end, in widths of the dead band."""
-    return f"(0.5 - abs({prefix}part{i} - 0.5)) / DEAD"

@@ -109,7 +109,7 @@ def torque(samples: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_free_simulation_of_1e5_samples(benchmark: Any) -> None:
-    """Torque in, held; theta, w, z and F out. ``simulate`` adds what python-control copies."""
+    """Torque in, held; theta, w, z and F out: the engine alone, and the whole of ``simulate``."""
     pytest.importorskip("numba")
     plant, (t, u) = lg.plant(lg.table1()), torque(100_000)
     engine, x0 = compiled(plant), np.zeros(3)
@@ -124,5 +124,5 @@ def test_free_simulation_of_1e5_samples(benchmark: Any) -> None:
     whole = shortest(lambda: lg.simulate(plant, t, u, hold=True), 30, time.process_time)
     benchmark.pedantic(run, rounds=40, warmup_rounds=1)
     taken = benchmark.stats.stats.min
-    print(f"\n1e5 samples: engine {1e3 * taken:.1f} ms (aim 15), simulate {1e3 * whole:.1f} ms")
-    assert taken <= 0.015
+    print(f"\n1e5 samples: engine {1e3 * taken:.1f} ms, simulate {1e3 * whole:.1f} ms (aim 15)")
+    assert taken <= whole <= 0.015
