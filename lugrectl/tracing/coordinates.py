@@ -13,6 +13,7 @@ from .predictor import Predictor, Values
 
 REACH = {"J": 2.5, "Fc": 4.0, "Fs": 4.0}  # factor by which a value may leave the declared one
 FAR = 10.0  # the same for all others
+ANYWHERE = 1e4  # for an effect's own, from where it started
 LEAST_EXCESS = 1e-4  # of Fs over Fc, relative
 
 
@@ -60,7 +61,9 @@ def coordinates(predictor: Predictor, keys: Sequence[str], anchor: Values) -> li
             made.append(Coordinate(key, kind, low, high, step))
         elif p.low >= 0.0 and p.neutral != 0.0 and anchor[key] > 0.0:
             least = predictor.data.dt if p.unit == "s" else 1e-12
-            made.append(Coordinate(key, "log", max(p.low, least), p.high, 1e-3))
+            low = max(p.low, least, anchor[key] / ANYWHERE)
+            high = max(low, min(p.high, anchor[key] * ANYWHERE))
+            made.append(Coordinate(key, "log", low, high, 1e-3))
         else:
             log, low, high = predictor.data.log, p.low, p.high
             if p.unit == "rad" and not p.angle:  # a place: within reach of the motion

@@ -109,6 +109,16 @@ def thinned(data: Data, every: int) -> Data:
     return replace(data, t=data.t[index], u=u, d=d, y=data.y[index], dt=dt, runs=runs, log=log)
 
 
+def picked(data: Data, index: np.ndarray) -> Data:
+    """Single samples, which say nothing of each other."""
+    log = data.log
+    alone = {k: getattr(log, k)[index] for k in ("t", "theta", "w", "a", "u", "load")}
+    return replace(
+        data, t=data.t[index], u=data.u[index], d=data.d[index], y=data.y[index], runs=(),
+        log=replace(log, **alone, runs=()),
+    )  # fmt: skip
+
+
 def averaged(u: np.ndarray, weight: float, runs: Sequence[tuple[int, int]]) -> np.ndarray:
     """Each sample moved by ``weight`` towards the mean of itself and its two neighbours."""
     out = u.copy()

@@ -24,6 +24,8 @@ GATE = 20.0  # least gain in log-likelihood, also without the best window
 LEAST_SHARE = 0.04  # of the residual torque's power that an effect must remove
 LEAST_OF_FIRST = 0.02  # the same of the residual before any effect was added
 LEAST_SIZE = 0.015  # of the RMS friction torque, below which an effect is not worth a name
+LEAST_SIZE_OF_ALL = 0.004  # the same for one that explains most of what is missing
+MOST_OF_IT = 0.8  # of the residual's power
 LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a signal
 WHOLE = 0.9  # share above which the effects found explain the residual, whatever is left
 COLOUR = {"theta": 0.2, "w": 0.05}  # of the innovations; quantised positions are never white
@@ -73,6 +75,7 @@ def explain(base: Fitted, report: Progress) -> Explanation:
         better = _better_base(current, tried.fits)
         if better is not None:
             base, current = (better if current is base else base), better
+            steps, current = _pruned(steps, current, steps)
         proven = [(t, f) for t, f in tried.fits if _proven(base, current, f, t.key)]
         if not proven:
             break
@@ -81,7 +84,7 @@ def explain(base: Fitted, report: Progress) -> Explanation:
         tied = tuple(_candidate(current, t, f) for t, f in others)
         steps.append(Step(trial, best, tied))
         current = best if trial.rough else _inside(best)
-        steps, current = _pruned(steps, current)
+        steps, current = _pruned(steps, current, steps[:-1])
         if _share(base, current) > 1.0 - LEAST_OF_FIRST:
             break
     unexplained, hangs_on = _left_over(base, current)
@@ -135,7 +138,9 @@ def _proven(base: Fitted, before: Fitted, after: Fitted, key: str) -> bool:
         gain.sum() - max(gain.max(), 0.0) > GATE and after.total - _mirrored(after, key) > GATE
     )
     matters = _share(base, after) - _share(base, before) > LEAST_OF_FIRST
-    large = _share(before, after) > LEAST_SHARE and size(after, key) > LEAST_SIZE
+    share = _share(before, after)
+    least = LEAST_SIZE if share < MOST_OF_IT else LEAST_SIZE_OF_ALL
+    large = share > LEAST_SHARE and size(after, key) > least
     return bool(np.isfinite(after.total)) and certain and matters and large
 
 
@@ -188,15 +193,18 @@ def _ranking(base: Fitted, tried: Contest) -> list[Candidate]:
     return sorted(made, key=lambda c: -c.score)
 
 
-def _pruned(steps: list[Step], fitted: Fitted) -> tuple[list[Step], Fitted]:
-    """Without an effect that a later one has made needless."""
-    for step in steps[:-1]:
+def _pruned(
+    steps: list[Step], fitted: Fitted, doubtful: Sequence[Step]
+) -> tuple[list[Step], Fitted]:
+    """Without those doubtful effects that the rest has made needless."""
+    for step in doubtful:
         key = step.trial.key
         if size(fitted, key) > LEAST_SIZE:
             continue
         without = _without(fitted, key)
         if without.total > fitted.total - GATE:
-            return _pruned([s for s in steps if s is not step], without)
+            rest, left = ([s for s in of if s is not step] for of in (steps, doubtful))
+            return _pruned(rest, without, left)
     return steps, fitted
 
 

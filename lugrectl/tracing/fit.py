@@ -104,7 +104,7 @@ def fit(
     coords = coordinates(predictor, [k for k in free if k not in moments], anchor)
     place_all = partial(placed, predictor, moments, where)
     climb = _Climb(predictor, coords, where, _Prior.at(coords, anchor))
-    noise, _ = tune(predictor, values, where, noise, close=0.5 if rough else 0.04)
+    noise, _ = tune(predictor, values, where, noise, fine=not rough)
     values, _ = place_all(values, noise, edges=False)
     values, noise = climb.up(values, noise, most if not moments else max(1, most // 3))
     for _ in range(2 if moments and most > 3 else 0):

@@ -21,7 +21,7 @@ from .likelihood import tune
 from .noise import Noise
 from .predictor import Predictor, windows
 from .split import Split, split
-from .start import completed
+from .start import completed, settled
 
 CALM = 50.0  # least gain in log-likelihood for a smoothed torque
 CALMEST = 5  # times that it may be averaged over three samples
@@ -71,7 +71,7 @@ def begin(
     report(0.05, "refitting the declared model")
     predictor = Predictor(started, data)
     values = started.known()
-    base = fit(predictor, values, free_keys(predictor), parts.train, data.noise)
+    base = settled(fit(predictor, values, free_keys(predictor), parts.train, data.noise))
     calm = calmed(base)
     if calm is not None:
         report(0.1, "refitting with the torque smoothed")

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from .noise import Noise
 from .predictor import Predictor, Values, Windows
+
+SHORT_LOOK = 0.5  # natural log units that three points span well enough
+FARTHEST = 20.0  # the same, of the noise in rad/s2
 
 
 def whitened(
@@ -40,22 +43,43 @@ def tune(
     noise: Noise,
     *,
     width: float = 2.0,
-    close: float = 0.04,
+    fine: bool = True,
 ) -> tuple[Noise, np.ndarray]:
-    """The noise of dw/dt under which the innovations are most likely.
+    """The noise of dw/dt under which the innovations are most likely, and the log-likelihood.
 
-    ``width`` is how far the first look reaches, ``close`` how far the last may, in natural log
-    units; the answer is good to half of that.
+    ``width`` is how far the first look reaches, in natural log units; the answer is the vertex
+    of a parabola through points a quarter of that apart, if ``fine``, else half of it.
     """
-    while True:
-        factors = np.exp(width * np.linspace(-1.0, 1.0, 5))
-        noises = [replace(noise, jump=noise.jump * f) for f in factors]
+    seen: dict[float, np.ndarray] = {}
+
+    def look(points: Sequence[float]) -> float:
+        """The best of these points; later at hand in ``seen``."""
+        noises = [replace(noise, jump=float(np.exp(x))) for x in points]
         white = whitened(predictor, [values] * len(noises), where, noises)
-        logliks = [loglik(predictor, w, q, values) for w, q in zip(white, noises, strict=True)]
-        best = int(np.argmax([ll.sum() for ll in logliks]))
-        edge = best in (0, 4) and 1e-9 < noise.jump < 1e9
-        noise, found = noises[best], logliks[best]
-        if not edge:
-            if width < close:
-                return noise, found
-            width *= 0.35
+        for x, w, q in zip(points, white, noises, strict=True):
+            seen[x] = np.nan_to_num(loglik(predictor, w, q, values), nan=-1e300)
+        return max(points, key=lambda x: seen[x].sum())
+
+    count, center = 5 if width > SHORT_LOOK else 3, float(np.log(noise.jump))
+    step = 2.0 * width / (count - 1)
+    while True:
+        points = [center + step * (i - count // 2) for i in range(count)]
+        center = look(points)
+        if center not in (points[0], points[-1]) or abs(center) > FARTHEST:
+            break
+    if fine and step > SHORT_LOOK:
+        center, step = _vertex(seen, center, step), 0.25 * step
+        center = look([center - step, center, center + step])
+    look([_vertex(seen, center, step)])
+    best = max(seen, key=lambda x: seen[x].sum())
+    return replace(noise, jump=float(np.exp(best))), seen[best]
+
+
+def _vertex(seen: Mapping[float, np.ndarray], center: float, step: float) -> float:
+    """Of the parabola through a point and its neighbours; the point where one is missing."""
+    around = sorted(seen, key=lambda x: abs(x - center))[:3]
+    x, y = np.array(around) - center, np.array([seen[a].sum() for a in around])
+    if np.ptp(x) < 1.9 * step or not np.all(np.isfinite(y)):
+        return center
+    bend, slope, _ = np.polyfit(x, y - y.max(), 2)
+    return center if bend >= 0.0 else center + float(np.clip(-0.5 * slope / bend, -step, step))

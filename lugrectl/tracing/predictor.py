@@ -19,7 +19,7 @@ from ..blocks.parts import Part as Placed
 from ..blocks.plant import assemble
 from ..engine.lanes import Lanes
 from ..model import Model, Part
-from .data import Data
+from .data import Data, picked
 from .noise import Noise, Sensing, observer_gain
 from .series import UNDOING, Fed, Memory, Values, depends_on_plant, feed, run_alone
 
@@ -306,13 +306,14 @@ class Predictor:
         return {name: own[..., i] for i, name in enumerate(placed.states)}
 
     def _bristle_torque(self, values: Values, start: np.ndarray) -> np.ndarray:
-        log, stateless = self.data.log, [p for p in self.model.effects if not p.block.states]
-        model = replace(self.model, effects=tuple(stateless))
-        fed = feed(model, {p.key for p in stateless}, values, self.data, self.levels)
-        viscous = values.get("Fv", 0.0) * log.w
-        F = (fed.u - fed.load - fed.torque - values["J"] * log.a - viscous)[start]
+        """Friction at the starts, by the torque balance without effects that have states."""
+        instant = [p for p in self.model.effects if not p.block.states and p.block.exact is None]
+        model = replace(self.model, effects=tuple(instant))
+        data = picked(self.data, start)
+        fed = feed(model, {p.key for p in instant}, values, data, self.levels)
+        F = fed.u - fed.load - fed.torque - values["J"] * data.log.a
         limit = max(values.get("Fs", 0.0), values["Fc"])
-        return np.clip(F, -limit, limit)
+        return np.clip(F - values.get("Fv", 0.0) * data.log.w, -limit, limit)
 
 
 def _instant_sensor(part: Part) -> bool:

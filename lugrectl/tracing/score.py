@@ -8,11 +8,17 @@ from .fit import Fitted
 from .likelihood import whitened
 from .predictor import Predictor
 
+OUTLYING = 3.0  # usual sizes at which an innovation counts half
+NORMAL_MEDIAN = 0.6745  # of the absolute values of a unit normal
 LARGEST = 2_000_000  # counted samples in one engine call
 
 
 class Score:
-    """Gain in log-likelihood from small changes, the base model's own directions taken out."""
+    """Gain in log-likelihood from small changes, the base model's own directions taken out.
+
+    A wrong model fails most around rest, in spikes that no small change explains and that would
+    hide what goes on between them: innovations count by Cauchy weights.
+    """
 
     def __init__(self, base: Fitted) -> None:
         self.base = base
@@ -22,22 +28,54 @@ class Score:
             moved[c.key] = c.back(c.into(base.values) + c.step, base.values)
             sets.append(moved)
         white = whitened(base.predictor, sets, base.where, base.noise)
-        A = (white[0] - white[1:]).reshape(len(base.free), -1)
+        self.white = white[0]
+        self.root, self.count = _weighing(white[0].ravel())
+        self.r = self.root * white[0].ravel()
+        A = self.root * (white[0] - white[1:]).reshape(len(base.free), -1)
+        self.slopes = A / np.array([c.step for c in base.free])[:, None]
         size = np.linalg.norm(A, axis=1)
         A = A[size > 0] / size[size > 0, None]
         U, s, _ = np.linalg.svd(A.T, full_matrices=False)
         self.basis = U[:, s > 1e-8 * s[0]] if len(s) else U
-        self.r = white[0].ravel()
-        self.white = white[0]
+        self.rest = float(self.r @ self.r) - float(np.sum((self.r @ self.basis) ** 2))
+
+    def followed(self, column: np.ndarray) -> dict[str, float]:
+        """Values of the base model that go with a change of the innovations: a step of least
+        squares in its coordinates, not further than a factor of two in a logarithm."""
+        moved = dict(self.base.values)
+        if not len(self.slopes):
+            return moved
+        size = np.maximum(np.linalg.norm(self.slopes, axis=1), 1e-300)
+        left = self.r - self.root * column
+        dx = np.linalg.lstsq((self.slopes / size[:, None]).T, left, rcond=1e-6)[0]
+        for c, step in zip(self.base.free, dx / size, strict=True):
+            limited = step if c.kind == "linear" else np.clip(step, -0.7, 0.7)
+            moved[c.key] = c.back(c.into(self.base.values) + limited, moved)
+        return moved
 
     def gain(self, columns: np.ndarray) -> tuple[float, np.ndarray]:
-        """Gain and coefficients for directions (k, n), each an innovation change per unit."""
+        """Gain and coefficients for directions (k, n), each an innovation change per unit.
+
+        The noise follows: -n/2 log(1 - R^2) rather than n R^2/2.
+        """
+        columns = self.root * columns
         B = columns - (columns @ self.basis) @ self.basis.T
         H, g = B @ B.T, B @ self.r
         scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
         unit = H / np.outer(scale, scale) + 1e-9 * np.eye(len(H))
         c = np.linalg.solve(unit, g / scale) / scale
-        return 0.5 * float(g @ c), c
+        explained = min(float(g @ c) / max(self.rest, 1e-300), 1.0 - 1e-9)
+        return -0.5 * self.count * float(np.log1p(-max(explained, 0.0))), c
+
+
+def _weighing(r: np.ndarray) -> tuple[np.ndarray, float]:
+    """Square roots of the weights, and how many samples they are worth."""
+    size = np.abs(r[r != 0.0])
+    if not len(size):
+        return np.ones_like(r), 0.0
+    usual = OUTLYING * float(np.median(size)) / NORMAL_MEDIAN
+    weights = 1.0 / (1.0 + (r / usual) ** 2)
+    return np.sqrt(weights), float(np.sum(weights[r != 0.0]))
 
 
 def whitened_by_parts(predictor: Predictor, sets: list[dict], base: Fitted) -> np.ndarray:

@@ -323,12 +323,6 @@ def _heavy(trial: Trial, base: Fitted, values: dict[str, float]) -> Trial:
     return replace(trial, fitted=replace(base, predictor=predictor), values=values)
 
 
-def _hides(name: str) -> bool:
-    """Whether a refit can take the trace of an effect away: it has no linear part to find."""
-    made = members("effect")[name]
-    return bool(made.tries) and made.acts != ("torque",)
-
-
 def contest(base: Fitted, names: Sequence[str], gate: float, tried: int, say: Say) -> Contest:
     """Fit the promising effects shortly from each start, then the best of them to the end.
 
@@ -337,9 +331,9 @@ def contest(base: Fitted, names: Sequence[str], gate: float, tried: int, say: Sa
     light = lightened(base)
     promising = screen(light, names)
     chosen = [t for t in promising if t.promise > gate][: 2 * tried]
-    likely = [t.name for t in promising if t.promise > 0.2 * gate][: 2 * tried] if chosen else []
-    likely += [n for n in names if n not in likely and _hides(n)]
-    chosen += [t for t in screen(at_anchor(light), likely) if t.promise > gate][:tried]
+    believed = at_anchor(light)
+    if light.total - believed.total > gate:
+        chosen += [t for t in screen(believed, names) if t.promise > gate][:tried]
     short: dict[str, tuple[Trial, Fitted]] = {}
     for trial in sorted(chosen, key=lambda trial: -trial.promise):
         lead = max((f.total for _, f in short.values()), default=light.total) - light.total

@@ -1,7 +1,8 @@
-"""Values to start from where the declared model leaves them open."""
+"""Values to start from: where the declared model leaves them open, and where it may be far off."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import product
 
@@ -11,13 +12,16 @@ from ..errors import Refused
 from ..model import Model
 from .coordinates import free_keys
 from .data import Data
-from .fit import fit
+from .fit import Fitted, fit
 from .likelihood import whitened
 from .predictor import Predictor, Windows
-from .search import screen
+from .search import lightened, screen
 from .series import resisting
 
 DEFLECTIONS = (1e-5, 1e-4, 1e-3, 1e-2)  # Fc / sigma0 as a share of the largest speed, in s
+REGRESSED = {"J", "Fc", "Fv"}
+SHORT = 8  # steps of a fit from elsewhere
+BETTER = 3.0  # gain in log-likelihood that makes it worth more
 STRIBECK_SPEEDS = (1e-3, 5e-3, 2e-2)  # vs as a share of the largest speed
 
 
@@ -44,7 +48,49 @@ def completed(model: Model, data: Data, train: Windows) -> Model:
     return core
 
 
+def settled(base: Fitted) -> Fitted:
+    """A fit of the declared model, or a better one from elsewhere.
+
+    What a drive does around rest makes a ridge of poor optima: the values that a regression
+    finds, and a higher friction, lie beyond it more often than not.
+    """
+    light = lightened(base)
+    free = [c.key for c in base.free] + list(base.instants)
+    best = light
+    for values in _elsewhere(base):
+        other = fit(
+            light.predictor, values, free, light.where, light.noise,
+            anchor=base.anchor, most=SHORT, rough=True,
+        )  # fmt: skip
+        best = max(best, other, key=lambda f: f.total)
+    if best.total < light.total + BETTER:
+        return base
+    again = fit(
+        base.predictor, best.values, free, base.where, best.noise, anchor=base.anchor
+    )  # fmt: skip
+    return max(base, again, key=lambda f: f.total)
+
+
+def _elsewhere(base: Fitted) -> list[dict[str, float]]:
+    """Other values of the plant: by regression, and with friction higher and lower."""
+    predictor = base.predictor
+    starts = [base.anchor | _scaled_friction(base.anchor, r) for r in (1.25, 0.8)]
+    try:
+        opened = predictor.model.with_values(dict.fromkeys(REGRESSED & set(base.anchor)))
+        found = _regressed(opened, predictor.data, base.where)
+    except Refused:
+        return starts
+    level = base.anchor.get("Fc", 0.0)
+    friction = _scaled_friction(base.anchor, found["Fc"] / level) if level else {}
+    return [base.anchor | friction | {k: v for k, v in found.items() if k in base.anchor}, *starts]
+
+
+def _scaled_friction(values: Mapping[str, float], ratio: float) -> dict[str, float]:
+    return {k: values[k] * ratio for k in ("Fc", "Fs") if k in values}
+
+
 def _regressed(model: Model, data: Data, train: Windows) -> dict[str, float]:
+    """Those of inertia, Coulomb and viscous friction that have no value, by least squares."""
     at, log = train.counted.ravel(), data.log
     torque, columns, names = log.u[at] - log.load[at], [], []
     for part in model.effects:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -12,6 +13,7 @@ from ..blocks.parts import Part as Placed
 from ..spec import Block
 from .evaluate import missing_torque
 from .fit import Fitted
+from .likelihood import loglik, whitened
 from .predictor import Predictor
 from .score import Score, whitened_by_parts
 from .series import run_alone
@@ -22,6 +24,7 @@ MANY = 60  # sets beyond which only the smeared torque is compared
 STRENGTHS = ("kg m2", "N m/rad", "N m s/rad")
 STARTS = 3  # sets from which an effect is fitted
 LEAST_POWER = 0.02  # of the smeared torque, below which a set is not worth polishing
+QUIETER = (1.0, 0.4, 0.15)  # factors on the noise of dw/dt under which a whole set is tried
 POLISH = 60  # evaluations of the smeared torque around the best set
 
 Values = Mapping[str, float]
@@ -32,39 +35,70 @@ def tried(base: Fitted, made: Block, predictor: Predictor, key: str, score: Scor
     """The best of the sets that an effect proposes: their promise, and all values to start from.
 
     Its series in a small dose tells the direction; a set whose own strength the direction calls
-    for comes before another of the same direction.
+    for comes before another of the same direction. The best starts once with the plant as it
+    is, and once with the plant moved as the direction lets it.
     """
-    assert made.tries is not None
-    sets = [
-        _whole(base, made, key, given) for given in made.tries(base.predictor.data.log, base.values)
-    ]
+    sets = _sets(base, made, key, base.values)
     found: list[Found] = []
     if sets and made.states and made.acts == ("torque",):
         found += Resemblance(base, made, key).best(sets)
     if sets and len(sets) <= MANY:
-        worth = _doses(base, predictor, key, score, sets)
-        found += [(worth[i], sets[i]) for i in np.argsort(worth)[::-1][:STARTS]]
+        worth, columns = _doses(base, predictor, key, score, sets)
+        best, *others = np.argsort(worth)[::-1][:STARTS]
+        moved = _sets(base, made, key, score.followed(columns[best]))
+        found += [(worth[best], moved[best]), (worth[best], sets[best])]
+        found += [(worth[i], sets[i]) for i in others]
+        found += _wholes(base, predictor, sets) if hides(made) else []
     return sorted(found, key=lambda one: -one[0])[:STARTS]
 
 
-def _whole(base: Fitted, made: Block, key: str, given: Values) -> dict[str, float]:
-    """All values of the model; the plant's that move along included."""
-    own = {f"{key}.{k}": float(given.get(k, p.value)) for k, p in made.own.items()}
-    return base.values | {k: float(v) for k, v in given.items() if k in base.values} | own
+def hides(made: Block) -> bool:
+    """Whether a refit can take the trace of an effect away: it has no linear part to find."""
+    return bool(made.tries) and made.acts != ("torque",)
+
+
+def _wholes(base: Fitted, predictor: Predictor, sets: Sequence[Values]) -> list[Found]:
+    """What the best set gains as it is, under the noise that suits it.
+
+    Around rest no direction tells: whether the drive sticks or slips is not a small change.
+    """
+    noises = [replace(base.noise, jump=base.noise.jump * f) for f in QUIETER]
+    tried = [(one, q) for one in sets for q in noises]
+    white = whitened(predictor, [one for one, _ in tried], base.where, [q for _, q in tried])
+    gains = [
+        float(loglik(predictor, w, q, one).sum()) - base.total
+        for w, (one, q) in zip(white, tried, strict=True)
+    ]
+    best = int(np.argmax(np.nan_to_num(gains, nan=-np.inf)))
+    return [(gains[best], dict(tried[best][0]))] if gains[best] > 0.0 else []
+
+
+def _sets(base: Fitted, made: Block, key: str, plant: Values) -> list[dict[str, float]]:
+    """All values of the model for each set; the plant's that move along included."""
+    assert made.tries is not None
+    sets = []
+    for given in made.tries(base.predictor.data.log, plant):
+        own = {f"{key}.{k}": float(given.get(k, p.value)) for k, p in made.own.items()}
+        moved = {k: float(v) for k, v in given.items() if k in base.values}
+        sets.append(dict(plant) | moved | own)
+    return sets
 
 
 def _doses(
     base: Fitted, predictor: Predictor, key: str, score: Score, sets: Sequence[Values]
-) -> list[float]:
-    """Gain in log-likelihood along each set's direction, less where it calls for another size."""
+) -> tuple[list[float], np.ndarray]:
+    """Gain in log-likelihood along each set's direction, less where it calls for another size;
+    and the change of the innovations that the whole effect would make, (sets, samples)."""
     little = predictor.like(predictor.model, {key: DOSE})
     own = [base.values | {k: v for k, v in one.items() if k.startswith(f"{key}.")} for one in sets]
+    white = whitened_by_parts(little, own, base)
+    columns = ((score.white - white) / DOSE).reshape(len(sets), -1)
     worth = []
-    for white in whitened_by_parts(little, own, base):
-        gain, (c,) = score.gain((score.white - white).reshape(1, -1) / DOSE)
+    for column in columns:
+        gain, (c,) = score.gain(column[None])
         fits = c > 0.0 and np.isfinite(gain)
         worth.append(float(gain / (1.0 + np.log(c) ** 2)) if fits else 0.0)
-    return worth
+    return worth, columns
 
 
 class Resemblance:

@@ -70,23 +70,18 @@ def _dwell(c, rng):
     return Size(lambda x: (x, tau), 0.6, high=1.5)
 
 
-def _stribeck_truth(m: Machine, excess: float) -> Machine:
-    # bristles so stiff that only the static map is left to see
-    sigma0 = 12.0 * m.sigma0
-    return replace(
-        m,
-        Fs=m.Fc + excess,
-        Fs_twin=m.Fc,
-        sigma0=sigma0,
-        sigma1=0.8 * np.sqrt(sigma0 * m.J),
-        vs=0.08 * m.w_max,
-    )
-
-
 @effect("stribeck", "Fs vs", "w", excitations=("sparse", "stopgo", "moves"), declared="coulomb")
 def _stribeck(c, rng):
-    m, vs = c.machine, 0.08 * c.machine.w_max
-    return Size(lambda x: (m.Fc + x, vs), 0.4 * m.Fc, high=2.0 * m.Fc, friction=_stribeck_truth)
+    m, vs = c.machine, 0.1 * float(np.max(np.abs(c.w)))
+
+    def truth(m: Machine, excess: float) -> Machine:
+        # bristles so stiff that only the static map is left to see
+        sigma0 = 12.0 * m.sigma0
+        sigma1 = 0.8 * np.sqrt(sigma0 * m.J)
+        Fs = m.Fc + excess
+        return replace(m, Fs=Fs, Fs_twin=m.Fc, sigma0=sigma0, sigma1=sigma1, vs=vs)
+
+    return Size(lambda x: (m.Fc + x, vs), 0.4 * m.Fc, high=2.0 * m.Fc, friction=truth)
 
 
 def _presliding_truth(m: Machine, sigma0: float) -> Machine:

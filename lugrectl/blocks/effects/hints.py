@@ -15,6 +15,8 @@ import numpy as np
 
 from ..friction import VS
 
+SLIDES = 0.01  # of the largest speed, above which a drive surely slides
+
 Values = Mapping[str, float]
 Sets = list[dict[str, float]]
 
@@ -41,7 +43,7 @@ def low_orders(log: Any) -> np.ndarray:
 def frequencies(log: Any) -> np.ndarray:
     """Half a resolution cell apart, from three periods in the log to a tenth of the rate."""
     length = log.t[-1] - log.t[0]
-    return np.arange(3.0 / length, min(0.1 / log.dt, 120.0), 0.5 / length)
+    return np.arange(3.0 / length, min(0.1 / log.dt, 65.0), 0.5 / length)
 
 
 def instants(log: Any) -> np.ndarray:
@@ -132,11 +134,29 @@ def _behind(J: float, share: float, frequency: float, damping: float = 0.1) -> d
 
 
 def stictions(log: Any, values: Values) -> Sets:
-    """A tenth to one above Fc, gone at a hundredth to a third of the largest speed."""
-    if not values.get("Fc"):
+    """A tenth to one above Fc, gone at a hundredth to a third of the largest speed.
+
+    Also what least squares of the torque on the sliding motion find, with the plant that goes
+    with it: a model without the effect takes for Fc what lies between the two levels, or the
+    higher one.
+    """
+    Fc = values.get("Fc")
+    if not Fc:
         return []
     speeds = np.max(np.abs(log.w)) * np.array([0.01, 0.03, 0.1, 0.3])
-    return _sets(Fs=values["Fc"] * np.array([1.1, 1.4, 2.0]), vs=speeds)
+    above = _sets(Fs=Fc * np.array([1.1, 1.4, 2.0]), vs=speeds)
+    return above + [found for vs in speeds for found in _sliding(log, float(vs))]
+
+
+def _sliding(log: Any, vs: float) -> Sets:
+    """The static map of the sliding samples for one vs, if it falls with speed."""
+    slides = np.abs(log.w) > SLIDES * np.max(np.abs(log.w))
+    w, a = log.w[slides], log.a[slides]
+    columns = np.column_stack([a, w, np.sign(w), np.sign(w) * np.exp(-((w / vs) ** 2))])
+    J, Fv, Fc, excess = np.linalg.lstsq(columns, (log.u - log.load)[slides], rcond=None)[0]
+    if min(J, Fc, excess) <= 0.0:
+        return []
+    return [{"Fs": Fc + excess, "vs": vs, "J": J, "Fc": Fc, "Fv": max(Fv, 1e-3 * Fc / vs)}]
 
 
 def bristles(log: Any, values: Values) -> Sets:
