@@ -12,7 +12,7 @@ from .record import Record
 from .results import Diagnosis, Finding, Table, Traces
 from .spec import members
 from .tracing.evaluate import Judged, missing_torque
-from .tracing.explain import Explanation, Step, explain
+from .tracing.explain import Explanation, Step, explain, signals_of
 from .tracing.fit import Fitted
 from .tracing.job import Job, Progress, begin, estimates, on_everything, score
 from .tracing.predictor import windows
@@ -102,18 +102,7 @@ def _verdict(found: Explanation) -> tuple[str, tuple[str, ...]]:
     if not found.steps:
         return "adequate", ()
     tied = any(step.tied for step in found.steps)
-    return "ambiguous" if tied else "found", _inputs(found.steps)
-
-
-def _inputs(steps: Sequence[Step]) -> tuple[str, ...]:
-    """The signals that the effects found hang on; friction hangs on w."""
-    made: list[str] = []
-    for step in steps:
-        block = members("effect")[step.trial.name]
-        levels = {act.removeprefix("+") for act in block.acts}
-        friction = "w" if {"Fc", "Fs", "Fv"} & levels else None
-        made += [s for s in ("t" if block.timed else None, *block.inputs, friction) if s]
-    return tuple(dict.fromkeys(made))
+    return "ambiguous" if tied else "found", signals_of([step.trial.name for step in found.steps])
 
 
 def _finding(step: Step, fitted: Fitted) -> Finding:

@@ -224,6 +224,15 @@ def test_wrong_usage_exits_2(files, job, capsys, line):
     assert code == 2 and out == "" and "lugrectl" in err.splitlines()[-1]
 
 
+def test_a_misspelt_option_is_named_with_its_command(files, job, capsys):
+    code, out, err = run(capsys, "diagnose one.csv --model model.toml --hold last")
+    assert code == 2 and out == "" and not job.calls
+    assert err.splitlines()[-1].startswith("lugrectl diagnose: error: unrecognized arguments")
+    assert "did you mean --holdout?" in err
+    code, out, err = run(capsys, "effects --nothing-like-it")
+    assert code == 2 and "did you mean" not in err
+
+
 def test_errors_of_the_work(files, job, capsys, monkeypatch):
     line = "diagnose one.csv --model model.toml --json"
     job.answer = InputError("model.toml: J is missing.")

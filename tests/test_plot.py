@@ -154,3 +154,22 @@ def test_ranking_stays_readable_when_one_dominates():
     even = tuple(Candidate(f"c{i}", 10.0 + i, 0.1) for i in range(30))
     ax = plot.ranking(diagnosis(ranking=even))
     assert ax.get_xscale() == "linear" and len(ax.patches) == 10
+
+
+def test_an_effect_added_late_is_among_the_bars():
+    """The ranking is of the first round; what a later round added may stand far below."""
+    others = tuple(Candidate(f"other{i}", 50.0 - i, 0.1) for i in range(15))
+    added = (Candidate("torque_ripple", 41.5, 0.0), Candidate("presliding", 1.0, 0.0))
+    made = diagnosis(ranking=(*others, *added))
+    d = replace(made, effects=(*made.effects, replace(made.effects[0], name="presliding")))
+    names = [label.get_text() for label in plot.ranking(d).get_yticklabels()]
+    assert names == [*(f"other{i}" for i in range(8)), "torque_ripple", "presliding"]
+
+
+def test_small_errors_are_drawn_with_a_prefix():
+    made = diagnosis()
+    small = replace(made.traces, measured=1e-3 * made.traces.measured)
+    small = replace(small, simulated={k: 1e-3 * v for k, v in small.simulated.items()})
+    d = replace(made, traces=small)
+    (before, *_), (after, *_) = (plot.error(x).get_ylabel().split("[")[::-1] for x in (made, d))
+    assert before == "rad/s]" and after in ("mrad/s]", "urad/s]")

@@ -105,6 +105,15 @@ def test_usual_names_only_when_one_fits(tmp_path):
     assert left.w is not None
 
 
+def test_a_motion_signal_lost_to_a_slip_in_its_name_is_said(tmp_path):
+    table = "t,u,theta,ww,extra\n" + "".join(f"{k / 100},{k % 7},{k / 9},1,2\n" for k in range(400))
+    (tmp_path / "a.csv").write_text(table)
+    (said,) = (m for m in read_record(tmp_path / "a.csv").messages if "ww" in m)
+    assert "No column was taken for w" in said and "'extra'" in said and "--columns w=NAME" in said
+    named = read_record(tmp_path / "a.csv", columns="theta=theta")
+    assert not any("ww" in m for m in named.messages)
+
+
 def test_an_own_name_goes_before_a_usual_one(tmp_path):
     record = read_record(csv(tmp_path, "t,u,torque,theta"))
     np.testing.assert_allclose(record.u, machine()["u"], rtol=1e-8)

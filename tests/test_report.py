@@ -78,6 +78,16 @@ def test_interval_text_keeps_the_interval(middle, width):
     assert np.allclose(shown, [middle, low, high], rtol=0, atol=0.06 * width)
 
 
+def test_large_values_show_no_digit_that_the_interval_does_not_know():
+    estimate = Estimate(1517863.0, "N/m", (624699.0, 3688028.0))
+    assert wording._with_interval(estimate) == ("1500000", "600000 to 3700000")
+
+
+def test_names_are_listed_as_in_a_sentence():
+    lists = [wording.listed(names) for names in ([], ["a"], ["a", "b"], ["a", "b", "c"])]
+    assert lists == ["", "a", "a and b", "a, b and c"]
+
+
 @given(st.lists(st.floats(0, 1e3), min_size=1), st.sampled_from(["m", "rad/s", "N m", "1"]))
 def test_readable_units_change_no_value(values, unit):
     factor, shown = wording.readable(values, unit)

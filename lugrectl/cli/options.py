@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import difflib
 import math
 from collections.abc import Callable
 from typing import Any
@@ -12,7 +13,7 @@ from . import commands, lookups
 
 def parser() -> argparse.ArgumentParser:
     """The parser of all commands; ``run`` of its result is the command's function."""
-    top = argparse.ArgumentParser(
+    top = _Parser(
         prog="lugrectl",
         description="Find out what the model of a servo drive lacks, from a log of its torque "
         "and motion.",
@@ -51,7 +52,7 @@ def _command(made: Any, name: str, run: Callable[..., int], what: str) -> argpar
     command = made.add_parser(
         name, help=what, description=what[0].upper() + what[1:] + ".", allow_abbrev=False
     )
-    command.set_defaults(run=run)
+    command.set_defaults(run=run, parser=command)
     command.add_argument("--json", action="store_true", help="one JSON document on stdout")
     return command
 
@@ -154,6 +155,19 @@ def _checks(command: argparse.ArgumentParser) -> None:
         default=None,
         help="bandwidth at half power (-3.0103 dB) instead of -3 dB",
     )
+
+
+class _Parser(argparse.ArgumentParser):
+    """Names the command's own options where one is misspelt."""
+
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        found, left = self.parse_known_args(args, namespace)
+        if left:
+            known = found.parser._option_string_actions
+            near = difflib.get_close_matches(left[0].partition("=")[0], known, 1)
+            hint = f" (did you mean {near[0]}?)" if near else ""
+            found.parser.error(f"unrecognized arguments: {' '.join(left)}{hint}")
+        return found
 
 
 class _Version(argparse.Action):

@@ -14,7 +14,8 @@ from .program import Program
 
 
 class Diverged(Refused):
-    """The solution of a system does not go on: it grows without bound, or is no number."""
+    """The solution of a system does not go on: it grows without bound, is no number, or changes
+    faster than steps can follow."""
 
 
 @dataclass(frozen=True)

@@ -95,7 +95,7 @@ class Held:
         Raises
         ------
         Diverged
-            Names the block, the state or signal, and the time.
+            Names the state, or the sampled block and its output or state, and the time.
         """
         net, kept = self.hybrid.net, course.kept
         counts = (len(x), len(q), len(net.held), len(net.held) if net.earlier else 0)
@@ -108,8 +108,8 @@ class Held:
         if code == 1:
             label = self.hybrid.flow.states[int(status[2])]
             raise Diverged(
-                f"{net.name}: state {label} grows without bound or is not a number "
-                f"at t = {status[1]:.6g} s."
+                f"{net.name}: state {label} grows without bound, is not a number, or changes "
+                f"faster than steps can follow, at t = {status[1]:.6g} s."
             )
         if code == 2:
             raise Diverged(not_finite(net, now[1], now[2], status[1]))

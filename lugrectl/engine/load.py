@@ -30,6 +30,8 @@ HEADERS: Mapping[str, str] = {
     "numpy": ARRAY_HEADER + "\n\ndef fast(function):\n    return function\n",
 }
 
+DEEP = 20_000  # numba follows the branches of a function by recursion, two calls for each
+
 
 @cache
 def has_numba() -> bool:
@@ -94,6 +96,7 @@ def _direct(text: str, name: str) -> ModuleType:
 
 
 def _from_file(text: str, name: str) -> ModuleType:
+    sys.setrecursionlimit(max(sys.getrecursionlimit(), DEEP))
     path = cache_dir() / f"{name}.py"
     if not path.exists():
         _write_whole(path, text)

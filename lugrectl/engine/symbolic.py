@@ -1,4 +1,4 @@
-"""How NumPy code meets a node: operators, ufuncs, np.where and np.clip build the graph."""
+"""How NumPy code meets a node: operators, ufuncs, np.where, np.clip and np.interp build it."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from .ops import DERIVED, OPS
+
+POINTS = 50  # of np.interp: each is a kink at which steps end, and takes time to compile
 
 
 class TraceError(TypeError):
@@ -57,7 +59,7 @@ for _name in ("square", "reciprocal", "fabs", "degrees", "radians", "deg2rad", "
 
 
 class SignalArray(np.ndarray):
-    """An array of nodes that also carries ufuncs, np.where and np.clip to them."""
+    """An array of nodes that also carries ufuncs and FUNCTIONS to them."""
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
         if method != "__call__" or ufunc is np.matmul:
@@ -138,11 +140,35 @@ def _clip(value: Any, low: Any = None, high: Any = None, **bounds: Any) -> Any:
     return value if high is None else np.minimum(value, high)
 
 
+def _interp(
+    x: Any, xp: Any, fp: Any, left: Any = None, right: Any = None, period: Any = None
+) -> Any:
+    """np.interp by kinks: (f_1 + f_n)/2 + sum of (change of slope) |x - xp_i|/2, x clipped."""
+    places, values = [float(v) for v in xp], list(fp)
+    gaps = np.diff(places)
+    if period is not None or np.any(gaps <= 0.0) or len(values) != len(places):
+        raise TraceError(
+            "np.interp is followed without a period, and over points that increase, one value each"
+        )
+    if len(places) > POINTS:
+        raise TraceError(
+            f"np.interp over {len(places)} points is not followed: give at most {POINTS}, or "
+            "take lg.tabulated, which rounds the corners"
+        )
+    slopes = [(b - a) / gap for a, b, gap in zip(values, values[1:], gaps.tolist(), strict=False)]
+    inside = np.clip(_listed(x), places[0], places[-1])
+    result = 0.5 * (values[0] + values[-1]) + 0.0 * inside
+    for place, before, after in zip(places, [0.0, *slopes], [*slopes, 0.0], strict=True):
+        result = result + 0.5 * (after - before) * np.abs(inside - place)
+    result = result if left is None else _where(x < places[0], left, result)
+    return result if right is None else _where(x > places[-1], right, result)
+
+
 def _listed(value: Any) -> Any:
     return signal_array(value) if isinstance(value, (list, tuple)) else value
 
 
-FUNCTIONS = {np.where: _where, np.clip: _clip}
+FUNCTIONS = {np.where: _where, np.clip: _clip, np.interp: _interp}
 
 
 def apply_function(function: Any, args: Any, options: dict[str, Any]) -> Any:

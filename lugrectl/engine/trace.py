@@ -252,4 +252,5 @@ def _blame(block: Any, function: Callable[..., Any], error: Exception) -> str:
     file = getattr(getattr(function, "__code__", None), "co_filename", None)
     own = [f for f in frames if f.filename == file]
     place = f", {own[-1].filename} line {own[-1].lineno}" if own else ""
-    return f"block {block.name}{place}: {error}"
+    kind = "" if isinstance(error, TraceError) else f"{type(error).__name__}: "
+    return f"block {block.name}{place}: {kind}{error}"

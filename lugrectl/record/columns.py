@@ -64,6 +64,8 @@ def choose_columns(
     _complete(table, choices, doubtful, need_time)
     said = _usual_said(table, choices, named)
     said += [f"{_among(table, role, fits)}; it was left out." for role, fits in doubtful.items()]
+    if not {"w", "theta"} & set(named):  # who names one has looked
+        said += _unused_said(table, choices, doubtful)
     return [choices[role] for role in ROLES if role in choices], said
 
 
@@ -145,3 +147,19 @@ def _usual_said(table: Table, choices: Mapping[str, Choice], named: Mapping[str,
         if role not in named and table.names[choice.index] != role
     ]
     return [f"Columns were taken by their usual names: {', '.join(taken)}."] if taken else []
+
+
+def _unused_said(
+    table: Table, choices: Mapping[str, Choice], doubtful: Mapping[str, list[int]]
+) -> list[str]:
+    """Which columns might have been the motion signal that has none: a slip in a name costs it."""
+    taken = {choice.index for choice in choices.values()}
+    left = [f"'{name}'" for i, name in enumerate(table.names) if i not in taken and name]
+    lacking = next((r for r in ("w", "theta") if r not in choices and r not in doubtful), None)
+    if lacking is None or not left:
+        return []
+    names = ", ".join(left[:6]) + (f" and {len(left) - 6} more" if len(left) > 6 else "")
+    return [
+        f"No column was taken for {lacking}; not used: {names}. If {lacking} is among them, give "
+        f"--columns {lacking}=NAME."
+    ]

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..spec import unit_for
 from .views import UNITS
+from .wording import readable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,10 +46,12 @@ def tracking(made: Any, ax: Axes | None = None) -> Axes:
     from .plot import _headed, _new
 
     ax = ax if ax is not None else _new().subplots()
+    errors = {key: run.y - run.r for key, run in made.runs.items()}
+    factor, unit = readable([float(np.max(np.abs(e))) for e in errors.values()], made.unit)
     for key, run in made.runs.items():
-        ax.plot(run.t, run.y - run.r, color=_COLOURS[key], lw=1.3, label=key)
+        ax.plot(run.t, factor * errors[key], color=_COLOURS[key], lw=1.3, label=key)
     signal = "w" if made.kind == "velocity" else "theta"
-    ax.set(xlabel="t [s]", ylabel=f"error of {signal} [{made.unit}]")
+    ax.set(xlabel="t [s]", ylabel=f"error of {signal} [{unit}]")
     ax.margins(x=0.0)
     if made.runs:
         _headed(ax, "Tracking error in simulation")

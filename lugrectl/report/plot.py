@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..spec import unit_for
 from . import closing
 from .views import Residual, binned, motion_of, residual, rms_over_time, simulated, stretch
-from .wording import number
+from .wording import number, readable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -55,7 +55,7 @@ def motion(d: Any, ax: Axes | None = None) -> Axes:
     ax.plot(t, traces.measured[cut], color=QUIET, lw=3.5, label="measured")
     for name, color, values in _models(d):
         ax.plot(t, values[cut], color=color, lw=1.3, label=f"simulated, {name}")
-    ax.set(xlabel="t [s]", ylabel=_signal(d), xlim=(t[0], t[-1]))
+    ax.set(xlabel="t [s]", ylabel="{} [{}]".format(*_signal(d)), xlim=(t[0], t[-1]))
     _headed(ax, "Measured and simulated, held-out samples")
     return ax
 
@@ -66,13 +66,16 @@ def error(d: Any, ax: Axes | None = None) -> Axes:
     if simulated(traces, "refitted") is None:
         raise InputError("this diagnosis holds no simulated motion to plot.")
     ax = ax if ax is not None else _new().subplots()
-    for name, color, values in _models(d):
-        edges, rms = rms_over_time(traces.t, traces.measured - values)
-        ax.stairs(rms, edges, baseline=None, color=color, lw=1.4, label=name)
+    curves = [(n, c, *rms_over_time(traces.t, traces.measured - v)) for n, c, v in _models(d)]
+    name, unit = _signal(d)
+    factor, unit = readable([float(np.nanmax(rms)) for *_, rms in curves], unit)
+    for label, color, edges, rms in curves:
+        ax.stairs(factor * rms, edges, baseline=None, color=color, lw=1.4, label=label)
     floor = (d.error or {}).get("noise_floor")
     if floor:
-        ax.axhline(floor, color=MEASURED, lw=1.0, ls=":", label="sensor noise")
-    ax.set(xlabel="t [s]", ylabel=f"RMS error of {_signal(d)}", xlim=(traces.t[0], traces.t[-1]))
+        ax.axhline(factor * floor, color=MEASURED, lw=1.0, ls=":", label="sensor noise")
+    ax.set(xlabel="t [s]", ylabel=f"RMS error of {name} [{unit}]")
+    ax.set_xlim(traces.t[0], traces.t[-1])
     ax.set_ylim(bottom=0)
     _headed(ax, "Error over the record, held-out samples")
     return ax
@@ -103,13 +106,16 @@ def torque(d: Any, ax: Axes | None = None) -> Axes:
 
 
 def ranking(d: Any, ax: Axes | None = None) -> Axes:
-    """Gain in log-likelihood of every candidate that was tried, best on top."""
-    tried = sorted(d.ranking, key=lambda c: -np.nan_to_num(c.score, nan=-np.inf))[:_BARS]
-    if not tried:
+    """Gain in log-likelihood of the best candidates and of all that were added, best on top."""
+    if not d.ranking:
         raise InputError("this diagnosis holds no ranking to plot.")
-    ax = ax if ax is not None else _new().subplots()
     chosen = {f.name for f in d.effects}
     others = {c.name for f in d.effects for c in f.alternatives}
+    tried = sorted(d.ranking, key=lambda c: -np.nan_to_num(c.score, nan=-np.inf))
+    room = _BARS - sum(c.name in chosen for c in tried)
+    quiet = [c for c in tried if c.name not in chosen][: max(room, 0)]
+    tried = [c for c in tried if c.name in chosen or c in quiet]
+    ax = ax if ax is not None else _new().subplots()
     colors = [AFTER if c.name in chosen else MEASURED if c.name in others else QUIET for c in tried]
     scores = np.nan_to_num([c.score for c in tried], posinf=0.0, neginf=0.0)
     ax.barh(range(len(tried)), scores, color=colors, height=0.7)
@@ -128,7 +134,8 @@ def ranking(d: Any, ax: Axes | None = None) -> Axes:
             va="center",
             fontsize="small",
         )
-    ax.set_xlabel("gain in log-likelihood (share of the residual torque's power)")
+    what = "torque" if unit_for("N m", motion_of(d)) == "N m" else "force"
+    ax.set_xlabel(f"gain in log-likelihood (share of the residual {what}'s power)")
     ax.margins(x=0.32)
     ax.set_title("Candidates tried")
     return ax
@@ -144,7 +151,7 @@ PANELS: dict[str, tuple[Callable[..., Any], str]] = {
     "torque": (torque, "What the model leaves unexplained, before and after."),
     "table": (
         lambda d, ax: closing.table(d.table, ax),
-        "What is left of the torque as a table, with its 95 % band. It explains nothing.",
+        "What is left as a table, with its 95 % band. It explains nothing.",
     ),
     "tracking": (
         lambda d, ax: closing.tracking(d.compensation, ax),
@@ -153,7 +160,7 @@ PANELS: dict[str, tuple[Callable[..., Any], str]] = {
     "ranking": (
         ranking,
         "How much better than the refitted model each candidate explains the training samples. "
-        "Blue: added to the model; dark: the alternatives named above.",
+        "Blue: added to the model; dark: named above as an alternative.",
     ),
 }
 
@@ -251,9 +258,10 @@ def _residuals(view: Residual) -> list[tuple[np.ndarray, str, str]]:
     return made if view.after is None else [*made, (view.after, "augmented", AFTER)]
 
 
-def _signal(d: Any) -> str:
-    name = (d.error or {}).get("signal", "w")
-    return f"{name} [{(d.error or {}).get('unit') or unit_for('rad/s', motion_of(d))}]"
+def _signal(d: Any) -> tuple[str, str]:
+    """The signal that errors are counted in, and its unit."""
+    error = d.error or {}
+    return error.get("signal", "w"), error.get("unit") or unit_for("rad/s", motion_of(d))
 
 
 def _limits(values: np.ndarray, cut: float) -> tuple[float, float]:

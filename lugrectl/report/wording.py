@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -48,9 +48,14 @@ def equation(name: str) -> str:
     return known.equation.rstrip(".") if known else ""
 
 
+def listed(names: Sequence[str]) -> str:
+    """ "a", "a and b", "a, b and c"."""
+    return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
+
+
 def headline(d: Any) -> tuple[str, str]:
     """The verdict with what it names, and one sentence that says what it means."""
-    verdict, names = _get(d, "verdict"), " and ".join(f.name for f in _get(d, "effects", ()))
+    verdict, names = _get(d, "verdict"), listed([f.name for f in _get(d, "effects", ())])
     if verdict == "adequate":
         return "adequate", "The record proves nothing that the model lacks."
     if verdict == "found":
@@ -117,6 +122,8 @@ def _with_interval(estimate: Any) -> tuple[str, str]:
 def _to_width(value: float, width: float) -> str:
     """A value with the decimals that show an interval's width to two places."""
     decimals = 1 - math.floor(math.log10(width)) if width > 0 else 99
+    if decimals < 0:
+        value = round(value, decimals)
     if decimals <= 7 and abs(value) < 1e7:
         return f"{value:.{max(decimals, 0)}f}"
     ratio = abs(value) / width if width > 0 else 1e3

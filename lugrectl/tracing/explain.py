@@ -25,10 +25,12 @@ LEAST_SHARE = 0.04  # of the residual torque's power that an effect must remove
 LEAST_OF_FIRST = 0.02  # the same of the residual before any effect was added
 LEAST_SIZE = 0.015  # of the RMS friction torque, below which an effect is not worth a name
 LEAST_SIZE_OF_ALL = 0.004  # the same for one that explains most of what is missing
-MOST_OF_IT = 0.8  # of the residual's power
+LEAST_REMOVED = 2e-4  # of friction: the residual torque gone, below which nothing was amiss
+MOST_OF_IT = 0.95  # of the residual's power
 LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a signal
 WHOLE = 0.9  # share above which the effects found explain the residual, whatever is left
-COLOUR = {"theta": 0.2, "w": 0.05}  # of the innovations; quantised positions are never white
+COLOUR = {"theta": 0.3, "w": 0.05}  # of the innovations; quantised positions are never white
+SURE = 1.5  # standard errors above which a dependence too weak to prove is at least a hint
 MOST_EFFECTS = 3
 RETRIED = 3  # candidates whose plant values the model without them is fitted from again
 PART = 0.1  # of the leader's gain that one which explains as much may lack
@@ -87,7 +89,7 @@ def explain(base: Fitted, report: Progress) -> Explanation:
         steps, current = _pruned(steps, current, steps[:-1])
         if _share(base, current) > 1.0 - LEAST_OF_FIRST:
             break
-    unexplained, hangs_on = _left_over(base, current)
+    unexplained, hangs_on = _left_over(base, current, steps)
     return Explanation(base, tuple(steps), current, tuple(ranking), unexplained, hangs_on)
 
 
@@ -141,6 +143,7 @@ def _proven(base: Fitted, before: Fitted, after: Fitted, key: str) -> bool:
     share = _share(before, after)
     least = LEAST_SIZE if share < MOST_OF_IT else LEAST_SIZE_OF_ALL
     large = share > LEAST_SHARE and size(after, key) > least
+    large = large and _removed(before, after) > LEAST_REMOVED
     return bool(np.isfinite(after.total)) and certain and matters and large
 
 
@@ -177,8 +180,15 @@ def size(fitted: Fitted, key: str) -> float:
 
 
 def _share(before: Fitted, after: Fitted) -> float:
-    """Part of the residual torque's power that is gone."""
-    return max(0.0, 1.0 - (after.torque_noise / before.torque_noise) ** 2)
+    """Part of the power of the acceleration that the model does not foresee, that is gone."""
+    return max(0.0, 1.0 - (after.noise.jump / before.noise.jump) ** 2)
+
+
+def _removed(before: Fitted, after: Fitted) -> float:
+    """The torque per sample that is no longer unforeseen, over the RMS of friction."""
+    friction = before.predictor.friction(before.values)[before.where.counted]
+    gone = before.torque_noise * np.sqrt(_share(before, after))
+    return float(gone / max(np.sqrt(np.mean(friction**2)), 1e-300))
 
 
 def _ranking(base: Fitted, tried: Contest) -> list[Candidate]:
@@ -257,33 +267,45 @@ def _inside(found: Fitted) -> Fitted:
     return fit(predictor, found.values, free, found.where, found.noise, anchor=found.anchor)
 
 
-def _left_over(base: Fitted, final: Fitted) -> tuple[bool, tuple[str, ...]]:
-    """Whether something proven is left, and the signals that it hangs on."""
-    if _share(base, final) > WHOLE:
-        return False, ()
+def _left_over(base: Fitted, final: Fitted, steps: Sequence[Step]) -> tuple[bool, tuple[str, ...]]:
+    """Whether something proven is left, and the signals that it hangs on.
+
+    Where nothing tells, those on which what was found hangs: it may be a poor picture of one
+    thing.
+    """
     log = base.predictor.data.log
     before = missing_torque(base.predictor, base.values, base.where, base.noise)
     after = missing_torque(final.predictor, final.values, final.where, base.noise)
     now, first = (dependences(r, log, base.where.counted) for r in (after, before))
     weight = float(np.mean(after**2) / np.mean(before**2))
     standing = now[0].t > 3.0 and weight * now[0].share > LEFT_SHARE
+    standing = standing and _share(base, final) < WHOLE
     friction = base.predictor.friction(base.values)[base.where.counted]
     matters = np.std(after) > LEAST_SIZE * np.std(friction)
     if not matters or not (standing or _coloured(final)):
         return False, ()
     best = now[0] if standing else max(now[0], first[0], key=lambda d: d.share)
-    if best.share < LEFT_SHARE:
-        return True, ("t",) if in_bursts(after) else ()
-    return True, best.signals
+    if best.share > LEFT_SHARE and best.t > SURE:
+        return True, best.signals
+    if in_bursts(before) or in_bursts(after):
+        return True, ("t",)
+    return True, signals_of([step.trial.name for step in steps])
+
+
+def signals_of(names: Sequence[str]) -> tuple[str, ...]:
+    """The signals that effects hang on; friction hangs on w."""
+    made: list[str] = []
+    for name in names:
+        block = members("effect")[name]
+        levels = {act.removeprefix("+") for act in block.acts}
+        friction = "w" if {"Fc", "Fs", "Fv"} & levels else None
+        made += [s for s in ("t" if block.timed else None, *block.inputs, friction) if s]
+    return tuple(dict.fromkeys(made))
 
 
 def _coloured(fitted: Fitted) -> bool:
-    """Whether the innovations still tell the next one; w decides where it was recorded.
-
-    A smoothed torque colours them by itself.
-    """
+    """Whether the innovations still tell the next one. A smoothed torque colours them by itself."""
     if fitted.predictor.data.smoothed:
         return False
-    channel = fitted.predictor.data.signal
     theta, w = colour(fitted.innovations)
-    return {"theta": theta, "w": w}[channel] > COLOUR[channel]
+    return bool(theta > COLOUR["theta"] or w > COLOUR["w"])

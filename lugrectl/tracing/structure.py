@@ -14,6 +14,7 @@ BINS = 80
 ORDER = 12  # past innovations that are asked to predict the next
 FEW = 0.2  # of the windows that hold BULK of the power: what is left comes in bursts
 BULK = 0.8
+BEYOND = 0.3  # of the power that must lie beyond the median window's
 
 
 @dataclass(frozen=True)
@@ -112,10 +113,12 @@ def _validated(
 
 
 def in_bursts(torque: np.ndarray) -> bool:
-    """Whether a few windows hold nearly all of the power."""
+    """Whether a few windows hold nearly all of the power beyond what every window has."""
     power = np.sort(np.sum(torque**2, axis=1))[::-1]
     few = max(1, int(FEW * len(power)))
-    return float(power[:few].sum()) > BULK * float(power.sum())
+    beyond = np.maximum(power - np.median(power), 0.0)
+    much = float(beyond.sum()) > BEYOND * float(power.sum())
+    return much and float(beyond[:few].sum()) > BULK * float(beyond.sum())
 
 
 def colour(innovations: np.ndarray) -> np.ndarray:
