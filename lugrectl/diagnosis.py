@@ -14,7 +14,7 @@ from .spec import members
 from .tracing.evaluate import Judged, missing_torque
 from .tracing.explain import Explanation, Step, explain, signals_of
 from .tracing.fit import Fitted
-from .tracing.job import Job, Progress, begin, estimates, on_everything, score
+from .tracing.job import Job, Progress, begin, calmer, estimates, on_everything, score
 from .tracing.predictor import windows
 from .tracing.tabulate import tabulate
 
@@ -63,6 +63,9 @@ def diagnose(
     report = progress or (lambda fraction, what: None)
     job = begin(record, model, holdout, horizon, report)
     found = explain(job.base, report)
+    if found.calm is not None:
+        job = calmer(job, found.calm, report)
+        found = explain(job.base, report)
     job = replace(job, base=found.base)
     report(0.85, "judging on held-out samples")
     scored = score(job, found.final)

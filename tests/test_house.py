@@ -32,7 +32,7 @@ TRACING = [
     {"series"},
     {"predictor"},
     {"split", "coordinates", "likelihood", "evaluate", "structure"},
-    {"moments"},
+    {"moments", "slopes"},
     {"fit"},
     {"tabulate"},
     {"score"},

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import control as ct
 import numpy as np
 import pytest
@@ -63,12 +61,13 @@ def test_lag_has_its_closed_form(backend: str, rate: float, close: float) -> Non
     lanes = lag(backend, rate)
     dx0 = np.zeros((2, 1, 3))
     dx0[:, 0, 1] = 1.0
-    made = Tangent(lanes, ["x"], columns).run(
+    made = Tangent(lanes).run(
         np.ones((2, 1)),
         [0, 5],
         30,
         u,
         np.full((2, 1), rate),
+        columns,
         dt=DT,
         y=y,
         gain=np.array([[0.2]]),
@@ -103,7 +102,7 @@ def test_derivative_by_the_instant_of_a_step(backend: str) -> None:
         params={"t0": 0.0},
         name="ramp",
     )
-    made = Tangent(Lanes(block, backend=backend), ["x"]).run(
+    made = Tangent(Lanes(block, backend=backend)).run(
         np.zeros((1, 1)), [0], 20, np.zeros((20, 1)), np.array([[0.00437]]), dt=DT
     )
     assert made.dx[0, 0, 0] == pytest.approx(-1.0, abs=1e-9)
@@ -119,10 +118,8 @@ class Rig:
         for effect, values in effects:
             model = model.with_effect(effect, values)
         plant = assemble(model, sensed=True)
-        hidden = [s for s in plant.states if s not in plant.outputs]
-        plant = replace(plant, outputs=(*plant.outputs, *hidden))
-        shown = ["theta_m", "w_m", *plant.states]
-        self.lanes = Lanes(plant.system(**model.known()), outputs=shown, backend=backend)  # pyright: ignore[reportArgumentType]
+        system = plant.system(**model.known())  # pyright: ignore[reportArgumentType]
+        self.lanes = Lanes(system, outputs=["theta_m", "w_m"], backend=backend)
         self.length, self.dt = int(1.0 / dt), dt
         self.u, t = np.zeros((3 * self.length, 2)), np.arange(3 * self.length) * dt
         self.u[:, 0] = np.sin(5.6 * t) + 0.4 * np.sin(19.5 * t + 1.0) + 0.2 * np.sin(52.0 * t)
@@ -131,7 +128,7 @@ class Rig:
         random = np.random.default_rng(1)
         other = self.lanes.defaults * (1.0 + 0.05 * random.standard_normal(self.p.shape[1]))
         y, _ = self.lanes.run([[0.0] * len(plant.states)], [0], len(t), self.u, [other], dt=dt)
-        self.x0 = y[0, self.start, 2:]
+        self.x0 = np.array([self.reached(k, other, len(plant.states)) for k in self.start])
         self.options: dict = {"substeps": max(1, round(dt / 2e-3))}
         if corrected:
             noise = random.standard_normal((len(t), 2)) * [1e-5, 1e-2]
@@ -140,9 +137,13 @@ class Rig:
             self.options |= {"y": y[0, :, :2] + noise, "gain": gain}
         self.columns = [k for k in self.lanes.parameters if not k.endswith("eps")]
 
+    def reached(self, k: int, p: np.ndarray, states: int) -> np.ndarray:
+        """The states at sample k of a run from rest."""
+        return self.lanes.run([[0.0] * states], [0], int(k), self.u, [p], dt=self.dt)[1][0]
+
     def slopes(self, **options) -> np.ndarray:
-        tangent = Tangent(self.lanes, ["theta_m", "w_m"], self.columns)
-        run = (self.x0, self.start, self.length, self.u, self.p)
+        tangent = Tangent(self.lanes)
+        run = (self.x0, self.start, self.length, self.u, self.p, self.columns)
         return tangent.run(*run, dt=self.dt, **self.options | options).dy
 
     def differences(self, part: float) -> np.ndarray:
@@ -154,10 +155,6 @@ class Rig:
         p[len(h) + np.arange(len(h)), own] -= h
         many, options = len(p), dict(self.options)
         options["substeps"] *= 8
-        if "y" in options:
-            wide = ((0, 0), (0, len(self.lanes.outputs) - 2))
-            options["y"] = np.pad(options["y"], wide, constant_values=np.nan)
-            options["gain"] = np.pad(options["gain"], wide)
         y, _ = self.lanes.run(
             np.tile(self.x0, (many, 1)),
             np.tile(self.start, many),
@@ -192,20 +189,26 @@ def test_corrected_runs_against_differences(name: str, dt: float) -> None:
     rig = Rig(name, dt, corrected=True)
     truth, sure = reliable(rig)
     assert np.mean(sure) > 0.7
-    assert np.max(errors(rig.slopes(), truth)[sure]) < 1e-2
+    assert np.max(errors(rig.slopes(rtol=1e-7), truth)[sure]) < 5e-3
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_free_runs_against_differences(name: str) -> None:
-    """What acts only within vs of rest (vs, Fs) is known less well there."""
+    """What acts only within vs of rest (vs, Fs) as well."""
     pytest.importorskip("numba")
     rig = Rig(name, DT, corrected=False)
     truth, sure = reliable(rig)
-    wide = [k.split(".")[-1] not in ("vs", "Fs") for k in rig.columns]
-    made = errors(rig.slopes(), truth)
     assert np.sum(sure) > 0.5 * sure.size
-    assert np.max(made[:, wide][sure[:, wide]]) < 1e-2
-    assert np.max(made[sure]) < 0.1
+    assert np.max(errors(rig.slopes(rtol=1e-7), truth)[sure]) < 5e-3
+
+
+@pytest.mark.parametrize("name", ["coulomb", "lugre"])
+def test_coarse_steps_still_tell_the_direction(name: str) -> None:
+    """At the tolerance of fits."""
+    pytest.importorskip("numba")
+    rig = Rig(name, 5e-3, corrected=True)
+    truth, sure = reliable(rig)
+    assert np.max(errors(rig.slopes(rtol=1e-5), truth)[sure]) < 0.1
 
 
 @pytest.mark.parametrize("name", ["stribeck", "two masses"])
@@ -219,23 +222,14 @@ def test_both_backends_give_the_same_slopes(name: str) -> None:
 def test_the_run_is_that_of_the_lanes() -> None:
     rig = Rig("lugre", 2e-3, corrected=False, backend="numpy")
     run = (rig.x0, rig.start, 50, rig.u, rig.p)
-    made = Tangent(rig.lanes, ["w_m"], ["plant.J"]).run(*run, dt=rig.dt, substeps=2, rtol=1e-9)
+    made = Tangent(rig.lanes).run(*run, ["plant.J"], dt=rig.dt, substeps=2, rtol=1e-9)
     y, x = rig.lanes.run(*run, dt=rig.dt, substeps=2, rtol=1e-9)
-    np.testing.assert_allclose(made.y[..., 0], y[..., 1], atol=1e-7)
-    np.testing.assert_allclose(made.x, x, atol=1e-7)
-
-
-def test_states_must_be_put_out() -> None:
-    block = replace(assemble(model_from_dict({"plant": {"J": 1.0}, "friction": {
-        "model": "lugre", "sigma0": 1.0, "sigma1": 1.0, "Fc": 1.0, "Fs": 1.0, "Fv": 1.0,
-        "vs": 1.0}}, "test")), outputs=("theta", "w", "F"))  # fmt: skip
-    lanes = Lanes(block.system(), backend="numpy")
-    with pytest.raises(InputError, match="'z' must be among the lanes' outputs"):
-        Tangent(lanes, ["w"])
+    np.testing.assert_allclose(made.y, y, atol=1e-12)
+    np.testing.assert_allclose(made.x, x, atol=1e-12)
 
 
 def test_unknown_inputs_are_named() -> None:
-    tangent = Tangent(lag("numpy"), ["x"])
+    tangent = Tangent(lag("numpy"))
     with pytest.raises(InputError, match="du names .'v', 'a'.; the inputs are u"):
         u = np.zeros((3, 1))
         tangent.run([[0.0]], [0], 3, u, [[40.0]], dt=DT, du={("v", "a"): u.T})
@@ -252,7 +246,7 @@ def test_a_lane_that_blows_up_says_nothing_about_the_others(backend: str) -> Non
         params={"a": 1.0},
         name="runaway",
     )
-    tangent = Tangent(Lanes(block, backend=backend), ["x"])
+    tangent = Tangent(Lanes(block, backend=backend))
     made = tangent.run(
         np.array([[1.0], [1e3]]), [0, 0], 100, np.zeros((100, 1)), np.ones((2, 1)), dt=DT
     )

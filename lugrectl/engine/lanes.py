@@ -125,6 +125,35 @@ class Lanes:
         time counts by its share of the step. At the default rtol a result carries noise of some
         1e-7 of its range as a function of the parameters: differences need steps well above.
         """
+        given = self.arguments(
+            x0, start, length, u, p, dt=dt, substeps=substeps, t0=t0, series=series, y=y, seen=seen,
+            gain=gain, per_substep=per_substep, rtol=rtol,
+        )  # fmt: skip
+        count = len(given[0])
+        y_hat = np.empty((count, length, len(self.outputs)))
+        x_end = np.empty((count, len(self.states)))
+        self.spread(self._run, (*given, y_hat, x_end), count, count * length * substeps)
+        return y_hat, x_end
+
+    def arguments(
+        self,
+        x0: np.ndarray,
+        start: np.ndarray,
+        length: int,
+        u: np.ndarray,
+        p: np.ndarray,
+        *,
+        dt: float,
+        substeps: int,
+        t0: float | np.ndarray,
+        series: np.ndarray | None,
+        y: np.ndarray | None,
+        seen: np.ndarray | None,
+        gain: np.ndarray | None,
+        per_substep: bool,
+        rtol: float,
+    ) -> tuple:
+        """What a loop over lanes takes, those of :meth:`run` checked and in one memory layout."""
         x0, p = self._rows(x0, self.states, "x0"), self._rows(p, self.parameters, "p")
         u, stride = self._inputs(u, substeps if per_substep else 1)
         count, samples = len(x0), u.shape[1] // stride
@@ -134,29 +163,25 @@ class Lanes:
         seen = _indices(0 if seen is None else seen, count, max(len(y) - 1, 0), "seen")
         if len(p) != count:
             raise InputError(f"p has {len(p)} rows for {count} lanes.")
-        y_hat = np.empty((count, length, len(self.outputs)))
-        x_end = np.empty_like(x0)
         fixed = (x0, start, int(length), u, stride, series, p, y, seen, gain, gain.size > 0)
         clock = _plain(np.broadcast_to(np.asarray(t0, dtype=float), (count,)))
-        fixed += (clock, float(dt), int(substeps), float(rtol), y_hat, x_end)
-        with np.errstate(all="ignore"):
-            self._spread(fixed, count, count * length * substeps)
-        return y_hat, x_end
+        return (*fixed, clock, float(dt), int(substeps), float(rtol))
 
-    def _spread(self, arguments: tuple, count: int, steps: int) -> None:
+    def spread(self, loop: Callable[..., None], arguments: tuple, count: int, steps: int) -> None:
         """All lanes in one call, or in chunks on the threads where numba has let go of the GIL."""
         workers = threads() if self.backend == "numba" and steps > 20_000 else 1
-        if min(workers, count) < 2:
-            self._run(*arguments, 0, count)
-            return
-        edges = np.linspace(0, count, min(count, 4 * workers) + 1).astype(int).tolist()
-        with ThreadPoolExecutor(workers) as pool:
-            jobs = [
-                pool.submit(self._run, *arguments, a, b)
-                for a, b in zip(edges, edges[1:], strict=False)
-            ]
-            for job in jobs:
-                job.result()
+        with np.errstate(all="ignore"):
+            if min(workers, count) < 2:
+                loop(*arguments, 0, count)
+                return
+            edges = np.linspace(0, count, min(count, 4 * workers) + 1).astype(int).tolist()
+            with ThreadPoolExecutor(workers) as pool:
+                jobs = [
+                    pool.submit(loop, *arguments, a, b)
+                    for a, b in zip(edges, edges[1:], strict=False)
+                ]
+                for job in jobs:
+                    job.result()
 
     def _rows(self, values: np.ndarray, names: Sequence[str], label: str) -> np.ndarray:
         rows = _plain(np.atleast_2d(values))

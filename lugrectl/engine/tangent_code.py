@@ -1,360 +1,242 @@
-"""Derivatives along a run: the Jacobians, the pieces they hold on, and their recursion."""
+"""The text of the loop over lanes, samples and steps that carries derivatives along."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from .derivative import derivatives
+from .derivative import jacobian
 from .emit import Emitter, indent
-from .graph import Node
-from .load import load
+from .graph import Node, rename
+from .lane_code import fixed_step
 from .program import Program
+from .rosenbrock import SparseLU
+from .switching import average_jumps
 
-_VALUES = """
-def values(t, begin, h, x, u, p, out):
-{code}
-"""
-
-# S <- R(Z) S + h phi(Z) B with Z = h A and the Pade approximants of exp(Z) and of
-# (exp(Z) - I) / Z whose numerators have degree 2 and whose one denominator has degree 3:
-# L-stable, of order 5 where A does not change. Sizes are arguments: compiled once for all.
-RECURSION = """
+_LOOP = """
 import numpy as np
 
 
 @fast
-def run(first, order, sample, h, ab, rows, columns, inner, cd, c_rows, c_columns, gain, known,
-        seen, S, dy):
-    n, q, ny = S.shape[1], S.shape[2], dy.shape[2]
-    Z, Z2, den, right = np.empty((n, n)), np.empty((n, n)), np.empty((n, n)), np.empty((n, q))
-    for lane in range(len(first) - 1):
-        s = S[lane]
-        for turn in range(first[lane], first[lane + 1]):
-            piece = order[turn]
-            k = sample[piece]
-            if k >= 0:
-                out = dy[lane, k]
-                observe(s, cd[:, lane * dy.shape[1] + k], c_rows, c_columns, n, out)
-                for o in range(ny):
-                    if known[lane, k, o]:
-                        for i in range(n):
-                            g = gain[lane, i, o]
-                            for c in range(q):
-                                s[i, c] -= g * out[o, c]
-                                if len(seen):
-                                    s[i, c] += g * seen[lane, k, o, c]
-            step = h[piece]
-            Z[:] = 0.0
-            for e in range(inner):
-                Z[rows[e], columns[e]] = step * ab[e, piece]
-            for i in range(n):
-                for j in range(n):
-                    total = 0.0
-                    for m in range(n):
-                        total += Z[i, m] * Z[m, j]
-                    Z2[i, j] = total
-            for i in range(n):
-                for j in range(n):
-                    total = 0.0
-                    for m in range(n):
-                        total += Z[i, m] * Z2[m, j]
-                    one = 1.0 if i == j else 0.0
-                    den[i, j] = one - 0.6 * Z[i, j] + 0.15 * Z2[i, j] - total / 60.0
-                for c in range(q):
-                    right[i, c] = s[i, c]
-                for m in range(n):
-                    weight = 0.4 * Z[i, m] + 0.05 * Z2[i, m]
-                    if weight != 0.0:
-                        for c in range(q):
-                            right[i, c] += weight * s[m, c]
-            for e in range(inner, len(rows)):
-                m, c, b = rows[e], columns[e] - n, step * ab[e, piece]
-                right[m, c] += b
-                for i in range(n):
-                    right[i, c] += b * (Z2[i, m] / 60.0 - 0.1 * Z[i, m])
-            solve(den, right)
-            s[:] = right
-
-
-@fast
-def settle(h, a, rows, columns, bend):
-    n, pieces = bend.shape
-    Z, den, right = np.empty((n, n)), np.empty((n, n)), np.empty((n, 1))
-    for piece in range(pieces):
-        Z[:] = 0.0
-        for e in range(len(a)):
-            Z[rows[e], columns[e]] = h[piece] * a[e, piece]
-        for i in range(n):
-            right[i, 0] = bend[i, piece]
-            for j in range(n):
-                total = 0.0
-                for m in range(n):
-                    total += Z[i, m] * Z[m, j]
-                one = 1.0 if i == j else 0.0
-                den[i, j] = one - 0.1 * Z[i, j] + total / 60.0
-                right[i, 0] -= 0.1 * Z[i, j] * bend[j, piece]
-        solve(den, right)
-        for i in range(n):
-            bend[i, piece] = right[i, 0] / -12.0
-
-
-@small
-def observe(s, cd, rows, columns, n, out):
-    q = s.shape[1]
-    out[:] = 0.0
-    for e in range(len(rows)):
-        i, j, value = rows[e], columns[e], cd[e]
-        if j >= n:
-            out[i, j - n] += value
-        else:
-            for c in range(q):
-                out[i, c] += value * s[j, c]
-
-
-@small
-def solve(a, b):
-    n, q = b.shape
-    for k in range(n):
-        best = k
-        for i in range(k + 1, n):
-            if abs(a[i, k]) > abs(a[best, k]):
-                best = i
-        if best != k:
-            for j in range(k, n):
-                a[k, j], a[best, j] = a[best, j], a[k, j]
-            for c in range(q):
-                b[k, c], b[best, c] = b[best, c], b[k, c]
-        pivot = 1.0 / a[k, k]
-        for i in range(k + 1, n):
-            factor = a[i, k] * pivot
-            if factor != 0.0:
-                for j in range(k + 1, n):
-                    a[i, j] -= factor * a[k, j]
-                for c in range(q):
-                    b[i, c] -= factor * b[k, c]
-    for i in range(n - 1, -1, -1):
-        for j in range(i + 1, n):
-            if a[i, j] != 0.0:
-                for c in range(q):
-                    b[i, c] -= a[i, j] * b[j, c]
-        pivot = 1.0 / a[i, i]
-        for c in range(q):
-            b[i, c] *= pivot
+def run(x_start, start, length, u, stride, series, p, y, seen, gain, correct, t0, dt, substeps,
+        rtol, rows, by, y_rows, y_by, edges, target, source, push, dseen, y_hat, dy, x_end, S,
+        first, last):
+    q, shortest = S.shape[2], dt / substeps * 1e-4
+    P, b, d = np.zeros(({n}, {n})), np.empty(len(rows)), np.empty(len(y_rows))
+    for lane in range(first, last):
+        own, view, s = series[lane], seen[lane], S[lane]
+{unpack}
+{head}
+        for j in range(length):
+            k = start[lane] + j
+            t = t0[lane] + k * dt
+            slope = dy[lane, j]
+{read}
+{output}
+            for e in range(len(d)):
+                for one in range(edges[y_by[e]], edges[y_by[e] + 1]):
+                    value = d[e] if source[one] < 0 else d[e] * push[own, k, source[one]]
+                    slope[y_rows[e], target[one]] += value
+            if correct:
+{correct}
+{scale}
+            for turn in range(substeps):
+                t = t0[lane] + (k + turn / substeps) * dt
+                left = dt / substeps
+                h = left
+                while left > 0.0:
+{step}
+                    error = {error}
+                    if not isfinite({state}):
+                        error = 0.0
+                    if not error <= rtol and h > shortest:
+                        h = h * max(0.1, 0.8 * sqrt(sqrt(rtol / error))) if error < inf else h * 0.1
+                        continue
+{carry}
+                    for e in range(len(b)):
+                        for one in range(edges[by[e]], edges[by[e] + 1]):
+                            value = b[e] if source[one] < 0 else b[e] * push[own, k, source[one]]
+                            for i in range({n}):
+                                s[i, target[one]] += P[i, rows[e]] * value
+                    t = t + h
+                    left = left - h
+                    h = min(left, h * min(5.0, 0.8 * sqrt(sqrt(rtol / max(error, 1e-30)))))
+{finish}
 """
 
-PARTS = 16  # pieces into which one is cut over which A and B change too much
-_BLOCK = 4096  # points whose intermediate results fit into the processor's cache
+Rows = Sequence[Sequence[Node]]
 
 
 @dataclass(frozen=True, eq=False)
-class Matrix:
-    """The entries of a matrix of expressions that are not zero, evaluated at many points.
+class Entries:
+    """The entries of a matrix that are not zero: in which row, and by what it is derived.
 
-    Columns are states, then other variables; the first ``inner`` entries are in the former.
+    ``by`` counts the parameters, then the inputs.
     """
 
+    nodes: list[Node]
     rows: np.ndarray
-    columns: np.ndarray
-    inner: int
-    values: Callable[..., None]
-
-    def at(
-        self,
-        t: np.ndarray,
-        begin: np.ndarray,
-        h: np.ndarray,
-        x: np.ndarray,
-        u: np.ndarray,
-        p: np.ndarray,
-    ) -> np.ndarray:
-        """Values (entries, points); t, begin, h (points,), x (n, points), u (m, points),
-        p (q, points) or (q,)."""
-        out = np.empty((len(self.rows), len(t)))
-        with np.errstate(all="ignore"):
-            for a in range(0, len(t), _BLOCK):
-                s = slice(a, a + _BLOCK)
-                own = p[:, s] if p.ndim == 2 else p
-                self.values(t[s], begin[s], h[s], x[:, s], u[:, s], own, out[:, s])
-        return out
+    by: np.ndarray
 
 
-def vector(program: Program, roots: Sequence[Node]) -> Matrix:
-    """The roots themselves, as one column."""
-    index = np.arange(len(roots))
-    return Matrix(index, 0 * index, len(roots), _compiled(program, roots))
+def entries(program: Program, roots: Sequence[Node]) -> Entries:
+    """The derivatives of the roots by parameters and inputs."""
+    matrix = jacobian(roots, [*program.p, *program.u])
+    full = [
+        (node, i, j)
+        for i, row in enumerate(matrix)
+        for j, node in enumerate(row)
+        if not node.is_constant(0.0)
+    ]
+    places = np.array([place for _, *place in full], dtype=np.int64).reshape(-1, 2)
+    return Entries([node for node, *_ in full], *places.T.copy())
 
 
-def slopes(program: Program, roots: Sequence[Node], variables: Sequence[Node]) -> Matrix:
-    """d root / d variable; the states are the first variables."""
-    nodes: list[Node] = []
-    places: list[tuple[int, int]] = []
-    for j, variable in enumerate([*program.x, *variables]):
-        for i, slope in enumerate(derivatives(roots, variable)):
-            if not slope.is_constant(0.0):
-                nodes.append(slope)
-                places.append((i, j))
-    rows, columns = np.array(places, dtype=np.int64).reshape(-1, 2).T.copy()
-    inner = int(np.sum(columns < len(program.x)))
-    return Matrix(rows, columns, inner, _compiled(program, nodes))
+def tangent_code(program: Program) -> tuple[str, Entries, Entries]:
+    """The function ``run``, and the entries of the derivatives of rates and of outputs."""
+    fixed = [node.value for node in program.p]
+    sample, step, carry = (Emitter("scalar", letter, fixed) for letter in "abc")
+    rates = average_jumps(program.xdot, {node.value for node in program.p})
+    inside, outside = entries(program, rates), entries(program, program.y)
+    states = [node.value for node in program.x]
+    after, estimate = fixed_step(program)
+    codes = step.write([*after, *estimate])
+    new = [f"n{i}" for i in range(len(states))]
+    errors = [f"abs({e}) / max(s{i}, abs(n{i}))" for i, e in enumerate(codes[len(states) :])]
+    output = _output(program, outside, sample)
+    carried = _carried(program, rates, inside, carry)
+    text = _LOOP.format(
+        n=len(states),
+        unpack=indent(_unpack(program), 2),
+        head=indent(sample.head + step.head + carry.head, 2),
+        read=indent([f"{node.value} = u[own, k, {i}]" for i, node in enumerate(program.u)], 3),
+        output=indent(output, 3),
+        correct=indent(_correct(states, len(program.y)), 4),
+        scale=indent([f"s{i} = max(s{i}, abs({x}))" for i, x in enumerate(states)], 3),
+        step=indent([*step.body, *_set(new, codes)], 5),
+        error=" + ".join(errors),
+        state=" + ".join(states),
+        carry=indent([*carried, *_set(states, new)], 5),
+        finish=indent([f"x_end[lane, {i}] = {x}" for i, x in enumerate(states)], 2),
+    )
+    return text, inside, outside
 
 
-def _compiled(program: Program, roots: Sequence[Node]) -> Callable[..., None]:
-    unpack = []
-    for letter, nodes in (("x", program.x), ("u", program.u), ("p", program.p)):
-        unpack += [f"{node.value} = {letter}[{i}]" for i, node in enumerate(nodes)]
-    emitter = Emitter("array", "v")
-    store = [f"out[{i}] = {code}" for i, code in enumerate(emitter.write(roots))]
-    code = indent([*unpack, *emitter.head, *emitter.body, *store], 1)
-    return load(_VALUES.format(code=code), "numpy").values
+def _set(names: Sequence[str], codes: Sequence[str]) -> list[str]:
+    return [f"{name} = {code}" for name, code in zip(names, codes, strict=False)]
 
 
-@dataclass(frozen=True, eq=False)
-class Pieces:
-    """Stretches of time with held inputs; the last axis of each array has one place for each.
+def _unpack(program: Program) -> list[str]:
+    lines = [f"{x.value} = x_start[lane, {i}]" for i, x in enumerate(program.x)]
+    lines += [f"s{i} = abs({x.value}) + 1e-9" for i, x in enumerate(program.x)]
+    return lines + [f"{p.value} = p[lane, {i}]" for i, p in enumerate(program.p)]
 
-    ``row`` counts samples within the lane, ``after`` is where a piece begins as a part of the
-    interval; ``x`` and ``end`` (n, P) are the states at both ends, ``bend`` how much the rates
-    change, ``missed`` by how much those at the mean state fail to explain the motion (nan and 0
-    for states that forget their beginning), ``slopes`` entries of A and B.
+
+def _output(program: Program, outside: Entries, emitter: Emitter) -> list[str]:
+    """Outputs, and their derivatives by the states times S."""
+    C = jacobian(program.y, program.x)
+    codes = iter(emitter.write([*program.y, *_flat(C), *outside.nodes]))
+    lines = [f"y_hat[lane, j, {o}] = {next(codes)}" for o in range(len(program.y))]
+    lines += _times("slope", C, codes)
+    lines += [f"d[{e}] = {code}" for e, code in enumerate(codes)]
+    return [*emitter.body, *lines]
+
+
+def _times(to: str, matrix: Rows, codes: Iterator[str]) -> list[str]:
+    """to = matrix S in all columns; ``codes`` gives the entries row by row."""
+    lines = [f"r{j} = s[{j}, c]" for j in range(len(matrix[0]))]
+    for i, row in enumerate(matrix):
+        factors = [(entry, next(codes)) for entry in row]
+        terms = [f"{f} * r{j}" for j, (e, f) in enumerate(factors) if not e.is_constant(0.0)]
+        lines.append(f"{to}[{i}, c] = {' + '.join(terms) or '0.0'}")
+    return ["for c in range(q):", *(f"    {line}" for line in lines)]
+
+
+def _correct(states: Sequence[str], ny: int) -> list[str]:
+    """x += gain (y - y_hat), S += gain (dy - dy_hat), without what was not measured (nan)."""
+    lines: list[str] = []
+    for o in range(ny):
+        lines += [f"m{o} = y[view, k, {o}] - y_hat[lane, j, {o}]"]
+        lines += [f"k{o} = 1.0 if m{o} == m{o} else 0.0", f"m{o} = m{o} if k{o} > 0.0 else 0.0"]
+    for i, x in enumerate(states):
+        lines += [f"g{i}_{o} = gain[lane, {i}, {o}] * k{o}" for o in range(ny)]
+        lines.append(f"{x} = {' + '.join([x, *(f'g{i}_{o} * m{o}' for o in range(ny))])}")
+    inner = [f"r{o} = slope[{o}, c]" for o in range(ny)]
+    inner += ["if len(dseen):", *(f"    r{o} -= dseen[lane, j, {o}, c]" for o in range(ny))]
+    for i in range(len(states)):
+        inner.append(f"s[{i}, c] -= " + " + ".join(f"g{i}_{o} * r{o}" for o in range(ny)))
+    return [*lines, "for c in range(q):", *(f"    {line}" for line in inner)]
+
+
+def _carried(
+    program: Program, rates: Sequence[Node], inside: Entries, emitter: Emitter
+) -> list[str]:
+    """S <- (I + Z P) S, and what the rest needs: P, b = h B, of a step of length h from x to n.
+
+    Z = h A, and P = (I - 2/3 Z + 1/6 Z^2)^-1 (I - 1/6 Z) is an approximant of (exp(Z) - I) / Z:
+    I + Z P is L-stable, and of order 3 where A does not change.
     """
+    graph, n = program.graph, len(program.x)
+    h, begin = graph.symbol("h"), graph.symbol("begin")
+    middle = {program.t.index: program.t + 0.5 * h, begin.index: program.t}
 
-    lane: np.ndarray
-    row: np.ndarray
-    after: np.ndarray
-    t: np.ndarray
-    h: np.ndarray
-    x: np.ndarray
-    end: np.ndarray
-    u: np.ndarray
-    bend: np.ndarray
-    missed: np.ndarray
-    slopes: np.ndarray
+    def at(roots: Sequence[Node], state: Sequence[Node]) -> list[Node]:
+        place = {x.index: value for x, value in zip(program.x, state, strict=True)}
+        return rename(roots, middle | place)
 
-    def __getitem__(self, which: np.ndarray) -> Pieces:
-        return Pieces(*(getattr(self, f.name)[..., which] for f in fields(self)))
+    def slopes(state: Sequence[Node]) -> list[list[Node]]:
+        return [[h * a for a in at(row, state)] for row in jacobian(rates, program.x)]
 
-
-@dataclass(frozen=True, eq=False)
-class Levels:
-    """Pieces, those that some of them were cut into, and so on; masks of which were cut."""
-
-    pieces: list[Pieces]
-    cut: list[np.ndarray]
-
-    def order(self) -> np.ndarray:
-        """Indices of the pieces that stand, lane by lane in the order of time."""
-        sizes = [len(p.h) for p in self.pieces]
-        offsets = np.cumsum([0, *sizes])
-        order, count = offsets[-2] + np.arange(sizes[-1]), np.ones(sizes[-1], dtype=int)
-        for cut, size, offset in reversed(list(zip(self.cut, sizes, offsets, strict=False))):
-            more = np.ones(size, dtype=int)
-            more[cut] = count.reshape(-1, PARTS).sum(axis=1)
-            whole, old = offset + np.repeat(np.arange(size), more), np.repeat(cut, more)
-            whole[old] = order
-            order, count = whole, more
-        return order
-
-    def all(self, name: str) -> np.ndarray:
-        arrays = [getattr(p, name) for p in self.pieces]
-        return np.concatenate(arrays, axis=-1) if len(arrays) > 1 else arrays[0]
+    new = [graph.symbol(f"n{i}") for i in range(n)]
+    mean = [0.5 * (x + y) for x, y in zip(program.x, new, strict=True)]
+    change = zip(at(rates, program.x), at(rates, new), strict=True)
+    offset = _offset(slopes(mean), [h * (b - a) for a, b in change])
+    mean = [m + o for m, o in zip(mean, offset, strict=True)]
+    Z = slopes(mean)
+    Z2 = _product(Z, Z)
+    lu = SparseLU(graph, _sum((1.0, _unit(Z)), (-2.0 / 3.0, Z), (1.0 / 6.0, Z2)))
+    right = _sum((1.0, _unit(Z)), (-1.0 / 6.0, Z))
+    P = _turned([lu.solve(column) for column in _turned(right)])
+    M = _sum((1.0, _unit(Z)), (1.0, _product(Z, P)))
+    b = [h * node for node in at(inside.nodes, mean)]
+    codes = iter(emitter.write([*_flat(M), *_flat(P), *b]))
+    lines = _times("s", M, codes)
+    lines += [f"P[{i}, {j}] = {next(codes)}" for i in range(n) for j in range(n)]
+    return [*emitter.body, *lines, *(f"b[{e}] = {code}" for e, code in enumerate(codes))]
 
 
-@dataclass(frozen=True, eq=False)
-class Linear:
-    """Entries of a matrix [states | columns of S] along a run; ``values`` (entries, points)."""
+def _offset(Z: Rows, bend: Sequence[Node]) -> list[Node]:
+    """Mean state over a step less the mean of its ends; ``bend`` is h times the rates' change.
 
-    rows: np.ndarray
-    columns: np.ndarray
-    inner: int
-    values: np.ndarray
-
-    def dense(self, height: int, width: int) -> np.ndarray:
-        """(points, height, width)."""
-        whole = np.zeros((self.values.shape[1], height, width))
-        for i, j, value in zip(self.rows, self.columns, self.values, strict=True):
-            whole[:, i, j] += value
-        return whole
-
-
-def mean_offset(backend: str, h: np.ndarray, A: Linear, bend: np.ndarray) -> np.ndarray:
-    """Mean state over a piece less the mean of its ends, (n, P), for ``bend`` = h (f1 - f0).
-
-    For constant A it is (1/z - coth(z/2) / 2) dx, z = h A, here the approximant of order 4
-    -(z/12) (1 - z/10) / (1 - z/10 + z^2/60), right as well where z tends to -infinity: then
-    the mean is the state at the end.
+    For constant A it is (1/z - coth(z/2) / 2) dx. The approximant -(z/12) / (1 - z/6) is right
+    as well where z tends to -infinity: then the mean is the state at the end.
     """
-    n = len(bend)
-    with np.errstate(all="ignore"):
-        if backend == "numba":
-            offset = bend.copy()
-            rows, columns = A.rows[: A.inner], A.columns[: A.inner]
-            load(RECURSION, "numba").settle(h, A.values, rows, columns, offset)
-            return offset
-        Z = h[:, None, None] * A.dense(n, n)
-        right = (np.eye(n) - 0.1 * Z) @ bend.T[..., None]
-        den = np.eye(n) - 0.1 * Z + Z @ Z / 60.0
-        return np.linalg.solve(den, right)[..., 0].T / -12.0
+    lu = SparseLU(bend[0].graph, _sum((1.0, _unit(Z)), (-1.0 / 6.0, Z)))
+    return [solved * (-1.0 / 12.0) for solved in lu.solve(bend)]
 
 
-def recursion(
-    backend: str,
-    first: np.ndarray,
-    order: np.ndarray,
-    sample: np.ndarray,
-    h: np.ndarray,
-    along: Linear,
-    shown: Linear,
-    gain: np.ndarray,
-    known: np.ndarray,
-    seen: np.ndarray,
-    S: np.ndarray,
-    dy: np.ndarray,
-) -> None:
-    """S from the start to the end of each lane, and the outputs' derivatives on the way.
-
-    Pieces ``order[first[lane]]`` to ``order[first[lane + 1] - 1]`` make up a lane; ``sample``
-    is the sample that a piece begins, -1 inside an interval. Points of ``shown`` are the
-    samples, lane by lane. ``seen`` may be empty.
-    """
-    with np.errstate(all="ignore"):
-        if backend == "numba":
-            a = (along.values, along.rows, along.columns, along.inner)
-            c = (shown.values, shown.rows, shown.columns)
-            load(RECURSION, "numba").run(first, order, sample, h, *a, *c, gain, known, seen, S, dy)
-        else:
-            _batched(order, sample, h, along, shown, gain, known, seen, S, dy)
+def _flat(rows: Rows) -> list[Node]:
+    return [node for row in rows for node in row]
 
 
-def _batched(order, sample, h, along, shown, gain, known, seen, S, dy) -> None:
-    """The same with NumPy: one map for each interval, then all lanes together."""
-    lanes, length, ny, q = dy.shape
-    n = S.shape[1]
-    maps = _maps(h, along.dense(n, n + q), n)[order]
-    opens = np.flatnonzero(sample[order] >= 0)
-    count = np.diff(np.append(opens, len(order)))
-    whole = maps[opens]
-    for turn in range(1, int(np.max(count, initial=1))):
-        on = count > turn
-        later = maps[opens[on] + turn]
-        whole[on] = later[..., :n] @ whole[on]
-        whole[on, :, n:] += later[..., n:]
-    whole = whole.reshape(lanes, length, n, n + q)
-    cd = shown.dense(ny, n + q).reshape(lanes, length, ny, n + q)
-    for k in range(length):
-        dy[:, k] = cd[:, k, :, :n] @ S + cd[:, k, :, n:]
-        missed = (seen[:, k] if len(seen) else 0.0) - dy[:, k]
-        S += (gain * known[:, k, None]) @ missed
-        S[:] = whole[:, k, :, :n] @ S + whole[:, k, :, n:]
+def _turned(rows: Rows) -> list[list[Node]]:
+    return [list(column) for column in zip(*rows, strict=True)]
 
 
-def _maps(h: np.ndarray, ab: np.ndarray, n: int) -> np.ndarray:
-    """[M | N] of each piece, S -> M S + N."""
-    ab = h[:, None, None] * ab
-    Z, B, one = ab[..., :n], ab[..., n:], np.eye(n)
-    Z2 = Z @ Z
-    den = one - 0.6 * Z + 0.15 * Z2 - Z @ Z2 / 60.0
-    right = [one + 0.4 * Z + 0.05 * Z2, (one - 0.1 * Z + Z2 / 60.0) @ B]
-    return np.linalg.solve(den, np.concatenate(right, axis=-1))
+def _unit(like: Rows) -> list[list[Node]]:
+    graph = like[0][0].graph
+    places = range(len(like))
+    return [[graph.constant(float(i == j)) for j in places] for i in places]
+
+
+def _sum(*terms: tuple[float, Rows]) -> list[list[Node]]:
+    """Matrices times numbers, added up."""
+    graph, n = terms[0][1][0][0].graph, len(terms[0][1])
+    return [[graph.total(f * rows[i][j] for f, rows in terms) for j in range(n)] for i in range(n)]
+
+
+def _product(a: Rows, b: Rows) -> list[list[Node]]:
+    graph, places = a[0][0].graph, range(len(a))
+    return [[graph.total(a[i][m] * b[m][j] for m in places) for j in places] for i in places]

@@ -119,12 +119,11 @@ def picked(data: Data, index: np.ndarray) -> Data:
     )  # fmt: skip
 
 
-def averaged(u: np.ndarray, weight: float, runs: Sequence[tuple[int, int]]) -> np.ndarray:
-    """Each sample moved by ``weight`` towards the mean of itself and its two neighbours."""
+def averaged(u: np.ndarray, runs: Sequence[tuple[int, int]]) -> np.ndarray:
+    """Each sample the mean of itself and its two neighbours."""
     out = u.copy()
     for a, b in runs:
-        mean = (u[a : b - 2] + u[a + 1 : b - 1] + u[a + 2 : b]) / 3.0
-        out[a + 1 : b - 1] += weight * (mean - u[a + 1 : b - 1])
+        out[a + 1 : b - 1] = (u[a : b - 2] + u[a + 1 : b - 1] + u[a + 2 : b]) / 3.0
     return out
 
 

@@ -12,13 +12,14 @@ from ..model import Model
 from ..results import Candidate
 from ..spec import P, members
 from .coordinates import free_keys
+from .data import Data
 from .evaluate import missing_torque
 from .fit import Fitted, fit
-from .job import Progress
+from .job import Progress, calmed
 from .likelihood import tune
 from .predictor import Predictor
 from .search import Contest, Trial, contest
-from .structure import colour, dependences, in_bursts
+from .structure import colour, dependences, in_bursts, uneven
 
 GATE = 20.0  # least gain in log-likelihood, also without the best window
 LEAST_SHARE = 0.04  # of the residual torque's power that an effect must remove
@@ -29,6 +30,8 @@ LEAST_REMOVED = 2e-4  # of friction: the residual torque gone, below which nothi
 MOST_OF_IT = 0.95  # of the residual's power
 LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a signal
 WHOLE = 0.9  # share above which the effects found explain the residual, whatever is left
+CLOSE = 0.02  # relative, to a bound
+PIECED = 0.98  # share below which as many effects as are tried are a patchwork, not physics
 COLOUR = {"theta": 0.3, "w": 0.05}  # of the innovations; quantised positions are never white
 SURE = 1.5  # standard errors above which a dependence too weak to prove is at least a hint
 MOST_EFFECTS = 3
@@ -51,7 +54,9 @@ class Step:
 class Explanation:
     """The refitted model, accepted effects, the final model with them inside, and what is left.
 
-    ``unexplained`` says whether something proven is left; ``hangs_on`` on which signals.
+    ``unexplained`` says whether something proven is left; ``hangs_on`` on which signals. Where
+    ``calm`` is given the first effect has shown that the torque is to be smoothed first: what
+    else is here is not to be used.
     """
 
     base: Fitted
@@ -60,6 +65,7 @@ class Explanation:
     ranking: tuple[Candidate, ...]
     unexplained: bool
     hangs_on: tuple[str, ...]
+    calm: Data | None = None
 
 
 def explain(base: Fitted, report: Progress) -> Explanation:
@@ -89,6 +95,9 @@ def explain(base: Fitted, report: Progress) -> Explanation:
         steps, current = _pruned(steps, current, steps[:-1])
         if _share(base, current) > 1.0 - LEAST_OF_FIRST:
             break
+        calm = calmed(current) if turn == 0 else None
+        if calm is not None:
+            return Explanation(base, tuple(steps), current, (), False, (), calm)
     unexplained, hangs_on = _left_over(base, current, steps)
     return Explanation(base, tuple(steps), current, tuple(ranking), unexplained, hangs_on)
 
@@ -144,7 +153,17 @@ def _proven(base: Fitted, before: Fitted, after: Fitted, key: str) -> bool:
     least = LEAST_SIZE if share < MOST_OF_IT else LEAST_SIZE_OF_ALL
     large = share > LEAST_SHARE and size(after, key) > least
     large = large and _removed(before, after) > LEAST_REMOVED
-    return bool(np.isfinite(after.total)) and certain and matters and large
+    sound = bool(np.isfinite(after.total)) and not _at_its_bound(after, key)
+    return sound and certain and matters and large
+
+
+def _at_its_bound(fitted: Fitted, key: str) -> bool:
+    """Whether an effect would be stronger than it may be: it stands for something else."""
+    part = next(p for p in fitted.predictor.model.effects if p.key == key)
+    gain = part.block.parameters[part.block.gain]
+    ends = [b for b in (gain.low, gain.high) if np.isfinite(b) and b != gain.neutral]
+    value = fitted.values[f"{key}.{part.block.gain}"]
+    return any(abs(value - b) < CLOSE * abs(b) for b in ends)
 
 
 def _mirrored(fitted: Fitted, key: str) -> float:
@@ -281,13 +300,16 @@ def _left_over(base: Fitted, final: Fitted, steps: Sequence[Step]) -> tuple[bool
     standing = now[0].t > 3.0 and weight * now[0].share > LEFT_SHARE
     standing = standing and _share(base, final) < WHOLE
     friction = base.predictor.friction(base.values)[base.where.counted]
-    matters = np.std(after) > LEAST_SIZE * np.std(friction)
-    if not matters or not (standing or _coloured(final)):
+    quiet = missing_torque(final.predictor, final.values, final.where, final.noise)
+    matters = np.std(quiet) > LEAST_SIZE * np.std(friction)
+    loud = uneven(final.innovations)
+    pieced = len(steps) == MOST_EFFECTS and _share(base, final) < PIECED
+    if not matters or not (standing or loud or pieced or _coloured(final)):
         return False, ()
-    best = now[0] if standing else max(now[0], first[0], key=lambda d: d.share)
-    if best.share > LEFT_SHARE and best.t > SURE:
-        return True, best.signals
-    if in_bursts(before) or in_bursts(after):
+    hints = [d for d in (*now, *first) if d.share > LEFT_SHARE and d.t > SURE]
+    if standing or hints:
+        return True, now[0].signals if standing else max(hints, key=lambda d: d.t).signals
+    if loud or in_bursts(before) or in_bursts(after):
         return True, ("t",)
     return True, signals_of([step.trial.name for step in steps])
 

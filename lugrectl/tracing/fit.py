@@ -14,6 +14,7 @@ from .likelihood import loglik, tune, whitened
 from .moments import placed
 from .noise import Noise
 from .predictor import Predictor, Values, Windows
+from .slopes import slopes
 
 PRIOR = 1.5  # natural log units: a friction parameter is believed within a factor of 4.5
 NOISE_STEPS = (1.0, 0.6, 0.25, 1.5)  # factors tried at each step of a fit
@@ -103,7 +104,9 @@ def fit(
     moments = [k for k in free if is_instant(declared[k])]
     coords = coordinates(predictor, [k for k in free if k not in moments], anchor)
     place_all = partial(placed, predictor, moments, where)
-    climb = _Climb(predictor, coords, where, _Prior.at(coords, anchor))
+    # a few steps do not pay for compiling the derivatives of one more plant
+    graph = not (rough and predictor.core.effects)
+    climb = _Climb(predictor, coords, where, _Prior.at(coords, anchor), graph)
     noise, _ = tune(predictor, values, where, noise, fine=not rough)
     values, _ = place_all(values, noise, edges=False)
     values, noise = climb.up(values, noise, most if not moments else max(1, most // 3))
@@ -152,6 +155,7 @@ class _Climb:
     coords: Sequence[Coordinate]
     where: Windows
     prior: _Prior
+    graph: bool
 
     def up(self, values: Values, noise: Noise, most: int) -> tuple[dict[str, float], Noise]:
         current, damping = dict(values), 1e-3
@@ -193,13 +197,10 @@ class _Climb:
         return _move(H, gradient, damping, self.coords, values)
 
     def linearised(self, values: Values, noise: Noise) -> _Linear:
-        sets = [dict(values)]
-        for c in self.coords:
-            moved = dict(values)
-            moved[c.key] = c.back(c.into(values) + c.step, values)
-            sets.append(moved | _tied(c, self.coords, values, moved))
-        with np.errstate(over="ignore", invalid="ignore"):
-            return _derivative(whitened(self.predictor, sets, self.where, noise), self.coords)
+        r, A = slopes(self.predictor, values, self.coords, self.where, noise, graph=self.graph)
+        A, r = A.reshape(len(self.coords), len(r), -1), r.reshape(len(r), -1)
+        flat = A.reshape(len(self.coords), -1)
+        return _Linear(flat @ flat.T, np.einsum("pwn,wn->wp", A, r))
 
 
 def _move(H, gradient, damping, coords, values) -> dict[str, float]:
@@ -211,19 +212,3 @@ def _move(H, gradient, damping, coords, values) -> dict[str, float]:
         limited = step if c.kind == "linear" else np.clip(step, -0.7, 0.7)
         moved[c.key] = c.back(c.into(values) + limited, moved)
     return moved
-
-
-def _derivative(white: np.ndarray, coords: Sequence[Coordinate]) -> _Linear:
-    r = white[0]
-    A = np.stack([(r - w) / c.step for w, c in zip(white[1:], coords, strict=True)])
-    A = np.nan_to_num(A.reshape(len(coords), len(r), -1), posinf=0.0, neginf=0.0)
-    scores = np.einsum("pwn,wn->wp", A, r.reshape(len(r), -1))
-    flat = A.reshape(len(coords), -1)
-    return _Linear(flat @ flat.T, scores)
-
-
-def _tied(c: Coordinate, coords: Sequence[Coordinate], values: Values, moved: Values) -> dict:
-    """Fs follows Fc where it is stepped by its excess."""
-    if c.key != "Fc":
-        return {}
-    return {q.key: q.back(q.into(values), moved) for q in coords if q.kind == "excess"}

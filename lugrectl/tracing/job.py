@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,13 +18,14 @@ from .doubts import refuse_dead, refuse_unfit
 from .evaluate import free_run, judge
 from .fit import Fitted, fit
 from .likelihood import tune
-from .noise import Noise
-from .predictor import Predictor, windows
-from .split import Split, split
+from .noise import Noise, sensor_noise
+from .predictor import Predictor, spread, windows
+from .split import ENOUGH_OF_MANY, MOST, Split, split
 from .start import completed, settled
 
 CALM = 50.0  # least gain in log-likelihood for a smoothed torque
-CALMEST = 5  # times that it may be averaged over three samples
+CALMER = (1, 3, 12, 48)  # times more that it is averaged over three samples
+ROUGH = 0.002  # noise of the torque over its size, below which it is taken as it is
 SMOOTHED = "u is noisy from sample to sample: it was averaged over neighbouring samples."
 
 Progress = Callable[[float, str], None]
@@ -72,32 +73,48 @@ def begin(
     predictor = Predictor(started, data)
     values = started.known()
     base = settled(fit(predictor, values, free_keys(predictor), parts.train, data.noise))
+    job = Job(records, model, data, parts, base, doubts)
     calm = calmed(base)
-    if calm is not None:
-        report(0.1, "refitting with the torque smoothed")
-        predictor = predictor.on(calm)
-        data, noise = calm, base.noise
-        base = fit(predictor, base.values, free_keys(predictor), parts.train, noise, anchor=values)
-    return Job(records, model, data, parts, base, doubts)
+    return job if calm is None else calmer(job, calm, report)
 
 
-def calmed(base: Fitted) -> Data | None:
+def calmer(job: Job, calm: Data, report: Progress) -> Job:
+    """The same job with a smoothed torque."""
+    report(0.1, "refitting with the torque smoothed")
+    base, values = job.base, job.base.anchor
+    predictor = base.predictor.on(calm)
+    free = free_keys(predictor)
+    again = [
+        fit(predictor, start, free, base.where, base.noise, anchor=values)
+        for start in (base.values, values)
+    ]
+    return replace(job, data=calm, base=max(again, key=lambda f: f.total))
+
+
+def calmed(found: Fitted) -> Data | None:
     """The data with the torque averaged over neighbouring samples, where that is more likely.
 
     Noise on the recorded torque, which the drive never saw, would otherwise make any effect
-    look real that smooths the torque (a delay between two samples does).
+    look real that smooths the torque (a lag does), and the inertia too large. Noise that a
+    controller made is in the motion, too, and stays.
     """
-    data, found, total = base.predictor.data, None, base.total
-    for _ in range(CALMEST):
-        calmer = [data.with_torque(averaged(data.u, part, data.runs)) for part in (0.3, 1.0)]
-        on = [tune(base.predictor.on(c), base.values, base.where, base.noise)[1] for c in calmer]
-        totals = [float(loglik.sum()) for loglik in on]
-        best = int(np.argmax(totals))
-        if totals[best] < total + CALM:
+    predictor, best, total = found.predictor, None, found.total
+    u = predictor.data.u
+    if sensor_noise(u) < ROUGH * float(np.std(u)):
+        return None
+    free = [c.key for c in found.free] + list(found.instants)
+    for more in CALMER:
+        for _ in range(more):
+            u = averaged(u, predictor.data.runs)
+        data = predictor.data.with_torque(u)
+        again = fit(
+            predictor.on(data), found.values, free, found.where, found.noise,
+            anchor=found.anchor, most=8, rough=True,
+        )  # fmt: skip
+        if again.total < total + CALM:
             break
-        data = found = calmer[best]
-        total = totals[best]
-    return found
+        best, total = data, again.total
+    return best
 
 
 def on_everything(fitted: Fitted, job: Job) -> Fitted:
@@ -109,6 +126,7 @@ def on_everything(fitted: Fitted, job: Job) -> Fitted:
         return fitted
     train = job.parts.train
     where = windows(job.data.runs, train.burn, train.length)
+    where = spread(where, MOST, ENOUGH_OF_MANY)
     predictor = fitted.predictor
     free, anchor = free_keys(predictor), fitted.anchor
     return fit(predictor, fitted.values, free, where, fitted.noise, anchor=anchor)

@@ -49,6 +49,15 @@ def windows(blocks: Sequence[tuple[int, int]], burn: int, length: int) -> Window
     return Windows(np.array(starts, dtype=int), burn, length)
 
 
+def spread(where: Windows, most: int, least: int) -> Windows:
+    """Evenly spread ones of them, so many that ``most`` samples count, but at least ``least``."""
+    kept = max(least, most // where.length)
+    if len(where.start) <= kept:
+        return where
+    chosen = np.linspace(0, len(where.start) - 1, kept).round().astype(int)
+    return replace(where, start=where.start[chosen])
+
+
 def coarser(where: Windows, runs: Sequence[tuple[int, int]], every: int) -> Windows:
     """The same stretches where only every so many samples are left."""
     burn, length = -(-where.burn // every), where.length // every
@@ -160,7 +169,7 @@ class Predictor:
             States after the last sample.
         """
         sets, n = len(values), len(where.start)
-        series, errors, index = self._distinct(values)
+        series, errors, index = self.distinct(values)
         p = np.array([[v[k] for k in self.keys] for v in values])
         start = np.tile(where.start, sets)
         if x0 is None:
@@ -188,7 +197,7 @@ class Predictor:
             y = y + np.array([_at(errors[i], where) for i in index])
         return y, x.reshape(sets, n, -1)
 
-    def _distinct(
+    def distinct(
         self, values: Sequence[Values]
     ) -> tuple[np.ndarray, list[np.ndarray | None], np.ndarray]:
         """Series and sensor errors for each distinct setting of the outside effects."""

@@ -58,14 +58,15 @@ class Score:
 
         The noise follows: -n/2 log(1 - R^2) rather than n R^2/2.
         """
-        columns = self.root * columns
+        size = np.maximum(np.max(np.abs(columns), axis=1, keepdims=True), 1e-300)
+        columns = self.root * (columns / size)  # an unstable plant answers with huge numbers
         B = columns - (columns @ self.basis) @ self.basis.T
         H, g = B @ B.T, B @ self.r
         scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
         unit = H / np.outer(scale, scale) + 1e-9 * np.eye(len(H))
         c = np.linalg.solve(unit, g / scale) / scale
         explained = min(float(g @ c) / max(self.rest, 1e-300), 1.0 - 1e-9)
-        return -0.5 * self.count * float(np.log1p(-max(explained, 0.0))), c
+        return -0.5 * self.count * float(np.log1p(-max(explained, 0.0))), c / size[:, 0]
 
 
 def _weighing(r: np.ndarray) -> tuple[np.ndarray, float]:

@@ -15,17 +15,20 @@ from .data import Log, thinned
 from .evaluate import missing_torque
 from .fit import Fitted, fit
 from .likelihood import tune
-from .predictor import Predictor, coarser
+from .predictor import Predictor, coarser, spread
 from .score import Score, whitened_by_parts
 from .series import resisting
 from .tries import tried
 
+ENOUGH = 40_000  # counted samples to search on
+MANY_WINDOWS = 24
 COARSE = 2e-3  # s, longest sampling interval on which effects are searched
 FEW = 4  # grid points that are all tried exactly
 SHAKES = (0.7, 0.7, 0.3)  # largest spread of a random search about what a short fit found
 STEPS = 30.0  # typical steps by which an effect is tried
 SHAKEN = 40  # sets of it
 KEPT = 4  # of a longer grid, after a look at the residual torque
+NEARLY = 0.6  # of the best point's promise, from which the next one is a start, too
 ZOOMS = 2  # finer grids around the best point
 UNLIKELY = 0.01  # promise over what another effect has gained, below which one is not tried
 HOPELESS = 0.1  # of the leader's gain after a short fit, below which a candidate is dropped
@@ -80,8 +83,7 @@ def _screen_one(base: Fitted, name: str, score: Score) -> Trial | None:
     if made.tries:
         found = tried(base, made, predictor, key, score)
     else:
-        linear = _linear(base, made, predictor, key, score)
-        found = [linear] if linear else []
+        found = _linear(base, made, predictor, key, score)
     if not found:
         return None
     (promise, values), *others = found
@@ -95,8 +97,11 @@ def _open(made: Block) -> dict[str, float]:
 
 def _linear(
     base: Fitted, made: Block, predictor: Predictor, key: str, score: Score
-) -> tuple[float, dict[str, float]] | None:
-    """A step from the neutral value, over a grid of what the effect is not linear in."""
+) -> list[tuple[float, dict[str, float]]]:
+    """A step from the neutral value, over a grid of what the effect is not linear in.
+
+    A second one where another point of the grid promises nearly as much.
+    """
     spans, points = _spans(made), _grid(base, made)
     step = STEPS * typical(made.parameters[made.gain], predictor.data.log)
 
@@ -110,12 +115,14 @@ def _linear(
         columns = ((score.white - white) / step).reshape(len(tried), len(spans), -1)
         return [(*score.gain(c), point) for c, point in zip(columns, tried, strict=True)]
 
-    best = max(score_of(points), key=lambda found: found[0])
+    found = sorted(score_of(points), key=lambda one: -one[0])
+    best, second = found[0], found[1:2]
     for _ in range(ZOOMS if _continuous(base, made) else 0):
         points = _closer(points, best[2])
-        best = max([best, *score_of(points)], key=lambda found: found[0])
-    values = _combine(base, made, best[2], spans, best[1])
-    return None if values is None else (best[0], base.values | _values(key, made, values))
+        best = max([best, *score_of(points)], key=lambda one: one[0])
+    near = [one for one in second if one[0] > NEARLY * best[0]]
+    made_of = [(gain, _combine(base, made, point, spans, c)) for gain, c, point in [best, *near]]
+    return [(gain, base.values | _values(key, made, v)) for gain, v in made_of if v is not None]
 
 
 def _closer(points: list[dict], best: dict) -> list[dict]:
@@ -168,7 +175,9 @@ def _prescreened(base: Fitted, made: Block, points: list[dict]) -> list[dict[str
         _resemblance(made, few, weights, name, part, spans, target)
         for part in np.array_split(tried, -(-len(tried) // 32))
     ]
-    return [points[i] for i in _peaks(np.concatenate(power))[:KEPT]]
+    tops = _peaks(np.concatenate(power))[:KEPT].tolist()
+    beside = [i for i in (tops[0] - 1, tops[0] + 1) if 0 <= i < len(points)]
+    return [points[i] for i in dict.fromkeys([*tops, *beside])]
 
 
 def _resemblance(
@@ -266,8 +275,8 @@ def _short(trial: Trial) -> tuple[Trial, Fitted]:
         refine(replace(trial, values=v), most=5, rough=True) for v in (trial.values, *trial.others)
     ]
     best = max(fits, key=lambda f: f.total)
-    for spread in SHAKES if trial.rough and best.total > trial.fitted.total else ():
-        moved = _shaken(best, trial.key, spread)
+    for reach in SHAKES if trial.rough and best.total > trial.fitted.total else ():
+        moved = _shaken(best, trial.key, reach)
         if moved is not None:
             again = refine(replace(trial, values=moved), most=5, rough=True)
             best = max(best, again, key=lambda f: f.total)
@@ -305,13 +314,14 @@ def _shaken(found: Fitted, key: str, spread: float) -> dict[str, float] | None:
 
 
 def lightened(base: Fitted) -> Fitted:
-    """The base model on as few samples a second as tell effects apart."""
+    """The base model on as few samples as tell effects apart."""
     data = base.predictor.data
-    every = int(COARSE / data.dt + 1e-9)
-    if every < 2:
+    every = max(1, int(COARSE / data.dt + 1e-9))
+    where = base.where if every == 1 else coarser(base.where, data.runs, every)
+    where = spread(where, ENOUGH, MANY_WINDOWS)
+    if every == 1 and where is base.where:
         return base
-    where = coarser(base.where, data.runs, every)
-    predictor = base.predictor.on(thinned(data, every))
+    predictor = base.predictor.on(thinned(data, every)) if every > 1 else base.predictor
     noise, loglik = tune(predictor, base.values, where, base.noise)
     return replace(base, predictor=predictor, where=where, noise=noise, loglik=loglik)
 

@@ -7,13 +7,15 @@ from dataclasses import dataclass
 
 from ..errors import Refused
 from .data import Data
-from .predictor import Windows, windows
+from .predictor import Windows, spread, windows
 
 BLOCK = 2.0  # s, least length of a held-out block
 GAP = 0.25  # s, between the samples that fit and those that judge; also the observer's lead-in
 WINDOWS = (1.0, 0.5, 0.25)  # s, counted samples of one fitting window: the longest of which
 ENOUGH = 8  # fit into what may be seen
 LEAST = 4
+MOST = 200_000  # counted samples to fit on; of a longer record windows all over it are taken
+ENOUGH_OF_MANY = 24
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,7 @@ def split(data: Data, horizon: float, *, last: bool = False, held_out: int | Non
             "run with --holdout",
         )
     whole = test if (last or held_out is not None) else list(data.runs)
+    fitting = spread(fitting, MOST, ENOUGH_OF_MANY)
     return Split(fitting, judging, tuple(whole), not (last or held_out is not None))
 
 

@@ -14,6 +14,7 @@ BINS = 80
 ORDER = 12  # past innovations that are asked to predict the next
 FEW = 0.2  # of the windows that hold BULK of the power: what is left comes in bursts
 BULK = 0.8
+UNEVEN = 10.0  # times that the loudest quarter of the windows exceeds the quietest
 BEYOND = 0.3  # of the power that must lie beyond the median window's
 
 
@@ -119,6 +120,13 @@ def in_bursts(torque: np.ndarray) -> bool:
     beyond = np.maximum(power - np.median(power), 0.0)
     much = float(beyond.sum()) > BEYOND * float(power.sum())
     return much and float(beyond[:few].sum()) > BULK * float(beyond.sum())
+
+
+def uneven(innovations: np.ndarray) -> bool:
+    """Whether some windows hardly surprise the model while others do: it is not noise then."""
+    power = np.sort(np.sum(innovations**2, axis=(1, 2)))
+    top = float(np.mean(power[-max(1, len(power) // 4) :]))
+    return top > UNEVEN * float(power[len(power) // 10])
 
 
 def colour(innovations: np.ndarray) -> np.ndarray:

@@ -1,0 +1,141 @@
+"""How innovations change with the free values: the graph against differences of fine runs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lugrectl.model import model_from_dict
+from lugrectl.record import Record
+from lugrectl.tracing import fit as fitting
+from lugrectl.tracing import slopes as own
+from lugrectl.tracing.coordinates import coordinates
+from lugrectl.tracing.data import prepare
+from lugrectl.tracing.likelihood import tune, whitened
+from lugrectl.tracing.predictor import Predictor, windows
+
+COULOMB = {"model": "coulomb", "Fc": 0.3, "Fv": 0.02}
+LUGRE = {
+    "model": "lugre", "sigma0": 260.0, "sigma1": 0.6, "Fc": 0.285, "Fs": 0.335, "Fv": 0.018,
+    "vs": 0.01,
+}  # fmt: skip
+RIPPLE = ("torque_ripple", {"amplitude": 0.05, "harmonic": 3.0, "phase": 0.4})
+TURNED = ("torque_ripple", {"amplitude": 0.05, "harmonic": 3.0, "phase": np.pi - 1e-6})
+MASS = ("elastic_coupling", {"load_inertia": 0.002, "stiffness": 20.0, "damping": 0.02})
+RUNOUT = ("encoder_eccentricity", {"amplitude": 0.01, "phase": 0.3})
+SLOW = ("velocity_sensor_lag", {"time_constant": 0.004})
+ASYMMETRIC = ("coulomb_asymmetry", {"ratio": 0.1})
+CASES = {
+    "lugre": ("rotary", LUGRE, [], None),
+    "coulomb linear": ("linear", COULOMB, [], None),
+    "effect inside": ("rotary", LUGRE, [TURNED, MASS], None),
+    "effect outside": ("rotary", LUGRE, [ASYMMETRIC, RIPPLE], 0),
+    "sensor outside": ("rotary", LUGRE, [RUNOUT], 0),
+    "sensor with a state": ("rotary", LUGRE, [SLOW], None),
+}
+
+
+def rig(name: str):
+    """A predictor on a record of a drive that it is a few per cent away from."""
+    motion, friction, effects, inside = CASES[name]
+    tree = {"motion": motion, "plant": {"J": 0.0022}, "friction": friction}
+    model = model_from_dict(tree, "test")
+    for effect, values in effects:
+        model = model.with_effect(effect, values)
+    dt = 2e-3
+    t = np.arange(3000) * dt
+    u = 0.5 * np.sin(5.6 * t) + 0.3 * np.sin(19.5 * t + 1.0) + 0.2 * np.sin(52.0 * t)
+    block = Predictor(model, prepare([Record(t=t, u=u, w=np.sin(5 * t), theta=-np.cos(5 * t),
+                                             dt=dt, motion=motion)]))  # fmt: skip
+    lanes, values = block.lanes, model.known()
+    p = [[values[k] for k in block.keys]]
+    series = np.column_stack([u, *[0.0 * u] * (len(lanes.inputs) - 1)])
+    y, _ = lanes.run([[0.0] * len(lanes.states)], [0], len(t), series, p, dt=dt)
+    noise = np.random.default_rng(4).standard_normal((2, len(t))) * [[1e-5], [1e-3]]
+    theta, w = y[0].T + noise
+    data = prepare([Record(t=t, u=u, w=w, theta=theta, dt=dt, motion=motion)])
+    predictor = Predictor(model, data, inside)
+    away = {k: v * 1.03 if "." not in k and k != "Fs" else v for k, v in values.items()}
+    return predictor, away, windows([(0, 1500), (1500, 3000)], 100, 300)
+
+
+def free(predictor: Predictor) -> list[str]:
+    declared = predictor.model.declarations()
+    return [k for k, p in declared.items() if p.fitted and k.split(".")[-1] != "harmonic"]
+
+
+def resolved(predictor: Predictor) -> Predictor:
+    """The same with runs of a tight tolerance: differences of others are noise."""
+    fine = predictor.like(predictor.model)
+    run = fine.lanes.run
+
+    class Fine:
+        def __getattr__(self, name):
+            return getattr(predictor.lanes, name)
+
+        def run(self, *given, **options):
+            return run(*given, **options | {"rtol": 1e-9})
+
+    fine.lanes = Fine()
+    return fine
+
+
+def compared(name: str) -> dict[str, float]:
+    """RMS error of each coordinate's slope, relative."""
+    predictor, values, where = rig(name)
+    coords = coordinates(predictor, free(predictor), values)
+    noise, _ = tune(predictor, values, where, predictor.data.noise)
+    r, made = own.slopes(predictor, values, coords, where, noise)
+    few = [replace(c, step=0.1 * c.step) for c in coords]
+    sets = [values, *own.stepped(few, values)]
+    white = whitened(resolved(predictor), sets, where, noise)
+    truth = [(white[0] - w) / c.step for w, c in zip(white[1:], few, strict=True)]
+    missed = [np.linalg.norm(a - b) / np.linalg.norm(b) for a, b in zip(made, truth, strict=True)]
+    assert np.linalg.norm(r - white[0]) < 0.02 * np.linalg.norm(r)
+    return dict(zip([c.key for c in coords], missed, strict=True))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_graph_and_differences_agree(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tied, inside (a phase at half a turn), outside, on levels and on sensors."""
+    pytest.importorskip("numba")
+    monkeypatch.setattr(own, "RTOL", 1e-8)
+    missed = compared(name)
+    assert max(missed.values()) < 0.03, missed
+
+
+def test_fits_take_the_graph_wherever_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A short fit with an effect inside, and one without numba, go by differences alone."""
+    pytest.importorskip("numba")
+    asked: list[bool] = []
+
+    def noted(*given, graph: bool):
+        asked.append(graph)
+        return own.slopes(*given, graph=graph)
+
+    monkeypatch.setattr(fitting, "slopes", noted)
+    for name, rough in [("lugre", True), ("effect inside", True), ("effect inside", False)]:
+        predictor, values, where = rig(name)
+        fitting.fit(predictor, values, ["J"], where, predictor.data.noise, most=1, rough=rough)
+    assert asked[0] and asked[-1] and not all(asked)
+
+
+def test_without_the_graph_all_is_differenced() -> None:
+    predictor, values, where = rig("effect outside")
+    coords = coordinates(predictor, ["J", "Fc", "Fs", "torque_ripple.amplitude"], values)
+    noise = predictor.data.noise
+    r, made = own.slopes(predictor, values, coords, where, noise, graph=False)
+    white = whitened(predictor, [values, *own.stepped(coords, values)], where, noise)
+    np.testing.assert_array_equal(r, white[0])
+    for c, A, w in zip(coords, made, white[1:], strict=True):
+        np.testing.assert_array_equal(A, (r - w) / c.step)
+
+
+def test_a_value_held_by_its_bound_has_no_slope() -> None:
+    pytest.importorskip("numba")
+    predictor, values, where = rig("lugre")
+    bound = replace(coordinates(predictor, ["Fv"], values)[0], high=values["Fv"])
+    _, made = own.slopes(predictor, values, [bound], where, predictor.data.noise)
+    assert not np.any(made)
