@@ -151,10 +151,19 @@ def _proven(base: Fitted, before: Fitted, after: Fitted, key: str) -> bool:
     matters = _share(base, after) - _share(base, before) > LEAST_OF_FIRST
     share = _share(before, after)
     least = LEAST_SIZE if share < MOST_OF_IT else LEAST_SIZE_OF_ALL
-    large = share > LEAST_SHARE and size(after, key) > least
-    large = large and _removed(before, after) > LEAST_REMOVED
+    large = share > LEAST_SHARE and _removed(before, after) > LEAST_REMOVED
+    if _measured_ill(before, after, key):
+        matters, large, least = True, True, LEAST_SIZE
+    large = large and size(after, key) > least
     sound = bool(np.isfinite(after.total)) and not _at_its_bound(after, key)
     return sound and certain and matters and large
+
+
+def _measured_ill(before: Fitted, after: Fitted, key: str) -> bool:
+    """Whether a sensor's effect makes most of the innovations, whatever torque that leaves."""
+    part = next(p for p in after.predictor.model.effects if p.key == key)
+    gain = after.loglik.sum() - before.loglik.sum()
+    return "sensor" in part.block.acts and bool(gain > 0.5 * before.where.counted.size)
 
 
 def _at_its_bound(fitted: Fitted, key: str) -> bool:

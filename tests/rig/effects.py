@@ -168,7 +168,8 @@ def _stop(c, rng):
 def _second_mass(c: Context, rng) -> tuple[float, float, float]:
     """First guess of the load inertia, frequency of its spring with the motor held, damping."""
     start = float(np.clip(c.scaled(c.acceleration), 0.05 * c.machine.J, 2.0 * c.machine.J))
-    omega = TURN * float(rng.uniform(10.0, min(40.0, c.rate / 12.0)))
+    highest = min(40.0, c.rate / 12.0)
+    omega = TURN * float(rng.uniform(min(10.0, 0.7 * highest), highest))
     return start, omega, float(rng.uniform(0.03, 0.12))
 
 
