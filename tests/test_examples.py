@@ -147,15 +147,20 @@ def test_what_cannot_be_followed_is_said_and_still_right(rate):
 
 
 def test_a_map_by_interpolation():
-    """A torque map as a table is not followed: left to python-control, with the warning."""
+    """A torque map as a table is followed, its kinks met; a periodic one is left to python-control,
+    with the warning."""
     speeds, torques = [0.0, 150.0, 300.0, 420.0, 600.0], [100.0, 150.0, 180.0, 190.0, 170.0]
 
     def rate(t, x, u, params):
         return [0.01 * u[0] * np.interp(12 * x[0], speeds, torques) - 0.02 * x[0]]
 
-    body, t = car(rate), np.linspace(0, 5, 21)
+    def turning(t, x, u, params):
+        return [0.01 * u[0] * np.interp(12 * x[0], speeds, torques, period=600.0) - 0.02 * x[0]]
+
+    t = np.linspace(0, 5, 21)
+    agrees(car(rate), t, [0.5 + 0 * t, 0 * t], [20.0], within=1e-6)
     with pytest.warns(RuntimeWarning, match=r"block car, .*test_examples.py line \d+: .*LSODA"):
-        agrees(body, t, [0.5 + 0 * t, 0 * t], [20.0], within=1e-6)
+        agrees(car(turning), t, [0.5 + 0 * t, 0 * t], [20.0], within=1e-6)
 
 
 # Predators and prey: dH/dt = r H (1 - H/k) - a H L/(c + H), dL/dt = b a H L/(c + H) - d L.
