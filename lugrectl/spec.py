@@ -57,6 +57,8 @@ class P:
     shared : bool
         True for a value that an effect borrows from the plant that it is built into: there it
         is no parameter of its own. A block that stands alone has it as its own.
+    passed : bool
+        True for a place that the motion must be seen on both sides of.
     """
 
     value: float
@@ -71,6 +73,7 @@ class P:
     angle: bool = False
     choices: tuple[float, ...] = ()
     shared: bool = False
+    passed: bool = False
 
 
 @dataclass(frozen=True)

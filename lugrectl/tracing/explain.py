@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -16,22 +16,16 @@ from .data import Data
 from .evaluate import missing_torque
 from .fit import Fitted, fit
 from .job import Progress, calmed
-from .likelihood import tune
-from .predictor import Predictor
+from .predictor import Predictor, Windows
+from .proof import GATE, LEAST_OF_FIRST, LEAST_SIZE, firmness, proven, share, size
 from .search import Contest, Trial, contest
 from .structure import colour, dependences, in_bursts, uneven
+from .surprise import surprising
 
-GATE = 20.0  # least gain in log-likelihood, also without the best window
-LEAST_SHARE = 0.04  # of the residual torque's power that an effect must remove
-LEAST_OF_FIRST = 0.02  # the same of the residual before any effect was added
-LEAST_SIZE = 0.015  # of the RMS friction torque, below which an effect is not worth a name
-LEAST_SIZE_OF_ALL = 0.004  # the same for one that explains most of what is missing
-LEAST_REMOVED = 2e-4  # of friction: the residual torque gone, below which nothing was amiss
-MOST_OF_IT = 0.95  # of the residual's power
 LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a signal
 WHOLE = 0.9  # share above which the effects found explain the residual, whatever is left
-CLOSE = 0.02  # relative, to a bound
 PIECED = 0.98  # share below which as many effects as are tried are a patchwork, not physics
+FIRM = 2.0  # half-widths of its interval between an effect's strength and none
 COLOUR = {"theta": 0.3, "w": 0.05}  # of the innovations; quantised positions are never white
 SURE = 1.5  # standard errors above which a dependence too weak to prove is at least a hint
 MOST_EFFECTS = 3
@@ -68,8 +62,11 @@ class Explanation:
     calm: Data | None = None
 
 
-def explain(base: Fitted, report: Progress) -> Explanation:
-    """Add the best effect, refit everything, look again, until nothing proven is left."""
+def explain(base: Fitted, report: Progress, test: Windows) -> Explanation:
+    """Add the best effect, refit everything, look again, until nothing proven is left.
+
+    ``test`` are the held-out windows; they only tell apart what explains the others equally well.
+    """
     steps: list[Step] = []
     ranking: list[Candidate] = []
     current = base
@@ -84,20 +81,20 @@ def explain(base: Fitted, report: Progress) -> Explanation:
         if better is not None:
             base, current = (better if current is base else base), better
             steps, current = _pruned(steps, current, steps)
-        proven = [(t, f) for t, f in tried.fits if _proven(base, current, f, t.key)]
-        if not proven:
+        sound = [(t, f) for t, f in tried.fits if proven(base, current, f, t.key)]
+        if not sound:
             break
-        even = _even(current, proven)
-        (trial, best), *others = even
-        tied = tuple(_candidate(current, t, f) for t, f in others)
-        steps.append(Step(trial, best, tied))
-        current = best if trial.rough else _inside(best)
+        step, current = _chosen(current, sound, test)
+        steps.append(step)
         steps, current = _pruned(steps, current, steps[:-1])
-        if _share(base, current) > 1.0 - LEAST_OF_FIRST:
+        if len(steps) > 1 and share(base, current) > WHOLE and _coloured(current):
+            steps, current = _exchanged(steps, current, test, partial(report, at))
+        if share(base, current) > 1.0 - LEAST_OF_FIRST and not _coloured(current):
             break
         calm = calmed(current) if turn == 0 else None
         if calm is not None:
             return Explanation(base, tuple(steps), current, (), False, (), calm)
+    steps, current = _firm(steps, current)
     unexplained, hangs_on = _left_over(base, current, steps)
     return Explanation(base, tuple(steps), current, tuple(ranking), unexplained, hangs_on)
 
@@ -142,83 +139,6 @@ def _repeats(p: P) -> bool:
     return bool(p.choices) or bool(p.grid and p.unit != "s")
 
 
-def _proven(base: Fitted, before: Fitted, after: Fitted, key: str) -> bool:
-    """Whether an effect is certain, and large enough beside what was there and is there."""
-    gain = after.loglik - before.loglik
-    certain = (
-        gain.sum() - max(gain.max(), 0.0) > GATE and after.total - _mirrored(after, key) > GATE
-    )
-    matters = _share(base, after) - _share(base, before) > LEAST_OF_FIRST
-    share = _share(before, after)
-    least = LEAST_SIZE if share < MOST_OF_IT else LEAST_SIZE_OF_ALL
-    large = share > LEAST_SHARE and _removed(before, after) > LEAST_REMOVED
-    if _measured_ill(before, after, key):
-        matters, large, least = True, True, LEAST_SIZE
-    large = large and size(after, key) > least
-    sound = bool(np.isfinite(after.total)) and not _at_its_bound(after, key)
-    return sound and certain and matters and large
-
-
-def _measured_ill(before: Fitted, after: Fitted, key: str) -> bool:
-    """Whether a sensor's effect makes most of the innovations, whatever torque that leaves."""
-    part = next(p for p in after.predictor.model.effects if p.key == key)
-    gain = after.loglik.sum() - before.loglik.sum()
-    return "sensor" in part.block.acts and bool(gain > 0.5 * before.where.counted.size)
-
-
-def _at_its_bound(fitted: Fitted, key: str) -> bool:
-    """Whether an effect would be stronger than it may be: it stands for something else."""
-    part = next(p for p in fitted.predictor.model.effects if p.key == key)
-    gain = part.block.parameters[part.block.gain]
-    ends = [b for b in (gain.low, gain.high) if np.isfinite(b) and b != gain.neutral]
-    value = fitted.values[f"{key}.{part.block.gain}"]
-    return any(abs(value - b) < CLOSE * abs(b) for b in ends)
-
-
-def _mirrored(fitted: Fitted, key: str) -> float:
-    """Log-likelihood of a late input turned round in time; -inf for any other effect.
-
-    Noise on the recorded torque is averaged by a delay or a lag, and as much by an advance:
-    only what the advance does not gain is physics.
-    """
-    predictor, data = fitted.predictor, fitted.predictor.data
-    part = next(p for p in predictor.model.effects if p.key == key)
-    if part.block.exact is None:
-        return -np.inf
-    own = {k: fitted.values[f"{key}.{k}"] for k in part.values}
-    ahead = part.block.exact(data.u[::-1], data.dt, **own)[::-1]
-    neutral = part.block.parameters[part.block.gain].neutral or 0.0
-    values = fitted.values | {f"{key}.{part.block.gain}": neutral}
-    other = predictor.on(data.with_torque(ahead))
-    return float(tune(other, values, fitted.where, fitted.noise)[1].sum())
-
-
-def size(fitted: Fitted, key: str) -> float:
-    """RMS torque that an effect makes along the training windows, over that of friction."""
-    predictor, at = fitted.predictor, fitted.where.counted.ravel()
-    model = predictor.model
-    part = next(p for p in model.effects if p.key == key)
-    neutral = part.block.parameters[part.block.gain].neutral or 0.0
-    off = {f"{key}.{part.block.gain}": neutral}
-    change = predictor.torque(fitted.values) - predictor.torque(fitted.values | off)
-    friction = predictor.friction(fitted.values)
-    return float(np.std(change[at]) + abs(np.mean(change[at]))) / float(
-        np.sqrt(np.mean(friction[at] ** 2))
-    )
-
-
-def _share(before: Fitted, after: Fitted) -> float:
-    """Part of the power of the acceleration that the model does not foresee, that is gone."""
-    return max(0.0, 1.0 - (after.noise.jump / before.noise.jump) ** 2)
-
-
-def _removed(before: Fitted, after: Fitted) -> float:
-    """The torque per sample that is no longer unforeseen, over the RMS of friction."""
-    friction = before.predictor.friction(before.values)[before.where.counted]
-    gone = before.torque_noise * np.sqrt(_share(before, after))
-    return float(gone / max(np.sqrt(np.mean(friction**2)), 1e-300))
-
-
 def _ranking(base: Fitted, tried: Contest) -> list[Candidate]:
     full = {t.name: f for t, f in tried.fits}
     made = []
@@ -227,7 +147,7 @@ def _ranking(base: Fitted, tried: Contest) -> list[Candidate]:
         values = f.values if f else t.values
         own = {k.split(".", 1)[1]: v for k, v in values.items() if k.startswith(t.key + ".")}
         score = f.total - base.total if f else t.promise
-        made.append(Candidate(t.name, score, _share(base, f) if f else 0.0, own))
+        made.append(Candidate(t.name, score, share(base, f) if f else 0.0, own))
     return sorted(made, key=lambda c: -c.score)
 
 
@@ -246,6 +166,35 @@ def _pruned(
     return steps, fitted
 
 
+def _firm(steps: list[Step], fitted: Fitted) -> tuple[list[Step], Fitted]:
+    """Without those effects on whose strength the windows do not agree, the least sure first."""
+    if not steps:
+        return steps, fitted
+    least = min(steps, key=lambda step: firmness(fitted, step.trial.key))
+    if firmness(fitted, least.trial.key) > FIRM:
+        return steps, fitted
+    return _firm([s for s in steps if s is not least], _without(fitted, least.trial.key))
+
+
+def _exchanged(
+    steps: list[Step], fitted: Fitted, test: Windows, say: Callable[[str], None]
+) -> tuple[list[Step], Fitted]:
+    """The oldest effect for another that explains more beside the later ones, if there is one.
+
+    It was chosen when these were missing.
+    """
+    oldest, *later = steps
+    without = _without(fitted, oldest.trial.key)
+    tried = contest(without, _names(without.predictor.model), 0.5 * GATE, TRIED, say)
+    sound = [(t, f) for t, f in tried.fits if proven(without, without, f, t.key)]
+    if not sound:
+        return steps, fitted
+    step, whole = _chosen(without, sound, test)
+    if whole.total < fitted.total + GATE:
+        return steps, fitted
+    return [*later, step], whole
+
+
 def _without(fitted: Fitted, key: str) -> Fitted:
     model = fitted.predictor.model
     rest = replace(model, effects=tuple(p for p in model.effects if p.key != key))
@@ -256,6 +205,22 @@ def _without(fitted: Fitted, key: str) -> Fitted:
     )
     free = free_keys(predictor)
     return fit(predictor, values, free, fitted.where, fitted.noise, anchor=anchor)
+
+
+def _chosen(
+    before: Fitted, sound: Sequence[tuple[Trial, Fitted]], test: Windows
+) -> tuple[Step, Fitted]:
+    """The best effect with what explains as much, and the model with it inside the plant.
+
+    Those are compared there: what an effect does along the log is not always exact. One that
+    held-out windows contradict while another foresees them is out.
+    """
+    even = _even(before, [(t, _inside(t, f)) for t, f in _even(before, sound)])
+    if len(even) > 1:
+        even = [pair for pair in even if not len(surprising(pair[1], test))] or even
+    (trial, best), *others = even
+    tied = tuple(_candidate(before, t, f) for t, f in others)
+    return Step(trial, best, tied), best
 
 
 def _even(before: Fitted, proven: Sequence[tuple[Trial, Fitted]]) -> list[tuple[Trial, Fitted]]:
@@ -285,11 +250,13 @@ def _imitates(trial: Trial, fitted: Fitted) -> bool:
 
 
 def _candidate(before: Fitted, trial: Trial, fitted: Fitted) -> Candidate:
-    return Candidate(trial.name, fitted.total - before.total, _share(before, fitted))
+    return Candidate(trial.name, fitted.total - before.total, share(before, fitted))
 
 
-def _inside(found: Fitted) -> Fitted:
-    """The same model with its effects inside the plant, fitted once more."""
+def _inside(trial: Trial, found: Fitted) -> Fitted:
+    """The same model with its effects inside the plant, fitted once more if they were not."""
+    if trial.rough:
+        return found
     predictor = Predictor(found.predictor.model, found.predictor.data)
     free = free_keys(predictor)
     return fit(predictor, found.values, free, found.where, found.noise, anchor=found.anchor)
@@ -307,12 +274,12 @@ def _left_over(base: Fitted, final: Fitted, steps: Sequence[Step]) -> tuple[bool
     now, first = (dependences(r, log, base.where.counted) for r in (after, before))
     weight = float(np.mean(after**2) / np.mean(before**2))
     standing = now[0].t > 3.0 and weight * now[0].share > LEFT_SHARE
-    standing = standing and _share(base, final) < WHOLE
+    standing = standing and share(base, final) < WHOLE
     friction = base.predictor.friction(base.values)[base.where.counted]
     quiet = missing_torque(final.predictor, final.values, final.where, final.noise)
     matters = np.std(quiet) > LEAST_SIZE * np.std(friction)
     loud = uneven(final.innovations)
-    pieced = len(steps) == MOST_EFFECTS and _share(base, final) < PIECED
+    pieced = len(steps) == MOST_EFFECTS and share(base, final) < PIECED
     if not matters or not (standing or loud or pieced or _coloured(final)):
         return False, ()
     hints = [d for d in (*now, *first) if d.share > LEFT_SHARE and d.t > SURE]

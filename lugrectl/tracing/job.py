@@ -24,8 +24,8 @@ from .split import ENOUGH_OF_MANY, MOST, Split, split
 from .start import completed, settled
 
 CALM = 50.0  # least gain in log-likelihood for a smoothed torque
-CALMER = (1, 3, 12, 48)  # times more that it is averaged over three samples
 ROUGH = 0.002  # noise of the torque over its size, below which it is taken as it is
+CALMER = (1, 3, 12, 48)  # times more that it is averaged over three samples
 SMOOTHED = "u is noisy from sample to sample: it was averaged over neighbouring samples."
 
 Progress = Callable[[float, str], None]
@@ -57,15 +57,20 @@ def begin(
     holdout: str | Record | None,
     horizon: float,
     report: Progress,
+    *,
+    turned: bool = False,
 ) -> Job:
-    """Split the records and refit the declared model on the part that may be seen."""
+    """Split the records and refit the declared model on the part that may be seen.
+
+    ``turned`` exchanges that part and the held-out one, where they are blocks of one record.
+    """
     records = (record,) if isinstance(record, Record) else tuple(record)
     apart = (holdout,) if isinstance(holdout, Record) else ()
     every = [*records, *apart]
     refuse_dead(every)
     data = prepare(every)
     held_out = sum(r.samples for r in records) if apart else None
-    parts = split(data, horizon, last=holdout == "last", held_out=held_out)
+    parts = split(data, horizon, last=holdout == "last", held_out=held_out, turned=turned)
     doubts = refuse_unfit(every, model, data)
     report(0.02, "first guess")
     started = completed(model, data, parts.train)
@@ -76,6 +81,11 @@ def begin(
     job = Job(records, model, data, parts, base, doubts)
     calm = calmed(base)
     return job if calm is None else calmer(job, calm, report)
+
+
+def noted(job: Job, what: str) -> Job:
+    """The same job with one more message."""
+    return replace(job, doubts=(*job.doubts, what))
 
 
 def calmer(job: Job, calm: Data, report: Progress) -> Job:

@@ -27,6 +27,7 @@ FEW = 4  # grid points that are all tried exactly
 SHAKES = (0.7, 0.7, 0.3)  # largest spread of a random search about what a short fit found
 STEPS = 30.0  # typical steps by which an effect is tried
 SHAKEN = 40  # sets of it
+ANEW = 3  # best fits that start once more with the plant as it was believed to be
 KEPT = 4  # of a longer grid, after a look at the residual torque
 NEARLY = 0.6  # of the best point's promise, from which the next one is a start, too
 ZOOMS = 2  # finer grids around the best point
@@ -117,20 +118,26 @@ def _linear(
 
     found = sorted(score_of(points), key=lambda one: -one[0])
     best, second = found[0], found[1:2]
-    for _ in range(ZOOMS if _continuous(base, made) else 0):
-        points = _closer(points, best[2])
-        best = max([best, *score_of(points)], key=lambda one: one[0])
+    if _continuous(base, made):
+        name, grid = _gridded(made)
+        places = grid(base.predictor.data.log)
+        for _ in range(ZOOMS):
+            places = np.clip(_closer(places, best[2][name]), *_ends(made, name))
+            more = score_of([{name: float(v)} for v in places])
+            best = max([best, *more], key=lambda one: one[0])
     near = [one for one in second if one[0] > NEARLY * best[0]]
     made_of = [(gain, _combine(base, made, point, spans, c)) for gain, c, point in [best, *near]]
     return [(gain, base.values | _values(key, made, v)) for gain, v in made_of if v is not None]
 
 
-def _closer(points: list[dict], best: dict) -> list[dict]:
+def _closer(points: np.ndarray, at: float) -> np.ndarray:
     """A finer grid between the neighbours of the best point."""
-    (name, at), *_ = best.items()
-    tried = np.sort([p[name] for p in points])
-    cell = np.min(np.diff(tried)) if len(tried) > 1 else 0.0
-    return [{name: float(v)} for v in at + cell * np.linspace(-0.9, 0.9, 10)]
+    known = np.unique(np.append(points, at))
+    i = int(np.searchsorted(known, at))
+    gaps = np.diff(known)
+    below, above = gaps[max(i - 1, 0)], gaps[min(i, len(gaps) - 1)]
+    finer = [at - below * np.linspace(0.9, 0.1, 5), at + above * np.linspace(0.1, 0.9, 5)]
+    return np.concatenate(finer)
 
 
 def _values(key: str, made: Block, given: dict[str, float]) -> dict[str, float]:
@@ -150,13 +157,21 @@ def _spans(made: Block) -> list[dict[str, float]]:
     ]
 
 
+def _gridded(made: Block) -> tuple[str, Callable]:
+    """The parameter that is tried on a grid, and the grid."""
+    return next((k, p.grid) for k, p in made.parameters.items() if p.grid is not None)
+
+
+def _ends(made: Block, name: str) -> tuple[float, float]:
+    p = made.parameters[name]
+    return p.low, p.high
+
+
 def _grid(base: Fitted, made: Block) -> list[dict[str, float]]:
-    gridded = {k: p.grid for k, p in made.parameters.items() if p.grid}
-    if not gridded:
+    if not any(p.grid for p in made.parameters.values()):
         return [{}]
-    log = base.predictor.data.log
-    (name, grid), *_ = gridded.items()
-    points = [{name: float(v)} for v in grid(log)]
+    name, grid = _gridded(made)
+    points = [{name: float(v)} for v in grid(base.predictor.data.log)]
     return points if len(points) <= FEW else _prescreened(base, made, points)
 
 
@@ -362,4 +377,13 @@ def contest(base: Fitted, names: Sequence[str], gate: float, tried: int, say: Sa
             say(f"fitting {trial.name}")
             whole = _heavy(trial, base, fitted.values)
             finished.append((whole, refine(whole)))
+    finished.sort(key=lambda pair: -pair[1].total)
+    for i, (trial, fitted) in enumerate(finished[:ANEW]):
+        finished[i] = trial, max(fitted, _anew(trial, fitted), key=lambda f: f.total)
     return Contest(promising, sorted(finished, key=lambda pair: -pair[1].total))
+
+
+def _anew(trial: Trial, fitted: Fitted) -> Fitted:
+    """The effects as found, with the plant from where it was believed to be."""
+    plant = {k: v for k, v in trial.fitted.anchor.items() if "." not in k}
+    return refine(replace(trial, values=fitted.values | plant))

@@ -28,8 +28,17 @@ class Split:
     in_sample: bool
 
 
-def split(data: Data, horizon: float, *, last: bool = False, held_out: int | None = None) -> Split:
+def split(
+    data: Data,
+    horizon: float,
+    *,
+    last: bool = False,
+    held_out: int | None = None,
+    turned: bool = False,
+) -> Split:
     """Every other block, the last half, or all runs from sample ``held_out`` on.
+
+    ``turned`` exchanges the blocks that fit and those that judge.
 
     Raises
     ------
@@ -44,7 +53,7 @@ def split(data: Data, horizon: float, *, last: bool = False, held_out: int | Non
     elif last:
         train, test = _halves(data.runs)
     else:
-        train, test = _alternate(data.runs, gap, span, data.dt)
+        train, test = _alternate(data.runs, gap, span, data.dt)[:: -1 if turned else 1]
     lengths = [max(1, round(length / data.dt)) for length in WINDOWS]
     cuts = [windows(train, gap, length) for length in lengths]
     fitting = next((cut for cut in cuts if len(cut.start) >= ENOUGH), cuts[-1])

@@ -46,7 +46,7 @@ def tried(base: Fitted, made: Block, predictor: Predictor, key: str, score: Scor
         worth, columns = _doses(base, predictor, key, score, sets)
         best, *others = np.argsort(worth)[::-1][:STARTS]
         moved = _sets(base, made, key, score.followed(columns[best]))
-        found += [(worth[best], moved[best]), (worth[best], sets[best])]
+        found += [(worth[best], one) for one in (*moved[best : best + 1], sets[best])]
         found += [(worth[i], sets[i]) for i in others]
         found += _wholes(base, predictor, sets) if hides(made) else []
     return sorted(found, key=lambda one: -one[0])[:STARTS]

@@ -16,6 +16,7 @@ ALIKE = (  # no record tells these from each other when both are there
     {"input_delay", "actuator_lag", "velocity_sensor_lag"},
     {"elastic_coupling", "backlash"},
     {"stribeck", "presliding"},
+    {"constant_torque", "return_spring"},  # a spring with another rest
     {"gravity", "pose_dependent_inertia", "encoder_eccentricity"},
 )
 

@@ -104,7 +104,7 @@ def return_spring(
 )
 def hard_stop(
     theta,
-    position=P(0.0, "rad"),
+    position=P(0.0, "rad", passed=True),
     stiffness: Any = P(0.0, "N m/rad", 0.0, neutral=0.0),
     side: Any = P(1.0, "1", -1.0, 1.0, choices=(-1.0, 1.0)),
 ):

@@ -1,0 +1,122 @@
+"""Whether an effect is proven: certain, large enough, the same all along."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .fit import Fitted
+from .likelihood import tune
+
+GATE = 20.0  # least gain in log-likelihood, also without the best window
+LEAST_SHARE = 0.04  # of the residual torque's power that an effect must remove
+LEAST_OF_FIRST = 0.02  # the same of the residual before any effect was added
+MOST_OF_REST = 0.5  # of what is left, which matters however little of the first that was
+LEAST_SIZE = 0.015  # of the RMS friction torque, below which an effect is not worth a name
+LEAST_SIZE_OF_ALL = 0.004  # the same for one that explains most of what is missing
+LEAST_REMOVED = 2e-4  # of friction: the residual torque gone, below which nothing was amiss
+MOST_OF_IT = 0.95  # of the residual's power
+LEAST_TOUCHED, MOST_TOUCHED = 1e-3, 0.9  # of the samples, beyond a place
+CLOSE = 0.02  # relative, to a bound
+
+
+def proven(base: Fitted, before: Fitted, after: Fitted, key: str) -> bool:
+    """Whether an effect is certain, and large enough beside what was there and is there."""
+    gain = after.loglik - before.loglik
+    certain = (
+        gain.sum() - max(gain.max(), 0.0) > GATE and after.total - _mirrored(after, key) > GATE
+    )
+    of_it = share(before, after)
+    matters = share(base, after) - share(base, before) > LEAST_OF_FIRST or of_it > MOST_OF_REST
+    least = LEAST_SIZE if of_it < MOST_OF_IT else LEAST_SIZE_OF_ALL
+    large = of_it > LEAST_SHARE and _removed(before, after) > LEAST_REMOVED
+    if _measured_ill(before, after, key):
+        matters, large, least = True, True, LEAST_SIZE
+    large = large and size(after, key) > least
+    sound = bool(np.isfinite(after.total))
+    sound = sound and not _at_its_bound(after, key) and _passed(after, key)
+    return sound and certain and matters and large
+
+
+def _measured_ill(before: Fitted, after: Fitted, key: str) -> bool:
+    """Whether a sensor's effect makes most of the innovations, whatever torque that leaves."""
+    part = next(p for p in after.predictor.model.effects if p.key == key)
+    gain = after.loglik.sum() - before.loglik.sum()
+    return "sensor" in part.block.acts and bool(gain > 0.5 * before.where.counted.size)
+
+
+def _at_its_bound(fitted: Fitted, key: str) -> bool:
+    """Whether an effect would be stronger than it may be: it stands for something else."""
+    part = next(p for p in fitted.predictor.model.effects if p.key == key)
+    gain = part.block.parameters[part.block.gain]
+    ends = [b for b in (gain.low, gain.high) if np.isfinite(b) and b != gain.neutral]
+    value = fitted.values[f"{key}.{part.block.gain}"]
+    return any(abs(value - b) < CLOSE * abs(b) for b in ends)
+
+
+def _passed(fitted: Fitted, key: str) -> bool:
+    """Whether the motion was on both sides of an effect's place: a stop never left is a spring."""
+    part = next(p for p in fitted.predictor.model.effects if p.key == key)
+    if not any(p.passed for p in part.block.parameters.values()):
+        return True
+    idle = _change(fitted, key) == 0.0
+    return LEAST_TOUCHED < 1.0 - np.mean(idle) < MOST_TOUCHED
+
+
+def _change(fitted: Fitted, key: str) -> np.ndarray:
+    """Torque that an effect makes along the log, (samples,)."""
+    predictor, values = fitted.predictor, fitted.values
+    part = next(p for p in predictor.model.effects if p.key == key)
+    neutral = part.block.parameters[part.block.gain].neutral or 0.0
+    off = {f"{key}.{part.block.gain}": neutral}
+    return predictor.torque(values) - predictor.torque(values | off)
+
+
+def _mirrored(fitted: Fitted, key: str) -> float:
+    """Log-likelihood of a late input turned round in time; -inf for any other effect.
+
+    Noise on the recorded torque is averaged by a delay or a lag, and as much by an advance:
+    only what the advance does not gain is physics.
+    """
+    predictor, data = fitted.predictor, fitted.predictor.data
+    part = next(p for p in predictor.model.effects if p.key == key)
+    if part.block.exact is None:
+        return -np.inf
+    own = {k: fitted.values[f"{key}.{k}"] for k in part.values}
+    ahead = part.block.exact(data.u[::-1], data.dt, **own)[::-1]
+    neutral = part.block.parameters[part.block.gain].neutral or 0.0
+    values = fitted.values | {f"{key}.{part.block.gain}": neutral}
+    other = predictor.on(data.with_torque(ahead))
+    return float(tune(other, values, fitted.where, fitted.noise)[1].sum())
+
+
+def size(fitted: Fitted, key: str) -> float:
+    """RMS torque that an effect makes along the training windows, over that of friction."""
+    at = fitted.where.counted.ravel()
+    change, friction = _change(fitted, key)[at], fitted.predictor.friction(fitted.values)[at]
+    return float(np.std(change) + abs(np.mean(change))) / float(np.sqrt(np.mean(friction**2)))
+
+
+def share(before: Fitted, after: Fitted) -> float:
+    """Part of the power of the acceleration that the model does not foresee, that is gone."""
+    return max(0.0, 1.0 - (after.noise.jump / before.noise.jump) ** 2)
+
+
+def _removed(before: Fitted, after: Fitted) -> float:
+    """The torque per sample that is no longer unforeseen, over the RMS of friction."""
+    friction = before.predictor.friction(before.values)[before.where.counted]
+    gone = before.torque_noise * np.sqrt(share(before, after))
+    return float(gone / max(np.sqrt(np.mean(friction**2)), 1e-300))
+
+
+def firmness(fitted: Fitted, key: str) -> float:
+    """How many half-widths of its 95 % interval an effect's strength is from none.
+
+    The intervals go by how much the windows disagree, so noise of any colour counts.
+    """
+    part = next(p for p in fitted.predictor.model.effects if p.key == key)
+    strength = f"{key}.{part.block.gain}"
+    neutral = part.block.parameters[part.block.gain].neutral
+    away = neutral if neutral is not None and np.isfinite(neutral) else 0.0
+    low, high = fitted.intervals().get(strength, (away, away))
+    half = 0.5 * (high - low)
+    return abs(fitted.values[strength] - away) / half if half > 0.0 else 0.0

@@ -1,0 +1,44 @@
+"""Whether held-out samples show a torque that those used for fitting did not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from .evaluate import missing_torque
+from .fit import Fitted
+from .predictor import Windows
+from .proof import LEAST_SIZE
+from .structure import dependences
+
+MORE = 2.0  # times what may be missing, and what is missing from any window that was fitted
+
+
+def surprising(fitted: Fitted, test: Windows) -> np.ndarray:
+    """The windows that the model cannot explain although it explains all that it was fitted to.
+
+    An observer just fast enough to supply a torque of the least size worth a name follows a
+    motion that hangs on chance (whether a drive sticks), but not a missing effect.
+    """
+    friction = fitted.predictor.friction(fitted.values)[fitted.where.counted]
+    least = LEAST_SIZE * float(np.sqrt(np.mean(friction**2)))
+    noise = replace(fitted.noise, jump=least / fitted.values["J"])
+    known, new = (
+        np.sqrt(np.mean(missing_torque(fitted.predictor, fitted.values, w, noise) ** 2, axis=1))
+        for w in (fitted.where, test)
+    )
+    return np.flatnonzero(new > MORE * max(least, float(np.max(known))))
+
+
+def hangs_on(fitted: Fitted, test: Windows) -> tuple[str, ...]:
+    """The signals on which the torque missing from held-out samples hangs; t where none tell."""
+    torque = missing_torque(fitted.predictor, fitted.values, test, fitted.noise)
+    best = dependences(torque, fitted.predictor.data.log, test.counted)[0]
+    return best.signals if best.t > MORE else ("t",)
+
+
+def when(fitted: Fitted, test: Windows, found: np.ndarray) -> str:
+    """The times of windows, in words."""
+    t = fitted.predictor.data.t[test.counted[found]]
+    return ", ".join(f"{one[0]:.1f} to {one[-1]:.1f} s" for one in t)

@@ -1,0 +1,73 @@
+"""What only the held-out samples show, and what the windows do not agree on."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lugrectl import diagnose
+from lugrectl.tracing.coordinates import free_keys
+from lugrectl.tracing.fit import fit
+from lugrectl.tracing.job import begin
+from lugrectl.tracing.predictor import Predictor
+from lugrectl.tracing.proof import firmness
+from lugrectl.tracing.split import split
+from lugrectl.tracing.surprise import surprising, when
+from tests.rig import make
+
+from .test_tracing import model_of, quiet, record_of
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return make("none", machine="servo", excitation="rich", seed=4101, rate=500.0, duration=20.0)
+
+
+@pytest.fixture(scope="module")
+def job(plain):
+    return begin(record_of(plain), model_of(plain), None, 1.0, quiet)
+
+
+def pushed(record, span, torque):
+    """A record whose torque was not all recorded for a while."""
+    within = (record.t > span[0]) & (record.t < span[1])
+    return replace(record, u=record.u - torque * within)
+
+
+def test_fitted_and_held_out_blocks_can_be_exchanged(job):
+    turned = split(job.data, 1.0, turned=True)
+    assert set(turned.train.counted.ravel()) == set(job.parts.test.counted.ravel())
+    assert set(turned.test.counted.ravel()) == set(job.parts.train.counted.ravel())
+
+
+def test_a_torque_seen_only_in_held_out_samples_is_noticed(plain, job):
+    assert not len(surprising(job.base, job.parts.test))
+    span = (7.0, 8.5)  # blocks of 2.25 s, the second and every other held out
+    held = job.data.t[job.parts.test.counted]
+    assert np.any((held > span[0]) & (held < span[1]))
+    there = begin(pushed(record_of(plain), span, 0.1), model_of(plain), None, 1.0, quiet)
+    new = surprising(there.base, there.parts.test)
+    found = there.data.t[there.parts.test.counted[new]]
+    assert len(new) and np.all((found.max(axis=1) > span[0]) & (found.min(axis=1) < span[1]))
+    assert " s" in when(there.base, there.parts.test, new)
+    assert not len(surprising(there.base, there.parts.train))
+
+
+@pytest.mark.slow
+def test_it_is_not_called_adequate(plain):
+    result = diagnose(pushed(record_of(plain), (7.0, 8.5), 0.1), model_of(plain))
+    assert result.verdict == "unexplained" and result.depends_on
+    assert any("exchanged" in m for m in result.messages)
+
+
+def test_an_effect_that_is_not_there_is_not_firm(plain, job):
+    def strength(name, torque):
+        model = job.base.predictor.model.with_effect(name, {"torque": 1e-4})
+        data = job.data.with_torque(job.data.u + torque)
+        predictor = Predictor(model, data)
+        values = job.base.values | {f"{name}.torque": 1e-4}
+        found = fit(predictor, values, free_keys(predictor), job.base.where, job.base.noise)
+        return firmness(found, name)
+
+    assert strength("constant_torque", 0.0) < 2.0
+    assert strength("constant_torque", 0.01) > 10.0
