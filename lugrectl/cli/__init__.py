@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 from .options import parser
 
+BLAS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 UNEXPECTED, INTERRUPTED, BROKEN_PIPE = 70, 130, 141
 
 
@@ -20,6 +21,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     0 answered; 1 a checked property does not hold; 2 wrong usage or unreadable input; 3 the
     record cannot answer; 70 a defect of this program; 130 interrupted.
     """
+    for name in BLAS if argv is None else ():  # NumPy is not loaded yet; its threads cost more
+        os.environ.setdefault(name, "1")  # on small matrices than they give
     with warnings.catch_warnings():
         if argv is None and not sys.warnoptions:
             warnings.simplefilter("ignore")
