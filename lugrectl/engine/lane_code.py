@@ -13,7 +13,7 @@ from .switching import average_jumps
 _LOOP = """
 @fast
 def run(x_start, start, length, u, stride, series, p, y, seen, gain, correct, t0, dt, substeps,
-        rtol, y_hat, x_end, first, last):
+        rtol, floor, y_hat, x_end, first, last):
     for lane in {lanes}:
 {unpack}
         own, begins, view, zero = series[lane], start[lane], seen[lane], t0[lane]
@@ -81,7 +81,7 @@ def lane_code(program: Program, kind: str) -> str:
         lanes="range(first, last)" if scalar else "(slice(first, last),)",
         whole="whole" if scalar else "np.full(last - first, whole)",
         unfinished="left > 0.0" if scalar else "np.any(left > 0.0)",
-        unpack=indent(_unpack(program), 2),
+        unpack=indent(_unpack(program, kind), 2),
         fixed=indent(at_sample.head + at_step.head, 2),
         read=indent(read, 3),
         output=indent(at_sample.body + store, 3),
@@ -93,9 +93,11 @@ def lane_code(program: Program, kind: str) -> str:
     )
 
 
-def _unpack(program: Program) -> list[str]:
+def _unpack(program: Program, kind: str) -> list[str]:
     lines = [f"{x.value} = x_start[lane, {i}]" for i, x in enumerate(program.x)]
-    lines += [f"s{i} = abs({x.value}) + 1e-9" for i, x in enumerate(program.x)]
+    lines += [
+        f"s{i} = {_most(kind, f'floor[{i}]', x.value)} + 1e-9" for i, x in enumerate(program.x)
+    ]
     return lines + [f"{p.value} = p[lane, {i}]" for i, p in enumerate(program.p)]
 
 

@@ -72,6 +72,7 @@ class Lanes:
         gain: np.ndarray | None = None,
         per_substep: bool = False,
         rtol: float = 1e-4,
+        floor: np.ndarray | float = 0.0,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Run L lanes over ``length`` samples each; sample k of the record is at t0 + k dt,
         where each lane may have its own t0, (L,).
@@ -106,6 +107,8 @@ class Lanes:
             A substep whose estimated error exceeds this part of the largest value that the
             state has had in the lane is divided (a crossing of zero speed under static
             friction); inf: never.
+        floor : float or (n,)
+            What that largest value is at least: of use where a lane rests.
 
         Returns
         -------
@@ -127,7 +130,7 @@ class Lanes:
         """
         given = self.arguments(
             x0, start, length, u, p, dt=dt, substeps=substeps, t0=t0, series=series, y=y, seen=seen,
-            gain=gain, per_substep=per_substep, rtol=rtol,
+            gain=gain, per_substep=per_substep, rtol=rtol, floor=floor,
         )  # fmt: skip
         count = len(given[0])
         y_hat = np.empty((count, length, len(self.outputs)))
@@ -152,6 +155,7 @@ class Lanes:
         gain: np.ndarray | None,
         per_substep: bool,
         rtol: float,
+        floor: np.ndarray | float,
     ) -> tuple:
         """What a loop over lanes takes, those of :meth:`run` checked and in one memory layout."""
         x0, p = self._rows(x0, self.states, "x0"), self._rows(p, self.parameters, "p")
@@ -165,7 +169,8 @@ class Lanes:
             raise InputError(f"p has {len(p)} rows for {count} lanes.")
         fixed = (x0, start, int(length), u, stride, series, p, y, seen, gain, gain.size > 0)
         clock = _plain(np.broadcast_to(np.asarray(t0, dtype=float), (count,)))
-        return (*fixed, clock, float(dt), int(substeps), float(rtol))
+        least = _plain(np.broadcast_to(np.asarray(floor, dtype=float), (len(self.states),)))
+        return (*fixed, clock, float(dt), int(substeps), float(rtol), least)
 
     def spread(self, loop: Callable[..., None], arguments: tuple, count: int, steps: int) -> None:
         """All lanes in one call, or in chunks on the threads where numba has let go of the GIL."""

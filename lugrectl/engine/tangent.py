@@ -73,6 +73,7 @@ class Tangent:
         seen: np.ndarray | None = None,
         gain: np.ndarray | None = None,
         rtol: float = 1e-6,
+        floor: np.ndarray | float = 0.0,
         dx0: np.ndarray | None = None,
         du: Moved | None = None,
         dseen: np.ndarray | None = None,
@@ -99,7 +100,7 @@ class Tangent:
         columns, moved = tuple(self.lanes.parameters if wrt is None else wrt), dict(du or {})
         given = self.lanes.arguments(
             x0, start, length, u, p, dt=dt, substeps=substeps, t0=t0, series=series, y=y, seen=seen,
-            gain=gain, per_substep=False, rtol=rtol,
+            gain=gain, per_substep=False, rtol=rtol, floor=floor,
         )  # fmt: skip
         (many, n), ny, q = given[0].shape, len(self.lanes.outputs), len(columns)
         y_hat, x, dx = np.empty((many, length, ny)), np.empty((many, n)), np.zeros((many, n, q))

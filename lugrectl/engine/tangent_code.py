@@ -21,8 +21,8 @@ import numpy as np
 
 @fast
 def run(x_start, start, length, u, stride, series, p, y, seen, gain, correct, t0, dt, substeps,
-        rtol, rows, by, y_rows, y_by, edges, target, source, push, dseen, y_hat, dy, x_end, S,
-        first, last):
+        rtol, floor, rows, by, y_rows, y_by, edges, target, source, push, dseen, y_hat, dy, x_end,
+        S, first, last):
     q, shortest = S.shape[2], dt / substeps * 1e-4
     P, b, d = np.zeros(({n}, {n})), np.empty(len(rows)), np.empty(len(y_rows))
     for lane in range(first, last):
@@ -130,7 +130,7 @@ def _set(names: Sequence[str], codes: Sequence[str]) -> list[str]:
 
 def _unpack(program: Program) -> list[str]:
     lines = [f"{x.value} = x_start[lane, {i}]" for i, x in enumerate(program.x)]
-    lines += [f"s{i} = abs({x.value}) + 1e-9" for i, x in enumerate(program.x)]
+    lines += [f"s{i} = max(floor[{i}], abs({x.value})) + 1e-9" for i, x in enumerate(program.x)]
     return lines + [f"{p.value} = p[lane, {i}]" for i, p in enumerate(program.p)]
 
 

@@ -26,11 +26,13 @@ LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a sign
 WHOLE = 0.9  # share above which the effects found explain the residual, whatever is left
 PIECED = 0.98  # share below which as many effects as are tried are a patchwork, not physics
 FIRM = 2.0  # half-widths of its interval between an effect's strength and none
+LOST = 0.2  # share of the residual's power taken by effects that are not firm
 COLOUR = {"theta": 0.3, "w": 0.05}  # of the innovations; quantised positions are never white
 SURE = 1.5  # standard errors above which a dependence too weak to prove is at least a hint
 MOST_EFFECTS = 3
 RETRIED = 3  # candidates whose plant values the model without them is fitted from again
 PART = 0.1  # of the leader's gain that one which explains as much may lack
+SAME = 2e-3  # of the torque, by which two models may differ that are one
 TRIED = 6  # candidates fitted in full at each step
 TURNING = ("gravity", "encoder_eccentricity")  # once per turn: nothing on a linear axis
 
@@ -84,6 +86,7 @@ def explain(base: Fitted, report: Progress, test: Windows) -> Explanation:
         sound = [(t, f) for t, f in tried.fits if proven(base, current, f, t.key)]
         if not sound:
             break
+        sound = [(t, f) for t, f in sound if firmness(f, t.key) > 1.0] or sound
         step, current = _chosen(current, sound, test)
         steps.append(step)
         steps, current = _pruned(steps, current, steps[:-1])
@@ -94,8 +97,10 @@ def explain(base: Fitted, report: Progress, test: Windows) -> Explanation:
         calm = calmed(current) if turn == 0 else None
         if calm is not None:
             return Explanation(base, tuple(steps), current, (), False, (), calm)
+    pieces = current
     steps, current = _firm(steps, current)
-    unexplained, hangs_on = _left_over(base, current, steps)
+    lost = share(current, pieces) > LOST
+    unexplained, hangs_on = _left_over(base, current, steps, lost)
     return Explanation(base, tuple(steps), current, tuple(ranking), unexplained, hangs_on)
 
 
@@ -129,7 +134,8 @@ def _names(model: Model) -> list[str]:
         again = name in used and not any(_repeats(p) for p in made.own.values())
         idle = len(levels) == len(made.acts) and not levels & has
         turning = name in TURNING and model.motion == "linear"
-        if not (again or idle or turning or has & set(made.own)):
+        own = {k for k, p in made.own.items() if p.fitted}
+        if not (again or idle or turning or has & own):
             names.append(name)
     return names
 
@@ -232,7 +238,8 @@ def _even(before: Fitted, proven: Sequence[tuple[Trial, Fitted]]) -> list[tuple[
     top = max(proven, key=lambda pair: pair[1].total)[1]
     even = [(t, f) for t, f in proven if f is top or _as_well(before, top, f)]
     real = [(t, f) for t, f in even if not _imitates(t, f)] or even
-    return sorted(real, key=lambda pair: (len(pair[1].free), -pair[1].total))
+    first, *rest = sorted(real, key=lambda pair: (len(pair[1].free), -pair[1].total))
+    return [first, *((t, f) for t, f in rest if not _comes_to(f, first[1]))]
 
 
 def _as_well(before: Fitted, top: Fitted, other: Fitted) -> bool:
@@ -241,6 +248,16 @@ def _as_well(before: Fitted, top: Fitted, other: Fitted) -> bool:
     error = float(np.std(lead, ddof=1)) * np.sqrt(len(lead))
     much = max(10.0, PART * (top.total - before.total))
     return lead.sum() < min(max(3.0, 2.0 * error), much)
+
+
+def _comes_to(other: Fitted, simple: Fitted) -> bool:
+    """Whether one with more parameters makes the same torque: backlash without a gap."""
+    if len(other.free) <= len(simple.free):
+        return False
+    at = simple.where.counted
+    torques = [f.predictor.torque(f.values)[at] for f in (other, simple)]
+    apart = float(np.std(torques[0] - torques[1]))
+    return apart < SAME * float(np.std(torques[1]))
 
 
 def _imitates(trial: Trial, fitted: Fitted) -> bool:
@@ -262,11 +279,14 @@ def _inside(trial: Trial, found: Fitted) -> Fitted:
     return fit(predictor, found.values, free, found.where, found.noise, anchor=found.anchor)
 
 
-def _left_over(base: Fitted, final: Fitted, steps: Sequence[Step]) -> tuple[bool, tuple[str, ...]]:
+def _left_over(
+    base: Fitted, final: Fitted, steps: Sequence[Step], lost: bool
+) -> tuple[bool, tuple[str, ...]]:
     """Whether something proven is left, and the signals that it hangs on.
 
-    Where nothing tells, those on which what was found hangs: it may be a poor picture of one
-    thing.
+    ``lost`` says that it is: effects took much of it, but none that the windows agree on. Where
+    nothing tells the signals, those on which what was found hangs: it may be a poor picture of
+    one thing.
     """
     log = base.predictor.data.log
     before = missing_torque(base.predictor, base.values, base.where, base.noise)
@@ -280,7 +300,7 @@ def _left_over(base: Fitted, final: Fitted, steps: Sequence[Step]) -> tuple[bool
     matters = np.std(quiet) > LEAST_SIZE * np.std(friction)
     loud = uneven(final.innovations)
     pieced = len(steps) == MOST_EFFECTS and share(base, final) < PIECED
-    if not matters or not (standing or loud or pieced or _coloured(final)):
+    if not matters or not (standing or loud or pieced or lost or _coloured(final)):
         return False, ()
     hints = [d for d in (*now, *first) if d.share > LEFT_SHARE and d.t > SURE]
     if standing or hints:

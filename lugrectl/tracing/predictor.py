@@ -25,6 +25,7 @@ from .series import UNDOING, Fed, Memory, Values, depends_on_plant, feed, run_al
 
 LEVELS = ("J", "Fc", "Fs", "Fv")
 STEP = 2e-3  # s, longest integration step; the engine divides it where it must
+RESTING = 0.1  # of the largest speed, to whose size errors of a drive at rest are compared
 
 
 @dataclass(frozen=True)
@@ -103,6 +104,18 @@ class Predictor:
         other = copy(self)
         other.data = data
         return other
+
+    @property
+    def floor(self) -> np.ndarray:
+        """Least size of the states by which errors of the steps are judged.
+
+        A drive at rest under static friction has no size of its own, and every correction of
+        its speed decays at once.
+        """
+        if "eps" not in self.model.friction.values:
+            return np.zeros(len(self.lanes.states))
+        speed = RESTING * float(np.max(np.abs(self.data.log.w)))
+        return np.where(np.array(self.lanes.states) == "w", speed, 0.0)
 
     @property
     def outside(self) -> tuple[Part, ...]:
@@ -191,6 +204,7 @@ class Predictor:
             y=(np.array(seen) if sensed else self.data.y) if corrected else None,
             seen=np.repeat(index, n) if sensed and corrected else None,
             gain=np.repeat(np.array(gains), n, axis=0) if corrected else None,
+            floor=self.floor,
         )
         y = y[:, where.burn :].reshape(sets, n, where.length, 2)
         if sensed:

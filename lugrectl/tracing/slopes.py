@@ -106,6 +106,7 @@ def _from_graph(
         y=y,
         gain=gain,
         rtol=RTOL,
+        floor=predictor.floor,
         dx0=np.moveaxis(x0[1:] - x0[0], 0, -1) / step,
         du=du,
         dseen=None if derror is None else -derror[rows],
