@@ -1,0 +1,77 @@
+"""Which effects are tried, on which grids, and which of them are one and the same."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lugrectl.model import model_from_dict
+from lugrectl.spec import members
+from lugrectl.tracing.explain import _comes_to, _names
+from lugrectl.tracing.fit import fit
+from lugrectl.tracing.job import begin
+from lugrectl.tracing.predictor import Predictor
+from lugrectl.tracing.search import _closer
+from tests.rig import make
+
+from .test_tracing import model_of, quiet, record_of
+
+PLANT = {"J": 0.01}
+FRICTION = {
+    "coulomb": {"Fc": 0.3, "Fv": 0.01},
+    "stribeck": {"Fc": 0.3, "Fs": 0.4, "Fv": 0.01, "vs": 0.1},
+    "lugre": {"Fc": 0.3, "Fs": 0.4, "Fv": 0.01, "vs": 0.1, "sigma0": 300.0, "sigma1": 1.0},
+}
+
+
+def tried(law, motion="rotary", **more):
+    friction = {"model": law, **FRICTION[law]}
+    data = {"plant": PLANT, "friction": friction, "motion": motion, **more}
+    return set(_names(model_from_dict(data, "here")))
+
+
+def test_what_the_friction_law_has_is_not_tried_and_all_else_is():
+    everything = set(members("effect"))
+    assert everything - tried("coulomb") == {"dwell_stiction"}  # it acts on Fs
+    assert everything - tried("stribeck") == {"stribeck"}
+    assert everything - tried("lugre") == {"stribeck", "presliding"}
+
+
+def test_a_second_of_a_kind_only_where_it_can_differ():
+    declared = [
+        {"name": "gravity", "amplitude": 0.1, "phase": 0.0},
+        {"name": "torque_ripple", "amplitude": 0.1, "harmonic": 6, "phase": 0.0},
+    ]
+    names = tried("lugre", effects=declared)
+    assert "gravity" not in names and "torque_ripple" in names
+    assert "gravity" not in tried("lugre", motion="linear")
+
+
+@given(
+    st.lists(st.floats(0.01, 100.0), min_size=3, max_size=12, unique=True),
+    st.integers(0, 11),
+)
+def test_a_finer_grid_stays_between_the_neighbours(points, pick):
+    known = np.sort(points)
+    i = pick % len(known)
+    finer = _closer(known, float(known[i]))
+    low = known[i - 1] if i else known[0] - (known[1] - known[0])
+    high = known[i + 1] if i + 1 < len(known) else 2.0 * known[-1] - known[-2]
+    assert np.all((finer > low) & (finer < high))
+    assert np.min(np.abs(finer - known[i])) <= 0.11 * max(high - low, 0.0)
+
+
+@pytest.mark.parametrize("gap, same", [(1e-8, True), (0.05, False)])
+def test_backlash_without_a_gap_is_an_elastic_coupling(gap, same):
+    case = make("none", machine="servo", excitation="rich", seed=4103, rate=500.0, duration=20.0)
+    base = begin(record_of(case), model_of(case), None, 1.0, quiet).base
+    shaft = {"load_inertia": 4e-4, "stiffness": 20.0, "damping": 0.01}
+    made = []
+    for name, own in (("elastic_coupling", shaft), ("backlash", shaft | {"gap": gap})):
+        predictor = Predictor(base.predictor.model.with_effect(name, own), base.predictor.data)
+        values = base.values | {f"{name}.{k}": v for k, v in own.items()}
+        free = ["J", *(f"{name}.{k}" for k in own)]
+        made.append(fit(predictor, values, free, base.where, base.noise, most=0, rough=True))
+    simple, other = made
+    assert _comes_to(other, simple) is same
+    assert not _comes_to(simple, other)
