@@ -19,7 +19,7 @@ from .job import Progress, calmed
 from .predictor import Predictor, Windows
 from .proof import GATE, LEAST_OF_FIRST, LEAST_SIZE, firmness, proven, share, size
 from .search import Contest, Trial, contest
-from .structure import colour, dependences, in_bursts, uneven
+from .structure import colour, dependences, in_bursts, in_pulses, uneven
 from .surprise import surprising
 
 LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a signal
@@ -302,9 +302,13 @@ def _left_over(
     pieced = len(steps) == MOST_EFFECTS and share(base, final) < PIECED
     if not matters or not (standing or loud or pieced or lost or _coloured(final)):
         return False, ()
+    if standing:
+        return True, now[0].signals
+    if in_pulses(before, log.dt):
+        return True, ("t",)
     hints = [d for d in (*now, *first) if d.share > LEFT_SHARE and d.t > SURE]
-    if standing or hints:
-        return True, now[0].signals if standing else max(hints, key=lambda d: d.t).signals
+    if hints:
+        return True, max(hints, key=lambda d: d.t).signals
     if loud or in_bursts(before) or in_bursts(after):
         return True, ("t",)
     return True, signals_of([step.trial.name for step in steps])

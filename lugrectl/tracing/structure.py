@@ -14,6 +14,9 @@ BINS = 80
 ORDER = 12  # past innovations that are asked to predict the next
 FEW = 0.2  # of the windows that hold BULK of the power: what is left comes in bursts
 BULK = 0.8
+PULSE = 0.2  # s
+RARE = 0.08  # of these stretches
+MUCH = 0.6  # of the power that must lie beyond the median stretch's
 UNEVEN = 10.0  # times that the loudest quarter of the windows exceeds the quietest
 BEYOND = 0.3  # of the power that must lie beyond the median window's
 
@@ -119,6 +122,18 @@ def in_bursts(torque: np.ndarray) -> bool:
     few = max(1, int(FEW * len(power)))
     beyond = np.maximum(power - np.median(power), 0.0)
     much = float(beyond.sum()) > BEYOND * float(power.sum())
+    return much and float(beyond[:few].sum()) > BULK * float(beyond.sum())
+
+
+def in_pulses(torque: np.ndarray, dt: float) -> bool:
+    """Whether a few short stretches hold nearly all of the power: something came and went."""
+    n = max(1, round(PULSE / dt))
+    k = torque.shape[1] // n
+    parts = torque[:, : k * n].reshape(-1, n)
+    power = np.sort(np.sum(parts**2, axis=1))[::-1]
+    few = max(1, int(RARE * len(power)))
+    beyond = np.maximum(power - np.median(power), 0.0)
+    much = float(beyond.sum()) > MUCH * float(power.sum())
     return much and float(beyond[:few].sum()) > BULK * float(beyond.sum())
 
 
