@@ -16,12 +16,12 @@ from .tracing.explain import Explanation, Step, explain, signals_of
 from .tracing.fit import Fitted
 from .tracing.job import Job, Progress, begin, calmer, estimates, noted, on_everything, score
 from .tracing.predictor import windows
-from .tracing.surprise import hangs_on, surprising, when
+from .tracing.surprise import hangs_on, surprising, undated, when
 from .tracing.tabulate import tabulate
 
 TURNED = (
-    "The blocks first held out show a torque that the others do not: fitted and held-out blocks "
-    "were exchanged."
+    "The blocks first held out show a torque, or the moment of a change, that the others do not: "
+    "fitted and held-out blocks were exchanged."
 )
 NEW = "The held-out samples show a torque that the fitted ones do not: at {}."
 
@@ -70,9 +70,11 @@ def diagnose(
     """
     report = progress or (lambda fraction, what: None)
     job, found = _explained(begin(record, model, holdout, horizon, report), report)
-    if job.parts.in_sample and len(_unforeseen(job, found)):
-        job = noted(begin(record, model, holdout, horizon, report, turned=True), TURNED)
-        job, found = _explained(job, report)
+    if job.parts.in_sample and (len(_unforeseen(job, found)) or _undated(job, found)):
+        other = noted(begin(record, model, holdout, horizon, report, turned=True), TURNED)
+        other, again = _explained(other, report)
+        if len(_unforeseen(job, found)) or not (again.unexplained or _undated(other, again)):
+            job, found = other, again
     new = _unforeseen(job, found)
     if len(new):
         hidden = hangs_on(found.final, job.parts.test)
@@ -109,6 +111,10 @@ def _explained(job: Job, report: Progress) -> tuple[Job, Explanation]:
         job = calmer(job, found.calm, report)
         found = explain(job.base, report, job.parts.test)
     return replace(job, base=found.base), found
+
+
+def _undated(job: Job, found: Explanation) -> bool:
+    return not found.unexplained and undated(found.final, job.parts.test)
 
 
 def _unforeseen(job: Job, found: Explanation) -> np.ndarray:

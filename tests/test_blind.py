@@ -49,10 +49,10 @@ def test_a_hidden_effect_is_named(name):
     assert again.verdict == "adequate"
 
 
-def test_nothing_missing_is_adequate():
-    for seed in (4002, 4003):
-        case = make("none", machine="wrist", excitation="rich", seed=seed, **SHORT)
-        assert verdict(case)[0].verdict == "adequate"
+@pytest.mark.parametrize("seed", [4002, pytest.param(4003, marks=pytest.mark.slow)])
+def test_nothing_missing_is_adequate(seed):
+    case = make("none", machine="wrist", excitation="rich", seed=seed, **SHORT)
+    assert verdict(case)[0].verdict == "adequate"
 
 
 def test_position_only():
@@ -62,6 +62,7 @@ def test_position_only():
     assert names == ["torque_ripple"] and result.error["signal"] == "theta"
 
 
+@pytest.mark.slow
 def test_a_stranger_is_not_given_a_name_it_does_not_have():
     case = make("torque_bumps", machine="servo", excitation="rich", seed=4005, **SHORT)
     result, _ = verdict(case)
@@ -69,6 +70,7 @@ def test_a_stranger_is_not_given_a_name_it_does_not_have():
     assert "positions" in result.experiment
 
 
+@pytest.mark.slow
 def test_what_cannot_be_told_is_said():
     """A soft spring over half a turn, in a noisy torque: gravity does as well."""
     case = make("return_spring", machine="wrist", excitation="sparse", seed=10, rate=250.0,

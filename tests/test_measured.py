@@ -43,6 +43,7 @@ def test_bench_stranger():
     assert result.verdict == "unexplained" and "theta" in result.depends_on
 
 
+@pytest.mark.slow
 def test_positioning_system():
     """EMPS: the published model, position only, raw drive command."""
     record = read_record(

@@ -12,7 +12,7 @@ from lugrectl.tracing.job import begin
 from lugrectl.tracing.predictor import Predictor
 from lugrectl.tracing.proof import firmness
 from lugrectl.tracing.split import split
-from lugrectl.tracing.surprise import surprising, when
+from lugrectl.tracing.surprise import surprising, undated, when
 from tests.rig import make
 
 from .test_tracing import model_of, quiet, record_of
@@ -71,3 +71,15 @@ def test_an_effect_that_is_not_there_is_not_firm(plain, job):
 
     assert strength("constant_torque", 0.0) < 2.0
     assert strength("constant_torque", 0.01) > 10.0
+
+
+def test_where_the_moment_of_a_change_is_open_nothing_is_a_surprise(job):
+    held = job.parts.test
+    t = job.data.t[held.counted]
+    late = (job.data.t > t[1].mean()) & (job.data.t <= t[1, -1])
+    there = replace(job.base, predictor=job.base.predictor.on(
+        job.data.with_torque(job.data.u - 0.1 * late)))  # fmt: skip
+    assert 1 in surprising(there, held) and not undated(there, held)
+    moment = {"friction_step.time": (t[1, 0] - 0.1, t[1, -1] + 0.1)}
+    known = replace(there, instants=moment)
+    assert 1 not in surprising(known, held) and undated(known, held)

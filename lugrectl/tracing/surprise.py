@@ -19,7 +19,8 @@ def surprising(fitted: Fitted, test: Windows) -> np.ndarray:
     """The windows that the model cannot explain although it explains all that it was fitted to.
 
     An observer just fast enough to supply a torque of the least size worth a name follows a
-    motion that hangs on chance (whether a drive sticks), but not a missing effect.
+    motion that hangs on chance (whether a drive sticks), but not a missing effect. Where the
+    fitted samples leave open when something changed, nothing can be foreseen.
     """
     friction = fitted.predictor.friction(fitted.values)[fitted.where.counted]
     least = LEAST_SIZE * float(np.sqrt(np.mean(friction**2)))
@@ -28,7 +29,22 @@ def surprising(fitted: Fitted, test: Windows) -> np.ndarray:
         np.sqrt(np.mean(missing_torque(fitted.predictor, fitted.values, w, noise) ** 2, axis=1))
         for w in (fitted.where, test)
     )
+    new[_open(fitted, test)] = 0.0
     return np.flatnonzero(new > MORE * max(least, float(np.max(known))))
+
+
+def undated(fitted: Fitted, test: Windows) -> bool:
+    """Whether something changed at a moment of which only held-out samples tell."""
+    return bool(np.any(_open(fitted, test)))
+
+
+def _open(fitted: Fitted, test: Windows) -> np.ndarray:
+    """Windows in which a change may lie that the fitted samples do not place."""
+    t = fitted.predictor.data.t[test.counted]
+    found = np.zeros(len(t), dtype=bool)
+    for low, high in fitted.instants.values():
+        found |= (t[:, 0] <= high) & (t[:, -1] >= low)
+    return found
 
 
 def hangs_on(fitted: Fitted, test: Windows) -> tuple[str, ...]:
