@@ -23,6 +23,7 @@ TURNED = (
     "The blocks first held out show a torque, or the moment of a change, that the others do not: "
     "fitted and held-out blocks were exchanged."
 )
+UNTOLD = "The record tells only a combination of {}: their values are one choice among many."
 NEW = "The held-out samples show a torque that the fitted ones do not: at {}."
 
 
@@ -84,6 +85,8 @@ def diagnose(
     scored = score(job, found.final)
     report(0.92, "parameters and intervals")
     whole = found.final if len(new) else on_everything(found.final, job)
+    for keys in whole.flat():
+        job = noted(job, UNTOLD.format(" and ".join(keys)))
     verdict, depends = _verdict(found)
     table = _table(found.final, job, depends, seed) if verdict == "unexplained" else None
     return Diagnosis(

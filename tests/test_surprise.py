@@ -83,3 +83,16 @@ def test_where_the_moment_of_a_change_is_open_nothing_is_a_surprise(job):
     moment = {"friction_step.time": (t[1, 0] - 0.1, t[1, -1] + 0.1)}
     known = replace(there, instants=moment)
     assert 1 not in surprising(known, held) and undated(known, held)
+
+
+def test_what_the_record_cannot_tell_apart_has_no_interval(job):
+    own = {"stiffness": 0.01, "rest": 0.1}
+    model = job.base.predictor.model.with_effect("constant_torque", {"torque": 0.01})
+    predictor = Predictor(model.with_effect("return_spring", own), job.data)
+    values = job.base.values | {"constant_torque.torque": 0.01}
+    values |= {f"return_spring.{k}": v for k, v in own.items()}
+    found = fit(predictor, values, free_keys(predictor), job.base.where, job.base.noise, most=2)
+    pair = {"constant_torque.torque", "return_spring.rest"}
+    assert [set(keys) for keys in found.flat()] == [pair]
+    assert pair.isdisjoint(found.intervals()) and "J" in found.intervals()
+    assert job.base.flat() == []

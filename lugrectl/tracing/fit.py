@@ -17,6 +17,8 @@ from .predictor import Predictor, Values, Windows
 from .slopes import slopes
 
 PRIOR = 1.5  # natural log units: a friction parameter is believed within a factor of 4.5
+FLAT = 1e-8  # of the scaled information, below which a direction is not told
+PART = 0.1  # of a direction, from which a parameter belongs to it
 NOISE_STEPS = (1.0, 0.6, 0.25, 1.5)  # factors tried at each step of a fit
 
 
@@ -62,11 +64,27 @@ class Fitted:
         ratio = np.sqrt(np.maximum(np.diag(spread) / own, 1.0))
         return inverse * np.outer(ratio, ratio)
 
+    def flat(self) -> list[tuple[str, ...]]:
+        """Keys of which the record tells a combination only, by direction."""
+        size = np.sqrt(np.maximum(np.diag(self.information), 1e-300))
+        values, axes = np.linalg.eigh(self.information / np.outer(size, size))
+        return [
+            tuple(c.key for c, part in zip(self.free, axis, strict=True) if abs(part) > PART)
+            for value, axis in zip(values, axes.T, strict=True)
+            if value < FLAT
+        ]
+
     def intervals(self) -> dict[str, tuple[float, float]]:
-        """95 % intervals by key; that of a phase may reach beyond half a turn."""
+        """95 % intervals by key; that of a phase may reach beyond half a turn.
+
+        What the record does not tell has none.
+        """
+        untold = {key for keys in self.flat() for key in keys}
         width = np.sqrt(np.diag(self.covariance())) * stats.t.ppf(0.975, len(self.scores) - 1)
         made = dict(self.instants)
         for c, half in zip(self.free, width, strict=True):
+            if c.key in untold:
+                continue
             x = c.into(self.values)
             ends = x - half, x + half
             if c.kind != "angle":
