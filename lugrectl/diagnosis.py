@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -70,13 +71,8 @@ def diagnose(
         When the record cannot answer.
     """
     report = progress or (lambda fraction, what: None)
-    job, found = _explained(begin(record, model, holdout, horizon, report), report)
-    if job.parts.in_sample and (len(_unforeseen(job, found)) or _undated(job, found)):
-        other = noted(begin(record, model, holdout, horizon, report, turned=True), TURNED)
-        other, again = _explained(other, report)
-        if len(_unforeseen(job, found)) or not (again.unexplained or _undated(other, again)):
-            job, found = other, again
-    new = _unforeseen(job, found)
+    answer = _answered(partial(begin, record, model, holdout, horizon, report), report)
+    job, found, new = answer.job, answer.found, answer.unforeseen
     if len(new):
         hidden = hangs_on(found.final, job.parts.test)
         found = replace(found, unexplained=True, hangs_on=hidden)
@@ -108,23 +104,40 @@ def diagnose(
     )
 
 
-def _explained(job: Job, report: Progress) -> tuple[Job, Explanation]:
+@dataclass(frozen=True)
+class _Answer:
+    """An explanation, and what held-out samples say to one that is taken to be whole.
+
+    ``unforeseen`` are the windows that it does not explain; ``undated`` says that only they tell
+    when something changed.
+    """
+
+    job: Job
+    found: Explanation
+    unforeseen: np.ndarray
+    undated: bool
+
+
+def _answered(start: Callable[..., Job], report: Progress) -> _Answer:
+    """The explanation; with fitted and held-out blocks exchanged if the latter know more."""
+    first = _answer(start(), report)
+    wanting = len(first.unforeseen) or first.undated
+    if not wanting or not first.job.parts.in_sample:
+        return first
+    again = _answer(noted(start(turned=True), TURNED), report)
+    whole = not again.found.unexplained and not again.undated
+    return again if len(first.unforeseen) or whole else first
+
+
+def _answer(job: Job, report: Progress) -> _Answer:
     found = explain(job.base, report, job.parts.test)
     if found.calm is not None:
         job = calmer(job, found.calm, report)
         found = explain(job.base, report, job.parts.test)
-    return replace(job, base=found.base), found
-
-
-def _undated(job: Job, found: Explanation) -> bool:
-    return not found.unexplained and undated(found.final, job.parts.test)
-
-
-def _unforeseen(job: Job, found: Explanation) -> np.ndarray:
-    """Held-out windows that what is taken to be the whole explanation does not explain."""
+    job, final, test = replace(job, base=found.base), found.final, job.parts.test
     if found.unexplained:
-        return np.array([], dtype=int)
-    return surprising(found.final, job.parts.test)
+        return _Answer(job, found, np.array([], dtype=int), False)
+    return _Answer(job, found, surprising(final, test), undated(final, test))
 
 
 def _table(final: Fitted, job: Job, depends: Sequence[str], seed: int) -> Table | None:

@@ -78,6 +78,10 @@ class Model:
             flat |= {f"{part.key}.{k}": v for k, v in part.values.items()}
         return flat
 
+    def part(self, key: str) -> Part:
+        """The effect of that key."""
+        return next(part for part in self.effects if part.key == key)
+
     def known(self) -> dict[str, float]:
         """``values()`` without those still missing."""
         return {k: v for k, v in self.values().items() if v is not None}

@@ -14,19 +14,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from .blas import BLAS
 from .errors import InputError
 from .model import Model
 from .record import Record
 from .spec import REGISTRY, Block, members
 
 SUFFIXES = (".csv", ".mat", ".npz", ".parquet")
-_THREADS = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "VECLIB_MAXIMUM_THREADS",
-    "NUMBA_NUM_THREADS",
-)
+_THREADS = ("OMP_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS", *BLAS)
 
 
 def record_files(logs: Iterable[str | Path | Record]) -> list[Path | Record]:

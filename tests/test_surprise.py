@@ -50,7 +50,6 @@ def test_a_torque_seen_only_in_held_out_samples_is_noticed(plain, job):
     found = there.data.t[there.parts.test.counted[new]]
     assert len(new) and np.all((found.max(axis=1) > span[0]) & (found.min(axis=1) < span[1]))
     assert " s" in when(there.base, there.parts.test, new)
-    assert not len(surprising(there.base, there.parts.train))
 
 
 @pytest.mark.slow

@@ -9,9 +9,9 @@ import traceback
 import warnings
 from collections.abc import Sequence
 
+from ..blas import BLAS
 from .options import parser
 
-BLAS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 UNEXPECTED, INTERRUPTED, BROKEN_PIPE = 70, 130, 141
 
 

@@ -179,3 +179,8 @@ def _added(terms: Sequence[tuple[int, Node]], known: _Known) -> Node:
 def indent(lines: Iterable[str], depth: int) -> str:
     """The lines as one text, indented by ``depth`` steps; ``pass`` if there is none."""
     return "\n".join("    " * depth + line for line in (list(lines) or ["pass"]))
+
+
+def lines_of(text: str) -> list[str]:
+    """The lines of a filled template, without the empty ones."""
+    return [line for line in text.split("\n") if line]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from .emit import Emitter, indent
+from .emit import Emitter, indent, lines_of
 from .graph import Node, rename
 from .program import Program
 from .rosenbrock import Equations, step
@@ -72,7 +72,7 @@ def lane_code(program: Program, kind: str) -> str:
     fixed = [node.value for node in program.p]
     at_sample, at_step = Emitter(kind, "a", fixed), Emitter(kind, "b", fixed)
     outputs = at_sample.write(program.y)
-    inner = _step_code(program, kind, at_step)
+    inner = step_code(program, kind, at_step)
     states = [node.value for node in program.x]
     read = [f"u{i} = u[own, row, {i}]" for i in range(len(program.u))]
     store = [f"y_hat[lane, j, {i}] = {code}" for i, code in enumerate(outputs)]
@@ -81,7 +81,7 @@ def lane_code(program: Program, kind: str) -> str:
         lanes="range(first, last)" if scalar else "(slice(first, last),)",
         whole="whole" if scalar else "np.full(last - first, whole)",
         unfinished="left > 0.0" if scalar else "np.any(left > 0.0)",
-        unpack=indent(_unpack(program, kind), 2),
+        unpack=indent(unpack(program, kind), 2),
         fixed=indent(at_sample.head + at_step.head, 2),
         read=indent(read, 3),
         output=indent(at_sample.body + store, 3),
@@ -93,7 +93,8 @@ def lane_code(program: Program, kind: str) -> str:
     )
 
 
-def _unpack(program: Program, kind: str) -> list[str]:
+def unpack(program: Program, kind: str) -> list[str]:
+    """States, their scales and parameters of a lane."""
     lines = [f"{x.value} = x_start[lane, {i}]" for i, x in enumerate(program.x)]
     lines += [
         f"s{i} = {_most(kind, f'floor[{i}]', x.value)} + 1e-9" for i, x in enumerate(program.x)
@@ -105,25 +106,34 @@ def _most(kind: str, a: str, b: str) -> str:
     return f"{'max' if kind == 'scalar' else 'np.maximum'}({a}, abs({b}))"
 
 
-def _step_code(program: Program, kind: str, emitter: Emitter) -> list[str]:
-    """One trial step, its error relative to the states' scales, and whether it counts."""
+def step_code(
+    program: Program, kind: str, emitter: Emitter, counted: Sequence[str] = ()
+) -> list[str]:
+    """One trial step, its error relative to the states' scales, and whether it counts.
+
+    ``counted`` is what a scalar step that counts does first, between the states and n0, n1, ...
+    """
     states = [node.value for node in program.x]
     after, estimate = fixed_step(program)
     codes = emitter.write(after + estimate)
     new, errors = codes[: len(states)], codes[len(states) :]
-    parts = [f"abs({e}) / {_most(kind, f's{i}', new[i])}" for i, e in enumerate(errors)]
-    pairs = zip(states, new, strict=True)
+    names = [f"n{i}" for i in range(len(states))]
+    made = [f"{name} = {code}" for name, code in zip(names, new, strict=True)]
+    parts = [f"abs({e}) / {_most(kind, f's{i}', f'n{i}')}" for i, e in enumerate(errors)]
     if kind == "scalar":
-        template, advance = _SCALAR_STEP, [f"{', '.join(states)} = {', '.join(new)}"]
+        template = _SCALAR_STEP
+        advance = [*counted, *(f"{x} = {n}" for x, n in zip(states, names, strict=True))]
     else:
-        template, advance = _ARRAY_STEP, [f"{x} = np.where(good, {n}, {x})" for x, n in pairs]
-    lines = template.format(
-        code="\n".join(emitter.body),
-        error=" + ".join(parts) or "0.0",
-        state=" + ".join(states) or "0.0",
-        advance="\n".join(advance if states else []),
+        template = _ARRAY_STEP
+        advance = [f"{x} = np.where(good, {n}, {x})" for x, n in zip(states, names, strict=True)]
+    return lines_of(
+        template.format(
+            code="\n".join([*emitter.body, *made]),
+            error=" + ".join(parts) or "0.0",
+            state=" + ".join(states) or "0.0",
+            advance="\n".join(advance),
+        )
     )
-    return [line for line in lines.split("\n") if line]
 
 
 def fixed_step(program: Program) -> tuple[list[Node], list[Node]]:

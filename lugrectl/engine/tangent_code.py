@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from .derivative import jacobian
-from .emit import Emitter, indent
+from .emit import Emitter, indent, lines_of
 from .graph import Node, rename
-from .lane_code import fixed_step
+from .lane_code import step_code, unpack
 from .program import Program
 from .rosenbrock import SparseLU
 from .switching import average_jumps
@@ -48,22 +48,15 @@ def run(x_start, start, length, u, stride, series, p, y, seen, gain, correct, t0
                 h = left
                 while left > 0.0:
 {step}
-                    error = {error}
-                    if not isfinite({state}):
-                        error = 0.0
-                    if not error <= rtol and h > shortest:
-                        h = h * max(0.1, 0.8 * sqrt(sqrt(rtol / error))) if error < inf else h * 0.1
-                        continue
-{carry}
-                    for e in range(len(b)):
-                        for one in range(edges[by[e]], edges[by[e] + 1]):
-                            value = b[e] if source[one] < 0 else b[e] * push[own, k, source[one]]
-                            for i in range({n}):
-                                s[i, target[one]] += P[i, rows[e]] * value
-                    t = t + h
-                    left = left - h
-                    h = min(left, h * min(5.0, 0.8 * sqrt(sqrt(rtol / max(error, 1e-30)))))
 {finish}
+"""
+
+_PUSH = """
+for e in range(len(b)):
+    for one in range(edges[by[e]], edges[by[e] + 1]):
+        value = b[e] if source[one] < 0 else b[e] * push[own, k, source[one]]
+        for i in range({n}):
+            s[i, target[one]] += P[i, rows[e]] * value
 """
 
 Rows = Sequence[Sequence[Node]]
@@ -101,37 +94,21 @@ def tangent_code(program: Program) -> tuple[str, Entries, Entries]:
     rates = average_jumps(program.xdot, {node.value for node in program.p})
     inside, outside = entries(program, rates), entries(program, program.y)
     states = [node.value for node in program.x]
-    after, estimate = fixed_step(program)
-    codes = step.write([*after, *estimate])
-    new = [f"n{i}" for i in range(len(states))]
-    errors = [f"abs({e}) / max(s{i}, abs(n{i}))" for i, e in enumerate(codes[len(states) :])]
     output = _output(program, outside, sample)
-    carried = _carried(program, rates, inside, carry)
+    carried = [*_carried(program, rates, inside, carry), *lines_of(_PUSH.format(n=len(states)))]
+    inner = step_code(program, "scalar", step, carried)
     text = _LOOP.format(
         n=len(states),
-        unpack=indent(_unpack(program), 2),
+        unpack=indent(unpack(program, "scalar"), 2),
         head=indent(sample.head + step.head + carry.head, 2),
         read=indent([f"{node.value} = u[own, k, {i}]" for i, node in enumerate(program.u)], 3),
         output=indent(output, 3),
         correct=indent(_correct(states, len(program.y)), 4),
         scale=indent([f"s{i} = max(s{i}, abs({x}))" for i, x in enumerate(states)], 3),
-        step=indent([*step.body, *_set(new, codes)], 5),
-        error=" + ".join(errors),
-        state=" + ".join(states),
-        carry=indent([*carried, *_set(states, new)], 5),
+        step=indent(inner, 5),
         finish=indent([f"x_end[lane, {i}] = {x}" for i, x in enumerate(states)], 2),
     )
     return text, inside, outside
-
-
-def _set(names: Sequence[str], codes: Sequence[str]) -> list[str]:
-    return [f"{name} = {code}" for name, code in zip(names, codes, strict=False)]
-
-
-def _unpack(program: Program) -> list[str]:
-    lines = [f"{x.value} = x_start[lane, {i}]" for i, x in enumerate(program.x)]
-    lines += [f"s{i} = max(floor[{i}], abs({x.value})) + 1e-9" for i, x in enumerate(program.x)]
-    return lines + [f"{p.value} = p[lane, {i}]" for i, p in enumerate(program.p)]
 
 
 def _output(program: Program, outside: Entries, emitter: Emitter) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -29,6 +30,11 @@ class Log:
     dt: float
     motion: str
     runs: tuple[tuple[int, int], ...]
+
+    @cached_property
+    def fastest(self) -> float:
+        """Largest speed, rad/s."""
+        return float(np.max(np.abs(self.w)))
 
 
 @dataclass(frozen=True)

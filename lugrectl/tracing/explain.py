@@ -26,6 +26,7 @@ LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a sign
 WHOLE = 0.9  # share above which the effects found explain the residual, whatever is left
 PIECED = 0.98  # share below which as many effects as are tried are a patchwork, not physics
 FIRM = 2.0  # half-widths of its interval between an effect's strength and none
+FIRMER = 1.0  # the same, from which one is chosen before others
 LOST = 0.2  # share of the residual's power taken by effects that are not firm
 COLOUR = {"theta": 0.3, "w": 0.05}  # of the innovations; quantised positions are never white
 SURE = 1.5  # standard errors above which a dependence too weak to prove is at least a hint
@@ -42,7 +43,6 @@ class Step:
     """One effect accepted, and what explains the training windows equally well."""
 
     trial: Trial
-    fitted: Fitted
     tied: tuple[Candidate, ...]
 
 
@@ -86,7 +86,7 @@ def explain(base: Fitted, report: Progress, test: Windows) -> Explanation:
         sound = [(t, f) for t, f in tried.fits if proven(base, current, f, t.key)]
         if not sound:
             break
-        sound = [(t, f) for t, f in sound if firmness(f, t.key) > 1.0] or sound
+        sound = [(t, f) for t, f in sound if firmness(f, t.key) > FIRMER] or sound
         step, current = _chosen(current, sound, test)
         steps.append(step)
         steps, current = _pruned(steps, current, steps[:-1])
@@ -226,17 +226,17 @@ def _chosen(
         even = [pair for pair in even if not len(surprising(pair[1], test))] or even
     (trial, best), *others = even
     tied = tuple(_candidate(before, t, f) for t, f in others)
-    return Step(trial, best, tied), best
+    return Step(trial, tied), best
 
 
-def _even(before: Fitted, proven: Sequence[tuple[Trial, Fitted]]) -> list[tuple[Trial, Fitted]]:
+def _even(before: Fitted, sound: Sequence[tuple[Trial, Fitted]]) -> list[tuple[Trial, Fitted]]:
     """The best effect and all that explain the windows as well within two standard errors.
 
     Fewest parameters first. An effect whose strength may as well be none imitates another (a
     soft spring with a distant rest is a constant torque) and is left out.
     """
-    top = max(proven, key=lambda pair: pair[1].total)[1]
-    even = [(t, f) for t, f in proven if f is top or _as_well(before, top, f)]
+    top = max(sound, key=lambda pair: pair[1].total)[1]
+    even = [(t, f) for t, f in sound if f is top or _as_well(before, top, f)]
     real = [(t, f) for t, f in even if not _imitates(t, f)] or even
     first, *rest = sorted(real, key=lambda pair: (len(pair[1].free), -pair[1].total))
     return [first, *((t, f) for t, f in rest if not _comes_to(f, first[1]))]
@@ -261,7 +261,7 @@ def _comes_to(other: Fitted, simple: Fitted) -> bool:
 
 
 def _imitates(trial: Trial, fitted: Fitted) -> bool:
-    gain = next(p for p in fitted.predictor.model.effects if p.key == trial.key).block.gain
+    gain = fitted.predictor.model.part(trial.key).block.gain
     low, high = fitted.intervals().get(f"{trial.key}.{gain}", (1.0, 1.0))
     return low <= 0.0 <= high
 

@@ -27,8 +27,8 @@ class Fitted:
     """Values at the maximum, with what is needed to judge them.
 
     ``anchor`` holds the values that were believed beforehand; ``loglik`` has one value for each
-    window; ``information`` and ``scores`` are those of the
-    coordinates, for intervals; ``innovations`` are whitened, (windows, length, channels).
+    window; ``information`` and ``scores`` are those of the coordinates, for intervals;
+    ``innovations`` are whitened, (windows, length, channels).
     """
 
     predictor: Predictor
@@ -66,8 +66,7 @@ class Fitted:
 
     def flat(self) -> list[tuple[str, ...]]:
         """Keys of which the record tells a combination only, by direction."""
-        size = np.sqrt(np.maximum(np.diag(self.information), 1e-300))
-        values, axes = np.linalg.eigh(self.information / np.outer(size, size))
+        values, axes = np.linalg.eigh(_unit(self.information)[0])
         return [
             tuple(c.key for c, part in zip(self.free, axis, strict=True) if abs(part) > PART)
             for value, axis in zip(values, axes.T, strict=True)
@@ -93,10 +92,16 @@ class Fitted:
         return made
 
 
+def _unit(information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The matrix scaled to a diagonal of ones, and by what it was divided."""
+    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    scale = np.outer(size, size)
+    return information / scale, scale
+
+
 def _inverse(information: np.ndarray) -> np.ndarray:
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    unit = information / np.outer(scale, scale)
-    return np.linalg.pinv(unit, rcond=1e-12, hermitian=True) / np.outer(scale, scale)
+    unit, scale = _unit(information)
+    return np.linalg.pinv(unit, rcond=1e-12, hermitian=True) / scale
 
 
 def fit(

@@ -114,7 +114,7 @@ class Predictor:
         """
         if "eps" not in self.model.friction.values:
             return np.zeros(len(self.lanes.states))
-        speed = RESTING * float(np.max(np.abs(self.data.log.w)))
+        speed = RESTING * self.data.log.fastest
         return np.where(np.array(self.lanes.states) == "w", speed, 0.0)
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..spec import P
 from .fit import Fitted
 from .likelihood import tune
 
@@ -21,42 +22,52 @@ CLOSE = 0.02  # relative, to a bound
 
 def proven(base: Fitted, before: Fitted, after: Fitted, key: str) -> bool:
     """Whether an effect is certain, and large enough beside what was there and is there."""
+    if not np.isfinite(after.total) or _at_its_bound(after, key) or not _passed(after, key):
+        return False
     gain = after.loglik - before.loglik
-    certain = (
-        gain.sum() - max(gain.max(), 0.0) > GATE and after.total - _mirrored(after, key) > GATE
-    )
+    certain = gain.sum() - max(gain.max(), 0.0) > GATE
+    if not certain or after.total - _mirrored(after, key) <= GATE:
+        return False
     of_it = share(before, after)
+    ill = _measured_ill(before, after, key)
+    least = LEAST_SIZE_OF_ALL if of_it >= MOST_OF_IT and not ill else LEAST_SIZE
+    if size(after, key) <= least:
+        return False
     matters = share(base, after) - share(base, before) > LEAST_OF_FIRST or of_it > MOST_OF_REST
-    least = LEAST_SIZE if of_it < MOST_OF_IT else LEAST_SIZE_OF_ALL
-    large = of_it > LEAST_SHARE and _removed(before, after) > LEAST_REMOVED
-    if _measured_ill(before, after, key):
-        matters, large, least = True, True, LEAST_SIZE
-    large = large and size(after, key) > least
-    sound = bool(np.isfinite(after.total))
-    sound = sound and not _at_its_bound(after, key) and _passed(after, key)
-    return sound and certain and matters and large
+    removed = of_it > LEAST_SHARE and _removed(before, after) > LEAST_REMOVED
+    return ill or (matters and removed)
 
 
 def _measured_ill(before: Fitted, after: Fitted, key: str) -> bool:
     """Whether a sensor's effect makes most of the innovations, whatever torque that leaves."""
-    part = next(p for p in after.predictor.model.effects if p.key == key)
     gain = after.loglik.sum() - before.loglik.sum()
-    return "sensor" in part.block.acts and bool(gain > 0.5 * before.where.counted.size)
+    sensed = "sensor" in after.predictor.model.part(key).block.acts
+    return sensed and bool(gain > 0.5 * before.where.counted.size)
 
 
 def _at_its_bound(fitted: Fitted, key: str) -> bool:
     """Whether an effect would be stronger than it may be: it stands for something else."""
-    part = next(p for p in fitted.predictor.model.effects if p.key == key)
-    gain = part.block.parameters[part.block.gain]
+    name, gain = _gain(fitted, key)
     ends = [b for b in (gain.low, gain.high) if np.isfinite(b) and b != gain.neutral]
-    value = fitted.values[f"{key}.{part.block.gain}"]
-    return any(abs(value - b) < CLOSE * abs(b) for b in ends)
+    return any(abs(fitted.values[name] - b) < CLOSE * abs(b) for b in ends)
+
+
+def _gain(fitted: Fitted, key: str) -> tuple[str, P]:
+    """Name and declaration of an effect's strength."""
+    block = fitted.predictor.model.part(key).block
+    return f"{key}.{block.gain}", block.parameters[block.gain]
+
+
+def _off(fitted: Fitted, key: str) -> dict[str, float]:
+    """The values with an effect that does nothing."""
+    name, gain = _gain(fitted, key)
+    return fitted.values | {name: gain.neutral or 0.0}
 
 
 def _passed(fitted: Fitted, key: str) -> bool:
     """Whether the motion was on both sides of an effect's place: a stop never left is a spring."""
-    part = next(p for p in fitted.predictor.model.effects if p.key == key)
-    if not any(p.passed for p in part.block.parameters.values()):
+    block = fitted.predictor.model.part(key).block
+    if not any(p.passed for p in block.parameters.values()):
         return True
     idle = _change(fitted, key) == 0.0
     return LEAST_TOUCHED < 1.0 - np.mean(idle) < MOST_TOUCHED
@@ -64,11 +75,8 @@ def _passed(fitted: Fitted, key: str) -> bool:
 
 def _change(fitted: Fitted, key: str) -> np.ndarray:
     """Torque that an effect makes along the log, (samples,)."""
-    predictor, values = fitted.predictor, fitted.values
-    part = next(p for p in predictor.model.effects if p.key == key)
-    neutral = part.block.parameters[part.block.gain].neutral or 0.0
-    off = {f"{key}.{part.block.gain}": neutral}
-    return predictor.torque(values) - predictor.torque(values | off)
+    predictor = fitted.predictor
+    return predictor.torque(fitted.values) - predictor.torque(_off(fitted, key))
 
 
 def _mirrored(fitted: Fitted, key: str) -> float:
@@ -78,15 +86,13 @@ def _mirrored(fitted: Fitted, key: str) -> float:
     only what the advance does not gain is physics.
     """
     predictor, data = fitted.predictor, fitted.predictor.data
-    part = next(p for p in predictor.model.effects if p.key == key)
+    part = predictor.model.part(key)
     if part.block.exact is None:
         return -np.inf
     own = {k: fitted.values[f"{key}.{k}"] for k in part.values}
     ahead = part.block.exact(data.u[::-1], data.dt, **own)[::-1]
-    neutral = part.block.parameters[part.block.gain].neutral or 0.0
-    values = fitted.values | {f"{key}.{part.block.gain}": neutral}
     other = predictor.on(data.with_torque(ahead))
-    return float(tune(other, values, fitted.where, fitted.noise)[1].sum())
+    return float(tune(other, _off(fitted, key), fitted.where, fitted.noise)[1].sum())
 
 
 def size(fitted: Fitted, key: str) -> float:
@@ -113,10 +119,8 @@ def firmness(fitted: Fitted, key: str) -> float:
 
     The intervals go by how much the windows disagree, so noise of any colour counts.
     """
-    part = next(p for p in fitted.predictor.model.effects if p.key == key)
-    strength = f"{key}.{part.block.gain}"
-    neutral = part.block.parameters[part.block.gain].neutral
-    away = neutral if neutral is not None and np.isfinite(neutral) else 0.0
-    low, high = fitted.intervals().get(strength, (away, away))
+    name, gain = _gain(fitted, key)
+    away = gain.neutral if gain.neutral is not None and np.isfinite(gain.neutral) else 0.0
+    low, high = fitted.intervals().get(name, (away, away))
     half = 0.5 * (high - low)
-    return abs(fitted.values[strength] - away) / half if half > 0.0 else 0.0
+    return abs(fitted.values[name] - away) / half if half > 0.0 else 0.0

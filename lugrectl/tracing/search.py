@@ -120,9 +120,9 @@ def _linear(
     best, second = found[0], found[1:2]
     if _continuous(base, made):
         name, grid = _gridded(made)
-        places = grid(base.predictor.data.log)
+        places, p = grid(base.predictor.data.log), made.parameters[name]
         for _ in range(ZOOMS):
-            places = np.clip(_closer(places, best[2][name]), *_ends(made, name))
+            places = np.clip(_closer(places, best[2][name]), p.low, p.high)
             more = score_of([{name: float(v)} for v in places])
             best = max([best, *more], key=lambda one: one[0])
     near = [one for one in second if one[0] > NEARLY * best[0]]
@@ -160,11 +160,6 @@ def _spans(made: Block) -> list[dict[str, float]]:
 def _gridded(made: Block) -> tuple[str, Callable]:
     """The parameter that is tried on a grid, and the grid."""
     return next((k, p.grid) for k, p in made.parameters.items() if p.grid is not None)
-
-
-def _ends(made: Block, name: str) -> tuple[float, float]:
-    p = made.parameters[name]
-    return p.low, p.high
 
 
 def _grid(base: Fitted, made: Block) -> list[dict[str, float]]:

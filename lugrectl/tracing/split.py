@@ -53,7 +53,8 @@ def split(
     elif last:
         train, test = _halves(data.runs)
     else:
-        train, test = _alternate(data.runs, gap, span, data.dt)[:: -1 if turned else 1]
+        even, odd = _alternate(data.runs, gap, span, data.dt)
+        train, test = (odd, even) if turned else (even, odd)
     lengths = [max(1, round(length / data.dt)) for length in WINDOWS]
     cuts = [windows(train, gap, length) for length in lengths]
     fitting = next((cut for cut in cuts if len(cut.start) >= ENOUGH), cuts[-1])

@@ -118,23 +118,24 @@ def _validated(
 
 def in_bursts(torque: np.ndarray) -> bool:
     """Whether a few windows hold nearly all of the power beyond what every window has."""
-    power = np.sort(np.sum(torque**2, axis=1))[::-1]
-    few = max(1, int(FEW * len(power)))
-    beyond = np.maximum(power - np.median(power), 0.0)
-    much = float(beyond.sum()) > BEYOND * float(power.sum())
-    return much and float(beyond[:few].sum()) > BULK * float(beyond.sum())
+    return _concentrated(torque, FEW, BEYOND)
 
 
 def in_pulses(torque: np.ndarray, dt: float) -> bool:
     """Whether a few short stretches hold nearly all of the power: something came and went."""
     n = max(1, round(PULSE / dt))
     k = torque.shape[1] // n
-    parts = torque[:, : k * n].reshape(-1, n)
+    return _concentrated(torque[:, : k * n].reshape(-1, n), RARE, MUCH)
+
+
+def _concentrated(parts: np.ndarray, few: float, much: float) -> bool:
+    """Whether a share ``few`` of the parts holds the bulk of what exceeds the median part's
+    power, and that is a share ``much`` of it all."""
     power = np.sort(np.sum(parts**2, axis=1))[::-1]
-    few = max(1, int(RARE * len(power)))
+    count = max(1, int(few * len(power)))
     beyond = np.maximum(power - np.median(power), 0.0)
-    much = float(beyond.sum()) > MUCH * float(power.sum())
-    return much and float(beyond[:few].sum()) > BULK * float(beyond.sum())
+    enough = float(beyond.sum()) > much * float(power.sum())
+    return enough and float(beyond[:count].sum()) > BULK * float(beyond.sum())
 
 
 def uneven(innovations: np.ndarray) -> bool:
