@@ -15,9 +15,10 @@ from .spec import members
 from .tracing.evaluate import Judged, missing_torque
 from .tracing.explain import Explanation, Step, explain, signals_of
 from .tracing.fit import Fitted
+from .tracing.hanging import hangs_on
 from .tracing.job import Job, Progress, begin, calmer, estimates, noted, on_everything, score
 from .tracing.predictor import windows
-from .tracing.surprise import hangs_on, surprising, undated, when
+from .tracing.surprise import surprising, undated, when
 from .tracing.tabulate import tabulate
 
 TURNED = (
@@ -74,8 +75,8 @@ def diagnose(
     answer = _answered(partial(begin, record, model, holdout, horizon, report), report)
     job, found, new = answer.job, answer.found, answer.unforeseen
     if len(new):
-        hidden = hangs_on(found.final, job.parts.test)
-        found = replace(found, unexplained=True, hangs_on=hidden)
+        hidden = hangs_on(found.final)
+        found = replace(found, unexplained=True, hangs_on=hidden or ("t",))
         job = noted(job, NEW.format(when(found.final, job.parts.test, new)))
     report(0.85, "judging on held-out samples")
     scored = score(job, found.final)
@@ -108,7 +109,7 @@ def diagnose(
 class _Answer:
     """An explanation, and what held-out samples say to one that is taken to be whole.
 
-    ``unforeseen`` are the windows that it does not explain; ``undated`` says that only they tell
+    ``unforeseen`` are the windows that no values of it explain; ``undated`` says that only they tell
     when something changed.
     """
 
@@ -137,7 +138,11 @@ def _answer(job: Job, report: Progress) -> _Answer:
     job, final, test = replace(job, base=found.base), found.final, job.parts.test
     if found.unexplained:
         return _Answer(job, found, np.array([], dtype=int), False)
-    return _Answer(job, found, surprising(final, test), undated(final, test))
+    new = surprising(final, test)
+    if len(new):  # perhaps the fitted samples only do not tell the parameters well enough
+        known = on_everything(final, job)
+        new = surprising(replace(final, values=known.values, noise=known.noise), test)
+    return _Answer(job, found, new, undated(final, test))
 
 
 def _table(final: Fitted, job: Job, depends: Sequence[str], seed: int) -> Table | None:

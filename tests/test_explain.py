@@ -12,7 +12,6 @@ from lugrectl.tracing.fit import fit
 from lugrectl.tracing.job import begin
 from lugrectl.tracing.predictor import Predictor
 from lugrectl.tracing.search import _closer
-from lugrectl.tracing.structure import in_pulses
 from tests.rig import make
 
 from .test_tracing import model_of, quiet, record_of
@@ -76,13 +75,3 @@ def test_backlash_without_a_gap_is_an_elastic_coupling(gap, same):
     simple, other = made
     assert _comes_to(other, simple) is same
     assert not _comes_to(simple, other)
-
-
-def test_pulses_are_told_from_what_is_there_all_the_time():
-    rng = np.random.default_rng(0)
-    noise = 0.1 * rng.normal(size=(12, 1000))
-    pulses = noise.copy()
-    pulses[3, 200:400] += 2.0
-    pulses[8, 600:700] -= 2.0
-    assert in_pulses(pulses, 1e-3) and not in_pulses(noise, 1e-3)
-    assert not in_pulses(noise + np.sin(np.arange(1000) / 50.0), 1e-3)

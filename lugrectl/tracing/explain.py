@@ -15,11 +15,12 @@ from .coordinates import free_keys
 from .data import Data
 from .evaluate import missing_torque
 from .fit import Fitted, fit
+from .hanging import hangs_on
 from .job import Progress, calmed
 from .predictor import Predictor, Windows
 from .proof import GATE, LEAST_OF_FIRST, LEAST_SIZE, firmness, proven, share, size
 from .search import Contest, Trial, contest
-from .structure import colour, dependences, in_bursts, in_pulses, uneven
+from .structure import colour, dependences, uneven
 from .surprise import surprising
 
 LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a signal
@@ -29,7 +30,6 @@ FIRM = 2.0  # half-widths of its interval between an effect's strength and none
 FIRMER = 1.0  # the same, from which one is chosen before others
 LOST = 0.2  # share of the residual's power taken by effects that are not firm
 COLOUR = {"theta": 0.3, "w": 0.05}  # of the innovations; quantised positions are never white
-SURE = 1.5  # standard errors above which a dependence too weak to prove is at least a hint
 MOST_EFFECTS = 3
 RETRIED = 3  # candidates whose plant values the model without them is fitted from again
 PART = 0.1  # of the leader's gain that one which explains as much may lack
@@ -285,15 +285,15 @@ def _left_over(
     """Whether something proven is left, and the signals that it hangs on.
 
     ``lost`` says that it is: effects took much of it, but none that the windows agree on. Where
-    nothing tells the signals, those on which what was found hangs: it may be a poor picture of
-    one thing.
+    what is left hangs on none of the signals, those on which all that is missing hangs: what was
+    found may be a poor picture of one thing. What hangs on neither comes and goes in time.
     """
     log = base.predictor.data.log
     before = missing_torque(base.predictor, base.values, base.where, base.noise)
     after = missing_torque(final.predictor, final.values, final.where, base.noise)
-    now, first = (dependences(r, log, base.where.counted) for r in (after, before))
+    now = dependences(after, log, base.where.counted)[0]
     weight = float(np.mean(after**2) / np.mean(before**2))
-    standing = now[0].t > 3.0 and weight * now[0].share > LEFT_SHARE
+    standing = now.t > 3.0 and weight * now.share > LEFT_SHARE
     standing = standing and share(base, final) < WHOLE
     friction = base.predictor.friction(base.values)[base.where.counted]
     quiet = missing_torque(final.predictor, final.values, final.where, final.noise)
@@ -302,16 +302,8 @@ def _left_over(
     pieced = len(steps) == MOST_EFFECTS and share(base, final) < PIECED
     if not matters or not (standing or loud or pieced or lost or _coloured(final)):
         return False, ()
-    if standing:
-        return True, now[0].signals
-    if in_pulses(before, log.dt):
-        return True, ("t",)
-    hints = [d for d in (*now, *first) if d.share > LEFT_SHARE and d.t > SURE]
-    if hints:
-        return True, max(hints, key=lambda d: d.t).signals
-    if loud or in_bursts(before) or in_bursts(after):
-        return True, ("t",)
-    return True, signals_of([step.trial.name for step in steps])
+    found = hangs_on(final) if weight > LEFT_SHARE else ()
+    return True, found or hangs_on(base) or ("t",)
 
 
 def signals_of(names: Sequence[str]) -> tuple[str, ...]:

@@ -19,9 +19,14 @@ def whitened(
     sets: Sequence[Values],
     where: Windows,
     noise: Noise | Sequence[Noise],
+    *,
+    torque: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Innovations with unit covariance where the model is right, (sets, windows, length, 2)."""
-    y, _ = predictor.run(sets, where, noise)
+    """Innovations with unit covariance where the model is right, (sets, windows, length, 2).
+
+    ``torque`` (sets, N) acts on the resisting side besides.
+    """
+    y, _ = predictor.run(sets, where, noise, torque=torque)
     e = np.nan_to_num(predictor.data.y[where.counted] - y, nan=0.0, posinf=1e150, neginf=-1e150)
     noises = [noise] * len(sets) if isinstance(noise, Noise) else noise
     for i, (q, values) in enumerate(zip(noises, sets, strict=True)):

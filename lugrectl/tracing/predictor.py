@@ -23,6 +23,7 @@ from .data import Data, picked
 from .noise import Noise, Sensing, observer_gain
 from .series import UNDOING, Fed, Memory, Values, depends_on_plant, feed, run_alone
 
+TORQUE = 2  # column of what is fed in: applied torque, load, torque, levels
 LEVELS = ("J", "Fc", "Fs", "Fv")
 STEP = 2e-3  # s, longest integration step; the engine divides it where it must
 RESTING = 0.1  # of the largest speed, to whose size errors of a drive at rest are compared
@@ -169,11 +170,12 @@ class Predictor:
         *,
         corrected: bool = True,
         x0: np.ndarray | None = None,
+        torque: np.ndarray | None = None,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Predicted theta, w over the counted samples of each window, for each set of values.
 
         They are what the sensors say, their effects included. ``noise`` may differ from set to
-        set; without ``corrected`` the run is free.
+        set; without ``corrected`` the run is free. ``torque`` (sets, N) resists besides.
 
         Returns
         -------
@@ -183,6 +185,10 @@ class Predictor:
         """
         sets, n = len(values), len(where.start)
         series, errors, index = self.distinct(values)
+        if torque is not None:
+            series, errors = series[index], [errors[i] for i in index]
+            series[..., TORQUE] += torque
+            index = np.arange(sets)
         p = np.array([[v[k] for k in self.keys] for v in values])
         start = np.tile(where.start, sets)
         if x0 is None:

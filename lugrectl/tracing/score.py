@@ -29,7 +29,7 @@ class Score:
             sets.append(moved)
         white = whitened(base.predictor, sets, base.where, base.noise)
         self.white = white[0]
-        self.root, self.count = _weighing(white[0].ravel())
+        self.root, self.count = weighing(white[0].ravel())
         self.r = self.root * white[0].ravel()
         A = self.root * (white[0] - white[1:]).reshape(len(base.free), -1)
         self.slopes = A / np.array([c.step for c in base.free])[:, None]
@@ -69,7 +69,7 @@ class Score:
         return -0.5 * self.count * float(np.log1p(-max(explained, 0.0))), c / size[:, 0]
 
 
-def _weighing(r: np.ndarray) -> tuple[np.ndarray, float]:
+def weighing(r: np.ndarray) -> tuple[np.ndarray, float]:
     """Square roots of the weights, and how many samples they are worth."""
     size = np.abs(r[r != 0.0])
     if not len(size):

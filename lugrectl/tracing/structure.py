@@ -12,13 +12,7 @@ CELL = 0.01  # s over which the residual torque is averaged
 FOLDS = 4
 BINS = 80
 ORDER = 12  # past innovations that are asked to predict the next
-FEW = 0.2  # of the windows that hold BULK of the power: what is left comes in bursts
-BULK = 0.8
-PULSE = 0.2  # s
-RARE = 0.08  # of these stretches
-MUCH = 0.6  # of the power that must lie beyond the median stretch's
 UNEVEN = 10.0  # times that the loudest quarter of the windows exceeds the quietest
-BEYOND = 0.3  # of the power that must lie beyond the median window's
 
 
 @dataclass(frozen=True)
@@ -114,28 +108,6 @@ def _validated(
         float(gain.sum()) / max(spread, 1e-300),
         float(np.sqrt(np.mean(predicted**2))),
     )
-
-
-def in_bursts(torque: np.ndarray) -> bool:
-    """Whether a few windows hold nearly all of the power beyond what every window has."""
-    return _concentrated(torque, FEW, BEYOND)
-
-
-def in_pulses(torque: np.ndarray, dt: float) -> bool:
-    """Whether a few short stretches hold nearly all of the power: something came and went."""
-    n = max(1, round(PULSE / dt))
-    k = torque.shape[1] // n
-    return _concentrated(torque[:, : k * n].reshape(-1, n), RARE, MUCH)
-
-
-def _concentrated(parts: np.ndarray, few: float, much: float) -> bool:
-    """Whether a share ``few`` of the parts holds the bulk of what exceeds the median part's
-    power, and that is a share ``much`` of it all."""
-    power = np.sort(np.sum(parts**2, axis=1))[::-1]
-    count = max(1, int(few * len(power)))
-    beyond = np.maximum(power - np.median(power), 0.0)
-    enough = float(beyond.sum()) > much * float(power.sum())
-    return enough and float(beyond[:count].sum()) > BULK * float(beyond.sum())
 
 
 def uneven(innovations: np.ndarray) -> bool:

@@ -10,9 +10,7 @@ from .evaluate import missing_torque
 from .fit import Fitted
 from .predictor import Windows
 from .proof import LEAST_SIZE
-from .structure import dependences
 
-TOLD = 2.0  # standard errors above which a dependence names its signals
 MORE = 2.0  # times what may be missing, and what is missing from any window that was fitted
 
 
@@ -46,13 +44,6 @@ def _open(fitted: Fitted, test: Windows) -> np.ndarray:
     for low, high in fitted.instants.values():
         found |= (t[:, 0] <= high) & (t[:, -1] >= low)
     return found
-
-
-def hangs_on(fitted: Fitted, test: Windows) -> tuple[str, ...]:
-    """The signals on which the torque missing from held-out samples hangs; t where none tell."""
-    torque = missing_torque(fitted.predictor, fitted.values, test, fitted.noise)
-    best = dependences(torque, fitted.predictor.data.log, test.counted)[0]
-    return best.signals if best.t > TOLD else ("t",)
 
 
 def when(fitted: Fitted, test: Windows, found: np.ndarray) -> str:

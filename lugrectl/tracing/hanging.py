@@ -1,0 +1,177 @@
+"""On which signals it hangs what a model fails to predict."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .data import Data, Log, picked
+from .fit import Fitted
+from .likelihood import whitened
+from .predictor import Windows, spread, windows
+from .score import LARGEST, weighing
+from .search import lightened
+from .shapes import Shape, pulses, shapes
+from .slopes import slopes
+
+ENOUGH = 60_000  # counted samples
+LEAST_WINDOWS = 24
+FOLDS, TIMED_FOLDS = 5, 4
+DOSE = 0.02  # of the RMS friction: the torque by which the innovations' answer is found
+EXPECTED = 0.1  # of the RMS friction: the torque that a piece of a function may well have
+RIDGES = (1.0, 1e1, 1e2, 1e3, 1e4, 1e5)
+CLEAR = 0.5  # of what any torque could explain, above which a function is taken to be it
+WHOLE = 0.95  # the same of the acceleration: a loop that fights any disturbance makes it likely
+SURE = 2.5  # standard errors that it must have
+TINY = 1e-9  # natural log units, or a share
+NEARLY = 0.85  # of the best function's share, from which one of fewer signals is preferred
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """How much a torque that depends on some signals explains.
+
+    ``share`` is the part, cross-validated, of the gain in log-likelihood that the best torque of
+    any kind would bring; ``t`` that share over its standard error, by how much the windows differ.
+    """
+
+    signals: tuple[str, ...]
+    share: float
+    t: float
+
+
+def hangs_on(fitted: Fitted) -> tuple[str, ...]:
+    """The signals of which what is left is a function; none if it is one of none of them."""
+    clear = [d for d in dependences(lightened(fitted)) if _is_clear(d)]
+    if not clear:
+        return ()
+    best = max(d.share for d in clear)
+    return next(d.signals for d in clear if d.share > NEARLY * best)
+
+
+def _is_clear(d: Dependence) -> bool:
+    return d.t > SURE and d.share > (WHOLE if "a" in d.signals else CLEAR)
+
+
+def dependences(fitted: Fitted) -> list[Dependence]:
+    """What a torque as a function of each signal would gain beside the model's own parameters.
+
+    Each function is a sum of narrow ones. What it does to the innovations is found by runs of
+    the plant, so a function is not charged with what a plant at rest cannot show, and the
+    model's parameters move along, so that a refit hides little. The weights come from other
+    stretches of the record than those on which they count; in time, from the stretches next to
+    these. Every window counts at most as much as a torque free to do anything could explain in
+    it: what happens once is not taken for a function of signals that were unusual then.
+    """
+    regression = _Regression(fitted)
+    alone = {timed: regression.gain(None, timed) for timed in (False, True)}
+    most = regression.most()
+    total = max(float(most.sum()), TINY)
+    found = []
+    for shape in regression.shapes(fitted.predictor.data.log):
+        gain = regression.gain(shape, shape.timed) - alone[shape.timed]
+        gain = np.clip(gain, -most, most)
+        share, error = float(gain.sum()) / total, _error(gain, most)
+        found.append(Dependence(shape.signals, share, share / max(error, TINY)))
+    return found
+
+
+def _error(gain: np.ndarray, most: np.ndarray) -> float:
+    """Standard error of the share, by leaving out each window in turn."""
+    rest = (gain.sum() - gain) / np.maximum(most.sum() - most, TINY)
+    return float(np.sqrt((len(gain) - 1) * np.var(rest)))
+
+
+class _Regression:
+    """Weighted innovations of all windows of a record, and what changes them."""
+
+    def __init__(self, fitted: Fitted) -> None:
+        data, w = fitted.predictor.data, fitted.where
+        chosen = spread(windows(data.runs, w.burn, w.length), ENOUGH, LEAST_WINDOWS)
+        self.rows = (chosen.start[:, None] + np.arange(w.burn + w.length)).ravel()
+        few, where = _apart(data, self.rows, chosen)
+        f = self.fitted = replace(fitted, predictor=fitted.predictor.on(few), where=where)
+        r, A = slopes(f.predictor, f.values, f.free, where, f.noise)
+        self.root = weighing(r.ravel())[0].reshape(r.shape)
+        self.r, self.A = self._flat(r[None])[0], self._flat(A)
+        size = np.linalg.norm(self.A.reshape(len(A), -1), axis=1)
+        self.A /= np.maximum(size, 1e-300)[:, None, None]
+        friction = f.predictor.friction(f.values)[where.counted]
+        self.friction = float(np.sqrt(np.mean(friction**2)))
+        self.white = whitened(f.predictor, [f.values], where, f.noise)[0]
+
+    def _flat(self, white: np.ndarray) -> np.ndarray:
+        """(columns, windows, both channels), weighted."""
+        return (white * self.root).reshape(len(white), len(self.root), -1)
+
+    def shapes(self, log: Log) -> list[Shape]:
+        """The functions to be tried on the windows; ``log`` is the whole record's."""
+        predictor, values = self.fitted.predictor, self.fitted.values
+        expected = predictor.torque(values) / values["J"]
+        return shapes(log, self.rows, self.fitted.where.counted.ravel(), expected)
+
+    def answers(self, B: np.ndarray) -> np.ndarray:
+        """What torques (N, columns) would take off the innovations, (columns, windows, both)."""
+        f, dose = self.fitted, DOSE * self.friction
+        many = max(1, LARGEST // max(1, f.where.counted.size))
+        parts = [B[:, i : i + many].T for i in range(0, B.shape[1], many)]
+        white = [
+            whitened(f.predictor, [f.values] * len(p), f.where, f.noise, torque=dose * p)
+            for p in parts
+        ]
+        return self._flat((self.white - np.concatenate(white)) / dose)
+
+    def gain(self, shape: Shape | None, timed: bool) -> np.ndarray:
+        """Cross-validated gain in log-likelihood of each window, at the best ridge."""
+        X, penalty = self.A, np.full(len(self.A), 1e-6)
+        if shape is not None:
+            seen = np.abs(shape.B[self.fitted.where.counted.ravel()]).sum(0) > 0.0
+            more = self.answers(shape.B[:, seen])
+            X = np.concatenate([X, more])
+            penalty = np.append(penalty, np.full(len(more), (EXPECTED * self.friction) ** -2))
+        H, g = _normal(X, self.r)
+        n = len(g)
+        fold = np.arange(n) % TIMED_FOLDS if timed else np.arange(n) * FOLDS // n
+        stiff = np.arange(len(penalty)) >= len(self.A)
+        gains = [
+            _validated(H, g, fold, np.where(stiff, penalty * ridge, penalty))
+            for ridge in (RIDGES if shape is not None else RIDGES[:1])
+        ]
+        return max(gains, key=np.sum)
+
+    def most(self) -> np.ndarray:
+        """The gain of each window by a torque that is free to do anything, less its freedom."""
+        where, data = self.fitted.where, self.fitted.predictor.data
+        local = pulses(where.length, data.dt)
+        B = np.zeros((len(data.t), local.shape[1]))
+        B[where.counted] = local
+        H, g = _normal(self.answers(B), self.r)
+        M = H + np.eye(H.shape[1]) * (EXPECTED * self.friction) ** -2
+        gain = np.einsum("wi,wi->w", g, np.linalg.solve(M, g[..., None])[..., 0])
+        spent = np.trace(np.linalg.solve(M, H), axis1=1, axis2=2)
+        return np.maximum(0.5 * (gain - spent), 0.0)
+
+
+def _apart(data: Data, rows: np.ndarray, where: Windows) -> tuple[Data, Windows]:
+    """The windows alone, each with its lead-in a run of its own."""
+    few, whole = picked(data, rows), where.burn + where.length
+    start = np.arange(0, len(rows), whole)
+    runs = tuple((int(a), int(a) + whole) for a in start)
+    return replace(few, runs=runs, log=replace(few.log, runs=runs)), replace(where, start=start)
+
+
+def _normal(X: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """X X' and X r of each window."""
+    Z = X.transpose(1, 0, 2)
+    return Z @ Z.transpose(0, 2, 1), np.einsum("wkn,wn->wk", Z, r)
+
+
+def _validated(H: np.ndarray, g: np.ndarray, fold: np.ndarray, penalty: np.ndarray) -> np.ndarray:
+    """Gain of each window by the coefficients that the other folds give."""
+    gain = np.zeros(len(g))
+    for k in range(int(fold.max()) + 1):
+        own = fold == k
+        c = np.linalg.lstsq(H[~own].sum(0) + np.diag(penalty), g[~own].sum(0), rcond=None)[0]
+        gain[own] = g[own] @ c - 0.5 * np.einsum("i,wij,j->w", c, H[own], c)
+    return gain

@@ -1,0 +1,125 @@
+"""Functions of the signals, each spanned by narrow ones: what an unknown torque may be made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .data import Log
+
+MANY, SOME, FEW = 40, 24, 16  # pieces of a function
+AROUND = 64  # of one of the angle within a turn
+TURNS = 1.25  # of travel, above which the angle within a turn is asked
+DEAD = 0.02  # of the largest speed, below which the drive has no direction
+PULSE = 0.05  # s
+NEAR = 0.002  # of the travel: the distance from a reversal at which its function is finest
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A torque as any function of some signals: ``B`` (samples, pieces).
+
+    ``timed``: what it depends on never comes back.
+    """
+
+    signals: tuple[str, ...]
+    B: np.ndarray
+    timed: bool = False
+
+
+def shapes(log: Log, rows: np.ndarray, at: np.ndarray, a: np.ndarray) -> list[Shape]:
+    """The functions asked for, those of fewer signals first.
+
+    Parameters
+    ----------
+    log : Log
+        Of the whole record.
+    rows : int array
+        Samples on which they are wanted.
+    at : int array
+        Those of ``rows`` that count: the functions are spanned over what these visit.
+    a : (rows,) array
+        The acceleration that the model expects from the torque: the measured one holds what the
+        model fails to predict.
+    """
+    theta, w, u, t = (getattr(log, k)[rows] for k in ("theta", "w", "u", "t"))
+    since, forth = _since_reversal(log)[rows], w > 0.0
+    place, time = _hats(theta, _even(theta[at], MANY)), _hats(t, _even(t[at], SOME))
+    made = [
+        Shape(("theta",), place),
+        Shape(("w",), _hats(w, _full(w[at], MANY))),
+        Shape(("u",), _hats(u, _full(u[at], SOME))),
+        Shape(("a",), _hats(a, _full(a[at], SOME))),
+        Shape(("t",), time, timed=True),
+        Shape(("theta", "w"), _by(forth, place)),
+        Shape(("theta", "w"), _hats(since, _full(since[at], MANY))),
+        Shape(("t", "w"), _by(forth, time), timed=True),
+    ]
+    if log.motion == "rotary" and np.ptp(theta[at]) > TURNS * 2.0 * np.pi:
+        angle = _around(theta, AROUND)
+        made += [Shape(("theta",), angle), Shape(("theta", "w"), _by(forth, angle))]
+        made.append(Shape(("theta", "a"), _around(theta, SOME) * a[:, None]))
+    else:
+        made.append(Shape(("theta", "a"), _hats(theta, _even(theta[at], FEW)) * a[:, None]))
+    return sorted(made, key=lambda shape: len(shape.signals))
+
+
+def pulses(length: int, dt: float) -> np.ndarray:
+    """Triangles in time over a window, (length, pieces)."""
+    x = np.arange(float(length))
+    return _hats(x, _even(x, max(4, int(length * dt / PULSE))))
+
+
+def _hats(x: np.ndarray, knots: np.ndarray) -> np.ndarray:
+    """Triangles on the knots, which sum to one."""
+    x = np.clip(x, knots[0], knots[-1])
+    i = np.clip(np.searchsorted(knots, x, side="right") - 1, 0, len(knots) - 2)
+    part = (x - knots[i]) / (knots[i + 1] - knots[i])
+    return _mixed(i, i + 1, part, len(knots))
+
+
+def _around(theta: np.ndarray, count: int) -> np.ndarray:
+    """Triangles on the angle within a turn."""
+    x = np.mod(theta, 2.0 * np.pi) * count / (2.0 * np.pi)
+    i = np.floor(x).astype(int)
+    return _mixed(i % count, (i + 1) % count, x - i, count)
+
+
+def _mixed(low: np.ndarray, high: np.ndarray, part: np.ndarray, count: int) -> np.ndarray:
+    B, rows = np.zeros((len(part), count)), np.arange(len(part))
+    B[rows, low] = 1.0 - part
+    B[rows, high] += part
+    return B
+
+
+def _even(x: np.ndarray, count: int) -> np.ndarray:
+    low, high = float(x.min()), float(x.max())
+    return np.linspace(low, max(high, low + 1e-12), count + 1)
+
+
+def _full(x: np.ndarray, count: int) -> np.ndarray:
+    """Knots with as many samples between each two."""
+    knots = np.unique(np.quantile(x, np.linspace(0.0, 1.0, count + 1)))
+    return knots if len(knots) > 1 else _even(x, 1)
+
+
+def _by(forth: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """One function for each direction."""
+    return np.concatenate([B * forth[:, None], B * ~forth[:, None]], axis=1)
+
+
+def _since_reversal(log: Log) -> np.ndarray:
+    """Distance from where the drive last turned round, by direction: what a hysteresis depends
+    on. Its logarithm, so that what settles soon and what settles late is resolved alike."""
+    made = np.zeros(len(log.t))
+    for a, b in log.runs:
+        w, theta = log.w[a:b], log.theta[a:b]
+        going = np.where(np.abs(w) > DEAD * log.fastest, np.sign(w), 0.0)
+        latest = np.maximum.accumulate(np.where(going != 0.0, np.arange(b - a), 0))
+        way = going[latest]
+        turned = np.append(True, way[1:] != way[:-1])
+        from_here = theta[np.maximum.accumulate(np.where(turned, np.arange(b - a), 0))]
+        gone = np.maximum((theta - from_here) * way, 0.0)
+        made[a:b] = way * (1.0 + np.log1p(gone / (NEAR * np.ptp(log.theta) + 1e-12)))
+    return made
