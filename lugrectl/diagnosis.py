@@ -109,8 +109,8 @@ def diagnose(
 class _Answer:
     """An explanation, and what held-out samples say to one that is taken to be whole.
 
-    ``unforeseen`` are the windows that no values of it explain; ``undated`` says that only they tell
-    when something changed.
+    ``unforeseen`` are the windows that no values of it explain; ``undated`` says that only they
+    tell when something changed.
     """
 
     job: Job

@@ -95,6 +95,7 @@ class Block:
     tries: Callable[..., list[dict[str, float]]] | None = field(default=None, compare=False)
     start: tuple[str, ...] = ()
     load: bool = False
+    box: Callable[..., Any] | None = field(default=None, compare=False)
     home: str = field(default="", compare=False)
 
     @property
@@ -245,6 +246,7 @@ def block(
     tries: Callable[..., list[dict[str, float]]] | None = None,
     start: str = "",
     load: bool = False,
+    box: Callable[..., Any] | None = None,
 ) -> Callable[[Callable[..., Any]], Block]:
     """Declare a function as a block of a kind and enter it in the registry.
 
@@ -274,6 +276,10 @@ def block(
         For each state the input to which it is equal in equilibrium, or 0; default all 0.
     load : bool
         True for a torque effect that is a load: friction that depends on the load feels it.
+    box : callable
+        ``box(log, values)`` of an effect whose likelihood has many optima, because a state of
+        it is not told by the motion for a while: where to search them all. Windows in which
+        that state was missed are then allowed to be noisier than the others.
 
     Raises
     ------
@@ -294,6 +300,7 @@ def block(
             tries=tries,
             start=tuple(start.split()) or ("0",) * len(made.states),
             load=load,
+            box=box,
         )
         known = members(kind).get(made.name)
         if known is not None and not (known.home == made.home == "__main__"):

@@ -34,7 +34,7 @@ TRACING = [
     {"split", "coordinates", "likelihood", "evaluate", "structure"},
     {"moments", "slopes"},
     {"fit"},
-    {"tabulate", "proof"},
+    {"tabulate", "proof", "blows"},
     {"score", "surprise", "shapes"},
     {"tries"},
     {"search"},

@@ -11,6 +11,7 @@ import numpy as np
 from ..model import Model
 from ..results import Candidate
 from ..spec import P, members
+from .blows import forgiving, sharpened
 from .coordinates import free_keys
 from .data import Data
 from .evaluate import missing_torque
@@ -88,13 +89,15 @@ def explain(base: Fitted, report: Progress, test: Windows) -> Explanation:
             break
         sound = [(t, f) for t, f in sound if firmness(f, t.key) > FIRMER] or sound
         step, current = _chosen(current, sound, test)
+        if step.trial.boxed:
+            base, current = forgiving(base), sharpened(current)
         steps.append(step)
         steps, current = _pruned(steps, current, steps[:-1])
         if len(steps) > 1 and share(base, current) > WHOLE and _coloured(current):
             steps, current = _exchanged(steps, current, test, partial(report, at))
         if share(base, current) > 1.0 - LEAST_OF_FIRST and not _coloured(current):
             break
-        calm = calmed(current) if turn == 0 else None
+        calm = calmed(current) if turn == 0 and not current.noise.uneven else None
         if calm is not None:
             return Explanation(base, tuple(steps), current, (), False, (), calm)
     pieces = current
@@ -298,7 +301,7 @@ def _left_over(
     friction = base.predictor.friction(base.values)[base.where.counted]
     quiet = missing_torque(final.predictor, final.values, final.where, final.noise)
     matters = np.std(quiet) > LEAST_SIZE * np.std(friction)
-    loud = uneven(final.innovations)
+    loud = _loud(final)
     pieced = len(steps) == MOST_EFFECTS and share(base, final) < PIECED
     if not matters or not (standing or loud or pieced or lost or _coloured(final)):
         return False, ()
@@ -317,9 +320,16 @@ def signals_of(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(made))
 
 
+def _loud(fitted: Fitted) -> bool:
+    """Whether windows differ more in noise than the model allows."""
+    if fitted.noise.uneven:
+        return 2 * len(fitted.quiet) < len(fitted.innovations)
+    return uneven(fitted.innovations)
+
+
 def _coloured(fitted: Fitted) -> bool:
     """Whether the innovations still tell the next one. A smoothed torque colours them by itself."""
     if fitted.predictor.data.smoothed:
         return False
-    theta, w = colour(fitted.innovations)
+    theta, w = colour(fitted.quiet)
     return bool(theta > COLOUR["theta"] or w > COLOUR["w"])

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import stats
 
 from .coordinates import Coordinate, coordinates, is_instant
-from .likelihood import loglik, tune, whitened
+from .likelihood import excess, loglik, tune, whitened
 from .moments import placed
 from .noise import Noise
 from .predictor import Predictor, Values, Windows
@@ -19,6 +19,7 @@ from .slopes import slopes
 PRIOR = 1.5  # natural log units: a friction parameter is believed within a factor of 4.5
 FLAT = 1e-8  # of the scaled information, below which a direction is not told
 PART = 0.1  # of a direction, from which a parameter belongs to it
+NOISY = 2.0  # times the power, above which a window missed a hidden state
 NOISE_STEPS = (1.0, 0.6, 0.25, 1.5)  # factors tried at each step of a fit
 
 
@@ -51,6 +52,11 @@ class Fitted:
     def torque_noise(self) -> float:
         """Standard deviation of the torque that the model does not foresee, per sample."""
         return self.noise.jump * self.values["J"]
+
+    @property
+    def quiet(self) -> np.ndarray:
+        """The innovations of the windows that are not much noisier than the others may be."""
+        return self.innovations[excess(self.innovations, self.noise) < NOISY]
 
     def covariance(self) -> np.ndarray:
         """Of the coordinates: the larger of the model's own and the windows' scatter.
@@ -185,15 +191,15 @@ class _Climb:
         noise, total = self.judged(current, noise, (1.0,))
         linear, small = self.linearised(current, noise), 0
         for _ in range(most):
-            moved = self.moved(linear, current, damping)
-            better, reached = self.judged(moved, noise, NOISE_STEPS)
+            ahead = self.ahead(linear, current, damping)
+            better, reached = self.judged(ahead, noise, NOISE_STEPS)
             if not reached > total:
                 damping *= 20.0
                 if damping > 1e5:
                     break
                 continue
             small = small + 1 if reached - total < 0.3 else 0
-            current, noise, total = moved, better, reached
+            current, noise, total = ahead, better, reached
             damping = max(0.1 * damping, 1e-8)
             if small == 2:
                 break
@@ -213,7 +219,7 @@ class _Climb:
     def at(self, values: Values) -> np.ndarray:
         return np.array([c.into(values) for c in self.coords])
 
-    def moved(self, linear: _Linear, values: Values, damping: float) -> dict[str, float]:
+    def ahead(self, linear: _Linear, values: Values, damping: float) -> dict[str, float]:
         prior = self.prior
         gradient = linear.scores.sum(0) - prior.weight * (self.at(values) - prior.center)
         H = linear.information + np.diag(prior.weight)
@@ -221,6 +227,8 @@ class _Climb:
 
     def linearised(self, values: Values, noise: Noise) -> _Linear:
         r, A = slopes(self.predictor, values, self.coords, self.where, noise, graph=self.graph)
+        weight = excess(r, noise)[:, None, None] ** -0.5
+        r, A = weight * r, weight * A
         A, r = A.reshape(len(self.coords), len(r), -1), r.reshape(len(r), -1)
         flat = A.reshape(len(self.coords), -1)
         return _Linear(flat @ flat.T, np.einsum("pwn,wn->wp", A, r))
@@ -229,9 +237,13 @@ class _Climb:
 def _move(H, gradient, damping, coords, values) -> dict[str, float]:
     scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
     unit = H / np.outer(scale, scale) + damping * np.eye(len(scale))
-    dx = np.linalg.lstsq(unit, gradient / scale, rcond=1e-12)[0] / scale
-    moved = dict(values)
+    return moved(values, coords, np.linalg.lstsq(unit, gradient / scale, rcond=1e-12)[0] / scale)
+
+
+def moved(values: Values, coords: Sequence[Coordinate], dx: np.ndarray) -> dict[str, float]:
+    """The values a step on, not further than a factor of two in a logarithm."""
+    made = dict(values)
     for c, step in zip(coords, dx, strict=True):
         limited = step if c.kind == "linear" else np.clip(step, -0.7, 0.7)
-        moved[c.key] = c.back(c.into(values) + limited, moved)
-    return moved
+        made[c.key] = c.back(c.into(values) + limited, made)
+    return made

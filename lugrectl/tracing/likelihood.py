@@ -38,7 +38,17 @@ def whitened(
 def loglik(predictor: Predictor, white: np.ndarray, noise: Noise, values: Values) -> np.ndarray:
     """Gaussian log-likelihood of each window."""
     _, S = predictor.filter(noise, values)
-    return -0.5 * np.sum(white**2, axis=(1, 2)) - 0.5 * white.shape[1] * np.linalg.slogdet(S)[1]
+    power, more = np.sum(white**2, axis=(1, 2)), excess(white, noise)
+    count = white.shape[1] * len(noise.recorded())
+    return -0.5 * (power / more + count * np.log(more) + white.shape[1] * np.linalg.slogdet(S)[1])
+
+
+def excess(white: np.ndarray, noise: Noise) -> np.ndarray:
+    """How much more than expected the innovations' power may be in each window: the most likely."""
+    if not noise.uneven:
+        return np.ones(len(white))
+    count = white.shape[1] * len(noise.recorded())
+    return np.maximum(np.sum(white**2, axis=(1, 2)) / count, 1.0)
 
 
 def tune(

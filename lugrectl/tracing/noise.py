@@ -35,12 +35,14 @@ class Noise:
     """Standard deviations of what no model foresees.
 
     ``jump`` of dw/dt, independent from sample to sample (rad/s2): the torque's noise over J;
-    ``theta`` (rad) and ``w`` (rad/s) of the sensors, nan where not recorded.
+    ``theta`` (rad) and ``w`` (rad/s) of the sensors, nan where not recorded. ``uneven``: that is
+    the least; a window may be noisier, where a state that the motion does not tell was missed.
     """
 
     jump: float
     theta: float
     w: float
+    uneven: bool = False
 
     def channels(self) -> np.ndarray:
         """Which of theta, w were recorded."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .fit import Fitted
+from .fit import Fitted, moved
 from .likelihood import whitened
 from .predictor import Predictor
 
@@ -42,16 +42,13 @@ class Score:
     def followed(self, column: np.ndarray) -> dict[str, float]:
         """Values of the base model that go with a change of the innovations: a step of least
         squares in its coordinates, not further than a factor of two in a logarithm."""
-        moved = dict(self.base.values)
+        base = self.base
         if not len(self.slopes):
-            return moved
+            return dict(base.values)
         size = np.maximum(np.linalg.norm(self.slopes, axis=1), 1e-300)
         left = self.r - self.root * column
         dx = np.linalg.lstsq((self.slopes / size[:, None]).T, left, rcond=1e-6)[0]
-        for c, step in zip(self.base.free, dx / size, strict=True):
-            limited = step if c.kind == "linear" else np.clip(step, -0.7, 0.7)
-            moved[c.key] = c.back(c.into(self.base.values) + limited, moved)
-        return moved
+        return moved(base.values, base.free, dx / size)
 
     def gain(self, columns: np.ndarray) -> tuple[float, np.ndarray]:
         """Gain and coefficients for directions (k, n), each an innovation change per unit.

@@ -10,10 +10,11 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from ..spec import Block, members
+from .blows import sought
 from .coordinates import free_keys, typical
 from .data import Log, thinned
 from .evaluate import missing_torque
-from .fit import Fitted, fit
+from .fit import Fitted, fit, moved
 from .likelihood import tune
 from .predictor import Predictor, coarser, spread
 from .score import Score, whitened_by_parts
@@ -32,6 +33,7 @@ KEPT = 4  # of a longer grid, after a look at the residual torque
 NEARLY = 0.6  # of the best point's promise, from which the next one is a start, too
 ZOOMS = 2  # finer grids around the best point
 UNLIKELY = 0.01  # promise over what another effect has gained, below which one is not tried
+SOUGHT = 0.4  # of the leader's gain, from which all sets of an effect with many optima are tried
 HOPELESS = 0.1  # of the leader's gain after a short fit, below which a candidate is dropped
 
 Say = Callable[[str], None]
@@ -50,6 +52,11 @@ class Trial:
     values: dict[str, float]
     promise: float
     others: tuple[dict[str, float], ...] = ()
+
+    @property
+    def boxed(self) -> bool:
+        """Whether its likelihood has so many optima that all of its sets are searched."""
+        return members("effect")[self.name].box is not None
 
     @property
     def rough(self) -> bool:
@@ -294,29 +301,22 @@ def _short(trial: Trial) -> tuple[Trial, Fitted]:
 
 
 def _shaken(found: Fitted, key: str, spread: float) -> dict[str, float] | None:
-    """Values of the effect near those found that do better as they are.
+    """Values near those found that do better as they are.
 
-    Blows make many optima. Drawn with the shape of the uncertainty, in logarithms.
+    Blows make many optima. Drawn with the shape of the uncertainty, the plant's values along
+    with the effect's, whose logarithms spread so far.
     """
-    own = [c for c in found.free if c.key.startswith(f"{key}.") and c.kind == "log"]
+    own = [i for i, c in enumerate(found.free) if c.key.startswith(f"{key}.") and c.kind == "log"]
     if len(own) < 2:
         return None
-    index = [found.free.index(c) for c in own]
-    C = found.covariance()[np.ix_(index, index)]
-    size = np.sqrt(np.max(np.diag(C)))
+    C = found.covariance()
+    size = np.sqrt(np.max(np.diag(C)[own]))
     if not (np.all(np.isfinite(C)) and 0.0 < size < np.inf):
         return None
     values, axes = np.linalg.eigh(C * (spread / size) ** 2)
-    draws = np.random.default_rng(len(own)).normal(size=(SHAKEN, len(own)))
+    draws = np.random.default_rng(len(own)).normal(size=(SHAKEN, len(C)))
     steps = (draws * np.sqrt(np.maximum(values, 0.0))) @ axes.T
-    sets = [
-        found.values
-        | {
-            c.key: c.back(c.into(found.values) + d, found.values)
-            for c, d in zip(own, step, strict=True)
-        }
-        for step in steps
-    ]
+    sets = [moved(found.values, found.free, step) for step in steps]
     white = np.nan_to_num(whitened_by_parts(found.predictor, sets, found), posinf=1e150)
     cost = np.sum(white**2, axis=(1, 2, 3))
     best = int(np.argmin(cost))
@@ -370,12 +370,19 @@ def contest(base: Fitted, names: Sequence[str], gate: float, tried: int, say: Sa
     for trial, fitted in best:
         if fitted.total - light.total > HOPELESS * lead:
             say(f"fitting {trial.name}")
-            whole = _heavy(trial, base, fitted.values)
-            finished.append((whole, refine(whole)))
+            finished.append(_finished(trial, fitted, base, lead))
     finished.sort(key=lambda pair: -pair[1].total)
     for i, (trial, fitted) in enumerate(finished[:ANEW]):
-        finished[i] = trial, max(fitted, _anew(trial, fitted), key=lambda f: f.total)
+        if not trial.boxed:
+            finished[i] = trial, max(fitted, _anew(trial, fitted), key=lambda f: f.total)
     return Contest(promising, sorted(finished, key=lambda pair: -pair[1].total))
+
+
+def _finished(trial: Trial, short: Fitted, base: Fitted, lead: float) -> tuple[Trial, Fitted]:
+    """A trial on all samples again, fitted to the end."""
+    wanted = trial.boxed and short.total - trial.fitted.total > SOUGHT * lead
+    whole = _heavy(trial, base, (sought(short, trial.key) if wanted else short).values)
+    return whole, refine(whole, most=0 if wanted else 30)
 
 
 def _anew(trial: Trial, fitted: Fitted) -> Fitted:

@@ -21,6 +21,8 @@ def surprising(fitted: Fitted, test: Windows) -> np.ndarray:
     motion that hangs on chance (whether a drive sticks), but not a missing effect. Where the
     fitted samples leave open when something changed, nothing can be foreseen.
     """
+    if fitted.noise.uneven:  # a window may have missed a hidden state
+        return np.array([], dtype=int)
     friction = fitted.predictor.friction(fitted.values)[fitted.where.counted]
     least = LEAST_SIZE * float(np.sqrt(np.mean(friction**2)))
     noise = replace(fitted.noise, jump=least / fitted.values["J"])

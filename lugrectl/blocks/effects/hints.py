@@ -7,7 +7,8 @@ factor of two or three apart.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
@@ -120,6 +121,39 @@ def gaps(log: Any, values: Values) -> Sets:
     widths = np.ptp(log.theta) * np.geomspace(0.0005, 0.05, 80)
     made = product(tuned, widths)
     return [_behind(values["J"], 0.15, f, 0.15) | {"gap": float(gap)} for f, gap in made]
+
+
+@dataclass(frozen=True)
+class Box:
+    """Where all sets of values are searched: logarithms x of what the sets are made of.
+
+    ``low``, ``high`` bound x, ``near`` is how far a set may be from a good one; ``at(x)`` is the
+    set, ``into(values)`` its x.
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+    near: np.ndarray
+    at: Callable[[np.ndarray], dict[str, float]]
+    into: Callable[[Values], np.ndarray]
+
+
+def gap_box(log: Any, values: Values) -> Box:
+    """A share of the whole inertia behind a gap, its ringing in Hz and damping, and the gap."""
+    whole, travel = values["J"] + values.get("load_inertia", 0.0), float(np.ptp(log.theta))
+    low = np.array([0.03, 4.0, 0.01, 5e-4 * travel])
+    high = np.array([0.7, max(min(0.2 / log.dt, 300.0), 30.0), 1.0, 5e-2 * travel])
+
+    def at(x: np.ndarray) -> dict[str, float]:
+        share, frequency, damping, gap = np.exp(x).tolist()
+        return _behind(whole, share, frequency, damping) | {"gap": gap}
+
+    def into(given: Values) -> np.ndarray:
+        load, ringing = given["load_inertia"], np.sqrt(given["stiffness"] / given["load_inertia"])
+        damping = given["damping"] / (2.0 * load * ringing)
+        return np.log([load / whole, ringing / (2.0 * np.pi), damping, given["gap"]])
+
+    return Box(np.log(low), np.log(high), np.array([0.2, 0.3, 0.3, 0.03]), at, into)
 
 
 def _behind(J: float, share: float, frequency: float, damping: float = 0.1) -> dict[str, float]:

@@ -113,6 +113,7 @@ def elastic_coupling(
     confused="elastic_coupling presliding actuator_dead_zone",
     experiment="reverse slowly and fast at several amplitudes: the gap is a fixed angle",
     tries=hints.gaps,
+    box=hints.gap_box,
 )
 def backlash(
     w,

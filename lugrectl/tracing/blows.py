@@ -1,0 +1,101 @@
+"""Effects whose likelihood has many optima: a search of all sets of values, under a noise that
+forgives the windows in which a hidden state was missed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import differential_evolution
+
+from .coordinates import free_keys
+from .fit import Fitted, fit
+from .likelihood import loglik, tune, whitened
+from .noise import Noise
+from .predictor import spread
+
+ENOUGH, LEAST_WINDOWS = 8_000, 12  # counted samples to search on
+WIDTHS = (np.inf, 1.0, 0.4)  # of what the effect calls near, around the best set so far
+QUIETER = ((0.5, 0.1), (1.0, 0.3), (1.0, 0.3))  # factors on the noise under which sets are tried
+ROUNDS = (25, 12, 12)
+CROWD = 8  # sets for each number that is sought
+STEPS = 10
+WORST = 1e6  # innovation that counts for a set that makes the plant unstable
+
+
+def forgiving(fitted: Fitted) -> Fitted:
+    """The same values under a noise that may differ from window to window."""
+    noise = replace(fitted.noise, uneven=True)
+    noise, each = tune(fitted.predictor, fitted.values, fitted.where, noise)
+    return replace(fitted, noise=noise, loglik=each)
+
+
+def sharpened(fitted: Fitted) -> Fitted:
+    """Fitted again under such a noise."""
+    start = forgiving(fitted)
+    free = free_keys(start.predictor)
+    return fit(
+        start.predictor, start.values, free, start.where, start.noise, anchor=start.anchor
+    )  # fmt: skip
+
+
+def sought(found: Fitted, key: str) -> Fitted:
+    """The best of all sets of an effect's values: a wide search, then closer ones, each followed
+    by a fit of everything. What is returned has the likelihood of an even noise again."""
+    where = spread(found.where, ENOUGH, LEAST_WINDOWS)
+    best = forgiving(replace(found, where=where))
+    wide = replace(best, noise=replace(found.noise, uneven=True))
+    for width, factors, rounds in zip(WIDTHS, QUIETER, ROUNDS, strict=True):
+        noises = [replace(n := wide.noise, jump=n.jump * f) for f in factors]
+        values = _searched(best, key, noises, width, rounds)
+        again = fit(
+            best.predictor, values, free_keys(best.predictor), where, noises[-1],
+            anchor=best.anchor, most=STEPS, rough=True,
+        )  # fmt: skip
+        best = wide = max(best, again, key=lambda f: f.total)
+    return _even(found, best.values)
+
+
+def _even(found: Fitted, values: dict[str, float]) -> Fitted:
+    free = free_keys(found.predictor)
+    return fit(
+        found.predictor, values, free, found.where, found.noise, anchor=found.anchor, most=0
+    )  # fmt: skip
+
+
+def _searched(
+    found: Fitted, key: str, noises: Sequence[Noise], width: float, rounds: int
+) -> dict[str, float]:
+    """The best set within a width around the one found, by differential evolution."""
+    predictor, values = found.predictor, found.values
+    made = predictor.model.part(key).block
+    assert made.box is not None
+    own = {k: values[f"{key}.{k}"] for k in made.own}
+    box = made.box(predictor.data.log, {**values, **own})
+    low, high = box.low, box.high
+    if np.isfinite(width):
+        x = np.clip(box.into(own), low, high)
+        low, high = np.maximum(low, x - width * box.near), np.minimum(high, x + width * box.near)
+
+    def whole(x: np.ndarray) -> dict[str, float]:
+        given = box.at(x)
+        return values | {f"{key}.{k}" if k in made.own else k: v for k, v in given.items()}
+
+    def cost(crowd: np.ndarray) -> np.ndarray:
+        sets = [whole(x) for x in crowd.T]
+        return -np.max([_likelihoods(found, sets, noise) for noise in noises], axis=0)
+
+    best = differential_evolution(
+        cost, list(zip(low, high, strict=True)), maxiter=rounds, popsize=CROWD, tol=0.0,
+        rng=np.random.default_rng(len(low)), polish=False, init="sobol", updating="deferred",
+        vectorized=True,
+    )  # fmt: skip
+    return whole(best.x)
+
+
+def _likelihoods(found: Fitted, sets: Sequence[dict[str, float]], noise: Noise) -> list[float]:
+    white = whitened(found.predictor, sets, found.where, noise)
+    white = np.clip(np.nan_to_num(white, nan=WORST), -WORST, WORST)
+    pairs = zip(white, sets, strict=True)
+    return [float(loglik(found.predictor, w, noise, s).sum()) for w, s in pairs]
