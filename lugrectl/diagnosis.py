@@ -16,7 +16,17 @@ from .tracing.evaluate import Judged, missing_torque
 from .tracing.explain import Explanation, Step, explain, signals_of
 from .tracing.fit import Fitted
 from .tracing.hanging import hangs_on
-from .tracing.job import Job, Progress, begin, calmer, estimates, noted, on_everything, score
+from .tracing.job import (
+    Job,
+    Progress,
+    begin,
+    calmer,
+    compared,
+    estimates,
+    noted,
+    on_everything,
+    score,
+)  # fmt: skip
 from .tracing.predictor import windows
 from .tracing.surprise import surprising, undated, when
 from .tracing.tabulate import tabulate
@@ -82,6 +92,7 @@ def diagnose(
     scored = score(job, found.final)
     report(0.92, "parameters and intervals")
     whole = found.final if len(new) else on_everything(found.final, job)
+    job = compared(job, whole)
     for keys in whole.flat():
         job = noted(job, UNTOLD.format(" and ".join(keys)))
     verdict, depends = _verdict(found)

@@ -10,7 +10,7 @@ from typing import Any
 from .model import Model
 from .record import Record
 from .results import Estimate, plain
-from .tracing.job import Progress, begin, estimates, on_everything, score
+from .tracing.job import Progress, begin, compared, estimates, on_everything, score
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,7 @@ def identify(
     report: Progress = progress or (lambda fraction, what: None)
     job = begin(record, model, holdout, horizon, report)
     whole = on_everything(job.base, job)
+    job = compared(job, whole)
     error = score(job, job.base)["error"]
     return Identification(
         estimates=estimates(whole),

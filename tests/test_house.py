@@ -28,7 +28,7 @@ TRACING = [
     {"data"},
     {"balance"},
     {"channel", "skewed"},
-    {"doubts"},
+    {"doubts", "runs"},
     {"series"},
     {"predictor"},
     {"split", "coordinates", "likelihood", "evaluate", "structure"},

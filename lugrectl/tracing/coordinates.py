@@ -50,7 +50,7 @@ def coordinates(predictor: Predictor, keys: Sequence[str], anchor: Values) -> li
     Those stay within a factor of what was declared: a model that lacks an effect would send
     them anywhere to make up for it.
     """
-    declared = predictor.model.declarations()
+    declared = predictor.declarations()
     made = []
     for key in keys:
         p = declared[key]
@@ -93,7 +93,7 @@ def typical(p: P, log: Log) -> float:
 def free_keys(predictor: Predictor) -> list[str]:
     """All parameters that a record can identify; a count per turn is found by search alone."""
     rotary = predictor.model.motion == "rotary"
-    declared = predictor.model.declarations()
+    declared = predictor.declarations()
     fixed = {k for k, p in declared.items() if p.choices or (p.whole and rotary)}
     return [k for k, p in declared.items() if p.fitted and k not in fixed]
 

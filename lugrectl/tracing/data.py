@@ -43,7 +43,8 @@ class Data:
 
     ``d`` is the recorded load torque, 0 where none was; ``y`` is (N, 2), measured theta and w
     with nan where not recorded; ``runs`` the index ranges without a gap; ``noise`` the sensors'
-    own (its jump is the typical dw/dt); ``log`` the smoothed motion.
+    own (its jump is the typical dw/dt); ``log`` the smoothed motion. ``run`` (N,) counts the
+    records from 0; those in ``differing`` may differ a little from the first.
     """
 
     t: np.ndarray
@@ -55,6 +56,8 @@ class Data:
     runs: tuple[tuple[int, int], ...]
     noise: Noise
     log: Log = field(repr=False)
+    run: np.ndarray = field(repr=False, default_factory=lambda: np.zeros(0, dtype=np.int16))
+    differing: tuple[int, ...] = ()
     smoothed: bool = False
 
     def with_torque(self, u: np.ndarray) -> Data:
@@ -96,7 +99,8 @@ def prepare(records: Sequence[Record]) -> Data:
     d = np.concatenate([np.zeros(r.samples) if r.d is None else r.d for r in records])
     noise = _noise(y, first.dt, runs)
     log = _log(t, u, d, y, first.dt, first.motion, tuple(runs), noise)
-    return Data(t, u, d, y, first.dt, first.motion, tuple(runs), noise, log)
+    run = np.repeat(np.arange(len(records), dtype=np.int16), [r.samples for r in records])
+    return Data(t, u, d, y, first.dt, first.motion, tuple(runs), noise, log, run)
 
 
 def thinned(data: Data, every: int) -> Data:
@@ -112,7 +116,8 @@ def thinned(data: Data, every: int) -> Data:
     runs = tuple(zip(ends, ends[1:], strict=False))
     mean = {k: getattr(data.log, k)[cells].mean(1) for k in ("t", "theta", "w", "a")}
     log = replace(data.log, **mean, u=u, load=d, dt=dt, runs=runs)
-    return replace(data, t=data.t[index], u=u, d=d, y=data.y[index], dt=dt, runs=runs, log=log)
+    t, y, run = data.t[index], data.y[index], data.run[index]
+    return replace(data, t=t, u=u, d=d, y=y, dt=dt, runs=runs, log=log, run=run)
 
 
 def picked(data: Data, index: np.ndarray) -> Data:
@@ -121,7 +126,7 @@ def picked(data: Data, index: np.ndarray) -> Data:
     alone = {k: getattr(log, k)[index] for k in ("t", "theta", "w", "a", "u", "load")}
     return replace(
         data, t=data.t[index], u=data.u[index], d=data.d[index], y=data.y[index], runs=(),
-        log=replace(log, **alone, runs=()),
+        run=data.run[index], log=replace(log, **alone, runs=()),
     )  # fmt: skip
 
 

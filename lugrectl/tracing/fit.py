@@ -129,7 +129,7 @@ def fit(
     only intervals need.
     """
     anchor = dict(values) | dict(anchor or {})
-    declared = predictor.model.declarations()
+    declared = predictor.declarations()
     moments = [k for k in free if is_instant(declared[k])]
     coords = coordinates(predictor, [k for k in free if k not in moments], anchor)
     place_all = partial(placed, predictor, moments, where)

@@ -20,6 +20,8 @@ from .fit import Fitted, fit
 from .likelihood import tune
 from .noise import Noise, sensor_noise
 from .predictor import Predictor, spread, windows
+from .runs import MOST as RUNS
+from .runs import differences, told
 from .split import ENOUGH_OF_MANY, MOST, Split, split
 from .start import completed, settled
 
@@ -72,15 +74,23 @@ def begin(
     held_out = sum(r.samples for r in records) if apart else None
     parts = split(data, horizon, last=holdout == "last", held_out=held_out, turned=turned)
     doubts = refuse_unfit(every, model, data)
+    if 1 < len(records) <= RUNS:
+        data = replace(data, differing=tuple(range(1, len(records))))
     report(0.02, "first guess")
     started = completed(model, data, parts.train)
     report(0.05, "refitting the declared model")
     predictor = Predictor(started, data)
-    values = started.known()
+    values = started.known() | {k: p.value for k, p in differences(data).items()}
     base = settled(fit(predictor, values, free_keys(predictor), parts.train, data.noise))
     job = Job(records, model, data, parts, base, doubts)
     calm = calmed(base)
     return job if calm is None else calmer(job, calm, report)
+
+
+def compared(job: Job, whole: Fitted) -> Job:
+    """The same job with what its runs differ in."""
+    unit = unit_for("N m", job.data.motion)
+    return replace(job, doubts=(*job.doubts, *told(job.data, whole.values, unit)))
 
 
 def noted(job: Job, what: str) -> Job:
@@ -149,7 +159,7 @@ def estimates(fitted: Fitted) -> dict[str, Estimate]:
     return {
         k: Estimate(v, model.unit(k), intervals.get(k))
         for k, v in fitted.values.items()
-        if declared[k].fitted
+        if k in declared and declared[k].fitted
     }
 
 

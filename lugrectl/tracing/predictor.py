@@ -19,8 +19,10 @@ from ..blocks.parts import Part as Placed
 from ..blocks.plant import assemble
 from ..engine.lanes import Lanes
 from ..model import Model, Part
+from ..spec import P
 from .data import Data, picked
 from .noise import Noise, Sensing, observer_gain
+from .runs import differences
 from .series import UNDOING, Fed, Memory, Values, depends_on_plant, feed, run_alone
 
 TORQUE = 2  # column of what is fed in: applied torque, load, torque, levels
@@ -105,6 +107,10 @@ class Predictor:
         other = copy(self)
         other.data = data
         return other
+
+    def declarations(self) -> dict[str, P]:
+        """Of the model's parameters, and of what the runs have for themselves."""
+        return self.model.declarations() | differences(self.data)
 
     @property
     def floor(self) -> np.ndarray:
@@ -225,10 +231,11 @@ class Predictor:
         borrowing = any(depends_on_plant(p) for p in outside)
         names = [f"{p.key}.{k}" for p in outside for k in p.block.own]
         names += [k for k in self.model.values() if borrowing and "." not in k]
+        names += list(differences(self.data))
         different: list[Values] = []
         index = []
         for v in values:
-            key = tuple(v[name] for name in names)
+            key = tuple(v.get(name, 0.0) for name in names)
             if key not in known:
                 known[key] = len(different)
                 different.append(v)

@@ -16,6 +16,7 @@ from ..engine.lanes import Lanes
 from ..model import Model, Part
 from ..spec import Block, members
 from .data import Data, Log
+from .runs import WARMED, along
 
 LEAD = 2.0  # s that an effect with states runs before it counts
 STRETCH = 6.0  # s that it then counts
@@ -56,6 +57,10 @@ def feed(
     signals, error = _behind_sensors(sensors, values, log, dose or {})
     load, torque = data.d, zero
     x = dict.fromkeys(levels, zero)
+    if data.differing:
+        signals["u"] = signals["u"] - along(data, values, "offset")
+        friction = along(data, values, "friction")
+        x |= {name: friction for name in WARMED if name in x}
     for part in sorted(model.effects, key=lambda part: stage(part.block)):
         block, fed = part.block, part.key in outside
         if not (fed or block.load) or "sensor" in block.acts:
