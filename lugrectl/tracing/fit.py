@@ -14,7 +14,7 @@ from .likelihood import excess, loglik, tune, whitened
 from .moments import placed
 from .noise import Noise
 from .predictor import Predictor, Values, Windows
-from .slopes import slopes
+from .slopes import is_compiled, slopes
 
 PRIOR = 1.5  # natural log units: a friction parameter is believed within a factor of 4.5
 FLAT = 1e-8  # of the scaled information, below which a direction is not told
@@ -134,7 +134,7 @@ def fit(
     coords = coordinates(predictor, [k for k in free if k not in moments], anchor)
     place_all = partial(placed, predictor, moments, where)
     # a few steps do not pay for compiling the derivatives of one more plant
-    graph = not (rough and predictor.core.effects)
+    graph = not rough or not predictor.core.effects or is_compiled(predictor)
     climb = _Climb(predictor, coords, where, _Prior.at(coords, anchor), graph)
     noise, _ = tune(predictor, values, where, noise, fine=not rough)
     values, _ = place_all(values, noise, edges=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
+from weakref import WeakSet
 
 import numpy as np
 
@@ -71,7 +72,16 @@ def _in_gain(predictor: Predictor) -> set[str]:
 
 @lru_cache(maxsize=8)
 def _tangent(lanes: Lanes) -> Tangent:
+    _COMPILED.add(lanes)
     return Tangent(lanes)
+
+
+_COMPILED: WeakSet[Lanes] = WeakSet()
+
+
+def is_compiled(predictor: Predictor) -> bool:
+    """Whether the plant's derivatives are there already."""
+    return predictor.lanes in _COMPILED
 
 
 def _from_graph(

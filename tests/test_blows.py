@@ -1,0 +1,66 @@
+"""Effects with many optima: all sets are searched, and a missed window weighs little."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lugrectl.spec import members
+from lugrectl.tracing.blows import forgiving, sharpened, sought
+from lugrectl.tracing.coordinates import free_keys
+from lugrectl.tracing.fit import fit
+from lugrectl.tracing.job import begin
+from lugrectl.tracing.likelihood import excess, loglik
+from lugrectl.tracing.predictor import Predictor
+from tests.rig import make
+
+from .test_tracing import model_of, quiet, record_of
+
+
+@pytest.fixture(scope="module")
+def case():
+    return make(
+        "backlash", machine="joint", excitation="moves", seed=4105, rate=500.0, duration=20.0
+    )
+
+
+@pytest.fixture(scope="module")
+def base(case):
+    return begin(record_of(case), model_of(case), None, 1.0, quiet).base
+
+
+def test_a_box_and_its_sets_are_inverse(base):
+    log = base.predictor.data.log
+    box = members("effect")["backlash"].box(log, {"J": 0.2, "load_inertia": 0.05})
+    for part in (0.1, 0.5, 0.9):
+        x = box.low + part * (box.high - box.low)
+        made = box.at(x)
+        assert made["J"] + made["load_inertia"] == pytest.approx(0.25)
+        assert box.into(made) == pytest.approx(x)
+
+
+def test_a_missed_window_weighs_little(base):
+    rng = np.random.default_rng(1)
+    white = rng.normal(size=(6, 500, 2))
+    white[3] *= 30.0
+    noise = replace(base.noise, uneven=True)
+    assert np.all(excess(white, base.noise) == 1.0)
+    assert excess(white, noise)[3] == pytest.approx(900.0, rel=0.2)
+    even, forgiven = (loglik(base.predictor, white, q, base.values) for q in (base.noise, noise))
+    assert forgiven[3] - even[3] > 1e5
+    assert forgiven[[0, 1, 2, 4, 5]] == pytest.approx(even[[0, 1, 2, 4, 5]], abs=5.0)
+
+
+@pytest.mark.slow
+def test_backlash_is_found_from_far_away(case, base):
+    (truth,) = [e["parameters"] for e in case.truth["effects"]]
+    start = {"load_inertia": 0.5, "gap": 1.6, "stiffness": 0.4, "damping": 0.5}
+    own = {k: truth[k] * factor for k, factor in start.items()}
+    predictor = Predictor(base.predictor.model.with_effect("backlash", own), base.predictor.data)
+    values = base.values | {f"backlash.{k}": v for k, v in own.items()}
+    free = free_keys(predictor)
+    near = fit(predictor, values, free, base.where, base.noise, most=5, rough=True)
+    found = sharpened(sought(near, "backlash"))
+    assert found.total > forgiving(near).total + 1000.0
+    for name in ("load_inertia", "gap", "stiffness"):
+        assert found.values[f"backlash.{name}"] == pytest.approx(truth[name], rel=0.15)
