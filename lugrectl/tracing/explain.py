@@ -21,7 +21,7 @@ from .job import Progress, calmed
 from .predictor import Predictor, Windows
 from .proof import GATE, LEAST_OF_FIRST, LEAST_SIZE, firmness, proven, share, size
 from .search import Contest, Trial, contest
-from .structure import colour, dependences, uneven
+from .structure import colour, predictable, uneven
 from .surprise import surprising
 
 LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a signal
@@ -291,12 +291,11 @@ def _left_over(
     what is left hangs on none of the signals, those on which all that is missing hangs: what was
     found may be a poor picture of one thing. What hangs on neither comes and goes in time.
     """
-    log = base.predictor.data.log
     before = missing_torque(base.predictor, base.values, base.where, base.noise)
     after = missing_torque(final.predictor, final.values, final.where, base.noise)
-    now = dependences(after, log, base.where.counted)[0]
+    part, t = predictable(after, base.predictor.data.log, base.where.counted)
     weight = float(np.mean(after**2) / np.mean(before**2))
-    standing = now.t > 3.0 and weight * now.share > LEFT_SHARE
+    standing = t > 3.0 and weight * part > LEFT_SHARE
     standing = standing and share(base, final) < WHOLE
     friction = base.predictor.friction(base.values)[base.where.counted]
     quiet = missing_torque(final.predictor, final.values, final.where, final.noise)

@@ -1,8 +1,6 @@
-"""Is anything left, and on which signal does it hang? No model of the effect is used."""
+"""Is anything left? No model of the effect is used."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,22 +13,11 @@ ORDER = 12  # past innovations that are asked to predict the next
 UNEVEN = 10.0  # times that the loudest quarter of the windows exceeds the quietest
 
 
-@dataclass(frozen=True)
-class Dependence:
-    """How much of the residual torque's power a function of some signals predicts.
+def predictable(torque: np.ndarray, log: Log, counted: np.ndarray) -> tuple[float, float]:
+    """The largest share of a residual torque's power that a function of some signals predicts.
 
-    ``share`` is the cross-validated part in [0, 1], ``t`` its mean over its standard error over
-    windows, ``rms`` the predicted torque in N m.
-    """
-
-    signals: tuple[str, ...]
-    share: float
-    t: float
-    rms: float
-
-
-def dependences(torque: np.ndarray, log: Log, counted: np.ndarray) -> list[Dependence]:
-    """Cross-validated dependence on each signal, strongest first.
+    A quick look along the torque, cross-validated. Returns the share, in [0, 1], and the mean
+    gain over its standard error over windows.
 
     Parameters
     ----------
@@ -50,21 +37,13 @@ def dependences(torque: np.ndarray, log: Log, counted: np.ndarray) -> list[Depen
     way = signal["w"] > 0
     turning = log.motion == "rotary" and np.ptp(signal["theta"]) > 2.5 * np.pi
     around = _turn(signal["theta"]) if turning else _bins(signal["theta"], BINS // 2)
-    features = {
-        ("theta",): _bins(signal["theta"]),
-        ("theta", "w"): 2 * _bins(signal["theta"]) + way,
-        ("w",): _bins(signal["w"]),
-        ("t",): _bins(signal["t"], 24, equal=True),
-        ("t", "w"): 2 * _bins(signal["t"], 24, equal=True) + way,
-        ("u",): _bins(signal["u"]),
-        ("a",): _bins(signal["a"]),
-    }
+    place, time = _bins(signal["theta"]), _bins(signal["t"], 24, equal=True)
+    cells = [place, 2 * place + way, time, 2 * time + way]
+    cells += [_bins(signal[k]) for k in ("w", "u", "a")]
     if turning:
-        features["theta", "turn"] = around
-        features["theta", "w", "turn"] = 2 * around + way
-    found = [_validated(k, r, bins) for k, bins in features.items()]
-    found.append(_validated(("theta", "slope"), r, around, signal["a"]))
-    return sorted(found, key=lambda d: -d.share)
+        cells += [around, 2 * around + way]
+    found = [_validated(r, bins) for bins in cells]
+    return max([*found, _validated(r, around, signal["a"])])
 
 
 def _beside(u: np.ndarray) -> np.ndarray:
@@ -87,8 +66,8 @@ def _bins(x: np.ndarray, count: int = BINS, equal: bool = False) -> np.ndarray:
 
 
 def _validated(
-    name: tuple[str, ...], r: np.ndarray, bins: np.ndarray, slope: np.ndarray | None = None
-) -> Dependence:
+    r: np.ndarray, bins: np.ndarray, slope: np.ndarray | None = None
+) -> tuple[float, float]:
     """Means by cell (or slopes against a signal) from the other folds predict each fold."""
     x = np.ones_like(r) if slope is None else slope / np.std(slope)
     fold = np.arange(len(r)) % FOLDS
@@ -102,12 +81,8 @@ def _validated(
     gain = np.sum(r**2 - (r - predicted) ** 2, axis=1)
     power = float(np.sum(r**2))
     spread = float(np.std(gain, ddof=1)) * np.sqrt(len(gain))
-    return Dependence(
-        tuple(s for s in name if s not in ("turn", "slope")),
-        max(0.0, float(gain.sum()) / max(power, 1e-300)),
-        float(gain.sum()) / max(spread, 1e-300),
-        float(np.sqrt(np.mean(predicted**2))),
-    )
+    share, t = float(gain.sum()) / max(power, 1e-300), float(gain.sum()) / max(spread, 1e-300)
+    return max(0.0, share), t
 
 
 def uneven(innovations: np.ndarray) -> bool:
