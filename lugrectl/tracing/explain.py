@@ -302,9 +302,10 @@ def _left_over(
     matters = np.std(quiet) > LEAST_SIZE * np.std(friction)
     loud = _loud(final)
     pieced = len(steps) == MOST_EFFECTS and share(base, final) < PIECED
-    if not matters or not (standing or loud or pieced or lost or _coloured(final)):
+    found = hangs_on(final) if matters else ()
+    doubtful = standing or loud or pieced or lost or _coloured(final)
+    if not found and not (matters and doubtful):
         return False, ()
-    found = hangs_on(final) if weight > LEFT_SHARE else ()
     return True, found or hangs_on(base) or ("t",)
 
 
