@@ -24,6 +24,7 @@ RIDGES = (1.0, 1e1, 1e2, 1e3, 1e4, 1e5)
 CLEAR = 0.5  # of what any torque could explain, above which a function is taken to be it
 WHOLE = 0.95  # the same of the acceleration: a loop that fights any disturbance makes it likely
 SURE = 2.5  # standard errors that it must have
+WORST = 1e6  # change of an innovation that counts where the plant becomes unstable
 TINY = 1e-9  # natural log units, or a share
 NEARLY = 0.85  # of the best function's share, from which one of fewer signals is preferred
 
@@ -120,7 +121,8 @@ class _Regression:
             whitened(f.predictor, [f.values] * len(p), f.where, f.noise, torque=dose * p)
             for p in parts
         ]
-        return self._flat((self.white - np.concatenate(white)) / dose)
+        change = np.clip(self.white - np.concatenate(white), -WORST, WORST)
+        return self._flat(change / dose)
 
     def gain(self, shape: Shape | None, timed: bool) -> np.ndarray:
         """Cross-validated gain in log-likelihood of each window, at the best ridge."""
