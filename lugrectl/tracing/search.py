@@ -33,7 +33,9 @@ KEPT = 4  # of a longer grid, after a look at the residual torque
 NEARLY = 0.6  # of the best point's promise, from which the next one is a start, too
 ZOOMS = 2  # finer grids around the best point
 UNLIKELY = 0.01  # promise over what another effect has gained, below which one is not tried
+LEAST_SOUGHT = 50.0  # gain in log-likelihood, below which that is not worth the time
 SOUGHT = 0.4  # of the leader's gain, from which all sets of an effect with many optima are tried
+SLIGHT = 3.0  # gain after a short fit, below which nothing more is tried
 HOPELESS = 0.1  # of the leader's gain after a short fit, below which a candidate is dropped
 
 Say = Callable[[str], None]
@@ -292,7 +294,8 @@ def _short(trial: Trial) -> tuple[Trial, Fitted]:
         refine(replace(trial, values=v), most=5, rough=True) for v in (trial.values, *trial.others)
     ]
     best = max(fits, key=lambda f: f.total)
-    for reach in SHAKES if trial.rough and best.total > trial.fitted.total else ():
+    worth = trial.rough and best.total > trial.fitted.total + SLIGHT
+    for reach in SHAKES if worth else ():
         moved = _shaken(best, trial.key, reach)
         if moved is not None:
             again = refine(replace(trial, values=moved), most=5, rough=True)
@@ -368,7 +371,7 @@ def contest(base: Fitted, names: Sequence[str], gate: float, tried: int, say: Sa
     lead = best[0][1].total - light.total if best else 0.0
     finished = []
     for trial, fitted in best:
-        if fitted.total - light.total > HOPELESS * lead:
+        if fitted.total - light.total > max(HOPELESS * lead, SLIGHT):
             say(f"fitting {trial.name}")
             finished.append(_finished(trial, fitted, base, lead))
     finished.sort(key=lambda pair: -pair[1].total)
@@ -380,7 +383,8 @@ def contest(base: Fitted, names: Sequence[str], gate: float, tried: int, say: Sa
 
 def _finished(trial: Trial, short: Fitted, base: Fitted, lead: float) -> tuple[Trial, Fitted]:
     """A trial on all samples again, fitted to the end."""
-    wanted = trial.boxed and short.total - trial.fitted.total > SOUGHT * lead
+    gain = short.total - trial.fitted.total
+    wanted = trial.boxed and gain > max(SOUGHT * lead, LEAST_SOUGHT)
     whole = _heavy(trial, base, (sought(short, trial.key) if wanted else short).values)
     return whole, refine(whole, most=0 if wanted else 30)
 
