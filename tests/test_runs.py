@@ -35,6 +35,7 @@ def test_offset_and_friction_of_a_run_are_found(runs):
     assert set(found.estimates) == set(alone.estimates)
 
 
+@pytest.mark.slow
 def test_they_are_not_called_a_missing_effect(runs):
     first, second, model = runs
     offset = replace(second, u=second.u - 0.05 * np.sign(second.w) * model.friction.values["Fc"])

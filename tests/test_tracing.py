@@ -148,6 +148,7 @@ def test_diagnosis_has_the_whole_answer(plain):
     assert answer["experiment"] is None and answer["effects"] == []
 
 
+@pytest.mark.slow
 def test_a_separate_run_can_be_held_out():
     runs = [
         make("none", machine="servo", excitation=excitation, seed=7, duration=10.0)
