@@ -26,7 +26,7 @@ from .tracing.job import (
     noted,
     on_everything,
     score,
-)  # fmt: skip
+)
 from .tracing.predictor import windows
 from .tracing.surprise import surprising, undated, when
 from .tracing.tabulate import tabulate
@@ -60,7 +60,8 @@ def diagnose(
     Parameters
     ----------
     record : Record or list of Record
-        One run, or several of one rate.
+        One run, or several of one rate. Up to eight may differ in the torque's offset and, by a
+        factor, in friction: both are fitted against the first run, and said in ``messages``.
     model : Model
         The declared model; missing values are identified.
     holdout : None, "last" or Record
@@ -91,7 +92,7 @@ def diagnose(
     report(0.85, "judging on held-out samples")
     scored = score(job, found.final)
     report(0.92, "parameters and intervals")
-    whole = found.final if len(new) else on_everything(found.final, job)
+    whole = found.final if len(new) else answer.known or on_everything(found.final, job)
     job = compared(job, whole)
     for keys in whole.flat():
         job = noted(job, UNTOLD.format(" and ".join(keys)))
@@ -121,13 +122,14 @@ class _Answer:
     """An explanation, and what held-out samples say to one that is taken to be whole.
 
     ``unforeseen`` are the windows that no values of it explain; ``undated`` says that only they
-    tell when something changed.
+    tell when something changed. ``known`` has values from all samples, where they were asked for.
     """
 
     job: Job
     found: Explanation
     unforeseen: np.ndarray
     undated: bool
+    known: Fitted | None = None
 
 
 def _answered(start: Callable[..., Job], report: Progress) -> _Answer:
@@ -142,6 +144,7 @@ def _answered(start: Callable[..., Job], report: Progress) -> _Answer:
 
 
 def _answer(job: Job, report: Progress) -> _Answer:
+    """The explanation by the fitted samples, and what the others say to it."""
     found = explain(job.base, report, job.parts.test)
     if found.calm is not None:
         job = calmer(job, found.calm, report)
@@ -149,11 +152,11 @@ def _answer(job: Job, report: Progress) -> _Answer:
     job, final, test = replace(job, base=found.base), found.final, job.parts.test
     if found.unexplained:
         return _Answer(job, found, np.array([], dtype=int), False)
-    new = surprising(final, test)
+    new, known = surprising(final, test), None
     if len(new):  # perhaps the fitted samples only do not tell the parameters well enough
         known = on_everything(final, job)
         new = surprising(replace(final, values=known.values, noise=known.noise), test)
-    return _Answer(job, found, new, undated(final, test))
+    return _Answer(job, found, new, undated(final, test), known)
 
 
 def _table(final: Fitted, job: Job, depends: Sequence[str], seed: int) -> Table | None:

@@ -60,7 +60,7 @@ def test_backlash_is_found_from_far_away(case, base):
     values = base.values | {f"backlash.{k}": v for k, v in own.items()}
     free = free_keys(predictor)
     near = fit(predictor, values, free, base.where, base.noise, most=5, rough=True)
-    found = sharpened(sought(near, "backlash"))
+    found = sharpened(replace(near, values=sought(near, "backlash")))
     assert found.total > forgiving(near).total + 1000.0
     for name in ("load_inertia", "gap", "stiffness"):
         assert found.values[f"backlash.{name}"] == pytest.approx(truth[name], rel=0.15)

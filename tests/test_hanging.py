@@ -13,7 +13,7 @@ from tests.rig import make
 
 from .test_tracing import model_of, quiet, record_of
 
-SIZE = 0.03  # N m; Coulomb friction of the drive is about 0.2
+SIZE = 0.03  # N m, a tenth of the drive's Coulomb friction
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +77,8 @@ def test_functions_add_up_to_one_and_are_made_where_asked(plain):
     assert np.allclose(pulses(500, 2e-3).sum(axis=1), 1.0)
 
 
-def test_shares_lie_below_one(plain):
+def test_the_function_of_the_right_signal_explains_most(plain):
     found = dependences(lightened(refitted(plain, hump)))
-    assert max(d.share for d in found) <= 1.0 + 1e-9
-    assert next(d for d in found if d.signals == ("w",)).t > 4.0
+    best = max(found, key=lambda d: d.share)
+    assert best.signals == ("w",) and best.share > 0.9 and best.t > 4.0
+    assert all(d.share < 0.5 for d in found if "w" not in d.signals)

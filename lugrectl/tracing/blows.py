@@ -9,8 +9,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import differential_evolution
 
-from .coordinates import free_keys
-from .fit import Fitted, fit
+from .fit import Fitted, again
 from .likelihood import loglik, tune, whitened
 from .noise import Noise
 from .predictor import spread
@@ -33,35 +32,21 @@ def forgiving(fitted: Fitted) -> Fitted:
 
 def sharpened(fitted: Fitted) -> Fitted:
     """Fitted again under such a noise."""
-    start = forgiving(fitted)
-    free = free_keys(start.predictor)
-    return fit(
-        start.predictor, start.values, free, start.where, start.noise, anchor=start.anchor
-    )  # fmt: skip
+    return again(forgiving(fitted))
 
 
-def sought(found: Fitted, key: str) -> Fitted:
+def sought(found: Fitted, key: str) -> dict[str, float]:
     """The best of all sets of an effect's values: a wide search, then closer ones, each followed
-    by a fit of everything. What is returned has the likelihood of an even noise again."""
-    where = spread(found.where, ENOUGH, LEAST_WINDOWS)
-    best = forgiving(replace(found, where=where))
-    wide = replace(best, noise=replace(found.noise, uneven=True))
+    by a fit of everything."""
+    few = replace(found, where=spread(found.where, ENOUGH, LEAST_WINDOWS))
+    best, noise = forgiving(few), replace(found.noise, uneven=True)
     for width, factors, rounds in zip(WIDTHS, QUIETER, ROUNDS, strict=True):
-        noises = [replace(n := wide.noise, jump=n.jump * f) for f in factors]
+        noises = [replace(noise, jump=noise.jump * factor) for factor in factors]
         values = _searched(best, key, noises, width, rounds)
-        again = fit(
-            best.predictor, values, free_keys(best.predictor), where, noises[-1],
-            anchor=best.anchor, most=STEPS, rough=True,
-        )  # fmt: skip
-        best = wide = max(best, again, key=lambda f: f.total)
-    return _even(found, best.values)
-
-
-def _even(found: Fitted, values: dict[str, float]) -> Fitted:
-    free = free_keys(found.predictor)
-    return fit(
-        found.predictor, values, free, found.where, found.noise, anchor=found.anchor, most=0
-    )  # fmt: skip
+        start = replace(best, values=values, noise=noises[-1])
+        best = max(best, again(start, most=STEPS, rough=True), key=lambda f: f.total)
+        noise = best.noise
+    return best.values
 
 
 def _searched(

@@ -56,7 +56,7 @@ class Data:
     runs: tuple[tuple[int, int], ...]
     noise: Noise
     log: Log = field(repr=False)
-    run: np.ndarray = field(repr=False, default_factory=lambda: np.zeros(0, dtype=np.int16))
+    run: np.ndarray = field(repr=False)
     differing: tuple[int, ...] = ()
     smoothed: bool = False
 

@@ -12,10 +12,9 @@ from ..model import Model
 from ..results import Candidate
 from ..spec import P, members
 from .blows import forgiving, sharpened
-from .coordinates import free_keys
 from .data import Data
 from .evaluate import missing_torque
-from .fit import Fitted, fit
+from .fit import Fitted, again, fit
 from .hanging import hangs_on
 from .job import Progress, calmed
 from .predictor import Predictor, Windows
@@ -25,6 +24,7 @@ from .structure import colour, predictable, uneven
 from .surprise import surprising
 
 LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a signal
+STANDING = 3.0  # standard errors of that share
 WHOLE = 0.9  # share above which the effects found explain the residual, whatever is left
 PIECED = 0.98  # share below which as many effects as are tried are a patchwork, not physics
 FIRM = 2.0  # half-widths of its interval between an effect's strength and none
@@ -103,8 +103,8 @@ def explain(base: Fitted, report: Progress, test: Windows) -> Explanation:
     pieces = current
     steps, current = _firm(steps, current)
     lost = share(current, pieces) > LOST
-    unexplained, hangs_on = _left_over(base, current, steps, lost)
-    return Explanation(base, tuple(steps), current, tuple(ranking), unexplained, hangs_on)
+    unexplained, signals = _left_over(base, current, steps, lost)
+    return Explanation(base, tuple(steps), current, tuple(ranking), unexplained, signals)
 
 
 def _better_base(current: Fitted, fits: Sequence[tuple[Trial, Fitted]]) -> Fitted | None:
@@ -115,11 +115,11 @@ def _better_base(current: Fitted, fits: Sequence[tuple[Trial, Fitted]]) -> Fitte
     best, free = current, [c.key for c in current.free] + list(current.instants)
     for _, found in fits[:RETRIED]:
         values = {k: found.values[k] for k in current.values}
-        again = fit(
+        other = fit(
             current.predictor, values, free, current.where, found.noise,
             anchor=current.anchor, most=12,
         )  # fmt: skip
-        best = max(best, again, key=lambda f: f.total)
+        best = max(best, other, key=lambda f: f.total)
     return best if best.total > current.total + 3.0 else None
 
 
@@ -207,13 +207,12 @@ def _exchanged(
 def _without(fitted: Fitted, key: str) -> Fitted:
     model = fitted.predictor.model
     rest = replace(model, effects=tuple(p for p in model.effects if p.key != key))
-    predictor = Predictor(rest, fitted.predictor.data)
     values, anchor = (
         {k: v for k, v in old.items() if not k.startswith(f"{key}.")}
         for old in (fitted.values, fitted.anchor)
     )
-    free = free_keys(predictor)
-    return fit(predictor, values, free, fitted.where, fitted.noise, anchor=anchor)
+    predictor = Predictor(rest, fitted.predictor.data)
+    return again(replace(fitted, predictor=predictor, values=values, anchor=anchor))
 
 
 def _chosen(
@@ -277,9 +276,8 @@ def _inside(trial: Trial, found: Fitted) -> Fitted:
     """The same model with its effects inside the plant, fitted once more if they were not."""
     if trial.rough:
         return found
-    predictor = Predictor(found.predictor.model, found.predictor.data)
-    free = free_keys(predictor)
-    return fit(predictor, found.values, free, found.where, found.noise, anchor=found.anchor)
+    inside = Predictor(found.predictor.model, found.predictor.data)
+    return again(replace(found, predictor=inside))
 
 
 def _left_over(
@@ -291,22 +289,26 @@ def _left_over(
     what is left hangs on none of the signals, those on which all that is missing hangs: what was
     found may be a poor picture of one thing. What hangs on neither comes and goes in time.
     """
+    friction = base.predictor.friction(base.values)[base.where.counted]
+    quiet = missing_torque(final.predictor, final.values, final.where, final.noise)
+    if np.std(quiet) <= LEAST_SIZE * np.std(friction):
+        return False, ()
+    found = hangs_on(final)
+    if found:
+        return True, found
+    pieced = len(steps) == MOST_EFFECTS and share(base, final) < PIECED
+    if not (lost or pieced or _loud(final) or _coloured(final) or _standing(base, final)):
+        return False, ()
+    return True, hangs_on(base) or ("t",)
+
+
+def _standing(base: Fitted, final: Fitted) -> bool:
+    """Whether functions of the signals still predict a share of what was missing at first."""
     before = missing_torque(base.predictor, base.values, base.where, base.noise)
     after = missing_torque(final.predictor, final.values, final.where, base.noise)
     part, t = predictable(after, base.predictor.data.log, base.where.counted)
     weight = float(np.mean(after**2) / np.mean(before**2))
-    standing = t > 3.0 and weight * part > LEFT_SHARE
-    standing = standing and share(base, final) < WHOLE
-    friction = base.predictor.friction(base.values)[base.where.counted]
-    quiet = missing_torque(final.predictor, final.values, final.where, final.noise)
-    matters = np.std(quiet) > LEAST_SIZE * np.std(friction)
-    loud = _loud(final)
-    pieced = len(steps) == MOST_EFFECTS and share(base, final) < PIECED
-    found = hangs_on(final) if matters else ()
-    doubtful = standing or loud or pieced or lost or _coloured(final)
-    if not found and not (matters and doubtful):
-        return False, ()
-    return True, found or hangs_on(base) or ("t",)
+    return t > STANDING and weight * part > LEFT_SHARE and share(base, final) < WHOLE
 
 
 def signals_of(names: Sequence[str]) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from scipy import stats
 
-from .coordinates import Coordinate, coordinates, is_instant
+from .coordinates import Coordinate, coordinates, free_keys, is_instant
 from .likelihood import excess, loglik, tune, whitened
 from .moments import placed
 from .noise import Noise
@@ -149,6 +149,14 @@ def fit(
     return Fitted(
         predictor, values, tuple(coords), where, noise, loglik(predictor, white, noise, values),
         white, linear.information, linear.scores, anchor, instants,
+    )  # fmt: skip
+
+
+def again(found: Fitted, *, most: int = 30, rough: bool = False) -> Fitted:
+    """Everything fitted from where a fit stands, perhaps with some of it replaced."""
+    return fit(
+        found.predictor, found.values, free_keys(found.predictor), found.where, found.noise,
+        anchor=found.anchor, most=most, rough=rough,
     )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from .data import Data, Log, picked
 from .fit import Fitted
 from .likelihood import whitened
 from .predictor import Windows, spread, windows
-from .score import LARGEST, weighing
+from .score import weighing, whitened_by_parts
 from .search import lightened
 from .shapes import Shape, pulses, shapes
 from .slopes import slopes
@@ -20,9 +20,10 @@ LEAST_WINDOWS = 24
 FOLDS, TIMED_FOLDS = 5, 4
 DOSE = 0.02  # of the RMS friction: the torque by which the innovations' answer is found
 EXPECTED = 0.1  # of the RMS friction: the torque that a piece of a function may well have
+FREE = 1e-6  # ridge of the model's own parameters, whose columns have unit size
 RIDGES = (1.0, 1e1, 1e2, 1e3, 1e4, 1e5)
 CLEAR = 0.5  # of what any torque could explain, above which a function is taken to be it
-WHOLE = 0.95  # the same of the acceleration: a loop that fights any disturbance makes it likely
+CLEARER = 0.95  # the same of the acceleration: a loop that fights any disturbance makes it likely
 SURE = 2.5  # standard errors that it must have
 WORST = 1e6  # change of an innovation that counts where the plant becomes unstable
 TINY = 1e-9  # natural log units, or a share
@@ -52,7 +53,7 @@ def hangs_on(fitted: Fitted) -> tuple[str, ...]:
 
 
 def _is_clear(d: Dependence) -> bool:
-    return d.t > SURE and d.share > (WHOLE if "a" in d.signals else CLEAR)
+    return d.t > SURE and d.share > (CLEARER if "a" in d.signals else CLEAR)
 
 
 def dependences(fitted: Fitted) -> list[Dependence]:
@@ -100,6 +101,7 @@ class _Regression:
         self.A /= np.maximum(size, 1e-300)[:, None, None]
         friction = f.predictor.friction(f.values)[where.counted]
         self.friction = float(np.sqrt(np.mean(friction**2)))
+        # not r, whose run is finer: what it is compared with is run like this
         self.white = whitened(f.predictor, [f.values], where, f.noise)[0]
 
     def _flat(self, white: np.ndarray) -> np.ndarray:
@@ -115,31 +117,20 @@ class _Regression:
     def answers(self, B: np.ndarray) -> np.ndarray:
         """What torques (N, columns) would take off the innovations, (columns, windows, both)."""
         f, dose = self.fitted, DOSE * self.friction
-        many = max(1, LARGEST // max(1, f.where.counted.size))
-        parts = [B[:, i : i + many].T for i in range(0, B.shape[1], many)]
-        white = [
-            whitened(f.predictor, [f.values] * len(p), f.where, f.noise, torque=dose * p)
-            for p in parts
-        ]
-        change = np.clip(self.white - np.concatenate(white), -WORST, WORST)
-        return self._flat(change / dose)
+        white = whitened_by_parts(f.predictor, [f.values] * B.shape[1], f, dose * B.T)
+        return self._flat(np.clip(self.white - white, -WORST, WORST) / dose)
 
     def gain(self, shape: Shape | None, timed: bool) -> np.ndarray:
         """Cross-validated gain in log-likelihood of each window, at the best ridge."""
-        X, penalty = self.A, np.full(len(self.A), 1e-6)
-        if shape is not None:
-            seen = np.abs(shape.B[self.fitted.where.counted.ravel()]).sum(0) > 0.0
-            more = self.answers(shape.B[:, seen])
-            X = np.concatenate([X, more])
-            penalty = np.append(penalty, np.full(len(more), (EXPECTED * self.friction) ** -2))
-        H, g = _normal(X, self.r)
-        n = len(g)
+        n, own = self.A.shape[1], np.full(len(self.A), FREE)
         fold = np.arange(n) % TIMED_FOLDS if timed else np.arange(n) * FOLDS // n
-        stiff = np.arange(len(penalty)) >= len(self.A)
-        gains = [
-            _validated(H, g, fold, np.where(stiff, penalty * ridge, penalty))
-            for ridge in (RIDGES if shape is not None else RIDGES[:1])
-        ]
+        if shape is None:
+            return _validated(*_normal(self.A, self.r), fold, own)
+        seen = np.any(shape.B[self.fitted.where.counted.ravel()] != 0.0, axis=0)
+        more = self.answers(shape.B[:, seen])
+        H, g = _normal(np.concatenate([self.A, more]), self.r)
+        stiff = np.full(len(more), (EXPECTED * self.friction) ** -2)
+        gains = [_validated(H, g, fold, np.append(own, ridge * stiff)) for ridge in RIDGES]
         return max(gains, key=np.sum)
 
     def most(self) -> np.ndarray:

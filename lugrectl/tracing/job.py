@@ -16,12 +16,11 @@ from .coordinates import free_keys
 from .data import Data, averaged, prepare
 from .doubts import refuse_dead, refuse_unfit
 from .evaluate import free_run, judge
-from .fit import Fitted, fit
+from .fit import Fitted, again, fit
 from .likelihood import tune
 from .noise import Noise, sensor_noise
 from .predictor import Predictor, spread, windows
-from .runs import MOST as RUNS
-from .runs import differences, told
+from .runs import MOST_RUNS, alike, told
 from .split import ENOUGH_OF_MANY, MOST, Split, split
 from .start import completed, settled
 
@@ -74,13 +73,13 @@ def begin(
     held_out = sum(r.samples for r in records) if apart else None
     parts = split(data, horizon, last=holdout == "last", held_out=held_out, turned=turned)
     doubts = refuse_unfit(every, model, data)
-    if 1 < len(records) <= RUNS:
-        data = replace(data, differing=tuple(range(1, len(records))))
     report(0.02, "first guess")
     started = completed(model, data, parts.train)
     report(0.05, "refitting the declared model")
+    if 1 < len(records) <= MOST_RUNS:
+        data = replace(data, differing=tuple(range(1, len(records))))
     predictor = Predictor(started, data)
-    values = started.known() | {k: p.value for k, p in differences(data).items()}
+    values = started.known() | alike(data)
     base = settled(fit(predictor, values, free_keys(predictor), parts.train, data.noise))
     job = Job(records, model, data, parts, base, doubts)
     calm = calmed(base)
@@ -104,11 +103,11 @@ def calmer(job: Job, calm: Data, report: Progress) -> Job:
     base, values = job.base, job.base.anchor
     predictor = base.predictor.on(calm)
     free = free_keys(predictor)
-    again = [
+    fits = [
         fit(predictor, start, free, base.where, base.noise, anchor=values)
         for start in (base.values, values)
     ]
-    return replace(job, data=calm, base=max(again, key=lambda f: f.total))
+    return replace(job, data=calm, base=max(fits, key=lambda f: f.total))
 
 
 def calmed(found: Fitted) -> Data | None:
@@ -127,13 +126,13 @@ def calmed(found: Fitted) -> Data | None:
         for _ in range(more):
             u = averaged(u, predictor.data.runs)
         data = predictor.data.with_torque(u)
-        again = fit(
+        other = fit(
             predictor.on(data), found.values, free, found.where, found.noise,
             anchor=found.anchor, most=8, rough=True,
         )  # fmt: skip
-        if again.total < total + CALM:
+        if other.total < total + CALM:
             break
-        best, total = data, again.total
+        best, total = data, other.total
     return best
 
 
@@ -147,9 +146,7 @@ def on_everything(fitted: Fitted, job: Job) -> Fitted:
     train = job.parts.train
     where = windows(job.data.runs, train.burn, train.length)
     where = spread(where, MOST, ENOUGH_OF_MANY)
-    predictor = fitted.predictor
-    free, anchor = free_keys(predictor), fitted.anchor
-    return fit(predictor, fitted.values, free, where, fitted.noise, anchor=anchor)
+    return again(replace(fitted, where=where))
 
 
 def estimates(fitted: Fitted) -> dict[str, Estimate]:
@@ -191,7 +188,7 @@ def _models(job: Job, final: Fitted) -> _Models:
     base, given = job.base, job.declared.values()
     declared = None
     if None not in given.values():
-        known = job.declared.known()
+        known = job.declared.known() | alike(job.data)
         noise, _ = tune(base.predictor, known, base.where, base.noise)
         declared = base.predictor, known, noise
     return {

@@ -38,17 +38,25 @@ def whitened(
 def loglik(predictor: Predictor, white: np.ndarray, noise: Noise, values: Values) -> np.ndarray:
     """Gaussian log-likelihood of each window."""
     _, S = predictor.filter(noise, values)
-    power, more = np.sum(white**2, axis=(1, 2)), excess(white, noise)
-    count = white.shape[1] * len(noise.recorded())
-    return -0.5 * (power / more + count * np.log(more) + white.shape[1] * np.linalg.slogdet(S)[1])
+    power, count = _power(white, noise)
+    more = _allowed(power, noise)
+    size = count * (power / more + np.log(more))
+    return -0.5 * (size + white.shape[1] * np.linalg.slogdet(S)[1])
 
 
 def excess(white: np.ndarray, noise: Noise) -> np.ndarray:
     """How much more than expected the innovations' power may be in each window: the most likely."""
-    if not noise.uneven:
-        return np.ones(len(white))
+    return _allowed(_power(white, noise)[0], noise)
+
+
+def _power(white: np.ndarray, noise: Noise) -> tuple[np.ndarray, int]:
+    """Mean square of each window's innovations, and how many they are."""
     count = white.shape[1] * len(noise.recorded())
-    return np.maximum(np.sum(white**2, axis=(1, 2)) / count, 1.0)
+    return np.sum(white**2, axis=(1, 2)) / count, count
+
+
+def _allowed(power: np.ndarray, noise: Noise) -> np.ndarray:
+    return np.maximum(power, 1.0) if noise.uneven else np.ones(len(power))
 
 
 def tune(

@@ -235,7 +235,7 @@ class Predictor:
         different: list[Values] = []
         index = []
         for v in values:
-            key = tuple(v.get(name, 0.0) for name in names)
+            key = tuple(v[name] for name in names)
             if key not in known:
                 known[key] = len(different)
                 different.append(v)

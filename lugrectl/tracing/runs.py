@@ -12,7 +12,7 @@ from .data import Data
 OFFSET = P(0.0, "N m", neutral=0.0)  # of the recorded torque, against the first run
 FRICTION = P(0.0, "1", -0.5, 1.0, neutral=0.0)  # more than the first run's, as a part of it
 WARMED = ("Fc", "Fs", "Fv")
-MOST = 8  # runs, above which they are taken to be alike
+MOST_RUNS = 8  # runs, above which they are taken to be alike
 
 
 def differences(data: Data) -> dict[str, P]:
@@ -24,11 +24,16 @@ def differences(data: Data) -> dict[str, P]:
     }
 
 
+def alike(data: Data) -> dict[str, float]:
+    """Their values where the runs do not differ."""
+    return {key: p.value for key, p in differences(data).items()}
+
+
 def along(data: Data, values: Mapping[str, float], name: str) -> np.ndarray:
     """One of them along the log, (N,); 0 where a run has none."""
     made = np.zeros(len(data.t))
     for run in data.differing:
-        made[data.run == run] = values.get(f"run{run + 1}.{name}", 0.0)
+        made[data.run == run] = values[f"run{run + 1}.{name}"]
     return made
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from .fit import Fitted, moved
 from .likelihood import whitened
-from .predictor import Predictor
+from .predictor import Predictor, Values
 
 OUTLYING = 3.0  # usual sizes at which an innovation counts half
 NORMAL_MEDIAN = 0.6745  # of the absolute values of a unit normal
@@ -24,9 +26,8 @@ class Score:
         self.base = base
         sets = [base.values]
         for c in base.free:
-            moved = dict(base.values)
-            moved[c.key] = c.back(c.into(base.values) + c.step, base.values)
-            sets.append(moved)
+            ahead = c.back(c.into(base.values) + c.step, base.values)
+            sets.append(base.values | {c.key: ahead})
         white = whitened(base.predictor, sets, base.where, base.noise)
         self.white = white[0]
         self.root, self.count = weighing(white[0].ravel())
@@ -76,8 +77,16 @@ def weighing(r: np.ndarray) -> tuple[np.ndarray, float]:
     return np.sqrt(weights), float(np.sum(weights[r != 0.0]))
 
 
-def whitened_by_parts(predictor: Predictor, sets: list[dict], base: Fitted) -> np.ndarray:
-    """In calls of bounded size, for the memory's sake."""
+def whitened_by_parts(
+    predictor: Predictor, sets: Sequence[Values], base: Fitted, torque: np.ndarray | None = None
+) -> np.ndarray:
+    """In calls of bounded size, for the memory's sake; ``torque`` (sets, N) resists besides."""
     most = max(1, LARGEST // max(1, base.where.counted.size))
-    parts = [sets[i : i + most] for i in range(0, len(sets), most)]
-    return np.concatenate([whitened(predictor, p, base.where, base.noise) for p in parts])
+    parts = [slice(i, i + most) for i in range(0, len(sets), most)]
+    made = [
+        whitened(
+            predictor, sets[p], base.where, base.noise, torque=None if torque is None else torque[p]
+        )
+        for p in parts
+    ]
+    return np.concatenate(made)

@@ -11,10 +11,10 @@ from scipy.optimize import least_squares
 
 from ..spec import Block, members
 from .blows import sought
-from .coordinates import free_keys, typical
+from .coordinates import typical
 from .data import Log, thinned
 from .evaluate import missing_torque
-from .fit import Fitted, fit, moved
+from .fit import Fitted, again, moved
 from .likelihood import tune
 from .predictor import Predictor, coarser, spread
 from .score import Score, whitened_by_parts
@@ -33,8 +33,8 @@ KEPT = 4  # of a longer grid, after a look at the residual torque
 NEARLY = 0.6  # of the best point's promise, from which the next one is a start, too
 ZOOMS = 2  # finer grids around the best point
 UNLIKELY = 0.01  # promise over what another effect has gained, below which one is not tried
-LEAST_SOUGHT = 50.0  # gain in log-likelihood, below which that is not worth the time
 SOUGHT = 0.4  # of the leader's gain, from which all sets of an effect with many optima are tried
+LEAST_SOUGHT = 50.0  # gain in log-likelihood, below which that is not worth the time
 SLIGHT = 3.0  # gain after a short fit, below which nothing more is tried
 HOPELESS = 0.1  # of the leader's gain after a short fit, below which a candidate is dropped
 
@@ -275,14 +275,9 @@ def at_anchor(base: Fitted) -> Fitted:
 
 def refine(trial: Trial, *, most: int = 30, rough: bool = False) -> Fitted:
     """Fit the model with the trial's effect, all parameters free."""
-    base, predictor = trial.fitted, trial.fitted.predictor
-    own = {k: v for k, v in trial.values.items() if k not in base.anchor}
-    anchor = base.anchor | own
-    free = free_keys(predictor)
-    return fit(
-        predictor, trial.values, free, base.where, base.noise,
-        anchor=anchor, most=most, rough=rough,
-    )  # fmt: skip
+    anchor = trial.values | trial.fitted.anchor
+    start = replace(trial.fitted, values=trial.values, anchor=anchor)
+    return again(start, most=most, rough=rough)
 
 
 def _short(trial: Trial) -> tuple[Trial, Fitted]:
@@ -296,10 +291,10 @@ def _short(trial: Trial) -> tuple[Trial, Fitted]:
     best = max(fits, key=lambda f: f.total)
     worth = trial.rough and best.total > trial.fitted.total + SLIGHT
     for reach in SHAKES if worth else ():
-        moved = _shaken(best, trial.key, reach)
-        if moved is not None:
-            again = refine(replace(trial, values=moved), most=5, rough=True)
-            best = max(best, again, key=lambda f: f.total)
+        start = _shaken(best, trial.key, reach)
+        if start is not None:
+            other = refine(replace(trial, values=start), most=5, rough=True)
+            best = max(best, other, key=lambda f: f.total)
     return trial, best
 
 
@@ -385,7 +380,7 @@ def _finished(trial: Trial, short: Fitted, base: Fitted, lead: float) -> tuple[T
     """A trial on all samples again, fitted to the end."""
     gain = short.total - trial.fitted.total
     wanted = trial.boxed and gain > max(SOUGHT * lead, LEAST_SOUGHT)
-    whole = _heavy(trial, base, (sought(short, trial.key) if wanted else short).values)
+    whole = _heavy(trial, base, sought(short, trial.key) if wanted else short.values)
     return whole, refine(whole, most=0 if wanted else 30)
 
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import BSpline
 
+from ..blocks.table import TURN
 from .data import Log
 
 MANY, SOME, FEW = 40, 24, 16  # pieces of a function
 AROUND = 64  # of one of the angle within a turn
-TURNS = 1.25  # of travel, above which the angle within a turn is asked
+TURNING = 1.25  # turns of travel, from which the angle within a turn counts
 DEAD = 0.02  # of the largest speed, below which the drive has no direction
 PULSE = 0.05  # s
 NEAR = 0.002  # of the travel: the distance from a reversal at which its function is finest
@@ -45,52 +47,59 @@ def shapes(log: Log, rows: np.ndarray, at: np.ndarray, a: np.ndarray) -> list[Sh
     """
     theta, w, u, t = (getattr(log, k)[rows] for k in ("theta", "w", "u", "t"))
     since, forth = _since_reversal(log)[rows], w > 0.0
-    place, time = _hats(theta, _even(theta[at], MANY)), _hats(t, _even(t[at], SOME))
+    place, time = _spanned(theta, _even(theta[at], MANY)), _spanned(t, _even(t[at], SOME))
     made = [
         Shape(("theta",), place),
-        Shape(("w",), _hats(w, _full(w[at], MANY))),
-        Shape(("u",), _hats(u, _full(u[at], SOME))),
-        Shape(("a",), _hats(a, _full(a[at], SOME))),
+        Shape(("w",), _spanned(w, _full(w[at], MANY))),
+        Shape(("u",), _spanned(u, _full(u[at], SOME))),
+        Shape(("a",), _spanned(a, _full(a[at], SOME))),
         Shape(("t",), time, timed=True),
         Shape(("theta", "w"), _by(forth, place)),
-        Shape(("theta", "w"), _hats(since, _full(since[at], MANY))),
+        Shape(("theta", "w"), _spanned(since, _full(since[at], MANY))),
         Shape(("t", "w"), _by(forth, time), timed=True),
     ]
-    if log.motion == "rotary" and np.ptp(theta[at]) > TURNS * 2.0 * np.pi:
-        angle = _around(theta, AROUND)
+    if wraps(theta[at], log.motion):
+        angle, coarse = (around(theta, turn(count)) for count in (AROUND, SOME))
         made += [Shape(("theta",), angle), Shape(("theta", "w"), _by(forth, angle))]
-        made.append(Shape(("theta", "a"), _around(theta, SOME) * a[:, None]))
+        made.append(Shape(("theta", "a"), coarse * a[:, None]))
     else:
-        made.append(Shape(("theta", "a"), _hats(theta, _even(theta[at], FEW)) * a[:, None]))
+        made.append(Shape(("theta", "a"), _spanned(theta, _even(theta[at], FEW)) * a[:, None]))
     return sorted(made, key=lambda shape: len(shape.signals))
 
 
 def pulses(length: int, dt: float) -> np.ndarray:
     """Triangles in time over a window, (length, pieces)."""
     x = np.arange(float(length))
-    return _hats(x, _even(x, max(4, int(length * dt / PULSE))))
+    return hats(x, _even(x, max(4, int(length * dt / PULSE))))
 
 
-def _hats(x: np.ndarray, knots: np.ndarray) -> np.ndarray:
-    """Triangles on the knots, which sum to one."""
-    x = np.clip(x, knots[0], knots[-1])
-    i = np.clip(np.searchsorted(knots, x, side="right") - 1, 0, len(knots) - 2)
-    part = (x - knots[i]) / (knots[i + 1] - knots[i])
-    return _mixed(i, i + 1, part, len(knots))
+def wraps(theta: np.ndarray, motion: str) -> bool:
+    """Whether the drive turns round far enough for the angle within a turn to count."""
+    return motion == "rotary" and bool(np.ptp(theta) > TURNING * TURN)
 
 
-def _around(theta: np.ndarray, count: int) -> np.ndarray:
-    """Triangles on the angle within a turn."""
-    x = np.mod(theta, 2.0 * np.pi) * count / (2.0 * np.pi)
-    i = np.floor(x).astype(int)
-    return _mixed(i % count, (i + 1) % count, x - i, count)
+def turn(count: int) -> np.ndarray:
+    """Points around one turn, rad."""
+    return np.linspace(-np.pi, np.pi, count, endpoint=False)
 
 
-def _mixed(low: np.ndarray, high: np.ndarray, part: np.ndarray, count: int) -> np.ndarray:
-    B, rows = np.zeros((len(part), count)), np.arange(len(part))
-    B[rows, low] = 1.0 - part
-    B[rows, high] += part
-    return B
+def hats(x: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """How much of each point's value the line through the points has at x; (len(x), points)."""
+    knots = np.r_[points[0], points, points[-1]]
+    return BSpline.design_matrix(x, knots, 1).toarray()
+
+
+def around(x: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """The same over one turn, whose end is its beginning."""
+    closed = np.r_[points, points[0] + TURN]
+    A = hats(np.clip(np.mod(x - points[0], TURN) + points[0], closed[0], closed[-1]), closed)
+    A[:, 0] += A[:, -1]
+    return A[:, :-1]
+
+
+def _spanned(x: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """As :func:`hats`, constant beyond the points."""
+    return hats(np.clip(x, points[0], points[-1]), points)
 
 
 def _even(x: np.ndarray, count: int) -> np.ndarray:

@@ -70,13 +70,13 @@ def _in_gain(predictor: Predictor) -> set[str]:
     return {f"{p.key}.{k}" for p in parts for k in p.block.own}
 
 
+_COMPILED: WeakSet[Lanes] = WeakSet()
+
+
 @lru_cache(maxsize=8)
 def _tangent(lanes: Lanes) -> Tangent:
     _COMPILED.add(lanes)
     return Tangent(lanes)
-
-
-_COMPILED: WeakSet[Lanes] = WeakSet()
 
 
 def is_compiled(predictor: Predictor) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .data import Log
+from .shapes import wraps
 
 CELL = 0.01  # s over which the residual torque is averaged
 FOLDS = 4
@@ -35,7 +36,7 @@ def predictable(torque: np.ndarray, log: Log, counted: np.ndarray) -> tuple[floa
     signal = {k: getattr(log, k)[at].mean(2) for k in ("t", "theta", "w", "u", "a")}
     signal["u"] = _beside(signal["u"])
     way = signal["w"] > 0
-    turning = log.motion == "rotary" and np.ptp(signal["theta"]) > 2.5 * np.pi
+    turning = wraps(signal["theta"], log.motion)
     around = _turn(signal["theta"]) if turning else _bins(signal["theta"], BINS // 2)
     place, time = _bins(signal["theta"]), _bins(signal["t"], 24, equal=True)
     cells = [place, 2 * place + way, time, 2 * time + way]

@@ -6,20 +6,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BSpline
 from scipy.linalg import solve
 
 from ..blocks.friction import EPS
-from ..blocks.table import TURN
 from ..results import Table
 from ..spec import unit_for
 from .data import Log
+from .shapes import around, hats, turn, wraps
 from .structure import CELL, FOLDS
 
 KNOWN = (("theta",), ("theta", "w"), ("w",), ("t",), ("t", "w"), ("u",))
 SIZES = (12, 24, 48, 96)  # points of a table
 STIFFNESS = tuple(10.0 ** np.arange(-9.0, 1.0))  # weights of the curvature tried
-TURNING = 1.25  # turns from which one table serves every turn
 BLOCKS = 120  # most blocks of windows
 DRAWS = 300  # of blocks with replacement
 LEVEL = (2.5, 97.5)
@@ -161,13 +159,12 @@ def _cells(
 def _grids(cells: Sequence[_Cells], name: tuple[str, ...], motion: str) -> list[_Grid]:
     """Tables of every size, the simplest first."""
     x = np.concatenate([c.x for c in cells])
-    wraps = name[0] == "theta" and motion == "rotary" and np.ptp(x) > TURNING * TURN
+    turning = name[0] == "theta" and wraps(x, motion)
     sizes = [n for n in SIZES if n <= len(x) // 8] or SIZES[:1]
     made = []
     for n in sizes:
-        if wraps:
-            turn = np.linspace(-np.pi, np.pi, n, endpoint=False)
-            made.append(_grid(cells, turn, True))
+        if turning:
+            made.append(_grid(cells, turn(n), True))
         points = np.linspace(x.min(), x.max(), n)
         if name[0] in ("w", "u"):  # half by range, half where the drive dwells
             points = 0.5 * (points + np.quantile(x, np.linspace(0.0, 1.0, n)))
@@ -176,7 +173,7 @@ def _grids(cells: Sequence[_Cells], name: tuple[str, ...], motion: str) -> list[
 
 
 def _grid(cells: Sequence[_Cells], points: np.ndarray, periodic: bool) -> _Grid:
-    seen = _around if periodic else _hats
+    seen = around if periodic else hats
     S = _around_curvature(len(points)) if periodic else _curvature(points)
     G, g = [], []
     for c in cells:
@@ -188,20 +185,6 @@ def _grid(cells: Sequence[_Cells], points: np.ndarray, periodic: bool) -> _Grid:
         g.append(A.T @ c.r)
     S = S if cells[0].w is None else np.kron(np.eye(2), S)
     return _Grid(points, periodic, np.array(G), np.array(g), S)
-
-
-def _hats(x: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """How much of each point's value the line through the points has at x; (len(x), points)."""
-    knots = np.r_[points[0], points, points[-1]]
-    return BSpline.design_matrix(x, knots, 1).toarray()
-
-
-def _around(x: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """The same over one turn, whose end is its beginning."""
-    closed = np.r_[points, points[0] + TURN]
-    A = _hats(np.clip(np.mod(x - points[0], TURN) + points[0], closed[0], closed[-1]), closed)
-    A[:, 0] += A[:, -1]
-    return A[:, :-1]
 
 
 def _around_curvature(n: int) -> np.ndarray:
