@@ -139,7 +139,7 @@ def _answered(start: Callable[..., Job], report: Progress) -> _Answer:
     if not wanting or not first.job.parts.in_sample:
         return first
     again = _answer(noted(start(turned=True), TURNED), report)
-    whole = not again.found.unexplained and not again.undated
+    whole = not (again.found.unexplained or len(again.unforeseen) or again.undated)
     return again if len(first.unforeseen) or whole else first
 
 

@@ -95,6 +95,7 @@ class Block:
     tries: Callable[..., list[dict[str, float]]] | None = field(default=None, compare=False)
     start: tuple[str, ...] = ()
     load: bool = False
+    abrupt: bool = False
     box: Callable[..., Any] | None = field(default=None, compare=False)
     home: str = field(default="", compare=False)
 
@@ -246,6 +247,7 @@ def block(
     tries: Callable[..., list[dict[str, float]]] | None = None,
     start: str = "",
     load: bool = False,
+    abrupt: bool = False,
     box: Callable[..., Any] | None = None,
 ) -> Callable[[Callable[..., Any]], Block]:
     """Declare a function as a block of a kind and enter it in the registry.
@@ -276,6 +278,9 @@ def block(
         For each state the input to which it is equal in equilibrium, or 0; default all 0.
     load : bool
         True for a torque effect that is a load: friction that depends on the load feels it.
+    abrupt : bool
+        True where the torque jumps with the sign of w: along a log that rests the noise of w
+        decides, so tracing runs the effect inside the plant from the start.
     box : callable
         ``box(log, values)`` of an effect whose likelihood has many optima, because a state of
         it is not told by the motion for a while: where to search them all. Windows in which
@@ -300,6 +305,7 @@ def block(
             tries=tries,
             start=tuple(start.split()) or ("0",) * len(made.states),
             load=load,
+            abrupt=abrupt,
             box=box,
         )
         known = members(kind).get(made.name)

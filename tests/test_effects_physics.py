@@ -77,18 +77,18 @@ def test_sublinear_friction_is_a_power_of_the_speed_and_smooth_at_rest(n, w):
 # The order in which effects act.
 
 
-def test_load_is_d_and_the_loads_but_no_other_torque():
+def test_load_is_d_gravity_and_a_constant_torque_but_no_other():
     model = model_of("coulomb", J).with_effect("load_dependent_friction", {"coefficient": 0.1})
-    loads = {"gravity": 0.4 * np.sin(THETA), "constant_torque": -0.3, "return_spring": 0.6}
+    loads, spring = 0.4 * np.sin(THETA) - 0.3, 2.0 * (THETA - 0.6)
     model = model.with_effect("gravity", {"amplitude": 0.4, "phase": 0.0})
     model = model.with_effect("constant_torque", {"torque": -0.3})
     model = model.with_effect("return_spring", {"stiffness": 2.0, "rest": 0.6})
     model = model.with_effect("quadratic_drag", {"coefficient": 0.1})
     _, rates = plant_of(model, levels=("torque",))
-    level = 0.285 + 0.1 * abs(0.2 + sum(loads.values()))
+    level = 0.285 + 0.1 * abs(0.2 + loads)
     F, _, dw, *_ = rates(T, 0.0, 0.2, 5.0, THETA, W)
     assert F == pytest.approx(-level + 0.018 * W, rel=1e-12)
-    resisting = 0.2 + sum(loads.values()) - 0.1 * W * W + 5.0
+    resisting = 0.2 + loads + spring - 0.1 * W * W + 5.0
     assert J * dw == pytest.approx(-F - resisting, rel=1e-12)
 
 

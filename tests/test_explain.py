@@ -11,7 +11,7 @@ from lugrectl.tracing.explain import _comes_to, _names
 from lugrectl.tracing.fit import fit
 from lugrectl.tracing.job import begin
 from lugrectl.tracing.predictor import Predictor
-from lugrectl.tracing.search import _closer
+from lugrectl.tracing.screening import _closer
 from tests.rig import make
 
 from .test_tracing import model_of, quiet, record_of

@@ -7,7 +7,7 @@ import pytest
 
 from lugrectl.tracing.hanging import dependences, hangs_on
 from lugrectl.tracing.job import begin
-from lugrectl.tracing.search import lightened
+from lugrectl.tracing.screening import lightened
 from lugrectl.tracing.shapes import pulses, shapes
 from tests.rig import make
 

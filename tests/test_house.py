@@ -24,7 +24,7 @@ STOREYS = [
     {"cli", "__main__", "demo"},
 ]
 TRACING = [
-    {"noise"},
+    {"noise", "beside"},
     {"data"},
     {"balance"},
     {"channel", "skewed"},
@@ -37,6 +37,7 @@ TRACING = [
     {"tabulate", "proof", "blows"},
     {"score", "surprise"},
     {"tries"},
+    {"screening"},
     {"search"},
     {"hanging"},
     {"start"},

@@ -10,6 +10,7 @@ import importlib.util
 import os
 import sys
 import tempfile
+import threading
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -29,6 +30,8 @@ HEADERS: Mapping[str, str] = {
     + "import numpy as np\n\n\ndef fast(function):\n    return function\n\n\nsmall = fast\n",
     "numpy": ARRAY_HEADER + "\n\ndef fast(function):\n    return function\n",
 }
+
+_LOADING, _THREAD = threading.RLock(), threading.local()
 
 DEEP = 20_000  # numba follows the branches of a function by recursion, two calls for each
 
@@ -84,9 +87,11 @@ def load(source: str, backend: str) -> ModuleType:
     """
     text = HEADERS[backend] + "\n\n" + source
     name = f"lugrectl_{backend}_{hashlib.sha256(text.encode()).hexdigest()[:20]}"
-    if name not in sys.modules:
-        sys.modules[name] = _from_file(text, name) if backend == "numba" else _direct(text, name)
-    return sys.modules[name]
+    with _LOADING:  # another thread shall not see a module that is half there
+        if name not in sys.modules:
+            make = _from_file if backend == "numba" else _direct
+            sys.modules[name] = make(text, name)
+        return sys.modules[name]
 
 
 def _direct(text: str, name: str) -> ModuleType:
@@ -130,7 +135,13 @@ def _make_room(folder: Path, most: int = 500) -> None:
 
 
 def threads() -> int:
-    """How many threads numba code may use: the processors, or $NUMBA_NUM_THREADS."""
+    """How many threads numba code may use: the processors, or $NUMBA_NUM_THREADS; one where
+    the others are at work already."""
     from numba import config
 
-    return int(getattr(config, "NUMBA_NUM_THREADS", 1))
+    return 1 if getattr(_THREAD, "alone", False) else int(getattr(config, "NUMBA_NUM_THREADS", 1))
+
+
+def alone() -> None:
+    """Called in a thread that shall not start others."""
+    _THREAD.alone = True

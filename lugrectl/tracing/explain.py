@@ -11,6 +11,7 @@ import numpy as np
 from ..model import Model
 from ..results import Candidate
 from ..spec import P, members
+from .beside import beside
 from .blows import forgiving, sharpened
 from .data import Data
 from .evaluate import missing_torque
@@ -19,7 +20,8 @@ from .hanging import hangs_on
 from .job import Progress, calmed
 from .predictor import Predictor, Windows
 from .proof import GATE, LEAST_OF_FIRST, LEAST_SIZE, firmness, proven, share, size
-from .search import Contest, Trial, contest
+from .screening import Trial
+from .search import Contest, contest
 from .structure import colour, predictable, uneven
 from .surprise import surprising
 
@@ -112,14 +114,16 @@ def _better_base(current: Fitted, fits: Sequence[tuple[Trial, Fitted]]) -> Fitte
 
     A refit can end in a poor optimum; then any effect that leads out of it would look good.
     """
-    best, free = current, [c.key for c in current.free] + list(current.instants)
-    for _, found in fits[:RETRIED]:
-        values = {k: found.values[k] for k in current.values}
-        other = fit(
-            current.predictor, values, free, current.where, found.noise,
+    free = [c.key for c in current.free] + list(current.instants)
+
+    def refitted(pair: tuple[Trial, Fitted]) -> Fitted:
+        values = {k: pair[1].values[k] for k in current.values}
+        return fit(
+            current.predictor, values, free, current.where, pair[1].noise,
             anchor=current.anchor, most=12,
         )  # fmt: skip
-        best = max(best, other, key=lambda f: f.total)
+
+    best = max([current, *beside(refitted, fits[:RETRIED])], key=lambda f: f.total)
     return best if best.total > current.total + 3.0 else None
 
 
@@ -223,7 +227,7 @@ def _chosen(
     Those are compared there: what an effect does along the log is not always exact. One that
     held-out windows contradict while another foresees them is out.
     """
-    even = _even(before, [(t, _inside(t, f)) for t, f in _even(before, sound)])
+    even = _even(before, beside(_inside, _even(before, sound)))
     if len(even) > 1:
         even = [pair for pair in even if not len(surprising(pair[1], test))] or even
     (trial, best), *others = even
@@ -272,12 +276,13 @@ def _candidate(before: Fitted, trial: Trial, fitted: Fitted) -> Candidate:
     return Candidate(trial.name, fitted.total - before.total, share(before, fitted))
 
 
-def _inside(trial: Trial, found: Fitted) -> Fitted:
+def _inside(pair: tuple[Trial, Fitted]) -> tuple[Trial, Fitted]:
     """The same model with its effects inside the plant, fitted once more if they were not."""
+    trial, found = pair
     if trial.rough:
-        return found
+        return pair
     inside = Predictor(found.predictor.model, found.predictor.data)
-    return again(replace(found, predictor=inside))
+    return trial, again(replace(found, predictor=inside))
 
 
 def _left_over(

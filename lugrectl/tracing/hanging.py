@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .beside import beside
 from .data import Data, Log, picked
 from .fit import Fitted
 from .likelihood import whitened
 from .predictor import Windows, spread, windows
 from .score import weighing, whitened_by_parts
-from .search import lightened
+from .screening import lightened
 from .shapes import Shape, pulses, shapes
 from .slopes import slopes
 
@@ -70,13 +71,14 @@ def dependences(fitted: Fitted) -> list[Dependence]:
     alone = {timed: regression.gain(None, timed) for timed in (False, True)}
     most = regression.most()
     total = max(float(most.sum()), TINY)
-    found = []
-    for shape in regression.shapes(fitted.predictor.data.log):
+
+    def dependence(shape: Shape) -> Dependence:
         gain = regression.gain(shape, shape.timed) - alone[shape.timed]
         gain = np.clip(gain, -most, most)
         share, error = float(gain.sum()) / total, _error(gain, most)
-        found.append(Dependence(shape.signals, share, share / max(error, TINY)))
-    return found
+        return Dependence(shape.signals, share, share / max(error, TINY))
+
+    return beside(dependence, regression.shapes(fitted.predictor.data.log))
 
 
 def _error(gain: np.ndarray, most: np.ndarray) -> float:

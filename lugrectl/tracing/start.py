@@ -15,7 +15,7 @@ from .data import Data
 from .fit import Fitted, fit
 from .likelihood import whitened
 from .predictor import Predictor, Windows
-from .search import lightened, screen
+from .screening import lightened, screen
 from .series import resisting
 
 DEFLECTIONS = (1e-5, 1e-4, 1e-3, 1e-2)  # Fc / sigma0 as a share of the largest speed, in s

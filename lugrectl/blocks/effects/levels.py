@@ -38,6 +38,7 @@ def position_dependent_friction(
     "effect",
     out="level",
     acts="Fc Fs",
+    abrupt=True,
     confused="constant_torque viscous_asymmetry",
     experiment="record the same slow move in both directions, with holds at zero torque between",
 )
@@ -98,10 +99,10 @@ def thermal_drift(
 def load_dependent_friction(load, coefficient=P(0.0, "1", 0.0, 20.0, neutral=0.0)):
     """Fc + mu |load|, Fs + mu |load|.
 
-    ``load`` is d and the torques of the declared or known loads (gravity, constant torque,
-    spring, stop), not what the motor has to give. In a log: friction grows where the load
-    pulls, in both of its directions; with gravity at every half turn, which friction that
-    hangs on position (N = 2) resembles. A constant load only shifts Fc: no log tells the two.
+    ``load`` is d and the torques of gravity and a constant torque, not what the motor has to
+    give. In a log: friction grows where the load pulls, in both of its directions; with gravity
+    at every half turn, which friction that hangs on position (N = 2) resembles. A constant load
+    only shifts Fc: no log tells the two.
     """
     return coefficient * np.abs(load)
 

@@ -76,7 +76,6 @@ def torque_ripple(
     "effect",
     out="d",
     acts="torque",
-    load=True,
     confused="gravity constant_torque",
     experiment="record slow moves over the whole travel, in both directions, at two frequencies",
 )
@@ -97,7 +96,6 @@ def return_spring(
     "effect",
     out="d",
     acts="torque",
-    load=True,
     confused="return_spring gravity",
     experiment="move slowly into the end of the travel and back, twice",
     tries=hints.stops,

@@ -1,0 +1,258 @@
+"""First estimates of every effect: how much a small or a proposed one would gain."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from ..spec import Block, members
+from .beside import beside
+from .coordinates import typical
+from .data import Log, thinned
+from .evaluate import missing_torque
+from .fit import Fitted
+from .likelihood import tune
+from .predictor import Predictor, coarser, spread
+from .score import Score, whitened_by_parts
+from .series import resisting
+from .tries import tried
+
+ENOUGH = 40_000  # counted samples to search on
+MANY_WINDOWS = 24
+COARSE = 2e-3  # s, longest sampling interval on which effects are searched
+FEW = 4  # grid points that are all tried exactly
+STEPS = 30.0  # typical steps by which an effect is tried
+KEPT = 4  # of a longer grid, after a look at the residual torque
+NEARLY = 0.6  # of the best point's promise, from which the next one is a start, too
+ZOOMS = 2  # finer grids around the best point
+
+
+@dataclass(frozen=True)
+class Trial:
+    """An effect added to a fitted model: a first estimate, and how much it should gain.
+
+    ``others`` are more values to start from.
+    """
+
+    name: str
+    fitted: Fitted
+    key: str
+    values: dict[str, float]
+    promise: float
+    others: tuple[dict[str, float], ...] = ()
+
+    @property
+    def boxed(self) -> bool:
+        """Whether its likelihood has so many optima that all of its sets are searched."""
+        return members("effect")[self.name].box is not None
+
+    @property
+    def rough(self) -> bool:
+        """Whether its series is an approximation: it sees the measured motion."""
+        block = members("effect")[self.name]
+        hidden = bool(block.states) and block.exact is None
+        return hidden or block.abrupt or "sensor" in block.acts
+
+
+def lightened(base: Fitted) -> Fitted:
+    """The base model on as few samples as tell effects apart."""
+    data = base.predictor.data
+    every = max(1, int(COARSE / data.dt + 1e-9))
+    where = base.where if every == 1 else coarser(base.where, data.runs, every)
+    where = spread(where, ENOUGH, MANY_WINDOWS)
+    if every == 1 and where is base.where:
+        return base
+    predictor = base.predictor.on(thinned(data, every)) if every > 1 else base.predictor
+    noise, loglik = tune(predictor, base.values, where, base.noise)
+    return replace(base, predictor=predictor, where=where, noise=noise, loglik=loglik)
+
+
+def screen(base: Fitted, names: Sequence[str]) -> list[Trial]:
+    """First estimates of each effect, best promise first.
+
+    The promise is the score test's gain in log-likelihood, with the parameters of the base
+    model free to follow.
+    """
+    score = Score(base)
+    trials = beside(lambda name: _screen_one(base, name, score), names)
+    return sorted((t for t in trials if t), key=lambda trial: -trial.promise)
+
+
+def _screen_one(base: Fitted, name: str, score: Score) -> Trial | None:
+    made = members("effect")[name]
+    model = base.predictor.model.with_effect(name, _open(made))
+    predictor, key = base.predictor.like(model), model.effects[-1].key
+    if made.tries:
+        found = tried(base, made, predictor, key, score)
+    else:
+        found = _linear(base, made, predictor, key, score)
+    if not found:
+        return None
+    (promise, values), *others = found
+    trial = replace(base, predictor=predictor)
+    return Trial(name, trial, key, values, promise, tuple(v for _, v in others))
+
+
+def _open(made: Block) -> dict[str, float]:
+    return {k: p.value for k, p in made.own.items()}
+
+
+def _linear(
+    base: Fitted, made: Block, predictor: Predictor, key: str, score: Score
+) -> list[tuple[float, dict[str, float]]]:
+    """A step from the neutral value, over a grid of what the effect is not linear in.
+
+    A second one where another point of the grid promises nearly as much.
+    """
+    spans, points = _spans(made), _grid(base, made)
+    step = STEPS * typical(made.parameters[made.gain], predictor.data.log)
+
+    def score_of(tried: Sequence[dict[str, float]]) -> list[tuple[float, np.ndarray, dict]]:
+        sets = [
+            base.values | _values(key, made, {made.gain: step, **point, **span})
+            for point in tried
+            for span in spans
+        ]
+        white = whitened_by_parts(predictor, sets, base)
+        columns = ((score.white - white) / step).reshape(len(tried), len(spans), -1)
+        return [(*score.gain(c), point) for c, point in zip(columns, tried, strict=True)]
+
+    found = sorted(score_of(points), key=lambda one: -one[0])
+    best, second = found[0], found[1:2]
+    if _continuous(base, made):
+        name, grid = _gridded(made)
+        places, p = grid(base.predictor.data.log), made.parameters[name]
+        for _ in range(ZOOMS):
+            places = np.clip(_closer(places, best[2][name]), p.low, p.high)
+            more = score_of([{name: float(v)} for v in places])
+            best = max([best, *more], key=lambda one: one[0])
+    near = [one for one in second if one[0] > NEARLY * best[0]]
+    made_of = [(gain, _combine(base, made, point, spans, c)) for gain, c, point in [best, *near]]
+    return [(gain, base.values | _values(key, made, v)) for gain, v in made_of if v is not None]
+
+
+def _closer(points: np.ndarray, at: float) -> np.ndarray:
+    """A finer grid between the neighbours of the best point."""
+    known = np.unique(np.append(points, at))
+    i = int(np.searchsorted(known, at))
+    gaps = np.diff(known)
+    below, above = gaps[max(i - 1, 0)], gaps[min(i, len(gaps) - 1)]
+    finer = [at - below * np.linspace(0.9, 0.1, 5), at + above * np.linspace(0.1, 0.9, 5)]
+    return np.concatenate(finer)
+
+
+def _values(key: str, made: Block, given: dict[str, float]) -> dict[str, float]:
+    return {f"{key}.{k}": given.get(k, p.value) for k, p in made.own.items()}
+
+
+def _continuous(base: Fitted, made: Block) -> bool:
+    rotary = base.predictor.model.motion == "rotary"
+    return any(p.grid and not (p.whole and rotary) for p in made.parameters.values())
+
+
+def _spans(made: Block) -> list[dict[str, float]]:
+    named = [(k, p.span) for k, p in made.parameters.items() if p.span]
+    return [
+        dict(zip([k for k, _ in named], pick, strict=True))
+        for pick in product(*[span for _, span in named])
+    ]
+
+
+def _gridded(made: Block) -> tuple[str, Callable]:
+    """The parameter that is tried on a grid, and the grid."""
+    return next((k, p.grid) for k, p in made.parameters.items() if p.grid is not None)
+
+
+def _grid(base: Fitted, made: Block) -> list[dict[str, float]]:
+    if not any(p.grid for p in made.parameters.values()):
+        return [{}]
+    name, grid = _gridded(made)
+    points = [{name: float(v)} for v in grid(base.predictor.data.log)]
+    return points if len(points) <= FEW else _prescreened(base, made, points)
+
+
+def _prescreened(base: Fitted, made: Block, points: list[dict]) -> list[dict[str, float]]:
+    """The points whose effect resembles the residual torque most, best first."""
+    index, target = (
+        base.where.counted.ravel(),
+        missing_torque(base.predictor, base.values, base.where, base.noise).ravel(),
+    )
+    every = max(1, int(0.002 / base.predictor.data.dt))
+    index, target = index[::every], target[::every] - target.mean()
+    few, weights = _thinned(base, index)
+    (name, *_), spans = points[0], _spans(made)
+    tried = np.array([point[name] for point in points])
+    power = [
+        _resemblance(made, few, weights, name, part, spans, target)
+        for part in np.array_split(tried, -(-len(tried) // 32))
+    ]
+    tops = _peaks(np.concatenate(power))[:KEPT].tolist()
+    beside = [i for i in (tops[0] - 1, tops[0] + 1) if 0 <= i < len(points)]
+    return [points[i] for i in dict.fromkeys([*tops, *beside])]
+
+
+def _resemblance(
+    made: Block,
+    log: Log,
+    weights: dict,
+    name: str,
+    tried: np.ndarray,
+    spans: list[dict],
+    target: np.ndarray,
+) -> np.ndarray:
+    """Power of the target that the effect explains at each value of one parameter."""
+    unit = made.defaults() | {made.gain: 1.0, name: tried[:, None]}
+    B = np.stack([resisting(made, log, unit | span, weights) for span in spans], axis=1)
+    H, g = B @ B.transpose(0, 2, 1), B @ target
+    ridge = 1e-9 * np.trace(H, axis1=1, axis2=2) + 1e-300
+    H = H + ridge[:, None, None] * np.eye(len(spans))
+    return np.sum(g * np.linalg.solve(H, g[..., None])[..., 0], axis=1)
+
+
+def _thinned(base: Fitted, index: np.ndarray) -> tuple[Log, dict[str, np.ndarray]]:
+    """Some samples of the log and of the weights of levels on it."""
+    log, weights = base.predictor.data.log, base.predictor.weights(base.values)
+    signals = {k: getattr(log, k)[index] for k in ("t", "theta", "w", "a", "u", "load")}
+    return replace(log, **signals), {k: v[index] for k, v in weights.items()}
+
+
+def _peaks(power: np.ndarray) -> np.ndarray:
+    """Indices of the local maxima, highest first."""
+    padded = np.pad(power, 1, constant_values=-np.inf)
+    tops = np.flatnonzero((power >= padded[:-2]) & (power >= padded[2:]))
+    return tops[np.argsort(-power[tops])]
+
+
+def _combine(
+    base: Fitted, made: Block, point: dict, spans: list[dict], c: np.ndarray
+) -> dict[str, float] | None:
+    """The gain and span parameters whose effect is the combination found; None out of bounds."""
+    gain = made.parameters[made.gain]
+    if len(spans) == 1:
+        return {made.gain: float(c[0]), **point} if gain.low <= c[0] <= gain.high else None
+    samples = len(base.predictor.data.log.t)
+    few, weights = _thinned(base, np.unique(np.linspace(0, samples - 1, 2000).astype(int)))
+    known = made.defaults() | point
+    target = sum(
+        ci * resisting(made, few, known | {made.gain: 1.0} | span, weights)
+        for ci, span in zip(c, spans, strict=True)
+    )
+    names = list(spans[0])
+    size = max(float(np.std(target)), 1e-12)
+
+    def miss(x: np.ndarray) -> np.ndarray:
+        own = dict(zip([made.gain, *names], x, strict=True))
+        return (resisting(made, few, known | own, weights) - target) / size
+
+    starts = [[float(np.abs(c).sum()), *span.values()] for span in spans]
+    starts += [[float(np.abs(c).sum()), *(-v for v in span.values())] for span in spans]
+    fits = [least_squares(miss, x0) for x0 in starts]
+    fits = [f for f in fits if gain.low <= f.x[0] <= gain.high and f.cost < 1e-3 * len(few.t)]
+    if not fits:
+        return None
+    x = min(fits, key=lambda f: f.cost).x
+    return dict(zip([made.gain, *names], map(float, x), strict=True)) | point

@@ -1,0 +1,35 @@
+"""Work side by side."""
+
+from __future__ import annotations
+
+import threading
+
+import pytest
+
+from lugrectl.engine import load
+from lugrectl.engine.load import has_numba, threads
+from lugrectl.tracing.beside import beside
+
+
+def test_results_come_in_the_order_of_the_items():
+    assert beside(lambda x: x * x, iter(range(9))) == [x * x for x in range(9)]
+    assert beside(str, []) == []
+
+
+def test_what_goes_wrong_is_raised():
+    with pytest.raises(ZeroDivisionError):
+        beside(lambda x: 1 / x, [1, 0, 2])
+
+
+@pytest.mark.skipif(not has_numba(), reason="all is done in turn without numba")
+def test_work_runs_at_once_and_starts_no_more_threads(monkeypatch):
+    numba = pytest.importorskip("numba")
+    monkeypatch.setattr(numba.config, "NUMBA_NUM_THREADS", 2)
+    meeting = threading.Barrier(2, timeout=20.0)
+
+    def work(item: int) -> int:
+        meeting.wait()
+        return load.threads()
+
+    assert beside(work, [0, 1]) == [1, 1]
+    assert threads() == 2
