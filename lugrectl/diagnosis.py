@@ -30,6 +30,7 @@ from .tracing.job import (
 from .tracing.predictor import windows
 from .tracing.surprise import surprising, undated, when
 from .tracing.tabulate import tabulate
+from .tracing.witness import statements
 
 TURNED = (
     "The blocks first held out show a torque, or the moment of a change, that the others do not: "
@@ -94,8 +95,8 @@ def diagnose(
     report(0.92, "parameters and intervals")
     whole = found.final if len(new) else answer.known or on_everything(found.final, job)
     job = compared(job, whole)
-    for keys in whole.flat():
-        job = noted(job, UNTOLD.format(" and ".join(keys)))
+    untold = [UNTOLD.format(" and ".join(keys)) for keys in whole.flat()]
+    job = noted(job, *untold, *statements(whole))
     verdict, depends = _verdict(found)
     table = _table(found.final, job, depends, seed) if verdict == "unexplained" else None
     return Diagnosis(

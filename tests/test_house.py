@@ -35,7 +35,7 @@ TRACING = [
     {"moments", "slopes"},
     {"fit"},
     {"tabulate", "proof", "blows"},
-    {"score", "surprise"},
+    {"score", "surprise", "witness"},
     {"tries"},
     {"screening"},
     {"search"},

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -11,6 +11,8 @@ import numpy as np
 from ..errors import InputError
 from ..record import Record
 from .noise import Noise, sensor_noise, smooth
+
+OTHERS = ("temperature", "theta_load")
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,8 @@ class Data:
     ``d`` is the recorded load torque, 0 where none was; ``y`` is (N, 2), measured theta and w
     with nan where not recorded; ``runs`` the index ranges without a gap; ``noise`` the sensors'
     own (its jump is the typical dw/dt); ``log`` the smoothed motion. ``run`` (N,) counts the
-    records from 0; those in ``differing`` may differ a little from the first.
+    records from 0; those in ``differing`` may differ a little from the first. ``others`` are
+    channels beside torque and motion, where all records have them.
     """
 
     t: np.ndarray
@@ -57,6 +60,7 @@ class Data:
     noise: Noise
     log: Log = field(repr=False)
     run: np.ndarray = field(repr=False)
+    others: Mapping[str, np.ndarray] = field(repr=False)
     differing: tuple[int, ...] = ()
     smoothed: bool = False
 
@@ -100,7 +104,8 @@ def prepare(records: Sequence[Record]) -> Data:
     noise = _noise(y, first.dt, runs)
     log = _log(t, u, d, y, first.dt, first.motion, tuple(runs), noise)
     run = np.repeat(np.arange(len(records), dtype=np.int16), [r.samples for r in records])
-    return Data(t, u, d, y, first.dt, first.motion, tuple(runs), noise, log, run)
+    others = _others(records)
+    return Data(t, u, d, y, first.dt, first.motion, tuple(runs), noise, log, run, others)
 
 
 def thinned(data: Data, every: int) -> Data:
@@ -117,16 +122,18 @@ def thinned(data: Data, every: int) -> Data:
     mean = {k: getattr(data.log, k)[cells].mean(1) for k in ("t", "theta", "w", "a")}
     log = replace(data.log, **mean, u=u, load=d, dt=dt, runs=runs)
     t, y, run = data.t[index], data.y[index], data.run[index]
-    return replace(data, t=t, u=u, d=d, y=y, dt=dt, runs=runs, log=log, run=run)
+    others = {name: values[index] for name, values in data.others.items()}
+    return replace(data, t=t, u=u, d=d, y=y, dt=dt, runs=runs, log=log, run=run, others=others)
 
 
 def picked(data: Data, index: np.ndarray) -> Data:
     """Single samples, which say nothing of each other."""
     log = data.log
     alone = {k: getattr(log, k)[index] for k in ("t", "theta", "w", "a", "u", "load")}
+    others = {name: values[index] for name, values in data.others.items()}
     return replace(
         data, t=data.t[index], u=data.u[index], d=data.d[index], y=data.y[index], runs=(),
-        run=data.run[index], log=replace(log, **alone, runs=()),
+        run=data.run[index], log=replace(log, **alone, runs=()), others=others,
     )  # fmt: skip
 
 
@@ -136,6 +143,12 @@ def averaged(u: np.ndarray, runs: Sequence[tuple[int, int]]) -> np.ndarray:
     for a, b in runs:
         out[a + 1 : b - 1] = (u[a : b - 2] + u[a + 1 : b - 1] + u[a + 2 : b]) / 3.0
     return out
+
+
+def _others(records: Sequence[Record]) -> dict[str, np.ndarray]:
+    columns = {name: [getattr(r, name) for r in records] for name in OTHERS}
+    whole = {name: c for name, c in columns.items() if all(part is not None for part in c)}
+    return {name: np.concatenate(parts) for name, parts in whole.items()}
 
 
 def _alike(records: Sequence[Record]) -> None:

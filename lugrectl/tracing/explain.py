@@ -24,6 +24,7 @@ from .screening import Trial
 from .search import Contest, contest
 from .structure import colour, predictable, uneven
 from .surprise import surprising
+from .witness import contradicted
 
 LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a signal
 STANDING = 3.0  # standard errors of that share
@@ -86,17 +87,17 @@ def explain(base: Fitted, report: Progress, test: Windows) -> Explanation:
         if better is not None:
             base, current = (better if current is base else base), better
             steps, current = _pruned(steps, current, steps)
-        sound = [(t, f) for t, f in tried.fits if proven(base, current, f, t.key)]
+        sound = [(t, f) for t, f in tried.fits if _stands(base, current, f, t.key)]
         if not sound:
             break
         sound = [(t, f) for t, f in sound if firmness(f, t.key) > FIRMER] or sound
         step, current = _chosen(current, sound, test)
-        if step.trial.boxed:
-            base, current = forgiving(base), sharpened(current)
         steps.append(step)
+        base, current = _eased(steps, base, current)
         steps, current = _pruned(steps, current, steps[:-1])
         if len(steps) > 1 and share(base, current) > WHOLE and _coloured(current):
             steps, current = _exchanged(steps, current, test, partial(report, at))
+            base, current = _eased(steps, base, current)
         if share(base, current) > 1.0 - LEAST_OF_FIRST and not _coloured(current):
             break
         calm = calmed(current) if turn == 0 and not current.noise.uneven else None
@@ -107,6 +108,17 @@ def explain(base: Fitted, report: Progress, test: Windows) -> Explanation:
     lost = share(current, pieces) > LOST
     unexplained, signals = _left_over(base, current, steps, lost)
     return Explanation(base, tuple(steps), current, tuple(ranking), unexplained, signals)
+
+
+def _stands(base: Fitted, before: Fitted, after: Fitted, key: str) -> bool:
+    return proven(base, before, after, key) and not contradicted(after, key)
+
+
+def _eased(steps: Sequence[Step], base: Fitted, current: Fitted) -> tuple[Fitted, Fitted]:
+    """Under a noise that forgives missed windows, where the newest effect asks for that."""
+    if not steps[-1].trial.boxed:
+        return base, current
+    return forgiving(base), sharpened(current)
 
 
 def _better_base(current: Fitted, fits: Sequence[tuple[Trial, Fitted]]) -> Fitted | None:
@@ -199,7 +211,7 @@ def _exchanged(
     oldest, *later = steps
     without = _without(fitted, oldest.trial.key)
     tried = contest(without, _names(without.predictor.model), 0.5 * GATE, TRIED, say)
-    sound = [(t, f) for t, f in tried.fits if proven(without, without, f, t.key)]
+    sound = [(t, f) for t, f in tried.fits if _stands(without, without, f, t.key)]
     if not sound:
         return steps, fitted
     step, whole = _chosen(without, sound, test)

@@ -92,9 +92,9 @@ def compared(job: Job, whole: Fitted) -> Job:
     return replace(job, doubts=(*job.doubts, *told(job.data, whole.values, unit)))
 
 
-def noted(job: Job, what: str) -> Job:
-    """The same job with one more message."""
-    return replace(job, doubts=(*job.doubts, what))
+def noted(job: Job, *messages: str) -> Job:
+    """The same job with more messages."""
+    return replace(job, doubts=(*job.doubts, *messages))
 
 
 def calmer(job: Job, calm: Data, report: Progress) -> Job:
