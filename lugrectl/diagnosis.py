@@ -37,6 +37,10 @@ TURNED = (
     "fitted and held-out blocks were exchanged."
 )
 UNTOLD = "The record tells only a combination of {}: their values are one choice among many."
+MANY = (
+    "A state that the motion does not show for a while makes many optima: the values found may be "
+    "off by tens of per cent, so no intervals are given."
+)
 NEW = "The held-out samples show a torque that the fitted ones do not: at {}."
 
 
@@ -96,7 +100,8 @@ def diagnose(
     whole = found.final if len(new) else answer.known or on_everything(found.final, job)
     job = compared(job, whole)
     untold = [UNTOLD.format(" and ".join(keys)) for keys in whole.flat()]
-    job = noted(job, *untold, *statements(whole))
+    many = (MANY,) if whole.noise.uneven else ()
+    job = noted(job, *untold, *many, *statements(whole))
     verdict, depends = _verdict(found)
     table = _table(found.final, job, depends, seed) if verdict == "unexplained" else None
     return Diagnosis(

@@ -150,8 +150,12 @@ def on_everything(fitted: Fitted, job: Job) -> Fitted:
 
 
 def estimates(fitted: Fitted) -> dict[str, Estimate]:
-    """Every fitted parameter with unit and 95 % interval."""
-    model, intervals = fitted.predictor.model, fitted.intervals()
+    """Every fitted parameter with unit and 95 % interval.
+
+    Where the likelihood has many optima its curvature at one says nothing of the others: none.
+    """
+    model = fitted.predictor.model
+    intervals = {} if fitted.noise.uneven else fitted.intervals()
     declared = model.declarations()
     return {
         k: Estimate(v, model.unit(k), intervals.get(k))
