@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -21,7 +21,7 @@ from .job import Progress, calmed
 from .predictor import Predictor, Windows
 from .proof import GATE, LEAST_OF_FIRST, LEAST_SIZE, firmness, proven, share, size
 from .screening import Trial
-from .search import Contest, contest
+from .search import Contest, Say, contest
 from .structure import colour, predictable, uneven
 from .surprise import surprising
 from .witness import contradicted
@@ -73,41 +73,67 @@ def explain(base: Fitted, report: Progress, test: Windows) -> Explanation:
 
     ``test`` are the held-out windows; they only tell apart what explains the others equally well.
     """
-    steps: list[Step] = []
-    ranking: list[Candidate] = []
-    current = base
+    trace = _Trace(base, test)
     for turn in range(MOST_EFFECTS):
         at = 0.15 + 0.7 * turn / MOST_EFFECTS
         report(at, f"trying the catalogue, round {turn + 1}")
-        names = _names(current.predictor.model)
-        tried = contest(current, names, 0.5 * GATE, TRIED, partial(report, at))
-        if turn == 0:
-            ranking = _ranking(current, tried)
-        better = _better_base(current, tried.fits)
-        if better is not None:
-            base, current = (better if current is base else base), better
-            steps, current = _pruned(steps, current, steps)
-        sound = [(t, f) for t, f in tried.fits if _stands(base, current, f, t.key)]
+        sound = trace.sound(partial(report, at))
         if not sound:
             break
-        sound = [(t, f) for t, f in sound if firmness(f, t.key) > FIRMER] or sound
-        step, current = _chosen(current, sound, test)
-        steps.append(step)
-        base, current = _eased(steps, base, current)
-        steps, current = _pruned(steps, current, steps[:-1])
-        if len(steps) > 1 and share(base, current) > WHOLE and _coloured(current):
-            steps, current = _exchanged(steps, current, test, partial(report, at))
-            base, current = _eased(steps, base, current)
+        trace.add(sound, partial(report, at))
+        base, current = trace.base, trace.current
         if share(base, current) > 1.0 - LEAST_OF_FIRST and not _coloured(current):
             break
         calm = calmed(current) if turn == 0 and not current.noise.uneven else None
         if calm is not None:
-            return Explanation(base, tuple(steps), current, (), False, (), calm)
-    pieces = current
-    steps, current = _firm(steps, current)
+            return Explanation(base, tuple(trace.steps), current, (), False, (), calm)
+    base, pieces, ranking = trace.base, trace.current, tuple(trace.ranking)
+    steps, current = _firm(trace.steps, pieces)
     lost = share(current, pieces) > LOST
     unexplained, signals = _left_over(base, current, steps, lost)
-    return Explanation(base, tuple(steps), current, tuple(ranking), unexplained, signals)
+    return Explanation(base, tuple(steps), current, ranking, unexplained, signals)
+
+
+class _Trace:
+    """The refitted model, the model with the effects accepted so far, and these."""
+
+    def __init__(self, base: Fitted, test: Windows) -> None:
+        self.base, self.current, self.test = base, base, test
+        self.steps: list[Step] = []
+        self.ranking: list[Candidate] = []
+
+    def sound(self, say: Say) -> list[tuple[Trial, Fitted]]:
+        """The effects whose gain is proven.
+
+        Where there is none though something is missing, those too that promise nothing but have
+        no linear part: what decides whether a drive sticks or slips shows in no small change.
+        """
+        names = _names(self.current.predictor.model)
+        sound = self._proven(names, 0.5 * GATE, say)
+        if sound or not _coloured(self.current):
+            return sound
+        return self._proven([n for n in names if members("effect")[n].tries], 0.0, say)
+
+    def _proven(self, names: Sequence[str], gate: float, say: Say) -> list[tuple[Trial, Fitted]]:
+        tried = contest(self.current, names, gate, TRIED, say)
+        self.ranking = self.ranking or _ranking(self.current, tried)
+        better = _better_base(self.current, tried.fits)
+        if better is not None:
+            self.base = better if self.current is self.base else self.base
+            self.steps, self.current = _pruned(self.steps, better, self.steps)
+        return [(t, f) for t, f in tried.fits if _stands(self.base, self.current, f, t.key)]
+
+    def add(self, sound: Sequence[tuple[Trial, Fitted]], say: Say) -> None:
+        """The best of them, the others fitted again and dropped or exchanged if need be."""
+        firm = [(t, f) for t, f in sound if firmness(f, t.key) > FIRMER] or sound
+        step, current = _chosen(self.current, firm, self.test)
+        self.steps = [*self.steps, step]
+        self.base, current = _eased(self.steps, self.base, current)
+        self.steps, self.current = _pruned(self.steps, current, self.steps[:-1])
+        whole = share(self.base, self.current) > WHOLE
+        if len(self.steps) > 1 and whole and _coloured(self.current):
+            self.steps, current = _exchanged(self.steps, self.current, self.test, say)
+            self.base, self.current = _eased(self.steps, self.base, current)
 
 
 def _stands(base: Fitted, before: Fitted, after: Fitted, key: str) -> bool:
@@ -202,7 +228,7 @@ def _firm(steps: list[Step], fitted: Fitted) -> tuple[list[Step], Fitted]:
 
 
 def _exchanged(
-    steps: list[Step], fitted: Fitted, test: Windows, say: Callable[[str], None]
+    steps: list[Step], fitted: Fitted, test: Windows, say: Say
 ) -> tuple[list[Step], Fitted]:
     """The oldest effect for another that explains more beside the later ones, if there is one.
 

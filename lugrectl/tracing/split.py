@@ -79,8 +79,16 @@ def _halves(runs: Sequence[tuple[int, int]]) -> tuple[list, list]:
 def _alternate(
     runs: Sequence[tuple[int, int]], gap: int, span: int, dt: float
 ) -> tuple[list, list]:
-    """Blocks of whole horizons, at least BLOCK long, dealt in turn; each starts with a gap."""
+    """Blocks of whole horizons, at least BLOCK long, dealt in turn; each starts with a gap.
+
+    The last of a run takes what is left of it.
+    """
     restarts = max(1, -(-round(BLOCK / dt) // span))
     length = gap + restarts * span
-    blocks = [(s, s + length) for a, b in runs for s in range(a, b - length + 1, length)]
+    starts = [range(a, b - length + 1, length) for a, b in runs]
+    blocks = [
+        (s, b if s == each[-1] else s + length)
+        for each, (_, b) in zip(starts, runs, strict=True)
+        for s in each
+    ]
     return blocks[0::2], blocks[1::2]
