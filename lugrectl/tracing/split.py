@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ..engine.load import has_numba
 from ..errors import Refused
 from .data import Data
 from .predictor import Windows, spread, windows
@@ -55,7 +56,8 @@ def split(
     else:
         even, odd = _alternate(data.runs, gap, span, data.dt)
         train, test = (odd, even) if turned else (even, odd)
-    lengths = [max(1, round(length / data.dt)) for length in WINDOWS]
+    possible = WINDOWS if has_numba() else WINDOWS[-1:]  # NumPy pays for steps, not for windows
+    lengths = [max(1, round(length / data.dt)) for length in possible]
     cuts = [windows(train, gap, length) for length in lengths]
     fitting = next((cut for cut in cuts if len(cut.start) >= ENOUGH), cuts[-1])
     judging = windows(test, gap, span)
