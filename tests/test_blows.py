@@ -35,8 +35,11 @@ def test_a_box_and_its_sets_are_inverse(base):
     for part in (0.1, 0.5, 0.9):
         x = box.low + part * (box.high - box.low)
         made = box.at(x)
-        assert made["J"] + made["load_inertia"] == pytest.approx(0.25)
-        assert box.into(made) == pytest.approx(x)
+        whole = made["J"] + made["load_inertia"]
+        assert np.log(whole) == pytest.approx(x[0])
+        same = members("effect")["backlash"].box(log, made)
+        assert same.into(made) == pytest.approx(x)
+        assert np.exp(same.low[0]) < whole < np.exp(same.high[0])
 
 
 def test_a_missed_window_weighs_little(base):

@@ -121,8 +121,9 @@ def contest(base: Fitted, names: Sequence[str], gate: float, tried: int, say: Sa
     short = _shortly(light, chosen, gate, say)[:tried]
     lead = short[0][1].total - light.total if short else 0.0
     worth = [p for p in short if p[1].total - light.total > max(HOPELESS * lead, SLIGHT)]
-    say(f"fitting {', '.join(t.name for t, _ in worth)}")
-    finished = _best_first(beside(lambda pair: _finished(*pair, base, lead), worth))
+    _named(say, "fitting", (t for t, _ in worth))
+    finish = partial(_finished, base=base, light=light, lead=lead)
+    finished = _best_first(beside(finish, worth))
     tops = beside(partial(_anew, least=base.total + gate), finished[:ANEW])
     return Contest(promising, _best_first([*tops, *finished[ANEW:]]))
 
@@ -134,7 +135,7 @@ def _shortly(light: Fitted, chosen: Sequence[Trial], gate: float, say: Say) -> l
     for i in range(0, len(queue), ABREAST):
         lead = max((f.total - light.total for _, f in best.values()), default=0.0)
         likely = [t for t in queue[i : i + ABREAST] if t.promise >= UNLIKELY * lead]
-        say(f"trying {', '.join(t.name for t in likely)}")
+        _named(say, "trying", likely)
         least = light.total + max(HOPELESS * lead, gate)
         for trial, fitted in beside(partial(_short, least=least), likely):
             if trial.name not in best or fitted.total > best[trial.name][1].total:
@@ -146,9 +147,16 @@ def _best_first(pairs: Iterable[_Pair]) -> list[_Pair]:
     return sorted(pairs, key=lambda pair: -pair[1].total)
 
 
-def _finished(trial: Trial, short: Fitted, base: Fitted, lead: float) -> _Pair:
+def _named(say: Say, doing: str, trials: Iterable[Trial]) -> None:
+    names = ", ".join(trial.name for trial in trials)
+    if names:
+        say(f"{doing} {names}")
+
+
+def _finished(pair: _Pair, base: Fitted, light: Fitted, lead: float) -> _Pair:
     """A trial on all samples again, fitted to the end."""
-    gain = short.total - trial.fitted.total
+    trial, short = pair
+    gain = short.total - light.total
     wanted = trial.boxed and gain > max(SOUGHT * lead, LEAST_SOUGHT)
     whole = _heavy(trial, base, sought(short, trial.key) if wanted else short.values)
     return whole, refine(whole, most=0 if wanted else 30)

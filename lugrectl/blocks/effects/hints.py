@@ -139,21 +139,25 @@ class Box:
 
 
 def gap_box(log: Any, values: Values) -> Box:
-    """A share of the whole inertia behind a gap, its ringing in Hz and damping, and the gap."""
-    whole, travel = values["J"] + values.get("load_inertia", 0.0), float(np.ptp(log.theta))
-    low = np.array([0.03, 4.0, 0.01, 5e-4 * travel])
-    high = np.array([0.7, max(min(0.2 / log.dt, 300.0), 30.0), 1.0, 5e-2 * travel])
+    """The whole inertia, the share of it behind a gap, its ringing in Hz, damping, and the gap.
+
+    The whole may be more than a rigid model makes of it: the load hangs loose for a while.
+    """
+    known, travel = values["J"] + values.get("load_inertia", 0.0), float(np.ptp(log.theta))
+    low = np.array([0.9 * known, 0.03, 4.0, 0.01, 5e-4 * travel])
+    fastest = max(min(0.2 / log.dt, 300.0), 30.0)
+    high = np.array([1.5 * known, 0.9, fastest, 1.0, 5e-2 * travel])
 
     def at(x: np.ndarray) -> dict[str, float]:
-        share, frequency, damping, gap = np.exp(x).tolist()
+        whole, share, frequency, damping, gap = np.exp(x).tolist()
         return _behind(whole, share, frequency, damping) | {"gap": gap}
 
     def into(given: Values) -> np.ndarray:
         load, ringing = given["load_inertia"], np.sqrt(given["stiffness"] / given["load_inertia"])
         damping = given["damping"] / (2.0 * load * ringing)
-        return np.log([load / whole, ringing / (2.0 * np.pi), damping, given["gap"]])
+        return np.log([known, load / known, ringing / (2.0 * np.pi), damping, given["gap"]])
 
-    return Box(np.log(low), np.log(high), np.array([0.2, 0.3, 0.3, 0.03]), at, into)
+    return Box(np.log(low), np.log(high), np.array([0.1, 0.2, 0.3, 0.3, 0.03]), at, into)
 
 
 def _behind(J: float, share: float, frequency: float, damping: float = 0.1) -> dict[str, float]:
