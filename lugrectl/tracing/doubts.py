@@ -64,9 +64,9 @@ def refuse_unfit(records: Sequence[Record], model: Model, data: Data) -> tuple[s
     stuck(records, data, at, remarks)
     if not sensors_skewed(records, data):  # else it is open which of the two the torque moves
         torque_skewed(records, data, remarks)
+    _varied(records, model, data, at, remarks)  # a balance in one direction tells little
     if fit is not None:
         related(records, model, data, fit, remarks)
-    _varied(records, model, data, at, remarks)
     return tuple(remarks)
 
 
