@@ -89,6 +89,7 @@ def explain(base: Fitted, report: Progress, test: Windows) -> Explanation:
             return Explanation(base, tuple(trace.steps), current, (), False, (), calm)
     base, pieces, ranking = trace.base, trace.current, tuple(trace.ranking)
     steps, current = _firm(trace.steps, pieces)
+    steps = _still_tied(steps, current, partial(report, 0.84))
     lost = share(current, pieces) > LOST
     unexplained, signals = _left_over(base, current, steps, lost)
     return Explanation(base, tuple(steps), current, ranking, unexplained, signals)
@@ -244,6 +245,21 @@ def _exchanged(
     if whole.total < fitted.total + GATE:
         return steps, fitted
     return [*later, step], whole
+
+
+def _still_tied(steps: Sequence[Step], fitted: Fitted, say: Say) -> list[Step]:
+    """The steps with those alternatives only that explain as much beside the later effects, too."""
+    if len(steps) < 2:
+        return list(steps)
+    made = []
+    for step in steps:
+        if step.tied:
+            without = _without(fitted, step.trial.key)
+            tried = contest(without, [c.name for c in step.tied], 0.0, TRIED, say)
+            left = [(t, f) for t, f in tried.fits if _as_well(without, fitted, f)]
+            step = replace(step, tied=tuple(_candidate(without, t, f) for t, f in left))
+        made.append(step)
+    return made
 
 
 def _without(fitted: Fitted, key: str) -> Fitted:
