@@ -19,6 +19,7 @@ from pathlib import Path
 from . import page, work
 from .plan import STRENGTHS, Task, tasks
 
+ROUND = 50  # records for each process before it is replaced: compiled code is never given back
 DEFAULT = {"none": 200, "strangers": 48, "pairs": 60}  # where no effects are asked for
 
 
@@ -93,7 +94,7 @@ def run(todo: Sequence[Task], do: Callable[[Task], dict], jobs: int) -> Iterator
     left = {t.key: t for t in todo}
     while left:
         try:
-            yield from _pooled(left, list(left.values()), do, jobs)
+            yield from _pooled(left, list(left.values())[: ROUND * jobs], do, jobs)
         except BrokenProcessPool:
             for task in list(left.values())[:jobs]:
                 try:
@@ -107,7 +108,7 @@ def _pooled(
 ) -> Iterator[dict]:
     """Do these tasks and take each off those that are left."""
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, mp_context=context, max_tasks_per_child=50) as pool:
+    with ProcessPoolExecutor(jobs, mp_context=context) as pool:
         running = {pool.submit(do, task): task for task in todo}
         for future in as_completed(running):
             made = future.result()
