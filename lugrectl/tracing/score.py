@@ -13,6 +13,7 @@ from .predictor import Predictor, Values
 OUTLYING = 3.0  # usual sizes at which an innovation counts half
 NORMAL_MEDIAN = 0.6745  # of the absolute values of a unit normal
 LARGEST = 2_000_000  # counted samples in one engine call
+LONGEST = 4_000_000  # samples of the series that go with it
 
 
 class Score:
@@ -77,11 +78,17 @@ def weighing(r: np.ndarray) -> tuple[np.ndarray, float]:
     return np.sqrt(weights), float(np.sum(weights[r != 0.0]))
 
 
+def at_once(samples: int) -> int:
+    """How many sets may have series of that length at the same time."""
+    return max(1, LONGEST // samples)
+
+
 def whitened_by_parts(
     predictor: Predictor, sets: Sequence[Values], base: Fitted, torque: np.ndarray | None = None
 ) -> np.ndarray:
     """In calls of bounded size, for the memory's sake; ``torque`` (sets, N) resists besides."""
-    most = max(1, LARGEST // max(1, base.where.counted.size))
+    fit_in = LARGEST // max(1, base.where.counted.size)
+    most = max(1, min(fit_in, at_once(len(predictor.data.t))))
     parts = [slice(i, i + most) for i in range(0, len(sets), most)]
     made = [
         whitened(

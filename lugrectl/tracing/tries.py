@@ -15,7 +15,7 @@ from .evaluate import missing_torque
 from .fit import Fitted
 from .likelihood import loglik, whitened
 from .predictor import Predictor
-from .score import Score, whitened_by_parts
+from .score import Score, at_once, whitened_by_parts
 from .series import run_alone
 
 DOSE = 0.1  # of an effect's series: a derivative, but well above the noise of the integration
@@ -116,6 +116,10 @@ class Resemblance:
         torque = missing_torque(base.predictor, base.values, base.where, base.noise)
         self.target = self._rest(uniform_filter1d(torque, self.width, axis=-1).reshape(1, -1))[0]
 
+    def _run(self, own: Sequence[Values]) -> np.ndarray:
+        """The effect's torque along the log for each set (sets, N)."""
+        return run_alone(self.made, self.log, self.signals, own)[..., 0]
+
     def _seen(self, series: np.ndarray) -> np.ndarray:
         seen = uniform_filter1d(series[:, self.base.where.counted], self.width, axis=-1)
         return seen.reshape(len(series), -1)
@@ -125,8 +129,9 @@ class Resemblance:
 
     def power(self, sets: Sequence[Values]) -> tuple[np.ndarray, np.ndarray]:
         """Share of the target that each explains, and the factor on its torque for that."""
-        own = [self.placed.arguments(s) for s in sets]
-        d = self._rest(self._seen(run_alone(self.made, self.log, self.signals, own)[..., 0]))
+        own, few = [self.placed.arguments(s) for s in sets], at_once(len(self.log.t))
+        parts = [own[i : i + few] for i in range(0, len(own), few)]
+        d = np.concatenate([self._rest(self._seen(self._run(part))) for part in parts])
         size = np.maximum(np.sum(d * d, axis=1), 1e-300)
         c = np.maximum(d @ self.target, 0.0) / size
         return c * c * size / np.maximum(self.target @ self.target, 1e-300), c
