@@ -6,7 +6,6 @@ import threading
 
 import pytest
 
-from lugrectl.engine import load
 from lugrectl.engine.load import has_numba, threads
 from lugrectl.tracing.beside import beside
 
@@ -29,7 +28,7 @@ def test_work_runs_at_once_and_starts_no_more_threads(monkeypatch):
 
     def work(item: int) -> int:
         meeting.wait()
-        return load.threads()
+        return threads()
 
     assert beside(work, [0, 1]) == [1, 1]
     assert threads() == 2

@@ -15,6 +15,7 @@ from lugrectl.tracing.fit import fit
 from lugrectl.tracing.job import begin
 from lugrectl.tracing.likelihood import whitened
 from lugrectl.tracing.predictor import Predictor
+from lugrectl.tracing.score import whitened_by_parts
 from lugrectl.tracing.split import GAP, split
 from tests.rig import make
 
@@ -172,3 +173,17 @@ def test_a_phase_stays_an_angle(x):
     assert -np.pi < phase <= np.pi + 1e-12
     assert np.cos(phase) == pytest.approx(np.cos(x), abs=1e-9)
     assert np.sin(phase) == pytest.approx(np.sin(x), abs=1e-9)
+
+
+def test_the_last_block_takes_what_is_left_of_a_run():
+    t = np.arange(10_000) * 1e-3  # four blocks of 2.25 s and one second more
+    data = prepare([Record(t=t, u=np.sin(t), w=np.cos(3 * t), dt=1e-3)])
+    parts = split(data, 1.0)
+    assert parts.test.counted.max() > 9_700 > parts.train.counted.max()
+
+
+def test_parts_of_a_call_give_what_the_whole_gives(job, monkeypatch):
+    sets = [job.base.values | {"J": job.base.values["J"] * f} for f in (0.9, 1.0, 1.1, 1.2, 1.3)]
+    whole = whitened_by_parts(job.base.predictor, sets, job.base)
+    monkeypatch.setattr("lugrectl.tracing.score.LONGEST", 2 * len(job.data.t))
+    assert np.array_equal(whitened_by_parts(job.base.predictor, sets, job.base), whole)

@@ -122,7 +122,7 @@ def thinned(data: Data, every: int) -> Data:
     mean = {k: getattr(data.log, k)[cells].mean(1) for k in ("t", "theta", "w", "a")}
     log = replace(data.log, **mean, u=u, load=d, dt=dt, runs=runs)
     t, y, run = data.t[index], data.y[index], data.run[index]
-    others = {name: values[index] for name, values in data.others.items()}
+    others = _others_at(data, index)
     return replace(data, t=t, u=u, d=d, y=y, dt=dt, runs=runs, log=log, run=run, others=others)
 
 
@@ -130,10 +130,10 @@ def picked(data: Data, index: np.ndarray) -> Data:
     """Single samples, which say nothing of each other."""
     log = data.log
     alone = {k: getattr(log, k)[index] for k in ("t", "theta", "w", "a", "u", "load")}
-    others = {name: values[index] for name, values in data.others.items()}
     return replace(
         data, t=data.t[index], u=data.u[index], d=data.d[index], y=data.y[index], runs=(),
-        run=data.run[index], log=replace(log, **alone, runs=()), others=others,
+        run=data.run[index], log=replace(log, **alone, runs=()),
+        others=_others_at(data, index),
     )  # fmt: skip
 
 
@@ -143,6 +143,10 @@ def averaged(u: np.ndarray, runs: Sequence[tuple[int, int]]) -> np.ndarray:
     for a, b in runs:
         out[a + 1 : b - 1] = (u[a : b - 2] + u[a + 1 : b - 1] + u[a + 2 : b]) / 3.0
     return out
+
+
+def _others_at(data: Data, index: np.ndarray) -> dict[str, np.ndarray]:
+    return {name: values[index] for name, values in data.others.items()}
 
 
 def _others(records: Sequence[Record]) -> dict[str, np.ndarray]:

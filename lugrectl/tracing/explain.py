@@ -21,7 +21,7 @@ from .job import Progress, calmed
 from .predictor import Predictor, Windows
 from .proof import GATE, LEAST_OF_FIRST, LEAST_SIZE, firmness, proven, share, size
 from .screening import Trial
-from .search import Contest, Say, contest
+from .search import Contest, Pair, Say, contest
 from .structure import colour, predictable, uneven
 from .surprise import surprising
 from .witness import contradicted
@@ -76,11 +76,12 @@ def explain(base: Fitted, report: Progress, test: Windows) -> Explanation:
     trace = _Trace(base, test)
     for turn in range(MOST_EFFECTS):
         at = 0.15 + 0.7 * turn / MOST_EFFECTS
-        report(at, f"trying the catalogue, round {turn + 1}")
-        sound = trace.sound(partial(report, at))
+        say = partial(report, at)
+        say(f"trying the catalogue, round {turn + 1}")
+        sound = trace.sound(say)
         if not sound:
             break
-        trace.add(sound, partial(report, at))
+        trace.add(sound, say)
         base, current = trace.base, trace.current
         if share(base, current) > 1.0 - LEAST_OF_FIRST and not _coloured(current):
             break
@@ -103,7 +104,7 @@ class _Trace:
         self.steps: list[Step] = []
         self.ranking: list[Candidate] = []
 
-    def sound(self, say: Say) -> list[tuple[Trial, Fitted]]:
+    def sound(self, say: Say) -> list[Pair]:
         """The effects whose gain is proven.
 
         Where there is none though something is missing, those too that promise nothing but have
@@ -115,7 +116,7 @@ class _Trace:
             return sound
         return self._proven([n for n in names if members("effect")[n].tries], 0.0, say)
 
-    def _proven(self, names: Sequence[str], gate: float, say: Say) -> list[tuple[Trial, Fitted]]:
+    def _proven(self, names: Sequence[str], gate: float, say: Say) -> list[Pair]:
         tried = contest(self.current, names, gate, TRIED, say)
         self.ranking = self.ranking or _ranking(self.current, tried)
         better = _better_base(self.current, tried.fits)
@@ -124,7 +125,7 @@ class _Trace:
             self.steps, self.current = _pruned(self.steps, better, self.steps)
         return [(t, f) for t, f in tried.fits if _stands(self.base, self.current, f, t.key)]
 
-    def add(self, sound: Sequence[tuple[Trial, Fitted]], say: Say) -> None:
+    def add(self, sound: Sequence[Pair], say: Say) -> None:
         """The best of them, the others fitted again and dropped or exchanged if need be."""
         firm = [(t, f) for t, f in sound if firmness(f, t.key) > FIRMER] or sound
         step, current = _chosen(self.current, firm, self.test)
@@ -148,14 +149,14 @@ def _eased(steps: Sequence[Step], base: Fitted, current: Fitted) -> tuple[Fitted
     return forgiving(base), sharpened(current)
 
 
-def _better_base(current: Fitted, fits: Sequence[tuple[Trial, Fitted]]) -> Fitted | None:
+def _better_base(current: Fitted, fits: Sequence[Pair]) -> Fitted | None:
     """The model without more effects, fitted again from the plants that the candidates found.
 
     A refit can end in a poor optimum; then any effect that leads out of it would look good.
     """
     free = [c.key for c in current.free] + list(current.instants)
 
-    def refitted(pair: tuple[Trial, Fitted]) -> Fitted:
+    def refitted(pair: Pair) -> Fitted:
         values = {k: pair[1].values[k] for k in current.values}
         return fit(
             current.predictor, values, free, current.where, pair[1].noise,
@@ -273,9 +274,7 @@ def _without(fitted: Fitted, key: str) -> Fitted:
     return again(replace(fitted, predictor=predictor, values=values, anchor=anchor))
 
 
-def _chosen(
-    before: Fitted, sound: Sequence[tuple[Trial, Fitted]], test: Windows
-) -> tuple[Step, Fitted]:
+def _chosen(before: Fitted, sound: Sequence[Pair], test: Windows) -> tuple[Step, Fitted]:
     """The best effect with what explains as much, and the model with it inside the plant.
 
     Those are compared there: what an effect does along the log is not always exact. One that
@@ -289,7 +288,7 @@ def _chosen(
     return Step(trial, tied), best
 
 
-def _even(before: Fitted, sound: Sequence[tuple[Trial, Fitted]]) -> list[tuple[Trial, Fitted]]:
+def _even(before: Fitted, sound: Sequence[Pair]) -> list[Pair]:
     """The best effect and all that explain the windows as well within two standard errors.
 
     Fewest parameters first. An effect whose strength may as well be none imitates another (a
@@ -330,7 +329,7 @@ def _candidate(before: Fitted, trial: Trial, fitted: Fitted) -> Candidate:
     return Candidate(trial.name, fitted.total - before.total, share(before, fitted))
 
 
-def _inside(pair: tuple[Trial, Fitted]) -> tuple[Trial, Fitted]:
+def _inside(pair: Pair) -> Pair:
     """The same model with its effects inside the plant, fitted once more if they were not."""
     trial, found = pair
     if trial.rough:

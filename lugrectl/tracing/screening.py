@@ -185,14 +185,14 @@ def _prescreened(base: Fitted, made: Block, points: list[dict]) -> list[dict[str
     index, target = index[::every], target[::every] - target.mean()
     few, weights = _thinned(base, index)
     (name, *_), spans = points[0], _spans(made)
-    tried = np.array([point[name] for point in points])
+    places = np.array([point[name] for point in points])
     power = [
         _resemblance(made, few, weights, name, part, spans, target)
-        for part in np.array_split(tried, -(-len(tried) // 32))
+        for part in np.array_split(places, -(-len(places) // 32))
     ]
     tops = _peaks(np.concatenate(power))[:KEPT].tolist()
-    beside = [i for i in (tops[0] - 1, tops[0] + 1) if 0 <= i < len(points)]
-    return [points[i] for i in dict.fromkeys([*tops, *beside])]
+    around = [i for i in (tops[0] - 1, tops[0] + 1) if 0 <= i < len(points)]
+    return [points[i] for i in dict.fromkeys([*tops, *around])]
 
 
 def _resemblance(

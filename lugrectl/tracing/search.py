@@ -27,7 +27,7 @@ HOPELESS = 0.1  # of the leader's gain after a short fit, below which a candidat
 ABREAST = 4  # trials between two looks at who leads; the answer must not hang on the processors
 
 Say = Callable[[str], None]
-_Pair = tuple[Trial, Fitted]
+Pair = tuple[Trial, Fitted]
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Contest:
     """All effects by promise, and those that were fitted, best first."""
 
     trials: list[Trial]
-    fits: list[_Pair]
+    fits: list[Pair]
 
 
 def at_anchor(base: Fitted) -> Fitted:
@@ -56,7 +56,7 @@ def refine(trial: Trial, *, most: int = 30, rough: bool = False) -> Fitted:
     return again(start, most=most, rough=rough)
 
 
-def _short(trial: Trial, least: float) -> _Pair:
+def _short(trial: Trial, least: float) -> Pair:
     """A few steps from each of a trial's starts; inside the plant where its series is rough.
 
     One that comes to more than ``least`` is shaken, in case that there are better optima nearby.
@@ -128,9 +128,9 @@ def contest(base: Fitted, names: Sequence[str], gate: float, tried: int, say: Sa
     return Contest(promising, _best_first([*tops, *finished[ANEW:]]))
 
 
-def _shortly(light: Fitted, chosen: Sequence[Trial], gate: float, say: Say) -> list[_Pair]:
+def _shortly(light: Fitted, chosen: Sequence[Trial], gate: float, say: Say) -> list[Pair]:
     """The best short fit of each effect, best first."""
-    best: dict[str, _Pair] = {}
+    best: dict[str, Pair] = {}
     queue = sorted(chosen, key=lambda trial: -trial.promise)
     for i in range(0, len(queue), ABREAST):
         lead = max((f.total - light.total for _, f in best.values()), default=0.0)
@@ -143,7 +143,7 @@ def _shortly(light: Fitted, chosen: Sequence[Trial], gate: float, say: Say) -> l
     return _best_first(best.values())
 
 
-def _best_first(pairs: Iterable[_Pair]) -> list[_Pair]:
+def _best_first(pairs: Iterable[Pair]) -> list[Pair]:
     return sorted(pairs, key=lambda pair: -pair[1].total)
 
 
@@ -153,7 +153,7 @@ def _named(say: Say, doing: str, trials: Iterable[Trial]) -> None:
         say(f"{doing} {names}")
 
 
-def _finished(pair: _Pair, base: Fitted, light: Fitted, lead: float) -> _Pair:
+def _finished(pair: Pair, base: Fitted, light: Fitted, lead: float) -> Pair:
     """A trial on all samples again, fitted to the end."""
     trial, short = pair
     gain = short.total - light.total
@@ -162,7 +162,7 @@ def _finished(pair: _Pair, base: Fitted, light: Fitted, lead: float) -> _Pair:
     return whole, refine(whole, most=0 if wanted else 30)
 
 
-def _anew(pair: _Pair, least: float) -> _Pair:
+def _anew(pair: Pair, least: float) -> Pair:
     """A fit, or a better one that starts with the plant from where it was believed to be."""
     trial, fitted = pair
     if trial.boxed or fitted.total <= least:

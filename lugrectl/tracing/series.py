@@ -19,8 +19,9 @@ from .data import Data, Log
 from .runs import WARMED, along
 
 LEAD = 2.0  # s that an effect with states runs before it counts
-STRETCH = 6.0, 1.0  # s that it then counts, compiled or not: NumPy pays for steps, not for lanes
-STEP = 1e-3  # s
+STRETCH = 6.0  # s that it then counts
+SHORT = 1.0  # s, the same without numba: NumPy pays for steps, not for lanes
+STEP = 1e-3  # s, about the length of its steps
 
 UNDOING = 15  # iterations that undo a sensor's error
 
@@ -191,7 +192,7 @@ def run_alone(
     keys = [name.split(".", 1)[1] for name in engine.parameters]
     p = np.array([[float(v[k]) for k in keys] for v in sets])
     y = np.zeros((many, len(log.t), len(engine.outputs)))
-    counts = STRETCH[engine.backend == "numpy"]
+    counts = SHORT if engine.backend == "numpy" else STRETCH
     stretch, lead = (max(2, round(s / log.dt)) for s in (counts, LEAD))
     for a, b in log.runs:
         length = min(b - a, stretch + lead)

@@ -21,8 +21,8 @@ FOLLOWS = 0.9  # share of a drift's power that goes with the temperature
 def contradicted(fitted: Fitted, key: str) -> bool:
     """Whether a second encoder would see the twist that an effect claims, and sees none of it."""
     part = fitted.predictor.model.part(key)
-    seen = _between_encoders(fitted)
-    if seen is None or "twist" not in part.block.states:
+    seen = _between_encoders(fitted) if "twist" in part.block.states else None
+    if seen is None:
         return False
     claimed = _twist(fitted, part)
     would = float(np.std(claimed)) > VISIBLE * sensor_noise(seen)
