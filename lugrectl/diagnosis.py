@@ -15,7 +15,6 @@ from .spec import members
 from .tracing.evaluate import Judged, missing_torque
 from .tracing.explain import Explanation, Step, explain, signals_of
 from .tracing.fit import Fitted
-from .tracing.hanging import hangs_on
 from .tracing.job import (
     Job,
     Progress,
@@ -28,6 +27,7 @@ from .tracing.job import (
     score,
 )
 from .tracing.predictor import windows
+from .tracing.rest import signals_of_the_rest
 from .tracing.surprise import surprising, undated, when
 from .tracing.tabulate import tabulate
 from .tracing.witness import statements
@@ -91,8 +91,8 @@ def diagnose(
     answer = _answered(partial(begin, record, model, holdout, horizon, report), report)
     job, found, new = answer.job, answer.found, answer.unforeseen
     if len(new):
-        hidden = hangs_on(found.final)
-        found = replace(found, unexplained=True, hangs_on=hidden or ("t",))
+        hidden = signals_of_the_rest(found.final, found.base)
+        found = replace(found, unexplained=True, hangs_on=hidden)
         job = noted(job, NEW.format(when(found.final, job.parts.test, new)))
     report(0.85, "judging on held-out samples")
     scored = score(job, found.final)

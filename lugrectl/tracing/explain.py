@@ -14,26 +14,21 @@ from ..spec import P, members
 from .beside import beside
 from .blows import forgiving, sharpened
 from .data import Data
-from .evaluate import missing_torque
 from .fit import Fitted, again, fit
-from .hanging import hangs_on
 from .job import Progress, calmed
 from .predictor import Predictor, Windows
-from .proof import GATE, LEAST_OF_FIRST, LEAST_SIZE, firmness, proven, share, size
+from .proof import GATE, LEAST_OF_FIRST, LEAST_SIZE, WHOLE, firmness, proven, share, size
+from .rest import coloured, left_over
 from .screening import Trial
 from .search import Contest, Pair, Say, contest
-from .structure import colour, predictable, uneven
+from .slide import lacking
 from .surprise import surprising
 from .witness import contradicted
 
-LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a signal
-STANDING = 3.0  # standard errors of that share
-WHOLE = 0.9  # share above which the effects found explain the residual, whatever is left
 PIECED = 0.98  # share below which as many effects as are tried are a patchwork, not physics
 FIRM = 2.0  # half-widths of its interval between an effect's strength and none
 FIRMER = 1.0  # the same, from which one is chosen before others
 LOST = 0.2  # share of the residual's power taken by effects that are not firm
-COLOUR = {"theta": 0.3, "w": 0.05}  # of the innovations; quantised positions are never white
 MOST_EFFECTS = 3
 RETRIED = 3  # candidates whose plant values the model without them is fitted from again
 PART = 0.1  # of the leader's gain that one which explains as much may lack
@@ -83,7 +78,7 @@ def explain(base: Fitted, report: Progress, test: Windows) -> Explanation:
             break
         trace.add(sound, say)
         base, current = trace.base, trace.current
-        if share(base, current) > 1.0 - LEAST_OF_FIRST and not _coloured(current):
+        if share(base, current) > 1.0 - LEAST_OF_FIRST and not coloured(current):
             break
         calm = calmed(current) if turn == 0 and not current.noise.uneven else None
         if calm is not None:
@@ -92,7 +87,8 @@ def explain(base: Fitted, report: Progress, test: Windows) -> Explanation:
     steps, current = _firm(trace.steps, pieces)
     steps = _still_tied(steps, current, partial(report, 0.84))
     lost = share(current, pieces) > LOST
-    unexplained, signals = _left_over(base, current, steps, lost)
+    pieced = len(steps) == MOST_EFFECTS and share(base, current) < PIECED
+    unexplained, signals = left_over(base, current, found=bool(steps), doubtful=lost or pieced)
     return Explanation(base, tuple(steps), current, ranking, unexplained, signals)
 
 
@@ -112,7 +108,7 @@ class _Trace:
         """
         names = _names(self.current.predictor.model)
         sound = self._proven(names, 0.5 * GATE, say)
-        if sound or not _coloured(self.current):
+        if sound or not coloured(self.current):
             return sound
         return self._proven([n for n in names if members("effect")[n].tries], 0.0, say)
 
@@ -123,7 +119,9 @@ class _Trace:
         if better is not None:
             self.base = better if self.current is self.base else self.base
             self.steps, self.current = _pruned(self.steps, better, self.steps)
-        return [(t, f) for t, f in tried.fits if _stands(self.base, self.current, f, t.key)]
+        sound = [(t, f) for t, f in tried.fits if _stands(self.base, self.current, f, t.key)]
+        lack = lacking(self.current) if len(sound) > 1 else None
+        return [(t, f) for t, f in sound if lack and not lack.stays(f)] or sound
 
     def add(self, sound: Sequence[Pair], say: Say) -> None:
         """The best of them, the others fitted again and dropped or exchanged if need be."""
@@ -133,7 +131,7 @@ class _Trace:
         self.base, current = _eased(self.steps, self.base, current)
         self.steps, self.current = _pruned(self.steps, current, self.steps[:-1])
         whole = share(self.base, self.current) > WHOLE
-        if len(self.steps) > 1 and whole and _coloured(self.current):
+        if len(self.steps) > 1 and whole and coloured(self.current):
             self.steps, current = _exchanged(self.steps, self.current, self.test, say)
             self.base, self.current = _eased(self.steps, self.base, current)
 
@@ -338,37 +336,6 @@ def _inside(pair: Pair) -> Pair:
     return trial, again(replace(found, predictor=inside))
 
 
-def _left_over(
-    base: Fitted, final: Fitted, steps: Sequence[Step], lost: bool
-) -> tuple[bool, tuple[str, ...]]:
-    """Whether something proven is left, and the signals that it hangs on.
-
-    ``lost`` says that it is: effects took much of it, but none that the windows agree on. Where
-    what is left hangs on none of the signals, those on which all that is missing hangs: what was
-    found may be a poor picture of one thing. What hangs on neither comes and goes in time.
-    """
-    friction = base.predictor.friction(base.values)[base.where.counted]
-    quiet = missing_torque(final.predictor, final.values, final.where, final.noise)
-    if np.std(quiet) <= LEAST_SIZE * np.std(friction):
-        return False, ()
-    found = hangs_on(final)
-    if found:
-        return True, found
-    pieced = len(steps) == MOST_EFFECTS and share(base, final) < PIECED
-    if not (lost or pieced or _loud(final) or _coloured(final) or _standing(base, final)):
-        return False, ()
-    return True, hangs_on(base) or ("t",)
-
-
-def _standing(base: Fitted, final: Fitted) -> bool:
-    """Whether functions of the signals still predict a share of what was missing at first."""
-    before = missing_torque(base.predictor, base.values, base.where, base.noise)
-    after = missing_torque(final.predictor, final.values, final.where, base.noise)
-    part, t = predictable(after, base.predictor.data.log, base.where.counted)
-    weight = float(np.mean(after**2) / np.mean(before**2))
-    return t > STANDING and weight * part > LEFT_SHARE and share(base, final) < WHOLE
-
-
 def signals_of(names: Sequence[str]) -> tuple[str, ...]:
     """The signals that effects hang on; friction hangs on w."""
     made: list[str] = []
@@ -378,18 +345,3 @@ def signals_of(names: Sequence[str]) -> tuple[str, ...]:
         friction = "w" if {"Fc", "Fs", "Fv"} & levels else None
         made += [s for s in ("t" if block.timed else None, *block.inputs, friction) if s]
     return tuple(dict.fromkeys(made))
-
-
-def _loud(fitted: Fitted) -> bool:
-    """Whether windows differ more in noise than the model allows."""
-    if fitted.noise.uneven:
-        return 2 * len(fitted.quiet) < len(fitted.innovations)
-    return uneven(fitted.innovations)
-
-
-def _coloured(fitted: Fitted) -> bool:
-    """Whether the innovations still tell the next one. A smoothed torque colours them by itself."""
-    if fitted.predictor.data.smoothed:
-        return False
-    theta, w = colour(fitted.quiet)
-    return bool(theta > COLOUR["theta"] or w > COLOUR["w"])

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from .beside import beside
 from .data import Data, Log, picked
+from .dependence import Dependence, clearest, judged
 from .fit import Fitted
 from .likelihood import whitened
 from .predictor import Windows, spread, windows
@@ -23,38 +24,13 @@ DOSE = 0.02  # of the RMS friction: the torque by which the innovations' answer 
 EXPECTED = 0.1  # of the RMS friction: the torque that a piece of a function may well have
 FREE = 1e-6  # ridge of the model's own parameters, whose columns have unit size
 RIDGES = (1.0, 1e1, 1e2, 1e3, 1e4, 1e5)
-CLEAR = 0.5  # of what any torque could explain, above which a function is taken to be it
-CLEARER = 0.95  # the same of the acceleration: a loop that fights any disturbance makes it likely
-SURE = 2.5  # standard errors that it must have
 WORST = 1e6  # change of an innovation that counts where the plant becomes unstable
-TINY = 1e-9  # natural log units, or a share
-NEARLY = 0.85  # of the best function's share, from which one of fewer signals is preferred
-
-
-@dataclass(frozen=True)
-class Dependence:
-    """How much a torque that depends on some signals explains.
-
-    ``share`` is the part, cross-validated, of the gain in log-likelihood that the best torque of
-    any kind would bring; ``t`` that share over its standard error, by how much the windows differ.
-    """
-
-    signals: tuple[str, ...]
-    share: float
-    t: float
 
 
 def hangs_on(fitted: Fitted) -> tuple[str, ...]:
     """The signals of which what is left is a function; none if it is one of none of them."""
-    clear = [d for d in dependences(lightened(fitted)) if _is_clear(d)]
-    if not clear:
-        return ()
-    best = max(d.share for d in clear)
-    return next(d.signals for d in clear if d.share > NEARLY * best)
-
-
-def _is_clear(d: Dependence) -> bool:
-    return d.t > SURE and d.share > (CLEARER if "a" in d.signals else CLEAR)
+    best = clearest(dependences(lightened(fitted)))
+    return best.signals if best else ()
 
 
 def dependences(fitted: Fitted) -> list[Dependence]:
@@ -70,21 +46,12 @@ def dependences(fitted: Fitted) -> list[Dependence]:
     regression = _Regression(fitted)
     alone = {timed: regression.gain(None, timed) for timed in (False, True)}
     most = regression.most()
-    total = max(float(most.sum()), TINY)
 
     def dependence(shape: Shape) -> Dependence:
         gain = regression.gain(shape, shape.timed) - alone[shape.timed]
-        gain = np.clip(gain, -most, most)
-        share, error = float(gain.sum()) / total, _error(gain, most)
-        return Dependence(shape.signals, share, share / max(error, TINY))
+        return judged(shape.signals, gain, most)
 
     return beside(dependence, regression.shapes(fitted.predictor.data.log))
-
-
-def _error(gain: np.ndarray, most: np.ndarray) -> float:
-    """Standard error of the share, by leaving out each window in turn."""
-    rest = (gain.sum() - gain) / np.maximum(most.sum() - most, TINY)
-    return float(np.sqrt((len(gain) - 1) * np.var(rest)))
 
 
 class _Regression:

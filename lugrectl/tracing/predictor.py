@@ -159,6 +159,13 @@ class Predictor:
         stiction, vs = values.get("Fs", level), values.get("vs", 1.0)
         return stribeck(self.data.log.w, Fc=level, Fs=stiction, Fv=viscous, vs=vs, eps=EPS.value)[0]
 
+    def rubbing(self, values: Values) -> np.ndarray:
+        """The same as it builds up with the motion, where the law has states (N,)."""
+        law, log = self.model.friction.block, self.data.log
+        if not law.states:
+            return self.friction(values)
+        return run_alone(law, log, {"w": log.w}, [{k: values[k] for k in law.own}])[0, :, 0]
+
     def weights(self, values: Values) -> dict[str, np.ndarray]:
         """Torque along the log (N,) for one unit of what an effect on a level puts out."""
         rest = self.friction(values)

@@ -15,6 +15,7 @@ MOST_OF_REST = 0.5  # of what is left, which matters however little of the first
 LEAST_SIZE = 0.015  # of the RMS friction torque, below which an effect is not worth a name
 LEAST_SIZE_OF_ALL = 0.004  # the same for one that explains most of what is missing
 LEAST_REMOVED = 2e-4  # of friction: the residual torque gone, below which nothing was amiss
+WHOLE = 0.9  # share above which the effects found explain the residual, whatever is left
 MOST_OF_IT = 0.95  # of the residual's power
 LEAST_TOUCHED, MOST_TOUCHED = 1e-3, 0.9  # of the samples, beyond a place
 CLOSE = 0.02  # relative, to a bound

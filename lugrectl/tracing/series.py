@@ -172,9 +172,9 @@ def resisting(block: Block, log: Log, values: Values, weights: Mapping[str, Any]
 
 
 @cache
-def _engine(name: str) -> Lanes:
-    """The effect's block by itself; puts out its outputs, then its states."""
-    made = members("effect")[name]
+def _engine(kind: str, name: str) -> Lanes:
+    """A block by itself; puts out its outputs, then its states."""
+    made = members(kind)[name]
     whole = replace(made, outputs=(*made.fresh, *made.states))
     return Lanes(whole.system(), outputs=whole.outputs)
 
@@ -182,12 +182,12 @@ def _engine(name: str) -> Lanes:
 def run_alone(
     block: Block, log: Log, signals: Mapping[str, Any], sets: Sequence[Values]
 ) -> np.ndarray:
-    """Outputs and states (sets, N, both) of an effect with states, driven by the log's signals.
+    """Outputs and states (sets, N, both) of a block with states, driven by the log's signals.
 
     The log is cut into stretches that run side by side, each with a lead-in from equilibrium.
     Steps are as long as they are: what is too fast for them follows at once (L-stable).
     """
-    engine = _engine(block.name)
+    engine = _engine(block.kind, block.name)
     many, u = len(sets), np.column_stack([signals[name] for name in block.inputs])
     keys = [name.split(".", 1)[1] for name in engine.parameters]
     p = np.array([[float(v[k]) for k in keys] for v in sets])

@@ -1,0 +1,91 @@
+"""Whether something proven is left beside the effects found."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .evaluate import missing_torque
+from .fit import Fitted
+from .hanging import hangs_on
+from .proof import LEAST_SIZE, MOST_OF_REST, WHOLE, share
+from .slide import lacking, while_sliding
+from .structure import colour, predictable, uneven
+
+LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a signal
+PART = 0.3  # of what the sliding drive lacked, below which it is left by an inexact effect
+STANDING = 3.0  # standard errors of that share
+COLOUR = {"theta": 0.3, "w": 0.05}  # of the innovations; quantised positions are never white
+
+
+def left_over(
+    base: Fitted, final: Fitted, *, found: bool, doubtful: bool
+) -> tuple[bool, tuple[str, ...]]:
+    """Whether something proven is left, and the signals that it hangs on.
+
+    ``found``: whether any effect was; ``doubtful``: whether those are a patchwork, or took much of
+    it although the windows do not agree on them.
+    """
+    friction = base.predictor.friction(base.values)[base.where.counted]
+    least = LEAST_SIZE * float(np.std(friction))
+    quiet = missing_torque(final.predictor, final.values, final.where, final.noise)
+    if not _lacks(base, final, least, found):
+        odd = doubtful or _loud(final) or coloured(final) or _standing(base, final)
+        if np.std(quiet) <= least or not (odd or hangs_on(final)):
+            return False, ()
+    return True, signals_of_the_rest(base if doubtful else final, base)
+
+
+def _lacks(base: Fitted, final: Fitted, least: float, found: bool) -> bool:
+    """Whether the sliding drive lacks more than ``least``, and than what inexact effects leave.
+
+    What was found may be a wrong picture: half as much counts where it leaves more than it
+    takes, or than a function of some signals would leave.
+    """
+    lack, first = lacking(final), lacking(base) if found else None
+    if first is not None and first.torque > 0.5 * least and first.is_better_than(final):
+        return True
+    if lack is None:
+        return False
+    before = while_sliding(base).torque if found else 0.0
+    least = 0.5 * least if found and lack.torque > MOST_OF_REST * before else least
+    return lack.torque > max(least, PART * before)
+
+
+def signals_of_the_rest(final: Fitted, base: Fitted) -> tuple[str, ...]:
+    """The signals to name where something proven is left: what comes and goes in time if none.
+
+    The balance of the sliding drive comes first. What is left may be a poor picture of one
+    thing, torn by effects that were found in its place: then all that is missing tells more.
+    What no function of time foretells is not taken for one as long as others explain it.
+    """
+    sliding = [while_sliding(f, everywhere=True) for f in (final, base)]
+    for timed in (False, True):
+        found = [(s, best) for s in sliding if (best := s.hangs_on(timed=timed))]
+        for s, best in found:
+            if s.size(best) > PART * sliding[-1].torque:
+                return best.signals
+    return hangs_on(final) or hangs_on(base) or ("t",)
+
+
+def _standing(base: Fitted, final: Fitted) -> bool:
+    """Whether functions of the signals still predict a share of what was missing at first."""
+    before = missing_torque(base.predictor, base.values, base.where, base.noise)
+    after = missing_torque(final.predictor, final.values, final.where, base.noise)
+    part, t = predictable(after, base.predictor.data.log, base.where.counted)
+    weight = float(np.mean(after**2) / np.mean(before**2))
+    return t > STANDING and weight * part > LEFT_SHARE and share(base, final) < WHOLE
+
+
+def _loud(fitted: Fitted) -> bool:
+    """Whether windows differ more in noise than the model allows."""
+    if fitted.noise.uneven:
+        return 2 * len(fitted.quiet) < len(fitted.innovations)
+    return uneven(fitted.innovations)
+
+
+def coloured(fitted: Fitted) -> bool:
+    """Whether the innovations still tell the next one. A smoothed torque colours them by itself."""
+    if fitted.predictor.data.smoothed:
+        return False
+    theta, w = colour(fitted.quiet)
+    return bool(theta > COLOUR["theta"] or w > COLOUR["w"])

@@ -1,0 +1,116 @@
+"""What the balance of the sliding drive lacks: torques that were not recorded, put into a log."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lugrectl.tracing.dependence import Dependence, clearest, judged
+from lugrectl.tracing.job import begin
+from lugrectl.tracing.rest import left_over, signals_of_the_rest
+from lugrectl.tracing.slide import BLOCKS, MOST, _enough, lacking, while_sliding
+from tests.rig import make
+
+from .test_hanging import bump, hump, knocks, refitted, slider
+from .test_tracing import model_of, quiet, record_of
+
+SERVO = {"machine": "servo", "excitation": "rich", "seed": 4101, "rate": 500.0, "duration": 20.0}
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return make("none", **SERVO)
+
+
+@pytest.fixture(scope="module")
+def whole(plain):
+    return refitted(plain, lambda t, theta, w: 0.0 * t)
+
+
+@pytest.fixture(scope="module")
+def bumpy(plain):
+    return refitted(plain, lambda t, theta, w: 3.0 * bump(t, theta, w))
+
+
+@pytest.mark.parametrize(
+    "torque, signals", [(bump, ("theta",)), (hump, ("w",)), (slider, ("theta", "w"))]
+)
+def test_a_missing_torque_is_a_function_of_its_signals(plain, torque, signals):
+    lack = lacking(refitted(plain, torque))
+    assert lack is not None and lack.signals == signals
+    assert lack.share > 0.9 and lack.torque < lack.whole
+
+
+def test_a_loss_in_the_drive_is_a_function_of_the_torque(plain):
+    record = record_of(plain)
+    lost = 0.2 * record.u * np.abs(record.u) / np.max(np.abs(record.u))
+    fitted = begin(replace(record, u=record.u + lost), model_of(plain), None, 1.0, quiet).base
+    lack = lacking(fitted)
+    assert lack is not None and lack.signals == ("u",)
+
+
+def test_knocks_hang_on_time_alone(plain):
+    sliding = while_sliding(refitted(plain, knocks), everywhere=True)
+    assert sliding.hangs_on(timed=False) is None
+    best = sliding.hangs_on(timed=True)
+    assert best is not None and best.signals == ("t",)
+
+
+def test_a_whole_model_lacks_nothing(whole, bumpy):
+    assert lacking(whole) is None
+    assert while_sliding(whole).torque < 0.2 * while_sliding(bumpy).torque
+    assert max(d.share for d in while_sliding(whole).dependences) < 0.2
+
+
+def test_a_drive_at_rest_says_nothing(whole):
+    where = replace(whole.where, start=whole.where.start[:1])
+    assert while_sliding(replace(whole, where=where)).dependences == ()
+
+
+def test_an_effect_is_to_take_what_is_missing(whole, bumpy):
+    lack = lacking(bumpy)
+    assert lack is not None
+    assert lack.stays(bumpy) and lack.is_better_than(bumpy)
+    assert not lack.stays(whole) and not lack.is_better_than(whole)
+
+
+def test_what_the_sliding_drive_lacks_is_left_over(whole, bumpy):
+    assert left_over(bumpy, bumpy, found=False, doubtful=False) == (True, ("theta",))
+    assert left_over(whole, whole, found=False, doubtful=False) == (False, ())
+    assert left_over(bumpy, whole, found=True, doubtful=False) == (False, ())
+    assert signals_of_the_rest(whole, bumpy) == ("theta",)
+
+
+def test_friction_builds_up_with_the_motion(whole):
+    predictor, values = whole.predictor, whole.values
+    steady, built = predictor.friction(values), predictor.rubbing(values)
+    w = predictor.data.log.w
+    away = np.abs(w) > 0.2 * np.max(np.abs(w))
+    top = values["Fs"]
+    assert np.sqrt(np.mean((steady - built)[away] ** 2)) < 0.02 * top
+    assert np.max(np.abs(steady - built)) > 0.5 * top  # around a reversal
+
+
+def test_a_long_record_counts_by_stretches():
+    assert np.all(_enough(0)) and np.all(_enough(MOST)) and np.all(_enough(500))
+    chosen = _enough(10 * MOST)
+    assert MOST <= np.sum(chosen) <= 1.05 * MOST
+    assert np.sum(np.diff(chosen.astype(int)) == 1) == BLOCKS - 1
+
+
+def test_a_share_counts_no_stretch_for_more_than_it_holds():
+    most = np.array([1.0, 1.0, 1.0, 1.0])
+    assert judged(("w",), np.array([0.5, 0.5, 0.5, 0.5]), most).share == pytest.approx(0.5)
+    assert judged(("w",), np.array([-9.0, 1.0, 1.0, 1.0]), most).share == pytest.approx(0.5)
+    assert judged(("w",), np.array([9.0, 0.0, 0.0, 0.0]), most).share == pytest.approx(0.25)
+    assert judged(("w",), np.zeros(4), np.zeros(4)).share == 0.0
+
+
+def test_the_clearest_function_is_of_few_signals():
+    def one(signals, share, t=9.0):
+        return Dependence(tuple(signals.split()), share, t)
+
+    assert clearest([one("theta", 0.4), one("w", 0.6, t=2.0)]) is None
+    assert clearest([one("theta", 0.9), one("theta w", 0.95)]) == one("theta", 0.9)
+    assert clearest([one("theta", 0.6), one("theta w", 0.95)]) == one("theta w", 0.95)
+    assert clearest([one("a", 0.9)]) is None and clearest([one("a", 0.97)]) == one("a", 0.97)
