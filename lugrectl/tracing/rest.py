@@ -13,6 +13,7 @@ from .structure import colour, predictable, uneven
 
 LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a signal
 PART = 0.3  # of what the sliding drive lacked, below which it is left by an inexact effect
+TAKEN = 0.25  # share below which a function is no longer among what is left
 STANDING = 3.0  # standard errors of that share
 COLOUR = {"theta": 0.3, "w": 0.05}  # of the innovations; quantised positions are never white
 
@@ -32,7 +33,7 @@ def left_over(
         odd = doubtful or _loud(final) or coloured(final) or _standing(base, final)
         if np.std(quiet) <= least or not (odd or hangs_on(final)):
             return False, ()
-    return True, signals_of_the_rest(base if doubtful else final, base)
+    return True, signals_of_the_rest(final, base, doubtful=doubtful)
 
 
 def _lacks(base: Fitted, final: Fitted, least: float, found: bool) -> bool:
@@ -51,19 +52,21 @@ def _lacks(base: Fitted, final: Fitted, least: float, found: bool) -> bool:
     return lack.torque > max(least, PART * before)
 
 
-def signals_of_the_rest(final: Fitted, base: Fitted) -> tuple[str, ...]:
+def signals_of_the_rest(final: Fitted, base: Fitted, *, doubtful: bool = False) -> tuple[str, ...]:
     """The signals to name where something proven is left: what comes and goes in time if none.
 
     The balance of the sliding drive comes first. What is left may be a poor picture of one
-    thing, torn by effects that were found in its place: then all that is missing tells more.
-    What no function of time foretells is not taken for one as long as others explain it.
+    thing, torn by ``doubtful`` effects that were found in its place: then all that is missing
+    tells more, unless they have taken it. What no function of time foretells is not taken for
+    one as long as others explain it.
     """
-    sliding = [while_sliding(f, everywhere=True) for f in (final, base)]
+    left, whole = (while_sliding(f, everywhere=True) for f in (final, base))
     for timed in (False, True):
-        found = [(s, best) for s in sliding if (best := s.hangs_on(timed=timed))]
-        for s, best in found:
-            if s.size(best) > PART * sliding[-1].torque:
-                return best.signals
+        best, first = left.hangs_on(timed=timed), whole.hangs_on(timed=timed)
+        if best and not doubtful and left.size(best) > PART * whole.torque:
+            return best.signals
+        if first and left.share(first.signals) > TAKEN:
+            return first.signals
     return hangs_on(final) or hangs_on(base) or ("t",)
 
 

@@ -46,6 +46,10 @@ class Sliding:
         """The clearest of the functions that hold time, or of those that do not."""
         return clearest([d for d in self.dependences if ("t" in d.signals) == timed])
 
+    def share(self, signals: tuple[str, ...]) -> float:
+        """The most that a function of these signals explains."""
+        return max((d.share for d in self.dependences if d.signals == signals), default=0.0)
+
     def size(self, of: Dependence) -> float:
         """RMS torque of one of the functions, N m."""
         return self.torque * float(np.sqrt(of.share))
