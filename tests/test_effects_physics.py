@@ -119,6 +119,20 @@ def test_the_torque_constant_ripples():
     assert J * rates(T, 3.0, 0.0, THETA, W)[2] == pytest.approx(expected)
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_the_amplifier_saturates_before_the_torque_constant_ripples(order):
+    values = {
+        "actuator_saturation": {"limit": 0.5},
+        "torque_constant_ripple": {"ratio": 0.2, "harmonic": 4.0, "phase": 0.3},
+    }
+    model = free()
+    for name in list(values)[::order]:
+        model = model.with_effect(name, values[name])
+    _, rates = plant_of(model)
+    expected = 0.5 * (1.0 + 0.2 * np.sin(4.0 * THETA + 0.3))
+    assert J * rates(T, 3.0, 0.0, THETA, 0.0)[2] == pytest.approx(expected)
+
+
 # Effects that complete a friction law.
 
 

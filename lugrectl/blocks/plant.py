@@ -24,9 +24,10 @@ def acceleration(u: Any, F: Any, d: Any, J: Any) -> Any:
 def assemble(model: Model, *, levels: Sequence[str] = (), sensed: bool = False) -> Block:
     """The plant of a model as one block with inputs u, d and outputs theta, w, F.
 
-    Effects act in the order of the physics: on the input, as loads, on levels, as other
-    torques; effects of one group in the order in which the model lists them. What is added to
-    a level comes on top of what multiplies it. Effects may read ``load``: d and all loads.
+    Effects act in the order of the physics: on the command, in the motor, as loads, on levels,
+    as other torques; effects of one group in the order in which the model lists them. What is
+    added to a level comes on top of what multiplies it. Effects may read ``load``: d and all
+    loads.
 
     Parameters
     ----------
@@ -70,14 +71,20 @@ def assemble(model: Model, *, levels: Sequence[str] = (), sensed: bool = False) 
     )
 
 
-def stage(block: Block) -> int:
-    """When an effect acts: on the input, as a load, on levels, as another torque.
+COMMAND, MOTOR, LOAD, LEVEL, TORQUE = range(5)
 
-    One that is a torque and a level comes last, so that its torque sees all other levels.
+
+def stage(block: Block) -> int:
+    """When an effect acts: on the command, in the motor, as a load, on levels, as another torque.
+
+    What a motor makes of the command hangs on the motion: an amplifier saturates before. One
+    that is a torque and a level comes last, so that its torque sees all other levels.
     """
     if "torque" in block.acts:
-        return 1 if block.load else 3
-    return 0 if block.acts == ("input",) else 2
+        return LOAD if block.load else TORQUE
+    if block.acts != ("input",):
+        return LEVEL
+    return COMMAND if block.inputs == ("u",) else MOTOR
 
 
 def _applied(
@@ -92,10 +99,10 @@ def _applied(
     """
     scaled, added = dict(values), {}
     load, torque = signals["d"], signals.get("x_torque", 0.0)
-    for turn in range(4):
-        if turn == 2:
+    for turn in (COMMAND, MOTOR, LOAD, LEVEL, TORQUE):
+        if turn == LEVEL:
             signals["load"] = load
-        if turn == 3:
+        if turn == TORQUE:
             scaled |= {name: scaled[name] + sum(more) for name, more in added.items()}
         for part in effects:
             if stage(part.block) != turn:
@@ -106,7 +113,7 @@ def _applied(
                 name = act.removeprefix("+")
                 if act == "input":
                     signals["u"] = out
-                elif turn == 1:
+                elif turn == LOAD:
                     load = load + out
                 elif act == "torque":
                     torque = torque + out
