@@ -106,10 +106,10 @@ def while_sliding(fitted: Fitted, *, everywhere: bool = False) -> Sliding:
 
     It is regressed on the model's net torque, on torque and friction with free strengths, and on
     one function: then a function of the torque means something, though the torque holds
-    whatever is missing. The weights come from other blocks
-    of the record than those on which they count; in time, from cells next to these. Every block
-    counts at most as much as it holds. Nothing where the drive hardly slides. Of the windows
-    that were fitted, or ``everywhere``.
+    whatever is missing. The weights come from other blocks of the record than those on which
+    they count; in time, from cells next to these. Every block counts at most as much as it
+    holds. Of the windows that were fitted, or ``everywhere``. Nothing where the drive hardly
+    slides, or where the model's torque is no number.
     """
     data = fitted.predictor.data
     at = cells(data, CELL)
@@ -121,6 +121,8 @@ def while_sliding(fitted: Fitted, *, everywhere: bool = False) -> Sliding:
     rubbing = predictor.rubbing(values) - predictor.friction(values)
     net = at.mean(running(predictor.torque(values) - rubbing))
     lack, known = J * at.mean(running(data.log.a)) - net, _known(fitted, data, at, net)
+    if not np.all(np.isfinite(lack)):
+        return Sliding(0.0, ())
     block, rows = np.arange(len(net)) * BLOCKS // len(net), at.start + at.size // 2
     made = shapes(data.log, rows, np.arange(len(net)), net / J)
     made.append(in_time(data.log.t[rows], FINE, FINEST))
@@ -138,7 +140,7 @@ def _enough(count: int) -> np.ndarray:
 def _sliding(data: Data, at: Cells) -> np.ndarray:
     """Whether the drive slides in a cell, and in those beside it, all in one direction.
 
-    Next to a reversal friction is not in steady state, and the motion smoothed over it.
+    Next to a reversal the motion is smoothed over it, and friction hangs on what came before.
     """
     w, slides = moving(data, at)
     way = np.pad(np.where(slides, np.sign(w), 0.0), 1)
