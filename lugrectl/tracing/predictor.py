@@ -164,7 +164,8 @@ class Predictor:
         law, log = self.model.friction.block, self.data.log
         if not law.states:
             return self.friction(values)
-        return run_alone(law, log, {"w": log.w}, [{k: values[k] for k in law.own}])[0, :, 0]
+        signals = {k: getattr(log, k) for k in ("t", "theta", "w", "a", "u")}
+        return run_alone(law, log, signals, [{k: values[k] for k in law.own}])[0, :, 0]
 
     def weights(self, values: Values) -> dict[str, np.ndarray]:
         """Torque along the log (N,) for one unit of what an effect on a level puts out."""
