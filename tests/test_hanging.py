@@ -16,9 +16,13 @@ from .test_tracing import model_of, quiet, record_of
 SIZE = 0.03  # N m, a tenth of the drive's Coulomb friction
 
 
+def whole_drive():
+    return make("none", machine="servo", excitation="rich", seed=4101, rate=500.0, duration=20.0)
+
+
 @pytest.fixture(scope="module")
 def plain():
-    return make("none", machine="servo", excitation="rich", seed=4101, rate=500.0, duration=20.0)
+    return whole_drive()
 
 
 def bump(t, theta, w):

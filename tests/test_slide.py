@@ -9,17 +9,14 @@ from lugrectl.tracing.dependence import Dependence, clearest, judged
 from lugrectl.tracing.job import begin
 from lugrectl.tracing.rest import left_over, signals_of_the_rest
 from lugrectl.tracing.slide import BLOCKS, MOST, _enough, lacking, while_sliding
-from tests.rig import make
 
-from .test_hanging import bump, hump, knocks, refitted, slider
+from .test_hanging import bump, hump, knocks, refitted, slider, whole_drive
 from .test_tracing import model_of, quiet, record_of
-
-SERVO = {"machine": "servo", "excitation": "rich", "seed": 4101, "rate": 500.0, "duration": 20.0}
 
 
 @pytest.fixture(scope="module")
 def plain():
-    return make("none", **SERVO)
+    return whole_drive()
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +75,7 @@ def test_what_the_sliding_drive_lacks_is_left_over(whole, bumpy):
     assert left_over(bumpy, bumpy, found=False, doubtful=False) == (True, ("theta",))
     assert left_over(whole, whole, found=False, doubtful=False) == (False, ())
     assert left_over(bumpy, whole, found=True, doubtful=False) == (False, ())
-    assert signals_of_the_rest(whole, bumpy) == ("theta",)
+    assert signals_of_the_rest(bumpy, bumpy, doubtful=True) == ("theta",)
 
 
 def test_friction_builds_up_with_the_motion(whole):

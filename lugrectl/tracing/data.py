@@ -33,6 +33,11 @@ class Log:
     motion: str
     runs: tuple[tuple[int, int], ...]
 
+    @property
+    def signals(self) -> dict[str, np.ndarray]:
+        """The signals that an effect may read, by name."""
+        return {k: getattr(self, k) for k in ("t", "theta", "w", "a", "u", "load")}
+
     @cached_property
     def fastest(self) -> float:
         """Largest speed, rad/s."""
@@ -129,7 +134,7 @@ def thinned(data: Data, every: int) -> Data:
 def picked(data: Data, index: np.ndarray) -> Data:
     """Single samples, which say nothing of each other."""
     log = data.log
-    alone = {k: getattr(log, k)[index] for k in ("t", "theta", "w", "a", "u", "load")}
+    alone = {k: signal[index] for k, signal in log.signals.items()}
     return replace(
         data, t=data.t[index], u=data.u[index], d=data.d[index], y=data.y[index], runs=(),
         run=data.run[index], log=replace(log, **alone, runs=()),

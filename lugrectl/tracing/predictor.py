@@ -160,12 +160,11 @@ class Predictor:
         return stribeck(self.data.log.w, Fc=level, Fs=stiction, Fv=viscous, vs=vs, eps=EPS.value)[0]
 
     def rubbing(self, values: Values) -> np.ndarray:
-        """The same as it builds up with the motion, where the law has states (N,)."""
+        """The friction law's torque along the log as it builds up with the motion (N,), N m."""
         law, log = self.model.friction.block, self.data.log
         if not law.states:
             return self.friction(values)
-        signals = {k: getattr(log, k) for k in ("t", "theta", "w", "a", "u")}
-        return run_alone(law, log, signals, [{k: values[k] for k in law.own}])[0, :, 0]
+        return run_alone(law, log, log.signals, [{k: values[k] for k in law.own}])[0, :, 0]
 
     def weights(self, values: Values) -> dict[str, np.ndarray]:
         """Torque along the log (N,) for one unit of what an effect on a level puts out."""
@@ -257,13 +256,12 @@ class Predictor:
         """Effects with states along the log, all sets at once."""
         memory: Memory = {}
         log = self.data.log
-        signals = {k: getattr(log, k) for k in ("t", "theta", "w", "a", "u")}
         for part in self.outside:
             if not part.block.states or part.block.exact is not None:
                 continue
             placed = Placed(f"{part.key}.", part.block)
             sets = [placed.arguments(v) for v in values]
-            made = run_alone(part.block, log, signals, sets)
+            made = run_alone(part.block, log, log.signals, sets)
             memory |= {(part.key, *s.values()): m for s, m in zip(sets, made, strict=True)}
         return memory
 
@@ -344,8 +342,7 @@ class Predictor:
         """States of one effect at the starts, (sets, starts) by name in the plant."""
         placed = Placed(f"{part.key}.", part.block)
         log = self.data.log
-        signals = {k: getattr(log, k) for k in ("t", "theta", "w", "a", "u")}
-        ran = run_alone(part.block, log, signals, [placed.arguments(v) for v in values])
+        ran = run_alone(part.block, log, log.signals, [placed.arguments(v) for v in values])
         own = ran[:, start, len(part.block.fresh) :]
         return {name: own[..., i] for i, name in enumerate(placed.states)}
 

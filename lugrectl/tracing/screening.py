@@ -216,7 +216,7 @@ def _resemblance(
 def _thinned(base: Fitted, index: np.ndarray) -> tuple[Log, dict[str, np.ndarray]]:
     """Some samples of the log and of the weights of levels on it."""
     log, weights = base.predictor.data.log, base.predictor.weights(base.values)
-    signals = {k: getattr(log, k)[index] for k in ("t", "theta", "w", "a", "u", "load")}
+    signals = {k: signal[index] for k, signal in log.signals.items()}
     return replace(log, **signals), {k: v[index] for k, v in weights.items()}
 
 

@@ -96,7 +96,7 @@ def _behind_sensors(
     What is measured is what the sensors say of the motion: it is undone by iteration, sensors
     with states by what they made of the measured motion.
     """
-    signals: dict[str, Any] = {k: getattr(log, k) for k in ("t", "theta", "w", "a", "u", "load")}
+    signals: dict[str, Any] = log.signals
     if not parts:
         return signals, None
     total = np.zeros((len(log.t), 2))
@@ -156,7 +156,7 @@ def resisting(block: Block, log: Log, values: Values, weights: Mapping[str, Any]
     ``weights`` are, by act, the torque along the log that one unit of its output stands for.
     Of a sensor effect, which is none, the error of theta.
     """
-    signals = {k: getattr(log, k) for k in ("t", "theta", "w", "a", "u", "load")}
+    signals = log.signals
     made = block(*_read(block, signals), **values)
     if "sensor" in block.acts:
         return made[block.fresh.index("theta_m")] - log.theta

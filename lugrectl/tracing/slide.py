@@ -7,14 +7,16 @@ every sliding cell for itself, and says nothing of a drive at rest.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solve
 
 from ..blocks.friction import EPS, stribeck
 from .balance import Cells, cells, moving, running
-from .data import Data
+from .data import Data, Log
 from .dependence import Dependence, clearest, judged
 from .evaluate import missing_torque
 from .fit import Fitted
@@ -35,12 +37,34 @@ FEWEST = 3 * BLOCKS  # cells
 STRIBECK = 0.05  # of the largest speed, where the friction law has no Stribeck speed
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sliding:
-    """What the balance of the sliding drive lacks: ``torque`` N m RMS, and on what it hangs."""
+    """What the balance of the sliding drive lacks, and on what it hangs.
 
-    torque: float
-    dependences: tuple[Dependence, ...]
+    ``lack`` (cells,) in N m; ``known`` (cells, terms) what the model may have wrong; ``rows`` the
+    sample in the middle of each cell; ``expected`` (cells,) the model's acceleration, rad/s2.
+    """
+
+    log: Log
+    rows: np.ndarray
+    lack: np.ndarray
+    known: np.ndarray
+    expected: np.ndarray
+
+    @cached_property
+    def torque(self) -> float:
+        """All that is missing, RMS, N m."""
+        missed = self._missed_by_known[False]
+        return float(np.sqrt(np.mean(missed))) if len(missed) else 0.0
+
+    @cached_property
+    def dependences(self) -> tuple[Dependence, ...]:
+        """As which functions of the signals it can be seen."""
+        if not len(self.lack):
+            return ()
+        made = shapes(self.log, self.rows, np.arange(len(self.rows)), self.expected)
+        made.append(in_time(self.log.t[self.rows], FINE, FINEST))
+        return tuple(map(self._dependence, made))
 
     def hangs_on(self, *, timed: bool) -> Dependence | None:
         """The clearest of the functions that hold time, or of those that do not."""
@@ -53,6 +77,31 @@ class Sliding:
     def size(self, of: Dependence) -> float:
         """RMS torque of one of the functions, N m."""
         return self.torque * float(np.sqrt(of.share))
+
+    @cached_property
+    def _block(self) -> np.ndarray:
+        return np.arange(len(self.lack)) * BLOCKS // max(len(self.lack), 1)
+
+    def _fold(self, timed: bool) -> np.ndarray:
+        cell = np.arange(len(self.lack))
+        return cell // TOGETHER % TIMED_FOLDS if timed else self._block % FOLDS
+
+    @cached_property
+    def _missed_by_known(self) -> dict[bool, np.ndarray]:
+        """Squares that no function but the model's own errors leave, by whether folds are timed."""
+        if not len(self.lack):
+            return dict.fromkeys((False, True), self.lack)
+        own = [np.zeros(self.known.shape[1])]
+        return {t: _missed(self.known, self.lack, self._fold(t), own)[0] for t in (False, True)}
+
+    def _dependence(self, shape: Shape) -> Dependence:
+        B = shape.B[:, np.any(shape.B != 0.0, axis=0)]
+        X = np.column_stack([self.known, B / np.linalg.norm(B, axis=0)])
+        stiff = np.arange(X.shape[1]) >= self.known.shape[1]
+        missed = _missed(X, self.lack, self._fold(shape.timed), [r * stiff for r in RIDGES])
+        whole = np.bincount(self._block, self._missed_by_known[shape.timed])
+        left = min((np.bincount(self._block, m) for m in missed), key=np.sum)
+        return judged(shape.signals, whole - left, whole)
 
 
 @dataclass(frozen=True)
@@ -115,20 +164,20 @@ def while_sliding(fitted: Fitted, *, everywhere: bool = False) -> Sliding:
     at = cells(data, CELL)
     at = at.only(_sliding(data, at) & (everywhere | _fitted(fitted, at)))
     at = at.only(_enough(len(at.start)))
-    if len(at.start) < FEWEST:
-        return Sliding(0.0, ())
-    predictor, values, J = fitted.predictor, fitted.values, fitted.values["J"]
-    rubbing = predictor.rubbing(values) - predictor.friction(values)
-    net = at.mean(running(predictor.torque(values) - rubbing))
-    lack, known = J * at.mean(running(data.log.a)) - net, _known(fitted, data, at, net)
-    if not np.all(np.isfinite(lack)):
-        return Sliding(0.0, ())
-    block, rows = np.arange(len(net)) * BLOCKS // len(net), at.start + at.size // 2
-    made = shapes(data.log, rows, np.arange(len(net)), net / J)
-    made.append(in_time(data.log.t[rows], FINE, FINEST))
-    left = _missed(known, lack, block % FOLDS, np.zeros(known.shape[1]))
-    torque = float(np.sqrt(np.mean(left)))
-    return Sliding(torque, tuple(_dependence(shape, known, lack, block) for shape in made))
+    rows = at.start + at.size // 2
+    net = at.mean(running(fitted.predictor.torque(fitted.values) - _building_up(fitted)))
+    lack = fitted.values["J"] * at.mean(running(data.log.a)) - net
+    if len(rows) < FEWEST or not np.all(np.isfinite(lack)):
+        rows = rows[:0]
+        at, net, lack = at.only(rows), net[:0], lack[:0]
+    known = _known(fitted, data, at, net)
+    return Sliding(data.log, rows, lack, known, net / fitted.values["J"])
+
+
+def _building_up(fitted: Fitted) -> np.ndarray:
+    """How much more friction is than in steady state, along the log (N,), N m."""
+    predictor, values = fitted.predictor, fitted.values
+    return predictor.rubbing(values) - predictor.friction(values)
 
 
 def _enough(count: int) -> np.ndarray:
@@ -163,25 +212,17 @@ def _known(fitted: Fitted, data: Data, at: Cells, net: np.ndarray) -> np.ndarray
     return columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
 
 
-def _dependence(shape: Shape, known: np.ndarray, lack: np.ndarray, block: np.ndarray) -> Dependence:
-    cell = np.arange(len(lack))
-    fold = cell // TOGETHER % TIMED_FOLDS if shape.timed else block % FOLDS
-    B = shape.B[:, np.any(shape.B != 0.0, axis=0)]
-    X = np.column_stack([known, B / np.linalg.norm(B, axis=0)])
-    stiff = np.arange(X.shape[1]) >= known.shape[1]
-    whole = np.bincount(block, _missed(known, lack, fold, np.zeros(known.shape[1])))
-    left = [np.bincount(block, _missed(X, lack, fold, ridge * stiff)) for ridge in RIDGES]
-    return judged(shape.signals, whole - min(left, key=np.sum), whole)
-
-
-def _missed(X: np.ndarray, r: np.ndarray, fold: np.ndarray, ridge: np.ndarray) -> np.ndarray:
-    """Squares of what the other folds do not foretell."""
+def _missed(
+    X: np.ndarray, r: np.ndarray, fold: np.ndarray, ridges: Sequence[np.ndarray]
+) -> list[np.ndarray]:
+    """Squares of what the other folds do not foretell, for each ridge on the columns."""
     each = [X[fold == k] for k in range(int(fold.max()) + 1)]
     grams = np.array([x.T @ x for x in each])
     sides = np.array([x.T @ r[fold == k] for k, x in enumerate(each)])
-    missed = np.empty(len(r))
+    missed = [np.empty(len(r)) for _ in ridges]
     for k, x in enumerate(each):
-        H = grams.sum(0) - grams[k] + np.diag(ridge + FREE)
-        own = fold == k
-        missed[own] = (r[own] - x @ solve(H, sides.sum(0) - sides[k], assume_a="pos")) ** 2
+        H, g, own = grams.sum(0) - grams[k], sides.sum(0) - sides[k], fold == k
+        for out, ridge in zip(missed, ridges, strict=True):
+            weights = solve(H + np.diag(ridge + FREE), g, assume_a="pos")
+            out[own] = (r[own] - x @ weights) ** 2
     return missed

@@ -107,7 +107,7 @@ class Resemblance:
     def __init__(self, base: Fitted, made: Block, key: str) -> None:
         self.base, self.made, self.placed = base, made, Placed(f"{key}.", made)
         log = self.log = base.predictor.data.log
-        self.signals = {k: getattr(log, k) for k in ("t", "theta", "w", "a", "u")}
+        self.signals = log.signals
         self.width = max(1, round(SMEAR / log.dt))
         weights = base.predictor.weights(base.values)
         known = np.array([log.w, np.ones_like(log.w), *weights.values()])
