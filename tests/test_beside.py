@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from lugrectl.engine.load import has_numba, threads
+from lugrectl.engine.load import compiler, threads
 from lugrectl.tracing.beside import beside
 
 
@@ -20,10 +20,9 @@ def test_what_goes_wrong_is_raised():
         beside(lambda x: 1 / x, [1, 0, 2])
 
 
-@pytest.mark.skipif(not has_numba(), reason="all is done in turn without numba")
+@pytest.mark.skipif(compiler() is None, reason="all is done in turn without compiled code")
 def test_work_runs_at_once_and_starts_no_more_threads(monkeypatch):
-    numba = pytest.importorskip("numba")
-    monkeypatch.setattr(numba.config, "NUMBA_NUM_THREADS", 2)
+    monkeypatch.setenv("NUMBA_NUM_THREADS", "2")
     meeting = threading.Barrier(2, timeout=20.0)
 
     def work(item: int) -> int:

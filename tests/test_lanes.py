@@ -13,7 +13,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import lugrectl as lg
-from lugrectl.engine import Lanes
+from lugrectl.engine import Lanes, kept
+from lugrectl.engine.native import has_compiler
 from lugrectl.errors import InputError
 from lugrectl.model import model_from_dict
 
@@ -30,12 +31,20 @@ def runs(system, backend: str, count: int = 3, samples: int = 200, **options):
     return lanes.run(x0, start, samples - 10 * count, u, p, dt=DT, **options)
 
 
+@pytest.fixture(params=["numpy", "numba", "c"])
+def backend(request: pytest.FixtureRequest) -> str:
+    if request.param == "numba":
+        pytest.importorskip("numba")
+    if request.param == "c" and not has_compiler():
+        pytest.skip("there is no C compiler")
+    return request.param
+
+
 @pytest.mark.parametrize(
     "make", [lambda: lg.plant(full_model()), lambda: velocity_loop(lg.plant(lg.table1()))]
 )
-def test_both_backends_give_the_same_numbers(make) -> None:
-    pytest.importorskip("numba")
-    compiled, arrays = runs(make(), "numba"), runs(make(), "numpy")
+def test_all_backends_give_the_same_numbers(make, backend: str) -> None:
+    compiled, arrays = runs(make(), backend), runs(make(), "numpy")
     for a, b in zip(compiled, arrays, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-10, atol=1e-12)
 
@@ -79,13 +88,6 @@ def test_static_friction_laws_through_zero_speed(law: str) -> None:
     y, _ = lanes.run(np.zeros((1, 2)), [0], 120, u, lanes.defaults[None], dt=DT)
     exact = held_radau(plant, u, np.zeros(2))
     assert np.max(np.abs(y[0] - exact) / np.max(np.abs(exact), axis=0)) < 5e-3
-
-
-@pytest.fixture(params=["numpy", "numba"])
-def backend(request: pytest.FixtureRequest) -> str:
-    if request.param == "numba":
-        pytest.importorskip("numba")
-    return request.param
 
 
 def lag_block() -> ct.NonlinearIOSystem:
@@ -227,7 +229,7 @@ import sys, numpy as np, control as ct
 from lugrectl.engine import Lanes
 block = ct.nlsys(lambda t, x, u, p: -p["a"] * x[0], None, inputs=0, outputs="x", states="x",
                  params={"a": 1.0}, name="decay")
-lanes = Lanes(block)
+lanes = Lanes(block, backend="numba")
 lanes.run(np.ones((1, 1)), 0, 5, np.zeros((5, 0)), np.ones((1, 1)), dt=0.1)
 print(sum(lanes._run.stats.cache_hits.values()), sum(lanes._run.stats.cache_misses.values()))
 """
@@ -254,19 +256,15 @@ def test_a_second_process_finds_the_compiled_code(tmp_path) -> None:
 
 
 def test_a_cache_that_cannot_be_written_is_replaced(tmp_path, monkeypatch) -> None:
-    from lugrectl.engine import load
-
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("LUGRECTL_CACHE", str(tmp_path / "file" / "below"))
-    assert load.cache_dir().is_dir()
+    assert kept.cache_dir().is_dir()
 
 
 def test_a_full_cache_drops_its_older_half(tmp_path) -> None:
-    from lugrectl.engine import load
-
     for age in range(6):
         path = tmp_path / f"lugrectl_numba_{age}.py"
         path.write_text("")
         os.utime(path, (age, age))
-    load._make_room(tmp_path, most=6)
+    kept.make_room(tmp_path, most=6)
     assert sorted(p.stem[-1] for p in tmp_path.iterdir()) == ["3", "4", "5"]

@@ -8,6 +8,7 @@ import pytest
 
 from lugrectl.blocks.plant import assemble
 from lugrectl.engine.lanes import Lanes
+from lugrectl.engine.native import has_compiler
 from lugrectl.engine.tangent import Tangent
 from lugrectl.errors import InputError
 from lugrectl.model import model_from_dict
@@ -30,10 +31,12 @@ CASES = {
 }
 
 
-@pytest.fixture(params=["numpy", "numba"])
+@pytest.fixture(params=["numpy", "numba", "c"])
 def backend(request: pytest.FixtureRequest) -> str:
     if request.param == "numba":
         pytest.importorskip("numba")
+    if request.param == "c" and not has_compiler():
+        pytest.skip("there is no C compiler")
     return request.param
 
 

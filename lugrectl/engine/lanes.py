@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import InputError
 from .lane_code import lane_code
-from .load import has_numba, load, threads
+from .load import compiler, load, threads
 from .program import Program
 from .trace import trace
 
@@ -24,7 +24,7 @@ class Lanes:
     system : control.NonlinearIOSystem
         Block or interconnection in continuous time.
     backend : str or None
-        "numba", "numpy", or None: numba where it can be imported.
+        "c", "numba", "numpy", or None: the first of them that is there.
     outputs : sequence of str or None
         The outputs wanted, in order; None for all.
 
@@ -47,13 +47,18 @@ class Lanes:
         backend: str | None = None,
         outputs: Sequence[str] | None = None,
     ) -> None:
-        self.backend = backend or ("numba" if has_numba() else "numpy")
+        self.backend = backend or compiler() or "numpy"
         self.program = _chosen(trace(system), outputs)
         self.states, self.inputs = self.program.states, self.program.inputs
         self.outputs, self.parameters = self.program.outputs, self.program.parameters
         self.defaults = self.program.defaults.copy()
         kind = "array" if self.backend == "numpy" else "scalar"
         self._run: Callable[..., None] = load(lane_code(self.program, kind), self.backend).run
+
+    @property
+    def compiled(self) -> bool:
+        """Whether the loop is machine code."""
+        return self.backend != "numpy"
 
     def run(
         self,
@@ -173,8 +178,8 @@ class Lanes:
         return (*fixed, clock, float(dt), int(substeps), float(rtol), least)
 
     def spread(self, loop: Callable[..., None], arguments: tuple, count: int, steps: int) -> None:
-        """All lanes in one call, or in chunks on the threads where numba has let go of the GIL."""
-        workers = threads() if self.backend == "numba" and steps > 20_000 else 1
+        """All lanes in one call, or in chunks on threads: compiled code lets go of the GIL."""
+        workers = threads() if self.compiled and steps > 20_000 else 1
         with np.errstate(all="ignore"):
             if min(workers, count) < 2:
                 loop(*arguments, 0, count)

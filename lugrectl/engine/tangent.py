@@ -53,7 +53,7 @@ class Tangent:
         self.lanes = lanes
         text, inside, outside = tangent_code(lanes.program)
         self._entries = (inside.rows, inside.by, outside.rows, outside.by)
-        kind = "numba" if lanes.backend == "numba" else "python"
+        kind = lanes.backend if lanes.compiled else "python"
         self._run: Callable[..., None] = load(text, kind).run
 
     def run(

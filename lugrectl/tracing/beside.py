@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
-from ..engine.load import alone, has_numba, threads
+from ..engine.load import alone, compiler, threads
 
 Item = TypeVar("Item")
 Made = TypeVar("Made")
@@ -15,11 +15,11 @@ Made = TypeVar("Made")
 def beside(work: Callable[[Item], Made], items: Iterable[Item]) -> list[Made]:
     """The work's results, in the items' order.
 
-    What runs here takes one thread each; without numba, which lets others run, all is done in
-    turn.
+    What runs here takes one thread each; without compiled code, which lets others run, all is
+    done in turn.
     """
     given = list(items)
-    workers = min(threads() if has_numba() else 1, len(given))
+    workers = min(threads() if compiler() else 1, len(given))
     if workers < 2:
         return [work(item) for item in given]
     with ThreadPoolExecutor(workers, initializer=alone) as pool:

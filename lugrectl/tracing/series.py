@@ -192,7 +192,7 @@ def run_alone(
     keys = [name.split(".", 1)[1] for name in engine.parameters]
     p = np.array([[float(v[k]) for k in keys] for v in sets])
     y = np.zeros((many, len(log.t), len(engine.outputs)))
-    counts = SHORT if engine.backend == "numpy" else STRETCH
+    counts = STRETCH if engine.compiled else SHORT
     stretch, lead = (max(2, round(s / log.dt)) for s in (counts, LEAD))
     for a, b in log.runs:
         length = min(b - a, stretch + lead)

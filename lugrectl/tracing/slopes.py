@@ -32,11 +32,11 @@ def slopes(
     The plant's derivatives are those of the graph, along one run. What effects outside of it
     feed in, and where the windows start, is known without a run, so it is differenced and goes
     through the plant's derivatives as well. Coordinates on which the gain depends (sensors with
-    states inside the plant) are stepped, each with a run of its own; without numba or ``graph``
-    all are.
+    states inside the plant) are stepped, each with a run of its own; without a compiler or
+    ``graph`` all are.
     """
     sets = stepped(coords, values)
-    graph = graph and predictor.lanes.backend == "numba"
+    graph = graph and predictor.lanes.compiled
     gained = _in_gain(predictor)
     known = [i for i, c in enumerate(coords) if graph and c.key not in gained]
     rest = [i for i in range(len(coords)) if i not in known]

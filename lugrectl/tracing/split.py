@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ..engine.load import has_numba
+from ..engine.load import compiler
 from ..errors import Refused
 from .data import Data
 from .predictor import Windows, spread, windows
@@ -56,7 +56,7 @@ def split(
     else:
         even, odd = _alternate(data.runs, gap, span, data.dt)
         train, test = (odd, even) if turned else (even, odd)
-    possible = WINDOWS if has_numba() else WINDOWS[-1:]  # NumPy pays for steps, not for windows
+    possible = WINDOWS if compiler() else WINDOWS[-1:]  # NumPy pays for steps, not for windows
     lengths = [max(1, round(length / data.dt)) for length in possible]
     cuts = [windows(train, gap, length) for length in lengths]
     fitting = next((cut for cut in cuts if len(cut.start) >= ENOUGH), cuts[-1])

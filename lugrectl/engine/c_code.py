@@ -1,0 +1,206 @@
+"""Generated loops as C: the part of Python that they are written in, word for word."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NoReturn
+
+_HEADER = """#include <math.h>
+#include <stdint.h>
+#include <string.h>
+static inline double most(double a, double b) { return b > a ? b : a; }
+static inline double least(double a, double b) { return b < a ? b : a; }
+"""
+_TYPES = {"d": "double", "i": "int64_t"}
+_SIGNS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.USub: "-", ast.Not: "!"}
+_SIGNS |= {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
+_SIGNS |= {ast.And: "&&", ast.Or: "||"}
+_CALLS = {"abs": "fabs", "max": "most", "min": "least"}
+_CONSTANTS = {"inf": "INFINITY", "nan": "NAN"}
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What a C expression is: "d" or "i"; with the lengths of its axes where it is an array."""
+
+    of: str
+    shape: tuple[str, ...] = ()
+
+
+NUMBER, WHOLE = Kind("d"), Kind("i")
+Value = tuple[str, Kind]
+
+
+def c_code(source: str, kinds: Sequence[Kind]) -> str:
+    """The one function of a source text as ``void run`` in C.
+
+    ``kinds`` are those of its arguments. Names get an underscore, so that none is C's own. An
+    array comes as its address, followed by the lengths of its axes.
+
+    Raises
+    ------
+    NotImplementedError
+        At a statement or an expression that has no word here.
+    """
+    (function,) = [n for n in ast.parse(source).body if isinstance(n, ast.FunctionDef)]
+    given = {a.arg: kind for a, kind in zip(function.args.args, kinds, strict=True)}
+    writer = _Writer(given)
+    body = writer.block(function.body, 1)
+    while writer.promoted:  # a whole number that later holds another: once more, as a double
+        writer = _Writer(given, writer.kinds)
+        body = writer.block(function.body, 1)
+    own = [f"    {_declared(k, v)};" for k, v in writer.kinds.items() if k not in given]
+    taken = ", ".join(part for k, v in given.items() for part in _parameter(k, v))
+    return "\n".join([_HEADER, f"void run({taken})", "{", *own, *body, "}", ""])
+
+
+def _parameter(name: str, kind: Kind) -> list[str]:
+    lengths = [f"int64_t {length}" for length in kind.shape]
+    star = "*restrict " if kind.shape else ""
+    return [f"{_TYPES[kind.of]} {star}{name}_", *lengths]
+
+
+def _declared(name: str, kind: Kind) -> str:
+    return f"{_TYPES[kind.of]} {'*' if kind.shape else ''}{name}_"
+
+
+class _Writer:
+    """Statements and expressions, with the kinds of the names met so far."""
+
+    def __init__(self, given: Mapping[str, Kind], known: Mapping[str, Kind] | None = None) -> None:
+        self.kinds: dict[str, Kind] = {**given, **(known or {})}
+        self.promoted = False
+
+    def block(self, statements: list[ast.stmt], depth: int) -> list[str]:
+        """Lines of C, indented."""
+        return [
+            "    " * depth + line
+            for one in statements
+            for line in getattr(self, f"_{type(one).__name__.lower()}", self._none)(one)
+        ]
+
+    def _none(self, node: ast.AST) -> NoReturn:
+        raise NotImplementedError(ast.unparse(node))
+
+    def _inner(self, statements: list[ast.stmt]) -> list[str]:
+        return ["{", *self.block(statements, 1), "}"]
+
+    def _pass(self, node: ast.Pass) -> list[str]:
+        return []
+
+    def _continue(self, node: ast.Continue) -> list[str]:
+        return ["continue;"]
+
+    def _while(self, node: ast.While) -> list[str]:
+        return [f"while ({self.of(node.test)[0]})", *self._inner(node.body)]
+
+    def _if(self, node: ast.If) -> list[str]:
+        other = ["else", *self._inner(node.orelse)] if node.orelse else []
+        return [f"if ({self.of(node.test)[0]})", *self._inner(node.body), *other]
+
+    def _for(self, node: ast.For) -> list[str]:
+        assert isinstance(node.target, ast.Name) and isinstance(node.iter, ast.Call)
+        edges = [self.of(a)[0] for a in node.iter.args]
+        first, end = edges if len(edges) == 2 else ("0", edges[0])
+        i = f"{node.target.id}_"
+        self._keep(node.target.id, WHOLE)
+        head = f"for ({i} = {first}; {i} < {end}; {i}++)"
+        return [head, *self._inner(node.body)]
+
+    def _augassign(self, node: ast.AugAssign) -> list[str]:
+        target = self.of(node.target)[0]
+        return [f"{target} {_SIGNS[type(node.op)]}= {self.of(node.value)[0]};"]
+
+    def _assign(self, node: ast.Assign) -> list[str]:
+        (target,) = node.targets
+        if isinstance(target, ast.Tuple):
+            assert isinstance(node.value, ast.Tuple)
+            pairs = zip(target.elts, node.value.elts, strict=True)
+            return [line for to, value in pairs for line in self._set(to, value)]
+        return self._set(target, node.value)
+
+    def _set(self, target: ast.expr, value: ast.expr) -> list[str]:
+        if not isinstance(target, ast.Name):
+            return [f"{self.of(target)[0]} = {self.of(value)[0]};"]
+        if isinstance(value, ast.Call) and isinstance(value.func, ast.Attribute):
+            return self._room(target.id, value)
+        code, kind = self.of(value)
+        self._keep(target.id, kind)
+        return [f"{target.id}_ = {code};"]
+
+    def _room(self, name: str, call: ast.Call) -> list[str]:
+        """``np.zeros`` or ``np.empty`` of a few numbers, on the stack; zeros in either case."""
+        (size,) = call.args
+        axes = size.elts if isinstance(size, ast.Tuple) else [size]
+        shape = tuple(self.of(axis)[0] for axis in axes)
+        self._keep(name, Kind("d", shape))
+        room = f"{name}_room"
+        return [
+            f"double {room}[1 + {' * '.join(shape)}];",
+            f"memset({room}, 0, sizeof {room});",
+            f"{name}_ = {room};",
+        ]
+
+    def _keep(self, name: str, kind: Kind) -> None:
+        before = self.kinds.get(name, kind)
+        self.promoted |= before == WHOLE and kind == NUMBER
+        self.kinds[name] = NUMBER if NUMBER in (before, kind) else kind
+
+    def of(self, node: ast.expr) -> Value:
+        """An expression and its kind."""
+        return getattr(self, f"_{type(node).__name__.lower()}", self._none)(node)
+
+    def _constant(self, node: ast.Constant) -> Value:
+        return repr(node.value), NUMBER if isinstance(node.value, float) else WHOLE
+
+    def _name(self, node: ast.Name) -> Value:
+        if node.id in _CONSTANTS:
+            return _CONSTANTS[node.id], NUMBER
+        return f"{node.id}_", self.kinds[node.id]
+
+    def _unaryop(self, node: ast.UnaryOp) -> Value:
+        code, kind = self.of(node.operand)
+        return f"({_SIGNS[type(node.op)]}{code})", kind
+
+    def _binop(self, node: ast.BinOp) -> Value:
+        (a, one), (b, two) = self.of(node.left), self.of(node.right)
+        if isinstance(node.op, ast.Div):
+            return f"((double){a} / {b})", NUMBER
+        return f"({a} {_SIGNS[type(node.op)]} {b})", one if one == two else NUMBER
+
+    def _boolop(self, node: ast.BoolOp) -> Value:
+        return f"({f' {_SIGNS[type(node.op)]} '.join(self.of(v)[0] for v in node.values)})", WHOLE
+
+    def _compare(self, node: ast.Compare) -> Value:
+        (op,), (right,) = node.ops, node.comparators
+        return f"({self.of(node.left)[0]} {_SIGNS[type(op)]} {self.of(right)[0]})", WHOLE
+
+    def _ifexp(self, node: ast.IfExp) -> Value:
+        (a, one), (b, two) = self.of(node.body), self.of(node.orelse)
+        return f"({self.of(node.test)[0]} ? {a} : {b})", one if one == two else NUMBER
+
+    def _call(self, node: ast.Call) -> Value:
+        assert isinstance(node.func, ast.Name)
+        if node.func.id == "len":
+            return self.of(node.args[0])[1].shape[0], WHOLE
+        given = ", ".join(self.of(a)[0] for a in node.args)
+        name = _CALLS.get(node.func.id, node.func.id)
+        return f"{name}({given})", WHOLE if name == "isfinite" else NUMBER
+
+    def _subscript(self, node: ast.Subscript) -> Value:
+        if isinstance(node.value, ast.Attribute):  # array.shape[axis]
+            assert node.value.attr == "shape" and isinstance(node.slice, ast.Constant)
+            axis = node.slice.value
+            assert isinstance(axis, int)
+            return self.of(node.value.value)[1].shape[axis], WHOLE
+        name, kind = self.of(node.value)
+        places = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+        at = "0"
+        for place, length in zip(places, kind.shape, strict=False):
+            at = f"({at} * {length} + {self.of(place)[0]})" if at != "0" else self.of(place)[0]
+        rest = kind.shape[len(places) :]
+        if not rest:
+            return f"{name}[{at}]", Kind(kind.of)
+        return f"({name} + ({at}) * {' * '.join(rest)})", Kind(kind.of, rest)

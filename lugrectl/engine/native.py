@@ -1,0 +1,112 @@
+"""Generated loops compiled by the machine's C compiler, where there is no numba."""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import os
+import platform
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from .c_code import NUMBER, WHOLE, Kind, c_code
+from .kept import cache_dir, write_whole
+
+_FLAGS = ("-O2", "-fPIC", "-shared", "-fno-math-errno", "-fno-trapping-math")
+_FLAGS += ("-Werror=implicit-function-declaration",)
+_SUFFIX = ".dll" if sys.platform == "win32" else ".so"
+_LEAST = "def run(a):\n    a[0] = sqrt(a[0])\n"
+
+
+class Native:
+    """The function of a source text, compiled when it is first called, for what it is given.
+
+    Parameters
+    ----------
+    source : str
+        One function of floats, whole numbers and arrays in C order, as :func:`c_code` reads it.
+    """
+
+    def __init__(self, source: str) -> None:
+        self.source = source
+        self._lock, self._made = threading.Lock(), dict[tuple[Kind, ...], Any]()
+
+    def __call__(self, *arguments: Any) -> None:
+        kinds = tuple(_kind(i, a) for i, a in enumerate(arguments))
+        with self._lock:
+            if kinds not in self._made:
+                self._made[kinds] = _compiled(self.source, kinds)
+        self._made[kinds](*(part for a in arguments for part in _passed(a)))
+
+
+@cache
+def has_compiler() -> bool:
+    """Whether a C compiler is there ($CC, else cc) and what it makes can be called."""
+    there = np.array([4.0])
+    try:
+        Native(_LEAST)(there)
+    except (InputError, OSError):
+        return False
+    return bool(there[0] == 2.0)
+
+
+def _kind(place: int, value: Any) -> Kind:
+    if not isinstance(value, np.ndarray):
+        return NUMBER if isinstance(value, float) else WHOLE
+    if not value.flags.c_contiguous or value.dtype.str[1:] not in ("f8", "i8"):
+        raise TypeError(f"argument {place}: {value.dtype}, or in another order")
+    return Kind(
+        "i" if value.dtype.kind == "i" else "d", tuple(f"n{place}_{i}" for i in range(value.ndim))
+    )
+
+
+def _passed(value: Any) -> list[Any]:
+    if isinstance(value, np.ndarray):
+        return [ctypes.c_void_p(value.ctypes.data), *map(ctypes.c_int64, value.shape)]
+    return [ctypes.c_double(value) if isinstance(value, float) else ctypes.c_int64(value)]
+
+
+def _compiled(source: str, kinds: tuple[Kind, ...]) -> Any:
+    text = c_code(source, kinds)
+    compiler = _compiler()
+    key = repr((text, compiler, _FLAGS, platform.machine(), platform.libc_ver()))
+    path = cache_dir() / f"lugrectl_{hashlib.sha256(key.encode()).hexdigest()[:20]}.c"
+    made = path.with_suffix(_SUFFIX)
+    if not made.exists():
+        write_whole(path, text)
+        _build(compiler, path, made)
+    run = ctypes.CDLL(str(made)).run
+    run.restype = None
+    return run
+
+
+@cache
+def _compiler() -> tuple[str, ...]:
+    words = shlex.split(os.environ.get("CC", "cc"))
+    found = shutil.which(words[0]) if words else None
+    if found is None:
+        raise InputError("There is no C compiler; CC names one.")
+    return (found, *words[1:])
+
+
+def _build(compiler: tuple[str, ...], path: Path, made: Path) -> None:
+    """Another process finds the whole library or none."""
+    handle, part = tempfile.mkstemp(dir=path.parent, suffix=".part")
+    os.close(handle)
+    command = [*compiler, *_FLAGS, "-o", part, str(path), "-lm"]
+    done = subprocess.run(command, capture_output=True, text=True, errors="replace")
+    if done.returncode:
+        Path(part).unlink(missing_ok=True)
+        lines = [line for line in done.stderr.splitlines() if "error" in line] or [done.stderr]
+        raise InputError(f"{compiler[0]} cannot compile: {lines[0]} An empty CC does without it.")
+    os.replace(part, made)

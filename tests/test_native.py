@@ -1,0 +1,150 @@
+"""Generated loops in C against the same text run as Python, and what is kept and said."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.engine import kept, native
+from lugrectl.engine.c_code import NUMBER, Kind, c_code
+from lugrectl.engine.native import Native, has_compiler
+from lugrectl.errors import InputError
+
+needs_compiler = pytest.mark.skipif(not has_compiler(), reason="there is no C compiler")
+
+# one of everything that the emitters write
+TEXT = """
+import numpy as np
+
+
+def run(table, places, scale, often, wanted, out, first, last):
+    n, least = table.shape[1], scale / often
+    own, sums = np.zeros((2, 3)), np.empty(len(places))
+    total = 0
+    for i in range(first, last):
+        row = table[i]
+        sums[i] = 0.0
+        for c in range(n):
+            value = row[c]
+            if value != value:
+                continue
+            sums[i] += max(value, -1.5) + min(abs(value), 2.0) * (1.0 if c < 2 else 0.5)
+        left, sign = scale, 1.0 if sums[i] > 0.0 else (-1.0 if sums[i] < 0.0 else 0.0)
+        while left > least and not (left > 1e3 or left != left):
+            left = left * 0.5
+        own[1, 1 + 1] = left
+        total = total + sign * i / often
+        if wanted:
+            out[places[i], 0] = sums[i] + sqrt(left) + exp(-left) + own[1, 2] + own[0, 1]
+        else:
+            out[places[i], 0] = -sums[i]
+        out[places[i], 1] = total
+        out[places[i], 1] -= inf if (left < 0.0 and wanted) else 0.0
+"""
+
+
+def given(wanted: bool) -> list:
+    random = np.random.default_rng(4)
+    table = random.standard_normal((6, 5))
+    table[2, 3] = np.nan
+    return [table, np.array([5, 3, 1, 0, 2, 4]), 8.0, 7, wanted, np.zeros((6, 2)), 1, 6]
+
+
+@needs_compiler
+@pytest.mark.parametrize("wanted", [True, False])
+def test_c_and_python_read_one_text_the_same_way(wanted: bool) -> None:
+    names = {"sqrt": math.sqrt, "exp": math.exp, "inf": math.inf}
+    exec(TEXT, names)
+    plain, compiled = given(wanted), given(wanted)
+    names["run"](*plain)  # type: ignore[operator]
+    Native(TEXT)(*compiled)
+    np.testing.assert_allclose(compiled[5], plain[5], rtol=1e-14)
+    assert np.all(plain[5][[5]] == 0.0) and np.all(plain[5][[0, 1, 2, 3, 4], 0] != 0.0)
+
+
+WITHOUT_NUMBA = """
+import sys
+sys.modules["numba"] = None
+import lugrectl as lg
+folder = sys.argv[1]
+record, model = lg.read_record(folder + "/record.csv"), lg.read_model(folder + "/model.toml")
+print(lg.diagnose(record, model).to_json())
+"""
+
+
+@needs_compiler
+def test_the_demo_is_found_without_numba_as_with_it() -> None:
+    folder = Path(lg.__file__).parent / "demo"
+    command = [sys.executable, "-c", WITHOUT_NUMBA, str(folder)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
+    here = lg.diagnose(lg.read_record(folder / "record.csv"), lg.read_model(folder / "model.toml"))
+    there = json.loads(done.stdout)
+    assert there["verdict"] == here.verdict == "found"
+    assert [e["name"] for e in there["effects"]] == [e.name for e in here.effects]
+    for key, value in there["effects"][0]["parameters"].items():
+        mine = here.effects[0].parameters[key]
+        assert value["value"] == pytest.approx(mine.value, rel=1e-3, abs=1e-6)
+
+
+@needs_compiler
+def test_a_library_is_made_once(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LUGRECTL_CACHE", str(tmp_path))
+    source = "def run(a):\n    a[0] = a[0] + 1.5\n"
+    made = np.zeros(1)
+    Native(source)(made)
+    monkeypatch.setattr(native, "_build", lambda *_: pytest.fail("compiled again"))
+    Native(source)(made)
+    assert made[0] == 3.0
+    assert sorted(p.suffix for p in tmp_path.iterdir()) == sorted([".c", native._SUFFIX])
+
+
+@needs_compiler
+def test_what_the_compiler_refuses_is_one_sentence_and_leaves_nothing(
+    tmp_path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("LUGRECTL_CACHE", str(tmp_path))
+    with pytest.raises(InputError, match="cannot compile.*unknown"):
+        Native("def run(a):\n    a[0] = unknown(a[0])\n")(np.zeros(1))
+    assert not [p for p in tmp_path.iterdir() if p.suffix != ".c"]
+
+
+@pytest.mark.parametrize("words", ["", "no-such-compiler-anywhere"])
+def test_no_compiler_is_no_error(words: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CC", words)
+    native._compiler.cache_clear()
+    try:
+        assert not has_compiler.__wrapped__()
+    finally:
+        native._compiler.cache_clear()
+
+
+def test_what_c_has_no_word_for_is_named() -> None:
+    with pytest.raises(NotImplementedError, match="with"):
+        c_code("def run(a):\n    with a:\n        pass\n", [NUMBER])
+
+
+def test_arrays_in_another_order_are_refused() -> None:
+    with pytest.raises(TypeError, match="argument 0"):
+        Native("def run(a):\n    pass\n")(np.zeros((3, 2)).T)
+
+
+def test_an_array_comes_with_its_lengths() -> None:
+    text = c_code("def run(a, b):\n    a[1, 2] = b\n", [Kind("d", ("m", "n")), NUMBER])
+    assert "double *restrict a_, int64_t m, int64_t n, double b_" in text
+    assert "a_[(1 * n + 2)] = b_;" in text
+
+
+def test_a_full_cache_drops_libraries_too(tmp_path) -> None:
+    for age, name in enumerate(("lugrectl_a.c", "lugrectl_a.so", "lugrectl_b.py")):
+        (tmp_path / name).write_text("")
+        os.utime(tmp_path / name, (age, age))
+    kept.make_room(tmp_path, most=2)
+    assert [p.name for p in tmp_path.iterdir()] == ["lugrectl_b.py"]
