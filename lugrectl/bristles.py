@@ -15,7 +15,7 @@ from .blocks.friction import bristle, lugre
 from .engine.derivative import derivatives
 from .engine.emit import Emitter, indent
 from .engine.graph import Graph, Node, substitute
-from .engine.load import has_numba, load, threads
+from .engine.load import compiler, load, threads
 from .errors import InputError
 
 if TYPE_CHECKING:
@@ -38,12 +38,10 @@ def coefficients(w, p, dt):
 
 _FOLLOW = """
 @fast
-def follow(less, a, b, dt, z, out):
-    for k in range(len(out)):
-        out[k] = z
+def run(less, a, b, dt, z):
+    for k in range(len(less)):
         gain = -less[k] / a[k] if a[k] > 0.0 else dt
-        z += less[k] * z + gain * b[k]
-    return z
+        z[k + 1] = z[k] + less[k] * z[k] + gain * b[k]
 """
 
 
@@ -82,10 +80,11 @@ def deflection(w: ArrayLike, dt: float, p: Parameters | Model, z0: ArrayLike = 0
     """
     speed, start = _checked(w, dt, z0)
     values = _values(p)
-    z = np.empty_like(speed)
-    for row, first, out in zip(speed, start, z, strict=True):
-        _along(row, dt, values, float(first), out)
-    return z.reshape(np.shape(w))
+    z = np.empty((len(speed), speed.shape[1] + 1))
+    z[:, 0] = start
+    for row, out in zip(speed, z, strict=True):
+        _along(row, dt, values, out)
+    return z[:, :-1].reshape(np.shape(w))
 
 
 def _checked(w: ArrayLike, dt: float, z0: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
@@ -119,12 +118,13 @@ def _values(p: Parameters | Model) -> tuple[float, ...]:
     return tuple(values.values())
 
 
-def _along(w: np.ndarray, dt: float, values: tuple[float, ...], z: float, out: np.ndarray) -> None:
-    advance = _compiled() if has_numba() else _by_lapack
+def _along(w: np.ndarray, dt: float, values: tuple[float, ...], z: np.ndarray) -> None:
+    made_by = compiler()
+    advance = _compiled(made_by) if made_by else _by_lapack
     begin = 0
     for less, a, b in _coefficients_along(w, dt, values):
         end = begin + len(less)
-        z = advance(less, a, b, dt, z, out[begin:end])
+        advance(less, a, b, dt, z[begin : end + 1])
         begin = end
 
 
@@ -141,7 +141,7 @@ def _coefficients_along(
             return [coefficients(part[i : i + BLOCK], values, dt) for i in blocks]
 
     begins = range(0, len(w), CHUNK)
-    workers = min(threads(), len(begins)) if has_numba() else 1
+    workers = min(threads(), len(begins)) if compiler() else 1
     if workers < 2:
         for begin in begins:
             yield from chunk(begin)
@@ -151,24 +151,21 @@ def _coefficients_along(
             yield from blocks
 
 
-def _by_lapack(
-    less: np.ndarray, a: np.ndarray, b: np.ndarray, dt: float, z: float, out: np.ndarray
-) -> float:
+def _by_lapack(less: np.ndarray, a: np.ndarray, b: np.ndarray, dt: float, z: np.ndarray) -> None:
     """The recursion as a unit lower bidiagonal system of equations."""
     n, moving = len(less), a > 0.0
     gain = np.where(moving, -less / np.where(moving, a, 1.0), dt)
     band = np.empty((2, n + 1), order="F")
     band[1, :n] = -1.0 - less
     right = np.empty(n + 1)
-    right[0], right[1:] = z, gain * b
+    right[0], right[1:] = z[0], gain * b
     solved, _ = _dtbtrs(band, right, uplo="L", diag="U", overwrite_b=True)
-    out[:] = solved[:n]
-    return float(solved[n])
+    z[:] = solved
 
 
 @cache
-def _compiled() -> Callable[..., float]:
-    return load(_FOLLOW, "numba").follow
+def _compiled(backend: str) -> Callable[..., None]:
+    return load(_FOLLOW, backend).run
 
 
 @cache

@@ -9,16 +9,19 @@ from scipy.integrate import solve_ivp
 import lugrectl as lg
 from lugrectl import bristles
 from lugrectl.bristles import BLOCK, CHUNK, deflection
+from lugrectl.engine.native import has_compiler
 from lugrectl.simulation import simulate
 
 P, DT = lg.table1(), 1e-3
 
 
-@pytest.fixture(params=["numba", "lapack"])
+@pytest.fixture(params=["numba", "c", None])
 def way(request, monkeypatch):
     if request.param == "numba":
         pytest.importorskip("numba")
-    monkeypatch.setattr(bristles, "has_numba", lambda: request.param == "numba")
+    if request.param == "c" and not has_compiler():
+        pytest.skip("there is no C compiler")
+    monkeypatch.setattr(bristles, "compiler", lambda: request.param)
 
 
 def by_hand(w, dt, z):
@@ -79,11 +82,10 @@ def test_blocks_and_threads_change_nothing(way):
         np.testing.assert_allclose(rest, whole[cut:], rtol=1e-12, atol=1e-18)
 
 
-def test_both_ways_agree(monkeypatch):
-    pytest.importorskip("numba")
+def test_all_ways_agree(way, monkeypatch):
     w = np.random.default_rng(2).standard_normal(20_000)
     compiled = deflection(w, DT, P)
-    monkeypatch.setattr(bristles, "has_numba", lambda: False)
+    monkeypatch.setattr(bristles, "compiler", lambda: None)
     np.testing.assert_allclose(deflection(w, DT, P), compiled, rtol=1e-11, atol=1e-17)
 
 

@@ -12,6 +12,8 @@ from lugrectl.tracing.balance import balance, cells
 from lugrectl.tracing.data import prepare
 from lugrectl.tracing.doubts import refuse_dead, refuse_unfit
 from lugrectl.tracing.skewed import sensor_skew, skew
+from tests.blind.plan import Task
+from tests.blind.work import case_of
 from tests.rig import make, sample
 
 from .logs import DATA, measured
@@ -219,7 +221,7 @@ def test_a_late_torque_is_a_skew_and_an_early_one_a_delay(plain, model, late):
 
 
 def test_a_small_skew_is_said(plain, model):
-    (remark,) = looked_over(replace(plain, u=shifted(plain.u, 1)), model)
+    (remark,) = looked_over(replace(plain, u=shifted(plain.u, 2)), model)
     assert "they may be skewed in time" in remark
 
 
@@ -231,6 +233,17 @@ def test_an_early_velocity_is_a_skew_and_a_late_one_a_filter(plain, model, early
     late = replace(plain, w=shifted(plain.w, early))
     assert not any("skew" in m for m in looked_over(late, model))
     assert sensor_skew(prepare([late]), 0.2).lag < 0
+
+
+@pytest.mark.parametrize("seed", [98045, 98098])
+def test_friction_that_builds_up_late_is_no_skew(seed):
+    """Large drives that slide slowly over soft bristles: friction, not the torque, is late."""
+    case = case_of(Task("none", (), "normal", seed))
+    record = record_of(case)
+    assert looked_over(record, model_of(case)) == ()
+    late = round(0.01 * case.truth["rate"])
+    found = skew(prepare([replace(record, u=shifted(record.u, late))]), 0.2)
+    assert found is None or found.lag > -0.0105
 
 
 def test_half_a_sample_is_no_skew(plain, model):

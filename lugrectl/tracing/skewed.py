@@ -7,14 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..bristles import deflection
 from ..errors import Refused
+from ..model import Parameters
 from ..record import Record
-from .balance import BLOCKS, cells, motion_terms, moving, named, running
+from .balance import BLOCKS, Cells, cells, motion_terms, moving, named, running
 from .data import Data
 
 FARTHEST = 0.2  # s, the largest skew that is looked for
 SAVED = 0.2  # of the disagreement must go with a shift for it to be called a skew
 DATED = 0.1  # of the torque must accelerate for the torque to be dated
+SOFT = (0.003, 0.012, 0.05)  # s at the usual speed, in which friction builds up
 SURE = 3.0  # standard errors over blocks of time; what a shift saves varies much among them
 
 Left = Callable[[int], np.ndarray]  # squares that a shift of so many samples leaves, by cell
@@ -76,7 +79,7 @@ def skew(data: Data, farthest: float) -> Skew | None:
     at = at.only(moving(data, at)[1]) if len(at.start) else at
     if len(at.start) < 5 * BLOCKS:
         return None
-    terms, _ = motion_terms(data, at)
+    terms = np.column_stack([motion_terms(data, at)[0], *_building_up(data, at)])
     size = np.linalg.norm(terms, axis=0)
     Q, R = np.linalg.qr(terms / np.where(size > 0, size, 1.0))
     total = running(data.u - data.d)
@@ -90,6 +93,17 @@ def skew(data: Data, farthest: float) -> Skew | None:
     x = np.linalg.lstsq(R, Q.T @ u, rcond=1e-9)[0]
     inertial = float(x[0] / max(np.linalg.norm(u - u.mean()), 1e-300))
     return _judged(left, k, room, data.dt, inertial)
+
+
+def _building_up(data: Data, at: Cells) -> list[np.ndarray]:
+    """Friction that follows the motion over some distance: it is late, and the torque is not."""
+    w = data.log.w
+    usual = float(np.sqrt(np.mean(w**2)))
+    made = []
+    for span in SOFT:
+        soft = Parameters(J=1, sigma0=1, sigma1=0, Fc=span * usual, Fs=span * usual, Fv=0, vs=1)
+        made.append(at.mean(running(deflection(w, data.dt, soft))))
+    return made
 
 
 def sensor_skew(data: Data, farthest: float) -> Skew | None:

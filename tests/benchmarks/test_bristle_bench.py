@@ -37,11 +37,11 @@ def plain_loop(w: np.ndarray) -> float:
     return z
 
 
-@pytest.mark.parametrize(("way", "target"), [("numba", 8.0), ("lapack", 40.0)])
+@pytest.mark.parametrize(("way", "target"), [("numba", 8.0), ("c", 10.0), (None, 40.0)])
 def test_deflection_of_a_million_samples(way, target, monkeypatch, record_property):
     if way == "numba":
         pytest.importorskip("numba")
-    monkeypatch.setattr(bristles, "has_numba", lambda: way == "numba")
+    monkeypatch.setattr(bristles, "compiler", lambda: way)
     spent = shortest(lambda: lg.deflection(SPEED, DT, P))
     ratio = shortest(lambda: plain_loop(SPEED), 3) / spent
     record_property("ms", spent)
