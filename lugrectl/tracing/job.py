@@ -22,7 +22,7 @@ from .noise import Noise, sensor_noise
 from .predictor import Predictor, spread, windows
 from .runs import MOST_RUNS, alike, told
 from .split import ENOUGH_OF_MANY, MOST, Split, split
-from .start import completed, settled
+from .start import completed, holding, settled
 
 CALM = 50.0  # least gain in log-likelihood for a smoothed torque
 ROUGH = 0.002  # noise of the torque over its size, below which it is taken as it is
@@ -74,6 +74,7 @@ def begin(
     parts = split(data, horizon, last=holdout == "last", held_out=held_out, turned=turned)
     doubts = refuse_unfit(every, model, data)
     report(0.02, "first guess")
+    model = holding(model, data)
     started = completed(model, data, parts.train)
     report(0.05, "refitting the declared model")
     if 1 < len(records) <= MOST_RUNS:

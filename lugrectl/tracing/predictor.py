@@ -157,7 +157,8 @@ class Predictor:
         """The friction law's steady torque along the log, without effects (N,)."""
         level, viscous = values.get("Fc", 0.0), values.get("Fv", 0.0)
         stiction, vs = values.get("Fs", level), values.get("vs", 1.0)
-        return stribeck(self.data.log.w, Fc=level, Fs=stiction, Fv=viscous, vs=vs, eps=EPS.value)[0]
+        w, eps = self.data.log.w, values.get("eps", EPS.value)
+        return stribeck(w, Fc=level, Fs=stiction, Fv=viscous, vs=vs, eps=eps)[0]
 
     def rubbing(self, values: Values) -> np.ndarray:
         """The friction law's torque along the log as it builds up with the motion (N,), N m."""

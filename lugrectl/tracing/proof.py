@@ -18,6 +18,7 @@ LEAST_REMOVED = 1e-3  # of friction: the residual torque gone, below which nothi
 WHOLE = 0.9  # share above which the effects found explain the residual, whatever is left
 MOST_OF_IT = 0.95  # of the residual's power
 LEAST_TOUCHED, MOST_TOUCHED = 1e-3, 0.9  # of the samples, beyond a place
+FARTHER, FADED = 10.0, 0.5  # a limit so many times farther off, and the part of the gain gone
 CLOSE = 0.02  # relative, to a bound
 
 
@@ -29,14 +30,18 @@ def proven(base: Fitted, before: Fitted, after: Fitted, key: str) -> bool:
     certain = gain.sum() - max(gain.max(), 0.0) > GATE
     if not certain or after.total - _mirrored(after, key) <= GATE:
         return False
+    if not _fades(before, after, key):
+        return False
     of_it = share(before, after)
     ill = _measured_ill(before, after, key)
-    least = LEAST_SIZE_OF_ALL if of_it >= MOST_OF_IT and not ill else LEAST_SIZE
-    if size(after, key) <= least:
-        return False
+    gone, torque = _removed(before, after), size(after, key)
+    if of_it >= MOST_OF_IT and not ill:  # a break-away is over soon, and may be all that is amiss
+        worth = max(torque, gone) > LEAST_SIZE_OF_ALL
+    else:
+        worth = torque > LEAST_SIZE
     matters = share(base, after) - share(base, before) > LEAST_OF_FIRST or of_it > MOST_OF_REST
-    removed = of_it > LEAST_SHARE and _removed(before, after) > LEAST_REMOVED
-    return ill or (matters and removed)
+    removed = of_it > LEAST_SHARE and gone > LEAST_REMOVED
+    return worth and (ill or (matters and removed))
 
 
 def _measured_ill(before: Fitted, after: Fitted, key: str) -> bool:
@@ -63,6 +68,20 @@ def _off(fitted: Fitted, key: str) -> dict[str, float]:
     """The values with an effect that does nothing."""
     name, gain = _gain(fitted, key)
     return fitted.values | {name: gain.neutral or 0.0}
+
+
+def _fades(before: Fitted, after: Fitted, key: str) -> bool:
+    """Whether a limit does what it does by where it is, not by being there at all.
+
+    Bristles that nobody could see still gain something over static friction: they are simulated
+    more exactly through a reversal.
+    """
+    name, gain = _gain(after, key)
+    if gain.neutral is None or np.isfinite(gain.neutral):
+        return True
+    farther = after.values | {name: FARTHER * after.values[name]}
+    lost = after.loglik.sum() - tune(after.predictor, farther, after.where, after.noise)[1].sum()
+    return bool(lost > FADED * (after.loglik.sum() - before.loglik.sum()))
 
 
 def _passed(fitted: Fitted, key: str) -> bool:

@@ -207,7 +207,8 @@ def _known(fitted: Fitted, data: Data, at: Cells, net: np.ndarray) -> np.ndarray
     """What the model may have wrong, a column of unit size each."""
     u, w = at.mean(running(data.u - data.d)), at.mean(running(data.log.w))
     vs = fitted.values.get("vs", STRIBECK * data.log.fastest)
-    level, both = (stribeck(w, Fc=1.0, Fs=Fs, Fv=0.0, vs=vs, eps=EPS.value)[0] for Fs in (1.0, 2.0))
+    eps = fitted.values.get("eps", EPS.value)
+    level, both = (stribeck(w, Fc=1.0, Fs=Fs, Fv=0.0, vs=vs, eps=eps)[0] for Fs in (1.0, 2.0))
     columns = np.column_stack([net, u, w, level, both - level, np.ones_like(w)])
     return columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
 

@@ -8,6 +8,7 @@ from itertools import product
 
 import numpy as np
 
+from ..blocks.friction import EPS
 from ..errors import Refused
 from ..model import Model
 from .coordinates import free_keys
@@ -20,9 +21,21 @@ from .series import resisting
 
 DEFLECTIONS = (1e-5, 1e-4, 1e-3, 1e-2)  # Fc / sigma0 as a share of the largest speed, in s
 REGRESSED = {"J", "Fc", "Fv"}
+CREEP = 1e-5  # of the largest speed, at which static friction may let a held drive move
 SHORT = 8  # steps of a fit from elsewhere
 BETTER = 3.0  # gain in log-likelihood that makes it worth more
 STRIBECK_SPEEDS = (1e-3, 5e-3, 2e-2)  # vs as a share of the largest speed
+
+
+def holding(model: Model, data: Data) -> Model:
+    """The model with static friction that holds a slow drive, too.
+
+    The creep that its law allows by default is little for a motor, and much for an axis in metres.
+    """
+    creep = CREEP * data.log.fastest
+    if model.friction.values.get("eps") != EPS.value or not 0.0 < creep < EPS.value:
+        return model
+    return model.with_values({"eps": creep})
 
 
 def completed(model: Model, data: Data, train: Windows) -> Model:
