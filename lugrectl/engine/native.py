@@ -94,9 +94,16 @@ def _compiled(source: str, kinds: tuple[Kind, ...]) -> Any:
 def _compiler() -> tuple[str, ...]:
     words = shlex.split(os.environ.get("CC", "cc"))
     found = shutil.which(words[0]) if words else None
-    if found is None:
+    if found is None or _opens_a_window(found):
         raise InputError("There is no C compiler; CC names one.")
     return (found, *words[1:])
+
+
+def _opens_a_window(found: str) -> bool:
+    """A Mac without its tools has a cc that only offers to install them."""
+    if sys.platform != "darwin" or found != "/usr/bin/cc":
+        return False
+    return subprocess.run(["xcode-select", "-p"], capture_output=True).returncode != 0
 
 
 def _build(compiler: tuple[str, ...], path: Path, made: Path) -> None:

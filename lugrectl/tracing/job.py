@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..engine.load import compiler
 from ..model import Model
 from ..record import Record
 from ..results import Estimate
@@ -27,6 +28,7 @@ from .start import completed, holding, settled
 CALM = 50.0  # least gain in log-likelihood for a smoothed torque
 ROUGH = 0.002  # noise of the torque over its size, below which it is taken as it is
 CALMER = (1, 3, 12, 48)  # times more that it is averaged over three samples
+SLOWLY = "first guess; slow, as there is neither a C compiler nor numba (lugrectl[fast])"
 SMOOTHED = "u is noisy from sample to sample: it was averaged over neighbouring samples."
 
 Progress = Callable[[float, str], None]
@@ -73,7 +75,7 @@ def begin(
     held_out = sum(r.samples for r in records) if apart else None
     parts = split(data, horizon, last=holdout == "last", held_out=held_out, turned=turned)
     doubts = refuse_unfit(every, model, data)
-    report(0.02, "first guess")
+    report(0.02, "first guess" if compiler() else SLOWLY)
     model = holding(model, data)
     started = completed(model, data, parts.train)
     report(0.05, "refitting the declared model")
