@@ -128,7 +128,7 @@ def machine(law, J=0.01, Fc=0.2, Fv=0.05):
 
 @pytest.fixture(scope="module")
 def rotary(model):
-    return replace(model, motion="rotary")
+    return replace(model, motion="rotary", J=0.01)
 
 
 def test_coasting_is_not_a_dead_channel(rotary):
@@ -207,6 +207,18 @@ def test_the_other_sign(plain, model):
     refused(replace(plain, u=-plain.u), model, "opposite sign")
 
 
+@pytest.mark.parametrize("factor", [1e-3, 1e4])
+def test_an_inertia_in_another_unit_is_said(plain, model, factor):
+    wrong = replace(model, J=model.J * factor)
+    reason = refused(plain, wrong, "another unit")
+    assert f"J = {wrong.J:.3g} kg" in reason
+
+
+@pytest.mark.parametrize("factor", [0.1, 8.0])
+def test_a_bad_guess_of_the_inertia_is_no_other_unit(plain, model, factor):
+    assert looked_over(plain, replace(model, J=model.J * factor)) == ()
+
+
 # ---- skew ---------------------------------------------------------------------------
 
 
@@ -268,20 +280,20 @@ def driven(speed, J=0.01, Fc=0.2, Fv=0.05, noise=1e-3, torque_noise=1e-3, seed=0
 T = np.arange(N) * 2e-3
 
 
-def test_one_direction(model):
+def test_one_direction(rotary):
     one_way = driven(2.0 + np.sin(3 * T) + 0.5 * np.sin(7 * T))
-    refused(one_way, model, "one direction only")
-    viscous = replace(model, friction=replace(model.friction, values={"Fv": 0.1}))
+    refused(one_way, rotary, "one direction only")
+    viscous = replace(rotary, friction=replace(rotary.friction, values={"Fv": 0.1}))
     assert any("one direction only" in m for m in looked_over(one_way, viscous))
 
 
-def test_one_speed(model):
+def test_one_speed(rotary):
     turns = np.clip(40 * np.sin(1.3 * T), -1.0, 1.0) * 2.0
-    reason = refused(driven(turns), model, "one speed only")
+    reason = refused(driven(turns), rotary, "one speed only")
     assert "1.9" in reason or "2" in reason
-    assert looked_over(driven(2.0 * np.sin(1.3 * T)), model) == ()
+    assert looked_over(driven(2.0 * np.sin(1.3 * T)), rotary) == ()
     pool = [driven(turns), driven(0.3 * turns, seed=1)]
-    assert refuse_unfit(pool, model, prepare(pool)) == ()
+    assert refuse_unfit(pool, rotary, prepare(pool)) == ()
 
 
 def test_a_motion_of_a_few_steps(plain, model):

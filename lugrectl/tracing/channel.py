@@ -19,6 +19,8 @@ HELD = 0.01  # share of the samples at one value from which on it may be a limit
 LACKING = 0.1  # of the torque's RMS: as large as an effect that is to be found
 RELATED = 4.0  # standard errors over blocks of time, of J or of the friction's power
 VERY_SURE = 8.0  # standard errors over blocks of time
+ACCELERATES = 0.1  # of the torque, from which the balance's inertia is one to go by
+ANOTHER_UNIT = 30.0  # times that the declared inertia is off, which no machine is
 
 
 def copied(record: Record, data: Data, run: slice) -> None:
@@ -158,6 +160,7 @@ def related(
             "pays for its friction.",
             "Record the torque that the drive applies, in the same run as the motion.",
         )
+    _right_size(where, model, data, fit)
     size = model.J if model.J is not None else max(fit.J, fit.error)
     if fit.error < 0.5 * size:
         return
@@ -172,3 +175,17 @@ def related(
     remarks.append(
         f"{told}; it rests on the declared J (about {needed:.2g} {unit}2 would tell it)."
     )
+
+
+def _right_size(where: str, model: Model, data: Data, fit: Balance) -> None:
+    """Refuse a declared inertia that is off by more than machines are: a unit is wrong."""
+    felt = fit.J * fit.acceleration > ACCELERATES * float(np.sqrt(np.mean(fit.u**2)))
+    if model.J is None or fit.J < VERY_SURE * fit.error or not felt:
+        return
+    if max(model.J / fit.J, fit.J / model.J) > ANOTHER_UNIT:
+        unit = unit_for("kg m2", data.motion)
+        raise Refused(
+            f"{where}: the model declares J = {model.J:.3g} {unit}, and torque and acceleration "
+            f"tell {fit.J:.3g} {unit}: J or the torque is in another unit.",
+            "Give J and u in SI units (--units, --scale), or leave J out to have it identified.",
+        )
