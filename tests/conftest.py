@@ -3,3 +3,22 @@
 import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import pytest  # noqa: E402
+
+from lugrectl.engine.native import has_compiler  # noqa: E402
+
+
+def there(backend: str | None) -> str | None:
+    """The backend, or the test skipped where this machine has no such compiler."""
+    if backend == "numba":
+        pytest.importorskip("numba")
+    if backend == "c" and not has_compiler():
+        pytest.skip("there is no C compiler")
+    return backend
+
+
+@pytest.fixture(params=["numpy", "numba", "c"])
+def backend(request: pytest.FixtureRequest) -> str | None:
+    """Each way to run lanes."""
+    return there(request.param)

@@ -9,19 +9,17 @@ from scipy.integrate import solve_ivp
 import lugrectl as lg
 from lugrectl import bristles
 from lugrectl.bristles import BLOCK, CHUNK, deflection
-from lugrectl.engine.native import has_compiler
 from lugrectl.simulation import simulate
+
+from .conftest import there
 
 P, DT = lg.table1(), 1e-3
 
 
 @pytest.fixture(params=["numba", "c", None])
 def way(request, monkeypatch):
-    if request.param == "numba":
-        pytest.importorskip("numba")
-    if request.param == "c" and not has_compiler():
-        pytest.skip("there is no C compiler")
-    monkeypatch.setattr(bristles, "compiler", lambda: request.param)
+    made_by = there(request.param)
+    monkeypatch.setattr(bristles, "compiler", lambda: made_by)
 
 
 def by_hand(w, dt, z):

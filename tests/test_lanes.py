@@ -14,7 +14,6 @@ from scipy.integrate import solve_ivp
 
 import lugrectl as lg
 from lugrectl.engine import Lanes, kept
-from lugrectl.engine.native import has_compiler
 from lugrectl.errors import InputError
 from lugrectl.model import model_from_dict
 
@@ -29,15 +28,6 @@ def runs(system, backend: str, count: int = 3, samples: int = 200, **options):
     u = torque(samples)[:, : len(lanes.inputs)]
     start = np.arange(count) * 10
     return lanes.run(x0, start, samples - 10 * count, u, p, dt=DT, **options)
-
-
-@pytest.fixture(params=["numpy", "numba", "c"])
-def backend(request: pytest.FixtureRequest) -> str:
-    if request.param == "numba":
-        pytest.importorskip("numba")
-    if request.param == "c" and not has_compiler():
-        pytest.skip("there is no C compiler")
-    return request.param
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,6 @@ import pytest
 
 from lugrectl.blocks.plant import assemble
 from lugrectl.engine.lanes import Lanes
-from lugrectl.engine.native import has_compiler
 from lugrectl.engine.tangent import Tangent
 from lugrectl.errors import InputError
 from lugrectl.model import model_from_dict
@@ -29,15 +28,6 @@ CASES = {
     "two masses": ("lugre", [MASS]),
     "actuator": ("stribeck", LIMITED),
 }
-
-
-@pytest.fixture(params=["numpy", "numba", "c"])
-def backend(request: pytest.FixtureRequest) -> str:
-    if request.param == "numba":
-        pytest.importorskip("numba")
-    if request.param == "c" and not has_compiler():
-        pytest.skip("there is no C compiler")
-    return request.param
 
 
 def lag(backend: str | None, rate: float = 40.0) -> Lanes:

@@ -41,7 +41,7 @@ def c_code(source: str, kinds: Sequence[Kind]) -> str:
 
     Raises
     ------
-    NotImplementedError
+    ValueError
         At a statement or an expression that has no word here.
     """
     (function,) = [n for n in ast.parse(source).body if isinstance(n, ast.FunctionDef)]
@@ -82,7 +82,7 @@ class _Writer:
         ]
 
     def _none(self, node: ast.AST) -> NoReturn:
-        raise NotImplementedError(ast.unparse(node))
+        raise ValueError(f"no C is written for: {ast.unparse(node)}")
 
     def _inner(self, statements: list[ast.stmt]) -> list[str]:
         return ["{", *self.block(statements, 1), "}"]

@@ -6,6 +6,7 @@ import contextlib
 import os
 import sys
 import tempfile
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -39,13 +40,24 @@ def _usable(wanted: str) -> Path:
         return Path(tempfile.mkdtemp(prefix="lugrectl-"))
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Another process sees the whole file or none."""
+@contextlib.contextmanager
+def whole(path: Path) -> Iterator[Path]:
+    """A file to fill, which then takes its place: another process sees all of it or none."""
+    handle, name = tempfile.mkstemp(dir=path.parent, suffix=".part")
+    os.close(handle)
+    part = Path(name)
+    try:
+        yield part
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def keep(path: Path, text: str) -> None:
+    """Generated text as a file of the cache."""
     make_room(path.parent)
-    handle, part = tempfile.mkstemp(dir=path.parent, suffix=".part")
-    with os.fdopen(handle, "w", encoding="utf-8") as file:
-        file.write(text)
-    os.replace(part, path)
+    with whole(path) as part:
+        part.write_text(text, encoding="utf-8")
 
 
 def make_room(folder: Path, most: int = 500) -> None:
@@ -55,9 +67,6 @@ def make_room(folder: Path, most: int = 500) -> None:
         return
     with contextlib.suppress(OSError):
         for old in sorted(sources, key=lambda path: path.stat().st_mtime)[: most // 2]:
-            beside = [
-                *(folder / "__pycache__").glob(f"{old.stem}.*"),
-                *folder.glob(f"{old.stem}.*"),
-            ]
-            for made in beside:
-                made.unlink()
+            for place in (folder, folder / "__pycache__"):
+                for made in place.glob(f"{old.stem}.*"):
+                    made.unlink()

@@ -14,7 +14,7 @@ from functools import cache
 from types import ModuleType
 
 from .emit import ARRAY_HEADER, SCALAR_HEADER
-from .kept import cache_dir, write_whole
+from .kept import cache_dir, keep
 from .native import Native, has_compiler
 
 # a b + c may be rounded once: what else fastmath allows would change the meaning of code
@@ -88,7 +88,7 @@ def _from_file(text: str, name: str) -> ModuleType:
     sys.setrecursionlimit(max(sys.getrecursionlimit(), DEEP))
     path = cache_dir() / f"{name}.py"
     if not path.exists():
-        write_whole(path, text)
+        keep(path, text)
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)

@@ -1,4 +1,4 @@
-"""Generated loops compiled by the machine's C compiler, where there is no numba."""
+"""Generated loops compiled by the machine's C compiler, where there is one."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import shlex
 import shutil
 import subprocess
 import sys
-import tempfile
 import threading
 from functools import cache
 from pathlib import Path
@@ -20,7 +19,7 @@ import numpy as np
 
 from ..errors import InputError
 from .c_code import NUMBER, WHOLE, Kind, c_code
-from .kept import cache_dir, write_whole
+from .kept import cache_dir, keep, whole
 
 _FLAGS = ("-O2", "-fPIC", "-shared", "-fno-math-errno", "-fno-trapping-math")
 _FLAGS += ("-Werror=implicit-function-declaration",)
@@ -65,9 +64,8 @@ def _kind(place: int, value: Any) -> Kind:
         return NUMBER if isinstance(value, float) else WHOLE
     if not value.flags.c_contiguous or value.dtype.str[1:] not in ("f8", "i8"):
         raise TypeError(f"argument {place}: {value.dtype}, or in another order")
-    return Kind(
-        "i" if value.dtype.kind == "i" else "d", tuple(f"n{place}_{i}" for i in range(value.ndim))
-    )
+    lengths = tuple(f"n{place}_{i}" for i in range(value.ndim))
+    return Kind("i" if value.dtype.kind == "i" else "d", lengths)
 
 
 def _passed(value: Any) -> list[Any]:
@@ -83,7 +81,7 @@ def _compiled(source: str, kinds: tuple[Kind, ...]) -> Any:
     path = cache_dir() / f"lugrectl_{hashlib.sha256(key.encode()).hexdigest()[:20]}.c"
     made = path.with_suffix(_SUFFIX)
     if not made.exists():
-        write_whole(path, text)
+        keep(path, text)
         _build(compiler, path, made)
     run = ctypes.CDLL(str(made)).run
     run.restype = None
@@ -107,13 +105,11 @@ def _opens_a_window(found: str) -> bool:
 
 
 def _build(compiler: tuple[str, ...], path: Path, made: Path) -> None:
-    """Another process finds the whole library or none."""
-    handle, part = tempfile.mkstemp(dir=path.parent, suffix=".part")
-    os.close(handle)
-    command = [*compiler, *_FLAGS, "-o", part, str(path), "-lm"]
-    done = subprocess.run(command, capture_output=True, text=True, errors="replace")
-    if done.returncode:
-        Path(part).unlink(missing_ok=True)
-        lines = [line for line in done.stderr.splitlines() if "error" in line] or [done.stderr]
-        raise InputError(f"{compiler[0]} cannot compile: {lines[0]} An empty CC does without it.")
-    os.replace(part, made)
+    with whole(made) as part:
+        command = [*compiler, *_FLAGS, "-o", str(part), str(path), "-lm"]
+        done = subprocess.run(command, capture_output=True, text=True, errors="replace")
+        if done.returncode:
+            lines = [k for k in done.stderr.splitlines() if "error" in k] or [done.stderr]
+            raise InputError(
+                f"{compiler[0]} cannot compile: {lines[0]} An empty CC does without it."
+            )

@@ -30,8 +30,6 @@ def proven(base: Fitted, before: Fitted, after: Fitted, key: str) -> bool:
     certain = gain.sum() - max(gain.max(), 0.0) > GATE
     if not certain or after.total - _mirrored(after, key) <= GATE:
         return False
-    if not _fades(before, after, key):
-        return False
     of_it = share(before, after)
     ill = _measured_ill(before, after, key)
     gone, torque = _removed(before, after), size(after, key)
@@ -41,7 +39,7 @@ def proven(base: Fitted, before: Fitted, after: Fitted, key: str) -> bool:
         worth = torque > LEAST_SIZE
     matters = share(base, after) - share(base, before) > LEAST_OF_FIRST or of_it > MOST_OF_REST
     removed = of_it > LEAST_SHARE and gone > LEAST_REMOVED
-    return worth and (ill or (matters and removed))
+    return worth and (ill or (matters and removed)) and _fades(before, after, key)
 
 
 def _measured_ill(before: Fitted, after: Fitted, key: str) -> bool:
