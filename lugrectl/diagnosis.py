@@ -8,10 +8,12 @@ from functools import partial
 
 import numpy as np
 
+from .friction_map import diagnose_map
 from .model import Model
 from .record import Record
 from .results import Diagnosis, Finding, Table, Traces
 from .spec import members
+from .steady.points import is_map
 from .tracing.evaluate import Judged, missing_torque
 from .tracing.explain import Explanation, Step, explain, signals_of
 from .tracing.fit import Fitted
@@ -67,6 +69,8 @@ def diagnose(
     record : Record or list of Record
         One run, or several of one rate. Up to eight may differ in the torque's offset and, by a
         factor, in friction: both are fitted against the first run, and said in ``messages``.
+        Four or more runs at a steady speed each, of any rates, are one map of friction: see
+        :func:`lugrectl.friction_map.diagnose_map`.
     model : Model
         The declared model; missing values are identified.
     holdout : None, "last" or Record
@@ -88,6 +92,9 @@ def diagnose(
         When the record cannot answer.
     """
     report = progress or (lambda fraction, what: None)
+    runs = [record] if isinstance(record, Record) else list(record)
+    if is_map(runs):
+        return diagnose_map(runs, model, holdout=holdout, seed=seed, progress=report)
     answer = _answered(partial(begin, record, model, holdout, horizon, report), report)
     job, found, new = answer.job, answer.found, answer.unforeseen
     if len(new):

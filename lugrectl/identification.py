@@ -7,9 +7,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from .friction_map import Fits, begin_map, errors_of, estimates_of, final_model, messages_of
 from .model import Model
 from .record import Record
 from .results import Estimate, plain
+from .steady.curve import refit
+from .steady.points import is_map
 from .tracing.job import Progress, begin, compared, estimates, on_everything, score
 
 
@@ -61,6 +64,9 @@ def identify(
         When the record cannot answer.
     """
     report: Progress = progress or (lambda fraction, what: None)
+    runs = [record] if isinstance(record, Record) else list(record)
+    if is_map(runs):
+        return _map_identified(begin_map(runs, model, holdout, report))
     job = begin(record, model, holdout, horizon, report)
     whole = on_everything(job.base, job)
     job = compared(job, whole)
@@ -71,4 +77,17 @@ def identify(
         model=whole.predictor.model.with_values(whole.values),
         record=job.records[0],
         messages=job.messages,
+    )
+
+
+def _map_identified(fits: Fits) -> Identification:
+    """The declared friction fitted to all points of a map of runs at steady speed."""
+    whole = refit(fits.base, fits.whole)
+    error = errors_of(fits, fits.base)
+    return Identification(
+        estimates=estimates_of(whole),
+        error={k: v for k, v in error.items() if k != "augmented"},
+        model=final_model(fits, whole),
+        record=fits.records[0],
+        messages=messages_of(fits, whole),
     )

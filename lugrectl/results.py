@@ -153,13 +153,45 @@ class Table:
         return table(self, ax)
 
 
+@dataclass(frozen=True, eq=False)
+class FrictionMap:
+    """Torque over speed of runs at steady speed, one point for each run.
+
+    ``w`` (n,), ``u`` (n,) and its standard ``error`` (n,), SI; ``held_out`` (n,) marks what no
+    fit saw before the errors were taken. ``at`` (m,) are speeds over which ``curves`` maps
+    "refitted" and "augmented" to torque (m,). ``swing`` are the orders of a turn at which the
+    torque swings, each with its amplitude and 95 % interval.
+    """
+
+    w: np.ndarray
+    u: np.ndarray
+    error: np.ndarray
+    held_out: np.ndarray
+    at: np.ndarray
+    curves: Mapping[str, np.ndarray]
+    motion: str
+    swing: tuple[tuple[int, Estimate], ...] = ()
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python, as under "map" in the JSON document."""
+        points = {k: getattr(self, k).tolist() for k in ("w", "u", "error", "held_out")}
+        return plain(points | {"swing": [{"order": n} | e.summary() for n, e in self.swing]})
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the points with their 95 % bars and the models' curves; returns the axes."""
+        from .report.mapped import torque
+
+        return torque(self, ax)
+
+
 @dataclass(frozen=True)
 class Diagnosis:
     """The answer of :func:`lugrectl.diagnose`.
 
     ``error``, ``free_error`` and ``torque_error`` are the mappings of the JSON format; ``model``
     is the augmented model (the refitted one where nothing was added, None where refused).
-    ``table`` offers what is unexplained as a block; ``compensation`` is there where asked for.
+    ``table`` offers what is unexplained as a block; ``compensation`` is there where asked for;
+    ``map`` where the records are runs at steady speed.
     """
 
     verdict: str
@@ -179,6 +211,7 @@ class Diagnosis:
     traces: Traces | None = None
     table: Table | None = None
     compensation: Compensation | None = None
+    map: FrictionMap | None = None
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as in the JSON document; never NaN or Infinity."""
@@ -199,6 +232,7 @@ class Diagnosis:
                 "ranking": [{"name": c.name, "score": c.score} for c in self.ranking],
                 "table": self.table.summary() if self.table else None,
                 "compensation": self.compensation.summary() if self.compensation else None,
+                "map": self.map.summary() if self.map else None,
                 "record": self.record.summary() if self.record else None,
                 "messages": list(self.messages),
                 "reason": self.reason,

@@ -18,6 +18,8 @@ STOREYS = [
     {"loops", "engine", "linear", "record", "design", "sampling"},
     {"simulation", "results", "mixed", "blocklist", "bristles", "ensemble"},
     {"tracing"},
+    {"steady"},
+    {"friction_map"},
     {"diagnosis", "identification", "fleet", "workers", "compensating"},
     {"report"},
     {"reproduce"},
@@ -45,7 +47,7 @@ TRACING = [
     {"job"},
     {"explain"},
 ]
-COMPUTING = set.union(*STOREYS[:6])
+COMPUTING = set.union(*STOREYS[:8])
 
 
 def room(path: Path) -> str:

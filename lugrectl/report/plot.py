@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..spec import unit_for
-from . import closing
+from . import closing, mapped
 from .views import Residual, binned, motion_of, residual, rms_over_time, simulated, stretch
 from .wording import number, readable
 
@@ -147,6 +147,14 @@ PANELS: dict[str, tuple[Callable[..., Any], str]] = {
         "The two seconds of held-out samples where the refitted model errs most. The model is "
         "simulated from the recorded input alone.",
     ),
+    "map": (
+        lambda d, ax: mapped.torque(d.map, ax),
+        "Mean torque of each run over its mean speed, with 95 % bars, and the fitted curves.",
+    ),
+    "missed": (
+        lambda d, ax: mapped.missed(d.map, ax),
+        "What the fitted curves leave of it. The bars are those of the means alone.",
+    ),
     "error": (error, "Error of the simulated motion over the whole record, in short bins."),
     "torque": (torque, "What the model leaves unexplained, before and after."),
     "table": (
@@ -172,6 +180,7 @@ def available(d: Any) -> list[str]:
     names = (
         ["motion", "error"] if simulated(getattr(d, "traces", None), "refitted") is not None else []
     )
+    names += ["map", "missed"] if getattr(d, "map", None) is not None else []
     names += ["torque"] if getattr(d, "traces", None) is not None and residual(d) else []
     names += ["table"] if getattr(d, "table", None) is not None else []
     names += ["ranking"] if getattr(d, "ranking", ()) else []

@@ -62,7 +62,7 @@ def headline(d: Any) -> tuple[str, str]:
         return f"found: {names}", f"The model lacks {names}; the record proves it."
     if verdict == "ambiguous":
         return f"ambiguous: {names}?", (
-            f"The record proves that something is missing, but not what: {names} explains it "
+            f"The record proves that something is missing, but not what: {names} {_verb(names)} it "
             "best, and others explain it as well."
         )
     if verdict == "unexplained":
@@ -73,10 +73,15 @@ def headline(d: Any) -> tuple[str, str]:
 
 
 def _unexplained(on: str, names: str) -> str:
-    verb = "explain" if " and " in names else "explains"
-    more = f"{names} {verb} a part, but more is missing" if names else "something is missing"
+    more = (
+        f"{names} {_verb(names)} a part, but more is missing" if names else "something is missing"
+    )
     which = f", which hangs on {on}" if on else ""
     return f"The record proves it: {more}{which}. Nothing in the catalogue explains it."
+
+
+def _verb(names: str) -> str:
+    return "explain" if " and " in names else "explains"
 
 
 _TITLES = {"found": "Missing", "unexplained": "Explains a part"}
@@ -192,6 +197,8 @@ def errors(d: Any) -> Section | None:
     """The before/after table: declared, refitted, augmented, noise floor."""
     error, free, torque = (_get(d, k) for k in ("error", "free_error", "torque_error"))
     rows, footnote = [], ""
+    if error and _get(d, "map"):
+        error, free, torque = None, None, error
     if error:
         rows.append(_error_row(d, f"{error['signal']}, restarted", error))
     if free:
@@ -208,10 +215,17 @@ def errors(d: Any) -> Section | None:
         return None
     head = ("RMS", "unit", "declared", "refitted", "augmented", "noise", "improved")
     grid = Grid(head, "llrrrrr", tuple(rows))
-    return Section("Error before and after", _scope(error), grid, footnote)
+    return Section("Error before and after", _scope(d, error), grid, footnote)
 
 
-def _scope(error: Mapping[str, Any] | None) -> tuple[str, ...]:
+def _scope(d: Any, error: Mapping[str, Any] | None) -> tuple[str, ...]:
+    made = _get(d, "map")
+    if made is not None:
+        return (
+            f"Mean torque of {int(made.held_out.sum())} of {len(made.w)} runs, which were held "
+            "out, minus the model's at their speed. Improvement is counted against the refitted "
+            "model.",
+        )
     if not error:
         return ()
     return (
@@ -266,7 +280,9 @@ def _parameters(d: Any) -> Section | None:
 def _record(d: Any) -> Section | None:
     record, model = _get(d, "record"), _get(d, "declared")
     lines = []
-    if record is not None:
+    if record is not None and _get(d, "map"):
+        lines.append(f"{len(_get(d, 'map').w)} runs at steady speed, {record.source} among them.")
+    elif record is not None:
         facts = record.summary()
         lines.append(
             f"{record.source}: {facts['samples']} samples at {facts['rate']:g} Hz, "

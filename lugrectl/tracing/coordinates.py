@@ -14,6 +14,7 @@ from .predictor import Predictor, Values
 REACH = {"J": 2.5, "Fc": 4.0, "Fs": 4.0}  # factor by which a value may leave the declared one
 FAR = 10.0  # the same for all others
 ANYWHERE = 1e4  # for an effect's own, from where it started
+HUGE = 700.0  # whose exponential is a number still
 LEAST_EXCESS = 1e-4  # of Fs over Fc, relative
 
 
@@ -36,7 +37,7 @@ class Coordinate:
 
     def back(self, x: float, values: Values) -> float:
         if self.kind == "log":
-            return float(np.clip(np.exp(x), max(self.low, 1e-12), self.high))
+            return float(np.clip(np.exp(min(x, HUGE)), max(self.low, 1e-12), self.high))
         if self.kind == "excess":
             return float(min(values["Fc"] * (1.0 + np.exp(min(x, 5.0))), self.high))
         if self.kind == "angle":

@@ -106,7 +106,7 @@ class _Trace:
         Where there is none though something is missing, those too that promise nothing but have
         no linear part: what decides whether a drive sticks or slips shows in no small change.
         """
-        names = _names(self.current.predictor.model)
+        names = worth_trying(self.current.predictor.model)
         sound = self._proven(names, 0.5 * GATE, say)
         if sound or not coloured(self.current):
             return sound
@@ -165,7 +165,7 @@ def _better_base(current: Fitted, fits: Sequence[Pair]) -> Fitted | None:
     return best if best.total > current.total + 3.0 else None
 
 
-def _names(model: Model) -> list[str]:
+def worth_trying(model: Model) -> list[str]:
     """Effects worth trying on what the model has.
 
     A second of a kind only where it can differ; nothing that the friction law has already, or
@@ -236,7 +236,7 @@ def _exchanged(
     """
     oldest, *later = steps
     without = _without(fitted, oldest.trial.key)
-    tried = contest(without, _names(without.predictor.model), 0.5 * GATE, TRIED, say)
+    tried = contest(without, worth_trying(without.predictor.model), 0.5 * GATE, TRIED, say)
     sound = [(t, f) for t, f in tried.fits if _stands(without, without, f, t.key)]
     if not sound:
         return steps, fitted

@@ -1,0 +1,235 @@
+"""Runs at steady speed: the map of torque over speed, and what the declared friction lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from .errors import InputError, Refused
+from .model import Model
+from .record import Record
+from .results import Diagnosis, Estimate, Finding, FrictionMap
+from .spec import members, unit_for
+from .steady.choice import Choice, choose, left_over, started
+from .steady.curve import Curve, fit, refit, rms
+from .steady.points import Points, is_steady, laid, points, refuse_narrow
+from .steady.swing import Swing, finding_of, swings, told
+from .tracing.explain import signals_of
+from .tracing.start import holding
+
+EVERY = 3  # one of so many speeds is held out
+FINE = 400  # speeds at which the curves are drawn
+MAP = "{} runs at steady speed were taken as one map of torque over speed"
+LOG_ANGLE = "log theta from one zero mark in every run, over slow turns in both directions"
+MORE_SPEEDS = "record more speeds, from slow to fast, in both directions, at one temperature"
+
+Progress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class Fits:
+    """A map, which of its points are held out, and the declared friction fitted to the others."""
+
+    records: tuple[Record, ...]
+    whole: Points
+    held_out: np.ndarray
+    base: Curve
+    declared: Model
+
+
+def diagnose_map(
+    records: Sequence[Record],
+    model: Model,
+    *,
+    holdout: str | Record | None,
+    seed: int,
+    progress: Progress,
+) -> Diagnosis:
+    """What the declared friction lacks to explain the torque of runs at steady speed.
+
+    ``u - d = F(w) + r(w)``: one point for each run, its mean torque over its mean speed, its
+    weight by the mean's error and by a scatter from run to run. An effect that hangs on speed
+    alone, or on nothing, is added where the misfit falls by more than chance allows (F test,
+    1 % for all candidates together) and where its torque is worth a word. How the torque swings
+    with the angle is told beside it. Of inertia and presliding such runs tell nothing.
+
+    One of three speeds in either direction is held out, the last half of every run, or a run.
+    ``error`` is the RMS of measured minus modelled mean torque there, N m or N: there is no
+    motion to simulate. Values given at the end come from all points.
+
+    Raises
+    ------
+    InputError
+        When a run held out is at no steady speed.
+    Refused
+        When the runs go in one direction or at one speed only, or are too few.
+    """
+    fits = begin_map(records, model, holdout, progress)
+    choice = choose(fits.base, lambda what: progress(0.3, what))
+    progress(0.8, "how the torque swings with the angle")
+    swing = swings(fits.records)
+    whole = refit(choice.final, fits.whole)
+    missing = left_over(whole, seed)
+    errors = errors_of(fits, choice.final)
+    found = [_finding(step, whole) for step in choice.steps]
+    found += [finding_of(swing[0], whole)] if swing else []
+    names = [step.name for step in choice.steps]
+    hangs = dict.fromkeys([*signals_of(names), *(["theta"] if swing else []), *(["w"] * missing)])
+    verdict = _verdict(found, bool(swing), missing)
+    return Diagnosis(
+        verdict=verdict,
+        effects=tuple(found),
+        depends_on=tuple(s for s in hangs if s != "t"),
+        experiment=_experiment(verdict, found, bool(swing)),
+        error=errors,
+        free_error={k: errors[k] for k in _FREE} | {"in_sample": False},
+        torque_error={k: errors[k] for k in _TORQUE},
+        model=final_model(fits, whole),
+        declared=model,
+        estimates=estimates_of(whole),
+        record=fits.records[0],
+        messages=messages_of(fits, whole) + ((told(swing, whole),) if swing else ()),
+        ranking=choice.ranking,
+        map=_drawn(fits, choice, swing),
+    )
+
+
+def begin_map(
+    records: Sequence[Record], model: Model, holdout: str | Record | None, progress: Progress
+) -> Fits:
+    """The points of a map and the declared friction fitted to those that may be seen."""
+    progress(0.05, "mean torque over mean speed")
+    whole, held_out = _laid_out(records, holdout)
+    at = whole.only(~held_out)
+    refuse_narrow(at, model.motion, "Fc" in model.friction.values)
+    if not held_out.any():
+        raise Refused(
+            f"{len(records)} runs at steady speed are too few to fit and to judge on different "
+            "ones",
+            "record at least three speeds in each direction, or give a run with --holdout",
+        )
+    progress(0.1, "fitting the declared friction")
+    starts = started(model, at)
+    full = holding(model.with_values(starts[0]), laid(at, model.motion))
+    fixed = {k: v for k, v in full.known().items() if not full.declarations()[k].fitted}
+    base = fit(full, at, [start | fixed for start in starts], model.known() | fixed)
+    apart = (holdout,) if isinstance(holdout, Record) else ()
+    return Fits((*records, *apart), whole, held_out, base, model)
+
+
+def _laid_out(records: Sequence[Record], holdout: str | Record | None) -> tuple[Points, np.ndarray]:
+    """All points, and which of them are held out."""
+    if holdout == "last":
+        early = points([r.slice(0, r.samples // 2) for r in records])
+        late = points([r.slice(r.samples // 2, r.samples) for r in records])
+        return early.beside(late), np.repeat([False, True], len(records))
+    if isinstance(holdout, Record):
+        if not is_steady(holdout):
+            raise InputError(
+                f"{holdout.source} is at no steady speed, as the other runs are; hold out one "
+                "that is, or none."
+            )
+        return points([*records, holdout]), np.arange(len(records) + 1) == len(records)
+    whole = points(records)
+    held_out = np.zeros(len(records), dtype=bool)
+    for side in (-1.0, 1.0):
+        way = np.flatnonzero(whole.w * side > 0.0)
+        slow_to_fast = way[np.argsort(np.abs(whole.w[way]))]
+        held_out[slow_to_fast[1:-1:EVERY]] = True
+    return whole, held_out
+
+
+_FREE = ("signal", "unit", "declared", "refitted", "augmented")
+_TORQUE = ("unit", "declared", "refitted", "augmented")
+
+
+def errors_of(fits: Fits, final: Curve) -> dict[str, Any]:
+    """The error of the JSON format: of mean torque, on the points held out."""
+    test = fits.whole.only(fits.held_out)
+    base = fits.base
+    given = {k: fits.declared.values()[k] for k in (c.key for c in base.coords)}
+    declared = None
+    if None not in given.values():
+        values = base.values | {k: v for k, v in given.items() if v is not None}
+        declared = rms(replace(base, values=values).missed(test))
+    return {
+        "signal": "u",
+        "unit": unit_for("N m", fits.declared.motion),
+        "samples": int(test.samples.sum()),
+        "horizon": float(np.median(test.seconds)),
+        "declared": declared,
+        "refitted": rms(base.missed(test)),
+        "augmented": rms(final.missed(test)),
+        "noise_floor": rms(test.error),
+    }
+
+
+def estimates_of(whole: Curve) -> dict[str, Estimate]:
+    """Every value that the map tells, with its unit and interval."""
+    intervals, model = whole.intervals(), whole.model
+    return {
+        c.key: Estimate(whole.values[c.key], model.unit(c.key), intervals.get(c.key))
+        for c in whole.coords
+    }
+
+
+def final_model(fits: Fits, whole: Curve) -> Model:
+    """The fitted model; what was given no value and is not told by the map has none."""
+    told = {c.key for c in whole.coords}
+    unknown = {k for k, v in fits.declared.values().items() if v is None} - told
+    return whole.model.with_values(whole.values | dict.fromkeys(unknown))
+
+
+def messages_of(fits: Fits, whole: Curve) -> tuple[str, ...]:
+    """What was noticed about the model and the runs."""
+    noticed = [m for r in fits.records for m in r.messages]
+    declared, told = fits.declared.declarations(), {c.key for c in whole.coords}
+    silent = [k for k, p in declared.items() if p.fitted and k not in told]
+    said = MAP.format(len(fits.records))
+    said += f"; of {', '.join(silent)} they tell nothing." if silent else "."
+    ends = [f"{k} lies at the end of the range that it may move in." for k in whole.ends()]
+    return tuple(dict.fromkeys([*fits.declared.remarks(), *noticed, said, *ends]))
+
+
+def _finding(step: Any, whole: Curve) -> Finding:
+    prefix = f"{step.key}."
+    own = {k: e for k, e in estimates_of(whole).items() if k.startswith(prefix)}
+    return Finding(step.name, {k.removeprefix(prefix): e for k, e in own.items()}, step.tied)
+
+
+def _verdict(found: Sequence[Finding], swinging: bool, missing: bool) -> str:
+    if missing:
+        return "unexplained"
+    if swinging or any(finding.alternatives for finding in found):
+        return "ambiguous"
+    return "found" if found else "adequate"
+
+
+def _experiment(verdict: str, found: Sequence[Finding], swinging: bool) -> str | None:
+    if verdict == "unexplained":
+        return f"To see what it is: {MORE_SPEEDS}."
+    said = []
+    for finding in found[: len(found) - swinging]:
+        if finding.alternatives:
+            others = " or ".join(c.name for c in finding.alternatives)
+            how = members("effect")[finding.name].experiment
+            said.append(f"to tell {finding.name} from {others}: {how}")
+    if swinging:
+        others = " or ".join(c.name for c in found[-1].alternatives)
+        said.append(f"to tell {found[-1].name} from {others}: {LOG_ANGLE}")
+    whole = "; ".join(said)
+    return f"{whole[0].upper()}{whole[1:]}." if whole else None
+
+
+def _drawn(fits: Fits, choice: Choice, swing: Sequence[Swing]) -> FrictionMap:
+    at, unit = fits.whole, unit_for("N m", fits.declared.motion)
+    slow, fast = float(np.min(np.abs(at.w))), float(np.max(np.abs(at.w)))
+    half = np.linspace(slow, fast, FINE // 2)
+    over = np.concatenate([-half[::-1], half])
+    curves = {"refitted": fits.base.torque(over), "augmented": choice.final.torque(over)}
+    named = tuple((s.order, Estimate(s.amplitude, unit, (s.low, s.high))) for s in swing)
+    motion = fits.declared.motion
+    return FrictionMap(at.w, at.u, at.error, fits.held_out, over, curves, motion, named)

@@ -1,0 +1,1 @@
+"""Runs at steady speed, taken together as one map of torque over speed."""

@@ -1,0 +1,212 @@
+"""Which effects a map of torque over speed proves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from scipy.stats import f as fisher
+
+from ..model import Model
+from ..results import Candidate
+from ..spec import Block, members
+from ..tracing.coordinates import typical
+from ..tracing.explain import worth_trying
+from ..tracing.proof import LEAST_SIZE
+from ..tracing.screening import STEPS
+from .curve import Curve, fit
+from .points import Points, laid
+
+CHANCE = 0.01  # that any effect is named though nothing is missing
+ALIKE = 4.0  # misfit, in variances, within which two models explain a map as well
+MOST_EFFECTS = 3
+DRAWS, CHANCE_LEFT = 999, 0.01  # orders of the residuals drawn, and how rare a like one is to be
+
+
+Named = tuple[str, Curve]
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """An effect, and what explains the map as well."""
+
+    key: str
+    name: str
+    tied: tuple[Candidate, ...]
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The declared law at its best, with the effects that the map proves, and all candidates."""
+
+    base: Curve
+    final: Curve
+    steps: tuple[Chosen, ...]
+    ranking: tuple[Candidate, ...]
+
+
+def choose(base: Curve, say: Callable[[str], None]) -> Choice:
+    """Add the effect that explains most, fit everything, look again.
+
+    Of effects that explain a map as well each is followed: what comes next may tell them apart.
+    """
+    tried = _tried(base, say, 1)
+    ends = _followed(base, tried, say, 1)
+    least = min(len(curve.coords) for _, curve in ends)
+    steps, final = min(ends, key=lambda end: end[1].misfit + ALIKE * (len(end[1].coords) - least))
+    made = [_looked_again(final, *step) for step in steps]
+    return Choice(base, final, tuple(made), _ranking(base, tried))
+
+
+def _tried(current: Curve, say: Callable[[str], None], turn: int) -> list[Named]:
+    """The model with each candidate, best first."""
+    say(f"trying what hangs on speed, round {turn}")
+    tried = [(name, _with(current, name)) for name in candidates(current.model)]
+    return sorted(tried, key=lambda one: one[1].misfit)
+
+
+def _followed(
+    current: Curve, tried: Sequence[Named], say: Callable[[str], None], turn: int
+) -> list[tuple[list[tuple[str, list[str]]], Curve]]:
+    """Every way on: the keys of the effects added, what else explained as much, and the model."""
+    chance = CHANCE / max(len(tried), 1)
+    sound = [(n, c) for n, c in tried if by_chance(current, c) < chance and _worth(c)]
+    ways = []
+    for name, curve in _even(sound):
+        step = curve.model.effects[-1].key, [n for n, _ in _even(sound) if n != name]
+        more = [] if turn == MOST_EFFECTS else _tried(curve, say, turn + 1)
+        ways += [([step, *rest], end) for rest, end in _followed(curve, more, say, turn + 1)]
+    return ways or [([], current)]
+
+
+def candidates(model: Model) -> list[str]:
+    """The effects worth trying that a drive at steady speed shows by its speed alone."""
+    return [name for name in worth_trying(model) if _static(members("effect")[name])]
+
+
+def _static(made: Block) -> bool:
+    bare = not (made.states or made.exact) and (made.load or not made.timed)
+    acts = {act.removeprefix("+") for act in made.acts}
+    return bare and set(made.inputs) <= {"w"} and acts <= {"torque", "Fc", "Fs", "Fv"}
+
+
+def _worth(curve: Curve) -> bool:
+    return curve.size(curve.model.effects[-1].key) > LEAST_SIZE
+
+
+def by_chance(before: Curve, after: Curve) -> float:
+    """How often so much less misfit would come by chance (F test, weights of the larger model).
+
+    Without the point that gains most: one run is no effect.
+    """
+    more = len(after.coords) - len(before.coords)
+    free = len(after.at.w) - len(after.coords) - 1
+    if more < 1 or free < 1:
+        return 1.0
+    gains = (before.residual**2 - after.residual**2) / after.sigma**2
+    left = max(after.cost(after.sigma) / free, 1.0)
+    return float(fisher.sf((gains.sum() - gains.max()) / more / left, more, free))
+
+
+def left_over(curve: Curve, seed: int) -> bool:
+    """Whether neighbours in speed are missed alike: something still hangs on speed."""
+    order = np.argsort(curve.at.w)
+    e = (curve.residual / curve.sigma)[order]
+    ways = [e[curve.at.w[order] * side > 0.0] for side in (-1.0, 1.0)]
+    draw = np.random.default_rng(seed)
+    seen = _alike(ways)
+    drawn = [_alike([draw.permutation(way) for way in ways]) for _ in range(DRAWS)]
+    rare = (1 + np.sum(np.array(drawn) >= seen)) / (DRAWS + 1)
+    size = float(np.std(curve.residual)) / float(np.std(curve.at.u))
+    return bool(rare <= CHANCE_LEFT and size > LEAST_SIZE)
+
+
+def _alike(ways: Sequence[np.ndarray]) -> float:
+    return float(sum(np.sum(e[1:] * e[:-1]) for e in ways))
+
+
+def _with(current: Curve, name: str) -> Curve:
+    """The best fit with one more effect."""
+    made = members("effect")[name]
+    model = current.model.with_effect(name, {k: p.value for k, p in made.own.items()})
+    key = model.effects[-1].key
+    starts = [
+        current.values
+        | {k: v for k, v in own.items() if k in current.values}
+        | {f"{key}.{k}": float(own.get(k, p.value)) for k, p in made.own.items()}
+        for own in _starts(current, made)
+    ]
+    return fit(model, current.at, starts, current.anchor)
+
+
+def _starts(current: Curve, made: Block) -> list[dict[str, float]]:
+    """The sets that the effect proposes, or a little of it at every point of its grids."""
+    log = laid(current.at, current.model.motion).log
+    if made.tries:
+        return made.tries(log, current.values)
+    little = STEPS * typical(made.parameters[made.gain], log)
+    grids = {k: p.grid(log).tolist() for k, p in made.own.items() if p.grid}
+    return [{made.gain: little} | dict(zip(grids, one, strict=True))
+            for one in product(*grids.values())]  # fmt: skip
+
+
+def _even(sound: Sequence[Named]) -> list[Named]:
+    """Those that explain the map as well as the first."""
+    if not sound:
+        return []
+    top = sound[0][1]
+    most = top.cost(top.sigma) + ALIKE
+    return [(name, curve) for name, curve in sound if curve.cost(top.sigma) < most]
+
+
+def _looked_again(whole: Curve, key: str, others: Sequence[str]) -> Chosen:
+    """An effect with what explains as much beside the later ones, too."""
+    tied = []
+    if others:
+        without = _without(whole, key)
+        tried = [(name, _with(without, name)) for name in others]
+        even = [(n, c) for n, c in tried if c.cost(whole.sigma) < whole.cost(whole.sigma) + ALIKE]
+        tied = [_candidate(without, n, c) for n, c in even]
+    return Chosen(key, whole.model.part(key).block.name, tuple(tied))
+
+
+def _without(whole: Curve, key: str) -> Curve:
+    rest = tuple(part for part in whole.model.effects if part.key != key)
+    values, anchor = (
+        {k: v for k, v in of.items() if not k.startswith(f"{key}.")}
+        for of in (whole.values, whole.anchor)
+    )
+    return fit(replace(whole.model, effects=rest), whole.at, [values], anchor)
+
+
+def _ranking(current: Curve, tried: Sequence[tuple[str, Curve]]) -> tuple[Candidate, ...]:
+    made = [_candidate(current, name, curve) for name, curve in tried]
+    return tuple(sorted(made, key=lambda c: -c.score))
+
+
+def _candidate(before: Curve, name: str, after: Curve) -> Candidate:
+    key = after.model.effects[-1].key + "."
+    own = {k.removeprefix(key): v for k, v in after.values.items() if k.startswith(key)}
+    whole = before.cost(after.sigma)
+    gain = whole - after.cost(after.sigma)
+    return Candidate(name, 0.5 * gain, gain / whole, own)
+
+
+def started(model: Model, at: Points) -> list[dict[str, float]]:
+    """Values to start a fit from: those declared, and, where one is missing, guesses."""
+    given, size = model.values(), np.abs(at.w)
+    A = np.column_stack([np.sign(at.w), at.w])
+    level, slope = np.linalg.lstsq(A, at.u, rcond=None)[0]
+    Fc = given.get("Fc") or max(float(level), 0.05 * float(np.std(at.u)))
+    guess = {"Fc": Fc, "Fs": 1.2 * Fc, "Fv": max(float(slope), 0.05 * Fc / size.max())}
+    speeds = np.quantile(size, [0.05, 0.15, 0.3, 0.5]) if given.get("vs", 0.0) is None else [1.0]
+    declared = model.declarations()
+    return [
+        {
+            k: float(v if v is not None else (guess | {"vs": vs}).get(k, declared[k].value))
+            for k, v in given.items()
+        }
+        for vs in speeds
+    ]

@@ -1,0 +1,183 @@
+"""Friction and effects fitted to the points of a map, by weighted least squares.
+
+``u = F(w) + r(w)`` at every point, without inertia. A point's variance is that of its mean and,
+the same for all, one from run to run, which the misfit itself tells (Paule and Mandel, 1982).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares, root_scalar
+from scipy.stats import t as student
+
+from ..model import Model
+from ..tracing.coordinates import Coordinate, coordinates, free_keys
+from ..tracing.predictor import Predictor, Values
+from .points import Points, laid
+
+ROUNDS = 6  # of weights and values in turn, at most
+SETTLED = 0.02  # change of the weights that ends them
+STARTS = 2  # of the best, that are followed to the end
+NUDGE = 1e-3  # of a coordinate, by which it shows whether the map tells it
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A model fitted to points: ``sigma`` is the standard deviation of each.
+
+    Plant values stay within reach of ``anchor``.
+    """
+
+    predictor: Predictor
+    at: Points
+    values: dict[str, float]
+    coords: tuple[Coordinate, ...]
+    sigma: np.ndarray
+    anchor: dict[str, float]
+
+    @property
+    def model(self) -> Model:
+        return self.predictor.model
+
+    @property
+    def residual(self) -> np.ndarray:
+        """Torque that the model does not explain at the points, N m."""
+        return self.predictor.torque(self.values)
+
+    def cost(self, sigma: np.ndarray) -> float:
+        """Sum of squared misfits in units of ``sigma``."""
+        return float(np.sum((self.residual / sigma) ** 2))
+
+    @property
+    def misfit(self) -> float:
+        """Twice the negative log-likelihood, but for a constant."""
+        return self.cost(self.sigma) + 2.0 * float(np.sum(np.log(self.sigma)))
+
+    def torque(self, w: np.ndarray) -> np.ndarray:
+        """The model's torque at other speeds, N m."""
+        zero = np.zeros_like(w)
+        other = self.predictor.on(laid(Points(w, zero, zero, zero, zero), self.model.motion))
+        return -other.torque(self.values)
+
+    def missed(self, at: Points) -> np.ndarray:
+        """The same as ``residual`` at other points."""
+        return at.u - self.torque(at.w)
+
+    def intervals(self) -> dict[str, tuple[float, float]]:
+        """95 % intervals by the curvature, of what the map tells and no bound does."""
+        inner = replace(self, coords=tuple(c for c in self.coords if c.key not in self.ends()))
+        free, x = len(self.at.w) - len(self.coords), _into(inner)
+        if free < 1 or not len(x):
+            return {}
+        slopes = np.array([_slope(inner, x, i) / self.sigma for i in range(len(x))])
+        covariance, made = np.linalg.pinv(slopes @ slopes.T), {}
+        moved = [(_at(inner, x - e), _at(inner, x + e)) for e in NUDGE * np.eye(len(x))]
+        for c in inner.coords:
+            rate = np.array([(b[c.key] - a[c.key]) / (2.0 * NUDGE) for a, b in moved])
+            half = float(student.ppf(0.975, free) * np.sqrt(rate @ covariance @ rate))
+            value = self.values[c.key]
+            made[c.key] = (max(value - half, c.low), min(value + half, c.high))
+        return made
+
+    def ends(self) -> tuple[str, ...]:
+        """The values that lie at the end of the range that they may move in."""
+        return tuple(
+            c.key
+            for c in self.coords
+            if c.kind == "log" and not c.low * 1.001 < self.values[c.key] < c.high / 1.001
+        )
+
+    def size(self, key: str) -> float:
+        """RMS torque of an effect at the points, over that of friction."""
+        block = self.model.part(key).block
+        off = self.values | {f"{key}.{block.gain}": block.parameters[block.gain].neutral or 0.0}
+        change = self.predictor.torque(off) - self.residual
+        return rms(change) / rms(self.predictor.friction(self.values))
+
+
+def fit(model: Model, at: Points, starts: Sequence[Values], anchor: Values) -> Curve:
+    """The best fit from several starts; what ``anchor`` does not hold is anchored there."""
+    flat = np.full(len(at.w), float(np.std(at.u)) or 1.0)
+    predictor = Predictor(model, laid(at, model.motion))
+    tried = []
+    for start in starts:
+        around = {**start, **anchor}
+        open_ = Curve(predictor, at, dict(start), (), flat, around)
+        coords = coordinates(predictor, free_keys(predictor), around)
+        told = [c for c in coords if _told(replace(open_, coords=(c,)))]
+        tried.append(_stepped(replace(open_, coords=tuple(told))))
+    best = sorted(tried, key=lambda curve: curve.misfit)[:STARTS]
+    return min(map(_settled, best), key=lambda curve: curve.misfit)
+
+
+def refit(curve: Curve, at: Points) -> Curve:
+    """The same model on other points, from where it stands."""
+    flat = np.full(len(at.w), float(np.median(curve.sigma)))
+    predictor = curve.predictor.on(laid(at, curve.model.motion))
+    return _settled(replace(curve, predictor=predictor, at=at, sigma=flat))
+
+
+def _settled(curve: Curve) -> Curve:
+    """Values and weights in turn."""
+    for _ in range(ROUNDS):
+        curve, before = _stepped(curve), curve.sigma
+        curve = replace(curve, sigma=np.sqrt(curve.at.error**2 + _scatter(curve) ** 2))
+        if np.allclose(before, curve.sigma, rtol=SETTLED):
+            break
+    return _stepped(curve)
+
+
+def _stepped(curve: Curve) -> Curve:
+    if not curve.coords:
+        return curve
+    done = least_squares(
+        lambda x: curve.predictor.torque(_at(curve, x)) / curve.sigma, _into(curve), x_scale="jac"
+    )
+    return replace(curve, values=_at(curve, done.x))
+
+
+def _scatter(curve: Curve) -> float:
+    """Standard deviation from run to run: what the errors of the means do not explain."""
+    square, own = curve.residual**2, curve.at.error**2
+    free = max(len(square) - len(curve.coords), 1)
+    floor = 1e-4 * float(np.std(curve.at.u))
+    most = float(np.sqrt(np.sum(square) / free)) + floor
+
+    def excess(scatter: float) -> float:
+        return float(np.sum(square / (own + scatter**2))) - free
+
+    if excess(floor) <= 0.0:
+        return floor
+    return float(root_scalar(excess, bracket=(floor, most)).root) if excess(most) < 0.0 else most
+
+
+def _into(curve: Curve) -> np.ndarray:
+    return np.array([c.into(curve.values) for c in curve.coords])
+
+
+def _at(curve: Curve, x: np.ndarray) -> dict[str, float]:
+    made = dict(curve.values)
+    for c, value in zip(curve.coords, x, strict=True):
+        made[c.key] = c.back(float(value), made)
+    return made
+
+
+def _told(curve: Curve) -> bool:
+    """Whether the map tells the one free value at all."""
+    return bool(np.any(_slope(curve, _into(curve), 0)))
+
+
+def _slope(curve: Curve, x: np.ndarray, i: int) -> np.ndarray:
+    """Derivative of the residual along one coordinate."""
+    c = curve.coords[i]
+    step = NUDGE if c.kind in ("log", "excess") else c.step
+    along = step * (np.arange(len(x)) == i)
+    ahead, behind = (curve.predictor.torque(_at(curve, x + s * along)) for s in (1.0, -1.0))
+    return (ahead - behind) / (2.0 * step)
+
+
+def rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))

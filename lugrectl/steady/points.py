@@ -1,0 +1,143 @@
+"""Each run at a steady speed as one point: the mean torque over the mean speed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import Refused
+from ..record import Record
+from ..spec import unit_for
+from ..tracing.data import Data, Log
+from ..tracing.noise import Noise
+
+LEAST_RUNS = 4
+CELLS = 8  # parts of a run, by which its speed is judged and its mean's error found
+STEADY = 0.25  # of its mean speed, by which those parts may differ
+TURNS = 2.0  # least turns of a run whose swing with the angle is taken out of its mean
+ORDERS = 4  # of this swing
+ONE_SPEED = 0.1  # width about the median, of all speeds
+
+
+@dataclass(frozen=True)
+class Points:
+    """One value for each run: mean speed ``w``, mean torque ``u`` without a recorded load, and
+    the standard ``error`` of this mean; ``samples`` and ``seconds`` that it was taken over."""
+
+    w: np.ndarray
+    u: np.ndarray
+    error: np.ndarray
+    samples: np.ndarray
+    seconds: np.ndarray
+
+    def only(self, which: np.ndarray) -> Points:
+        return Points(*(values[which] for values in vars(self).values()))
+
+    def beside(self, other: Points) -> Points:
+        both = zip(vars(self).values(), vars(other).values(), strict=True)
+        return Points(*map(np.concatenate, both))
+
+
+def is_map(records: Sequence[Record]) -> bool:
+    """Whether these are runs at steady speed each, which tell of friction and of no inertia."""
+    return len(records) >= LEAST_RUNS and all(map(is_steady, records))
+
+
+def is_steady(record: Record) -> bool:
+    """Whether the parts of a run go at one speed."""
+    if record.samples < 2 * CELLS:
+        return False
+    means = np.array([np.mean(cell) for cell in np.array_split(speed(record), CELLS)])
+    mean = float(np.mean(means))
+    return bool(np.all(means * mean > 0.0) and np.std(means) < STEADY * abs(mean))
+
+
+def speed(record: Record) -> np.ndarray:
+    """w as it was recorded, or the slope of theta."""
+    if record.w is not None:
+        return record.w
+    assert record.theta is not None
+    return np.gradient(record.theta, record.dt)
+
+
+def angle(record: Record) -> np.ndarray | None:
+    """theta, up to where it starts; None where time was lost and theta not recorded."""
+    if record.theta is not None:
+        return record.theta
+    return None if record.gaps else np.cumsum(speed(record)) * record.dt
+
+
+def turns(record: Record) -> float:
+    """Whole turns that a rotary drive goes round in a run; 0 where that is not known."""
+    theta = angle(record)
+    if theta is None or record.motion != "rotary":
+        return 0.0
+    return abs(float(theta[-1] - theta[0])) / (2.0 * np.pi)
+
+
+def points(records: Sequence[Record]) -> Points:
+    """The map of these runs.
+
+    A swing with the angle is fitted beside the mean, which a broken number of turns would
+    shift; what is left tells the mean's error, by parts of the run.
+    """
+    rows = [_point(record) for record in records]
+    return Points(*(np.array(column) for column in zip(*rows, strict=True)))
+
+
+def _point(record: Record) -> tuple[float, float, float, int, float]:
+    w = speed(record)
+    u = record.u if record.d is None else record.u - record.d
+    columns = [np.ones(record.samples)]
+    theta = angle(record)
+    if theta is not None and turns(record) >= TURNS:
+        for order in range(1, ORDERS + 1):
+            columns += [np.cos(order * theta), np.sin(order * theta)]
+    A = np.column_stack(columns)
+    x = np.linalg.lstsq(A, u, rcond=None)[0]
+    means = [np.mean(cell) for cell in np.array_split(u - A @ x, CELLS)]
+    error = float(np.std(means, ddof=1)) / np.sqrt(CELLS)
+    return float(np.mean(w)), float(x[0]), error, record.samples, record.duration
+
+
+def laid(at: Points, motion: str) -> Data:
+    """The points as samples that say nothing of each other; what hangs on t or theta does not."""
+    n = len(at.w)
+    zero, nan, count = np.zeros(n), np.full(n, np.nan), np.arange(float(n))
+    log = Log(count, count, at.w, zero, at.u, zero, 1.0, motion, ())
+    noise = Noise(1.0, np.nan, 1.0)
+    y = np.column_stack([nan, at.w])
+    run = np.arange(n, dtype=np.int16)
+    return Data(count, at.u, zero, y, 1.0, motion, (), noise, log, run, {})
+
+
+def refuse_narrow(at: Points, motion: str, levels: bool) -> None:
+    """Refuse a map of one direction or of one speed, from which friction cannot be told.
+
+    ``levels`` says whether the declared friction has a Coulomb level.
+
+    Raises
+    ------
+    Refused
+    """
+    where, unit = f"{len(at.w)} runs at steady speed", unit_for("rad/s", motion)
+    if levels and not (np.any(at.w > 0.0) and np.any(at.w < 0.0)):
+        raise Refused(
+            f"{where}: all of them go in one direction: Coulomb friction cannot be told from a "
+            "constant torque.",
+            "Record the same speeds in the other direction, too.",
+        )
+    size = np.abs(at.w)
+    if np.ptp(size) < 2.0 * ONE_SPEED * np.median(size):
+        raise Refused(
+            f"{where}: all of them go at one speed ({size.min():.3g} to {size.max():.3g} {unit}): "
+            "how friction depends on speed cannot be told.",
+            "Record several speeds, from slow to fast, each twice as fast as the one before.",
+        )
+    if float(at.u @ at.w) <= 0.0:
+        raise Refused(
+            f"{where}: the torque opposes the motion that it is to keep up.",
+            "Check the sign of u; --scale u=-1 turns it round.",
+        )

@@ -1,0 +1,109 @@
+"""How the torque of runs at steady speed swings with the angle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import signal, stats
+
+from ..record import Record
+from ..results import Candidate, Estimate, Finding
+from ..spec import Block, members, unit_for
+from .curve import Curve, rms
+from .points import angle, turns
+
+LEAST_TURNS = 3.0  # of a run, so that half an order beside one shows something else
+HIGHEST = 8  # order looked at
+LEAST_RUNS = 6
+CHANCE = 0.01  # that any order is named though nothing swings
+
+
+@dataclass(frozen=True)
+class Swing:
+    """A torque that swings ``order`` times per turn: its amplitude with its 95 % interval, N m."""
+
+    order: int
+    amplitude: float
+    low: float
+    high: float
+
+
+def swings(records: Sequence[Record]) -> tuple[Swing, ...]:
+    """The orders of a turn at which the torque proves to swing, largest first.
+
+    An order is named where it is larger than half an order beside it on either side in more
+    runs than chance allows (by chance in one of three): noise of any colour does not do that.
+    The runs' phases are not compared: they start anywhere.
+    """
+    long = [r for r in records if turns(r) >= LEAST_TURNS]
+    if len(long) < LEAST_RUNS:
+        return ()
+    steps = np.arange(1.0, 2 * HIGHEST + 2) / 2.0
+    power = np.array([_power(record, steps) for record in long])
+    found = [_swing(order, power) for order in range(1, HIGHEST + 1)]
+    return tuple(sorted((s for s in found if s), key=lambda s: -s.amplitude))
+
+
+def _power(record: Record, orders: np.ndarray) -> np.ndarray:
+    """Squared amplitude of the torque at each order of a turn."""
+    theta = angle(record)
+    assert theta is not None
+    u = signal.detrend(record.u if record.d is None else record.u - record.d)
+    u = u * np.hanning(len(u)) * 2.0
+    return np.abs(2.0 * np.exp(-1j * np.outer(orders, theta)) @ u / len(u)) ** 2
+
+
+def _swing(order: int, power: np.ndarray) -> Swing | None:
+    """``power`` is (runs, half orders from 1/2 on)."""
+    below, own, above = power[:, 2 * order - 2 : 2 * order + 1].T
+    count, wins = len(own), int(np.sum(own > np.maximum(below, above)))
+    if stats.binom.sf(wins - 1, count, 1.0 / 3.0) > CHANCE / HIGHEST:
+        return None
+    excess = own - 0.5 * (below + above)
+    mean, width = float(np.mean(excess)), float(stats.sem(excess) * stats.t.ppf(0.975, count - 1))
+    size = np.sqrt(np.maximum([mean, mean - width, mean + width], 0.0))
+    return Swing(order, *map(float, size))
+
+
+def finding_of(swing: Swing, whole: Curve) -> Finding:
+    """The swing as the first effect that can make it, with all the others: no map tells them.
+
+    Its phase is not among the values: the runs start anywhere.
+    """
+    able = [b for b in members("effect").values() if _makes(b, swing.order)]
+    first, *others = sorted(able, key=lambda b: b.acts != ("torque",))
+    p = first.parameters[first.gain]
+    size = 1.0 if p.unit == "N m" else rms(whole.predictor.friction(whole.values))
+    interval = swing.low / size, swing.high / size
+    own = {
+        first.gain: Estimate(
+            swing.amplitude / size, unit_for(p.unit, whole.model.motion), interval
+        ),
+        _order(first): Estimate(float(swing.order), "1/rev"),
+    }
+    return Finding(first.name, own, tuple(Candidate(b.name, 0.0, 0.0) for b in others))
+
+
+def _makes(block: Block, order: int) -> bool:
+    """Whether an effect makes a torque swing so often per turn at a steady speed."""
+    name = _order(block)
+    if not name or "J" in block.acts:
+        return False
+    return block.own[name].low <= order <= block.own[name].high
+
+
+def _order(block: Block) -> str:
+    """The parameter of an effect that counts per turn; empty where it has none."""
+    return next((k for k, p in block.own.items() if p.whole), "")
+
+
+def told(swing: Sequence[Swing], whole: Curve) -> str:
+    """What the torque's swing is, in one sentence."""
+    friction = 0.01 * rms(whole.predictor.friction(whole.values))
+    orders = [f"{s.order} times per turn by {s.amplitude / friction:.2g} %" for s in swing]
+    return (
+        f"The torque swings with the angle: {', '.join(orders)} of friction. In which phase the "
+        "runs meet it is not known, so that it is no part of the model."
+    )
