@@ -23,6 +23,7 @@ from .tracing.start import holding
 EVERY = 3  # one of so many speeds is held out
 FINE = 400  # speeds at which the curves are drawn
 MAP = "{} runs at steady speed were taken as one map of torque over speed"
+UNTOLD = "The runs tell only a combination of {}: their values are one choice among many."
 LOG_ANGLE = "log theta from one zero mark in every run, over slow turns in both directions"
 MORE_SPEEDS = "record more speeds, from slow to fast, in both directions, at one temperature"
 
@@ -191,7 +192,8 @@ def messages_of(fits: Fits, whole: Curve) -> tuple[str, ...]:
     said = MAP.format(len(fits.records))
     said += f"; of {', '.join(silent)} they tell nothing." if silent else "."
     ends = [f"{k} lies at the end of the range that it may move in." for k in whole.ends()]
-    return tuple(dict.fromkeys([*fits.declared.remarks(), *noticed, said, *ends]))
+    untold = [UNTOLD.format(" and ".join(keys)) for keys in whole.flat()]
+    return tuple(dict.fromkeys([*fits.declared.remarks(), *noticed, said, *ends, *untold]))
 
 
 def _finding(step: Any, whole: Curve) -> Finding:

@@ -8,6 +8,7 @@ from itertools import product
 
 import numpy as np
 from scipy.stats import f as fisher
+from scipy.stats import norm, rankdata
 
 from ..model import Model
 from ..results import Candidate
@@ -99,32 +100,42 @@ def _worth(curve: Curve) -> bool:
 def by_chance(before: Curve, after: Curve) -> float:
     """How often so much less misfit would come by chance (F test, weights of the larger model).
 
-    Without the point that gains most: one run is no effect.
+    Without the point in each direction that gains most: what one speed shows is no law.
     """
+    gains = (before.residual**2 - after.residual**2) / after.sigma**2
+    ways = [gains[after.at.w * side > 0.0] for side in (-1.0, 1.0)]
+    certain = sum(way.sum() - way.max() for way in ways if len(way))
     more = len(after.coords) - len(before.coords)
-    free = len(after.at.w) - len(after.coords) - 1
+    free = len(gains) - len(after.coords) - len(ways)
     if more < 1 or free < 1:
         return 1.0
-    gains = (before.residual**2 - after.residual**2) / after.sigma**2
-    left = max(after.cost(after.sigma) / free, 1.0)
-    return float(fisher.sf((gains.sum() - gains.max()) / more / left, more, free))
+    return float(fisher.sf(certain / more / max(after.cost(after.sigma) / free, 1.0), more, free))
 
 
 def left_over(curve: Curve, seed: int) -> bool:
-    """Whether neighbours in speed are missed alike: something still hangs on speed."""
-    order = np.argsort(curve.at.w)
-    e = (curve.residual / curve.sigma)[order]
-    ways = [e[curve.at.w[order] * side > 0.0] for side in (-1.0, 1.0)]
+    """Whether neighbours in speed are missed alike, or the same speed in both directions.
+
+    Then something still hangs on speed. By ranks: one run far off proves nothing.
+    """
+    ways = [curve.at.w * side > 0.0 for side in (-1.0, 1.0)]
+    order = [np.flatnonzero(way)[np.argsort(np.abs(curve.at.w[way]))] for way in ways]
+    ranks = rankdata(curve.residual / curve.sigma)
+    sizes, e = [np.abs(curve.at.w[o]) for o in order], norm.ppf(ranks / (len(ranks) + 1.0))
     draw = np.random.default_rng(seed)
-    seen = _alike(ways)
-    drawn = [_alike([draw.permutation(way) for way in ways]) for _ in range(DRAWS)]
-    rare = (1 + np.sum(np.array(drawn) >= seen)) / (DRAWS + 1)
+    seen = _alike(sizes, [e[o] for o in order])
+    drawn = [_alike(sizes, [draw.permutation(e[o]) for o in order]) for _ in range(DRAWS)]
+    rare = (1 + np.sum(np.array(drawn) >= seen, axis=0)) / (DRAWS + 1)
     size = float(np.std(curve.residual)) / float(np.std(curve.at.u))
-    return bool(rare <= CHANCE_LEFT and size > LEAST_SIZE)
+    return bool(min(rare) <= 0.5 * CHANCE_LEFT and size > LEAST_SIZE)
 
 
-def _alike(ways: Sequence[np.ndarray]) -> float:
-    return float(sum(np.sum(e[1:] * e[:-1]) for e in ways))
+def _alike(sizes: Sequence[np.ndarray], ways: Sequence[np.ndarray]) -> tuple[float, float]:
+    """How much misfits of neighbours in speed go together, and of the two directions."""
+    beside = sum(float(np.sum(e[1:] * e[:-1])) for e in ways)
+    if not all(map(len, ways)):
+        return beside, -np.inf
+    there = np.interp(sizes[0], sizes[1], ways[1])
+    return beside, abs(float(np.sum(ways[0] * there)))
 
 
 def _with(current: Curve, name: str) -> Curve:
@@ -133,10 +144,11 @@ def _with(current: Curve, name: str) -> Curve:
     model = current.model.with_effect(name, {k: p.value for k, p in made.own.items()})
     key = model.effects[-1].key
     starts = [
-        current.values
-        | {k: v for k, v in own.items() if k in current.values}
+        plant
+        | {k: v for k, v in own.items() if k in plant}
         | {f"{key}.{k}": float(own.get(k, p.value)) for k, p in made.own.items()}
         for own in _starts(current, made)
+        for plant in (current.values, current.anchor)
     ]
     return fit(model, current.at, starts, current.anchor)
 
@@ -201,12 +213,9 @@ def started(model: Model, at: Points) -> list[dict[str, float]]:
     level, slope = np.linalg.lstsq(A, at.u, rcond=None)[0]
     Fc = given.get("Fc") or max(float(level), 0.05 * float(np.std(at.u)))
     guess = {"Fc": Fc, "Fs": 1.2 * Fc, "Fv": max(float(slope), 0.05 * Fc / size.max())}
-    speeds = np.quantile(size, [0.05, 0.15, 0.3, 0.5]) if given.get("vs", 0.0) is None else [1.0]
-    declared = model.declarations()
-    return [
-        {
-            k: float(v if v is not None else (guess | {"vs": vs}).get(k, declared[k].value))
-            for k, v in given.items()
-        }
-        for vs in speeds
-    ]
+    known = {k: v for k, v in given.items() if v is not None}
+    default = {k: p.value for k, p in model.declarations().items()}
+    whole = {k: float(v) for k, v in (default | guess | known).items() if k in given}
+    falls = np.quantile(size, [0.05, 0.15, 0.3, 0.5]) if "vs" in given else []
+    elsewhere = [whole | {"vs": float(vs)} for vs in falls]
+    return elsewhere if "vs" in given and "vs" not in known else [whole, *elsewhere]

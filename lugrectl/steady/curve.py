@@ -15,12 +15,14 @@ from scipy.stats import t as student
 
 from ..model import Model
 from ..tracing.coordinates import Coordinate, coordinates, free_keys
+from ..tracing.fit import flat, inverse
 from ..tracing.predictor import Predictor, Values
 from .points import Points, laid
 
 ROUNDS = 6  # of weights and values in turn, at most
 SETTLED = 0.02  # change of the weights that ends them
 STARTS = 2  # of the best, that are followed to the end
+FLAT = 1e-6  # of the scaled information, below which a direction is not told
 NUDGE = 1e-3  # of a coordinate, by which it shows whether the map tells it
 
 
@@ -68,19 +70,30 @@ class Curve:
 
     def intervals(self) -> dict[str, tuple[float, float]]:
         """95 % intervals by the curvature, of what the map tells and no bound does."""
-        inner = replace(self, coords=tuple(c for c in self.coords if c.key not in self.ends()))
-        free, x = len(self.at.w) - len(self.coords), _into(inner)
+        free, x = len(self.at.w) - len(self.coords), _into(self)
         if free < 1 or not len(x):
             return {}
-        slopes = np.array([_slope(inner, x, i) / self.sigma for i in range(len(x))])
-        covariance, made = np.linalg.pinv(slopes @ slopes.T), {}
-        moved = [(_at(inner, x - e), _at(inner, x + e)) for e in NUDGE * np.eye(len(x))]
-        for c in inner.coords:
-            rate = np.array([(b[c.key] - a[c.key]) / (2.0 * NUDGE) for a, b in moved])
+        covariance, made = inverse(self.information), {}
+        untold = {key for keys in self.flat() for key in keys} | set(self.ends())
+        moved = [(_at(self, x - e), _at(self, x + e)) for e in np.diag(_steps(self))]
+        for c in self.coords:
+            rate = np.array([b[c.key] - a[c.key] for a, b in moved]) / (2.0 * _steps(self))
             half = float(student.ppf(0.975, free) * np.sqrt(rate @ covariance @ rate))
             value = self.values[c.key]
-            made[c.key] = (max(value - half, c.low), min(value + half, c.high))
+            if c.key not in untold:
+                made[c.key] = (max(value - half, c.low), min(value + half, c.high))
         return made
+
+    @property
+    def information(self) -> np.ndarray:
+        """Of the coordinates, whose inverse is their covariance."""
+        x = _into(self)
+        slopes = np.array([_slope(self, x, i) / self.sigma for i in range(len(x))])
+        return slopes @ slopes.T
+
+    def flat(self) -> list[tuple[str, ...]]:
+        """Keys of which the map tells a combination only."""
+        return flat(self.information, self.coords, FLAT) if self.coords else []
 
     def ends(self) -> tuple[str, ...]:
         """The values that lie at the end of the range that they may move in."""
@@ -171,12 +184,16 @@ def _told(curve: Curve) -> bool:
 
 
 def _slope(curve: Curve, x: np.ndarray, i: int) -> np.ndarray:
-    """Derivative of the residual along one coordinate."""
-    c = curve.coords[i]
-    step = NUDGE if c.kind in ("log", "excess") else c.step
-    along = step * (np.arange(len(x)) == i)
-    ahead, behind = (curve.predictor.torque(_at(curve, x + s * along)) for s in (1.0, -1.0))
-    return (ahead - behind) / (2.0 * step)
+    """Derivative of the residual along one coordinate; to one side of it at its bound."""
+    c, along = curve.coords[i], _steps(curve) * (np.arange(len(x)) == i)
+    ends = [_at(curve, x + s * along) for s in (-1.0, 1.0)]
+    behind, ahead = (curve.predictor.torque(values) for values in ends)
+    apart = c.into(ends[1]) - c.into(ends[0])
+    return (ahead - behind) / apart if apart else np.zeros_like(ahead)
+
+
+def _steps(curve: Curve) -> np.ndarray:
+    return np.array([NUDGE if c.kind in ("log", "excess") else c.step for c in curve.coords])
 
 
 def rms(values: np.ndarray) -> float:

@@ -63,21 +63,16 @@ class Fitted:
 
         The second (sandwich over windows) stays honest where the innovations are coloured.
         """
-        inverse = _inverse(self.information)
+        own = inverse(self.information)
         n = len(self.scores)
-        spread = inverse @ (self.scores.T @ self.scores) @ inverse * n / max(n - 1, 1)
-        own = np.maximum(np.diag(inverse), 1e-300)
-        ratio = np.sqrt(np.maximum(np.diag(spread) / own, 1.0))
-        return inverse * np.outer(ratio, ratio)
+        spread = own @ (self.scores.T @ self.scores) @ own * n / max(n - 1, 1)
+        size = np.maximum(np.diag(own), 1e-300)
+        ratio = np.sqrt(np.maximum(np.diag(spread) / size, 1.0))
+        return own * np.outer(ratio, ratio)
 
     def flat(self) -> list[tuple[str, ...]]:
         """Keys of which the record tells a combination only, by direction."""
-        values, axes = np.linalg.eigh(_unit(self.information)[0])
-        return [
-            tuple(c.key for c, part in zip(self.free, axis, strict=True) if abs(part) > PART)
-            for value, axis in zip(values, axes.T, strict=True)
-            if value < FLAT
-        ]
+        return flat(self.information, self.free)
 
     def intervals(self) -> dict[str, tuple[float, float]]:
         """95 % intervals by key; that of a phase may reach beyond half a turn.
@@ -105,7 +100,20 @@ def _unit(information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return information / scale, scale
 
 
-def _inverse(information: np.ndarray) -> np.ndarray:
+def flat(
+    information: np.ndarray, coords: Sequence[Coordinate], least: float = FLAT
+) -> list[tuple[str, ...]]:
+    """Keys of which only a combination is told, for each direction that is told less."""
+    values, axes = np.linalg.eigh(_unit(information)[0])
+    return [
+        tuple(c.key for c, part in zip(coords, axis, strict=True) if abs(part) > PART)
+        for value, axis in zip(values, axes.T, strict=True)
+        if value < least
+    ]
+
+
+def inverse(information: np.ndarray) -> np.ndarray:
+    """Of what is told; 0 along what is not."""
     unit, scale = _unit(information)
     return np.linalg.pinv(unit, rcond=1e-12, hermitian=True) / scale
 
