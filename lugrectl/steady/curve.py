@@ -15,12 +15,13 @@ from scipy.stats import t as student
 
 from ..model import Model
 from ..tracing.coordinates import Coordinate, coordinates, free_keys
-from ..tracing.fit import flat, inverse
+from ..tracing.fit import PRIOR, flat, inverse
 from ..tracing.predictor import Predictor, Values
 from .points import Points, laid
 
 ROUNDS = 6  # of weights and values in turn, at most
 SETTLED = 0.02  # change of the weights that ends them
+FIRST = 15  # steps from every start
 STARTS = 2  # of the best, that are followed to the end
 FLAT = 1e-6  # of the scaled information, below which a direction is not told
 NUDGE = 1e-3  # of a coordinate, by which it shows whether the map tells it
@@ -121,7 +122,7 @@ def fit(model: Model, at: Points, starts: Sequence[Values], anchor: Values) -> C
         open_ = Curve(predictor, at, dict(start), (), flat, around)
         coords = coordinates(predictor, free_keys(predictor), around)
         told = [c for c in coords if _told(replace(open_, coords=(c,)))]
-        tried.append(_stepped(replace(open_, coords=tuple(told))))
+        tried.append(_stepped(replace(open_, coords=tuple(told)), FIRST))
     best = sorted(tried, key=lambda curve: curve.misfit)[:STARTS]
     return min(map(_settled, best), key=lambda curve: curve.misfit)
 
@@ -143,12 +144,18 @@ def _settled(curve: Curve) -> Curve:
     return _stepped(curve)
 
 
-def _stepped(curve: Curve) -> Curve:
+def _stepped(curve: Curve, most: int | None = None) -> Curve:
+    """Least squares, with a weak belief that keeps what is not told where it was started."""
     if not curve.coords:
         return curve
-    done = least_squares(
-        lambda x: curve.predictor.torque(_at(curve, x)) / curve.sigma, _into(curve), x_scale="jac"
-    )
+    believed = np.array([c.kind in ("log", "excess") for c in curve.coords]) / PRIOR
+    center = np.array([c.into(curve.anchor) for c in curve.coords])
+
+    def miss(x: np.ndarray) -> np.ndarray:
+        torque = curve.predictor.torque(_at(curve, x)) / curve.sigma
+        return np.concatenate([torque, believed * (x - center)])
+
+    done = least_squares(miss, _into(curve), x_scale="jac", max_nfev=most)
     return replace(curve, values=_at(curve, done.x))
 
 

@@ -113,7 +113,7 @@ def _hidden(name: str, size: float, m: dict[str, float], top: float, chance):
 def _run(w: float, torque: float, amplitude: float, order: int, level: float, chance) -> dict:
     """Some turns at one speed, 500 samples or so, from any angle on."""
     n = int(chance.integers(300, 700))
-    seconds = max(chance.uniform(4.0, 12.0) * 2.0 * pi / abs(w), 0.5)
+    seconds = max(chance.uniform(4.0, 12.0) * 2.0 * pi / abs(w), 1.2)
     t = np.arange(n) * seconds / n
     theta = chance.uniform(0.0, 2.0 * pi) + w * t
     wander = np.cumsum(chance.standard_normal(n)) / np.sqrt(n)
