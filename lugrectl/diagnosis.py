@@ -168,7 +168,7 @@ def _answer(job: Job, report: Progress) -> _Answer:
     new, known = surprising(final, test), None
     if len(new):  # perhaps the fitted samples only do not tell the parameters well enough
         known = on_everything(final, job)
-        new = surprising(replace(final, values=known.values, noise=known.noise), test)
+        new = surprising(final, test, known.values)
     return _Answer(job, found, new, undated(final, test), known)
 
 

@@ -8,18 +8,20 @@ import numpy as np
 
 from .evaluate import missing_torque
 from .fit import Fitted
-from .predictor import Windows
+from .predictor import Values, Windows
 from .proof import LEAST_SIZE
 
 MORE = 2.0  # times what may be missing, and what is missing from any window that was fitted
 
 
-def surprising(fitted: Fitted, test: Windows) -> np.ndarray:
+def surprising(fitted: Fitted, test: Windows, values: Values | None = None) -> np.ndarray:
     """The windows that the model cannot explain although it explains all that it was fitted to.
 
     An observer just fast enough to supply a torque of the least size worth a name follows a
     motion that hangs on chance (whether a drive sticks), but not a missing effect. Where the
-    fitted samples leave open when something changed, nothing can be foreseen.
+    fitted samples leave open when something changed, nothing can be foreseen. With other
+    ``values`` it is what these do not explain as well as the model explained what it was
+    fitted to.
     """
     if fitted.noise.uneven:  # a window may have missed a hidden state
         return np.array([], dtype=int)
@@ -27,8 +29,8 @@ def surprising(fitted: Fitted, test: Windows) -> np.ndarray:
     least = LEAST_SIZE * float(np.sqrt(np.mean(friction**2)))
     noise = replace(fitted.noise, jump=least / fitted.values["J"])
     known, new = (
-        np.sqrt(np.mean(missing_torque(fitted.predictor, fitted.values, w, noise) ** 2, axis=1))
-        for w in (fitted.where, test)
+        np.sqrt(np.mean(missing_torque(fitted.predictor, v, w, noise) ** 2, axis=1))
+        for v, w in ((fitted.values, fitted.where), (values or fitted.values, test))
     )
     new[_open(fitted, test)] = 0.0
     return np.flatnonzero(new > MORE * max(least, float(np.max(known))))
