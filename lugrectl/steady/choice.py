@@ -25,7 +25,6 @@ ALIKE = 4.0  # misfit, in variances, within which two models explain a map as we
 MOST_EFFECTS = 3
 DRAWS, CHANCE_LEFT = 999, 0.01  # orders of the residuals drawn, and how rare a like one is to be
 
-
 Named = tuple[str, Curve]
 
 
@@ -74,9 +73,9 @@ def _followed(
     """Every way on: the keys of the effects added, what else explained as much, and the model."""
     chance = CHANCE / max(len(tried), 1)
     sound = [(n, c) for n, c in tried if by_chance(current, c) < chance and _worth(c)]
-    ways = []
-    for name, curve in _even(sound):
-        step = curve.model.effects[-1].key, [n for n, _ in _even(sound) if n != name]
+    even, ways = _even(sound), []
+    for name, curve in even:
+        step = curve.model.effects[-1].key, [n for n, _ in even if n != name]
         more = [] if turn == MOST_EFFECTS else _tried(curve, say, turn + 1)
         ways += [([step, *rest], end) for rest, end in _followed(curve, more, say, turn + 1)]
     return ways or [([], current)]

@@ -22,6 +22,7 @@ from .points import Points, laid
 ROUNDS = 6  # of weights and values in turn, at most
 SETTLED = 0.02  # change of the weights that ends them
 FIRST = 15  # steps from every start
+GUESS = 0.02  # of the torque, for its standard deviation before anything is fitted
 STARTS = 2  # of the best, that are followed to the end
 FLAT = 1e-6  # of the scaled information, below which a direction is not told
 NUDGE = 1e-3  # of a coordinate, by which it shows whether the map tells it
@@ -114,7 +115,7 @@ class Curve:
 
 def fit(model: Model, at: Points, starts: Sequence[Values], anchor: Values) -> Curve:
     """The best fit from several starts; what ``anchor`` does not hold is anchored there."""
-    flat = np.full(len(at.w), float(np.std(at.u)) or 1.0)
+    flat = np.full(len(at.w), GUESS * float(np.std(at.u)) or 1.0)
     predictor = Predictor(model, laid(at, model.motion))
     tried = []
     for start in starts:

@@ -57,8 +57,8 @@ def signals_of_the_rest(final: Fitted, base: Fitted, *, doubtful: bool = False) 
 
     The balance of the sliding drive comes first. What is left may be a poor picture of one
     thing, torn by ``doubtful`` effects that were found in its place: then all that is missing
-    tells more, unless they have taken it. What no function of time foretells is not taken for
-    one as long as others explain it.
+    tells more, unless they have taken it. Time comes last: between two neighbours it tells
+    whatever is slow.
     """
     left, whole = (while_sliding(f, everywhere=True) for f in (final, base))
     for timed in (False, True):
@@ -67,6 +67,9 @@ def signals_of_the_rest(final: Fitted, base: Fitted, *, doubtful: bool = False) 
             return best.signals
         if first and left.share(first.signals) > TAKEN:
             return first.signals
+        shown = () if timed else hangs_on(final)
+        if shown and "t" not in shown:
+            return shown
     return hangs_on(final) or hangs_on(base) or ("t",)
 
 
