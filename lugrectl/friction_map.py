@@ -105,12 +105,12 @@ def begin_map(
     progress(0.05, "mean torque over mean speed")
     whole, held_out = _laid_out(records, holdout)
     at = whole.only(~held_out)
-    refuse_narrow(at, model.motion, "Fc" in model.friction.values)
+    where = f"{len(records)} runs at steady speed"
+    refuse_narrow(at, model.motion, "Fc" in model.friction.values, where)
     if not held_out.any():
         raise Refused(
-            f"{len(records)} runs at steady speed are too few to fit and to judge on different "
-            "ones",
-            "record at least three speeds in each direction, or give a run with --holdout",
+            f"{where}: they are too few to fit and to judge on different ones.",
+            "Record at least three speeds in each direction, or give a run with --holdout.",
         )
     progress(0.1, "fitting the declared friction")
     starts = started(model, at)

@@ -1,6 +1,7 @@
 """A table over a signal as a block, and the table that an unexplained residual becomes."""
 
 import json
+from dataclasses import replace
 
 import control as ct
 import numpy as np
@@ -191,6 +192,18 @@ def test_resampling_is_seeded():
 @pytest.mark.parametrize("signals", [(), ("a",), ("w", "theta"), ("u", "w")])
 def test_other_signals_make_no_table(signals):
     assert tabled(lambda log: 0.0 * log.t, signals)[0] is None
+
+
+def test_a_table_seen_at_one_place_only_is_no_crash():
+    """A drive that rests but for one move: a straight line through the rest is open."""
+    log = log_of()
+    moved = np.where(log.t > 59.0, 1.0, 1e-9)
+    still = replace(log, theta=moved * (log.t - 59.0), motion="linear")
+    counted = np.arange(len(log.t)).reshape(-1, 1000)
+    noise = NOISE * np.random.default_rng(0).normal(size=counted.shape)
+    made = tabulate(noise, still, counted, ("theta",))
+    assert made is not None and np.all(np.isfinite(made.error))
+    assert np.abs(made.values[0]) < NOISE  # where it was
 
 
 def test_too_few_windows_make_no_table():

@@ -197,9 +197,10 @@ def errors(d: Any) -> Section | None:
     """The before/after table: declared, refitted, augmented, noise floor."""
     error, free, torque = (_get(d, k) for k in ("error", "free_error", "torque_error"))
     rows, footnote = [], ""
-    if error and _get(d, "map"):
-        error, free, torque = None, None, error
-    if error:
+    if error and error["signal"] == "u":  # of mean torques: there is nothing to simulate
+        rows.append(_error_row(d, "torque", error))
+        free = torque = None
+    elif error:
         rows.append(_error_row(d, f"{error['signal']}, restarted", error))
     if free:
         star = "*" if free.get("in_sample") else ""
@@ -215,24 +216,20 @@ def errors(d: Any) -> Section | None:
         return None
     head = ("RMS", "unit", "declared", "refitted", "augmented", "noise", "improved")
     grid = Grid(head, "llrrrrr", tuple(rows))
-    return Section("Error before and after", _scope(d, error), grid, footnote)
+    return Section("Error before and after", _scope(error), grid, footnote)
 
 
-def _scope(d: Any, error: Mapping[str, Any] | None) -> tuple[str, ...]:
-    made = _get(d, "map")
-    if made is not None:
-        return (
-            f"Mean torque of {int(made.held_out.sum())} of {len(made.w)} runs, which were held "
-            "out, minus the model's at their speed. Improvement is counted against the refitted "
-            "model.",
-        )
+def _scope(error: Mapping[str, Any] | None) -> tuple[str, ...]:
     if not error:
         return ()
-    return (
-        f"Measured minus simulated over {error['samples']} held-out samples; the simulation is "
-        f"restarted every {error['horizon']:g} s. Improvement is counted against the refitted "
-        "model.",
-    )
+    if error["signal"] == "u":
+        what = "Mean torque of the runs held out, minus the model's at their speed"
+    else:
+        what = (
+            f"Measured minus simulated over {error['samples']} held-out samples; the simulation "
+            f"is restarted every {error['horizon']:g} s"
+        )
+    return (f"{what}. Improvement is counted against the refitted model.",)
 
 
 def _error_row(d: Any, label: str, error: Mapping[str, Any]) -> tuple[str, ...]:

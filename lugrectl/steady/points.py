@@ -113,16 +113,17 @@ def laid(at: Points, motion: str) -> Data:
     return Data(count, at.u, zero, y, 1.0, motion, (), noise, log, run, {})
 
 
-def refuse_narrow(at: Points, motion: str, levels: bool) -> None:
+def refuse_narrow(at: Points, motion: str, levels: bool, where: str) -> None:
     """Refuse a map of one direction or of one speed, from which friction cannot be told.
 
-    ``levels`` says whether the declared friction has a Coulomb level.
+    ``levels`` says whether the declared friction has a Coulomb level; ``where`` starts the
+    sentence.
 
     Raises
     ------
     Refused
     """
-    where, unit = f"{len(at.w)} runs at steady speed", unit_for("rad/s", motion)
+    unit = unit_for("rad/s", motion)
     if levels and not (np.any(at.w > 0.0) and np.any(at.w < 0.0)):
         raise Refused(
             f"{where}: all of them go in one direction: Coulomb friction cannot be told from a "

@@ -11,6 +11,7 @@ from scipy import signal, stats
 from ..record import Record
 from ..results import Candidate, Estimate, Finding
 from ..spec import Block, members, unit_for
+from ..tracing.explain import worth_trying
 from .curve import Curve, rms
 from .points import angle, turns
 
@@ -72,10 +73,13 @@ def finding_of(swing: Swing, whole: Curve) -> Finding:
 
     Its phase is not among the values: the runs start anywhere.
     """
-    able = [b for b in members("effect").values() if _makes(b, swing.order)]
+    worth = [members("effect")[name] for name in worth_trying(whole.model)]
+    able = [block for block in worth if _makes(block, swing.order)]
     first, *others = sorted(able, key=lambda b: b.acts != ("torque",))
     p = first.parameters[first.gain]
-    size = 1.0 if p.unit == "N m" else rms(whole.predictor.friction(whole.values))
+    friction = rms(whole.predictor.friction(whole.values))
+    of = {("torque",): 1.0, ("input",): rms(whole.at.u)}
+    size = of.get(first.acts, friction)
     interval = swing.low / size, swing.high / size
     own = {
         first.gain: Estimate(

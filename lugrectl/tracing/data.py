@@ -166,7 +166,7 @@ def _alike(records: Sequence[Record]) -> None:
         if abs(r.dt / first.dt - 1.0) > 1e-3:
             raise InputError(
                 f"{r.source} has {r.rate:g} samples a second, {first.source} has {first.rate:g}; "
-                "give runs of one rate."
+                "give runs of one rate, or four or more at a steady speed each."
             )
         same = (r.w is None, r.theta is None) == (first.w is None, first.theta is None)
         if r.motion != first.motion or not same:

@@ -53,8 +53,9 @@ class _Grid:
 
     def system(self, weight: np.ndarray, stiffness: float) -> np.ndarray:
         H = np.tensordot(weight, self.G, 1)
-        size = np.trace(H)
-        return H + stiffness * size * self.S + 1e-10 * size * np.eye(len(H))
+        size, stiff = np.trace(H), stiffness * self.S
+        firm = 1e-10 + 1e-14 * np.trace(stiff)  # a straight line may be seen at one place only
+        return H + size * (stiff + firm * np.eye(len(H)))
 
     def gain(self, values: np.ndarray, of: np.ndarray) -> np.ndarray:
         """Power that tables (tables, m) take from the blocks: |r|^2 - |r - A v|^2."""
