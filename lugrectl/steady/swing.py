@@ -76,18 +76,20 @@ def finding_of(swing: Swing, whole: Curve) -> Finding:
     worth = [members("effect")[name] for name in worth_trying(whole.model)]
     able = [block for block in worth if _makes(block, swing.order)]
     first, *others = sorted(able, key=lambda b: b.acts != ("torque",))
-    p = first.parameters[first.gain]
-    friction = rms(whole.predictor.friction(whole.values))
-    of = {("torque",): 1.0, ("input",): rms(whole.at.u)}
-    size = of.get(first.acts, friction)
-    interval = swing.low / size, swing.high / size
+    size, unit = _swung(first, whole), first.parameters[first.gain].unit
+    strength, low, high = (x / size for x in (swing.amplitude, swing.low, swing.high))
     own = {
-        first.gain: Estimate(
-            swing.amplitude / size, unit_for(p.unit, whole.model.motion), interval
-        ),
+        first.gain: Estimate(strength, unit_for(unit, whole.model.motion), (low, high)),
         _order(first): Estimate(float(swing.order), "1/rev"),
     }
     return Finding(first.name, own, tuple(Candidate(b.name, 0.0, 0.0) for b in others))
+
+
+def _swung(block: Block, whole: Curve) -> float:
+    """RMS torque that an effect makes swing by its strength, or 1 where that is a torque."""
+    if block.acts == ("torque",):
+        return 1.0
+    return rms(whole.at.u if "input" in block.acts else whole.predictor.friction(whole.values))
 
 
 def _makes(block: Block, order: int) -> bool:
