@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from .errors import InputError, Refused
-from .model import Model
+from .model import Model, Part
 from .record import Record
 from .results import Diagnosis, Estimate, Finding, FrictionMap
 from .spec import members, unit_for
-from .steady.choice import Choice, choose, left_over, started
+from .steady.choice import Choice, choose, is_static, left_over, started
 from .steady.curve import Curve, fit, refit, rms
 from .steady.points import Points, is_steady, laid, points, refuse_narrow
 from .steady.swing import Swing, finding_of, swings, told
@@ -32,13 +32,17 @@ Progress = Callable[[float, str], None]
 
 @dataclass(frozen=True)
 class Fits:
-    """A map, which of its points are held out, and the declared friction fitted to the others."""
+    """A map, which of its points are held out, and the declared friction fitted to the others.
+
+    ``aside`` are the declared effects of which such runs tell nothing; ``declared`` is without.
+    """
 
     records: tuple[Record, ...]
     whole: Points
     held_out: np.ndarray
     base: Curve
     declared: Model
+    aside: tuple[Part, ...]
 
 
 def diagnose_map(
@@ -105,6 +109,8 @@ def begin_map(
     progress(0.05, "mean torque over mean speed")
     whole, held_out = _laid_out(records, holdout)
     at = whole.only(~held_out)
+    aside = tuple(part for part in model.effects if not is_static(part.block))
+    model = replace(model, effects=tuple(p for p in model.effects if p not in aside))
     where = f"{len(records)} runs at steady speed"
     refuse_narrow(at, model.motion, "Fc" in model.friction.values, where)
     if not held_out.any():
@@ -118,7 +124,7 @@ def begin_map(
     fixed = {k: v for k, v in full.known().items() if not full.declarations()[k].fitted}
     base = fit(full, at, [start | fixed for start in starts], model.known() | fixed)
     apart = (holdout,) if isinstance(holdout, Record) else ()
-    return Fits((*records, *apart), whole, held_out, base, model)
+    return Fits((*records, *apart), whole, held_out, base, model, aside)
 
 
 def _laid_out(records: Sequence[Record], holdout: str | Record | None) -> tuple[Points, np.ndarray]:
@@ -181,7 +187,8 @@ def final_model(fits: Fits, whole: Curve) -> Model:
     """The fitted model; what was given no value and is not told by the map has none."""
     told = {c.key for c in whole.coords}
     unknown = {k for k, v in fits.declared.values().items() if v is None} - told
-    return whole.model.with_values(whole.values | dict.fromkeys(unknown))
+    model = whole.model.with_values(whole.values | dict.fromkeys(unknown))
+    return replace(model, effects=(*fits.aside, *model.effects))
 
 
 def messages_of(fits: Fits, whole: Curve) -> tuple[str, ...]:
@@ -189,6 +196,7 @@ def messages_of(fits: Fits, whole: Curve) -> tuple[str, ...]:
     noticed = [m for r in fits.records for m in r.messages]
     declared, told = fits.declared.declarations(), {c.key for c in whole.coords}
     silent = [k for k, p in declared.items() if p.fitted and k not in told]
+    silent += [part.key for part in fits.aside]
     said = MAP.format(len(fits.records))
     said += f"; of {', '.join(silent)} they tell nothing." if silent else "."
     ends = [f"{k} lies at the end of the range that it may move in." for k in whole.ends()]
@@ -220,7 +228,7 @@ def _experiment(verdict: str, found: Sequence[Finding], swinging: bool) -> str |
             how = members("effect")[finding.name].experiment
             said.append(f"to tell {finding.name} from {others}: {how}")
     if swinging:
-        others = " or ".join(c.name for c in found[-1].alternatives)
+        others = " or ".join(c.name for c in found[-1].alternatives) or "others"
         said.append(f"to tell {found[-1].name} from {others}: {LOG_ANGLE}")
     whole = "; ".join(said)
     return f"{whole[0].upper()}{whole[1:]}." if whole else None

@@ -105,6 +105,17 @@ def test_inertia_and_presliding_stay_as_they_were():
     assert found.model.J is None and found.model.to_dict()["plant"] == {}
 
 
+def test_declared_effects_that_do_not_show_stay_as_they_were():
+    _, runs, model, found = case("constant_torque", 20)
+    more = model.with_effect("gravity", {"amplitude": 3.0, "phase": 0.2})
+    more = more.with_effect("input_delay", {"delay": 0.01}).with_effect("presliding")
+    told = lg.diagnose(runs, more)
+    assert told.effects[0].parameters["torque"] == found.effects[0].parameters["torque"]
+    assert [p.block.name for p in told.model.effects][:3] == [p.block.name for p in more.effects]
+    assert told.model.values()["gravity.amplitude"] == 3.0
+    assert any("gravity, input_delay, presliding they tell nothing" in m for m in told.messages)
+
+
 def test_identify_fits_the_declared_friction():
     made, runs, model, _ = case("none", 21)
     fitted = lg.identify(runs, model)

@@ -83,10 +83,11 @@ def _followed(
 
 def candidates(model: Model) -> list[str]:
     """The effects worth trying that a drive at steady speed shows by its speed alone."""
-    return [name for name in worth_trying(model) if _static(members("effect")[name])]
+    return [name for name in worth_trying(model) if is_static(members("effect")[name])]
 
 
-def _static(made: Block) -> bool:
+def is_static(made: Block) -> bool:
+    """Whether an effect shows at a steady speed, by this speed alone."""
     bare = not (made.states or made.exact) and (made.load or not made.timed)
     acts = {act.removeprefix("+") for act in made.acts}
     return bare and set(made.inputs) <= {"w"} and acts <= {"torque", "Fc", "Fs", "Fv"}
