@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from lugrectl.model import model_from_dict
 from lugrectl.spec import members
-from lugrectl.tracing.explain import _comes_to, _names
+from lugrectl.tracing.explain import _comes_to, worth_trying
 from lugrectl.tracing.fit import fit
 from lugrectl.tracing.job import begin
 from lugrectl.tracing.predictor import Predictor
@@ -27,7 +27,7 @@ FRICTION = {
 def tried(law, motion="rotary", **more):
     friction = {"model": law, **FRICTION[law]}
     data = {"plant": PLANT, "friction": friction, "motion": motion, **more}
-    return set(_names(model_from_dict(data, "here")))
+    return set(worth_trying(model_from_dict(data, "here")))
 
 
 def test_what_the_friction_law_has_is_not_tried_and_all_else_is():
