@@ -7,6 +7,7 @@ import math
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -155,3 +156,11 @@ def test_a_full_cache_drops_libraries_too(tmp_path) -> None:
         os.utime(tmp_path / name, (age, age))
     kept.make_room(tmp_path, most=2)
     assert [p.name for p in tmp_path.iterdir()] == ["lugrectl_b.py"]
+
+
+def test_threads_write_c_at_the_same_time() -> None:
+    source = "def run(a):\n" + "    a[0] = a[0] * 2.0 + (1.0 - a[0])\n" * 200
+    kind = [Kind("d", ("n",))]
+    with ThreadPoolExecutor(8) as pool:
+        made = list(pool.map(lambda _: c_code(source, kind), range(80)))
+    assert len(set(made)) == 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NoReturn
@@ -19,6 +20,8 @@ _SIGNS |= {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==",
 _SIGNS |= {ast.And: "&&", ast.Or: "||"}
 _CALLS = {"abs": "fabs", "max": "most", "min": "least"}
 _CONSTANTS = {"inf": "INFINITY", "nan": "NAN"}
+
+_PARSING = threading.Lock()  # Python 3.11 counts the depth of trees for all threads at once
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,9 @@ def c_code(source: str, kinds: Sequence[Kind]) -> str:
     ValueError
         At a statement or an expression that has no word here.
     """
-    (function,) = [n for n in ast.parse(source).body if isinstance(n, ast.FunctionDef)]
+    with _PARSING:
+        tree = ast.parse(source)
+    (function,) = [n for n in tree.body if isinstance(n, ast.FunctionDef)]
     given = {a.arg: kind for a, kind in zip(function.args.args, kinds, strict=True)}
     writer = _Writer(given)
     body = writer.block(function.body, 1)
