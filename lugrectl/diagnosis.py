@@ -12,12 +12,12 @@ from .friction_map import diagnose_map
 from .model import Model
 from .record import Record
 from .results import Diagnosis, Finding, Table, Traces
-from .spec import members
 from .steady.points import is_map
 from .tracing.evaluate import Judged, missing_torque
-from .tracing.explain import Explanation, Step, explain, signals_of
+from .tracing.explain import Explanation, explain, signals_of
 from .tracing.fit import Fitted
 from .tracing.job import (
+    UNTOLD,
     Job,
     Progress,
     begin,
@@ -38,7 +38,6 @@ TURNED = (
     "The blocks first held out show a torque, or the moment of a change, that the others do not: "
     "fitted and held-out blocks were exchanged."
 )
-UNTOLD = "The record tells only a combination of {}: their values are one choice among many."
 MANY = (
     "A state that the motion does not show for a while makes many optima: the values found may be "
     "off by tens of per cent, so no intervals are given."
@@ -92,9 +91,8 @@ def diagnose(
         When the record cannot answer.
     """
     report = progress or (lambda fraction, what: None)
-    runs = [record] if isinstance(record, Record) else list(record)
-    if is_map(runs):
-        return diagnose_map(runs, model, holdout=holdout, seed=seed, progress=report)
+    if not isinstance(record, Record) and is_map(record):
+        return diagnose_map(record, model, holdout=holdout, seed=seed, progress=report)
     answer = _answered(partial(begin, record, model, holdout, horizon, report), report)
     job, found, new = answer.job, answer.found, answer.unforeseen
     if len(new):
@@ -106,22 +104,24 @@ def diagnose(
     report(0.92, "parameters and intervals")
     whole = found.final if len(new) else answer.known or on_everything(found.final, job)
     job = compared(job, whole)
-    untold = [UNTOLD.format(" and ".join(keys)) for keys in whole.flat()]
+    untold = [UNTOLD.format("record tells", " and ".join(keys)) for keys in whole.flat()]
     many = (MANY,) if whole.noise.uneven else ()
     job = noted(job, *untold, *many, *statements(whole))
     verdict, depends = _verdict(found)
+    told = estimates(whole)
+    effects = [Finding.of(s.trial.key, s.trial.name, told, s.tied) for s in found.steps]
     table = _table(found.final, job, depends, seed) if verdict == "unexplained" else None
     return Diagnosis(
         verdict=verdict,
-        effects=tuple(_finding(step, whole) for step in found.steps),
+        effects=tuple(effects),
         depends_on=depends,
-        experiment=_experiment(verdict, found.steps, depends),
+        experiment=_experiment(verdict, effects, depends),
         error=scored["error"],
         free_error=scored["free_error"],
         torque_error=scored["torque_error"],
         model=whole.predictor.model.with_values(whole.values),
         declared=model,
-        estimates=estimates(whole),
+        estimates=told,
         record=job.records[0],
         messages=job.messages,
         ranking=found.ranking,
@@ -188,13 +188,6 @@ def _verdict(found: Explanation) -> tuple[str, tuple[str, ...]]:
     return "ambiguous" if tied else "found", signals_of([step.trial.name for step in found.steps])
 
 
-def _finding(step: Step, fitted: Fitted) -> Finding:
-    prefix = step.trial.key + "."
-    all_of = estimates(fitted)
-    own = {k.removeprefix(prefix): e for k, e in all_of.items() if k.startswith(prefix)}
-    return Finding(step.trial.name, own, step.tied)
-
-
 _ADVICE = {
     "theta": "record slow moves over the same positions in both directions at two speeds",
     "w": "record constant speeds from slow to fast in both directions",
@@ -204,12 +197,10 @@ _ADVICE = {
 }
 
 
-def _experiment(verdict: str, steps: Sequence[Step], depends: Sequence[str]) -> str | None:
+def _experiment(verdict: str, effects: Sequence[Finding], depends: Sequence[str]) -> str | None:
     if verdict == "ambiguous":
-        step = next(s for s in steps if s.tied)
-        block = members("effect")[step.trial.name]
-        others = " or ".join(c.name for c in step.tied)
-        return f"To tell {step.trial.name} from {others}: {block.experiment}."
+        said = next(finding for finding in effects if finding.alternatives).apart()
+        return f"{said[0].upper()}{said[1:]}."
     if verdict == "unexplained":
         advice = _ADVICE[depends[0]] if depends else _ADVICE["a"]
         return f"To see what it is: {advice}."

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,22 +12,23 @@ from .errors import InputError, Refused
 from .model import Model, Part
 from .record import Record
 from .results import Diagnosis, Estimate, Finding, FrictionMap
-from .spec import members, unit_for
+from .spec import unit_for
 from .steady.choice import Choice, choose, is_static, left_over, started
-from .steady.curve import Curve, fit, refit, rms
+from .steady.curve import Curve, fit, refit
 from .steady.points import Points, is_steady, laid, points, refuse_narrow
-from .steady.swing import Swing, finding_of, swings, told
+from .steady.swing import Swing, finding_of, sentence, swings
+from .tracing.evaluate import rms
 from .tracing.explain import signals_of
+from .tracing.job import UNTOLD, Progress
 from .tracing.start import holding
 
 EVERY = 3  # one of so many speeds is held out
 FINE = 400  # speeds at which the curves are drawn
 MAP = "{} runs at steady speed were taken as one map of torque over speed"
-UNTOLD = "The runs tell only a combination of {}: their values are one choice among many."
 LOG_ANGLE = "log theta from one zero mark in every run, over slow turns in both directions"
 MORE_SPEEDS = "record more speeds, from slow to fast, in both directions, at one temperature"
-
-Progress = Callable[[float, str], None]
+_FREE = ("signal", "unit", "declared", "refitted", "augmented")
+_TORQUE = ("unit", "declared", "refitted", "augmented")
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,19 @@ def diagnose_map(
     ``error`` is the RMS of measured minus modelled mean torque there, N m or N: there is no
     motion to simulate. Values given at the end come from all points.
 
+    Parameters
+    ----------
+    records : list of Record
+        Four or more runs at a steady speed each.
+    model : Model
+        The declared model; its friction is fitted, its effects where such runs show them.
+    holdout : None, "last" or Record
+        What is held out.
+    seed : int
+        For the orders drawn at random that tell whether what is left hangs on speed.
+    progress : callable
+        ``progress(fraction, what)``.
+
     Raises
     ------
     InputError
@@ -79,7 +93,8 @@ def diagnose_map(
     whole = refit(choice.final, fits.whole)
     missing = left_over(whole, seed)
     errors = errors_of(fits, choice.final)
-    found = [_finding(step, whole) for step in choice.steps]
+    told = estimates_of(whole)
+    found = [Finding.of(step.key, step.name, told, step.tied) for step in choice.steps]
     found += [finding_of(swing[0], whole)] if swing else []
     names = [step.name for step in choice.steps]
     hangs = dict.fromkeys([*signals_of(names), *(["theta"] if swing else []), *(["w"] * missing)])
@@ -94,9 +109,9 @@ def diagnose_map(
         torque_error={k: errors[k] for k in _TORQUE},
         model=final_model(fits, whole),
         declared=model,
-        estimates=estimates_of(whole),
+        estimates=told,
         record=fits.records[0],
-        messages=messages_of(fits, whole) + ((told(swing, whole),) if swing else ()),
+        messages=messages_of(fits, whole) + ((sentence(swing, whole),) if swing else ()),
         ranking=choice.ranking,
         map=_drawn(fits, choice, swing),
     )
@@ -149,10 +164,6 @@ def _laid_out(records: Sequence[Record], holdout: str | Record | None) -> tuple[
     return whole, held_out
 
 
-_FREE = ("signal", "unit", "declared", "refitted", "augmented")
-_TORQUE = ("unit", "declared", "refitted", "augmented")
-
-
 def errors_of(fits: Fits, final: Curve) -> dict[str, Any]:
     """The error of the JSON format: of mean torque, on the points held out."""
     test = fits.whole.only(fits.held_out)
@@ -200,14 +211,8 @@ def messages_of(fits: Fits, whole: Curve) -> tuple[str, ...]:
     said = MAP.format(len(fits.records))
     said += f"; of {', '.join(silent)} they tell nothing." if silent else "."
     ends = [f"{k} lies at the end of the range that it may move in." for k in whole.ends()]
-    untold = [UNTOLD.format(" and ".join(keys)) for keys in whole.flat()]
+    untold = [UNTOLD.format("runs tell", " and ".join(keys)) for keys in whole.flat()]
     return tuple(dict.fromkeys([*fits.declared.remarks(), *noticed, said, *ends, *untold]))
-
-
-def _finding(step: Any, whole: Curve) -> Finding:
-    prefix = f"{step.key}."
-    own = {k: e for k, e in estimates_of(whole).items() if k.startswith(prefix)}
-    return Finding(step.name, {k.removeprefix(prefix): e for k, e in own.items()}, step.tied)
 
 
 def _verdict(found: Sequence[Finding], swinging: bool, missing: bool) -> str:
@@ -221,16 +226,9 @@ def _verdict(found: Sequence[Finding], swinging: bool, missing: bool) -> str:
 def _experiment(verdict: str, found: Sequence[Finding], swinging: bool) -> str | None:
     if verdict == "unexplained":
         return f"To see what it is: {MORE_SPEEDS}."
-    said = []
-    for finding in found[: len(found) - swinging]:
-        if finding.alternatives:
-            others = " or ".join(c.name for c in finding.alternatives)
-            how = members("effect")[finding.name].experiment
-            said.append(f"to tell {finding.name} from {others}: {how}")
-    if swinging:
-        others = " or ".join(c.name for c in found[-1].alternatives) or "others"
-        said.append(f"to tell {found[-1].name} from {others}: {LOG_ANGLE}")
-    whole = "; ".join(said)
+    said = [finding.apart() for finding in found[: len(found) - swinging]]
+    said += [found[-1].apart(LOG_ANGLE)] if swinging else []
+    whole = "; ".join(filter(None, said))
     return f"{whole[0].upper()}{whole[1:]}." if whole else None
 
 

@@ -64,9 +64,8 @@ def identify(
         When the record cannot answer.
     """
     report: Progress = progress or (lambda fraction, what: None)
-    runs = [record] if isinstance(record, Record) else list(record)
-    if is_map(runs):
-        return _map_identified(begin_map(runs, model, holdout, report))
+    if not isinstance(record, Record) and is_map(record):
+        return _map_identified(begin_map(record, model, holdout, report))
     job = begin(record, model, holdout, horizon, report)
     whole = on_everything(job.base, job)
     job = compared(job, whole)

@@ -14,6 +14,7 @@ import numpy as np
 from .blocks.table import tabulated
 from .model import Model
 from .record import Record
+from .spec import members
 
 if TYPE_CHECKING:
     from .compensating import Compensation
@@ -54,6 +55,21 @@ class Finding:
     name: str
     parameters: Mapping[str, Estimate]
     alternatives: tuple[Candidate, ...] = ()
+
+    @classmethod
+    def of(
+        cls, key: str, name: str, estimates: Mapping[str, Estimate], tied: tuple[Candidate, ...]
+    ) -> Finding:
+        """The effect ``name`` with what ``estimates`` of a whole model say of its part ``key``."""
+        prefix = f"{key}."
+        own = {k.removeprefix(prefix): e for k, e in estimates.items() if k.startswith(prefix)}
+        return cls(name, own, tied)
+
+    def apart(self, how: str | None = None) -> str:
+        """What tells it from what explains the same; empty where nothing does."""
+        others = " or ".join(c.name for c in self.alternatives)
+        how = how or members("effect")[self.name].experiment
+        return f"to tell {self.name} from {others}: {how}" if others else ""
 
     def summary(self) -> dict[str, Any]:
         return {

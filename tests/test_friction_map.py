@@ -15,6 +15,7 @@ from lugrectl.model import model_from_dict
 from lugrectl.report import text
 from lugrectl.steady.points import is_map, points
 from lugrectl.steady.swing import swings
+from tests.blind import maps
 from tests.rig.steady import EFFECTS, STRANGERS, draw
 
 SCREW = Path(__file__).parents[2] / "shared/data/screw-drive/steady_state/0.096kg"
@@ -218,3 +219,8 @@ def test_the_screw_drive_carries_its_load(law, names):
     load = 0.096 * 9.81 * 2e-3 / (2.0 * np.pi)
     assert load < found.effects[0].parameters["torque"].value < 1.5 * load
     assert [order for order, _ in found.map.swing][:3] == [1, 2, 3]
+
+
+def test_maps_are_drawn_and_scored(capsys):
+    maps.main(["--effects", "constant_torque", "--seeds", "20:21"])
+    assert capsys.readouterr().out.startswith("right: 100% of 1; intervals that hold: 1 of 1")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import math
 import os
 import subprocess
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -73,6 +75,7 @@ def test_c_and_python_read_one_text_the_same_way(wanted: bool) -> None:
 
 ALONE = """
 import sys
+import time
 folder, without = sys.argv[1:]
 sys.modules |= {name: None for name in without.split()}
 import lugrectl as lg
@@ -158,9 +161,24 @@ def test_a_full_cache_drops_libraries_too(tmp_path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["lugrectl_b.py"]
 
 
-def test_threads_write_c_at_the_same_time() -> None:
-    source = "def run(a):\n" + "    a[0] = a[0] * 2.0 + (1.0 - a[0])\n" * 200
+def test_threads_write_c_at_the_same_time(often_interrupted) -> None:
+    source = "def run(a):\n" + "    a[0] = a[0] * 2.0 + (1.0 - a[0])\n" * 50
     kind = [Kind("d", ("n",))]
-    with ThreadPoolExecutor(8) as pool:
-        made = list(pool.map(lambda _: c_code(source, kind), range(80)))
+    with ThreadPoolExecutor(4) as pool:
+        made = list(pool.map(lambda _: c_code(source, kind), range(8)))
     assert len(set(made)) == 1
+
+
+@pytest.fixture
+def often_interrupted():
+    """Garbage collection that hands over to other threads, as a long run has it now and then."""
+    before = gc.get_threshold()
+
+    def pause(phase: str, info: object) -> None:
+        time.sleep(1e-4)
+
+    gc.callbacks.append(pause)
+    gc.set_threshold(50)
+    yield
+    gc.set_threshold(*before)
+    gc.callbacks.remove(pause)

@@ -13,9 +13,9 @@ from .wording import readable
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_COLOURS = {"none": "#b9c2cd", "before": "#d1622b", "after": "#1f6fb4"}
-_WAYS = (("w > 0", _COLOURS["after"]), ("w < 0", _COLOURS["before"]))
-_BAND = 1.96  # standard errors of a 95 % interval
+COLOURS = {"none": "#b9c2cd", "before": "#d1622b", "after": "#1f6fb4"}
+_WAYS = (("w > 0", COLOURS["after"]), ("w < 0", COLOURS["before"]))
+BAND = 1.96  # standard errors of a 95 % interval
 
 
 def table(made: Any, ax: Axes | None = None) -> Axes:
@@ -24,13 +24,13 @@ def table(made: Any, ax: Axes | None = None) -> Axes:
 
     ax = ax if ax is not None else _new().subplots()
     rows, errors = np.atleast_2d(made.values), np.atleast_2d(made.error)
-    ways = _WAYS if len(rows) == 2 else (("table", _COLOURS["after"]),)
+    ways = _WAYS if len(rows) == 2 else (("table", COLOURS["after"]),)
     x = made.points
     if made.periodic:  # the line back to the first point
         x = np.r_[x, x[0] + 2.0 * np.pi]
         rows, errors = (np.column_stack([y, y[:, :1]]) for y in (rows, errors))
     for y, error, (label, colour) in zip(rows, errors, ways, strict=True):
-        ax.fill_between(x, y - _BAND * error, y + _BAND * error, color=colour, alpha=0.2, lw=0)
+        ax.fill_between(x, y - BAND * error, y + BAND * error, color=colour, alpha=0.2, lw=0)
         ax.plot(x, y, color=colour, lw=1.6, label=label)
     signal = made.signals[0]
     unit = unit_for(UNITS[signal], made.motion)
@@ -49,7 +49,7 @@ def tracking(made: Any, ax: Axes | None = None) -> Axes:
     errors = {key: run.y - run.r for key, run in made.runs.items()}
     factor, unit = readable([float(np.max(np.abs(e))) for e in errors.values()], made.unit)
     for key, run in made.runs.items():
-        ax.plot(run.t, factor * errors[key], color=_COLOURS[key], lw=1.3, label=key)
+        ax.plot(run.t, factor * errors[key], color=COLOURS[key], lw=1.3, label=key)
     signal = "w" if made.kind == "velocity" else "theta"
     ax.set(xlabel="t [s]", ylabel=f"error of {signal} [{unit}]")
     ax.margins(x=0.0)

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..spec import unit_for
+from .closing import BAND, COLOURS
 from .wording import readable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_POINT, _CURVES = "#3b4450", {"refitted": "#d1622b", "augmented": "#1f6fb4"}
-_BAND = 1.96  # standard errors of a 95 % interval
+_POINT = "#3b4450"
+_CURVES = {"refitted": COLOURS["before"], "augmented": COLOURS["after"]}
 _DOT: dict[str, Any] = {"fmt": "o", "ms": 4.0, "lw": 1.0}
 
 
@@ -25,7 +26,7 @@ def torque(made: Any, ax: Axes | None = None) -> Axes:
         for side, label in ((left, name), (~left, None)):
             ax.plot(made.at[side], factor * made.curves[name][side], color=colour, label=label)
     for which, face, label in ((~made.held_out, _POINT, None), (made.held_out, "w", "held out")):
-        y, bars = (factor * values[which] for values in (made.u, _BAND * made.error))
+        y, bars = (factor * values[which] for values in (made.u, BAND * made.error))
         ax.errorbar(made.w[which], y, bars, color=_POINT, mfc=face, label=label, **_DOT)
     return _titled(ax, made, "Mean {} over speed, one point for each run")
 
@@ -35,7 +36,7 @@ def missed(made: Any, ax: Axes | None = None) -> Axes:
     rest = {k: made.u - np.interp(made.w, made.at, curve) for k, curve in made.curves.items()}
     ax, factor = _axes(made, ax, "residual", rest["refitted"])
     for name, colour in _CURVES.items():
-        y, bars = factor * rest[name], factor * _BAND * made.error
+        y, bars = factor * rest[name], factor * BAND * made.error
         ax.errorbar(made.w, y, bars, color=colour, label=name, **_DOT)
     ax.axhline(0.0, color=_POINT, lw=1.0)
     return _titled(ax, made, "Residual {}, measured minus model")

@@ -15,8 +15,10 @@ from scipy.stats import t as student
 
 from ..model import Model
 from ..tracing.coordinates import Coordinate, coordinates, free_keys
+from ..tracing.evaluate import rms
 from ..tracing.fit import PRIOR, flat, inverse
 from ..tracing.predictor import Predictor, Values
+from ..tracing.proof import off
 from .points import Points, laid
 
 ROUNDS = 6  # of weights and values in turn, at most
@@ -107,20 +109,18 @@ class Curve:
 
     def size(self, key: str) -> float:
         """RMS torque of an effect at the points, over that of friction."""
-        block = self.model.part(key).block
-        off = self.values | {f"{key}.{block.gain}": block.parameters[block.gain].neutral or 0.0}
-        change = self.predictor.torque(off) - self.residual
+        change = self.predictor.torque(off(self.model, self.values, key)) - self.residual
         return rms(change) / rms(self.predictor.friction(self.values))
 
 
 def fit(model: Model, at: Points, starts: Sequence[Values], anchor: Values) -> Curve:
     """The best fit from several starts; what ``anchor`` does not hold is anchored there."""
-    flat = np.full(len(at.w), GUESS * float(np.std(at.u)) or 1.0)
+    even = np.full(len(at.w), GUESS * float(np.std(at.u)) or 1.0)
     predictor = Predictor(model, laid(at, model.motion))
     tried = []
     for start in starts:
         around = {**start, **anchor}
-        open_ = Curve(predictor, at, dict(start), (), flat, around)
+        open_ = Curve(predictor, at, dict(start), (), even, around)
         coords = coordinates(predictor, free_keys(predictor), around)
         told = [c for c in coords if _told(replace(open_, coords=(c,)))]
         tried.append(_stepped(replace(open_, coords=tuple(told)), FIRST))
@@ -130,9 +130,9 @@ def fit(model: Model, at: Points, starts: Sequence[Values], anchor: Values) -> C
 
 def refit(curve: Curve, at: Points) -> Curve:
     """The same model on other points, from where it stands."""
-    flat = np.full(len(at.w), float(np.median(curve.sigma)))
+    even = np.full(len(at.w), float(np.median(curve.sigma)))
     predictor = curve.predictor.on(laid(at, curve.model.motion))
-    return _settled(replace(curve, predictor=predictor, at=at, sigma=flat))
+    return _settled(replace(curve, predictor=predictor, at=at, sigma=even))
 
 
 def _settled(curve: Curve) -> Curve:
@@ -202,7 +202,3 @@ def _slope(curve: Curve, x: np.ndarray, i: int) -> np.ndarray:
 
 def _steps(curve: Curve) -> np.ndarray:
     return np.array([NUDGE if c.kind in ("log", "excess") else c.step for c in curve.coords])
-
-
-def rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2)))

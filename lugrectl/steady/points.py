@@ -62,6 +62,11 @@ def speed(record: Record) -> np.ndarray:
     return np.gradient(record.theta, record.dt)
 
 
+def torque(record: Record) -> np.ndarray:
+    """u without a recorded load: what is left for friction at a steady speed."""
+    return record.u if record.d is None else record.u - record.d
+
+
 def angle(record: Record) -> np.ndarray | None:
     """theta, up to where it starts; None where time was lost and theta not recorded."""
     if record.theta is not None:
@@ -89,7 +94,7 @@ def points(records: Sequence[Record]) -> Points:
 
 def _point(record: Record) -> tuple[float, float, float, int, float]:
     w = speed(record)
-    u = record.u if record.d is None else record.u - record.d
+    u = torque(record)
     columns = [np.ones(record.samples)]
     theta = angle(record)
     if theta is not None and turns(record) >= TURNS:

@@ -11,9 +11,10 @@ from scipy import signal, stats
 from ..record import Record
 from ..results import Candidate, Estimate, Finding
 from ..spec import Block, members, unit_for
+from ..tracing.evaluate import rms
 from ..tracing.explain import worth_trying
-from .curve import Curve, rms
-from .points import angle, turns
+from .curve import Curve
+from .points import angle, torque, turns
 
 LEAST_TURNS = 3.0  # of a run, so that half an order beside one shows something else
 HIGHEST = 8  # order looked at
@@ -51,7 +52,7 @@ def _power(record: Record, orders: np.ndarray) -> np.ndarray:
     """Squared amplitude of the torque at each order of a turn."""
     theta = angle(record)
     assert theta is not None
-    u = signal.detrend(record.u if record.d is None else record.u - record.d)
+    u = signal.detrend(torque(record))
     u = u * np.hanning(len(u)) * 2.0
     return np.abs(2.0 * np.exp(-1j * np.outer(orders, theta)) @ u / len(u)) ** 2
 
@@ -86,7 +87,7 @@ def finding_of(swing: Swing, whole: Curve) -> Finding:
 
 
 def _swung(block: Block, whole: Curve) -> float:
-    """RMS torque that an effect makes swing by its strength, or 1 where that is a torque."""
+    """RMS torque of which the effect's strength is a part; 1 where the strength is a torque."""
     if block.acts == ("torque",):
         return 1.0
     return rms(whole.at.u if "input" in block.acts else whole.predictor.friction(whole.values))
@@ -105,7 +106,7 @@ def _order(block: Block) -> str:
     return next((k for k, p in block.own.items() if p.whole), "")
 
 
-def told(swing: Sequence[Swing], whole: Curve) -> str:
+def sentence(swing: Sequence[Swing], whole: Curve) -> str:
     """What the torque's swing is, in one sentence."""
     friction = 0.01 * rms(whole.predictor.friction(whole.values))
     orders = [f"{s.order} times per turn by {s.amplitude / friction:.2g} %" for s in swing]

@@ -36,7 +36,7 @@ def judge(
     measured = predictor.data.y[test.counted][..., channel]
     simulated = y[0, ..., channel]
     torque = missing_torque(predictor, values, test, yardstick)
-    return Judged(_rms(measured - simulated), _rms(torque), simulated)
+    return Judged(rms(measured - simulated), rms(torque), simulated)
 
 
 def missing_torque(
@@ -61,5 +61,6 @@ def free_run(
     return float(np.sqrt(squares / count))
 
 
-def _rms(e: np.ndarray) -> float:
+def rms(e: np.ndarray) -> float:
+    """Root of the mean square."""
     return float(np.sqrt(np.mean(e**2)))

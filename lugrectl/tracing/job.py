@@ -29,6 +29,7 @@ CALM = 50.0  # least gain in log-likelihood for a smoothed torque
 ROUGH = 0.002  # noise of the torque over its size, below which it is taken as it is
 CALMER = (1, 3, 12, 48)  # times more that it is averaged over three samples
 SLOWLY = "first guess; slow, as there is neither a C compiler nor numba (lugrectl[fast])"
+UNTOLD = "The {} only a combination of {}: their values are one choice among many."
 SMOOTHED = "u is noisy from sample to sample: it was averaged over neighbouring samples."
 
 Progress = Callable[[float, str], None]

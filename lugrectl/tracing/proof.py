@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..model import Model
 from ..spec import P
 from .fit import Fitted
 from .likelihood import tune
+from .predictor import Values
 
 GATE = 20.0  # least gain in log-likelihood, also without the best window
 LEAST_SHARE = 0.04  # of the residual torque's power that an effect must remove
@@ -63,9 +65,13 @@ def _gain(fitted: Fitted, key: str) -> tuple[str, P]:
 
 
 def _off(fitted: Fitted, key: str) -> dict[str, float]:
+    return off(fitted.predictor.model, fitted.values, key)
+
+
+def off(model: Model, values: Values, key: str) -> dict[str, float]:
     """The values with an effect that does nothing."""
-    name, gain = _gain(fitted, key)
-    return fitted.values | {name: gain.neutral or 0.0}
+    block = model.part(key).block
+    return {**values, f"{key}.{block.gain}": block.parameters[block.gain].neutral or 0.0}
 
 
 def _fades(before: Fitted, after: Fitted, key: str) -> bool:
