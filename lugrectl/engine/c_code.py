@@ -36,11 +36,12 @@ NUMBER, WHOLE = Kind("d"), Kind("i")
 Value = tuple[str, Kind]
 
 
-def c_code(source: str, kinds: Sequence[Kind]) -> str:
+def c_code(source: str, kinds: Sequence[Kind], before: str = "") -> str:
     """The one function of a source text as ``void run`` in C.
 
-    ``kinds`` are those of its arguments. Names get an underscore, so that none is C's own. An
-    array comes as its address, followed by the lengths of its axes.
+    ``kinds`` are those of its arguments; ``before`` is C that comes before it. Names get an
+    underscore, so that none is C's own. An array comes as its address, followed by the lengths of
+    its axes.
 
     Raises
     ------
@@ -58,7 +59,7 @@ def c_code(source: str, kinds: Sequence[Kind]) -> str:
         body = writer.block(function.body, 1)
     own = [f"    {_declared(k, v)};" for k, v in writer.kinds.items() if k not in given]
     taken = ", ".join(part for k, v in given.items() for part in _parameter(k, v))
-    return "\n".join([_HEADER, f"void run({taken})", "{", *own, *body, "}", ""])
+    return "\n".join([_HEADER, before, f"void run({taken})", "{", *own, *body, "}", ""])
 
 
 def _parameter(name: str, kind: Kind) -> list[str]:
@@ -108,10 +109,10 @@ class _Writer:
     def _for(self, node: ast.For) -> list[str]:
         assert isinstance(node.target, ast.Name) and isinstance(node.iter, ast.Call)
         edges = [self.of(a)[0] for a in node.iter.args]
-        first, end = edges if len(edges) == 2 else ("0", edges[0])
+        first, end, step = [*([] if len(edges) > 1 else ["0"]), *edges, "1"][:3]
         i = f"{node.target.id}_"
         self._keep(node.target.id, WHOLE)
-        head = f"for ({i} = {first}; {i} < {end}; {i}++)"
+        head = f"for ({i} = {first}; {i} < {end}; {i} += {step})"
         return [head, *self._inner(node.body)]
 
     def _augassign(self, node: ast.AugAssign) -> list[str]:
@@ -137,13 +138,14 @@ class _Writer:
 
     def _room(self, name: str, call: ast.Call) -> list[str]:
         """``np.zeros`` or ``np.empty`` of a few numbers, on the stack; zeros in either case."""
-        (size,) = call.args
+        size, *of = call.args
+        kind = "i" if of else "d"
         axes = size.elts if isinstance(size, ast.Tuple) else [size]
         shape = tuple(self.of(axis)[0] for axis in axes)
-        self._keep(name, Kind("d", shape))
+        self._keep(name, Kind(kind, shape))
         room = f"{name}_room"
         return [
-            f"double {room}[1 + {' * '.join(shape)}];",
+            f"{_TYPES[kind]} {room}[1 + {' * '.join(shape)}];",
             f"memset({room}, 0, sizeof {room});",
             f"{name}_ = {room};",
         ]

@@ -19,7 +19,13 @@ ARRAY_HEADER = "import numpy as np\nfrom numpy import inf, nan\n"
 _INFIX = {"add", "subtract", "multiply", "divide", "negative"}
 _LONGEST = 70
 # the result is 0 there, but the library's way to say so is slow
-_EXP = "(0.0 if {0} < -745.2 else exp({0}))"
+_OWN = {
+    ("scalar", "exp"): "(0.0 if {0} < -745.2 else exp({0}))",
+    ("wide", "exp"): "exp(max({0}, -700.0))",
+    ("wide", "maximum"): "max({0}, {1})",
+    ("wide", "minimum"): "min({0}, {1})",
+    ("wide", "tanh"): "(1.0 - 2.0 / (1.0 + exp(max(min(2.0 * {0}, 700.0), -700.0))))",
+}
 _NAMED_TWICE = {"sign", "maximum", "minimum", "exp"}
 
 
@@ -29,7 +35,7 @@ class Emitter:
     Parameters
     ----------
     kind : str
-        "scalar" or "array".
+        "scalar", "array", or "wide": for floats, without what hinders several at once.
     prefix : str
         First letters of the variables it makes.
     fixed : iterable of str
@@ -85,9 +91,8 @@ class Emitter:
         if node.op == "constant":
             return repr(node.value) if node.value >= 0 else f"({node.value!r})"
         op = OPS[node.op]
-        template = op.scalar if self.kind == "scalar" else op.array
-        if node.op == "exp" and self.kind == "scalar":
-            template = _EXP
+        template = op.array if self.kind == "array" else op.scalar
+        template = _OWN.get((self.kind, node.op), template)
         return template.format(*(text[a.index] for a in node.args))
 
 

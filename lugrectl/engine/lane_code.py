@@ -85,7 +85,7 @@ def lane_code(program: Program, kind: str) -> str:
         fixed=indent(at_sample.head + at_step.head, 2),
         read=indent(read, 3),
         output=indent(at_sample.body + store, 3),
-        correct=indent(_correct(outputs, states, kind), 4),
+        correct=indent(correction(outputs, states, kind), 4),
         scale=indent([f"s{i} = {_most(kind, f's{i}', x)}" for i, x in enumerate(states)], 3),
         read_again=indent(read, 5),
         step=indent(inner, 5),
@@ -150,7 +150,7 @@ def fixed_step(program: Program) -> tuple[list[Node], list[Node]]:
     return rename(new, begin), rename(error, begin)
 
 
-def _correct(outputs: Sequence[str], states: Sequence[str], kind: str) -> list[str]:
+def correction(outputs: Sequence[str], states: Sequence[str], kind: str) -> list[str]:
     """x += gain (y - y_hat), without the outputs that were not measured (nan)."""
     lines = []
     for o, code in enumerate(outputs):

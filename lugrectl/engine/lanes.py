@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import cached_property
 
 import control as ct
 import numpy as np
@@ -12,8 +13,13 @@ import numpy as np
 from ..errors import InputError
 from .lane_code import lane_code
 from .load import compiler, load, threads
+from .native import has_wide
+from .ops import WIDTH
 from .program import Program
 from .trace import trace
+from .wide_code import is_wide, wide_code
+
+LEAST_WIDE = 4  # lanes from which a block of them is quicker than one after another
 
 
 class Lanes:
@@ -54,6 +60,13 @@ class Lanes:
         self.defaults = self.program.defaults.copy()
         kind = "array" if self.backend == "numpy" else "scalar"
         self._run: Callable[..., None] = load(lane_code(self.program, kind), self.backend).run
+
+    @cached_property
+    def _wide(self) -> Callable[..., None] | None:
+        """The loop over blocks of lanes, where there is one."""
+        if self.backend != "c" or not has_wide() or not is_wide(self.program):
+            return None
+        return load(wide_code(self.program), "wide").run
 
     @property
     def compiled(self) -> bool:
@@ -140,7 +153,10 @@ class Lanes:
         count = len(given[0])
         y_hat = np.empty((count, length, len(self.outputs)))
         x_end = np.empty((count, len(self.states)))
-        self.spread(self._run, (*given, y_hat, x_end), count, count * length * substeps)
+        wide = self._wide if count >= LEAST_WIDE and length else None
+        given = (*given, y_hat, x_end)
+        steps, block = count * length * substeps, WIDTH if wide else 1
+        self.spread(wide or self._run, given, count, steps, block)
         return y_hat, x_end
 
     def arguments(
@@ -177,14 +193,21 @@ class Lanes:
         least = _plain(np.broadcast_to(np.asarray(floor, dtype=float), (len(self.states),)))
         return (*fixed, clock, float(dt), int(substeps), float(rtol), least)
 
-    def spread(self, loop: Callable[..., None], arguments: tuple, count: int, steps: int) -> None:
-        """All lanes in one call, or in chunks on threads: compiled code lets go of the GIL."""
+    def spread(
+        self, loop: Callable[..., None], arguments: tuple, count: int, steps: int, block: int = 1
+    ) -> None:
+        """All lanes in one call, or in chunks on threads: compiled code lets go of the GIL.
+
+        Chunks are of whole blocks.
+        """
         workers = threads() if self.compiled and steps > 20_000 else 1
+        blocks = -(-count // block)
         with np.errstate(all="ignore"):
-            if min(workers, count) < 2:
+            if min(workers, blocks) < 2:
                 loop(*arguments, 0, count)
                 return
-            edges = np.linspace(0, count, min(count, 4 * workers) + 1).astype(int).tolist()
+            edges = block * np.linspace(0, blocks, min(blocks, 4 * workers) + 1).astype(int)
+            edges = np.minimum(edges, count).tolist()
             with ThreadPoolExecutor(workers) as pool:
                 jobs = [
                     pool.submit(loop, *arguments, a, b)

@@ -29,6 +29,7 @@ HEADERS: Mapping[str, str] = {
     + "import numpy as np\n\n\ndef fast(function):\n    return function\n\n\nsmall = fast\n",
     "numpy": ARRAY_HEADER + "\n\ndef fast(function):\n    return function\n",
     "c": "",
+    "wide": "",
 }
 
 _LOADING, _THREAD = threading.RLock(), threading.local()
@@ -60,14 +61,14 @@ def load(source: str, backend: str) -> ModuleType:
     source : str
         Function definitions, decorated by ``fast``; by ``small`` where only they call them.
     backend : str
-        "numba", "python" (the same text, not compiled), "numpy", or "c", for the one function
-        ``run``.
+        "numba", "python" (the same text, not compiled), "numpy", or, for the one function
+        ``run``, "c" or "wide": C that computes several turns of its innermost loops at once.
     """
     text = HEADERS[backend] + "\n\n" + source
     name = f"lugrectl_{backend}_{hashlib.sha256(text.encode()).hexdigest()[:20]}"
     with _LOADING:  # another thread shall not see a module that is half there
         if name not in sys.modules:
-            make = {"numba": _from_file, "c": _native}.get(backend, _direct)
+            make = {"numba": _from_file, "c": _native, "wide": _native}.get(backend, _direct)
             sys.modules[name] = make(text, name)
         return sys.modules[name]
 
@@ -80,7 +81,7 @@ def _direct(text: str, name: str) -> ModuleType:
 
 def _native(text: str, name: str) -> ModuleType:
     module = ModuleType(name)
-    module.__dict__["run"] = Native(text)
+    module.__dict__["run"] = Native(text, wide=name.startswith("lugrectl_wide"))
     return module
 
 

@@ -20,11 +20,26 @@ import numpy as np
 from ..errors import InputError
 from .c_code import NUMBER, WHOLE, Kind, c_code
 from .kept import cache_dir, keep, whole
+from .ops import LIBRARY, WIDTH
 
 _FLAGS = ("-O2", "-fPIC", "-shared", "-fno-math-errno", "-fno-trapping-math")
 _FLAGS += ("-Werror=implicit-function-declaration",)
+# eight numbers at once: what has it and a library for it takes a third of the time
+# (sine and cosine of one angle would become one call, which the library has for one number only)
+_WIDE = ("-O3", *_FLAGS[1:], "-mavx2", "-mfma", "-fno-builtin-cos", "-Wl,-z,defs")
+_ABLE = """
+#if defined(__clang__) || !defined(__GNUC__)
+#error another compiler does not know the library
+#endif
+static double able(void) {
+    __builtin_cpu_init();
+    return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+}
+"""
+_KNOWN = '__attribute__((simd("notinbranch"), const, nothrow, leaf)) double {}(double{});'
 _SUFFIX = ".dll" if sys.platform == "win32" else ".so"
 _LEAST = "def run(a):\n    a[0] = sqrt(a[0])\n"
+_SEVERAL = "def run(a):\n    for i in range({}):\n        a[i] = exp(a[i])\n"
 
 
 class Native:
@@ -34,17 +49,19 @@ class Native:
     ----------
     source : str
         One function of floats, whole numbers and arrays in C order, as :func:`c_code` reads it.
+    wide : bool
+        Whether its innermost loops shall be computed several turns at once: :func:`has_wide`.
     """
 
-    def __init__(self, source: str) -> None:
-        self.source = source
+    def __init__(self, source: str, *, wide: bool = False) -> None:
+        self.source, self.wide = source, wide
         self._lock, self._made = threading.Lock(), dict[tuple[Kind, ...], Any]()
 
     def __call__(self, *arguments: Any) -> None:
         kinds = tuple(_kind(i, a) for i, a in enumerate(arguments))
         with self._lock:
             if kinds not in self._made:
-                self._made[kinds] = _compiled(self.source, kinds)
+                self._made[kinds] = _compiled(self.source, kinds, self.wide)
         self._made[kinds](*(part for a in arguments for part in _passed(a)))
 
 
@@ -57,6 +74,21 @@ def has_compiler() -> bool:
     except (InputError, OSError):
         return False
     return bool(there[0] == 2.0)
+
+
+@cache
+def has_wide() -> bool:
+    """Whether compiler, processor and library compute several numbers at once."""
+    there, several = np.zeros(1), np.linspace(-700.0, 1.0, WIDTH)
+    want = np.exp(several)
+    try:
+        able = c_code("def run(a):\n    a[0] = able()\n", (_kind(0, there),), _ABLE)
+        _loaded(able, _FLAGS)(*_passed(there))
+        if there[0] == 1.0:
+            Native(_SEVERAL.format(WIDTH), wide=True)(several)
+    except (InputError, OSError):
+        return False
+    return bool(there[0] == 1.0 and np.allclose(several, want, rtol=1e-14, atol=0.0))
 
 
 def _kind(place: int, value: Any) -> Kind:
@@ -74,15 +106,21 @@ def _passed(value: Any) -> list[Any]:
     return [ctypes.c_double(value) if isinstance(value, float) else ctypes.c_int64(value)]
 
 
-def _compiled(source: str, kinds: tuple[Kind, ...]) -> Any:
-    text = c_code(source, kinds)
+def _compiled(source: str, kinds: tuple[Kind, ...], wide: bool) -> Any:
+    if not wide:
+        return _loaded(c_code(source, kinds), _FLAGS)
+    declared = [_KNOWN.format(name, ", double" * (name == "pow")) for name in LIBRARY]
+    return _loaded(c_code(source, kinds, "\n".join(declared)), _WIDE)
+
+
+def _loaded(text: str, flags: tuple[str, ...]) -> Any:
     compiler = _compiler()
-    key = repr((text, compiler, _FLAGS, platform.machine(), platform.libc_ver()))
+    key = repr((text, compiler, flags, platform.machine(), platform.libc_ver()))
     path = cache_dir() / f"lugrectl_{hashlib.sha256(key.encode()).hexdigest()[:20]}.c"
     made = path.with_suffix(_SUFFIX)
     if not made.exists():
         keep(path, text)
-        _build(compiler, path, made)
+        _build(compiler, path, made, flags)
     run = ctypes.CDLL(str(made)).run
     run.restype = None
     return run
@@ -104,9 +142,9 @@ def _opens_a_window(found: str) -> bool:
     return subprocess.run(["xcode-select", "-p"], capture_output=True).returncode != 0
 
 
-def _build(compiler: tuple[str, ...], path: Path, made: Path) -> None:
+def _build(compiler: tuple[str, ...], path: Path, made: Path, flags: tuple[str, ...]) -> None:
     with whole(made) as part:
-        command = [*compiler, *_FLAGS, "-o", str(part), str(path), "-lm"]
+        command = [*compiler, *flags, "-o", str(part), str(path), "-lm"]
         done = subprocess.run(command, capture_output=True, text=True, errors="replace")
         if done.returncode:
             lines = [k for k in done.stderr.splitlines() if "error" in k] or [done.stderr]

@@ -93,6 +93,9 @@ OPS: dict[str, Op] = {
     "logical_not": Op(np.logical_not, "(not {0})", "np.logical_not({0})"),
 }
 
+WIDTH = 8  # numbers computed at once, where there is a processor for that
+LIBRARY = ("cos", "exp", "log", "pow", "sin")  # what a C library has for several of them
+
 COMPARISONS = {"less", "less_equal"}
 
 # choices between two branches: condition, branch if it holds, branch if not

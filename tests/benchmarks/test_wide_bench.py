@@ -1,0 +1,31 @@
+"""Lanes side by side against the same lanes one after another, in one process."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lugrectl.engine import Lanes, lanes
+from lugrectl.engine.native import has_wide
+
+from ..systems import DT, torque
+from ..test_wide import WIDE, plant
+from .test_held_bench import shortest
+
+
+@pytest.mark.skipif(not has_wide(), reason="this machine computes one at a time")
+@pytest.mark.parametrize("effect", WIDE)
+def test_several_at_once_are_quicker(effect, monkeypatch):
+    """A loop that the compiler could not turn into several at once would be no quicker."""
+    made = Lanes(plant("lugre", effect), backend="c")
+    p = np.tile(made.defaults, (64, 1))
+    x0 = 1e-3 * np.random.default_rng(1).standard_normal((64, len(made.states)))
+    u = torque(1000)[:, : len(made.inputs)]
+
+    def spent(least: int) -> float:
+        monkeypatch.setattr(lanes, "LEAST_WIDE", least)
+        return shortest(lambda: made.run(x0, np.zeros(64, int), 1000, u, p, dt=DT), 5)
+
+    ratio = spent(1000) / spent(1)
+    print(f"\n{effect}: {ratio:.1f} times as quick")
+    assert ratio > 1.1
