@@ -24,8 +24,8 @@ from .ops import LIBRARY, WIDTH
 
 _FLAGS = ("-O2", "-fPIC", "-shared", "-fno-math-errno", "-fno-trapping-math")
 _FLAGS += ("-Werror=implicit-function-declaration",)
-# eight numbers at once: what has it and a library for it takes a third of the time
-# (sine and cosine of one angle would become one call, which the library has for one number only)
+# for several numbers at once; sine and cosine of one angle would become one call, which the
+# library has for one number only
 _WIDE = ("-O3", *_FLAGS[1:], "-mavx2", "-mfma", "-fno-builtin-cos", "-Wl,-z,defs")
 _ABLE = """
 #if defined(__clang__) || !defined(__GNUC__)
