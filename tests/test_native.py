@@ -75,7 +75,6 @@ def test_c_and_python_read_one_text_the_same_way(wanted: bool) -> None:
 
 ALONE = """
 import sys
-import time
 folder, without = sys.argv[1:]
 sys.modules |= {name: None for name in without.split()}
 import lugrectl as lg

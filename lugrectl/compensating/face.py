@@ -21,6 +21,7 @@ from ..record import Record
 from ..results import Table
 from ..simulation import simulate
 from ..spec import unit_for
+from ..tracing.evaluate import rms
 from .feeding import sorted_out, with_table
 from .gains import controller, observer_gains
 from .reference import Course, course
@@ -175,7 +176,7 @@ def _simulated(
             continue
         outputs: dict[str, Any] = dict(zip(OUTPUTS, response.outputs, strict=True))
         runs[key] = run = Run(way.t, r, outputs[MEASURED[task.kind]], outputs["u"])
-        errors[key] = _rms(run.y - r)
+        errors[key] = rms(run.y - r)
         messages += [f"The loop {LOOPS[key]}: {warning.message}" for warning in said]
         messages += _trouble(run, LOOPS[key])
     return runs, errors, messages
@@ -194,15 +195,10 @@ def _useless(errors: Mapping[str, float]) -> list[str]:
 
 def _trouble(run: Run, which: str) -> list[str]:
     """Whether a loop's error grows, or is as large as what it is to follow."""
-    e, size = run.y - run.r, _rms(run.r - run.r.mean())
-    first, *_, last = (_rms(part) for part in np.array_split(e, 4))
+    e, size = run.y - run.r, rms(run.r - run.r.mean())
+    first, *_, last = (rms(part) for part in np.array_split(e, 4))
     if last > 2.0 * first and last > 0.5 * size:
         return [f"The loop {which} is unstable: its error grows."]
-    if _rms(e) > size:
+    if rms(e) > size:
         return [f"The loop {which} does not follow its reference."]
     return []
-
-
-def _rms(e: np.ndarray) -> float:
-    with np.errstate(over="ignore"):
-        return float(np.sqrt(np.mean(e**2)))

@@ -18,7 +18,8 @@ ARRAY_HEADER = "import numpy as np\nfrom numpy import inf, nan\n"
 
 _INFIX = {"add", "subtract", "multiply", "divide", "negative"}
 _LONGEST = 70
-# the result is 0 there, but the library's way to say so is slow
+# exp is 0 there, but the library's way to say so is slow; conditions that look for nan, and
+# functions that few libraries have for several numbers, hinder compilers
 _OWN = {
     ("scalar", "exp"): "(0.0 if {0} < -745.2 else exp({0}))",
     ("wide", "exp"): "exp(max({0}, -700.0))",

@@ -103,7 +103,7 @@ def unpack(program: Program, kind: str) -> list[str]:
 
 
 def _most(kind: str, a: str, b: str) -> str:
-    return f"{'max' if kind == 'scalar' else 'np.maximum'}({a}, abs({b}))"
+    return f"{'np.maximum' if kind == 'array' else 'max'}({a}, abs({b}))"
 
 
 def step_code(
@@ -114,18 +114,23 @@ def step_code(
     ``counted`` is what a scalar step that counts does first, between the states and n0, n1, ...
     """
     states = [node.value for node in program.x]
+    if kind == "scalar":
+        advance = [*counted, *(f"{x} = n{i}" for i, x in enumerate(states))]
+        return trial(program, kind, emitter, _SCALAR_STEP, advance)
+    advance = [f"{x} = np.where(good, n{i}, {x})" for i, x in enumerate(states)]
+    return trial(program, kind, emitter, _ARRAY_STEP, advance)
+
+
+def trial(
+    program: Program, kind: str, emitter: Emitter, template: str, advance: Sequence[str]
+) -> list[str]:
+    """A template of a trial step, filled with the states n0, n1, ... after it and its error."""
+    states = [node.value for node in program.x]
     after, estimate = fixed_step(program)
     codes = emitter.write(after + estimate)
     new, errors = codes[: len(states)], codes[len(states) :]
-    names = [f"n{i}" for i in range(len(states))]
-    made = [f"{name} = {code}" for name, code in zip(names, new, strict=True)]
+    made = [f"n{i} = {code}" for i, code in enumerate(new)]
     parts = [f"abs({e}) / {_most(kind, f's{i}', f'n{i}')}" for i, e in enumerate(errors)]
-    if kind == "scalar":
-        template = _SCALAR_STEP
-        advance = [*counted, *(f"{x} = {n}" for x, n in zip(states, names, strict=True))]
-    else:
-        template = _ARRAY_STEP
-        advance = [f"{x} = np.where(good, {n}, {x})" for x, n in zip(states, names, strict=True)]
     return lines_of(
         template.format(
             code="\n".join([*emitter.body, *made]),

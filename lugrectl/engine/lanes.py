@@ -30,7 +30,8 @@ class Lanes:
     system : control.NonlinearIOSystem
         Block or interconnection in continuous time.
     backend : str or None
-        "c", "numba", "numpy", or None: the first of them that is there.
+        "c", "numba", "numpy", or None: the first of them that is there. "c" computes several
+        lanes at once where compiler, processor and library can.
     outputs : sequence of str or None
         The outputs wanted, in order; None for all.
 

@@ -10,7 +10,7 @@ import os
 import sys
 import threading
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, partial
 from types import ModuleType
 
 from .emit import ARRAY_HEADER, SCALAR_HEADER
@@ -68,7 +68,9 @@ def load(source: str, backend: str) -> ModuleType:
     name = f"lugrectl_{backend}_{hashlib.sha256(text.encode()).hexdigest()[:20]}"
     with _LOADING:  # another thread shall not see a module that is half there
         if name not in sys.modules:
-            make = {"numba": _from_file, "c": _native, "wide": _native}.get(backend, _direct)
+            make = {"numba": _from_file, "c": _native, "wide": partial(_native, wide=True)}.get(
+                backend, _direct
+            )
             sys.modules[name] = make(text, name)
         return sys.modules[name]
 
@@ -79,9 +81,9 @@ def _direct(text: str, name: str) -> ModuleType:
     return module
 
 
-def _native(text: str, name: str) -> ModuleType:
+def _native(text: str, name: str, *, wide: bool = False) -> ModuleType:
     module = ModuleType(name)
-    module.__dict__["run"] = Native(text, wide=name.startswith("lugrectl_wide"))
+    module.__dict__["run"] = Native(text, wide=wide)
     return module
 
 

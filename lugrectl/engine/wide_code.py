@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from .emit import Emitter, indent, lines_of
+from .emit import Emitter, indent
 from .graph import reachable
-from .lane_code import correction, fixed_step, unpack
+from .lane_code import correction, fixed_step, trial, unpack
 from .ops import LIBRARY, OPS, WIDTH
 from .program import Program
 
@@ -71,7 +71,7 @@ def run(x_start, start, length, u, stride, series, p, y, seen, gain, correct, t0
 # a place without a lane goes on by steps of no length, which change nothing
 _STEP = """
 {code}
-error = {error} if abs({state}) < inf else 0.0
+error = ({error}) if abs({state}) < inf else 0.0
 good = 1.0 if error <= rtol or h <= shortest else 0.0
 growth = 0.8 * sqrt(sqrt(rtol / max(error, 1e-30)))
 growth = min(max(growth, 0.1), 5.0) if growth == growth else 0.1
@@ -95,8 +95,9 @@ def wide_code(program: Program) -> str:
     fixed = [node.value for node in program.p]
     at_sample, at_step = Emitter("wide", "a", fixed), Emitter("wide", "b", fixed)
     outputs = at_sample.write(program.y)
-    step = _step(program, at_step)
     states, inputs = ([node.value for node in of] for of in (program.x, program.u))
+    advance = [f"{x}_at[l] = n{i} if good > 0.0 else {x}" for i, x in enumerate(states)]
+    step = trial(program, "wide", at_step, _STEP, advance)
     scales = [f"s{i}" for i in range(len(states))]
     known = [*fixed, *(line.split(" = ")[0] for line in at_sample.head + at_step.head)]
     moving = [*states, *scales]
@@ -120,25 +121,6 @@ def wide_code(program: Program) -> str:
         keep_moving=indent(_kept(moving), 6),
         load_step=indent(_loaded(rooms), 3),
         step=indent(step, 3),
-    )
-
-
-def _step(program: Program, emitter: Emitter) -> list[str]:
-    """One trial step of each lane, which counts where its error is small enough."""
-    states = [node.value for node in program.x]
-    after, estimate = fixed_step(program)
-    codes = emitter.write(after + estimate)
-    new, errors = codes[: len(states)], codes[len(states) :]
-    made = [f"n{i} = {code}" for i, code in enumerate(new)]
-    parts = [f"abs({e}) / max(s{i}, abs(n{i}))" for i, e in enumerate(errors)]
-    advance = [f"{x}_at[l] = n{i} if good > 0.0 else {x}" for i, x in enumerate(states)]
-    return lines_of(
-        _STEP.format(
-            code="\n".join([*emitter.body, *made]),
-            error=f"({' + '.join(parts) or '0.0'})",
-            state=" + ".join(states) or "0.0",
-            advance="\n".join(advance),
-        )
     )
 
 

@@ -62,5 +62,6 @@ def free_run(
 
 
 def rms(e: np.ndarray) -> float:
-    """Root of the mean square."""
-    return float(np.sqrt(np.mean(e**2)))
+    """Root of the mean square; inf where a simulation ran away."""
+    with np.errstate(over="ignore"):
+        return float(np.sqrt(np.mean(e**2)))

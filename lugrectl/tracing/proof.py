@@ -64,10 +64,6 @@ def _gain(fitted: Fitted, key: str) -> tuple[str, P]:
     return f"{key}.{block.gain}", block.parameters[block.gain]
 
 
-def _off(fitted: Fitted, key: str) -> dict[str, float]:
-    return off(fitted.predictor.model, fitted.values, key)
-
-
 def off(model: Model, values: Values, key: str) -> dict[str, float]:
     """The values with an effect that does nothing."""
     block = model.part(key).block
@@ -100,7 +96,9 @@ def _passed(fitted: Fitted, key: str) -> bool:
 def _change(fitted: Fitted, key: str) -> np.ndarray:
     """Torque that an effect makes along the log, (samples,)."""
     predictor = fitted.predictor
-    return predictor.torque(fitted.values) - predictor.torque(_off(fitted, key))
+    return predictor.torque(fitted.values) - predictor.torque(
+        off(predictor.model, fitted.values, key)
+    )
 
 
 def _mirrored(fitted: Fitted, key: str) -> float:
@@ -116,7 +114,8 @@ def _mirrored(fitted: Fitted, key: str) -> float:
     own = {k: fitted.values[f"{key}.{k}"] for k in part.values}
     ahead = part.block.exact(data.u[::-1], data.dt, **own)[::-1]
     other = predictor.on(data.with_torque(ahead))
-    return float(tune(other, _off(fitted, key), fitted.where, fitted.noise)[1].sum())
+    without = off(predictor.model, fitted.values, key)
+    return float(tune(other, without, fitted.where, fitted.noise)[1].sum())
 
 
 def size(fitted: Fitted, key: str) -> float:

@@ -61,15 +61,17 @@ def signals_of_the_rest(final: Fitted, base: Fitted, *, doubtful: bool = False) 
     whatever is slow.
     """
     left, whole = (while_sliding(f, everywhere=True) for f in (final, base))
-    shown = hangs_on(final)
+    shown: tuple[str, ...] = ()
     for timed in (False, True):
         best, first = left.hangs_on(timed=timed), whole.hangs_on(timed=timed)
         if best and not doubtful and left.size(best) > PART * whole.torque:
             return best.signals
         if first and left.share(first.signals) > TAKEN:
             return first.signals
-        if not timed and shown and "t" not in shown:
-            return shown
+        if not timed:
+            shown = hangs_on(final)
+            if shown and "t" not in shown:
+                return shown
     return shown or hangs_on(base) or ("t",)
 
 

@@ -27,7 +27,7 @@ def parser() -> argparse.ArgumentParser:
     p = argparse.ArgumentParser(prog="python -m tests.blind", description=__doc__)
     p.add_argument("--effects", help="comma separated: all, known (to the package), none, names")
     p.add_argument("--strength", choices=[*STRENGTHS, "both"], default="both")
-    p.add_argument("--seeds", type=_seeds, default=range(50000, 50004), help="A:B or one number")
+    p.add_argument("--seeds", type=seeds, default=range(50000, 50004), help="A:B or one number")
     p.add_argument("--none", type=int, help="records with nothing missing")
     p.add_argument("--strangers", type=int, help="records with an effect outside the catalogue")
     p.add_argument("--pairs", type=int, help="records with two effects")
@@ -44,7 +44,7 @@ def parser() -> argparse.ArgumentParser:
     return p
 
 
-def _seeds(text: str) -> range:
+def seeds(text: str) -> range:
     first, _, last = text.partition(":")
     return range(int(first), int(last)) if last else range(int(first), int(first) + 1)
 
