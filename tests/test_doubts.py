@@ -258,6 +258,12 @@ def test_friction_that_builds_up_late_is_no_skew(seed):
     assert found is None or found.lag > -0.0105
 
 
+@pytest.mark.parametrize("seed", [113010, 120002])
+def test_friction_that_changes_on_the_way_is_no_skew(seed):
+    case = case_of(Task("effect", ("friction_step",), "normal", seed))
+    assert looked_over(record_of(case), model_of(case)) == ()
+
+
 def test_half_a_sample_is_no_skew(plain, model):
     """Velocity as the difference to the next position is half a sample early."""
     ahead = np.append(np.diff(plain.theta), 0.0) * RATE

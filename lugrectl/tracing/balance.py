@@ -119,6 +119,7 @@ def motion_terms(data: Data, at: Cells) -> tuple[np.ndarray, np.ndarray]:
 
 
 _FRICTION = slice(1, 5)  # the terms that are odd in w
+LEVEL = 2  # the term of Coulomb friction
 
 
 def _jackknifed(terms, u, w) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -11,11 +11,12 @@ from ..bristles import deflection
 from ..errors import Refused
 from ..model import Parameters
 from ..record import Record
-from .balance import BLOCKS, Cells, cells, motion_terms, moving, named, running
+from .balance import BLOCKS, LEVEL, Cells, cells, motion_terms, moving, named, running
 from .data import Data
 
 FARTHEST = 0.2  # s, the largest skew that is looked for
 SAVED = 0.2  # of the disagreement must go with a shift for it to be called a skew
+PARTS = 8  # of the record, for friction that changes on the way
 DATED = 0.1  # of the torque must accelerate for the torque to be dated
 SOFT = (0.003, 0.012, 0.05)  # s at the usual speed, in which friction builds up
 SURE = 3.0  # standard errors over blocks of time; what a shift saves varies much among them
@@ -47,6 +48,9 @@ def torque_skewed(records: Sequence[Record], data: Data, remarks: list[str]) -> 
     found = skew(data, FARTHEST)
     if found is None or found.lag > -0.75 * data.dt or found.t < SURE or found.inertial < DATED:
         return
+    changing = skew(data, FARTHEST, parts=PARTS)
+    if changing is None or changing.lag > 0.5 * found.lag:
+        return  # friction that changes on the way says as much
     told = f"{named(records)}: the motion is {-1e3 * found.lag:.3g} ms ahead of the torque"
     if found.gain > SAVED:
         raise Refused(
@@ -72,14 +76,20 @@ class Skew:
     inertial: float = np.nan
 
 
-def skew(data: Data, farthest: float) -> Skew | None:
-    """How late the motion follows the torque, up to ``farthest`` s; None where none is best."""
+def skew(data: Data, farthest: float, parts: int = 1) -> Skew | None:
+    """How late the motion follows the torque, up to ``farthest`` s; None where none is best.
+
+    Coulomb friction has its own size in each of the ``parts`` of the record.
+    """
     room = max(2, round(farthest / data.dt))
     at = cells(data, room=room)
     at = at.only(moving(data, at)[1]) if len(at.start) else at
     if len(at.start) < 5 * BLOCKS:
         return None
-    terms = np.column_stack([motion_terms(data, at)[0], *_building_up(data, at)])
+    terms = motion_terms(data, at)[0]
+    part = np.arange(len(terms)) * parts // len(terms)
+    levels = [terms[:, LEVEL] * (part == n) for n in range(1, parts)]
+    terms = np.column_stack([terms, *_building_up(data, at), *levels])
     size = np.linalg.norm(terms, axis=0)
     Q, R = np.linalg.qr(terms / np.where(size > 0, size, 1.0))
     total = running(data.u - data.d)
