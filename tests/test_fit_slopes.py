@@ -139,3 +139,22 @@ def test_a_value_held_by_its_bound_has_no_slope() -> None:
     bound = replace(coordinates(predictor, ["Fv"], values)[0], high=values["Fv"])
     _, made = own.slopes(predictor, values, [bound], where, predictor.data.noise)
     assert not np.any(made)
+
+
+@pytest.mark.parametrize("loud", [1.0, 30.0])
+def test_the_jackknife_is_that_of_least_squares_without_each_window(loud):
+    """One window tells most, and disagrees with the others."""
+    rng = np.random.default_rng(3)
+    A, r = rng.normal(size=(7, 40, 3)), rng.normal(size=(7, 40))
+    A[2] *= loud
+    r[2] += A[2] @ [0.3, -0.2, 0.1]
+
+    def optimum(kept):
+        return np.linalg.lstsq(A[kept].reshape(-1, 3), r[kept].ravel(), rcond=None)[0]
+
+    every = np.arange(7)
+    whole = optimum(every)
+    left = r - A @ whole
+    parts, scores = A.transpose(0, 2, 1) @ A, np.einsum("wnp,wn->wp", A, left)
+    moved = np.array([optimum(every != i) - whole for i in every])
+    assert fitting.jackknife(parts, scores) == pytest.approx(6 / 7 * np.sum(moved**2, axis=0))

@@ -28,7 +28,8 @@ class Fitted:
     """Values at the maximum, with what is needed to judge them.
 
     ``anchor`` holds the values that were believed beforehand; ``loglik`` has one value for each
-    window; ``information`` and ``scores`` are those of the coordinates, for intervals;
+    window; ``parts`` and ``scores`` are the windows' information and gradient in the
+    coordinates, for intervals;
     ``innovations`` are whitened, (windows, length, channels).
     """
 
@@ -39,7 +40,7 @@ class Fitted:
     noise: Noise
     loglik: np.ndarray
     innovations: np.ndarray = field(repr=False)
-    information: np.ndarray = field(repr=False)
+    parts: np.ndarray = field(repr=False)
     scores: np.ndarray = field(repr=False)
     anchor: dict[str, float] = field(default_factory=dict)
     instants: dict[str, tuple[float, float]] = field(default_factory=dict)
@@ -58,16 +59,19 @@ class Fitted:
         """The innovations of the windows that are not much noisier than the others may be."""
         return self.innovations[excess(self.innovations, self.noise) < NOISY]
 
+    @property
+    def information(self) -> np.ndarray:
+        return self.parts.sum(0)
+
     def covariance(self) -> np.ndarray:
         """Of the coordinates: the larger of the model's own and the windows' scatter.
 
-        The second (sandwich over windows) stays honest where the innovations are coloured.
+        The second (jackknife over windows) stays honest where the innovations are coloured, and
+        where a few of the windows tell most.
         """
         own = inverse(self.information)
-        n = len(self.scores)
-        spread = own @ (self.scores.T @ self.scores) @ own * n / max(n - 1, 1)
         size = np.maximum(np.diag(own), 1e-300)
-        ratio = np.sqrt(np.maximum(np.diag(spread) / size, 1.0))
+        ratio = np.sqrt(np.maximum(jackknife(self.parts, self.scores) / size, 1.0))
         return own * np.outer(ratio, ratio)
 
     def flat(self) -> list[tuple[str, ...]]:
@@ -110,6 +114,16 @@ def flat(
         for value, axis in zip(values, axes.T, strict=True)
         if value < least
     ]
+
+
+def jackknife(parts: np.ndarray, scores: np.ndarray) -> np.ndarray:
+    """Variance of each coordinate by how far the optimum moves without each of the windows.
+
+    ``parts`` (windows, p, p) and ``scores`` (windows, p) are their information and gradients.
+    """
+    whole, n = parts.sum(0), len(parts)
+    moved = [inverse(whole - part) @ score for part, score in zip(parts, scores, strict=True)]
+    return (n - 1) / n * np.sum(np.square(moved), axis=0)
 
 
 def inverse(information: np.ndarray) -> np.ndarray:
@@ -156,7 +170,7 @@ def fit(
     white = whitened(predictor, [values], where, noise)[0]
     return Fitted(
         predictor, values, tuple(coords), where, noise, loglik(predictor, white, noise, values),
-        white, linear.information, linear.scores, anchor, instants,
+        white, linear.parts, linear.scores, anchor, instants,
     )  # fmt: skip
 
 
@@ -186,9 +200,9 @@ class _Prior:
 
 @dataclass(frozen=True)
 class _Linear:
-    """The innovations' derivative: A'A and one score A'r for each window."""
+    """The innovations' derivative: A'A and the score A'r of each window."""
 
-    information: np.ndarray
+    parts: np.ndarray
     scores: np.ndarray
 
 
@@ -238,7 +252,7 @@ class _Climb:
     def ahead(self, linear: _Linear, values: Values, damping: float) -> dict[str, float]:
         prior = self.prior
         gradient = linear.scores.sum(0) - prior.weight * (self.at(values) - prior.center)
-        H = linear.information + np.diag(prior.weight)
+        H = linear.parts.sum(0) + np.diag(prior.weight)
         return _move(H, gradient, damping, self.coords, values)
 
     def linearised(self, values: Values, noise: Noise) -> _Linear:
@@ -246,8 +260,8 @@ class _Climb:
         weight = excess(r, noise)[:, None, None] ** -0.5
         r, A = weight * r, weight * A
         A, r = A.reshape(len(self.coords), len(r), -1), r.reshape(len(r), -1)
-        flat = A.reshape(len(self.coords), -1)
-        return _Linear(flat @ flat.T, np.einsum("pwn,wn->wp", A, r))
+        by_window = A.transpose(1, 0, 2)
+        return _Linear(by_window @ by_window.transpose(0, 2, 1), (by_window @ r[..., None])[..., 0])
 
 
 def _move(H, gradient, damping, coords, values) -> dict[str, float]:
