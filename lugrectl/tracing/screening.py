@@ -176,7 +176,10 @@ def _grid(base: Fitted, made: Block) -> list[dict[str, float]]:
 
 
 def _prescreened(base: Fitted, made: Block, points: list[dict]) -> list[dict[str, float]]:
-    """The points whose effect resembles the residual torque most, best first."""
+    """The points whose effect resembles the residual torque most, best first.
+
+    What the plant's own parameters make up for does not count.
+    """
     index, target = (
         base.where.counted.ravel(),
         missing_torque(base.predictor, base.values, base.where, base.noise).ravel(),
@@ -184,10 +187,13 @@ def _prescreened(base: Fitted, made: Block, points: list[dict]) -> list[dict[str
     every = max(1, int(0.002 / base.predictor.data.dt))
     index, target = index[::every], target[::every] - target.mean()
     few, weights = _thinned(base, index)
+    U, s, _ = np.linalg.svd(np.column_stack([*weights.values()]), full_matrices=False)
+    basis = U[:, s > 1e-9 * s[0]]
+    target = target - basis @ (basis.T @ target)
     (name, *_), spans = points[0], _spans(made)
     places = np.array([point[name] for point in points])
     power = [
-        _resemblance(made, few, weights, name, part, spans, target)
+        _resemblance(made, few, weights, name, part, spans, target, basis)
         for part in np.array_split(places, -(-len(places) // 32))
     ]
     tops = _peaks(np.concatenate(power))[:KEPT].tolist()
@@ -203,11 +209,14 @@ def _resemblance(
     tried: np.ndarray,
     spans: list[dict],
     target: np.ndarray,
+    basis: np.ndarray,
 ) -> np.ndarray:
-    """Power of the target that the effect explains at each value of one parameter."""
+    """Power of the target that the effect explains at each value of one parameter, both without
+    the torques of the ``basis``."""
     unit = made.defaults() | {made.gain: 1.0, name: tried[:, None]}
     B = np.stack([resisting(made, log, unit | span, weights) for span in spans], axis=1)
-    H, g = B @ B.transpose(0, 2, 1), B @ target
+    own = B @ basis
+    H, g = B @ B.transpose(0, 2, 1) - own @ own.transpose(0, 2, 1), B @ target
     ridge = 1e-9 * np.trace(H, axis1=1, axis2=2) + 1e-300
     H = H + ridge[:, None, None] * np.eye(len(spans))
     return np.sum(g * np.linalg.solve(H, g[..., None])[..., 0], axis=1)
