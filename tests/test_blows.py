@@ -42,6 +42,13 @@ def test_a_box_and_its_sets_are_inverse(base):
         assert np.exp(same.low[0]) < whole < np.exp(same.high[0])
 
 
+def test_a_fit_that_came_to_no_load_is_still_in_reach_of_the_box(base):
+    box = members("effect")["backlash"].box(base.predictor.data.log, {"J": 0.2})
+    none = dict.fromkeys(("load_inertia", "stiffness", "damping", "gap"), 0.0)
+    x = box.into(none)
+    assert np.all(np.isfinite(x)) and np.all(x <= box.high)
+
+
 def test_a_missed_window_weighs_little(base):
     rng = np.random.default_rng(1)
     white = rng.normal(size=(6, 500, 2))

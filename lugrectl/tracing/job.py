@@ -30,7 +30,10 @@ ROUGH = 0.002  # noise of the torque over its size, below which it is taken as i
 CALMER = (1, 3, 12, 48)  # times more that it is averaged over three samples
 SLOWLY = "first guess; slow, as there is neither a C compiler nor numba (lugrectl[fast])"
 UNTOLD = "The {} only a combination of {}: their values are one choice among many."
-SMOOTHED = "u is noisy from sample to sample: it was averaged over neighbouring samples."
+SMOOTHED = (
+    "u is noisy from sample to sample: it was averaged over neighbouring samples. J may come out "
+    "too large, and a lag or an elastic coupling be noise: log the torque that is commanded."
+)
 
 Progress = Callable[[float, str], None]
 _Models = dict[str, tuple[Predictor, Mapping[str, float], Noise] | None]

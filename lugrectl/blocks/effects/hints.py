@@ -153,9 +153,11 @@ def gap_box(log: Any, values: Values) -> Box:
         return _behind(whole, share, frequency, damping) | {"gap": gap}
 
     def into(given: Values) -> np.ndarray:
-        load, ringing = given["load_inertia"], np.sqrt(given["stiffness"] / given["load_inertia"])
+        load = max(given["load_inertia"], low[1] * known)  # a fit may come to none
+        ringing = max(np.sqrt(given["stiffness"] / load), 2.0 * np.pi * low[2])
         damping = given["damping"] / (2.0 * load * ringing)
-        return np.log([known, load / known, ringing / (2.0 * np.pi), damping, given["gap"]])
+        x = np.array([known, load / known, ringing / (2.0 * np.pi), damping, given["gap"]])
+        return np.log(np.maximum(x, 0.1 * low))
 
     return Box(np.log(low), np.log(high), np.array([0.1, 0.2, 0.3, 0.3, 0.03]), at, into)
 
