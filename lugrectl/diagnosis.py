@@ -14,7 +14,7 @@ from .record import Record
 from .results import Diagnosis, Finding, Table, Traces
 from .steady.points import is_map
 from .tracing.evaluate import Judged, missing_torque
-from .tracing.explain import Explanation, explain, signals_of
+from .tracing.explain import Explanation, explain, signals_of, without_effects
 from .tracing.fit import Fitted
 from .tracing.job import (
     UNTOLD,
@@ -30,7 +30,7 @@ from .tracing.job import (
 )
 from .tracing.predictor import windows
 from .tracing.rest import signals_of_the_rest
-from .tracing.surprise import surprising, undated, when
+from .tracing.surprise import misled, surprising, undated, when
 from .tracing.tabulate import tabulate
 from .tracing.witness import statements
 
@@ -42,6 +42,7 @@ MANY = (
     "A state that the motion does not show for a while makes many optima: the values found may be "
     "off by tens of per cent, so no intervals are given."
 )
+MISLED = "With {} the held-out samples were foretold much worse than without: dropped."
 NEW = "The held-out samples show a torque that the fitted ones do not: at {}."
 
 
@@ -162,7 +163,11 @@ def _answer(job: Job, report: Progress) -> _Answer:
     if found.calm is not None:
         job = calmer(job, found.calm, report)
         found = explain(job.base, report, job.parts.test)
-    job, final, test = replace(job, base=found.base), found.final, job.parts.test
+    test = job.parts.test
+    if found.steps and misled(found.base, found.final, test):
+        names = " and ".join(step.trial.name for step in found.steps)
+        job, found = noted(job, MISLED.format(names)), without_effects(found)
+    job, final = replace(job, base=found.base), found.final
     if found.unexplained:
         return _Answer(job, found, np.array([], dtype=int), False)
     new, known = surprising(final, test), None

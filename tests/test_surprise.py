@@ -13,7 +13,7 @@ from lugrectl.tracing.predictor import Predictor
 from lugrectl.tracing.proof import firmness
 from lugrectl.tracing.screening import lightened, screen
 from lugrectl.tracing.split import split
-from lugrectl.tracing.surprise import surprising, undated, when
+from lugrectl.tracing.surprise import misled, surprising, undated, when
 from tests.blind.plan import Task
 from tests.blind.work import case_of
 from tests.rig import make
@@ -108,3 +108,15 @@ def test_the_time_of_a_change_is_sought_beside_what_the_plant_makes_up_for():
     truth = case.truth["parameters"]
     assert trial.values["friction_step.time"] == pytest.approx(truth["time"], abs=1.0)
     assert trial.values["friction_step.ratio"] == pytest.approx(truth["ratio"], rel=0.3)
+
+
+def test_effects_that_held_out_samples_contradict_are_dropped(job):
+    base, before = job.base, job.data.t[job.parts.train.counted.max()] / 3.0
+    model = base.predictor.model.with_effect("inertia_step", {"ratio": -0.3, "time": before})
+    predictor = Predictor(model, job.data)
+    values = base.values | {"inertia_step.ratio": -0.3, "inertia_step.time": before}
+    wrong = replace(base, predictor=predictor, values=values | {"J": 1.4 * base.values["J"]})
+    right = replace(wrong, values=values | {"inertia_step.ratio": 0.0})
+    assert misled(base, wrong, job.parts.test)
+    assert not misled(base, right, job.parts.test)
+    assert not misled(wrong, base, job.parts.test)

@@ -25,18 +25,24 @@ def judge(
 ) -> Judged:
     """Simulate each judging window from the recorded torque alone.
 
-    The state at a window's restart comes from the observer run over the lead-in before it.
     The residual torque is what the observer with the gain of ``yardstick`` has to supply.
     """
-    lead = Windows(test.start, 0, test.burn)
-    _, x = predictor.run([values], lead, noise)
-    window = Windows(test.start + test.burn, 0, test.length)
-    y, _ = predictor.run([values], window, noise, corrected=False, x0=x[0])
-    channel = predictor.data.channel
-    measured = predictor.data.y[test.counted][..., channel]
-    simulated = y[0, ..., channel]
+    simulated = restarted(predictor, values, noise, test)
+    measured = predictor.data.y[test.counted][..., predictor.data.channel]
     torque = missing_torque(predictor, values, test, yardstick)
     return Judged(rms(measured - simulated), rms(torque), simulated)
+
+
+def restarted(predictor: Predictor, values: Values, noise: Noise, where: Windows) -> np.ndarray:
+    """Each window simulated from the torque alone, (windows, length).
+
+    The state at a window's restart comes from the observer run over the lead-in before it.
+    """
+    lead = Windows(where.start, 0, where.burn)
+    _, x = predictor.run([values], lead, noise)
+    window = Windows(where.start + where.burn, 0, where.length)
+    y, _ = predictor.run([values], window, noise, corrected=False, x0=x[0])
+    return y[0, ..., predictor.data.channel]
 
 
 def missing_torque(

@@ -92,6 +92,15 @@ def explain(base: Fitted, report: Progress, test: Windows) -> Explanation:
     return Explanation(base, tuple(steps), current, ranking, unexplained, signals)
 
 
+def without_effects(found: Explanation) -> Explanation:
+    """The same with none of the effects found; something is left if it was before, too."""
+    base = found.base
+    left, signals = left_over(base, base, found=False, doubtful=False)
+    if found.unexplained:
+        left, signals = True, found.hangs_on
+    return replace(found, steps=(), final=base, unexplained=left, hangs_on=signals)
+
+
 class _Trace:
     """The refitted model, the model with the effects accepted so far, and these."""
 

@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from .evaluate import missing_torque
+from .evaluate import missing_torque, restarted
 from .fit import Fitted
 from .predictor import Values, Windows
 from .proof import LEAST_SIZE
 
+WORSE = 2.0  # times the error without them, above which effects are dropped
+OUTWEIGHED = 3.0  # logarithms of what gets worse, over those of what gets better
 MORE = 2.0  # times what may be missing, and what is missing from any window that was fitted
 
 
@@ -34,6 +36,25 @@ def surprising(fitted: Fitted, test: Windows, values: Values | None = None) -> n
     )
     new[_open(fitted, test)] = 0.0
     return np.flatnonzero(new > MORE * max(least, float(np.max(known))))
+
+
+def misled(before: Fitted, after: Fitted, test: Windows) -> bool:
+    """Whether effects make simulations of the held-out windows clearly worse.
+
+    By more than a factor altogether, and far more in some windows than better in others; those
+    aside in which a change lies that the fitted samples do not place.
+    """
+    data = after.predictor.data
+    measured = data.y[test.counted][..., data.channel]
+    sizes = [
+        np.mean((measured - restarted(f.predictor, f.values, f.noise, test)) ** 2, axis=1)
+        for f in (before, after)
+    ]
+    without, with_it = np.nan_to_num(sizes, nan=np.inf, posinf=1e300)[:, ~_open(after, test)]
+    grown = np.log(np.maximum(with_it, 1e-300) / np.maximum(without, 1e-300))
+    worse, better = np.maximum(grown, 0.0).sum(), np.maximum(-grown, 0.0).sum()
+    whole = np.sum(with_it) / max(float(np.sum(without)), 1e-300)
+    return bool(whole > WORSE**2 and worse > OUTWEIGHED * better)
 
 
 def undated(fitted: Fitted, test: Windows) -> bool:
