@@ -1,4 +1,7 @@
-"""Lanes side by side against the same lanes one after another, in one process."""
+"""Lanes side by side against the same lanes one after another, in one process.
+
+Opt-in: pytest -m slow -s tests/benchmarks.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,8 @@ from lugrectl.engine.native import has_wide
 from ..systems import DT, torque
 from ..test_wide import WIDE, plant
 from .test_held_bench import shortest
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.mark.skipif(not has_wide(), reason="this machine computes one at a time")
