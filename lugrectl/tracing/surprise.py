@@ -12,6 +12,7 @@ from .predictor import Values, Windows
 from .proof import LEAST_SIZE
 
 WORSE = 2.0  # times the error without them, above which effects are dropped
+LEAST, LARGEST = 1e-300, 1e300  # mean squares
 OUTWEIGHED = 3.0  # logarithms of what gets worse, over those of what gets better
 MORE = 2.0  # times what may be missing, and what is missing from any window that was fitted
 
@@ -46,15 +47,14 @@ def misled(before: Fitted, after: Fitted, test: Windows) -> bool:
     """
     data = after.predictor.data
     measured = data.y[test.counted][..., data.channel]
-    sizes = [
-        np.mean((measured - restarted(f.predictor, f.values, f.noise, test)) ** 2, axis=1)
-        for f in (before, after)
-    ]
-    without, with_it = np.nan_to_num(sizes, nan=np.inf, posinf=1e300)[:, ~_open(after, test)]
-    grown = np.log(np.maximum(with_it, 1e-300) / np.maximum(without, 1e-300))
+    runs = [restarted(f.predictor, f.values, f.noise, test) for f in (before, after)]
+    with np.errstate(over="ignore", invalid="ignore"):  # a simulation may run away
+        sizes = np.mean((measured - np.array(runs)) ** 2, axis=-1)[:, ~_open(after, test)]
+    sizes = np.clip(np.nan_to_num(sizes, nan=LARGEST), LEAST, LARGEST)
+    grown = np.diff(np.log(sizes), axis=0)
     worse, better = np.maximum(grown, 0.0).sum(), np.maximum(-grown, 0.0).sum()
-    whole = np.sum(with_it) / max(float(np.sum(without)), 1e-300)
-    return bool(whole > WORSE**2 and worse > OUTWEIGHED * better)
+    without, with_it = sizes.sum(axis=1)
+    return bool(with_it > WORSE**2 * without and worse > OUTWEIGHED * better)
 
 
 def undated(fitted: Fitted, test: Windows) -> bool:
