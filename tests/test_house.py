@@ -36,7 +36,7 @@ TRACING = [
     {"split", "coordinates", "likelihood", "evaluate", "structure"},
     {"moments", "slopes"},
     {"fit"},
-    {"tabulate", "proof", "blows", "slide"},
+    {"tabulate", "proof", "blows", "slide", "calm"},
     {"score", "surprise", "witness"},
     {"tries"},
     {"screening"},

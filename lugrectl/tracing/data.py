@@ -142,14 +142,6 @@ def picked(data: Data, index: np.ndarray) -> Data:
     )  # fmt: skip
 
 
-def averaged(u: np.ndarray, runs: Sequence[tuple[int, int]]) -> np.ndarray:
-    """Each sample the mean of itself and its two neighbours."""
-    out = u.copy()
-    for a, b in runs:
-        out[a + 1 : b - 1] = (u[a : b - 2] + u[a + 1 : b - 1] + u[a + 2 : b]) / 3.0
-    return out
-
-
 def _others_at(data: Data, index: np.ndarray) -> dict[str, np.ndarray]:
     return {name: values[index] for name, values in data.others.items()}
 

@@ -13,9 +13,10 @@ from ..results import Candidate
 from ..spec import P, members
 from .beside import beside
 from .blows import forgiving, sharpened
+from .calm import calmed
 from .data import Data
 from .fit import Fitted, again, fit
-from .job import Progress, calmed
+from .job import Progress
 from .predictor import Predictor, Windows
 from .proof import GATE, LEAST_OF_FIRST, LEAST_SIZE, WHOLE, firmness, proven, share, size
 from .rest import coloured, left_over
@@ -85,6 +86,7 @@ def explain(base: Fitted, report: Progress, test: Windows) -> Explanation:
             return Explanation(base, tuple(trace.steps), current, (), False, (), calm)
     base, pieces, ranking = trace.base, trace.current, tuple(trace.ranking)
     steps, current = _firm(trace.steps, pieces)
+    current = current if steps else base  # the way there and back may have ended elsewhere
     steps = _still_tied(steps, current, partial(report, 0.84))
     lost = share(current, pieces) > LOST
     pieced = len(steps) == MOST_EFFECTS and share(base, current) < PIECED

@@ -70,8 +70,9 @@ class Fitted:
         where a few of the windows tell most.
         """
         own = inverse(self.information)
-        size = np.maximum(np.diag(own), 1e-300)
-        ratio = np.sqrt(np.maximum(jackknife(self.parts, self.scores) / size, 1.0))
+        scatter = jackknife(self.parts, self.scores)
+        size = np.maximum(np.diag(own), 1e-12 * scatter + 1e-300)
+        ratio = np.sqrt(np.maximum(scatter / size, 1.0))
         return own * np.outer(ratio, ratio)
 
     def flat(self) -> list[tuple[str, ...]]:

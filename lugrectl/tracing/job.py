@@ -6,28 +6,24 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from ..engine.load import compiler
 from ..model import Model
 from ..record import Record
 from ..results import Estimate
 from ..spec import unit_for
+from .calm import calmed
 from .coordinates import free_keys
-from .data import Data, averaged, prepare
+from .data import Data, prepare
 from .doubts import refuse_dead, refuse_unfit
 from .evaluate import free_run, judge
 from .fit import Fitted, again, fit
 from .likelihood import tune
-from .noise import Noise, sensor_noise
+from .noise import Noise
 from .predictor import Predictor, spread, windows
 from .runs import MOST_RUNS, alike, told
 from .split import ENOUGH_OF_MANY, MOST, Split, split
 from .start import completed, holding, settled
 
-CALM = 50.0  # least gain in log-likelihood for a smoothed torque
-ROUGH = 0.002  # noise of the torque over its size, below which it is taken as it is
-CALMER = (1, 3, 12, 48)  # times more that it is averaged over three samples
 SLOWLY = "first guess; slow, as there is neither a C compiler nor numba (lugrectl[fast])"
 UNTOLD = "The {} only a combination of {}: their values are one choice among many."
 SMOOTHED = (
@@ -115,32 +111,6 @@ def calmer(job: Job, calm: Data, report: Progress) -> Job:
         for start in (base.values, values)
     ]
     return replace(job, data=calm, base=max(fits, key=lambda f: f.total))
-
-
-def calmed(found: Fitted) -> Data | None:
-    """The data with the torque averaged over neighbouring samples, where that is more likely.
-
-    Noise on the recorded torque, which the drive never saw, would otherwise make any effect
-    look real that smooths the torque (a lag does), and the inertia too large. Noise that a
-    controller made is in the motion, too, and stays.
-    """
-    predictor, best, total = found.predictor, None, found.total
-    u = predictor.data.u
-    if sensor_noise(u) < ROUGH * float(np.std(u)):
-        return None
-    free = [c.key for c in found.free] + list(found.instants)
-    for more in CALMER:
-        for _ in range(more):
-            u = averaged(u, predictor.data.runs)
-        data = predictor.data.with_torque(u)
-        other = fit(
-            predictor.on(data), found.values, free, found.where, found.noise,
-            anchor=found.anchor, most=8, rough=True,
-        )  # fmt: skip
-        if other.total < total + CALM:
-            break
-        best, total = data, other.total
-    return best
 
 
 def on_everything(fitted: Fitted, job: Job) -> Fitted:

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 from scipy.signal import filtfilt
 
 _THIRD_DIFFERENCE = np.sqrt(20.0)  # white noise of unit variance, differenced three times
-_NORMAL_MAD = 0.6745
+NORMAL_MAD = 0.6745  # median size of a unit normal
 DOUBLINGS = 60
 
 
@@ -26,7 +26,7 @@ def sensor_noise(x: np.ndarray) -> float:
     steps = np.abs(np.diff(x))
     moved = steps[steps > 1e-9 * max(float(np.ptp(x)), 1e-300)]
     resolution = float(np.quantile(moved, 0.001)) if len(moved) else 0.0
-    spread = float(np.median(third)) / _NORMAL_MAD / _THIRD_DIFFERENCE
+    spread = float(np.median(third)) / NORMAL_MAD / _THIRD_DIFFERENCE
     return max(spread, resolution / np.sqrt(12.0))
 
 

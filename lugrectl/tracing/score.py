@@ -8,10 +8,10 @@ import numpy as np
 
 from .fit import Fitted, moved
 from .likelihood import whitened
+from .noise import NORMAL_MAD
 from .predictor import Predictor, Values
 
 OUTLYING = 3.0  # usual sizes at which an innovation counts half
-NORMAL_MEDIAN = 0.6745  # of the absolute values of a unit normal
 LARGEST = 2_000_000  # counted samples in one engine call
 LONGEST = 4_000_000  # samples of the series that go with it
 
@@ -37,8 +37,7 @@ class Score:
         self.slopes = A / np.array([c.step for c in base.free])[:, None]
         size = np.linalg.norm(A, axis=1)
         A = A[size > 0] / size[size > 0, None]
-        U, s, _ = np.linalg.svd(A.T, full_matrices=False)
-        self.basis = U[:, s > 1e-8 * s[0]] if len(s) else U
+        self.basis = orthonormal(A, 1e-8)
         self.rest = float(self.r @ self.r) - float(np.sum((self.r @ self.basis) ** 2))
 
     def followed(self, column: np.ndarray) -> dict[str, float]:
@@ -68,12 +67,18 @@ class Score:
         return -0.5 * self.count * float(np.log1p(-max(explained, 0.0))), c / size[:, 0]
 
 
+def orthonormal(rows: np.ndarray, least: float = 1e-9) -> np.ndarray:
+    """An orthonormal basis, as columns, of what the rows span."""
+    U, s, _ = np.linalg.svd(rows.T, full_matrices=False)
+    return U[:, s > least * s[0]] if len(s) else U
+
+
 def weighing(r: np.ndarray) -> tuple[np.ndarray, float]:
     """Square roots of the weights, and how many samples they are worth."""
     size = np.abs(r[r != 0.0])
     if not len(size):
         return np.ones_like(r), 0.0
-    usual = OUTLYING * float(np.median(size)) / NORMAL_MEDIAN
+    usual = OUTLYING * float(np.median(size)) / NORMAL_MAD
     weights = 1.0 / (1.0 + (r / usual) ** 2)
     return np.sqrt(weights), float(np.sum(weights[r != 0.0]))
 

@@ -17,7 +17,7 @@ from .evaluate import missing_torque
 from .fit import Fitted
 from .likelihood import tune
 from .predictor import Predictor, coarser, spread
-from .score import Score, whitened_by_parts
+from .score import Score, orthonormal, whitened_by_parts
 from .series import resisting
 from .tries import tried
 
@@ -187,8 +187,7 @@ def _prescreened(base: Fitted, made: Block, points: list[dict]) -> list[dict[str
     every = max(1, int(0.002 / base.predictor.data.dt))
     index, target = index[::every], target[::every] - target.mean()
     few, weights = _thinned(base, index)
-    U, s, _ = np.linalg.svd(np.column_stack([*weights.values()]), full_matrices=False)
-    basis = U[:, s > 1e-9 * s[0]]
+    basis = orthonormal(np.array(list(weights.values())))
     target = target - basis @ (basis.T @ target)
     (name, *_), spans = points[0], _spans(made)
     places = np.array([point[name] for point in points])

@@ -15,7 +15,7 @@ from .evaluate import missing_torque
 from .fit import Fitted
 from .likelihood import loglik, whitened
 from .predictor import Predictor
-from .score import Score, at_once, whitened_by_parts
+from .score import Score, at_once, orthonormal, whitened_by_parts
 from .series import run_alone
 
 DOSE = 0.1  # of an effect's series: a derivative, but well above the noise of the integration
@@ -111,8 +111,7 @@ class Resemblance:
         self.width = max(1, round(SMEAR / log.dt))
         weights = base.predictor.weights(base.values)
         known = np.array([log.w, np.ones_like(log.w), *weights.values()])
-        U, s, _ = np.linalg.svd(self._seen(known).T, full_matrices=False)
-        self.basis = U[:, s > 1e-9 * s[0]]
+        self.basis = orthonormal(self._seen(known))
         torque = missing_torque(base.predictor, base.values, base.where, base.noise)
         self.target = self._rest(uniform_filter1d(torque, self.width, axis=-1).reshape(1, -1))[0]
 

@@ -1,0 +1,89 @@
+"""A recorded torque freed of noise that the drive never saw, where that explains the motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from .beside import beside
+from .data import Data
+from .fit import Fitted, fit
+from .noise import NORMAL_MAD, sensor_noise
+
+CALM = 50.0  # least gain in log-likelihood for a torque without its noise
+ROUGH = 0.002  # noise of the torque over its size, below which it is taken as it is
+WIDEST = 0.15  # s, of the coarsest detail that is looked at
+LARGE = 2.5  # usual sizes of a detail, from which it may be no noise
+SPLINE = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
+
+
+def calmed(found: Fitted) -> Data | None:
+    """The data with a torque freed of noise, where that is more likely.
+
+    Noise on the recorded torque, which the drive never saw, would otherwise make the inertia too
+    large, and any effect look real that smooths the torque (a lag does). Noise that a controller
+    made is in the motion, too, and stays. How coarse the details are that hold noise is chosen
+    by the likelihood.
+    """
+    data = found.predictor.data
+    if sensor_noise(data.u) < ROUGH * float(np.std(data.u)):
+        return None
+    top = int(np.log2(max(WIDEST / data.dt, 2.0)))
+    fits = _fits(found, range(top, 0, -2))
+    best = max(fits, key=lambda level: fits[level].total)
+    if fits[best].total < found.total + CALM:
+        return None
+    fits |= _fits(found, [level for level in (best - 1, best + 1) if 0 < level <= top])
+    return max(fits.values(), key=lambda f: f.total).predictor.data
+
+
+def _fits(found: Fitted, levels: Iterable[int]) -> dict[int, Fitted]:
+    """The model fitted again, with the torque freed of noise in so many levels of detail."""
+    predictor, free = found.predictor, [c.key for c in found.free] + list(found.instants)
+
+    def fitted(level: int) -> Fitted:
+        data = predictor.data
+        return fit(
+            predictor.on(data.with_torque(denoised(data.u, data.runs, level))),
+            found.values, free, found.where, found.noise,
+            anchor=found.anchor, most=8, rough=True,
+        )  # fmt: skip
+
+    levels = list(levels)
+    return dict(zip(levels, beside(fitted, levels), strict=True))
+
+
+def denoised(u: np.ndarray, runs: Sequence[tuple[int, int]], levels: int) -> np.ndarray:
+    """u (N,) without noise in its details of 1, 2, 4, ... samples.
+
+    What is as small as most of a level is taken out, what stands out is kept, less the noise
+    that is in it: steps stay steps.
+
+    Notes
+    -----
+    Undecimated B3-spline wavelets (Starck, Fadili and Murtagh 2007), shrunk by
+    w max(0, 1 - (k s/w)^2) with s from the median of abs(w).
+    """
+    out = u.copy()
+    for a, b in runs:
+        out[a:b] = _shrunk(u[a:b], levels)
+    return out
+
+
+def _shrunk(u: np.ndarray, levels: int) -> np.ndarray:
+    kept = np.zeros_like(u)
+    for level in range(levels):
+        coarse = _spread(u, 2**level)
+        detail = u - coarse
+        usual = LARGE * float(np.median(np.abs(detail))) / NORMAL_MAD
+        size = np.maximum(np.abs(detail), np.finfo(float).tiny)
+        kept += detail * np.maximum(0.0, 1.0 - np.minimum(usual / size, 1.0) ** 2)
+        u = coarse
+    return u + kept
+
+
+def _spread(u: np.ndarray, step: int) -> np.ndarray:
+    """The spline's mean of neighbours that are ``step`` samples apart."""
+    padded, n = np.pad(u, 2 * step, mode="edge"), len(u)
+    return SPLINE @ np.array([padded[k * step : k * step + n] for k in range(len(SPLINE))])
