@@ -42,7 +42,7 @@ def _lacks(base: Fitted, final: Fitted, least: float, found: bool) -> bool:
     What was found may be a wrong picture: half as much counts where it leaves more than it
     takes, or than a function of some signals would leave.
     """
-    lack, first = lacking(final), lacking(base) if found else None
+    lack, first = lacking(final, timed=True), lacking(base) if found else None
     if first is not None and first.torque > 0.5 * least and first.is_better_than(final):
         return True
     if lack is None:
@@ -58,17 +58,17 @@ def signals_of_the_rest(final: Fitted, base: Fitted, *, doubtful: bool = False) 
     The balance of the sliding drive comes first. What is left may be a poor picture of one
     thing, torn by ``doubtful`` effects that were found in its place: then all that is missing
     tells more, unless they have taken it. Time comes last: between two neighbours it tells
-    whatever is slow.
+    whatever is slow. It comes first where all is missing in a few moments.
     """
     left, whole = (while_sliding(f, everywhere=True) for f in (final, base))
     shown: tuple[str, ...] = ()
-    for timed in (False, True):
-        best, first = left.hangs_on(timed=timed), whole.hangs_on(timed=timed)
+    for look in ("of_moments", "of_signals", "of_time"):
+        best, first = getattr(left, look), getattr(whole, look)
         if best and not doubtful and left.size(best) > PART * whole.torque:
             return best.signals
         if first and left.share(first.signals) > TAKEN:
             return first.signals
-        if not timed:
+        if look == "of_signals":
             shown = hangs_on(final)
             if shown and "t" not in shown:
                 return shown

@@ -29,8 +29,10 @@ TOGETHER = 3  # cells in a row that a fold in time has
 RIDGES = (1e-3, 1e-2, 1e-1, 1.0)
 FINE, FINEST = 0.1, 400  # s between the points of a function of time, and most of them
 SUPPLIED = 3.0  # times what the observer supplies, that a missing torque can be at most
-NEARLY_ALL = 0.9  # share above which an effect is to take a part of it
+NEARLY_ALL = 0.9  # of what is missing; an effect is to take a part of such a share
 LEAST_TAKEN = 0.3  # of its power
+MOMENTS = 0.3  # part of the cells that a few moments are
+FAR_LESS = 0.3  # of what another function leaves
 FREE = 1e-3  # ridge of what the model may have wrong
 MOST = 200 * BLOCKS  # cells
 FEWEST = 3 * BLOCKS  # cells
@@ -62,13 +64,37 @@ class Sliding:
         """As which functions of the signals it can be seen."""
         if not len(self.lack):
             return ()
-        made = shapes(self.log, self.rows, np.arange(len(self.rows)), self.expected)
-        made.append(in_time(self.log.t[self.rows], FINE, FINEST))
+        made = [in_time(self.log.t[self.rows], FINE, FINEST)]
+        made += shapes(self.log, self.rows, np.arange(len(self.rows)), self.expected)
+        made.sort(key=lambda shape: len(shape.signals))
         return tuple(map(self._dependence, made))
 
-    def hangs_on(self, *, timed: bool) -> Dependence | None:
-        """The clearest of the functions that hold time, or of those that do not."""
-        return clearest([d for d in self.dependences if ("t" in d.signals) == timed])
+    @property
+    def of_signals(self) -> Dependence | None:
+        """The clearest of the functions of signals that come back."""
+        return clearest([d for d in self.dependences if "t" not in d.signals])
+
+    @property
+    def of_time(self) -> Dependence | None:
+        """The clearest of the functions that hold time."""
+        return clearest([d for d in self.dependences if "t" in d.signals])
+
+    @property
+    def of_moments(self) -> Dependence | None:
+        """The same where all is missing in a few moments, and no other signal tells nearly as
+        much of it: what takes hold of a drive for once, at whatever speed and place that is."""
+        best, other = self.of_time, self.of_signals
+        if best is None or self._spread > MOMENTS:
+            return None
+        told = other.share if other else 0.0
+        return best if 1.0 - best.share < FAR_LESS * (1.0 - told) else None
+
+    @cached_property
+    def _spread(self) -> float:
+        """Part of the cells that hold nearly all of what is missing."""
+        missed = np.sort(self._missed_by_known[False])[::-1]
+        held = np.cumsum(missed) < NEARLY_ALL * np.sum(missed)
+        return float(np.mean(held)) if len(held) else 1.0
 
     def share(self, signals: tuple[str, ...]) -> float:
         """The most that a function of these signals explains."""
@@ -134,15 +160,19 @@ def _is_supplied(torque: float, fitted: Fitted) -> bool:
     return torque < SUPPLIED * float(np.std(supplied))
 
 
-def lacking(fitted: Fitted) -> Lack | None:
+def lacking(fitted: Fitted, *, timed: bool = False) -> Lack | None:
     """What is clearly missing while the drive slides, None where nothing is.
 
     What the balance lacks counts where samples that were not fitted show it, too, and where the
-    observer supplies as much: a motion that was smoothed too much feigns a lack.
+    observer supplies as much: a motion that was smoothed too much feigns a lack. As a function
+    of time only if ``timed``.
     """
     sliding = while_sliding(fitted)
-    best = sliding.hangs_on(timed=False)
-    if not best or not while_sliding(fitted, everywhere=True).hangs_on(timed=False):
+    best = sliding.of_signals or (sliding.of_time if timed else None)
+    if not best:
+        return None
+    whole = while_sliding(fitted, everywhere=True)
+    if not (whole.of_signals or (timed and whole.of_time)):
         return None
     torque = sliding.size(best)
     if not _is_supplied(torque, fitted):
