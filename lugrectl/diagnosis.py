@@ -13,6 +13,7 @@ from .model import Model
 from .record import Record
 from .results import Diagnosis, Finding, Table, Traces
 from .steady.points import is_map
+from .tracing.calm import calmed
 from .tracing.evaluate import Judged, missing_torque
 from .tracing.explain import Explanation, explain, signals_of, without_effects
 from .tracing.fit import Fitted
@@ -159,7 +160,8 @@ def _answered(start: Callable[..., Job], report: Progress) -> _Answer:
 
 def _answer(job: Job, report: Progress) -> _Answer:
     """The explanation by the fitted samples, and what the others say to it."""
-    found = explain(job.base, report, job.parts.test)
+    torque = partial(calmed, recorded=job.recorded)
+    found = explain(job.base, report, job.parts.test, torque)
     if found.calm is not None:
         job = calmer(job, found.calm, report)
         found = explain(job.base, report, job.parts.test)

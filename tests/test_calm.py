@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from lugrectl import diagnose
-from lugrectl.tracing.calm import denoised
-from lugrectl.tracing.job import begin
+from lugrectl.tracing.calm import calmed, denoised
+from lugrectl.tracing.job import begin, calmer
 from tests.rig import make, sample
 
 from .test_tracing import model_of, quiet, record_of
@@ -53,3 +53,17 @@ def test_it_is_said():
     size = 0.05 * case.truth["plant"]["Fc"]
     result = diagnose(noisy(record_of(case), size), model_of(case))
     assert result.verdict == "adequate" and any("u is noisy" in m for m in result.messages)
+
+
+def test_a_torque_smoothed_in_vain_is_taken_as_it_was_recorded():
+    """Smoothing helped a model that lacked a fast ripple; with the ripple it does harm."""
+    case = make("none", machine="servo", excitation="rich", seed=4105, rate=500.0, duration=20.0)
+    job = begin(record_of(case), model_of(case), None, 1.0, quiet)
+    smooth = job.data.with_torque(denoised(job.data.u, job.data.runs, 6))
+    there = calmer(job, smooth, quiet)
+    assert there.data.smoothed and there.recorded is job.data
+    back = calmed(there.base, there.recorded)
+    assert back is job.data
+    again = calmer(there, back, quiet)
+    assert again.recorded is None and not again.data.smoothed
+    assert calmed(again.base) is None

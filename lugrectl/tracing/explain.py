@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -13,7 +13,6 @@ from ..results import Candidate
 from ..spec import P, members
 from .beside import beside
 from .blows import forgiving, sharpened
-from .calm import calmed
 from .data import Data
 from .fit import Fitted, again, fit
 from .job import Progress
@@ -51,7 +50,7 @@ class Explanation:
     """The refitted model, accepted effects, the final model with them inside, and what is left.
 
     ``unexplained`` says whether something proven is left; ``hangs_on`` on which signals. Where
-    ``calm`` is given the first effect has shown that the torque is to be smoothed first: what
+    ``calm`` is given the first effect has shown that this torque is to be taken first: what
     else is here is not to be used.
     """
 
@@ -64,10 +63,16 @@ class Explanation:
     calm: Data | None = None
 
 
-def explain(base: Fitted, report: Progress, test: Windows) -> Explanation:
+def explain(
+    base: Fitted,
+    report: Progress,
+    test: Windows,
+    calmed: Callable[[Fitted], Data | None] = lambda fitted: None,
+) -> Explanation:
     """Add the best effect, refit everything, look again, until nothing proven is left.
 
     ``test`` are the held-out windows; they only tell apart what explains the others equally well.
+    ``calmed`` tells, once the first effect is known, whether another torque is to be taken.
     """
     trace = _Trace(base, test)
     for turn in range(MOST_EFFECTS):
@@ -79,11 +84,11 @@ def explain(base: Fitted, report: Progress, test: Windows) -> Explanation:
             break
         trace.add(sound, say)
         base, current = trace.base, trace.current
-        if share(base, current) > 1.0 - LEAST_OF_FIRST and not coloured(current):
-            break
         calm = calmed(current) if turn == 0 and not current.noise.uneven else None
         if calm is not None:
             return Explanation(base, tuple(trace.steps), current, (), False, (), calm)
+        if share(base, current) > 1.0 - LEAST_OF_FIRST and not coloured(current):
+            break
     base, pieces, ranking = trace.base, trace.current, tuple(trace.ranking)
     steps, current = _firm(trace.steps, pieces)
     current = current if steps else base  # the way there and back may have ended elsewhere

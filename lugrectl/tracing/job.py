@@ -45,6 +45,7 @@ class Job:
     parts: Split
     base: Fitted
     doubts: tuple[str, ...] = ()
+    recorded: Data | None = None  # before its torque was freed of noise
 
     @property
     def messages(self) -> tuple[str, ...]:
@@ -101,8 +102,8 @@ def noted(job: Job, *messages: str) -> Job:
 
 
 def calmer(job: Job, calm: Data, report: Progress) -> Job:
-    """The same job with a smoothed torque."""
-    report(0.1, "refitting with the torque smoothed")
+    """The same job with a torque freed of noise, or again as it was recorded."""
+    report(0.1, f"refitting with the torque {'smoothed' if calm.smoothed else 'as recorded'}")
     base, values = job.base, job.base.anchor
     predictor = base.predictor.on(calm)
     free = free_keys(predictor)
@@ -110,7 +111,8 @@ def calmer(job: Job, calm: Data, report: Progress) -> Job:
         fit(predictor, start, free, base.where, base.noise, anchor=values)
         for start in (base.values, values)
     ]
-    return replace(job, data=calm, base=max(fits, key=lambda f: f.total))
+    recorded = job.data if calm.smoothed else None
+    return replace(job, data=calm, recorded=recorded, base=max(fits, key=lambda f: f.total))
 
 
 def on_everything(fitted: Fitted, job: Job) -> Fitted:
