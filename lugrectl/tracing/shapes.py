@@ -67,12 +67,6 @@ def shapes(log: Log, rows: np.ndarray, at: np.ndarray, a: np.ndarray) -> list[Sh
     return sorted(made, key=lambda shape: len(shape.signals))
 
 
-def in_time(t: np.ndarray, apart: float, most: int) -> Shape:
-    """A function of time, with a point every ``apart`` s, but at ``most`` so many."""
-    count = int(np.clip(np.ptp(t) / apart, 4, most))
-    return Shape(("t",), _spanned(t, _even(t, count)), timed=True)
-
-
 def pulses(length: int, dt: float) -> np.ndarray:
     """Triangles in time over a window, (length, pieces)."""
     x = np.arange(float(length))

@@ -20,18 +20,19 @@ from .data import Data, Log
 from .dependence import Dependence, clearest, judged
 from .evaluate import missing_torque
 from .fit import Fitted
-from .shapes import Shape, in_time, shapes
+from .shapes import Shape, shapes
 
 CELL = 0.01  # s
 BLOCKS = 40  # of cells in a row, by which the share's error is found
 FOLDS, TIMED_FOLDS = 5, 4
 TOGETHER = 3  # cells in a row that a fold in time has
 RIDGES = (1e-3, 1e-2, 1e-1, 1.0)
-FINE, FINEST = 0.1, 400  # s between the points of a function of time, and most of them
+NEIGHBOURS = (1, 2, 4, 8, 16)  # cells on either side that foretell the one between them
 SUPPLIED = 3.0  # times what the observer supplies, that a missing torque can be at most
 NEARLY_ALL = 0.9  # of what is missing; an effect is to take a part of such a share
 LEAST_TAKEN = 0.3  # of its power
 MOMENTS = 0.3  # part of the cells that a few moments are
+TELLING, MORE_MOMENTS = 0.7, 0.45  # the same beside a function with a smaller share
 FAR_LESS = 0.3  # of what another function leaves
 FREE = 1e-3  # ridge of what the model may have wrong
 MOST = 200 * BLOCKS  # cells
@@ -64,10 +65,8 @@ class Sliding:
         """As which functions of the signals it can be seen."""
         if not len(self.lack):
             return ()
-        made = [in_time(self.log.t[self.rows], FINE, FINEST)]
-        made += shapes(self.log, self.rows, np.arange(len(self.rows)), self.expected)
-        made.sort(key=lambda shape: len(shape.signals))
-        return tuple(map(self._dependence, made))
+        made = shapes(self.log, self.rows, np.arange(len(self.rows)), self.expected)
+        return (self._in_time(), *map(self._dependence, made))
 
     @property
     def of_signals(self) -> Dependence | None:
@@ -84,10 +83,10 @@ class Sliding:
         """The same where all is missing in a few moments, and no other signal tells nearly as
         much of it: what takes hold of a drive for once, at whatever speed and place that is."""
         best, other = self.of_time, self.of_signals
-        if best is None or self._spread > MOMENTS:
-            return None
         told = other.share if other else 0.0
-        return best if 1.0 - best.share < FAR_LESS * (1.0 - told) else None
+        if best is None or 1.0 - best.share > FAR_LESS * (1.0 - told):
+            return None
+        return best if self._spread < (MOMENTS if told > TELLING else MORE_MOMENTS) else None
 
     @cached_property
     def _spread(self) -> float:
@@ -120,14 +119,26 @@ class Sliding:
         own = [np.zeros(self.known.shape[1])]
         return {t: _missed(self.known, self.lack, self._fold(t), own)[0] for t in (False, True)}
 
+    def _in_time(self) -> Dependence:
+        """As any function of time: each cell is foretold by those around it."""
+        X = self.known
+        r = self.lack - X @ np.linalg.lstsq(X, self.lack, rcond=None)[0]
+        missed = [(r - _between(r, self.rows, width)) ** 2 for width in NEIGHBOURS]
+        return self._judged(("t",), missed, timed=True)
+
     def _dependence(self, shape: Shape) -> Dependence:
         B = shape.B[:, np.any(shape.B != 0.0, axis=0)]
         X = np.column_stack([self.known, B / np.linalg.norm(B, axis=0)])
         stiff = np.arange(X.shape[1]) >= self.known.shape[1]
         missed = _missed(X, self.lack, self._fold(shape.timed), [r * stiff for r in RIDGES])
-        whole = np.bincount(self._block, self._missed_by_known[shape.timed])
+        return self._judged(shape.signals, missed, timed=shape.timed)
+
+    def _judged(
+        self, signals: tuple[str, ...], missed: Sequence[np.ndarray], *, timed: bool
+    ) -> Dependence:
+        whole = np.bincount(self._block, self._missed_by_known[timed])
         left = min((np.bincount(self._block, m) for m in missed), key=np.sum)
-        return judged(shape.signals, whole - left, whole)
+        return judged(signals, whole - left, whole)
 
 
 @dataclass(frozen=True)
@@ -241,6 +252,18 @@ def _known(fitted: Fitted, data: Data, at: Cells, net: np.ndarray) -> np.ndarray
     level, both = (stribeck(w, Fc=1.0, Fs=Fs, Fv=0.0, vs=vs, eps=eps)[0] for Fs in (1.0, 2.0))
     columns = np.column_stack([net, u, w, level, both - level, np.ones_like(w)])
     return columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+
+
+def _between(r: np.ndarray, rows: np.ndarray, width: int) -> np.ndarray:
+    """What the cells up to ``width`` before and after each one say of it, the nearer the more; 0
+    where there are none."""
+    place = (rows - rows[0]) // np.min(np.diff(rows))
+    weight = np.minimum(np.arange(1, 2 * width + 2), np.arange(2 * width + 1, 0, -1.0))
+    weight[width] = 0.0
+    there, value = np.zeros((2, int(place[-1]) + 1))
+    there[place], value[place] = 1.0, r
+    summed, count = (np.convolve(x, weight, "same")[place] for x in (value, there))
+    return summed / np.maximum(count, 1.0)
 
 
 def _missed(
