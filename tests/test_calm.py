@@ -67,3 +67,8 @@ def test_a_torque_smoothed_in_vain_is_taken_as_it_was_recorded():
     again = calmer(there, back, quiet)
     assert again.recorded is None and not again.data.smoothed
     assert calmed(again.base) is None
+
+
+def test_a_ripple_is_no_noise():
+    case = sample("torque_ripple", 119303, rate=1000.0, duration=15.0)
+    assert not begin(record_of(case), model_of(case), None, 1.0, quiet).data.smoothed

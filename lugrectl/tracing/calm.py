@@ -14,6 +14,7 @@ from .noise import NORMAL_MAD, sensor_noise
 CALM = 50.0  # least gain in log-likelihood for a torque without its noise
 ROUGH = 0.002  # noise of the torque over its size, below which it is taken as it is
 WIDEST = 0.15  # s, of the coarsest detail that is looked at
+SLOW = 3.2  # times what differs from sample to sample, beyond which it is no noise but a ripple
 LARGE = 2.5  # usual sizes of a detail, from which it may be no noise
 SPLINE = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
 
@@ -30,7 +31,8 @@ def calmed(found: Fitted, recorded: Data | None = None) -> Data | None:
     if recorded is not None:
         return recorded if _fitted(found, recorded).total > found.total + CALM else None
     data = found.predictor.data
-    if sensor_noise(data.u) < ROUGH * float(np.std(data.u)):
+    rough = sensor_noise(data.u)
+    if rough < ROUGH * float(np.std(data.u)):
         return None
     top = int(np.log2(max(WIDEST / data.dt, 2.0)))
     fits = _fits(found, range(top, 0, -2))
@@ -38,7 +40,8 @@ def calmed(found: Fitted, recorded: Data | None = None) -> Data | None:
     if fits[best].total < found.total + CALM:
         return None
     fits |= _fits(found, [level for level in (best - 1, best + 1) if 0 < level <= top])
-    return max(fits.values(), key=lambda f: f.total).predictor.data
+    calm = max(fits.values(), key=lambda f: f.total).predictor.data
+    return calm if np.std(data.u - calm.u) < SLOW * rough else None
 
 
 def _fits(found: Fitted, levels: Iterable[int]) -> dict[int, Fitted]:
