@@ -56,7 +56,7 @@ def test_it_is_said():
 
 
 def test_a_torque_smoothed_in_vain_is_taken_as_it_was_recorded():
-    """Smoothing helped a model that lacked a fast ripple; with the ripple it does harm."""
+    """Smoothing may help a model that lacks a fast ripple; where nothing lacks it does harm."""
     case = make("none", machine="servo", excitation="rich", seed=4105, rate=500.0, duration=20.0)
     job = begin(record_of(case), model_of(case), None, 1.0, quiet)
     smooth = job.data.with_torque(denoised(job.data.u, job.data.runs, 6))

@@ -48,10 +48,10 @@ def test_a_loss_in_the_drive_is_a_function_of_the_torque(plain):
 
 def test_knocks_hang_on_time_alone(plain):
     sliding = while_sliding(refitted(plain, knocks), everywhere=True)
-    assert sliding.of_signals is None
-    best = sliding.of_time
+    assert sliding.of_signals() is None
+    best = sliding.of_time()
     assert best is not None and best.signals == ("t",)
-    assert sliding.of_moments == best
+    assert sliding.of_moments() == best
 
 
 def test_knocks_are_noticed(plain, whole):
@@ -63,7 +63,7 @@ def test_knocks_are_noticed(plain, whole):
 
 def test_what_lasts_is_not_a_matter_of_moments(plain):
     for torque in (bump, slider):
-        assert while_sliding(refitted(plain, torque), everywhere=True).of_moments is None
+        assert while_sliding(refitted(plain, torque), everywhere=True).of_moments() is None
 
 
 def test_a_whole_model_lacks_nothing(whole, bumpy):

@@ -84,10 +84,12 @@ def explain(
             break
         trace.add(sound, say)
         base, current = trace.base, trace.current
-        calm = calmed(current) if turn == 0 and not current.noise.uneven else None
+        enough = share(base, current) > 1.0 - LEAST_OF_FIRST and not coloured(current)
+        doubted = current.predictor.data.smoothed or not enough
+        calm = calmed(current) if turn == 0 and doubted and not current.noise.uneven else None
         if calm is not None:
             return Explanation(base, tuple(trace.steps), current, (), False, (), calm)
-        if share(base, current) > 1.0 - LEAST_OF_FIRST and not coloured(current):
+        if enough:
             break
     base, pieces, ranking = trace.base, trace.current, tuple(trace.ranking)
     steps, current = _firm(trace.steps, pieces)

@@ -27,7 +27,7 @@ from .start import completed, holding, settled
 SLOWLY = "first guess; slow, as there is neither a C compiler nor numba (lugrectl[fast])"
 UNTOLD = "The {} only a combination of {}: their values are one choice among many."
 SMOOTHED = (
-    "u is noisy from sample to sample: it was averaged over neighbouring samples. J may come out "
+    "u is noisy from sample to sample: the noise was taken out as far as it goes. J may come out "
     "too large, and a lag or an elastic coupling be noise: log the torque that is commanded."
 )
 

@@ -8,7 +8,7 @@ from .evaluate import missing_torque
 from .fit import Fitted
 from .hanging import hangs_on
 from .proof import LEAST_SIZE, MOST_OF_REST, WHOLE, share
-from .slide import lacking, while_sliding
+from .slide import Sliding, lacking, while_sliding
 from .structure import colour, predictable, uneven
 
 LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a signal
@@ -39,6 +39,8 @@ def left_over(
 def _lacks(base: Fitted, final: Fitted, least: float, found: bool) -> bool:
     """Whether the sliding drive lacks more than ``least``, and than what inexact effects leave.
 
+    As a function of signals, or of time.
+
     What was found may be a wrong picture: half as much counts where it leaves more than it
     takes, or than a function of some signals would leave.
     """
@@ -62,13 +64,13 @@ def signals_of_the_rest(final: Fitted, base: Fitted, *, doubtful: bool = False) 
     """
     left, whole = (while_sliding(f, everywhere=True) for f in (final, base))
     shown: tuple[str, ...] = ()
-    for look in ("of_moments", "of_signals", "of_time"):
-        best, first = getattr(left, look), getattr(whole, look)
+    for look in (Sliding.of_moments, Sliding.of_signals, Sliding.of_time):
+        best, first = look(left), look(whole)
         if best and not doubtful and left.size(best) > PART * whole.torque:
             return best.signals
         if first and left.share(first.signals) > TAKEN:
             return first.signals
-        if look == "of_signals":
+        if look is Sliding.of_signals:
             shown = hangs_on(final)
             if shown and "t" not in shown:
                 return shown

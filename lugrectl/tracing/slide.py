@@ -68,21 +68,18 @@ class Sliding:
         made = shapes(self.log, self.rows, np.arange(len(self.rows)), self.expected)
         return (self._in_time(), *map(self._dependence, made))
 
-    @property
     def of_signals(self) -> Dependence | None:
         """The clearest of the functions of signals that come back."""
         return clearest([d for d in self.dependences if "t" not in d.signals])
 
-    @property
     def of_time(self) -> Dependence | None:
         """The clearest of the functions that hold time."""
         return clearest([d for d in self.dependences if "t" in d.signals])
 
-    @property
     def of_moments(self) -> Dependence | None:
         """The same where all is missing in a few moments, and no other signal tells nearly as
         much of it: what takes hold of a drive for once, at whatever speed and place that is."""
-        best, other = self.of_time, self.of_signals
+        best, other = self.of_time(), self.of_signals()
         told = other.share if other else 0.0
         if best is None or 1.0 - best.share > FAR_LESS * (1.0 - told):
             return None
@@ -179,11 +176,11 @@ def lacking(fitted: Fitted, *, timed: bool = False) -> Lack | None:
     of time only if ``timed``.
     """
     sliding = while_sliding(fitted)
-    best = sliding.of_signals or (sliding.of_time if timed else None)
+    best = sliding.of_signals() or (sliding.of_time() if timed else None)
     if not best:
         return None
     whole = while_sliding(fitted, everywhere=True)
-    if not (whole.of_signals or (timed and whole.of_time)):
+    if not (whole.of_signals() or (timed and whole.of_time())):
         return None
     torque = sliding.size(best)
     if not _is_supplied(torque, fitted):
