@@ -44,4 +44,5 @@ def clearest(found: Sequence[Dependence]) -> Dependence | None:
     if not clear:
         return None
     best = max(d.share for d in clear)
-    return next(d for d in clear if d.share > NEARLY * best)
+    named = next(d for d in clear if d.share > NEARLY * best).signals
+    return max((d for d in clear if d.signals == named), key=lambda d: d.share)
