@@ -142,9 +142,9 @@ def _riccati(A: np.ndarray, H: np.ndarray, Q: np.ndarray, R: np.ndarray) -> np.n
     """
     a, G, P = A.T, H.T @ np.linalg.solve(R, H), Q
     for _ in range(DOUBLINGS):
-        half = np.linalg.solve(np.eye(len(A)) + G @ P, np.hstack([a, G]))
+        half: np.ndarray = np.linalg.solve(np.eye(len(A)) + G @ P, np.hstack([a, G]))
         a_half, G_half = half[:, : len(A)], half[:, len(A) :]
-        more = a.T @ P @ a_half
+        more: np.ndarray = a.T @ P @ a_half
         a, G, P = a @ a_half, G + a @ G_half @ a.T, P + more
         if np.all(np.abs(more) <= 1e-12 * np.abs(P)):
             break
