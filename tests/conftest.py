@@ -1,12 +1,17 @@
-"""Before NumPy is loaded: its threads cost more on small matrices than they give."""
+"""What holds for all tests."""
 
 import os
 
+# Before NumPy is loaded: its threads cost more on small matrices than they give.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import pytest  # noqa: E402
+from hypothesis import settings  # noqa: E402
 
 from lugrectl.engine.native import has_compiler  # noqa: E402
+
+settings.register_profile("any machine", deadline=None)  # slow, or busy with another test
+settings.load_profile("any machine")
 
 
 def there(backend: str | None) -> str | None:

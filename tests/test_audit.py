@@ -251,7 +251,7 @@ def test_an_unrelated_w_is_ignored():
     assert audit(replace(PLAIN, w=other.copy())).w is None
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(st.floats(0.98, 1.02), st.floats(0, 0.5), st.floats(-0.3, 0.3))
 def test_small_errors_noise_and_offset_of_w_are_left_alone(factor, noise, offset):
     rng = np.random.default_rng(0)

@@ -147,7 +147,7 @@ def _piece(name: str, a: Any, b: Any, t: Any) -> Any:
     return made[name]()
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=60, derandomize=True)
 @given(
     st.lists(st.tuples(PIECES, st.integers(0, 2), st.integers(0, 2), NUMBERS), max_size=5),
     st.lists(NUMBERS, min_size=9, max_size=9),

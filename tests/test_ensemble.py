@@ -64,7 +64,7 @@ def test_with_numba_on_threads_as_in_plain_python(monkeypatch: pytest.MonkeyPatc
 numbers = st.floats(-1e3, 1e3)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(
     st.dictionaries(
         st.sampled_from(["Fc", "pi.kp", "J", "tau"]),

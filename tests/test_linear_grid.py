@@ -85,20 +85,20 @@ def agrees_with_a_decisive_grid(T):
             assert verdict and verdict.margin > 0
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(transfers)
 def test_spr_never_disagrees_with_a_decisive_grid(T):
     agrees_with_a_decisive_grid(T)
 
 
 @pytest.mark.slow
-@settings(max_examples=5000, deadline=None)
+@settings(max_examples=5000)
 @given(transfers)
 def test_spr_never_disagrees_with_a_decisive_grid_at_length(T):
     agrees_with_a_decisive_grid(T)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(transfers, positives, positives)
 def test_spr_is_invariant_under_positive_scaling_and_time_scaling(T, gain, rate):
     verdict = spr_check(T)
@@ -110,7 +110,7 @@ def test_spr_is_invariant_under_positive_scaling_and_time_scaling(T, gain, rate)
         assert again.band_edge == pytest.approx(factor * verdict.band_edge, rel=1e-12)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(near_passive())
 def test_spr_margin_is_where_positive_realness_ends(T):
     margin = spr_check(T).margin
@@ -131,7 +131,7 @@ def test_spr_margin_is_where_positive_realness_ends(T):
     assert shifted(margin * (1 + 1e-6)) == "not PR"
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(transfers)
 def test_spr_of_the_inverse(T):
     assume(any(T[0]))

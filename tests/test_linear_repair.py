@@ -206,7 +206,7 @@ def test_least_passing():
 log = st.floats(-1, 1).map(lambda x: 10**x)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.sampled_from(["position", "velocity"]), st.data())
 def test_repairs_hold_at_their_limits(loop, data):
     draw = data.draw

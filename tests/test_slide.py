@@ -29,8 +29,14 @@ def bumpy(plain):
     return refitted(plain, lambda t, theta, w: 3.0 * bump(t, theta, w))
 
 
+def rough_patches(t, theta, w):
+    """Viscous friction that differs from place to place."""
+    return 0.3 * np.sin(2.0 * theta) * w
+
+
 @pytest.mark.parametrize(
-    "torque, signals", [(bump, ("theta",)), (hump, ("w",)), (slider, ("theta", "w"))]
+    "torque, signals",
+    [(bump, ("theta",)), (hump, ("w",)), (slider, ("theta", "w")), (rough_patches, ("theta", "w"))],
 )
 def test_a_missing_torque_is_a_function_of_its_signals(plain, torque, signals):
     lack = lacking(refitted(plain, torque))
@@ -122,5 +128,7 @@ def test_the_clearest_function_is_of_few_signals():
 
     assert clearest([one("theta", 0.4), one("w", 0.6, t=2.0)]) is None
     assert clearest([one("theta", 0.9), one("theta w", 0.95)]) == one("theta", 0.9)
+    assert clearest([one("theta", 0.9), one("w", 0.97), one("theta w", 1.0)]) == one("w", 0.97)
+    assert clearest([one("theta", 0.9), one("theta", 0.98)]) == one("theta", 0.98)
     assert clearest([one("theta", 0.6), one("theta w", 0.95)]) == one("theta w", 0.95)
     assert clearest([one("a", 0.9)]) is None and clearest([one("a", 0.97)]) == one("a", 0.97)

@@ -44,5 +44,5 @@ def clearest(found: Sequence[Dependence]) -> Dependence | None:
     if not clear:
         return None
     best = max(d.share for d in clear)
-    named = next(d for d in clear if d.share > NEARLY * best).signals
-    return max((d for d in clear if d.signals == named), key=lambda d: d.share)
+    near = [d for d in clear if d.share > NEARLY * best]
+    return min(near, key=lambda d: (len(d.signals), -d.share))

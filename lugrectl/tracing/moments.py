@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -42,12 +43,16 @@ def place(
 
     Where samples are missing around it the likelihood is level: the middle is returned.
     """
-    dt = predictor.data.dt
-    first, last = float(predictor.data.t[0]), float(predictor.data.t[-1])
+    t, dt = predictor.data.t, predictor.data.dt
+    first, last = float(t[0]), float(t[-1])
 
     def loglik(times: np.ndarray) -> np.ndarray:
-        sets = [dict(values) | {key: float(t)} for t in times]
-        white = whitened(predictor, sets, where, noise)
+        """But for the windows that are the same at all of these times."""
+        some = _between(where, t, float(np.min(times)), float(np.max(times)))
+        if not len(some.start):
+            return np.zeros(len(times))
+        sets = [dict(values) | {key: float(time)} for time in times]
+        white = whitened(predictor, sets, some, noise)
         return -0.5 * np.sum(white**2, axis=(1, 2, 3))
 
     center, reach = values[key], 0.04 * (last - first)
@@ -56,19 +61,27 @@ def place(
         center, reach = float(times[np.argmax(loglik(times))]), 0.3 * reach
     if not edges:
         return center, (center, center)
-    floor = loglik(np.array([center]))[0] - DROP
+
+    def is_within(time: float) -> bool:
+        there, best = loglik(np.array([time, center]))
+        return bool(there > best - DROP)
 
     def edge(sign: float) -> float:
         inside, step = center, dt
-        while first < inside < last and loglik(np.array([inside + sign * step]))[0] > floor:
+        while first < inside < last and is_within(inside + sign * step):
             inside, step = inside + sign * step, 1.5 * step
         while step > 0.5 * dt:
             step *= 0.5
-            if loglik(np.array([inside + sign * step]))[0] > floor:
+            if is_within(inside + sign * step):
                 inside += sign * step
         return float(np.clip(inside + sign * 0.5 * dt, first, last))
 
     low, high = edge(-1.0), edge(1.0)
     middle = 0.5 * (low + high)
-    level = loglik(np.array([middle]))[0] > floor
-    return (middle if level else center), (low, high)
+    return (middle if is_within(middle) else center), (low, high)
+
+
+def _between(where: Windows, t: np.ndarray, first: float, last: float) -> Windows:
+    """The windows that a moment between two times is in, or between."""
+    ends = where.start + where.burn + where.length - 1
+    return replace(where, start=where.start[(t[where.start] <= last) & (t[ends] >= first)])

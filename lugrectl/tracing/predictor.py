@@ -313,8 +313,9 @@ class Predictor:
             theta, w = self._motion(v, start)
             x[:, 0], x[:, 1] = theta - 0.5 * dt * w, w - 0.5 * dt * log.a[start]
         if "z" in names:
-            for x, v in zip(x0, values, strict=True):
-                x[:, names.index("z")] = self._bristle_torque(v, start) / max(v["sigma0"], 1e-12)
+            F = self._bristle_torques(values, start)
+            sigma0 = np.array([[max(v["sigma0"], 1e-12)] for v in values])
+            x0[..., names.index("z")] = F / sigma0
         for part in self.core.effects:
             if part.block.states:
                 for name, x in self._states(part, values, start).items():
@@ -347,15 +348,19 @@ class Predictor:
         own = ran[:, start, len(part.block.fresh) :]
         return {name: own[..., i] for i, name in enumerate(placed.states)}
 
-    def _bristle_torque(self, values: Values, start: np.ndarray) -> np.ndarray:
-        """Friction at the starts, by the torque balance without effects that have states."""
+    def _bristle_torques(self, values: Sequence[Values], start: np.ndarray) -> np.ndarray:
+        """Friction at the starts (sets, starts), by the torque balance without effects that have
+        states."""
         instant = [p for p in self.model.effects if not p.block.states and p.block.exact is None]
-        model = replace(self.model, effects=tuple(instant))
+        model, keys = replace(self.model, effects=tuple(instant)), {p.key for p in instant}
         data = picked(self.data, start)
-        fed = feed(model, {p.key for p in instant}, values, data, self.levels)
-        F = fed.u - fed.load - fed.torque - values["J"] * data.log.a
-        limit = max(values.get("Fs", 0.0), values["Fc"])
-        return np.clip(F - values.get("Fv", 0.0) * data.log.w, -limit, limit)
+        made, memory = [], {}
+        for v in values:
+            fed = feed(model, keys, v, data, self.levels, memory)
+            F = fed.u - fed.load - fed.torque - v["J"] * data.log.a
+            limit = max(v.get("Fs", 0.0), v["Fc"])
+            made.append(np.clip(F - v.get("Fv", 0.0) * data.log.w, -limit, limit))
+        return np.array(made)
 
 
 def _instant_sensor(part: Part) -> bool:

@@ -26,7 +26,7 @@ STEP = 1e-3  # s, about the length of its steps
 UNDOING = 15  # iterations that undo a sensor's error
 
 Values = Mapping[str, float]
-Memory = dict[tuple, np.ndarray]
+Memory = dict[tuple, Any]  # by part and its values: what it put out along the log
 
 
 @dataclass(frozen=True)
@@ -67,8 +67,9 @@ def feed(
         block, fed = part.block, part.key in outside
         if not (fed or block.load) or "sensor" in block.acts:
             continue
-        plant = {k: v * (1.0 + x[k]) if k in x else v for k, v in values.items() if "." not in k}
-        own = {k: values[f"{part.key}.{k}"] for k in block.own} | borrowed(block, plant)
+        own = {k: values[f"{part.key}.{k}"] for k in block.own}
+        if block.own.keys() != block.parameters.keys():
+            own |= borrowed(block, _changed(values, x, zero))
         out = _outputs(part, signals, own, values, log, memory)
         part_of = (dose or {}).get(part.key, 1.0)
         for act, change in block.deeds(out):
@@ -86,6 +87,12 @@ def feed(
                 name = act.removeprefix("+")
                 x[name] = x[name] + change / max(values[name], 1e-12)
     return Fed(signals["u"], load, torque, x, error)
+
+
+def _changed(values: Values, x: Mapping[str, np.ndarray], zero: np.ndarray) -> dict[str, Any]:
+    """The plant's values, those along the log whose level ``x`` says differs from ``zero``."""
+    plant = {k: v for k, v in values.items() if "." not in k}
+    return plant | {k: plant[k] * (1.0 + d) for k, d in x.items() if k in plant and d is not zero}
 
 
 def _behind_sensors(
@@ -142,8 +149,21 @@ def _outputs(
         made = (memory or {}).get((part.key, *numbers.values()))
         made = run_alone(block, log, signals, [numbers])[0] if made is None else made
         return list(made.T[: len(block.fresh)])
+    known = memory if _is_plain(block, signals, own, log) else None
+    key = (part.key, *own.values())
+    if known and key in known:
+        return known[key]
     out = block(*_read(block, signals), **own)[: len(block.fresh)]
-    return [np.broadcast_to(o, log.t.shape) for o in out]
+    made = [np.broadcast_to(o, log.t.shape) for o in out]
+    if known is not None:
+        known[key] = made
+    return made
+
+
+def _is_plain(block: Block, signals: Mapping[str, Any], own: Mapping[str, Any], log: Log) -> bool:
+    """Whether an effect reads the log as it is: one with the same values does the same again."""
+    raw = all(signals[k] is getattr(log, k) for k in block.inputs)
+    return raw and not any(isinstance(v, np.ndarray) for v in own.values())
 
 
 def _read(block: Block, signals: Mapping[str, Any]) -> list[Any]:

@@ -61,9 +61,10 @@ def shapes(log: Log, rows: np.ndarray, at: np.ndarray, a: np.ndarray) -> list[Sh
     if wraps(theta[at], log.motion):
         angle, coarse = (around(theta, turn(count)) for count in (AROUND, SOME))
         made += [Shape(("theta",), angle), Shape(("theta", "w"), _by(forth, angle))]
-        made.append(Shape(("theta", "a"), coarse * a[:, None]))
     else:
-        made.append(Shape(("theta", "a"), _spanned(theta, _even(theta[at], FEW)) * a[:, None]))
+        coarse = _spanned(theta, _even(theta[at], FEW))
+    made.append(Shape(("theta", "w"), coarse * w[:, None]))
+    made.append(Shape(("theta", "a"), coarse * a[:, None]))
     return sorted(made, key=lambda shape: len(shape.signals))
 
 

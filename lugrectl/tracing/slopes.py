@@ -145,9 +145,9 @@ def _fed(
     """Series fed into the plant, their slopes, the sensors' error and its slopes (N, 2, keys)."""
     every, errors, index = predictor.distinct(alone)
     series, du = every[index[0]], {}
-    for i, column in enumerate(columns):
-        change = (every[index[i + 1]] - series) / step[i]
-        for name, slope in zip(predictor.lanes.inputs, change.T, strict=True):
+    for column, k, h in zip(columns, index[1:], step, strict=True):
+        for i, name in enumerate(predictor.lanes.inputs if k != index[0] else ()):
+            slope = (every[k, :, i] - series[:, i]) / h
             if np.any(slope):
                 du[name, column] = slope[None]
     error = [e for e in errors if e is not None]
