@@ -52,6 +52,19 @@ def test_a_loss_in_the_drive_is_a_function_of_the_torque(plain):
     assert lack is not None and lack.signals == ("u",)
 
 
+def test_narrow_bumps_hang_on_the_place(plain):
+    def bumps(t, theta, w):
+        return 1.5 * np.exp(-((np.mod(theta, 2.0 * np.pi) - 2.0) ** 2) / (2.0 * 0.02**2))
+
+    best = while_sliding(refitted(plain, bumps), everywhere=True).of_signals()
+    assert best is not None and best.signals == ("theta",) and best.share > 0.8
+
+
+def test_a_function_that_told_it_better_than_an_effect_is_named(plain, bumpy):
+    worse = replace(bumpy, values=bumpy.values | {"J": 1.5 * bumpy.values["J"]})
+    assert signals_of_the_rest(worse, bumpy) == ("theta",)
+
+
 def test_knocks_hang_on_time_alone(plain):
     sliding = while_sliding(refitted(plain, knocks), everywhere=True)
     assert sliding.of_signals() is None

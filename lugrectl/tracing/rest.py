@@ -59,9 +59,13 @@ def signals_of_the_rest(final: Fitted, base: Fitted, *, doubtful: bool = False) 
 
     The balance of the sliding drive comes first. What is left may be a poor picture of one
     thing, torn by ``doubtful`` effects that were found in its place: then all that is missing
-    tells more, unless they have taken it. Time comes last: between two neighbours it tells
-    whatever is slow. It comes first where all is missing in a few moments.
+    tells more, unless they have taken it; and where one function told it better than they do.
+    Time comes last: between two neighbours it tells whatever is slow. It comes first where all
+    is missing in a few moments.
     """
+    lack = lacking(base)
+    if lack is not None and lack.is_better_than(final):
+        return lack.signals
     left, whole = (while_sliding(f, everywhere=True) for f in (final, base))
     shown: tuple[str, ...] = ()
     for look in (Sliding.of_moments, Sliding.of_signals, Sliding.of_time):

@@ -12,6 +12,7 @@ from .data import Log
 
 MANY, SOME, FEW = 40, 24, 16  # pieces of a function
 AROUND = 64  # of one of the angle within a turn
+NARROW = 240  # of one of the place that may have bumps
 TURNING = 1.25  # turns of travel, from which the angle within a turn counts
 DEAD = 0.02  # of the largest speed, below which the drive has no direction
 PULSE = 0.05  # s
@@ -66,6 +67,14 @@ def shapes(log: Log, rows: np.ndarray, at: np.ndarray, a: np.ndarray) -> list[Sh
     made.append(Shape(("theta", "w"), coarse * w[:, None]))
     made.append(Shape(("theta", "a"), coarse * a[:, None]))
     return sorted(made, key=lambda shape: len(shape.signals))
+
+
+def bumps(log: Log, rows: np.ndarray) -> Shape:
+    """A function of the place, or of the angle within a turn, in pieces as narrow as a bump."""
+    theta = log.theta[rows]
+    if wraps(theta, log.motion):
+        return Shape(("theta",), around(theta, turn(NARROW)))
+    return Shape(("theta",), _spanned(theta, _even(theta, NARROW)))
 
 
 def pulses(length: int, dt: float) -> np.ndarray:

@@ -20,7 +20,7 @@ from .data import Data, Log
 from .dependence import Dependence, clearest, judged
 from .evaluate import missing_torque
 from .fit import Fitted
-from .shapes import Shape, shapes
+from .shapes import Shape, bumps, shapes
 
 CELL = 0.01  # s
 BLOCKS = 40  # of cells in a row, by which the share's error is found
@@ -33,7 +33,7 @@ NEARLY_ALL = 0.9  # of what is missing; an effect is to take a part of such a sh
 LEAST_TAKEN = 0.3  # of its power
 MOMENTS = 0.3  # part of the cells that a few moments are
 TELLING, MORE_MOMENTS = 0.7, 0.45  # the same beside a function with a smaller share
-FAR_LESS = 0.3  # of what another function leaves
+FAR_LESS = 0.17  # of what another function leaves
 FREE = 1e-3  # ridge of what the model may have wrong
 MOST = 200 * BLOCKS  # cells
 FEWEST = 3 * BLOCKS  # cells
@@ -66,6 +66,7 @@ class Sliding:
         if not len(self.lack):
             return ()
         made = shapes(self.log, self.rows, np.arange(len(self.rows)), self.expected)
+        made.append(bumps(self.log, self.rows))
         return (self._in_time(), *map(self._dependence, made))
 
     def of_signals(self) -> Dependence | None:
@@ -79,8 +80,8 @@ class Sliding:
     def of_moments(self) -> Dependence | None:
         """The same where all is missing in a few moments, and no other signal tells nearly as
         much of it: what takes hold of a drive for once, at whatever speed and place that is."""
-        best, other = self.of_time(), self.of_signals()
-        told = other.share if other else 0.0
+        best = self.of_time()
+        told = max((d.share for d in self.dependences if "t" not in d.signals), default=0.0)
         if best is None or 1.0 - best.share > FAR_LESS * (1.0 - told):
             return None
         return best if self._spread < (MOMENTS if told > TELLING else MORE_MOMENTS) else None
