@@ -33,7 +33,7 @@ NEARLY_ALL = 0.9  # of what is missing; an effect is to take a part of such a sh
 LEAST_TAKEN = 0.3  # of its power
 MOMENTS = 0.3  # part of the cells that a few moments are
 TELLING, MORE_MOMENTS = 0.7, 0.45  # the same beside a function with a smaller share
-FAR_LESS = 0.17  # of what another function leaves
+FAR_LESS = 0.35  # of what another function leaves; the less, the more that tells
 FREE = 1e-3  # ridge of what the model may have wrong
 MOST = 200 * BLOCKS  # cells
 FEWEST = 3 * BLOCKS  # cells
@@ -82,7 +82,7 @@ class Sliding:
         much of it: what takes hold of a drive for once, at whatever speed and place that is."""
         best = self.of_time()
         told = max((d.share for d in self.dependences if "t" not in d.signals), default=0.0)
-        if best is None or 1.0 - best.share > FAR_LESS * (1.0 - told):
+        if best is None or 1.0 - best.share > FAR_LESS * (1.0 - told) ** 2:
             return None
         return best if self._spread < (MOMENTS if told > TELLING else MORE_MOMENTS) else None
 
