@@ -146,7 +146,9 @@ def _fed(
     every, errors, index = predictor.distinct(alone)
     series, du = every[index[0]], {}
     for column, k, h in zip(columns, index[1:], step, strict=True):
-        for i, name in enumerate(predictor.lanes.inputs if k != index[0] else ()):
+        if k == index[0]:  # fed as without the step
+            continue
+        for i, name in enumerate(predictor.lanes.inputs):
             slope = (every[k, :, i] - series[:, i]) / h
             if np.any(slope):
                 du[name, column] = slope[None]
