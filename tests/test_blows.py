@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lugrectl import diagnose
 from lugrectl.spec import members
 from lugrectl.tracing.blows import forgiving, sharpened, sought
 from lugrectl.tracing.coordinates import free_keys
@@ -12,6 +13,8 @@ from lugrectl.tracing.fit import fit
 from lugrectl.tracing.job import begin
 from lugrectl.tracing.likelihood import excess, loglik
 from lugrectl.tracing.predictor import Predictor
+from tests.blind.plan import Task
+from tests.blind.work import case_of
 from tests.rig import make
 
 from .test_tracing import model_of, quiet, record_of
@@ -74,3 +77,11 @@ def test_backlash_is_found_from_far_away(case, base):
     assert found.total > forgiving(near).total + 1000.0
     for name in ("load_inertia", "gap", "stiffness"):
         assert found.values[f"backlash.{name}"] == pytest.approx(truth[name], rel=0.15)
+
+
+@pytest.mark.slow
+def test_windows_that_missed_the_load_do_not_speak_against_it():
+    drawn = case_of(Task("effect", ("backlash",), "normal", 124000))  # 10 s at 200 Hz
+    result = diagnose(record_of(drawn), model_of(drawn))
+    assert result.verdict == "found" and [e.name for e in result.effects] == ["backlash"]
+    assert all(e.ci95 is None for e in result.estimates.values())

@@ -39,10 +39,20 @@ TURNING = ("gravity", "encoder_eccentricity")  # once per turn: nothing on a lin
 
 @dataclass(frozen=True)
 class Step:
-    """One effect accepted, and what explains the training windows equally well."""
+    """One effect accepted, how firmly, and what explains the training windows equally well."""
 
     trial: Trial
     tied: tuple[Candidate, ...]
+    firm: float
+
+    def firmness(self, fitted: Fitted) -> float:
+        """How sure the windows are of its strength.
+
+        Under a noise that forgives windows in which a hidden state was missed, just those few
+        disagree: there it counts how sure they were before.
+        """
+        now = firmness(fitted, self.trial.key)
+        return max(self.firm, now) if fitted.noise.uneven and self.trial.boxed else now
 
 
 @dataclass(frozen=True)
@@ -239,8 +249,8 @@ def _firm(steps: list[Step], fitted: Fitted) -> tuple[list[Step], Fitted]:
     """Without those effects on whose strength the windows do not agree, the least sure first."""
     if not steps:
         return steps, fitted
-    least = min(steps, key=lambda step: firmness(fitted, step.trial.key))
-    if firmness(fitted, least.trial.key) > FIRM:
+    least = min(steps, key=lambda step: step.firmness(fitted))
+    if least.firmness(fitted) > FIRM:
         return steps, fitted
     return _firm([s for s in steps if s is not least], _without(fitted, least.trial.key))
 
@@ -301,7 +311,7 @@ def _chosen(before: Fitted, sound: Sequence[Pair], test: Windows) -> tuple[Step,
         even = [pair for pair in even if not len(surprising(pair[1], test))] or even
     (trial, best), *others = even
     tied = tuple(_candidate(before, t, f) for t, f in others)
-    return Step(trial, tied), best
+    return Step(trial, tied, firmness(best, trial.key)), best
 
 
 def _even(before: Fitted, sound: Sequence[Pair]) -> list[Pair]:
