@@ -178,7 +178,8 @@ def _grid(base: Fitted, made: Block) -> list[dict[str, float]]:
 def _prescreened(base: Fitted, made: Block, points: list[dict]) -> list[dict[str, float]]:
     """The points whose effect resembles the residual torque most, best first.
 
-    What the plant's own parameters make up for does not count.
+    What the plant's own parameters make up for does not count. In single precision, which is
+    enough to compare points and takes a thirtieth of the time for a sine.
     """
     index, target = (
         base.where.counted.ravel(),
@@ -190,7 +191,9 @@ def _prescreened(base: Fitted, made: Block, points: list[dict]) -> list[dict[str
     basis = orthonormal(np.array(list(weights.values())))
     target = target - basis @ (basis.T @ target)
     (name, *_), spans = points[0], _spans(made)
-    places = np.array([point[name] for point in points])
+    places = np.array([point[name] for point in points], dtype=np.float32)
+    few, (target, basis) = _single(few), (x.astype(np.float32) for x in (target, basis))
+    weights = {k: v.astype(np.float32) for k, v in weights.items()}
     power = [
         _resemblance(made, few, weights, name, part, spans, target, basis)
         for part in np.array_split(places, -(-len(places) // 32))
@@ -216,7 +219,8 @@ def _resemblance(
     B = np.stack([resisting(made, log, unit | span, weights) for span in spans], axis=1)
     own = B @ basis
     H, g = B @ B.transpose(0, 2, 1) - own @ own.transpose(0, 2, 1), B @ target
-    ridge = 1e-9 * np.trace(H, axis1=1, axis2=2) + 1e-300
+    H, g = H.astype(float), g.astype(float)
+    ridge = 1e-6 * np.trace(H, axis1=1, axis2=2) + 1e-300
     H = H + ridge[:, None, None] * np.eye(len(spans))
     return np.sum(g * np.linalg.solve(H, g[..., None])[..., 0], axis=1)
 
@@ -226,6 +230,10 @@ def _thinned(base: Fitted, index: np.ndarray) -> tuple[Log, dict[str, np.ndarray
     log, weights = base.predictor.data.log, base.predictor.weights(base.values)
     signals = {k: signal[index] for k, signal in log.signals.items()}
     return replace(log, **signals), {k: v[index] for k, v in weights.items()}
+
+
+def _single(log: Log) -> Log:
+    return replace(log, **{k: signal.astype(np.float32) for k, signal in log.signals.items()})
 
 
 def _peaks(power: np.ndarray) -> np.ndarray:
