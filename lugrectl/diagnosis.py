@@ -228,7 +228,7 @@ def _traces(job: Job, final: Fitted, judged: Mapping[str, Judged | None]) -> Tra
         residual[name] = _placed(n, whole.counted, torque)
     log = data.log
     signals = {"t": log.t, "theta": log.theta, "w": log.w, "u": log.u, "a": log.a}
-    return Traces(data.t, data.y[:, data.channel], held_out, simulated, residual, signals)
+    return Traces(data.t, data.measured, held_out, simulated, residual, signals)
 
 
 def _placed(n: int, at: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -30,7 +30,7 @@ TRACING = [
     {"data"},
     {"balance"},
     {"channel", "skewed"},
-    {"doubts", "runs", "shapes", "dependence"},
+    {"doubts", "repeated", "runs", "shapes", "dependence"},
     {"series"},
     {"predictor"},
     {"split", "coordinates", "likelihood", "evaluate", "structure"},

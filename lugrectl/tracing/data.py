@@ -52,7 +52,8 @@ class Data:
     with nan where not recorded; ``runs`` the index ranges without a gap; ``noise`` the sensors'
     own (its jump is the typical dw/dt); ``log`` the smoothed motion. ``run`` (N,) counts the
     records from 0; those in ``differing`` may differ a little from the first. ``others`` are
-    channels beside torque and motion, where all records have them.
+    channels beside torque and motion, where all records have them. ``w`` is a recorded speed
+    that nothing is fitted to, errors are only counted on it.
     """
 
     t: np.ndarray
@@ -68,6 +69,7 @@ class Data:
     others: Mapping[str, np.ndarray] = field(repr=False)
     differing: tuple[int, ...] = ()
     smoothed: bool = False
+    w: np.ndarray | None = field(default=None, repr=False)
 
     def with_torque(self, u: np.ndarray) -> Data:
         """The same motion under a smoothed torque."""
@@ -76,11 +78,23 @@ class Data:
     @property
     def signal(self) -> str:
         """The channel on which errors are counted: w, or theta where only that was recorded."""
-        return "w" if np.isfinite(self.noise.w) else "theta"
+        return "w" if self.w is not None or np.isfinite(self.noise.w) else "theta"
 
     @property
     def channel(self) -> int:
         return 1 if self.signal == "w" else 0
+
+    @property
+    def measured(self) -> np.ndarray:
+        """That channel as it was recorded (N,)."""
+        return self.y[:, self.channel] if self.w is None else self.w
+
+    @property
+    def floor(self) -> float:
+        """That channel's own noise."""
+        if self.w is not None:
+            return sensor_noise(self.w)
+        return self.noise.w if self.signal == "w" else self.noise.theta
 
     @property
     def unit(self) -> str:
@@ -127,8 +141,8 @@ def thinned(data: Data, every: int) -> Data:
     mean = {k: getattr(data.log, k)[cells].mean(1) for k in ("t", "theta", "w", "a")}
     log = replace(data.log, **mean, u=u, load=d, dt=dt, runs=runs)
     t, y, run = data.t[index], data.y[index], data.run[index]
-    others = _others_at(data, index)
-    return replace(data, t=t, u=u, d=d, y=y, dt=dt, runs=runs, log=log, run=run, others=others)
+    others, w = _others_at(data, index), None if data.w is None else data.w[index]
+    return replace(data, t=t, u=u, d=d, y=y, dt=dt, runs=runs, log=log, run=run, others=others, w=w)
 
 
 def picked(data: Data, index: np.ndarray) -> Data:
@@ -138,7 +152,7 @@ def picked(data: Data, index: np.ndarray) -> Data:
     return replace(
         data, t=data.t[index], u=data.u[index], d=data.d[index], y=data.y[index], runs=(),
         run=data.run[index], log=replace(log, **alone, runs=()),
-        others=_others_at(data, index),
+        others=_others_at(data, index), w=None if data.w is None else data.w[index],
     )  # fmt: skip
 
 

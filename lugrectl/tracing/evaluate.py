@@ -28,7 +28,7 @@ def judge(
     The residual torque is what the observer with the gain of ``yardstick`` has to supply.
     """
     simulated = restarted(predictor, values, noise, test)
-    measured = predictor.data.y[test.counted][..., predictor.data.channel]
+    measured = predictor.data.measured[test.counted]
     torque = missing_torque(predictor, values, test, yardstick)
     return Judged(rms(measured - simulated), rms(torque), simulated)
 
@@ -62,7 +62,7 @@ def free_run(
     channel, squares, count = predictor.data.channel, 0.0, 0
     for a, b in runs:
         y, _ = predictor.run([values], Windows(np.array([a]), 0, b - a), noise, corrected=False)
-        e = predictor.data.y[a:b, channel] - y[0, 0, :, channel]
+        e = predictor.data.measured[a:b] - y[0, 0, :, channel]
         squares, count = squares + float(e @ e), count + len(e)
     return float(np.sqrt(squares / count))
 

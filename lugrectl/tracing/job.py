@@ -20,6 +20,7 @@ from .fit import Fitted, again, fit
 from .likelihood import tune
 from .noise import Noise
 from .predictor import Predictor, spread, windows
+from .repeated import REPEATED, on_theta_alone
 from .runs import MOST_RUNS, alike, told
 from .split import ENOUGH_OF_MANY, MOST, Split, split
 from .start import completed, holding, settled
@@ -76,6 +77,9 @@ def begin(
     held_out = sum(r.samples for r in records) if apart else None
     parts = split(data, horizon, last=holdout == "last", held_out=held_out, turned=turned)
     doubts = refuse_unfit(every, model, data)
+    alone = on_theta_alone(every, data)
+    if alone is not None:
+        data, doubts = alone, (*doubts, REPEATED)
     report(0.02, "first guess" if compiler() else SLOWLY)
     model = holding(model, data)
     started = completed(model, data, parts.train)
@@ -150,14 +154,13 @@ def score(job: Job, final: Fitted) -> dict[str, Any]:
         name: judge(*found, parts.test, job.base.noise) if found else None
         for name, found in models.items()
     }
-    floor = data.noise.w if data.signal == "w" else data.noise.theta
     error = {
         "signal": data.signal,
         "unit": data.unit,
         "samples": int(parts.test.counted.size),
         "horizon": parts.test.length * data.dt,
         **{k: j.error if j else None for k, j in judged.items()},
-        "noise_floor": float(floor),
+        "noise_floor": float(data.floor),
     }
     torque = {k: j.torque if j else None for k, j in judged.items()}
     unit = unit_for("N m", data.motion)

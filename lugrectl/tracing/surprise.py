@@ -46,7 +46,7 @@ def misled(before: Fitted, after: Fitted, test: Windows) -> bool:
     aside in which a change lies that the fitted samples do not place.
     """
     data = after.predictor.data
-    measured = data.y[test.counted][..., data.channel]
+    measured = data.measured[test.counted]
     runs = [restarted(f.predictor, f.values, f.noise, test) for f in (before, after)]
     with np.errstate(over="ignore", invalid="ignore"):  # a simulation may run away
         sizes = np.mean((measured - np.array(runs)) ** 2, axis=-1)[:, ~_open(after, test)]

@@ -1,0 +1,75 @@
+"""A speed that is only the position, differentiated, is no second sensor."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import butter, filtfilt, lfilter
+
+from lugrectl import diagnose
+from lugrectl.tracing.data import prepare
+from lugrectl.tracing.repeated import REPEATED, on_theta_alone, repeats
+from tests.rig import make
+
+from .test_tracing import model_of, record_of
+
+
+@pytest.fixture(scope="module")
+def case():
+    return make("none", machine="joint", excitation="stopgo", seed=4107, rate=500.0, duration=20.0)
+
+
+@pytest.fixture(scope="module")
+def record(case):
+    return record_of(case)
+
+
+def counted(record):
+    """The position on a coarse encoder, and its plain difference."""
+    count = np.ptp(record.theta) * 1e-5
+    theta = np.round(record.theta / count) * count
+    return theta, np.diff(theta, prepend=theta[0]) / record.dt
+
+
+def forward_and_back(w, dt):
+    return filtfilt(*butter(2, 80.0 * dt), w)
+
+
+def filtered(w, dt):
+    return lfilter(*butter(1, 40.0 * dt), w)
+
+
+def differentiated(record, smooth):
+    theta, w = counted(record)
+    return replace(record, theta=theta, w=smooth(w, record.dt))
+
+
+@pytest.mark.parametrize("smooth", [lambda w, dt: w, forward_and_back])
+def test_a_differentiated_position_is_fitted_alone(record, smooth):
+    repeated = differentiated(record, smooth)
+    data = prepare([repeated])
+    alone = on_theta_alone([repeated], data)
+    assert alone is not None
+    assert np.isnan(alone.noise.w) and np.all(np.isnan(alone.y[:, 1]))
+    assert alone.signal == "w" and np.array_equal(alone.measured, repeated.w)
+    assert alone.floor == data.noise.w
+
+
+def test_a_second_sensor_is_kept(record):
+    data = prepare([record])
+    assert not repeats(data) and on_theta_alone([record], data) is None
+    assert not repeats(prepare([replace(record, w=None)]))
+
+
+def test_a_late_speed_is_kept_for_its_lag(record):
+    late = differentiated(record, filtered)
+    data = prepare([late])
+    assert repeats(data) and on_theta_alone([late], data) is None
+
+
+def test_the_noise_of_an_encoder_is_no_missing_effect(case, record):
+    repeated = differentiated(record, lambda w, dt: w)
+    result = diagnose(repeated, model_of(case))
+    assert result.verdict == "adequate" and REPEATED in result.messages
+    assert result.error["signal"] == "w"
+    assert result.error["refitted"] < 0.5 * result.error["declared"]
