@@ -15,7 +15,13 @@ from .results import Diagnosis, Finding, Table, Traces
 from .steady.points import is_map
 from .tracing.calm import calmed
 from .tracing.evaluate import Judged, missing_torque
-from .tracing.explain import Explanation, explain, signals_of, without_effects
+from .tracing.explain import (
+    Explanation,
+    behind_a_filter,
+    explain,
+    signals_of,
+    without_effects,
+)
 from .tracing.fit import Fitted
 from .tracing.job import (
     UNTOLD,
@@ -101,10 +107,12 @@ def diagnose(
         hidden = signals_of_the_rest(found.final, found.base)
         found = replace(found, unexplained=True, hangs_on=hidden)
         job = noted(job, NEW.format(when(found.final, job.parts.test, new)))
+    found = behind_a_filter(found)
     report(0.85, "judging on held-out samples")
     scored = score(job, found.final)
     report(0.92, "parameters and intervals")
-    whole = found.final if len(new) else answer.known or on_everything(found.final, job)
+    known = None if job.data.late else answer.known
+    whole = found.final if len(new) else known or on_everything(found.final, job)
     job = compared(job, whole)
     untold = [UNTOLD.format("record tells", " and ".join(keys)) for keys in whole.flat()]
     many = (MANY,) if whole.noise.uneven else ()

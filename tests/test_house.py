@@ -36,6 +36,7 @@ TRACING = [
     {"split", "coordinates", "likelihood", "evaluate", "structure"},
     {"moments", "slopes"},
     {"fit"},
+    {"late"},
     {"tabulate", "proof", "blows", "slide", "calm"},
     {"score", "surprise", "witness"},
     {"tries"},

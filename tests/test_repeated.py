@@ -8,7 +8,7 @@ from scipy.signal import butter, filtfilt, lfilter
 
 from lugrectl import diagnose
 from lugrectl.tracing.data import prepare
-from lugrectl.tracing.repeated import REPEATED, on_theta_alone, repeats
+from lugrectl.tracing.repeated import DIFFERENCED, REPEATED, on_theta_alone, repeats
 from tests.rig import make
 
 from .test_tracing import model_of, record_of
@@ -48,8 +48,8 @@ def differentiated(record, smooth):
 def test_a_differentiated_position_is_fitted_alone(record, smooth):
     repeated = differentiated(record, smooth)
     data = prepare([repeated])
-    alone = on_theta_alone([repeated], data)
-    assert alone is not None
+    alone, said = on_theta_alone([repeated], data)
+    assert said == REPEATED
     assert np.isnan(alone.noise.w) and np.all(np.isnan(alone.y[:, 1]))
     assert alone.signal == "w" and np.array_equal(alone.measured, repeated.w)
     assert alone.floor == data.noise.w
@@ -61,10 +61,31 @@ def test_a_second_sensor_is_kept(record):
     assert not repeats(prepare([replace(record, w=None)]))
 
 
-def test_a_late_speed_is_kept_for_its_lag(record):
+@pytest.mark.parametrize("central", [False, True])
+def test_differences_alone_are_summed(record, central):
+    theta, w = counted(record)
+    w = np.gradient(theta, record.dt) if central else w
+    only = replace(record, theta=None, w=w)
+    alone, said = on_theta_alone([only], prepare([only]))
+    assert said == DIFFERENCED and np.array_equal(alone.measured, w)
+    assert np.allclose(np.diff(alone.y[:, 0]), record.dt * w[1:], atol=1e-9)
+    sensed = replace(record, theta=None)
+    assert on_theta_alone([sensed], prepare([sensed])) is None
+
+
+def test_a_late_speed_tells_its_filter(case, record):
     late = differentiated(record, filtered)
-    data = prepare([late])
-    assert repeats(data) and on_theta_alone([late], data) is None
+    tau = 1.0 / (2.0 * np.pi * 20.0) + 0.5 * record.dt  # a difference is half a sample late
+    data, _ = on_theta_alone([late], prepare([late]))
+    assert data.late == pytest.approx(tau, rel=0.05)
+    result = diagnose(late, model_of(case))
+    assert result.verdict == "found"
+    (effect,) = result.effects
+    assert effect.name == "velocity_sensor_lag" and not effect.alternatives
+    estimate = effect.parameters["time_constant"]
+    assert estimate.value == pytest.approx(tau, rel=0.05)
+    assert estimate.ci95[0] < estimate.value < estimate.ci95[1]
+    assert result.error["augmented"] < 0.5 * result.error["refitted"]
 
 
 def test_the_noise_of_an_encoder_is_no_missing_effect(case, record):

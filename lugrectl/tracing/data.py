@@ -53,7 +53,7 @@ class Data:
     own (its jump is the typical dw/dt); ``log`` the smoothed motion. ``run`` (N,) counts the
     records from 0; those in ``differing`` may differ a little from the first. ``others`` are
     channels beside torque and motion, where all records have them. ``w`` is a recorded speed
-    that nothing is fitted to, errors are only counted on it.
+    that nothing is fitted to, errors are only counted on it; it comes ``late`` by that much, s.
     """
 
     t: np.ndarray
@@ -70,6 +70,7 @@ class Data:
     differing: tuple[int, ...] = ()
     smoothed: bool = False
     w: np.ndarray | None = field(default=None, repr=False)
+    late: float = 0.0
 
     def with_torque(self, u: np.ndarray) -> Data:
         """The same motion under a smoothed torque."""

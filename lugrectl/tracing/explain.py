@@ -16,6 +16,7 @@ from .blows import forgiving, sharpened
 from .data import Data
 from .fit import Fitted, again, fit
 from .job import Progress
+from .late import LAG, with_lag
 from .predictor import Predictor, Windows
 from .proof import GATE, LEAST_OF_FIRST, LEAST_SIZE, WHOLE, firmness, proven, share, size
 from .rest import coloured, left_over
@@ -118,6 +119,18 @@ def without_effects(found: Explanation) -> Explanation:
     if found.unexplained:
         left, signals = True, found.hangs_on
     return replace(found, steps=(), final=base, unexplained=left, hangs_on=signals)
+
+
+def behind_a_filter(found: Explanation) -> Explanation:
+    """The same with the lag of a recorded speed that was left out of the fit, if it is late."""
+    if not found.final.predictor.data.late:
+        return found
+    final = with_lag(found.final)
+    firm = firmness(final, LAG)
+    if firm < FIRM:
+        return found
+    step = Step(Trial(LAG, final, LAG, final.values, np.inf), (), firm)
+    return replace(found, steps=(step, *found.steps), final=final)
 
 
 class _Trace:

@@ -17,10 +17,11 @@ from .data import Data, prepare
 from .doubts import refuse_dead, refuse_unfit
 from .evaluate import free_run, judge
 from .fit import Fitted, again, fit
+from .late import LAG
 from .likelihood import tune
 from .noise import Noise
 from .predictor import Predictor, spread, windows
-from .repeated import REPEATED, on_theta_alone
+from .repeated import on_theta_alone
 from .runs import MOST_RUNS, alike, told
 from .split import ENOUGH_OF_MANY, MOST, Split, split
 from .start import completed, holding, settled
@@ -78,8 +79,8 @@ def begin(
     parts = split(data, horizon, last=holdout == "last", held_out=held_out, turned=turned)
     doubts = refuse_unfit(every, model, data)
     alone = on_theta_alone(every, data)
-    if alone is not None:
-        data, doubts = alone, (*doubts, REPEATED)
+    if alone is not None and LAG not in (part.block.name for part in model.effects):
+        data, doubts = alone[0], (*doubts, alone[1])
     report(0.02, "first guess" if compiler() else SLOWLY)
     model = holding(model, data)
     started = completed(model, data, parts.train)

@@ -17,6 +17,7 @@ from .data import Data
 FARTHEST = 0.2  # s, the largest skew that is looked for
 SAVED = 0.2  # of the disagreement must go with a shift for it to be called a skew
 PARTS = 8  # of the record, for friction that changes on the way
+LATE = 0.75  # samples, beyond which w is late: more than by differences
 DATED = 0.1  # of the torque must accelerate for the torque to be dated
 SOFT = (0.003, 0.012, 0.05)  # s at the usual speed, in which friction builds up
 SURE = 3.0  # standard errors over blocks of time; what a shift saves varies much among them
@@ -31,16 +32,28 @@ def sensors_skewed(records: Sequence[Record], data: Data) -> bool:
     """
     if not (np.isfinite(data.noise.w) and np.isfinite(data.noise.theta)):
         return False
-    found = sensor_skew(data, FARTHEST)
-    if found is None or found.t < SURE or found.gain < SAVED:
-        return False
-    if found.lag > 1.4 * data.dt:
+    lag = _clear_skew(data)
+    if lag > 1.4 * data.dt:
         raise Refused(
-            f"{named(records)}: w is {1e3 * found.lag:.3g} ms ahead of d theta/dt: the channels "
+            f"{named(records)}: w is {1e3 * lag:.3g} ms ahead of d theta/dt: the channels "
             "are skewed in time against each other.",
             "Record w and theta at the same instants, or leave one of them out.",
         )
-    return found.lag < -0.75 * data.dt
+    return lag < -LATE * data.dt
+
+
+def lateness(data: Data) -> float:
+    """How late w is against d theta/dt, s; 0 where that is not clear."""
+    late = -_clear_skew(data)
+    return late if late > LATE * data.dt else 0.0
+
+
+def _clear_skew(data: Data) -> float:
+    """How far w is ahead of d theta/dt, s; 0 where that is not clear."""
+    found = sensor_skew(data, FARTHEST)
+    if found is None or found.t < SURE or found.gain < SAVED:
+        return 0.0
+    return found.lag
 
 
 def torque_skewed(records: Sequence[Record], data: Data, remarks: list[str]) -> None:
