@@ -13,7 +13,6 @@ from .model import Model
 from .record import Record
 from .results import Diagnosis, Finding, Table, Traces
 from .steady.points import is_map
-from .tracing.calm import calmed
 from .tracing.evaluate import Judged, missing_torque
 from .tracing.explain import (
     Explanation,
@@ -27,12 +26,13 @@ from .tracing.job import (
     UNTOLD,
     Job,
     Progress,
+    another_torque,
     begin,
-    calmer,
     compared,
     estimates,
     noted,
     on_everything,
+    on_torque,
     score,
 )
 from .tracing.predictor import windows
@@ -168,10 +168,10 @@ def _answered(start: Callable[..., Job], report: Progress) -> _Answer:
 
 def _answer(job: Job, report: Progress) -> _Answer:
     """The explanation by the fitted samples, and what the others say to it."""
-    torque = partial(calmed, recorded=job.recorded)
+    torque = partial(another_torque, recorded=job.recorded)
     found = explain(job.base, report, job.parts.test, torque)
-    if found.calm is not None:
-        job = calmer(job, found.calm, report)
+    if found.other is not None:
+        job = on_torque(job, found.other, report)
         found = explain(job.base, report, job.parts.test)
     test = job.parts.test
     if found.steps and misled(found.base, found.final, test):

@@ -7,7 +7,7 @@ import pytest
 
 from lugrectl import diagnose
 from lugrectl.tracing.calm import calmed, denoised
-from lugrectl.tracing.job import begin, calmer
+from lugrectl.tracing.job import another_torque, begin, on_torque
 from tests.rig import make, sample
 
 from .test_tracing import model_of, quiet, record_of
@@ -60,11 +60,11 @@ def test_a_torque_smoothed_in_vain_is_taken_as_it_was_recorded():
     case = make("none", machine="servo", excitation="rich", seed=4105, rate=500.0, duration=20.0)
     job = begin(record_of(case), model_of(case), None, 1.0, quiet)
     smooth = job.data.with_torque(denoised(job.data.u, job.data.runs, 6))
-    there = calmer(job, smooth, quiet)
+    there = on_torque(job, smooth, quiet)
     assert there.data.smoothed and there.recorded is job.data
-    back = calmed(there.base, there.recorded)
+    back = another_torque(there.base, there.recorded)
     assert back is job.data
-    again = calmer(there, back, quiet)
+    again = on_torque(there, back, quiet)
     assert again.recorded is None and not again.data.smoothed
     assert calmed(again.base) is None
 

@@ -38,7 +38,7 @@ TRACING = [
     {"fit"},
     {"late"},
     {"tabulate", "proof", "blows", "slide", "calm"},
-    {"score", "surprise", "witness"},
+    {"score", "surprise", "witness", "dated"},
     {"tries"},
     {"screening"},
     {"search"},

@@ -8,7 +8,7 @@ import numpy as np
 
 from .beside import beside
 from .data import Data
-from .fit import Fitted, fit
+from .fit import Fitted, refitted
 from .noise import NORMAL_MAD, sensor_noise
 
 CALM = 50.0  # least gain in log-likelihood for a torque without its noise
@@ -19,17 +19,14 @@ LARGE = 2.5  # usual sizes of a detail, from which it may be no noise
 SPLINE = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
 
 
-def calmed(found: Fitted, recorded: Data | None = None) -> Data | None:
-    """The data with a torque freed of noise, where that is more likely; ``recorded``, if that was
-    done already and a model that knows more explains them better.
+def calmed(found: Fitted) -> Data | None:
+    """The data with a torque freed of noise, where that is more likely.
 
     Noise on the recorded torque, which the drive never saw, would otherwise make the inertia too
     large, and any effect look real that smooths the torque (a lag does). Noise that a controller
     made is in the motion, too, and stays. How coarse the details are that hold noise is chosen
     by the likelihood.
     """
-    if recorded is not None:
-        return recorded if _fitted(found, recorded).total > found.total + CALM else None
     data = found.predictor.data
     rough = sensor_noise(data.u)
     if rough < ROUGH * float(np.std(data.u)):
@@ -49,18 +46,10 @@ def _fits(found: Fitted, levels: Iterable[int]) -> dict[int, Fitted]:
     data = found.predictor.data
 
     def fitted(level: int) -> Fitted:
-        return _fitted(found, data.with_torque(denoised(data.u, data.runs, level)))
+        return refitted(found, data.with_torque(denoised(data.u, data.runs, level)))
 
     levels = list(levels)
     return dict(zip(levels, beside(fitted, levels), strict=True))
-
-
-def _fitted(found: Fitted, data: Data) -> Fitted:
-    free = [c.key for c in found.free] + list(found.instants)
-    return fit(
-        found.predictor.on(data), found.values, free, found.where, found.noise,
-        anchor=found.anchor, most=8, rough=True,
-    )  # fmt: skip
 
 
 def denoised(u: np.ndarray, runs: Sequence[tuple[int, int]], levels: int) -> np.ndarray:

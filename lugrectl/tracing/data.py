@@ -54,6 +54,7 @@ class Data:
     records from 0; those in ``differing`` may differ a little from the first. ``others`` are
     channels beside torque and motion, where all records have them. ``w`` is a recorded speed
     that nothing is fitted to, errors are only counted on it; it comes ``late`` by that much, s.
+    ``ahead`` is by how much the torque was moved to come earlier, s.
     """
 
     t: np.ndarray
@@ -71,10 +72,15 @@ class Data:
     smoothed: bool = False
     w: np.ndarray | None = field(default=None, repr=False)
     late: float = 0.0
+    ahead: float = 0.0
 
     def with_torque(self, u: np.ndarray) -> Data:
         """The same motion under a smoothed torque."""
         return replace(self, u=u, log=replace(self.log, u=u), smoothed=True)
+
+    def moved(self, u: np.ndarray, ahead: float) -> Data:
+        """The same motion under a torque that was logged ``ahead`` s late."""
+        return replace(self, u=u, log=replace(self.log, u=u), ahead=ahead)
 
     @property
     def signal(self) -> str:

@@ -61,7 +61,7 @@ class Explanation:
     """The refitted model, accepted effects, the final model with them inside, and what is left.
 
     ``unexplained`` says whether something proven is left; ``hangs_on`` on which signals. Where
-    ``calm`` is given the first effect has shown that this torque is to be taken first: what
+    ``other`` is given the first effect has shown that its torque is to be taken first: what
     else is here is not to be used.
     """
 
@@ -71,19 +71,19 @@ class Explanation:
     ranking: tuple[Candidate, ...]
     unexplained: bool
     hangs_on: tuple[str, ...]
-    calm: Data | None = None
+    other: Data | None = None
 
 
 def explain(
     base: Fitted,
     report: Progress,
     test: Windows,
-    calmed: Callable[[Fitted], Data | None] = lambda fitted: None,
+    another: Callable[[Fitted], Data | None] = lambda fitted: None,
 ) -> Explanation:
     """Add the best effect, refit everything, look again, until nothing proven is left.
 
     ``test`` are the held-out windows; they only tell apart what explains the others equally well.
-    ``calmed`` tells, once the first effect is known, whether another torque is to be taken.
+    ``another`` tells, once the first effect is known, whether another torque is to be taken.
     """
     trace = _Trace(base, test)
     for turn in range(MOST_EFFECTS):
@@ -96,10 +96,11 @@ def explain(
         trace.add(sound, say)
         base, current = trace.base, trace.current
         enough = share(base, current) > 1.0 - LEAST_OF_FIRST and not coloured(current)
-        doubted = current.predictor.data.smoothed or not enough
-        calm = calmed(current) if turn == 0 and doubted and not current.noise.uneven else None
-        if calm is not None:
-            return Explanation(base, tuple(trace.steps), current, (), False, (), calm)
+        data = current.predictor.data
+        doubted = data.smoothed or data.ahead or not enough
+        other = another(current) if turn == 0 and doubted and not current.noise.uneven else None
+        if other is not None:
+            return Explanation(base, tuple(trace.steps), current, (), False, (), other)
         if enough:
             break
     base, pieces, ranking = trace.base, trace.current, tuple(trace.ranking)

@@ -10,6 +10,7 @@ import numpy as np
 from scipy import stats
 
 from .coordinates import Coordinate, coordinates, free_keys, is_instant
+from .data import Data
 from .likelihood import excess, loglik, tune, whitened
 from .moments import placed
 from .noise import Noise
@@ -180,6 +181,15 @@ def again(found: Fitted, *, most: int = 30, rough: bool = False) -> Fitted:
     return fit(
         found.predictor, found.values, free_keys(found.predictor), found.where, found.noise,
         anchor=found.anchor, most=most, rough=rough,
+    )  # fmt: skip
+
+
+def refitted(found: Fitted, data: Data) -> Fitted:
+    """A few steps from where a fit stands, on other data of the same samples."""
+    free = [c.key for c in found.free] + list(found.instants)
+    return fit(
+        found.predictor.on(data), found.values, free, found.where, found.noise,
+        anchor=found.anchor, most=8, rough=True,
     )  # fmt: skip
 
 

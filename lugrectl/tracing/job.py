@@ -11,12 +11,13 @@ from ..model import Model
 from ..record import Record
 from ..results import Estimate
 from ..spec import unit_for
-from .calm import calmed
+from .calm import CALM, calmed
 from .coordinates import free_keys
 from .data import Data, prepare
+from .dated import dated
 from .doubts import refuse_dead, refuse_unfit
 from .evaluate import free_run, judge
-from .fit import Fitted, again, fit
+from .fit import Fitted, again, fit, refitted
 from .late import LAG
 from .likelihood import tune
 from .noise import Noise
@@ -33,6 +34,11 @@ SMOOTHED = (
     "too large, and a lag or an elastic coupling be noise: log the torque that is commanded."
 )
 
+DATED = (
+    "u comes {:.2g} ms late against the motion, as one logged at an instant or for the interval "
+    "before it does: it was moved ahead."
+)
+
 Progress = Callable[[float, str], None]
 _Models = dict[str, tuple[Predictor, Mapping[str, float], Noise] | None]
 
@@ -47,14 +53,15 @@ class Job:
     parts: Split
     base: Fitted
     doubts: tuple[str, ...] = ()
-    recorded: Data | None = None  # before its torque was freed of noise
+    recorded: Data | None = None  # before its torque was mended
 
     @property
     def messages(self) -> tuple[str, ...]:
         """What was noticed about the model and the records."""
         smoothed = (SMOOTHED,) if self.data.smoothed else ()
+        moved = (DATED.format(1e3 * self.data.ahead),) if self.data.ahead else ()
         noticed = (m for r in self.records for m in r.messages)
-        return (*self.declared.remarks(), *noticed, *self.doubts, *smoothed)
+        return (*self.declared.remarks(), *noticed, *self.doubts, *moved, *smoothed)
 
 
 def begin(
@@ -91,8 +98,10 @@ def begin(
     values = started.known() | alike(data)
     base = settled(fit(predictor, values, free_keys(predictor), parts.train, data.noise))
     job = Job(records, model, data, parts, base, doubts)
-    calm = calmed(base)
-    return job if calm is None else calmer(job, calm, report)
+    for other in (dated, calmed):
+        better = other(job.base)
+        job = job if better is None else on_torque(job, better, report)
+    return job
 
 
 def compared(job: Job, whole: Fitted) -> Job:
@@ -106,18 +115,29 @@ def noted(job: Job, *messages: str) -> Job:
     return replace(job, doubts=(*job.doubts, *messages))
 
 
-def calmer(job: Job, calm: Data, report: Progress) -> Job:
-    """The same job with a torque freed of noise, or again as it was recorded."""
-    report(0.1, f"refitting with the torque {'smoothed' if calm.smoothed else 'as recorded'}")
+def another_torque(found: Fitted, recorded: Data | None) -> Data | None:
+    """The data with the torque to be taken instead, now that a model knows more.
+
+    Moved, or freed of noise; as it was ``recorded``, if one of that was done already.
+    """
+    if recorded is None:
+        return dated(found) or calmed(found)
+    return recorded if refitted(found, recorded).total > found.total + CALM else None
+
+
+def on_torque(job: Job, data: Data, report: Progress) -> Job:
+    """The same job with a torque that was moved or freed of noise, or again as it was recorded."""
+    changed = data.ahead > job.data.ahead or data.smoothed > job.data.smoothed
+    report(0.1, f"refitting with the torque {'mended' if changed else 'as recorded'}")
     base, values = job.base, job.base.anchor
-    predictor = base.predictor.on(calm)
+    predictor = base.predictor.on(data)
     free = free_keys(predictor)
     fits = [
         fit(predictor, start, free, base.where, base.noise, anchor=values)
         for start in (base.values, values)
     ]
-    recorded = job.data if calm.smoothed else None
-    return replace(job, data=calm, recorded=recorded, base=max(fits, key=lambda f: f.total))
+    recorded = job.data if changed else None
+    return replace(job, data=data, recorded=recorded, base=max(fits, key=lambda f: f.total))
 
 
 def on_everything(fitted: Fitted, job: Job) -> Fitted:

@@ -18,6 +18,7 @@ FARTHEST = 0.2  # s, the largest skew that is looked for
 SAVED = 0.2  # of the disagreement must go with a shift for it to be called a skew
 PARTS = 8  # of the record, for friction that changes on the way
 LATE = 0.75  # samples, beyond which w is late: more than by differences
+AWAY = 1.25  # samples that a torque is late, beyond which it is no way of logging it
 DATED = 0.1  # of the torque must accelerate for the torque to be dated
 SOFT = (0.003, 0.012, 0.05)  # s at the usual speed, in which friction builds up
 SURE = 3.0  # standard errors over blocks of time; what a shift saves varies much among them
@@ -59,7 +60,7 @@ def _clear_skew(data: Data) -> float:
 def torque_skewed(records: Sequence[Record], data: Data, remarks: list[str]) -> None:
     """An effect before its cause; seen only where acceleration, which dates the motion, counts."""
     found = skew(data, FARTHEST)
-    if found is None or found.lag > -0.75 * data.dt or found.t < SURE or found.inertial < DATED:
+    if found is None or found.lag > -AWAY * data.dt or found.t < SURE or found.inertial < DATED:
         return
     changing = skew(data, FARTHEST, parts=PARTS)
     if changing is None or changing.lag > 0.5 * found.lag:

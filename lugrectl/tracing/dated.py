@@ -1,0 +1,79 @@
+"""A recorded torque that is a fraction of a sample late against the motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from ..errors import Refused
+from .beside import beside
+from .data import Data
+from .fit import Fitted, refitted
+from .proof import share
+
+LATE = 100.0  # least gain in log-likelihood for a torque moved ahead, also without the best window
+GONE = 0.3  # share of the unforeseen torque that must go with it
+FELT = 0.05  # of the torque's change from sample to sample: less unforeseen is no lateness
+TRIED, FARTHER = (0.5, 1.0), (2.0, 4.0, 8.0)  # samples
+FARTHEST = 1.25  # samples: an instant or the interval before it instead of the one after
+PLACED = 0.02  # samples
+
+
+def dated(found: Fitted) -> Data | None:
+    """The data with the torque moved ahead by up to a sample, where that is far more likely.
+
+    What a model takes for the torque of the interval after a sample is often logged as its value
+    at the sample, or as the mean of the interval before it. Half a sample of that looks like an
+    elastic coupling. A torque that is early is left alone: a delay of the drive looks the same.
+
+    Raises
+    ------
+    Refused
+        Where it is later than that.
+    """
+    data = found.predictor.data
+    change = float(np.sqrt(np.mean(np.diff(data.u) ** 2)))
+    if data.ahead or found.torque_noise < FELT * change:
+        return None
+    late = _clearly_later(found, TRIED)
+    if late == TRIED[-1]:
+        late = _clearly_later(found, (*TRIED[-1:], *FARTHER))
+    if late is None:
+        return None
+    best = minimize_scalar(
+        lambda samples: -refitted(found, ahead(data, samples)).total,
+        bounds=(0.0, max(FARTHEST, 1.5 * late)),
+        method="bounded",
+        options={"xatol": PLACED},
+    )
+    if best.x < FARTHEST:
+        return ahead(data, float(best.x))
+    raise Refused(
+        f"u comes {1e3 * best.x * data.dt:.2g} ms later than the motion that it causes, by the "
+        "fitted model: they are skewed in time against each other, or u went through a filter.",
+        "Record u and the motion at the same instants and unfiltered, or shift u by that time.",
+    )
+
+
+def _clearly_later(found: Fitted, tried: Sequence[float]) -> float | None:
+    """The best of these numbers of samples by which u may be late, if it is beyond doubt."""
+    data = found.predictor.data
+    fits = beside(lambda samples: refitted(found, ahead(data, samples)), tried)
+    clear = [(f.total, n) for n, f in zip(tried, fits, strict=True) if _clearly(found, f)]
+    return max(clear)[1] if clear else None
+
+
+def _clearly(found: Fitted, moved: Fitted) -> bool:
+    gain = moved.loglik - found.loglik
+    return bool(gain.sum() - max(gain.max(), 0.0) > LATE and share(found, moved) > GONE)
+
+
+def ahead(data: Data, samples: float) -> Data:
+    """The data with a torque that comes so many samples earlier."""
+    u = data.u.copy()
+    for a, b in data.runs:
+        at = np.arange(a, b)
+        u[a:b] = np.interp(at + samples, at, data.u[a:b])
+    return data.moved(u, samples * data.dt)

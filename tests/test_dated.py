@@ -1,0 +1,79 @@
+"""A torque that is logged a fraction of a sample late is moved, one that is later is refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import butter, lfilter
+
+from lugrectl import diagnose
+from lugrectl.errors import Refused
+from lugrectl.tracing.dated import ahead, dated
+from lugrectl.tracing.job import another_torque, begin, on_torque
+from tests.rig import make
+
+from .test_tracing import model_of, quiet, record_of
+
+
+@pytest.fixture(scope="module")
+def case():
+    return make("none", machine="servo", excitation="rich", seed=4108, rate=500.0, duration=20.0)
+
+
+@pytest.fixture(scope="module")
+def record(case):
+    return record_of(case)
+
+
+def before(u, samples):
+    """The torque of so many samples ago: what a log holds that is late."""
+    at = np.arange(len(u))
+    return np.interp(at - samples, at, u)
+
+
+def started(record, case):
+    return begin(record, model_of(case), None, 1.0, quiet)
+
+
+def test_moving_ahead_undoes_being_late(record, case):
+    data = started(record, case).data
+    late = replace(data, u=before(data.u, 1.0))
+    (a, b), back = data.runs[0], ahead(late, 1.0)
+    assert np.allclose(back.u[a : b - 1], data.u[a : b - 1])
+    assert back.ahead == pytest.approx(data.dt) and np.array_equal(back.log.u, back.u)
+
+
+@pytest.mark.parametrize("samples", [0.0, 0.5, 1.0])
+def test_what_a_log_holds_of_the_torque_is_found(record, case, samples):
+    job = started(replace(record, u=before(record.u, samples)), case)
+    assert job.data.ahead / job.data.dt == pytest.approx(samples, abs=0.05)
+    assert job.base.values["J"] == pytest.approx(case.truth["plant"]["J"], rel=0.01)
+
+
+def test_half_a_sample_is_no_missing_effect(record, case):
+    result = diagnose(replace(record, u=before(record.u, 0.5)), model_of(case))
+    assert result.verdict == "adequate" and any("ms late" in m for m in result.messages)
+    assert result.error["refitted"] < 0.02 * result.error["declared"]  # not moved: 0.09
+
+
+@pytest.mark.parametrize("late", [
+    lambda u, dt: before(u, 3.0),
+    lambda u, dt: lfilter(*butter(1, 2.0 * 50.0 * dt), u),
+], ids=["shifted", "filtered"])  # fmt: skip
+def test_a_later_torque_is_refused(record, case, late):
+    with pytest.raises(Refused, match="skewed in time"):
+        started(replace(record, u=late(record.u, record.dt)), case)
+
+
+def test_a_torque_moved_in_vain_is_taken_as_it_was_recorded(record, case):
+    job = started(record, case)
+    moved = on_torque(job, ahead(job.data, 0.5), quiet)
+    assert moved.recorded is job.data
+    assert another_torque(moved.base, moved.recorded) is job.data
+
+
+def test_an_effect_is_no_lateness():
+    case = make(
+        "elastic_coupling", machine="joint", excitation="rich", seed=4109, rate=500.0, duration=20.0
+    )
+    assert dated(started(record_of(case), case).base) is None
