@@ -43,7 +43,7 @@ def test_moving_ahead_undoes_being_late(record, case):
     assert back.ahead == pytest.approx(data.dt) and np.array_equal(back.log.u, back.u)
 
 
-@pytest.mark.parametrize("samples", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("samples", [0.0, 0.2, 0.5, 1.0])
 def test_what_a_log_holds_of_the_torque_is_found(record, case, samples):
     job = started(replace(record, u=before(record.u, samples)), case)
     assert job.data.ahead / job.data.dt == pytest.approx(samples, abs=0.05)

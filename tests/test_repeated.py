@@ -8,7 +8,7 @@ from scipy.signal import butter, filtfilt, lfilter
 
 from lugrectl import diagnose
 from lugrectl.tracing.data import prepare
-from lugrectl.tracing.repeated import DIFFERENCED, REPEATED, on_theta_alone, repeats
+from lugrectl.tracing.repeated import DIFFERENCED, REPEATED, filtered, on_theta_alone, repeats
 from tests.rig import make
 
 from .test_tracing import model_of, record_of
@@ -35,7 +35,7 @@ def forward_and_back(w, dt):
     return filtfilt(*butter(2, 80.0 * dt), w)
 
 
-def filtered(w, dt):
+def behind(w, dt):
     return lfilter(*butter(1, 40.0 * dt), w)
 
 
@@ -73,8 +73,16 @@ def test_differences_alone_are_summed(record, central):
     assert on_theta_alone([sensed], prepare([sensed])) is None
 
 
+def test_a_filtered_speed_alone_has_no_white_noise(case, record):
+    sensed = replace(record, theta=None)
+    smooth = replace(sensed, w=forward_and_back(counted(record)[1], record.dt))
+    assert filtered(prepare([smooth])) and not filtered(prepare([sensed]))
+    assert on_theta_alone([smooth], prepare([smooth])) is None
+    assert diagnose(smooth, model_of(case)).verdict == "adequate"
+
+
 def test_a_late_speed_tells_its_filter(case, record):
-    late = differentiated(record, filtered)
+    late = differentiated(record, behind)
     tau = 1.0 / (2.0 * np.pi * 20.0) + 0.5 * record.dt  # a difference is half a sample late
     data, _ = on_theta_alone([late], prepare([late]))
     assert data.late == pytest.approx(tau, rel=0.05)

@@ -18,6 +18,7 @@ BAND = (0.125, 0.25)  # of the rate: beyond most motion, where a smoothed speed 
 TOGETHER = 0.9  # median coherence from which two channels share their noise
 FAST, SLOWER = (0.35, 0.45), (0.15, 0.25)  # of the rate
 RISING = 1.5  # of the noise's power between those; that of a difference rises 2.5 times
+PASSED = 0.01  # of the noise's power between those, below which a filter took it
 NULL, HALF = (0.46, 0.5), (0.25, 0.35)  # of the rate: where central differences see nothing
 SEEN_THERE = 0.1  # of the noise's power between those; theirs is 0.03 to 0.04
 
@@ -60,14 +61,28 @@ def differenced(data: Data) -> bool:
 
 def _rises(w: np.ndarray) -> bool:
     """Whether the noise is that of plain differences, or of central ones."""
-    f, power = welch(np.diff(w), nperseg=SEGMENT)
-    power = power[1:] / np.sin(np.pi * f[1:]) ** 2
-    fast, slower, null, half = (
-        float(np.median(power[(f[1:] > low) & (f[1:] <= high)]))
-        for low, high in (FAST, SLOWER, NULL, HALF)
-    )
+    fast, slower, null, half = _powers(w, FAST, SLOWER, NULL, HALF)
     central = null < SEEN_THERE * half and half > 0.5 * slower
     return fast > RISING * slower or central
+
+
+def filtered(data: Data) -> bool:
+    """Whether w went through a low-pass filter: its noise is not white then, whatever the model."""
+    if not np.isfinite(data.noise.w):
+        return False
+    return any(_falls(data.y[a:b, 1]) for a, b in _long(data))
+
+
+def _falls(w: np.ndarray) -> bool:
+    fast, slower = _powers(w, FAST, SLOWER)
+    return fast < PASSED * slower
+
+
+def _powers(w: np.ndarray, *bands: tuple[float, float]) -> list[float]:
+    """Median power of w in each band of frequencies, over the rate."""
+    f, power = welch(np.diff(w), nperseg=SEGMENT)
+    power = power[1:] / np.sin(np.pi * f[1:]) ** 2
+    return [float(np.median(power[(f[1:] > low) & (f[1:] <= high)])) for low, high in bands]
 
 
 def repeats(data: Data) -> bool:

@@ -8,6 +8,7 @@ from .evaluate import missing_torque
 from .fit import Fitted
 from .hanging import hangs_on
 from .proof import LEAST_SIZE, MOST_OF_REST, WHOLE, share
+from .repeated import filtered
 from .slide import Sliding, lacking, while_sliding
 from .structure import colour, predictable, uneven
 
@@ -31,7 +32,8 @@ def left_over(
     quiet = missing_torque(final.predictor, final.values, final.where, final.noise)
     if not _lacks(base, final, least, found):
         whole = final.noise.uneven and share(base, final) > WHOLE  # stiffness is never exact then
-        odd = doubtful or _loud(final) or _standing(base, final) or (coloured(final) and not whole)
+        tinted = not whole and coloured(final) and not filtered(final.predictor.data)
+        odd = doubtful or _loud(final) or _standing(base, final) or tinted
         if np.std(quiet) <= least or not (odd or hangs_on(final)):
             return False, ()
     return True, signals_of_the_rest(final, base, doubtful=doubtful)
