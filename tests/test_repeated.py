@@ -73,12 +73,17 @@ def test_differences_alone_are_summed(record, central):
     assert on_theta_alone([sensed], prepare([sensed])) is None
 
 
-def test_a_filtered_speed_alone_has_no_white_noise(case, record):
+def test_a_filtered_speed_alone_has_no_white_noise(record):
     sensed = replace(record, theta=None)
     smooth = replace(sensed, w=forward_and_back(counted(record)[1], record.dt))
     assert filtered(prepare([smooth])) and not filtered(prepare([sensed]))
     assert on_theta_alone([smooth], prepare([smooth])) is None
-    assert diagnose(smooth, model_of(case)).verdict == "adequate"
+
+
+@pytest.mark.slow
+def test_the_noise_of_a_filtered_speed_is_no_missing_effect(case, record):
+    w = forward_and_back(counted(record)[1], record.dt)
+    assert diagnose(replace(record, theta=None, w=w), model_of(case)).verdict == "adequate"
 
 
 def test_a_late_speed_tells_its_filter(case, record):

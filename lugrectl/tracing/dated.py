@@ -12,6 +12,7 @@ from .beside import beside
 from .data import Data
 from .fit import Fitted, refitted
 from .proof import share
+from .repeated import filtered
 
 LATE = 100.0  # least gain in log-likelihood for a torque moved ahead, also without the best window
 GONE = 0.3  # share of the unforeseen torque that must go with it
@@ -26,7 +27,8 @@ def dated(found: Fitted) -> Data | None:
 
     What a model takes for the torque of the interval after a sample is often logged as its value
     at the sample, or as the mean of the interval before it. Half a sample of that looks like an
-    elastic coupling. A torque that is early is left alone: a delay of the drive looks the same.
+    elastic coupling. A torque that is early is left alone: a delay of the drive looks the same;
+    so is one beside a filtered speed, which may run ahead of what moves it.
 
     Raises
     ------
@@ -35,7 +37,7 @@ def dated(found: Fitted) -> Data | None:
     """
     data = found.predictor.data
     change = float(np.sqrt(np.mean(np.diff(data.u) ** 2)))
-    if data.ahead or found.torque_noise < FELT * change:
+    if data.ahead or found.torque_noise < FELT * change or filtered(data):
         return None
     late = _clearly_later(found, TRIED)
     if late == TRIED[-1]:
