@@ -70,6 +70,8 @@ def diagnose(
     of simulations from the recorded torque alone, on samples that no fit has seen; what these
     contradict is not named, or called unexplained. Of a single
     record the parameters given at the end come from all samples, after the errors were taken.
+    A speed that is only the position's difference is left out of the fit, a torque that was
+    logged up to a sample late is moved, noise on it is taken out; each is said in ``messages``.
 
     Parameters
     ----------
