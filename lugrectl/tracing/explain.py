@@ -78,12 +78,13 @@ def explain(
     base: Fitted,
     report: Progress,
     test: Windows,
-    another: Callable[[Fitted], Data | None] = lambda fitted: None,
+    another: Callable[[Fitted, bool], Data | None] = lambda fitted, doubted: None,
 ) -> Explanation:
     """Add the best effect, refit everything, look again, until nothing proven is left.
 
     ``test`` are the held-out windows; they only tell apart what explains the others equally well.
-    ``another`` tells, once the first effect is known, whether another torque is to be taken.
+    ``another`` tells, once the first effect is known, whether another torque is to be taken; its
+    second argument is whether that effect leaves anything to doubt.
     """
     trace = _Trace(base, test)
     for turn in range(MOST_EFFECTS):
@@ -98,7 +99,8 @@ def explain(
         enough = share(base, current) > 1.0 - LEAST_OF_FIRST and not coloured(current)
         data = current.predictor.data
         doubted = data.smoothed or data.ahead or not enough
-        other = another(current) if turn == 0 and doubted and not current.noise.uneven else None
+        first = turn == 0 and not current.noise.uneven
+        other = another(current, bool(doubted)) if first else None
         if other is not None:
             return Explanation(base, tuple(trace.steps), current, (), False, (), other)
         if enough:

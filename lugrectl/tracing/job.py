@@ -115,13 +115,13 @@ def noted(job: Job, *messages: str) -> Job:
     return replace(job, doubts=(*job.doubts, *messages))
 
 
-def another_torque(found: Fitted, recorded: Data | None) -> Data | None:
+def another_torque(found: Fitted, doubted: bool, recorded: Data | None) -> Data | None:
     """The data with the torque to be taken instead, now that a model knows more.
 
     Moved, or freed of noise; as it was ``recorded``, if one of that was done already.
     """
     if recorded is None:
-        return dated(found) or calmed(found)
+        return dated(found) or (calmed(found) if doubted else None)
     return recorded if refitted(found, recorded).total > found.total + CALM else None
 
 
