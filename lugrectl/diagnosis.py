@@ -109,11 +109,11 @@ def diagnose(
         hidden = signals_of_the_rest(found.final, found.base)
         found = replace(found, unexplained=True, hangs_on=hidden)
         job = noted(job, NEW.format(when(found.final, job.parts.test, new)))
+    known = None if job.data.late else answer.known  # that has not the filter
     found = behind_a_filter(found)
     report(0.85, "judging on held-out samples")
     scored = score(job, found.final)
     report(0.92, "parameters and intervals")
-    known = None if job.data.late else answer.known
     whole = found.final if len(new) else known or on_everything(found.final, job)
     job = compared(job, whole)
     untold = [UNTOLD.format("record tells", " and ".join(keys)) for keys in whole.flat()]

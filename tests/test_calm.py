@@ -62,7 +62,7 @@ def test_a_torque_smoothed_in_vain_is_taken_as_it_was_recorded():
     smooth = job.data.with_torque(denoised(job.data.u, job.data.runs, 6))
     there = on_torque(job, smooth, quiet)
     assert there.data.smoothed and there.recorded is job.data
-    back = another_torque(there.base, True, there.recorded)
+    back = another_torque(there.base, False, there.recorded)
     assert back is job.data
     again = on_torque(there, back, quiet)
     assert again.recorded is None and not again.data.smoothed

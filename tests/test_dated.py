@@ -69,7 +69,7 @@ def test_a_torque_moved_in_vain_is_taken_as_it_was_recorded(record, case):
     job = started(record, case)
     moved = on_torque(job, ahead(job.data, 0.5), quiet)
     assert moved.recorded is job.data
-    assert another_torque(moved.base, True, moved.recorded) is job.data
+    assert another_torque(moved.base, False, moved.recorded) is job.data
 
 
 def test_an_effect_is_no_lateness():

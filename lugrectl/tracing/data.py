@@ -76,11 +76,14 @@ class Data:
 
     def with_torque(self, u: np.ndarray) -> Data:
         """The same motion under a smoothed torque."""
-        return replace(self, u=u, log=replace(self.log, u=u), smoothed=True)
+        return replace(self._under(u), smoothed=True)
 
     def moved(self, u: np.ndarray, ahead: float) -> Data:
         """The same motion under a torque that was logged ``ahead`` s late."""
-        return replace(self, u=u, log=replace(self.log, u=u), ahead=ahead)
+        return replace(self._under(u), ahead=ahead)
+
+    def _under(self, u: np.ndarray) -> Data:
+        return replace(self, u=u, log=replace(self.log, u=u))
 
     @property
     def signal(self) -> str:

@@ -7,11 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from ..blocks.effects.actuator import held_late
 from ..errors import Refused
 from .beside import beside
 from .data import Data
 from .fit import Fitted, refitted
-from .proof import share
+from .proof import gained, share
 from .repeated import filtered
 
 LATE = 100.0  # least gain in log-likelihood for a torque moved ahead, also without the best window
@@ -68,14 +69,12 @@ def _clearly_later(found: Fitted, tried: Sequence[float]) -> float | None:
 
 
 def _clearly(found: Fitted, moved: Fitted) -> bool:
-    gain = moved.loglik - found.loglik
-    return bool(gain.sum() - max(gain.max(), 0.0) > LATE and share(found, moved) > GONE)
+    return gained(found, moved) > LATE and share(found, moved) > GONE
 
 
 def ahead(data: Data, samples: float) -> Data:
     """The data with a torque that comes so many samples earlier."""
-    u = data.u.copy()
-    for a, b in data.runs:
-        at = np.arange(a, b)
-        u[a:b] = np.interp(at + samples, at, data.u[a:b])
-    return data.moved(u, samples * data.dt)
+    u, early = data.u.copy(), samples * data.dt
+    for a, b in data.runs:  # a delay, turned round in time
+        u[a:b] = held_late(data.u[a:b][::-1], data.dt, early)[::-1]
+    return data.moved(u, early)

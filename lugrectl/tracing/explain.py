@@ -78,13 +78,13 @@ def explain(
     base: Fitted,
     report: Progress,
     test: Windows,
-    another: Callable[[Fitted, bool], Data | None] = lambda fitted, doubted: None,
+    another: Callable[[Fitted, bool], Data | None] = lambda fitted, enough: None,
 ) -> Explanation:
     """Add the best effect, refit everything, look again, until nothing proven is left.
 
     ``test`` are the held-out windows; they only tell apart what explains the others equally well.
     ``another`` tells, once the first effect is known, whether another torque is to be taken; its
-    second argument is whether that effect leaves anything to doubt.
+    second argument is whether that effect explains all.
     """
     trace = _Trace(base, test)
     for turn in range(MOST_EFFECTS):
@@ -97,10 +97,7 @@ def explain(
         trace.add(sound, say)
         base, current = trace.base, trace.current
         enough = share(base, current) > 1.0 - LEAST_OF_FIRST and not coloured(current)
-        data = current.predictor.data
-        doubted = data.smoothed or data.ahead or not enough
-        first = turn == 0 and not current.noise.uneven
-        other = another(current, bool(doubted)) if first else None
+        other = another(current, enough) if turn == 0 and not current.noise.uneven else None
         if other is not None:
             return Explanation(base, tuple(trace.steps), current, (), False, (), other)
         if enough:

@@ -85,8 +85,9 @@ def begin(
     held_out = sum(r.samples for r in records) if apart else None
     parts = split(data, horizon, last=holdout == "last", held_out=held_out, turned=turned)
     doubts = refuse_unfit(every, model, data)
-    alone = on_theta_alone(every, data)
-    if alone is not None and LAG not in (part.block.name for part in model.effects):
+    filtering = any(part.block.name == LAG for part in model.effects)
+    alone = None if filtering else on_theta_alone(every, data)
+    if alone is not None:
         data, doubts = alone[0], (*doubts, alone[1])
     report(0.02, "first guess" if compiler() else SLOWLY)
     model = holding(model, data)
@@ -115,13 +116,14 @@ def noted(job: Job, *messages: str) -> Job:
     return replace(job, doubts=(*job.doubts, *messages))
 
 
-def another_torque(found: Fitted, doubted: bool, recorded: Data | None) -> Data | None:
+def another_torque(found: Fitted, enough: bool, recorded: Data | None) -> Data | None:
     """The data with the torque to be taken instead, now that a model knows more.
 
-    Moved, or freed of noise; as it was ``recorded``, if one of that was done already.
+    Moved, or freed of noise if that is not ``enough`` to explain all; as it was ``recorded``, if
+    one of these was done already.
     """
     if recorded is None:
-        return dated(found) or (calmed(found) if doubted else None)
+        return dated(found) or (None if enough else calmed(found))
     return recorded if refitted(found, recorded).total > found.total + CALM else None
 
 

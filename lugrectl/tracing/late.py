@@ -16,16 +16,16 @@ HEAVY = 30.0  # times its own noise: that speed tells the filter, and hardly any
 
 def with_lag(final: Fitted) -> Fitted:
     """The fitted model with the first-order lag that makes the recorded speed late."""
-    data = final.predictor.data
+    data, heavy = final.predictor.data, _heavy(final.predictor.data)
     model = final.predictor.model.with_effect(LAG, {"time_constant": data.late})
     values = {f"{LAG}.time_constant": data.late}
     return again(
         replace(
             final,
-            predictor=Predictor(model, _heavy(data)),
+            predictor=Predictor(model, heavy),
             values=final.values | values,
             anchor=final.anchor | values,
-            noise=replace(final.noise, w=HEAVY * data.floor),
+            noise=replace(final.noise, w=heavy.noise.w),
         )
     )
 

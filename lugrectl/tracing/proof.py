@@ -28,9 +28,7 @@ def proven(base: Fitted, before: Fitted, after: Fitted, key: str) -> bool:
     """Whether an effect is certain, and large enough beside what was there and is there."""
     if not np.isfinite(after.total) or _at_its_bound(after, key) or not _passed(after, key):
         return False
-    gain = after.loglik - before.loglik
-    certain = gain.sum() - max(gain.max(), 0.0) > GATE
-    if not certain or after.total - _mirrored(after, key) <= GATE:
+    if gained(before, after) <= GATE or after.total - _mirrored(after, key) <= GATE:
         return False
     of_it = share(before, after)
     ill = _measured_ill(before, after, key)
@@ -42,6 +40,12 @@ def proven(base: Fitted, before: Fitted, after: Fitted, key: str) -> bool:
     matters = share(base, after) - share(base, before) > LEAST_OF_FIRST or of_it > MOST_OF_REST
     removed = of_it > LEAST_SHARE and gone > LEAST_REMOVED
     return worth and (ill or (matters and removed)) and _fades(before, after, key)
+
+
+def gained(before: Fitted, after: Fitted) -> float:
+    """Gain in log-likelihood, without that of the best window."""
+    gain = after.loglik - before.loglik
+    return float(gain.sum() - max(gain.max(), 0.0))
 
 
 def _measured_ill(before: Fitted, after: Fitted, key: str) -> bool:

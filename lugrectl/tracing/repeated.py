@@ -17,10 +17,10 @@ LEAST_SEGMENTS = 4
 BAND = (0.125, 0.25)  # of the rate: beyond most motion, where a smoothed speed still has digits
 TOGETHER = 0.9  # median coherence from which two channels share their noise
 FAST, SLOWER = (0.35, 0.45), (0.15, 0.25)  # of the rate
-RISING = 1.5  # of the noise's power between those; that of a difference rises 2.5 times
+RISING = 1.5  # of the noise's power between those; that of a difference rises 2 to 3 times
 PASSED = 0.01  # of the noise's power between those, below which a filter took it
 NULL, HALF = (0.46, 0.5), (0.25, 0.35)  # of the rate: where central differences see nothing
-SEEN_THERE = 0.1  # of the noise's power between those; theirs is 0.03 to 0.04
+SEEN_THERE = 0.1  # of the noise's power between those; theirs is 0.02 to 0.03
 
 REPEATED = (
     "w is theta differentiated, its noise included: the model was fitted to theta alone; errors "

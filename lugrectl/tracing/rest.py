@@ -31,9 +31,7 @@ def left_over(
     least = LEAST_SIZE * float(np.std(friction))
     quiet = missing_torque(final.predictor, final.values, final.where, final.noise)
     if not _lacks(base, final, least, found):
-        whole = final.noise.uneven and share(base, final) > WHOLE  # stiffness is never exact then
-        tinted = not whole and coloured(final) and not filtered(final.predictor.data)
-        odd = doubtful or _loud(final) or _standing(base, final) or tinted
+        odd = doubtful or _loud(final) or _standing(base, final) or _tinted(base, final)
         if np.std(quiet) <= least or not (odd or hangs_on(final)):
             return False, ()
     return True, signals_of_the_rest(final, base, doubtful=doubtful)
@@ -99,6 +97,15 @@ def _loud(fitted: Fitted) -> bool:
     if fitted.noise.uneven:
         return 2 * len(fitted.quiet) < len(fitted.innovations)
     return uneven(fitted.innovations)
+
+
+def _tinted(base: Fitted, final: Fitted) -> bool:
+    """Whether the innovations are coloured by what is missing.
+
+    Not by a filtered speed, nor by the inexact stiffness of what windows were forgiven for.
+    """
+    whole = final.noise.uneven and share(base, final) > WHOLE
+    return not whole and coloured(final) and not filtered(final.predictor.data)
 
 
 def coloured(fitted: Fitted) -> bool:
