@@ -15,6 +15,7 @@ from .structure import colour, predictable, uneven
 LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a signal
 PART = 0.3  # of what the sliding drive lacked, below which it is left by an inexact effect
 TAKEN = 0.25  # share below which a function is no longer among what is left
+STIRRED = 0.1  # of the samples that differ from those before them, where a window tells noise
 STANDING = 3.0  # standard errors of that share
 COLOUR = {"theta": 0.3, "w": 0.05}  # of the innovations; quantised positions are never white
 
@@ -96,7 +97,9 @@ def _loud(fitted: Fitted) -> bool:
     """Whether windows differ more in noise than the model allows."""
     if fitted.noise.uneven:
         return 2 * len(fitted.quiet) < len(fitted.innovations)
-    return uneven(fitted.innovations)
+    changes = np.diff(fitted.predictor.data.y[fitted.where.counted], axis=1)
+    changed = np.any(changes != 0, axis=2, where=np.isfinite(changes))
+    return uneven(fitted.innovations, changed.mean(1) > STIRRED)
 
 
 def _tinted(base: Fitted, final: Fitted) -> bool:

@@ -86,11 +86,16 @@ def _validated(
     return max(0.0, share), t
 
 
-def uneven(innovations: np.ndarray) -> bool:
-    """Whether some windows hardly surprise the model while others do: it is not noise then."""
-    power = np.sort(np.sum(innovations**2, axis=(1, 2)))
-    top = float(np.mean(power[-max(1, len(power) // 4) :]))
-    return top > UNEVEN * float(power[len(power) // 10])
+def uneven(innovations: np.ndarray, told: np.ndarray) -> bool:
+    """Whether some windows hardly surprise the model while others do: it is not noise then.
+
+    ``told`` (windows,): whether the sensors told more in it than that they stand on one count,
+    where noise smaller than a count cannot be seen and nothing surprises any model.
+    """
+    power = np.sum(innovations**2, axis=(1, 2))
+    top = float(np.mean(np.sort(power)[-max(1, len(power) // 4) :]))
+    quiet = np.sort(power[told])
+    return len(quiet) > 0 and top > UNEVEN * float(quiet[len(quiet) // 10])
 
 
 def colour(innovations: np.ndarray) -> np.ndarray:
