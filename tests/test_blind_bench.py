@@ -12,6 +12,7 @@ import pytest
 from .blind import __main__ as bench
 from .blind import limits, page, plan, score, trees, work
 from .rig import CATALOGUE, STRANGERS, make
+from .rig.exported import EXPORTS, LATE
 
 RIPPLE = {"amplitude": 0.04, "harmonic": 7.0, "phase": 3.1}
 
@@ -169,6 +170,16 @@ def test_plan():
     assert not plan.together("elastic_coupling", "backlash")
     hard = plan.tasks(["gravity"], ["normal"], range(200), 0, 0, 0, hard=0.3)
     assert 30 < sum(t.hard for t in hard) < 90
+
+
+def test_a_share_is_planned_as_other_logs_hold_it():
+    def formed(*names):
+        return plan.tasks([*names], ["normal"], range(200), 0, 0, 0, exported=0.5)
+
+    forms = [t.form for t in formed("gravity", "none")]
+    assert 150 < sum(map(bool, forms)) < 250 and set(forms) - {""} == set(EXPORTS)
+    assert {t.form for t in formed("input_delay")} == set(EXPORTS) - set(LATE) | {""}
+    assert not any(t.form for t in formed("velocity_sensor_lag"))
 
 
 def test_results_are_read_again(tmp_path):

@@ -11,6 +11,7 @@ import pytest
 from . import rig
 from .rig.bench import FINE, simulate
 from .rig.columns import CHANNELS
+from .rig.exported import EXPORTS, LATE
 from .rig.hard import HARD, harden
 from .rig.hiding import Context, find
 from .rig.machines import GRAVITY_LOAD, MACHINES
@@ -265,3 +266,21 @@ def test_every_draw_suits_its_effect():
             assert what["excitation"] in find(name).excitations
             assert m.rotary or find(name).only not in ("rotary", "load")
             assert not (what["position_only"] and find(name).only == "tacho")
+
+
+def test_other_logs_hold_the_same_drive():
+    case = rig.make("gravity", "servo", "rich", seed=3, **SHORT)
+    dt, was = 1.0 / 500.0, case.columns
+    count = np.ptp(was["theta"]) / 1e5
+    for form in EXPORTS:
+        now = rig.exported(case, form)
+        assert now.truth["hard"] == form and len(now.columns["t"]) == len(was["t"])
+        if "theta" in now.columns:
+            assert np.max(np.abs(now.columns["theta"] - was["theta"])) <= 0.5 * count + 1e-12
+    w = rig.exported(case, "a difference alone").columns["w"]
+    summed = np.cumsum(w) * dt + was["theta"][0]
+    assert np.max(np.abs(summed - was["theta"])) <= 1.5 * count
+    for form, samples in zip(LATE, (0.5, 1.0), strict=True):
+        u = rig.exported(case, form).columns["u"]
+        at = np.arange(len(u))
+        assert np.allclose(u[1:], np.interp(at - samples, at, was["u"])[1:])

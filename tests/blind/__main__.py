@@ -32,6 +32,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--strangers", type=int, help="records with an effect outside the catalogue")
     p.add_argument("--pairs", type=int, help="records with two effects")
     p.add_argument("--hard", type=float, default=0.0, help="share of records with a difficulty")
+    p.add_argument("--exported", type=float, default=0.0, help="share of records in other forms")
     p.add_argument("--short", action="store_true", help="records of 20 s at 500 Hz, to try out")
     p.add_argument("--jobs", type=int, default=1)
     p.add_argument("--trees", action="store_true", help="boosted trees on the residual too")
@@ -56,7 +57,8 @@ def planned(args: argparse.Namespace) -> list[Task]:
     counts = {k: n if n is not None else 0 if asked else DEFAULT[k] for k, n in counts.items()}
     effects = _effects(args.effects if asked else "all")
     strengths = list(STRENGTHS) if args.strength == "both" else [args.strength]
-    return tasks(effects, strengths, args.seeds, **counts, hard=args.hard, short=args.short)
+    shares = {"hard": args.hard, "exported": args.exported}
+    return tasks(effects, strengths, args.seeds, **counts, **shares, short=args.short)
 
 
 def _effects(text: str | None) -> list[str]:

@@ -9,6 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from ..rig import CATALOGUE, STRANGERS
+from ..rig.exported import forms
 from ..rig.hiding import Effect, find
 
 STRENGTHS = {"normal": 0.20, "weak": 0.08}
@@ -31,10 +32,15 @@ class Task:
     seed: int
     hard: bool = False
     short: bool = False  # 20 s at 500 Hz, for a quick look
+    form: str = ""  # as which export it holds theta, w and u; "" as the rig's sensors give them
 
     @property
     def key(self) -> str:
-        also = (" hard" if self.hard else "") + (" short" if self.short else "")
+        also = "".join(
+            f" {word}"
+            for word, said in {"hard": self.hard, "short": self.short, self.form: self.form}.items()
+            if said
+        )
         return f"{'+'.join(self.names) or 'none'} {self.strength} {self.seed}{also}"
 
 
@@ -47,8 +53,9 @@ def tasks(
     pairs: int,
     hard: float = 0.0,
     short: bool = False,
+    exported: float = 0.0,
 ) -> list[Task]:
-    """Every effect at every strength and seed, then the others; ``hard`` is a share.
+    """Every effect at every strength and seed, then the others; ``hard``, ``exported``: shares.
 
     Records with nothing missing, strangers and pairs take seeds from the first on, and the
     first strength.
@@ -65,7 +72,7 @@ def tasks(
         made.append(Task("stranger", (kinds[i % len(kinds)],), strengths[0], seeds.start + i))
     mixed = _pairs(seeds.start)
     made += [Task("pair", next(mixed), strengths[0], seeds.start + i) for i in range(pairs)]
-    made = [replace(_hardened(task, hard), short=short) for task in made]
+    made = [_exported(replace(_hardened(task, hard), short=short), exported) for task in made]
     return list({task.key: task for task in made}.values())
 
 
@@ -76,6 +83,14 @@ def _names(name: str) -> tuple[str, ...]:
 def _hardened(task: Task, share: float) -> Task:
     chance = np.random.default_rng([task.seed, *task.key.encode()]).random()
     return replace(task, hard=bool(chance < share))
+
+
+def _exported(task: Task, share: float) -> Task:
+    rng = np.random.default_rng([task.seed, *b"export", *task.key.encode()])
+    allowed = forms(task.names)
+    if rng.random() >= share or not allowed:
+        return task
+    return replace(task, form=str(rng.choice(allowed)))
 
 
 def _pairs(seed: int) -> Iterator[tuple[str, ...]]:

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..rig import problems, sample
+from ..rig import exported, problems, sample
 from ..rig.declared import model_text
 from ..rig.record import Case
 from .plan import STRENGTHS, Task
@@ -33,7 +33,8 @@ def one_thread() -> None:
 def case_of(task: Task) -> Case:
     names = list(task.names) or "none"
     short = {"rate": 500.0, "duration": 20.0} if task.short else {}
-    return sample(names, task.seed, hard=task.hard, strength=STRENGTHS[task.strength], **short)
+    case = sample(names, task.seed, hard=task.hard, strength=STRENGTHS[task.strength], **short)
+    return exported(case, task.form) if task.form else case
 
 
 def line(task: Task, *, exact: bool = True, trees: bool = False, limit: int = 1800) -> dict:

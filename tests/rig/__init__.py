@@ -8,6 +8,7 @@ from . import effects, strangers  # noqa: F401  (they enter the registries)
 from .checks import problems
 from .draws import draw, sample
 from .excitation import EXCITATIONS
+from .exported import exported
 from .hiding import CATALOGUE, STRANGERS
 from .machines import MACHINES
 from .record import Case, make
@@ -19,6 +20,7 @@ __all__ = [
     "STRANGERS",
     "Case",
     "draw",
+    "exported",
     "make",
     "problems",
     "sample",
