@@ -46,6 +46,7 @@ TRACING = [
     {"rest"},
     {"start"},
     {"job"},
+    {"choice"},
     {"explain"},
 ]
 COMPUTING = set.union(*STOREYS[:8])

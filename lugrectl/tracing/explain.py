@@ -13,6 +13,7 @@ from ..results import Candidate
 from ..spec import P, members
 from .beside import beside
 from .blows import forgiving, sharpened
+from .choice import Step, as_well, candidate, chosen
 from .data import Data
 from .fit import Fitted, again, fit
 from .job import Progress
@@ -23,7 +24,6 @@ from .rest import coloured, left_over
 from .screening import Trial
 from .search import Contest, Pair, Say, contest
 from .slide import lacking
-from .surprise import surprising
 from .witness import contradicted
 
 PIECED = 0.98  # share below which as many effects as are tried are a patchwork, not physics
@@ -32,28 +32,8 @@ FIRMER = 1.0  # the same, from which one is chosen before others
 LOST = 0.2  # share of the residual's power taken by effects that are not firm
 MOST_EFFECTS = 3
 RETRIED = 3  # candidates whose plant values the model without them is fitted from again
-PART = 0.1  # of the leader's gain that one which explains as much may lack
-SAME = 2e-3  # of the torque, by which two models may differ that are one
 TRIED = 6  # candidates fitted in full at each step
 TURNING = ("gravity", "encoder_eccentricity")  # once per turn: nothing on a linear axis
-
-
-@dataclass(frozen=True)
-class Step:
-    """One effect accepted, how firmly, and what explains the training windows equally well."""
-
-    trial: Trial
-    tied: tuple[Candidate, ...]
-    firm: float
-
-    def firmness(self, fitted: Fitted) -> float:
-        """How sure the windows are of its strength.
-
-        Under a noise that forgives windows in which a hidden state was missed, just those few
-        disagree: there it counts how sure they were before.
-        """
-        now = firmness(fitted, self.trial.key)
-        return max(self.firm, now) if fitted.noise.uneven and self.trial.boxed else now
 
 
 @dataclass(frozen=True)
@@ -167,13 +147,19 @@ class _Trace:
     def add(self, sound: Sequence[Pair], say: Say) -> None:
         """The best of them, the others fitted again and dropped or exchanged if need be."""
         firm = [(t, f) for t, f in sound if firmness(f, t.key) > FIRMER] or sound
-        step, current = _chosen(self.current, firm, self.test)
+        step, current = chosen(self.current, firm, self.test)
         self.steps = [*self.steps, step]
         self.base, current = _eased(self.steps, self.base, current)
         self.steps, self.current = _pruned(self.steps, current, self.steps[:-1])
+        if len(self.steps) > 1:
+            self._exchange(say)
+
+    def _exchange(self, say: Say) -> None:
+        """The oldest for any other where its colour is left, else for one that came near it."""
         whole = share(self.base, self.current) > WHOLE
-        if len(self.steps) > 1 and whole and coloured(self.current):
-            self.steps, current = _exchanged(self.steps, self.current, self.test, say)
+        rivals = None if whole and coloured(self.current) else self.steps[0].rivals
+        if rivals is None or rivals:
+            self.steps, current = _exchanged(self.steps, self.current, self.test, rivals, say)
             self.base, self.current = _eased(self.steps, self.base, current)
 
 
@@ -269,19 +255,21 @@ def _firm(steps: list[Step], fitted: Fitted) -> tuple[list[Step], Fitted]:
 
 
 def _exchanged(
-    steps: list[Step], fitted: Fitted, test: Windows, say: Say
+    steps: list[Step], fitted: Fitted, test: Windows, rivals: Sequence[str] | None, say: Say
 ) -> tuple[list[Step], Fitted]:
     """The oldest effect for another that explains more beside the later ones, if there is one.
 
-    It was chosen when these were missing.
+    It was chosen when these were missing. Of the ``rivals`` only, where any are given.
     """
     oldest, *later = steps
     without = _without(fitted, oldest.trial.key)
-    tried = contest(without, worth_trying(without.predictor.model), 0.5 * GATE, TRIED, say)
+    names = worth_trying(without.predictor.model)
+    names = names if rivals is None else [n for n in names if n in rivals]
+    tried = contest(without, names, 0.5 * GATE, TRIED, say)
     sound = [(t, f) for t, f in tried.fits if _stands(without, without, f, t.key)]
     if not sound:
         return steps, fitted
-    step, whole = _chosen(without, sound, test)
+    step, whole = chosen(without, sound, test)
     if whole.total < fitted.total + GATE:
         return steps, fitted
     return [*later, step], whole
@@ -296,8 +284,8 @@ def _still_tied(steps: Sequence[Step], fitted: Fitted, say: Say) -> list[Step]:
         if step.tied:
             without = _without(fitted, step.trial.key)
             tried = contest(without, [c.name for c in step.tied], 0.0, TRIED, say)
-            left = [(t, f) for t, f in tried.fits if _as_well(without, fitted, f)]
-            step = replace(step, tied=tuple(_candidate(without, t, f) for t, f in left))
+            left = [(t, f) for t, f in tried.fits if as_well(without, fitted, f)]
+            step = replace(step, tied=tuple(candidate(without, t, f) for t, f in left))
         made.append(step)
     return made
 
@@ -311,70 +299,6 @@ def _without(fitted: Fitted, key: str) -> Fitted:
     )
     predictor = Predictor(rest, fitted.predictor.data)
     return again(replace(fitted, predictor=predictor, values=values, anchor=anchor))
-
-
-def _chosen(before: Fitted, sound: Sequence[Pair], test: Windows) -> tuple[Step, Fitted]:
-    """The best effect with what explains as much, and the model with it inside the plant.
-
-    Those are compared there: what an effect does along the log is not always exact. One that
-    held-out windows contradict while another foresees them is out.
-    """
-    even = _even(before, beside(_inside, _even(before, sound)))
-    if len(even) > 1:
-        even = [pair for pair in even if not len(surprising(pair[1], test))] or even
-    (trial, best), *others = even
-    tied = tuple(_candidate(before, t, f) for t, f in others)
-    return Step(trial, tied, firmness(best, trial.key)), best
-
-
-def _even(before: Fitted, sound: Sequence[Pair]) -> list[Pair]:
-    """The best effect and all that explain the windows as well within two standard errors.
-
-    Fewest parameters first. An effect whose strength may as well be none imitates another (a
-    soft spring with a distant rest is a constant torque) and is left out.
-    """
-    top = max(sound, key=lambda pair: pair[1].total)[1]
-    even = [(t, f) for t, f in sound if f is top or _as_well(before, top, f)]
-    real = [(t, f) for t, f in even if not _imitates(t, f)] or even
-    first, *rest = sorted(real, key=lambda pair: (len(pair[1].free), -pair[1].total))
-    return [first, *((t, f) for t, f in rest if not _comes_to(f, first[1]))]
-
-
-def _as_well(before: Fitted, top: Fitted, other: Fitted) -> bool:
-    """Within two standard errors over the windows, and nearly as much of the gain."""
-    lead = top.loglik - other.loglik
-    error = float(np.std(lead, ddof=1)) * np.sqrt(len(lead))
-    much = max(10.0, PART * (top.total - before.total))
-    return lead.sum() < min(max(3.0, 2.0 * error), much)
-
-
-def _comes_to(other: Fitted, simple: Fitted) -> bool:
-    """Whether one with more parameters makes the same torque: backlash without a gap."""
-    if len(other.free) <= len(simple.free):
-        return False
-    at = simple.where.counted
-    torques = [f.predictor.torque(f.values)[at] for f in (other, simple)]
-    apart = float(np.std(torques[0] - torques[1]))
-    return apart < SAME * float(np.std(torques[1]))
-
-
-def _imitates(trial: Trial, fitted: Fitted) -> bool:
-    gain = fitted.predictor.model.part(trial.key).block.gain
-    low, high = fitted.intervals().get(f"{trial.key}.{gain}", (1.0, 1.0))
-    return low <= 0.0 <= high
-
-
-def _candidate(before: Fitted, trial: Trial, fitted: Fitted) -> Candidate:
-    return Candidate(trial.name, fitted.total - before.total, share(before, fitted))
-
-
-def _inside(pair: Pair) -> Pair:
-    """The same model with its effects inside the plant, fitted once more if they were not."""
-    trial, found = pair
-    if trial.rough:
-        return pair
-    inside = Predictor(found.predictor.model, found.predictor.data)
-    return trial, again(replace(found, predictor=inside))
 
 
 def signals_of(names: Sequence[str]) -> tuple[str, ...]:

@@ -1,0 +1,112 @@
+"""Which of several effects to take, and what explains the record as well."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..results import Candidate
+from .beside import beside
+from .fit import Fitted, again
+from .predictor import Predictor, Windows
+from .proof import firmness, share
+from .screening import Trial
+from .search import Pair
+from .surprise import surprising
+
+PART = 0.1  # of the leader's gain that one which explains as much may lack
+SAME = 2e-3  # of the torque, by which two models may differ that are one
+
+
+@dataclass(frozen=True)
+class Step:
+    """One effect accepted, how firmly, and what explains the training windows equally well.
+
+    ``rivals`` explained nearly as much when it was accepted, these among them.
+    """
+
+    trial: Trial
+    tied: tuple[Candidate, ...]
+    firm: float
+    rivals: tuple[str, ...] = ()
+
+    def firmness(self, fitted: Fitted) -> float:
+        """How sure the windows are of its strength.
+
+        Under a noise that forgives windows in which a hidden state was missed, just those few
+        disagree: there it counts how sure they were before.
+        """
+        now = firmness(fitted, self.trial.key)
+        return max(self.firm, now) if fitted.noise.uneven and self.trial.boxed else now
+
+
+def chosen(before: Fitted, sound: Sequence[Pair], test: Windows) -> tuple[Step, Fitted]:
+    """The best effect with what explains as much, and the model with it inside the plant.
+
+    Those are compared there: what an effect does along the log is not always exact. One that
+    held-out windows contradict while another foresees them is out.
+    """
+    even = _even(before, beside(inside, _even(before, sound)))
+    if len(even) > 1:
+        even = [pair for pair in even if not len(surprising(pair[1], test))] or even
+    (trial, best), *others = even
+    tied = tuple(candidate(before, t, f) for t, f in others)
+    near = best.total - _much(before, best)
+    rivals = tuple({t.name: t for t, f in sound if f.total > near and t is not trial})
+    return Step(trial, tied, firmness(best, trial.key), rivals), best
+
+
+def _even(before: Fitted, sound: Sequence[Pair]) -> list[Pair]:
+    """The best effect and all that explain the windows as well within two standard errors.
+
+    Fewest parameters first. An effect whose strength may as well be none imitates another (a
+    soft spring with a distant rest is a constant torque) and is left out.
+    """
+    top = max(sound, key=lambda pair: pair[1].total)[1]
+    even = [(t, f) for t, f in sound if f is top or as_well(before, top, f)]
+    real = [(t, f) for t, f in even if not _imitates(t, f)] or even
+    first, *rest = sorted(real, key=lambda pair: (len(pair[1].free), -pair[1].total))
+    return [first, *((t, f) for t, f in rest if not _comes_to(f, first[1]))]
+
+
+def as_well(before: Fitted, top: Fitted, other: Fitted) -> bool:
+    """Within two standard errors over the windows, and nearly as much of the gain."""
+    lead = top.loglik - other.loglik
+    error = float(np.std(lead, ddof=1)) * np.sqrt(len(lead))
+    return lead.sum() < min(max(3.0, 2.0 * error), _much(before, top))
+
+
+def _much(before: Fitted, top: Fitted) -> float:
+    """What another may lack at most to have explained nearly as much."""
+    return max(10.0, PART * (top.total - before.total))
+
+
+def _comes_to(other: Fitted, simple: Fitted) -> bool:
+    """Whether one with more parameters makes the same torque: backlash without a gap."""
+    if len(other.free) <= len(simple.free):
+        return False
+    at = simple.where.counted
+    torques = [f.predictor.torque(f.values)[at] for f in (other, simple)]
+    apart = float(np.std(torques[0] - torques[1]))
+    return apart < SAME * float(np.std(torques[1]))
+
+
+def _imitates(trial: Trial, fitted: Fitted) -> bool:
+    gain = fitted.predictor.model.part(trial.key).block.gain
+    low, high = fitted.intervals().get(f"{trial.key}.{gain}", (1.0, 1.0))
+    return low <= 0.0 <= high
+
+
+def candidate(before: Fitted, trial: Trial, fitted: Fitted) -> Candidate:
+    return Candidate(trial.name, fitted.total - before.total, share(before, fitted))
+
+
+def inside(pair: Pair) -> Pair:
+    """The same model with its effects inside the plant, fitted once more if they were not."""
+    trial, found = pair
+    if trial.rough:
+        return pair
+    inside = Predictor(found.predictor.model, found.predictor.data)
+    return trial, again(replace(found, predictor=inside))
