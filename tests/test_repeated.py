@@ -8,8 +8,15 @@ from scipy.signal import butter, filtfilt, lfilter
 
 from lugrectl import diagnose
 from lugrectl.tracing.data import prepare
-from lugrectl.tracing.repeated import DIFFERENCED, REPEATED, filtered, on_theta_alone, repeats
-from tests.rig import make
+from lugrectl.tracing.repeated import (
+    DIFFERENCED,
+    REPEATED,
+    _coherent,
+    filtered,
+    on_theta_alone,
+    repeats,
+)
+from tests.rig import make, sample
 
 from .test_tracing import model_of, record_of
 
@@ -59,6 +66,13 @@ def test_a_second_sensor_is_kept(record):
     data = prepare([record])
     assert not repeats(data) and on_theta_alone([record], data) is None
     assert not repeats(prepare([replace(record, w=None)]))
+
+
+def test_a_swinging_coupling_makes_no_repetition_of_two_sensors():
+    """Its fast motion alone makes them coherent where there is hardly any as a rule."""
+    data = prepare([record_of(sample("elastic_coupling", 126500))])
+    assert all(_coherent(data.y[a:b]) for a, b in data.runs)
+    assert not repeats(data)
 
 
 @pytest.mark.parametrize("central", [False, True])

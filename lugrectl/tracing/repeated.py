@@ -10,12 +10,16 @@ from scipy.signal import coherence, welch
 
 from ..record import Record
 from .data import Data, prepare
+from .noise import NORMAL_MAD, sensor_noise
 from .skewed import lateness
 
 SEGMENT = 256  # samples of one spectrum
 LEAST_SEGMENTS = 4
 BAND = (0.125, 0.25)  # of the rate: beyond most motion, where a smoothed speed still has digits
 TOGETHER = 0.9  # median coherence from which two channels share their noise
+TAPS, SURPRISED = 128, 8192  # samples on either side that foretell w; samples that are foretold
+SURPRISE = 0.7  # of the power of w's own noise; a sensor of its own has 1
+TWICE_DIFFERENCED = np.sqrt(6.0)  # of white noise
 FAST, SLOWER = (0.35, 0.45), (0.15, 0.25)  # of the rate
 RISING = 1.5  # of the noise's power between those; that of a difference rises 2 to 3 times
 PASSED = 0.01  # of the noise's power between those, below which a filter took it
@@ -99,7 +103,34 @@ def _long(data: Data) -> list[tuple[int, int]]:
 
 
 def _together(y: np.ndarray) -> bool:
-    """Whether the channels of one run are coherent, differenced until they are no ramps."""
+    """Whether the channels of one run share their noise.
+
+    They are coherent then, where there is hardly any motion; and as a fast motion makes two
+    sensors coherent, too, w must be foretold by theta to less than its own noise.
+    """
+    return _coherent(y) and _surprise(y) < SURPRISE
+
+
+def _surprise(y: np.ndarray) -> float:
+    """What theta around a sample does not tell of w, over the noise of w: power, 1 if that is its
+    own. Median, of halves of a stretch by the weights that the other half gives."""
+    middle = len(y) // 2
+    part = y[max(0, middle - SURPRISED // 2) : middle + SURPRISED // 2]
+    theta, w = np.diff(part[:, 0], 3), np.diff(part[1:, 1], 2)
+    taps = min(TAPS, len(w) // 16)
+    X = np.lib.stride_tricks.sliding_window_view(theta, 2 * taps + 1)
+    w = w[taps : len(w) - taps]
+    halves = np.array_split(np.arange(len(w)), 2)
+    missed = [
+        w[own] - X[own] @ np.linalg.lstsq(X[other], w[other], rcond=1e-12)[0]
+        for own, other in (halves, halves[::-1])
+    ]
+    size = float(np.median(np.abs(np.concatenate(missed)))) / NORMAL_MAD / TWICE_DIFFERENCED
+    return (size / sensor_noise(y[:, 1])) ** 2
+
+
+def _coherent(y: np.ndarray) -> bool:
+    """Whether the channels are one in a band, differenced until they are no ramps."""
     f, both = coherence(np.diff(y[:, 0], 2), np.diff(y[1:, 1]), nperseg=SEGMENT)
     low, high = BAND
     return float(np.median(both[(f > low) & (f <= high)])) > TOGETHER
