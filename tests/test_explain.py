@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lugrectl import diagnose
 from lugrectl.model import model_from_dict
 from lugrectl.spec import members
 from lugrectl.tracing.choice import _comes_to
@@ -14,7 +13,7 @@ from lugrectl.tracing.fit import fit
 from lugrectl.tracing.job import begin
 from lugrectl.tracing.predictor import Predictor
 from lugrectl.tracing.screening import _closer
-from tests.rig import make, sample
+from tests.rig import make
 
 from .test_tracing import model_of, quiet, record_of
 
@@ -77,12 +76,3 @@ def test_backlash_without_a_gap_is_an_elastic_coupling(gap, same):
     simple, other = made
     assert _comes_to(other, simple) is same
     assert not _comes_to(simple, other)
-
-
-@pytest.mark.slow
-def test_an_effect_chosen_before_the_other_was_known_is_chosen_again():
-    """Alone, a varying inertia explains 1 % more than the eccentric encoder that there is."""
-    case = sample(["friction_step", "encoder_eccentricity"], 127007)
-    result = diagnose(record_of(case), model_of(case))
-    assert result.verdict == "found"
-    assert {e.name for e in result.effects} == {"friction_step", "encoder_eccentricity"}

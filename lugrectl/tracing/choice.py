@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import permutations
 
 import numpy as np
 
+from ..blocks.plant import COMMAND, stage
+from ..model import Part
 from ..results import Candidate
 from .beside import beside
 from .fit import Fitted, again
 from .predictor import Predictor, Windows
-from .proof import firmness, share
+from .proof import GATE, firmness, share
 from .screening import Trial
 from .search import Pair
 from .surprise import surprising
@@ -56,6 +59,26 @@ def chosen(before: Fitted, sound: Sequence[Pair], test: Windows) -> tuple[Step, 
     near = best.total - _much(before, best)
     rivals = tuple({t.name: t for t, f in sound if f.total > near and t is not trial})
     return Step(trial, tied, firmness(best, trial.key), rivals), best
+
+
+def in_order(fitted: Fitted) -> Fitted:
+    """The same with what acts on the command in another order, where that is clearly better.
+
+    A dead zone before a lag is not one behind it.
+    """
+    model = fitted.predictor.model
+    command = [p for p in model.effects if stage(p.block) == COMMAND]
+    if all(p.block.exact for p in command):  # they are linear
+        return fitted
+    others = tuple(p for p in model.effects if stage(p.block) != COMMAND)
+
+    def ordered(order: Sequence[Part]) -> Fitted:
+        predictor = Predictor(replace(model, effects=(*order, *others)), fitted.predictor.data)
+        return again(replace(fitted, predictor=predictor))
+
+    tried = beside(ordered, list(permutations(command))[1:])
+    best = max([fitted, *tried], key=lambda f: f.total)
+    return best if best.total > fitted.total + GATE else fitted
 
 
 def _even(before: Fitted, sound: Sequence[Pair]) -> list[Pair]:

@@ -13,7 +13,7 @@ from ..results import Candidate
 from ..spec import P, members
 from .beside import beside
 from .blows import forgiving, sharpened
-from .choice import Step, as_well, candidate, chosen
+from .choice import Step, as_well, candidate, chosen, in_order
 from .data import Data
 from .fit import Fitted, again, fit
 from .job import Progress
@@ -148,6 +148,7 @@ class _Trace:
         """The best of them, the others fitted again and dropped or exchanged if need be."""
         firm = [(t, f) for t, f in sound if firmness(f, t.key) > FIRMER] or sound
         step, current = chosen(self.current, firm, self.test)
+        current = in_order(current)
         self.steps = [*self.steps, step]
         self.base, current = _eased(self.steps, self.base, current)
         self.steps, self.current = _pruned(self.steps, current, self.steps[:-1])

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..blocks.friction import EPS, stribeck
 from ..blocks.parts import Part as Placed
-from ..blocks.plant import assemble
+from ..blocks.plant import COMMAND, assemble, stage
 from ..engine.lanes import Lanes
 from ..model import Model, Part
 from ..spec import P
@@ -79,13 +79,13 @@ class Predictor:
     """A model's structure on some data: series, innovations and simulations for any values.
 
     The first ``inside`` effects are part of the traced plant. The others, and those that act on
-    the held torque alone, are evaluated along the log and fed in as series, so that a candidate
-    needs no new engine.
+    the command alone, are evaluated along the log and fed in as series, so that a candidate
+    needs no new engine and what acts on the command does so in the model's order.
     """
 
     def __init__(self, model: Model, data: Data, inside: int | None = None) -> None:
         count = len(model.effects) if inside is None else inside
-        traced = [p for p in model.effects[:count] if p.block.exact is None]
+        traced = [p for p in model.effects[:count] if stage(p.block) != COMMAND]
         self.model, self.data = model, data
         self.inside = frozenset(p.key for p in traced)
         self.levels = tuple(n for n in LEVELS if n == "J" or n in model.friction.values)
