@@ -49,9 +49,9 @@ def assemble(model: Model, *, levels: Sequence[str] = (), sensed: bool = False) 
 
     def function(t: Any, *given: Any, **values: Any) -> tuple[Any, ...]:
         signals = {"t": t, **dict(zip((*inputs, *states), given, strict=True))}
-        values |= {n: values[n] * (1.0 + signals[f"x_{n}"]) for n in levels if n != "torque"}
+        more = {n: signals[f"x_{n}"] for n in levels if n != "torque"}
         rates: dict[str, tuple[Any, ...]] = {}
-        torque, values = _applied(effects, signals, values, rates)
+        torque, values = _applied(effects, signals, values, more, rates)
         law = friction.results(signals, values)
         rates[""] = friction.rates(law)
         measured = through_sensors(sensors, signals, values, rates) if sensed else ()
@@ -91,13 +91,16 @@ def _applied(
     effects: Sequence[Part],
     signals: dict[str, Any],
     values: Mapping[str, Any],
+    more: Mapping[str, Any],
     rates: dict[str, tuple[Any, ...]],
 ) -> tuple[Any, dict[str, Any]]:
     """All effects: the resisting torque and the plant's values; u and the load go into signals.
 
-    A parameter that the friction law does not have is passed over.
+    A parameter that the friction law does not have is passed over. Effects on levels read the
+    plant's own values, before any of them and before ``more``, what else multiplies them:
+    colder oil raises the Stribeck peak, too.
     """
-    scaled, added = dict(values), {}
+    scaled, added = {**values, **{n: values[n] * (1.0 + x) for n, x in more.items()}}, {}
     load, torque = signals["d"], signals.get("x_torque", 0.0)
     for turn in (COMMAND, MOTOR, LOAD, LEVEL, TORQUE):
         if turn == LEVEL:
@@ -107,7 +110,7 @@ def _applied(
         for part in effects:
             if stage(part.block) != turn:
                 continue
-            results = part.results(signals, scaled)
+            results = part.results(signals, values if turn == LEVEL else scaled)
             rates[part.prefix] = part.rates(results)
             for act, out in part.block.deeds(results):
                 name = act.removeprefix("+")

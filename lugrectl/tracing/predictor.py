@@ -237,9 +237,8 @@ class Predictor:
         """Series and sensor errors for each distinct setting of the outside effects."""
         outside, known = self.outside, {}
         borrowing = any(depends_on_plant(p) for p in outside)
-        names = [f"{p.key}.{k}" for p in outside for k in p.block.own]
-        names += [k for k in self.model.values() if borrowing and "." not in k]
-        names += list(differences(self.data))
+        own = [f"{p.key}.{k}" for p in outside for k in p.block.own]
+        names = [*(self.model.values() if borrowing else own), *differences(self.data)]
         different: list[Values] = []
         index = []
         for v in values:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..blocks.parts import Part as Placed
 from ..blocks.parts import borrowed
-from ..blocks.plant import stage
+from ..blocks.plant import LEVEL, stage
 from ..engine.lanes import Lanes
 from ..model import Model, Part
 from ..spec import Block, members
@@ -63,13 +63,17 @@ def feed(
         signals["u"] = signals["u"] - along(data, values, "offset")
         friction = along(data, values, "friction")
         x |= {name: friction for name in WARMED if name in x}
+    whole = dict(x)  # with what the effects inside the plant do to it
+    borrowing = any(depends_on_plant(p) for p in model.effects if p.key in outside)
     for part in sorted(model.effects, key=lambda part: stage(part.block)):
         block, fed = part.block, part.key in outside
-        if not (fed or block.load) or "sensor" in block.acts:
+        lends = borrowing and stage(block) == LEVEL and not block.states
+        if not (fed or block.load or lends) or "sensor" in block.acts:
             continue
         own = {k: values[f"{part.key}.{k}"] for k in block.own}
         if block.own.keys() != block.parameters.keys():
-            own |= borrowed(block, _changed(values, x, zero))
+            plain = stage(block) == LEVEL
+            own |= borrowed(block, values if plain else _changed(values, whole, zero))
         out = _outputs(part, signals, own, values, log, memory)
         part_of = (dose or {}).get(part.key, 1.0)
         for act, change in block.deeds(out):
@@ -81,12 +85,19 @@ def feed(
                 load = load + change if fed else load
             elif act == "torque":
                 torque = torque + change
-            elif act in x:
-                x[act] = (1.0 + x[act]) * (1.0 + change) - 1.0
             elif act.removeprefix("+") in x:
-                name = act.removeprefix("+")
-                x[name] = x[name] + change / max(values[name], 1e-12)
+                for made in (x, whole) if fed else (whole,):
+                    _change(made, act, change, values)
     return Fed(signals["u"], load, torque, x, error)
+
+
+def _change(x: dict[str, np.ndarray], act: str, change: Any, values: Values) -> None:
+    """A level by that much more: times 1 + change, or where the act says so plus it."""
+    name = act.removeprefix("+")
+    if act == name:
+        x[name] = (1.0 + x[name]) * (1.0 + change) - 1.0
+    else:
+        x[name] = x[name] + change / max(values[name], 1e-12)
 
 
 def _changed(values: Values, x: Mapping[str, np.ndarray], zero: np.ndarray) -> dict[str, Any]:
