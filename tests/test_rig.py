@@ -284,3 +284,10 @@ def test_other_logs_hold_the_same_drive():
         u = rig.exported(case, form).columns["u"]
         at = np.arange(len(u))
         assert np.allclose(u[1:], np.interp(at - samples, at, was["u"])[1:])
+
+
+def test_a_stop_that_another_effect_keeps_the_drive_from_is_a_problem():
+    fit = rig.sample("hard_stop", 126500)
+    assert rig.problems(fit) == []
+    far = fit.truth["effects"][0] | {"parameters": {"position": 1e3, "stiffness": 1.0, "side": 1.0}}
+    assert "never touched" in rig.problems(replace(fit, truth=fit.truth | {"effects": [far]}))[0]

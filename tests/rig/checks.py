@@ -44,4 +44,10 @@ def _effect(case: Case) -> list[str]:
             found.append(f"{entry['effect']} hardly visible: {ratio:.3f}")
         if entry["limited"] and ratio > 1.5 * case.truth["strength"]:
             found.append(f"{entry['effect']} too strong: {ratio:.3f}")
+        if entry["effect"] == "hard_stop" and not _touched(case, **entry["parameters"]):
+            found.append("hard_stop never touched")  # another effect may change the motion
     return found
+
+
+def _touched(case: Case, position: float, side: float, **_more: float) -> bool:
+    return bool(np.any(side * (case.hidden.signals["theta_true"] - position) > 0.0))
