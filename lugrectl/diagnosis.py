@@ -37,7 +37,7 @@ from .tracing.job import (
 )
 from .tracing.predictor import windows
 from .tracing.rest import signals_of_the_rest
-from .tracing.surprise import misled, surprising, undated, when
+from .tracing.surprise import misled, openings, surprising, undated, when
 from .tracing.tabulate import tabulate
 from .tracing.witness import statements
 
@@ -118,7 +118,7 @@ def diagnose(
     job = compared(job, whole)
     untold = [UNTOLD.format("record tells", " and ".join(keys)) for keys in whole.flat()]
     many = (MANY,) if whole.noise.uneven else ()
-    job = noted(job, *untold, *many, *statements(whole))
+    job = noted(job, *untold, *many, *statements(whole), *openings(found.final))
     verdict, depends = _verdict(found)
     told = estimates(whole)
     effects = [Finding.of(s.trial.key, s.trial.name, told, s.tied) for s in found.steps]

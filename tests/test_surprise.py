@@ -13,10 +13,10 @@ from lugrectl.tracing.predictor import Predictor
 from lugrectl.tracing.proof import firmness
 from lugrectl.tracing.screening import lightened, screen
 from lugrectl.tracing.split import split
-from lugrectl.tracing.surprise import misled, surprising, undated, when
+from lugrectl.tracing.surprise import misled, openings, surprising, undated, when
 from tests.blind.plan import Task
 from tests.blind.work import case_of
-from tests.rig import make
+from tests.rig import make, sample
 
 from .test_tracing import model_of, quiet, record_of
 
@@ -129,3 +129,13 @@ def test_dropping_them_is_said_and_leaves_what_they_explained(monkeypatch):
     assert dropped.verdict == "unexplained" and not dropped.effects
     assert dropped.depends_on[0] == "theta"
     assert any("torque_ripple" in m and "dropped" in m for m in dropped.messages)
+
+
+def test_what_happens_before_the_first_window_is_said():
+    """A stop that the drive leaves within the first 0.14 s."""
+    case = sample("hard_stop", 119200)
+    fitted = begin(record_of(case), model_of(case), None, 1.0, quiet).base
+    (said,) = openings(fitted)
+    assert said.startswith("From 0 to 0.25 s") and "N m is missing" in said
+    sound = sample("none", 126510)
+    assert openings(begin(record_of(sound), model_of(sound), None, 1.0, quiet).base) == ()

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..spec import unit_for
 from .evaluate import missing_torque, restarted
 from .fit import Fitted
 from .predictor import Values, Windows
@@ -14,6 +15,12 @@ from .proof import LEAST_SIZE
 WORSE = 2.0  # times the error without them, above which effects are dropped
 LEAST, LARGEST = 1e-300, 1e300  # mean squares
 OUTWEIGHED = 3.0  # logarithms of what gets worse, over those of what gets better
+LED = 10  # part of a lead-in after which the state is known well enough for a large torque
+FAR_MORE = 5.0  # times that, in a lead-in
+OPENING = (
+    "From {:.3g} to {:.3g} s, where only the state is found and nothing is fitted, a torque of "
+    "about {:.2g} {} is missing that is not seen later: look at what the drive touches there."
+)
 MORE = 2.0  # times what may be missing, and what is missing from any window that was fitted
 
 
@@ -28,15 +35,40 @@ def surprising(fitted: Fitted, test: Windows, values: Values | None = None) -> n
     """
     if fitted.noise.uneven:  # a window may have missed a hidden state
         return np.array([], dtype=int)
+    new, known = _supplied(fitted, test, values)
+    new[_open(fitted, test)] = 0.0
+    return np.flatnonzero(new > MORE * known)
+
+
+def _supplied(
+    fitted: Fitted, where: Windows, values: Values | None = None
+) -> tuple[np.ndarray, float]:
+    """RMS torque that such an observer supplies in each window, and the most that it does in any
+    that was fitted, or the least size worth a name."""
     friction = fitted.predictor.friction(fitted.values)[fitted.where.counted]
     least = LEAST_SIZE * float(np.sqrt(np.mean(friction**2)))
     noise = replace(fitted.noise, jump=least / fitted.values["J"])
-    known, new = (
+    new, known = (
         np.sqrt(np.mean(missing_torque(fitted.predictor, v, w, noise) ** 2, axis=1))
-        for v, w in ((fitted.values, fitted.where), (values or fitted.values, test))
+        for v, w in ((values or fitted.values, where), (fitted.values, fitted.where))
     )
-    new[_open(fitted, test)] = 0.0
-    return np.flatnonzero(new > MORE * max(least, float(np.max(known))))
+    return new, max(least, float(np.max(known)))
+
+
+def openings(fitted: Fitted) -> tuple[str, ...]:
+    """What happens in the lead-in of a run's first window, which nothing is fitted to, and is far
+    more than what the model lacks elsewhere: a sentence each."""
+    burn, data = fitted.where.burn, fitted.predictor.data
+    lead = burn // LED
+    runs = [run for run in data.runs if run[1] - run[0] > burn]
+    start = np.array([a for a, _ in runs], dtype=int)
+    torque, known = _supplied(fitted, Windows(start, lead, burn - lead))
+    unit = unit_for("N m", data.motion)
+    return tuple(
+        OPENING.format(data.t[a], data.t[a + burn], size, unit)
+        for a, size in zip(start, torque, strict=True)
+        if size > FAR_MORE * known
+    )
 
 
 def misled(before: Fitted, after: Fitted, test: Windows) -> bool:
