@@ -246,6 +246,13 @@ def test_another_ratio_means_that_w_is_ignored(factor):
     assert seen.w is None and f"{factor:.4g} times" in said(seen)
 
 
+def test_theta_and_w_in_each_other_s_place_are_exchanged():
+    seen = audit(replace(PLAIN, w=PLAIN.theta, theta=PLAIN.w))
+    np.testing.assert_array_equal(seen.w, PLAIN.w)
+    np.testing.assert_array_equal(seen.theta, PLAIN.theta)
+    assert seen.messages == ("theta is d w/dt: the two were exchanged.",)
+
+
 def test_an_unrelated_w_is_ignored():
     other = run(seed=9, J=4e-3).w[::-1]
     assert audit(replace(PLAIN, w=other.copy())).w is None

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from .audit import audit, unwrapped
+from .audit import audit, consistent, unwrapped
 from .columns import Choice, choose_columns
 from .readers import read_table
 from .samples import Record
@@ -18,7 +18,7 @@ from .textfile import Table
 from .timebase import Stamped, uniform
 from .units import ROLES, Unit, did_you_mean, role_unit, si_unit
 
-__all__ = ["Record", "parse_pairs", "read_record"]
+__all__ = ["Record", "consistent", "parse_pairs", "read_record"]
 
 _FAST = {"rotary": 400.0, "linear": 20.0}  # rad/s, m/s: faster is doubtful without a unit
 

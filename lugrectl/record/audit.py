@@ -15,6 +15,7 @@ from .units import UNITS, Unit, si_unit
 _BAND = 30.0  # Hz, motion slower than this is compared
 _SLOW_BAND = 5.0  # Hz
 _CLOSE = 0.02  # a ratio this close to a unit's is that unit's
+_SAME = 0.9  # share of a channel's power that the other's derivative must tell
 _OFF = 0.03  # a ratio this far from 1 is said
 _LAG = 1.5  # samples
 _BLOCKS = 20
@@ -33,12 +34,15 @@ def audit(record: Record, labels: Mapping[str, str | None] | None = None) -> Rec
 
     Raises Refused when ``u`` or the motion is constant or nothing but noise.
     """
-    labels = labels or {}
     _alive(record)
-    record = _unwrap(record, labels)
-    record = _velocity(record, labels)
+    record = consistent(record, labels)
     record = _torque_sign(record)
     return _saturation(record)
+
+
+def consistent(record: Record, labels: Mapping[str, str | None] | None = None) -> Record:
+    """The same with a position that does not jump, and a speed that is its derivative."""
+    return _velocity(_unwrap(record, labels or {}), labels or {})
 
 
 # ---- dead channels ------------------------------------------------------------------
@@ -171,6 +175,9 @@ def _velocity(record: Record, labels: Mapping[str, str | None]) -> Record:
     inverse, lag = _regression(slope, w, part.dt)
     agreement = ratio * inverse
     if agreement < 0.25:
+        swapped = replace(record, theta=record.w, w=record.theta)
+        if _derives(swapped):
+            return swapped.with_messages("theta is d w/dt: the two were exchanged.")
         return _ignored(record, f"has little in common with it (R2 = {max(agreement, 0.0):.2f})")
     swings = 1 + np.count_nonzero(np.diff(np.sign(slope - slope.mean())))
     margin = _OFF + 3 * np.sqrt(max(1 - agreement, 0.0) / swings)
@@ -185,6 +192,15 @@ def _velocity(record: Record, labels: Mapping[str, str | None]) -> Record:
             f"w lags theta by {1e3 * lag:.3g} ms, as a filtered velocity does: left as it is."
         )
     return record
+
+
+def _derives(record: Record) -> bool:
+    """Whether w is d theta/dt, in the same unit."""
+    part = _longest(record)
+    assert part.w is not None and part.theta is not None
+    w, slope = _low_passed(part, part.w, np.gradient(part.theta, part.dt))
+    ratio, inverse = (_regression(*pair, part.dt)[0] for pair in ((w, slope), (slope, w)))
+    return ratio * inverse > _SAME and abs(np.sqrt(ratio / inverse) - 1.0) < _OFF
 
 
 def _ignored(record: Record, why: str) -> Record:

@@ -100,8 +100,8 @@ class Record:
         return replace(self, **cut, gaps=tuple(g - a for g in self.gaps if a < g < b))
 
     def with_messages(self, *messages: str) -> Record:
-        """Return the record with sentences added."""
-        return replace(self, messages=(*self.messages, *messages))
+        """Return the record with sentences added, each once."""
+        return replace(self, messages=tuple(dict.fromkeys((*self.messages, *messages))))
 
     def summary(self) -> dict[str, int | float]:
         """Return samples, rate (Hz), duration (s) and dropped as plain numbers."""

@@ -8,7 +8,7 @@ from typing import Any
 
 from ..engine.load import compiler
 from ..model import Model
-from ..record import Record
+from ..record import Record, consistent
 from ..results import Estimate
 from ..spec import unit_for
 from .calm import CALM, calmed
@@ -79,8 +79,9 @@ def begin(
     """
     records = (record,) if isinstance(record, Record) else tuple(record)
     apart = (holdout,) if isinstance(holdout, Record) else ()
-    every = [*records, *apart]
-    refuse_dead(every)
+    refuse_dead([*records, *apart])
+    records = tuple(map(consistent, records))  # one made of arrays was never looked over
+    every = [*records, *map(consistent, apart)]
     data = prepare(every)
     held_out = sum(r.samples for r in records) if apart else None
     parts = split(data, horizon, last=holdout == "last", held_out=held_out, turned=turned)
