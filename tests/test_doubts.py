@@ -215,7 +215,13 @@ def test_an_inertia_in_another_unit_is_said(plain, model, factor):
 
 
 @pytest.mark.parametrize("factor", [0.1, 8.0])
-def test_a_bad_guess_of_the_inertia_is_no_other_unit(plain, model, factor):
+def test_a_bad_guess_of_the_inertia_is_said(plain, model, factor):
+    (said,) = looked_over(plain, replace(model, J=model.J * factor))
+    assert "times off" in said and "units" in said
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_a_fair_guess_of_the_inertia_is_taken(plain, model, factor):
     assert looked_over(plain, replace(model, J=model.J * factor)) == ()
 
 

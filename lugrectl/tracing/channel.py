@@ -20,6 +20,7 @@ LACKING = 0.1  # of the torque's RMS: as large as an effect that is to be found
 RELATED = 4.0  # standard errors over blocks of time, of J or of the friction's power
 VERY_SURE = 8.0  # standard errors over blocks of time
 ACCELERATES = 0.1  # of the torque, from which the balance's inertia is one to go by
+DOUBTED = 3.0  # times that it is off, which is said
 ANOTHER_UNIT = 30.0  # times that the declared inertia is off, which no machine is
 
 
@@ -160,7 +161,7 @@ def related(
             "pays for its friction.",
             "Record the torque that the drive applies, in the same run as the motion.",
         )
-    _right_size(where, model, data, fit)
+    remarks += _right_size(where, model, data, fit)
     size = model.J if model.J is not None else max(fit.J, fit.error)
     if fit.error < 0.5 * size:
         return
@@ -177,15 +178,23 @@ def related(
     )
 
 
-def _right_size(where: str, model: Model, data: Data, fit: Balance) -> None:
-    """Refuse a declared inertia that is off by more than machines are: a unit is wrong."""
+def _right_size(where: str, model: Model, data: Data, fit: Balance) -> list[str]:
+    """Refuse a declared inertia that is off by more than machines are: a unit is wrong.
+
+    Say where it is off by more than declared values are as a rule.
+    """
     felt = fit.J * fit.acceleration > ACCELERATES * float(np.sqrt(np.mean(fit.u**2)))
     if model.J is None or fit.J < VERY_SURE * fit.error or not felt:
-        return
-    if max(model.J / fit.J, fit.J / model.J) > ANOTHER_UNIT:
-        unit = unit_for("kg m2", data.motion)
+        return []
+    unit, off = unit_for("kg m2", data.motion), max(model.J / fit.J, fit.J / model.J)
+    told = (
+        f"{where}: the model declares J = {model.J:.3g} {unit}, and torque and acceleration "
+        f"tell {fit.J:.3g} {unit}"
+    )
+    if off > ANOTHER_UNIT:
         raise Refused(
-            f"{where}: the model declares J = {model.J:.3g} {unit}, and torque and acceleration "
-            f"tell {fit.J:.3g} {unit}: J or the torque is in another unit.",
+            f"{told}: J or the torque is in another unit.",
             "Give J and u in SI units (--units, --scale), or leave J out to have it identified.",
         )
+    doubt = "look at the units of u and of the motion (rpm taken for rad/s is a factor of 9.5)"
+    return [f"{told}, {off:.2g} times off: {doubt}."] if off > DOUBTED else []
