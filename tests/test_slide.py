@@ -8,7 +8,15 @@ import pytest
 from lugrectl.tracing.dependence import Dependence, clearest, judged
 from lugrectl.tracing.job import begin
 from lugrectl.tracing.rest import left_over, signals_of_the_rest
-from lugrectl.tracing.slide import BLOCKS, MOST, _enough, lacking, while_sliding
+from lugrectl.tracing.slide import (
+    BLOCKS,
+    MOST,
+    _enough,
+    hidden_in_noise,
+    lacking,
+    while_sliding,
+)
+from tests.rig import sample
 
 from .test_hanging import bump, hump, knocks, refitted, slider, whole_drive
 from .test_tracing import model_of, quiet, record_of
@@ -50,6 +58,17 @@ def test_a_loss_in_the_drive_is_a_function_of_the_torque(plain):
     fitted = begin(replace(record, u=record.u + lost), model_of(plain), None, 1.0, quiet).base
     lack = lacking(fitted)
     assert lack is not None and lack.signals == ("u",)
+
+
+def test_a_torque_beneath_the_noise_is_told_where_it_is_certain(whole):
+    """Bumps that a spindle runs over in less than a sample: a third of what is missing."""
+    case = sample("torque_bumps", 127306)
+    fitted = begin(record_of(case), model_of(case), None, 1.0, quiet).base
+    lack = hidden_in_noise(fitted)
+    assert lacking(fitted) is None and lack is not None
+    assert lack.signals == ("theta",) and lack.share < 0.5
+    assert left_over(fitted, fitted, found=False, doubtful=False) == (True, ("theta",))
+    assert left_over(whole, whole, found=False, doubtful=False) == (False, ())
 
 
 def test_narrow_bumps_hang_on_the_place(plain):

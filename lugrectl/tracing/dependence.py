@@ -10,6 +10,7 @@ import numpy as np
 CLEAR = 0.5  # of what any torque could explain, above which a function is taken to be it
 CLEARER = 0.95  # the same of the acceleration: a loop that fights any disturbance makes it likely
 SURE = 2.5  # standard errors that it must have
+CERTAIN = 5.0  # standard errors of one that need not be clear
 NEARLY = 0.85  # of the best function's share, from which one of fewer signals is preferred
 TINY = 1e-9  # natural log units, or a share
 
@@ -41,6 +42,15 @@ def judged(signals: tuple[str, ...], gain: np.ndarray, most: np.ndarray) -> Depe
 def clearest(found: Sequence[Dependence]) -> Dependence | None:
     """The best function that is clear, one of fewer signals preferred; none where none is."""
     clear = [d for d in found if d.t > SURE and d.share > (CLEARER if "a" in d.signals else CLEAR)]
+    return _simplest(clear)
+
+
+def surest(found: Sequence[Dependence]) -> Dependence | None:
+    """The same of those that are certain, though noise may hide most of them."""
+    return _simplest([d for d in found if d.t > CERTAIN and "a" not in d.signals])
+
+
+def _simplest(clear: Sequence[Dependence]) -> Dependence | None:
     if not clear:
         return None
     best = max(d.share for d in clear)

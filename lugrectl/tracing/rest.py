@@ -9,7 +9,7 @@ from .fit import Fitted
 from .hanging import hangs_on
 from .proof import LEAST_SIZE, MOST_OF_REST, WHOLE, share
 from .repeated import filtered
-from .slide import Sliding, lacking, while_sliding
+from .slide import Sliding, hidden_in_noise, lacking, while_sliding
 from .structure import colour, predictable, uneven
 
 LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a signal
@@ -50,6 +50,7 @@ def _lacks(base: Fitted, final: Fitted, least: float, found: bool) -> bool:
     lack, first = lacking(final, timed=not final.noise.uneven), lacking(base) if found else None
     if first is not None and first.torque > 0.5 * least and first.is_better_than(final):
         return True
+    lack = lack or (None if found else hidden_in_noise(final))
     if lack is None:
         return False
     before = while_sliding(base).torque if found else 0.0
@@ -81,7 +82,8 @@ def signals_of_the_rest(final: Fitted, base: Fitted, *, doubtful: bool = False) 
             shown = hangs_on(final)
             if shown and "t" not in shown:
                 return shown
-    return shown or hangs_on(base) or ("t",)
+    sure = hidden_in_noise(final)
+    return shown or hangs_on(base) or (sure.signals if sure else ("t",))
 
 
 def _standing(base: Fitted, final: Fitted) -> bool:

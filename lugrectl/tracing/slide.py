@@ -7,7 +7,7 @@ every sliding cell for itself, and says nothing of a drive at rest.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,7 +17,7 @@ from scipy.linalg import solve
 from ..blocks.friction import EPS, stribeck
 from .balance import Cells, cells, moving, running
 from .data import Data, Log
-from .dependence import Dependence, clearest, judged
+from .dependence import Dependence, clearest, judged, surest
 from .evaluate import missing_torque
 from .fit import Fitted
 from .shapes import Shape, bumps, shapes
@@ -72,6 +72,10 @@ class Sliding:
     def of_signals(self) -> Dependence | None:
         """The clearest of the functions of signals that come back."""
         return clearest([d for d in self.dependences if "t" not in d.signals])
+
+    def of_signals_for_sure(self) -> Dependence | None:
+        """The same where it is certain, however little of what is missing it is."""
+        return surest([d for d in self.dependences if "t" not in d.signals])
 
     def of_time(self) -> Dependence | None:
         """The clearest of the functions that hold time."""
@@ -176,17 +180,25 @@ def lacking(fitted: Fitted, *, timed: bool = False) -> Lack | None:
     observer supplies as much: a motion that was smoothed too much feigns a lack. As a function
     of time only if ``timed``.
     """
+    found = _seen_twice(fitted, lambda s: s.of_signals() or (s.of_time() if timed else None))
+    return found if found and _is_supplied(found.torque, fitted) else None
+
+
+def hidden_in_noise(fitted: Fitted) -> Lack | None:
+    """What is certainly missing while the drive slides, however much noise is missing beside it.
+
+    No sound drive lacks such a torque of half the least size that is worth a name.
+    """
+    return _seen_twice(fitted, Sliding.of_signals_for_sure)
+
+
+def _seen_twice(fitted: Fitted, look: Callable[[Sliding], Dependence | None]) -> Lack | None:
+    """What the windows lack that were fitted, where the whole record shows it as well."""
     sliding = while_sliding(fitted)
-    best = sliding.of_signals() or (sliding.of_time() if timed else None)
-    if not best:
+    best = look(sliding)
+    if not best or not look(while_sliding(fitted, everywhere=True)):
         return None
-    whole = while_sliding(fitted, everywhere=True)
-    if not (whole.of_signals() or (timed and whole.of_time())):
-        return None
-    torque = sliding.size(best)
-    if not _is_supplied(torque, fitted):
-        return None
-    return Lack(best.signals, best.share, torque, sliding.torque)
+    return Lack(best.signals, best.share, sliding.size(best), sliding.torque)
 
 
 def while_sliding(fitted: Fitted, *, everywhere: bool = False) -> Sliding:
