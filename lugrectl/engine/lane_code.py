@@ -53,6 +53,7 @@ if not error <= rtol and h > shortest:
 t = t + h
 left = left - h
 h = min(left, h * min(5.0, 0.8 * sqrt(sqrt(rtol / max(error, 1e-30)))))
+shortest = shortest * {tired} if error > rtol else shortest
 """
 
 _ARRAY_STEP = """
@@ -64,7 +65,11 @@ t = np.where(good, t + h, t)
 left = np.where(good, left - h, left)
 growth = 0.8 * np.sqrt(np.sqrt(rtol / np.maximum(error, 1e-30)))
 h = np.minimum(left, h * np.where(growth == growth, np.clip(growth, 0.1, 5.0), 0.1))
+shortest = np.where(good & (error > rtol), shortest * {tired}, shortest)
 """
+
+# at each step that is no good at its shortest: a run without hope is not to take minutes
+TIRED = 1.005
 
 
 def lane_code(program: Program, kind: str) -> str:
@@ -133,6 +138,7 @@ def trial(
     parts = [f"abs({e}) / {_most(kind, f's{i}', f'n{i}')}" for i, e in enumerate(errors)]
     return lines_of(
         template.format(
+            tired=TIRED,
             code="\n".join([*emitter.body, *made]),
             error=" + ".join(parts) or "0.0",
             state=" + ".join(states) or "0.0",

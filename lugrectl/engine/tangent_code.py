@@ -23,10 +23,11 @@ import numpy as np
 def run(x_start, start, length, u, stride, series, p, y, seen, gain, correct, t0, dt, substeps,
         rtol, floor, rows, by, y_rows, y_by, edges, target, source, push, dseen, y_hat, dy, x_end,
         S, first, last):
-    q, shortest = S.shape[2], dt / substeps * 1e-4
+    q = S.shape[2]
     P, b, d = np.zeros(({n}, {n})), np.empty(len(rows)), np.empty(len(y_rows))
     for lane in range(first, last):
         own, view, s = series[lane], seen[lane], S[lane]
+        shortest = dt / substeps * 1e-4
 {unpack}
 {head}
         for j in range(length):

@@ -21,7 +21,6 @@ import numpy as np
 def run(x_start, start, length, u, stride, series, p, y, seen, gain, correct, t0, dt, substeps,
         rtol, floor, y_hat, x_end, first, last):
     whole = dt / substeps
-    shortest = whole * 1e-4
     lane_at, sample_at = np.zeros({width}, int), np.zeros({width}, int)
     turn_at = np.zeros({width}, int)
 {rooms}
@@ -73,6 +72,8 @@ _STEP = """
 {code}
 error = ({error}) if abs({state}) < inf else 0.0
 good = 1.0 if error <= rtol or h <= shortest else 0.0
+tired = {tired} if error > rtol else 1.0
+shortest_at[l] = shortest * tired if good > 0.0 else shortest
 growth = 0.8 * sqrt(sqrt(rtol / max(error, 1e-30)))
 growth = min(max(growth, 0.1), 5.0) if growth == growth else 0.1
 left = left - h if good > 0.0 else left
@@ -99,12 +100,13 @@ def wide_code(program: Program) -> str:
     advance = [f"{x}_at[l] = n{i} if good > 0.0 else {x}" for i, x in enumerate(states)]
     step = trial(program, "wide", at_step, _STEP, advance)
     scales = [f"s{i}" for i in range(len(states))]
-    known = [*fixed, *(line.split(" = ")[0] for line in at_sample.head + at_step.head)]
+    known = [*fixed, "shortest", *(line.split(" = ")[0] for line in at_sample.head + at_step.head)]
     moving = [*states, *scales]
     rooms = [*known, *moving, *inputs, "t", "left", "h"]
     read = [f"{name} = u[own, row, {i}]" for i, name in enumerate(inputs)]
     store = [f"y_hat[lane, j, {i}] = {code}" for i, code in enumerate(outputs)]
-    taken = [*unpack(program, "scalar"), *at_sample.head, *at_step.head]
+    first = [*unpack(program, "scalar"), "shortest = whole * 1e-4"]
+    taken = [*first, *at_sample.head, *at_step.head]
     return _LOOP.format(
         width=WIDTH,
         rooms=indent([f"{name}_at = np.zeros({WIDTH})" for name in rooms], 1),
