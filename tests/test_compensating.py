@@ -64,6 +64,7 @@ def test_the_loops_are_systems_that_python_control_simulates(velocity):
     assert np.max(np.abs(w - run.y[:101])) < 1e-2 * np.ptp(run.y[:101])
 
 
+@pytest.mark.slow
 def test_position_loop_too():
     c = lg.compensate(FULL, loop="position", observer="natural")
     assert c.unit == "rad" and c.after < 0.1 * c.before < 0.1 * c.none

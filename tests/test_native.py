@@ -94,6 +94,7 @@ def demo(without: str = "", **environment: str) -> dict:
 
 
 @needs_compiler
+@pytest.mark.slow
 def test_the_demo_is_found_by_either_compiler() -> None:
     pytest.importorskip("numba")
     by_c, by_numba = demo(without="numba"), demo(CC="")
