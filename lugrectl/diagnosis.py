@@ -34,6 +34,7 @@ from .tracing.job import (
     on_everything,
     on_torque,
     score,
+    with_its_own,
 )
 from .tracing.predictor import windows
 from .tracing.rest import signals_of_the_rest
@@ -186,6 +187,10 @@ def _answer(job: Job, report: Progress) -> _Answer:
     if len(new):  # perhaps the fitted samples only do not tell the parameters well enough
         known = on_everything(final, job)
         new = surprising(final, test, known.values)
+    if len(new):  # or a run that was held out is colder, its torque recorded with an offset
+        own, said = with_its_own(final, job)
+        new = surprising(own, test) if said else new
+        job = job if len(new) else noted(job, *said)
     return _Answer(job, found, new, undated(final, test), known)
 
 

@@ -40,3 +40,15 @@ def test_they_are_not_called_a_missing_effect(runs):
     first, second, model = runs
     offset = replace(second, u=second.u - 0.05 * np.sign(second.w) * model.friction.values["Fc"])
     assert diagnose([first, offset], model).verdict == "adequate"
+
+
+def test_a_run_that_is_held_out_may_differ_too(runs):
+    """What is its own is said, and is no torque that only held-out samples show."""
+    first, second, model = runs
+    offset = replace(second, u=second.u - 0.05 * np.sign(second.w) * model.friction.values["Fc"])
+    result = diagnose(first, model, holdout=offset)
+    assert result.verdict == "adequate"
+    (said,) = [m for m in result.messages if "run 2 against run 1" in m]
+    assert float(said.split("offset ")[1].split(" N m")[0]) == pytest.approx(0.011, rel=0.05)
+    pushed = replace(offset, u=offset.u + 0.05 * np.sin(2.0 * offset.t))
+    assert diagnose(first, model, holdout=pushed).verdict == "unexplained"

@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from ..engine.load import compiler
 from ..model import Model
 from ..record import Record, consistent
@@ -154,6 +156,23 @@ def on_everything(fitted: Fitted, job: Job) -> Fitted:
     where = windows(job.data.runs, train.burn, train.length)
     where = spread(where, MOST, ENOUGH_OF_MANY)
     return again(replace(fitted, where=where))
+
+
+def with_its_own(fitted: Fitted, job: Job) -> tuple[Fitted, tuple[str, ...]]:
+    """The same where held-out runs have an offset and a friction of their own, fitted to them;
+    and what these are, a sentence for each run."""
+    test, data = job.parts.test, job.data
+    held_out = {int(run) for run in np.unique(data.run[test.counted])}
+    runs = tuple(sorted(held_out - {0, *data.differing}))
+    if not runs or len(runs) >= MOST_RUNS:
+        return fitted, ()
+    apart = replace(data, differing=runs)
+    data = replace(data, differing=(*data.differing, *runs))
+    predictor, values = fitted.predictor.on(data), alike(data) | fitted.values
+    free = list(alike(apart))
+    own = fit(predictor, values, free, test, fitted.noise, most=10, rough=True)
+    said = told(apart, own.values, unit_for("N m", data.motion))
+    return replace(fitted, predictor=predictor, values=own.values), said
 
 
 def estimates(fitted: Fitted) -> dict[str, Estimate]:
