@@ -18,7 +18,6 @@ def run(x_start, start, length, u, stride, series, p, y, seen, gain, correct, t0
 {unpack}
         own, begins, view, zero = series[lane], start[lane], seen[lane], t0[lane]
         whole = dt / substeps
-        shortest = whole * 1e-4
 {fixed}
         for j in range(length):
             k = begins + j
@@ -99,8 +98,9 @@ def lane_code(program: Program, kind: str) -> str:
 
 
 def unpack(program: Program, kind: str) -> list[str]:
-    """States, their scales and parameters of a lane."""
-    lines = [f"{x.value} = x_start[lane, {i}]" for i, x in enumerate(program.x)]
+    """States, their scales and parameters of a lane, and its shortest step."""
+    lines = ["shortest = dt / substeps * 1e-4"]
+    lines += [f"{x.value} = x_start[lane, {i}]" for i, x in enumerate(program.x)]
     lines += [
         f"s{i} = {_most(kind, f'floor[{i}]', x.value)} + 1e-9" for i, x in enumerate(program.x)
     ]

@@ -27,7 +27,6 @@ def run(x_start, start, length, u, stride, series, p, y, seen, gain, correct, t0
     P, b, d = np.zeros(({n}, {n})), np.empty(len(rows)), np.empty(len(y_rows))
     for lane in range(first, last):
         own, view, s = series[lane], seen[lane], S[lane]
-        shortest = dt / substeps * 1e-4
 {unpack}
 {head}
         for j in range(length):

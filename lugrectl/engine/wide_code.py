@@ -105,8 +105,7 @@ def wide_code(program: Program) -> str:
     rooms = [*known, *moving, *inputs, "t", "left", "h"]
     read = [f"{name} = u[own, row, {i}]" for i, name in enumerate(inputs)]
     store = [f"y_hat[lane, j, {i}] = {code}" for i, code in enumerate(outputs)]
-    first = [*unpack(program, "scalar"), "shortest = whole * 1e-4"]
-    taken = [*first, *at_sample.head, *at_step.head]
+    taken = [*unpack(program, "scalar"), *at_sample.head, *at_step.head]
     return _LOOP.format(
         width=WIDTH,
         rooms=indent([f"{name}_at = np.zeros({WIDTH})" for name in rooms], 1),

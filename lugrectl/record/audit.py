@@ -41,7 +41,11 @@ def audit(record: Record, labels: Mapping[str, str | None] | None = None) -> Rec
 
 
 def consistent(record: Record, labels: Mapping[str, str | None] | None = None) -> Record:
-    """The same with a position that does not jump, and a speed that is its derivative."""
+    """The same with a position that does not jump, and a speed that is its derivative.
+
+    ``labels`` as for :func:`audit`. theta in rad, w in rad/s (m, m/s on a linear axis); what was
+    changed is said in the record's messages. A w that is neither is left out.
+    """
     return _velocity(_unwrap(record, labels or {}), labels or {})
 
 
@@ -168,11 +172,7 @@ def _velocity(record: Record, labels: Mapping[str, str | None]) -> Record:
     """
     if record.w is None or record.theta is None:
         return record
-    part = _longest(record)
-    assert part.w is not None and part.theta is not None
-    w, slope = _low_passed(part, part.w, np.gradient(part.theta, part.dt))
-    ratio, lead = _regression(w, slope, part.dt)
-    inverse, lag = _regression(slope, w, part.dt)
+    slope, (ratio, lead), (inverse, lag) = _both_ways(record)
     agreement = ratio * inverse
     if agreement < 0.25:
         swapped = replace(record, theta=record.w, w=record.theta)
@@ -194,12 +194,17 @@ def _velocity(record: Record, labels: Mapping[str, str | None]) -> Record:
     return record
 
 
-def _derives(record: Record) -> bool:
-    """Whether w is d theta/dt, in the same unit."""
+def _both_ways(record: Record) -> tuple[np.ndarray, tuple[float, float], tuple[float, float]]:
+    """d theta/dt, the regression of w on it, and the other way round."""
     part = _longest(record)
     assert part.w is not None and part.theta is not None
     w, slope = _low_passed(part, part.w, np.gradient(part.theta, part.dt))
-    ratio, inverse = (_regression(*pair, part.dt)[0] for pair in ((w, slope), (slope, w)))
+    return slope, _regression(w, slope, part.dt), _regression(slope, w, part.dt)
+
+
+def _derives(record: Record) -> bool:
+    """Whether w is d theta/dt, in the same unit."""
+    _, (ratio, _), (inverse, _) = _both_ways(record)
     return ratio * inverse > _SAME and abs(np.sqrt(ratio / inverse) - 1.0) < _OFF
 
 

@@ -82,8 +82,9 @@ def signals_of_the_rest(final: Fitted, base: Fitted, *, doubtful: bool = False) 
             shown = hangs_on(final)
             if shown and "t" not in shown:
                 return shown
-    sure = hidden_in_noise(final)
-    return shown or hangs_on(base) or (sure.signals if sure else ("t",))
+    shown = shown or hangs_on(base)
+    sure = None if shown else hidden_in_noise(final)
+    return sure.signals if sure else shown or ("t",)
 
 
 def _standing(base: Fitted, final: Fitted) -> bool:

@@ -36,11 +36,8 @@ class Task:
 
     @property
     def key(self) -> str:
-        also = "".join(
-            f" {word}"
-            for word, said in {"hard": self.hard, "short": self.short, self.form: self.form}.items()
-            if said
-        )
+        words = (self.hard and "hard", self.short and "short", self.form)
+        also = "".join(f" {word}" for word in words if word)
         return f"{'+'.join(self.names) or 'none'} {self.strength} {self.seed}{also}"
 
 
