@@ -38,15 +38,25 @@ def sharpened(fitted: Fitted) -> Fitted:
 def sought(found: Fitted, key: str) -> dict[str, float]:
     """The best of all sets of an effect's values: a wide search, then closer ones, each followed
     by a fit of everything."""
-    few = replace(found, where=spread(found.where, ENOUGH, LEAST_WINDOWS))
-    best, noise = forgiving(few), replace(found.noise, uneven=True)
+    best = forgiving(replace(found, where=spread(found.where, ENOUGH, LEAST_WINDOWS)))
     for width, factors, rounds in zip(WIDTHS, QUIETER, ROUNDS, strict=True):
-        noises = [replace(noise, jump=noise.jump * factor) for factor in factors]
-        values = _searched(best, key, noises, width, rounds)
-        start = replace(best, values=values, noise=noises[-1])
-        best = max(best, again(start, most=STEPS, rough=True), key=lambda f: f.total)
-        noise = best.noise
+        best = _closer(best, key, width, factors, rounds)
     return best.values
+
+
+def closer(found: Fitted, key: str) -> Fitted:
+    """The best set near the one found on fewer samples, which show a blow only roughly."""
+    few = forgiving(replace(found, where=spread(found.where, ENOUGH, LEAST_WINDOWS)))
+    best = _closer(few, key, WIDTHS[1], QUIETER[1], ROUNDS[1])
+    other = again(replace(found, values=best.values), most=0)
+    return max(found, other, key=lambda f: forgiving(f).total)
+
+
+def _closer(best: Fitted, key: str, width: float, factors: Sequence[float], rounds: int) -> Fitted:
+    noises = [replace(best.noise, jump=best.noise.jump * factor) for factor in factors]
+    values = _searched(best, key, noises, width, rounds)
+    start = replace(best, values=values, noise=noises[-1])
+    return max(best, again(start, most=STEPS, rough=True), key=lambda f: f.total)
 
 
 def _searched(

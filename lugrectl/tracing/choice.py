@@ -12,6 +12,7 @@ from ..blocks.plant import COMMAND, stage
 from ..model import Part
 from ..results import Candidate
 from .beside import beside
+from .blows import forgiving
 from .fit import Fitted, again
 from .predictor import Predictor, Windows
 from .proof import GATE, firmness, share
@@ -58,7 +59,21 @@ def chosen(before: Fitted, sound: Sequence[Pair], test: Windows) -> tuple[Step, 
     tied = tuple(candidate(before, t, f) for t, f in others)
     near = best.total - _much(before, best)
     rivals = tuple({t.name: t for t, f in sound if f.total > near and t is not trial})
-    return Step(trial, tied, firmness(best, trial.key), rivals), best
+    return Step(trial, tied, sureness(before, best, trial), rivals), best
+
+
+def sureness(before: Fitted, after: Fitted, trial: Trial) -> float:
+    """How firm an effect is when it is found.
+
+    With a hidden state that a few windows miss, their derivatives there say nothing of its
+    strength: it counts how much the windows agree that they are better with it.
+    """
+    firm = firmness(after, trial.key)
+    if not trial.boxed:
+        return firm
+    gain = forgiving(after).loglik - forgiving(before).loglik
+    half = 2.0 * float(np.std(gain, ddof=1)) * np.sqrt(len(gain))
+    return max(firm, float(gain.sum()) / half) if half > 0.0 else firm
 
 
 def in_order(fitted: Fitted) -> Fitted:

@@ -13,7 +13,7 @@ from ..results import Candidate
 from ..spec import P, members
 from .beside import beside
 from .blows import forgiving, sharpened
-from .choice import Step, as_well, candidate, chosen, in_order
+from .choice import Step, as_well, candidate, chosen, in_order, sureness
 from .data import Data
 from .fit import Fitted, again, fit
 from .job import Progress
@@ -146,7 +146,7 @@ class _Trace:
 
     def add(self, sound: Sequence[Pair], say: Say) -> None:
         """The best of them, the others fitted again and dropped or exchanged if need be."""
-        firm = [(t, f) for t, f in sound if firmness(f, t.key) > FIRMER] or sound
+        firm = [(t, f) for t, f in sound if sureness(self.current, f, t) > FIRMER] or sound
         step, current = chosen(self.current, firm, self.test)
         current = in_order(current)
         self.steps = [*self.steps, step]

@@ -9,10 +9,11 @@ from functools import partial
 import numpy as np
 
 from .beside import beside
-from .blows import sought
+from .blows import closer, sought
 from .fit import Fitted, again, moved
 from .likelihood import tune
 from .predictor import Predictor
+from .proof import share
 from .score import whitened_by_parts
 from .screening import Trial, lightened, screen
 
@@ -20,7 +21,8 @@ SHAKES = (0.7, 0.7, 0.3)  # largest spread of a random search about what a short
 SHAKEN = 40  # sets of it
 ANEW = 3  # best fits that start once more with the plant as it was believed to be
 UNLIKELY = 0.01  # promise over what another effect has gained, below which one is not tried
-SOUGHT = 0.4  # of the leader's gain, from which all sets of an effect with many optima are tried
+SOUGHT = 0.4  # of the leader's gain times its share of what is missing: all sets are tried above
+FINE = 2.5  # samples to one of the search, from which their blows are looked at, too
 LEAST_SOUGHT = 50.0  # gain in log-likelihood, below which that is not worth the time
 SLIGHT = 3.0  # gain after a short fit, below which nothing more is tried
 HOPELESS = 0.1  # of the leader's gain after a short fit, below which a candidate is dropped
@@ -122,7 +124,7 @@ def contest(base: Fitted, names: Sequence[str], gate: float, tried: int, say: Sa
     lead = short[0][1].total - light.total if short else 0.0
     worth = [p for p in short if p[1].total - light.total > max(HOPELESS * lead, SLIGHT)]
     _named(say, "fitting", (t for t, _ in worth))
-    finish = partial(_finished, base=base, light=light, lead=lead)
+    finish = partial(_finished, base=base, light=light, least=_worth_seeking(light, worth))
     finished = _best_first(beside(finish, worth))
     tops = beside(partial(_anew, least=base.total + gate), finished[:ANEW])
     return Contest(promising, _best_first([*tops, *finished[ANEW:]]))
@@ -153,13 +155,26 @@ def _named(say: Say, doing: str, trials: Iterable[Trial]) -> None:
         say(f"{doing} {names}")
 
 
-def _finished(pair: Pair, base: Fitted, light: Fitted, lead: float) -> Pair:
+def _worth_seeking(light: Fitted, fits: Sequence[Pair]) -> float:
+    """The gain from which an effect with many optima may come to more than the leader.
+
+    That is less where the leader leaves much.
+    """
+    if not fits:
+        return LEAST_SOUGHT
+    leader = fits[0][1]
+    return max(SOUGHT * share(light, leader) * (leader.total - light.total), LEAST_SOUGHT)
+
+
+def _finished(pair: Pair, base: Fitted, light: Fitted, least: float) -> Pair:
     """A trial on all samples again, fitted to the end."""
     trial, short = pair
-    gain = short.total - light.total
-    wanted = trial.boxed and gain > max(SOUGHT * lead, LEAST_SOUGHT)
+    wanted = trial.boxed and short.total - light.total > least
     whole = _heavy(trial, base, sought(short, trial.key) if wanted else short.values)
-    return whole, refine(whole, most=0 if wanted else 30)
+    fitted = refine(whole, most=0 if wanted else 30)
+    if wanted and short.predictor.data.dt > FINE * base.predictor.data.dt:
+        fitted = closer(fitted, trial.key)
+    return whole, fitted
 
 
 def _anew(pair: Pair, least: float) -> Pair:
