@@ -1,13 +1,15 @@
 """Effects with many optima: all sets are searched, and a missed window weighs little."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from lugrectl import diagnose
 from lugrectl.spec import members
-from lugrectl.tracing.blows import forgiving, sharpened, sought
+from lugrectl.tracing import choice
+from lugrectl.tracing.blows import closer, forgiving, sharpened, sought
 from lugrectl.tracing.coordinates import free_keys
 from lugrectl.tracing.fit import fit
 from lugrectl.tracing.job import begin
@@ -64,15 +66,44 @@ def test_a_missed_window_weighs_little(base):
     assert forgiven[[0, 1, 2, 4, 5]] == pytest.approx(even[[0, 1, 2, 4, 5]], abs=5.0)
 
 
-@pytest.mark.slow
-def test_backlash_is_found_from_far_away(case, base):
+def starting(case, base, **start):
+    """A short fit of backlash whose values start at these factors of the true ones."""
     (truth,) = [e["parameters"] for e in case.truth["effects"]]
-    start = {"load_inertia": 0.5, "gap": 1.6, "stiffness": 0.4, "damping": 0.5}
     own = {k: truth[k] * factor for k, factor in start.items()}
     predictor = Predictor(base.predictor.model.with_effect("backlash", own), base.predictor.data)
     values = base.values | {f"backlash.{k}": v for k, v in own.items()}
     free = free_keys(predictor)
     near = fit(predictor, values, free, base.where, base.noise, most=5, rough=True)
+    return near, truth
+
+
+def test_a_closer_look_is_never_worse(case, base):
+    near, truth = starting(case, base, load_inertia=0.9, gap=1.02, stiffness=0.8, damping=0.8)
+    found = closer(near, "backlash")
+    assert forgiving(found).total > forgiving(near).total + 100.0
+    assert found.values["backlash.gap"] == pytest.approx(truth["gap"], rel=0.02)
+    assert forgiving(closer(found, "backlash")).total >= forgiving(found).total
+
+
+def test_how_firm_backlash_is_goes_by_what_the_windows_gain(monkeypatch):
+    monkeypatch.setattr(choice, "forgiving", lambda fitted: fitted)
+    monkeypatch.setattr(choice, "firmness", lambda fitted, key: 0.25)
+    rigid = SimpleNamespace(loglik=np.zeros(4))
+
+    def sureness(gain, boxed=True):
+        trial = SimpleNamespace(key="backlash", boxed=boxed)
+        return choice.sureness(rigid, SimpleNamespace(loglik=np.array(gain)), trial)
+
+    agreed, alone = [80.0, 120.0, 90.0, 110.0], [400.0, 0.0, 0.0, 0.0]
+    assert sureness(agreed) == pytest.approx(400.0 / (2.0 * np.std(agreed, ddof=1) * 2.0))
+    assert sureness(alone) == pytest.approx(0.5)
+    assert sureness(agreed, boxed=False) == 0.25
+
+
+@pytest.mark.slow
+def test_backlash_is_found_from_far_away(case, base):
+    start = {"load_inertia": 0.5, "gap": 1.6, "stiffness": 0.4, "damping": 0.5}
+    near, truth = starting(case, base, **start)
     found = sharpened(replace(near, values=sought(near, "backlash")))
     assert found.total > forgiving(near).total + 1000.0
     for name in ("load_inertia", "gap", "stiffness"):

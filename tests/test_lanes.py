@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 import warnings
 
 import control as ct
@@ -171,6 +172,26 @@ def test_one_lane_that_blows_up_leaves_the_others_alone(backend: str) -> None:
     np.testing.assert_allclose(
         y[[0, 2], :, 0], (1 / np.sqrt(1 + 2 * DT * np.arange(50)),) * 2, rtol=1e-6
     )
+
+
+def test_a_run_without_hope_gives_up_its_error_control() -> None:
+    """Its right side is noise at any step: 10,000 steps a sample would be four million here."""
+    block = ct.nlsys(
+        lambda t, x, u, p: p["a"] * np.where(np.cos(1e9 * x[0]) > 0.0, 1.0, -1.0) - x[0],
+        None,
+        inputs=0,
+        outputs="x",
+        states="x",
+        params={"a": 0.0},
+        name="noise",
+    )
+    lanes = Lanes(block, backend="numpy")
+    before = time.process_time()
+    p = np.array([[0.0], [1e9]])
+    y, end = lanes.run(np.ones((2, 1)), 0, 400, np.zeros((400, 0)), p, dt=DT)
+    assert time.process_time() - before < 10.0
+    assert np.all(np.isfinite(end))
+    np.testing.assert_allclose(y[0, :, 0], np.exp(-DT * np.arange(400)), rtol=1e-6)
 
 
 def test_order_four_without_step_control(backend: str) -> None:
