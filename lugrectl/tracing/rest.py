@@ -30,12 +30,21 @@ def left_over(
     """
     friction = base.predictor.friction(base.values)[base.where.counted]
     least = LEAST_SIZE * float(np.std(friction))
-    quiet = missing_torque(final.predictor, final.values, final.where, final.noise)
     if not _lacks(base, final, least, found):
         odd = doubtful or _loud(final) or _standing(base, final) or _tinted(base, final)
-        if np.std(quiet) <= least or not (odd or hangs_on(final)):
+        if _little(base, final, least) or not (odd or hangs_on(final)):
             return False, ()
     return True, signals_of_the_rest(final, base, doubtful=doubtful)
+
+
+def _little(base: Fitted, final: Fitted, least: float) -> bool:
+    """Whether less is missing than ``least``, or than the inexact values leave of an effect for
+    which windows were forgiven."""
+    now, first = (
+        float(np.std(missing_torque(f.predictor, f.values, f.where, f.noise)))
+        for f in (final, base)
+    )
+    return now <= max(least, PART * first if final.noise.uneven else 0.0)
 
 
 def _lacks(base: Fitted, final: Fitted, least: float, found: bool) -> bool:
