@@ -8,11 +8,15 @@ from hypothesis import strategies as st
 from lugrectl.model import model_from_dict
 from lugrectl.spec import members
 from lugrectl.tracing.choice import _comes_to
-from lugrectl.tracing.explain import worth_trying
+from lugrectl.tracing.coordinates import free_keys
+from lugrectl.tracing.dated import dated
+from lugrectl.tracing.explain import _Trace, worth_trying
 from lugrectl.tracing.fit import fit
 from lugrectl.tracing.job import begin
 from lugrectl.tracing.predictor import Predictor
 from lugrectl.tracing.screening import _closer
+from tests.blind.plan import Task
+from tests.blind.work import case_of
 from tests.rig import make
 
 from .test_tracing import model_of, quiet, record_of
@@ -76,3 +80,20 @@ def test_backlash_without_a_gap_is_an_elastic_coupling(gap, same):
     simple, other = made
     assert _comes_to(other, simple) is same
     assert not _comes_to(simple, other)
+
+
+def test_two_effects_are_not_a_late_torque():
+    """With one of the two alone, half a sample explains much; the other explains more."""
+    case = case_of(Task("pair", ("viscous_asymmetry", "thermal_drift"), "normal", 127702))
+    base = begin(record_of(case), model_of(case), None, 1.0, quiet).base
+    model = base.predictor.model.with_effect("viscous_asymmetry", {"ratio": -0.7})
+    predictor = Predictor(model, base.predictor.data)
+    values = base.values | {"viscous_asymmetry.ratio": -0.7}
+    one = fit(predictor, values, free_keys(predictor), base.where, base.noise)
+    late = dated(one)
+    assert late is not None
+    trace = _Trace(base, base.where)
+    trace.current = one
+    assert trace.rather(late, lambda what: None)
+    best, _ = max(trace.sound(lambda what: None), key=lambda pair: pair[1].total)
+    assert best.name == "thermal_drift"

@@ -15,7 +15,7 @@ from .beside import beside
 from .blows import forgiving, sharpened
 from .choice import Step, as_well, candidate, chosen, in_order, sureness
 from .data import Data
-from .fit import Fitted, again, fit
+from .fit import Fitted, again, fit, refitted
 from .job import Progress
 from .late import LAG, with_lag
 from .predictor import Predictor, Windows
@@ -66,7 +66,7 @@ def explain(
     ``another`` tells, once the first effect is known, whether another torque is to be taken; its
     second argument is whether that effect explains all.
     """
-    trace = _Trace(base, test)
+    trace, ask = _Trace(base, test), True
     for turn in range(MOST_EFFECTS):
         at = 0.15 + 0.7 * turn / MOST_EFFECTS
         say = partial(report, at)
@@ -77,8 +77,9 @@ def explain(
         trace.add(sound, say)
         base, current = trace.base, trace.current
         enough = share(base, current) > 1.0 - LEAST_OF_FIRST and not coloured(current)
-        other = another(current, enough) if turn == 0 and not current.noise.uneven else None
-        if other is not None:
+        other = another(current, enough) if ask and not current.noise.uneven else None
+        ask = other is not None and not enough and trace.rather(other, say)
+        if other is not None and not ask:
             return Explanation(base, tuple(trace.steps), current, (), False, (), other)
         if enough:
             break
@@ -120,6 +121,18 @@ class _Trace:
         self.base, self.current, self.test = base, base, test
         self.steps: list[Step] = []
         self.ranking: list[Candidate] = []
+        self.next: list[Pair] = []
+
+    def rather(self, other: Data, say: Say) -> bool:
+        """Whether another effect explains more than a torque that is moved does.
+
+        Two effects, of which one is known, can look like that.
+        """
+        if other.ahead <= self.current.predictor.data.ahead:
+            return False
+        moved = refitted(self.current, other)
+        self.next = self.sound(say)
+        return max((f.total for _, f in self.next), default=-np.inf) > moved.total
 
     def sound(self, say: Say) -> list[Pair]:
         """The effects whose gain is proven.
@@ -127,6 +140,9 @@ class _Trace:
         Where there is none though something is missing, those too that promise nothing but have
         no linear part: what decides whether a drive sticks or slips shows in no small change.
         """
+        if self.next:
+            found, self.next = self.next, []
+            return found
         names = worth_trying(self.current.predictor.model)
         sound = self._proven(names, 0.5 * GATE, say)
         if sound or not coloured(self.current):
