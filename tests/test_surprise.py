@@ -10,10 +10,10 @@ from lugrectl.tracing.coordinates import free_keys
 from lugrectl.tracing.fit import fit
 from lugrectl.tracing.job import begin
 from lugrectl.tracing.predictor import Predictor
-from lugrectl.tracing.proof import firmness
+from lugrectl.tracing.proof import firmness, told_once
 from lugrectl.tracing.screening import lightened, screen
 from lugrectl.tracing.split import split
-from lugrectl.tracing.surprise import misled, openings, surprising, undated, when
+from lugrectl.tracing.surprise import foretold, misled, openings, surprising, undated, when
 from tests.blind.plan import Task
 from tests.blind.work import case_of
 from tests.rig import make, sample
@@ -139,3 +139,24 @@ def test_what_happens_before_the_first_window_is_said():
     assert said.startswith("From 0 to 0.25 s") and "N m is missing" in said
     sound = sample("none", 126510)
     assert openings(begin(record_of(sound), model_of(sound), None, 1.0, quiet).base) == ()
+
+
+def test_what_one_window_tells_is_confirmed_by_a_held_out_one(plain, job):
+    """A stop that is met once in the fitted blocks and once in the others."""
+    log, at = job.data.log, -29.2
+    beyond = (log.theta[w.counted].min(axis=1) < at for w in (job.parts.train, job.parts.test))
+    assert [int(np.sum(b)) for b in beyond] == [1, 1]
+    record = record_of(plain)
+    there = begin(
+        replace(record, u=record.u - np.maximum(at - record.theta, 0.0)),
+        model_of(plain), None, 1.0, quiet,
+    )  # fmt: skip
+    base, test = there.base, there.parts.test
+    own = {"position": at + 0.02, "stiffness": 0.8, "side": -1.0}
+    predictor = Predictor(base.predictor.model.with_effect("hard_stop", own), base.predictor.data)
+    values = base.values | {f"hard_stop.{k}": v for k, v in own.items()}
+    found = fit(predictor, values, free_keys(predictor), base.where, base.noise)
+    assert found.values["hard_stop.stiffness"] == pytest.approx(1.0, rel=0.05)
+    assert told_once(found, "hard_stop") and foretold(found, base, test)
+    elsewhere = replace(found, values=found.values | {"hard_stop.position": at - 1.0})
+    assert not foretold(elsewhere, base, test)

@@ -13,7 +13,7 @@ from lugrectl.tracing.coordinates import Coordinate, free_keys
 from lugrectl.tracing.data import prepare
 from lugrectl.tracing.fit import fit
 from lugrectl.tracing.job import begin
-from lugrectl.tracing.likelihood import whitened
+from lugrectl.tracing.likelihood import WORST, compared, loglik, whitened
 from lugrectl.tracing.predictor import Predictor
 from lugrectl.tracing.score import whitened_by_parts
 from lugrectl.tracing.split import GAP, split
@@ -88,6 +88,19 @@ def test_likelihood_is_highest_at_the_fit(job):
             moved = base.values | {key: base.values[key] * factor}
             white = whitened(base.predictor, [moved], base.where, base.noise)
             assert np.sum(white**2) > top
+
+
+def test_a_prediction_that_is_no_number_is_as_wrong_as_can_be(job):
+    nan = np.nan
+    assert list(compared(np.array([1.0, nan, 1.0]), np.array([0.5, 2.0, nan]))) == [0.5, 0, WORST]
+    base = job.base
+    stop = {"position": -230.0, "stiffness": 1e138, "side": 1.0}
+    predictor = Predictor(base.predictor.model.with_effect("hard_stop", stop), job.data)
+    values = base.values | {f"hard_stop.{k}": v for k, v in stop.items()}
+    with np.errstate(over="ignore"):
+        white = whitened(predictor, [values], base.where, base.noise)
+        found = loglik(predictor, white[0], base.noise, values)
+    assert not np.any(found > base.loglik)
 
 
 def test_an_effect_along_the_log_is_the_effect_in_the_plant(plain):

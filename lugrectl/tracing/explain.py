@@ -19,11 +19,22 @@ from .fit import Fitted, again, fit, refitted
 from .job import Progress
 from .late import LAG, with_lag
 from .predictor import Predictor, Windows
-from .proof import GATE, LEAST_OF_FIRST, LEAST_SIZE, WHOLE, firmness, proven, share, size
+from .proof import (
+    GATE,
+    LEAST_OF_FIRST,
+    LEAST_SIZE,
+    WHOLE,
+    firmness,
+    proven,
+    share,
+    size,
+    told_once,
+)
 from .rest import coloured, left_over
 from .screening import Trial
 from .search import Contest, Pair, Say, contest
 from .slide import lacking
+from .surprise import foretold
 from .witness import contradicted
 
 PIECED = 0.98  # share below which as many effects as are tried are a patchwork, not physics
@@ -84,7 +95,7 @@ def explain(
         if enough:
             break
     base, pieces, ranking = trace.base, trace.current, tuple(trace.ranking)
-    steps, current = _firm(trace.steps, pieces)
+    steps, current = _firm(trace.steps, pieces, test)
     current = current if steps else base  # the way there and back may have ended elsewhere
     steps = _still_tied(steps, current, partial(report, 0.84))
     lost = share(current, pieces) > LOST
@@ -261,14 +272,20 @@ def _pruned(
     return steps, fitted
 
 
-def _firm(steps: list[Step], fitted: Fitted) -> tuple[list[Step], Fitted]:
+def _firm(steps: list[Step], fitted: Fitted, test: Windows) -> tuple[list[Step], Fitted]:
     """Without those effects on whose strength the windows do not agree, the least sure first."""
-    if not steps:
+    unsure = [s for s in steps if s.firmness(fitted) <= FIRM and not _seen_again(s, fitted, test)]
+    if not unsure:
         return steps, fitted
-    least = min(steps, key=lambda step: step.firmness(fitted))
-    if least.firmness(fitted) > FIRM:
-        return steps, fitted
-    return _firm([s for s in steps if s is not least], _without(fitted, least.trial.key))
+    least = min(unsure, key=lambda step: step.firmness(fitted))
+    rest = [s for s in steps if s is not least]
+    return _firm(rest, _without(fitted, least.trial.key), test)
+
+
+def _seen_again(step: Step, fitted: Fitted, test: Windows) -> bool:
+    """Whether held-out windows confirm what a single window tells: a stop met twice."""
+    key = step.trial.key
+    return told_once(fitted, key) and foretold(fitted, _without(fitted, key), test)
 
 
 def _exchanged(

@@ -11,6 +11,7 @@ from .noise import Noise
 from .predictor import Predictor, Values, Windows
 
 SHORT_LOOK = 0.5  # natural log units that three points span well enough
+WORST = 1e150  # innovation of a model that leads nowhere
 FARTHEST = 20.0  # the same, of the noise in rad/s2
 
 
@@ -27,12 +28,19 @@ def whitened(
     ``torque`` (sets, N) acts on the resisting side besides.
     """
     y, _ = predictor.run(sets, where, noise, torque=torque)
-    e = np.nan_to_num(predictor.data.y[where.counted] - y, nan=0.0, posinf=1e150, neginf=-1e150)
+    e = compared(predictor.data.y[where.counted], y)
     noises = [noise] * len(sets) if isinstance(noise, Noise) else noise
     for i, (q, values) in enumerate(zip(noises, sets, strict=True)):
         _, S = predictor.filter(q, values)
         e[i] = e[i] @ np.linalg.inv(np.linalg.cholesky(S)).T
     return e
+
+
+def compared(recorded: np.ndarray, predicted: np.ndarray) -> np.ndarray:
+    """What was recorded less what was predicted, 0 where nothing was recorded; a prediction that
+    is no number is as wrong as can be."""
+    e = np.where(np.isnan(recorded), 0.0, recorded - predicted)
+    return np.nan_to_num(e, nan=WORST, posinf=WORST, neginf=-WORST)
 
 
 def loglik(predictor: Predictor, white: np.ndarray, noise: Noise, values: Values) -> np.ndarray:

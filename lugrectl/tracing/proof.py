@@ -22,6 +22,7 @@ MOST_OF_IT = 0.95  # of the residual's power
 LEAST_TOUCHED, MOST_TOUCHED = 1e-3, 0.9  # of the samples, beyond a place
 FARTHER, FADED = 10.0, 0.5  # a limit so many times farther off, and the part of the gain gone
 CLOSE = 0.02  # relative, to a bound
+ONCE = 0.9  # of the information on a strength, from which a single window tells it
 
 
 def proven(base: Fitted, before: Fitted, after: Fitted, key: str) -> bool:
@@ -120,6 +121,13 @@ def _mirrored(fitted: Fitted, key: str) -> float:
     other = predictor.on(data.with_torque(ahead))
     without = off(predictor.model, fitted.values, key)
     return float(tune(other, without, fitted.where, fitted.noise)[1].sum())
+
+
+def told_once(fitted: Fitted, key: str) -> bool:
+    """Whether one window tells nearly all of an effect's strength: others cannot confirm it."""
+    name, _ = _gain(fitted, key)
+    told = [fitted.parts[:, i, i] for i, c in enumerate(fitted.free) if c.key == name]
+    return any(np.max(each) > ONCE * np.sum(each) for each in told)
 
 
 def size(fitted: Fitted, key: str) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from ..engine.lanes import Lanes
 from ..engine.tangent import Moved, Tangent
 from .coordinates import Coordinate
-from .likelihood import whitened
+from .likelihood import compared, whitened
 from .noise import Noise
 from .predictor import Predictor, Values, Windows
 
@@ -123,7 +123,7 @@ def _from_graph(
     )
     e, slope = y[rows] - made.y, made.dy if derror is None else made.dy + derror[rows]
     slope = np.where(np.isfinite(e)[..., None], slope, 0.0)[:, where.burn :]
-    e = np.nan_to_num(e[:, where.burn :], nan=0.0, posinf=1e150, neginf=-1e150)
+    e = compared(y[rows], made.y)[:, where.burn :]
     W = np.linalg.inv(np.linalg.cholesky(S))
     return e @ W.T, np.einsum("ck,ij,wljk->cwli", along, W, slope, optimize=True)
 

@@ -12,6 +12,7 @@ from .fit import Fitted
 from .predictor import Values, Windows
 from .proof import LEAST_SIZE
 
+FORETOLD = 0.3  # of the held-out windows' missing power that may be left
 WORSE = 2.0  # times the error without them, above which effects are dropped
 LEAST, LARGEST = 1e-300, 1e300  # mean squares
 OUTWEIGHED = 3.0  # logarithms of what gets worse, over those of what gets better
@@ -53,6 +54,12 @@ def _supplied(
         for v, w in ((values or fitted.values, where), (fitted.values, fitted.where))
     )
     return new, max(least, float(np.max(known)))
+
+
+def foretold(fitted: Fitted, without: Fitted, test: Windows) -> bool:
+    """Whether an effect as it was fitted explains most of what held-out windows lack without it."""
+    left, lacking = (float(np.sum(_supplied(f, test)[0] ** 2)) for f in (fitted, without))
+    return left < FORETOLD * lacking
 
 
 def openings(fitted: Fitted) -> tuple[str, ...]:
