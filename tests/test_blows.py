@@ -94,10 +94,12 @@ def test_how_firm_backlash_is_goes_by_what_the_windows_gain(monkeypatch):
         trial = SimpleNamespace(key="backlash", boxed=boxed)
         return choice.sureness(rigid, SimpleNamespace(loglik=np.array(gain)), trial)
 
-    agreed, alone = [80.0, 120.0, 90.0, 110.0], [400.0, 0.0, 0.0, 0.0]
-    assert sureness(agreed) == pytest.approx(400.0 / (2.0 * np.std(agreed, ddof=1) * 2.0))
-    assert sureness(alone) == pytest.approx(0.5)
-    assert sureness(agreed, boxed=False) == 0.25
+    capped = [80.0, 105.0, 90.0, 105.0]  # at the median
+    firm = np.sum(capped) / (2.0 * np.std(capped, ddof=1) * 2.0)
+    assert sureness([80.0, 120.0, 90.0, 2400.0]) == pytest.approx(firm)
+    assert sureness([400.0, 0.0, 0.0, 0.0]) == 0.25
+    assert sureness([400.0, -300.0, -300.0, 400.0]) < 0.5
+    assert sureness([80.0, 120.0, 90.0, 2400.0], boxed=False) == 0.25
 
 
 @pytest.mark.slow

@@ -66,12 +66,14 @@ def sureness(before: Fitted, after: Fitted, trial: Trial) -> float:
     """How firm an effect is when it is found.
 
     With a hidden state that a few windows miss, their derivatives there say nothing of its
-    strength: it counts how much the windows agree that they are better with it.
+    strength: it counts how much the windows agree that they are better with it, none by more
+    than the median.
     """
     firm = firmness(after, trial.key)
     if not trial.boxed:
         return firm
     gain = forgiving(after).loglik - forgiving(before).loglik
+    gain = np.minimum(gain, np.median(np.abs(gain)))
     half = 2.0 * float(np.std(gain, ddof=1)) * np.sqrt(len(gain))
     return max(firm, float(gain.sum()) / half) if half > 0.0 else firm
 
