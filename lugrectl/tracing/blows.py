@@ -38,21 +38,25 @@ def sharpened(fitted: Fitted) -> Fitted:
 def sought(found: Fitted, key: str) -> dict[str, float]:
     """The best of all sets of an effect's values: a wide search, then closer ones, each followed
     by a fit of everything."""
-    best = forgiving(replace(found, where=spread(found.where, ENOUGH, LEAST_WINDOWS)))
+    best = _on_few(found)
     for width, factors, rounds in zip(WIDTHS, QUIETER, ROUNDS, strict=True):
-        best = _closer(best, key, width, factors, rounds)
+        best = _within(best, key, width, factors, rounds)
     return best.values
 
 
 def closer(found: Fitted, key: str) -> Fitted:
-    """The best set near the one found on fewer samples, which show a blow only roughly."""
-    few = forgiving(replace(found, where=spread(found.where, ENOUGH, LEAST_WINDOWS)))
-    best = _closer(few, key, WIDTHS[1], QUIETER[1], ROUNDS[1])
+    """The best set near the one found on a thinned log, which shows a blow only roughly."""
+    best = _within(_on_few(found), key, WIDTHS[1], QUIETER[1], ROUNDS[1])
     other = again(replace(found, values=best.values), most=0)
     return max(found, other, key=lambda f: forgiving(f).total)
 
 
-def _closer(best: Fitted, key: str, width: float, factors: Sequence[float], rounds: int) -> Fitted:
+def _on_few(found: Fitted) -> Fitted:
+    return forgiving(replace(found, where=spread(found.where, ENOUGH, LEAST_WINDOWS)))
+
+
+def _within(best: Fitted, key: str, width: float, factors: Sequence[float], rounds: int) -> Fitted:
+    """The best set within a width of one, after a fit of everything."""
     noises = [replace(best.noise, jump=best.noise.jump * factor) for factor in factors]
     values = _searched(best, key, noises, width, rounds)
     start = replace(best, values=values, noise=noises[-1])

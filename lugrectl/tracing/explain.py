@@ -132,7 +132,7 @@ class _Trace:
         self.base, self.current, self.test = base, base, test
         self.steps: list[Step] = []
         self.ranking: list[Candidate] = []
-        self.next: list[Pair] = []
+        self.waiting: list[Pair] = []
 
     def rather(self, other: Data, say: Say) -> bool:
         """Whether another effect explains more than a torque that is moved does.
@@ -142,8 +142,8 @@ class _Trace:
         if other.ahead <= self.current.predictor.data.ahead:
             return False
         moved = refitted(self.current, other)
-        self.next = self.sound(say)
-        return max((f.total for _, f in self.next), default=-np.inf) > moved.total
+        self.waiting = self.sound(say)
+        return max((f.total for _, f in self.waiting), default=-np.inf) > moved.total
 
     def sound(self, say: Say) -> list[Pair]:
         """The effects whose gain is proven.
@@ -151,8 +151,8 @@ class _Trace:
         Where there is none though something is missing, those too that promise nothing but have
         no linear part: what decides whether a drive sticks or slips shows in no small change.
         """
-        if self.next:
-            found, self.next = self.next, []
+        if self.waiting:
+            found, self.waiting = self.waiting, []
             return found
         names = worth_trying(self.current.predictor.model)
         sound = self._proven(names, 0.5 * GATE, say)
@@ -272,20 +272,22 @@ def _pruned(
     return steps, fitted
 
 
-def _firm(steps: list[Step], fitted: Fitted, test: Windows) -> tuple[list[Step], Fitted]:
-    """Without those effects on whose strength the windows do not agree, the least sure first."""
-    unsure = [s for s in steps if s.firmness(fitted) <= FIRM and not _seen_again(s, fitted, test)]
+def _firm(
+    steps: list[Step], fitted: Fitted, test: Windows, confirmed: tuple[Step, ...] = ()
+) -> tuple[list[Step], Fitted]:
+    """Without those effects on whose strength the windows do not agree, the least sure first.
+
+    What a single window tells, a stop met once, may be ``confirmed`` by held-out ones.
+    """
+    unsure = [s for s in steps if all(s is not c for c in confirmed) and s.firmness(fitted) <= FIRM]
     if not unsure:
         return steps, fitted
     least = min(unsure, key=lambda step: step.firmness(fitted))
-    rest = [s for s in steps if s is not least]
-    return _firm(rest, _without(fitted, least.trial.key), test)
-
-
-def _seen_again(step: Step, fitted: Fitted, test: Windows) -> bool:
-    """Whether held-out windows confirm what a single window tells: a stop met twice."""
-    key = step.trial.key
-    return told_once(fitted, key) and foretold(fitted, _without(fitted, key), test)
+    key = least.trial.key
+    without = _without(fitted, key)
+    if told_once(fitted, key) and foretold(fitted, without, test):
+        return _firm(steps, fitted, test, (*confirmed, least))
+    return _firm([s for s in steps if s is not least], without, test)
 
 
 def _exchanged(

@@ -11,8 +11,8 @@ from .noise import Noise
 from .predictor import Predictor, Values, Windows
 
 SHORT_LOOK = 0.5  # natural log units that three points span well enough
-WORST = 1e150  # innovation of a model that leads nowhere
 FARTHEST = 20.0  # the same, of the noise in rad/s2
+WORST = 1e150  # innovation of a model that leads nowhere
 
 
 def whitened(
@@ -39,8 +39,9 @@ def whitened(
 def compared(recorded: np.ndarray, predicted: np.ndarray) -> np.ndarray:
     """What was recorded less what was predicted, 0 where nothing was recorded; a prediction that
     is no number is as wrong as can be."""
-    e = np.where(np.isnan(recorded), 0.0, recorded - predicted)
-    return np.nan_to_num(e, nan=WORST, posinf=WORST, neginf=-WORST)
+    e = np.nan_to_num(recorded - predicted, nan=WORST, posinf=WORST, neginf=-WORST)
+    e[..., np.isnan(recorded)] = 0.0
+    return e
 
 
 def loglik(predictor: Predictor, white: np.ndarray, noise: Noise, values: Values) -> np.ndarray:

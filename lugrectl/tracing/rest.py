@@ -31,8 +31,10 @@ def left_over(
     friction = base.predictor.friction(base.values)[base.where.counted]
     least = LEAST_SIZE * float(np.std(friction))
     if not _lacks(base, final, least, found):
+        if _little(base, final, least):
+            return False, ()
         odd = doubtful or _loud(final) or _standing(base, final) or _tinted(base, final)
-        if _little(base, final, least) or not (odd or hangs_on(final)):
+        if not (odd or hangs_on(final)):
             return False, ()
     return True, signals_of_the_rest(final, base, doubtful=doubtful)
 
@@ -40,11 +42,16 @@ def left_over(
 def _little(base: Fitted, final: Fitted, least: float) -> bool:
     """Whether less is missing than ``least``, or than the inexact values leave of an effect for
     which windows were forgiven."""
-    now, first = (
-        float(np.std(missing_torque(f.predictor, f.values, f.where, f.noise)))
-        for f in (final, base)
+    if final.noise.uneven:
+        least = max(least, PART * _missing(base))
+    return _missing(final) <= least
+
+
+def _missing(fitted: Fitted) -> float:
+    """RMS torque that is missing, about its mean."""
+    return float(
+        np.std(missing_torque(fitted.predictor, fitted.values, fitted.where, fitted.noise))
     )
-    return now <= max(least, PART * first if final.noise.uneven else 0.0)
 
 
 def _lacks(base: Fitted, final: Fitted, least: float, found: bool) -> bool:

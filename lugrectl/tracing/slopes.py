@@ -121,8 +121,9 @@ def _from_graph(
         du=du,
         dseen=None if derror is None else -derror[rows],
     )
-    e, slope = y[rows] - made.y, made.dy if derror is None else made.dy + derror[rows]
-    slope = np.where(np.isfinite(e)[..., None], slope, 0.0)[:, where.burn :]
+    slope = made.dy if derror is None else made.dy + derror[rows]
+    told = np.isfinite(y[rows]) & np.isfinite(made.y)
+    slope = np.where(told[..., None], slope, 0.0)[:, where.burn :]
     e = compared(y[rows], made.y)[:, where.burn :]
     W = np.linalg.inv(np.linalg.cholesky(S))
     return e @ W.T, np.einsum("ck,ij,wljk->cwli", along, W, slope, optimize=True)
