@@ -21,6 +21,7 @@ from .search import Pair
 from .surprise import surprising
 
 PART = 0.1  # of the leader's gain that one which explains as much may lack
+FIRM = 2.0  # half-widths of its interval between an effect's strength and none
 SAME = 2e-3  # of the torque, by which two models may differ that are one
 
 
@@ -101,13 +102,19 @@ def in_order(fitted: Fitted) -> Fitted:
 def _even(before: Fitted, sound: Sequence[Pair]) -> list[Pair]:
     """The best effect and all that explain the windows as well within two standard errors.
 
-    Fewest parameters first. An effect whose strength may as well be none imitates another (a
-    soft spring with a distant rest is a constant torque) and is left out.
+    Fewest parameters first, of those that are firm: another would not be left in the end. An
+    effect whose strength may as well be none imitates another (a soft spring with a distant rest
+    is a constant torque) and is left out.
     """
     top = max(sound, key=lambda pair: pair[1].total)[1]
     even = [(t, f) for t, f in sound if f is top or as_well(before, top, f)]
     real = [(t, f) for t, f in even if not _imitates(t, f)] or even
-    first, *rest = sorted(real, key=lambda pair: (len(pair[1].free), -pair[1].total))
+
+    def last(pair: Pair) -> tuple[bool, int, float]:
+        trial, fitted = pair
+        return sureness(before, fitted, trial) <= FIRM, len(fitted.free), -fitted.total
+
+    first, *rest = sorted(real, key=last)
     return [first, *((t, f) for t, f in rest if not _comes_to(f, first[1]))]
 
 

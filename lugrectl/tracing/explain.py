@@ -13,7 +13,7 @@ from ..results import Candidate
 from ..spec import P, members
 from .beside import beside
 from .blows import forgiving, sharpened
-from .choice import Step, as_well, candidate, chosen, in_order, sureness
+from .choice import FIRM, Step, as_well, candidate, chosen, in_order, sureness
 from .data import Data
 from .fit import Fitted, again, fit, refitted
 from .job import Progress
@@ -38,7 +38,6 @@ from .surprise import foretold
 from .witness import contradicted
 
 PIECED = 0.98  # share below which as many effects as are tried are a patchwork, not physics
-FIRM = 2.0  # half-widths of its interval between an effect's strength and none
 FIRMER = 1.0  # the same, from which one is chosen before others
 LOST = 0.2  # share of the residual's power taken by effects that are not firm
 MOST_EFFECTS = 3
