@@ -133,6 +133,17 @@ class Block:
     def defaults(self) -> dict[str, float]:
         return {k: p.value for k, p in self.parameters.items()}
 
+    def with_inputs(self, names: Sequence[str]) -> Block:
+        """The same with some parameters as inputs, after its own."""
+        own, many = len(self.inputs) + self.timed, len(names)
+
+        def function(*signals: Any, **values: Any) -> Any:
+            given = dict(zip(names, signals[own : own + many], strict=True))
+            return self(*signals[:own], *signals[own + many :], **values, **given)
+
+        rest = {k: p for k, p in self.parameters.items() if k not in names}
+        return replace(self, function=function, inputs=(*self.inputs, *names), parameters=rest)
+
     def check(self, values: Mapping[str, Any]) -> None:
         """Raise InputError for an unknown parameter or one outside its bounds."""
         for key, value in values.items():

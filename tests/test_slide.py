@@ -133,12 +133,12 @@ def test_what_the_sliding_drive_lacks_is_left_over(whole, bumpy):
 
 def test_friction_builds_up_with_the_motion(whole):
     predictor, values = whole.predictor, whole.values
-    steady, built = predictor.friction(values), predictor.rubbing(values)
+    building = predictor.building_up(values)
     w = predictor.data.log.w
     away = np.abs(w) > 0.2 * np.max(np.abs(w))
     top = values["Fs"]
-    assert np.sqrt(np.mean((steady - built)[away] ** 2)) < 0.02 * top
-    assert np.max(np.abs(steady - built)) > 0.5 * top  # around a reversal
+    assert np.sqrt(np.mean(building[away] ** 2)) < 0.02 * top
+    assert np.max(np.abs(building)) > 0.5 * top  # around a reversal
 
 
 def test_a_long_record_counts_by_stretches():

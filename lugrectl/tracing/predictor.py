@@ -16,7 +16,7 @@ import numpy as np
 
 from ..blocks.friction import EPS, stribeck
 from ..blocks.parts import Part as Placed
-from ..blocks.plant import COMMAND, assemble, stage
+from ..blocks.plant import COMMAND, LEVEL, assemble, stage
 from ..engine.lanes import Lanes
 from ..model import Model, Part
 from ..spec import P
@@ -146,7 +146,7 @@ class Predictor:
         torque that would feign it.
         """
         log, fed = self.data.log, self.everything(values)
-        plant = {k: v * (1.0 + fed.levels[k]) if k in fed.levels else v for k, v in values.items()}
+        plant = _leveled(values, fed)
         inertia = (plant["J"] - values["J"]) * log.a
         feigned = 0.0
         if fed.error is not None:
@@ -160,12 +160,20 @@ class Predictor:
         w, eps = self.data.log.w, values.get("eps", EPS.value)
         return stribeck(w, Fc=level, Fs=stiction, Fv=viscous, vs=vs, eps=eps)[0]
 
-    def rubbing(self, values: Values) -> np.ndarray:
-        """The friction law's torque along the log as it builds up with the motion (N,), N m."""
+    def building_up(self, values: Values) -> np.ndarray:
+        """How much more friction is along the log than in steady state (N,), N m.
+
+        Both at the levels that the effects make.
+        """
         law, log = self.model.friction.block, self.data.log
         if not law.states:
-            return self.friction(values)
-        return run_alone(law, log, log.signals, [{k: values[k] for k in law.own}])[0, :, 0]
+            return np.zeros(len(log.t))
+        plant = _leveled(values, self.everything(values))
+        levels = tuple(k for k in law.own if k in self.levels)
+        signals = log.signals | {k: plant[k] for k in levels}
+        own = {k: values[k] for k in law.own if k not in levels}
+        rubbing = run_alone(law.with_inputs(levels), log, signals, [own])[0, :, 0]
+        return rubbing - self.friction(plant)
 
     def weights(self, values: Values) -> dict[str, np.ndarray]:
         """Torque along the log (N,) for one unit of what an effect on a level puts out."""
@@ -311,14 +319,15 @@ class Predictor:
         for x, v in zip(x0, values, strict=True):
             theta, w = self._motion(v, start)
             x[:, 0], x[:, 1] = theta - 0.5 * dt * w, w - 0.5 * dt * log.a[start]
+        ran = {p.key: self._ran_to(p, values, start) for p in self.core.effects if p.block.states}
+        for part in self.core.effects:
+            placed = Placed(f"{part.key}.", part.block)
+            for i, name in enumerate(placed.states, len(part.block.fresh)):
+                x0[..., names.index(name)] = ran[part.key][..., i]
         if "z" in names:
-            F = self._bristle_torques(values, start)
+            F = self._bristle_torques(values, start, ran)
             sigma0 = np.array([[max(v["sigma0"], 1e-12)] for v in values])
             x0[..., names.index("z")] = F / sigma0
-        for part in self.core.effects:
-            if part.block.states:
-                for name, x in self._states(part, values, start).items():
-                    x0[..., names.index(name)] = x
         return x0
 
     def _motion(self, values: Values, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -337,33 +346,41 @@ class Predictor:
                 theta, w = seen[0] - (out["theta_m"] - theta), seen[1] - (out["w_m"] - w)
         return theta, w
 
-    def _states(
-        self, part: Part, values: Sequence[Values], start: np.ndarray
-    ) -> dict[str, np.ndarray]:
-        """States of one effect at the starts, (sets, starts) by name in the plant."""
-        placed = Placed(f"{part.key}.", part.block)
-        log = self.data.log
-        ran = run_alone(part.block, log, log.signals, [placed.arguments(v) for v in values])
-        own = ran[:, start, len(part.block.fresh) :]
-        return {name: own[..., i] for i, name in enumerate(placed.states)}
+    def _ran_to(self, part: Part, values: Sequence[Values], start: np.ndarray) -> np.ndarray:
+        """Outputs and states of one effect at the starts, (sets, starts, both)."""
+        log, placed = self.data.log, Placed(f"{part.key}.", part.block)
+        arguments = [placed.arguments(v) for v in values]
+        return run_alone(part.block, log, log.signals, arguments)[:, start]
 
-    def _bristle_torques(self, values: Sequence[Values], start: np.ndarray) -> np.ndarray:
-        """Friction at the starts (sets, starts), by the torque balance without effects that have
-        states."""
+    def _bristle_torques(
+        self, values: Sequence[Values], start: np.ndarray, ran: Mapping[str, np.ndarray]
+    ) -> np.ndarray:
+        """Friction at the starts (sets, starts), by the torque balance without the torque of
+        effects that have states, and no more than it may be there."""
+        raising = [p for p in self.core.effects if p.block.states and stage(p.block) == LEVEL]
         instant = [p for p in self.model.effects if not p.block.states and p.block.exact is None]
-        model, keys = replace(self.model, effects=tuple(instant)), {p.key for p in instant}
-        data = picked(self.data, start)
+        model = replace(self.model, effects=(*instant, *raising))
+        keys, data = {p.key for p in model.effects}, picked(self.data, start)
         made, memory = [], {}
-        for v in values:
+        for i, v in enumerate(values):
+            for p in raising:
+                numbers = Placed(f"{p.key}.", p.block).arguments(v)
+                memory[p.key, *numbers.values()] = ran[p.key][i]
             fed = feed(model, keys, v, data, self.levels, memory)
             F = fed.u - fed.load - fed.torque - v["J"] * data.log.a
-            limit = max(v.get("Fs", 0.0), v["Fc"])
-            made.append(np.clip(F - v.get("Fv", 0.0) * data.log.w, -limit, limit))
+            plant = _leveled(v, fed)
+            limit = np.maximum(plant.get("Fs", 0.0), plant["Fc"])
+            made.append(np.clip(F - plant.get("Fv", 0.0) * data.log.w, -limit, limit))
         return np.array(made)
 
 
 def _instant_sensor(part: Part) -> bool:
     return "sensor" in part.block.acts and not part.block.states
+
+
+def _leveled(values: Values, fed: Fed) -> dict[str, Any]:
+    """The values, levels as the effects make them along the log."""
+    return {k: v * (1.0 + fed.levels[k]) if k in fed.levels else v for k, v in values.items()}
 
 
 def _at(error: np.ndarray | None, where: Windows) -> np.ndarray:

@@ -33,7 +33,7 @@ def left_over(
     if not _lacks(base, final, least, found):
         if _little(base, final, least):
             return False, ()
-        odd = doubtful or _loud(final) or _standing(base, final) or _tinted(base, final)
+        odd = doubtful or _loud(final) or _standing(base, final, least) or _tinted(base, final)
         if not (odd or hangs_on(final)):
             return False, ()
     return True, signals_of_the_rest(final, base, doubtful=doubtful)
@@ -103,13 +103,16 @@ def signals_of_the_rest(final: Fitted, base: Fitted, *, doubtful: bool = False) 
     return sure.signals if sure else shown or ("t",)
 
 
-def _standing(base: Fitted, final: Fitted) -> bool:
-    """Whether functions of the signals still predict a share of what was missing at first."""
+def _standing(base: Fitted, final: Fitted, least: float) -> bool:
+    """Whether functions of the signals still predict a share of what was missing at first, worth
+    a name by itself."""
     before = missing_torque(base.predictor, base.values, base.where, base.noise)
     after = missing_torque(final.predictor, final.values, final.where, base.noise)
     part, t = predictable(after, base.predictor.data.log, base.where.counted)
-    weight = float(np.mean(after**2) / np.mean(before**2))
-    return t > STANDING and weight * part > LEFT_SHARE and share(base, final) < WHOLE
+    power = float(np.mean(after**2))
+    if t < STANDING or part * power < least**2:
+        return False
+    return part * power > LEFT_SHARE * float(np.mean(before**2)) and share(base, final) < WHOLE
 
 
 def _loud(fitted: Fitted) -> bool:

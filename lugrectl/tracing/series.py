@@ -203,9 +203,10 @@ def resisting(block: Block, log: Log, values: Values, weights: Mapping[str, Any]
 
 
 @cache
-def _engine(kind: str, name: str) -> Lanes:
+def _engine(kind: str, name: str, inputs: tuple[str, ...]) -> Lanes:
     """A block by itself; puts out its outputs, then its states."""
     made = members(kind)[name]
+    made = made.with_inputs(tuple(k for k in inputs if k in made.parameters))
     whole = replace(made, outputs=(*made.fresh, *made.states))
     return Lanes(whole.system(), outputs=whole.outputs)
 
@@ -218,7 +219,7 @@ def run_alone(
     The log is cut into stretches that run side by side, each with a lead-in from equilibrium.
     Steps are as long as they are: what is too fast for them follows at once (L-stable).
     """
-    engine = _engine(block.kind, block.name)
+    engine = _engine(block.kind, block.name, block.inputs)
     many, u = len(sets), np.column_stack([signals[name] for name in block.inputs])
     keys = [name.split(".", 1)[1] for name in engine.parameters]
     p = np.array([[float(v[k]) for k in keys] for v in sets])

@@ -216,19 +216,14 @@ def while_sliding(fitted: Fitted, *, everywhere: bool = False) -> Sliding:
     at = at.only(_sliding(data, at) & (everywhere | _fitted(fitted, at)))
     at = at.only(_enough(len(at.start)))
     rows = at.start + at.size // 2
-    net = at.mean(running(fitted.predictor.torque(fitted.values) - _building_up(fitted)))
-    lack = fitted.values["J"] * at.mean(running(data.log.a)) - net
+    predictor, values = fitted.predictor, fitted.values
+    net = at.mean(running(predictor.torque(values) - predictor.building_up(values)))
+    lack = values["J"] * at.mean(running(data.log.a)) - net
     if len(rows) < FEWEST or not np.all(np.isfinite(lack)):
         rows = rows[:0]
         at, net, lack = at.only(rows), net[:0], lack[:0]
     known = _known(fitted, data, at, net)
     return Sliding(data.log, rows, lack, known, net / fitted.values["J"])
-
-
-def _building_up(fitted: Fitted) -> np.ndarray:
-    """How much more friction is than in steady state, along the log (N,), N m."""
-    predictor, values = fitted.predictor, fitted.values
-    return predictor.rubbing(values) - predictor.friction(values)
 
 
 def _enough(count: int) -> np.ndarray:

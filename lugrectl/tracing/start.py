@@ -21,6 +21,7 @@ from .series import resisting
 
 DEFLECTIONS = (1e-5, 1e-4, 1e-3, 1e-2)  # Fc / sigma0 as a share of the largest speed, in s
 REGRESSED = {"J", "Fc", "Fv"}
+LEAST = {"Fc": 1e-3, "Fv": 0.05}  # of the torque, at top speed: a fit stays near its start
 CREEP = 1e-5  # of the largest speed, at which static friction may let a held drive move
 SHORT = 8  # steps of a fit from elsewhere
 BETTER = 3.0  # gain in log-likelihood that makes it worth more
@@ -123,14 +124,14 @@ def _regressed(model: Model, data: Data, train: Windows) -> dict[str, float]:
         return {}
     A = np.column_stack([*columns, np.ones(len(at))])
     found = dict(zip(names, np.linalg.lstsq(A, torque, rcond=None)[0], strict=False))
-    size = 1e-3 * float(np.std(log.u[at]))
+    least = {k: float(np.std(log.u[at])) * part for k, part in LEAST.items()}
+    least["Fv"] /= float(np.max(np.abs(log.w)))
     if found.get("J", 1.0) <= 0.0:
         raise Refused(
             "the motion tells no inertia: torque and acceleration do not go together",
             "record a motion with clear acceleration in both directions",
         )
-    return {k: max(v, size if k == "Fc" else size / np.max(np.abs(log.w))) for k, v in found.items()
-            } | ({"J": found["J"]} if "J" in found else {})  # fmt: skip
+    return {k: max(v, least.get(k, v)) for k, v in found.items()}
 
 
 def _searched(core: Model, data: Data, train: Windows, asked: Model) -> Model:

@@ -15,6 +15,7 @@ SHARED_FC, SHARED_FS = replace(FC, shared=True), replace(FS, shared=True)
 SHARED_VS, SHARED_EPS = replace(VS, shared=True), replace(EPS, shared=True)
 RIGID = 1e12  # N m/rad, from which bristles count as rigid
 LEAST = 1e-12  # N m
+ONSET = 0.05  # of the speed from which a drive slides: so much faster it does so for certain
 
 
 @block(
@@ -69,21 +70,21 @@ def dwell_stiction(
     rest,
     ratio: Any = P(0.0, "1", 0.0, 20.0, neutral=0.0),
     time_constant=P(1.0, "s", 1e-9),
-    release=P(1e-3, "s", 1e-9, fitted=False),
+    release=P(3e-4, "s", 1e-9, fitted=False),
     vs: Any = SHARED_VS,
 ):
     """Fs (1 + a (1 - exp(-t_rest/tau))).
 
     The drive rests while |w| < vs/2, slow presliding included. The state, 1 - exp(-t_rest/tau),
-    fills at rest by d rest/dt = (1 - rest)/tau and empties when sliding within ``release``; in
-    between the two are weighted by 1/(1 + (2 w/vs)^16). In a log: the peak at break-away is the
+    fills at rest by d rest/dt = (1 - rest)/tau and empties within ``release`` when sliding, from
+    1.05 vs/2 on; in between it does a part of either. In a log: the peak at break-away is the
     higher the longer the rest before (Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica
     30(7), 1994, section 2). With rests of one length it is a higher Fs. Acts on friction laws
     with an Fs only.
     """
-    slip = np.minimum((2.0 * w / vs) ** 2, 4.0)  # from |w| = vs on it slides
-    still = 1.0 / (1.0 + slip**8)
-    rate = still * (1.0 - rest) / time_constant - (1.0 - still) * rest / release
+    part = np.minimum(np.maximum((np.abs(2.0 * w / vs) - 1.0) / ONSET, 0.0), 1.0)
+    slips = part * part * (3.0 - 2.0 * part)
+    rate = (1.0 - slips) * (1.0 - rest) / time_constant - slips * rest / release
     return ratio * rest, rate
 
 
