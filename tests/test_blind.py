@@ -63,6 +63,20 @@ def test_position_only():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("seed, hard", [(125003, False), (127400, True), (128000, False)])
+def test_stiction_that_grows_with_rest_is_named(seed, hard):
+    """In records that start at rest, beyond Fs; without values of friction; that creep at vs/2."""
+    case = sample("dwell_stiction", seed, hard=hard)
+    result, names = verdict(case)
+    assert (result.verdict, names) == ("found", ["dwell_stiction"])
+
+
+@pytest.mark.slow
+def test_a_function_of_little_torque_is_nothing():
+    assert verdict(sample("none", 128009))[0].verdict == "adequate"
+
+
+@pytest.mark.slow
 def test_a_stranger_is_not_given_a_name_it_does_not_have():
     case = make("torque_bumps", machine="servo", excitation="rich", seed=4005, **SHORT)
     result, _ = verdict(case)

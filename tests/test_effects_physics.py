@@ -187,6 +187,13 @@ def test_stiction_grows_while_the_drive_rests_and_goes_when_it_slides():
     assert np.max(np.abs(rest[t > 0.65])) < 1e-3
 
 
+@pytest.mark.parametrize("part, rests", [(0.0, True), (0.98, True), (1.06, False)])
+def test_a_drive_rests_below_half_the_stribeck_speed(part, rests):
+    rest, vs, own = 0.4, 0.02, {"ratio": 0.5, "time_constant": 0.3, "release": 1e-3}
+    _, rate = EFFECTS["dwell_stiction"](-0.5 * vs * part, rest, vs=vs, **own)
+    assert rate == pytest.approx((1.0 - rest) / 0.3 if rests else -rest / 1e-3)
+
+
 @pytest.mark.parametrize("dwell", [0.05, 3.0])
 def test_break_away_torque_after_a_rest(dwell):
     """A slow ramp breaks away at Fs (1 + a (1 - exp(-t_rest/tau)))."""
