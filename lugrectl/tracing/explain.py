@@ -182,9 +182,11 @@ class _Trace:
             self._exchange(say)
 
     def _exchange(self, say: Say) -> None:
-        """The oldest for any other where its colour is left, else for one that came near it."""
-        whole = share(self.base, self.current) > WHOLE
-        rivals = None if whole and coloured(self.current) else self.steps[0].rivals
+        """The oldest for any other where its colour is left, or where the later ones make it
+        unsure; else for one that came near it."""
+        whole, oldest = share(self.base, self.current) > WHOLE, self.steps[0]
+        torn = whole and coloured(self.current) or oldest.firmness(self.current) <= FIRMER
+        rivals = None if torn else oldest.rivals
         if rivals is None or rivals:
             self.steps, current = _exchanged(self.steps, self.current, self.test, rivals, say)
             self.base, self.current = _eased(self.steps, self.base, current)

@@ -20,6 +20,7 @@ from .screening import Trial, lightened, screen
 SHAKES = (0.7, 0.7, 0.3)  # largest spread of a random search about what a short fit found
 SHAKEN = 40  # sets of it
 ANEW = 3  # best fits that start once more with the plant as it was believed to be
+FAR, STEPS = (0.2, 5.0), 10  # factors on an effect's values, and steps of a fit from there
 UNLIKELY = 0.01  # promise over what another effect has gained, below which one is not tried
 SOUGHT = 0.4  # of the leader's gain times its share of what is missing: all sets are tried above
 FINE = 2.5  # samples to one of the search, from which their blows are looked at, too
@@ -178,10 +179,26 @@ def _finished(pair: Pair, base: Fitted, light: Fitted, least: float) -> Pair:
 
 
 def _anew(pair: Pair, least: float) -> Pair:
-    """A fit, or a better one that starts with the plant from where it was believed to be."""
+    """A fit, or a better one: with the plant from where it was believed to be, or from afar."""
     trial, fitted = pair
     if trial.boxed or fitted.total <= least:
         return pair
     plant = {k: v for k, v in trial.fitted.anchor.items() if "." not in k}
-    other = refine(replace(trial, values=fitted.values | plant))
-    return trial, max(fitted, other, key=lambda f: f.total)
+    starts = [fitted.values | plant, *_afar(trial, fitted)]
+    others = [refine(replace(trial, values=values)) for values in starts]
+    return trial, max([fitted, *others], key=lambda f: f.total)
+
+
+def _afar(trial: Trial, fitted: Fitted) -> list[dict[str, float]]:
+    """Values of a better optimum far away, if there is one: a hidden state makes several.
+
+    Stiffer and less damped bristles, say. On fewer samples.
+    """
+    if not trial.rough:
+        return []
+    light = lightened(fitted)
+    own = [c.key for c in fitted.free if c.key.startswith(f"{trial.key}.") and c.kind == "log"]
+    sets = [light.values | {k: light.values[k] * r} for k in own for r in FAR]
+    fits = [again(replace(light, values=v), most=STEPS, rough=True) for v in sets]
+    best = max([light, *fits], key=lambda f: f.total)
+    return [best.values] if best.total > light.total + SLIGHT else []
