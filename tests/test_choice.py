@@ -102,3 +102,12 @@ def test_of_two_that_explain_as_much_the_firm_one_leads():
     assert result.verdict == "ambiguous"
     assert [e.name for e in result.effects] == ["constant_torque"]
     assert [a.name for a in result.effects[0].alternatives] == ["coulomb_asymmetry"]
+
+
+@pytest.mark.slow
+def test_what_the_second_effect_makes_unsure_is_exchanged():
+    """An inertia that grows by a factor of 13 was the best until a spring was there."""
+    case = sample(["return_spring", "friction_step"], 128309)
+    result = diagnose(record_of(case), model_of(case))
+    assert result.verdict == "found"
+    assert {e.name for e in result.effects} == {"return_spring", "friction_step"}

@@ -1,0 +1,34 @@
+"""The search for the best values of an effect."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lugrectl.tracing.fit import again
+from lugrectl.tracing.job import begin
+from lugrectl.tracing.predictor import Predictor
+from lugrectl.tracing.screening import Trial
+from lugrectl.tracing.search import _anew
+from tests.blind.plan import Task
+from tests.blind.work import case_of
+
+from .test_tracing import model_of, quiet, record_of
+
+SOFT = {"presliding.sigma0": 6550.0, "presliding.sigma1": 93.6}
+
+
+@pytest.mark.slow
+def test_a_better_optimum_is_found_far_from_a_poor_one():
+    """Soft, much damped bristles where there are stiffer ones with a sixth of the damping."""
+    case = case_of(Task("effect", ("presliding",), "weak", 128200))
+    base = begin(record_of(case), model_of(case), None, 1.0, quiet).base
+    model = base.predictor.model.with_effect("presliding")
+    values = base.values | {"J": 0.1079, "Fc": 2.167, "Fs": 2.55, "Fv": 0.8936, "vs": 0.0262} | SOFT
+    poor = again(replace(base, predictor=Predictor(model, base.predictor.data), values=values))
+    assert poor.values["presliding.sigma1"] > 80.0
+    trial = Trial("presliding", poor, "presliding", poor.values, np.inf)
+    _, best = _anew((trial, poor), base.total)
+    assert best.total > poor.total + 500.0
+    for name, true in case.truth["parameters"].items():
+        assert abs(best.values[f"presliding.{name}"] / true - 1.0) < 0.03
