@@ -6,7 +6,7 @@ The seeds here score the tool; thresholds were set on others (0 to 9).
 import pytest
 
 from lugrectl import diagnose
-from tests.rig import make, sample
+from tests.rig import exported, make, sample
 
 from .test_tracing import model_of, record_of
 
@@ -69,6 +69,14 @@ def test_stiction_that_grows_with_rest_is_named(seed, hard):
     case = sample("dwell_stiction", seed, hard=hard)
     result, names = verdict(case)
     assert (result.verdict, names) == ("found", ["dwell_stiction"])
+
+
+@pytest.mark.slow
+def test_friction_counts_by_its_size_where_it_does_not_change():
+    """In one direction, as this spindle turns at first, friction is all but constant."""
+    case = exported(sample("coulomb_asymmetry", 128400), "a difference alone")
+    result, names = verdict(case)
+    assert (result.verdict, names) == ("found", ["coulomb_asymmetry"])
 
 
 @pytest.mark.slow

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lugrectl import diagnose
-from lugrectl.tracing.structure import uneven
+from lugrectl.tracing.structure import ROW, repeated, uneven
 from tests.rig import sample
 
 from .test_tracing import model_of, record_of
@@ -37,3 +37,10 @@ def test_a_sensor_that_stands_on_one_count_tells_no_noise():
 def test_rests_of_a_position_alone_are_no_missing_effect():
     case = sample("none", 125008)  # a spindle that stops and goes
     assert diagnose(record_of(case), model_of(case)).verdict == "adequate"
+
+
+def test_innovations_that_stay_alike_tell_less():
+    assert repeated(WHITE) == pytest.approx(1.0, abs=0.1)
+    assert repeated(np.repeat(WHITE, ROW, axis=1)) == pytest.approx(ROW, rel=0.1)
+    assert repeated(np.diff(WHITE, axis=1)) == 1.0
+    assert repeated(WHITE * np.array([1.0, 0.0])) == pytest.approx(1.0, abs=0.1)

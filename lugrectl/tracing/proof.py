@@ -9,6 +9,7 @@ from ..spec import P
 from .fit import Fitted
 from .likelihood import tune
 from .predictor import Values
+from .structure import repeated
 
 GATE = 20.0  # least gain in log-likelihood, also without the best window
 LEAST_SHARE = 0.04  # of the residual torque's power that an effect must remove
@@ -29,7 +30,9 @@ def proven(base: Fitted, before: Fitted, after: Fitted, key: str) -> bool:
     """Whether an effect is certain, and large enough beside what was there and is there."""
     if not np.isfinite(after.total) or _at_its_bound(after, key) or not _passed(after, key):
         return False
-    if gained(before, after) <= GATE or after.total - _mirrored(after, key) <= GATE:
+    if gained(before, after) <= GATE * repeated(after.innovations):
+        return False  # of the samples that tell anything new
+    if after.total - _mirrored(after, key) <= GATE:
         return False
     of_it = share(before, after)
     ill = _measured_ill(before, after, key)

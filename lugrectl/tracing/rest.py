@@ -29,7 +29,7 @@ def left_over(
     it although the windows do not agree on them.
     """
     friction = base.predictor.friction(base.values)[base.where.counted]
-    least = LEAST_SIZE * float(np.std(friction))
+    least = LEAST_SIZE * float(np.sqrt(np.mean(friction**2)))
     if not _lacks(base, final, least, found):
         if _little(base, final, least):
             return False, ()

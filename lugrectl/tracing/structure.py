@@ -11,6 +11,7 @@ CELL = 0.01  # s over which the residual torque is averaged
 FOLDS = 4
 BINS = 80
 ORDER = 12  # past innovations that are asked to predict the next
+ROW = 8  # samples in a row that may tell as little as one
 UNEVEN = 10.0  # times that the loudest quarter of the windows exceeds the quietest
 
 
@@ -104,6 +105,18 @@ def colour(innovations: np.ndarray) -> np.ndarray:
     Fitted on every other window and counted on the rest.
     """
     return np.array([_predictable(e) for e in np.moveaxis(innovations, 2, 0)])
+
+
+def repeated(innovations: np.ndarray) -> float:
+    """How many innovations in a row tell no more than one that is white, at least 1.
+
+    By the power of their means over some samples, in the channel where that is the most. A coarse
+    encoder says the same for a while.
+    """
+    e = innovations[:, : innovations.shape[1] // ROW * ROW]
+    means = e.reshape(len(e), -1, ROW, e.shape[2]).mean(2)
+    power = np.maximum(np.mean(e**2, axis=(0, 1)), 1e-300)
+    return max(1.0, float(np.max(ROW * np.mean(means**2, axis=(0, 1)) / power)))
 
 
 def _predictable(e: np.ndarray) -> float:
