@@ -80,6 +80,13 @@ def test_friction_counts_by_its_size_where_it_does_not_change():
 
 
 @pytest.mark.slow
+def test_the_steps_of_an_encoder_are_nothing():
+    case = exported(sample("none", 128402, hard=True), "w differentiated")
+    assert case.truth["hard"] == "coarse encoder"
+    assert verdict(case)[0].verdict == "adequate"
+
+
+@pytest.mark.slow
 def test_a_function_of_little_torque_is_nothing():
     assert verdict(sample("none", 128009))[0].verdict == "adequate"
 

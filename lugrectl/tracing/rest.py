@@ -33,8 +33,8 @@ def left_over(
     if not _lacks(base, final, least, found):
         if _little(base, final, least):
             return False, ()
-        odd = doubtful or _loud(final) or _standing(base, final, least) or _tinted(base, final)
-        if not (odd or hangs_on(final)):
+        odd = _loud(final) or _standing(base, final, least) or _tinted(base, final)
+        if not (doubtful or odd and _stirred(final).any() or hangs_on(final)):
             return False, ()
     return True, signals_of_the_rest(final, base, doubtful=doubtful)
 
@@ -119,9 +119,17 @@ def _loud(fitted: Fitted) -> bool:
     """Whether windows differ more in noise than the model allows."""
     if fitted.noise.uneven:
         return 2 * len(fitted.quiet) < len(fitted.innovations)
+    return uneven(fitted.innovations, _stirred(fitted))
+
+
+def _stirred(fitted: Fitted) -> np.ndarray:
+    """In which windows the sensors tell noise, (windows,): they change often enough.
+
+    Else it is the steps of an encoder that surprise any model, again and again.
+    """
     changes = np.diff(fitted.predictor.data.y[fitted.where.counted], axis=1)
     changed = np.any(changes != 0, axis=2, where=np.isfinite(changes))
-    return uneven(fitted.innovations, changed.mean(1) > STIRRED)
+    return changed.mean(1) > STIRRED
 
 
 def _tinted(base: Fitted, final: Fitted) -> bool:
