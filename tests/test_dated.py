@@ -10,7 +10,7 @@ from lugrectl import diagnose
 from lugrectl.errors import Refused
 from lugrectl.tracing.dated import ahead, dated
 from lugrectl.tracing.job import another_torque, begin, on_torque
-from tests.rig import make
+from tests.rig import exported, make, sample
 
 from .test_tracing import model_of, quiet, record_of
 
@@ -77,3 +77,12 @@ def test_an_effect_is_no_lateness():
         "elastic_coupling", machine="joint", excitation="rich", seed=4109, rate=500.0, duration=20.0
     )
     assert dated(started(record_of(case), case).base) is None
+
+
+@pytest.mark.slow
+def test_a_torque_moved_too_far_is_moved_back():
+    """Without its bristles the drive seemed a sample late, where half a sample is right."""
+    case = exported(sample("presliding", 129200), "u half a sample late")
+    result = diagnose(record_of(case), model_of(case))
+    assert [e.name for e in result.effects] == ["presliding"]
+    assert any("1 ms late" in message for message in result.messages)

@@ -122,12 +122,15 @@ def noted(job: Job, *messages: str) -> Job:
 def another_torque(found: Fitted, enough: bool, recorded: Data | None) -> Data | None:
     """The data with the torque to be taken instead, now that a model knows more.
 
-    Moved, or freed of noise if that is not ``enough`` to explain all; as it was ``recorded``, if
-    one of these was done already.
+    Moved, or freed of noise if that is not ``enough`` to explain all; as it was ``recorded``, or
+    moved by another time, if one of these was done already.
     """
     if recorded is None:
         return dated(found) or (None if enough else calmed(found))
-    return recorded if refitted(found, recorded).total > found.total + CALM else None
+    back = refitted(found, recorded)
+    moved = dated(back) if found.predictor.data.ahead else None
+    best = back if moved is None else refitted(back, moved)
+    return best.predictor.data if best.total > found.total + CALM else None
 
 
 def on_torque(job: Job, data: Data, report: Progress) -> Job:
