@@ -53,13 +53,14 @@ def test_a_drive_that_more_stiction_holds_starts_held(name, own):
 
 def test_friction_builds_up_to_the_levels_that_effects_make():
     data = turning()
-    stepped, twice = (
-        Predictor(m, data).building_up(m.known())
-        for m in (model_with("friction_step", {"ratio": 1.0, "time": -1.0}), model_with("", {}, 2))
-    )
-    once = model_with("", {})
+
+    def torque(model):
+        return Predictor(model, data).torque(model.known(), built_up=True)
+
+    stepped = torque(model_with("friction_step", {"ratio": 1.0, "time": -1.0}))
+    twice = torque(model_with("", {}, 2))
     np.testing.assert_allclose(stepped, twice, rtol=1e-9, atol=1e-12)
-    assert np.std(twice - Predictor(once, data).building_up(once.known())) > 0.1 * FRICTION["Fc"]
+    assert np.std(twice - torque(model_with("", {}))) > 0.1 * FRICTION["Fc"]
 
 
 def test_parameters_become_inputs():

@@ -8,7 +8,7 @@ import pytest
 from lugrectl.tracing.fit import again
 from lugrectl.tracing.job import begin
 from lugrectl.tracing.predictor import Predictor
-from lugrectl.tracing.screening import Trial
+from lugrectl.tracing.screening import Trial, lightened
 from lugrectl.tracing.search import _anew
 from tests.blind.plan import Task
 from tests.blind.work import case_of
@@ -28,7 +28,7 @@ def test_a_better_optimum_is_found_far_from_a_poor_one():
     poor = again(replace(base, predictor=Predictor(model, base.predictor.data), values=values))
     assert poor.values["presliding.sigma1"] > 80.0
     trial = Trial("presliding", poor, "presliding", poor.values, np.inf)
-    _, best = _anew((trial, poor), base.total)
+    _, best = _anew((trial, poor), lightened(base), base.total)
     assert best.total > poor.total + 500.0
     for name, true in case.truth["parameters"].items():
         assert abs(best.values[f"presliding.{name}"] / true - 1.0) < 0.03

@@ -133,7 +133,7 @@ def test_what_the_sliding_drive_lacks_is_left_over(whole, bumpy):
 
 def test_friction_builds_up_with_the_motion(whole):
     predictor, values = whole.predictor, whole.values
-    building = predictor.building_up(values)
+    building = predictor.torque(values, built_up=True) - predictor.torque(values)
     w = predictor.data.log.w
     away = np.abs(w) > 0.2 * np.max(np.abs(w))
     top = values["Fs"]

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import differential_evolution
 
-from .fit import Fitted, again
-from .likelihood import loglik, tune, whitened
+from .fit import Fitted, again, tuned
+from .likelihood import loglik, whitened
 from .noise import Noise
 from .predictor import spread
 
@@ -25,9 +25,7 @@ WORST = 1e6  # innovation that counts for a set that makes the plant unstable
 
 def forgiving(fitted: Fitted) -> Fitted:
     """The same values under a noise that may differ from window to window."""
-    noise = replace(fitted.noise, uneven=True)
-    noise, each = tune(fitted.predictor, fitted.values, fitted.where, noise)
-    return replace(fitted, noise=noise, loglik=each)
+    return tuned(replace(fitted, noise=replace(fitted.noise, uneven=True)))
 
 
 def sharpened(fitted: Fitted) -> Fitted:

@@ -109,12 +109,14 @@ def _even(before: Fitted, sound: Sequence[Pair]) -> list[Pair]:
     top = max(sound, key=lambda pair: pair[1].total)[1]
     even = [(t, f) for t, f in sound if f is top or as_well(before, top, f)]
     real = [(t, f) for t, f in even if not _imitates(t, f)] or even
+    if len(real) == 1:
+        return real
 
-    def last(pair: Pair) -> tuple[bool, int, float]:
+    def order(pair: Pair) -> tuple[bool, int, float]:
         trial, fitted = pair
         return sureness(before, fitted, trial) <= FIRM, len(fitted.free), -fitted.total
 
-    first, *rest = sorted(real, key=last)
+    first, *rest = sorted(real, key=order)
     return [first, *((t, f) for t, f in rest if not _comes_to(f, first[1]))]
 
 

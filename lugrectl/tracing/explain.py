@@ -38,7 +38,7 @@ from .surprise import foretold
 from .witness import contradicted
 
 PIECED = 0.98  # share below which as many effects as are tried are a patchwork, not physics
-FIRMER = 1.0  # the same, from which one is chosen before others
+FIRMER = 1.0  # half-widths as in FIRM, from which an effect is chosen before others
 LOST = 0.2  # share of the residual's power taken by effects that are not firm
 MOST_EFFECTS = 3
 RETRIED = 3  # candidates whose plant values the model without them is fitted from again

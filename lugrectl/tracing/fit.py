@@ -184,6 +184,12 @@ def again(found: Fitted, *, most: int = 30, rough: bool = False) -> Fitted:
     )  # fmt: skip
 
 
+def tuned(found: Fitted) -> Fitted:
+    """The same values under the noise that makes them likeliest."""
+    noise, each = tune(found.predictor, found.values, found.where, found.noise)
+    return replace(found, noise=noise, loglik=each)
+
+
 def refitted(found: Fitted, data: Data) -> Fitted:
     """A few steps from where a fit stands, on other data of the same samples."""
     free = [c.key for c in found.free] + list(found.instants)

@@ -12,6 +12,7 @@ from .dependence import Dependence, clearest, judged
 from .fit import Fitted
 from .likelihood import whitened
 from .predictor import Windows, spread, windows
+from .proof import friction_size
 from .score import weighing, whitened_by_parts
 from .screening import lightened
 from .shapes import Shape, pulses, shapes
@@ -68,8 +69,7 @@ class _Regression:
         self.r, self.A = self._flat(r[None])[0], self._flat(A)
         size = np.linalg.norm(self.A.reshape(len(A), -1), axis=1)
         self.A /= np.maximum(size, 1e-300)[:, None, None]
-        friction = f.predictor.friction(f.values)[where.counted]
-        self.friction = float(np.sqrt(np.mean(friction**2)))
+        self.friction = friction_size(f)
         # not r, whose run is finer: what it is compared with is run like this
         self.white = whitened(f.predictor, [f.values], where, f.noise)[0]
 

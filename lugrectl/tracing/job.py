@@ -135,7 +135,7 @@ def another_torque(found: Fitted, enough: bool, recorded: Data | None) -> Data |
 
 def on_torque(job: Job, data: Data, report: Progress) -> Job:
     """The same job with a torque that was moved or freed of noise, or again as it was recorded."""
-    changed = data.ahead > job.data.ahead or data.smoothed > job.data.smoothed
+    changed = data is not job.recorded
     report(0.1, f"refitting with the torque {'mended' if changed else 'as recorded'}")
     base, values = job.base, job.base.anchor
     predictor = base.predictor.on(data)
@@ -144,7 +144,7 @@ def on_torque(job: Job, data: Data, report: Progress) -> Job:
         fit(predictor, start, free, base.where, base.noise, anchor=values)
         for start in (base.values, values)
     ]
-    recorded = job.data if changed else None
+    recorded = (job.recorded or job.data) if changed else None
     return replace(job, data=data, recorded=recorded, base=max(fits, key=lambda f: f.total))
 
 

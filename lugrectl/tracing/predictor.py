@@ -23,7 +23,7 @@ from ..spec import P
 from .data import Data, picked
 from .noise import Noise, Sensing, observer_gain
 from .runs import differences
-from .series import UNDOING, Fed, Memory, Values, depends_on_plant, feed, run_alone
+from .series import UNDOING, Fed, Memory, Values, depends_on_plant, feed, run_alone, run_as
 
 TORQUE = 2  # column of what is fed in: applied torque, load, torque, levels
 LEVELS = ("J", "Fc", "Fs", "Fv")
@@ -139,11 +139,12 @@ class Predictor:
         keys = {p.key for p in self.model.effects}
         return feed(self.model, keys, values, self.data, self.levels)
 
-    def torque(self, values: Values) -> np.ndarray:
+    def torque(self, values: Values, *, built_up: bool = False) -> np.ndarray:
         """What drives the plant along the log with all its effects, as one torque (N,).
 
         An effect on a level counts by the torque that it takes off, one on a sensor by the
-        torque that would feign it.
+        torque that would feign it. ``built_up``: with friction as it builds up with the motion,
+        not the steady one.
         """
         log, fed = self.data.log, self.everything(values)
         plant = _leveled(values, fed)
@@ -151,7 +152,8 @@ class Predictor:
         feigned = 0.0
         if fed.error is not None:
             feigned = values["J"] * np.gradient(fed.error[:, 1], log.dt)
-        return fed.u - fed.load - fed.torque - inertia - self.friction(plant) + feigned
+        friction = self._rubbing(plant) if built_up else self.friction(plant)
+        return fed.u - fed.load - fed.torque - inertia - friction + feigned
 
     def friction(self, values: Mapping[str, Any]) -> np.ndarray:
         """The friction law's steady torque along the log, without effects (N,)."""
@@ -160,20 +162,15 @@ class Predictor:
         w, eps = self.data.log.w, values.get("eps", EPS.value)
         return stribeck(w, Fc=level, Fs=stiction, Fv=viscous, vs=vs, eps=eps)[0]
 
-    def building_up(self, values: Values) -> np.ndarray:
-        """How much more friction is along the log than in steady state (N,), N m.
-
-        Both at the levels that the effects make.
-        """
+    def _rubbing(self, plant: Mapping[str, Any]) -> np.ndarray:
+        """The friction law's torque along the log as it builds up, at such levels (N,)."""
         law, log = self.model.friction.block, self.data.log
         if not law.states:
-            return np.zeros(len(log.t))
-        plant = _leveled(values, self.everything(values))
+            return self.friction(plant)
         levels = tuple(k for k in law.own if k in self.levels)
         signals = log.signals | {k: plant[k] for k in levels}
-        own = {k: values[k] for k in law.own if k not in levels}
-        rubbing = run_alone(law.with_inputs(levels), log, signals, [own])[0, :, 0]
-        return rubbing - self.friction(plant)
+        own = {k: plant[k] for k in law.own if k not in levels}
+        return run_alone(law.with_inputs(levels), log, signals, [own])[0, :, 0]
 
     def weights(self, values: Values) -> dict[str, np.ndarray]:
         """Torque along the log (N,) for one unit of what an effect on a level puts out."""
@@ -255,22 +252,21 @@ class Predictor:
                 known[key] = len(different)
                 different.append(v)
             index.append(known[key])
-        memory = self._ran(different)
+        memory = self._ran(outside, different)
         fed = [self.fed(v, memory) for v in different]
         series = [np.column_stack([f.u, f.load, f.torque, *f.levels.values()]) for f in fed]
         return np.array(series), [f.error for f in fed], np.array(index)
 
-    def _ran(self, values: Sequence[Values]) -> Memory:
+    def _ran(self, parts: Sequence[Part], values: Sequence[Values]) -> Memory:
         """Effects with states along the log, all sets at once."""
         memory: Memory = {}
         log = self.data.log
-        for part in self.outside:
+        for part in parts:
             if not part.block.states or part.block.exact is not None:
                 continue
-            placed = Placed(f"{part.key}.", part.block)
-            sets = [placed.arguments(v) for v in values]
+            sets = [Placed(f"{part.key}.", part.block).arguments(v) for v in values]
             made = run_alone(part.block, log, log.signals, sets)
-            memory |= {(part.key, *s.values()): m for s, m in zip(sets, made, strict=True)}
+            memory |= {run_as(part, v): m for v, m in zip(values, made, strict=True)}
         return memory
 
     def filter(self, noise: Noise, values: Values) -> tuple[np.ndarray, np.ndarray]:
@@ -319,11 +315,11 @@ class Predictor:
         for x, v in zip(x0, values, strict=True):
             theta, w = self._motion(v, start)
             x[:, 0], x[:, 1] = theta - 0.5 * dt * w, w - 0.5 * dt * log.a[start]
-        ran = {p.key: self._ran_to(p, values, start) for p in self.core.effects if p.block.states}
-        for part in self.core.effects:
-            placed = Placed(f"{part.key}.", part.block)
-            for i, name in enumerate(placed.states, len(part.block.fresh)):
-                x0[..., names.index(name)] = ran[part.key][..., i]
+        ran = {k: made[start] for k, made in self._ran(self.core.effects, values).items()}
+        for part in (p for p in self.core.effects if p.block.states):
+            places = [names.index(name) for name in Placed(f"{part.key}.", part.block).states]
+            for x, v in zip(x0, values, strict=True):
+                x[:, places] = ran[run_as(part, v)][:, len(part.block.fresh) :]
         if "z" in names:
             F = self._bristle_torques(values, start, ran)
             sigma0 = np.array([[max(v["sigma0"], 1e-12)] for v in values])
@@ -346,14 +342,8 @@ class Predictor:
                 theta, w = seen[0] - (out["theta_m"] - theta), seen[1] - (out["w_m"] - w)
         return theta, w
 
-    def _ran_to(self, part: Part, values: Sequence[Values], start: np.ndarray) -> np.ndarray:
-        """Outputs and states of one effect at the starts, (sets, starts, both)."""
-        log, placed = self.data.log, Placed(f"{part.key}.", part.block)
-        arguments = [placed.arguments(v) for v in values]
-        return run_alone(part.block, log, log.signals, arguments)[:, start]
-
     def _bristle_torques(
-        self, values: Sequence[Values], start: np.ndarray, ran: Mapping[str, np.ndarray]
+        self, values: Sequence[Values], start: np.ndarray, ran: Memory
     ) -> np.ndarray:
         """Friction at the starts (sets, starts), by the torque balance without the torque of
         effects that have states, and no more than it may be there."""
@@ -361,11 +351,8 @@ class Predictor:
         instant = [p for p in self.model.effects if not p.block.states and p.block.exact is None]
         model = replace(self.model, effects=(*instant, *raising))
         keys, data = {p.key for p in model.effects}, picked(self.data, start)
-        made, memory = [], {}
-        for i, v in enumerate(values):
-            for p in raising:
-                numbers = Placed(f"{p.key}.", p.block).arguments(v)
-                memory[p.key, *numbers.values()] = ran[p.key][i]
+        made, memory = [], dict(ran)
+        for v in values:
             fed = feed(model, keys, v, data, self.levels, memory)
             F = fed.u - fed.load - fed.torque - v["J"] * data.log.a
             plant = _leveled(v, fed)

@@ -136,8 +136,14 @@ def told_once(fitted: Fitted, key: str) -> bool:
 def size(fitted: Fitted, key: str) -> float:
     """RMS torque that an effect makes along the training windows, over that of friction."""
     at = fitted.where.counted.ravel()
-    change, friction = _change(fitted, key)[at], fitted.predictor.friction(fitted.values)[at]
-    return float(np.std(change) + abs(np.mean(change))) / float(np.sqrt(np.mean(friction**2)))
+    change = _change(fitted, key)[at]
+    return float(np.std(change) + abs(np.mean(change))) / friction_size(fitted)
+
+
+def friction_size(fitted: Fitted) -> float:
+    """RMS friction torque along the training windows, N m."""
+    friction = fitted.predictor.friction(fitted.values)[fitted.where.counted]
+    return float(np.sqrt(np.mean(friction**2)))
 
 
 def share(before: Fitted, after: Fitted) -> float:
@@ -147,9 +153,8 @@ def share(before: Fitted, after: Fitted) -> float:
 
 def _removed(before: Fitted, after: Fitted) -> float:
     """The torque per sample that is no longer unforeseen, over the RMS of friction."""
-    friction = before.predictor.friction(before.values)[before.where.counted]
     gone = before.torque_noise * np.sqrt(share(before, after))
-    return float(gone / max(np.sqrt(np.mean(friction**2)), 1e-300))
+    return float(gone / max(friction_size(before), 1e-300))
 
 
 def firmness(fitted: Fitted, key: str) -> float:

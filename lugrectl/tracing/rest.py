@@ -7,7 +7,7 @@ import numpy as np
 from .evaluate import missing_torque
 from .fit import Fitted
 from .hanging import hangs_on
-from .proof import LEAST_SIZE, MOST_OF_REST, WHOLE, share
+from .proof import LEAST_SIZE, MOST_OF_REST, WHOLE, friction_size, share
 from .repeated import filtered
 from .slide import Sliding, hidden_in_noise, lacking, while_sliding
 from .structure import colour, predictable, uneven
@@ -28,15 +28,20 @@ def left_over(
     ``found``: whether any effect was; ``doubtful``: whether those are a patchwork, or took much of
     it although the windows do not agree on them.
     """
-    friction = base.predictor.friction(base.values)[base.where.counted]
-    least = LEAST_SIZE * float(np.sqrt(np.mean(friction**2)))
+    least = LEAST_SIZE * friction_size(base)
     if not _lacks(base, final, least, found):
         if _little(base, final, least):
             return False, ()
-        odd = _loud(final) or _standing(base, final, least) or _tinted(base, final)
-        if not (doubtful or odd and _stirred(final).any() or hangs_on(final)):
+        if not (doubtful or _odd(base, final, least) or hangs_on(final)):
             return False, ()
     return True, signals_of_the_rest(final, base, doubtful=doubtful)
+
+
+def _odd(base: Fitted, final: Fitted, least: float) -> bool:
+    """Whether innovations or missing torque look like more than noise, where sensors tell that."""
+    if not _stirred(final).any():
+        return False
+    return _loud(final) or _standing(base, final, least) or _tinted(base, final)
 
 
 def _little(base: Fitted, final: Fitted, least: float) -> bool:
@@ -106,13 +111,13 @@ def signals_of_the_rest(final: Fitted, base: Fitted, *, doubtful: bool = False) 
 def _standing(base: Fitted, final: Fitted, least: float) -> bool:
     """Whether functions of the signals still predict a share of what was missing at first, worth
     a name by itself."""
+    if share(base, final) >= WHOLE:
+        return False
     before = missing_torque(base.predictor, base.values, base.where, base.noise)
     after = missing_torque(final.predictor, final.values, final.where, base.noise)
     part, t = predictable(after, base.predictor.data.log, base.where.counted)
-    power = float(np.mean(after**2))
-    if t < STANDING or part * power < least**2:
-        return False
-    return part * power > LEFT_SHARE * float(np.mean(before**2)) and share(base, final) < WHOLE
+    told = part * float(np.mean(after**2))
+    return t > STANDING and told > max(least**2, LEFT_SHARE * float(np.mean(before**2)))
 
 
 def _loud(fitted: Fitted) -> bool:

@@ -14,8 +14,7 @@ from .beside import beside
 from .coordinates import typical
 from .data import Log, thinned
 from .evaluate import missing_torque
-from .fit import Fitted
-from .likelihood import tune
+from .fit import Fitted, tuned
 from .predictor import Predictor, coarser, spread
 from .score import Score, orthonormal, whitened_by_parts
 from .series import resisting
@@ -67,8 +66,7 @@ def lightened(base: Fitted) -> Fitted:
     if every == 1 and where is base.where:
         return base
     predictor = base.predictor.on(thinned(data, every)) if every > 1 else base.predictor
-    noise, loglik = tune(predictor, base.values, where, base.noise)
-    return replace(base, predictor=predictor, where=where, noise=noise, loglik=loglik)
+    return tuned(replace(base, predictor=predictor, where=where))
 
 
 def screen(base: Fitted, names: Sequence[str]) -> list[Trial]:

@@ -10,8 +10,7 @@ import numpy as np
 
 from .beside import beside
 from .blows import closer, sought
-from .fit import Fitted, again, moved
-from .likelihood import tune
+from .fit import Fitted, again, moved, tuned
 from .predictor import Predictor
 from .proof import share
 from .score import whitened_by_parts
@@ -47,9 +46,7 @@ def at_anchor(base: Fitted) -> Fitted:
     A model that lacks an effect bends its other parameters to make up for it, sometimes too far
     to find the way back: candidates start from here as well.
     """
-    values = base.values | base.anchor
-    noise, loglik = tune(base.predictor, values, base.where, base.noise)
-    return replace(base, values=values, noise=noise, loglik=loglik)
+    return tuned(replace(base, values=base.values | base.anchor))
 
 
 def refine(trial: Trial, *, most: int = 30, rough: bool = False) -> Fitted:
@@ -127,7 +124,7 @@ def contest(base: Fitted, names: Sequence[str], gate: float, tried: int, say: Sa
     _named(say, "fitting", (t for t, _ in worth))
     finish = partial(_finished, base=base, light=light, least=_worth_seeking(light, worth))
     finished = _best_first(beside(finish, worth))
-    tops = beside(partial(_anew, least=base.total + gate), finished[:ANEW])
+    tops = beside(partial(_anew, light=light, least=base.total + gate), finished[:ANEW])
     return Contest(promising, _best_first([*tops, *finished[ANEW:]]))
 
 
@@ -178,27 +175,29 @@ def _finished(pair: Pair, base: Fitted, light: Fitted, least: float) -> Pair:
     return whole, fitted
 
 
-def _anew(pair: Pair, least: float) -> Pair:
+def _anew(pair: Pair, light: Fitted, least: float) -> Pair:
     """A fit, or a better one: with the plant from where it was believed to be, or from afar."""
     trial, fitted = pair
     if trial.boxed or fitted.total <= least:
         return pair
     plant = {k: v for k, v in trial.fitted.anchor.items() if "." not in k}
-    starts = [fitted.values | plant, *_afar(trial, fitted)]
+    starts = [fitted.values | plant, *_afar(pair, light)]
     others = [refine(replace(trial, values=values)) for values in starts]
     return trial, max([fitted, *others], key=lambda f: f.total)
 
 
-def _afar(trial: Trial, fitted: Fitted) -> list[dict[str, float]]:
+def _afar(pair: Pair, light: Fitted) -> list[dict[str, float]]:
     """Values of a better optimum far away, if there is one: a hidden state makes several.
 
-    Stiffer and less damped bristles, say. On fewer samples.
+    Stiffer and less damped bristles, say. On the samples of the ``light`` base model.
     """
+    trial, fitted = pair
     if not trial.rough:
         return []
-    light = lightened(fitted)
+    few = fitted.predictor.on(light.predictor.data)
+    there = tuned(replace(fitted, predictor=few, where=light.where))
     own = [c.key for c in fitted.free if c.key.startswith(f"{trial.key}.") and c.kind == "log"]
-    sets = [light.values | {k: light.values[k] * r} for k in own for r in FAR]
-    fits = [again(replace(light, values=v), most=STEPS, rough=True) for v in sets]
-    best = max([light, *fits], key=lambda f: f.total)
-    return [best.values] if best.total > light.total + SLIGHT else []
+    sets = [there.values | {k: there.values[k] * r} for k in own for r in FAR]
+    fits = [again(replace(there, values=v), most=STEPS, rough=True) for v in sets]
+    best = max([there, *fits], key=lambda f: f.total)
+    return [best.values] if best.total > there.total + SLIGHT else []

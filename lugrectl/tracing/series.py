@@ -157,7 +157,7 @@ def _outputs(
         return [block.exact(signals["u"], log.dt, **own)]
     if block.states:
         numbers = Placed(f"{part.key}.", block).arguments(values)
-        made = (memory or {}).get((part.key, *numbers.values()))
+        made = (memory or {}).get(run_as(part, values))
         made = run_alone(block, log, signals, [numbers])[0] if made is None else made
         return list(made.T[: len(block.fresh)])
     known = memory if _is_plain(block, signals, own, log) else None
@@ -179,6 +179,11 @@ def _is_plain(block: Block, signals: Mapping[str, Any], own: Mapping[str, Any], 
 
 def _read(block: Block, signals: Mapping[str, Any]) -> list[Any]:
     return [signals[name] for name in ((("t",) if block.timed else ()) + block.inputs)]
+
+
+def run_as(part: Part, values: Values) -> tuple:
+    """Under which key of the memory an effect with states stands."""
+    return (part.key, *Placed(f"{part.key}.", part.block).arguments(values).values())
 
 
 def resisting(block: Block, log: Log, values: Values, weights: Mapping[str, Any]) -> np.ndarray:

@@ -217,7 +217,7 @@ def while_sliding(fitted: Fitted, *, everywhere: bool = False) -> Sliding:
     at = at.only(_enough(len(at.start)))
     rows = at.start + at.size // 2
     predictor, values = fitted.predictor, fitted.values
-    net = at.mean(running(predictor.torque(values) - predictor.building_up(values)))
+    net = at.mean(running(predictor.torque(values, built_up=True)))
     lack = values["J"] * at.mean(running(data.log.a)) - net
     if len(rows) < FEWEST or not np.all(np.isfinite(lack)):
         rows = rows[:0]

@@ -10,7 +10,7 @@ from ..spec import unit_for
 from .evaluate import missing_torque, restarted
 from .fit import Fitted
 from .predictor import Values, Windows
-from .proof import LEAST_SIZE
+from .proof import LEAST_SIZE, friction_size
 
 FORETOLD = 0.3  # of the held-out windows' missing power that may be left
 WORSE = 2.0  # times the error without them, above which effects are dropped
@@ -46,8 +46,7 @@ def _supplied(
 ) -> tuple[np.ndarray, float]:
     """RMS torque that such an observer supplies in each window, and the most that it does in any
     that was fitted, or the least size worth a name."""
-    friction = fitted.predictor.friction(fitted.values)[fitted.where.counted]
-    least = LEAST_SIZE * float(np.sqrt(np.mean(friction**2)))
+    least = LEAST_SIZE * friction_size(fitted)
     noise = replace(fitted.noise, jump=least / fitted.values["J"])
     new, known = (
         np.sqrt(np.mean(missing_torque(fitted.predictor, v, w, noise) ** 2, axis=1))
