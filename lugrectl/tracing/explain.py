@@ -76,7 +76,20 @@ def explain(
     ``another`` tells, once the first effect is known, whether another torque is to be taken; its
     second argument is whether that effect explains all.
     """
-    trace, ask = _Trace(base, test), True
+    trace = _Trace(base, test)
+    found = _traced(trace, report, another)
+    if found.unexplained and not found.steps and trace.passed:
+        other = _traced(trace.otherwise(), report)
+        found = found if other.unexplained else other
+    return found
+
+
+def _traced(
+    trace: _Trace,
+    report: Progress,
+    another: Callable[[Fitted, bool], Data | None] = lambda fitted, enough: None,
+) -> Explanation:
+    ask = True
     for turn in range(MOST_EFFECTS):
         at = 0.15 + 0.7 * turn / MOST_EFFECTS
         say = partial(report, at)
@@ -94,7 +107,7 @@ def explain(
         if enough:
             break
     base, pieces, ranking = trace.base, trace.current, tuple(trace.ranking)
-    steps, current = _firm(trace.steps, pieces, test)
+    steps, current = _firm(trace.steps, pieces, trace.test)
     current = current if steps else base  # the way there and back may have ended elsewhere
     steps = _still_tied(steps, current, partial(report, 0.84))
     lost = share(current, pieces) > LOST
@@ -132,6 +145,16 @@ class _Trace:
         self.steps: list[Step] = []
         self.ranking: list[Candidate] = []
         self.waiting: list[Pair] = []
+        self.passed: list[Pair] = []
+
+    def otherwise(self) -> _Trace:
+        """The same from the start, led by the firm ones of those ``passed`` over at first.
+
+        What led instead may not be firm in the end, and have stood in the way of the others.
+        """
+        other = _Trace(self.base, self.test)
+        other.ranking, other.waiting = self.ranking, self.passed
+        return other
 
     def rather(self, other: Data, say: Say) -> bool:
         """Whether another effect explains more than a torque that is moved does.
@@ -172,8 +195,12 @@ class _Trace:
 
     def add(self, sound: Sequence[Pair], say: Say) -> None:
         """The best of them, the others fitted again and dropped or exchanged if need be."""
-        firm = [(t, f) for t, f in sound if sureness(self.current, f, t) > FIRMER] or sound
+        sure = [(pair, sureness(self.current, pair[1], pair[0])) for pair in sound]
+        firm = [pair for pair, half_widths in sure if half_widths > FIRMER] or sound
         step, current = chosen(self.current, firm, self.test)
+        if not self.steps:
+            passed = [pair for pair, half_widths in sure if half_widths > FIRM]
+            self.passed = [pair for pair in passed if pair[0] is not step.trial]
         current = in_order(current)
         self.steps = [*self.steps, step]
         self.base, current = _eased(self.steps, self.base, current)
