@@ -123,7 +123,7 @@ def torque_constant_ripple(
     u,
     theta,
     ratio=P(0.0, "1", 0.0, 0.95, neutral=0.0),
-    harmonic=P(2.0, "1/rev", 1.0, 1e6, grid=hints.orders, whole=True),
+    harmonic=P(2.0, "1/rev", 1e-3, 1e9, grid=hints.orders, whole=True),
     phase=PHASE,
 ):
     """u' = u (1 + a sin(N theta + phi)).

@@ -47,7 +47,7 @@ def pose_dependent_inertia(
     theta,
     w,
     ratio=P(0.0, "1", 0.0, 0.9, neutral=0.0),
-    harmonic=P(1.0, "1/rev", 1e-3, 1e6, grid=hints.low_orders, whole=True),
+    harmonic=P(1.0, "1/rev", 1e-3, 1e9, grid=hints.low_orders, whole=True),
     phase=PHASE,
     J: Any = SHARED_J,
 ):

@@ -22,7 +22,7 @@ RATIO = P(0.0, "1", -0.95, 20.0, neutral=0.0)
 def position_dependent_friction(
     theta,
     ratio=P(0.0, "1", 0.0, 0.95, neutral=0.0),
-    harmonic=P(1.0, "1/rev", 1.0, 1e6, grid=hints.orders, whole=True),
+    harmonic=P(1.0, "1/rev", 1e-3, 1e9, grid=hints.orders, whole=True),
     phase=PHASE,
 ):
     """G = 1 + a sin(N theta + phi).

@@ -59,7 +59,7 @@ def gravity(theta, amplitude=AMPLITUDE, phase=PHASE):
 def torque_ripple(
     theta,
     amplitude: Any = AMPLITUDE,
-    harmonic=P(2.0, "1/rev", 2.0, 1e6, grid=hints.harmonics, whole=True),
+    harmonic=P(2.0, "1/rev", 1e-3, 1e9, grid=hints.harmonics, whole=True),
     phase=PHASE,
 ):
     """r_e = A sin(N theta + phi).
