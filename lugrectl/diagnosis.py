@@ -52,6 +52,7 @@ MANY = (
 )
 MISLED = "With {} the held-out samples were foretold much worse than without: dropped."
 NEW = "The held-out samples show a torque that the fitted ones do not: at {}."
+EARLY = 0.05  # s, lead-in where something happens in the first moments that is not seen later
 
 
 def diagnose(
@@ -159,6 +160,17 @@ class _Answer:
 
 
 def _answered(start: Callable[..., Job], report: Progress) -> _Answer:
+    """The explanation; by samples from nearly the start on if that is out of the ordinary."""
+    usual = _by_either(start, report)
+    whole = not (usual.found.unexplained or len(usual.unforeseen))
+    if not whole or not openings(usual.found.final):
+        return usual
+    early = _answer(start(lead=EARLY), report)
+    more = early.found.unexplained or len(early.found.steps) > len(usual.found.steps)
+    return early if more else usual
+
+
+def _by_either(start: Callable[..., Job], report: Progress) -> _Answer:
     """The explanation; with fitted and held-out blocks exchanged if the latter know more."""
     first = _answer(start(), report)
     wanting = len(first.unforeseen) or first.undated

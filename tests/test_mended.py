@@ -8,9 +8,12 @@ from .test_blind import verdict
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed, hard", [(125003, False), (127400, True), (128000, False)])
+@pytest.mark.parametrize(
+    "seed, hard", [(125003, False), (127400, True), (128000, False), (132000, False)]
+)
 def test_stiction_that_grows_with_rest_is_named(seed, hard):
-    """In records that start at rest, beyond Fs; without values of friction; that creep at vs/2."""
+    """In records that start at rest, beyond Fs; without values of friction; that creep at vs/2;
+    where a window in which the drive breaks loose seemed to tell nearly all of its strength."""
     case = sample("dwell_stiction", seed, hard=hard)
     result, names = verdict(case)
     assert (result.verdict, names) == ("found", ["dwell_stiction"])
@@ -34,3 +37,14 @@ def test_the_steps_of_an_encoder_are_nothing():
 @pytest.mark.slow
 def test_a_function_of_little_torque_is_nothing():
     assert verdict(sample("none", 128009))[0].verdict == "adequate"
+
+
+@pytest.mark.slow
+def test_what_is_touched_in_the_first_moments_only_is_named():
+    """A stop that the drive leaves within a quarter of a second and does not meet again."""
+    case = sample("hard_stop", 132000)
+    result, names = verdict(case)
+    assert (result.verdict, names) == ("found", ["hard_stop"])
+    assert result.effects[0].parameters["position"].value == pytest.approx(
+        case.truth["parameters"]["position"], abs=1e-3
+    )

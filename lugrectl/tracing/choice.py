@@ -67,16 +67,19 @@ def sureness(before: Fitted, after: Fitted, trial: Trial) -> float:
     """How firm an effect is when it is found.
 
     With a hidden state that a few windows miss, their derivatives there say nothing of its
-    strength: it counts how much the windows agree that they are better with it, none by more
-    than the median.
+    strength: it counts how much the windows agree that they are better with it.
     """
     firm = firmness(after, trial.key)
-    if not trial.boxed:
-        return firm
-    gain = forgiving(after).loglik - forgiving(before).loglik
+    return max(firm, agreed(forgiving(before), forgiving(after))) if trial.boxed else firm
+
+
+def agreed(before: Fitted, after: Fitted) -> float:
+    """How many half-widths of its 95 % interval the windows' gain is from none, where no window
+    counts by more than the median."""
+    gain = after.loglik - before.loglik
     gain = np.minimum(gain, np.median(np.abs(gain)))
     half = 2.0 * float(np.std(gain, ddof=1)) * np.sqrt(len(gain))
-    return max(firm, float(gain.sum()) / half) if half > 0.0 else firm
+    return float(gain.sum()) / half if half > 0.0 else 0.0
 
 
 def in_order(fitted: Fitted) -> Fitted:

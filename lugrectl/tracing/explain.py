@@ -13,7 +13,7 @@ from ..results import Candidate
 from ..spec import P, members
 from .beside import beside
 from .blows import forgiving, sharpened
-from .choice import FIRM, Step, as_well, candidate, chosen, in_order, sureness
+from .choice import FIRM, Step, agreed, as_well, candidate, chosen, in_order, sureness
 from .data import Data
 from .fit import Fitted, again, fit, refitted
 from .job import Progress
@@ -305,7 +305,9 @@ def _firm(
 ) -> tuple[list[Step], Fitted]:
     """Without those effects on whose strength the windows do not agree, the least sure first.
 
-    What a single window tells, a stop met once, may be ``confirmed`` by held-out ones.
+    What a single window tells, a stop met once, may be ``confirmed`` by held-out ones; so may
+    what all windows gain by, if their derivatives, where a drive breaks loose, say little of its
+    strength.
     """
     unsure = [s for s in steps if all(s is not c for c in confirmed) and s.firmness(fitted) <= FIRM]
     if not unsure:
@@ -313,7 +315,8 @@ def _firm(
     least = min(unsure, key=lambda step: step.firmness(fitted))
     key = least.trial.key
     without = _without(fitted, key)
-    if told_once(fitted, key) and foretold(fitted, without, test):
+    told = told_once(fitted, key) or least.trial.rough and agreed(without, fitted) > FIRM
+    if told and foretold(fitted, without, test):
         return _firm(steps, fitted, test, (*confirmed, least))
     return _firm([s for s in steps if s is not least], without, test)
 

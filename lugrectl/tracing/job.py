@@ -26,7 +26,7 @@ from .noise import Noise
 from .predictor import Predictor, spread, windows
 from .repeated import on_theta_alone
 from .runs import MOST_RUNS, alike, told
-from .split import ENOUGH_OF_MANY, MOST, Split, split
+from .split import ENOUGH_OF_MANY, GAP, MOST, Split, split
 from .start import completed, holding, settled
 
 SLOWLY = "first guess; slow, as there is neither a C compiler nor numba (lugrectl[fast])"
@@ -74,10 +74,12 @@ def begin(
     report: Progress,
     *,
     turned: bool = False,
+    lead: float = GAP,
 ) -> Job:
     """Split the records and refit the declared model on the part that may be seen.
 
-    ``turned`` exchanges that part and the held-out one, where they are blocks of one record.
+    ``turned`` exchanges that part and the held-out one, where they are blocks of one record;
+    ``lead`` s are for finding the state before anything is fitted.
     """
     records = (record,) if isinstance(record, Record) else tuple(record)
     apart = (holdout,) if isinstance(holdout, Record) else ()
@@ -86,7 +88,9 @@ def begin(
     every = [*records, *map(consistent, apart)]
     data = prepare(every)
     held_out = sum(r.samples for r in records) if apart else None
-    parts = split(data, horizon, last=holdout == "last", held_out=held_out, turned=turned)
+    parts = split(
+        data, horizon, last=holdout == "last", held_out=held_out, turned=turned, lead=lead
+    )
     doubts = refuse_unfit(every, model, data)
     filtering = any(part.block.name == LAG for part in model.effects)
     alone = None if filtering else on_theta_alone(every, data)

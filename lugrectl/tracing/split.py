@@ -36,17 +36,18 @@ def split(
     last: bool = False,
     held_out: int | None = None,
     turned: bool = False,
+    lead: float = GAP,
 ) -> Split:
     """Every other block, the last half, or all runs from sample ``held_out`` on.
 
-    ``turned`` exchanges the blocks that fit and those that judge.
+    ``turned`` exchanges the blocks that fit and those that judge; ``lead`` is the lead-in, s.
 
     Raises
     ------
     Refused
         When there is not enough for both parts.
     """
-    gap = max(2, round(GAP / data.dt))
+    gap = max(2, round(lead / data.dt))
     span = max(1, round(horizon / data.dt))
     if held_out is not None:
         train = [(a, b) for a, b in data.runs if b <= held_out]
