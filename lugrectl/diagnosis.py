@@ -22,6 +22,7 @@ from .tracing.explain import (
     without_effects,
 )
 from .tracing.fit import Fitted
+from .tracing.held_out import adapted
 from .tracing.job import (
     UNTOLD,
     Job,
@@ -32,11 +33,12 @@ from .tracing.job import (
     estimates,
     noted,
     on_everything,
+    on_places,
     on_torque,
     score,
     with_its_own,
 )
-from .tracing.predictor import windows
+from .tracing.predictor import Windows, windows
 from .tracing.rest import signals_of_the_rest
 from .tracing.surprise import misled, openings, surprising, undated, when
 from .tracing.tabulate import tabulate
@@ -183,12 +185,12 @@ def _by_either(start: Callable[..., Job], report: Progress) -> _Answer:
 
 def _answer(job: Job, report: Progress) -> _Answer:
     """The explanation by the fitted samples, and what the others say to it."""
-    torque = partial(another_torque, recorded=job.recorded)
-    found = explain(job.base, report, job.parts.test, torque)
-    if found.other is not None:
-        job = on_torque(job, found.other, report)
-        found = explain(job.base, report, job.parts.test)
     test = job.parts.test
+    as_recorded, moved = job, on_places(job, report)
+    job, found = _explained(moved or job, report)
+    if moved is not None and not _stands(found, test):
+        other = _explained(as_recorded, report)
+        job, found = other if _stands(other[1], test) else (job, found)
     if found.steps and misled(found.base, found.final, test):
         names = " and ".join(step.trial.name for step in found.steps)
         job, found = noted(job, MISLED.format(names)), without_effects(found)
@@ -204,6 +206,23 @@ def _answer(job: Job, report: Progress) -> _Answer:
         new = surprising(own, test) if said else new
         job = job if len(new) else noted(job, *said)
     return _Answer(job, found, new, undated(final, test), known)
+
+
+def _explained(job: Job, report: Progress) -> tuple[Job, Explanation]:
+    """The explanation, with another torque where the first effect shows that it is wanted."""
+    found = explain(
+        job.base, report, job.parts.test, partial(another_torque, recorded=job.recorded)
+    )
+    if found.other is not None:
+        job = on_torque(job, found.other, report)
+        found = explain(job.base, report, job.parts.test)
+    final, base = (adapted(f, job.parts.test, job.declared) for f in (found.final, found.base))
+    return job, replace(found, final=final, base=base)
+
+
+def _stands(found: Explanation, test: Windows) -> bool:
+    """Whether nothing is left, and the held-out windows do not speak against it."""
+    return not (found.unexplained or found.steps and misled(found.base, found.final, test))
 
 
 def _table(final: Fitted, job: Job, depends: Sequence[str], seed: int) -> Table | None:

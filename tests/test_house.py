@@ -43,7 +43,7 @@ TRACING = [
     {"screening"},
     {"search"},
     {"hanging"},
-    {"rest"},
+    {"rest", "agreeing", "held_out"},
     {"start"},
     {"job"},
     {"choice"},

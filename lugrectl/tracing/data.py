@@ -54,7 +54,9 @@ class Data:
     records from 0; those in ``differing`` may differ a little from the first. ``others`` are
     channels beside torque and motion, where all records have them. ``w`` is a recorded speed
     that nothing is fitted to, errors are only counted on it; it comes ``late`` by that much, s.
-    ``ahead`` is by how much the torque was moved to come earlier, s.
+    ``ahead`` is by how much the torque was moved to come earlier, s. ``zeros`` are by how much
+    theta of runs was moved, so that effects which repeat themselves ``order`` times per 2 pi of
+    it agree; empty where they do as recorded.
     """
 
     t: np.ndarray
@@ -73,6 +75,8 @@ class Data:
     w: np.ndarray | None = field(default=None, repr=False)
     late: float = 0.0
     ahead: float = 0.0
+    zeros: Mapping[int, float] = field(default_factory=dict)
+    order: float = 1.0
 
     def with_torque(self, u: np.ndarray) -> Data:
         """The same motion under a smoothed torque."""
@@ -81,6 +85,15 @@ class Data:
     def moved(self, u: np.ndarray, ahead: float) -> Data:
         """The same motion under a torque that was logged ``ahead`` s late."""
         return replace(self._under(u), ahead=ahead)
+
+    def aligned(self, zeros: Mapping[int, float], order: float) -> Data:
+        """The same with theta of these runs moved by so much."""
+        shift = np.zeros(len(self.t))
+        for run, zero in zeros.items():
+            shift[self.run == run] = zero
+        y = self.y + shift[:, None] * [1.0, 0.0]
+        log = replace(self.log, theta=self.log.theta + shift)
+        return replace(self, y=y, log=log, zeros=dict(zeros), order=order)
 
     def _under(self, u: np.ndarray) -> Data:
         return replace(self, u=u, log=replace(self.log, u=u))

@@ -13,6 +13,7 @@ from ..model import Model
 from ..record import Record, consistent
 from ..results import Estimate
 from ..spec import unit_for
+from .agreeing import agreeing, settled_on
 from .calm import CALM, calmed
 from .coordinates import free_keys
 from .data import Data, prepare
@@ -112,10 +113,21 @@ def begin(
     return job
 
 
+def on_places(job: Job, report: Progress) -> Job | None:
+    """The same job with theta of its runs moved so that they agree; None if that tells nothing."""
+    report(0.1, "comparing the runs")
+    data = agreeing(job.base, job.parts.test)
+    if data is None:
+        return None
+    recorded = job.recorded and job.recorded.aligned(data.zeros, data.order)
+    return replace(job, data=data, base=settled_on(job.base, data), recorded=recorded)
+
+
 def compared(job: Job, whole: Fitted) -> Job:
-    """The same job with what its runs differ in."""
-    unit = unit_for("N m", job.data.motion)
-    return replace(job, doubts=(*job.doubts, *told(job.data, whole.values, unit)))
+    """The same job with what its runs differ in, unless that was said of a run already."""
+    sentences = told(whole.predictor.data, whole.values, whole.predictor.repeating)
+    said = {doubt.split(":")[0] for doubt in job.doubts}
+    return noted(job, *(s for s in sentences if s.split(":")[0] not in said))
 
 
 def noted(job: Job, *messages: str) -> Job:
@@ -168,17 +180,17 @@ def on_everything(fitted: Fitted, job: Job) -> Fitted:
 def with_its_own(fitted: Fitted, job: Job) -> tuple[Fitted, tuple[str, ...]]:
     """The same where held-out runs have an offset and a friction of their own, fitted to them;
     and what these are, a sentence for each run."""
-    test, data = job.parts.test, job.data
+    test, data = job.parts.test, fitted.predictor.data
     held_out = {int(run) for run in np.unique(data.run[test.counted])}
-    runs = tuple(sorted(held_out - {0, *data.differing}))
+    runs = tuple(sorted(held_out - {0, *job.data.differing}))
     if not runs or len(runs) >= MOST_RUNS:
         return fitted, ()
     apart = replace(data, differing=runs)
-    data = replace(data, differing=(*data.differing, *runs))
+    data = replace(data, differing=(*job.data.differing, *runs))
     predictor, values = fitted.predictor.on(data), alike(data) | fitted.values
     free = list(alike(apart))
     own = fit(predictor, values, free, test, fitted.noise, most=10, rough=True)
-    said = told(apart, own.values, unit_for("N m", data.motion))
+    said = told(apart, own.values, own.predictor.repeating)
     return replace(fitted, predictor=predictor, values=own.values), said
 
 
@@ -224,7 +236,7 @@ def _models(job: Job, final: Fitted) -> _Models:
     base, given = job.base, job.declared.values()
     declared = None
     if None not in given.values():
-        known = job.declared.known() | alike(job.data)
+        known = job.declared.known() | alike(base.predictor.data)
         noise, _ = tune(base.predictor, known, base.where, base.noise)
         declared = base.predictor, known, noise
     return {

@@ -22,7 +22,7 @@ from ..model import Model, Part
 from ..spec import P
 from .data import Data, picked
 from .noise import Noise, Sensing, observer_gain
-from .runs import differences
+from .runs import PHASE, differences, displaced, repeats
 from .series import UNDOING, Fed, Memory, Values, depends_on_plant, feed, run_alone, run_as
 
 TORQUE = 2  # column of what is fed in: applied torque, load, torque, levels
@@ -110,7 +110,15 @@ class Predictor:
 
     def declarations(self) -> dict[str, P]:
         """Of the model's parameters, and of what the runs have for themselves."""
-        return self.model.declarations() | differences(self.data)
+        own = differences(self.data)
+        if not self.repeating:
+            own = {k: p for k, p in own.items() if p is not PHASE}
+        return self.model.declarations() | own
+
+    @property
+    def repeating(self) -> bool:
+        """Whether an effect repeats itself with theta."""
+        return any(repeats(p.block) for p in self.model.effects)
 
     @property
     def floor(self) -> np.ndarray:
@@ -328,8 +336,9 @@ class Predictor:
 
     def _motion(self, values: Values, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """theta and w behind the sensors that are inside the plant, in the middle of a cell."""
-        log = self.data.log
+        log, shift = self.data.log, displaced(self.data, values)
         theta, w = log.theta[start], log.w[start]
+        theta = theta if shift is None else theta + shift[start]
         _, sensing = self._sensing(values)
         if sensing is not None and np.any(sensing.C):
             slow, fast = sensing.A[0][0], sensing.B[0][1]

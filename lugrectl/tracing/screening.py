@@ -80,14 +80,21 @@ def screen(base: Fitted, names: Sequence[str]) -> list[Trial]:
     return sorted((t for t in trials if t), key=lambda trial: -trial.promise)
 
 
-def _screen_one(base: Fitted, name: str, score: Score) -> Trial | None:
+def placed_at(base: Fitted, name: str, order: float) -> Trial | None:
+    """The first estimate of an effect that repeats itself so often per 2 pi of theta."""
+    return _screen_one(base, name, Score(base), [order])
+
+
+def _screen_one(
+    base: Fitted, name: str, score: Score, places: Sequence[float] | None = None
+) -> Trial | None:
     made = members("effect")[name]
     model = base.predictor.model.with_effect(name, _open(made))
     predictor, key = base.predictor.like(model), model.effects[-1].key
     if made.tries:
         found = tried(base, made, predictor, key, score)
     else:
-        found = _linear(base, made, predictor, key, score)
+        found = _linear(base, made, predictor, key, score, places)
     if not found:
         return None
     (promise, values), *others = found
@@ -100,13 +107,19 @@ def _open(made: Block) -> dict[str, float]:
 
 
 def _linear(
-    base: Fitted, made: Block, predictor: Predictor, key: str, score: Score
+    base: Fitted,
+    made: Block,
+    predictor: Predictor,
+    key: str,
+    score: Score,
+    places: Sequence[float] | None = None,
 ) -> list[tuple[float, dict[str, float]]]:
-    """A step from the neutral value, over a grid of what the effect is not linear in.
+    """A step from the neutral value, over a grid of what the effect is not linear in, or at given
+    ``places`` of it.
 
     A second one where another point of the grid promises nearly as much.
     """
-    spans, points = _spans(made), _grid(base, made)
+    spans, points = _spans(made), _grid(base, made, places)
     step = STEPS * typical(made.parameters[made.gain], predictor.data.log)
 
     def score_of(tried: Sequence[dict[str, float]]) -> list[tuple[float, np.ndarray, dict]]:
@@ -121,12 +134,12 @@ def _linear(
 
     found = sorted(score_of(points), key=lambda one: -one[0])
     best, second = found[0], found[1:2]
-    if _continuous(base, made):
+    if places is None and _continuous(base, made):
         name, grid = _gridded(made)
-        places, p = grid(base.predictor.data.log), made.parameters[name]
+        closer, p = grid(base.predictor.data.log), made.parameters[name]
         for _ in range(ZOOMS):
-            places = np.clip(_closer(places, best[2][name]), p.low, p.high)
-            more = score_of([{name: float(v)} for v in places])
+            closer = np.clip(_closer(closer, best[2][name]), p.low, p.high)
+            more = score_of([{name: float(v)} for v in closer])
             best = max([best, *more], key=lambda one: one[0])
     near = [one for one in second if one[0] > NEARLY * best[0]]
     made_of = [(gain, _combine(base, made, point, spans, c)) for gain, c, point in [best, *near]]
@@ -165,11 +178,12 @@ def _gridded(made: Block) -> tuple[str, Callable]:
     return next((k, p.grid) for k, p in made.parameters.items() if p.grid is not None)
 
 
-def _grid(base: Fitted, made: Block) -> list[dict[str, float]]:
+def _grid(base: Fitted, made: Block, places: Sequence[float] | None) -> list[dict[str, float]]:
     if not any(p.grid for p in made.parameters.values()):
         return [{}]
     name, grid = _gridded(made)
-    points = [{name: float(v)} for v in grid(base.predictor.data.log)]
+    tried = grid(base.predictor.data.log) if places is None else places
+    points = [{name: float(v)} for v in tried]
     return points if len(points) <= FEW else _prescreened(base, made, points)
 
 
