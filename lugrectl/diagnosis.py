@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -186,11 +186,14 @@ def _by_either(start: Callable[..., Job], report: Progress) -> _Answer:
 def _answer(job: Job, report: Progress) -> _Answer:
     """The explanation by the fitted samples, and what the others say to it."""
     test = job.parts.test
-    as_recorded, moved = job, on_places(job, report)
+    moved = on_places(job, report)
+    others = _less_mended(job, moved, report)
     job, found = _explained(moved or job, report)
-    if moved is not None and not _stands(found, test):
-        other = _explained(as_recorded, report)
-        job, found = other if _stands(other[1], test) else (job, found)
+    for other in others:
+        if _stands(found, test):
+            break
+        tried = _explained(other, report)
+        job, found = tried if _stands(tried[1], test) else (job, found)
     if found.steps and misled(found.base, found.final, test):
         names = " and ".join(step.trial.name for step in found.steps)
         job, found = noted(job, MISLED.format(names)), without_effects(found)
@@ -218,6 +221,15 @@ def _explained(job: Job, report: Progress) -> tuple[Job, Explanation]:
         found = explain(job.base, report, job.parts.test)
     final, base = (adapted(f, job.parts.test, job.declared) for f in (found.final, found.base))
     return job, replace(found, final=final, base=base)
+
+
+def _less_mended(job: Job, moved: Job | None, report: Progress) -> Iterator[Job]:
+    """The same job with theta and torque as recorded: what a missing effect does was perhaps
+    taken for something to mend."""
+    if moved is not None:
+        yield job
+    if job.data.smoothed and job.recorded is not None:
+        yield on_torque(job, job.recorded, report)
 
 
 def _stands(found: Explanation, test: Windows) -> bool:

@@ -48,3 +48,17 @@ def test_what_is_touched_in_the_first_moments_only_is_named():
     assert result.effects[0].parameters["position"].value == pytest.approx(
         case.truth["parameters"]["position"], abs=1e-3
     )
+
+
+@pytest.mark.slow
+def test_what_the_drive_answers_to_is_no_noise():
+    """The loop answers to an eccentric encoder; that was taken out of the torque as its noise."""
+    result, names = verdict(sample("encoder_eccentricity", 132001))
+    assert (result.verdict, names) == ("found", ["encoder_eccentricity"])
+
+
+@pytest.mark.slow
+def test_one_that_is_nearly_all_is_not_the_last():
+    """Friction declared as Coulomb's, in truth with bristles besides."""
+    result, names = verdict(sample("stribeck", 132001))
+    assert (result.verdict, names) == ("found", ["stribeck", "presliding"])

@@ -89,7 +89,8 @@ def _traced(
     report: Progress,
     another: Callable[[Fitted, bool], Data | None] = lambda fitted, enough: None,
 ) -> Explanation:
-    ask = True
+    """The rounds, and what they come to; one that is nearly all goes on while something is left."""
+    ask, nearly = True, None
     for turn in range(MOST_EFFECTS):
         at = 0.15 + 0.7 * turn / MOST_EFFECTS
         say = partial(report, at)
@@ -104,8 +105,16 @@ def _traced(
         ask = other is not None and not enough and trace.rather(other, say)
         if other is not None and not ask:
             return Explanation(base, tuple(trace.steps), current, (), False, (), other)
-        if enough:
-            break
+        if enough and nearly is None:
+            nearly = _ended(trace, report)
+            if not nearly.unexplained:
+                return nearly
+    ended = nearly if nearly and len(trace.steps) == len(nearly.steps) else _ended(trace, report)
+    return nearly if nearly and ended.unexplained else ended
+
+
+def _ended(trace: _Trace, report: Progress) -> Explanation:
+    """What is firm of the effects found, and what is left."""
     base, pieces, ranking = trace.base, trace.current, tuple(trace.ranking)
     steps, current = _firm(trace.steps, pieces, trace.test)
     current = current if steps else base  # the way there and back may have ended elsewhere
