@@ -109,6 +109,15 @@ def test_a_held_out_run_is_placed_by_its_lead_ins(rippling):
     assert "theta" not in told(found.predictor.data, found.values, False)[1]
 
 
+def test_of_runs_that_agree_a_held_out_one_may_not(rippling):
+    case, _, job = rippling
+    model, values = with_ripple(case, job, job.data)
+    fitted = replace(job.base, predictor=Predictor(model, job.data), values=values)
+    found = adapted(fitted, job.parts.test, model_of(case))
+    assert found.values["run2.phase"] == 0.0 and found.values["run3.phase"] != 0.0
+    assert len(told(found.predictor.data, found.values, True)) == 2
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("runs", [2, 4])
 def test_a_ripple_of_another_phase_in_each_run_is_named(runs):

@@ -12,7 +12,7 @@ from .data import Data
 from .fit import Fitted, again, tuned
 from .predictor import Windows
 from .proof import GATE
-from .runs import alike, knows_places, repeats
+from .runs import MOST_RUNS, alike, knows_places, repeats
 from .screening import Trial, lightened, placed_at, screen
 from .search import refine
 
@@ -41,9 +41,11 @@ def agreeing(base: Fitted, test: Windows) -> Data | None:
     """
     data = base.predictor.data
     runs = np.unique(data.run).tolist()
-    if len(runs) < 2 or knows_places(base.predictor.model):
+    if not 1 < len(runs) <= MOST_RUNS or knows_places(base.predictor.model):
         return None
     fitted = set(data.run[base.where.start].tolist())
+    if not set(runs) <= fitted | set(data.run[test.start].tolist()):
+        return None  # one is too short to tell
     alone = [_only(base, base.where if run in fitted else test, run) for run in runs]
     seen = [part for part, run in zip(alone, runs, strict=True) if run in fitted]
     ways = [_way(alone, runs, *found) for found in _clearest(seen)]

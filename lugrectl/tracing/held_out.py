@@ -32,12 +32,12 @@ def adapted(fitted: Fitted, test: Windows, declared: Model) -> Fitted:
     warmed = bool(data.differing)
     if free and not data.zeros:
         order = 1.0 if model.motion == "rotary" else max(_orders(fitted))
-        data = data.aligned(dict.fromkeys(runs, 0.0), order)
+        data = data.aligned(dict.fromkeys((*data.differing, *runs), 0.0), order)
     data = replace(data, differing=(*data.differing, *runs))
     found = replace(fitted, predictor=fitted.predictor.on(data), where=lead)
     found = replace(found, values=alike(data) | fitted.values)
     kinds = found.predictor.declarations()
-    own = [k for k in alike(data) if k not in fitted.values and k in kinds]
+    own = [k for k in alike(replace(data, differing=tuple(runs))) if k in kinds]
     own = [k for k in own if warmed or kinds[k].angle]
     for key in own:
         if kinds[key].angle:

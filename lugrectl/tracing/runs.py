@@ -63,7 +63,7 @@ def told(data: Data, values: Mapping[str, float], places: bool) -> tuple[str, ..
         place = []
         if places and data.zeros:
             moved = data.zeros[run] + values[f"run{run + 1}.phase"] / data.order
-            place = [f"theta moved by {moved:.4g} {of_theta} to agree"]
+            place = [f"theta moved by {moved:.4g} {of_theta} to agree"] if moved else []
         differs = f"torque offset {offset:.3g} {unit}, friction {100.0 * friction:+.1f} %"
         same = place and offset == friction == 0.0
         return f"run {run + 1} against run 1: {', '.join(([] if same else [differs]) + place)}."
