@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -22,7 +22,7 @@ from .tracing.explain import (
     without_effects,
 )
 from .tracing.fit import Fitted
-from .tracing.held_out import adapted
+from .tracing.held_out import adapted, with_its_own
 from .tracing.job import (
     UNTOLD,
     Job,
@@ -36,9 +36,8 @@ from .tracing.job import (
     on_places,
     on_torque,
     score,
-    with_its_own,
 )
-from .tracing.predictor import Windows, windows
+from .tracing.predictor import windows
 from .tracing.rest import signals_of_the_rest
 from .tracing.surprise import misled, openings, surprising, undated, when
 from .tracing.tabulate import tabulate
@@ -119,7 +118,7 @@ def diagnose(
     scored = score(job, found.final)
     report(0.92, "parameters and intervals")
     whole = found.final if len(new) else known or on_everything(found.final, job)
-    job = compared(job, whole)
+    job = compared(job, answer.own or whole)
     untold = [UNTOLD.format("record tells", " and ".join(keys)) for keys in whole.flat()]
     many = (MANY,) if whole.noise.uneven else ()
     job = noted(job, *untold, *many, *statements(whole), *openings(found.final))
@@ -151,7 +150,8 @@ class _Answer:
     """An explanation, and what held-out samples say to one that is taken to be whole.
 
     ``unforeseen`` are the windows that no values of it explain; ``undated`` says that only they
-    tell when something changed. ``known`` has values from all samples, where they were asked for.
+    tell when something changed. ``known`` has values from all samples, where they were asked
+    for, ``own`` what held-out runs have for themselves, where they were wanted.
     """
 
     job: Job
@@ -159,6 +159,7 @@ class _Answer:
     unforeseen: np.ndarray
     undated: bool
     known: Fitted | None = None
+    own: Fitted | None = None
 
 
 def _answered(start: Callable[..., Job], report: Progress) -> _Answer:
@@ -185,56 +186,57 @@ def _by_either(start: Callable[..., Job], report: Progress) -> _Answer:
 
 def _answer(job: Job, report: Progress) -> _Answer:
     """The explanation by the fitted samples, and what the others say to it."""
-    test = job.parts.test
-    moved = on_places(job, report)
-    others = _less_mended(job, moved, report)
-    job, found = _explained(moved or job, report)
-    for other in others:
-        if _stands(found, test):
-            break
-        tried = _explained(other, report)
-        job, found = tried if _stands(tried[1], test) else (job, found)
-    if found.steps and misled(found.base, found.final, test):
+    job, found, wrong = _first_whole(_ways(job, report), report)
+    if wrong:
         names = " and ".join(step.trial.name for step in found.steps)
         job, found = noted(job, MISLED.format(names)), without_effects(found)
-    job, final = replace(job, base=found.base), found.final
+    job, final, test = replace(job, base=found.base), found.final, job.parts.test
     if found.unexplained:
         return _Answer(job, found, np.array([], dtype=int), False)
-    new, known = surprising(final, test), None
+    new, known, own = surprising(final, test), None, None
     if len(new):  # perhaps the fitted samples only do not tell the parameters well enough
         known = on_everything(final, job)
         new = surprising(final, test, known.values)
     if len(new):  # or a run that was held out is colder, its torque recorded with an offset
-        own, said = with_its_own(final, job)
-        new = surprising(own, test) if said else new
-        job = job if len(new) else noted(job, *said)
-    return _Answer(job, found, new, undated(final, test), known)
+        own = with_its_own(final, test)
+        new = new if own is None else surprising(own, test)
+    own = None if len(new) else own
+    return _Answer(job, found, new, undated(final, test), known, own)
 
 
-def _explained(job: Job, report: Progress) -> tuple[Job, Explanation]:
-    """The explanation, with another torque where the first effect shows that it is wanted."""
-    found = explain(
-        job.base, report, job.parts.test, partial(another_torque, recorded=job.recorded)
-    )
-    if found.other is not None:
-        job = on_torque(job, found.other, report)
-        found = explain(job.base, report, job.parts.test)
-    final, base = (adapted(f, job.parts.test, job.declared) for f in (found.final, found.base))
-    return job, replace(found, final=final, base=base)
+def _first_whole(ways: Iterable[Job], report: Progress) -> tuple[Job, Explanation, bool]:
+    """The first explanation that leaves nothing and that held-out windows do not speak against,
+    else the first; and whether they do."""
+    tried = []
+    for way in ways:
+        job, found = _explained(way, report)
+        wrong = bool(found.steps) and misled(found.base, found.final, job.parts.test)
+        tried.append((job, found, wrong))
+        if not (found.unexplained or wrong):
+            return tried[-1]
+    return tried[0]
 
 
-def _less_mended(job: Job, moved: Job | None, report: Progress) -> Iterator[Job]:
-    """The same job with theta and torque as recorded: what a missing effect does was perhaps
-    taken for something to mend."""
+def _ways(job: Job, report: Progress) -> Iterator[Job]:
+    """A job with theta of its runs moved, then with theta and torque as recorded: what a missing
+    effect does was perhaps taken for something to mend."""
+    moved = on_places(job, report)
     if moved is not None:
-        yield job
+        yield moved
+    yield job
     if job.data.smoothed and job.recorded is not None:
         yield on_torque(job, job.recorded, report)
 
 
-def _stands(found: Explanation, test: Windows) -> bool:
-    """Whether nothing is left, and the held-out windows do not speak against it."""
-    return not (found.unexplained or found.steps and misled(found.base, found.final, test))
+def _explained(job: Job, report: Progress) -> tuple[Job, Explanation]:
+    """The explanation, with another torque where the first effect shows that it is wanted."""
+    test = job.parts.test
+    found = explain(job.base, report, test, partial(another_torque, recorded=job.recorded))
+    if found.other is not None:
+        job = on_torque(job, found.other, report)
+        found = explain(job.base, report, test)
+    final, base = (adapted(f, test, job.declared) for f in (found.final, found.base))
+    return job, replace(found, final=final, base=base)
 
 
 def _table(final: Fitted, job: Job, depends: Sequence[str], seed: int) -> Table | None:

@@ -7,6 +7,7 @@ from lugrectl.tracing.job import begin
 from lugrectl.tracing.likelihood import whitened
 from lugrectl.tracing.moments import _between, place
 from lugrectl.tracing.predictor import windows
+from lugrectl.tracing.score import Score
 from lugrectl.tracing.screening import screen
 
 from .rig import make
@@ -18,7 +19,7 @@ def stepped():
     """A model with a step of friction that was only just found, and the key of its moment."""
     case = make("friction_step", machine="servo", excitation="rich", seed=3, duration=16.0)
     base = begin(record_of(case), model_of(case), None, 1.0, quiet).base
-    (trial,) = screen(base, ["friction_step"])
+    (trial,) = screen(Score(base), ["friction_step"])
     return trial.fitted, trial.values, f"{trial.key}.time"
 
 

@@ -11,6 +11,7 @@ from lugrectl.tracing.fit import fit
 from lugrectl.tracing.job import begin
 from lugrectl.tracing.predictor import Predictor
 from lugrectl.tracing.proof import firmness, told_once
+from lugrectl.tracing.score import Score
 from lugrectl.tracing.screening import lightened, screen
 from lugrectl.tracing.split import split
 from lugrectl.tracing.surprise import foretold, misled, openings, surprising, undated, when
@@ -104,7 +105,7 @@ def test_the_time_of_a_change_is_sought_beside_what_the_plant_makes_up_for():
     """A refit hides half a step of friction in the level: what is left looks like another time."""
     case = case_of(Task("effect", ("friction_step",), "weak", 114000))
     base = begin(record_of(case), model_of(case), None, 1.0, quiet).base
-    (trial,) = screen(lightened(base), ["friction_step"])
+    (trial,) = screen(Score(lightened(base)), ["friction_step"])
     truth = case.truth["parameters"]
     assert trial.values["friction_step.time"] == pytest.approx(truth["time"], abs=1.0)
     assert trial.values["friction_step.ratio"] == pytest.approx(truth["ratio"], rel=0.3)

@@ -7,6 +7,7 @@ import pytest
 
 from lugrectl import diagnose
 from lugrectl.tracing.job import begin
+from lugrectl.tracing.score import Score
 from lugrectl.tracing.screening import screen
 from tests.rig import make
 
@@ -64,7 +65,7 @@ def test_periods_of_a_micrometre_are_tried(bumpy):
     """On a travel of a hundred of them."""
     case = in_units(bumpy, 1.0, 1e-4 / np.ptp(bumpy.columns["theta"]))
     job = begin(record_of(case), model_of(case), None, 1.0, quiet)
-    (trial,) = screen(job.base, ["torque_ripple"])
+    (trial,) = screen(Score(job.base), ["torque_ripple"])
     assert trial.values["torque_ripple.harmonic"] == pytest.approx(
         case.truth["parameters"]["harmonic"], rel=0.02
     )

@@ -12,8 +12,9 @@ from .data import Data
 from .fit import Fitted, again, tuned
 from .predictor import Windows
 from .proof import GATE
-from .runs import MOST_RUNS, alike, knows_places, repeats
-from .screening import Trial, lightened, placed_at, screen
+from .runs import MOST_RUNS, alike, knows_places, orders, repeats
+from .score import Score
+from .screening import lightened, placed_at, screen
 from .search import refine
 
 TRIED = 6  # effects with places that are fitted
@@ -27,7 +28,6 @@ class _Way:
     name: str
     order: float
     zeros: dict[int, float]
-    periods: float  # per 2 pi of theta, of what a run's phase counts in
 
 
 def agreeing(base: Fitted, test: Windows) -> Data | None:
@@ -39,31 +39,38 @@ def agreeing(base: Fitted, test: Windows) -> Data | None:
     ``test`` are the held-out windows: those of a run that is held out as a whole tell where its
     theta is zero.
     """
-    data = base.predictor.data
-    runs = np.unique(data.run).tolist()
-    if not 1 < len(runs) <= MOST_RUNS or knows_places(base.predictor.model):
+    if not _may_differ(base, test):
         return None
-    fitted = set(data.run[base.where.start].tolist())
-    if not set(runs) <= fitted | set(data.run[test.start].tolist()):
-        return None  # one is too short to tell
-    alone = [_only(base, base.where if run in fitted else test, run) for run in runs]
-    seen = [part for part, run in zip(alone, runs, strict=True) if run in fitted]
-    ways = [_way(alone, runs, *found) for found in _clearest(seen)]
-    tried = [
-        (_gained(base, moved, way), _gained(base, data, way), moved)
-        for way in ways
-        if way is not None and (moved := data.aligned(way.zeros, way.periods))
-    ]
-    if not tried:
+    run = base.predictor.data.run
+    runs, fitted = np.unique(run).tolist(), set(run[base.where.start].tolist())
+    alone = [Score(_only(base, base.where if one in fitted else test, one)) for one in runs]
+    seen = [score for score, one in zip(alone, runs, strict=True) if one in fitted]
+    found = (_way(alone, runs, *named) for named in _clearest(seen))
+    ways = [way for way in found if way is not None]
+    if not ways:
         return None
-    best, _, moved = max(tried, key=lambda one: one[0])
-    return moved if best > max(as_recorded for _, as_recorded, _ in tried) + GATE else None
+    light = lightened(base)
+    as_recorded = Score(light)
+    least = max(_gained(as_recorded, way) for way in ways)
+    gains = [_gained(_moved(light, way), way) for way in ways]
+    best = int(np.argmax(gains))
+    way = ways[best]
+    known = base.predictor.data
+    return known.aligned(way.zeros, way.order) if gains[best] > least + GATE else None
 
 
 def settled_on(base: Fitted, data: Data) -> Fitted:
     """The model without effects on moved data: nothing declared hangs on theta."""
     values, anchor = (alike(data) | known for known in (base.values, base.anchor))
     return replace(base, predictor=base.predictor.on(data), values=values, anchor=anchor)
+
+
+def _may_differ(base: Fitted, test: Windows) -> bool:
+    """Whether there are a few runs, each long enough to tell, and nothing declared of places."""
+    run = base.predictor.data.run
+    runs, told = np.unique(run), np.concatenate([run[base.where.start], run[test.start]])
+    few = 1 < len(runs) <= MOST_RUNS
+    return few and bool(np.all(np.isin(runs, told))) and not knows_places(base.predictor.model)
 
 
 def _only(base: Fitted, where: Windows, run: int) -> Fitted:
@@ -73,35 +80,33 @@ def _only(base: Fitted, where: Windows, run: int) -> Fitted:
     return again(part, most=10, rough=True)
 
 
-def _clearest(alone: Sequence[Fitted]) -> list[tuple[str, float]]:
+def _clearest(alone: Sequence[Score]) -> list[tuple[str, float]]:
     """Names and orders of what promises most in all runs together, each at its best in one."""
     names = [name for name, made in members("effect").items() if repeats(made)]
-    found = {(t.name, _order(t)) for part in alone for t in screen(part, names)}
+    trials = [trial for score in alone for trial in screen(score, names)]
+    found = {(t.name, orders(t.fitted.predictor.model, t.values)[0]) for t in trials}
 
     def promised(one: tuple[str, float]) -> float:
-        return sum(t.promise for t in (placed_at(part, *one) for part in alone) if t)
+        return sum(t.promise for t in (placed_at(score, *one) for score in alone) if t)
 
     return sorted(found, key=promised, reverse=True)[:TRIED]
 
 
-def _way(alone: Sequence[Fitted], runs: Sequence[int], name: str, order: float) -> _Way | None:
+def _way(alone: Sequence[Score], runs: Sequence[int], name: str, order: float) -> _Way | None:
     """How the runs are to be moved for an effect; None where one of them has none of it."""
-    trials = [placed_at(part, name, order) for part in alone]
+    trials = [placed_at(score, name, order) for score in alone]
     phases = np.array([t.values[f"{t.key}.phase"] for t in trials if t])
     if len(phases) < len(trials):
         return None
     turns = np.angle(np.exp(1j * (phases - phases[0]))) / order
-    rotary = alone[0].predictor.data.motion == "rotary"
-    zeros = dict(zip(runs[1:], turns[1:].tolist(), strict=True))
-    return _Way(name, order, zeros, 1.0 if rotary else order)
+    return _Way(name, order, dict(zip(runs[1:], turns[1:].tolist(), strict=True)))
 
 
-def _gained(base: Fitted, data: Data, way: _Way) -> float:
-    """Log-likelihood with an effect, fitted to all runs on such data."""
-    trial = placed_at(lightened(settled_on(base, data)), way.name, way.order)
+def _moved(light: Fitted, way: _Way) -> Score:
+    return Score(settled_on(light, light.predictor.data.aligned(way.zeros, way.order)))
+
+
+def _gained(score: Score, way: _Way) -> float:
+    """Log-likelihood with an effect, fitted to all runs as they are."""
+    trial = placed_at(score, way.name, way.order)
     return refine(trial, most=STEPS, rough=True).total if trial else -np.inf
-
-
-def _order(trial: Trial) -> float:
-    """How often it repeats itself per 2 pi of theta."""
-    return trial.values.get(f"{trial.key}.harmonic", 1.0)

@@ -56,7 +56,7 @@ class Data:
     that nothing is fitted to, errors are only counted on it; it comes ``late`` by that much, s.
     ``ahead`` is by how much the torque was moved to come earlier, s. ``zeros`` are by how much
     theta of runs was moved, so that effects which repeat themselves ``order`` times per 2 pi of
-    it agree; empty where they do as recorded.
+    it agree (rotary: once); empty where they do as recorded.
     """
 
     t: np.ndarray
@@ -87,13 +87,18 @@ class Data:
         return replace(self._under(u), ahead=ahead)
 
     def aligned(self, zeros: Mapping[int, float], order: float) -> Data:
-        """The same with theta of these runs moved by so much."""
+        """The same with theta of these runs moved by so many rad (linear: m), for effects that
+        repeat themselves ``order`` times per 2 pi of it.
+
+        A turn is a place that returns: phases of a rotary drive count in 2 pi of theta itself.
+        """
         shift = np.zeros(len(self.t))
         for run, zero in zeros.items():
             shift[self.run == run] = zero
         y = self.y + shift[:, None] * [1.0, 0.0]
         log = replace(self.log, theta=self.log.theta + shift)
-        return replace(self, y=y, log=log, zeros=dict(zeros), order=order)
+        period = 1.0 if self.motion == "rotary" else order
+        return replace(self, y=y, log=log, zeros=dict(zeros), order=period)
 
     def _under(self, u: np.ndarray) -> Data:
         return replace(self, u=u, log=replace(self.log, u=u))

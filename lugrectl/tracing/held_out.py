@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ..model import Model
+from .data import Data
 from .fit import Fitted, fit
 from .predictor import Windows
-from .runs import alike, knows_places, repeats
+from .runs import MOST_RUNS, alike, knows_places, orders
 from .score import whitened_by_parts
 
 SETTLED = 5  # part of a lead-in after which it counts
 PER_PERIOD, FINEST = 12, 600  # phases tried in each period, and at most
-WORST = 1e6  # innovation that counts for a set that makes the plant unstable
 
 
 def adapted(fitted: Fitted, test: Windows, declared: Model) -> Fitted:
@@ -23,41 +24,70 @@ def adapted(fitted: Fitted, test: Windows, declared: Model) -> Fitted:
     No sample that is judged is used. Offset and friction only where the runs that were fitted
     differ in these, too; where theta is zero if nothing that was declared hangs on it.
     """
-    data, model = fitted.predictor.data, fitted.predictor.model
-    runs = sorted(set(data.run[test.counted].ravel().tolist()) - {0, *data.differing})
+    data, runs = fitted.predictor.data, _held_out(fitted, test)
     free = fitted.predictor.repeating and not knows_places(declared)
     if not runs or not (data.differing or free):
         return fitted
-    lead = Windows(test.start, test.burn // SETTLED, test.burn - test.burn // SETTLED)
-    warmed = bool(data.differing)
-    if free and not data.zeros:
-        order = 1.0 if model.motion == "rotary" else max(_orders(fitted))
-        data = data.aligned(dict.fromkeys((*data.differing, *runs), 0.0), order)
-    data = replace(data, differing=(*data.differing, *runs))
-    found = replace(fitted, predictor=fitted.predictor.on(data), where=lead)
-    found = replace(found, values=alike(data) | fitted.values)
+    found = _apart(fitted, _with_places(fitted, runs) if free else data, runs)
     kinds = found.predictor.declarations()
-    own = [k for k in alike(replace(data, differing=tuple(runs))) if k in kinds]
-    own = [k for k in own if warmed or kinds[k].angle]
+    own = [k for k in _own(found, runs) if k in kinds and (data.differing or kinds[k].angle)]
+    lead = Windows(test.start, test.burn // SETTLED, test.burn - test.burn // SETTLED)
     for key in own:
         if kinds[key].angle:
-            found = replace(found, values=_placed(found, key))
-    predictor, values = found.predictor, found.values
-    near = fit(predictor, values, own, lead, fitted.noise, most=10, rough=True)
-    return replace(fitted, predictor=predictor, values=near.values)
+            found = replace(found, values=_placed(found, key, lead))
+    return _refitted(found, own, lead)
 
 
-def _placed(found: Fitted, key: str) -> dict[str, float]:
-    """The likeliest phase of a run, over all that differ in what they do."""
-    orders, unit = _orders(found), found.predictor.data.order
-    widest = np.pi * unit / (orders[0] if len(set(orders)) == 1 else 1.0)
-    count = min(FINEST, int(PER_PERIOD * max(orders) * widest / (np.pi * unit)) + 1)
+def with_its_own(fitted: Fitted, test: Windows) -> Fitted | None:
+    """The same where held-out runs have an offset and a friction of their own, fitted to all that
+    they hold; None where no run is held out."""
+    runs = _held_out(fitted, test)
+    if not runs:
+        return None
+    apart = _apart(fitted, fitted.predictor.data, runs)
+    return _refitted(apart, _own(apart, runs), test)
+
+
+def _held_out(fitted: Fitted, test: Windows) -> list[int]:
+    """The runs that are held out as a whole; never the first, which others are compared to."""
+    run = fitted.predictor.data.run
+    seen = {0, *run[fitted.where.start].tolist()}
+    runs = sorted(set(run[test.start].tolist()) - seen)
+    return runs if len(runs) < MOST_RUNS else []
+
+
+def _with_places(fitted: Fitted, runs: Sequence[int]) -> Data:
+    """The data, theta of whose runs may be moved: by nothing yet where they agreed so far."""
+    data = fitted.predictor.data
+    if data.zeros:
+        return data
+    none = dict.fromkeys((*data.differing, *runs), 0.0)
+    return data.aligned(none, max(orders(fitted.predictor.model, fitted.values)))
+
+
+def _apart(fitted: Fitted, data: Data, runs: Sequence[int]) -> Fitted:
+    """On data whose ``runs``, too, may differ."""
+    data = replace(data, differing=tuple(sorted({*data.differing, *runs})))
+    values = alike(data) | fitted.values
+    return replace(fitted, predictor=fitted.predictor.on(data), values=values)
+
+
+def _own(fitted: Fitted, runs: Sequence[int]) -> list[str]:
+    """What these runs may have for themselves, by key."""
+    return list(alike(replace(fitted.predictor.data, differing=tuple(runs))))
+
+
+def _refitted(found: Fitted, own: Sequence[str], where: Windows) -> Fitted:
+    """With those values that make other windows likeliest."""
+    near = fit(found.predictor, found.values, own, where, found.noise, most=10, rough=True)
+    return replace(found, values=near.values)
+
+
+def _placed(found: Fitted, key: str, where: Windows) -> dict[str, float]:
+    """The likeliest phase of a run in some windows, over all that differ in what they do."""
+    often, unit = orders(found.predictor.model, found.values), found.predictor.data.order
+    widest = np.pi * unit / (often[0] if len(set(often)) == 1 else 1.0)
+    count = min(FINEST, int(PER_PERIOD * max(often) * widest / (np.pi * unit)) + 1)
     sets = [{**found.values, key: float(p)} for p in np.linspace(-widest, widest, count)]
-    white = np.nan_to_num(whitened_by_parts(found.predictor, sets, found), posinf=WORST)
+    white = whitened_by_parts(found.predictor, sets, replace(found, where=where))
     return sets[int(np.argmin(np.sum(np.abs(white), axis=(1, 2, 3))))]
-
-
-def _orders(fitted: Fitted) -> list[float]:
-    """How often effects repeat themselves per 2 pi of theta."""
-    parts = [p for p in fitted.predictor.model.effects if repeats(p.block)]
-    return [fitted.values.get(f"{p.key}.harmonic", 1.0) for p in parts]

@@ -6,8 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from ..engine.load import compiler
 from ..model import Model
 from ..record import Record, consistent
@@ -115,6 +113,8 @@ def begin(
 
 def on_places(job: Job, report: Progress) -> Job | None:
     """The same job with theta of its runs moved so that they agree; None if that tells nothing."""
+    if int(job.data.run[-1]) == 0:
+        return None
     report(0.1, "comparing the runs")
     data = agreeing(job.base, job.parts.test)
     if data is None:
@@ -123,11 +123,9 @@ def on_places(job: Job, report: Progress) -> Job | None:
     return replace(job, data=data, base=settled_on(job.base, data), recorded=recorded)
 
 
-def compared(job: Job, whole: Fitted) -> Job:
-    """The same job with what its runs differ in, unless that was said of a run already."""
-    sentences = told(whole.predictor.data, whole.values, whole.predictor.repeating)
-    said = {doubt.split(":")[0] for doubt in job.doubts}
-    return noted(job, *(s for s in sentences if s.split(":")[0] not in said))
+def compared(job: Job, fitted: Fitted) -> Job:
+    """The same job with what a fit says that its runs differ in."""
+    return noted(job, *told(fitted.predictor.data, fitted.values, fitted.predictor.repeating))
 
 
 def noted(job: Job, *messages: str) -> Job:
@@ -175,23 +173,6 @@ def on_everything(fitted: Fitted, job: Job) -> Fitted:
     where = windows(job.data.runs, train.burn, train.length)
     where = spread(where, MOST, ENOUGH_OF_MANY)
     return again(replace(fitted, where=where))
-
-
-def with_its_own(fitted: Fitted, job: Job) -> tuple[Fitted, tuple[str, ...]]:
-    """The same where held-out runs have an offset and a friction of their own, fitted to them;
-    and what these are, a sentence for each run."""
-    test, data = job.parts.test, fitted.predictor.data
-    held_out = {int(run) for run in np.unique(data.run[test.counted])}
-    runs = tuple(sorted(held_out - {0, *job.data.differing}))
-    if not runs or len(runs) >= MOST_RUNS:
-        return fitted, ()
-    apart = replace(data, differing=runs)
-    data = replace(data, differing=(*job.data.differing, *runs))
-    predictor, values = fitted.predictor.on(data), alike(data) | fitted.values
-    free = list(alike(apart))
-    own = fit(predictor, values, free, test, fitted.noise, most=10, rough=True)
-    said = told(apart, own.values, own.predictor.repeating)
-    return replace(fitted, predictor=predictor, values=own.values), said
 
 
 def estimates(fitted: Fitted) -> dict[str, Estimate]:

@@ -336,7 +336,7 @@ class Predictor:
 
     def _motion(self, values: Values, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """theta and w behind the sensors that are inside the plant, in the middle of a cell."""
-        log, shift = self.data.log, displaced(self.data, values)
+        log, shift = self.data.log, displaced(self.model, self.data, values)
         theta, w = log.theta[start], log.w[start]
         theta = theta if shift is None else theta + shift[start]
         _, sensing = self._sensing(values)

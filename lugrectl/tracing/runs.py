@@ -47,9 +47,17 @@ def knows_places(model: Model) -> bool:
     return any("theta" in part.block.inputs for part in model.effects)
 
 
-def displaced(data: Data, values: Mapping[str, float]) -> np.ndarray | None:
-    """By how much theta is to be moved beyond ``data.zeros``, (N,); None where runs agree."""
-    if not (data.zeros and data.differing):
+def orders(model: Model, values: Mapping[str, float]) -> list[float]:
+    """How often each of its effects with a phase repeats itself per 2 pi of theta."""
+    keys = [part.key for part in model.effects if repeats(part.block)]
+    return [values.get(f"{key}.harmonic", 1.0) for key in keys]
+
+
+def displaced(model: Model, data: Data, values: Mapping[str, float]) -> np.ndarray | None:
+    """By how much theta is to be moved beyond ``data.zeros``, (N,); None where runs agree or
+    nothing repeats itself."""
+    moving = data.zeros and any(repeats(part.block) for part in model.effects)
+    if not (moving and data.differing):
         return None
     return along(data, values, "phase") / data.order
 

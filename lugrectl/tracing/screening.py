@@ -69,26 +69,23 @@ def lightened(base: Fitted) -> Fitted:
     return tuned(replace(base, predictor=predictor, where=where))
 
 
-def screen(base: Fitted, names: Sequence[str]) -> list[Trial]:
+def screen(score: Score, names: Sequence[str]) -> list[Trial]:
     """First estimates of each effect, best promise first.
 
     The promise is the score test's gain in log-likelihood, with the parameters of the base
     model free to follow.
     """
-    score = Score(base)
-    trials = beside(lambda name: _screen_one(base, name, score), names)
+    trials = beside(lambda name: _screen_one(score, name), names)
     return sorted((t for t in trials if t), key=lambda trial: -trial.promise)
 
 
-def placed_at(base: Fitted, name: str, order: float) -> Trial | None:
+def placed_at(score: Score, name: str, order: float) -> Trial | None:
     """The first estimate of an effect that repeats itself so often per 2 pi of theta."""
-    return _screen_one(base, name, Score(base), [order])
+    return _screen_one(score, name, [order])
 
 
-def _screen_one(
-    base: Fitted, name: str, score: Score, places: Sequence[float] | None = None
-) -> Trial | None:
-    made = members("effect")[name]
+def _screen_one(score: Score, name: str, places: Sequence[float] | None = None) -> Trial | None:
+    base, made = score.base, members("effect")[name]
     model = base.predictor.model.with_effect(name, _open(made))
     predictor, key = base.predictor.like(model), model.effects[-1].key
     if made.tries:

@@ -13,7 +13,7 @@ from .blows import closer, sought
 from .fit import Fitted, again, moved, tuned
 from .predictor import Predictor
 from .proof import share
-from .score import whitened_by_parts
+from .score import Score, whitened_by_parts
 from .screening import Trial, lightened, screen
 
 SHAKES = (0.7, 0.7, 0.3)  # largest spread of a random search about what a short fit found
@@ -113,11 +113,11 @@ def contest(base: Fitted, names: Sequence[str], gate: float, tried: int, say: Sa
     All but the end goes on fewer samples a second.
     """
     light = lightened(base)
-    promising = screen(light, names)
+    promising = screen(Score(light), names)
     chosen = [t for t in promising if t.promise > gate][: 2 * tried]
     believed = at_anchor(light)
     if light.total - believed.total > gate:
-        chosen += [t for t in screen(believed, names) if t.promise > gate][:tried]
+        chosen += [t for t in screen(Score(believed), names) if t.promise > gate][:tried]
     short = _shortly(light, chosen, gate, say)[:tried]
     lead = short[0][1].total - light.total if short else 0.0
     worth = [p for p in short if p[1].total - light.total > max(HOPELESS * lead, SLIGHT)]

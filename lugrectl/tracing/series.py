@@ -16,7 +16,7 @@ from ..engine.lanes import Lanes
 from ..model import Model, Part
 from ..spec import Block, members
 from .data import Data, Log
-from .runs import WARMED, along, displaced, repeats
+from .runs import WARMED, along, displaced
 
 LEAD = 2.0  # s that an effect with states runs before it counts
 STRETCH = 6.0  # s that it then counts
@@ -56,7 +56,7 @@ def feed(
     """
     log, zero = data.log, np.zeros(len(data.u))
     sensors = [p for p in model.effects if p.key in outside and "sensor" in p.block.acts]
-    shift = displaced(data, values) if any(repeats(p.block) for p in model.effects) else None
+    shift = displaced(model, data, values)
     agreeing = log if shift is None else replace(log, theta=log.theta + shift)
     signals, error = _behind_sensors(sensors, values, agreeing, dose or {})
     if shift is not None:

@@ -16,6 +16,7 @@ from .data import Data
 from .fit import Fitted, fit
 from .likelihood import whitened
 from .predictor import Predictor, Windows
+from .score import Score
 from .screening import lightened, screen
 from .series import resisting
 
@@ -162,7 +163,7 @@ def _ordered(values: dict, missing: dict[str, float]) -> dict[str, float]:
 def _with_effect(core: Model, part, data: Data, train: Windows) -> Model:
     predictor = Predictor(core, data)
     base = fit(predictor, core.known(), free_keys(predictor), train, data.noise, most=8)
-    trials = screen(base, [part.block.name])
+    trials = screen(Score(base), [part.block.name])
     if not trials:
         raise Refused(
             f"the record does not show the declared effect {part.block.name}: no value within "
