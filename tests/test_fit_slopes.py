@@ -158,3 +158,20 @@ def test_the_jackknife_is_that_of_least_squares_without_each_window(loud):
     parts, scores = A.transpose(0, 2, 1) @ A, np.einsum("wnp,wn->wp", A, left)
     moved = np.array([optimum(every != i) - whole for i in every])
     assert fitting.jackknife(parts, scores) == pytest.approx(6 / 7 * np.sum(moved**2, axis=0))
+
+
+@pytest.mark.parametrize("size", [1e-12, 1e-3, 1.0])
+@pytest.mark.parametrize("others", [0.0, 1e-20, 1e-9])
+def test_what_one_window_tells_alone_is_unsure_and_leaves_the_rest_as_it_was(size, others):
+    """Two values, of which it tells one combination; the other windows next to nothing."""
+    rng = np.random.default_rng(4)
+    A, r = rng.normal(size=(7, 40, 5)), rng.normal(size=(7, 40))
+    A[..., 4] = A[..., 3] * (1.0 + 1e-9 * A[..., 4])
+    A[..., 3:] *= size * np.where(np.arange(7) == 2, 1.0, others)[:, None, None]
+    parts, scores = A.transpose(0, 2, 1) @ A, np.einsum("wnp,wn->wp", A, r)
+    whole = fitting.jackknife(parts, scores)
+    few = fitting.jackknife(parts[:, :3, :3], scores[:, :3])
+    assert np.all(whole[3:] > 1e50)
+    assert np.all((0.2 * few < whole[:3]) & (whole[:3] < 5.0 * few))
+    believed = np.diag([0.0, 0.0, 0.0, 4.0, 4.0])
+    assert np.all(fitting.jackknife(parts, scores, believed)[3:] < 1e4)

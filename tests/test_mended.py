@@ -51,6 +51,15 @@ def test_what_is_touched_in_the_first_moments_only_is_named():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("effect", ["position_dependent_friction", "inertia_step"])
+def test_a_large_effect_is_named(effect):
+    """Beside a plant of which a single window tells two values, hardly; and where a linear step
+    leads beyond what an inertia may lose."""
+    result, names = verdict(sample(effect, 133000))
+    assert (result.verdict, names) == ("found", [effect])
+
+
+@pytest.mark.slow
 def test_what_the_drive_answers_to_is_no_noise():
     """The loop answers to an eccentric encoder; that was taken out of the torque as its noise."""
     result, names = verdict(sample("encoder_eccentricity", 132001))

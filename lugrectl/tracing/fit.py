@@ -19,6 +19,7 @@ from .slopes import is_compiled, slopes
 
 PRIOR = 1.5  # natural log units: a friction parameter is believed within a factor of 4.5
 FLAT = 1e-8  # of the scaled information, below which a direction is not told
+ANYWHERE = 1e50  # how far what is not told may move
 PART = 0.1  # of a direction, from which a parameter belongs to it
 NOISY = 2.0  # times the power, above which a window missed a hidden state
 NOISE_STEPS = (1.0, 0.6, 0.25, 1.5)  # factors tried at each step of a fit
@@ -68,10 +69,12 @@ class Fitted:
         """Of the coordinates: the larger of the model's own and the windows' scatter.
 
         The second (jackknife over windows) stays honest where the innovations are coloured, and
-        where a few of the windows tell most.
+        where a few of the windows tell most. What hardly any of them tells is as sure as it was
+        believed to be beforehand.
         """
-        own = inverse(self.information)
-        scatter = jackknife(self.parts, self.scores)
+        believed = np.diag(beliefs(self.free))
+        own = inverse(self.information + believed)
+        scatter = jackknife(self.parts, self.scores, believed)
         size = np.maximum(np.diag(own), 1e-12 * scatter + 1e-300)
         ratio = np.sqrt(np.maximum(scatter / size, 1.0))
         return own * np.outer(ratio, ratio)
@@ -118,14 +121,28 @@ def flat(
     ]
 
 
-def jackknife(parts: np.ndarray, scores: np.ndarray) -> np.ndarray:
+def jackknife(
+    parts: np.ndarray, scores: np.ndarray, believed: np.ndarray | float = 0.0
+) -> np.ndarray:
     """Variance of each coordinate by how far the optimum moves without each of the windows.
 
-    ``parts`` (windows, p, p) and ``scores`` (windows, p) are their information and gradients.
+    ``parts`` (windows, p, p) and ``scores`` (windows, p) are their information and gradients,
+    ``believed`` (p, p) is the information that was there before. What only one window tells
+    moves anywhere without it.
     """
-    whole, n = parts.sum(0), len(parts)
-    moved = [inverse(whole - part) @ score for part, score in zip(parts, scores, strict=True)]
+    whole, n = parts.sum(0) + believed, len(parts)
+    moved = np.full(scores.shape, ANYWHERE)
+    for i, (part, score) in enumerate(zip(parts, scores, strict=True)):
+        rest = whole - part
+        told = np.flatnonzero(np.diag(rest) > FLAT * np.diag(whole))
+        moved[i, told] = inverse(rest[told][:, told]) @ score[told]
     return (n - 1) / n * np.sum(np.square(moved), axis=0)
+
+
+def beliefs(coords: Sequence[Coordinate]) -> np.ndarray:
+    """Information on each coordinate that was there before: parameters of the plant are near
+    what was declared."""
+    return np.array([PRIOR**-2 if c.kind in ("log", "excess") else 0.0 for c in coords])
 
 
 def inverse(information: np.ndarray) -> np.ndarray:
@@ -208,8 +225,7 @@ class _Prior:
 
     @classmethod
     def at(cls, coords: Sequence[Coordinate], values: Values) -> _Prior:
-        weight = [PRIOR**-2 if c.kind in ("log", "excess") else 0.0 for c in coords]
-        return cls(np.array([c.into(values) for c in coords]), np.array(weight))
+        return cls(np.array([c.into(values) for c in coords]), beliefs(coords))
 
     def cost(self, x: np.ndarray) -> float:
         return 0.5 * float(self.weight @ (x - self.center) ** 2)

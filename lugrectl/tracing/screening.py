@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 from scipy.optimize import least_squares
 
-from ..spec import Block, members
+from ..spec import Block, P, members
 from .beside import beside
 from .coordinates import typical
 from .data import Log, thinned
@@ -27,6 +27,7 @@ FEW = 4  # grid points that are all tried exactly
 STEPS = 30.0  # typical steps by which an effect is tried
 KEPT = 4  # of a longer grid, after a look at the residual torque
 NEARLY = 0.6  # of the best point's promise, from which the next one is a start, too
+SHORT = 0.7  # of a bound, to which a linear step may go
 ZOOMS = 2  # finer grids around the best point
 
 
@@ -256,9 +257,17 @@ def _combine(
     base: Fitted, made: Block, point: dict, spans: list[dict], c: np.ndarray
 ) -> dict[str, float] | None:
     """The gain and span parameters whose effect is the combination found; None out of bounds."""
+    strength, *own = c if len(spans) == 1 else _alone(base, made, point, spans, c)
+    within = _within(made.parameters[made.gain], float(strength))
+    names = list(spans[0])
+    found = dict(zip(names, map(float, own), strict=True))
+    return None if within is None else {made.gain: within, **found, **point}
+
+
+def _alone(base: Fitted, made: Block, point: dict, spans: list[dict], c: np.ndarray) -> np.ndarray:
+    """Gain and span parameters of the one effect that comes to a combination of some; nan where
+    none does."""
     gain = made.parameters[made.gain]
-    if len(spans) == 1:
-        return {made.gain: float(c[0]), **point} if gain.low <= c[0] <= gain.high else None
     samples = len(base.predictor.data.log.t)
     few, weights = _thinned(base, np.unique(np.linspace(0, samples - 1, 2000).astype(int)))
     known = made.defaults() | point
@@ -276,8 +285,18 @@ def _combine(
     starts = [[float(np.abs(c).sum()), *span.values()] for span in spans]
     starts += [[float(np.abs(c).sum()), *(-v for v in span.values())] for span in spans]
     fits = [least_squares(miss, x0) for x0 in starts]
-    fits = [f for f in fits if gain.low <= f.x[0] <= gain.high and f.cost < 1e-3 * len(few.t)]
-    if not fits:
+    fits = [f for f in fits if _within(gain, f.x[0]) is not None and f.cost < 1e-3 * len(few.t)]
+    return min(fits, key=lambda f: f.cost).x if fits else np.full(1 + len(names), np.nan)
+
+
+def _within(gain: P, strength: float) -> float | None:
+    """A strength that a linear step came to: short of the bound if it went beyond, as it does
+    where an effect is large; None on the wrong side of what does nothing."""
+    if np.isnan(strength):
         return None
-    x = min(fits, key=lambda f: f.cost).x
-    return dict(zip([made.gain, *names], map(float, x), strict=True)) | point
+    bound = gain.low if strength < gain.low else gain.high if strength > gain.high else None
+    if bound is None:
+        return strength
+    none = gain.neutral or 0.0
+    far = bound - none
+    return none + SHORT * far if far and np.isfinite(far) else None

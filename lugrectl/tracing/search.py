@@ -10,7 +10,7 @@ import numpy as np
 
 from .beside import beside
 from .blows import closer, sought
-from .fit import Fitted, again, moved, tuned
+from .fit import ANYWHERE, Fitted, again, moved, tuned
 from .predictor import Predictor
 from .proof import share
 from .score import Score, whitened_by_parts
@@ -87,6 +87,8 @@ def _shaken(found: Fitted, key: str, spread: float) -> dict[str, float] | None:
     if len(own) < 2:
         return None
     C = found.covariance()
+    C[np.diag(C) > ANYWHERE] = 0.0
+    C[:, np.diag(C) == 0.0] = 0.0
     size = np.sqrt(np.max(np.diag(C)[own]))
     if not (np.all(np.isfinite(C)) and 0.0 < size < np.inf):
         return None
