@@ -122,10 +122,11 @@ def contest(base: Fitted, names: Sequence[str], gate: float, tried: int, say: Sa
         chosen += [t for t in screen(Score(believed), names) if t.promise > gate][:tried]
     short = _shortly(light, chosen, gate, say)[:tried]
     lead = short[0][1].total - light.total if short else 0.0
-    worth = [p for p in short if p[1].total - light.total > max(HOPELESS * lead, SLIGHT)]
+    hope = partial(_hope, light=light, thorough=gate == 0.0)
+    worth = [p for p in short if hope(p) > max(HOPELESS * lead, SLIGHT)]
     _named(say, "fitting", (t for t, _ in worth))
-    finish = partial(_finished, base=base, light=light, least=_worth_seeking(light, worth))
-    finished = _best_first(beside(finish, worth))
+    least = _worth_seeking(light, worth)
+    finished = _best_first(beside(lambda p: _finished(p, base, hope(p) > least), worth))
     tops = beside(partial(_anew, light=light, least=base.total + gate), finished[:ANEW])
     return Contest(promising, _best_first([*tops, *finished[ANEW:]]))
 
@@ -166,10 +167,18 @@ def _worth_seeking(light: Fitted, fits: Sequence[Pair]) -> float:
     return max(SOUGHT * share(light, leader) * (leader.total - light.total), LEAST_SOUGHT)
 
 
-def _finished(pair: Pair, base: Fitted, light: Fitted, least: float) -> Pair:
-    """A trial on all samples again, fitted to the end."""
+def _hope(pair: Pair, light: Fitted, thorough: bool) -> float:
+    """What an effect may gain: by a short fit, or where all is tried that might by what it
+    promised, if it has many optima, of which that fit saw one."""
     trial, short = pair
-    wanted = trial.boxed and short.total - light.total > least
+    gain = short.total - light.total
+    return max(gain, trial.promise) if thorough and trial.boxed else gain
+
+
+def _finished(pair: Pair, base: Fitted, wanted: bool) -> Pair:
+    """A trial on all samples again, fitted to the end; all sets tried where that is ``wanted``."""
+    trial, short = pair
+    wanted = wanted and trial.boxed
     whole = _heavy(trial, base, sought(short, trial.key) if wanted else short.values)
     fitted = refine(whole, most=0 if wanted else 30)
     if wanted and short.predictor.data.dt > FINE * base.predictor.data.dt:
