@@ -24,7 +24,6 @@ from .tracing.explain import (
 from .tracing.fit import Fitted
 from .tracing.held_out import adapted, with_its_own
 from .tracing.job import (
-    UNTOLD,
     Job,
     Progress,
     another_torque,
@@ -36,6 +35,7 @@ from .tracing.job import (
     on_places,
     on_torque,
     score,
+    untold,
 )
 from .tracing.predictor import windows
 from .tracing.rest import signals_of_the_rest
@@ -119,9 +119,9 @@ def diagnose(
     report(0.92, "parameters and intervals")
     whole = found.final if len(new) else known or on_everything(found.final, job)
     job = compared(job, answer.own or whole)
-    untold = [UNTOLD.format("record tells", " and ".join(keys)) for keys in whole.flat()]
+    flat = untold(whole.flat(), "record tells")
     many = (MANY,) if whole.noise.uneven else ()
-    job = noted(job, *untold, *many, *statements(whole), *openings(found.final))
+    job = noted(job, *flat, *many, *statements(whole), *openings(found.final))
     verdict, depends = _verdict(found)
     told = estimates(whole)
     effects = [Finding.of(s.trial.key, s.trial.name, told, s.tied) for s in found.steps]

@@ -86,13 +86,13 @@ class Fitted:
     def intervals(self) -> dict[str, tuple[float, float]]:
         """95 % intervals by key; that of a phase may reach beyond half a turn.
 
-        What the record does not tell has none.
+        What the record does not tell, or one window alone, has none.
         """
         untold = {key for keys in self.flat() for key in keys}
         width = np.sqrt(np.diag(self.covariance())) * stats.t.ppf(0.975, len(self.scores) - 1)
         made = dict(self.instants)
         for c, half in zip(self.free, width, strict=True):
-            if c.key in untold:
+            if c.key in untold or half > ANYWHERE:
                 continue
             x = c.into(self.values)
             ends = x - half, x + half

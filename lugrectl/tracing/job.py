@@ -29,7 +29,8 @@ from .split import ENOUGH_OF_MANY, GAP, MOST, Split, split
 from .start import completed, holding, settled
 
 SLOWLY = "first guess; slow, as there is neither a C compiler nor numba (lugrectl[fast])"
-UNTOLD = "The {} only a combination of {}: their values are one choice among many."
+UNTOLD = "Of {} the {} only a combination: their values are one choice among many."
+UNTOLD_ALONE = "Of {} the {} nothing: its value is one choice among many."
 SMOOTHED = (
     "u is noisy from sample to sample: the noise was taken out as far as it goes. J may come out "
     "too large, and a lag or an elastic coupling be noise: log the torque that is commanded."
@@ -126,6 +127,12 @@ def on_places(job: Job, report: Progress) -> Job | None:
 def compared(job: Job, fitted: Fitted) -> Job:
     """The same job with what a fit says that its runs differ in."""
     return noted(job, *told(fitted.predictor.data, fitted.values, fitted.predictor.repeating))
+
+
+def untold(flat: Sequence[Sequence[str]], told_by: str) -> list[str]:
+    """A sentence for each direction that the records do not tell, by the keys that belong to it."""
+    said = {" and ".join(keys): UNTOLD if len(keys) > 1 else UNTOLD_ALONE for keys in flat}
+    return [sentence.format(keys, told_by) for keys, sentence in said.items()]
 
 
 def noted(job: Job, *messages: str) -> Job:
