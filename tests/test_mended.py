@@ -71,3 +71,10 @@ def test_one_that_is_nearly_all_is_not_the_last():
     """Friction declared as Coulomb's, in truth with bristles besides."""
     result, names = verdict(sample("stribeck", 132001))
     assert (result.verdict, names) == ("found", ["stribeck", "presliding"])
+
+
+@pytest.mark.slow
+def test_two_of_which_neither_is_firm_alone_are_named():
+    """Sines in t explained more of a drive that moves to and fro; none of them was firm."""
+    result, names = verdict(sample(["viscous_asymmetry", "stribeck"], 133020))
+    assert (result.verdict, sorted(names)) == ("found", ["stribeck", "viscous_asymmetry"])

@@ -157,7 +157,8 @@ class _Trace:
         self.passed: list[Pair] = []
 
     def otherwise(self) -> _Trace:
-        """The same from the start, led by the firm ones of those ``passed`` over at first.
+        """The same from the start, led by the firm ones of those ``passed`` over at first, or where
+        none was by those that were surer than the one taken.
 
         What led instead may not be firm in the end, and have stood in the way of the others.
         """
@@ -208,8 +209,11 @@ class _Trace:
         firm = [pair for pair, half_widths in sure if half_widths > FIRMER] or sound
         step, current = chosen(self.current, firm, self.test)
         if not self.steps:
-            passed = [pair for pair, half_widths in sure if half_widths > FIRM]
-            self.passed = [pair for pair in passed if pair[0] is not step.trial]
+            others = [one for one in sure if one[0][0] is not step.trial]
+            self.passed = [pair for pair, half_widths in others if half_widths > FIRM]
+            self.passed = self.passed or [
+                pair for pair, half_widths in others if half_widths > step.firm
+            ]
         current = in_order(current)
         self.steps = [*self.steps, step]
         self.base, current = _eased(self.steps, self.base, current)
