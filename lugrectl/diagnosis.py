@@ -80,7 +80,8 @@ def diagnose(
     ----------
     record : Record or list of Record
         One run, or several of one rate. Up to eight may differ in the torque's offset and, by a
-        factor, in friction: both are fitted against the first run, and said in ``messages``.
+        factor, in friction, and in where theta is zero, if nothing that is declared hangs on it:
+        these are fitted against the first run, and said in ``messages``.
         Four or more runs at a steady speed each, of any rates, are one map of friction: see
         :func:`lugrectl.friction_map.diagnose_map`.
     model : Model

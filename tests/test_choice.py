@@ -7,10 +7,12 @@ import pytest
 
 from lugrectl import diagnose
 from lugrectl.model import model_from_dict
-from lugrectl.tracing.choice import in_order
+from lugrectl.tracing import choice
+from lugrectl.tracing.choice import FIRM, in_order
 from lugrectl.tracing.fit import again
 from lugrectl.tracing.job import begin
 from lugrectl.tracing.predictor import Predictor
+from lugrectl.tracing.search import contest
 from tests.rig import make, sample
 
 from .test_tracing import model_of, quiet, record_of
@@ -82,6 +84,24 @@ def test_a_dead_zone_before_a_lag_is_told_from_one_behind_it(case):
         assert found[name][key].value == pytest.approx(
             case.truth["parameters"][name][key], rel=2e-3
         )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("unsure", ["constant_torque", "coulomb_asymmetry"])
+def test_of_two_that_explain_as_much_the_firm_one_leads(monkeypatch, unsure):
+    case = sample(["constant_torque"], 128000)
+    job = begin(record_of(case), model_of(case), None, 1.0, quiet)
+    names = ["constant_torque", "coulomb_asymmetry"]
+    pairs = contest(job.base, names, 10.0, 2, lambda doing: None).fits
+    assert sorted(trial.name for trial, _ in pairs) == names
+
+    def sureness(before, after, trial):
+        return 0.5 * FIRM if trial.name == unsure else 2.0 * FIRM
+
+    monkeypatch.setattr(choice, "sureness", sureness)
+    step, _ = choice.chosen(job.base, pairs, job.parts.test)
+    assert step.trial.name != unsure
+    assert [tied.name for tied in step.tied] == [unsure]
 
 
 @pytest.mark.slow

@@ -53,10 +53,10 @@ def agreeing(base: Fitted, test: Windows) -> Data | None:
     as_recorded = Score(light)
     least = max(_gained(as_recorded, way) for way in ways)
     gains = [_gained(_moved(light, way), way) for way in ways]
-    best = int(np.argmax(gains))
-    way = ways[best]
-    known = base.predictor.data
-    return known.aligned(way.zeros, way.order) if gains[best] > least + GATE else None
+    if max(gains) <= least + GATE:
+        return None
+    best = ways[int(np.argmax(gains))]
+    return base.predictor.data.aligned(best.zeros, best.order)
 
 
 def settled_on(base: Fitted, data: Data) -> Fitted:

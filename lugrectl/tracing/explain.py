@@ -206,14 +206,12 @@ class _Trace:
     def add(self, sound: Sequence[Pair], say: Say) -> None:
         """The best of them, the others fitted again and dropped or exchanged if need be."""
         sure = [(pair, sureness(self.current, pair[1], pair[0])) for pair in sound]
-        firm = [pair for pair, half_widths in sure if half_widths > FIRMER] or sound
-        step, current = chosen(self.current, firm, self.test)
+        leading = [pair for pair, firm in sure if firm > FIRMER] or sound
+        step, current = chosen(self.current, leading, self.test)
         if not self.steps:
             others = [one for one in sure if one[0][0] is not step.trial]
-            self.passed = [pair for pair, half_widths in others if half_widths > FIRM]
-            self.passed = self.passed or [
-                pair for pair, half_widths in others if half_widths > step.firm
-            ]
+            least = FIRM if any(firm > FIRM for _, firm in others) else step.firm
+            self.passed = [pair for pair, firm in others if firm > least]
         current = in_order(current)
         self.steps = [*self.steps, step]
         self.base, current = _eased(self.steps, self.base, current)

@@ -11,7 +11,7 @@ from ..model import Model
 from .data import Data
 from .fit import Fitted, fit
 from .predictor import Windows
-from .runs import MOST_RUNS, alike, knows_places, orders
+from .runs import MOST_RUNS, alike, knows_places, orders, repeating
 from .score import whitened_by_parts
 
 SETTLED = 5  # part of a lead-in after which it counts
@@ -25,7 +25,7 @@ def adapted(fitted: Fitted, test: Windows, declared: Model) -> Fitted:
     differ in these, too; where theta is zero if nothing that was declared hangs on it.
     """
     data, runs = fitted.predictor.data, _held_out(fitted, test)
-    free = fitted.predictor.repeating and not knows_places(declared)
+    free = repeating(fitted.predictor.model) and not knows_places(declared)
     if not runs or not (data.differing or free):
         return fitted
     found = _apart(fitted, _with_places(fitted, runs) if free else data, runs)

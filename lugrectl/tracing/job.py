@@ -24,7 +24,7 @@ from .likelihood import tune
 from .noise import Noise
 from .predictor import Predictor, spread, windows
 from .repeated import on_theta_alone
-from .runs import MOST_RUNS, alike, told
+from .runs import MOST_RUNS, alike, repeating, told
 from .split import ENOUGH_OF_MANY, GAP, MOST, Split, split
 from .start import completed, holding, settled
 
@@ -114,7 +114,7 @@ def begin(
 
 def on_places(job: Job, report: Progress) -> Job | None:
     """The same job with theta of its runs moved so that they agree; None if that tells nothing."""
-    if int(job.data.run[-1]) == 0:
+    if job.data.run[-1] == 0:
         return None
     report(0.1, "comparing the runs")
     data = agreeing(job.base, job.parts.test)
@@ -126,13 +126,16 @@ def on_places(job: Job, report: Progress) -> Job | None:
 
 def compared(job: Job, fitted: Fitted) -> Job:
     """The same job with what a fit says that its runs differ in."""
-    return noted(job, *told(fitted.predictor.data, fitted.values, fitted.predictor.repeating))
+    predictor = fitted.predictor
+    return noted(job, *told(predictor.data, fitted.values, repeating(predictor.model)))
 
 
 def untold(flat: Sequence[Sequence[str]], told_by: str) -> list[str]:
     """A sentence for each direction that the records do not tell, by the keys that belong to it."""
-    said = {" and ".join(keys): UNTOLD if len(keys) > 1 else UNTOLD_ALONE for keys in flat}
-    return [sentence.format(keys, told_by) for keys, sentence in said.items()]
+    return [
+        (UNTOLD if len(keys) > 1 else UNTOLD_ALONE).format(" and ".join(keys), told_by)
+        for keys in flat
+    ]
 
 
 def noted(job: Job, *messages: str) -> Job:

@@ -22,7 +22,7 @@ from ..model import Model, Part
 from ..spec import P
 from .data import Data, picked
 from .noise import Noise, Sensing, observer_gain
-from .runs import PHASE, differences, displaced, repeats
+from .runs import PHASE, differences, displaced, repeating
 from .series import UNDOING, Fed, Memory, Values, depends_on_plant, feed, run_alone, run_as
 
 TORQUE = 2  # column of what is fed in: applied torque, load, torque, levels
@@ -111,14 +111,9 @@ class Predictor:
     def declarations(self) -> dict[str, P]:
         """Of the model's parameters, and of what the runs have for themselves."""
         own = differences(self.data)
-        if not self.repeating:
+        if not repeating(self.model):
             own = {k: p for k, p in own.items() if p is not PHASE}
         return self.model.declarations() | own
-
-    @property
-    def repeating(self) -> bool:
-        """Whether an effect repeats itself with theta."""
-        return any(repeats(p.block) for p in self.model.effects)
 
     @property
     def floor(self) -> np.ndarray:

@@ -47,6 +47,11 @@ def knows_places(model: Model) -> bool:
     return any("theta" in part.block.inputs for part in model.effects)
 
 
+def repeating(model: Model) -> bool:
+    """Whether it has an effect that repeats itself with theta."""
+    return any(repeats(part.block) for part in model.effects)
+
+
 def orders(model: Model, values: Mapping[str, float]) -> list[float]:
     """How often each of its effects with a phase repeats itself per 2 pi of theta."""
     keys = [part.key for part in model.effects if repeats(part.block)]
@@ -56,8 +61,7 @@ def orders(model: Model, values: Mapping[str, float]) -> list[float]:
 def displaced(model: Model, data: Data, values: Mapping[str, float]) -> np.ndarray | None:
     """By how much theta is to be moved beyond ``data.zeros``, (N,); None where runs agree or
     nothing repeats itself."""
-    moving = data.zeros and any(repeats(part.block) for part in model.effects)
-    if not (moving and data.differing):
+    if not (data.zeros and data.differing and repeating(model)):
         return None
     return along(data, values, "phase") / data.order
 

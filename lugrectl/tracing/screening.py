@@ -92,7 +92,7 @@ def _screen_one(score: Score, name: str, places: Sequence[float] | None = None) 
     if made.tries:
         found = tried(base, made, predictor, key, score)
     else:
-        found = _linear(base, made, predictor, key, score, places)
+        found = _linear(made, predictor, key, score, places)
     if not found:
         return None
     (promise, values), *others = found
@@ -105,18 +105,18 @@ def _open(made: Block) -> dict[str, float]:
 
 
 def _linear(
-    base: Fitted,
     made: Block,
     predictor: Predictor,
     key: str,
     score: Score,
-    places: Sequence[float] | None = None,
+    places: Sequence[float] | None,
 ) -> list[tuple[float, dict[str, float]]]:
     """A step from the neutral value, over a grid of what the effect is not linear in, or at given
     ``places`` of it.
 
     A second one where another point of the grid promises nearly as much.
     """
+    base = score.base
     spans, points = _spans(made), _grid(base, made, places)
     step = STEPS * typical(made.parameters[made.gain], predictor.data.log)
 

@@ -87,8 +87,8 @@ def _shaken(found: Fitted, key: str, spread: float) -> dict[str, float] | None:
     if len(own) < 2:
         return None
     C = found.covariance()
-    C[np.diag(C) > ANYWHERE] = 0.0
-    C[:, np.diag(C) == 0.0] = 0.0
+    told = np.diag(C) < ANYWHERE
+    C = np.where(np.outer(told, told), C, 0.0)
     size = np.sqrt(np.max(np.diag(C)[own]))
     if not (np.all(np.isfinite(C)) and 0.0 < size < np.inf):
         return None
@@ -126,7 +126,9 @@ def contest(base: Fitted, names: Sequence[str], gate: float, tried: int, say: Sa
     worth = [p for p in short if hope(p) > max(HOPELESS * lead, SLIGHT)]
     _named(say, "fitting", (t for t, _ in worth))
     least = _worth_seeking(light, worth)
-    finished = _best_first(beside(lambda p: _finished(p, base, hope(p) > least), worth))
+    finished = _best_first(
+        beside(lambda p: _finished(p, base, p[0].boxed and hope(p) > least), worth)
+    )
     tops = beside(partial(_anew, light=light, least=base.total + gate), finished[:ANEW])
     return Contest(promising, _best_first([*tops, *finished[ANEW:]]))
 
@@ -178,7 +180,6 @@ def _hope(pair: Pair, light: Fitted, thorough: bool) -> float:
 def _finished(pair: Pair, base: Fitted, wanted: bool) -> Pair:
     """A trial on all samples again, fitted to the end; all sets tried where that is ``wanted``."""
     trial, short = pair
-    wanted = wanted and trial.boxed
     whole = _heavy(trial, base, sought(short, trial.key) if wanted else short.values)
     fitted = refine(whole, most=0 if wanted else 30)
     if wanted and short.predictor.data.dt > FINE * base.predictor.data.dt:
