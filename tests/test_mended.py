@@ -78,3 +78,13 @@ def test_two_of_which_neither_is_firm_alone_are_named():
     """Sines in t explained more of a drive that moves to and fro; none of them was firm."""
     result, names = verdict(sample(["viscous_asymmetry", "stribeck"], 133020))
     assert (result.verdict, sorted(names)) == ("found", ["stribeck", "viscous_asymmetry"])
+
+
+@pytest.mark.slow
+def test_an_inertia_that_a_regression_makes_negative_is_found():
+    """A drive that stops and starts, hardly accelerates and is recorded with noise."""
+    case = sample("none", 133041, hard=True)
+    assert case.truth["hard"] == "values missing"
+    result, _ = verdict(case)
+    assert result.verdict == "adequate"
+    assert result.estimates["J"].value == pytest.approx(case.truth["plant"]["J"], rel=1e-2)
