@@ -38,7 +38,7 @@ TRACING = [
     {"fit"},
     {"late"},
     {"tabulate", "proof", "blows", "slide", "calm"},
-    {"score", "surprise", "witness", "dated"},
+    {"score", "surprise", "once", "witness", "dated"},
     {"tries"},
     {"screening"},
     {"search"},

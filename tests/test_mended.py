@@ -1,10 +1,16 @@
 """Records that went wrong once: they guard what was mended, they score nothing."""
 
+from dataclasses import replace
+
 import pytest
 
+from lugrectl import diagnose
+from tests.blind.plan import Task
+from tests.blind.work import case_of
 from tests.rig import exported, sample
 
 from .test_blind import verdict
+from .test_tracing import model_of, record_of
 
 
 @pytest.mark.slow
@@ -88,3 +94,33 @@ def test_an_inertia_that_a_regression_makes_negative_is_found():
     result, _ = verdict(case)
     assert result.verdict == "adequate"
     assert result.estimates["J"].value == pytest.approx(case.truth["plant"]["J"], rel=1e-2)
+
+
+@pytest.mark.slow
+def test_a_stop_that_is_met_once_is_named():
+    """Nothing confirms it, but it foresees each sample of the one window in which it is met."""
+    case = case_of(Task("effect", ("hard_stop",), "weak", 134000))
+    result, names = verdict(case)
+    assert (result.verdict, names) == ("found", ["hard_stop"])
+    for name, true in case.truth["parameters"].items():
+        assert result.effects[0].parameters[name].value == pytest.approx(true, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_theta_may_have_another_zero_than_the_model():
+    """Speeds are summed from zero, which the declared phase of gravity knows nothing of."""
+    form = "a difference alone"
+    case = case_of(Task("effect", ("quadratic_drag",), "weak", 134000, form=form))
+    result, names = verdict(case)
+    assert (result.verdict, names) == ("found", ["quadratic_drag"])
+    gravity = result.estimates["gravity.amplitude"].value
+    assert gravity == pytest.approx(case.truth["load"][1], rel=1e-2)
+
+
+@pytest.mark.slow
+def test_a_model_that_runs_away_ends_a_trial_only():
+    """Its derivatives can still be squared."""
+    case = sample("none", 134006)
+    record = record_of(case)
+    result = diagnose(replace(record, theta=record.theta + 1.5), model_of(case))
+    assert result.verdict == "adequate"

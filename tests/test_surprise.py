@@ -9,8 +9,9 @@ from lugrectl import diagnose
 from lugrectl.tracing.coordinates import free_keys
 from lugrectl.tracing.fit import fit
 from lugrectl.tracing.job import begin
+from lugrectl.tracing.once import told_once
 from lugrectl.tracing.predictor import Predictor
-from lugrectl.tracing.proof import firmness, told_once
+from lugrectl.tracing.proof import firmness
 from lugrectl.tracing.score import Score
 from lugrectl.tracing.screening import lightened, screen
 from lugrectl.tracing.split import split

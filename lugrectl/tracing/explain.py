@@ -18,6 +18,7 @@ from .data import Data
 from .fit import Fitted, again, fit, refitted
 from .job import Progress
 from .late import LAG, with_lag
+from .once import firm_by_itself, told_once
 from .predictor import Predictor, Windows
 from .proof import (
     GATE,
@@ -28,7 +29,6 @@ from .proof import (
     proven,
     share,
     size,
-    told_once,
 )
 from .rest import coloured, left_over
 from .screening import Trial
@@ -197,8 +197,11 @@ class _Trace:
         self.ranking = self.ranking or _ranking(self.current, tried)
         better = _better_base(self.current, tried.fits)
         if better is not None:
+            far = better.total > self.current.total + GATE
             self.base = better if self.current is self.base else self.base
             self.steps, self.current = _pruned(self.steps, better, self.steps)
+            if far and all(f.total < better.total for _, f in tried.fits):  # beyond a ridge
+                tried = contest(self.current, names, gate, TRIED, say)
         sound = [(t, f) for t, f in tried.fits if _stands(self.base, self.current, f, t.key)]
         lack = lacking(self.current) if len(sound) > 1 else None
         return [(t, f) for t, f in sound if lack and not lack.stays(f)] or sound
@@ -316,9 +319,9 @@ def _firm(
 ) -> tuple[list[Step], Fitted]:
     """Without those effects on whose strength the windows do not agree, the least sure first.
 
-    What a single window tells, a stop met once, may be ``confirmed`` by held-out ones; so may
-    what all windows gain by, if their derivatives, where a drive breaks loose, say little of its
-    strength.
+    What a single window tells, a stop met once, may be ``confirmed`` by held-out ones, or by all
+    that is in this window; so may what all windows gain by, if their derivatives, where a drive
+    breaks loose, say little of its strength.
     """
     unsure = [s for s in steps if all(s is not c for c in confirmed) and s.firmness(fitted) <= FIRM]
     if not unsure:
@@ -326,8 +329,10 @@ def _firm(
     least = min(unsure, key=lambda step: step.firmness(fitted))
     key = least.trial.key
     without = _without(fitted, key)
-    told = told_once(fitted, key) or least.trial.rough and agreed(without, fitted) > FIRM
-    if told and foretold(fitted, without, test):
+    once = told_once(fitted, key)
+    told = once or least.trial.rough and agreed(without, fitted) > FIRM
+    alone = once and firm_by_itself(without, fitted, key) > FIRM
+    if alone or told and foretold(fitted, without, test):
         return _firm(steps, fitted, test, (*confirmed, least))
     return _firm([s for s in steps if s is not least], without, test)
 

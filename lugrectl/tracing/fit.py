@@ -20,6 +20,7 @@ from .slopes import is_compiled, slopes
 PRIOR = 1.5  # natural log units: a friction parameter is believed within a factor of 4.5
 FLAT = 1e-8  # of the scaled information, below which a direction is not told
 ANYWHERE = 1e50  # how far what is not told may move
+STEEPEST = 1e100  # derivative, where a model runs away; its square can still be added up
 PART = 0.1  # of a direction, from which a parameter belongs to it
 NOISY = 2.0  # times the power, above which a window missed a hidden state
 NOISE_STEPS = (1.0, 0.6, 0.25, 1.5)  # factors tried at each step of a fit
@@ -291,7 +292,7 @@ class _Climb:
     def linearised(self, values: Values, noise: Noise) -> _Linear:
         r, A = slopes(self.predictor, values, self.coords, self.where, noise, graph=self.graph)
         weight = excess(r, noise)[:, None, None] ** -0.5
-        r, A = weight * r, weight * A
+        r, A = (np.clip(np.nan_to_num(weight * x), -STEEPEST, STEEPEST) for x in (r, A))
         A, r = A.reshape(len(self.coords), len(r), -1), r.reshape(len(r), -1)
         by_window = A.transpose(1, 0, 2)
         return _Linear(by_window @ by_window.transpose(0, 2, 1), (by_window @ r[..., None])[..., 0])

@@ -61,7 +61,8 @@ def excess(white: np.ndarray, noise: Noise) -> np.ndarray:
 def _power(white: np.ndarray, noise: Noise) -> tuple[np.ndarray, int]:
     """Mean square of each window's innovations, and how many they are."""
     count = white.shape[1] * len(noise.recorded())
-    return np.sum(white**2, axis=(1, 2)) / count, count
+    with np.errstate(over="ignore"):  # a model may run away
+        return np.sum(white**2, axis=(1, 2)) / count, count
 
 
 def _allowed(power: np.ndarray, noise: Noise) -> np.ndarray:

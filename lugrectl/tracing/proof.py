@@ -23,7 +23,6 @@ MOST_OF_IT = 0.95  # of the residual's power
 LEAST_TOUCHED, MOST_TOUCHED = 1e-3, 0.9  # of the samples, beyond a place
 FARTHER, FADED = 10.0, 0.5  # a limit so many times farther off, and the part of the gain gone
 CLOSE = 0.02  # relative, to a bound
-ONCE = 0.9  # of the information on a strength, from which a single window tells it
 
 
 def proven(base: Fitted, before: Fitted, after: Fitted, key: str) -> bool:
@@ -61,12 +60,12 @@ def _measured_ill(before: Fitted, after: Fitted, key: str) -> bool:
 
 def _at_its_bound(fitted: Fitted, key: str) -> bool:
     """Whether an effect would be stronger than it may be: it stands for something else."""
-    name, gain = _gain(fitted, key)
+    name, gain = strength(fitted, key)
     ends = [b for b in (gain.low, gain.high) if np.isfinite(b) and b != gain.neutral]
     return any(abs(fitted.values[name] - b) < CLOSE * abs(b) for b in ends)
 
 
-def _gain(fitted: Fitted, key: str) -> tuple[str, P]:
+def strength(fitted: Fitted, key: str) -> tuple[str, P]:
     """Name and declaration of an effect's strength."""
     block = fitted.predictor.model.part(key).block
     return f"{key}.{block.gain}", block.parameters[block.gain]
@@ -84,7 +83,7 @@ def _fades(before: Fitted, after: Fitted, key: str) -> bool:
     Bristles that nobody could see still gain something over static friction: they are simulated
     more exactly through a reversal.
     """
-    name, gain = _gain(after, key)
+    name, gain = strength(after, key)
     if gain.neutral is None or np.isfinite(gain.neutral):
         return True
     farther = after.values | {name: FARTHER * after.values[name]}
@@ -126,13 +125,6 @@ def _mirrored(fitted: Fitted, key: str) -> float:
     return float(tune(other, without, fitted.where, fitted.noise)[1].sum())
 
 
-def told_once(fitted: Fitted, key: str) -> bool:
-    """Whether one window tells nearly all of an effect's strength: others cannot confirm it."""
-    name, _ = _gain(fitted, key)
-    told = [fitted.parts[:, i, i] for i, c in enumerate(fitted.free) if c.key == name]
-    return any(np.max(each) > ONCE * np.sum(each) for each in told)
-
-
 def size(fitted: Fitted, key: str) -> float:
     """RMS torque that an effect makes along the training windows, over that of friction."""
     at = fitted.where.counted.ravel()
@@ -162,7 +154,7 @@ def firmness(fitted: Fitted, key: str) -> float:
 
     The intervals go by how much the windows disagree, so noise of any colour counts.
     """
-    name, gain = _gain(fitted, key)
+    name, gain = strength(fitted, key)
     away = gain.neutral if gain.neutral is not None and np.isfinite(gain.neutral) else 0.0
     low, high = fitted.intervals().get(name, (away, away))
     half = 0.5 * (high - low)

@@ -13,7 +13,7 @@ from ..errors import Refused
 from ..model import Model
 from .coordinates import free_keys
 from .data import Data
-from .fit import Fitted, fit
+from .fit import Fitted, fit, tuned
 from .likelihood import whitened
 from .predictor import Predictor, Windows
 from .score import Score
@@ -26,6 +26,7 @@ LEAST = {"J": 0.01, "Fc": 1e-3, "Fv": 0.05}  # of the torque: a fit stays near i
 CREEP = 1e-5  # of the largest speed, at which static friction may let a held drive move
 SHORT = 8  # steps of a fit from elsewhere
 BETTER = 3.0  # gain in log-likelihood that makes it worth more
+TURNS = (0.5 * np.pi, np.pi, -0.5 * np.pi)
 STRIBECK_SPEEDS = (1e-3, 5e-3, 2e-2)  # vs as a share of the largest speed
 
 
@@ -72,7 +73,7 @@ def settled(base: Fitted) -> Fitted:
     light = lightened(base)
     free = [c.key for c in base.free] + list(base.instants)
     best = light
-    for values in _elsewhere(base):
+    for values in (*_elsewhere(base), *_turned(light)):
         other = fit(
             light.predictor, values, free, light.where, light.noise,
             anchor=base.anchor, most=SHORT, rough=True,
@@ -95,6 +96,23 @@ def _elsewhere(base: Fitted) -> list[dict[str, float]]:
     level = base.anchor.get("Fc", 0.0)
     friction = _scaled_friction(base.anchor, found["Fc"] / level) if level else {}
     return [base.anchor | friction | {k: v for k, v in found.items() if k in base.anchor}, *starts]
+
+
+def _turned(light: Fitted) -> list[dict[str, float]]:
+    """What was believed, with the phases of declared effects a part of a turn off, if that is
+    likelier: angles and times have another zero in each log."""
+    angles = [
+        f"{part.key}.{name}"
+        for part in light.predictor.model.effects
+        for name, p in part.block.parameters.items()
+        if p.angle
+    ]
+    best = believed = tuned(replace(light, values=light.anchor))
+    for key in angles:
+        sets = [best.values | {key: best.values[key] + turn} for turn in TURNS]
+        others = [tuned(replace(light, values=values)) for values in sets]
+        best = max(best, *others, key=lambda f: f.total)
+    return [best.values] if best.total > believed.total + BETTER else []
 
 
 def _scaled_friction(values: Mapping[str, float], ratio: float) -> dict[str, float]:
