@@ -39,7 +39,7 @@ from .tracing.job import (
 )
 from .tracing.predictor import windows
 from .tracing.rest import signals_of_the_rest
-from .tracing.surprise import misled, openings, surprising, undated, when
+from .tracing.surprise import beyond_doubt, misled, openings, surprising, undated, when
 from .tracing.tabulate import tabulate
 from .tracing.witness import statements
 
@@ -201,6 +201,8 @@ def _answer(job: Job, report: Progress) -> _Answer:
     if len(new):  # or a run that was held out is colder, its torque recorded with an offset
         own = with_its_own(final, test)
         new = new if own is None else surprising(own, test)
+    if len(new) and known is not None:
+        new = beyond_doubt(final, known, test, new)
     own = None if len(new) else own
     return _Answer(job, found, new, undated(final, test), known, own)
 

@@ -118,6 +118,22 @@ def test_theta_may_have_another_zero_than_the_model():
 
 
 @pytest.mark.slow
+def test_an_encoder_beside_its_axis_is_no_skew_in_time():
+    case = case_of(Task("effect", ("encoder_eccentricity",), "weak", 134000))
+    result, names = verdict(case)
+    assert (result.verdict, names) == ("found", ["encoder_eccentricity"])
+
+
+@pytest.mark.slow
+def test_a_window_that_hangs_on_chance_is_no_torque():
+    """A drive that creeps with the noise of its speed: not even the true values foresee it all."""
+    names = "thermal_drift", "pose_dependent_inertia"
+    case = case_of(Task("pair", names, "normal", 134004, hard=True, form="w differentiated"))
+    result, found = verdict(case)
+    assert (result.verdict, sorted(found)) == ("found", sorted(names))
+
+
+@pytest.mark.slow
 def test_a_model_that_runs_away_ends_a_trial_only():
     """Its derivatives can still be squared."""
     case = sample("none", 134006)

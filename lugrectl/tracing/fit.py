@@ -217,6 +217,22 @@ def refitted(found: Fitted, data: Data) -> Fitted:
     )  # fmt: skip
 
 
+def drawn(found: Fitted, count: int, scale: float = 1.0, seed: int = 0) -> list[dict[str, float]]:
+    """Sets of values around those found, with the shape of their uncertainty times ``scale``.
+
+    What the record does not tell stays as it is; none where the uncertainty is no number.
+    """
+    C = found.covariance()
+    told = np.diag(C) < ANYWHERE
+    C = np.where(np.outer(told, told), C, 0.0)
+    if not np.all(np.isfinite(C)):
+        return []
+    values, axes = np.linalg.eigh(C * scale**2)
+    draws = np.random.default_rng(seed).normal(size=(count, len(C)))
+    steps = (draws * np.sqrt(np.maximum(values, 0.0))) @ axes.T
+    return [moved(found.values, found.free, step) for step in steps]
+
+
 @dataclass(frozen=True)
 class _Prior:
     """A weak belief that keeps flat directions where the user declared them."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from .beside import beside
 from .blows import closer, sought
-from .fit import ANYWHERE, Fitted, again, moved, tuned
+from .fit import ANYWHERE, Fitted, again, drawn, tuned
 from .predictor import Predictor
 from .proof import share
 from .score import Score, whitened_by_parts
@@ -86,16 +86,11 @@ def _shaken(found: Fitted, key: str, spread: float) -> dict[str, float] | None:
     own = [i for i, c in enumerate(found.free) if c.key.startswith(f"{key}.") and c.kind == "log"]
     if len(own) < 2:
         return None
-    C = found.covariance()
-    told = np.diag(C) < ANYWHERE
-    C = np.where(np.outer(told, told), C, 0.0)
-    size = np.sqrt(np.max(np.diag(C)[own]))
-    if not (np.all(np.isfinite(C)) and 0.0 < size < np.inf):
+    variance = np.diag(found.covariance())[own]
+    size = np.sqrt(np.max(np.where(variance < ANYWHERE, variance, 0.0)))
+    sets = drawn(found, SHAKEN, spread / size, seed=len(own)) if size > 0.0 else []
+    if not sets:
         return None
-    values, axes = np.linalg.eigh(C * (spread / size) ** 2)
-    draws = np.random.default_rng(len(own)).normal(size=(SHAKEN, len(C)))
-    steps = (draws * np.sqrt(np.maximum(values, 0.0))) @ axes.T
-    sets = [moved(found.values, found.free, step) for step in steps]
     white = np.nan_to_num(whitened_by_parts(found.predictor, sets, found), posinf=1e150)
     cost = np.sum(white**2, axis=(1, 2, 3))
     best = int(np.argmin(cost))

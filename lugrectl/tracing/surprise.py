@@ -8,7 +8,7 @@ import numpy as np
 
 from ..spec import unit_for
 from .evaluate import missing_torque, restarted
-from .fit import Fitted
+from .fit import Fitted, drawn
 from .predictor import Values, Windows
 from .proof import LEAST_SIZE, friction_size
 
@@ -22,6 +22,7 @@ OPENING = (
     "From {:.3g} to {:.3g} s, where only the state is found and nothing is fitted, a torque of "
     "about {:.2g} {} is missing that is not seen later: look at what the drive touches there."
 )
+DRAWN = 30  # sets of values within their uncertainty
 MORE = 2.0  # times what may be missing, and what is missing from any window that was fitted
 
 
@@ -39,6 +40,20 @@ def surprising(fitted: Fitted, test: Windows, values: Values | None = None) -> n
     new, known = _supplied(fitted, test, values)
     new[_open(fitted, test)] = 0.0
     return np.flatnonzero(new > MORE * known)
+
+
+def beyond_doubt(fitted: Fitted, known: Fitted, test: Windows, found: np.ndarray) -> np.ndarray:
+    """Those of the surprising windows that no values explain which all samples, by a fit to
+    them that is ``known``, allow.
+
+    Whether a creeping drive sticks or goes on may hang on the last digit of its friction.
+    """
+    for values in drawn(known, DRAWN):
+        if not len(found):
+            break
+        where = replace(test, start=test.start[found])
+        found = found[surprising(fitted, where, values)]
+    return found
 
 
 def _supplied(
