@@ -174,6 +174,12 @@ def test_a_separate_run_can_be_held_out():
     assert result.error["refitted"] < 0.1 * result.error["declared"]
 
 
+def test_a_short_record_at_a_low_rate_is_answered():
+    """A quarter of a second would be fewer samples than innovations are foretold from."""
+    case = make("none", machine="servo", excitation="moves", seed=1, rate=50.0, duration=6.0)
+    assert diagnose(record_of(case), model_of(case)).verdict == "adequate"
+
+
 def test_too_short_a_record_is_refused(plain):
     short = record_of(plain).slice(0, 3000)
     with pytest.raises(Refused, match="too short"):

@@ -13,6 +13,7 @@ from .predictor import Windows, spread, windows
 BLOCK = 2.0  # s, least length of a held-out block
 GAP = 0.25  # s, between the samples that fit and those that judge; also the observer's lead-in
 WINDOWS = (1.0, 0.5, 0.25)  # s, counted samples of one fitting window: the longest of which
+FEWEST = 25  # samples of it: twice the past that its innovations may hang on
 ENOUGH = 8  # fit into what may be seen
 LEAST = 4
 MOST = 200_000  # counted samples to fit on; of a longer record windows all over it are taken
@@ -58,7 +59,7 @@ def split(
         even, odd = _alternate(data.runs, gap, span, data.dt)
         train, test = (odd, even) if turned else (even, odd)
     possible = WINDOWS if compiler() else WINDOWS[-1:]  # NumPy pays for steps, not for windows
-    lengths = [max(1, round(length / data.dt)) for length in possible]
+    lengths = [max(FEWEST, round(length / data.dt)) for length in possible]
     cuts = [windows(train, gap, length) for length in lengths]
     fitting = next((cut for cut in cuts if len(cut.start) >= ENOUGH), cuts[-1])
     judging = windows(test, gap, span)
