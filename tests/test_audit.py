@@ -240,6 +240,13 @@ def test_the_sign_follows_the_position():
     assert seen.messages == ("w has the opposite sign of d theta/dt: its sign was changed.",)
 
 
+@pytest.mark.parametrize("n", [12, 39, 60, 120])
+def test_a_few_samples_are_left_as_they_are(n):
+    """Slow signals without their ends are nothing then."""
+    few = run().slice(500, 500 + n)
+    assert audit(few).w is not None and audit(few).messages == ()
+
+
 @pytest.mark.parametrize("factor", [0.9, 1.06, 3.7, -5.0])
 def test_another_ratio_means_that_w_is_ignored(factor):
     seen = audit(replace(PLAIN, w=factor * PLAIN.w))

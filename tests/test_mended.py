@@ -7,7 +7,7 @@ import pytest
 from lugrectl import diagnose
 from tests.blind.plan import Task
 from tests.blind.work import case_of
-from tests.rig import exported, sample
+from tests.rig import exported, make, sample
 
 from .test_blind import verdict
 from .test_tracing import model_of, record_of
@@ -140,3 +140,14 @@ def test_a_model_that_runs_away_ends_a_trial_only():
     record = record_of(case)
     result = diagnose(replace(record, theta=record.theta + 1.5), model_of(case))
     assert result.verdict == "adequate"
+
+
+@pytest.mark.slow
+def test_an_absurd_strength_ends_in_time():
+    """A linear step led to a stop of 1e136 N/m, in which the engine lost itself."""
+    case = make(
+        "dwell_stiction", machine="stage", excitation="sparse", seed=692459, rate=200.0,
+        duration=12.0,
+    )  # fmt: skip
+    result = diagnose(replace(record_of(case), theta=None), model_of(case))
+    assert all(e.parameters[k].value < 1e12 for e in result.effects for k in e.parameters)

@@ -148,10 +148,20 @@ def _low_passed(
     record: Record, *signals: np.ndarray, band: float = _BAND, keep_ends: bool = False
 ) -> list[np.ndarray]:
     """Return signals without what is faster than the motion, their ends cut off."""
-    edge = min(band, record.rate / 20)
+    edge = _edge(record, band)
     sos = butter(3, edge, fs=record.rate, output="sos")
     cut = 0 if keep_ends else int(record.rate / edge)
     return [sosfiltfilt(sos, signal)[cut : len(signal) - cut] for signal in signals]
+
+
+def _edge(record: Record, band: float) -> float:
+    return min(band, record.rate / 20)
+
+
+def _long_enough(record: Record, band: float = _BAND) -> bool:
+    """Whether the longest stretch tells anything of slow signals without its ends."""
+    part = _longest(record)
+    return len(part.u) > 2 * int(part.rate / _edge(part, band)) + 2 * _BLOCKS
 
 
 def _regression(target: np.ndarray, source: np.ndarray, dt: float) -> tuple[float, float]:
@@ -170,7 +180,7 @@ def _velocity(record: Record, labels: Mapping[str, str | None]) -> Record:
     d theta/dt and the other way round, bracket the true ratio; few swings of the motion
     leave it less certain.
     """
-    if record.w is None or record.theta is None:
+    if record.w is None or record.theta is None or not _long_enough(record):
         return record
     slope, (ratio, lead), (inverse, lag) = _both_ways(record)
     agreement = ratio * inverse
@@ -276,11 +286,14 @@ class TorqueFit:
 
 
 def torque_fit(record: Record, band: float = _BAND) -> TorqueFit | None:
-    """Fit the balance to the longest stretch, up to ``band`` Hz; None without motion.
+    """Fit the balance to the longest stretch, up to ``band`` Hz; None without motion, or if that
+    is too short.
 
     The angle is among the terms, for a spring; on a rotary drive its sin and cos, too, for
     a gravity load.
     """
+    if not _long_enough(record, band):
+        return None
     part = _longest(record)
     angle, speed = _motion(part)
     (slow,) = _low_passed(part, speed, band=band, keep_ends=True)

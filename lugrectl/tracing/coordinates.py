@@ -14,6 +14,7 @@ from .predictor import Predictor, Values
 REACH = {"J": 2.5, "Fc": 4.0, "Fs": 4.0}  # factor by which a value may leave the declared one
 FAR = 10.0  # the same for all others
 ANYWHERE = 1e4  # for an effect's own, from where it started
+STEPS = 1e12  # the same for strengths that may be 0, in small steps of them
 HUGE = 700.0  # whose exponential is a number still
 LEAST_EXCESS = 1e-4  # of Fs over Fc, relative
 
@@ -71,8 +72,9 @@ def coordinates(predictor: Predictor, keys: Sequence[str], anchor: Values) -> li
                 travel = np.ptp(log.theta)
                 low = max(low, np.min(log.theta) - FAR * travel)
                 high = min(high, np.max(log.theta) + FAR * travel)
-            kind = "angle" if p.angle else "linear"
-            made.append(Coordinate(key, kind, low, high, typical(p, log)))
+            kind, step = "angle" if p.angle else "linear", typical(p, log)
+            low, high = max(low, -STEPS * step), min(high, STEPS * step)
+            made.append(Coordinate(key, kind, low, high, step))
     return made
 
 

@@ -12,7 +12,7 @@ from .predictor import Predictor, Values, Windows
 
 SHORT_LOOK = 0.5  # natural log units that three points span well enough
 FARTHEST = 20.0  # the same, of the noise in rad/s2
-WORST = 1e150  # innovation of a model that leads nowhere
+WORST = 1e100  # innovation of a model that leads nowhere; its square can still be added up
 
 
 def whitened(
@@ -39,7 +39,7 @@ def whitened(
 def compared(recorded: np.ndarray, predicted: np.ndarray) -> np.ndarray:
     """What was recorded less what was predicted, 0 where nothing was recorded; a prediction that
     is no number is as wrong as can be."""
-    e = np.nan_to_num(recorded - predicted, nan=WORST, posinf=WORST, neginf=-WORST)
+    e = np.clip(np.nan_to_num(recorded - predicted, nan=WORST), -WORST, WORST)
     e[..., np.isnan(recorded)] = 0.0
     return e
 
@@ -61,8 +61,7 @@ def excess(white: np.ndarray, noise: Noise) -> np.ndarray:
 def _power(white: np.ndarray, noise: Noise) -> tuple[np.ndarray, int]:
     """Mean square of each window's innovations, and how many they are."""
     count = white.shape[1] * len(noise.recorded())
-    with np.errstate(over="ignore"):  # a model may run away
-        return np.sum(white**2, axis=(1, 2)) / count, count
+    return np.sum(white**2, axis=(1, 2)) / count, count
 
 
 def _allowed(power: np.ndarray, noise: Noise) -> np.ndarray:
