@@ -151,3 +151,10 @@ def test_an_absurd_strength_ends_in_time():
     )  # fmt: skip
     result = diagnose(replace(record_of(case), theta=None), model_of(case))
     assert all(e.parameters[k].value < 1e12 for e in result.effects for k in e.parameters)
+
+
+@pytest.mark.slow
+def test_backlash_whose_load_bounces_between_its_stops_is_all_there_is():
+    """Where the load is when it is met next is not told; that colours those windows only."""
+    result, names = verdict(case_of(Task("effect", ("backlash",), "weak", 134000)))
+    assert (result.verdict, names) == ("found", ["backlash"])

@@ -147,8 +147,16 @@ def _tinted(base: Fitted, final: Fitted) -> bool:
 
 
 def coloured(fitted: Fitted) -> bool:
-    """Whether the innovations still tell the next one. A smoothed torque colours them by itself."""
+    """Whether the innovations still tell the next one. A smoothed torque colours them by itself.
+
+    Where windows may have missed a hidden state, which colours those in which a load is met: the
+    quieter half of them.
+    """
     if fitted.predictor.data.smoothed:
         return False
-    theta, w = colour(fitted.quiet)
+    quiet = fitted.quiet
+    if fitted.noise.uneven:
+        power = np.mean(quiet**2, axis=(1, 2))
+        quiet = quiet[power <= np.median(power)]
+    theta, w = colour(quiet)
     return bool(theta > COLOUR["theta"] or w > COLOUR["w"])
