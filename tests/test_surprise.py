@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from lugrectl import diagnose
+from lugrectl.tracing.choice import FIRM
 from lugrectl.tracing.coordinates import free_keys
 from lugrectl.tracing.fit import fit
 from lugrectl.tracing.job import begin
-from lugrectl.tracing.once import told_once
+from lugrectl.tracing.once import firm_by_itself, told_once
 from lugrectl.tracing.predictor import Predictor
 from lugrectl.tracing.proof import firmness
 from lugrectl.tracing.score import Score
@@ -143,22 +144,36 @@ def test_what_happens_before_the_first_window_is_said():
     assert openings(begin(record_of(sound), model_of(sound), None, 1.0, quiet).base) == ()
 
 
-def test_what_one_window_tells_is_confirmed_by_a_held_out_one(plain, job):
-    """A stop that is met once in the fitted blocks and once in the others."""
-    log, at = job.data.log, -29.2
-    beyond = (log.theta[w.counted].min(axis=1) < at for w in (job.parts.train, job.parts.test))
-    assert [int(np.sum(b)) for b in beyond] == [1, 1]
+MET = -29.2  # rad, reached once in the fitted blocks and once in the others
+
+
+def _with_a_stop(plain, torque):
+    """The job of a record that lacks a torque by theta, and its fit with a stop."""
     record = record_of(plain)
-    there = begin(
-        replace(record, u=record.u - np.maximum(at - record.theta, 0.0)),
-        model_of(plain), None, 1.0, quiet,
-    )  # fmt: skip
-    base, test = there.base, there.parts.test
-    own = {"position": at + 0.02, "stiffness": 0.8, "side": -1.0}
+    pushed = replace(record, u=record.u - torque(MET - record.theta))
+    there = begin(pushed, model_of(plain), None, 1.0, quiet)
+    base, own = there.base, {"position": MET + 0.02, "stiffness": 0.8, "side": -1.0}
     predictor = Predictor(base.predictor.model.with_effect("hard_stop", own), base.predictor.data)
     values = base.values | {f"hard_stop.{k}": v for k, v in own.items()}
-    found = fit(predictor, values, free_keys(predictor), base.where, base.noise)
+    return there, fit(predictor, values, free_keys(predictor), base.where, base.noise)
+
+
+def test_what_one_window_tells_is_confirmed_by_a_held_out_one(plain, job):
+    log = job.data.log
+    beyond = (log.theta[w.counted].min(axis=1) < MET for w in (job.parts.train, job.parts.test))
+    assert [int(np.sum(b)) for b in beyond] == [1, 1]
+    there, found = _with_a_stop(plain, lambda depth: np.maximum(depth, 0.0))
+    base, test = there.base, there.parts.test
     assert found.values["hard_stop.stiffness"] == pytest.approx(1.0, rel=0.05)
     assert told_once(found, "hard_stop") and foretold(found, base, test)
-    elsewhere = replace(found, values=found.values | {"hard_stop.position": at - 1.0})
+    elsewhere = replace(found, values=found.values | {"hard_stop.position": MET - 1.0})
     assert not foretold(elsewhere, base, test)
+
+
+def test_what_one_window_tells_stands_if_it_foresees_each_sample(plain):
+    """A spring does as a stop; a step where the stop would be, and a bump, do not."""
+    there, found = _with_a_stop(plain, lambda depth: np.maximum(depth, 0.0))
+    assert firm_by_itself(there.base, found, "hard_stop") > FIRM
+    for other in (lambda depth: 0.1 * (depth > 0.0), lambda depth: 0.1 * np.exp(-400 * depth**2)):
+        there, found = _with_a_stop(plain, other)
+        assert firm_by_itself(there.base, found, "hard_stop") == 0.0

@@ -17,6 +17,8 @@ PIECES = 8  # of such a window
 
 def told_once(fitted: Fitted, key: str) -> bool:
     """Whether one window tells nearly all of an effect's strength: others cannot confirm it."""
+    if strength(fitted, key)[0] not in [c.key for c in fitted.free]:
+        return False
     told = _told(fitted, key)
     return bool(np.max(told) > ONCE * np.sum(told))
 
