@@ -158,3 +158,15 @@ def test_backlash_whose_load_bounces_between_its_stops_is_all_there_is():
     """Where the load is when it is met next is not told; that colours those windows only."""
     result, names = verdict(case_of(Task("effect", ("backlash",), "weak", 134000)))
     assert (result.verdict, names) == ("found", ["backlash"])
+
+
+@pytest.mark.slow
+def test_a_stop_met_at_the_very_end_keeps_its_values():
+    """No window of a fit to all samples holds it."""
+    names = "thermal_drift", "hard_stop"
+    case = case_of(Task("pair", names, "normal", 134203))
+    result, found = verdict(case)
+    assert (result.verdict, sorted(found)) == ("found", sorted(names))
+    (stop,) = (e for e in result.effects if e.name == "hard_stop")
+    for name, true in case.truth["effects"][1]["parameters"].items():
+        assert stop.parameters[name].value == pytest.approx(true, rel=1e-2)

@@ -18,7 +18,7 @@ from .data import Data, prepare
 from .dated import dated
 from .doubts import refuse_dead, refuse_unfit
 from .evaluate import free_run, judge
-from .fit import Fitted, again, fit, refitted
+from .fit import Fitted, again, fit, refitted, tuned
 from .late import LAG
 from .likelihood import tune
 from .noise import Noise
@@ -40,6 +40,8 @@ DATED = (
     "u comes {:.2g} ms late against the motion, as one logged at an instant or for the interval "
     "before it does: it was moved ahead."
 )
+
+GIVEN_UP = 100.0  # log-likelihood of what was fitted first, at most, for a fit to all samples
 
 Progress = Callable[[float, str], None]
 _Models = dict[str, tuple[Predictor, Mapping[str, float], Noise] | None]
@@ -175,14 +177,17 @@ def on_torque(job: Job, data: Data, report: Progress) -> Job:
 def on_everything(fitted: Fitted, job: Job) -> Fitted:
     """Parameters from all samples of the training records, for use after the judging.
 
-    Where a whole file or the last half is held out, it stays so.
+    Where a whole file or the last half is held out, it stays so. As it was where that explains
+    what was fitted far worse: what an effect did once, at the end, may be in none of the windows.
     """
     if not job.parts.in_sample:
         return fitted
     train = job.parts.train
     where = windows(job.data.runs, train.burn, train.length)
     where = spread(where, MOST, ENOUGH_OF_MANY)
-    return again(replace(fitted, where=where))
+    whole = again(replace(fitted, where=where))
+    there = tuned(replace(fitted, values=whole.values))
+    return whole if there.total > fitted.total - GIVEN_UP else fitted
 
 
 def estimates(fitted: Fitted) -> dict[str, Estimate]:
