@@ -194,6 +194,19 @@ def test_a_run_without_hope_gives_up_its_error_control() -> None:
     np.testing.assert_allclose(y[0, :, 0], np.exp(-DT * np.arange(400)), rtol=1e-6)
 
 
+def test_friction_that_no_machine_has_ends_in_time() -> None:
+    """Steps that were too long shrank without end: such a run took minutes."""
+    law = {"model": "coulomb", "Fc": 40.0, "Fv": 40.0, "eps": 2e-5}
+    model = model_from_dict({"plant": {"J": 20.0}, "friction": law}, "absurd")
+    lanes = Lanes(lg.plant(model.with_effect("stribeck", {"Fs": 1e8, "vs": 0.2})), backend="numpy")
+    u, y = np.zeros((30, len(lanes.inputs))), np.zeros((30, len(lanes.outputs)))
+    u[:, 0], y[:, 1] = 60.0 * np.sin(0.1 * np.arange(30) + 0.5), 0.5
+    before = time.process_time()
+    lanes.run(np.array([[0.0, 0.5]]), 0, 30, u, lanes.defaults[None], dt=5e-3, substeps=3, y=y,
+              gain=0.1 * np.eye(2, len(lanes.outputs)))  # fmt: skip
+    assert time.process_time() - before < 8.0
+
+
 def test_order_four_without_step_control(backend: str) -> None:
     """dx/dt = -x^2 cos t has x = 1/(1 + sin t): halving the step divides the error by 16."""
     block = ct.nlsys(

@@ -42,6 +42,7 @@ def run(x_start, start, length, u, stride, series, p, y, seen, gain, correct, t0
 
 _SCALAR_STEP = """
 {code}
+spent = spent + 1.0
 error = {error}
 if not isfinite({state}):
     error = 0.0
@@ -51,24 +52,29 @@ if not error <= rtol and h > shortest:
 {advance}
 t = t + h
 left = left - h
-h = min(left, h * min(5.0, 0.8 * sqrt(sqrt(rtol / max(error, 1e-30)))))
+h = h * min(5.0, 0.8 * sqrt(sqrt(rtol / max(error, 1e-30))))
+h = left if spent > most else min(left, h)
 shortest = shortest * {tired} if error > rtol else shortest
 """
 
 _ARRAY_STEP = """
 {code}
+spent = spent + 1.0
 error = np.where(np.isfinite({state}), {error}, 0.0)
 good = (error <= rtol) | (h <= shortest)
 {advance}
 t = np.where(good, t + h, t)
 left = np.where(good, left - h, left)
 growth = 0.8 * np.sqrt(np.sqrt(rtol / np.maximum(error, 1e-30)))
-h = np.minimum(left, h * np.where(growth == growth, np.clip(growth, 0.1, 5.0), 0.1))
+h = h * np.where(growth == growth, np.clip(growth, 0.1, 5.0), 0.1)
+h = np.minimum(left, np.where(good & (spent > most), left, h))
 shortest = np.where(good & (error > rtol), shortest * {tired}, shortest)
 """
 
-# at each step that is no good at its shortest: a run without hope is not to take minutes
+# A run without hope is not to take minutes: its shortest step grows at each that is no good, and
+# where it has taken too many steps each tries to be the last of its substep.
 TIRED = 1.005
+MOST = 200  # to a substep, on average
 
 
 def lane_code(program: Program, kind: str) -> str:
@@ -99,7 +105,7 @@ def lane_code(program: Program, kind: str) -> str:
 
 def unpack(program: Program, kind: str) -> list[str]:
     """States, their scales and parameters of a lane, and its shortest step."""
-    lines = ["shortest = dt / substeps * 1e-4"]
+    lines = ["shortest = dt / substeps * 1e-4", "spent = 0.0", f"most = {MOST} * length * substeps"]
     lines += [f"{x.value} = x_start[lane, {i}]" for i, x in enumerate(program.x)]
     lines += [
         f"s{i} = {_most(kind, f'floor[{i}]', x.value)} + 1e-9" for i, x in enumerate(program.x)

@@ -79,7 +79,8 @@ growth = min(max(growth, 0.1), 5.0) if growth == growth else 0.1
 left = left - h if good > 0.0 else left
 t_at[l] = t + h if good > 0.0 else t
 left_at[l] = left
-h_at[l] = min(left, h * growth)
+spent_at[l] = spent + 1.0
+h_at[l] = left if good > 0.0 and spent > most else min(left, h * growth)
 {advance}
 """
 
@@ -100,7 +101,12 @@ def wide_code(program: Program) -> str:
     advance = [f"{x}_at[l] = n{i} if good > 0.0 else {x}" for i, x in enumerate(states)]
     step = trial(program, "wide", at_step, _STEP, advance)
     scales = [f"s{i}" for i in range(len(states))]
-    known = [*fixed, "shortest", *(line.split(" = ")[0] for line in at_sample.head + at_step.head)]
+    known = [
+        *fixed,
+        "shortest",
+        "spent",
+        *(line.split(" = ")[0] for line in at_sample.head + at_step.head),
+    ]
     moving = [*states, *scales]
     rooms = [*known, *moving, *inputs, "t", "left", "h"]
     read = [f"{name} = u[own, row, {i}]" for i, name in enumerate(inputs)]
