@@ -198,12 +198,10 @@ def _answer(job: Job, report: Progress) -> _Answer:
     if len(new):  # perhaps the fitted samples only do not tell the parameters well enough
         known = on_everything(final, job)
         new = surprising(final, test, known.values)
-    if len(new):  # or a run that was held out is colder, its torque recorded with an offset
-        own = with_its_own(final, test)
-        new = new if own is None else surprising(own, test)
-    if len(new) and known is not None:
-        new = beyond_doubt(final, known, test, new)
-    own = None if len(new) else own
+        # or a run that was held out is colder, its torque recorded with an offset
+        own = with_its_own(final, test) if len(new) else None
+        new = beyond_doubt(final, known, test, new if own is None else surprising(own, test))
+        own = None if len(new) else own
     return _Answer(job, found, new, undated(final, test), known, own)
 
 

@@ -5,9 +5,10 @@ from dataclasses import replace
 import pytest
 
 from lugrectl import diagnose
+from lugrectl.tracing import start
 from tests.blind.plan import Task
 from tests.blind.work import case_of
-from tests.rig import exported, make, sample
+from tests.rig import exported, sample
 
 from .test_blind import verdict
 from .test_tracing import model_of, record_of
@@ -107,8 +108,13 @@ def test_a_stop_that_is_met_once_is_named():
 
 
 @pytest.mark.slow
-def test_theta_may_have_another_zero_than_the_model():
-    """Speeds are summed from zero, which the declared phase of gravity knows nothing of."""
+@pytest.mark.parametrize("turns", [start.TURNS, ()], ids=["turned", "tried again"])
+def test_theta_may_have_another_zero_than_the_model(monkeypatch, turns):
+    """Speeds are summed from zero, which the declared phase of gravity knows nothing of.
+
+    Without a turned phase the first candidates only lead out of a poor optimum.
+    """
+    monkeypatch.setattr(start, "TURNS", turns)
     form = "a difference alone"
     case = case_of(Task("effect", ("quadratic_drag",), "weak", 134000, form=form))
     result, names = verdict(case)
@@ -140,17 +146,6 @@ def test_a_model_that_runs_away_ends_a_trial_only():
     record = record_of(case)
     result = diagnose(replace(record, theta=record.theta + 1.5), model_of(case))
     assert result.verdict == "adequate"
-
-
-@pytest.mark.slow
-def test_an_absurd_strength_ends_in_time():
-    """A linear step led to a stop of 1e136 N/m, in which the engine lost itself."""
-    case = make(
-        "dwell_stiction", machine="stage", excitation="sparse", seed=692459, rate=200.0,
-        duration=12.0,
-    )  # fmt: skip
-    result = diagnose(replace(record_of(case), theta=None), model_of(case))
-    assert all(e.parameters[k].value < 1e12 for e in result.effects for k in e.parameters)
 
 
 @pytest.mark.slow

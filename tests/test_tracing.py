@@ -1,5 +1,7 @@
 """Splitting, fitting and judging, on records from a simulator that shares nothing with it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,7 +11,7 @@ from lugrectl import Refused, diagnose, identify
 from lugrectl.model import model_from_dict
 from lugrectl.record import Record
 from lugrectl.results import VERDICTS
-from lugrectl.tracing.coordinates import Coordinate, free_keys
+from lugrectl.tracing.coordinates import Coordinate, coordinates, free_keys
 from lugrectl.tracing.data import prepare
 from lugrectl.tracing.fit import fit
 from lugrectl.tracing.job import begin
@@ -17,6 +19,7 @@ from lugrectl.tracing.likelihood import WORST, compared, loglik, whitened
 from lugrectl.tracing.predictor import Predictor
 from lugrectl.tracing.score import whitened_by_parts
 from lugrectl.tracing.split import GAP, split
+from lugrectl.tracing.start import _turned
 from tests.rig import make
 
 
@@ -184,6 +187,27 @@ def test_too_short_a_record_is_refused(plain):
     short = record_of(plain).slice(0, 3000)
     with pytest.raises(Refused, match="too short"):
         diagnose(short, model_of(plain))
+
+
+def test_a_strength_stays_one_that_the_engine_can_take(plain):
+    """A linear step led to a stop of 1e136 N/m, in which a simulation lost itself for minutes."""
+    made = model_of(plain).with_effect("hard_stop", {"position": 1.0, "stiffness": 0.0})
+    predictor = Predictor(made, prepare([record_of(plain)]))
+    (stop,) = coordinates(predictor, ["hard_stop.stiffness"], predictor.model.values())
+    torque, travel = np.std(record_of(plain).u), np.ptp(predictor.data.log.theta)
+    assert stop.kind == "linear"
+    assert stop.back(1e136, {}) == pytest.approx(1e8 * torque / travel, rel=1e-6)
+    assert stop.back(1e7 * torque / travel, {}) == 1e7 * torque / travel
+
+
+def test_a_phase_that_was_declared_wrong_is_turned(plain):
+    record, model = record_of(plain), model_of(plain)
+    pushed = replace(record, u=record.u + 0.1 * np.sin(record.theta + 0.4))
+    model = model.with_effect("gravity", {"amplitude": 0.1, "phase": 0.4})
+    right = begin(pushed, model, None, 1.0, quiet).base
+    assert _turned(right) == []
+    (turned,) = _turned(replace(right, anchor=right.anchor | {"gravity.phase": 2.3}))
+    assert abs(turned["gravity.phase"] - 0.4) < 0.8
 
 
 @given(st.floats(-20.0, 20.0))

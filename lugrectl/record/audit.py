@@ -148,20 +148,22 @@ def _low_passed(
     record: Record, *signals: np.ndarray, band: float = _BAND, keep_ends: bool = False
 ) -> list[np.ndarray]:
     """Return signals without what is faster than the motion, their ends cut off."""
-    edge = _edge(record, band)
+    edge, end = _edge(record, band)
     sos = butter(3, edge, fs=record.rate, output="sos")
-    cut = 0 if keep_ends else int(record.rate / edge)
+    cut = 0 if keep_ends else end
     return [sosfiltfilt(sos, signal)[cut : len(signal) - cut] for signal in signals]
 
 
-def _edge(record: Record, band: float) -> float:
-    return min(band, record.rate / 20)
+def _edge(record: Record, band: float) -> tuple[float, int]:
+    """What is faster, Hz, is taken out; and the samples that this spoils at either end."""
+    edge = min(band, record.rate / 20)
+    return edge, int(record.rate / edge)
 
 
 def _long_enough(record: Record, band: float = _BAND) -> bool:
     """Whether the longest stretch tells anything of slow signals without its ends."""
     part = _longest(record)
-    return len(part.u) > 2 * int(part.rate / _edge(part, band)) + 2 * _BLOCKS
+    return len(part.u) > 2 * (_edge(part, band)[1] + _BLOCKS)
 
 
 def _regression(target: np.ndarray, source: np.ndarray, dt: float) -> tuple[float, float]:

@@ -331,8 +331,8 @@ def _firm(
     without = _without(fitted, key)
     once = told_once(fitted, key)
     told = once or least.trial.rough and agreed(without, fitted) > FIRM
-    alone = once and firm_by_itself(without, fitted, key) > FIRM
-    if alone or told and foretold(fitted, without, test):
+    elsewhere = told and foretold(fitted, without, test)
+    if elsewhere or once and firm_by_itself(without, fitted, key) > FIRM:
         return _firm(steps, fitted, test, (*confirmed, least))
     return _firm([s for s in steps if s is not least], without, test)
 

@@ -20,7 +20,6 @@ from .slopes import is_compiled, slopes
 PRIOR = 1.5  # natural log units: a friction parameter is believed within a factor of 4.5
 FLAT = 1e-8  # of the scaled information, below which a direction is not told
 ANYWHERE = 1e50  # how far what is not told may move
-STEEPEST = 1e100  # derivative, where a model runs away; its square can still be added up
 PART = 0.1  # of a direction, from which a parameter belongs to it
 NOISY = 2.0  # times the power, above which a window missed a hidden state
 NOISE_STEPS = (1.0, 0.6, 0.25, 1.5)  # factors tried at each step of a fit
@@ -217,20 +216,42 @@ def refitted(found: Fitted, data: Data) -> Fitted:
     )  # fmt: skip
 
 
-def drawn(found: Fitted, count: int, scale: float = 1.0, seed: int = 0) -> list[dict[str, float]]:
-    """Sets of values around those found, with the shape of their uncertainty times ``scale``.
-
-    What the record does not tell stays as it is; none where the uncertainty is no number.
-    """
+def told_apart(found: Fitted) -> np.ndarray:
+    """The covariance of what the record tells, 0 for what it does not, (coords, coords)."""
     C = found.covariance()
     told = np.diag(C) < ANYWHERE
-    C = np.where(np.outer(told, told), C, 0.0)
+    return np.where(np.outer(told, told), C, 0.0)
+
+
+def drawn(found: Fitted, C: np.ndarray, count: int, seed: int = 0) -> list[dict[str, float]]:
+    """Sets of values around those found, with a covariance C; none where that is no number."""
     if not np.all(np.isfinite(C)):
         return []
-    values, axes = np.linalg.eigh(C * scale**2)
+    values, axes = np.linalg.eigh(C)
     draws = np.random.default_rng(seed).normal(size=(count, len(C)))
     steps = (draws * np.sqrt(np.maximum(values, 0.0))) @ axes.T
     return [moved(found.values, found.free, step) for step in steps]
+
+
+def weighed(
+    predictor: Predictor,
+    values: Values,
+    coords: Sequence[Coordinate],
+    where: Windows,
+    noise: Noise,
+    *,
+    graph: bool = True,
+) -> tuple[np.ndarray, np.ndarray]:
+    """A (windows, coords, length, channels) and r as of :func:`slopes`, as much as the noise lets
+    each window count."""
+    r, A = slopes(predictor, values, coords, where, noise, graph=graph)
+    weight = excess(r, noise)[:, None, None] ** -0.5
+    return (weight * A).swapaxes(0, 1), weight * r
+
+
+def information(A: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A A' and the score A r of samples, A (..., coords, n) and r (..., n)."""
+    return A @ A.swapaxes(-1, -2), (A @ r[..., None])[..., 0]
 
 
 @dataclass(frozen=True)
@@ -306,12 +327,8 @@ class _Climb:
         return _move(H, gradient, damping, self.coords, values)
 
     def linearised(self, values: Values, noise: Noise) -> _Linear:
-        r, A = slopes(self.predictor, values, self.coords, self.where, noise, graph=self.graph)
-        weight = excess(r, noise)[:, None, None] ** -0.5
-        r, A = (np.clip(np.nan_to_num(weight * x), -STEEPEST, STEEPEST) for x in (r, A))
-        A, r = A.reshape(len(self.coords), len(r), -1), r.reshape(len(r), -1)
-        by_window = A.transpose(1, 0, 2)
-        return _Linear(by_window @ by_window.transpose(0, 2, 1), (by_window @ r[..., None])[..., 0])
+        A, r = weighed(self.predictor, values, self.coords, self.where, noise, graph=self.graph)
+        return _Linear(*information(A.reshape(*A.shape[:2], -1), r.reshape(len(r), -1)))
 
 
 def _move(H, gradient, damping, coords, values) -> dict[str, float]:

@@ -177,8 +177,9 @@ def on_torque(job: Job, data: Data, report: Progress) -> Job:
 def on_everything(fitted: Fitted, job: Job) -> Fitted:
     """Parameters from all samples of the training records, for use after the judging.
 
-    Where a whole file or the last half is held out, it stays so. As it was where that explains
-    what was fitted far worse: what an effect did once, at the end, may be in none of the windows.
+    Where a whole file or the last half is held out, it stays so. The fit stays what it was if one
+    to all samples explains far worse what that was made on: what an effect did once, at the end,
+    may be in none of its windows.
     """
     if not job.parts.in_sample:
         return fitted

@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from .fit import Fitted
+from .fit import Fitted, information, weighed
 from .proof import firmness, share, strength
-from .slopes import slopes
 
 ONCE = 0.9  # of the information on a strength, from which a single window tells it
 ALL = 0.99  # of what is missing, that is gone with an effect which nothing else confirms
@@ -53,10 +52,11 @@ def _place(fitted: Fitted, key: str) -> int:
 def _pieces(fitted: Fitted, key: str, window: int) -> tuple[np.ndarray, np.ndarray]:
     """Information and gradient of pieces of a window that tell as much of the strength each."""
     where = replace(fitted.where, start=fitted.where.start[[window]])
-    r, A = slopes(fitted.predictor, fitted.values, fitted.free, where, fitted.noise)
-    r, A = r[0], A[:, 0]
+    A, r = weighed(fitted.predictor, fitted.values, fitted.free, where, fitted.noise)
+    A, r = A[0], r[0]
     told = np.cumsum(np.sum(A[_place(fitted, key)] ** 2, axis=-1))
     ends = np.searchsorted(told, told[-1] * np.arange(1, PIECES) / PIECES)
-    cut = [np.split(x, ends, axis=-2) for x in (r, A)]
-    flat = [(rest.ravel(), a.reshape(len(a), -1)) for rest, a in zip(*cut, strict=True)]
-    return np.array([a @ a.T for _, a in flat]), np.array([a @ rest for rest, a in flat])
+    cut = zip(np.split(A, ends, axis=1), np.split(r, ends), strict=True)
+    pieces = [information(a.reshape(len(a), -1), e.ravel()) for a, e in cut]
+    parts, scores = zip(*pieces, strict=True)
+    return np.array(parts), np.array(scores)

@@ -156,7 +156,7 @@ def coloured(fitted: Fitted) -> bool:
         return False
     quiet = fitted.quiet
     if fitted.noise.uneven:
-        power = np.mean(quiet**2, axis=(1, 2))
-        quiet = quiet[power <= np.median(power)]
+        loudness = np.argsort(np.mean(quiet**2, axis=(1, 2)))
+        quiet = quiet[np.sort(loudness[: -(-len(quiet) // 2)])]
     theta, w = colour(quiet)
     return bool(theta > COLOUR["theta"] or w > COLOUR["w"])

@@ -10,7 +10,7 @@ import numpy as np
 
 from .beside import beside
 from .blows import closer, sought
-from .fit import ANYWHERE, Fitted, again, drawn, tuned
+from .fit import Fitted, again, drawn, told_apart, tuned
 from .predictor import Predictor
 from .proof import share
 from .score import Score, whitened_by_parts
@@ -86,12 +86,12 @@ def _shaken(found: Fitted, key: str, spread: float) -> dict[str, float] | None:
     own = [i for i, c in enumerate(found.free) if c.key.startswith(f"{key}.") and c.kind == "log"]
     if len(own) < 2:
         return None
-    variance = np.diag(found.covariance())[own]
-    size = np.sqrt(np.max(np.where(variance < ANYWHERE, variance, 0.0)))
-    sets = drawn(found, SHAKEN, spread / size, seed=len(own)) if size > 0.0 else []
+    C = told_apart(found)
+    size = np.sqrt(np.max(np.diag(C)[own]))
+    sets = drawn(found, C * (spread / size) ** 2, SHAKEN, len(own)) if size > 0.0 else []
     if not sets:
         return None
-    white = np.nan_to_num(whitened_by_parts(found.predictor, sets, found), posinf=1e150)
+    white = whitened_by_parts(found.predictor, sets, found)
     cost = np.sum(white**2, axis=(1, 2, 3))
     best = int(np.argmin(cost))
     return sets[best] if cost[best] < np.sum(found.innovations**2) else None

@@ -23,7 +23,7 @@ DATED = 0.1  # of the torque must accelerate for the torque to be dated
 SOFT = (0.003, 0.012, 0.05)  # s at the usual speed, in which friction builds up
 SURE = 3.0  # standard errors over blocks of time; what a shift saves varies much among them
 
-Terms = Callable[[Data, Cells, np.ndarray], list[np.ndarray]]  # more columns beside the usual
+Terms = Callable[[np.ndarray], Sequence[np.ndarray]]  # more columns, made of the usual ones
 Left = Callable[[int], np.ndarray]  # squares that a shift of so many samples leaves, by cell
 
 
@@ -63,7 +63,7 @@ def torque_skewed(records: Sequence[Record], data: Data, remarks: list[str]) -> 
     found = skew(data, FARTHEST)
     if found is None or found.lag > -AWAY * data.dt or found.t < SURE or found.inertial < DATED:
         return
-    for explained in (_changing, _turning):
+    for explained in (_changing, _turning) if data.motion == "rotary" else (_changing,):
         other = skew(data, FARTHEST, explained)
         if other is None or other.lag > 0.5 * found.lag:
             return
@@ -92,7 +92,7 @@ class Skew:
     inertial: float = np.nan
 
 
-def skew(data: Data, farthest: float, also: Terms = lambda data, at, terms: []) -> Skew | None:
+def skew(data: Data, farthest: float, also: Terms = lambda terms: ()) -> Skew | None:
     """How late the motion follows the torque, up to ``farthest`` s; None where none is best.
 
     The torque may depend on what is ``also`` given, too.
@@ -103,7 +103,7 @@ def skew(data: Data, farthest: float, also: Terms = lambda data, at, terms: []) 
     if len(at.start) < 5 * BLOCKS:
         return None
     terms = motion_terms(data, at)[0]
-    terms = np.column_stack([terms, *_building_up(data, at), *also(data, at, terms)])
+    terms = np.column_stack([terms, *_building_up(data, at), *also(terms)])
     size = np.linalg.norm(terms, axis=0)
     Q, R = np.linalg.qr(terms / np.where(size > 0, size, 1.0))
     total = running(data.u - data.d)
@@ -119,21 +119,18 @@ def skew(data: Data, farthest: float, also: Terms = lambda data, at, terms: []) 
     return _judged(left, k, room, data.dt, inertial)
 
 
-def _changing(data: Data, at: Cells, terms: np.ndarray) -> list[np.ndarray]:
+def _changing(terms: np.ndarray) -> list[np.ndarray]:
     """Coulomb friction with a size of its own in each part of the record."""
     part = np.arange(len(terms)) * PARTS // len(terms)
     return [terms[:, LEVEL] * (part == n) for n in range(1, PARTS)]
 
 
-def _turning(data: Data, at: Cells, terms: np.ndarray) -> list[np.ndarray]:
-    """What an encoder beside its axis makes of all torques, and an inertia that varies."""
-    if data.motion != "rotary":
-        return []
-    angle = at.mean(running(data.log.theta - np.mean(data.log.theta)))
-    w = at.mean(running(data.log.w))
-    waves = np.sin(angle), np.cos(angle)
-    products = [x * wave for x in (terms[:, 0], w, w**2) for wave in waves]
-    return [*products, np.sin(2.0 * angle), np.cos(2.0 * angle)]
+def _turning(terms: np.ndarray) -> list[np.ndarray]:
+    """What an encoder beside its axis makes of all torques of a rotary drive, and an inertia that
+    varies."""
+    a, w, *_, sin, cos = terms.T
+    products = [x * wave for x in (a, w, w**2) for wave in (sin, cos)]
+    return [*products, sin * cos, cos * cos]
 
 
 def _building_up(data: Data, at: Cells) -> list[np.ndarray]:

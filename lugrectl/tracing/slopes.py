@@ -16,6 +16,7 @@ from .noise import Noise
 from .predictor import Predictor, Values, Windows
 
 RTOL = 1e-5  # of the run along which the derivatives are taken
+STEEPEST = 1e100  # derivative, where a model runs away; its square can still be added up
 
 
 def slopes(
@@ -50,7 +51,7 @@ def slopes(
         if known:
             few = [coords[i] for i in known], [sets[i] for i in known]
             r, A[known] = _from_graph(predictor, values, *few, where, noise)
-    return r, np.nan_to_num(A, posinf=0.0, neginf=0.0)
+    return r, np.clip(np.nan_to_num(A, posinf=0.0, neginf=0.0), -STEEPEST, STEEPEST)
 
 
 def stepped(coords: Sequence[Coordinate], values: Values) -> list[dict[str, float]]:

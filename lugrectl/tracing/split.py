@@ -9,11 +9,12 @@ from ..engine.load import compiler
 from ..errors import Refused
 from .data import Data
 from .predictor import Windows, spread, windows
+from .structure import ORDER
 
 BLOCK = 2.0  # s, least length of a held-out block
 GAP = 0.25  # s, between the samples that fit and those that judge; also the observer's lead-in
 WINDOWS = (1.0, 0.5, 0.25)  # s, counted samples of one fitting window: the longest of which
-FEWEST = 25  # samples of it: twice the past that its innovations may hang on
+FEWEST = 2 * ORDER + 1  # samples of it: twice the past that its innovations may hang on
 ENOUGH = 8  # fit into what may be seen
 LEAST = 4
 MOST = 200_000  # counted samples to fit on; of a longer record windows all over it are taken

@@ -22,11 +22,12 @@ from .series import resisting
 
 DEFLECTIONS = (1e-5, 1e-4, 1e-3, 1e-2)  # Fc / sigma0 as a share of the largest speed, in s
 REGRESSED = {"J", "Fc", "Fv"}
-LEAST = {"J": 0.01, "Fc": 1e-3, "Fv": 0.05}  # of the torque: a fit stays near its start
+# of the torque, Fv at top speed, J at the usual acceleration: a fit stays near its start
+LEAST = {"J": 0.01, "Fc": 1e-3, "Fv": 0.05}
 CREEP = 1e-5  # of the largest speed, at which static friction may let a held drive move
 SHORT = 8  # steps of a fit from elsewhere
 BETTER = 3.0  # gain in log-likelihood that makes it worth more
-TURNS = (0.5 * np.pi, np.pi, -0.5 * np.pi)
+TURNS = (0.5 * np.pi, np.pi, -0.5 * np.pi)  # of a declared phase
 STRIBECK_SPEEDS = (1e-3, 5e-3, 2e-2)  # vs as a share of the largest speed
 
 
@@ -111,7 +112,7 @@ def _turned(light: Fitted) -> list[dict[str, float]]:
     for key in angles:
         sets = [best.values | {key: best.values[key] + turn} for turn in TURNS]
         others = [tuned(replace(light, values=values)) for values in sets]
-        best = max(best, *others, key=lambda f: f.total)
+        best = max([best, *others], key=lambda f: f.total)
     return [best.values] if best.total > believed.total + BETTER else []
 
 

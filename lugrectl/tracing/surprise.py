@@ -8,7 +8,7 @@ import numpy as np
 
 from ..spec import unit_for
 from .evaluate import missing_torque, restarted
-from .fit import Fitted, drawn
+from .fit import Fitted, drawn, told_apart
 from .predictor import Values, Windows
 from .proof import LEAST_SIZE, friction_size
 
@@ -37,42 +37,46 @@ def surprising(fitted: Fitted, test: Windows, values: Values | None = None) -> n
     """
     if fitted.noise.uneven:  # a window may have missed a hidden state
         return np.array([], dtype=int)
-    new, known = _supplied(fitted, test, values)
+    new = _supplied(fitted, test, values)
     new[_open(fitted, test)] = 0.0
-    return np.flatnonzero(new > MORE * known)
+    return np.flatnonzero(new > MORE * _usual(fitted))
 
 
 def beyond_doubt(fitted: Fitted, known: Fitted, test: Windows, found: np.ndarray) -> np.ndarray:
-    """Those of the surprising windows that no values explain which all samples, by a fit to
-    them that is ``known``, allow.
+    """Those of the surprising windows that no values explain which all samples allow; ``known``
+    is a fit to these.
 
     Whether a creeping drive sticks or goes on may hang on the last digit of its friction.
     """
-    for values in drawn(known, DRAWN):
+    most = MORE * _usual(fitted)
+    for values in drawn(known, told_apart(known), DRAWN):
         if not len(found):
             break
         where = replace(test, start=test.start[found])
-        found = found[surprising(fitted, where, values)]
+        found = found[_supplied(fitted, where, values) > most]
     return found
 
 
-def _supplied(
-    fitted: Fitted, where: Windows, values: Values | None = None
-) -> tuple[np.ndarray, float]:
-    """RMS torque that such an observer supplies in each window, and the most that it does in any
-    that was fitted, or the least size worth a name."""
-    least = LEAST_SIZE * friction_size(fitted)
-    noise = replace(fitted.noise, jump=least / fitted.values["J"])
-    new, known = (
-        np.sqrt(np.mean(missing_torque(fitted.predictor, v, w, noise) ** 2, axis=1))
-        for v, w in ((values or fitted.values, where), (fitted.values, fitted.where))
-    )
-    return new, max(least, float(np.max(known)))
+def _supplied(fitted: Fitted, where: Windows, values: Values | None = None) -> np.ndarray:
+    """RMS torque that such an observer supplies in each window."""
+    noise = replace(fitted.noise, jump=_least(fitted) / fitted.values["J"])
+    torque = missing_torque(fitted.predictor, values or fitted.values, where, noise)
+    return np.sqrt(np.mean(torque**2, axis=1))
+
+
+def _usual(fitted: Fitted) -> float:
+    """The most that it supplies in any window that was fitted, or the least worth a name."""
+    return max(_least(fitted), float(np.max(_supplied(fitted, fitted.where))))
+
+
+def _least(fitted: Fitted) -> float:
+    """The least RMS torque worth a name."""
+    return LEAST_SIZE * friction_size(fitted)
 
 
 def foretold(fitted: Fitted, without: Fitted, test: Windows) -> bool:
     """Whether an effect as it was fitted explains most of what held-out windows lack without it."""
-    left, lacking = (float(np.sum(_supplied(f, test)[0] ** 2)) for f in (fitted, without))
+    left, lacking = (float(np.sum(_supplied(f, test) ** 2)) for f in (fitted, without))
     return left < FORETOLD * lacking
 
 
@@ -83,12 +87,12 @@ def openings(fitted: Fitted) -> tuple[str, ...]:
     lead = burn // LED
     runs = [run for run in data.runs if run[1] - run[0] > burn]
     start = np.array([a for a, _ in runs], dtype=int)
-    torque, known = _supplied(fitted, Windows(start, lead, burn - lead))
+    torque, usual = _supplied(fitted, Windows(start, lead, burn - lead)), _usual(fitted)
     unit = unit_for("N m", data.motion)
     return tuple(
         OPENING.format(data.t[a], data.t[a + burn], size, unit)
         for a, size in zip(start, torque, strict=True)
-        if size > FAR_MORE * known
+        if size > FAR_MORE * usual
     )
 
 
