@@ -18,10 +18,10 @@ from .tracing.explain import (
     Explanation,
     behind_a_filter,
     explain,
-    signals_of,
     without_effects,
 )
 from .tracing.fit import Fitted
+from .tracing.hanging import signals_of
 from .tracing.held_out import adapted, with_its_own
 from .tracing.job import (
     Job,
@@ -37,10 +37,10 @@ from .tracing.job import (
     score,
     untold,
 )
-from .tracing.predictor import windows
 from .tracing.rest import signals_of_the_rest
 from .tracing.surprise import beyond_doubt, misled, openings, surprising, undated, when
 from .tracing.tabulate import tabulate
+from .tracing.windows import windows
 from .tracing.witness import statements
 
 TURNED = (

@@ -18,7 +18,7 @@ from .steady.curve import Curve, fit, refit
 from .steady.points import Points, is_steady, laid, points, refuse_narrow
 from .steady.swing import Swing, finding_of, sentence, swings
 from .tracing.evaluate import rms
-from .tracing.explain import signals_of
+from .tracing.hanging import signals_of
 from .tracing.job import Progress, untold
 from .tracing.start import holding
 

@@ -97,6 +97,7 @@ class Block:
     load: bool = False
     abrupt: bool = False
     box: Callable[..., Any] | None = field(default=None, compare=False)
+    hidden: Callable[..., tuple[float, ...]] | None = field(default=None, compare=False)
     home: str = field(default="", compare=False)
 
     @property
@@ -260,6 +261,7 @@ def block(
     load: bool = False,
     abrupt: bool = False,
     box: Callable[..., Any] | None = None,
+    hidden: Callable[..., tuple[float, ...]] | None = None,
 ) -> Callable[[Callable[..., Any]], Block]:
     """Declare a function as a block of a kind and enter it in the registry.
 
@@ -296,6 +298,8 @@ def block(
         ``box(log, values)`` of an effect whose likelihood has many optima, because a state of
         it is not told by the motion for a while: where to search them all. Windows in which
         that state was missed are then allowed to be noisier than the others.
+    hidden : callable
+        ``hidden(values)``: how far each of those states may be from where it starts.
 
     Raises
     ------
@@ -318,6 +322,7 @@ def block(
             load=load,
             abrupt=abrupt,
             box=box,
+            hidden=hidden,
         )
         known = members(kind).get(made.name)
         if known is not None and not (known.home == made.home == "__main__"):

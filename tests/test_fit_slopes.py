@@ -14,7 +14,8 @@ from lugrectl.tracing import slopes as own
 from lugrectl.tracing.coordinates import coordinates
 from lugrectl.tracing.data import prepare
 from lugrectl.tracing.likelihood import tune, whitened
-from lugrectl.tracing.predictor import Predictor, windows
+from lugrectl.tracing.predictor import Predictor
+from lugrectl.tracing.windows import windows
 
 COULOMB = {"model": "coulomb", "Fc": 0.3, "Fv": 0.02}
 LUGRE = {

@@ -26,7 +26,7 @@ STOREYS = [
     {"cli", "__main__", "demo"},
 ]
 TRACING = [
-    {"noise", "beside"},
+    {"noise", "beside", "windows"},
     {"data"},
     {"balance"},
     {"channel", "skewed"},
@@ -38,7 +38,7 @@ TRACING = [
     {"fit"},
     {"late"},
     {"tabulate", "proof", "blows", "slide", "calm"},
-    {"score", "surprise", "once", "witness", "dated"},
+    {"score", "surprise", "once", "witness", "dated", "hidden"},
     {"tries"},
     {"screening"},
     {"search"},

@@ -6,9 +6,9 @@ import pytest
 from lugrectl.tracing.job import begin
 from lugrectl.tracing.likelihood import whitened
 from lugrectl.tracing.moments import _between, place
-from lugrectl.tracing.predictor import windows
 from lugrectl.tracing.score import Score
 from lugrectl.tracing.screening import screen
+from lugrectl.tracing.windows import windows
 
 from .rig import make
 from .test_tracing import model_of, quiet, record_of

@@ -7,6 +7,7 @@ from lugrectl import Record, table1
 from lugrectl.model import model_from_dict
 from lugrectl.tracing.data import prepare
 from lugrectl.tracing.predictor import Predictor
+from lugrectl.tracing.windows import Windows
 
 P = table1()
 FRICTION = {k: getattr(P, k) for k in ("sigma0", "sigma1", "Fc", "Fs", "Fv", "vs")}
@@ -40,7 +41,7 @@ def turning():
     ],
 )
 def test_a_drive_that_more_stiction_holds_starts_held(name, own):
-    u, start = 1.3 * FRICTION["Fs"], np.array([3000])
+    u, start = 1.3 * FRICTION["Fs"], Windows(np.array([3000]), 0, 1)
 
     def torque(model):
         predictor = Predictor(model, held(u))

@@ -10,12 +10,12 @@ import numpy as np
 from ..spec import members
 from .data import Data
 from .fit import Fitted, again, tuned
-from .predictor import Windows
 from .proof import GATE
 from .runs import MOST_RUNS, alike, knows_places, orders, repeats
 from .score import Score
 from .screening import lightened, placed_at, screen
 from .search import refine
+from .windows import Windows
 
 TRIED = 6  # effects with places that are fitted
 STEPS = 15  # of such a fit

@@ -12,7 +12,7 @@ from scipy.optimize import differential_evolution
 from .fit import Fitted, again, tuned
 from .likelihood import loglik, whitened
 from .noise import Noise
-from .predictor import spread
+from .windows import spread
 
 ENOUGH, LEAST_WINDOWS = 8_000, 12  # counted samples to search on
 WIDTHS = (np.inf, 1.0, 0.4)  # of what the effect calls near, around the best set so far

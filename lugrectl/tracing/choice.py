@@ -14,11 +14,12 @@ from ..results import Candidate
 from .beside import beside
 from .blows import forgiving
 from .fit import Fitted, again
-from .predictor import Predictor, Windows
+from .predictor import Predictor
 from .proof import GATE, firmness, share
 from .screening import Trial
 from .search import Pair
 from .surprise import surprising
+from .windows import Windows
 
 PART = 0.1  # of the leader's gain that one which explains as much may lack
 FIRM = 2.0  # half-widths of its interval between an effect's strength and none

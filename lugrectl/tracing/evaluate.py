@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from .noise import Noise
-from .predictor import Predictor, Values, Windows
+from .predictor import Predictor, Values
+from .windows import Windows
 
 
 @dataclass(frozen=True)

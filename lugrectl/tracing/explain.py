@@ -16,10 +16,11 @@ from .blows import forgiving, sharpened
 from .choice import FIRM, Step, agreed, as_well, candidate, chosen, in_order, sureness
 from .data import Data
 from .fit import Fitted, again, fit, refitted
+from .hidden import settled
 from .job import Progress
 from .late import LAG, with_lag
 from .once import firm_by_itself, told_once
-from .predictor import Predictor, Windows
+from .predictor import Predictor
 from .proof import (
     GATE,
     LEAST_OF_FIRST,
@@ -35,6 +36,7 @@ from .screening import Trial
 from .search import Contest, Pair, Say, contest
 from .slide import lacking
 from .surprise import foretold
+from .windows import Windows
 from .witness import contradicted
 
 PIECED = 0.98  # share below which as many effects as are tried are a patchwork, not physics
@@ -188,9 +190,13 @@ class _Trace:
             return found
         names = worth_trying(self.current.predictor.model)
         sound = self._proven(names, 0.5 * GATE, say)
-        if sound or not coloured(self.current):
+        if sound or not (coloured(self.current) or self._lacking()):
             return sound
         return self._proven([n for n in names if members("effect")[n].tries], 0.0, say)
+
+    def _lacking(self) -> bool:
+        """Whether something proven is left now."""
+        return left_over(self.base, self.current, found=bool(self.steps), doubtful=False)[0]
 
     def _proven(self, names: Sequence[str], gate: float, say: Say) -> list[Pair]:
         tried = contest(self.current, names, gate, TRIED, say)
@@ -241,7 +247,7 @@ def _eased(steps: Sequence[Step], base: Fitted, current: Fitted) -> tuple[Fitted
     """Under a noise that forgives missed windows, where the newest effect asks for that."""
     if not steps[-1].trial.boxed:
         return base, current
-    return forgiving(base), sharpened(current)
+    return forgiving(base), settled(sharpened(current))
 
 
 def _better_base(current: Fitted, fits: Sequence[Pair]) -> Fitted | None:
@@ -382,14 +388,3 @@ def _without(fitted: Fitted, key: str) -> Fitted:
     )
     predictor = Predictor(rest, fitted.predictor.data)
     return again(replace(fitted, predictor=predictor, values=values, anchor=anchor))
-
-
-def signals_of(names: Sequence[str]) -> tuple[str, ...]:
-    """The signals that effects hang on; friction hangs on w."""
-    made: list[str] = []
-    for name in names:
-        block = members("effect")[name]
-        levels = {act.removeprefix("+") for act in block.acts}
-        friction = "w" if {"Fc", "Fs", "Fv"} & levels else None
-        made += [s for s in ("t" if block.timed else None, *block.inputs, friction) if s]
-    return tuple(dict.fromkeys(made))

@@ -14,8 +14,9 @@ from .data import Data
 from .likelihood import excess, loglik, tune, whitened
 from .moments import placed
 from .noise import Noise
-from .predictor import Predictor, Values, Windows
+from .predictor import Predictor, Values
 from .slopes import is_compiled, slopes
+from .windows import Windows
 
 PRIOR = 1.5  # natural log units: a friction parameter is believed within a factor of 4.5
 FLAT = 1e-8  # of the scaled information, below which a direction is not told

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from ..spec import members
 from .beside import beside
 from .data import Data, Log, picked
 from .dependence import Dependence, clearest, judged
 from .fit import Fitted
 from .likelihood import whitened
-from .predictor import Windows, spread, windows
 from .proof import friction_size
 from .score import weighing, whitened_by_parts
 from .screening import lightened
 from .shapes import Shape, pulses, shapes
 from .slopes import slopes
+from .windows import Windows, spread, windows
 
 ENOUGH = 60_000  # counted samples
 LEAST_WINDOWS = 24
@@ -137,3 +139,14 @@ def _validated(H: np.ndarray, g: np.ndarray, fold: np.ndarray, penalty: np.ndarr
         c = np.linalg.lstsq(H[~own].sum(0) + np.diag(penalty), g[~own].sum(0), rcond=None)[0]
         gain[own] = g[own] @ c - 0.5 * np.einsum("i,wij,j->w", c, H[own], c)
     return gain
+
+
+def signals_of(names: Sequence[str]) -> tuple[str, ...]:
+    """The signals that effects hang on; friction hangs on w."""
+    made: list[str] = []
+    for name in names:
+        block = members("effect")[name]
+        levels = {act.removeprefix("+") for act in block.acts}
+        friction = "w" if {"Fc", "Fs", "Fv"} & levels else None
+        made += [s for s in ("t" if block.timed else None, *block.inputs, friction) if s]
+    return tuple(dict.fromkeys(made))

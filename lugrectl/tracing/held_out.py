@@ -10,9 +10,9 @@ import numpy as np
 from ..model import Model
 from .data import Data
 from .fit import Fitted, fit
-from .predictor import Windows
 from .runs import MOST_RUNS, alike, knows_places, orders, repeating
 from .score import whitened_by_parts
+from .windows import Windows
 
 SETTLED = 5  # part of a lead-in after which it counts
 PER_PERIOD, FINEST = 12, 600  # phases tried in each period, and at most

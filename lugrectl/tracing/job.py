@@ -22,11 +22,12 @@ from .fit import Fitted, again, fit, refitted, tuned
 from .late import LAG
 from .likelihood import tune
 from .noise import Noise
-from .predictor import Predictor, spread, windows
+from .predictor import Predictor
 from .repeated import on_theta_alone
 from .runs import MOST_RUNS, alike, repeating, told
 from .split import ENOUGH_OF_MANY, GAP, MOST, Split, split
 from .start import completed, holding, settled
+from .windows import spread, windows
 
 SLOWLY = "first guess; slow, as there is neither a C compiler nor numba (lugrectl[fast])"
 UNTOLD = "Of {} the {} only a combination: their values are one choice among many."

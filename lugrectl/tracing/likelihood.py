@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from .noise import Noise
-from .predictor import Predictor, Values, Windows
+from .predictor import Predictor, Values
+from .windows import Windows
 
 SHORT_LOOK = 0.5  # natural log units that three points span well enough
 FARTHEST = 20.0  # the same, of the noise in rad/s2
@@ -22,12 +23,13 @@ def whitened(
     noise: Noise | Sequence[Noise],
     *,
     torque: np.ndarray | None = None,
+    x0: np.ndarray | None = None,
 ) -> np.ndarray:
     """Innovations with unit covariance where the model is right, (sets, windows, length, 2).
 
-    ``torque`` (sets, N) acts on the resisting side besides.
+    ``torque`` (sets, N) acts on the resisting side besides; ``x0`` are states to start from.
     """
-    y, _ = predictor.run(sets, where, noise, torque=torque)
+    y, _ = predictor.run(sets, where, noise, torque=torque, x0=x0)
     e = compared(predictor.data.y[where.counted], y)
     noises = [noise] * len(sets) if isinstance(noise, Noise) else noise
     for i, (q, values) in enumerate(zip(noises, sets, strict=True)):

@@ -9,7 +9,8 @@ import numpy as np
 
 from .likelihood import whitened
 from .noise import Noise
-from .predictor import Predictor, Values, Windows
+from .predictor import Predictor, Values
+from .windows import Windows
 
 DROP = 1.92  # of the log-likelihood at the ends of a 95 % interval
 

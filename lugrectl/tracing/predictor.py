@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -24,55 +24,12 @@ from .data import Data, picked
 from .noise import Noise, Sensing, observer_gain
 from .runs import PHASE, differences, displaced, repeating
 from .series import UNDOING, Fed, Memory, Values, depends_on_plant, feed, run_alone, run_as
+from .windows import Windows
 
 TORQUE = 2  # column of what is fed in: applied torque, load, torque, levels
 LEVELS = ("J", "Fc", "Fs", "Fv")
 STEP = 2e-3  # s, longest integration step; the engine divides it where it must
 RESTING = 0.1  # of the largest speed, to whose size errors of a drive at rest are compared
-
-
-@dataclass(frozen=True)
-class Windows:
-    """Stretches of equal length: each starts at ``start``, counts after ``burn`` samples."""
-
-    start: np.ndarray
-    burn: int
-    length: int
-
-    @property
-    def counted(self) -> np.ndarray:
-        """Sample indices that count, (windows, length)."""
-        return self.start[:, None] + self.burn + np.arange(self.length)
-
-
-def windows(blocks: Sequence[tuple[int, int]], burn: int, length: int) -> Windows:
-    """Cut blocks into windows; the burn-in lies inside the block, so that blocks share nothing."""
-    starts: list[int] = []
-    for a, b in blocks:
-        starts += range(a, b - burn - length + 1, length)
-    return Windows(np.array(starts, dtype=int), burn, length)
-
-
-def spread(where: Windows, most: int, least: int) -> Windows:
-    """Evenly spread ones of them, so many that ``most`` samples count, but at least ``least``."""
-    kept = max(least, most // where.length)
-    if len(where.start) <= kept:
-        return where
-    chosen = np.linspace(0, len(where.start) - 1, kept).round().astype(int)
-    return replace(where, start=where.start[chosen])
-
-
-def coarser(where: Windows, runs: Sequence[tuple[int, int]], every: int) -> Windows:
-    """The same stretches where only every so many samples are left."""
-    burn, length = -(-where.burn // every), where.length // every
-    starts, base = [], 0
-    for a, b in runs:
-        own = where.start[(where.start >= a) & (where.start < b)]
-        count = (b - a) // every
-        moved = np.minimum(-(-(own - a) // every), count - burn - length)
-        starts.append(base + moved[moved >= 0])
-        base += count
-    return Windows(np.concatenate(starts), burn, length)
 
 
 class Predictor:
@@ -214,7 +171,7 @@ class Predictor:
         p = np.array([[v[k] for k in self.keys] for v in values])
         start = np.tile(where.start, sets)
         if x0 is None:
-            x0 = self.initial(values, where.start).reshape(len(start), -1)
+            x0 = self.initial(values, where).reshape(len(start), -1)
         noises = [noise] * sets if isinstance(noise, Noise) else noise
         gains = [self.filter(q, v)[0] for q, v in zip(noises, values, strict=True)]
         sensed = any(e is not None for e in errors)
@@ -308,12 +265,13 @@ class Predictor:
         rows = [tuple(map(tuple, m.tolist())) for m in (M[2:, 2:], M[2:, :2], M[:2, 2:], M[:2, :2])]
         return names, Sensing(*rows)
 
-    def initial(self, values: Sequence[Values], start: np.ndarray) -> np.ndarray:
+    def initial(self, values: Sequence[Values], where: Windows) -> np.ndarray:
         """States (sets, starts, states) at the start of each window.
 
-        The smoothed motion, z from the torque balance, effects' states as run along the log.
+        The smoothed motion, z from the torque balance, effects' states as run along the log,
+        hidden ones where the windows say.
         """
-        log, dt, names = self.data.log, self.data.dt, self.lanes.states
+        log, dt, names, start = self.data.log, self.data.dt, self.lanes.states, where.start
         x0 = np.zeros((len(values), len(start), len(names)))
         for x, v in zip(x0, values, strict=True):
             theta, w = self._motion(v, start)
@@ -327,7 +285,28 @@ class Predictor:
             F = self._bristle_torques(values, start, ran)
             sigma0 = np.array([[max(v["sigma0"], 1e-12)] for v in values])
             x0[..., names.index("z")] = F / sigma0
+        told = [i for i, s in enumerate(start) if s in where.hidden]
+        if told:
+            parts = np.array([where.hidden[s] for s in start[told]])
+            x0[:, told] = [
+                self.placed(x, v, parts) for x, v in zip(x0[:, told], values, strict=True)
+            ]
         return x0
+
+    def placed(self, x0: np.ndarray, values: Values, parts: np.ndarray) -> np.ndarray:
+        """States (starts, states) with the hidden ones moved from where they would start by
+        ``parts`` of their reach, (starts, hidden)."""
+        made, names = x0.copy(), self.lanes.states
+        resting = {"0": np.zeros(len(x0)), "theta": x0[:, 0], "w": x0[:, 1]}
+        for part in self.core.effects:
+            block = part.block
+            if block.hidden is None:
+                continue
+            reach = block.hidden({k: values[f"{part.key}.{k}"] for k in block.own})
+            own = Placed(f"{part.key}.", block).states
+            for name, start, far, at in zip(own, block.start, reach, parts.T, strict=True):
+                made[:, names.index(name)] = resting[start] + far * at
+        return made
 
     def _motion(self, values: Values, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """theta and w behind the sensors that are inside the plant, in the middle of a cell."""

@@ -15,10 +15,11 @@ from .coordinates import typical
 from .data import Log, thinned
 from .evaluate import missing_torque
 from .fit import Fitted, tuned
-from .predictor import Predictor, coarser, spread
+from .predictor import Predictor
 from .score import Score, orthonormal, whitened_by_parts
 from .series import resisting
 from .tries import tried
+from .windows import coarser, spread
 
 ENOUGH = 40_000  # counted samples to search on
 MANY_WINDOWS = 24

@@ -13,7 +13,8 @@ from ..engine.tangent import Moved, Tangent
 from .coordinates import Coordinate
 from .likelihood import compared, whitened
 from .noise import Noise
-from .predictor import Predictor, Values, Windows
+from .predictor import Predictor, Values
+from .windows import Windows
 
 RTOL = 1e-5  # of the run along which the derivatives are taken
 STEEPEST = 1e100  # derivative, where a model runs away; its square can still be added up
@@ -101,7 +102,7 @@ def _from_graph(
     columns = [names.get(c.key, c.key) for c in coords]
     rows = where.start[:, None] + np.arange(length)
     series, du, error, derror = _fed(predictor, alone, step, columns)
-    x0 = predictor.initial(alone, where.start)
+    x0 = predictor.initial(alone, where)
     y = data.y - error
     gain, S = predictor.filter(noise, values)
     made = _tangent(lanes).run(

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from ..engine.load import compiler
 from ..errors import Refused
 from .data import Data
-from .predictor import Windows, spread, windows
 from .structure import ORDER
+from .windows import Windows, spread, windows
 
 BLOCK = 2.0  # s, least length of a held-out block
 GAP = 0.25  # s, between the samples that fit and those that judge; also the observer's lead-in

@@ -15,10 +15,11 @@ from .coordinates import free_keys
 from .data import Data
 from .fit import Fitted, fit, tuned
 from .likelihood import whitened
-from .predictor import Predictor, Windows
+from .predictor import Predictor
 from .score import Score
 from .screening import lightened, screen
 from .series import resisting
+from .windows import Windows
 
 DEFLECTIONS = (1e-5, 1e-4, 1e-3, 1e-2)  # Fc / sigma0 as a share of the largest speed, in s
 REGRESSED = {"J", "Fc", "Fv"}

@@ -9,8 +9,9 @@ import numpy as np
 from ..spec import unit_for
 from .evaluate import missing_torque, restarted
 from .fit import Fitted, drawn, told_apart
-from .predictor import Values, Windows
+from .predictor import Values
 from .proof import LEAST_SIZE, friction_size
+from .windows import Windows
 
 FORETOLD = 0.3  # of the held-out windows' missing power that may be left
 WORSE = 2.0  # times the error without them, above which effects are dropped

@@ -162,6 +162,13 @@ def gap_box(log: Any, values: Values) -> Box:
     return Box(np.log(low), np.log(high), np.array([0.1, 0.2, 0.3, 0.3, 0.03]), at, into)
 
 
+def in_the_gap(values: Values) -> tuple[float, float]:
+    """Of a load: its twist a little beyond either stop, and the speed at which that rings."""
+    twist = 0.6 * values["gap"]
+    ringing = np.sqrt(values["stiffness"] / max(values["load_inertia"], 1e-300))
+    return twist, float(twist * ringing)
+
+
 def _behind(J: float, share: float, frequency: float, damping: float = 0.1) -> dict[str, float]:
     """A share of J moved behind a spring whose load alone rings at a frequency in Hz."""
     load, ringing = share * J, 2.0 * np.pi * frequency

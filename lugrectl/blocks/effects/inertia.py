@@ -114,6 +114,7 @@ def elastic_coupling(
     experiment="reverse slowly and fast at several amplitudes: the gap is a fixed angle",
     tries=hints.gaps,
     box=hints.gap_box,
+    hidden=hints.in_the_gap,
 )
 def backlash(
     w,
