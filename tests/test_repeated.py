@@ -16,9 +16,13 @@ from lugrectl.tracing.repeated import (
     on_theta_alone,
     repeats,
 )
+from tests.blind.plan import Task
+from tests.blind.work import case_of
 from tests.rig import make, sample
 
 from .test_tracing import model_of, record_of
+
+SMOOTHED = "w smoothed"
 
 
 @pytest.fixture(scope="module")
@@ -60,6 +64,14 @@ def test_a_differentiated_position_is_fitted_alone(record, smooth):
     assert np.isnan(alone.noise.w) and np.all(np.isnan(alone.y[:, 1]))
     assert alone.signal == "w" and np.array_equal(alone.measured, repeated.w)
     assert alone.floor == data.noise.w
+
+
+def test_a_smoothed_difference_is_one_in_a_fast_log_too():
+    """From sample to sample it tells nothing there but rounding."""
+    task = Task("effect", ("input_delay",), "weak", 135000)
+    two, repeated = (prepare([record_of(case_of(replace(task, form=f)))]) for f in ("", SMOOTHED))
+    assert repeated.dt == 2e-4
+    assert repeats(repeated) and not repeats(two)
 
 
 def test_a_second_sensor_is_kept(record):

@@ -16,6 +16,9 @@ from .skewed import lateness
 SEGMENT = 256  # samples of one spectrum
 LEAST_SEGMENTS = 4
 BAND = (0.125, 0.25)  # of the rate: beyond most motion, where a smoothed speed still has digits
+COARSE = (
+    1e-3  # s, from sample to sample: in a log that is faster that speed has no digits left there
+)
 TOGETHER = 0.9  # median coherence from which two channels share their noise
 TAPS, SURPRISED = 128, 8192  # samples on either side that foretell w; samples that are foretold
 SURPRISE = 0.7  # of the power of w's own noise; a sensor of its own has 1
@@ -93,8 +96,19 @@ def repeats(data: Data) -> bool:
     """Whether theta and w share their noise: both are one above the motion's own frequencies."""
     if not (np.isfinite(data.noise.w) and np.isfinite(data.noise.theta)):
         return False
-    long = _long(data)
-    return bool(long) and all(_together(data.y[a:b]) for a, b in long)
+    runs, every = [data.y[a:b] for a, b in data.runs], max(1, round(COARSE / data.dt))
+    return any(_all_together([_means(y, n) for y in runs]) for n in {1, every})
+
+
+def _means(y: np.ndarray, every: int) -> np.ndarray:
+    """Of so many samples each: of a smooth speed in a fast log the samples themselves tell little
+    beside rounding."""
+    return y[: len(y) // every * every].reshape(-1, every, 2).mean(1)
+
+
+def _all_together(runs: Sequence[np.ndarray]) -> bool:
+    long = [y for y in runs if len(y) >= LEAST_SEGMENTS * SEGMENT]
+    return bool(long) and all(_together(y) for y in long)
 
 
 def _long(data: Data) -> list[tuple[int, int]]:
