@@ -165,3 +165,21 @@ def test_a_stop_met_at_the_very_end_keeps_its_values():
     (stop,) = (e for e in result.effects if e.name == "hard_stop")
     for name, true in case.truth["effects"][1]["parameters"].items():
         assert stop.parameters[name].value == pytest.approx(true, rel=1e-2)
+
+
+@pytest.mark.slow
+def test_a_drift_that_is_soon_over_is_named_if_all_goes_with_it():
+    """Without its first window hardly anything tells its strength; the others foresee it."""
+    case = case_of(Task("pair", ("quadratic_drag", "thermal_drift"), "weak", 135003))
+    result, names = verdict(case)
+    assert (result.verdict, sorted(names)) == ("found", ["quadratic_drag", "thermal_drift"])
+
+
+@pytest.mark.slow
+def test_a_late_torque_shows_once_two_effects_are_known():
+    """Half a sample was taken for a gap, as the first effect alone left too much to see it."""
+    form = "u half a sample late"
+    task = Task("pair", ("thermal_drift", "encoder_eccentricity"), "weak", 135006, form=form)
+    result, names = verdict(case_of(task))
+    assert (result.verdict, sorted(names)) == ("found", ["encoder_eccentricity", "thermal_drift"])
+    assert any("late against the motion" in note for note in result.messages)

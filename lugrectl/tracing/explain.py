@@ -75,8 +75,8 @@ def explain(
     """Add the best effect, refit everything, look again, until nothing proven is left.
 
     ``test`` are the held-out windows; they only tell apart what explains the others equally well.
-    ``another`` tells, once the first effect is known, whether another torque is to be taken; its
-    second argument is whether that effect explains all.
+    ``another`` tells, once an effect is known, whether another torque is to be taken; its second
+    argument is whether the only question is its time.
     """
     trace = _Trace(base, test)
     found = _traced(trace, report, another)
@@ -92,7 +92,7 @@ def _traced(
     another: Callable[[Fitted, bool], Data | None] = lambda fitted, enough: None,
 ) -> Explanation:
     """The rounds, and what they come to; one that is nearly all goes on while something is left."""
-    ask, nearly = True, None
+    nearly = None
     for turn in range(MOST_EFFECTS):
         at = 0.15 + 0.7 * turn / MOST_EFFECTS
         say = partial(report, at)
@@ -103,9 +103,9 @@ def _traced(
         trace.add(sound, say)
         base, current = trace.base, trace.current
         enough = share(base, current) > 1.0 - LEAST_OF_FIRST and not coloured(current)
-        other = another(current, enough) if ask and not current.noise.uneven else None
-        ask = other is not None and not enough and trace.rather(other, say)
-        if other is not None and not ask:
+        timed = enough or turn > 0  # its noise is judged once
+        other = another(current, timed) if not current.noise.uneven else None
+        if other is not None and (enough or not trace.rather(other, say)):
             return Explanation(base, tuple(trace.steps), current, (), False, (), other)
         if enough and nearly is None:
             nearly = _ended(trace, report)
@@ -326,8 +326,9 @@ def _firm(
     """Without those effects on whose strength the windows do not agree, the least sure first.
 
     What a single window tells, a stop met once, may be ``confirmed`` by held-out ones, or by all
-    that is in this window; so may what all windows gain by, if their derivatives, where a drive
-    breaks loose, say little of its strength.
+    that is in this window; so may what nearly all was missing without, a drift that is soon over,
+    and what all windows gain by, if their derivatives, where a drive breaks loose, say little of
+    its strength.
     """
     unsure = [s for s in steps if all(s is not c for c in confirmed) and s.firmness(fitted) <= FIRM]
     if not unsure:
@@ -336,7 +337,8 @@ def _firm(
     key = least.trial.key
     without = _without(fitted, key)
     once = told_once(fitted, key)
-    told = once or least.trial.rough and agreed(without, fitted) > FIRM
+    told = once or share(without, fitted) > WHOLE
+    told = told or least.trial.rough and agreed(without, fitted) > FIRM
     elsewhere = told and foretold(fitted, without, test)
     if elsewhere or once and firm_by_itself(without, fitted, key) > FIRM:
         return _firm(steps, fitted, test, (*confirmed, least))
