@@ -190,13 +190,13 @@ class _Trace:
             return found
         names = worth_trying(self.current.predictor.model)
         sound = self._proven(names, 0.5 * GATE, say)
-        if sound or not (coloured(self.current) or self._lacking()):
+        if sound or not (coloured(self.current) or self._lacking_all()):
             return sound
         return self._proven([n for n in names if members("effect")[n].tries], 0.0, say)
 
-    def _lacking(self) -> bool:
-        """Whether something proven is left now."""
-        return left_over(self.base, self.current, found=bool(self.steps), doubtful=False)[0]
+    def _lacking_all(self) -> bool:
+        """Whether nothing was found yet though something is missing."""
+        return not self.steps and left_over(self.base, self.current, found=False, doubtful=False)[0]
 
     def _proven(self, names: Sequence[str], gate: float, say: Say) -> list[Pair]:
         tried = contest(self.current, names, gate, TRIED, say)
