@@ -299,7 +299,8 @@ def block(
         it is not told by the motion for a while: where to search them all. Windows in which
         that state was missed are then allowed to be noisier than the others.
     hidden : callable
-        ``hidden(values)``: how far each of those states may be from where it starts.
+        ``hidden(values)`` of such an effect: how far each of its states, in its unit, may be
+        from what ``start`` says.
 
     Raises
     ------

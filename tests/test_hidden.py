@@ -8,7 +8,7 @@ import pytest
 from lugrectl import diagnose
 from lugrectl.tracing.blows import forgiving
 from lugrectl.tracing.fit import tuned
-from lugrectl.tracing.hidden import placed, settled
+from lugrectl.tracing.hidden import placed, with_hidden
 from lugrectl.tracing.job import begin
 from lugrectl.tracing.likelihood import excess, whitened
 from lugrectl.tracing.predictor import Predictor
@@ -79,9 +79,9 @@ def test_places_are_parts_of_the_reach_and_go_with_their_windows(true):
     assert np.array_equal(np.delete(x0, [3, 4], axis=1), np.delete(plain[0], [3, 4], axis=1))
 
 
-def test_settling_is_never_worse_and_finds_the_way_back(true):
+def test_fits_with_places_find_the_way_back(true):
     astray = tuned(elsewhere(true, [(-0.9, 0.0)] * len(true.where.start)))
-    known, found = settled(true), settled(astray)
+    known, found = with_hidden(true), with_hidden(astray)
     assert known.total > true.total + 500.0
     assert known.total - found.total < 0.2 * (known.total - astray.total)
 

@@ -104,7 +104,7 @@ def lane_code(program: Program, kind: str) -> str:
 
 
 def unpack(program: Program, kind: str) -> list[str]:
-    """States, their scales and parameters of a lane, and its shortest step."""
+    """States, their scales and parameters of a lane, its shortest step and the most of them."""
     lines = ["shortest = dt / substeps * 1e-4", "spent = 0.0", f"most = {MOST} * length * substeps"]
     lines += [f"{x.value} = x_start[lane, {i}]" for i, x in enumerate(program.x)]
     lines += [

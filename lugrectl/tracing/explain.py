@@ -16,7 +16,7 @@ from .blows import forgiving, sharpened
 from .choice import FIRM, Step, agreed, as_well, candidate, chosen, in_order, sureness
 from .data import Data
 from .fit import Fitted, again, fit, refitted
-from .hidden import settled
+from .hidden import with_hidden
 from .job import Progress
 from .late import LAG, with_lag
 from .once import firm_by_itself, told_once
@@ -70,7 +70,7 @@ def explain(
     base: Fitted,
     report: Progress,
     test: Windows,
-    another: Callable[[Fitted, bool], Data | None] = lambda fitted, enough: None,
+    another: Callable[[Fitted, bool], Data | None] = lambda fitted, timed: None,
 ) -> Explanation:
     """Add the best effect, refit everything, look again, until nothing proven is left.
 
@@ -80,6 +80,9 @@ def explain(
     """
     trace = _Trace(base, test)
     found = _traced(trace, report, another)
+    if found.unexplained and not trace.steps and not coloured(trace.current):
+        trace.waiting = trace.hidden(partial(report, 0.15))
+        found = _traced(trace, report, another) if trace.waiting else found
     if found.unexplained and not found.steps and trace.passed:
         other = _traced(trace.otherwise(), report)
         found = found if other.unexplained else other
@@ -89,7 +92,7 @@ def explain(
 def _traced(
     trace: _Trace,
     report: Progress,
-    another: Callable[[Fitted, bool], Data | None] = lambda fitted, enough: None,
+    another: Callable[[Fitted, bool], Data | None] = lambda fitted, timed: None,
 ) -> Explanation:
     """The rounds, and what they come to; one that is nearly all goes on while something is left."""
     nearly = None
@@ -180,23 +183,20 @@ class _Trace:
         return max((f.total for _, f in self.waiting), default=-np.inf) > moved.total
 
     def sound(self, say: Say) -> list[Pair]:
-        """The effects whose gain is proven.
-
-        Where there is none though something is missing, those too that promise nothing but have
-        no linear part: what decides whether a drive sticks or slips shows in no small change.
-        """
+        """The effects whose gain is proven; where none is though something colours the
+        innovations, those too that promise nothing."""
         if self.waiting:
             found, self.waiting = self.waiting, []
             return found
         names = worth_trying(self.current.predictor.model)
         sound = self._proven(names, 0.5 * GATE, say)
-        if sound or not (coloured(self.current) or self._lacking_all()):
-            return sound
-        return self._proven([n for n in names if members("effect")[n].tries], 0.0, say)
+        return sound or (self.hidden(say) if coloured(self.current) else [])
 
-    def _lacking_all(self) -> bool:
-        """Whether nothing was found yet though something is missing."""
-        return not self.steps and left_over(self.base, self.current, found=False, doubtful=False)[0]
+    def hidden(self, say: Say) -> list[Pair]:
+        """Those that are proven although they promise nothing, as they have no linear part: what
+        decides whether a drive sticks or slips shows in no small change."""
+        names = worth_trying(self.current.predictor.model)
+        return self._proven([n for n in names if members("effect")[n].tries], 0.0, say)
 
     def _proven(self, names: Sequence[str], gate: float, say: Say) -> list[Pair]:
         tried = contest(self.current, names, gate, TRIED, say)
@@ -247,7 +247,7 @@ def _eased(steps: Sequence[Step], base: Fitted, current: Fitted) -> tuple[Fitted
     """Under a noise that forgives missed windows, where the newest effect asks for that."""
     if not steps[-1].trial.boxed:
         return base, current
-    return forgiving(base), settled(sharpened(current))
+    return forgiving(base), with_hidden(sharpened(current))
 
 
 def _better_base(current: Fitted, fits: Sequence[Pair]) -> Fitted | None:
@@ -337,8 +337,8 @@ def _firm(
     key = least.trial.key
     without = _without(fitted, key)
     once = told_once(fitted, key)
-    told = once or share(without, fitted) > WHOLE
-    told = told or least.trial.rough and agreed(without, fitted) > FIRM
+    gained = least.trial.rough and agreed(without, fitted) > FIRM
+    told = once or gained or share(without, fitted) > WHOLE
     elsewhere = told and foretold(fitted, without, test)
     if elsewhere or once and firm_by_itself(without, fitted, key) > FIRM:
         return _firm(steps, fitted, test, (*confirmed, least))

@@ -234,18 +234,9 @@ def drawn(found: Fitted, C: np.ndarray, count: int, seed: int = 0) -> list[dict[
     return [moved(found.values, found.free, step) for step in steps]
 
 
-def weighed(
-    predictor: Predictor,
-    values: Values,
-    coords: Sequence[Coordinate],
-    where: Windows,
-    noise: Noise,
-    *,
-    graph: bool = True,
-) -> tuple[np.ndarray, np.ndarray]:
-    """A (windows, coords, length, channels) and r as of :func:`slopes`, as much as the noise lets
+def weighed(r: np.ndarray, A: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
+    """A (windows, coords, length, channels) and r of :func:`slopes`, as much as the noise lets
     each window count."""
-    r, A = slopes(predictor, values, coords, where, noise, graph=graph)
     weight = excess(r, noise)[:, None, None] ** -0.5
     return (weight * A).swapaxes(0, 1), weight * r
 
@@ -328,7 +319,8 @@ class _Climb:
         return _move(H, gradient, damping, self.coords, values)
 
     def linearised(self, values: Values, noise: Noise) -> _Linear:
-        A, r = weighed(self.predictor, values, self.coords, self.where, noise, graph=self.graph)
+        r, A = slopes(self.predictor, values, self.coords, self.where, noise, graph=self.graph)
+        A, r = weighed(r, A, noise)
         return _Linear(*information(A.reshape(*A.shape[:2], -1), r.reshape(len(r), -1)))
 
 

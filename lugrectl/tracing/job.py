@@ -146,14 +146,14 @@ def noted(job: Job, *messages: str) -> Job:
     return replace(job, doubts=(*job.doubts, *messages))
 
 
-def another_torque(found: Fitted, enough: bool, recorded: Data | None) -> Data | None:
+def another_torque(found: Fitted, timed: bool, recorded: Data | None) -> Data | None:
     """The data with the torque to be taken instead, now that a model knows more.
 
-    Moved, or freed of noise if that is not ``enough`` to explain all; as it was ``recorded``, or
-    moved by another time, if one of these was done already.
+    Moved, or freed of noise unless the only question is how it is ``timed``; as it was
+    ``recorded``, or moved by another time, if one of these was done already.
     """
     if recorded is None:
-        return dated(found) or (None if enough else calmed(found))
+        return dated(found) or (None if timed else calmed(found))
     back = refitted(found, recorded)
     moved = dated(back) if found.predictor.data.ahead else None
     best = back if moved is None else refitted(back, moved)

@@ -27,7 +27,8 @@ def whitened(
 ) -> np.ndarray:
     """Innovations with unit covariance where the model is right, (sets, windows, length, 2).
 
-    ``torque`` (sets, N) acts on the resisting side besides; ``x0`` are states to start from.
+    ``torque`` (sets, N) acts on the resisting side besides; ``x0`` (sets * windows, states)
+    are the states to start from.
     """
     y, _ = predictor.run(sets, where, noise, torque=torque, x0=x0)
     e = compared(predictor.data.y[where.counted], y)

@@ -8,6 +8,7 @@ import numpy as np
 
 from .fit import Fitted, information, weighed
 from .proof import firmness, share, strength
+from .slopes import slopes
 
 ONCE = 0.9  # of the information on a strength, from which a single window tells it
 ALL = 0.99  # of what is missing, that is gone with an effect which nothing else confirms
@@ -52,8 +53,8 @@ def _place(fitted: Fitted, key: str) -> int:
 def _pieces(fitted: Fitted, key: str, window: int) -> tuple[np.ndarray, np.ndarray]:
     """Information and gradient of pieces of a window that tell as much of the strength each."""
     where = replace(fitted.where, start=fitted.where.start[[window]])
-    A, r = weighed(fitted.predictor, fitted.values, fitted.free, where, fitted.noise)
-    A, r = A[0], r[0]
+    r, A = slopes(fitted.predictor, fitted.values, fitted.free, where, fitted.noise)
+    (A,), (r,) = weighed(r, A, fitted.noise)
     told = np.cumsum(np.sum(A[_place(fitted, key)] ** 2, axis=-1))
     ends = np.searchsorted(told, told[-1] * np.arange(1, PIECES) / PIECES)
     cut = zip(np.split(A, ends, axis=1), np.split(r, ends), strict=True)

@@ -16,9 +16,7 @@ from .skewed import lateness
 SEGMENT = 256  # samples of one spectrum
 LEAST_SEGMENTS = 4
 BAND = (0.125, 0.25)  # of the rate: beyond most motion, where a smoothed speed still has digits
-COARSE = (
-    1e-3  # s, from sample to sample: in a log that is faster that speed has no digits left there
-)
+COARSE = 1e-3  # s, over which a faster log is averaged, too: such a speed has no digits in it
 TOGETHER = 0.9  # median coherence from which two channels share their noise
 TAPS, SURPRISED = 128, 8192  # samples on either side that foretell w; samples that are foretold
 SURPRISE = 0.7  # of the power of w's own noise; a sensor of its own has 1
@@ -62,8 +60,8 @@ def differenced(data: Data) -> bool:
     """Whether the noise of w, recorded without theta, rises as a difference's does."""
     if not np.isfinite(data.noise.w) or np.isfinite(data.noise.theta):
         return False
-    long = _long(data)
-    return bool(long) and all(_rises(data.y[a:b, 1]) for a, b in long)
+    long = _long(_runs(data))
+    return bool(long) and all(_rises(y[:, 1]) for y in long)
 
 
 def _rises(w: np.ndarray) -> bool:
@@ -77,7 +75,7 @@ def filtered(data: Data) -> bool:
     """Whether w went through a low-pass filter: its noise is not white then, whatever the model."""
     if not np.isfinite(data.noise.w):
         return False
-    return any(_falls(data.y[a:b, 1]) for a, b in _long(data))
+    return any(_falls(y[:, 1]) for y in _long(_runs(data)))
 
 
 def _falls(w: np.ndarray) -> bool:
@@ -96,8 +94,9 @@ def repeats(data: Data) -> bool:
     """Whether theta and w share their noise: both are one above the motion's own frequencies."""
     if not (np.isfinite(data.noise.w) and np.isfinite(data.noise.theta)):
         return False
-    runs, every = [data.y[a:b] for a, b in data.runs], max(1, round(COARSE / data.dt))
-    return any(_all_together([_means(y, n) for y in runs]) for n in {1, every})
+    every = max(1, round(COARSE / data.dt))
+    coarse = [[_means(y, n) for y in _runs(data)] for n in {1, every}]
+    return any(long and all(map(_together, long)) for long in map(_long, coarse))
 
 
 def _means(y: np.ndarray, every: int) -> np.ndarray:
@@ -106,14 +105,13 @@ def _means(y: np.ndarray, every: int) -> np.ndarray:
     return y[: len(y) // every * every].reshape(-1, every, 2).mean(1)
 
 
-def _all_together(runs: Sequence[np.ndarray]) -> bool:
-    long = [y for y in runs if len(y) >= LEAST_SEGMENTS * SEGMENT]
-    return bool(long) and all(_together(y) for y in long)
+def _runs(data: Data) -> list[np.ndarray]:
+    return [data.y[a:b] for a, b in data.runs]
 
 
-def _long(data: Data) -> list[tuple[int, int]]:
-    """The runs that are long enough for a spectrum."""
-    return [(a, b) for a, b in data.runs if b - a >= LEAST_SEGMENTS * SEGMENT]
+def _long(runs: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Those that are long enough for a spectrum."""
+    return [y for y in runs if len(y) >= LEAST_SEGMENTS * SEGMENT]
 
 
 def _together(y: np.ndarray) -> bool:

@@ -154,7 +154,7 @@ def gap_box(log: Any, values: Values) -> Box:
 
     def into(given: Values) -> np.ndarray:
         load = max(given["load_inertia"], low[1] * known)  # a fit may come to none
-        ringing = max(np.sqrt(given["stiffness"] / load), 2.0 * np.pi * low[2])
+        ringing = max(_ringing(given["stiffness"], load), 2.0 * np.pi * low[2])
         damping = given["damping"] / (2.0 * load * ringing)
         x = np.array([known, load / known, ringing / (2.0 * np.pi), damping, given["gap"]])
         return np.log(np.maximum(x, 0.1 * low))
@@ -163,10 +163,15 @@ def gap_box(log: Any, values: Values) -> Box:
 
 
 def in_the_gap(values: Values) -> tuple[float, float]:
-    """Of a load: its twist a little beyond either stop, and the speed at which that rings."""
+    """How far a load may be: its twist (rad) a little beyond either stop, its speed against the
+    motor's (rad/s) that at which such a twist rings."""
     twist = 0.6 * values["gap"]
-    ringing = np.sqrt(values["stiffness"] / max(values["load_inertia"], 1e-300))
-    return twist, float(twist * ringing)
+    return twist, twist * _ringing(values["stiffness"], values["load_inertia"])
+
+
+def _ringing(stiffness: float, load: float) -> float:
+    """Of the load alone, rad/s."""
+    return float(np.sqrt(stiffness / max(load, 1e-300)))
 
 
 def _behind(J: float, share: float, frequency: float, damping: float = 0.1) -> dict[str, float]:
