@@ -185,8 +185,10 @@ def test_the_engine_follows_it(made, monkeypatch):
     assert np.max(np.abs(ours.states - theirs.states) / np.maximum(size, 1e-9)) < 2e-4
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("law, compiled", [("coulomb", False), ("lugre", False), ("lugre", True)])
+@pytest.mark.parametrize(
+    "law, compiled",
+    [("coulomb", False), ("lugre", False), pytest.param("lugre", True, marks=pytest.mark.slow)],
+)
 def test_all_effects_at_their_neutral_value_leave_a_simulation_alone(law, compiled, monkeypatch):
     """With and without machine code: no division by a lag of 0, no infinite stiffness."""
     monkeypatch.setattr(adaptive, "has_numba", lambda: compiled)

@@ -5,7 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from .emit import Emitter, early_first, indent, reciprocals
-from .event_code import HELPERS, REST, Parts, nearest_before, nearest_zero, start_sides, turns
+from .event_code import (
+    HELPERS,
+    REST,
+    Parts,
+    nearest_before,
+    nearest_zero,
+    nesting,
+    start_sides,
+    start_sizes,
+    turns,
+)
 from .graph import Node, rename, symbols_in
 from .program import Program
 from .rosenbrock import Equations, step
@@ -41,6 +51,9 @@ def run(grid, u, held, x_start, p, rtol, x_out, status):
         t, done, low, high, events, relays = grid[k], 0.0, 0.0, 0.0, 0, 0
         first_step, due = steps, 0.0
 {interval}
+        for again in range({nesting} if k == 0 else 1):
+{sides}
+{sizes}
         while done < dt:
 {settle}
             left = dt - done
@@ -128,7 +141,10 @@ def adaptive_code(program: Program, kind: str) -> str:
         robust="" if kind == "numba" else "".join(part.robust() for part in sections),
         unpack=indent(_unpack(program, parts), 1),
         fixed=indent([line for part in sections for line in part.emitter.head], 1),
-        interval=indent(_interval(parts) + write(start) + start_sides(parts), 2),
+        interval=indent(_interval(parts), 2),
+        nesting=nesting(parts.leads),
+        sides=indent(write(start) + start_sides(parts), 3),
+        sizes=indent(start_sizes(parts), 2),
         settle=indent(settle(parts.slides, parts.states, write(rest)), 3),
         step=indent(write(step_code), 3),
         weights=indent(_weights(len(parts.states)), 3),

@@ -95,11 +95,24 @@ def start_sides(parts: Parts) -> list[str]:
     """The sides at the start of an interval, where inputs may have jumped."""
     lines = []
     for i, lead in enumerate(parts.leads):
-        lines += [f"r{i} = widest(r{i}, a{i})"]
         if i in parts.slides.parts and symbols_in([lead]) & {*parts.inputs}:
             lines += [f"on{i} = on{i} if abs(a{i}) <= DEAD * r{i} else 0.0"]
         lines += _unless_resting(parts, i, [f"m{i} = started(m{i}, a{i}, r{i})"])
     return lines
+
+
+def start_sizes(parts: Parts) -> list[str]:
+    """The largest values of the switching functions, once the sides are right."""
+    return [f"r{i} = widest(r{i}, a{i})" for i in range(len(parts.leads))]
+
+
+def nesting(leads: Sequence[Node]) -> int:
+    """How many switching functions hang on the side of another, at most, one in the other."""
+    depths: dict[str, int] = {}
+    for i, lead in enumerate(leads):
+        inner = [depths[name] for name in symbols_in([lead]) if name in depths]
+        depths[f"m{i}"] = 1 + max(inner, default=0)
+    return max(depths.values(), default=1)
 
 
 def _unless_resting(parts: Parts, i: int, lines: Sequence[str]) -> list[str]:
