@@ -37,6 +37,7 @@ from .tracing.job import (
     score,
     untold,
 )
+from .tracing.late import LAG, halfway
 from .tracing.rest import signals_of_the_rest
 from .tracing.surprise import beyond_doubt, misled, openings, surprising, undated, when
 from .tracing.tabulate import tabulate
@@ -164,6 +165,17 @@ class _Answer:
 
 
 def _answered(start: Callable[..., Job], report: Progress) -> _Answer:
+    """The explanation; of the position, if w turns out to be its difference."""
+    answer = _from_start(start, report)
+    lagging = any(step.trial.name == LAG for step in answer.found.steps)
+    if not (lagging and halfway(answer.found.final)):
+        return answer
+    summed = _from_start(partial(start, halfway=True), report)
+    worse = summed.found.unexplained and not answer.found.unexplained
+    return answer if worse else summed
+
+
+def _from_start(start: Callable[..., Job], report: Progress) -> _Answer:
     """The explanation; by samples from nearly the start on if that is out of the ordinary."""
     usual = _by_either(start, report)
     whole = not (usual.found.unexplained or len(usual.unforeseen))

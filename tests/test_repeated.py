@@ -18,8 +18,9 @@ from lugrectl.tracing.repeated import (
 )
 from tests.blind.plan import Task
 from tests.blind.work import case_of
-from tests.rig import make, sample
+from tests.rig import exported, make, sample
 
+from .test_blind import verdict
 from .test_tracing import model_of, record_of
 
 SMOOTHED = "w smoothed"
@@ -93,10 +94,21 @@ def test_differences_alone_are_summed(record, central):
     w = np.gradient(theta, record.dt) if central else w
     only = replace(record, theta=None, w=w)
     alone, said = on_theta_alone([only], prepare([only]))
-    assert said == DIFFERENCED and np.array_equal(alone.measured, w)
+    assert said == DIFFERENCED.format("noise") and np.array_equal(alone.measured, w)
     assert np.allclose(np.diff(alone.y[:, 0]), record.dt * w[1:], atol=1e-9)
     sensed = replace(record, theta=None)
     assert on_theta_alone([sensed], prepare([sensed])) is None
+    alone, said = on_theta_alone([sensed], prepare([sensed]), halfway=True)
+    assert "lateness" in said and not np.isfinite(alone.noise.w)
+
+
+@pytest.mark.slow
+def test_a_difference_without_noise_shows_by_coming_half_a_sample_late():
+    """Of a fine encoder at 200 Hz: it looked like the lag of a sensor."""
+    case = exported(sample("quadratic_drag", 135600, hard=True), "a difference alone")
+    result, names = verdict(case)
+    assert (result.verdict, names) == ("found", ["quadratic_drag"])
+    assert any("by its lateness" in message for message in result.messages)
 
 
 def test_a_filtered_speed_alone_has_no_white_noise(record):

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from ..errors import Refused
 from .samples import Record
@@ -18,7 +19,9 @@ _FILL_SHARE = 0.01  # largest share of missing samples that is filled
 _STRETCH = 20  # samples; shorter stretches between gaps are left out
 _EXACT = 0.01  # stamps this close to the grid (in dt) are taken as on it
 _JITTER = 0.2  # stamps this irregular (in dt) can still be resampled
+_APART = 0.5  # of the step; of two stamps that are closer a spline would take noise for a slope
 _HELD = ("u", "d", "r")  # channels held between samples; the others are interpolated
+_MOTION = ("theta", "w", "theta_load")  # smooth; straight lines miss them by more than their noise
 
 
 @dataclass
@@ -46,7 +49,8 @@ def uniform(log: Stamped, required: tuple[str, ...], motion: str) -> Record:
 
     Up to 3 missing samples in a row (less than 1 % in all) are filled, doubled stamps are
     merged, stamps that jitter by up to 20 % of the step are resampled; a longer loss
-    becomes a gap. A held channel keeps its time integral, others are interpolated linearly.
+    becomes a gap. A held channel keeps its time integral, motion is interpolated by cubic
+    splines, temperature linearly.
 
     Raises Refused when the record is too short or its time cannot be repaired.
     """
@@ -121,7 +125,16 @@ def _filled(role: str, t: np.ndarray, values: np.ndarray, lost: np.ndarray) -> n
     if role in _HELD:
         before = np.searchsorted(good, np.arange(len(t)), side="right") - 1
         return values[good[np.maximum(before, 0)]]
-    return np.interp(np.arange(len(t)), good, values[good])
+    return _between(role, good, values[good], np.arange(len(t)))
+
+
+def _between(role: str, at: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """Interpolate; before the first and after the last point their values are kept."""
+    if role not in _MOTION or len(at) < 2:
+        return np.interp(grid, at, values)
+    steps = np.diff(at)
+    apart = np.r_[True, steps > _APART * np.median(steps)]
+    return np.asarray(CubicSpline(at[apart], values[apart])(np.clip(grid, at[0], at[-1])))
 
 
 def _forward(log: Stamped) -> None:
@@ -280,7 +293,7 @@ def _piece(log: Stamped, part: slice, counts: np.ndarray, dt: float) -> _Piece:
         elif role in _HELD:
             channels[role] = _held_mean(stamps, values[part], grid * dt, dt)
         else:
-            channels[role] = np.interp(grid * dt, stamps, values[part])
+            channels[role] = _between(role, stamps, values[part], grid * dt)
     return _Piece(log.t[part.start] + grid * dt, channels, resampled, float(jitter))
 
 
@@ -289,7 +302,7 @@ def _on_counts(role: str, counts: np.ndarray, values: np.ndarray, grid: np.ndarr
         return values
     if role in _HELD:
         return values[np.searchsorted(counts, grid, side="right") - 1]
-    return np.interp(grid, counts, values)
+    return _between(role, counts, values, grid)
 
 
 def _held_mean(stamps: np.ndarray, values: np.ndarray, grid: np.ndarray, dt: float) -> np.ndarray:

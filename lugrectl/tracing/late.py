@@ -11,6 +11,7 @@ from .fit import Fitted, again
 from .predictor import Predictor
 
 LAG = "velocity_sensor_lag"
+HALF = (0.4, 0.6)  # samples by which a position's difference is late
 HEAVY = 30.0  # times its own noise: that speed tells the filter, and hardly anything else
 
 
@@ -28,6 +29,13 @@ def with_lag(final: Fitted) -> Fitted:
             noise=replace(final.noise, w=heavy.noise.w),
         )
     )
+
+
+def halfway(final: Fitted) -> bool:
+    """Whether a speed that was recorded alone comes as late as a position's difference does."""
+    data, (low, high) = final.predictor.data, HALF
+    late = final.values.get(f"{LAG}.time_constant", 0.0) / data.dt
+    return bool(np.isnan(data.noise.theta)) and low < late < high
 
 
 def _heavy(data: Data) -> Data:

@@ -32,19 +32,23 @@ REPEATED = (
     "are counted on w."
 )
 DIFFERENCED = (
-    "w is a position's difference from sample to sample, by its noise: the model was fitted to "
-    "that position; errors are counted on w."
+    "w is a position's difference from sample to sample, by its {}: the model was fitted to that "
+    "position; errors are counted on w."
 )
 
 
-def on_theta_alone(records: Sequence[Record], data: Data) -> tuple[Data, str] | None:
+def on_theta_alone(
+    records: Sequence[Record], data: Data, *, halfway: bool = False
+) -> tuple[Data, str] | None:
     """The same records fitted to the position alone, where w is no measurement of its own.
 
     Its noise is that of the position, coloured by a filter; taken for a sensor's it looks like a
-    torque. With what is to be said of it; None where w is a sensor's.
+    torque. With what is to be said of it; None where w is a sensor's. A w that was found to be
+    ``halfway`` between samples is a difference, whatever its noise.
     """
-    if differenced(data):
-        return replace(prepare([_summed(r) for r in records]), w=data.y[:, 1]), DIFFERENCED
+    if halfway or differenced(data):
+        summed = replace(prepare([_summed(r) for r in records]), w=data.y[:, 1])
+        return summed, DIFFERENCED.format("lateness" if halfway else "noise")
     if not repeats(data):
         return None
     alone = prepare([replace(r, w=None) for r in records])
