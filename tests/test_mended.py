@@ -183,3 +183,11 @@ def test_a_late_torque_shows_once_two_effects_are_known():
     result, names = verdict(case_of(task))
     assert (result.verdict, sorted(names)) == ("found", ["encoder_eccentricity", "thermal_drift"])
     assert any("late against the motion" in note for note in result.messages)
+
+
+@pytest.mark.slow
+def test_a_stop_that_few_windows_meet_leads_if_what_was_surer_explains_less():
+    """At 10 kHz, by position: a limit of the torque was taken, and stood in the way of both."""
+    names = "hard_stop", "friction_step"
+    result, found = verdict(case_of(Task("pair", names, "normal", 135600, hard=True)))
+    assert (result.verdict, sorted(found)) == ("found", sorted(names))

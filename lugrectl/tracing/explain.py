@@ -83,7 +83,7 @@ def explain(
     if found.unexplained and not trace.steps and not coloured(trace.current):
         trace.waiting = trace.hidden(partial(report, 0.15))
         found = _traced(trace, report, another) if trace.waiting else found
-    if found.unexplained and not found.steps and trace.passed:
+    if found.unexplained and trace.passed and (trace.stronger or not found.steps):
         other = _traced(trace.otherwise(), report)
         found = found if other.unexplained else other
     return found
@@ -160,10 +160,12 @@ class _Trace:
         self.ranking: list[Candidate] = []
         self.waiting: list[Pair] = []
         self.passed: list[Pair] = []
+        self.stronger = False
 
     def otherwise(self) -> _Trace:
-        """The same from the start, led by the firm ones of those ``passed`` over at first, or where
-        none was by those that were surer than the one taken.
+        """The same from the start, led by those ``passed`` over at first: by what explained more
+        but was not firm, a stop that few windows meet; else by the firm ones, or where none was by
+        those that were surer than the one taken.
 
         What led instead may not be firm in the end, and have stood in the way of the others.
         """
@@ -220,7 +222,9 @@ class _Trace:
         if not self.steps:
             others = [one for one in sure if one[0][0] is not step.trial]
             least = FIRM if any(firm > FIRM for _, firm in others) else step.firm
-            self.passed = [pair for pair, firm in others if firm > least]
+            more = [pair for pair, _ in others if pair[1].total > current.total + GATE]
+            self.stronger = bool(more)
+            self.passed = more or [pair for pair, firm in others if firm > least]
         current = in_order(current)
         self.steps = [*self.steps, step]
         self.base, current = _eased(self.steps, self.base, current)
