@@ -109,7 +109,7 @@ def test_few_lost_rows_are_filled_and_counted(tmp_path):
     assert record.samples == 3000 and record.dropped == 3 and record.gaps == ()
     np.testing.assert_allclose(record.t, log["t"], atol=1e-9)
     assert record.u[50] == record.u[51] == record.u[49]
-    np.testing.assert_allclose(record.theta, log["theta"], atol=2e-4)
+    np.testing.assert_allclose(record.theta, log["theta"], atol=1e-5)  # no straight lines
 
 
 def test_longer_losses_are_gaps(tmp_path):

@@ -160,7 +160,7 @@ class _Trace:
         self.ranking: list[Candidate] = []
         self.waiting: list[Pair] = []
         self.passed: list[Pair] = []
-        self.stronger = False
+        self.stronger = False  # whether those explained more than the one taken
 
     def otherwise(self) -> _Trace:
         """The same from the start, led by those ``passed`` over at first: by what explained more

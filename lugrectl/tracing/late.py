@@ -32,9 +32,9 @@ def with_lag(final: Fitted) -> Fitted:
 
 
 def halfway(final: Fitted) -> bool:
-    """Whether a speed that was recorded alone comes as late as a position's difference does."""
+    """Whether a speed that was recorded alone has the lag of a position's difference."""
     data, (low, high) = final.predictor.data, HALF
-    late = final.values.get(f"{LAG}.time_constant", 0.0) / data.dt
+    late = final.values[f"{LAG}.time_constant"] / data.dt
     return bool(np.isnan(data.noise.theta)) and low < late < high
 
 
