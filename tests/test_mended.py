@@ -97,6 +97,16 @@ def test_an_inertia_that_a_regression_makes_negative_is_found():
     assert result.estimates["J"].value == pytest.approx(case.truth["plant"]["J"], rel=1e-2)
 
 
+def test_values_left_open_are_sought_on_a_whole_grid():
+    """A spindle that stops and starts: from where the coarse search began, vs ended at half."""
+    case = sample("none", 136289, hard=True)
+    assert case.truth["hard"] == "values missing"
+    result, _ = verdict(case)
+    assert result.verdict == "adequate"
+    for name in ("J", "sigma0", "Fs", "vs"):
+        assert result.estimates[name].value == pytest.approx(case.truth["plant"][name], rel=0.02)
+
+
 @pytest.mark.slow
 def test_a_stop_that_is_met_once_is_named():
     """Nothing confirms it, but it foresees each sample of the one window in which it is met."""

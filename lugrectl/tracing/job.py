@@ -12,6 +12,7 @@ from ..record import Record, consistent
 from ..results import Estimate
 from ..spec import unit_for
 from .agreeing import agreeing, settled_on
+from .balance import named
 from .calm import CALM, calmed
 from .coordinates import free_keys
 from .data import Data, prepare
@@ -26,7 +27,7 @@ from .predictor import Predictor
 from .repeated import on_theta_alone
 from .runs import MOST_RUNS, alike, repeating, told
 from .split import ENOUGH_OF_MANY, GAP, MOST, Split, split
-from .start import completed, holding, settled
+from .start import completed, holding, refuse_untold_inertia, settled
 from .windows import spread, windows
 
 SLOWLY = "first guess; slow, as there is neither a C compiler nor numba (lugrectl[fast])"
@@ -109,7 +110,9 @@ def begin(
         data = replace(data, differing=tuple(range(1, len(records))))
     predictor = Predictor(started, data)
     values = started.known() | alike(data)
-    base = settled(fit(predictor, values, free_keys(predictor), parts.train, data.noise))
+    base = fit(predictor, values, free_keys(predictor), parts.train, data.noise)
+    base = settled(base, model)
+    refuse_untold_inertia(base, model, named(every))
     job = Job(records, model, data, parts, base, doubts)
     for other in (dated, calmed):
         better = other(job.base)

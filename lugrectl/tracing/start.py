@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 
@@ -11,9 +11,10 @@ import numpy as np
 from ..blocks.friction import EPS
 from ..errors import Refused
 from ..model import Model
+from ..spec import unit_for
 from .coordinates import free_keys
 from .data import Data
-from .fit import Fitted, fit, tuned
+from .fit import Fitted, again, fit, tuned
 from .likelihood import whitened
 from .predictor import Predictor
 from .score import Score
@@ -27,6 +28,7 @@ REGRESSED = {"J", "Fc", "Fv"}
 LEAST = {"J": 0.01, "Fc": 1e-3, "Fv": 0.05}
 CREEP = 1e-5  # of the largest speed, at which static friction may let a held drive move
 SHORT = 8  # steps of a fit from elsewhere
+ROUNDS = 5  # of fits, each from where the one before it ended
 BETTER = 3.0  # gain in log-likelihood that makes it worth more
 TURNS = (0.5 * np.pi, np.pi, -0.5 * np.pi)  # of a declared phase
 STRIBECK_SPEEDS = (1e-3, 5e-3, 2e-2)  # vs as a share of the largest speed
@@ -66,27 +68,59 @@ def completed(model: Model, data: Data, train: Windows) -> Model:
     return core
 
 
-def settled(base: Fitted) -> Fitted:
+def settled(base: Fitted, declared: Model) -> Fitted:
     """A fit of the declared model, or a better one from elsewhere.
 
     What a drive does around rest makes a ridge of poor optima: the values that a regression
-    finds, and a higher friction, lie beyond it more often than not.
+    finds, and a higher friction, lie beyond it more often than not; so do, for values that were
+    left open, the other points of the coarse search.
     """
+    opened = [k for k, v in declared.values().items() if v is None]
+    base = _unbound(base, opened)
     light = lightened(base)
     free = [c.key for c in base.free] + list(base.instants)
     best = light
-    for values in (*_elsewhere(base), *_turned(light)):
+    guesses = _guesses(declared, base.anchor, base.predictor.data)
+    elsewhere = (*_elsewhere(base), *_turned(light), *_looser(base))
+    believed = [(values, base.anchor) for values in elsewhere]
+    guessed = [(base.anchor | guess, base.anchor | guess) for guess in guesses]
+    for values, anchor in (*believed, *guessed):
         other = fit(
             light.predictor, values, free, light.where, light.noise,
-            anchor=base.anchor, most=SHORT, rough=True,
+            anchor=anchor, most=SHORT, rough=True,
         )  # fmt: skip
         best = max(best, other, key=lambda f: f.total)
     if best.total < light.total + BETTER:
         return base
-    again = fit(
-        base.predictor, best.values, free, base.where, best.noise, anchor=base.anchor
+    other = fit(
+        base.predictor, best.values, free, base.where, best.noise, anchor=best.anchor
     )  # fmt: skip
-    return max(base, again, key=lambda f: f.total)
+    return max(base, _unbound(other, opened), key=lambda f: f.total)
+
+
+def refuse_untold_inertia(base: Fitted, declared: Model, where: str) -> None:
+    """Refuse when an inertia that is not declared does not follow from the fit either."""
+    if declared.J is not None:
+        return
+    J, unit = base.values["J"], unit_for("kg m2", base.predictor.data.motion)
+    low, high = base.intervals().get("J", (0.0, np.inf))
+    if high - low > J:
+        raise Refused(
+            f"{where}: the inertia hardly shows: {J:.3g} {unit} fits best, and any from "
+            f"{low:.3g} to {high:.3g} {unit} about as well.",
+            "Record a motion with clear acceleration in both directions, or declare J.",
+        )
+
+
+def _unbound(found: Fitted, opened: Sequence[str]) -> Fitted:
+    """The fit with no bounds around what was only guessed: that is no belief."""
+    for _ in range(ROUNDS if opened else 0):
+        anchor = found.anchor | {k: found.values[k] for k in opened}
+        further = again(replace(found, anchor=anchor))
+        if further.total < found.total + BETTER:
+            break
+        found = further
+    return found
 
 
 def _elsewhere(base: Fitted) -> list[dict[str, float]]:
@@ -98,6 +132,13 @@ def _elsewhere(base: Fitted) -> list[dict[str, float]]:
     level = base.anchor.get("Fc", 0.0)
     friction = _scaled_friction(base.anchor, found["Fc"] / level) if level else {}
     return [base.anchor | friction | {k: v for k, v in found.items() if k in base.anchor}, *starts]
+
+
+def _looser(base: Fitted) -> list[dict[str, float]]:
+    """What was found, with bristles stiffer and less damped, and a wider Stribeck curve."""
+    factors = {"sigma0": 2.0, "sigma1": 0.5, "vs": 2.0}
+    found = base.values
+    return [found | {k: found[k] * r} for k, r in factors.items() if k in found]
 
 
 def _turned(light: Fitted) -> list[dict[str, float]]:
@@ -153,15 +194,9 @@ def _regressed(model: Model, data: Data, train: Windows) -> dict[str, float]:
 
 def _searched(core: Model, data: Data, train: Windows, asked: Model) -> Model:
     """The best of a coarse grid for what the regression cannot tell."""
-    values = core.values()
-    speed = float(np.max(np.abs(data.log.w)))
-    guesses = []
-    for z, v in product(DEFLECTIONS, STRIBECK_SPEEDS):
-        J, Fc = values["J"] or 0.0, values.get("Fc") or 0.0
-        sigma0 = Fc / (z * speed) if Fc else 1.0
-        guess = {"sigma0": sigma0, "sigma1": np.sqrt(sigma0 * J), "Fs": 1.2 * Fc, "vs": v * speed}
-        missing = {k: float(g) for k, g in guess.items() if k in values and values[k] is None}
-        guesses.append(core.with_values(_ordered(values, missing)))
+    guesses = [core.with_values(guess) for guess in _guesses(asked, core.values(), data)]
+    if not guesses:
+        return core
     predictor = Predictor(guesses[0], data)
     noise = replace(data.noise, jump=0.3 * data.noise.jump)
     white = whitened(predictor, [g.known() for g in guesses], train, noise)
@@ -169,7 +204,20 @@ def _searched(core: Model, data: Data, train: Windows, asked: Model) -> Model:
     return guesses[int(np.argmin(np.where(np.isfinite(cost), cost, np.inf)))]
 
 
-def _ordered(values: dict, missing: dict[str, float]) -> dict[str, float]:
+def _guesses(asked: Model, values: Mapping, data: Data) -> list[dict[str, float]]:
+    """A coarse grid of those values that were left open and that a regression cannot tell."""
+    opened = {k for k, v in asked.values().items() if v is None}
+    J, Fc, speed = values["J"] or 0.0, values.get("Fc") or 0.0, data.log.fastest
+    guesses = []
+    for z, v in product(DEFLECTIONS, STRIBECK_SPEEDS):
+        sigma0 = Fc / (z * speed) if Fc else 1.0
+        guess = {"sigma0": sigma0, "sigma1": np.sqrt(sigma0 * J), "Fs": 1.2 * Fc, "vs": v * speed}
+        missing = {k: float(g) for k, g in guess.items() if k in opened}
+        guesses.append(_ordered(values, missing))
+    return [g for i, g in enumerate(guesses) if g and g not in guesses[:i]]
+
+
+def _ordered(values: Mapping, missing: dict[str, float]) -> dict[str, float]:
     """Stiction stays above a Coulomb level that was given, and the other way round."""
     if "Fs" in missing:
         missing["Fs"] = max(missing["Fs"], 1.05 * (values["Fc"] or 0.0))

@@ -21,6 +21,9 @@ def _motion(case: Case) -> list[str]:
         found.append(f"travels only {np.ptp(s['theta_true']):.2f} rad")
     if not np.mean(np.abs(s["w_true"]) > m.vs) > 0.15:
         found.append("hardly moves")
+    ways = np.mean(s["w_true"] > m.vs), np.mean(s["w_true"] < -m.vs)
+    if not min(ways) > 0.02 * sum(ways):  # such a record is to be refused, whatever it hides
+        found.append("moves in one direction only")
     if not np.max(np.abs(s["w_true"])) < 5.0 * m.w_max:
         found.append(f"runs away: {np.max(np.abs(s['w_true'])):.3g}")
     return found
