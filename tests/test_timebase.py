@@ -5,6 +5,7 @@ import pytest
 
 from lugrectl.errors import Refused
 from lugrectl.record import read_record
+from lugrectl.tracing.data import prepare
 
 from .logs import cell, csv, machine, refused
 
@@ -150,6 +151,45 @@ def test_jitter_is_resampled_without_delay(tmp_path):
         9 * np.cos(9 * record.t) ** 2
     )
     assert abs(late) < 2e-6  # seconds; taking the previous value would be 20 times that
+
+
+def _jittered(n=4000, dt=1e-3):
+    rng = np.random.default_rng(6)
+    return dt * np.arange(n) + np.r_[0.0, dt * rng.uniform(-0.06, 0.06, n - 1)]
+
+
+def test_a_speed_that_took_each_step_for_the_same_is_the_position_s(tmp_path):
+    """A PLC divides by its cycle time, whatever the stamps say."""
+    t = _jittered()
+    w = np.diff(np.sin(7 * t), prepend=np.sin(-7e-3)) / 1e-3
+    np.savez(tmp_path / "a.npz", t=t, u=np.sin(9 * t), w=w)
+    record = read_record(tmp_path / "a.npz")
+    theta = np.cumsum(record.w) * record.dt
+    np.testing.assert_allclose(theta - theta[0], np.sin(7 * record.t), atol=2e-6)
+
+
+def test_a_speed_of_its_own_stays_what_was_sensed(tmp_path):
+    t, rng = _jittered(), np.random.default_rng(7)
+    np.savez(
+        tmp_path / "a.npz", t=t, u=np.sin(9 * t), w=7 * np.cos(7 * t) + rng.normal(0, 0.01, 4000)
+    )
+    record = read_record(tmp_path / "a.npz")
+    assert np.std(record.w - 7 * np.cos(7 * record.t)) < 0.01
+
+
+@pytest.mark.parametrize("lost", [True, False], ids=["lost", "jittered"])
+def test_interpolated_samples_keep_the_sensors_resolution(tmp_path, lost):
+    """A drive that rests, on an encoder: between its counts a spline has any value."""
+    t, q = (np.arange(4000) * 1e-3 if lost else _jittered()), 1e-3
+    theta = np.round(np.clip(2 * np.sin(3 * t) - 1.5, 0.0, None) / q) * q
+    kept = np.ones(4000, dtype=bool)
+    kept[50::150] = not lost
+    values = {"t": t, "u": np.sin(9 * t), "theta": theta}
+    np.savez(tmp_path / "a.npz", **{k: v[kept] for k, v in values.items()})
+    record = read_record(tmp_path / "a.npz")
+    assert record.resolution["theta"] == pytest.approx(q)
+    noise = prepare([record]).noise.theta
+    assert q / np.sqrt(12) <= noise * (1 + 1e-9) < q
 
 
 def test_stamps_rounded_too_coarsely(tmp_path):

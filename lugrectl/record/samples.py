@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -10,6 +11,17 @@ from ..errors import InputError
 
 _MOTIONS = ("rotary", "linear")
 _ROLES = ("t", "u", "w", "theta", "r", "d", "temperature", "theta_load")
+
+
+def smallest_step(x: np.ndarray) -> float:
+    """By how much a sampled signal changes at least where it changes; rounding makes it so.
+
+    The smallest thousandth is left out; 0 for a signal that never changes.
+    """
+    x = x[np.isfinite(x)]
+    steps = np.abs(np.diff(x))
+    moved = steps[steps > 1e-9 * max(float(np.ptp(x)), 1e-300)] if len(x) else steps
+    return float(np.quantile(moved, 0.001)) if len(moved) else 0.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -23,7 +35,8 @@ class Record:
     ``gaps`` holds the indices of the first sample after a stretch of lost samples: there, and
     only there, ``t`` jumps by more than ``dt``, and no simulation may run across.
     ``dropped`` counts the samples of the file that were missing or merged; ``messages`` are
-    sentences on all that was noticed and done.
+    sentences on all that was noticed and done. ``resolution`` is the smallest step of channels
+    that were interpolated, as it was before.
 
     Raises InputError when the channels differ in length, hold NaN, or none is of motion.
     """
@@ -42,6 +55,7 @@ class Record:
     dropped: int = 0
     messages: tuple[str, ...] = ()
     gaps: tuple[int, ...] = ()
+    resolution: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for role, values in self.channels().items():

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ..errors import Refused
-from .samples import Record
+from .samples import Record, smallest_step
 
 MIN_SAMPLES = 200
 MIN_SECONDS = 1.0
@@ -20,6 +20,7 @@ _STRETCH = 20  # samples; shorter stretches between gaps are left out
 _EXACT = 0.01  # stamps this close to the grid (in dt) are taken as on it
 _JITTER = 0.2  # stamps this irregular (in dt) can still be resampled
 _APART = 0.5  # of the step; of two stamps that are closer a spline would take noise for a slope
+_CALMER = 0.5  # of the roughness; a speed that is less rough as a position was one
 _HELD = ("u", "d", "r")  # channels held between samples; the others are interpolated
 _MOTION = ("theta", "w", "theta_load")  # smooth; straight lines miss them by more than their noise
 
@@ -35,6 +36,7 @@ class Stamped:
     rows: np.ndarray = field(default_factory=lambda: np.empty(0, int))
     dropped: int = 0
     said: list[str] = field(default_factory=list)
+    steps: dict[str, float] = field(default_factory=dict)  # the smallest that were recorded
 
     def __post_init__(self) -> None:
         self.rows = np.arange(len(self.t))
@@ -55,6 +57,7 @@ def uniform(log: Stamped, required: tuple[str, ...], motion: str) -> Record:
     Raises Refused when the record is too short or its time cannot be repaired.
     """
     _long_enough(log, len(log.t))
+    log.steps = {r: smallest_step(x) for r, x in log.channels.items() if r in _MOTION}
     _fill_missing(log, required)
     _forward(log)
     _merge_doubles(log)
@@ -292,9 +295,29 @@ def _piece(log: Stamped, part: slice, counts: np.ndarray, dt: float) -> _Piece:
             channels[role] = _on_counts(role, counts, values[part], grid)
         elif role in _HELD:
             channels[role] = _held_mean(stamps, values[part], grid * dt, dt)
+        elif role == "w" and "theta" not in log.channels:
+            channels[role] = _speed(stamps, counts, values[part], grid, dt)
         else:
             channels[role] = _between(role, stamps, values[part], grid * dt)
     return _Piece(log.t[part.start] + grid * dt, channels, resampled, float(jitter))
+
+
+def _speed(
+    stamps: np.ndarray, counts: np.ndarray, w: np.ndarray, grid: np.ndarray, dt: float
+) -> np.ndarray:
+    """A speed on the grid.
+
+    One that is a position's difference, as if each step were ``dt``, is uneven for the stamps'
+    sake alone: it is brought there as that position.
+    """
+    plain = _between("w", stamps, w, grid * dt)
+    theta = np.cumsum(w * np.diff(counts, prepend=counts[0] - 1)) * dt
+    moved = np.diff(_between("theta", stamps, theta, grid * dt), prepend=theta[0] - w[0] * dt) / dt
+    return moved if _rough(moved) < _CALMER * _rough(plain) else plain
+
+
+def _rough(x: np.ndarray) -> float:
+    return float(np.mean(np.abs(np.diff(x, 3))))
 
 
 def _on_counts(role: str, counts: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
@@ -319,7 +342,8 @@ def _joined(log: Stamped, motion: str, pieces: list[_Piece], dt: float, filled: 
             f"{_count(filled, 'sample')} missing between the stamps of t, filled in "
             "(u held, motion interpolated)."
         )
-    if any(piece.resampled for piece in pieces):
+    resampled = any(piece.resampled for piece in pieces)
+    if resampled:
         said.append(
             f"t jitters by up to {100 * max(p.jitter for p in pieces):.2g} % of its step of "
             f"{dt:.6g} s: resampled onto an even one (u held, motion interpolated)."
@@ -345,4 +369,5 @@ def _joined(log: Stamped, motion: str, pieces: list[_Piece], dt: float, filled: 
         dropped=log.dropped + filled,
         messages=tuple(said),
         gaps=gaps,
+        resolution=log.steps if log.dropped or filled or resampled else {},
     )

@@ -148,7 +148,8 @@ def prepare(records: Sequence[Record]) -> Data:
     t = np.concatenate([r.t for r in records])
     u = np.concatenate([r.u for r in records])
     d = np.concatenate([np.zeros(r.samples) if r.d is None else r.d for r in records])
-    noise = _noise(y, first.dt, runs)
+    steps = [max(r.resolution.get(role, 0.0) for r in records) for role in ("theta", "w")]
+    noise = _noise(y, first.dt, runs, steps)
     log = _log(t, u, d, y, first.dt, first.motion, tuple(runs), noise)
     run = np.repeat(np.arange(len(records), dtype=np.int16), [r.samples for r in records])
     others = _others(records)
@@ -212,8 +213,13 @@ def _measured(r: Record) -> np.ndarray:
     return np.column_stack([empty if c is None else c for c in (r.theta, r.w)])
 
 
-def _noise(y: np.ndarray, dt: float, runs: Sequence[tuple[int, int]]) -> Noise:
-    theta, w = (sensor_noise(c) if np.isfinite(c).any() else np.nan for c in y.T)
+def _noise(
+    y: np.ndarray, dt: float, runs: Sequence[tuple[int, int]], steps: Sequence[float]
+) -> Noise:
+    theta, w = (
+        sensor_noise(c, step) if np.isfinite(c).any() else np.nan
+        for c, step in zip(y.T, steps, strict=True)
+    )
     return Noise(max(_jump(y[a:b], dt, theta, w) for a, b in runs), theta, w)
 
 

@@ -9,25 +9,25 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.signal import filtfilt
 
+from ..record.samples import smallest_step
+
 _THIRD_DIFFERENCE = np.sqrt(20.0)  # white noise of unit variance, differenced three times
 NORMAL_MAD = 0.6745  # median size of a unit normal
 DOUBLINGS = 60
 
 
-def sensor_noise(x: np.ndarray) -> float:
+def sensor_noise(x: np.ndarray, resolution: float = 0.0) -> float:
     """Standard deviation of a sampled signal's own noise, without any model.
 
     Median size of the third differences, which a motion sampled finely leaves near zero; never
-    below what the signal's resolution alone gives (a step of q: q / sqrt(12)). Too high where
-    the motion itself changes within four samples.
+    below what the signal's ``resolution`` alone gives (a step of q: q / sqrt(12)); it is sought,
+    but does not show in samples that were interpolated. Too high where the motion itself changes
+    within four samples.
     """
     x = x[np.isfinite(x)]
     third = np.abs(np.diff(x, 3))
-    steps = np.abs(np.diff(x))
-    moved = steps[steps > 1e-9 * max(float(np.ptp(x)), 1e-300)]
-    resolution = float(np.quantile(moved, 0.001)) if len(moved) else 0.0
     spread = float(np.median(third)) / NORMAL_MAD / _THIRD_DIFFERENCE
-    return max(spread, resolution / np.sqrt(12.0))
+    return max(spread, max(resolution, smallest_step(x)) / np.sqrt(12.0))
 
 
 @dataclass(frozen=True)
