@@ -21,6 +21,7 @@ _EXACT = 0.01  # stamps this close to the grid (in dt) are taken as on it
 _JITTER = 0.2  # stamps this irregular (in dt) can still be resampled
 _APART = 0.5  # of the step; of two stamps that are closer a spline would take noise for a slope
 _CALMER = 0.5  # of the roughness; a speed that is less rough as a position was one
+_BESIDE = 9  # samples around a lost one, itself included
 _HELD = ("u", "d", "r")  # channels held between samples; the others are interpolated
 _MOTION = ("theta", "w", "theta_load")  # smooth; straight lines miss them by more than their noise
 
@@ -289,43 +290,48 @@ def _piece(log: Stamped, part: slice, counts: np.ndarray, dt: float) -> _Piece:
     jitter = np.abs(np.diff(stamps) / dt - np.diff(counts)).max(initial=0.0)
     last = int(stamps[-1] / dt + _EXACT) if resampled else int(counts[-1])
     grid = np.arange(last + 1)
+    at = stamps / dt if resampled else counts
     channels = {}
     for role, values in log.channels.items():
-        if not resampled:
-            channels[role] = _on_counts(role, counts, values[part], grid)
+        if not resampled and len(grid) == len(counts):
+            channels[role] = values[part]
+        elif role in _HELD and not resampled:
+            channels[role] = values[part][np.searchsorted(counts, grid, side="right") - 1]
         elif role in _HELD:
             channels[role] = _held_mean(stamps, values[part], grid * dt, dt)
-        elif role == "w" and "theta" not in log.channels:
-            channels[role] = _speed(stamps, counts, values[part], grid, dt)
+        elif role == "w":
+            channels[role] = _speed(at, counts, values[part], grid, resampled)
         else:
-            channels[role] = _between(role, stamps, values[part], grid * dt)
+            channels[role] = _between(role, at, values[part], grid)
     return _Piece(log.t[part.start] + grid * dt, channels, resampled, float(jitter))
 
 
 def _speed(
-    stamps: np.ndarray, counts: np.ndarray, w: np.ndarray, grid: np.ndarray, dt: float
+    at: np.ndarray, counts: np.ndarray, w: np.ndarray, grid: np.ndarray, resampled: bool
 ) -> np.ndarray:
-    """A speed on the grid.
+    """A speed on the grid, recorded at times ``at`` in steps, of whole steps ``counts``.
 
-    One that is a position's difference, as if each step were ``dt``, is uneven for the stamps'
-    sake alone: it is brought there as that position.
+    One that is a position's difference, as if each step were the same, is uneven for the
+    stamps' sake alone, and too large after a sample that was lost before it was taken: it is
+    brought there as that position.
     """
-    plain = _between("w", stamps, w, grid * dt)
-    theta = np.cumsum(w * np.diff(counts, prepend=counts[0] - 1)) * dt
-    moved = np.diff(_between("theta", stamps, theta, grid * dt), prepend=theta[0] - w[0] * dt) / dt
-    return moved if _rough(moved) < _CALMER * _rough(plain) else plain
+    steps = np.diff(counts, prepend=counts[0] - 1)
+    plain, near = _between("w", at, w, grid), np.ones(len(grid), dtype=bool)
+    if not resampled:  # else the samples beside one that was lost
+        near = np.convolve(~np.isin(grid, counts), np.ones(_BESIDE), "same") > 0
+    moved = [_as_position(at, w * by, grid) for by in (steps, np.ones(len(w)))]
+    best = min(moved, key=lambda x: _rough(x, near))
+    return best if _rough(best, near) < _CALMER * _rough(plain, near) else plain
 
 
-def _rough(x: np.ndarray) -> float:
-    return float(np.mean(np.abs(np.diff(x, 3))))
+def _as_position(at: np.ndarray, travels: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """The differences on the grid of a position that travelled so far at each step."""
+    theta = np.cumsum(travels)
+    return np.diff(_between("theta", at, theta, grid), prepend=theta[0] - travels[0])
 
 
-def _on_counts(role: str, counts: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
-    if len(grid) == len(values):
-        return values
-    if role in _HELD:
-        return values[np.searchsorted(counts, grid, side="right") - 1]
-    return _between(role, counts, values, grid)
+def _rough(x: np.ndarray, near: np.ndarray) -> float:
+    return float(np.mean(np.abs(np.diff(x, 3))[near[1:-2]]))
 
 
 def _held_mean(stamps: np.ndarray, values: np.ndarray, grid: np.ndarray, dt: float) -> np.ndarray:
