@@ -124,9 +124,10 @@ def _together(y: np.ndarray) -> bool:
     """Whether the channels of one run share their noise.
 
     They are coherent then, where there is hardly any motion; and as a fast motion makes two
-    sensors coherent, too, w must be foretold by theta to less than its own noise.
+    sensors coherent, too, w must be foretold by theta to less than its own noise, or have none
+    of its own beyond a filter.
     """
-    return _coherent(y) and _surprise(y) < SURPRISE
+    return _coherent(y) and (_falls(y[:, 1]) or _surprise(y) < SURPRISE)
 
 
 def _surprise(y: np.ndarray) -> float:
