@@ -161,7 +161,7 @@ def related(
             "pays for its friction.",
             "Record the torque that the drive applies, in the same run as the motion.",
         )
-    remarks += _right_size(where, model, data, fit)
+    remarks += _right_size(where, model, data, fit, coarse)
     if model.J is None or fit.error < 0.5 * model.J:  # one that is not declared is told by a fit
         return
     needed = 10.0 * fit.error / model.J * fit.acceleration
@@ -175,15 +175,20 @@ def related(
     )
 
 
-def _right_size(where: str, model: Model, data: Data, fit: Balance) -> list[str]:
+def _right_size(
+    where: str, model: Model, data: Data, fit: Balance, coarse: Balance | None
+) -> list[str]:
     """Refuse a declared inertia that is off by more than machines are: a unit is wrong.
 
-    Say where it is off by more than declared values are as a rule.
+    Say where it is off by more than declared values are as a rule, over longer cells, too: over
+    short ones the steps of a coarse encoder are accelerations that no torque went with.
     """
     felt = fit.J * fit.acceleration > ACCELERATES * float(np.sqrt(np.mean(fit.u**2)))
     if model.J is None or fit.J < VERY_SURE * fit.error or not felt:
         return []
-    unit, off = unit_for("kg m2", data.motion), max(model.J / fit.J, fit.J / model.J)
+    told_by = [one.J for one in (fit, coarse) if one is not None and one.J > 0.0]
+    off = min(max(model.J / J, J / model.J) for J in told_by)
+    unit = unit_for("kg m2", data.motion)
     told = (
         f"{where}: the model declares J = {model.J:.3g} {unit}, and torque and acceleration "
         f"tell {fit.J:.3g} {unit}"

@@ -10,8 +10,9 @@ import numpy as np
 
 from ..errors import InputError
 from ..record import Record
-from .noise import Noise, sensor_noise, smooth
+from .noise import Noise, repeating, sensor_noise, smooth
 
+STEPPED = 3.0  # times the acceleration over 20 ms: more between samples is an encoder's steps
 OTHERS = ("temperature", "theta_load")
 
 
@@ -217,7 +218,7 @@ def _noise(
     y: np.ndarray, dt: float, runs: Sequence[tuple[int, int]], steps: Sequence[float]
 ) -> Noise:
     theta, w = (
-        sensor_noise(c, step) if np.isfinite(c).any() else np.nan
+        sensor_noise(c, step) * np.sqrt(repeating(c, step)) if np.isfinite(c).any() else np.nan
         for c, step in zip(y.T, steps, strict=True)
     )
     return Noise(max(_jump(y[a:b], dt, theta, w) for a, b in runs), theta, w)
@@ -237,9 +238,18 @@ def _log(t, u, d, y, dt, motion, runs, noise) -> Log:
 
 def _jump(y: np.ndarray, dt: float, theta_noise: float, w_noise: float) -> float:
     """Typical size of dw/dt, on a smoothing window long enough to show it."""
-    seen = np.isfinite(w_noise)
+    seen, n = np.isfinite(w_noise), max(5, int(round(0.02 / dt)))
     w = y[:, 1] if seen else np.gradient(y[:, 0], dt)
     rough = w_noise if seen else theta_noise / dt
-    n = max(5, int(round(0.02 / dt)))
-    a = (w[n:] - w[:-n]) / (n * dt)
-    return max(float(np.std(a)), rough / (n * dt))
+    usual = max(float(np.std(_slope(w, n, dt))), rough / (n * dt))
+    if seen:
+        return usual
+    # between the counts of a coarse encoder there is no speed
+    long = max(
+        float(np.std(_slope(_slope(y[:, 0], n, dt), n, dt))), 2.0 * theta_noise / (n * dt) ** 2
+    )
+    return usual if usual < STEPPED * long else long
+
+
+def _slope(x: np.ndarray, n: int, dt: float) -> np.ndarray:
+    return (x[n:] - x[:-n]) / (n * dt)

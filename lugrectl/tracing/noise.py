@@ -30,6 +30,18 @@ def sensor_noise(x: np.ndarray, resolution: float = 0.0) -> float:
     return max(spread, max(resolution, smallest_step(x)) / np.sqrt(12.0))
 
 
+def repeating(x: np.ndarray, resolution: float = 0.0) -> float:
+    """After how many samples a signal shows another value, as a rule; 1 where each has its own.
+
+    So many samples between two counts of an encoder say no more than one: what rounding took
+    from one of them it took from all.
+    """
+    x = x[np.isfinite(x)]
+    least = 0.5 * max(resolution, smallest_step(x))
+    changed = np.flatnonzero(np.abs(np.diff(x)) > least)
+    return float(np.median(np.diff(changed))) if len(changed) > 1 else 1.0
+
+
 @dataclass(frozen=True)
 class Noise:
     """Standard deviations of what no model foresees.

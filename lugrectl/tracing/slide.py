@@ -180,8 +180,7 @@ def lacking(fitted: Fitted, *, timed: bool = False) -> Lack | None:
     observer supplies as much: a motion that was smoothed too much feigns a lack. As a function
     of time only if ``timed``.
     """
-    found = _seen_twice(fitted, lambda s: s.of_signals() or (s.of_time() if timed else None))
-    return found if found and _is_supplied(found.torque, fitted) else None
+    return _seen_twice(fitted, lambda s: s.of_signals() or (s.of_time() if timed else None))
 
 
 def hidden_in_noise(fitted: Fitted) -> Lack | None:
@@ -193,12 +192,14 @@ def hidden_in_noise(fitted: Fitted) -> Lack | None:
 
 
 def _seen_twice(fitted: Fitted, look: Callable[[Sliding], Dependence | None]) -> Lack | None:
-    """What the windows lack that were fitted, where the whole record shows it as well."""
+    """What the windows lack that were fitted, where the whole record shows it as well and the
+    observer makes up for it."""
     sliding = while_sliding(fitted)
     best = look(sliding)
     if not best or not look(while_sliding(fitted, everywhere=True)):
         return None
-    return Lack(best.signals, best.share, sliding.size(best), sliding.torque)
+    found = Lack(best.signals, best.share, sliding.size(best), sliding.torque)
+    return found if _is_supplied(found.torque, fitted) else None
 
 
 def while_sliding(fitted: Fitted, *, everywhere: bool = False) -> Sliding:
