@@ -5,7 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lugrectl.tracing.noise import Noise, observer_gain, sensor_noise, smooth
+from lugrectl.record import Record
+from lugrectl.tracing.data import prepare
+from lugrectl.tracing.noise import Noise, observer_gain, repeating, sensor_noise, smooth
 
 DT = 1e-3
 T = np.arange(0, 8, DT)
@@ -28,6 +30,25 @@ def test_a_coarse_signal_is_never_better_than_its_resolution():
     theta, _ = motion()
     step = 0.01
     assert sensor_noise(np.round(theta / step) * step) >= 0.99 * step / np.sqrt(12)
+
+
+def test_samples_between_two_counts_are_one():
+    ramp, rest = np.repeat(np.arange(50.0), 8), np.zeros(5000)
+    assert repeating(np.concatenate([rest, ramp])) == 8.0
+    theta, w = motion()
+    assert repeating(theta) == repeating(w) == repeating(rest) == 1.0
+    step = 40 * 1e-3 * np.median(np.abs(w))  # some forty samples
+    assert 20 < repeating(np.round(theta / step) * step) < 80
+
+
+def test_the_steps_of_a_coarse_encoder_are_no_accelerations():
+    theta = 0.5 * np.sin(2 * np.pi * 0.3 * T)
+    step = 1.5e-3
+    record = Record(T, np.cos(T), theta=np.round(theta / step) * step)
+    data = prepare([record])
+    true = -((2 * np.pi * 0.3) ** 2) * theta
+    assert np.corrcoef(data.log.a, true)[0, 1] > 0.8
+    assert np.std(data.log.a) == pytest.approx(np.std(true), rel=0.3)
 
 
 @pytest.mark.parametrize("seen", [(1e-6, 2e-3), (1e-6, np.nan), (np.nan, 2e-3)])
