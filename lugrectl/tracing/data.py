@@ -51,10 +51,11 @@ class Data:
 
     ``d`` is the recorded load torque, 0 where none was; ``y`` is (N, 2), measured theta and w
     with nan where not recorded; ``runs`` the index ranges without a gap; ``noise`` the sensors'
-    own (its jump is the typical dw/dt); ``log`` the smoothed motion. ``run`` (N,) counts the
-    records from 0; those in ``differing`` may differ a little from the first. ``others`` are
-    channels beside torque and motion, where all records have them. ``w`` is a recorded speed
-    that nothing is fitted to, errors are only counted on it; it comes ``late`` by that much, s.
+    (its jump is the typical dw/dt), more than their ``own`` where samples repeat each other;
+    ``log`` the smoothed motion. ``run`` (N,) counts the records from 0; those in ``differing``
+    may differ a little from the first. ``others`` are channels beside torque and motion, where
+    all records have them. ``w`` is a recorded speed that nothing is fitted to, errors are only
+    counted on it; it comes ``late`` by that much, s.
     ``ahead`` is by how much the torque was moved to come earlier, s. ``zeros`` are by how much
     theta of runs was moved, so that effects which repeat themselves ``order`` times per 2 pi of
     it agree (rotary: once); empty where they do as recorded.
@@ -71,6 +72,7 @@ class Data:
     log: Log = field(repr=False)
     run: np.ndarray = field(repr=False)
     others: Mapping[str, np.ndarray] = field(repr=False)
+    own: tuple[float, ...] = (np.nan, np.nan)
     differing: tuple[int, ...] = ()
     smoothed: bool = False
     w: np.ndarray | None = field(default=None, repr=False)
@@ -123,7 +125,7 @@ class Data:
         """That channel's own noise."""
         if self.w is not None:
             return sensor_noise(self.w)
-        return self.noise.w if self.signal == "w" else self.noise.theta
+        return self.own[self.channel]
 
     @property
     def unit(self) -> str:
@@ -150,11 +152,13 @@ def prepare(records: Sequence[Record]) -> Data:
     u = np.concatenate([r.u for r in records])
     d = np.concatenate([np.zeros(r.samples) if r.d is None else r.d for r in records])
     steps = [max(r.resolution.get(role, 0.0) for r in records) for role in ("theta", "w")]
-    noise = _noise(y, first.dt, runs, steps)
+    own = tuple(_own(c, step) for c, step in zip(y.T, steps, strict=True))
+    noise = _noise(y, first.dt, runs, own, steps)
     log = _log(t, u, d, y, first.dt, first.motion, tuple(runs), noise)
     run = np.repeat(np.arange(len(records), dtype=np.int16), [r.samples for r in records])
-    others = _others(records)
-    return Data(t, u, d, y, first.dt, first.motion, tuple(runs), noise, log, run, others)
+    return Data(
+        t, u, d, y, first.dt, first.motion, tuple(runs), noise, log, run, _others(records), own
+    )  # fmt: skip
 
 
 def thinned(data: Data, every: int) -> Data:
@@ -214,12 +218,20 @@ def _measured(r: Record) -> np.ndarray:
     return np.column_stack([empty if c is None else c for c in (r.theta, r.w)])
 
 
+def _own(x: np.ndarray, step: float) -> float:
+    return sensor_noise(x, step) if np.isfinite(x).any() else np.nan
+
+
 def _noise(
-    y: np.ndarray, dt: float, runs: Sequence[tuple[int, int]], steps: Sequence[float]
+    y: np.ndarray,
+    dt: float,
+    runs: Sequence[tuple[int, int]],
+    own: Sequence[float],
+    steps: Sequence[float],
 ) -> Noise:
+    """What the sensors' noise counts as where samples are taken for independent."""
     theta, w = (
-        sensor_noise(c, step) * np.sqrt(repeating(c, step)) if np.isfinite(c).any() else np.nan
-        for c, step in zip(y.T, steps, strict=True)
+        size * np.sqrt(repeating(c, step)) for c, size, step in zip(y.T, own, steps, strict=True)
     )
     return Noise(max(_jump(y[a:b], dt, theta, w) for a, b in runs), theta, w)
 
