@@ -36,7 +36,7 @@ class Record:
     only there, ``t`` jumps by more than ``dt``, and no simulation may run across.
     ``dropped`` counts the samples of the file that were missing or merged; ``messages`` are
     sentences on all that was noticed and done. ``resolution`` is the smallest step of channels
-    that were interpolated, as it was before.
+    that were interpolated, as it was before; ``theta`` there is the sum of a ``w`` alone.
 
     Raises InputError when the channels differ in length, hold NaN, or none is of motion.
     """

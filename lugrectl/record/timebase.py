@@ -21,7 +21,7 @@ _EXACT = 0.01  # stamps this close to the grid (in dt) are taken as on it
 _JITTER = 0.2  # stamps this irregular (in dt) can still be resampled
 _APART = 0.5  # of the step; of two stamps that are closer a spline would take noise for a slope
 _CALMER = 0.5  # of the roughness; a speed that is less rough as a position was one
-_BESIDE = 9  # samples around a lost one, itself included
+_BESIDE = 4  # samples on either side of a loss by which it is judged
 _HELD = ("u", "d", "r")  # channels held between samples; the others are interpolated
 _MOTION = ("theta", "w", "theta_load")  # smooth; straight lines miss them by more than their noise
 
@@ -58,11 +58,19 @@ def uniform(log: Stamped, required: tuple[str, ...], motion: str) -> Record:
     Raises Refused when the record is too short or its time cannot be repaired.
     """
     _long_enough(log, len(log.t))
-    log.steps = {r: smallest_step(x) for r, x in log.channels.items() if r in _MOTION}
+    log.steps = _smallest_steps(log)
     _fill_missing(log, required)
     _forward(log)
     _merge_doubles(log)
     return _regular(log, motion)
+
+
+def _smallest_steps(log: Stamped) -> dict[str, float]:
+    """Of the motion; of the position that a speed alone sums up to (over dt), too."""
+    motion = {r: x for r, x in log.channels.items() if r in _MOTION}
+    if "theta" not in motion and "w" in motion:
+        motion["theta"] = np.cumsum(np.nan_to_num(motion["w"], posinf=0.0, neginf=0.0))
+    return {r: smallest_step(x) for r, x in motion.items()}
 
 
 def _long_enough(log: Stamped, samples: int) -> None:
@@ -316,12 +324,19 @@ def _speed(
     brought there as that position.
     """
     steps = np.diff(counts, prepend=counts[0] - 1)
-    plain, near = _between("w", at, w, grid), np.ones(len(grid), dtype=bool)
-    if not resampled:  # else the samples beside one that was lost
-        near = np.convolve(~np.isin(grid, counts), np.ones(_BESIDE), "same") > 0
-    moved = [_as_position(at, w * by, grid) for by in (steps, np.ones(len(w)))]
-    best = min(moved, key=lambda x: _rough(x, near))
-    return best if _rough(best, near) < _CALMER * _rough(plain, near) else plain
+    if _over_losses(w, steps):
+        return _as_position(at, w, grid)
+    plain, moved = _between("w", at, w, grid), _as_position(at, w * steps, grid)
+    return moved if resampled and _rough(moved) < _CALMER * _rough(plain) else plain
+
+
+def _over_losses(w: np.ndarray, steps: np.ndarray) -> bool:
+    """Whether a speed is as much too large after a loss as the step is too long."""
+    lost = np.flatnonzero(steps > 1)
+    around = lost[:, None] + np.r_[-_BESIDE:0, 1 : _BESIDE + 1]
+    usual = w[np.clip(around, 0, len(w) - 1)].mean(1)
+    more = usual * (steps[lost] - 1)
+    return bool((w[lost] - usual) @ more > 0.5 * (more @ more))
 
 
 def _as_position(at: np.ndarray, travels: np.ndarray, grid: np.ndarray) -> np.ndarray:
@@ -330,8 +345,8 @@ def _as_position(at: np.ndarray, travels: np.ndarray, grid: np.ndarray) -> np.nd
     return np.diff(_between("theta", at, theta, grid), prepend=theta[0] - travels[0])
 
 
-def _rough(x: np.ndarray, near: np.ndarray) -> float:
-    return float(np.mean(np.abs(np.diff(x, 3))[near[1:-2]]))
+def _rough(x: np.ndarray) -> float:
+    return float(np.mean(np.abs(np.diff(x, 3))))
 
 
 def _held_mean(stamps: np.ndarray, values: np.ndarray, grid: np.ndarray, dt: float) -> np.ndarray:
@@ -363,6 +378,8 @@ def _joined(log: Stamped, motion: str, pieces: list[_Piece], dt: float, filled: 
             f"About {lost} samples are lost in {_count(len(gaps), 'gap')}, the first at "
             f"t = {t[gaps[0] - 1]:.6g} s; nothing is carried across."
         )
+    if "theta" not in log.channels and "theta" in log.steps:
+        log.steps["theta"] *= dt
     channels = {
         role: np.concatenate([piece.channels[role] for piece in pieces]) for role in log.channels
     }

@@ -186,12 +186,12 @@ def _right_size(
     felt = fit.J * fit.acceleration > ACCELERATES * float(np.sqrt(np.mean(fit.u**2)))
     if model.J is None or fit.J < VERY_SURE * fit.error or not felt:
         return []
-    told_by = [one.J for one in (fit, coarse) if one is not None and one.J > 0.0]
-    off = min(max(model.J / J, J / model.J) for J in told_by)
+    every = [one.J for one in (fit, coarse) if one is not None and one.J > 0.0]
+    off, J = min((max(model.J / J, J / model.J), J) for J in every)
     unit = unit_for("kg m2", data.motion)
     told = (
         f"{where}: the model declares J = {model.J:.3g} {unit}, and torque and acceleration "
-        f"tell {fit.J:.3g} {unit}"
+        f"tell {J:.3g} {unit}"
     )
     if off > ANOTHER_UNIT:
         raise Refused(

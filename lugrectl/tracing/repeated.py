@@ -57,9 +57,7 @@ def on_theta_alone(
 
 def _summed(record: Record) -> Record:
     assert record.w is not None
-    step = record.resolution.get("w", 0.0) * record.dt
-    theta = np.cumsum(record.w) * record.dt
-    return replace(record, w=None, theta=theta, resolution={"theta": step})
+    return replace(record, w=None, theta=np.cumsum(record.w) * record.dt)
 
 
 def differenced(data: Data) -> bool:
