@@ -13,7 +13,7 @@ from .data import Data, Log, picked
 from .dependence import Dependence, clearest, judged
 from .fit import Fitted
 from .likelihood import whitened
-from .proof import friction_size
+from .proof import LEAST_SIZE_OF_ALL, friction_size
 from .score import weighing, whitened_by_parts
 from .screening import lightened
 from .shapes import Shape, pulses, shapes
@@ -31,7 +31,8 @@ WORST = 1e6  # change of an innovation that counts where the plant becomes unsta
 
 
 def hangs_on(fitted: Fitted) -> tuple[str, ...]:
-    """The signals of which what is left is a function; none if it is one of none of them."""
+    """The signals of which what is left is a function; none if it is one of none of them, or of
+    none whose torque would be worth a name."""
     best = clearest(dependences(lightened(fitted)))
     return best.signals if best else ()
 
@@ -47,12 +48,13 @@ def dependences(fitted: Fitted) -> list[Dependence]:
     it: what happens once is not taken for a function of signals that were unusual then.
     """
     regression = _Regression(fitted)
-    alone = {timed: regression.gain(None, timed) for timed in (False, True)}
-    most = regression.most()
+    alone = {timed: regression.gain(timed) for timed in (False, True)}
+    most, least = regression.most(), LEAST_SIZE_OF_ALL * regression.friction
 
     def dependence(shape: Shape) -> Dependence:
-        gain = regression.gain(shape, shape.timed) - alone[shape.timed]
-        return judged(shape.signals, gain, most)
+        gain, torque = regression.with_function(shape)
+        found = judged(shape.signals, gain - alone[shape.timed], most)
+        return found if torque > least else replace(found, share=0.0)
 
     return beside(dependence, regression.shapes(fitted.predictor.data.log))
 
@@ -91,18 +93,27 @@ class _Regression:
         white = whitened_by_parts(f.predictor, [f.values] * B.shape[1], f, dose * B.T)
         return self._flat(np.clip(self.white - white, -WORST, WORST) / dose)
 
-    def gain(self, shape: Shape | None, timed: bool) -> np.ndarray:
-        """Cross-validated gain in log-likelihood of each window, at the best ridge."""
-        n, own = self.A.shape[1], np.full(len(self.A), FREE)
-        fold = np.arange(n) % TIMED_FOLDS if timed else np.arange(n) * FOLDS // n
-        if shape is None:
-            return _validated(*_normal(self.A, self.r), fold, own)
-        seen = np.any(shape.B[self.fitted.where.counted.ravel()] != 0.0, axis=0)
-        more = self.answers(shape.B[:, seen])
+    def gain(self, timed: bool) -> np.ndarray:
+        """Cross-validated gain of each window by the model's own parameters."""
+        own = np.full(len(self.A), FREE)
+        return _validated(*_normal(self.A, self.r), self._fold(timed), own)
+
+    def with_function(self, shape: Shape) -> tuple[np.ndarray, float]:
+        """The same by a function, too, at the best ridge; and the function's torque, RMS."""
+        rows, own = self.fitted.where.counted.ravel(), np.full(len(self.A), FREE)
+        B = shape.B[:, np.any(shape.B[rows] != 0.0, axis=0)]
+        more = self.answers(B)
         H, g = _normal(np.concatenate([self.A, more]), self.r)
         stiff = np.full(len(more), (EXPECTED * self.friction) ** -2)
-        gains = [_validated(H, g, fold, np.append(own, ridge * stiff)) for ridge in RIDGES]
-        return max(gains, key=np.sum)
+        penalties = [np.append(own, ridge * stiff) for ridge in RIDGES]
+        gains = [_validated(H, g, self._fold(shape.timed), one) for one in penalties]
+        best = int(np.argmax(np.sum(gains, axis=1)))
+        weights = _weights(H, g, penalties[best])[len(own) :]
+        return gains[best], float(np.std(B[rows] @ weights))
+
+    def _fold(self, timed: bool) -> np.ndarray:
+        n = self.A.shape[1]
+        return np.arange(n) % TIMED_FOLDS if timed else np.arange(n) * FOLDS // n
 
     def most(self) -> np.ndarray:
         """The gain of each window by a torque that is free to do anything, less its freedom."""
@@ -131,12 +142,16 @@ def _normal(X: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return Z @ Z.transpose(0, 2, 1), np.einsum("wkn,wn->wk", Z, r)
 
 
+def _weights(H: np.ndarray, g: np.ndarray, penalty: np.ndarray) -> np.ndarray:
+    return np.linalg.lstsq(H.sum(0) + np.diag(penalty), g.sum(0), rcond=None)[0]
+
+
 def _validated(H: np.ndarray, g: np.ndarray, fold: np.ndarray, penalty: np.ndarray) -> np.ndarray:
     """Gain of each window by the coefficients that the other folds give."""
     gain = np.zeros(len(g))
     for k in range(int(fold.max()) + 1):
         own = fold == k
-        c = np.linalg.lstsq(H[~own].sum(0) + np.diag(penalty), g[~own].sum(0), rcond=None)[0]
+        c = _weights(H[~own], g[~own], penalty)
         gain[own] = g[own] @ c - 0.5 * np.einsum("i,wij,j->w", c, H[own], c)
     return gain
 
