@@ -39,6 +39,7 @@ from .tracing.job import (
 )
 from .tracing.late import LAG, halfway
 from .tracing.rest import signals_of_the_rest
+from .tracing.structure import colour
 from .tracing.surprise import beyond_doubt, misled, openings, surprising, undated, when
 from .tracing.tabulate import tabulate
 from .tracing.windows import windows
@@ -54,6 +55,7 @@ MANY = (
 )
 MISLED = "With {} the held-out samples were foretold much worse than without: dropped."
 NEW = "The held-out samples show a torque that the fitted ones do not: at {}."
+AT_ODDS = 0.95  # least colour of the innovations of both theta and w
 EARLY = 0.05  # s, lead-in where something happens in the first moments that is not seen later
 
 
@@ -165,14 +167,26 @@ class _Answer:
 
 
 def _answered(start: Callable[..., Job], report: Progress) -> _Answer:
-    """The explanation; of the position, if w turns out to be its difference."""
+    """The explanation; of the position, if w turns out to be its difference, or if something is
+    left of a w that had to be brought to an even step."""
     answer = _from_start(start, report)
     lagging = any(step.trial.name == LAG for step in answer.found.steps)
-    if not (lagging and halfway(answer.found.final)):
-        return answer
-    summed = _from_start(partial(start, halfway=True), report)
-    worse = summed.found.unexplained and not answer.found.unexplained
-    return answer if worse else summed
+    if lagging and halfway(answer.found.final):
+        summed = _from_start(partial(start, halfway=True), report)
+        worse = summed.found.unexplained and not answer.found.unexplained
+        return answer if worse else summed
+    if answer.found.unexplained and _uneven(answer.job):
+        alone = _from_start(partial(start, uneven=True), report)
+        return answer if alone.found.unexplained else alone
+    return answer
+
+
+def _uneven(job: Job) -> bool:
+    """Whether theta and w were interpolated, and the innovations of both foretell themselves: no
+    torque does that to a model that may follow them, but two sensors at odds do."""
+    interpolated = any({"theta", "w"} <= record.resolution.keys() for record in job.records)
+    both = bool(np.all(job.data.noise.channels()))
+    return interpolated and both and min(colour(job.base.quiet)) > AT_ODDS
 
 
 def _from_start(start: Callable[..., Job], report: Progress) -> _Answer:

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from lugrectl import diagnose
+from lugrectl import diagnose, read_model, read_record
 from lugrectl.tracing import start
 from tests.blind.plan import Task
-from tests.blind.work import case_of
+from tests.blind.work import case_of, write
 from tests.rig import exported, sample
 
 from .test_blind import verdict
@@ -105,6 +105,34 @@ def test_values_left_open_are_sought_on_a_whole_grid():
     assert result.verdict == "adequate"
     for name in ("J", "sigma0", "Fs", "vs"):
         assert result.estimates[name].value == pytest.approx(case.truth["plant"][name], rel=0.02)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("hard, seed, form, said", [
+    ("jitter", 138076, "w smoothed", "theta alone"),
+    ("jitter", 136237, "a difference alone", "that position"),
+    ("dropped samples", 138024, "a difference alone", "that position"),
+    ("coarse encoder", 137364, "u half a sample late", "moved ahead"),
+])  # fmt: skip
+def test_what_sensors_and_stamps_do_is_no_missing_effect(tmp_path, hard, seed, form, said):
+    case = case_of(Task("none", (), "normal", seed, hard=True, form=form))
+    assert case.truth["hard"] == hard
+    result = as_read(case, tmp_path)
+    assert result.verdict == "adequate" and any(said in m for m in result.messages)
+
+
+@pytest.mark.parametrize("hard, seed", [("", 138118), ("dropped samples", 136239)])
+def test_rounding_and_filled_samples_are_no_torque(tmp_path, hard, seed):
+    """A spindle that creeps over its encoder's counts; an axis that rests, on a spline."""
+    case = case_of(Task("none", (), "normal", seed, hard=bool(hard)))
+    assert case.truth["hard"] == hard
+    assert as_read(case, tmp_path).verdict == "adequate"
+
+
+def as_read(case, folder):
+    """The diagnosis of the case's files."""
+    (path,), model = write(case, folder)
+    return diagnose(read_record(path, motion=case.model["motion"]), read_model(model))
 
 
 @pytest.mark.slow

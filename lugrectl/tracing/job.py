@@ -80,12 +80,13 @@ def begin(
     turned: bool = False,
     lead: float = GAP,
     halfway: bool = False,
+    uneven: bool = False,
 ) -> Job:
     """Split the records and refit the declared model on the part that may be seen.
 
     ``turned`` exchanges that part and the held-out one, where they are blocks of one record;
     ``lead`` s are for finding the state before anything is fitted. A w that is ``halfway`` between
-    samples is taken for a position's difference.
+    samples is taken for a position's difference; one on ``uneven`` stamps is not fitted to.
     """
     records = (record,) if isinstance(record, Record) else tuple(record)
     apart = (holdout,) if isinstance(holdout, Record) else ()
@@ -99,7 +100,7 @@ def begin(
     )
     doubts = refuse_unfit(every, model, data)
     filtering = any(part.block.name == LAG for part in model.effects)
-    alone = None if filtering else on_theta_alone(every, data, halfway=halfway)
+    alone = None if filtering else on_theta_alone(every, data, halfway=halfway, uneven=uneven)
     if alone is not None:
         data, doubts = alone[0], (*doubts, alone[1])
     report(0.02, "first guess" if compiler() else SLOWLY)

@@ -31,6 +31,10 @@ REPEATED = (
     "w is theta differentiated, its noise included: the model was fitted to theta alone; errors "
     "are counted on w."
 )
+UNEVEN = (
+    "On t's uneven stamps w does not go with theta: the model was fitted to theta alone; errors "
+    "are counted on w."
+)
 DIFFERENCED = (
     "w is a position's difference from sample to sample, by its {}: the model was fitted to that "
     "position; errors are counted on w."
@@ -38,21 +42,22 @@ DIFFERENCED = (
 
 
 def on_theta_alone(
-    records: Sequence[Record], data: Data, *, halfway: bool = False
+    records: Sequence[Record], data: Data, *, halfway: bool = False, uneven: bool = False
 ) -> tuple[Data, str] | None:
     """The same records fitted to the position alone, where w is no measurement of its own.
 
     Its noise is that of the position, coloured by a filter; taken for a sensor's it looks like a
     torque. With what is to be said of it; None where w is a sensor's. A w that was found to be
-    ``halfway`` between samples is a difference, whatever its noise.
+    ``halfway`` between samples is a difference, whatever its noise; one whose noise the stamps'
+    ``uneven`` steps made is left out.
     """
     if halfway or differenced(data):
         summed = replace(prepare([_summed(r) for r in records]), w=data.y[:, 1])
         return summed, DIFFERENCED.format("lateness" if halfway else "noise")
-    if not repeats(data):
+    if not (uneven or repeats(data)):
         return None
     alone = prepare([replace(r, w=None) for r in records])
-    return replace(alone, w=data.y[:, 1], late=lateness(data)), REPEATED
+    return replace(alone, w=data.y[:, 1], late=lateness(data)), UNEVEN if uneven else REPEATED
 
 
 def _summed(record: Record) -> Record:
