@@ -184,7 +184,7 @@ def _answered(start: Callable[..., Job], report: Progress) -> _Answer:
 def _uneven(job: Job) -> bool:
     """Whether theta and w were interpolated, and the innovations of both foretell themselves: no
     torque does that to a model that may follow them, but two sensors at odds do."""
-    interpolated = any({"theta", "w"} <= record.resolution.keys() for record in job.records)
+    interpolated = any(record.resolution for record in job.records)
     both = bool(np.all(job.data.noise.channels()))
     return interpolated and both and min(colour(job.base.quiet)) > AT_ODDS
 

@@ -14,9 +14,9 @@ _ROLES = ("t", "u", "w", "theta", "r", "d", "temperature", "theta_load")
 
 
 def smallest_step(x: np.ndarray) -> float:
-    """By how much a sampled signal changes at least where it changes; rounding makes it so.
+    """By how much a sampled signal (N,) changes at least where it changes; rounding makes it so.
 
-    The smallest thousandth is left out; 0 for a signal that never changes.
+    In the signal's unit; the smallest thousandth is left out; 0 for one that never changes.
     """
     x = x[np.isfinite(x)]
     steps = np.abs(np.diff(x))
@@ -35,8 +35,9 @@ class Record:
     ``gaps`` holds the indices of the first sample after a stretch of lost samples: there, and
     only there, ``t`` jumps by more than ``dt``, and no simulation may run across.
     ``dropped`` counts the samples of the file that were missing or merged; ``messages`` are
-    sentences on all that was noticed and done. ``resolution`` is the smallest step of channels
-    that were interpolated, as it was before; ``theta`` there is the sum of a ``w`` alone.
+    sentences on all that was noticed and done. ``resolution`` holds by role, where
+    channels were interpolated, the smallest step of the motion as recorded, in the channel's
+    unit; ``theta`` there is the sum of a ``w`` alone, in rad or m.
 
     Raises InputError when the channels differ in length, hold NaN, or none is of motion.
     """

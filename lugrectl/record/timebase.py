@@ -53,7 +53,7 @@ def uniform(log: Stamped, required: tuple[str, ...], motion: str) -> Record:
     Up to 3 missing samples in a row (less than 1 % in all) are filled, doubled stamps are
     merged, stamps that jitter by up to 20 % of the step are resampled; a longer loss
     becomes a gap. A held channel keeps its time integral, motion is interpolated by cubic
-    splines, temperature linearly.
+    splines (a speed that is a position's difference as that position), temperature linearly.
 
     Raises Refused when the record is too short or its time cannot be repaired.
     """
@@ -349,6 +349,11 @@ def _rough(x: np.ndarray) -> float:
     return float(np.mean(np.abs(np.diff(x, 3))))
 
 
+def _resolution(log: Stamped, dt: float) -> dict[str, float]:
+    """The smallest steps, that of a summed speed as the position's."""
+    return {r: s if r in log.channels else s * dt for r, s in log.steps.items()}
+
+
 def _held_mean(stamps: np.ndarray, values: np.ndarray, grid: np.ndarray, dt: float) -> np.ndarray:
     """Mean of the held signal over each step, so that its time integral is kept."""
     ends = np.r_[stamps, max(stamps[-1], grid[-1]) + 2 * dt]
@@ -378,8 +383,6 @@ def _joined(log: Stamped, motion: str, pieces: list[_Piece], dt: float, filled: 
             f"About {lost} samples are lost in {_count(len(gaps), 'gap')}, the first at "
             f"t = {t[gaps[0] - 1]:.6g} s; nothing is carried across."
         )
-    if "theta" not in log.channels and "theta" in log.steps:
-        log.steps["theta"] *= dt
     channels = {
         role: np.concatenate([piece.channels[role] for piece in pieces]) for role in log.channels
     }
@@ -392,5 +395,5 @@ def _joined(log: Stamped, motion: str, pieces: list[_Piece], dt: float, filled: 
         dropped=log.dropped + filled,
         messages=tuple(said),
         gaps=gaps,
-        resolution=log.steps if log.dropped or filled or resampled else {},
+        resolution=_resolution(log, dt) if log.dropped or filled or resampled else {},
     )

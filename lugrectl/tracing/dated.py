@@ -18,7 +18,8 @@ from .repeated import filtered
 LATE = 100.0  # least gain in log-likelihood for a torque moved ahead, also without the best window
 GONE = 0.3  # share of the unforeseen torque that must go with it
 FELT = 0.05  # of the torque's change from sample to sample: less unforeseen is no lateness
-TRIED, FARTHER = (0.3, 0.5, 0.8), (2.0, 4.0, 8.0)  # samples; half of what is missing goes from 0.2
+# samples; half of what is missing goes from 0.2 on, a short log shows only half of one as such
+TRIED, FARTHER = (0.3, 0.5, 0.8), (2.0, 4.0, 8.0)
 FARTHEST = 1.25  # samples: an instant or the interval before it instead of the one after
 PLACED = 0.02  # samples
 

@@ -45,7 +45,8 @@ def dependences(fitted: Fitted) -> list[Dependence]:
     model's parameters move along, so that a refit hides little. The weights come from other
     stretches of the record than those on which they count; in time, from the stretches next to
     these. Every window counts at most as much as a torque free to do anything could explain in
-    it: what happens once is not taken for a function of signals that were unusual then.
+    it: what happens once is not taken for a function of signals that were unusual then. One whose
+    torque is not worth a name has no share.
     """
     regression = _Regression(fitted)
     alone = {timed: regression.gain(timed) for timed in (False, True)}
