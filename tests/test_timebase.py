@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lugrectl.errors import Refused
-from lugrectl.record import read_record
+from lugrectl.record import Record, consistent, read_record
 from lugrectl.tracing.data import prepare
 
 from .logs import cell, csv, machine, refused
@@ -158,14 +158,18 @@ def _jittered(n=4000, dt=1e-3):
     return dt * np.arange(n) + np.r_[0.0, dt * rng.uniform(-0.06, 0.06, n - 1)]
 
 
-def test_a_speed_that_took_each_step_for_the_same_is_the_position_s(tmp_path):
+@pytest.mark.parametrize("count", [0.0, 1e-3], ids=["fine", "counts as large as the jitter"])
+def test_a_speed_that_took_each_step_for_the_same_is_the_position_s(tmp_path, count):
     """A PLC divides by its cycle time, whatever the stamps say."""
     t = _jittered()
-    w = np.diff(np.sin(7 * t), prepend=np.sin(-7e-3)) / 1e-3
+    theta = np.sin(7 * np.r_[-1e-3, t])
+    theta = np.round(theta / count) * count if count else theta
+    w = np.diff(theta) / 1e-3
     np.savez(tmp_path / "a.npz", t=t, u=np.sin(9 * t), w=w)
     record = read_record(tmp_path / "a.npz")
-    theta = np.cumsum(record.w) * record.dt
-    np.testing.assert_allclose(theta - theta[0], np.sin(7 * record.t), atol=2e-6)
+    summed = np.cumsum(record.w) * record.dt
+    off = summed - np.sin(7 * record.t)
+    assert np.ptp(off) < 4e-6 + 1.5 * count
 
 
 @pytest.mark.parametrize("rough", [0.0, 3e-4], ids=["fine", "rough"])
@@ -209,6 +213,29 @@ def test_interpolated_samples_keep_the_sensors_resolution(tmp_path, lost):
     assert record.resolution["theta"] == pytest.approx(q)
     noise = prepare([record]).noise.theta
     assert q / np.sqrt(12) <= noise * (1 + 1e-9) < q
+
+
+@pytest.mark.parametrize("how", ["jittered", "lost", "repeated", "backwards", "even"])
+def test_a_record_of_arrays_is_brought_to_uniform_time_like_a_file(tmp_path, how):
+    t = _jittered() if how == "jittered" else np.arange(4000) * 1e-3
+    kept = np.insert(np.arange(4000), 77, [77] if how == "repeated" else [])
+    kept = np.delete(kept, slice(100, 110) if how == "lost" else slice(0))
+    t = t[kept]
+    if how == "backwards":
+        t[300:] -= 0.2
+    log = {"t": t, "u": np.sin(9 * t), "theta": np.sin(7 * t)}
+    np.savez(tmp_path / "a.npz", **log)
+    record = Record(**log)
+    if how == "backwards":
+        with pytest.raises(Refused, match="backwards at sample 300"):
+            consistent(record)
+        return
+    made, read = consistent(record), read_record(tmp_path / "a.npz")
+    for role, values in read.channels().items():
+        np.testing.assert_allclose(made.channels()[role], values, atol=1e-12)
+    assert made.dt == pytest.approx(read.dt, rel=1e-9)
+    assert (made.gaps, made.dropped) == (read.gaps, read.dropped)
+    assert consistent(made).channels()["u"] is made.u
 
 
 def test_stamps_rounded_too_coarsely(tmp_path):

@@ -10,6 +10,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from ..errors import Refused
 from .samples import Record
+from .timebase import even
 from .units import UNITS, Unit, si_unit
 
 _BAND = 30.0  # Hz, motion slower than this is compared
@@ -41,12 +42,13 @@ def audit(record: Record, labels: Mapping[str, str | None] | None = None) -> Rec
 
 
 def consistent(record: Record, labels: Mapping[str, str | None] | None = None) -> Record:
-    """The same with a position that does not jump, and a speed that is its derivative.
+    """The same on uniform time, its position without jumps and its speed that one's derivative.
 
     ``labels`` as for :func:`audit`. theta in rad, w in rad/s (m, m/s on a linear axis); what was
-    changed is said in the record's messages. A w that is neither is left out.
+    changed is said in the record's messages. A w that is neither is left out. Raises Refused
+    where time cannot be repaired.
     """
-    return _velocity(_unwrap(record, labels or {}), labels or {})
+    return _velocity(even(_unwrap(record, labels or {})), labels or {})
 
 
 # ---- dead channels ------------------------------------------------------------------

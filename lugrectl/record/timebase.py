@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from ..errors import Refused
+from .resampling import HELD, MOTION, between, held_mean, speed
 from .samples import Record, smallest_step
 
 MIN_SAMPLES = 200
@@ -19,11 +19,6 @@ _FILL_SHARE = 0.01  # largest share of missing samples that is filled
 _STRETCH = 20  # samples; shorter stretches between gaps are left out
 _EXACT = 0.01  # stamps this close to the grid (in dt) are taken as on it
 _JITTER = 0.2  # stamps this irregular (in dt) can still be resampled
-_APART = 0.5  # of the step; of two stamps that are closer a spline would take noise for a slope
-_CALMER = 0.5  # of the roughness; a speed that is less rough as a position was one
-_BESIDE = 4  # samples on either side of a loss by which it is judged
-_HELD = ("u", "d", "r")  # channels held between samples; the others are interpolated
-_MOTION = ("theta", "w", "theta_load")  # smooth; straight lines miss them by more than their noise
 
 
 @dataclass
@@ -65,9 +60,23 @@ def uniform(log: Stamped, required: tuple[str, ...], motion: str) -> Record:
     return _regular(log, motion)
 
 
+def even(record: Record) -> Record:
+    """The same on uniform time, as :func:`uniform` brings it there, where its stamps are not."""
+    steps = np.delete(np.diff(record.t), np.array(record.gaps, int) - 1)
+    if np.abs(steps / record.dt - 1).max(initial=0.0) <= _EXACT:
+        return record
+    channels = record.channels()
+    required = tuple(role for role in ("u", "w", "theta") if role in channels)
+    log = Stamped(record.source, channels.pop("t"), channels, "sample {}".format)
+    made = uniform(log, required, record.motion)
+    return replace(
+        made, messages=(*record.messages, *made.messages), dropped=record.dropped + made.dropped
+    )
+
+
 def _smallest_steps(log: Stamped) -> dict[str, float]:
     """Of the motion; of the position that a speed alone sums up to (over dt), too."""
-    motion = {r: x for r, x in log.channels.items() if r in _MOTION}
+    motion = {r: x for r, x in log.channels.items() if r in MOTION}
     if "theta" not in motion and "w" in motion:
         motion["theta"] = np.cumsum(np.nan_to_num(motion["w"], posinf=0.0, neginf=0.0))
     return {r: smallest_step(x) for r, x in motion.items()}
@@ -107,7 +116,7 @@ def _fill_missing(log: Stamped, required: tuple[str, ...]) -> None:
             continue
         log.channels[role] = _filled(role, log.t, values, lost)
         affected |= lost if role in required else False
-        how = "held" if role in _HELD else "interpolated"
+        how = "held" if role in HELD else "interpolated"
         log.said.append(f"{role} is missing in {_count(lost.sum(), 'sample')}: filled in ({how}).")
     log.dropped += int(affected.sum())
 
@@ -134,19 +143,10 @@ def _fillable(log: Stamped, role: str, lost: np.ndarray) -> None:
 
 def _filled(role: str, t: np.ndarray, values: np.ndarray, lost: np.ndarray) -> np.ndarray:
     good = np.flatnonzero(~lost)
-    if role in _HELD:
+    if role in HELD:
         before = np.searchsorted(good, np.arange(len(t)), side="right") - 1
         return values[good[np.maximum(before, 0)]]
-    return _between(role, good, values[good], np.arange(len(t)))
-
-
-def _between(role: str, at: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
-    """Interpolate; before the first and after the last point their values are kept."""
-    if role not in _MOTION or len(at) < 2:
-        return np.interp(grid, at, values)
-    steps = np.diff(at)
-    apart = np.r_[True, steps > _APART * np.median(steps)]
-    return np.asarray(CubicSpline(at[apart], values[apart])(np.clip(grid, at[0], at[-1])))
+    return between(role, good, values[good], np.arange(len(t)))
 
 
 def _forward(log: Stamped) -> None:
@@ -169,7 +169,7 @@ def _merge_doubles(log: Stamped) -> None:
     counts = np.diff(np.r_[starts, len(first)])
     channels = {}
     for role, values in log.channels.items():
-        if role in _HELD:
+        if role in HELD:
             channels[role] = values[starts + counts - 1]
         else:
             channels[role] = np.add.reduceat(values, starts) / counts
@@ -303,62 +303,20 @@ def _piece(log: Stamped, part: slice, counts: np.ndarray, dt: float) -> _Piece:
     for role, values in log.channels.items():
         if not resampled and len(grid) == len(counts):
             channels[role] = values[part]
-        elif role in _HELD and not resampled:
+        elif role in HELD and not resampled:
             channels[role] = values[part][np.searchsorted(counts, grid, side="right") - 1]
-        elif role in _HELD:
-            channels[role] = _held_mean(stamps, values[part], grid * dt, dt)
+        elif role in HELD:
+            channels[role] = held_mean(stamps, values[part], grid * dt, dt)
         elif role == "w":
-            channels[role] = _speed(at, counts, values[part], grid, resampled)
+            channels[role] = speed(at, counts, values[part], grid, resampled)
         else:
-            channels[role] = _between(role, at, values[part], grid)
+            channels[role] = between(role, at, values[part], grid)
     return _Piece(log.t[part.start] + grid * dt, channels, resampled, float(jitter))
-
-
-def _speed(
-    at: np.ndarray, counts: np.ndarray, w: np.ndarray, grid: np.ndarray, resampled: bool
-) -> np.ndarray:
-    """A speed on the grid, recorded at times ``at`` in steps, of whole steps ``counts``.
-
-    One that is a position's difference, as if each step were the same, is uneven for the
-    stamps' sake alone, and too large after a sample that was lost before it was taken: it is
-    brought there as that position.
-    """
-    steps = np.diff(counts, prepend=counts[0] - 1)
-    if _over_losses(w, steps):
-        return _as_position(at, w, grid)
-    plain, moved = _between("w", at, w, grid), _as_position(at, w * steps, grid)
-    return moved if resampled and _rough(moved) < _CALMER * _rough(plain) else plain
-
-
-def _over_losses(w: np.ndarray, steps: np.ndarray) -> bool:
-    """Whether a speed is as much too large after a loss as the step is too long."""
-    lost = np.flatnonzero(steps > 1)
-    around = lost[:, None] + np.r_[-_BESIDE:0, 1 : _BESIDE + 1]
-    usual = w[np.clip(around, 0, len(w) - 1)].mean(1)
-    more = usual * (steps[lost] - 1)
-    return bool((w[lost] - usual) @ more > 0.5 * (more @ more))
-
-
-def _as_position(at: np.ndarray, travels: np.ndarray, grid: np.ndarray) -> np.ndarray:
-    """The differences on the grid of a position that travelled so far at each step."""
-    theta = np.cumsum(travels)
-    return np.diff(_between("theta", at, theta, grid), prepend=theta[0] - travels[0])
-
-
-def _rough(x: np.ndarray) -> float:
-    return float(np.mean(np.abs(np.diff(x, 3))))
 
 
 def _resolution(log: Stamped, dt: float) -> dict[str, float]:
     """The smallest steps, that of a summed speed as the position's."""
     return {r: s if r in log.channels else s * dt for r, s in log.steps.items()}
-
-
-def _held_mean(stamps: np.ndarray, values: np.ndarray, grid: np.ndarray, dt: float) -> np.ndarray:
-    """Mean of the held signal over each step, so that its time integral is kept."""
-    ends = np.r_[stamps, max(stamps[-1], grid[-1]) + 2 * dt]
-    integral = np.r_[0.0, np.cumsum(values * np.diff(ends))]
-    return (np.interp(grid + dt, ends, integral) - np.interp(grid, ends, integral)) / dt
 
 
 def _joined(log: Stamped, motion: str, pieces: list[_Piece], dt: float, filled: int) -> Record:
