@@ -13,8 +13,8 @@ from scipy.stats import norm, rankdata
 from ..model import Model
 from ..results import Candidate
 from ..spec import Block, members
+from ..tracing.choice import worth_trying
 from ..tracing.coordinates import typical
-from ..tracing.explain import worth_trying
 from ..tracing.proof import LEAST_SIZE
 from ..tracing.screening import STEPS
 from .curve import Curve, fit

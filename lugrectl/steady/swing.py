@@ -11,8 +11,8 @@ from scipy import signal, stats
 from ..record import Record
 from ..results import Candidate, Estimate, Finding
 from ..spec import Block, members, unit_for
+from ..tracing.choice import worth_trying
 from ..tracing.evaluate import rms
-from ..tracing.explain import worth_trying
 from .curve import Curve
 from .points import angle, torque, turns
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import differential_evolution
 
+from .driven import Driven, driven
 from .fit import Fitted, again, tuned
 from .likelihood import loglik, whitened
 from .noise import Noise
@@ -33,10 +34,14 @@ def sharpened(fitted: Fitted) -> Fitted:
     return again(forgiving(fitted))
 
 
-def sought(found: Fitted, key: str) -> dict[str, float]:
-    """The best of all sets of an effect's values: a wide search, then closer ones, each followed
-    by a fit of everything."""
-    best = _on_few(found)
+def sought(found: Fitted, key: str, loads: Sequence[Driven] | None = None) -> dict[str, float]:
+    """The best of all sets of an effect's values: what the balance tells or a wide search finds,
+    then closer ones, each followed by a fit of everything. ``loads`` are the former if known."""
+    few = _on_few(found)
+    starts = [
+        replace(few, values=one.values) for one in (driven(found, key) if loads is None else loads)
+    ]
+    best = max([few, *(again(s, most=STEPS, rough=True) for s in starts)], key=lambda f: f.total)
     for width, factors, rounds in zip(WIDTHS, QUIETER, ROUNDS, strict=True):
         best = _within(best, key, width, factors, rounds)
     return best.values

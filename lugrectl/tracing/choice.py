@@ -9,8 +9,9 @@ from itertools import permutations
 import numpy as np
 
 from ..blocks.plant import COMMAND, stage
-from ..model import Part
+from ..model import Model, Part
 from ..results import Candidate
+from ..spec import P, members
 from .beside import beside
 from .blows import forgiving
 from .fit import Fitted, again
@@ -23,6 +24,7 @@ from .windows import Windows
 
 PART = 0.1  # of the leader's gain that one which explains as much may lack
 FIRM = 2.0  # half-widths of its interval between an effect's strength and none
+TURNING = ("gravity", "encoder_eccentricity")  # once per turn: nothing on a linear axis
 SAME = 2e-3  # of the torque, by which two models may differ that are one
 
 
@@ -46,6 +48,31 @@ class Step:
         """
         now = firmness(fitted, self.trial.key)
         return max(self.firm, now) if fitted.noise.uneven and self.trial.boxed else now
+
+
+def worth_trying(model: Model) -> list[str]:
+    """Effects worth trying on what the model has.
+
+    A second of a kind only where it can differ; nothing that the friction law has already, or
+    that acts on what it lacks.
+    """
+    used = {part.block.name for part in model.effects}
+    has = {"J", *model.friction.values}
+    names = []
+    for name, made in members("effect").items():
+        levels = {a.removeprefix("+") for a in made.acts} - {"torque", "input", "sensor"}
+        again = name in used and not any(_repeats(p) for p in made.own.values())
+        idle = len(levels) == len(made.acts) and not levels & has
+        turning = name in TURNING and model.motion == "linear"
+        own = {k for k, p in made.own.items() if p.fitted}
+        if not (again or idle or turning or has & own):
+            names.append(name)
+    return names
+
+
+def _repeats(p: P) -> bool:
+    """Whether two effects of a kind differ in it: another harmonic, the other side."""
+    return bool(p.choices) or bool(p.grid and p.unit != "s")
 
 
 def chosen(before: Fitted, sound: Sequence[Pair], test: Windows) -> tuple[Step, Fitted]:

@@ -39,6 +39,11 @@ class Log:
         """The signals that an effect may read, by name."""
         return {k: getattr(self, k) for k in ("t", "theta", "w", "a", "u", "load")}
 
+    def first(self, samples: int) -> Log:
+        """The first samples alone."""
+        runs = tuple((a, min(b, samples)) for a, b in self.runs if a < samples)
+        return replace(self, **{k: x[:samples] for k, x in self.signals.items()}, runs=runs)
+
     @cached_property
     def fastest(self) -> float:
         """Largest speed, rad/s."""

@@ -8,12 +8,11 @@ from functools import partial
 
 import numpy as np
 
-from ..model import Model
 from ..results import Candidate
-from ..spec import P, members
+from ..spec import members
 from .beside import beside
 from .blows import forgiving, sharpened
-from .choice import FIRM, Step, agreed, as_well, candidate, chosen, in_order, sureness
+from .choice import FIRM, Step, agreed, as_well, candidate, chosen, in_order, sureness, worth_trying
 from .data import Data
 from .fit import Fitted, again, fit, refitted
 from .hidden import with_hidden
@@ -33,7 +32,7 @@ from .proof import (
 )
 from .rest import coloured, left_over
 from .screening import Trial
-from .search import Contest, Pair, Say, contest
+from .search import Contest, Pair, Say, carries, contest, loaded
 from .slide import lacking
 from .surprise import foretold
 from .windows import Windows
@@ -45,7 +44,6 @@ LOST = 0.2  # share of the residual's power taken by effects that are not firm
 MOST_EFFECTS = 3
 RETRIED = 3  # candidates whose plant values the model without them is fitted from again
 TRIED = 6  # candidates fitted in full at each step
-TURNING = ("gravity", "encoder_eccentricity")  # once per turn: nothing on a linear axis
 
 
 @dataclass(frozen=True)
@@ -86,6 +84,11 @@ def explain(
     if found.unexplained and trace.passed and (trace.stronger or not found.steps):
         other = _traced(trace.otherwise(), report)
         found = found if other.unexplained else other
+    if found.unexplained and not any(step.trial.boxed for step in found.steps):
+        led = _Trace(base, test)
+        led.ranking, led.waiting = trace.ranking, led.loaded()
+        other = _traced(led, report) if led.waiting else found
+        found = found if other.unexplained else other
     return found
 
 
@@ -104,6 +107,10 @@ def _traced(
         if not sound:
             break
         trace.add(sound, say)
+        if trace.carried():
+            ended = _ended(trace, report, carried=True)
+            if not ended.unexplained:
+                return ended
         base, current = trace.base, trace.current
         enough = share(base, current) > 1.0 - LEAST_OF_FIRST and not coloured(current)
         timed = enough or turn > 0  # its noise is judged once
@@ -118,15 +125,18 @@ def _traced(
     return nearly if nearly and ended.unexplained else ended
 
 
-def _ended(trace: _Trace, report: Progress) -> Explanation:
+def _ended(trace: _Trace, report: Progress, *, carried: bool = False) -> Explanation:
     """What is firm of the effects found, and what is left."""
     base, pieces, ranking = trace.base, trace.current, tuple(trace.ranking)
-    steps, current = _firm(trace.steps, pieces, trace.test)
+    sure = tuple(step for step in trace.steps if carried and step.trial.boxed)
+    steps, current = _firm(trace.steps, pieces, trace.test, sure)
     current = current if steps else base  # the way there and back may have ended elsewhere
     steps = _still_tied(steps, current, partial(report, 0.84))
     lost = share(current, pieces) > LOST
     pieced = len(steps) == MOST_EFFECTS and share(base, current) < PIECED
-    unexplained, signals = left_over(base, current, found=bool(steps), doubtful=lost or pieced)
+    unexplained, signals = left_over(
+        base, current, found=bool(steps), doubtful=lost or pieced, carried=carried
+    )
     return Explanation(base, tuple(steps), current, ranking, unexplained, signals)
 
 
@@ -172,6 +182,16 @@ class _Trace:
         other = _Trace(self.base, self.test)
         other.ranking, other.waiting = self.ranking, self.passed
         return other
+
+    def loaded(self) -> list[Pair]:
+        """Effects whose load takes nearly all that is lacking, as the measured motion drives it."""
+        names = [n for n in worth_trying(self.base.predictor.model) if members("effect")[n].box]
+        pairs = (loaded(self.base, name) for name in names)
+        return [pair for pair in pairs if pair is not None]
+
+    def carried(self) -> bool:
+        """The same of one that was found."""
+        return any(s.trial.boxed and carries(self.current, s.trial.key) for s in self.steps)
 
     def rather(self, other: Data, say: Say) -> bool:
         """Whether another effect explains more than a torque that is moved does.
@@ -270,31 +290,6 @@ def _better_base(current: Fitted, fits: Sequence[Pair]) -> Fitted | None:
 
     best = max([current, *beside(refitted, fits[:RETRIED])], key=lambda f: f.total)
     return best if best.total > current.total + 3.0 else None
-
-
-def worth_trying(model: Model) -> list[str]:
-    """Effects worth trying on what the model has.
-
-    A second of a kind only where it can differ; nothing that the friction law has already, or
-    that acts on what it lacks.
-    """
-    used = {part.block.name for part in model.effects}
-    has = {"J", *model.friction.values}
-    names = []
-    for name, made in members("effect").items():
-        levels = {a.removeprefix("+") for a in made.acts} - {"torque", "input", "sensor"}
-        again = name in used and not any(_repeats(p) for p in made.own.values())
-        idle = len(levels) == len(made.acts) and not levels & has
-        turning = name in TURNING and model.motion == "linear"
-        own = {k for k, p in made.own.items() if p.fitted}
-        if not (again or idle or turning or has & own):
-            names.append(name)
-    return names
-
-
-def _repeats(p: P) -> bool:
-    """Whether two effects of a kind differ in it: another harmonic, the other side."""
-    return bool(p.choices) or bool(p.grid and p.unit != "s")
 
 
 def _ranking(base: Fitted, tried: Contest) -> list[Candidate]:

@@ -12,6 +12,7 @@ from .noise import Noise
 from .predictor import Predictor, Values
 from .windows import Windows
 
+NEAR = 0.04  # of the record; and from one window into the next, as between them all is level
 DROP = 1.92  # of the log-likelihood at the ends of a 95 % interval
 
 
@@ -56,7 +57,8 @@ def place(
         white = whitened(predictor, sets, some, noise)
         return -0.5 * np.sum(white**2, axis=(1, 2, 3))
 
-    center, reach = values[key], 0.04 * (last - first)
+    apart = float(np.max(np.diff(t[where.start]), initial=0.0))
+    center, reach = values[key], max(NEAR * (last - first), apart)
     while reach > dt:
         times = np.clip(center + reach * np.linspace(-1.0, 1.0, 9), first, last)
         center, reach = float(times[np.argmax(loglik(times))]), 0.3 * reach

@@ -21,16 +21,17 @@ COLOUR = {"theta": 0.3, "w": 0.05}  # of the innovations; quantised positions ar
 
 
 def left_over(
-    base: Fitted, final: Fitted, *, found: bool, doubtful: bool
+    base: Fitted, final: Fitted, *, found: bool, doubtful: bool, carried: bool = False
 ) -> tuple[bool, tuple[str, ...]]:
     """Whether something proven is left, and the signals that it hangs on.
 
     ``found``: whether any effect was; ``doubtful``: whether those are a patchwork, or took much of
-    it although the windows do not agree on them.
+    it although the windows do not agree on them. ``carried``: a load takes nearly all that is
+    lacking as the measured motion drives it; windows that missed where it is say nothing then.
     """
     least = LEAST_SIZE * friction_size(base)
     if not _lacks(base, final, least, found):
-        if _little(base, final, least):
+        if carried or _little(base, final, least):
             return False, ()
         if not (doubtful or _odd(base, final, least) or hangs_on(final)):
             return False, ()

@@ -8,8 +8,10 @@ from functools import partial
 
 import numpy as np
 
+from ..spec import members
 from .beside import beside
 from .blows import closer, sought
+from .driven import convincing, driven
 from .fit import Fitted, again, drawn, told_apart, tuned
 from .predictor import Predictor
 from .proof import share
@@ -180,6 +182,30 @@ def _finished(pair: Pair, base: Fitted, wanted: bool) -> Pair:
     if wanted and short.predictor.data.dt > FINE * base.predictor.data.dt:
         fitted = closer(fitted, trial.key)
     return whole, fitted
+
+
+def loaded(base: Fitted, name: str) -> Pair | None:
+    """A load with many optima fitted from where the measured motion drives it, where that is
+    convincing; it may gain too little otherwise to be looked at."""
+    model, light = base.predictor.model.with_effect(name, {}), lightened(base)
+    key = model.effects[-1].key
+    own = {f"{key}.{k}": p.value for k, p in members("effect")[name].own.items()}
+    few = replace(
+        light, predictor=Predictor(model, light.predictor.data), values=light.values | own
+    )
+    loads = driven(few, key)
+    if not convincing(loads):
+        return None
+    values = sought(few, key, loads)
+    trial = Trial(
+        name, replace(base, predictor=Predictor(model, base.predictor.data)), key, values, 0.0
+    )
+    return trial, refine(trial)
+
+
+def carries(found: Fitted, key: str) -> bool:
+    """Whether a load takes nearly all that is lacking when the measured motion drives it."""
+    return convincing(driven(lightened(found), key))
 
 
 def _anew(pair: Pair, light: Fitted, least: float) -> Pair:

@@ -214,7 +214,7 @@ def while_sliding(fitted: Fitted, *, everywhere: bool = False) -> Sliding:
     """
     data = fitted.predictor.data
     at = cells(data, CELL)
-    at = at.only(_sliding(data, at) & (everywhere | _fitted(fitted, at)))
+    at = at.only(sliding(data, at) & (everywhere | fitted_cells(fitted, at)))
     at = at.only(_enough(len(at.start)))
     rows = at.start + at.size // 2
     predictor, values = fitted.predictor, fitted.values
@@ -233,7 +233,7 @@ def _enough(count: int) -> np.ndarray:
     return place < MOST / max(count, MOST)
 
 
-def _sliding(data: Data, at: Cells) -> np.ndarray:
+def sliding(data: Data, at: Cells) -> np.ndarray:
     """Whether the drive slides in a cell, and in those beside it, all in one direction.
 
     Next to a reversal the motion is smoothed over it, and friction hangs on what came before.
@@ -243,7 +243,7 @@ def _sliding(data: Data, at: Cells) -> np.ndarray:
     return slides & (way[:-2] == way[1:-1]) & (way[2:] == way[1:-1])
 
 
-def _fitted(fitted: Fitted, at: Cells) -> np.ndarray:
+def fitted_cells(fitted: Fitted, at: Cells) -> np.ndarray:
     """Whether a cell lies in the windows that were fitted."""
     counts = np.zeros(len(fitted.predictor.data.t))
     counts[fitted.where.counted] = 1.0
@@ -252,12 +252,18 @@ def _fitted(fitted: Fitted, at: Cells) -> np.ndarray:
 
 def _known(fitted: Fitted, data: Data, at: Cells, net: np.ndarray) -> np.ndarray:
     """What the model may have wrong, a column of unit size each."""
-    u, w = at.mean(running(data.u - data.d)), at.mean(running(data.log.w))
+    u = at.mean(running(data.u - data.d))
+    columns = np.column_stack([net, u, *friction_terms(fitted, data, at)])
+    return columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+
+
+def friction_terms(fitted: Fitted, data: Data, at: Cells) -> list[np.ndarray]:
+    """Viscous and Coulomb friction, what is above it near rest, and a constant, one unit each."""
+    w = at.mean(running(data.log.w))
     vs = fitted.values.get("vs", STRIBECK * data.log.fastest)
     eps = fitted.values.get("eps", EPS.value)
     level, both = (stribeck(w, Fc=1.0, Fs=Fs, Fv=0.0, vs=vs, eps=eps)[0] for Fs in (1.0, 2.0))
-    columns = np.column_stack([net, u, w, level, both - level, np.ones_like(w)])
-    return columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    return [w, level, both - level, np.ones_like(w)]
 
 
 def _between(r: np.ndarray, rows: np.ndarray, width: int) -> np.ndarray:

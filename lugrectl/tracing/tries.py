@@ -11,6 +11,7 @@ from scipy.optimize import minimize
 
 from ..blocks.parts import Part as Placed
 from ..spec import Block
+from .driven import STRENGTHS
 from .evaluate import missing_torque
 from .fit import Fitted
 from .likelihood import loglik, whitened
@@ -21,7 +22,6 @@ from .series import run_alone
 DOSE = 0.1  # of an effect's series: a derivative, but well above the noise of the integration
 SMEAR = 0.03  # s over which blows are averaged, so that a near miss counts
 MANY = 60  # sets beyond which only the smeared torque is compared
-STRENGTHS = ("kg m2", "N m/rad", "N m s/rad")
 STARTS = 3  # sets from which an effect is fitted
 LEAST_POWER = 0.02  # of the smeared torque, below which a set is not worth polishing
 QUIETER = (1.0, 0.4, 0.15)  # factors on the noise of dw/dt under which a whole set is tried

@@ -128,7 +128,7 @@ class Box:
     """Where all sets of values are searched: logarithms x of what the sets are made of.
 
     ``low``, ``high`` bound x, ``near`` is how far a set may be from a good one; ``at(x)`` is the
-    set, ``into(values)`` its x.
+    set, ``into(values)`` its x. ``shape`` are those of x that are more than a strength.
     """
 
     low: np.ndarray
@@ -136,6 +136,7 @@ class Box:
     near: np.ndarray
     at: Callable[[np.ndarray], dict[str, float]]
     into: Callable[[Values], np.ndarray]
+    shape: slice
 
 
 def gap_box(log: Any, values: Values) -> Box:
@@ -159,7 +160,9 @@ def gap_box(log: Any, values: Values) -> Box:
         x = np.array([known, load / known, ringing / (2.0 * np.pi), damping, given["gap"]])
         return np.log(np.maximum(x, 0.1 * low))
 
-    return Box(np.log(low), np.log(high), np.array([0.1, 0.2, 0.3, 0.3, 0.03]), at, into)
+    return Box(
+        np.log(low), np.log(high), np.array([0.1, 0.2, 0.3, 0.3, 0.03]), at, into, slice(2, 5)
+    )
 
 
 def in_the_gap(values: Values) -> tuple[float, float]:
