@@ -53,10 +53,13 @@ class Trial:
 
     @property
     def rough(self) -> bool:
-        """Whether its series is an approximation: it sees the measured motion."""
+        """Whether its series is an approximation: it sees the measured motion, or what it adds to
+        a level would be scaled by the effects that have been found."""
         block = members("effect")[self.name]
         hidden = bool(block.states) and block.exact is None
-        return hidden or block.abrupt or "sensor" in block.acts
+        added = {a[1:] for a in block.acts if a.startswith("+")}
+        scaled = any(added & set(p.block.acts) for p in self.fitted.predictor.core.effects)
+        return hidden or block.abrupt or "sensor" in block.acts or scaled
 
 
 def lightened(base: Fitted) -> Fitted:
