@@ -49,6 +49,7 @@ TRACING = [
     {"start"},
     {"job"},
     {"choice"},
+    {"kept"},
     {"explain"},
 ]
 COMPUTING = set.union(*STOREYS[:8])

@@ -17,11 +17,13 @@ from .blows import forgiving
 from .fit import Fitted, again
 from .predictor import Predictor
 from .proof import GATE, firmness, share
-from .screening import Trial
+from .score import Score
+from .screening import Trial, lightened, screen
 from .search import Pair
 from .surprise import surprising
 from .windows import Windows
 
+LOOKED = 6  # effects beside which a second one is tried
 PART = 0.1  # of the leader's gain that one which explains as much may lack
 FIRM = 2.0  # half-widths of its interval between an effect's strength and none
 TURNING = ("gravity", "encoder_eccentricity")  # once per turn: nothing on a linear axis
@@ -89,6 +91,22 @@ def chosen(before: Fitted, sound: Sequence[Pair], test: Windows) -> tuple[Step, 
     near = best.total - _much(before, best)
     rivals = tuple({t.name: t for t, f in sound if f.total > near and t is not trial})
     return Step(trial, tied, sureness(before, best, trial), rivals), best
+
+
+def ahead(sound: Sequence[Pair]) -> Pair:
+    """The effect that promises most together with the best one beside it.
+
+    One that is half of two explains less alone than whatever is a little like both.
+    """
+    return max(sound[:LOOKED], key=lambda pair: pair[1].total + _beside(pair[1]))
+
+
+def _beside(fitted: Fitted) -> float:
+    """Gain in log-likelihood that the best of the next effects promises."""
+    light = lightened(fitted)
+    trials = screen(Score(light), worth_trying(fitted.predictor.model))
+    part = light.where.counted.size / fitted.where.counted.size
+    return trials[0].promise / part if trials else 0.0
 
 
 def sureness(before: Fitted, after: Fitted, trial: Trial) -> float:

@@ -12,38 +12,39 @@ from ..results import Candidate
 from ..spec import members
 from .beside import beside
 from .blows import forgiving, sharpened
-from .choice import FIRM, Step, agreed, as_well, candidate, chosen, in_order, sureness, worth_trying
+from .choice import (
+    FIRM,
+    Step,
+    ahead,
+    chosen,
+    in_order,
+    sureness,
+    worth_trying,
+)
 from .data import Data
-from .fit import Fitted, again, fit, refitted
+from .fit import Fitted, fit, refitted
 from .hidden import with_hidden
 from .job import Progress
+from .kept import exchanged, firm_ones, pruned, stands, still_tied
 from .late import LAG, with_lag
-from .once import firm_by_itself, told_once
-from .predictor import Predictor
 from .proof import (
     GATE,
     LEAST_OF_FIRST,
-    LEAST_SIZE,
     WHOLE,
     firmness,
-    proven,
     share,
-    size,
 )
 from .rest import coloured, left_over
 from .screening import Trial
 from .search import Contest, Pair, Say, carries, contest, loaded
 from .slide import lacking
-from .surprise import foretold
 from .windows import Windows
-from .witness import contradicted
 
 PIECED = 0.98  # share below which as many effects as are tried are a patchwork, not physics
 FIRMER = 1.0  # half-widths as in FIRM, from which an effect is chosen before others
 LOST = 0.2  # share of the residual's power taken by effects that are not firm
 MOST_EFFECTS = 3
 RETRIED = 3  # candidates whose plant values the model without them is fitted from again
-TRIED = 6  # candidates fitted in full at each step
 
 
 @dataclass(frozen=True)
@@ -81,15 +82,18 @@ def explain(
     if found.unexplained and not trace.steps and not coloured(trace.current):
         trace.waiting = trace.hidden(partial(report, 0.15))
         found = _traced(trace, report, another) if trace.waiting else found
-    if found.unexplained and trace.passed and (trace.stronger or not found.steps):
-        other = _traced(trace.otherwise(), report)
-        found = found if other.unexplained else other
-    if found.unexplained and not any(step.trial.boxed for step in found.steps):
-        led = _Trace(base, test)
-        led.ranking, led.waiting = trace.ranking, led.loaded()
-        other = _traced(led, report) if led.waiting else found
-        found = found if other.unexplained else other
+    for way in (trace.passed_over, trace.half_of_two, trace.loaded):
+        leading = way(found) if found.unexplained else []
+        if leading:
+            other = _traced(trace.led_by(leading), report)
+            found = other if _settles(other, found) else found
     return found
+
+
+def _settles(other: Explanation, found: Explanation) -> bool:
+    """Whether nothing is left with other effects, which are as likely as those found."""
+    likelier = other.final.noise.uneven or other.final.total > found.final.total
+    return likelier and not other.unexplained
 
 
 def _traced(
@@ -129,9 +133,9 @@ def _ended(trace: _Trace, report: Progress, *, carried: bool = False) -> Explana
     """What is firm of the effects found, and what is left."""
     base, pieces, ranking = trace.base, trace.current, tuple(trace.ranking)
     sure = tuple(step for step in trace.steps if carried and step.trial.boxed)
-    steps, current = _firm(trace.steps, pieces, trace.test, sure)
+    steps, current = firm_ones(trace.steps, pieces, trace.test, sure)
     current = current if steps else base  # the way there and back may have ended elsewhere
-    steps = _still_tied(steps, current, partial(report, 0.84))
+    steps = still_tied(steps, current, partial(report, 0.84))
     lost = share(current, pieces) > LOST
     pieced = len(steps) == MOST_EFFECTS and share(base, current) < PIECED
     unexplained, signals = left_over(
@@ -169,28 +173,40 @@ class _Trace:
         self.steps: list[Step] = []
         self.ranking: list[Candidate] = []
         self.waiting: list[Pair] = []
+        self.first: list[Pair] = []  # what was proven at first, of which one led
+        self.leader: Trial | None = None
         self.passed: list[Pair] = []
         self.stronger = False  # whether those explained more than the one taken
 
-    def otherwise(self) -> _Trace:
-        """The same from the start, led by those ``passed`` over at first: by what explained more
-        but was not firm, a stop that few windows meet; else by the firm ones, or where none was by
-        those that were surer than the one taken.
+    def led_by(self, pairs: list[Pair]) -> _Trace:
+        """The same from the start, led by the best of these."""
+        other = _Trace(self.base, self.test)
+        other.ranking, other.waiting = self.ranking, pairs
+        return other
+
+    def passed_over(self, found: Explanation) -> list[Pair]:
+        """Effects that explained more at first but were not firm, a stop that few windows meet;
+        else the firm ones, or where none was those that were surer than the one taken.
 
         What led instead may not be firm in the end, and have stood in the way of the others.
         """
-        other = _Trace(self.base, self.test)
-        other.ranking, other.waiting = self.ranking, self.passed
-        return other
+        return self.passed if self.stronger or not found.steps else []
 
-    def loaded(self) -> list[Pair]:
+    def half_of_two(self, found: Explanation) -> list[Pair]:
+        """The effect that promises most with another beside it, if it did not lead."""
+        best = ahead(self.first) if len(self.first) > 1 else None
+        return [best] if best and best[0] is not self.leader else []
+
+    def loaded(self, found: Explanation) -> list[Pair]:
         """Effects whose load takes nearly all that is lacking, as the measured motion drives it."""
+        if any(step.trial.boxed for step in found.steps):
+            return []
         names = [n for n in worth_trying(self.base.predictor.model) if members("effect")[n].box]
         pairs = (loaded(self.base, name) for name in names)
         return [pair for pair in pairs if pair is not None]
 
     def carried(self) -> bool:
-        """The same of one that was found."""
+        """Whether one that was found does."""
         return any(s.trial.boxed and carries(self.current, s.trial.key) for s in self.steps)
 
     def rather(self, other: Data, say: Say) -> bool:
@@ -221,16 +237,16 @@ class _Trace:
         return self._proven([n for n in names if members("effect")[n].tries], 0.0, say)
 
     def _proven(self, names: Sequence[str], gate: float, say: Say) -> list[Pair]:
-        tried = contest(self.current, names, gate, TRIED, say)
+        tried = contest(self.current, names, gate, say)
         self.ranking = self.ranking or _ranking(self.current, tried)
         better = _better_base(self.current, tried.fits)
         if better is not None:
             far = better.total > self.current.total + GATE
             self.base = better if self.current is self.base else self.base
-            self.steps, self.current = _pruned(self.steps, better, self.steps)
+            self.steps, self.current = pruned(self.steps, better, self.steps)
             if far and all(f.total < better.total for _, f in tried.fits):  # beyond a ridge
-                tried = contest(self.current, names, gate, TRIED, say)
-        sound = [(t, f) for t, f in tried.fits if _stands(self.base, self.current, f, t.key)]
+                tried = contest(self.current, names, gate, say)
+        sound = [(t, f) for t, f in tried.fits if stands(self.base, self.current, f, t.key)]
         lack = lacking(self.current) if len(sound) > 1 else None
         return [(t, f) for t, f in sound if lack and not lack.stays(f)] or sound
 
@@ -240,6 +256,7 @@ class _Trace:
         leading = [pair for pair, firm in sure if firm > FIRMER] or sound
         step, current = chosen(self.current, leading, self.test)
         if not self.steps:
+            self.first, self.leader = list(sound), step.trial
             others = [one for one in sure if one[0][0] is not step.trial]
             least = FIRM if any(firm > FIRM for _, firm in others) else step.firm
             more = [pair for pair, _ in others if pair[1].total > current.total + GATE]
@@ -248,7 +265,7 @@ class _Trace:
         current = in_order(current)
         self.steps = [*self.steps, step]
         self.base, current = _eased(self.steps, self.base, current)
-        self.steps, self.current = _pruned(self.steps, current, self.steps[:-1])
+        self.steps, self.current = pruned(self.steps, current, self.steps[:-1])
         if len(self.steps) > 1:
             self._exchange(say)
 
@@ -259,12 +276,8 @@ class _Trace:
         torn = whole and coloured(self.current) or oldest.firmness(self.current) <= FIRMER
         rivals = None if torn else oldest.rivals
         if rivals is None or rivals:
-            self.steps, current = _exchanged(self.steps, self.current, self.test, rivals, say)
+            self.steps, current = exchanged(self.steps, self.current, self.test, rivals, say)
             self.base, self.current = _eased(self.steps, self.base, current)
-
-
-def _stands(base: Fitted, before: Fitted, after: Fitted, key: str) -> bool:
-    return proven(base, before, after, key) and not contradicted(after, key)
 
 
 def _eased(steps: Sequence[Step], base: Fitted, current: Fitted) -> tuple[Fitted, Fitted]:
@@ -302,90 +315,3 @@ def _ranking(base: Fitted, tried: Contest) -> list[Candidate]:
         score = f.total - base.total if f else t.promise
         made.append(Candidate(t.name, score, share(base, f) if f else 0.0, own))
     return sorted(made, key=lambda c: -c.score)
-
-
-def _pruned(
-    steps: list[Step], fitted: Fitted, doubtful: Sequence[Step]
-) -> tuple[list[Step], Fitted]:
-    """Without those doubtful effects that the rest has made needless."""
-    for step in doubtful:
-        key = step.trial.key
-        if size(fitted, key) > LEAST_SIZE:
-            continue
-        without = _without(fitted, key)
-        if without.total > fitted.total - GATE:
-            rest, left = ([s for s in of if s is not step] for of in (steps, doubtful))
-            return _pruned(rest, without, left)
-    return steps, fitted
-
-
-def _firm(
-    steps: list[Step], fitted: Fitted, test: Windows, confirmed: tuple[Step, ...] = ()
-) -> tuple[list[Step], Fitted]:
-    """Without those effects on whose strength the windows do not agree, the least sure first.
-
-    What a single window tells, a stop met once, may be ``confirmed`` by held-out ones, or by all
-    that is in this window; so may what nearly all was missing without, a drift that is soon over,
-    and what all windows gain by, if their derivatives, where a drive breaks loose, say little of
-    its strength.
-    """
-    unsure = [s for s in steps if all(s is not c for c in confirmed) and s.firmness(fitted) <= FIRM]
-    if not unsure:
-        return steps, fitted
-    least = min(unsure, key=lambda step: step.firmness(fitted))
-    key = least.trial.key
-    without = _without(fitted, key)
-    once = told_once(fitted, key)
-    gained = least.trial.rough and agreed(without, fitted) > FIRM
-    told = once or gained or share(without, fitted) > WHOLE
-    elsewhere = told and foretold(fitted, without, test)
-    if elsewhere or once and firm_by_itself(without, fitted, key) > FIRM:
-        return _firm(steps, fitted, test, (*confirmed, least))
-    return _firm([s for s in steps if s is not least], without, test)
-
-
-def _exchanged(
-    steps: list[Step], fitted: Fitted, test: Windows, rivals: Sequence[str] | None, say: Say
-) -> tuple[list[Step], Fitted]:
-    """The oldest effect for another that explains more beside the later ones, if there is one.
-
-    It was chosen when these were missing. Of the ``rivals`` only, where any are given.
-    """
-    oldest, *later = steps
-    without = _without(fitted, oldest.trial.key)
-    names = worth_trying(without.predictor.model)
-    names = names if rivals is None else [n for n in names if n in rivals]
-    tried = contest(without, names, 0.5 * GATE, TRIED, say)
-    sound = [(t, f) for t, f in tried.fits if _stands(without, without, f, t.key)]
-    if not sound:
-        return steps, fitted
-    step, whole = chosen(without, sound, test)
-    if whole.total < fitted.total + GATE:
-        return steps, fitted
-    return [*later, step], whole
-
-
-def _still_tied(steps: Sequence[Step], fitted: Fitted, say: Say) -> list[Step]:
-    """The steps with those alternatives only that explain as much beside the later effects, too."""
-    if len(steps) < 2:
-        return list(steps)
-    made = []
-    for step in steps:
-        if step.tied:
-            without = _without(fitted, step.trial.key)
-            tried = contest(without, [c.name for c in step.tied], 0.0, TRIED, say)
-            left = [(t, f) for t, f in tried.fits if as_well(without, fitted, f)]
-            step = replace(step, tied=tuple(candidate(without, t, f) for t, f in left))
-        made.append(step)
-    return made
-
-
-def _without(fitted: Fitted, key: str) -> Fitted:
-    model = fitted.predictor.model
-    rest = replace(model, effects=tuple(p for p in model.effects if p.key != key))
-    values, anchor = (
-        {k: v for k, v in old.items() if not k.startswith(f"{key}.")}
-        for old in (fitted.values, fitted.anchor)
-    )
-    predictor = Predictor(rest, fitted.predictor.data)
-    return again(replace(fitted, predictor=predictor, values=values, anchor=anchor))

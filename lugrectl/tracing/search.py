@@ -20,6 +20,7 @@ from .screening import Trial, lightened, screen
 
 SHAKES = (0.7, 0.7, 0.3)  # largest spread of a random search about what a short fit found
 SHAKEN = 40  # sets of it
+TRIED = 6  # candidates fitted in full
 ANEW = 3  # best fits that start once more with the plant as it was believed to be
 FAR, STEPS = (0.2, 5.0), 10  # factors on an effect's values, and steps of a fit from there
 UNLIKELY = 0.01  # promise over what another effect has gained, below which one is not tried
@@ -106,7 +107,9 @@ def _heavy(trial: Trial, base: Fitted, values: dict[str, float]) -> Trial:
     return replace(trial, fitted=replace(base, predictor=predictor), values=values)
 
 
-def contest(base: Fitted, names: Sequence[str], gate: float, tried: int, say: Say) -> Contest:
+def contest(
+    base: Fitted, names: Sequence[str], gate: float, say: Say, *, tried: int = TRIED
+) -> Contest:
     """Fit the promising effects shortly from each start, then the best of them to the end.
 
     All but the end goes on fewer samples a second.

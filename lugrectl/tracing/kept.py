@@ -1,0 +1,108 @@
+"""Which of the effects found are kept beside those found after them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from .choice import FIRM, Step, agreed, as_well, candidate, chosen, worth_trying
+from .fit import Fitted, again
+from .once import firm_by_itself, told_once
+from .predictor import Predictor
+from .proof import GATE, LEAST_SIZE, WHOLE, proven, share, size
+from .search import Say, contest
+from .surprise import foretold
+from .windows import Windows
+from .witness import contradicted
+
+
+def stands(base: Fitted, before: Fitted, after: Fitted, key: str) -> bool:
+    """Whether an effect is proven, and no second sensor contradicts it."""
+    return proven(base, before, after, key) and not contradicted(after, key)
+
+
+def pruned(
+    steps: list[Step], fitted: Fitted, doubtful: Sequence[Step]
+) -> tuple[list[Step], Fitted]:
+    """Without those doubtful effects that the rest has made needless."""
+    for step in doubtful:
+        key = step.trial.key
+        if size(fitted, key) > LEAST_SIZE:
+            continue
+        without = without_it(fitted, key)
+        if without.total > fitted.total - GATE:
+            rest, left = ([s for s in of if s is not step] for of in (steps, doubtful))
+            return pruned(rest, without, left)
+    return steps, fitted
+
+
+def firm_ones(
+    steps: list[Step], fitted: Fitted, test: Windows, confirmed: tuple[Step, ...] = ()
+) -> tuple[list[Step], Fitted]:
+    """Without those effects on whose strength the windows do not agree, the least sure first.
+
+    What a single window tells, a stop met once, may be ``confirmed`` by held-out ones, or by all
+    that is in this window; so may what nearly all was missing without, a drift that is soon over,
+    and what all windows gain by, if their derivatives, where a drive breaks loose, say little of
+    its strength.
+    """
+    unsure = [s for s in steps if all(s is not c for c in confirmed) and s.firmness(fitted) <= FIRM]
+    if not unsure:
+        return steps, fitted
+    least = min(unsure, key=lambda step: step.firmness(fitted))
+    key = least.trial.key
+    without = without_it(fitted, key)
+    once = told_once(fitted, key)
+    gained = least.trial.rough and agreed(without, fitted) > FIRM
+    told = once or gained or share(without, fitted) > WHOLE
+    elsewhere = told and foretold(fitted, without, test)
+    if elsewhere or once and firm_by_itself(without, fitted, key) > FIRM:
+        return firm_ones(steps, fitted, test, (*confirmed, least))
+    return firm_ones([s for s in steps if s is not least], without, test)
+
+
+def exchanged(
+    steps: list[Step], fitted: Fitted, test: Windows, rivals: Sequence[str] | None, say: Say
+) -> tuple[list[Step], Fitted]:
+    """The oldest effect for another that explains more beside the later ones, if there is one.
+
+    It was chosen when these were missing. Of the ``rivals`` only, where any are given.
+    """
+    oldest, *later = steps
+    without = without_it(fitted, oldest.trial.key)
+    names = worth_trying(without.predictor.model)
+    names = names if rivals is None else [n for n in names if n in rivals]
+    tried = contest(without, names, 0.5 * GATE, say)
+    sound = [(t, f) for t, f in tried.fits if stands(without, without, f, t.key)]
+    if not sound:
+        return steps, fitted
+    step, whole = chosen(without, sound, test)
+    if whole.total < fitted.total + GATE:
+        return steps, fitted
+    return [*later, step], whole
+
+
+def still_tied(steps: Sequence[Step], fitted: Fitted, say: Say) -> list[Step]:
+    """The steps with those alternatives only that explain as much beside the later effects, too."""
+    if len(steps) < 2:
+        return list(steps)
+    made = []
+    for step in steps:
+        if step.tied:
+            without = without_it(fitted, step.trial.key)
+            tried = contest(without, [c.name for c in step.tied], 0.0, say)
+            left = [(t, f) for t, f in tried.fits if as_well(without, fitted, f)]
+            step = replace(step, tied=tuple(candidate(without, t, f) for t, f in left))
+        made.append(step)
+    return made
+
+
+def without_it(fitted: Fitted, key: str) -> Fitted:
+    model = fitted.predictor.model
+    rest = replace(model, effects=tuple(p for p in model.effects if p.key != key))
+    values, anchor = (
+        {k: v for k, v in old.items() if not k.startswith(f"{key}.")}
+        for old in (fitted.values, fitted.anchor)
+    )
+    predictor = Predictor(rest, fitted.predictor.data)
+    return again(replace(fitted, predictor=predictor, values=values, anchor=anchor))
