@@ -229,3 +229,24 @@ def test_a_stop_that_few_windows_meet_leads_if_what_was_surer_explains_less():
     names = "hard_stop", "friction_step"
     result, found = verdict(case_of(Task("pair", names, "normal", 135600, hard=True)))
     assert (result.verdict, sorted(found)) == ("found", sorted(names))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "names, seed, strength, form",
+    [
+        ("backlash", 139000, "weak", ""),
+        ("backlash", 135100, "normal", ""),
+        ("inertia_step", 139000, "weak", ""),
+        ("constant_torque viscous_asymmetry", 139129, "normal", "u half a sample late"),
+        ("position_dependent_friction load_dependent_friction", 139000, "normal", ""),
+    ],
+)
+def test_what_was_lost_among_other_things_is_named(names, seed, strength, form):
+    """A load that bounces in its gap; a step in time between two fitted windows; half of two; a
+    load's friction on a level that hangs on the place."""
+    wanted = tuple(names.split())
+    kind = "pair" if len(wanted) > 1 else "effect"
+    case = case_of(Task(kind, wanted, strength, seed, form=form))
+    result, named = verdict(case)
+    assert (result.verdict, sorted(named)) == ("found", sorted(wanted))
