@@ -1,6 +1,7 @@
 """Which of several effects, and in which order."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -102,6 +103,32 @@ def test_of_two_that_explain_as_much_the_firm_one_leads(monkeypatch, unsure):
     step, _ = choice.chosen(job.base, pairs, job.parts.test)
     assert step.trial.name != unsure
     assert [tied.name for tied in step.tied] == [unsure]
+
+
+def test_half_of_two_leads_where_both_promise_more(monkeypatch):
+    """A third of the samples is looked at, so a promise there counts three times."""
+    windows = SimpleNamespace(counted=np.zeros(300)), SimpleNamespace(counted=np.zeros(100))
+    promises = {"like both": [20.0], "half": [50.0, 10.0], "nothing beside": []}
+
+    def fit_of(name, total):
+        predictor = SimpleNamespace(model=name)
+        return SimpleNamespace(total=total, where=windows[0], predictor=predictor)
+
+    def few(fitted):
+        return SimpleNamespace(name=fitted.predictor.model, where=windows[1])
+
+    monkeypatch.setattr(choice, "lightened", few)
+    monkeypatch.setattr(choice, "Score", lambda base: base)
+    monkeypatch.setattr(choice, "worth_trying", lambda model: [])
+    monkeypatch.setattr(
+        choice,
+        "screen",
+        lambda score, names: [SimpleNamespace(promise=p) for p in promises[score.name]],
+    )
+    pairs = [("A", fit_of("like both", 100.0)), ("B", fit_of("half", 20.0))]
+    pairs.append(("C", fit_of("nothing beside", 150.0)))
+    assert choice.ahead(pairs)[0] == "B"  # 170 against 160 and 150
+    assert choice.ahead(pairs[::2])[0] == "A"
 
 
 @pytest.mark.slow

@@ -1,5 +1,7 @@
 """Which effects are tried, on which grids, and which of them are one and the same."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,10 +9,10 @@ from hypothesis import strategies as st
 
 from lugrectl.model import model_from_dict
 from lugrectl.spec import members
-from lugrectl.tracing.choice import _comes_to
+from lugrectl.tracing.choice import _comes_to, worth_trying
 from lugrectl.tracing.coordinates import free_keys
 from lugrectl.tracing.dated import dated
-from lugrectl.tracing.explain import _Trace, worth_trying
+from lugrectl.tracing.explain import _settles, _Trace
 from lugrectl.tracing.fit import fit
 from lugrectl.tracing.job import begin
 from lugrectl.tracing.predictor import Predictor
@@ -97,3 +99,18 @@ def test_two_effects_are_not_a_late_torque():
     assert trace.rather(late, lambda what: None)
     best, _ = max(trace.sound(lambda what: None), key=lambda pair: pair[1].total)
     assert best.name == "thermal_drift"
+
+
+@pytest.mark.parametrize("uneven", [False, True])
+def test_other_effects_settle_it_where_they_are_as_likely(uneven):
+    """Where windows are forgiven the likelihoods are no more to be compared."""
+
+    def ended(total, unexplained):
+        noise = SimpleNamespace(uneven=uneven)
+        return SimpleNamespace(
+            final=SimpleNamespace(total=total, noise=noise), unexplained=unexplained
+        )
+
+    left = ended(100.0, True)
+    assert _settles(ended(120.0, False), left) and not _settles(ended(120.0, True), left)
+    assert _settles(ended(80.0, False), left) is uneven
