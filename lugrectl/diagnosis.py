@@ -53,6 +53,11 @@ MANY = (
     "A state that the motion does not show for a while makes many optima: the values found may be "
     "off by tens of per cent, so no intervals are given."
 )
+CARRIED = (
+    "Driven by the measured motion the load takes {:.0f} % of the power that the balance of torque "
+    "and motion lacks, {:.0f} % where nothing was fitted; a simulation from the torque alone soon "
+    "loses where it is."
+)
 MISLED = "With {} the held-out samples were foretold much worse than without: dropped."
 NEW = "The held-out samples show a torque that the fitted ones do not: at {}."
 AT_ODDS = 0.95  # least colour of the innovations of both theta and w
@@ -125,6 +130,7 @@ def diagnose(
     job = compared(job, answer.own or whole)
     flat = untold(whole.flat(), "record tells")
     many = (MANY,) if whole.noise.uneven else ()
+    many += (CARRIED.format(*(100 * x for x in found.carried)),) if found.carried else ()
     job = noted(job, *flat, *many, *statements(whole), *openings(found.final))
     verdict, depends = _verdict(found)
     told = estimates(whole)

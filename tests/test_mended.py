@@ -250,3 +250,5 @@ def test_what_was_lost_among_other_things_is_named(names, seed, strength, form):
     case = case_of(Task(kind, wanted, strength, seed, form=form))
     result, named = verdict(case)
     assert (result.verdict, sorted(named)) == ("found", sorted(wanted))
+    said = any("Driven by the measured motion the load takes 9" in m for m in result.messages)
+    assert said is ("backlash" in wanted)

@@ -53,7 +53,8 @@ class Explanation:
 
     ``unexplained`` says whether something proven is left; ``hangs_on`` on which signals. Where
     ``other`` is given the first effect has shown that its torque is to be taken first: what
-    else is here is not to be used.
+    else is here is not to be used. ``carried`` are the shares that a load takes of what is lacking
+    where the measured motion drives it, by :func:`~lugrectl.tracing.search.carries`.
     """
 
     base: Fitted
@@ -63,6 +64,7 @@ class Explanation:
     unexplained: bool
     hangs_on: tuple[str, ...]
     other: Data | None = None
+    carried: tuple[float, float] | None = None
 
 
 def explain(
@@ -111,8 +113,9 @@ def _traced(
         if not sound:
             break
         trace.add(sound, say)
-        if trace.carried():
-            ended = _ended(trace, report, carried=True)
+        carried = trace.carried()
+        if carried:
+            ended = _ended(trace, report, carried=carried)
             if not ended.unexplained:
                 return ended
         base, current = trace.base, trace.current
@@ -129,7 +132,9 @@ def _traced(
     return nearly if nearly and ended.unexplained else ended
 
 
-def _ended(trace: _Trace, report: Progress, *, carried: bool = False) -> Explanation:
+def _ended(
+    trace: _Trace, report: Progress, *, carried: tuple[float, float] | None = None
+) -> Explanation:
     """What is firm of the effects found, and what is left."""
     base, pieces, ranking = trace.base, trace.current, tuple(trace.ranking)
     sure = tuple(step for step in trace.steps if carried and step.trial.boxed)
@@ -139,9 +144,9 @@ def _ended(trace: _Trace, report: Progress, *, carried: bool = False) -> Explana
     lost = share(current, pieces) > LOST
     pieced = len(steps) == MOST_EFFECTS and share(base, current) < PIECED
     unexplained, signals = left_over(
-        base, current, found=bool(steps), doubtful=lost or pieced, carried=carried
+        base, current, found=bool(steps), doubtful=lost or pieced, carried=carried is not None
     )
-    return Explanation(base, tuple(steps), current, ranking, unexplained, signals)
+    return Explanation(base, tuple(steps), current, ranking, unexplained, signals, carried=carried)
 
 
 def without_effects(found: Explanation) -> Explanation:
@@ -150,7 +155,7 @@ def without_effects(found: Explanation) -> Explanation:
     left, signals = left_over(base, base, found=False, doubtful=False)
     if found.unexplained:
         left, signals = True, found.hangs_on
-    return replace(found, steps=(), final=base, unexplained=left, hangs_on=signals)
+    return replace(found, steps=(), final=base, unexplained=left, hangs_on=signals, carried=None)
 
 
 def behind_a_filter(found: Explanation) -> Explanation:
@@ -205,9 +210,10 @@ class _Trace:
         pairs = (loaded(self.base, name) for name in names)
         return [pair for pair in pairs if pair is not None]
 
-    def carried(self) -> bool:
-        """Whether one that was found does."""
-        return any(s.trial.boxed and carries(self.current, s.trial.key) for s in self.steps)
+    def carried(self) -> tuple[float, float] | None:
+        """The shares that the load of one takes which was found."""
+        boxed = [step.trial.key for step in self.steps if step.trial.boxed]
+        return carries(self.current, boxed[0]) if boxed else None
 
     def rather(self, other: Data, say: Say) -> bool:
         """Whether another effect explains more than a torque that is moved does.

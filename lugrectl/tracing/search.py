@@ -206,9 +206,13 @@ def loaded(base: Fitted, name: str) -> Pair | None:
     return trial, refine(trial)
 
 
-def carries(found: Fitted, key: str) -> bool:
-    """Whether a load takes nearly all that is lacking when the measured motion drives it."""
-    return convincing(driven(lightened(found), key))
+def carries(found: Fitted, key: str) -> tuple[float, float] | None:
+    """The shares of the power lacking that a load takes as the measured motion drives it, in the
+    fitted windows and elsewhere; None where that is not convincing."""
+    loads = driven(lightened(found), key)
+    if not convincing(loads):
+        return None
+    return max(d.share for d in loads), max(d.elsewhere for d in loads)
 
 
 def _anew(pair: Pair, light: Fitted, least: float) -> Pair:
