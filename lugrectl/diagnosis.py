@@ -60,7 +60,7 @@ CARRIED = (
 )
 MISLED = "With {} the held-out samples were foretold much worse than without: dropped."
 NEW = "The held-out samples show a torque that the fitted ones do not: at {}."
-AT_ODDS = 0.95  # least colour of the innovations of both theta and w
+AT_ODDS = 0.5  # least colour of the innovations of both theta and w
 EARLY = 0.05  # s, lead-in where something happens in the first moments that is not seen later
 
 

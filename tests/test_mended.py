@@ -110,6 +110,7 @@ def test_values_left_open_are_sought_on_a_whole_grid():
 @pytest.mark.slow
 @pytest.mark.parametrize("hard, seed, form, said", [
     ("jitter", 138076, "w smoothed", "theta alone"),
+    ("jitter", 139226, "w smoothed", "theta alone"),
     ("jitter", 136237, "a difference alone", "that position"),
     ("dropped samples", 138024, "a difference alone", "that position"),
     ("coarse encoder", 137364, "u half a sample late", "moved ahead"),

@@ -198,9 +198,9 @@ class _Trace:
         return self.passed if self.stronger or not found.steps else []
 
     def half_of_two(self, found: Explanation) -> list[Pair]:
-        """The effect that promises most with another beside it, if it did not lead."""
-        best = ahead(self.first) if len(self.first) > 1 else None
-        return [best] if best and best[0] is not self.leader else []
+        """The effect that promises most with another beside it, of those that did not lead."""
+        others = [pair for pair in self.first if pair[0] is not self.leader]
+        return [ahead(others)] if others else []
 
     def loaded(self, found: Explanation) -> list[Pair]:
         """Effects whose load takes nearly all that is lacking, as the measured motion drives it."""
