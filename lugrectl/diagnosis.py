@@ -130,8 +130,8 @@ def diagnose(
     job = compared(job, answer.own or whole)
     flat = untold(whole.flat(), "record tells")
     many = (MANY,) if whole.noise.uneven else ()
-    many += (CARRIED.format(*(100 * x for x in found.carried)),) if found.carried else ()
-    job = noted(job, *flat, *many, *statements(whole), *openings(found.final))
+    carried = (CARRIED.format(*(100 * x for x in found.carried)),) if found.carried else ()
+    job = noted(job, *flat, *many, *carried, *statements(whole), *openings(found.final))
     verdict, depends = _verdict(found)
     told = estimates(whole)
     effects = [Finding.of(s.trial.key, s.trial.name, told, s.tied) for s in found.steps]

@@ -93,7 +93,7 @@ def test_of_two_that_explain_as_much_the_firm_one_leads(monkeypatch, unsure):
     case = sample(["constant_torque"], 128000)
     job = begin(record_of(case), model_of(case), None, 1.0, quiet)
     names = ["constant_torque", "coulomb_asymmetry"]
-    pairs = contest(job.base, names, 10.0, lambda doing: None, tried=2).fits
+    pairs = contest(job.base, names, 10.0, lambda doing: None).fits
     assert sorted(trial.name for trial, _ in pairs) == names
 
     def sureness(before, after, trial):

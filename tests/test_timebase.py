@@ -169,7 +169,7 @@ def test_a_speed_that_took_each_step_for_the_same_is_the_position_s(tmp_path, co
     record = read_record(tmp_path / "a.npz")
     summed = np.cumsum(record.w) * record.dt
     off = summed - np.sin(7 * record.t)
-    assert np.ptp(off) < 4e-6 + 1.5 * count
+    assert np.max(np.abs(off - off[0])) < 2e-6 + 1.5 * count
 
 
 @pytest.mark.parametrize("rough", [0.0, 3e-4], ids=["fine", "rough"])

@@ -33,9 +33,11 @@ def speed(
     steps = np.diff(counts, prepend=counts[0] - 1)
     if _over_losses(w, steps):
         return _as_position(at, w, grid)
-    plain, moved = between("w", at, w, grid), _as_position(at, w * steps, grid)
-    calmer = _roughened(moved, plain) < _CALMER * _roughened(plain, plain)
-    return moved if resampled and calmer else plain
+    plain = between("w", at, w, grid)
+    if not resampled:
+        return plain
+    moved = _as_position(at, w * steps, grid)
+    return moved if _roughened(moved, plain) < _CALMER * _roughened(plain, plain) else plain
 
 
 def _over_losses(w: np.ndarray, steps: np.ndarray) -> bool:

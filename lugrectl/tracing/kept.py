@@ -98,6 +98,7 @@ def still_tied(steps: Sequence[Step], fitted: Fitted, say: Say) -> list[Step]:
 
 
 def without_it(fitted: Fitted, key: str) -> Fitted:
+    """The model without an effect, fitted again."""
     model = fitted.predictor.model
     rest = replace(model, effects=tuple(p for p in model.effects if p.key != key))
     values, anchor = (

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from ..spec import Block
+from .data import Log
 from .fit import Fitted, moved
 from .likelihood import whitened
 from .noise import NORMAL_MAD
 from .predictor import Predictor, Values
+from .series import run_alone
 
 OUTLYING = 3.0  # usual sizes at which an innovation counts half
 LARGEST = 2_000_000  # counted samples in one engine call
@@ -86,6 +89,14 @@ def weighing(r: np.ndarray) -> tuple[np.ndarray, float]:
 def at_once(samples: int) -> int:
     """How many sets may have series of that length at the same time."""
     return max(1, LONGEST // samples)
+
+
+def alone_by_parts(block: Block, log: Log, sets: Sequence[Values]) -> Iterator[np.ndarray]:
+    """What a block with states puts out along the log (some sets, samples), parts of bounded
+    size."""
+    most = at_once(len(log.t))
+    for i in range(0, len(sets), most):
+        yield run_alone(block, log, log.signals, sets[i : i + most])[..., 0]
 
 
 def whitened_by_parts(

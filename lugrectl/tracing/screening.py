@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -126,7 +126,7 @@ def _linear(
 
     def score_of(tried: Sequence[dict[str, float]]) -> list[tuple[float, np.ndarray, dict]]:
         sets = [
-            base.values | _values(key, made, {made.gain: step, **point, **span})
+            base.values | opened(key, made, {made.gain: step, **point, **span})
             for point in tried
             for span in spans
         ]
@@ -145,7 +145,7 @@ def _linear(
             best = max([best, *more], key=lambda one: one[0])
     near = [one for one in second if one[0] > NEARLY * best[0]]
     made_of = [(gain, _combine(base, made, point, spans, c)) for gain, c, point in [best, *near]]
-    return [(gain, base.values | _values(key, made, v)) for gain, v in made_of if v is not None]
+    return [(gain, base.values | opened(key, made, v)) for gain, v in made_of if v is not None]
 
 
 def _closer(points: np.ndarray, at: float) -> np.ndarray:
@@ -158,7 +158,8 @@ def _closer(points: np.ndarray, at: float) -> np.ndarray:
     return np.concatenate(finer)
 
 
-def _values(key: str, made: Block, given: dict[str, float]) -> dict[str, float]:
+def opened(key: str, made: Block, given: Mapping[str, float]) -> dict[str, float]:
+    """An effect's values in the model, those that are not given as declared."""
     return {f"{key}.{k}": given.get(k, p.value) for k, p in made.own.items()}
 
 

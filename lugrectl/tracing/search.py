@@ -16,7 +16,7 @@ from .fit import Fitted, again, drawn, told_apart, tuned
 from .predictor import Predictor
 from .proof import share
 from .score import Score, whitened_by_parts
-from .screening import Trial, lightened, screen
+from .screening import Trial, lightened, opened, screen
 
 SHAKES = (0.7, 0.7, 0.3)  # largest spread of a random search about what a short fit found
 SHAKEN = 40  # sets of it
@@ -107,20 +107,18 @@ def _heavy(trial: Trial, base: Fitted, values: dict[str, float]) -> Trial:
     return replace(trial, fitted=replace(base, predictor=predictor), values=values)
 
 
-def contest(
-    base: Fitted, names: Sequence[str], gate: float, say: Say, *, tried: int = TRIED
-) -> Contest:
+def contest(base: Fitted, names: Sequence[str], gate: float, say: Say) -> Contest:
     """Fit the promising effects shortly from each start, then the best of them to the end.
 
     All but the end goes on fewer samples a second.
     """
     light = lightened(base)
     promising = screen(Score(light), names)
-    chosen = [t for t in promising if t.promise > gate][: 2 * tried]
+    chosen = [t for t in promising if t.promise > gate][: 2 * TRIED]
     believed = at_anchor(light)
     if light.total - believed.total > gate:
-        chosen += [t for t in screen(Score(believed), names) if t.promise > gate][:tried]
-    short = _shortly(light, chosen, gate, say)[:tried]
+        chosen += [t for t in screen(Score(believed), names) if t.promise > gate][:TRIED]
+    short = _shortly(light, chosen, gate, say)[:TRIED]
     lead = short[0][1].total - light.total if short else 0.0
     hope = partial(_hope, light=light, thorough=gate == 0.0)
     worth = [p for p in short if hope(p) > max(HOPELESS * lead, SLIGHT)]
@@ -190,19 +188,16 @@ def _finished(pair: Pair, base: Fitted, wanted: bool) -> Pair:
 def loaded(base: Fitted, name: str) -> Pair | None:
     """A load with many optima fitted from where the measured motion drives it, where that is
     convincing; it may gain too little otherwise to be looked at."""
-    model, light = base.predictor.model.with_effect(name, {}), lightened(base)
+    model = base.predictor.model.with_effect(name, {})
     key = model.effects[-1].key
-    own = {f"{key}.{k}": p.value for k, p in members("effect")[name].own.items()}
-    few = replace(
-        light, predictor=Predictor(model, light.predictor.data), values=light.values | own
+    few, whole = (
+        replace(f, predictor=Predictor(model, f.predictor.data)) for f in (lightened(base), base)
     )
+    few = replace(few, values=few.values | opened(key, members("effect")[name], {}))
     loads = driven(few, key)
     if not convincing(loads):
         return None
-    values = sought(few, key, loads)
-    trial = Trial(
-        name, replace(base, predictor=Predictor(model, base.predictor.data)), key, values, 0.0
-    )
+    trial = Trial(name, whole, key, sought(few, key, loads), 0.0)
     return trial, refine(trial)
 
 

@@ -11,13 +11,12 @@ from scipy.optimize import minimize
 
 from ..blocks.parts import Part as Placed
 from ..spec import Block
-from .driven import STRENGTHS
+from .driven import strengths
 from .evaluate import missing_torque
 from .fit import Fitted
 from .likelihood import loglik, whitened
 from .predictor import Predictor
-from .score import Score, at_once, orthonormal, whitened_by_parts
-from .series import run_alone
+from .score import Score, alone_by_parts, orthonormal, whitened_by_parts
 
 DOSE = 0.1  # of an effect's series: a derivative, but well above the noise of the integration
 SMEAR = 0.03  # s over which blows are averaged, so that a near miss counts
@@ -107,17 +106,12 @@ class Resemblance:
     def __init__(self, base: Fitted, made: Block, key: str) -> None:
         self.base, self.made, self.placed = base, made, Placed(f"{key}.", made)
         log = self.log = base.predictor.data.log
-        self.signals = log.signals
         self.width = max(1, round(SMEAR / log.dt))
         weights = base.predictor.weights(base.values)
         known = np.array([log.w, np.ones_like(log.w), *weights.values()])
         self.basis = orthonormal(self._seen(known))
         torque = missing_torque(base.predictor, base.values, base.where, base.noise)
         self.target = self._rest(uniform_filter1d(torque, self.width, axis=-1).reshape(1, -1))[0]
-
-    def _run(self, own: Sequence[Values]) -> np.ndarray:
-        """The effect's torque along the log for each set (sets, N)."""
-        return run_alone(self.made, self.log, self.signals, own)[..., 0]
 
     def _seen(self, series: np.ndarray) -> np.ndarray:
         seen = uniform_filter1d(series[:, self.base.where.counted], self.width, axis=-1)
@@ -128,9 +122,8 @@ class Resemblance:
 
     def power(self, sets: Sequence[Values]) -> tuple[np.ndarray, np.ndarray]:
         """Share of the target that each explains, and the factor on its torque for that."""
-        own, few = [self.placed.arguments(s) for s in sets], at_once(len(self.log.t))
-        parts = [own[i : i + few] for i in range(0, len(own), few)]
-        d = np.concatenate([self._rest(self._seen(self._run(part))) for part in parts])
+        parts = alone_by_parts(self.made, self.log, [self.placed.arguments(s) for s in sets])
+        d = np.concatenate([self._rest(self._seen(part)) for part in parts])
         size = np.maximum(np.sum(d * d, axis=1), 1e-300)
         c = np.maximum(d @ self.target, 0.0) / size
         return c * c * size / np.maximum(self.target @ self.target, 1e-300), c
@@ -147,8 +140,7 @@ class Resemblance:
 
     def _scaled(self, start: Values, c: float) -> dict[str, float]:
         """Mass, spring and damper stronger by the same factor make c times the torque."""
-        units = {k: p.unit for k, p in self.made.own.items()}
-        strong = {f"{self.placed.prefix}{k}" for k, u in units.items() if u in STRENGTHS}
+        strong = {f"{self.placed.prefix}{k}" for k in strengths(self.made)}
         scaled = {k: v * c if k in strong else v for k, v in start.items()}
         (before, after), (_, factor) = self.power([start, scaled])
         return scaled if abs(after - before) < 0.01 and abs(factor - 1.0) < 0.1 else dict(start)
