@@ -100,4 +100,4 @@ def _likelihoods(found: Fitted, sets: Sequence[dict[str, float]], noise: Noise) 
     white = whitened(found.predictor, sets, found.where, noise)
     white = np.clip(np.nan_to_num(white, nan=WORST), -WORST, WORST)
     pairs = zip(white, sets, strict=True)
-    return [float(loglik(found.predictor, w, noise, s).sum()) for w, s in pairs]
+    return [float(loglik(found.predictor, w, noise, s, found.where).sum()) for w, s in pairs]

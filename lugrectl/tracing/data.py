@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..record import Record
+from ..record.samples import smallest_step
 from .noise import Noise, repeating, sensor_noise, smooth
 
 STEPPED = 3.0  # times the acceleration over 20 ms: more between samples is an encoder's steps
@@ -78,6 +79,7 @@ class Data:
     run: np.ndarray = field(repr=False)
     others: Mapping[str, np.ndarray] = field(repr=False)
     own: tuple[float, ...] = (np.nan, np.nan)
+    steps: tuple[float, ...] = (0.0, 0.0)
     differing: tuple[int, ...] = ()
     smoothed: bool = False
     w: np.ndarray | None = field(default=None, repr=False)
@@ -110,6 +112,13 @@ class Data:
 
     def _under(self, u: np.ndarray) -> Data:
         return replace(self, u=u, log=replace(self.log, u=u))
+
+    @cached_property
+    def held(self) -> np.ndarray:
+        """Half a count where theta, w say the same as a sample before, else 0, (N, 2)."""
+        steps = np.array(self.steps)
+        same = np.abs(np.diff(self.y, axis=0, prepend=np.full((1, 2), np.nan))) < 1.5 * steps
+        return np.where(same, 0.5 * steps, 0.0)
 
     @property
     def signal(self) -> str:
@@ -162,7 +171,8 @@ def prepare(records: Sequence[Record]) -> Data:
     log = _log(t, u, d, y, first.dt, first.motion, tuple(runs), noise)
     run = np.repeat(np.arange(len(records), dtype=np.int16), [r.samples for r in records])
     return Data(
-        t, u, d, y, first.dt, first.motion, tuple(runs), noise, log, run, _others(records), own
+        t, u, d, y, first.dt, first.motion, tuple(runs), noise, log, run, _others(records), own,
+        tuple(max(step, smallest_step(c)) for c, step in zip(y.T, steps, strict=True)),
     )  # fmt: skip
 
 

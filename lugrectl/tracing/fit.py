@@ -189,8 +189,9 @@ def fit(
     linear = climb.linearised(values, noise)
     white = whitened(predictor, [values], where, noise)[0]
     return Fitted(
-        predictor, values, tuple(coords), where, noise, loglik(predictor, white, noise, values),
-        white, linear.parts, linear.scores, anchor, instants,
+        predictor, values, tuple(coords), where, noise,
+        loglik(predictor, white, noise, values, where), white, linear.parts, linear.scores,
+        anchor, instants,
     )  # fmt: skip
 
 
@@ -304,7 +305,8 @@ class _Climb:
         noises = [replace(noise, jump=noise.jump * f) for f in factors]
         white = whitened(self.predictor, [values] * len(noises), self.where, noises)
         totals = [
-            loglik(self.predictor, w, q, values).sum() for w, q in zip(white, noises, strict=True)
+            loglik(self.predictor, w, q, values, self.where).sum()
+            for w, q in zip(white, noises, strict=True)
         ]
         best = int(np.argmax(np.nan_to_num(totals, nan=-np.inf)))
         return noises[best], float(totals[best]) - self.prior.cost(self.at(values))

@@ -62,5 +62,5 @@ def _judged(found: Fitted, starts: Sequence[np.ndarray]) -> np.ndarray:
     for i in range(0, len(starts), most):
         part = starts[i : i + most]
         white = whitened(predictor, [values] * len(part), where, noise, x0=np.concatenate(part))
-        made += [loglik(predictor, w, noise, values) for w in white]
+        made += [loglik(predictor, w, noise, values, where) for w in white]
     return np.array(made)

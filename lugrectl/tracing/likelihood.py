@@ -31,7 +31,7 @@ def whitened(
     are the states to start from.
     """
     y, _ = predictor.run(sets, where, noise, torque=torque, x0=x0)
-    e = compared(predictor.data.y[where.counted], y)
+    e = compared(predictor.data.y[where.counted], y, predictor.data.held[where.counted])
     noises = [noise] * len(sets) if isinstance(noise, Noise) else noise
     for i, (q, values) in enumerate(zip(noises, sets, strict=True)):
         _, S = predictor.filter(q, values)
@@ -39,21 +39,28 @@ def whitened(
     return e
 
 
-def compared(recorded: np.ndarray, predicted: np.ndarray) -> np.ndarray:
+def compared(recorded: np.ndarray, predicted: np.ndarray, held: np.ndarray) -> np.ndarray:
     """What was recorded less what was predicted, 0 where nothing was recorded; a prediction that
-    is no number is as wrong as can be."""
+    is no number is as wrong as can be.
+
+    Where a counter is ``held`` it says that much on either side alike: nothing speaks for its
+    middle. Else whoever follows the counts of a drive at rest would seem to foresee them.
+    """
     e = np.clip(np.nan_to_num(recorded - predicted, nan=WORST), -WORST, WORST)
     e[..., np.isnan(recorded)] = 0.0
-    return e
+    return np.sign(e) * np.maximum(np.abs(e) - held, 0.0)
 
 
-def loglik(predictor: Predictor, white: np.ndarray, noise: Noise, values: Values) -> np.ndarray:
-    """Gaussian log-likelihood of each window."""
+def loglik(
+    predictor: Predictor, white: np.ndarray, noise: Noise, values: Values, where: Windows
+) -> np.ndarray:
+    """Gaussian log-likelihood of each window; what a counter says again is no new sample."""
     _, S = predictor.filter(noise, values)
     power, count = _power(white, noise)
     more = _allowed(power, noise)
     size = count * (power / more + np.log(more))
-    return -0.5 * (size + white.shape[1] * np.linalg.slogdet(S)[1])
+    new = np.sum(predictor.data.held[where.counted] == 0.0, axis=1)
+    return -0.5 * size - new @ np.log(np.diag(np.linalg.cholesky(S)))
 
 
 def excess(white: np.ndarray, noise: Noise) -> np.ndarray:
@@ -92,7 +99,7 @@ def tune(
         noises = [replace(noise, jump=float(np.exp(x))) for x in points]
         white = whitened(predictor, [values] * len(noises), where, noises)
         for x, w, q in zip(points, white, noises, strict=True):
-            seen[x] = np.nan_to_num(loglik(predictor, w, q, values), nan=-1e300)
+            seen[x] = np.nan_to_num(loglik(predictor, w, q, values, where), nan=-1e300)
         return max(points, key=lambda x: seen[x].sum())
 
     count, center = 5 if width > SHORT_LOOK else 3, float(np.log(noise.jump))

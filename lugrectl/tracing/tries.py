@@ -65,7 +65,7 @@ def _wholes(base: Fitted, predictor: Predictor, sets: Sequence[Values]) -> list[
     tried = [(one, q) for one in sets for q in noises]
     white = whitened(predictor, [one for one, _ in tried], base.where, [q for _, q in tried])
     gains = [
-        float(loglik(predictor, w, q, one).sum()) - base.total
+        float(loglik(predictor, w, q, one, base.where).sum()) - base.total
         for w, (one, q) in zip(white, tried, strict=True)
     ]
     best = int(np.argmax(np.nan_to_num(gains, nan=-np.inf)))
