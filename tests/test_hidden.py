@@ -12,6 +12,7 @@ from lugrectl.tracing.hidden import placed, with_hidden
 from lugrectl.tracing.job import begin
 from lugrectl.tracing.likelihood import excess, whitened
 from lugrectl.tracing.predictor import Predictor
+from lugrectl.tracing.proof import GATE
 from lugrectl.tracing.windows import windows
 from tests.blind.plan import Task
 from tests.blind.work import case_of
@@ -82,7 +83,7 @@ def test_places_are_parts_of_the_reach_and_go_with_their_windows(true):
 def test_fits_with_places_find_the_way_back(true):
     astray = tuned(elsewhere(true, [(-0.9, 0.0)] * len(true.where.start)))
     known, found = with_hidden(true), with_hidden(astray)
-    assert known.total > true.total + 500.0
+    assert known.total > true.total + 10.0 * GATE
     assert known.total - found.total < 0.2 * (known.total - astray.total)
 
 

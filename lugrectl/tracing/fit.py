@@ -23,6 +23,7 @@ FLAT = 1e-8  # of the scaled information, below which a direction is not told
 ANYWHERE = 1e50  # how far what is not told may move
 PART = 0.1  # of a direction, from which a parameter belongs to it
 NOISY = 2.0  # times the power, above which a window missed a hidden state
+QUIETER = (0.1, 0.01)  # times the noise, under which a fit may start that has many optima
 NOISE_STEPS = (1.0, 0.6, 0.25, 1.5)  # factors tried at each step of a fit
 
 
@@ -162,13 +163,16 @@ def fit(
     anchor: Values | None = None,
     most: int = 30,
     rough: bool = False,
+    quiet: float = 1.0,
 ) -> Fitted:
     """Maximise the likelihood of the predictions over the free values and the noise of dw/dt.
 
     Levenberg-Marquardt steps, the noise following at each, at most ``most`` of them. ``anchor``
     is what was believed beforehand (default: ``values``): a weak prior around it keeps
     directions that the record does not tell where they were declared. ``rough`` leaves out what
-    only intervals need.
+    only intervals need. Under a noise held at ``quiet`` times what it is, less than 1, the first
+    steps come near to a fit of the simulation: a loud observer makes up for values that are
+    wrong, and no small change of them and of it together is better.
     """
     anchor = dict(values) | dict(anchor or {})
     declared = predictor.declarations()
@@ -178,6 +182,9 @@ def fit(
     # a few steps do not pay for compiling the derivatives of one more plant
     graph = not rough or not predictor.core.effects or is_compiled(predictor)
     climb = _Climb(predictor, coords, where, _Prior.at(coords, anchor), graph)
+    if quiet < 1.0:
+        held = replace(noise, jump=quiet * noise.jump)
+        values, noise = climb.up(values, held, most, (1.0,))
     noise, _ = tune(predictor, values, where, noise, fine=not rough)
     values, _ = place_all(values, noise, edges=False)
     values, noise = climb.up(values, noise, most if not moments else max(1, most // 3))
@@ -195,11 +202,11 @@ def fit(
     )  # fmt: skip
 
 
-def again(found: Fitted, *, most: int = 30, rough: bool = False) -> Fitted:
+def again(found: Fitted, *, most: int = 30, rough: bool = False, quiet: float = 1.0) -> Fitted:
     """Everything fitted from where a fit stands, perhaps with some of it replaced."""
     return fit(
         found.predictor, found.values, free_keys(found.predictor), found.where, found.noise,
-        anchor=found.anchor, most=most, rough=rough,
+        anchor=found.anchor, most=most, rough=rough, quiet=quiet,
     )  # fmt: skip
 
 
@@ -280,13 +287,15 @@ class _Climb:
     prior: _Prior
     graph: bool
 
-    def up(self, values: Values, noise: Noise, most: int) -> tuple[dict[str, float], Noise]:
+    def up(
+        self, values: Values, noise: Noise, most: int, factors: Sequence[float] = NOISE_STEPS
+    ) -> tuple[dict[str, float], Noise]:
         current, damping = dict(values), 1e-3
         noise, total = self.judged(current, noise, (1.0,))
         linear, small = self.linearised(current, noise), 0
         for _ in range(most):
             ahead = self.ahead(linear, current, damping)
-            better, reached = self.judged(ahead, noise, NOISE_STEPS)
+            better, reached = self.judged(ahead, noise, factors)
             if not reached > total:
                 damping *= 20.0
                 if damping > 1e5:

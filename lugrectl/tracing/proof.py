@@ -22,6 +22,7 @@ WHOLE = 0.9  # share above which the effects found explain the residual, whateve
 MOST_OF_IT = 0.95  # of the residual's power
 LEAST_TOUCHED, MOST_TOUCHED = 1e-3, 0.9  # of the samples, beyond a place
 FARTHER, FADED = 10.0, 0.5  # a limit so many times farther off, and the part of the gain gone
+LOUD = 0.01  # of friction: the torque per sample that is not foreseen
 CLOSE = 0.02  # relative, to a bound
 
 
@@ -136,6 +137,11 @@ def friction_size(fitted: Fitted) -> float:
     """RMS friction torque along the training windows, N m."""
     friction = fitted.predictor.friction(fitted.values)[fitted.where.counted]
     return float(np.sqrt(np.mean(friction**2)))
+
+
+def loud(fitted: Fitted) -> bool:
+    """Whether the observer makes up for more torque than sensors' noise alone asks of it."""
+    return fitted.torque_noise > LOUD * friction_size(fitted)
 
 
 def share(before: Fitted, after: Fitted) -> float:

@@ -7,6 +7,7 @@ import numpy as np
 from .evaluate import missing_torque
 from .fit import Fitted
 from .hanging import hangs_on
+from .noise import sensor_noise
 from .proof import LEAST_SIZE, MOST_OF_REST, WHOLE, friction_size, share
 from .repeated import filtered
 from .slide import Sliding, hidden_in_noise, lacking, while_sliding
@@ -15,6 +16,8 @@ from .structure import colour, predictable, uneven
 LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a signal
 PART = 0.3  # of what the sliding drive lacked, below which it is left by an inexact effect
 TAKEN = 0.25  # share below which a function is no longer among what is left
+SHAKEN = 0.1  # of the RMS friction torque: missing without a pattern, it is no longer a trifle
+NOISES = 3.0  # times the torque's own noise
 STIRRED = 0.1  # of the samples that differ from those before them, where a window tells noise
 STANDING = 3.0  # standard errors of that share
 COLOUR = {"theta": 0.3, "w": 0.05}  # of the innovations; quantised positions are never white
@@ -42,6 +45,8 @@ def _odd(base: Fitted, final: Fitted, least: float) -> bool:
     """Whether innovations or missing torque look like more than noise, where sensors tell that."""
     if not _stirred(final).any():
         return False
+    if not share(base, final) and _shaken(final):
+        return True
     return _loud(final) or _standing(base, final, least) or _tinted(base, final)
 
 
@@ -51,6 +56,13 @@ def _little(base: Fitted, final: Fitted, least: float) -> bool:
     if final.noise.uneven:
         least = max(least, PART * _missing(base))
     return _missing(final) <= least
+
+
+def _shaken(fitted: Fitted) -> bool:
+    """Whether more torque is missing than any noise of a drive's that is fit for use, and than
+    the recorded torque is noisy by: blows, say, which no short past foretells."""
+    noise = sensor_noise(fitted.predictor.data.u)
+    return _missing(fitted) > max(SHAKEN * friction_size(fitted), NOISES * noise)
 
 
 def _missing(fitted: Fitted) -> float:

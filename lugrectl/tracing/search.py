@@ -12,9 +12,9 @@ from ..spec import members
 from .beside import beside
 from .blows import closer, sought
 from .driven import convincing, driven
-from .fit import Fitted, again, drawn, told_apart, tuned
+from .fit import QUIETER, Fitted, again, drawn, told_apart, tuned
 from .predictor import Predictor
-from .proof import share
+from .proof import loud, share
 from .score import Score, whitened_by_parts
 from .screening import Trial, lightened, opened, screen
 
@@ -222,17 +222,20 @@ def _anew(pair: Pair, light: Fitted, least: float) -> Pair:
 
 
 def _afar(pair: Pair, light: Fitted) -> list[dict[str, float]]:
-    """Values of a better optimum far away, if there is one: a hidden state makes several.
+    """Values of a better optimum far away, if there is one: a hidden state makes several, stiffer
+    and less damped bristles, say, and so does an observer that makes up for much.
 
-    Stiffer and less damped bristles, say. On the samples of the ``light`` base model.
+    On the samples of the ``light`` base model.
     """
     trial, fitted = pair
-    if not trial.rough:
+    if not (trial.rough or loud(fitted)):
         return []
     few = fitted.predictor.on(light.predictor.data)
     there = tuned(replace(fitted, predictor=few, where=light.where))
     own = [c.key for c in fitted.free if c.key.startswith(f"{trial.key}.") and c.kind == "log"]
-    sets = [there.values | {k: there.values[k] * r} for k in own for r in FAR]
+    sets = [there.values | {k: there.values[k] * r} for k in own for r in FAR if trial.rough]
     fits = [again(replace(there, values=v), most=STEPS, rough=True) for v in sets]
+    if loud(there):
+        fits += [again(there, most=STEPS, rough=True, quiet=quiet) for quiet in QUIETER]
     best = max([there, *fits], key=lambda f: f.total)
     return [best.values] if best.total > there.total + SLIGHT else []

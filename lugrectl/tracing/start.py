@@ -14,9 +14,10 @@ from ..model import Model
 from ..spec import unit_for
 from .coordinates import free_keys
 from .data import Data
-from .fit import Fitted, again, fit, tuned
+from .fit import QUIETER, Fitted, again, fit, tuned
 from .likelihood import whitened
 from .predictor import Predictor
+from .proof import loud
 from .score import Score
 from .screening import lightened, screen
 from .series import resisting
@@ -84,10 +85,14 @@ def settled(base: Fitted, declared: Model) -> Fitted:
     elsewhere = (*_elsewhere(base), *_turned(light), *_looser(base))
     believed = [(values, base.anchor) for values in elsewhere]
     guessed = [(base.anchor | guess, base.anchor | guess) for guess in guesses]
-    for values, anchor in (*believed, *guessed):
+    starts = [(*start, 1.0) for start in (*believed, *guessed)]
+    if loud(base):
+        starts += [(base.values | base.anchor, base.anchor, quiet) for quiet in QUIETER]
+        starts += [(base.values, base.anchor, QUIETER[0])]
+    for values, anchor, quiet in starts:
         other = fit(
             light.predictor, values, free, light.where, light.noise,
-            anchor=anchor, most=SHORT, rough=True,
+            anchor=anchor, most=SHORT, rough=True, quiet=quiet,
         )  # fmt: skip
         best = max(best, other, key=lambda f: f.total)
     if best.total < light.total + BETTER:
