@@ -253,3 +253,17 @@ def test_what_was_lost_among_other_things_is_named(names, seed, strength, form):
     assert (result.verdict, sorted(named)) == ("found", sorted(wanted))
     said = any("Driven by the measured motion the load takes 9" in m for m in result.messages)
     assert said is ("backlash" in wanted)
+
+
+@pytest.mark.slow
+def test_blows_without_a_pattern_are_no_adequate_model():
+    """A load in its gap, met for 10 s with one reversal: its torque is like noise."""
+    case = sample(["backlash", "sublinear_viscous"], 139134)
+    assert verdict(case)[0].verdict == "unexplained"
+
+
+@pytest.mark.slow
+def test_a_lag_is_no_earlier_end_of_a_drift():
+    case = sample(["thermal_drift", "actuator_lag"], 139133, hard=True)
+    result, names = verdict(exported(case, "w differentiated"))
+    assert (result.verdict, sorted(names)) == ("found", ["actuator_lag", "thermal_drift"])

@@ -17,9 +17,12 @@ from lugrectl.tracing.fit import fit
 from lugrectl.tracing.job import begin
 from lugrectl.tracing.likelihood import WORST, compared, loglik, whitened
 from lugrectl.tracing.predictor import Predictor
+from lugrectl.tracing.proof import friction_size
 from lugrectl.tracing.score import whitened_by_parts
 from lugrectl.tracing.split import GAP, split
 from lugrectl.tracing.start import _turned
+from tests.blind.plan import Task
+from tests.blind.work import case_of
 from tests.rig import make
 
 
@@ -92,6 +95,20 @@ def test_likelihood_is_highest_at_the_fit(job):
             moved = base.values | {key: base.values[key] * factor}
             white = whitened(base.predictor, [moved], base.where, base.noise)
             assert np.sum(white**2) > top
+
+
+@pytest.mark.parametrize(
+    "seed, hard, form",
+    [(138405, True, ""), (139449, False, "w differentiated")],
+)
+def test_no_loud_observer_hides_the_true_values(seed, hard, form):
+    """One that follows a counter at rest; one that makes up for bristles twice too soft."""
+    case = case_of(Task("none", (), "normal", seed, hard=hard, form=form))
+    base = begin(record_of(case), model_of(case), None, 1.0, quiet).base
+    for key in ("J", "sigma0", "Fc", "Fs", "Fv", "vs"):
+        true = case.truth["plant"][key]
+        assert base.values[key] == pytest.approx(true, rel=0.06), key
+    assert base.torque_noise < 0.02 * friction_size(base)
 
 
 def test_a_prediction_that_is_no_number_is_as_wrong_as_can_be(job):

@@ -14,6 +14,8 @@ from ..record.samples import smallest_step
 from .noise import Noise, repeating, sensor_noise, smooth
 
 STEPPED = 3.0  # times the acceleration over 20 ms: more between samples is an encoder's steps
+ROUNDED = 0.6  # of a count, above which a sensor's noise is more than what rounding took
+SLOWLY = 1.5  # counts from sample to sample, less than which are one or none
 OTHERS = ("temperature", "theta_load")
 
 
@@ -58,6 +60,7 @@ class Data:
     ``d`` is the recorded load torque, 0 where none was; ``y`` is (N, 2), measured theta and w
     with nan where not recorded; ``runs`` the index ranges without a gap; ``noise`` the sensors'
     (its jump is the typical dw/dt), more than their ``own`` where samples repeat each other;
+    ``counts`` the steps to which theta, w were rounded, 0 where noise hides them;
     ``log`` the smoothed motion. ``run`` (N,) counts the records from 0; those in ``differing``
     may differ a little from the first. ``others`` are channels beside torque and motion, where
     all records have them. ``w`` is a recorded speed that nothing is fitted to, errors are only
@@ -79,7 +82,7 @@ class Data:
     run: np.ndarray = field(repr=False)
     others: Mapping[str, np.ndarray] = field(repr=False)
     own: tuple[float, ...] = (np.nan, np.nan)
-    steps: tuple[float, ...] = (0.0, 0.0)
+    counts: tuple[float, ...] = (0.0, 0.0)
     differing: tuple[int, ...] = ()
     smoothed: bool = False
     w: np.ndarray | None = field(default=None, repr=False)
@@ -115,10 +118,13 @@ class Data:
 
     @cached_property
     def held(self) -> np.ndarray:
-        """Half a count where theta, w say the same as a sample before, else 0, (N, 2)."""
-        steps = np.array(self.steps)
-        same = np.abs(np.diff(self.y, axis=0, prepend=np.full((1, 2), np.nan))) < 1.5 * steps
-        return np.where(same, 0.5 * steps, 0.0)
+        """Half a count where theta, w stand or go count by count, else 0, (N, 2).
+
+        There what rounding took is no noise: it comes back from sample to sample.
+        """
+        counts = np.array(self.counts)
+        changes = np.abs(np.diff(self.y, axis=0, prepend=np.full((1, 2), np.nan)))
+        return np.where(changes < SLOWLY * counts, 0.5 * counts, 0.0)
 
     @property
     def signal(self) -> str:
@@ -172,7 +178,7 @@ def prepare(records: Sequence[Record]) -> Data:
     run = np.repeat(np.arange(len(records), dtype=np.int16), [r.samples for r in records])
     return Data(
         t, u, d, y, first.dt, first.motion, tuple(runs), noise, log, run, _others(records), own,
-        tuple(max(step, smallest_step(c)) for c, step in zip(y.T, steps, strict=True)),
+        tuple(_count(c, *known) for c, *known in zip(y.T, steps, own, strict=True)),
     )  # fmt: skip
 
 
@@ -235,6 +241,12 @@ def _measured(r: Record) -> np.ndarray:
 
 def _own(x: np.ndarray, step: float) -> float:
     return sensor_noise(x, step) if np.isfinite(x).any() else np.nan
+
+
+def _count(x: np.ndarray, step: float, own: float) -> float:
+    """The step to which a channel was rounded, 0 where its own noise hides that."""
+    count = max(step, smallest_step(x))
+    return count if own <= ROUNDED * count else 0.0
 
 
 def _noise(

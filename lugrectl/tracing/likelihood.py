@@ -43,7 +43,7 @@ def compared(recorded: np.ndarray, predicted: np.ndarray, held: np.ndarray) -> n
     """What was recorded less what was predicted, 0 where nothing was recorded; a prediction that
     is no number is as wrong as can be.
 
-    Where a counter is ``held`` it says that much on either side alike: nothing speaks for its
+    Up to ``held`` on either side of a counter that stands all is alike: nothing speaks for the
     middle. Else whoever follows the counts of a drive at rest would seem to foresee them.
     """
     e = np.clip(np.nan_to_num(recorded - predicted, nan=WORST), -WORST, WORST)

@@ -17,7 +17,7 @@ LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a sign
 PART = 0.3  # of what the sliding drive lacked, below which it is left by an inexact effect
 TAKEN = 0.25  # share below which a function is no longer among what is left
 SHAKEN = 0.1  # of the RMS friction torque: missing without a pattern, it is no longer a trifle
-NOISES = 3.0  # times the torque's own noise
+NOISES = 3.0  # times the own noise of the recorded torque
 STIRRED = 0.1  # of the samples that differ from those before them, where a window tells noise
 STANDING = 3.0  # standard errors of that share
 COLOUR = {"theta": 0.3, "w": 0.05}  # of the innovations; quantised positions are never white
@@ -59,8 +59,8 @@ def _little(base: Fitted, final: Fitted, least: float) -> bool:
 
 
 def _shaken(fitted: Fitted) -> bool:
-    """Whether more torque is missing than any noise of a drive's that is fit for use, and than
-    the recorded torque is noisy by: blows, say, which no short past foretells."""
+    """Whether so much torque is missing, far more than the recorded one's own noise, that it can
+    be no trifle though it has no pattern: blows, say, which no short past foretells."""
     noise = sensor_noise(fitted.predictor.data.u)
     return _missing(fitted) > max(SHAKEN * friction_size(fitted), NOISES * noise)
 
