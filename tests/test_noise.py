@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from lugrectl.record import Record
 from lugrectl.tracing.data import prepare
-from lugrectl.tracing.likelihood import compared
 from lugrectl.tracing.noise import Noise, observer_gain, repeating, sensor_noise, smooth
 
 DT = 1e-3
@@ -42,22 +41,23 @@ def test_samples_between_two_counts_are_one():
     assert 20 < repeating(np.round(theta / step) * step) < 80
 
 
-def test_a_counter_that_stands_or_creeps_leaves_half_a_count_open():
+def test_what_a_standing_counter_says_again_counts_once():
     step, speed = 1e-3, np.select([T < 3.0, T < 6.0], [0.0, 0.4], 7.3)  # counts to a sample
     theta = np.round(np.cumsum(speed)) * step
-    data = prepare([Record(T, np.cos(T), theta=theta)])
-    assert data.counts[0] == pytest.approx(step)
-    assert np.all(data.held[1:5900, 0] == 0.5 * data.counts[0]) and not np.any(data.held[:, 1])
-    assert not np.any(data.held[6100:])
+    weight = prepare([Record(T, np.cos(T), theta=theta)]).weight
+    assert np.sum(weight[T < 3.0, 0]) == pytest.approx(1.0, abs=0.01)
+    assert np.sum(weight[(T >= 3.0) & (T < 6.0), 0]) == pytest.approx(1200, abs=3)
+    assert np.all(weight[T > 6.0, 0] == 1.0) and np.all(weight[:, 1] == 1.0)
     noisy = np.cumsum(speed) + 2.0 * np.random.default_rng(0).normal(size=len(T))
     hidden = prepare([Record(T, np.cos(T), theta=np.round(noisy) * step)])
-    assert hidden.counts[0] == 0.0 and not np.any(hidden.held)
+    assert np.mean(hidden.weight) > 0.9
 
 
-def test_within_its_count_a_counter_speaks_for_no_place():
-    recorded, held = np.zeros(4), np.array([0.5, 0.5, 0.5, 0.0])
-    missed = compared(recorded, np.array([0.3, -0.5, 1.25, 0.3]), held)
-    assert missed == pytest.approx([0.0, 0.0, -0.75, -0.3])
+def test_a_coarse_counter_counts_as_its_noise_allows():
+    theta = np.repeat(np.arange(len(T) // 8), 8) * 1e-3
+    data = prepare([Record(T, np.cos(T), theta=theta)])
+    assert np.all(data.weight == 1.0)
+    assert data.noise.theta == pytest.approx(np.sqrt(8.0) * data.own[0])
 
 
 def test_the_steps_of_a_coarse_encoder_are_no_accelerations():

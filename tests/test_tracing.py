@@ -81,7 +81,7 @@ def test_innovations_of_the_right_model_are_white(job):
     e = job.base.innovations
     for channel in range(2):
         x = e[..., channel]
-        new = job.data.held[job.base.where.counted][..., channel] == 0.0
+        new = job.data.weight[job.base.where.counted][..., channel] == 1.0
         assert np.var(x[new]) == pytest.approx(1.0, abs=0.25)
         for lag in (1, 2, 5, 20):
             assert abs(np.mean(x[:, lag:] * x[:, :-lag])) < 0.06
@@ -113,11 +113,7 @@ def test_no_loud_observer_hides_the_true_values(seed, hard, form):
 
 def test_a_prediction_that_is_no_number_is_as_wrong_as_can_be(job):
     nan = np.nan
-    assert list(compared(np.array([1.0, nan, 1.0]), np.array([0.5, 2.0, nan]), np.zeros(3))) == [
-        0.5,
-        0,
-        WORST,
-    ]
+    assert list(compared(np.array([1.0, nan, 1.0]), np.array([0.5, 2.0, nan]))) == [0.5, 0, WORST]
     base = job.base
     stop = {"position": -230.0, "stiffness": 1e138, "side": 1.0}
     predictor = Predictor(base.predictor.model.with_effect("hard_stop", stop), job.data)
@@ -150,8 +146,11 @@ def test_missing_values_are_identified(plain):
     for key in ("J", "Fc", "Fv"):
         true = plain.truth["plant"][key]
         assert found.estimates[key].value == pytest.approx(true, rel=0.01)
+    for key in ("Fs", "vs"):  # which this record hardly tells apart
+        low, high = found.estimates[key].ci95
+        assert low < plain.truth["plant"][key] < high
     assert found.error["declared"] is None
-    assert found.error["refitted"] < 3 * found.error["noise_floor"]
+    assert found.error["refitted"] < 4 * found.error["noise_floor"]
 
 
 def test_intervals_cover_over_repeated_noise():

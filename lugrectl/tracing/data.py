@@ -14,8 +14,6 @@ from ..record.samples import smallest_step
 from .noise import Noise, repeating, sensor_noise, smooth
 
 STEPPED = 3.0  # times the acceleration over 20 ms: more between samples is an encoder's steps
-ROUNDED = 0.6  # of a count, above which a sensor's noise is more than what rounding took
-SLOWLY = 1.5  # counts from sample to sample, less than which are one or none
 OTHERS = ("temperature", "theta_load")
 
 
@@ -60,7 +58,7 @@ class Data:
     ``d`` is the recorded load torque, 0 where none was; ``y`` is (N, 2), measured theta and w
     with nan where not recorded; ``runs`` the index ranges without a gap; ``noise`` the sensors'
     (its jump is the typical dw/dt), more than their ``own`` where samples repeat each other;
-    ``counts`` the steps to which theta, w were rounded, 0 where noise hides them;
+    ``counts`` are their smallest steps, after so many samples they ``repeats``;
     ``log`` the smoothed motion. ``run`` (N,) counts the records from 0; those in ``differing``
     may differ a little from the first. ``others`` are channels beside torque and motion, where
     all records have them. ``w`` is a recorded speed that nothing is fitted to, errors are only
@@ -83,6 +81,7 @@ class Data:
     others: Mapping[str, np.ndarray] = field(repr=False)
     own: tuple[float, ...] = (np.nan, np.nan)
     counts: tuple[float, ...] = (0.0, 0.0)
+    repeats: tuple[float, ...] = (1.0, 1.0)
     differing: tuple[int, ...] = ()
     smoothed: bool = False
     w: np.ndarray | None = field(default=None, repr=False)
@@ -117,14 +116,12 @@ class Data:
         return replace(self, u=u, log=replace(self.log, u=u))
 
     @cached_property
-    def held(self) -> np.ndarray:
-        """Half a count where theta, w stand or go count by count, else 0, (N, 2).
-
-        There what rounding took is no noise: it comes back from sample to sample.
+    def weight(self) -> np.ndarray:
+        """How much each sample of theta, w counts, (N, 2): 1 but where a counter stands for longer
+        than the noise allows for, so that it says the same again.
         """
-        counts = np.array(self.counts)
-        changes = np.abs(np.diff(self.y, axis=0, prepend=np.full((1, 2), np.nan)))
-        return np.where(changes < SLOWLY * counts, 0.5 * counts, 0.0)
+        each = [_lengths(c, count) for c, count in zip(self.y.T, self.counts, strict=True)]
+        return np.minimum(1.0, np.array(self.repeats) / np.column_stack(each))
 
     @property
     def signal(self) -> str:
@@ -173,12 +170,13 @@ def prepare(records: Sequence[Record]) -> Data:
     d = np.concatenate([np.zeros(r.samples) if r.d is None else r.d for r in records])
     steps = [max(r.resolution.get(role, 0.0) for r in records) for role in ("theta", "w")]
     own = tuple(_own(c, step) for c, step in zip(y.T, steps, strict=True))
-    noise = _noise(y, first.dt, runs, own, steps)
+    repeats = tuple(repeating(c, step) for c, step in zip(y.T, steps, strict=True))
+    noise = _noise(y, first.dt, runs, own, repeats)
     log = _log(t, u, d, y, first.dt, first.motion, tuple(runs), noise)
     run = np.repeat(np.arange(len(records), dtype=np.int16), [r.samples for r in records])
     return Data(
         t, u, d, y, first.dt, first.motion, tuple(runs), noise, log, run, _others(records), own,
-        tuple(_count(c, *known) for c, *known in zip(y.T, steps, own, strict=True)),
+        tuple(max(step, smallest_step(c)) for c, step in zip(y.T, steps, strict=True)), repeats,
     )  # fmt: skip
 
 
@@ -243,10 +241,12 @@ def _own(x: np.ndarray, step: float) -> float:
     return sensor_noise(x, step) if np.isfinite(x).any() else np.nan
 
 
-def _count(x: np.ndarray, step: float, own: float) -> float:
-    """The step to which a channel was rounded, 0 where its own noise hides that."""
-    count = max(step, smallest_step(x))
-    return count if own <= ROUNDED * count else 0.0
+def _lengths(x: np.ndarray, count: float) -> np.ndarray:
+    """In how many samples in a row a channel stands on the same count, for each of them."""
+    steps = np.round((x - x[np.isfinite(x)][:1].sum()) / count) if count > 0.0 else x
+    first = np.flatnonzero(np.diff(steps, prepend=np.nan) != 0.0)
+    lengths = np.diff(first, append=len(x))
+    return np.repeat(lengths, lengths)
 
 
 def _noise(
@@ -254,12 +254,10 @@ def _noise(
     dt: float,
     runs: Sequence[tuple[int, int]],
     own: Sequence[float],
-    steps: Sequence[float],
+    repeats: Sequence[float],
 ) -> Noise:
     """What the sensors' noise counts as where samples are taken for independent."""
-    theta, w = (
-        size * np.sqrt(repeating(c, step)) for c, size, step in zip(y.T, own, steps, strict=True)
-    )
+    theta, w = (size * np.sqrt(times) for size, times in zip(own, repeats, strict=True))
     return Noise(max(_jump(y[a:b], dt, theta, w) for a, b in runs), theta, w)
 
 

@@ -25,41 +25,40 @@ def whitened(
     torque: np.ndarray | None = None,
     x0: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Innovations with unit covariance where the model is right, (sets, windows, length, 2).
+    """Innovations with unit covariance where the model is right, (sets, windows, length, 2);
+    less where a counter says the same again.
 
     ``torque`` (sets, N) acts on the resisting side besides; ``x0`` (sets * windows, states)
     are the states to start from.
     """
     y, _ = predictor.run(sets, where, noise, torque=torque, x0=x0)
-    e = compared(predictor.data.y[where.counted], y, predictor.data.held[where.counted])
+    e = compared(predictor.data.y[where.counted], y)
+    root = np.sqrt(predictor.data.weight[where.counted])
     noises = [noise] * len(sets) if isinstance(noise, Noise) else noise
     for i, (q, values) in enumerate(zip(noises, sets, strict=True)):
         _, S = predictor.filter(q, values)
-        e[i] = e[i] @ np.linalg.inv(np.linalg.cholesky(S)).T
+        e[i] = e[i] @ np.linalg.inv(np.linalg.cholesky(S)).T * root
     return e
 
 
-def compared(recorded: np.ndarray, predicted: np.ndarray, held: np.ndarray) -> np.ndarray:
+def compared(recorded: np.ndarray, predicted: np.ndarray) -> np.ndarray:
     """What was recorded less what was predicted, 0 where nothing was recorded; a prediction that
-    is no number is as wrong as can be.
-
-    Up to ``held`` on either side of a counter that stands all is alike: nothing speaks for the
-    middle. Else whoever follows the counts of a drive at rest would seem to foresee them.
-    """
+    is no number is as wrong as can be."""
     e = np.clip(np.nan_to_num(recorded - predicted, nan=WORST), -WORST, WORST)
     e[..., np.isnan(recorded)] = 0.0
-    return np.sign(e) * np.maximum(np.abs(e) - held, 0.0)
+    return e
 
 
 def loglik(
     predictor: Predictor, white: np.ndarray, noise: Noise, values: Values, where: Windows
 ) -> np.ndarray:
-    """Gaussian log-likelihood of each window; what a counter says again is no new sample."""
+    """Gaussian log-likelihood of each window; what a counter says again is no new sample, or
+    whoever follows one at rest would seem to foresee it."""
     _, S = predictor.filter(noise, values)
     power, count = _power(white, noise)
     more = _allowed(power, noise)
     size = count * (power / more + np.log(more))
-    new = np.sum(predictor.data.held[where.counted] == 0.0, axis=1)
+    new = np.sum(predictor.data.weight[where.counted], axis=1)
     return -0.5 * size - new @ np.log(np.diag(np.linalg.cholesky(S)))
 
 

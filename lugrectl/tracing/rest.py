@@ -137,7 +137,9 @@ def _loud(fitted: Fitted) -> bool:
     """Whether windows differ more in noise than the model allows."""
     if fitted.noise.uneven:
         return 2 * len(fitted.quiet) < len(fitted.innovations)
-    return uneven(fitted.innovations, _stirred(fitted))
+    seen = fitted.noise.recorded()
+    weight = fitted.predictor.data.weight[fitted.where.counted][..., seen].mean((1, 2))
+    return uneven(fitted.innovations / np.sqrt(weight)[:, None, None], _stirred(fitted))
 
 
 def _stirred(fitted: Fitted) -> np.ndarray:

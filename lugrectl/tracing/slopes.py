@@ -124,11 +124,11 @@ def _from_graph(
         dseen=None if derror is None else -derror[rows],
     )
     slope = made.dy if derror is None else made.dy + derror[rows]
-    e = compared(y[rows], made.y, data.held[rows])
-    told = np.isfinite(y[rows]) & np.isfinite(made.y) & ((e != 0.0) | (data.held[rows] == 0.0))
-    slope, e = np.where(told[..., None], slope, 0.0)[:, where.burn :], e[:, where.burn :]
-    W = np.linalg.inv(np.linalg.cholesky(S))
-    return e @ W.T, np.einsum("ck,ij,wljk->cwli", along, W, slope, optimize=True)
+    told = np.isfinite(y[rows]) & np.isfinite(made.y)
+    slope = np.where(told[..., None], slope, 0.0)[:, where.burn :]
+    e = compared(y[rows], made.y)[:, where.burn :]
+    W, root = np.linalg.inv(np.linalg.cholesky(S)), np.sqrt(data.weight[where.counted])
+    return e @ W.T * root, root * np.einsum("ck,ij,wljk->cwli", along, W, slope, optimize=True)
 
 
 def _chain(

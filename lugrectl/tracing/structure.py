@@ -93,8 +93,7 @@ def uneven(innovations: np.ndarray, told: np.ndarray) -> bool:
     ``told`` (windows,): whether the sensors told more in it than that they stand on one count,
     where noise smaller than a count cannot be seen and nothing surprises any model.
     """
-    new = np.count_nonzero(innovations, axis=(1, 2))
-    power = np.sum(innovations**2, axis=(1, 2)) / np.maximum(new, 1)
+    power = np.sum(innovations**2, axis=(1, 2))
     top = float(np.mean(np.sort(power)[-max(1, len(power) // 4) :]))
     quiet = np.sort(power[told])
     return len(quiet) > 0 and top > UNEVEN * float(quiet[len(quiet) // 10])
