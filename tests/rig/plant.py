@@ -28,7 +28,8 @@ EFFECTS = (
     "elastic_coupling backlash inertia_step friction_step periodic_disturbance "
     "velocity_sensor_lag encoder_eccentricity "
     "torque_constant_ripple sublinear_viscous pose_dependent_inertia "
-    "torque_bumps torque_droop decaying_burst contact_pulses speed_hump dragged_cable"
+    "torque_bumps torque_droop decaying_burst contact_pulses speed_hump dragged_cable "
+    "voltage_limit rough_patch fading_gain wandering_friction cubic_drag pumping_load"
 ).split()
 WIDTH = 24  # columns of the effect table
 CODE = {name: row for row, name in enumerate(EFFECTS)}
@@ -39,6 +40,7 @@ ELASTIC, BACKLASH, INERTIA_STEP, FRICTION_STEP, PERIODIC = range(16, 21)
 SENSOR_LAG, ECCENTRIC = range(21, 23)
 KT_RIPPLE, SUBLINEAR, POSE = range(23, 26)
 BUMPS, DROOP, BURST, PULSES, HUMP, CABLE = range(26, 32)
+VOLTAGE, PATCH, FADING, WANDERING, CUBIC, PUMPING = range(32, 38)
 
 # state: motor, bristle, bristle of the declared structure, load, torque, measured speed, time
 # at rest, accelerations, then the springs of the cable
@@ -115,6 +117,31 @@ def dragged(x, w, h, row):
 
 
 @compiled
+def stroke(t, row):
+    """row: height, frequency, part of the period; one push per stroke of a pump."""
+    phase = (t * row[1] - math.floor(t * row[1])) / row[2]
+    return row[0] * math.sin(math.pi * phase) if phase < 1.0 else 0.0
+
+
+@compiled
+def patch(theta, row):
+    """row: rise, centre, half of its width, period (0: none). Rough over a part of the travel."""
+    gap = theta - row[1]
+    if row[3] > 0.0:
+        gap -= row[3] * math.floor(gap / row[3] + 0.5)
+    return 1.0 + row[0] / (1.0 + (gap / row[2]) ** 8)
+
+
+@compiled
+def wandering(t, row):
+    """row: size, then frequency and phase of four slow sines."""
+    total = 0.0
+    for i in range(4):
+        total += math.sin(2.0 * math.pi * row[1 + 2 * i] * t + row[2 + 2 * i])
+    return 1.0 + row[0] * total / 2.0
+
+
+@compiled
 def resisting(t, theta, w, on, p):
     """r_e of every torque effect that is present."""
     r = 0.0
@@ -145,6 +172,10 @@ def resisting(t, theta, w, on, p):
         r += p[BURST, 0] * math.exp(-age / p[BURST, 2]) * ring
     if on[PULSES]:
         r += pulses(t, p[PULSES])
+    if on[CUBIC]:
+        r += p[CUBIC, 0] * w * w * w
+    if on[PUMPING]:
+        r += stroke(t, p[PUMPING])
     return r
 
 
@@ -164,6 +195,10 @@ def friction_level(t, theta, w, rest, m, on, p):
         g, gv = g * heat, gv * heat
     if on[FRICTION_STEP] and t >= p[FRICTION_STEP, 1]:
         g *= 1.0 + p[FRICTION_STEP, 0]
+    if on[PATCH]:
+        g *= patch(theta, p[PATCH])
+    if on[WANDERING]:
+        g *= wandering(t, p[WANDERING])
     if on[DWELL]:
         fs *= 1.0 + p[DWELL, 0] * (1.0 - math.exp(-rest / p[DWELL, 1]))
     level = g * stribeck(w, m[FC], fs, m[VS])
@@ -196,15 +231,20 @@ def declared_friction(x, w, friction, m, h):
 
 
 @compiled
-def actuator(u, theta, x, h, on, p):
+def actuator(t, u, theta, w, x, h, on, p):
     """Mean torque at the motor over a fine step of (already delayed) command u."""
     gain = 1.0
+    if on[FADING]:
+        gain -= p[FADING, 0] * (1.0 - math.exp(-t / p[FADING, 1]))
     if on[KT_RIPPLE]:
         gain += p[KT_RIPPLE, 0] * math.sin(p[KT_RIPPLE, 1] * theta + p[KT_RIPPLE, 2])
     if on[DEAD_ZONE]:
         u = sign(u) * max(abs(u) - p[DEAD_ZONE, 0], 0.0)
     if on[SATURATION]:
         u = min(max(u, -p[SATURATION, 0]), p[SATURATION, 0])
+    if on[VOLTAGE]:  # what the supply leaves beyond the back-EMF
+        back = p[VOLTAGE, 1] * w
+        u = min(max(u, -p[VOLTAGE, 0] - back), p[VOLTAGE, 0] - back)
     if on[DROOP]:
         u -= p[DROOP, 0] * u * abs(u)
     old = x[UA]
@@ -272,6 +312,8 @@ def same_friction(m, on):
             return False
     if on[FRICTION_STEP] or on[SENSOR_LAG] or on[ECCENTRIC]:
         return False
+    if on[PATCH] or on[WANDERING]:
+        return False
     return m[FS_TWIN] == m[FS] and m[STATIC_TWIN] == 0.0
 
 
@@ -280,7 +322,7 @@ def step(t, h, command, delayed, same, x, m, on, p):
     """One fine step. Returns friction, friction of the declared structure, effect torque."""
     w = x[W] + 0.5 * h * x[ACC]
     theta = x[TH] + 0.5 * h * x[W]
-    torque = actuator(delayed, theta, x, h, on, p)
+    torque = actuator(t, delayed, theta, w, x, h, on, p)
     t += 0.5 * h
     level, fv = friction_level(t, theta, w, x[REST], m, on, p)
     x[Z], mean, rate = bristle(x[Z], w, level, m[S0], h)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .hiding import ALL, TURN, Size, effect, moment
+from .hiding import ALL, TURN, Size, effect, moment, phase
 
 
 @effect("torque_bumps", "", "theta", text="narrow torque bumps at fixed positions")
@@ -58,3 +58,60 @@ def _cable(c, rng):
     presliding, travel = c.machine.Fs / c.machine.sigma0, float(np.ptp(c.theta))
     longest = max(30.0 * presliding, float(rng.uniform(0.03, 0.12)) * travel)
     return Size(lambda x: (x, longest), 1.2 * c.aim)
+
+
+@effect(
+    "voltage_limit",
+    "",
+    "u w",
+    text="a supply that leaves less torque at speed",
+    excitations=("rich", "torque"),
+)
+def _voltage(c, rng):
+    m, fastest = c.machine, float(np.max(np.abs(c.w)))
+    share = float(rng.uniform(0.3, 0.6))  # of the torque at rest that the highest speed takes
+    floor = 1.1 * (m.Fs + m.Fv * fastest + m.load_peak) / (1.0 - share)
+    pull = np.sign(c.w) * c.u
+    levels = np.linspace(3.0, 0.3, 80) * float(np.abs(c.u).max())
+
+    def cut(level):
+        return np.maximum(0.0, pull - level * (1.0 - share * np.abs(c.w) / fastest))
+
+    rms = [float(np.sqrt(np.mean(cut(level) ** 2))) for level in levels]
+    start = max(floor, float(np.interp(c.aim, rms, levels)))
+    return Size(lambda x: (x, x * share / fastest), start, floor, max(floor, levels[0]), -4.0)
+
+
+@effect("rough_patch", "", "theta w", text="a part of the travel where friction is higher")
+def _patch(c, rng):
+    low, span = float(c.theta.min()), float(np.ptp(c.theta))
+    period = TURN if c.machine.rotary and span > TURN else 0.0
+    whole = period or span
+    centre = low + float(rng.uniform(0.25, 0.75)) * whole
+    half = float(rng.uniform(0.06, 0.15)) * whole
+    start = c.target * float(np.sqrt(0.5 * whole / half))
+    return Size(lambda x: (x, centre, half, period), start, high=4.0)
+
+
+@effect("fading_gain", "", "u t", text="a torque constant that fades as the magnets warm up")
+def _fading(c, rng):
+    tau = float(rng.uniform(0.2, 0.5)) * float(c.t[-1])
+    start = c.scaled(c.u * (1.0 - np.exp(-c.t / tau)))
+    return Size(lambda x: (x, tau), min(start, 0.5), high=0.6)
+
+
+@effect("wandering_friction", "", "t w", text="friction that wanders slowly up and down")
+def _wandering(c, rng):
+    sines = [v for _ in range(4) for v in (float(rng.uniform(0.05, 0.5)), phase(rng))]
+    return Size(lambda x: (x, *sines), 1.4 * c.target, high=0.8)
+
+
+@effect("cubic_drag", "", "w", text="drag with the cube of speed")
+def _cubic(c, rng):
+    return Size(lambda x: (x,), c.scaled(c.w**3))
+
+
+@effect("pumping_load", "", "t", text="a push once per stroke of a pump", excitations=ALL)
+def _pumping(c, rng):
+    f, part = float(rng.uniform(0.5, 2.5)), float(rng.uniform(0.1, 0.35))
+    return Size(lambda x: (x, f, part), c.aim / np.sqrt(0.5 * part))
