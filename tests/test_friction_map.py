@@ -75,6 +75,7 @@ def test_a_swing_with_the_angle_is_told_with_its_size():
     assert "phase" not in found.effects[0].parameters
     assert not found.model.effects  # its phase is not known
     assert found.map.swing[0][0] == first.order
+    assert (found.effects[0].name == "gravity") == (first.order == 1)
 
 
 def test_no_swing_is_told_where_there_is_none():

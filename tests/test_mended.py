@@ -267,3 +267,17 @@ def test_a_lag_is_no_earlier_end_of_a_drift():
     case = sample(["thermal_drift", "actuator_lag"], 139133, hard=True)
     result, names = verdict(exported(case, "w differentiated"))
     assert (result.verdict, sorted(names)) == ("found", ["actuator_lag", "thermal_drift"])
+
+
+@pytest.mark.slow
+def test_a_late_speed_does_not_bend_values_that_are_left_open():
+    """Beside theta it did, to a friction 5000 times the true one, and was called adequate."""
+    result, names = verdict(sample("velocity_sensor_lag", 145000, hard=True))
+    assert (result.verdict, names) == ("found", ["velocity_sensor_lag"])
+    assert result.estimates["Fc"].value == pytest.approx(11.05, rel=0.01)
+
+
+@pytest.mark.slow
+def test_what_takes_a_little_of_blows_does_not_explain_them():
+    """A delay took a tenth of what a light load does in its gap at 200 Hz."""
+    assert verdict(sample("backlash", 145000))[0].verdict == "unexplained"

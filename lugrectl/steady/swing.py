@@ -19,6 +19,7 @@ from .points import angle, torque, turns
 LEAST_TURNS = 3.0  # of a run, so that half an order beside one shows something else
 HIGHEST = 8  # order looked at
 LEAST_RUNS = 6
+ONCE, OFTEN = "gravity", "torque_ripple"  # the torque of one turn has a name of its own
 CHANCE = 0.01  # that any order is named though nothing swings
 
 
@@ -79,10 +80,9 @@ def finding_of(swing: Swing, whole: Curve) -> Finding:
     first, *others = sorted(able, key=lambda b: b.acts != ("torque",))
     size, unit = _swung(first, whole), first.parameters[first.gain].unit
     strength, low, high = (x / size for x in (swing.amplitude, swing.low, swing.high))
-    own = {
-        first.gain: Estimate(strength, unit_for(unit, whole.model.motion), (low, high)),
-        _order(first): Estimate(float(swing.order), "1/rev"),
-    }
+    own = {first.gain: Estimate(strength, unit_for(unit, whole.model.motion), (low, high))}
+    if _order(first):
+        own[_order(first)] = Estimate(float(swing.order), "1/rev")
     return Finding(first.name, own, tuple(Candidate(b.name, 0.0, 0.0) for b in others))
 
 
@@ -96,6 +96,8 @@ def _swung(block: Block, whole: Curve) -> float:
 def _makes(block: Block, order: int) -> bool:
     """Whether an effect makes a torque swing so often per turn at a steady speed."""
     name = _order(block)
+    if block.name in (ONCE, OFTEN):
+        return (order == 1) == (block.name == ONCE)
     if not name or "J" in block.acts:
         return False
     return block.own[name].low <= order <= block.own[name].high

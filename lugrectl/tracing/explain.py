@@ -32,6 +32,7 @@ from .proof import (
     LEAST_OF_FIRST,
     WHOLE,
     firmness,
+    loud,
     share,
 )
 from .rest import coloured, left_over
@@ -103,7 +104,8 @@ def _traced(
     report: Progress,
     another: Callable[[Fitted, bool], Data | None] = lambda fitted, timed: None,
 ) -> Explanation:
-    """The rounds, and what they come to; one that is nearly all goes on while something is left."""
+    """The rounds, and what they come to; one that is nearly all goes on while something is left, or
+    while the observer makes up for much."""
     nearly = None
     for turn in range(MOST_EFFECTS):
         at = 0.15 + 0.7 * turn / MOST_EFFECTS
@@ -126,7 +128,7 @@ def _traced(
             return Explanation(base, tuple(trace.steps), current, (), False, (), other)
         if enough and nearly is None:
             nearly = _ended(trace, report)
-            if not nearly.unexplained:
+            if not (nearly.unexplained or loud(current)):
                 return nearly
     ended = nearly if nearly and len(trace.steps) == len(nearly.steps) else _ended(trace, report)
     return nearly if nearly and ended.unexplained else ended
@@ -250,7 +252,7 @@ class _Trace:
             far = better.total > self.current.total + GATE
             self.base = better if self.current is self.base else self.base
             self.steps, self.current = pruned(self.steps, better, self.steps)
-            if far and all(f.total < better.total for _, f in tried.fits):  # beyond a ridge
+            if far and all(f.total < better.total + GATE for _, f in tried.fits):  # beyond a ridge
                 tried = contest(self.current, names, gate, say)
         sound = [(t, f) for t, f in tried.fits if stands(self.base, self.current, f, t.key)]
         lack = lacking(self.current) if len(sound) > 1 else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from ..engine.load import compiler
@@ -26,9 +27,10 @@ from .noise import Noise
 from .predictor import Predictor
 from .repeated import on_theta_alone
 from .runs import MOST_RUNS, alike, repeating, told
+from .skewed import lateness
 from .split import ENOUGH_OF_MANY, GAP, MOST, Split, split
 from .start import completed, holding, refuse_untold_inertia, settled
-from .windows import spread, windows
+from .windows import Windows, spread, windows
 
 SLOWLY = "first guess; slow, as there is neither a C compiler nor numba (lugrectl[fast])"
 UNTOLD = "Of {} the {} only a combination: their values are one choice among many."
@@ -103,22 +105,35 @@ def begin(
     alone = None if filtering else on_theta_alone(every, data, halfway=halfway, uneven=uneven)
     if alone is not None:
         data, doubts = alone[0], (*doubts, alone[1])
-    report(0.02, "first guess" if compiler() else SLOWLY)
     model = holding(model, data)
-    started = completed(model, data, parts.train)
-    report(0.05, "refitting the declared model")
     if 1 < len(records) <= MOST_RUNS:
         data = replace(data, differing=tuple(range(1, len(records))))
-    predictor = Predictor(started, data)
-    values = started.known() | alike(data)
-    base = fit(predictor, values, free_keys(predictor), parts.train, data.noise)
-    base = settled(base, model)
-    refuse_untold_inertia(base, model, named(every))
+    opened = [k for k, v in model.values().items() if v is None]
+    fitting = partial(_declared, train=parts.train, where=named(every), report=report)
+    start = model
+    if opened and alone is None and not filtering and lateness(data):
+        # beside theta, a late w bends what is left open out of all recognition
+        by_theta = replace(prepare([replace(r, w=None) for r in every]), differing=data.differing)
+        known = fitting(model, by_theta).values
+        start = model.with_values({k: known[k] for k in opened})
+    base = fitting(start, data)
     job = Job(records, model, data, parts, base, doubts)
     for other in (dated, calmed):
         better = other(job.base)
         job = job if better is None else on_torque(job, better, report)
     return job
+
+
+def _declared(model: Model, data: Data, train: Windows, where: str, report: Progress) -> Fitted:
+    """The declared structure at its best, with what is open in the model."""
+    report(0.02, "first guess" if compiler() else SLOWLY)
+    started = completed(model, replace(data, differing=()), train)
+    report(0.05, "refitting the declared model")
+    predictor = Predictor(started, data)
+    values = started.known() | alike(data)
+    base = settled(fit(predictor, values, free_keys(predictor), train, data.noise), model)
+    refuse_untold_inertia(base, model, where)
+    return base
 
 
 def on_places(job: Job, report: Progress) -> Job | None:

@@ -13,7 +13,7 @@ from .proof import GATE, LEAST_SIZE, WHOLE, proven, share, size
 from .search import Say, contest
 from .surprise import foretold
 from .windows import Windows
-from .witness import contradicted
+from .witness import confirmed, contradicted
 
 
 def stands(base: Fitted, before: Fitted, after: Fitted, key: str) -> bool:
@@ -37,16 +37,16 @@ def pruned(
 
 
 def firm_ones(
-    steps: list[Step], fitted: Fitted, test: Windows, confirmed: tuple[Step, ...] = ()
+    steps: list[Step], fitted: Fitted, test: Windows, sure: tuple[Step, ...] = ()
 ) -> tuple[list[Step], Fitted]:
     """Without those effects on whose strength the windows do not agree, the least sure first.
 
-    What a single window tells, a stop met once, may be ``confirmed`` by held-out ones, or by all
-    that is in this window; so may what nearly all was missing without, a drift that is soon over,
-    and what all windows gain by, if their derivatives, where a drive breaks loose, say little of
-    its strength.
+    Those that are ``sure`` stay. So does what a single window tells, a stop met once, if held-out
+    ones confirm it, or all that is in this window; so may what nearly all was missing without, a
+    drift that is soon over, and what all windows gain by, if their derivatives, where a drive
+    breaks loose, say little of its strength.
     """
-    unsure = [s for s in steps if all(s is not c for c in confirmed) and s.firmness(fitted) <= FIRM]
+    unsure = [s for s in steps if all(s is not c for c in sure) and s.firmness(fitted) <= FIRM]
     if not unsure:
         return steps, fitted
     least = min(unsure, key=lambda step: step.firmness(fitted))
@@ -55,9 +55,9 @@ def firm_ones(
     once = told_once(fitted, key)
     gained = least.trial.rough and agreed(without, fitted) > FIRM
     told = once or gained or share(without, fitted) > WHOLE
-    elsewhere = told and foretold(fitted, without, test)
+    elsewhere = told and foretold(fitted, without, test, confirmed=confirmed(fitted, key))
     if elsewhere or once and firm_by_itself(without, fitted, key) > FIRM:
-        return firm_ones(steps, fitted, test, (*confirmed, least))
+        return firm_ones(steps, fitted, test, (*sure, least))
     return firm_ones([s for s in steps if s is not least], without, test)
 
 

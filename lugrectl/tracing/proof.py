@@ -134,9 +134,11 @@ def size(fitted: Fitted, key: str) -> float:
 
 
 def friction_size(fitted: Fitted) -> float:
-    """RMS friction torque along the training windows, N m."""
-    friction = fitted.predictor.friction(fitted.values)[fitted.where.counted]
-    return float(np.sqrt(np.mean(friction**2)))
+    """RMS friction torque along the training windows, N m; at most that of the applied torque,
+    which a fit gone astray may exceed by far."""
+    at, predictor = fitted.where.counted, fitted.predictor
+    torques = predictor.friction(fitted.values), predictor.data.u
+    return min(float(np.sqrt(np.mean(torque[at] ** 2))) for torque in torques)
 
 
 def loud(fitted: Fitted) -> bool:

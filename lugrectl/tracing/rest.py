@@ -16,6 +16,7 @@ from .structure import colour, predictable, uneven
 LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a signal
 PART = 0.3  # of what the sliding drive lacked, below which it is left by an inexact effect
 TAKEN = 0.25  # share below which a function is no longer among what is left
+HALF = 0.5  # of the power first missing, below which the most may be missing still
 SHAKEN = 0.1  # of the RMS friction torque: missing without a pattern, it is no longer a trifle
 NOISES = 3.0  # times the own noise of the recorded torque
 STIRRED = 0.1  # of the samples that differ from those before them, where a window tells noise
@@ -45,7 +46,7 @@ def _odd(base: Fitted, final: Fitted, least: float) -> bool:
     """Whether innovations or missing torque look like more than noise, where sensors tell that."""
     if not _stirred(final).any():
         return False
-    if not share(base, final) and _shaken(final):
+    if share(base, final) < HALF and _shaken(final):
         return True
     return _loud(final) or _standing(base, final, least) or _tinted(base, final)
 

@@ -13,7 +13,7 @@ from .predictor import Values
 from .proof import LEAST_SIZE, friction_size
 from .windows import Windows
 
-FORETOLD = 0.3  # of the held-out windows' missing power that may be left
+FORETOLD, HALF = 0.3, 0.5  # of the held-out windows' missing power, that may be left
 WORSE = 2.0  # times the error without them, above which effects are dropped
 LEAST, LARGEST = 1e-300, 1e300  # mean squares
 OUTWEIGHED = 3.0  # logarithms of what gets worse, over those of what gets better
@@ -75,10 +75,11 @@ def _least(fitted: Fitted) -> float:
     return LEAST_SIZE * friction_size(fitted)
 
 
-def foretold(fitted: Fitted, without: Fitted, test: Windows) -> bool:
-    """Whether an effect as it was fitted explains most of what held-out windows lack without it."""
+def foretold(fitted: Fitted, without: Fitted, test: Windows, *, confirmed: bool = False) -> bool:
+    """Whether an effect as it was fitted explains most of what held-out windows lack without it;
+    half of it if another sensor has ``confirmed`` it."""
     left, lacking = (float(np.sum(_supplied(f, test) ** 2)) for f in (fitted, without))
-    return left < FORETOLD * lacking
+    return left < (HALF if confirmed else FORETOLD) * lacking
 
 
 def openings(fitted: Fitted) -> tuple[str, ...]:

@@ -29,6 +29,12 @@ def contradicted(fitted: Fitted, key: str) -> bool:
     return would and bool(np.mean((seen - claimed) ** 2) > np.mean(seen**2))
 
 
+def confirmed(fitted: Fitted, key: str) -> bool:
+    """Whether a recorded temperature goes as the drift does that an effect claims."""
+    part = fitted.predictor.model.part(key)
+    return _drifts(fitted, part) and _per_degree(fitted, part) is not None
+
+
 def statements(fitted: Fitted) -> Iterator[str]:
     """What the other channels say of the effects found, in sentences."""
     unit = unit_for("rad", fitted.predictor.model.motion)
@@ -83,11 +89,18 @@ def _drifts(fitted: Fitted, part: Part) -> bool:
 
 
 def _warmth(fitted: Fitted, part: Part) -> str:
+    per_degree = _per_degree(fitted, part)
+    if per_degree is not None:
+        return f"{part.key} follows the temperature: {100.0 * per_degree:+.2g} % for each degree."
+    return f"{part.key} does not follow the recorded temperature: look for another cause."
+
+
+def _per_degree(fitted: Fitted, part: Part) -> float | None:
+    """How a drift goes with the temperature; None where it does not."""
     data = fitted.predictor.data
     own = {k: fitted.values[f"{part.key}.{k}"] for k in part.block.own}
     drift = np.broadcast_to(part.block(data.log.t, **own)[0], data.t.shape)
     warm = np.column_stack([np.ones(len(data.t)), data.others["temperature"]])
     line = np.linalg.lstsq(warm, drift, rcond=None)[0]
-    if np.var(drift - warm @ line) < (1.0 - FOLLOWS) * np.var(drift):
-        return f"{part.key} follows the temperature: {100.0 * line[1]:+.2g} % for each degree."
-    return f"{part.key} does not follow the recorded temperature: look for another cause."
+    left = np.var(drift - warm @ line)
+    return float(line[1]) if left < (1.0 - FOLLOWS) * np.var(drift) else None
