@@ -40,7 +40,8 @@ def neutral_record(name):
         m, t, s["u"], s["theta_true"], s["w_true"], base.friction_rms, 0.2, 500.0, FINE
     )
     size = find(name).recipe(context, stream(3, name))
-    nothing = {"actuator_saturation": 1e9, "hard_stop": -0.01}.get(name, 0.0)
+    limits = dict.fromkeys(("actuator_saturation", "voltage_limit"), 1e9)
+    nothing = {**limits, "hard_stop": -0.01}.get(name, 0.0)
     return base, simulate(setup, {name: size.build(nothing)}), setup, size
 
 

@@ -65,12 +65,13 @@ def _cable(c, rng):
     "",
     "u w",
     text="a supply that leaves less torque at speed",
-    excitations=("rich", "torque"),
+    excitations=("moves", "rich"),
 )
 def _voltage(c, rng):
     m, fastest = c.machine, float(np.max(np.abs(c.w)))
-    share = float(rng.uniform(0.3, 0.6))  # of the torque at rest that the highest speed takes
-    floor = 1.1 * (m.Fs + m.Fv * fastest + m.load_peak) / (1.0 - share)
+    share = float(rng.uniform(0.25, 0.5))  # of the torque at rest that the highest speed takes
+    running = 1.05 * (m.Fc + m.Fv * fastest + m.load_peak) / (1.0 - share)
+    floor = max(1.15 * (m.Fs + m.load_peak), running)
     pull = np.sign(c.w) * c.u
     levels = np.linspace(3.0, 0.3, 80) * float(np.abs(c.u).max())
 
