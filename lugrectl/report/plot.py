@@ -127,7 +127,7 @@ def ranking(d: Any, ax: Axes | None = None) -> Axes:
     ax.grid(False, axis="y")
     for i, c in enumerate(tried):
         ax.annotate(
-            f"{_score(c.score)}  ({100 * c.share:.0f} %)",
+            f"{_score(c.score)}  ({100 * max(c.share, 0.0):.0f} %)",
             (max(float(scores[i]), 0.0), i),
             xytext=(4, 0),
             textcoords="offset points",
@@ -281,6 +281,8 @@ def _limits(values: np.ndarray, cut: float) -> tuple[float, float]:
 
 
 def _score(value: float) -> str:
+    if abs(value) < 0.005:
+        return "0"
     return f"{value:,.0f}" if abs(value) >= 100 else number(value, 2)
 
 
