@@ -119,7 +119,7 @@ def test_half_of_two_leads_where_both_promise_more(monkeypatch):
 
     monkeypatch.setattr(choice, "lightened", few)
     monkeypatch.setattr(choice, "Score", lambda base: base)
-    monkeypatch.setattr(choice, "worth_trying", lambda model: [])
+    monkeypatch.setattr(choice, "worth_trying_on", lambda fitted: [])
     monkeypatch.setattr(
         choice,
         "screen",

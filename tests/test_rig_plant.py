@@ -327,8 +327,10 @@ def test_a_load_is_held_from_the_start():
 
 
 def test_plain_python_computes_the_same(monkeypatch):
+    package = plant.__name__.rpartition(".")[0]
     monkeypatch.setitem(sys.modules, "numba", None)
-    spec = importlib.util.spec_from_file_location("plain_plant", plant.__file__)
+    monkeypatch.delitem(sys.modules, f"{package}.shapes")
+    spec = importlib.util.spec_from_file_location(f"{package}.plain_plant", plant.__file__)
     assert spec is not None and spec.loader is not None
     plain = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(plain)

@@ -26,7 +26,9 @@ from .windows import Windows
 LOOKED = 6  # effects beside which a second one is tried
 PART = 0.1  # of the leader's gain that one which explains as much may lack
 FIRM = 2.0  # half-widths of its interval between an effect's strength and none
-TURNING = ("gravity", "encoder_eccentricity")  # once per turn: nothing on a linear axis
+ECCENTRIC = "encoder_eccentricity"
+LEAST_OF_A_TURN = 1.0  # rad of travel
+TURNING = ("gravity", ECCENTRIC)  # once per turn: nothing on a linear axis
 SAME = 2e-3  # of the torque, by which two models may differ that are one
 
 
@@ -72,6 +74,15 @@ def worth_trying(model: Model) -> list[str]:
     return names
 
 
+def worth_trying_on(fitted: Fitted) -> list[str]:
+    """The same on what was recorded: over a small part of a turn an eccentric encoder is a gain
+    that the plant's own values make up for, and whatever bends a little."""
+    log = fitted.predictor.data.log
+    short = float(np.ptp(log.theta)) < LEAST_OF_A_TURN
+    names = worth_trying(fitted.predictor.model)
+    return [n for n in names if not (short and n == ECCENTRIC)]
+
+
 def _repeats(p: P) -> bool:
     """Whether two effects of a kind differ in it: another harmonic, the other side."""
     return bool(p.choices) or bool(p.grid and p.unit != "s")
@@ -104,7 +115,7 @@ def ahead(sound: Sequence[Pair]) -> Pair:
 def _beside(fitted: Fitted) -> float:
     """Gain in log-likelihood that the best of the next effects promises."""
     light = lightened(fitted)
-    trials = screen(Score(light), worth_trying(fitted.predictor.model))
+    trials = screen(Score(light), worth_trying_on(fitted))
     part = light.where.counted.size / fitted.where.counted.size
     return trials[0].promise / part if trials else 0.0
 

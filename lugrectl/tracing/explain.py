@@ -19,7 +19,7 @@ from .choice import (
     chosen,
     in_order,
     sureness,
-    worth_trying,
+    worth_trying_on,
 )
 from .data import Data
 from .fit import Fitted, fit, refitted
@@ -208,7 +208,7 @@ class _Trace:
         """Effects whose load takes nearly all that is lacking, as the measured motion drives it."""
         if any(step.trial.boxed for step in found.steps):
             return []
-        names = [n for n in worth_trying(self.base.predictor.model) if members("effect")[n].box]
+        names = [n for n in worth_trying_on(self.base) if members("effect")[n].box]
         pairs = (loaded(self.base, name) for name in names)
         return [pair for pair in pairs if pair is not None]
 
@@ -234,14 +234,14 @@ class _Trace:
         if self.waiting:
             found, self.waiting = self.waiting, []
             return found
-        names = worth_trying(self.current.predictor.model)
+        names = worth_trying_on(self.current)
         sound = self._proven(names, 0.5 * GATE, say)
         return sound or (self.hidden(say) if coloured(self.current) else [])
 
     def hidden(self, say: Say) -> list[Pair]:
         """Those that are proven although they promise nothing, as they have no linear part: what
         decides whether a drive sticks or slips shows in no small change."""
-        names = worth_trying(self.current.predictor.model)
+        names = worth_trying_on(self.current)
         return self._proven([n for n in names if members("effect")[n].tries], 0.0, say)
 
     def _proven(self, names: Sequence[str], gate: float, say: Say) -> list[Pair]:

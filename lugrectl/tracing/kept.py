@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from .choice import FIRM, Step, agreed, as_well, candidate, chosen, worth_trying
+from .choice import FIRM, Step, agreed, as_well, candidate, chosen, worth_trying_on
 from .fit import Fitted, again
 from .once import firm_by_itself, told_once
 from .predictor import Predictor
@@ -70,7 +70,7 @@ def exchanged(
     """
     oldest, *later = steps
     without = without_it(fitted, oldest.trial.key)
-    names = worth_trying(without.predictor.model)
+    names = worth_trying_on(without)
     names = names if rivals is None else [n for n in names if n in rivals]
     tried = contest(without, names, 0.5 * GATE, say)
     sound = [(t, f) for t, f in tried.fits if stands(without, without, f, t.key)]
