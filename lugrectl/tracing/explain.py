@@ -32,7 +32,6 @@ from .proof import (
     LEAST_OF_FIRST,
     WHOLE,
     firmness,
-    loud,
     share,
 )
 from .rest import coloured, left_over
@@ -104,8 +103,7 @@ def _traced(
     report: Progress,
     another: Callable[[Fitted, bool], Data | None] = lambda fitted, timed: None,
 ) -> Explanation:
-    """The rounds, and what they come to; one that is nearly all goes on while something is left, or
-    while the observer makes up for much."""
+    """The rounds, and what they come to; one that is nearly all goes on while something is left."""
     nearly = None
     for turn in range(MOST_EFFECTS):
         at = 0.15 + 0.7 * turn / MOST_EFFECTS
@@ -128,7 +126,7 @@ def _traced(
             return Explanation(base, tuple(trace.steps), current, (), False, (), other)
         if enough and nearly is None:
             nearly = _ended(trace, report)
-            if not (nearly.unexplained or loud(current)):
+            if not nearly.unexplained:
                 return nearly
     ended = nearly if nearly and len(trace.steps) == len(nearly.steps) else _ended(trace, report)
     return nearly if nearly and ended.unexplained else ended
