@@ -16,7 +16,7 @@ from .structure import colour, predictable, uneven
 LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a signal
 PART = 0.3  # of what the sliding drive lacked, below which it is left by an inexact effect
 TAKEN = 0.25  # share below which a function is no longer among what is left
-HALF = 0.5  # of the power first missing, below which the most may be missing still
+HALF = 0.5  # of the power first missing: effects that take less leave open what the rest is
 SHAKEN = 0.1  # of the RMS friction torque: missing without a pattern, it is no longer a trifle
 NOISES = 3.0  # times the own noise of the recorded torque
 STIRRED = 0.1  # of the samples that differ from those before them, where a window tells noise
