@@ -15,14 +15,13 @@ from typing import Any
 
 import numpy as np
 
+from ..rig.bench import FINE, STIFF
 from ..rig.machines import CONSTANT_LOAD, GRAVITY_LOAD, NO_LOAD
 from ..rig.plant import EFFECTS, STATES, TH, UA, WIDTH, WS, W, Z, compiled, step
 from .limits import restarts, stretches
 
 LAGS = (2e-3, 10e-3, 40e-3)  # s
 HOLD = 2e-3  # s, for which a predicted torque is held at least
-FINE = 20e-6
-STIFF = 0.02  # sigma0 h^2 / J of the bristles that stand in for a static friction law
 GAP = 0.25  # s on either side of a held-out sample that trains nothing
 SAMPLES = 60_000  # most that train
 LOADS = {"gravity": GRAVITY_LOAD, "constant_torque": CONSTANT_LOAD}

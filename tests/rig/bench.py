@@ -11,7 +11,8 @@ from .plant import ACC, CODE, EFFECTS, OPEN_LOOP, OUT, STATES, TH, THL, U_INIT, 
 from .plant import replay as replay_record
 
 Table = dict[str, tuple[float, ...]]  # effect name -> row of the effect table
-FINE = 20e-6
+FINE = 20e-6  # s
+STIFF = 0.02  # sigma0 FINE^2 / J of bristles that stand for a static friction law: 1.1 kHz
 SEEN = {"theta_true": TH, "w_true": W, "z": Z, "th_load": THL, "w_load": WL, "a_true": ACC}
 
 

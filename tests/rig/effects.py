@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from .bench import FINE, STIFF
 from .hiding import ALL, TURN, Context, Size, effect, either, harmonic, moment, phase
 from .machines import Machine
 
@@ -76,7 +77,7 @@ def _stribeck(c, rng):
 
     def truth(m: Machine, excess: float) -> Machine:
         # bristles so stiff that only the static map is left to see
-        sigma0 = 100.0 * m.sigma0
+        sigma0 = STIFF * m.J / FINE**2
         sigma1 = 0.8 * np.sqrt(sigma0 * m.J)
         Fs = m.Fc + excess
         return replace(m, Fs=Fs, Fs_twin=m.Fc, sigma0=sigma0, sigma1=sigma1, vs=vs)
