@@ -43,6 +43,21 @@ def test_moving_ahead_undoes_being_late(record, case):
     assert back.ahead == pytest.approx(data.dt) and np.array_equal(back.log.u, back.u)
 
 
+def test_a_move_between_samples_keeps_the_swings(record, case):
+    """Of a tone, what the line takes off, and what a logged mean of two had taken off before."""
+    data = started(record, case).data
+    (a, b), w = data.runs[0], 2.0 * np.pi * 20.0
+    tone = np.sin(w * (data.t - data.t[a]))
+    later, inner = np.sin(w * (data.t - data.t[a] + 0.5 * data.dt)), slice(a + 3, b - 3)
+
+    def missed(u, sharp, truth):
+        return np.max(np.abs(ahead(replace(data, u=u), 0.5, sharp).u - truth)[inner])
+
+    assert missed(tone, 0.125, later) < 0.1 * missed(tone, 0.0, later)
+    mean = before(tone, 0.5)
+    assert missed(mean, 0.25, tone) < 0.1 * missed(mean, 0.0, tone)
+
+
 @pytest.mark.parametrize("samples", [0.0, 0.2, 0.5, 1.0])
 def test_what_a_log_holds_of_the_torque_is_found(record, case, samples):
     job = started(replace(record, u=before(record.u, samples)), case)

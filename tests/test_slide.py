@@ -37,6 +37,11 @@ def bumpy(plain):
     return refitted(plain, lambda t, theta, w: 3.0 * bump(t, theta, w))
 
 
+def wandering(t, theta, w):
+    """Coulomb friction that goes up and down."""
+    return 0.8 * np.sin(0.9 * t) * np.tanh(w / 0.01)
+
+
 def rough_patches(t, theta, w):
     """Viscous friction that differs from place to place."""
     return 0.3 * np.sin(2.0 * theta) * w
@@ -104,6 +109,14 @@ def test_knocks_are_noticed(plain, whole):
 def test_what_lasts_is_not_a_matter_of_moments(plain):
     for torque in (bump, slider):
         assert while_sliding(refitted(plain, torque), everywhere=True).of_moments() is None
+
+
+def test_friction_that_wanders_hangs_on_time_and_direction(plain, whole):
+    fading = while_sliding(refitted(plain, wandering), everywhere=True).of_fading()
+    assert fading is not None and fading.signals == ("t", "w") and fading.share > 0.8
+    for torque in (bump, hump, slider, rough_patches, knocks):
+        assert while_sliding(refitted(plain, torque), everywhere=True).of_fading() is None
+    assert while_sliding(whole).of_fading() is None
 
 
 def test_a_whole_model_lacks_nothing(whole, bumpy):

@@ -49,21 +49,28 @@ def dated(found: Fitted) -> Data | None:
         late = _clearly_later(found, (*TRIED[-1:], *FARTHER))
     if late is None:
         return None
-    best = minimize_scalar(
-        lambda samples: -refitted(found, ahead(data, samples)).total,
-        bounds=(0.0, max(FARTHEST, 1.5 * late)),
-        method="bounded",
-        options={"xatol": PLACED},
-    )
-    if best.x < FARTHEST:
-        moves = [ahead(data, float(best.x), sharp) for sharp in SHARP]
+    best = _placed(found, 1.5 * late)
+    if best < FARTHEST:
+        moves = [ahead(data, best, sharp) for sharp in SHARP]
         fits = beside(lambda moved: refitted(found, moved), moves)
         return max(fits, key=lambda f: f.total).predictor.data
     raise Refused(
-        f"u comes {1e3 * best.x * data.dt:.2g} ms later than the motion that it causes, by the "
+        f"u comes {1e3 * best * data.dt:.2g} ms later than the motion that it causes, by the "
         "fitted model: they are skewed in time against each other, or u went through a filter.",
         "Record u and the motion at the same instants and unfiltered, or shift u by that time.",
     )
+
+
+def _placed(found: Fitted, farthest: float) -> float:
+    """By how many samples u is late, where the fit is best."""
+    data = found.predictor.data
+
+    def cost(samples: float) -> float:
+        return -refitted(found, ahead(data, samples)).total
+
+    bounds = (0.0, max(FARTHEST, farthest))
+    best = minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": PLACED})
+    return float(best.x)
 
 
 def _clearly_later(found: Fitted, tried: Sequence[float]) -> float | None:

@@ -100,14 +100,14 @@ def signals_of_the_rest(final: Fitted, base: Fitted, *, doubtful: bool = False) 
     thing, torn by ``doubtful`` effects that were found in its place: then all that is missing
     tells more, unless they have taken it; and where one function told it better than they do.
     Time comes last: between two neighbours it tells whatever is slow. It comes first where all
-    is missing in a few moments.
+    is missing in a few moments, or where friction or the torque's strength change with it.
     """
     lack = lacking(base)
     if lack is not None and lack.is_better_than(final):
         return lack.signals
     left, whole = (while_sliding(f, everywhere=True) for f in (final, base))
     shown: tuple[str, ...] = ()
-    for look in (Sliding.of_moments, Sliding.of_signals, Sliding.of_time):
+    for look in (Sliding.of_moments, Sliding.of_fading, Sliding.of_signals, Sliding.of_time):
         best, first = look(left), look(whole)
         if best and not doubtful and left.size(best) > PART * whole.torque:
             return best.signals

@@ -16,6 +16,7 @@ NARROW = 240  # of one of the place that may have bumps
 TURNING = 1.25  # turns of travel, from which the angle within a turn counts
 DEAD = 0.02  # of the largest speed, below which the drive has no direction
 PULSE = 0.05  # s
+SLOW, PARTS = 1.0, (10, 200)  # s of time per piece, and how many of these at least and at most
 NEAR = 0.002  # of the travel: the distance from a reversal at which its function is finest
 
 
@@ -75,6 +76,14 @@ def bumps(log: Log, rows: np.ndarray) -> Shape:
     if wraps(theta, log.motion):
         return Shape(("theta",), around(theta, turn(NARROW)))
     return Shape(("theta",), _spanned(theta, _even(theta, NARROW)))
+
+
+def fading(log: Log, rows: np.ndarray) -> list[Shape]:
+    """Slow functions of time: a torque, Coulomb friction, and a torque constant."""
+    t, w, u = (x[rows] for x in (log.t, log.w, log.u))
+    time = _spanned(t, _even(t, int(np.clip(np.ptp(t) / SLOW, *PARTS))))
+    strengths = (("t",), np.ones_like(w)), (("t", "w"), np.sign(w)), (("t", "u"), u)
+    return [Shape(signals, time * x[:, None], timed=True) for signals, x in strengths]
 
 
 def pulses(length: int, dt: float) -> np.ndarray:

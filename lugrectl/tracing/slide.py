@@ -20,7 +20,7 @@ from .data import Data, Log
 from .dependence import Dependence, clearest, judged, surest
 from .evaluate import missing_torque
 from .fit import Fitted
-from .shapes import Shape, bumps, shapes
+from .shapes import Shape, bumps, fading, shapes
 
 CELL = 0.01  # s
 BLOCKS = 40  # of cells in a row, by which the share's error is found
@@ -84,11 +84,28 @@ class Sliding:
     def of_moments(self) -> Dependence | None:
         """The same where all is missing in a few moments, and no other signal tells nearly as
         much of it: what takes hold of a drive for once, at whatever speed and place that is."""
-        best = self.of_time()
-        told = max((d.share for d in self.dependences if "t" not in d.signals), default=0.0)
+        best, told = self.of_time(), self._told
         if best is None or 1.0 - best.share > FAR_LESS * (1.0 - told) ** 2:
             return None
         return best if self._spread < (MOMENTS if told > TELLING else MORE_MOMENTS) else None
+
+    def of_fading(self) -> Dependence | None:
+        """Friction or a torque constant that changes slowly, where no signal that comes back tells
+        nearly as much, and no slow torque: that may be a place passed slowly."""
+        best = max(self._fading, key=lambda d: d.share, default=None)
+        if best is None or len(best.signals) == 1 or clearest([best]) is None:
+            return None
+        return best if 1.0 - best.share < FAR_LESS * (1.0 - self._told) else None
+
+    @cached_property
+    def _fading(self) -> list[Dependence]:
+        made = fading(self.log, self.rows) if len(self.lack) else []
+        return [self._dependence(shape) for shape in made]
+
+    @cached_property
+    def _told(self) -> float:
+        """The most that a function of signals that come back explains."""
+        return max((d.share for d in self.dependences if "t" not in d.signals), default=0.0)
 
     @cached_property
     def _spread(self) -> float:
@@ -99,7 +116,8 @@ class Sliding:
 
     def share(self, signals: tuple[str, ...]) -> float:
         """The most that a function of these signals explains."""
-        return max((d.share for d in self.dependences if d.signals == signals), default=0.0)
+        every = (*self.dependences, *self._fading)
+        return max((d.share for d in every if d.signals == signals), default=0.0)
 
     def size(self, of: Dependence) -> float:
         """RMS torque of one of the functions, N m."""
