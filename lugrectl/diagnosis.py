@@ -37,7 +37,7 @@ from .tracing.job import (
     score,
     untold,
 )
-from .tracing.late import LAG, halfway
+from .tracing.late import halfway
 from .tracing.rest import signals_of_the_rest
 from .tracing.structure import colour
 from .tracing.surprise import beyond_doubt, misled, openings, surprising, undated, when
@@ -176,8 +176,7 @@ def _answered(start: Callable[..., Job], report: Progress) -> _Answer:
     """The explanation; of the position, if w turns out to be its difference, or if something is
     left of a w that had to be brought to an even step."""
     answer = _from_start(start, report)
-    lagging = any(step.trial.name == LAG for step in answer.found.steps)
-    if lagging and halfway(answer.found.final):
+    if halfway(answer.found.final, [step.trial.name for step in answer.found.steps]):
         summed = _from_start(partial(start, halfway=True), report)
         worse = summed.found.unexplained and not answer.found.unexplained
         return answer if worse else summed

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,11 @@ from .fit import Fitted, again
 from .predictor import Predictor
 
 LAG = "velocity_sensor_lag"
+LATE = {
+    LAG: f"{LAG}.time_constant",
+    "actuator_lag": "actuator_lag.time_constant",
+    "input_delay": "input_delay.delay",
+}
 HALF = (0.4, 0.6)  # samples by which a position's difference is late
 HEAVY = 30.0  # times its own noise: that speed tells the filter, and hardly anything else
 
@@ -31,11 +37,18 @@ def with_lag(final: Fitted) -> Fitted:
     )
 
 
-def halfway(final: Fitted) -> bool:
-    """Whether a speed that was recorded alone has the lag of a position's difference."""
+def halfway(final: Fitted, effects: Collection[str]) -> bool:
+    """Whether a speed that was recorded alone has the lag of a position's difference.
+
+    Without a position a late torque looks the same: it is taken for that where the speed comes in
+    a counter's steps.
+    """
     data, (low, high) = final.predictor.data, HALF
-    late = final.values[f"{LAG}.time_constant"] / data.dt
-    return bool(np.isnan(data.noise.theta)) and low < late < high
+    if not np.isnan(data.noise.theta):
+        return False
+    steps = data.counts[1] > data.noise.w
+    late = [LATE[name] for name in effects if name == LAG or (steps and name in LATE)]
+    return any(low < final.values[time] / data.dt < high for time in late)
 
 
 def _heavy(data: Data) -> Data:
