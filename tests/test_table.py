@@ -194,6 +194,11 @@ def test_other_signals_make_no_table(signals):
     assert tabled(lambda log: 0.0 * log.t, signals)[0] is None
 
 
+def test_a_fading_torque_constant_is_a_table_for_each_direction():
+    made, _ = tabled(lambda log: 3.0 * log.u * log.t / log.t[-1], ("t", "u"))
+    assert made is not None and made.signals == ("t", "w") and made.share > 0.8
+
+
 def test_a_table_seen_at_one_place_only_is_no_crash():
     """A drive that rests but for one move: a straight line through the rest is open."""
     log = log_of()

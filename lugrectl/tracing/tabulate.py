@@ -16,6 +16,7 @@ from .shapes import around, hats, turn, wraps
 from .structure import CELL, FOLDS
 
 KNOWN = (("theta",), ("theta", "w"), ("w",), ("t",), ("t", "w"), ("u",))
+INSTEAD = {("t", "u"): ("t", "w")}  # a torque constant that fades: most torque goes with the motion
 SIZES = (12, 24, 48, 96)  # points of a table
 STIFFNESS = tuple(10.0 ** np.arange(-9.0, 1.0))  # weights of the curvature tried
 BLOCKS = 120  # most blocks of windows
@@ -82,7 +83,8 @@ def tabulate(
     counted : (windows, length) int array
         Sample indices of ``torque``.
     signals : sequence of str
-        "theta", "w", "t" or "u"; or "theta" or "t" with "w" for one table in each direction.
+        "theta", "w", "t" or "u"; or "theta" or "t" with "w" for one table in each direction, which
+        stands for "t" with "u", too.
     seed : int
         Of the resampling.
 
@@ -101,7 +103,7 @@ def tabulate(
     bias (Nychka, J. American Statistical Association 83, 1988). They hold on average over the
     table, less at its sharpest peaks.
     """
-    name = tuple(signals)
+    name = INSTEAD.get(tuple(signals), tuple(signals))
     if name not in KNOWN or len(torque) < 2 * FOLDS:
         return None
     cells = _cells(torque, log, counted, name)
