@@ -59,6 +59,10 @@ CARRIED = (
     "loses where it is."
 )
 MISLED = "With {} the held-out samples were foretold much worse than without: dropped."
+CHANCE = (
+    "Held-out samples at {} are foretold only by other values within the parameters' uncertainty: "
+    "record more starts and reversals, which tell them."
+)
 NEW = "The held-out samples show a torque that the fitted ones do not: at {}."
 AT_ODDS = 0.5  # least colour of the innovations of both theta and w
 EARLY = 0.05  # s, lead-in where something happens in the first moments that is not seen later
@@ -231,8 +235,11 @@ def _answer(job: Job, report: Progress) -> _Answer:
         new = surprising(final, test, known.values)
         # or a run that was held out is colder, its torque recorded with an offset
         own = with_its_own(final, test) if len(new) else None
-        new = beyond_doubt(final, known, test, new if own is None else surprising(own, test))
+        doubted = new if own is None else surprising(own, test)
+        new = beyond_doubt(final, known, test, doubted)
         own = None if len(new) else own
+        if len(doubted) and not len(new):
+            job = noted(job, CHANCE.format(when(final, test, doubted)))
     return _Answer(job, found, new, undated(final, test), known, own)
 
 

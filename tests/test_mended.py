@@ -287,3 +287,31 @@ def test_what_takes_a_little_of_blows_does_not_explain_them():
 def test_a_small_part_of_a_turn_shows_no_eccentric_encoder():
     """Over 0.45 rad one of 22 degrees was found, which left the held-out error as it was."""
     assert verdict(sample("none", 147025))[0].verdict == "adequate"
+
+
+@pytest.mark.slow
+def test_a_torque_between_two_samples_leaves_no_vibration():
+    """A tone lost 0.8 % in the logged mean of two samples and the move back."""
+    case = exported(sample("none", 148103), "u half a sample late")
+    assert verdict(case)[0].verdict == "adequate"
+
+
+@pytest.mark.slow
+def test_a_speed_of_counts_alone_is_half_a_sample_late():
+    case = exported(sample("dwell_stiction", 148100, strength=0.08), "a difference alone")
+    result, names = verdict(case)
+    assert (result.verdict, names) == ("found", ["dwell_stiction"])
+    assert any("by its lateness" in m for m in result.messages)
+
+
+@pytest.mark.slow
+def test_what_hangs_on_values_that_are_not_told_is_said():
+    """A break-away in held-out samples that a higher Fs explains as well as a longer rest."""
+    result, _ = verdict(sample("dwell_stiction", 149000))
+    assert any("foretold only by other values" in m for m in result.messages)
+
+
+@pytest.mark.slow
+def test_friction_that_wanders_hangs_on_time():
+    result, _ = verdict(sample("wandering_friction", 146001))
+    assert result.verdict == "unexplained" and result.depends_on == ("t", "w")
