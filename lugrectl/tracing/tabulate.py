@@ -16,7 +16,9 @@ from .shapes import around, hats, turn, wraps
 from .structure import CELL, FOLDS
 
 KNOWN = (("theta",), ("theta", "w"), ("w",), ("t",), ("t", "w"), ("u",))
-INSTEAD = {("t", "u"): ("t", "w")}  # a torque constant that fades: most torque goes with the motion
+Names = tuple[str, ...]
+# for a torque constant that fades: most torque goes with the motion
+INSTEAD: dict[Names, Names] = {("t", "u"): ("t", "w")}
 SIZES = (12, 24, 48, 96)  # points of a table
 STIFFNESS = tuple(10.0 ** np.arange(-9.0, 1.0))  # weights of the curvature tried
 BLOCKS = 120  # most blocks of windows
