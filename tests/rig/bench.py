@@ -12,7 +12,7 @@ from .plant import replay as replay_record
 
 Table = dict[str, tuple[float, ...]]  # effect name -> row of the effect table
 FINE = 20e-6  # s
-STIFF = 0.02  # sigma0 FINE^2 / J of bristles that stand for a static friction law: 1.1 kHz
+STIFF = 0.1  # sigma0 FINE^2 / J of bristles that stand for a static friction law: 2.5 kHz
 SEEN = {"theta_true": TH, "w_true": W, "z": Z, "th_load": THL, "w_load": WL, "a_true": ACC}
 
 
