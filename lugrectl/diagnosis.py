@@ -279,9 +279,10 @@ def _explained(job: Job, report: Progress) -> tuple[Job, Explanation]:
 
 
 def _table(final: Fitted, job: Job, depends: Sequence[str], seed: int) -> Table | None:
-    """What is left as a function of the signals that it hangs on."""
+    """What is left as a function of the signals that it hangs on; none that foretells nothing."""
     torque = missing_torque(final.predictor, final.values, final.where, job.base.noise)
-    return tabulate(torque, job.data.log, final.where.counted, depends, seed=seed)
+    made = tabulate(torque, job.data.log, final.where.counted, depends, seed=seed)
+    return made if made is not None and made.share95[1] > 0.0 else None
 
 
 def _verdict(found: Explanation) -> tuple[str, tuple[str, ...]]:
