@@ -7,16 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..spec import members
 from .data import Data
 from .fit import Fitted, again
 from .predictor import Predictor
 
 LAG = "velocity_sensor_lag"
-LATE = {
-    LAG: f"{LAG}.time_constant",
-    "actuator_lag": "actuator_lag.time_constant",
-    "input_delay": "input_delay.delay",
-}
+LATE = (LAG, "actuator_lag", "input_delay")
 HALF = (0.4, 0.6)  # samples by which a position's difference is late
 HEAVY = 30.0  # times its own noise: that speed tells the filter, and hardly anything else
 
@@ -47,8 +44,9 @@ def halfway(final: Fitted, effects: Collection[str]) -> bool:
     if not np.isnan(data.noise.theta):
         return False
     steps = data.counts[1] > data.noise.w
-    late = [LATE[name] for name in effects if name == LAG or (steps and name in LATE)]
-    return any(low < final.values[time] / data.dt < high for time in late)
+    late = {name for name in effects if name in (LATE if steps else (LAG,))}
+    times = (final.values[f"{name}.{members('effect')[name].gain}"] for name in late)
+    return any(low < time / data.dt < high for time in times)
 
 
 def _heavy(data: Data) -> Data:
