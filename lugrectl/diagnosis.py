@@ -199,14 +199,18 @@ def _uneven(job: Job) -> bool:
 
 
 def _from_start(start: Callable[..., Job], report: Progress) -> _Answer:
-    """The explanation; by samples from nearly the start on if that is out of the ordinary."""
+    """The explanation; by samples from nearly the start on if that is out of the ordinary.
+
+    Unless these lose an effect that others prove: its own state, a dwell say, is not known there.
+    """
     usual = _by_either(start, report)
     whole = not (usual.found.unexplained or len(usual.unforeseen))
     if not whole or not openings(usual.found.final):
         return usual
     early = _answer(start(lead=EARLY), report)
-    more = early.found.unexplained or len(early.found.steps) > len(usual.found.steps)
-    return early if more else usual
+    had, has = ({step.trial.name for step in a.found.steps} for a in (usual, early))
+    more = early.found.unexplained or len(has) > len(had)
+    return early if more and had <= has else usual
 
 
 def _by_either(start: Callable[..., Job], report: Progress) -> _Answer:
