@@ -36,7 +36,7 @@ TRACING = [
     {"split", "coordinates", "likelihood", "evaluate", "structure"},
     {"moments", "slopes"},
     {"fit"},
-    {"late"},
+    {"far", "late"},
     {"tabulate", "proof", "slide", "calm"},
     {"score", "surprise", "once", "witness", "dated"},
     {"driven"},

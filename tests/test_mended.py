@@ -315,3 +315,25 @@ def test_what_hangs_on_values_that_are_not_told_is_said():
 def test_friction_that_wanders_hangs_on_time():
     result, _ = verdict(sample("wandering_friction", 146001))
     assert result.verdict == "unexplained" and result.depends_on == ("t", "w")
+
+
+@pytest.mark.slow
+def test_a_gap_needs_no_delay_that_was_found_before_it(tmp_path):
+    """It bent the stiffness of the load's coupling to half, and stayed."""
+    result = as_read(case_of(Task("effect", ("backlash",), "normal", 150000)), tmp_path)
+    assert [e.name for e in result.effects] == ["backlash"] and result.verdict == "found"
+
+
+@pytest.mark.slow
+def test_a_dwell_is_not_lost_for_what_a_run_starts_with(tmp_path):
+    """After lost samples nothing is known of how long the drive rested before."""
+    case = case_of(Task("effect", ("dwell_stiction",), "normal", 150000, hard=True))
+    result = as_read(case, tmp_path)
+    assert [e.name for e in result.effects] == ["dwell_stiction"] and result.verdict == "found"
+
+
+def test_a_smoothed_speed_of_a_fast_log_is_no_sensor(tmp_path):
+    """Its few counts in a sample are coherent with the position to 0.9 at most."""
+    task = Task("effect", ("hard_stop",), "normal", 149000, hard=True, form="w smoothed")
+    result = as_read(case_of(task), tmp_path)
+    assert [e.name for e in result.effects] == ["hard_stop"] and result.verdict == "found"

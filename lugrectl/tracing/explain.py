@@ -272,8 +272,20 @@ class _Trace:
         self.steps = [*self.steps, step]
         self.base, current = _eased(self.steps, self.base, current)
         self.steps, self.current = pruned(self.steps, current, self.steps[:-1])
-        if len(self.steps) > 1:
+        if len(self.steps) > 1 and not self._is_all():
             self._exchange(say)
+
+    def _is_all(self) -> bool:
+        """Whether the load of the newest effect does better without the others, as the measured
+        motion drives it: these were found, and bent its values, while it was missing."""
+        newest = self.steps[-1].trial
+        pair = loaded(self.base, newest.name) if newest.boxed else None
+        if pair is None or pair[1].total < self.current.total:
+            return False
+        step, current = chosen(self.base, [pair], self.test)
+        self.steps = [step]
+        self.base, self.current = _eased(self.steps, self.base, current)
+        return True
 
     def _exchange(self, say: Say) -> None:
         """The oldest for any other where its colour is left, or where the later ones make it

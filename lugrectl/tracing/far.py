@@ -1,0 +1,63 @@
+"""Fitted values far from the declared ones, and what in a drive acts like them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..model import Model
+from .fit import Fitted
+
+FAR = 0.2  # of the declared value, from which a change is said
+ALIKE = 0.05  # by which factors may differ that are one
+SCALED = ("J", "Fc", "Fv")  # what a torque of another scale multiplies, among others
+MOVED = "{} came out {:.0f} % {} the declared {:.4g} {}"
+SCALE = (
+    "all by the factor {:.3g}: if the declared values are right, u has another scale (torque "
+    "constant, gear ratio)"
+)
+DEAD_ZONE = (
+    "if the declared values are right, look at the actuator, too: while u and w have one sign its "
+    "dead zone acts like Fc; record braking by the torque to tell it"
+)
+
+
+def far_off(fitted: Fitted, declared: Model) -> Iterator[str]:
+    """A sentence on values that came out far from the declared ones, with what acts like that.
+
+    Nothing is said of a value whose interval holds the declared one. A declared value does not
+    tell its own error: whether the drive changed is for whoever declared it.
+    """
+    factors = _factors(fitted, declared)
+    if not factors:
+        return
+    moved = [
+        MOVED.format(
+            key, abs(100 * (r - 1)), "above" if r > 1 else "below",
+            fitted.values[key] / r, declared.unit(key),
+        )
+        for key, r in factors.items()
+    ]  # fmt: skip
+    yield "; ".join([", ".join(moved), *_like(factors)]) + "."
+
+
+def _factors(fitted: Fitted, declared: Model) -> dict[str, float]:
+    """Fitted over declared value of those that are surely far apart."""
+    intervals, made = fitted.intervals(), {}
+    for key in (*SCALED, "Fs"):
+        old = declared.values().get(key)
+        if not old or key not in intervals:
+            continue
+        low, high = intervals[key]
+        if abs(fitted.values[key] / old - 1.0) > FAR and not low <= old <= high:
+            made[key] = fitted.values[key] / old
+    return made
+
+
+def _like(factors: dict[str, float]) -> list[str]:
+    """What acts like these changes, where it is known."""
+    scaled = np.array([factors.get(key, 0.0) for key in SCALED])
+    if scaled.all() and np.ptp(scaled) < ALIKE * scaled.mean():
+        return [SCALE.format(scaled.mean())]
+    return [DEAD_ZONE] if factors.get("Fc", 0.0) > 1.0 else []
