@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from .shapes import bumps, compiled, patch, pulses, stroke, wandering
+from .shapes import bumps, compiled, patch, pulses, stroke, wandering, within
 
 EFFECTS = (
     "constant_torque gravity torque_ripple position_dependent_friction coulomb_asymmetry "
@@ -21,7 +21,8 @@ EFFECTS = (
     "velocity_sensor_lag encoder_eccentricity "
     "torque_constant_ripple sublinear_viscous pose_dependent_inertia "
     "torque_bumps torque_droop decaying_burst contact_pulses speed_hump dragged_cable "
-    "voltage_limit rough_patch fading_gain wandering_friction cubic_drag pumping_load"
+    "voltage_limit rough_patch fading_gain wandering_friction cubic_drag pumping_load "
+    "hardening_spring one_way_patch torque_dropouts sticky_torque"
 ).split()
 WIDTH = 24  # columns of the effect table
 CODE = {name: row for row, name in enumerate(EFFECTS)}
@@ -33,10 +34,11 @@ SENSOR_LAG, ECCENTRIC = range(21, 23)
 KT_RIPPLE, SUBLINEAR, POSE = range(23, 26)
 BUMPS, DROOP, BURST, PULSES, HUMP, CABLE = range(26, 32)
 VOLTAGE, PATCH, FADING, WANDERING, CUBIC, PUMPING = range(32, 38)
+HARDENING, ONE_WAY, DROPOUTS, STICKY = range(38, 42)
 
 # state: motor, bristle, bristle of the declared structure, load, torque, measured speed, time
-# at rest, accelerations, then the springs of the cable
-TH, W, Z, ZN, THL, WL, UA, WS, REST, ACC, ACCL, SLIDER = range(12)
+# at rest, accelerations, torque behind its play, then the springs of the cable
+TH, W, Z, ZN, THL, WL, UA, WS, REST, ACC, ACCL, PLAY, SLIDER = range(13)
 SLIDERS = 4
 STATES = SLIDER + SLIDERS
 # machine
@@ -118,6 +120,8 @@ def resisting(t, theta, w, on, p):
         r += p[CUBIC, 0] * w * w * w
     if on[PUMPING]:
         r += stroke(t, p[PUMPING])
+    if on[HARDENING]:
+        r += p[HARDENING, 0] * (theta - p[HARDENING, 1]) ** 3
     return r
 
 
@@ -139,6 +143,8 @@ def friction_level(t, theta, w, rest, m, on, p):
         g *= 1.0 + p[FRICTION_STEP, 0]
     if on[PATCH]:
         g *= patch(theta, p[PATCH])
+    if on[ONE_WAY] and w * p[ONE_WAY, 4] > 0.0:
+        g *= patch(theta, p[ONE_WAY])
     if on[WANDERING]:
         g *= wandering(t, p[WANDERING])
     if on[DWELL]:
@@ -178,6 +184,8 @@ def actuator(t, u, theta, w, x, h, on, p):
     gain = 1.0
     if on[FADING]:
         gain -= p[FADING, 0] * (1.0 - math.exp(-t / p[FADING, 1]))
+    if on[DROPOUTS]:
+        gain -= within(t, p[DROPOUTS])
     if on[KT_RIPPLE]:
         gain += p[KT_RIPPLE, 0] * math.sin(p[KT_RIPPLE, 1] * theta + p[KT_RIPPLE, 2])
     if on[DEAD_ZONE]:
@@ -187,6 +195,8 @@ def actuator(t, u, theta, w, x, h, on, p):
     if on[VOLTAGE]:  # what the supply leaves beyond the back-EMF
         back = p[VOLTAGE, 1] * w
         u = min(max(u, -p[VOLTAGE, 0] - back), p[VOLTAGE, 0] - back)
+    if on[STICKY]:
+        u = x[PLAY] = min(max(x[PLAY], u - p[STICKY, 0]), u + p[STICKY, 0])
     if on[DROOP]:
         u -= p[DROOP, 0] * u * abs(u)
     old = x[UA]
@@ -254,7 +264,7 @@ def same_friction(m, on):
             return False
     if on[FRICTION_STEP] or on[SENSOR_LAG] or on[ECCENTRIC]:
         return False
-    if on[PATCH] or on[WANDERING]:
+    if on[PATCH] or on[WANDERING] or on[ONE_WAY]:
         return False
     return m[FS_TWIN] == m[FS] and m[STATIC_TWIN] == 0.0
 

@@ -63,3 +63,12 @@ def wandering(t, row):
     for i in range(4):
         total += math.sin(2.0 * math.pi * row[1 + 2 * i] * t + row[2 + 2 * i])
     return 1.0 + row[0] * total / 2.0
+
+
+@compiled
+def within(t, row):
+    """row: what is lost, length, count, then times: the loss at this time."""
+    for i in range(int(row[2])):
+        if 0.0 < t - row[3 + i] < row[1]:
+            return row[0]
+    return 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .hiding import ALL, TURN, Size, effect, moment, phase
+from .hiding import ALL, TURN, Size, effect, either, moment, phase
 
 
 @effect("torque_bumps", "", "theta", text="narrow torque bumps at fixed positions")
@@ -116,3 +116,36 @@ def _cubic(c, rng):
 def _pumping(c, rng):
     f, part = float(rng.uniform(0.5, 2.5)), float(rng.uniform(0.1, 0.35))
     return Size(lambda x: (x, f, part), c.aim / np.sqrt(0.5 * part))
+
+
+@effect("hardening_spring", "", "theta", text="a spring that stiffens with its travel")
+def _hardening(c, rng):
+    low, span = float(c.theta.min()), float(np.ptp(c.theta))
+    rest = low + float(rng.uniform(0.2, 0.8)) * span
+    return Size(lambda x: (x, rest), c.scaled((c.theta - rest) ** 3))
+
+
+@effect("one_way_patch", "", "theta w", text="a part of the travel that drags in one direction")
+def _one_way(c, rng):
+    low, span = float(c.theta.min()), float(np.ptp(c.theta))
+    period = TURN if c.machine.rotary and span > TURN else 0.0
+    whole = period or span
+    centre = low + float(rng.uniform(0.25, 0.75)) * whole
+    half = float(rng.uniform(0.1, 0.2)) * whole
+    way = either(rng)
+    start = c.target * float(np.sqrt(whole / half))
+    return Size(lambda x: (x, centre, half, period, way), start, high=6.0)
+
+
+@effect("torque_dropouts", "", "u t", text="a drive that loses part of its torque for moments")
+def _dropouts(c, rng):
+    count, length = int(rng.integers(8, 20)), float(rng.uniform(0.15, 0.5))
+    times = np.sort(rng.uniform(0.05, 0.95, count)) * c.t[-1]
+    lost = np.any((c.t[:, None] > times) & (c.t[:, None] < times + length), axis=1)
+    start = min(0.8, c.scaled(c.u * lost))
+    return Size(lambda x: (x, length, float(count), *map(float, times)), start, high=0.9)
+
+
+@effect("sticky_torque", "", "u", text="a torque with play, as magnetic hysteresis or a valve has")
+def _sticky(c, rng):
+    return Size(lambda x: (x,), c.aim)
