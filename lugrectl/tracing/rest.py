@@ -10,7 +10,7 @@ from .hanging import hangs_on
 from .noise import sensor_noise
 from .proof import LEAST_SIZE, MOST_OF_REST, WHOLE, friction_size, share
 from .repeated import filtered
-from .slide import Sliding, hidden_in_noise, lacking, while_sliding
+from .slide import NEARLY_ALL, Sliding, hidden_in_noise, lacking, while_sliding
 from .structure import colour, predictable, uneven
 
 LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a signal
@@ -107,16 +107,20 @@ def signals_of_the_rest(final: Fitted, base: Fitted, *, doubtful: bool = False) 
         return lack.signals
     left, whole = (while_sliding(f, everywhere=True) for f in (final, base))
     shown: tuple[str, ...] = ()
+    mostly = left.torque < HALF * whole.torque  # the effects took
     for look in (Sliding.of_moments, Sliding.of_fading, Sliding.of_signals, Sliding.of_time):
         best, first = look(left), look(whole)
         if best and not doubtful and left.size(best) > PART * whole.torque:
             return best.signals
-        if first and left.share(first.signals) > TAKEN:
+        other = look is Sliding.of_moments and mostly and left.comes_back()
+        if first and left.share(first.signals) > TAKEN and not other:
             return first.signals
         if look is Sliding.of_signals:
             shown = hangs_on(final)
             if shown and "t" not in shown:
                 return shown
+            if first and mostly and first.share > NEARLY_ALL:
+                return first.signals
     shown = shown or hangs_on(base)
     sure = None if shown else hidden_in_noise(final)
     return sure.signals if sure else shown or ("t",)

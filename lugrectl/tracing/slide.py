@@ -89,6 +89,10 @@ class Sliding:
             return None
         return best if self._spread < (MOMENTS if told > TELLING else MORE_MOMENTS) else None
 
+    def comes_back(self) -> bool:
+        """Whether a function of signals that come back tells it, and it is no matter of moments."""
+        return self.of_signals() is not None and self._spread > MOMENTS
+
     def of_fading(self) -> Dependence | None:
         """Friction or a torque constant that changes slowly, where no signal that comes back tells
         nearly as much, and no slow torque: that may be a place passed slowly."""
