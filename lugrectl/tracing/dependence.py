@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 CLEAR = 0.5  # of what any torque could explain, above which a function is taken to be it
-CLEARER = 0.95  # the same of the acceleration: a loop that fights any disturbance makes it likely
+CLEARER = 0.95  # the same where a loop that fights any disturbance makes it likely
 SURE = 2.5  # standard errors that it must have
 CERTAIN = 5.0  # standard errors of one that need not be clear
 NEARLY = 0.85  # of the best function's share, from which one of fewer signals is preferred
@@ -21,14 +21,18 @@ class Dependence:
 
     ``share`` is the part, cross-validated, of what the best torque of any kind would bring;
     ``t`` that share over its standard error, by how much stretches of the record differ.
+    ``answers``: a loop that fights a disturbance makes such a function likely.
     """
 
     signals: tuple[str, ...]
     share: float
     t: float
+    answers: bool = False
 
 
-def judged(signals: tuple[str, ...], gain: np.ndarray, most: np.ndarray) -> Dependence:
+def judged(
+    signals: tuple[str, ...], gain: np.ndarray, most: np.ndarray, *, answers: bool = False
+) -> Dependence:
     """The share of ``most`` that a function gains, both by stretch of the record; each counts
     at most as much as it holds. The error comes from leaving out each of them in turn."""
     gain = np.clip(gain, -most, most)
@@ -36,18 +40,18 @@ def judged(signals: tuple[str, ...], gain: np.ndarray, most: np.ndarray) -> Depe
     share = float(gain.sum()) / max(total, TINY * (TINY + total))
     rest = (gain.sum() - gain) / np.maximum(most.sum() - most, TINY * (TINY + total))
     error = float(np.sqrt((len(gain) - 1) * np.var(rest)))
-    return Dependence(signals, share, share / max(error, TINY))
+    return Dependence(signals, share, share / max(error, TINY), answers)
 
 
 def clearest(found: Sequence[Dependence]) -> Dependence | None:
     """The best function that is clear, one of fewer signals preferred; none where none is."""
-    clear = [d for d in found if d.t > SURE and d.share > (CLEARER if "a" in d.signals else CLEAR)]
+    clear = [d for d in found if d.t > SURE and d.share > (CLEARER if d.answers else CLEAR)]
     return _simplest(clear)
 
 
 def surest(found: Sequence[Dependence]) -> Dependence | None:
     """The same of those that are certain, though noise may hide most of them."""
-    return _simplest([d for d in found if d.t > CERTAIN and "a" not in d.signals])
+    return _simplest([d for d in found if d.t > CERTAIN and not d.answers])
 
 
 def _simplest(clear: Sequence[Dependence]) -> Dependence | None:

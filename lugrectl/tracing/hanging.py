@@ -54,7 +54,7 @@ def dependences(fitted: Fitted) -> list[Dependence]:
 
     def dependence(shape: Shape) -> Dependence:
         gain, torque = regression.with_function(shape)
-        found = judged(shape.signals, gain - alone[shape.timed], most)
+        found = judged(shape.signals, gain - alone[shape.timed], most, answers=shape.answers)
         return found if torque > least else replace(found, share=0.0)
 
     return beside(dependence, regression.shapes(fitted.predictor.data.log))

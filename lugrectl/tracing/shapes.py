@@ -17,6 +17,8 @@ TURNING = 1.25  # turns of travel, from which the angle within a turn counts
 DEAD = 0.02  # of the largest speed, below which the drive has no direction
 PULSE = 0.05  # s
 SLOW, PARTS = 1.0, (10, 200)  # s of time per piece, and how many of these at least and at most
+REACHES = np.geomspace(0.002, 0.4, 12)  # of the range of a signal: halves of plays it is behind
+PLAYED = 5e-3  # s between the samples that are followed through them
 NEAR = 0.002  # of the travel: the distance from a reversal at which its function is finest
 
 
@@ -24,12 +26,14 @@ NEAR = 0.002  # of the travel: the distance from a reversal at which its functio
 class Shape:
     """A torque as any function of some signals: ``B`` (samples, pieces).
 
-    ``timed``: what it depends on never comes back.
+    ``timed``: what it depends on never comes back. ``answers``: a loop that fights a disturbance
+    makes it likely.
     """
 
     signals: tuple[str, ...]
     B: np.ndarray
     timed: bool = False
+    answers: bool = False
 
 
 def shapes(log: Log, rows: np.ndarray, at: np.ndarray, a: np.ndarray) -> list[Shape]:
@@ -54,7 +58,7 @@ def shapes(log: Log, rows: np.ndarray, at: np.ndarray, a: np.ndarray) -> list[Sh
         Shape(("theta",), place),
         Shape(("w",), _spanned(w, _full(w[at], MANY))),
         Shape(("u",), _spanned(u, _full(u[at], SOME))),
-        Shape(("a",), _spanned(a, _full(a[at], SOME))),
+        Shape(("a",), _spanned(a, _full(a[at], SOME)), answers=True),
         Shape(("t",), time, timed=True),
         Shape(("theta", "w"), _by(forth, place)),
         Shape(("theta", "w"), _spanned(since, _full(since[at], MANY))),
@@ -66,7 +70,7 @@ def shapes(log: Log, rows: np.ndarray, at: np.ndarray, a: np.ndarray) -> list[Sh
     else:
         coarse = _spanned(theta, _even(theta[at], FEW))
     made.append(Shape(("theta", "w"), coarse * w[:, None]))
-    made.append(Shape(("theta", "a"), coarse * a[:, None]))
+    made.append(Shape(("theta", "a"), coarse * a[:, None], answers=True))
     return sorted(made, key=lambda shape: len(shape.signals))
 
 
@@ -76,6 +80,12 @@ def bumps(log: Log, rows: np.ndarray) -> Shape:
     if wraps(theta, log.motion):
         return Shape(("theta",), around(theta, turn(NARROW)))
     return Shape(("theta",), _spanned(theta, _even(theta, NARROW)))
+
+
+def hystereses(log: Log, rows: np.ndarray) -> list[Shape]:
+    """What the torque or the place was before counts, too, however fast that was gone through."""
+    u, theta = (_taken_up(log, x)[rows] for x in (log.u, log.theta))
+    return [Shape(("u",), u, answers=True), Shape(("theta", "w"), theta)]
 
 
 def fading(log: Log, rows: np.ndarray) -> list[Shape]:
@@ -150,4 +160,22 @@ def _since_reversal(log: Log) -> np.ndarray:
         from_here = theta[np.maximum.accumulate(np.where(turned, np.arange(b - a), 0))]
         gone = np.maximum((theta - from_here) * way, 0.0)
         made[a:b] = way * (1.0 + np.log1p(gone / (NEAR * np.ptp(log.theta) + 1e-12)))
+    return made
+
+
+def _taken_up(log: Log, x: np.ndarray) -> np.ndarray:
+    """How far a signal is within plays of several widths, (samples, widths).
+
+    Their weighted sum is any hysteresis that does not depend on how fast it is gone through
+    (Prandtl and Ishlinskii).
+    """
+    made = np.zeros((len(x), len(REACHES)))
+    reach = REACHES * max(float(np.ptp(x)), 1e-300)
+    for a, b in log.runs:
+        every = max(1, int(PLAYED / (log.t[a + 1] - log.t[a]) + 1e-9)) if b - a > 1 else 1
+        behind, now = np.full(len(reach), x[a]), []
+        for value in x[a:b:every]:
+            behind = np.minimum(np.maximum(behind, value - reach), value + reach)
+            now.append(value - behind)
+        made[a:b] = np.repeat(now, every, axis=0)[: b - a]
     return made

@@ -20,7 +20,7 @@ from .data import Data, Log
 from .dependence import Dependence, clearest, judged, surest
 from .evaluate import missing_torque
 from .fit import Fitted
-from .shapes import Shape, bumps, fading, shapes
+from .shapes import Shape, bumps, fading, hystereses, shapes
 
 CELL = 0.01  # s
 BLOCKS = 40  # of cells in a row, by which the share's error is found
@@ -66,7 +66,7 @@ class Sliding:
         if not len(self.lack):
             return ()
         made = shapes(self.log, self.rows, np.arange(len(self.rows)), self.expected)
-        made.append(bumps(self.log, self.rows))
+        made += [bumps(self.log, self.rows), *hystereses(self.log, self.rows)]
         return (self._in_time(), *map(self._dependence, made))
 
     def of_signals(self) -> Dependence | None:
@@ -109,7 +109,8 @@ class Sliding:
     @cached_property
     def _told(self) -> float:
         """The most that a function of signals that come back explains."""
-        return max((d.share for d in self.dependences if "t" not in d.signals), default=0.0)
+        back = (d for d in self.dependences if "t" not in d.signals and not d.answers)
+        return max((d.share for d in back), default=0.0)
 
     @cached_property
     def _spread(self) -> float:
@@ -155,14 +156,19 @@ class Sliding:
         X = np.column_stack([self.known, B / np.linalg.norm(B, axis=0)])
         stiff = np.arange(X.shape[1]) >= self.known.shape[1]
         missed = _missed(X, self.lack, self._fold(shape.timed), [r * stiff for r in RIDGES])
-        return self._judged(shape.signals, missed, timed=shape.timed)
+        return self._judged(shape.signals, missed, timed=shape.timed, answers=shape.answers)
 
     def _judged(
-        self, signals: tuple[str, ...], missed: Sequence[np.ndarray], *, timed: bool
+        self,
+        signals: tuple[str, ...],
+        missed: Sequence[np.ndarray],
+        *,
+        timed: bool,
+        answers: bool = False,
     ) -> Dependence:
         whole = np.bincount(self._block, self._missed_by_known[timed])
         left = min((np.bincount(self._block, m) for m in missed), key=np.sum)
-        return judged(signals, whole - left, whole)
+        return judged(signals, whole - left, whole, answers=answers)
 
 
 @dataclass(frozen=True)
