@@ -170,9 +170,8 @@ def _taken_up(log: Log, x: np.ndarray) -> np.ndarray:
     (Prandtl and Ishlinskii).
     """
     made = np.zeros((len(x), len(REACHES)))
-    reach = REACHES * max(float(np.ptp(x)), 1e-300)
+    reach, every = REACHES * float(np.ptp(x)), max(1, int(PLAYED / log.dt + 1e-9))
     for a, b in log.runs:
-        every = max(1, int(PLAYED / (log.t[a + 1] - log.t[a]) + 1e-9)) if b - a > 1 else 1
         behind, now = np.full(len(reach), x[a]), []
         for value in x[a:b:every]:
             behind = np.minimum(np.maximum(behind, value - reach), value + reach)
