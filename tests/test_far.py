@@ -11,13 +11,11 @@ from lugrectl.tracing.far import far_off
 DECLARED = {"J": 0.1, "Fc": 1.0, "Fs": 1.5, "Fv": 0.2}
 
 
-def model(**other: float) -> Model:
-    plant = DECLARED | other
+def model() -> Model:
     friction = {"model": "lugre", "sigma0": 100.0, "sigma1": 1.0, "vs": 0.01}
-    friction |= {k: v for k, v in plant.items() if k != "J"}
-    return model_from_dict(
-        {"motion": "rotary", "plant": {"J": plant["J"]}, "friction": friction}, "m"
-    )
+    friction |= {k: v for k, v in DECLARED.items() if k != "J"}
+    plant = {"J": DECLARED["J"]}
+    return model_from_dict({"motion": "rotary", "plant": plant, "friction": friction}, "m")
 
 
 def said(half: float = 0.01, **factors: float) -> str:

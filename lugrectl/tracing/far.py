@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from ..model import Model
@@ -23,7 +21,7 @@ DEAD_ZONE = (
 )
 
 
-def far_off(fitted: Fitted, declared: Model) -> Iterator[str]:
+def far_off(fitted: Fitted, declared: Model) -> list[str]:
     """A sentence on values that came out far from the declared ones, with what acts like that.
 
     Nothing is said of a value whose interval holds the declared one. A declared value does not
@@ -31,7 +29,7 @@ def far_off(fitted: Fitted, declared: Model) -> Iterator[str]:
     """
     factors = _factors(fitted, declared)
     if not factors:
-        return
+        return []
     moved = [
         MOVED.format(
             key, abs(100 * (r - 1)), "above" if r > 1 else "below",
@@ -39,7 +37,7 @@ def far_off(fitted: Fitted, declared: Model) -> Iterator[str]:
         )
         for key, r in factors.items()
     ]  # fmt: skip
-    yield "; ".join([", ".join(moved), *_like(factors)]) + "."
+    return ["; ".join([", ".join(moved), *_like(factors)]) + "."]
 
 
 def _factors(fitted: Fitted, declared: Model) -> dict[str, float]:

@@ -83,13 +83,18 @@ def _voltage(c, rng):
     return Size(lambda x: (x, x * share / fastest), start, floor, max(floor, levels[0]), -4.0)
 
 
-@effect("rough_patch", "", "theta w", text="a part of the travel where friction is higher")
-def _patch(c, rng):
+def _part_of_travel(c, rng, least, most):
+    """The travel or one turn of it, and of a part of it the middle and half its width; period."""
     low, span = float(c.theta.min()), float(np.ptp(c.theta))
     period = TURN if c.machine.rotary and span > TURN else 0.0
     whole = period or span
     centre = low + float(rng.uniform(0.25, 0.75)) * whole
-    half = float(rng.uniform(0.06, 0.15)) * whole
+    return whole, centre, float(rng.uniform(least, most)) * whole, period
+
+
+@effect("rough_patch", "", "theta w", text="a part of the travel where friction is higher")
+def _patch(c, rng):
+    whole, centre, half, period = _part_of_travel(c, rng, 0.06, 0.15)
     start = c.target * float(np.sqrt(0.5 * whole / half))
     return Size(lambda x: (x, centre, half, period), start, high=4.0)
 
@@ -127,11 +132,7 @@ def _hardening(c, rng):
 
 @effect("one_way_patch", "", "theta w", text="a part of the travel that drags in one direction")
 def _one_way(c, rng):
-    low, span = float(c.theta.min()), float(np.ptp(c.theta))
-    period = TURN if c.machine.rotary and span > TURN else 0.0
-    whole = period or span
-    centre = low + float(rng.uniform(0.25, 0.75)) * whole
-    half = float(rng.uniform(0.1, 0.2)) * whole
+    whole, centre, half, period = _part_of_travel(c, rng, 0.1, 0.2)
     way = either(rng)
     start = c.target * float(np.sqrt(whole / half))
     return Size(lambda x: (x, centre, half, period, way), start, high=6.0)
