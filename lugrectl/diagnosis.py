@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from .blas import one_blas_thread
 from .friction_map import diagnose_map
 from .model import Model
 from .record import Record
@@ -69,6 +70,7 @@ AT_ODDS = 0.5  # least colour of the innovations of both theta and w
 EARLY = 0.05  # s, lead-in where something happens in the first moments that is not seen later
 
 
+@one_blas_thread()
 def diagnose(
     record: Record | Sequence[Record],
     model: Model,

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from .blas import one_blas_thread
 from .friction_map import Fits, begin_map, errors_of, estimates_of, final_model, messages_of
 from .model import Model
 from .record import Record
@@ -45,6 +46,7 @@ class Identification:
         return json.dumps(self.summary(), indent=2, allow_nan=False)
 
 
+@one_blas_thread()
 def identify(
     record: Record | Sequence[Record],
     model: Model,
