@@ -31,10 +31,11 @@ from .proof import (
     GATE,
     LEAST_OF_FIRST,
     WHOLE,
+    coloured,
     firmness,
     share,
 )
-from .rest import coloured, left_over
+from .rest import left_over
 from .screening import Trial
 from .search import Contest, Pair, Say, carries, contest, loaded
 from .slide import lacking

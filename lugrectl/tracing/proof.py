@@ -9,7 +9,7 @@ from ..spec import P
 from .fit import Fitted
 from .likelihood import tune
 from .predictor import Values
-from .structure import repeated
+from .structure import colour, repeated
 
 GATE = 20.0  # least gain in log-likelihood, also without the best window
 LEAST_SHARE = 0.04  # of the residual torque's power that an effect must remove
@@ -23,6 +23,7 @@ MOST_OF_IT = 0.95  # of the residual's power
 LEAST_TOUCHED, MOST_TOUCHED = 1e-3, 0.9  # of the samples, beyond a place
 FARTHER, FADED = 10.0, 0.5  # a limit so many times farther off, and the part of the gain gone
 LOUD = 0.01  # of friction: the torque per sample that is not foreseen
+COLOUR = {"theta": 0.3, "w": 0.05}  # of the innovations; quantised positions are never white
 CLOSE = 0.02  # relative, to a bound
 
 
@@ -144,6 +145,22 @@ def friction_size(fitted: Fitted) -> float:
 def loud(fitted: Fitted) -> bool:
     """Whether the observer makes up for more torque than sensors' noise alone asks of it."""
     return fitted.torque_noise > LOUD * friction_size(fitted)
+
+
+def coloured(fitted: Fitted) -> bool:
+    """Whether the innovations still tell the next one. A smoothed torque colours them by itself.
+
+    Where windows may have missed a hidden state, which colours those in which a load is met: the
+    quieter half of them.
+    """
+    if fitted.predictor.data.smoothed:
+        return False
+    quiet = fitted.quiet
+    if fitted.noise.uneven:
+        loudness = np.argsort(np.mean(quiet**2, axis=(1, 2)))
+        quiet = quiet[np.sort(loudness[: -(-len(quiet) // 2)])]
+    theta, w = colour(quiet)
+    return bool(theta > COLOUR["theta"] or w > COLOUR["w"])
 
 
 def share(before: Fitted, after: Fitted) -> float:

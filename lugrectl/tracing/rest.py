@@ -8,10 +8,10 @@ from .evaluate import missing_torque
 from .fit import Fitted
 from .hanging import hangs_on
 from .noise import sensor_noise
-from .proof import LEAST_SIZE, MOST_OF_REST, WHOLE, friction_size, share
+from .proof import LEAST_SIZE, MOST_OF_REST, WHOLE, coloured, friction_size, share
 from .repeated import filtered
 from .slide import NEARLY_ALL, Sliding, hidden_in_noise, lacking, while_sliding
-from .structure import colour, predictable, uneven
+from .structure import predictable, uneven
 
 LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a signal
 PART = 0.3  # of what the sliding drive lacked, below which it is left by an inexact effect
@@ -21,7 +21,6 @@ SHAKEN = 0.1  # of the RMS friction torque: missing without a pattern, it is no 
 NOISES = 3.0  # times the own noise of the recorded torque
 STIRRED = 0.1  # of the samples that differ from those before them, where a window tells noise
 STANDING = 3.0  # standard errors of that share
-COLOUR = {"theta": 0.3, "w": 0.05}  # of the innovations; quantised positions are never white
 
 
 def left_over(
@@ -165,19 +164,3 @@ def _tinted(base: Fitted, final: Fitted) -> bool:
     """
     whole = final.noise.uneven and share(base, final) > WHOLE
     return not whole and coloured(final) and not filtered(final.predictor.data)
-
-
-def coloured(fitted: Fitted) -> bool:
-    """Whether the innovations still tell the next one. A smoothed torque colours them by itself.
-
-    Where windows may have missed a hidden state, which colours those in which a load is met: the
-    quieter half of them.
-    """
-    if fitted.predictor.data.smoothed:
-        return False
-    quiet = fitted.quiet
-    if fitted.noise.uneven:
-        loudness = np.argsort(np.mean(quiet**2, axis=(1, 2)))
-        quiet = quiet[np.sort(loudness[: -(-len(quiet) // 2)])]
-    theta, w = colour(quiet)
-    return bool(theta > COLOUR["theta"] or w > COLOUR["w"])

@@ -14,7 +14,7 @@ from .blows import closer, sought
 from .driven import convincing, driven
 from .fit import QUIETER, Fitted, again, drawn, told_apart, tuned
 from .predictor import Predictor
-from .proof import loud, share
+from .proof import WHOLE, coloured, loud, share
 from .score import Score, whitened_by_parts
 from .screening import Trial, lightened, opened, screen
 
@@ -29,6 +29,7 @@ FINE = 2.5  # samples to one of the search, from which their blows are looked at
 LEAST_SOUGHT = 50.0  # gain in log-likelihood, below which that is not worth the time
 SLIGHT = 3.0  # gain after a short fit, below which nothing more is tried
 HOPELESS = 0.1  # of the leader's gain after a short fit, below which a candidate is dropped
+BEHIND = 0.5  # the same behind a leader that leaves nothing
 ABREAST = 4  # trials between two looks at who leads; the answer must not hang on the processors
 
 Say = Callable[[str], None]
@@ -110,30 +111,57 @@ def _heavy(trial: Trial, base: Fitted, values: dict[str, float]) -> Trial:
 def contest(base: Fitted, names: Sequence[str], gate: float, say: Say) -> Contest:
     """Fit the promising effects shortly from each start, then the best of them to the end.
 
-    All but the end goes on fewer samples a second.
+    All but the end goes on fewer samples a second. It is over with a fit that leaves nothing.
     """
     light = lightened(base)
     promising = screen(Score(light), names)
-    chosen = [t for t in promising if t.promise > gate][: 2 * TRIED]
-    believed = at_anchor(light)
-    if light.total - believed.total > gate:
-        chosen += [t for t in screen(Score(believed), names) if t.promise > gate][:TRIED]
-    short = _shortly(light, chosen, gate, say)[:TRIED]
-    lead = short[0][1].total - light.total if short else 0.0
-    hope = partial(_hope, light=light, thorough=gate == 0.0)
-    worth = [p for p in short if hope(p) > max(HOPELESS * lead, SLIGHT)]
-    _named(say, "fitting", (t for t, _ in worth))
-    least = _worth_seeking(light, worth)
-    finished = _best_first(
-        beside(lambda p: _finished(p, base, p[0].boxed and hope(p) > least), worth)
-    )
+    short = _shortly(light, [t for t in promising if t.promise > gate][: 2 * TRIED], gate, say)
+    if not _settled(light, short):
+        believed = at_anchor(light)
+        bent = light.total - believed.total > gate
+        more = [t for t in screen(Score(believed), names) if t.promise > gate] if bent else []
+        short = _shortly(light, more[:TRIED], gate, say, short)
+    finished = _to_the_end(base, light, short[:TRIED], gate == 0.0, say)
+    if _settled(base, finished):
+        return Contest(promising, finished)
     tops = beside(partial(_anew, light=light, least=base.total + gate), finished[:ANEW])
     return Contest(promising, _best_first([*tops, *finished[ANEW:]]))
 
 
-def _shortly(light: Fitted, chosen: Sequence[Trial], gate: float, say: Say) -> list[Pair]:
-    """The best short fit of each effect, best first."""
-    best: dict[str, Pair] = {}
+def _to_the_end(
+    base: Fitted, light: Fitted, short: Sequence[Pair], thorough: bool, say: Say
+) -> list[Pair]:
+    """Those that may come near the leader fitted on all samples; of one with many optima all sets
+    are tried, unless another leaves nothing."""
+    settled = _settled(light, short)
+    lead = short[0][1].total - light.total if short else 0.0
+    hope = partial(_hope, light=light, thorough=thorough)
+    least = (BEHIND if settled else HOPELESS) * lead
+    worth = [pair for pair in short if hope(pair) > max(least, SLIGHT)]
+    _named(say, "fitting", (t for t, _ in worth))
+    wanted = _worth_seeking(light, worth)
+
+    def finished(pair: Pair) -> Pair:
+        seek = pair[0].boxed and (pair is short[0] or not settled)
+        return _finished(pair, base, seek and hope(pair) > wanted)
+
+    return _best_first(beside(finished, worth))
+
+
+def _settled(base: Fitted, fits: Sequence[Pair]) -> bool:
+    """Whether the best fit leaves nothing: no other start comes to more, and of the other effects
+    only those matter that come near it."""
+    if not fits or fits[0][1].predictor.data.smoothed:
+        return False
+    best = fits[0][1]
+    return share(base, best) > WHOLE and not loud(best) and not coloured(best)
+
+
+def _shortly(
+    light: Fitted, chosen: Sequence[Trial], gate: float, say: Say, known: Sequence[Pair] = ()
+) -> list[Pair]:
+    """The best short fit of each effect, best first; some are ``known``."""
+    best = {trial.name: (trial, fitted) for trial, fitted in known}
     queue = sorted(chosen, key=lambda trial: -trial.promise)
     for i in range(0, len(queue), ABREAST):
         lead = max((f.total - light.total for _, f in best.values()), default=0.0)
