@@ -22,7 +22,8 @@ EFFECTS = (
     "torque_constant_ripple sublinear_viscous pose_dependent_inertia "
     "torque_bumps torque_droop decaying_burst contact_pulses speed_hump dragged_cable "
     "voltage_limit rough_patch fading_gain wandering_friction cubic_drag pumping_load "
-    "hardening_spring one_way_patch torque_dropouts sticky_torque"
+    "hardening_spring one_way_patch torque_dropouts sticky_torque "
+    "field_weakening mesh_loss governor"
 ).split()
 WIDTH = 24  # columns of the effect table
 CODE = {name: row for row, name in enumerate(EFFECTS)}
@@ -35,6 +36,7 @@ KT_RIPPLE, SUBLINEAR, POSE = range(23, 26)
 BUMPS, DROOP, BURST, PULSES, HUMP, CABLE = range(26, 32)
 VOLTAGE, PATCH, FADING, WANDERING, CUBIC, PUMPING = range(32, 38)
 HARDENING, ONE_WAY, DROPOUTS, STICKY = range(38, 42)
+WEAKENING, MESH, GOVERNOR = range(42, 45)
 
 # state: motor, bristle, bristle of the declared structure, load, torque, measured speed, time
 # at rest, accelerations, torque behind its play, then the springs of the cable
@@ -126,7 +128,7 @@ def resisting(t, theta, w, on, p):
 
 
 @compiled
-def friction_level(t, theta, w, rest, m, on, p):
+def friction_level(t, theta, w, torque, rest, m, on, p):
     """h(w) with the hidden effects, and the viscous coefficient."""
     g, gv, fs = 1.0, 1.0, m[FS]
     if on[POSITION_FRICTION]:
@@ -152,6 +154,8 @@ def friction_level(t, theta, w, rest, m, on, p):
     level = g * stribeck(w, m[FC], fs, m[VS])
     if on[LOAD_FRICTION]:
         level += p[LOAD_FRICTION, 0] * abs(load_torque(theta, m))
+    if on[MESH]:
+        level += p[MESH, 0] * abs(torque)
     return level, gv * m[FV]
 
 
@@ -186,6 +190,8 @@ def actuator(t, u, theta, w, x, h, on, p):
         gain -= p[FADING, 0] * (1.0 - math.exp(-t / p[FADING, 1]))
     if on[DROPOUTS]:
         gain -= within(t, p[DROPOUTS])
+    if on[WEAKENING]:
+        gain -= p[WEAKENING, 0] * abs(w)
     if on[KT_RIPPLE]:
         gain += p[KT_RIPPLE, 0] * math.sin(p[KT_RIPPLE, 1] * theta + p[KT_RIPPLE, 2])
     if on[DEAD_ZONE]:
@@ -235,6 +241,8 @@ def inertia(t, theta, w, m, on, p):
     now, swing = m[J], 0.0
     if on[INERTIA_STEP] and t >= p[INERTIA_STEP, 1]:
         now *= 1.0 + p[INERTIA_STEP, 0]
+    if on[GOVERNOR]:  # d/dt of the momentum J (1 + c w^2) w
+        now *= 1.0 + 3.0 * p[GOVERNOR, 0] * w * w
     if on[POSE]:
         a, n, angle = p[POSE, 0], p[POSE, 1], p[POSE, 1] * theta + p[POSE, 2]
         swing = -0.5 * now * a * n * math.sin(angle) * w * w
@@ -264,7 +272,7 @@ def same_friction(m, on):
             return False
     if on[FRICTION_STEP] or on[SENSOR_LAG] or on[ECCENTRIC]:
         return False
-    if on[PATCH] or on[WANDERING] or on[ONE_WAY]:
+    if on[PATCH] or on[WANDERING] or on[ONE_WAY] or on[MESH]:
         return False
     return m[FS_TWIN] == m[FS] and m[STATIC_TWIN] == 0.0
 
@@ -276,7 +284,7 @@ def step(t, h, command, delayed, same, x, m, on, p):
     theta = x[TH] + 0.5 * h * x[W]
     torque = actuator(t, delayed, theta, w, x, h, on, p)
     t += 0.5 * h
-    level, fv = friction_level(t, theta, w, x[REST], m, on, p)
+    level, fv = friction_level(t, theta, w, torque, x[REST], m, on, p)
     x[Z], mean, rate = bristle(x[Z], w, level, m[S0], h)
     friction = m[S0] * mean + m[S1] * rate + fv * w
     x[REST] = x[REST] + h if abs(w) < 0.5 * m[VS] else 0.0  # presliding counts as rest

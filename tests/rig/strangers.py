@@ -150,3 +150,21 @@ def _dropouts(c, rng):
 @effect("sticky_torque", "", "u", text="a torque with play, as magnetic hysteresis or a valve has")
 def _sticky(c, rng):
     return Size(lambda x: (x,), c.aim)
+
+
+@effect("field_weakening", "", "u w", text="a torque constant that falls with speed")
+def _weakening(c, rng):
+    high = 0.6 / float(np.max(np.abs(c.w)))
+    return Size(lambda x: (x,), min(high, c.scaled(c.u * np.abs(c.w))), high=high)
+
+
+@effect("mesh_loss", "", "u w", text="friction of a gear that grows with the torque it carries")
+def _mesh(c, rng):
+    return Size(lambda x: (x,), min(0.4, c.scaled(c.u)), high=0.5)
+
+
+@effect("governor", "", "w a", text="masses that swing outward with speed")
+def _governor(c, rng):
+    high = 3.0 / float(np.max(c.w**2))
+    start = c.scaled(3.0 * c.machine.J * c.w**2 * c.acceleration)
+    return Size(lambda x: (x,), min(high, start), high=high)
