@@ -71,6 +71,9 @@ def shapes(log: Log, rows: np.ndarray, at: np.ndarray, a: np.ndarray) -> list[Sh
         coarse = _spanned(theta, _even(theta[at], FEW))
     made.append(Shape(("theta", "w"), coarse * w[:, None]))
     made.append(Shape(("theta", "a"), coarse * a[:, None], answers=True))
+    speed = _spanned(w, _full(w[at], FEW))
+    made.append(Shape(("u", "w"), speed * u[:, None], answers=True))
+    made.append(Shape(("w", "a"), speed * a[:, None], answers=True))
     return sorted(made, key=lambda shape: len(shape.signals))
 
 
