@@ -60,7 +60,7 @@ CARRIED = (
     "and motion lacks, {:.0f} % where nothing was fitted; a simulation from the torque alone soon "
     "loses where it is."
 )
-MISLED = "With {} the held-out samples were foretold much worse than without: dropped."
+MISLED = "With {} the held-out samples were foretold worse than without: dropped."
 CHANCE = (
     "Held-out samples at {} are foretold only by other values within the parameters' uncertainty: "
     "record more starts and reversals, which tell them."
@@ -232,7 +232,7 @@ def _answer(job: Job, report: Progress) -> _Answer:
     """The explanation by the fitted samples, and what the others say to it."""
     job, found, wrong = _first_whole(_ways(job, report), report)
     if wrong:
-        names = " and ".join(step.trial.name for step in found.steps)
+        names = " and ".join(dict.fromkeys(step.trial.name for step in found.steps))
         job, found = noted(job, MISLED.format(names)), without_effects(found)
     job, final, test = replace(job, base=found.base), found.final, job.parts.test
     if found.unexplained:
@@ -257,7 +257,8 @@ def _first_whole(ways: Iterable[Job], report: Progress) -> tuple[Job, Explanatio
     tried = []
     for way in ways:
         job, found = _explained(way, report)
-        wrong = bool(found.steps) and misled(found.base, found.final, job.parts.test)
+        sure = not found.unexplained  # else they are a part at best
+        wrong = bool(found.steps) and misled(found.base, found.final, job.parts.test, sure=sure)
         tried.append((job, found, wrong))
         if not (found.unexplained or wrong):
             return tried[-1]
@@ -303,12 +304,12 @@ def _verdict(found: Explanation) -> tuple[str, tuple[str, ...]]:
     return "ambiguous" if tied else "found", signals_of([step.trial.name for step in found.steps])
 
 
-_ADVICE = {
-    "theta": "record slow moves over the same positions in both directions at two speeds",
-    "w": "record constant speeds from slow to fast in both directions",
+_ADVICE = {  # of several signals by the first
     "t": "repeat the same run cold and warm, and log temperature and load beside it",
-    "u": "record the same motion with a known added load, so that torque and motion differ",
+    "theta": "record slow moves over the same positions in both directions at two speeds",
     "a": "record the same move at two accelerations",
+    "u": "record the same motion with a known added load, so that torque and motion differ",
+    "w": "record constant speeds from slow to fast in both directions",
 }
 
 
@@ -317,7 +318,7 @@ def _experiment(verdict: str, effects: Sequence[Finding], depends: Sequence[str]
         said = next(finding for finding in effects if finding.alternatives).apart()
         return f"{said[0].upper()}{said[1:]}."
     if verdict == "unexplained":
-        advice = _ADVICE[depends[0]] if depends else _ADVICE["a"]
+        advice = next((said for k, said in _ADVICE.items() if k in depends), _ADVICE["a"])
         return f"To see what it is: {advice}."
     return None
 

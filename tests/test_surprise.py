@@ -120,14 +120,18 @@ def test_effects_that_held_out_samples_contradict_are_dropped(job):
     values = base.values | {"inertia_step.ratio": -0.3, "inertia_step.time": before}
     wrong = replace(base, predictor=predictor, values=values | {"J": 1.4 * base.values["J"]})
     right = replace(wrong, values=values | {"inertia_step.ratio": 0.0})
+    little = replace(wrong, values=values | {"inertia_step.ratio": -3e-4})
     assert misled(base, wrong, job.parts.test)
+    assert not misled(base, little, job.parts.test)
+    assert misled(base, little, job.parts.test, sure=False)  # a part of something at best
+    assert not misled(little, base, job.parts.test, sure=False)
     assert not misled(base, right, job.parts.test)
     assert not misled(wrong, base, job.parts.test)
 
 
 def test_dropping_them_is_said_and_leaves_what_they_explained(monkeypatch):
     case = make("torque_ripple", machine="servo", seed=4102, rate=500.0, duration=20.0)
-    monkeypatch.setattr("lugrectl.diagnosis.misled", lambda before, after, test: True)
+    monkeypatch.setattr("lugrectl.diagnosis.misled", lambda before, after, test, sure: True)
     dropped = diagnose(record_of(case), model_of(case))
     assert dropped.verdict == "unexplained" and not dropped.effects
     assert dropped.depends_on[0] == "theta"

@@ -98,11 +98,11 @@ def openings(fitted: Fitted) -> tuple[str, ...]:
     )
 
 
-def misled(before: Fitted, after: Fitted, test: Windows) -> bool:
-    """Whether effects make simulations of the held-out windows clearly worse.
+def misled(before: Fitted, after: Fitted, test: Windows, *, sure: bool = True) -> bool:
+    """Whether effects make simulations of the held-out windows worse, clearly if they are ``sure``.
 
-    By more than a factor altogether, and far more in some windows than better in others; those
-    aside in which a change lies that the fitted samples do not place.
+    Clearly is by more than a factor altogether, and far more in some windows than better in
+    others; those aside in which a change lies that the fitted samples do not place.
     """
     data = after.predictor.data
     measured = data.measured[test.counted]
@@ -113,7 +113,8 @@ def misled(before: Fitted, after: Fitted, test: Windows) -> bool:
     grown = np.diff(np.log(sizes), axis=0)
     worse, better = np.maximum(grown, 0.0).sum(), np.maximum(-grown, 0.0).sum()
     without, with_it = sizes.sum(axis=1)
-    return bool(with_it > WORSE**2 * without and worse > OUTWEIGHED * better)
+    factor, weight = (WORSE, OUTWEIGHED) if sure else (1.0, 1.0)
+    return bool(with_it > factor**2 * without and worse > weight * better)
 
 
 def undated(fitted: Fitted, test: Windows) -> bool:
