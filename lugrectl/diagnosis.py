@@ -19,6 +19,7 @@ from .tracing.explain import (
     Explanation,
     behind_a_filter,
     explain,
+    likely,
     without_effects,
 )
 from .tracing.far import far_off
@@ -218,14 +219,21 @@ def _from_start(start: Callable[..., Job], report: Progress) -> _Answer:
 
 
 def _by_either(start: Callable[..., Job], report: Progress) -> _Answer:
-    """The explanation; with fitted and held-out blocks exchanged if the latter know more."""
+    """The explanation; with fitted and held-out blocks exchanged if the latter know more.
+
+    Where they know a moment only, what changes then is known.
+    """
     first = _answer(start(), report)
-    wanting = len(first.unforeseen) or first.undated
-    if not wanting or not first.job.parts.in_sample:
+    new = len(first.unforeseen)
+    if not (new or first.undated) or not first.job.parts.in_sample:
         return first
-    again = _answer(noted(start(turned=True), TURNED), report)
-    whole = not (again.found.unexplained or len(again.unforeseen) or again.undated)
-    return again if len(first.unforeseen) or whole else first
+    job = noted(start(turned=True), TURNED)
+    if new:
+        return _answer(job, report)
+    again = _answer(replace(job, only=likely(first.found)), report)
+    if again.found.unexplained or len(again.unforeseen) or again.undated:
+        return first
+    return replace(again, found=replace(again.found, ranking=first.found.ranking))
 
 
 def _answer(job: Job, report: Progress) -> _Answer:
@@ -279,10 +287,11 @@ def _ways(job: Job, report: Progress) -> Iterator[Job]:
 def _explained(job: Job, report: Progress) -> tuple[Job, Explanation]:
     """The explanation, with another torque where the first effect shows that it is wanted."""
     test = job.parts.test
-    found = explain(job.base, report, test, partial(another_torque, recorded=job.recorded))
+    another = partial(another_torque, recorded=job.recorded)
+    found = explain(job.base, report, test, another, job.only)
     if found.other is not None:
         job = on_torque(job, found.other, report)
-        found = explain(job.base, report, test)
+        found = explain(job.base, report, test, only=job.only)
     final, base = (adapted(f, test, job.declared) for f in (found.final, found.base))
     return job, replace(found, final=final, base=base)
 

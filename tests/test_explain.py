@@ -8,11 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lugrectl.model import model_from_dict
+from lugrectl.results import Candidate
 from lugrectl.spec import members
+from lugrectl.tracing import search
 from lugrectl.tracing.choice import _comes_to, worth_trying
 from lugrectl.tracing.coordinates import free_keys
 from lugrectl.tracing.dated import dated
-from lugrectl.tracing.explain import _settles, _Trace
+from lugrectl.tracing.explain import _settles, _Trace, explain, likely
 from lugrectl.tracing.fit import fit
 from lugrectl.tracing.job import begin
 from lugrectl.tracing.predictor import Predictor
@@ -114,3 +116,38 @@ def test_other_effects_settle_it_where_they_are_as_likely(uneven):
     left = ended(100.0, True)
     assert _settles(ended(120.0, False), left) and not _settles(ended(120.0, True), left)
     assert _settles(ended(80.0, False), left) is uneven
+
+
+def test_only_the_effects_asked_for_are_tried():
+    case = make("torque_ripple", machine="servo", seed=4102, rate=500.0, duration=20.0)
+    job = begin(record_of(case), model_of(case), None, 1.0, quiet)
+    test = job.parts.test
+    found = explain(job.base, quiet, test, only=("gravity", "torque_ripple"))
+    assert [step.trial.name for step in found.steps] == ["torque_ripple"]
+    assert {c.name for c in found.ranking} <= {"gravity", "torque_ripple"}
+    assert likely(found)[0] == "torque_ripple"
+    assert not explain(job.base, quiet, test, only=("hard_stop",)).steps
+
+
+def test_likely_is_what_was_named_and_what_came_near_it_at_first():
+    ranking = [Candidate(name, score, 0.5, {}) for name, score in (("a", 9.0), ("b", 4.0))]
+    step = SimpleNamespace(trial=SimpleNamespace(name="c"), tied=(ranking[1],))
+    found = SimpleNamespace(ranking=ranking, steps=[step])
+    assert likely(found) == ("c", "b", "a")
+    assert likely(SimpleNamespace(ranking=[], steps=[])) == ()
+
+
+def test_the_search_is_over_with_a_fit_that_leaves_nothing(monkeypatch):
+    """The plant as it was believed to be is another start where something is left only."""
+    asked = []
+    monkeypatch.setattr(search, "at_anchor", lambda light: asked.append(1) or light)
+
+    def tried_on(name):
+        asked.clear()
+        case = make(name, machine="servo", seed=4102, rate=500.0, duration=20.0)
+        base = begin(record_of(case), model_of(case), None, 1.0, quiet).base
+        fits = search.contest(base, ["torque_ripple", "gravity"], 10.0, lambda said: None).fits
+        return fits[0][0].name, bool(asked)
+
+    assert tried_on("torque_ripple") == ("torque_ripple", False)
+    assert tried_on("torque_bumps") == ("torque_ripple", True)

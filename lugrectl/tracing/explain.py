@@ -45,6 +45,7 @@ PIECED = 0.98  # share below which as many effects as are tried are a patchwork,
 FIRMER = 1.0  # half-widths as in FIRM, from which an effect is chosen before others
 LOST = 0.2  # share of the residual's power taken by effects that are not firm
 MOST_EFFECTS = 3
+LIKELY = 0.5  # of the best effect's gain at first, from which another may be it on other samples
 RETRIED = 3  # candidates whose plant values the model without them is fitted from again
 
 
@@ -73,15 +74,19 @@ def explain(
     report: Progress,
     test: Windows,
     another: Callable[[Fitted, bool], Data | None] = lambda fitted, timed: None,
+    only: Sequence[str] = (),
 ) -> Explanation:
     """Add the best effect, refit everything, look again, until nothing proven is left.
 
     ``test`` are the held-out windows; they only tell apart what explains the others equally well.
     ``another`` tells, once an effect is known, whether another torque is to be taken; its second
-    argument is whether the only question is its time.
+    argument is whether the only question is its time. ``only`` these effects are tried, where any
+    are given, and no second start is made.
     """
-    trace = _Trace(base, test)
+    trace = _Trace(base, test, only)
     found = _traced(trace, report, another)
+    if only:
+        return found
     if found.unexplained and not trace.steps and not coloured(trace.current):
         trace.waiting = trace.hidden(partial(report, 0.15))
         found = _traced(trace, report, another) if trace.waiting else found
@@ -150,6 +155,14 @@ def _ended(
     return Explanation(base, tuple(steps), current, ranking, unexplained, signals, carried=carried)
 
 
+def likely(found: Explanation) -> tuple[str, ...]:
+    """What an explanation names, and what came near it at first."""
+    top = max((c.score for c in found.ranking), default=0.0)
+    near = [c.name for c in found.ranking if c.score > LIKELY * top]
+    named = [n for s in found.steps for n in (s.trial.name, *(c.name for c in s.tied))]
+    return tuple(dict.fromkeys([*named, *near]))
+
+
 def without_effects(found: Explanation) -> Explanation:
     """The same with none of the effects found; something is left if it was before, too."""
     base = found.base
@@ -174,8 +187,8 @@ def behind_a_filter(found: Explanation) -> Explanation:
 class _Trace:
     """The refitted model, the model with the effects accepted so far, and these."""
 
-    def __init__(self, base: Fitted, test: Windows) -> None:
-        self.base, self.current, self.test = base, base, test
+    def __init__(self, base: Fitted, test: Windows, only: Sequence[str] = ()) -> None:
+        self.base, self.current, self.test, self.only = base, base, test, only
         self.steps: list[Step] = []
         self.ranking: list[Candidate] = []
         self.waiting: list[Pair] = []
@@ -234,6 +247,8 @@ class _Trace:
             found, self.waiting = self.waiting, []
             return found
         names = worth_trying_on(self.current)
+        if self.only:
+            return self._proven([n for n in names if n in self.only], 0.5 * GATE, say)
         sound = self._proven(names, 0.5 * GATE, say)
         return sound or (self.hidden(say) if coloured(self.current) else [])
 

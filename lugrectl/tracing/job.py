@@ -62,6 +62,7 @@ class Job:
     base: Fitted
     doubts: tuple[str, ...] = ()
     recorded: Data | None = None  # before its torque was mended
+    only: tuple[str, ...] = ()  # effects to try, where not all
 
     @property
     def messages(self) -> tuple[str, ...]:
