@@ -12,6 +12,7 @@ from ..blocks.friction import EPS
 from ..errors import Refused
 from ..model import Model
 from ..spec import unit_for
+from .beside import beside
 from .coordinates import free_keys
 from .data import Data
 from .fit import QUIETER, Fitted, again, fit, tuned
@@ -80,7 +81,6 @@ def settled(base: Fitted, declared: Model) -> Fitted:
     base = _unbound(base, opened)
     light = lightened(base)
     free = [c.key for c in base.free] + list(base.instants)
-    best = light
     guesses = _guesses(declared, base.anchor, base.predictor.data)
     elsewhere = (*_elsewhere(base), *_turned(light), *_looser(base))
     believed = [(values, base.anchor) for values in elsewhere]
@@ -89,12 +89,15 @@ def settled(base: Fitted, declared: Model) -> Fitted:
     if loud(base):
         starts += [(base.values | base.anchor, base.anchor, quiet) for quiet in QUIETER]
         starts += [(base.values, base.anchor, QUIETER[0])]
-    for values, anchor, quiet in starts:
-        other = fit(
+
+    def begun(start: tuple[dict[str, float], dict[str, float], float]) -> Fitted:
+        values, anchor, quiet = start
+        return fit(
             light.predictor, values, free, light.where, light.noise,
             anchor=anchor, most=SHORT, rough=True, quiet=quiet,
         )  # fmt: skip
-        best = max(best, other, key=lambda f: f.total)
+
+    best = max([light, *beside(begun, starts)], key=lambda f: f.total)
     if best.total < light.total + BETTER:
         return base
     other = fit(
