@@ -113,8 +113,32 @@ def test_a_change_of_friction_level_is_shown_with_the_sign_taken_out():
     tr = replace(tr, residual={"refitted": step, "augmented": 0.0 * step})
     d = diagnosis(effects=(effect("friction_step", ratio=0.1, time=6.0),), traces=tr)
     view = views.residual(d)
-    assert view.level and np.allclose(view.before, 0.03 * (view.x > 6.0))
+    assert view.times == "w" and np.allclose(view.before, 0.03 * (view.x > 6.0))
     assert "x sign(w)" in plot.torque(d).get_ylabel()
+
+
+@pytest.mark.parametrize(
+    ("pair", "over", "times"),
+    [
+        (("w", "a"), "w", "a"),
+        (("u", "w"), "w", "u"),
+        (("t", "u"), "t", "u"),
+        (("theta", "w"), "theta", "w"),
+    ],
+)
+def test_a_product_of_two_signals_is_shown_over_one_with_the_sign_of_the_other(pair, over, times):
+    tr = traces()
+    tr = replace(tr, signals={**tr.signals, "a": np.gradient(tr.signals["w"], tr.t)})
+    d = replace(diagnosis("unexplained", traces=tr), depends_on=pair)
+    view, ax = views.residual(d), plot.torque(d)
+    assert view.times == times and view.label.startswith(over)
+    assert f"x sign({times})" in ax.get_ylabel()
+
+
+def test_a_candidate_that_was_not_fitted_has_no_share():
+    ranked = (Candidate("gravity", 30.0, 0.4, {}), Candidate("hard_stop", 20.0, 0.0, {}))
+    said = [text.get_text() for text in plot.ranking(replace(diagnosis(), ranking=ranked)).texts]
+    assert said[0].endswith("(40 %)") and "%" not in said[1]
 
 
 def test_linear_drives_have_linear_labels():

@@ -97,7 +97,7 @@ def torque(d: Any, ax: Axes | None = None) -> Axes:
         shown += list(mean[np.isfinite(mean)])
     unit = unit_for("N m", motion_of(d))
     name = "residual torque" if unit == "N m" else "residual force"
-    times = " x sign(w)" if view.level else ""
+    times = f" x sign({view.times})" if view.times else ""
     ax.set(xlabel=view.label, ylabel=f"{name}{times} [{unit}]", xlim=(edges[0], edges[-1]))
     margin = 0.15 * (max(shown) - min(shown))
     ax.set_ylim(min(shown) - margin, max(shown) + margin)
@@ -127,7 +127,7 @@ def ranking(d: Any, ax: Axes | None = None) -> Axes:
     ax.grid(False, axis="y")
     for i, c in enumerate(tried):
         ax.annotate(
-            f"{_score(c.score)}  ({100 * max(c.share, 0.0):.0f} %)",
+            _score(c.score) + (f"  ({100 * c.share:.0f} %)" if c.share > 0.0 else ""),
             (max(float(scores[i]), 0.0), i),
             xytext=(4, 0),
             textcoords="offset points",

@@ -21,14 +21,15 @@ class Residual:
     """Residual torque against the signal that explains it.
 
     ``before`` and ``after`` belong to the refitted and the augmented model (``after`` is None
-    where they are the same); values without a number are left out by the mask already.
+    where they are the same), both times the sign of the signal ``times``, if any; values without
+    a number are left out by the mask already.
     """
 
     x: np.ndarray
     before: np.ndarray
     after: np.ndarray | None
     label: str
-    level: bool
+    times: str
     held_out: bool
 
 
@@ -86,21 +87,21 @@ def residual(d: Any) -> Residual | None:
         return None
     x, label = _explaining(d)
     after = traces.residual.get("augmented")
-    sign = _level_sign(d)
-    good = np.isfinite(x) & np.isfinite(before) & (np.isfinite(sign) if sign is not None else True)
+    times = _times(d)
+    sign = np.sign(traces.signals[times]) if times else np.ones_like(x)
+    good = np.isfinite(x) & np.isfinite(before) & np.isfinite(sign)
     if not good.any():
         return None
     held_out = bool((good & traces.held_out).any())
     good = good & traces.held_out if held_out else good
-    factor = sign[good] if sign is not None else 1.0
     if not d.effects or (after is not None and np.array_equal(after, before, equal_nan=True)):
         after = None
     return Residual(
         x=x[good],
-        before=before[good] * factor,
-        after=None if after is None else after[good] * factor,
+        before=before[good] * sign[good],
+        after=None if after is None else after[good] * sign[good],
         label=label,
-        level=sign is not None,
+        times=times,
         held_out=held_out,
     )
 
@@ -113,13 +114,17 @@ def _effect(d: Any) -> tuple[Block | None, dict[str, float]]:
     return members("effect").get(first.name), {k: e.value for k, e in first.parameters.items()}
 
 
-def _level_sign(d: Any) -> np.ndarray | None:
-    """sign(w) where the effect changes a friction parameter: then the level is what differs."""
+def _times(d: Any) -> str:
+    """The signal whose sign is taken out, "" if none: w where an effect changes a friction
+    parameter, so that the level is what differs; of two signals on which what is left hangs, the
+    one that changes its sign more."""
     made, _ = _effect(d)
-    w = d.traces.signals.get("w")
-    if made is None or w is None or made.acts in (("torque",), ("input",)) or not made.acts:
-        return None
-    return np.sign(w)
+    given = d.traces.signals
+    if made is None:
+        pair = d.depends_on if d.verdict == "unexplained" and len(d.depends_on) == 2 else ()
+        return next((s for s in "auw" if s in pair and s in given), "")
+    plain = made.acts in (("torque",), ("input",)) or not made.acts
+    return "w" if "w" in given and not plain else ""
 
 
 def _explaining(d: Any) -> tuple[np.ndarray, str]:
@@ -127,6 +132,7 @@ def _explaining(d: Any) -> tuple[np.ndarray, str]:
     made, values = _effect(d)
     signals = {"t": d.traces.t, **d.traces.signals}
     wanted = ([*made.inputs, *(["t"] if made.timed else [])] if made else []) + list(d.depends_on)
+    wanted = [s for s in wanted if made or s != _times(d)]
     name = next((s for s in [*wanted, "w", "theta"] if s in signals), "t")
     motion = motion_of(d)
     unit, x = unit_for(UNITS.get(name, ""), motion), signals[name]
