@@ -86,7 +86,7 @@ def test_functions_add_up_to_one_and_are_made_where_asked(plain):
         assert shape.B.shape[0] == len(rows) and np.all(np.isfinite(shape.B))
         if np.all(shape.B >= 0.0):
             assert np.allclose(shape.B.sum(axis=1), 1.0)
-    assert sum(bool(np.any(shape.B < 0.0)) for shape in made) == 2  # by place, times w or a
+    assert sum(bool(np.any(shape.B < 0.0)) for shape in made) == 4  # times w, u or a
     assert np.allclose(pulses(500, 2e-3).sum(axis=1), 1.0)
 
 

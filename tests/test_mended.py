@@ -337,3 +337,25 @@ def test_a_smoothed_speed_of_a_fast_log_is_no_sensor(tmp_path):
     task = Task("effect", ("hard_stop",), "normal", 149000, hard=True, form="w smoothed")
     result = as_read(case_of(task), tmp_path)
     assert [e.name for e in result.effects] == ["hard_stop"] and result.verdict == "found"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name, seed, signals",
+    [
+        ("speed_hump", 158004, ("w",)),  # effects that took nothing said t
+        ("field_weakening", 157000, ("u", "w")),
+        ("governor", 157000, ("w", "a")),
+    ],
+)
+def test_what_takes_nothing_and_makes_held_out_samples_worse_is_not_listed(name, seed, signals):
+    result, names = verdict(sample(name, seed))
+    assert (result.verdict, result.depends_on, names) == ("unexplained", signals, [])
+
+
+@pytest.mark.slow
+def test_what_held_out_samples_only_date_is_not_sought_again():
+    """The exchange of blocks tried the whole catalogue for six minutes, and found nothing."""
+    result, names = verdict(sample("friction_step", 156000))
+    assert (result.verdict, names) == ("found", ["friction_step"])
+    assert len(result.ranking) > 3

@@ -120,10 +120,13 @@ def test_effects_that_held_out_samples_contradict_are_dropped(job):
     values = base.values | {"inertia_step.ratio": -0.3, "inertia_step.time": before}
     wrong = replace(base, predictor=predictor, values=values | {"J": 1.4 * base.values["J"]})
     right = replace(wrong, values=values | {"inertia_step.ratio": 0.0})
-    little = replace(wrong, values=values | {"inertia_step.ratio": -3e-4})
+    little, least = (
+        replace(wrong, values=values | {"inertia_step.ratio": r}) for r in (-1.6e-3, -3e-4)
+    )
     assert misled(base, wrong, job.parts.test)
     assert not misled(base, little, job.parts.test)
     assert misled(base, little, job.parts.test, sure=False)  # a part of something at best
+    assert not misled(base, least, job.parts.test, sure=False)
     assert not misled(little, base, job.parts.test, sure=False)
     assert not misled(base, right, job.parts.test)
     assert not misled(wrong, base, job.parts.test)

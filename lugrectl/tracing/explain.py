@@ -167,7 +167,7 @@ def without_effects(found: Explanation) -> Explanation:
     """The same with none of the effects found; something is left if it was before, too."""
     base = found.base
     left, signals = left_over(base, base, found=False, doubtful=False)
-    if found.unexplained:
+    if found.unexplained and not left:
         left, signals = True, found.hangs_on
     return replace(found, steps=(), final=base, unexplained=left, hangs_on=signals, carried=None)
 

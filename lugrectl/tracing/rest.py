@@ -106,6 +106,8 @@ def signals_of_the_rest(final: Fitted, base: Fitted, *, doubtful: bool = False) 
     if lack is not None and lack.is_better_than(final):
         return lack.signals
     left, whole = (while_sliding(f, everywhere=True) for f in (final, base))
+    if left.torque > whole.torque:  # the effects took nothing
+        final, left = base, whole
     shown: tuple[str, ...] = ()
     mostly = left.torque < HALF * whole.torque  # the effects took
     for look in (Sliding.of_moments, Sliding.of_fading, Sliding.of_signals, Sliding.of_time):

@@ -15,6 +15,7 @@ from .windows import Windows
 
 FORETOLD, HALF = 0.3, 0.5  # of the held-out windows' missing power, that may be left
 WORSE = 2.0  # times the error without them, above which effects are dropped
+PARTLY_WORSE = 1.2  # the same of effects beside which something is left
 LEAST, LARGEST = 1e-300, 1e300  # mean squares
 OUTWEIGHED = 3.0  # logarithms of what gets worse, over those of what gets better
 LED = 10  # part of a lead-in after which the state is known well enough for a large torque
@@ -113,7 +114,7 @@ def misled(before: Fitted, after: Fitted, test: Windows, *, sure: bool = True) -
     grown = np.diff(np.log(sizes), axis=0)
     worse, better = np.maximum(grown, 0.0).sum(), np.maximum(-grown, 0.0).sum()
     without, with_it = sizes.sum(axis=1)
-    factor, weight = (WORSE, OUTWEIGHED) if sure else (1.0, 1.0)
+    factor, weight = (WORSE, OUTWEIGHED) if sure else (PARTLY_WORSE, 1.0)
     return bool(with_it > factor**2 * without and worse > weight * better)
 
 
