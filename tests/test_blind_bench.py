@@ -162,10 +162,11 @@ def test_plan():
     one = [t for t in made if t.kind == "effect"]
     assert len(one) == 2 * 2 * len(CATALOGUE) and len(made) - len(one) == 4
     assert len({t.key for t in made}) == len(made)
-    made = bench.planned(bench.parser().parse_args(["--strangers", "17", "--pairs", "9"]))
-    assert [t.kind for t in made] == ["stranger"] * 17 + ["pair"] * 9
-    assert {t.names[0] for t in made[:17]} == set(STRANGERS)
-    assert all(plan.together(*t.names) for t in made[17:])
+    every = len(STRANGERS)
+    made = bench.planned(bench.parser().parse_args(["--strangers", str(every), "--pairs", "9"]))
+    assert [t.kind for t in made] == ["stranger"] * every + ["pair"] * 9
+    assert {t.names[0] for t in made[:every]} == set(STRANGERS)
+    assert all(plan.together(*t.names) for t in made[every:])
     assert not plan.together("gravity", "dwell_stiction")  # one wants motion, the other rests
     assert not plan.together("elastic_coupling", "backlash")
     hard = plan.tasks(["gravity"], ["normal"], range(200), 0, 0, 0, hard=0.3)
