@@ -13,7 +13,8 @@ def one_blas_thread() -> Iterator[None]:
     """Linear algebra inside takes one thread, where threadpoolctl is there to tell it.
 
     On small matrices its threads wait longer for each other than they work, several times as
-    long where other processes want the processors.
+    long where other processes want the processors. The setting is the whole process's: where
+    another thread ends its own first, the rest only takes longer.
     """
     try:
         from threadpoolctl import threadpool_limits

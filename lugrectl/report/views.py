@@ -85,9 +85,9 @@ def residual(d: Any) -> Residual | None:
     before = traces.residual.get("refitted")
     if before is None or not np.isfinite(before).any():
         return None
-    x, label = _explaining(d)
-    after = traces.residual.get("augmented")
     times = _times(d)
+    x, label = _explaining(d, times)
+    after = traces.residual.get("augmented")
     sign = np.sign(traces.signals[times]) if times else np.ones_like(x)
     good = np.isfinite(x) & np.isfinite(before) & np.isfinite(sign)
     if not good.any():
@@ -115,9 +115,11 @@ def _effect(d: Any) -> tuple[Block | None, dict[str, float]]:
 
 
 def _times(d: Any) -> str:
-    """The signal whose sign is taken out, "" if none: w where an effect changes a friction
-    parameter, so that the level is what differs; of two signals on which what is left hangs, the
-    one that changes its sign more."""
+    """The signal whose sign is taken out, "" if none.
+
+    w where an effect changes a friction parameter, so that the level is what differs; of two
+    signals on which what is left hangs a, else u, else w.
+    """
     made, _ = _effect(d)
     given = d.traces.signals
     if made is None:
@@ -127,12 +129,13 @@ def _times(d: Any) -> str:
     return "w" if "w" in given and not plain else ""
 
 
-def _explaining(d: Any) -> tuple[np.ndarray, str]:
-    """The abscissa of the residual and its label with unit."""
+def _explaining(d: Any, times: str) -> tuple[np.ndarray, str]:
+    """The abscissa of the residual and its label with unit; not that whose sign is taken out of
+    what no effect explains."""
     made, values = _effect(d)
     signals = {"t": d.traces.t, **d.traces.signals}
-    wanted = ([*made.inputs, *(["t"] if made.timed else [])] if made else []) + list(d.depends_on)
-    wanted = [s for s in wanted if made or s != _times(d)]
+    own = [*made.inputs, *(["t"] if made.timed else [])] if made else []
+    wanted = [*own, *(s for s in d.depends_on if made or s != times)]
     name = next((s for s in [*wanted, "w", "theta"] if s in signals), "t")
     motion = motion_of(d)
     unit, x = unit_for(UNITS.get(name, ""), motion), signals[name]

@@ -247,10 +247,10 @@ class _Trace:
             found, self.waiting = self.waiting, []
             return found
         names = worth_trying_on(self.current)
-        if self.only:
-            return self._proven([n for n in names if n in self.only], 0.5 * GATE, say)
+        names = [n for n in names if n in self.only] if self.only else names
         sound = self._proven(names, 0.5 * GATE, say)
-        return sound or (self.hidden(say) if coloured(self.current) else [])
+        more = not (sound or self.only) and coloured(self.current)
+        return self.hidden(say) if more else sound
 
     def hidden(self, say: Say) -> list[Pair]:
         """Those that are proven although they promise nothing, as they have no linear part: what

@@ -98,7 +98,7 @@ def signals_of_the_rest(final: Fitted, base: Fitted, *, doubtful: bool = False) 
     The balance of the sliding drive comes first. What is left may be a poor picture of one
     thing, torn by ``doubtful`` effects that were found in its place: then all that is missing
     tells more, unless they have taken it; and where one function told it better than they do, or
-    they took most of what was nearly all such a function.
+    they took most of what was nearly all such a function. Effects that took nothing say nothing.
     Time comes last: between two neighbours it tells whatever is slow. It comes first where all
     is missing in a few moments, or where friction or the torque's strength change with it.
     """
@@ -106,7 +106,7 @@ def signals_of_the_rest(final: Fitted, base: Fitted, *, doubtful: bool = False) 
     if lack is not None and lack.is_better_than(final):
         return lack.signals
     left, whole = (while_sliding(f, everywhere=True) for f in (final, base))
-    if left.torque > whole.torque:  # the effects took nothing
+    if left.torque > whole.torque:
         final, left = base, whole
     shown: tuple[str, ...] = ()
     mostly = left.torque < HALF * whole.torque  # the effects took
