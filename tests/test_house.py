@@ -103,7 +103,7 @@ def test_top_level_holds_what_it_should():
     listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True)
     tops = {line.split("/")[0] for line in listed.stdout.splitlines()}
     extra = {t for t in tops if not t.startswith(".")}
-    assert extra <= {"pyproject.toml", "lugrectl", "tests", "notebooks", "README.md"}
+    assert extra <= {"pyproject.toml", "lugrectl", "tests", "notebooks", "README.md", "LICENSE"}
 
 
 def test_rooms_are_not_crowded():
