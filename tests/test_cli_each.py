@@ -132,9 +132,9 @@ def _raises(*_):
     [
         ("left --each --holdout right/run.csv", "--holdout last"),
         ("left/run.csv --jobs 2", "--each"),
-        ("left --each --jobs 0", "from 1 on"),
-        ("left --each --jobs -2", "from 1 on"),
-        ("left --each --jobs many", "from 1 on"),
+        ("left --each --jobs 0", "at least 1"),
+        ("left --each --jobs -2", "at least 1"),
+        ("left --each --jobs many", "at least 1"),
         ("left nothing*.csv --each", "matches no file"),
         ("bare --each", "holds no record"),
         ("left --each --units nonsense", "nonsense"),
