@@ -176,12 +176,12 @@ def _fits(made: Block) -> None:
 def _reference(
     p: Parameters | Model, kind: str, prefilter: bool | float, feedforward: bool
 ) -> tuple[list[str], list[Any]]:
-    """The loop's reference inputs, and the blocks from there to the error and the feed-forward."""
+    """The loop's reference inputs, and the blocks from them to the error and the feed-forward."""
     measured, derivative = controllers.MEASURED[kind], controllers.DERIVATIVE[kind]
     ahead = [controllers.feedforward(p, kind)] if feedforward else []
     if prefilter is False or prefilter is None:
         return ["r", derivative][: 1 + len(ahead)], [controllers.error(kind), *ahead]
-    # the input keeps its name, so the filtered signals need others
+    # the input keeps its name, so the filtered signals need other names
     inputs, outputs = ["r"], ["r_filtered"]
     if feedforward:
         inputs += [derivative] if kind == "position" else []

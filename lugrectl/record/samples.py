@@ -32,14 +32,14 @@ class Record:
     or both, are present; ``r``, ``d``, ``temperature`` and ``theta_load`` are None when not
     recorded. ``t`` (s) starts at its recorded value and runs in steps of ``dt``.
 
-    ``gaps`` holds the indices of the first sample after a stretch of lost samples: there, and
-    only there, ``t`` jumps by more than ``dt``, and no simulation may run across.
-    ``dropped`` counts the samples of the file that were missing or merged; ``messages`` are
-    sentences on all that was noticed and done. ``resolution`` holds by role, where
-    channels were interpolated, the smallest step of the motion as recorded, in the channel's
-    unit; ``theta`` there is the sum of a ``w`` alone, in rad or m.
+    ``gaps`` holds the index of the first sample after each stretch of lost samples: only there
+    ``t`` jumps by more than ``dt``, and no simulation may run across.
+    ``dropped`` counts the samples of the file that were missing or merged; ``messages`` report
+    all that was noticed and changed. If channels were interpolated, ``resolution`` holds by role
+    the smallest step of the recorded motion, in the channel's unit; without a recorded theta its
+    ``theta`` is that of the integrated ``w``, in rad or m.
 
-    Raises InputError when the channels differ in length, hold NaN, or none is of motion.
+    Raises InputError when the channels differ in length, hold NaN, or w and theta are missing.
     """
 
     t: np.ndarray

@@ -215,7 +215,7 @@ def _name_columns(
 def _load_fast(
     lines: list[str], layout: _Layout, indices: Sequence[int]
 ) -> tuple[list[np.ndarray], list[str]] | None:
-    """Read the columns at C speed; None when anything calls for a closer look."""
+    """Read the columns at C speed; None if cells must be read one by one."""
     text, said = "\n".join(lines[layout.first :]), []
     if "#" in text:
         text = "\n".join(line for line in lines[layout.first :] if not _is_comment(line))

@@ -28,11 +28,11 @@ class Stamped:
     source: str
     t: np.ndarray
     channels: dict[str, np.ndarray]
-    where: Callable[[int], str]  # a row of the file, in words
+    where: Callable[[int], str]  # describes the place of a row in the file
     rows: np.ndarray = field(default_factory=lambda: np.empty(0, int))
     dropped: int = 0
     said: list[str] = field(default_factory=list)
-    steps: dict[str, float] = field(default_factory=dict)  # the smallest that were recorded
+    steps: dict[str, float] = field(default_factory=dict)  # the smallest recorded, by role
 
     def __post_init__(self) -> None:
         self.rows = np.arange(len(self.t))
@@ -76,7 +76,7 @@ def even(record: Record) -> Record:
 
 
 def _smallest_steps(log: Stamped) -> dict[str, float]:
-    """Smallest steps of the motion channels; of the summed speed, in steps, if there is no theta."""
+    """Smallest steps of the motion channels; without theta, that of the summed w in its place."""
     motion = {r: x for r, x in log.channels.items() if r in MOTION}
     if "theta" not in motion and "w" in motion:
         motion["theta"] = np.cumsum(np.nan_to_num(motion["w"], posinf=0.0, neginf=0.0))
