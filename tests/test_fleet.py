@@ -126,7 +126,7 @@ def test_an_interrupt_keeps_what_is_done(logs, job):
         "axis10.csv",
         "empty.csv",
     ]
-    assert "3 of 4 not diagnosed" in " ".join(str(fleet).split()) and "axis10.csv" in fleet._repr_html_()
+    assert "3 of 4 not" in str(fleet) and "axis10.csv" in fleet._repr_html_()
 
 
 def test_progress_runs_over_all_logs(logs, job):
