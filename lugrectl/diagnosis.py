@@ -144,8 +144,8 @@ def diagnose(
     job = noted(job, *flat, *many, *carried, *statements(whole), *openings(found.final))
     verdict, depends = _verdict(found)
     job = noted(job, *far_off(whole, model)) if verdict == "adequate" else job
-    told = estimates(whole)
-    effects = [Finding.of(s.trial.key, s.trial.name, told, s.tied) for s in found.steps]
+    fitted = estimates(whole)
+    effects = [Finding.of(s.trial.key, s.trial.name, fitted, s.tied) for s in found.steps]
     table = _table(found.final, job, depends, seed) if verdict == "unexplained" else None
     return Diagnosis(
         verdict=verdict,
@@ -157,7 +157,7 @@ def diagnose(
         torque_error=scored["torque_error"],
         model=whole.predictor.model.with_values(whole.values),
         declared=model,
-        estimates=told,
+        estimates=fitted,
         record=job.records[0],
         messages=job.messages,
         ranking=found.ranking,
