@@ -79,7 +79,8 @@ def _records(command: argparse.ArgumentParser) -> None:
     add(
         "--holdout",
         metavar="RECORD|last",
-        help="compute the errors on this file or on the last half, which are then not fitted",
+        help="hold out this file, or the last half, to compute the errors (default: every other "
+        "block)",
     )
     add(
         "--horizon",
