@@ -275,7 +275,7 @@ def block(
         The block's name, if it is not the name of the function.
     acts : str
         For an effect, what its output does: "torque" (added to the resisting side), "input"
-        (replaces u), "sensor" (the outputs are what the sensors say), names of parameters that
+        (replaces u), "sensor" (the outputs are the sensor signals), names of parameters that
         it multiplies by 1 + output, or names with a plus ("+Fc") to which it adds the output.
         One output serves all acts; otherwise each act has its own.
     confused, experiment : str

@@ -33,7 +33,7 @@ def audit(record: Record, labels: Mapping[str, str | None] | None = None) -> Rec
     role that the file or the user stated (None: not stated); they decide which of two channels
     has the wrong unit.
 
-    Raises Refused when ``u`` or the motion is constant or nothing but noise.
+    Raises Refused when ``u`` or the motion is constant or only noise.
     """
     _alive(record)
     record = consistent(record, labels)
