@@ -1,4 +1,4 @@
-"""Times, inputs and initial states in the forms that a user gives them."""
+"""Times, inputs and initial states in the forms that a user may give."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .errors import InputError
 
 
 def times(t: ArrayLike) -> np.ndarray:
-    """The times as an array; InputError where they do not increase."""
+    """The times as an array; InputError if they do not increase."""
     grid = np.array(t, dtype=float)
     if grid.ndim != 1 or not len(grid) or not np.all(np.isfinite(grid)):
         raise InputError("t must be a list of finite times.")
@@ -48,11 +48,11 @@ def inputs(name: str, labels: Sequence[str], t: np.ndarray, given: Any) -> np.nd
 def by_name(
     name: str, labels: Sequence[str], t: np.ndarray, given: Mapping[str, Any]
 ) -> np.ndarray:
-    """Inputs from a dict, each a number or (N,); 0 where one is left out."""
+    """Inputs from a dict, each a number or (N,); 0 if left out."""
     strange = [k for k in given if k not in labels]
     if strange:
         known = ", ".join(labels) or "none"
-        raise InputError(f"{name}: no input '{strange[0]}' comes from outside; there are {known}.")
+        raise InputError(f"{name}: there is no external input '{strange[0]}'; known: {known}.")
     u = np.zeros((len(labels), len(t)))
     for row, label in zip(u, labels, strict=True):
         values = np.asarray(given.get(label, 0.0), dtype=float)

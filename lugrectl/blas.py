@@ -1,4 +1,4 @@
-"""How many threads linear algebra takes."""
+"""The number of threads used by linear algebra."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ BLAS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # to be set before NumPy is 
 
 @contextlib.contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Linear algebra inside takes one thread, where threadpoolctl is there to tell it.
+    """Linear algebra inside uses one thread, if threadpoolctl is installed.
 
-    On small matrices its threads wait longer for each other than they work, several times as
-    long where other processes want the processors. The setting is the whole process's: where
-    another thread ends its own first, the rest only takes longer.
+    On small matrices the threads wait for each other longer than they work, several times as
+    long if other processes are busy. The setting holds for the whole process: if another Python
+    thread resets it first, the remaining work only takes longer.
     """
     try:
         from threadpoolctl import threadpool_limits

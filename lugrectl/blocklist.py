@@ -1,4 +1,4 @@
-"""Continuous blocks beside sampled ones, whose outputs are held between their ticks."""
+"""Continuous blocks together with sampled ones, which hold their outputs between updates."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .engine.hybrid import state_labels
 from .engine.net import Net, Part
 from .errors import InputError
 
-NEAR = 1e-6  # of the shortest sample time: ticks and times closer than that are one
+NEAR = 1e-6  # of the shortest sample time: updates and times closer than that are the same
 
 
 def simulate_blocks(
@@ -73,7 +73,8 @@ def wired(blocks: Sequence[Any], name: str = "blocks") -> tuple[Net, list[float]
     Raises
     ------
     InputError
-        For what is no block, two blocks of one name, or dt = True without a sample time.
+        For an item that is not a block, two blocks of one name, or dt = True without a sample
+        time.
     """
     systems = [_system(b) for b in blocks]
     names = [b.name for b in systems]
@@ -99,7 +100,8 @@ def wired(blocks: Sequence[Any], name: str = "blocks") -> tuple[Net, list[float]
 
 
 def together(blocks: Sequence[Any], name: str = "blocks") -> Any:
-    """The interconnection of continuous blocks: all signals out, all that none puts out in."""
+    """The interconnection of continuous blocks: outputs are all signals, inputs those that no
+    block outputs."""
     net, _ = wired(blocks, name)
     return ct.interconnect(
         [part.block for part in net.parts],
@@ -134,13 +136,13 @@ def _rate(block: Any, blocks: Sequence[Any]) -> float | None:
 
 
 def _outside(parts: Sequence[Part]) -> tuple[str, ...]:
-    """What is read and put out by none, in the order in which it is read."""
+    """Signals that a block reads and no block outputs, in the order in which they are read."""
     made = {k for part in parts for k in part.outputs}
     return tuple(dict.fromkeys(k for part in parts for k in part.inputs if k not in made))
 
 
 def _course(t: np.ndarray, u: np.ndarray, periods: Sequence[float], hold: bool) -> Course:
-    """Ticks at the multiples of each sample time, between the first and the last wanted time."""
+    """Updates at the multiples of each sample time, between the first and the last time."""
     near = NEAR * min(periods)
     grid, ticks = t, []
     for dt in periods:
@@ -150,7 +152,7 @@ def _course(t: np.ndarray, u: np.ndarray, periods: Sequence[float], hold: bool) 
     flags = np.zeros((len(periods), len(grid)))
     for row, own in zip(flags, ticks, strict=True):
         row[_nearest(grid, own)] = 1.0
-        row[0] = max(row[0], 0.5)  # before the first tick: the answer to the initial state
+        row[0] = max(row[0], 0.5)  # before the first update: the output of the initial state
     column = np.full(len(grid), -1)
     column[_nearest(grid, t)] = np.arange(len(t))
     if hold:
@@ -161,7 +163,7 @@ def _course(t: np.ndarray, u: np.ndarray, periods: Sequence[float], hold: bool) 
 
 
 def _joined(grid: np.ndarray, more: np.ndarray, near: float) -> np.ndarray:
-    """The grid with those of the other times that it does not have."""
+    """The grid, with the other times added that are not in it."""
     if not len(more):
         return grid
     new = more[np.abs(grid[_nearest(grid, more)] - more) > near]
@@ -183,7 +185,7 @@ def followed(
     method: str | None,
     rtol: float,
 ) -> Track:
-    """The track of a net from its initial states, those of the blocks one after the other."""
+    """The simulated track of a net from its initial states, one block after the other."""
     chosen, p = engine(net, params, method)
     sampled = is_sampled(net)
     track = chosen.run(course, start[~sampled], start[sampled], p, rtol)
@@ -200,7 +202,7 @@ def followed(
 
 
 def is_sampled(net: Net) -> np.ndarray:
-    """Of each state in the blocks' order, whether it is a sampled block's."""
+    """For each state in the blocks' order, whether it belongs to a sampled block."""
     return np.array([part.sampled for part in net.parts for _ in range(part.nstates)], dtype=bool)
 
 

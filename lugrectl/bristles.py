@@ -1,4 +1,4 @@
-"""The bristle deflection along a measured velocity, exact where the velocity is held."""
+"""The bristle deflection along a measured velocity, exact for a velocity held between samples."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ KEYS = ("sigma0", "Fc", "Fs", "vs")
 BLOCK = 8192  # samples whose coefficients stay in the processor's cache
 CHUNK = 8 * BLOCK  # samples for one thread at a time
 
-# dz/dt = b - a z at held w; z moves by the share 1 - e^(-a dt) of the way to b/a, and by b dt
-# where a is 0.
+# dz/dt = b - a z at held w; in one step z covers the share 1 - e^(-a dt) of the distance to b/a,
+# and changes by b dt if a is 0.
 _COEFFICIENTS = """
 def coefficients(w, p, dt):
     {names}, = p
@@ -57,7 +57,7 @@ def deflection(w: ArrayLike, dt: float, p: Parameters | Model, z0: ArrayLike = 0
     dt : float
         Sample time in s.
     p : Parameters or Model
-        Whose sigma0, Fc, Fs, vs are taken.
+        Gives sigma0, Fc, Fs, vs.
     z0 : float or (L,) array_like
         Deflection in rad at the first sample.
 
@@ -69,14 +69,14 @@ def deflection(w: ArrayLike, dt: float, p: Parameters | Model, z0: ArrayLike = 0
     Raises
     ------
     InputError
-        For a dt that is not positive, a velocity that is no number, shapes that do not fit, or a
-        LuGre parameter without a value.
+        For a dt that is not positive, a NaN in the velocity, shapes that do not fit, or a LuGre
+        parameter without a value.
 
     Notes
     -----
-    Exact for a velocity that is constant from sample to sample, at any speed; the velocity of a
-    moving drive is not, which leaves an error of first order in dt. Source paper, eq. LuGre1,
-    taken from the friction law's own function.
+    Exact for a velocity that is constant between samples, at any speed. The velocity of a real
+    drive varies between samples, which leaves an error of first order in dt. Source paper, eq.
+    LuGre1, evaluated by the friction law's own function.
     """
     speed, start = _checked(w, dt, z0)
     values = _values(p)
@@ -111,7 +111,7 @@ def _values(p: Parameters | Model) -> tuple[float, ...]:
     missing = [k for k in KEYS if have.get(k) is None]
     if missing:
         raise InputError(
-            f"{model.name} gives no {', '.join(missing)}: the deflection is that of a LuGre model."
+            f"{model.name} gives no {', '.join(missing)}: the deflection needs a LuGre model."
         )
     values = {k: float(have[k]) for k in KEYS}  # pyright: ignore[reportArgumentType]
     lugre.check(values)
@@ -131,7 +131,7 @@ def _along(w: np.ndarray, dt: float, values: tuple[float, ...], z: np.ndarray) -
 def _coefficients_along(
     w: np.ndarray, dt: float, values: tuple[float, ...]
 ) -> Iterator[tuple[np.ndarray, ...]]:
-    """Block by block; the threads are ahead of the recursion on a long record."""
+    """Block by block; on a long record threads compute them ahead of the recursion."""
     coefficients = _coefficients()
 
     def chunk(begin: int) -> list[tuple[np.ndarray, ...]]:
@@ -183,5 +183,5 @@ def _coefficients() -> Callable[..., tuple[np.ndarray, ...]]:
 
 
 def _no_underflow(node: Node, args: tuple[Node, ...]) -> Node | None:
-    """e^x below 1e-304 is several times slower than above, and adds nothing either way."""
+    """Limit e^x to 1e-304: smaller values are several times slower and contribute nothing."""
     return np.exp(np.maximum(args[0], -700.0)) if node.op == "exp" else None  # pyright: ignore

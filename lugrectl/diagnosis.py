@@ -49,26 +49,27 @@ from .tracing.windows import windows
 from .tracing.witness import statements
 
 TURNED = (
-    "The blocks first held out show a torque, or the moment of a change, that the others do not: "
-    "fitted and held-out blocks were exchanged."
+    "The held-out blocks show a torque, or the time of a change, that the fitted blocks do not "
+    "show. Fitted and held-out blocks were exchanged."
 )
 MANY = (
-    "A state that the motion does not show for a while makes many optima: the values found may be "
-    "off by tens of per cent, so no intervals are given."
+    "The likelihood has several local maxima, because the motion does not show one state of the "
+    "model for a part of the record. The values may be off by tens of per cent, so no intervals "
+    "are given."
 )
 CARRIED = (
-    "Driven by the measured motion the load takes {:.0f} % of the power that the balance of torque "
-    "and motion lacks, {:.0f} % where nothing was fitted; a simulation from the torque alone soon "
-    "loses where it is."
+    "Driven by the measured motion, the load explains {:.0f} % of the power of the residual in "
+    "the balance of torque and motion, {:.0f} % on samples that were not fitted. A simulation "
+    "from the torque alone soon loses the load's position."
 )
-MISLED = "With {} the held-out samples were foretold worse than without: dropped."
+MISLED = "Adding {} made the prediction of held-out samples worse: removed from the model."
 CHANCE = (
-    "Held-out samples at {} are foretold only by other values within the parameters' uncertainty: "
-    "record more starts and reversals, which tell them."
+    "The held-out samples at {} can be predicted only with other parameter values inside their "
+    "confidence region. Record more starts and reversals, which determine these parameters."
 )
-NEW = "The held-out samples show a torque that the fitted ones do not: at {}."
-AT_ODDS = 0.5  # least colour of the innovations of both theta and w
-EARLY = 0.05  # s, lead-in where something happens in the first moments that is not seen later
+NEW = "The held-out samples show a torque that the fitted samples do not show: at {}."
+AT_ODDS = 0.5  # least autocorrelation of the innovations of both theta and w
+EARLY = 0.05  # s, lead-in if something happens at the start of the record and never again
 
 
 @one_blas_thread()
@@ -81,33 +82,34 @@ def diagnose(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """Find what physical effect a declared model lacks to explain a log.
+    """Find the physical effect that is missing from a declared model, from a log.
 
     The declared model is refitted by the likelihood of its one-step predictions, so that a
-    wrong parameter is not called a missing effect. Effects of the catalogue are tried jointly
-    with a refit, and accepted when the gain holds over the training windows. Errors are those
-    of simulations from the recorded torque alone, on samples that no fit has seen; what these
-    contradict is not named, or called unexplained. Of a single
-    record the parameters given at the end come from all samples, after the errors were taken.
-    A speed that is only the position's difference is left out of the fit, a torque that was
-    logged up to a sample late is moved, noise on it is taken out; each is said in ``messages``.
+    wrong parameter is not reported as a missing effect. Each effect of the catalogue is tried
+    together with a refit, and accepted when the gain is significant over the training windows.
+    Errors are those of simulations from the recorded torque alone, on samples that no fit has
+    used. An effect that these samples contradict is not named, or the verdict is "unexplained".
+    For a single record the final parameters are fitted to all samples, after the errors were
+    computed. A speed that is only the difference of the position is not fitted. A torque that
+    was logged up to one sample late is shifted, and noise on it is removed; ``messages`` reports
+    each of these steps.
 
     Parameters
     ----------
     record : Record or list of Record
-        One run, or several of one rate. Up to eight may differ in the torque's offset and, by a
-        factor, in friction, and in where theta is zero, if nothing that is declared hangs on it:
-        these are fitted against the first run, and said in ``messages``.
-        Four or more runs at a steady speed each, of any rates, are one map of friction: see
-        :func:`lugrectl.friction_map.diagnose_map`.
+        One run, or several of the same sampling rate. Up to eight runs may differ in the offset
+        of the torque, in friction (by a factor) and, if no declared effect depends on theta, in
+        the zero of theta. These differences are fitted relative to the first run and reported
+        in ``messages``. Four or more runs at a steady speed each, of any rates, are one friction
+        map: see :func:`lugrectl.friction_map.diagnose_map`.
     model : Model
         The declared model; missing values are identified.
     holdout : None, "last" or Record
-        Every other block, the last half, or another run is held out.
+        What is held out: every other block (None), the last half, or another run.
     horizon : float
         Time between restarts of the simulation, s.
     seed : int
-        For what is drawn at random: the resampled error of the table of what is left.
+        Seed of the random numbers, which only the error of the residual table uses.
     progress : callable
         ``progress(fraction, what)``.
 
@@ -118,7 +120,7 @@ def diagnose(
     Raises
     ------
     Refused
-        When the record cannot answer.
+        When the record cannot answer the question.
     """
     report = progress or (lambda fraction, what: None)
     if not isinstance(record, Record) and is_map(record):
@@ -129,9 +131,9 @@ def diagnose(
         hidden = signals_of_the_rest(found.final, found.base)
         found = replace(found, unexplained=True, hangs_on=hidden)
         job = noted(job, NEW.format(when(found.final, job.parts.test, new)))
-    known = None if job.data.late else answer.known  # that has not the filter
+    known = None if job.data.late else answer.known  # fitted before the filter was added
     found = behind_a_filter(found)
-    report(0.85, "judging on held-out samples")
+    report(0.85, "errors on held-out samples")
     scored = score(job, found.final)
     report(0.92, "parameters and intervals")
     whole = found.final if len(new) else known or on_everything(found.final, job)
@@ -142,8 +144,8 @@ def diagnose(
     job = noted(job, *flat, *many, *carried, *statements(whole), *openings(found.final))
     verdict, depends = _verdict(found)
     job = noted(job, *far_off(whole, model)) if verdict == "adequate" else job
-    told = estimates(whole)
-    effects = [Finding.of(s.trial.key, s.trial.name, told, s.tied) for s in found.steps]
+    fitted = estimates(whole)
+    effects = [Finding.of(s.trial.key, s.trial.name, fitted, s.tied) for s in found.steps]
     table = _table(found.final, job, depends, seed) if verdict == "unexplained" else None
     return Diagnosis(
         verdict=verdict,
@@ -155,7 +157,7 @@ def diagnose(
         torque_error=scored["torque_error"],
         model=whole.predictor.model.with_values(whole.values),
         declared=model,
-        estimates=told,
+        estimates=fitted,
         record=job.records[0],
         messages=job.messages,
         ranking=found.ranking,
@@ -166,11 +168,11 @@ def diagnose(
 
 @dataclass(frozen=True)
 class _Answer:
-    """An explanation, and what held-out samples say to one that is taken to be whole.
+    """An explanation, and its check on the held-out samples.
 
-    ``unforeseen`` are the windows that no values of it explain; ``undated`` says that only they
-    tell when something changed. ``known`` has values from all samples, where they were asked
-    for, ``own`` what held-out runs have for themselves, where they were wanted.
+    ``unforeseen``: held-out windows that no values of the explanation predict. ``undated``: only
+    the held-out samples show when something changed. ``known``: the fit to all samples, if it
+    was needed. ``own``: the fit with offsets of the held-out runs' own, if it was needed.
     """
 
     job: Job
@@ -182,8 +184,8 @@ class _Answer:
 
 
 def _answered(start: Callable[..., Job], report: Progress) -> _Answer:
-    """The explanation; of the position, if w turns out to be its difference, or if something is
-    left of a w that had to be brought to an even step."""
+    """The explanation. It is repeated on the position alone if w turns out to be its difference,
+    or if a w that had to be resampled leaves something unexplained."""
     answer = _from_start(start, report)
     if halfway(answer.found.final, [step.trial.name for step in answer.found.steps]):
         summed = _from_start(partial(start, halfway=True), report)
@@ -196,17 +198,19 @@ def _answered(start: Callable[..., Job], report: Progress) -> _Answer:
 
 
 def _uneven(job: Job) -> bool:
-    """Whether theta and w were interpolated, and the innovations of both foretell themselves: no
-    torque does that to a model that may follow them, but two sensors at odds do."""
+    """Whether theta and w were interpolated and the innovations of both are autocorrelated. A
+    missing torque does not cause both (the predictor follows the motion); sensors that
+    contradict each other do."""
     interpolated = any(record.resolution for record in job.records)
     both = bool(np.all(job.data.noise.channels()))
     return interpolated and both and min(colour(job.base.quiet)) > AT_ODDS
 
 
 def _from_start(start: Callable[..., Job], report: Progress) -> _Answer:
-    """The explanation; by samples from nearly the start on if that is out of the ordinary.
+    """The explanation, repeated with a shorter lead-in if the first samples are anomalous.
 
-    Unless these lose an effect that others prove: its own state, a dwell say, is not known there.
+    The repeated one is not used if it loses an effect that the first one found: near the start
+    the effect's own state (of a dwell, for instance) is unknown.
     """
     usual = _by_either(start, report)
     whole = not (usual.found.unexplained or len(usual.unforeseen))
@@ -219,9 +223,10 @@ def _from_start(start: Callable[..., Job], report: Progress) -> _Answer:
 
 
 def _by_either(start: Callable[..., Job], report: Progress) -> _Answer:
-    """The explanation; with fitted and held-out blocks exchanged if the latter know more.
+    """The explanation, with fitted and held-out blocks exchanged if the latter show more.
 
-    Where they know a moment only, what changes then is known.
+    If they show only the time of a change, the effects of the first explanation are kept and
+    only these are tried.
     """
     first = _answer(start(), report)
     new = len(first.unforeseen)
@@ -237,7 +242,7 @@ def _by_either(start: Callable[..., Job], report: Progress) -> _Answer:
 
 
 def _answer(job: Job, report: Progress) -> _Answer:
-    """The explanation by the fitted samples, and what the others say to it."""
+    """The explanation found on the fitted samples, checked on the held-out samples."""
     job, found, wrong = _first_whole(_ways(job, report), report)
     if wrong:
         names = " and ".join(dict.fromkeys(step.trial.name for step in found.steps))
@@ -246,10 +251,10 @@ def _answer(job: Job, report: Progress) -> _Answer:
     if found.unexplained:
         return _Answer(job, found, np.array([], dtype=int), False)
     new, known, own = surprising(final, test), None, None
-    if len(new):  # perhaps the fitted samples only do not tell the parameters well enough
+    if len(new):  # the fitted samples may not determine the parameters well enough
         known = on_everything(final, job)
         new = surprising(final, test, known.values)
-        # or a run that was held out is colder, its torque recorded with an offset
+        # or a held-out run was colder, or its torque has another offset
         own = with_its_own(final, test) if len(new) else None
         doubted = new if own is None else surprising(own, test)
         new = beyond_doubt(final, known, test, doubted)
@@ -260,12 +265,12 @@ def _answer(job: Job, report: Progress) -> _Answer:
 
 
 def _first_whole(ways: Iterable[Job], report: Progress) -> tuple[Job, Explanation, bool]:
-    """The first explanation that leaves nothing and that held-out windows do not speak against,
-    else the first; and whether they do."""
+    """The first explanation that is complete and that held-out windows do not contradict, else
+    the first one; and whether they contradict it."""
     tried = []
     for way in ways:
         job, found = _explained(way, report)
-        sure = not found.unexplained  # else they are a part at best
+        sure = not found.unexplained  # else the effects are a part of the answer at best
         wrong = bool(found.steps) and misled(found.base, found.final, job.parts.test, sure=sure)
         tried.append((job, found, wrong))
         if not (found.unexplained or wrong):
@@ -274,8 +279,8 @@ def _first_whole(ways: Iterable[Job], report: Progress) -> tuple[Job, Explanatio
 
 
 def _ways(job: Job, report: Progress) -> Iterator[Job]:
-    """A job with theta of its runs moved, then with theta and torque as recorded: what a missing
-    effect does was perhaps taken for something to mend."""
+    """The job with the zero of theta of its runs aligned, then with theta, then torque as
+    recorded: a missing effect may have been mistaken for a fault of the channel."""
     moved = on_places(job, report)
     if moved is not None:
         yield moved
@@ -285,7 +290,7 @@ def _ways(job: Job, report: Progress) -> Iterator[Job]:
 
 
 def _explained(job: Job, report: Progress) -> tuple[Job, Explanation]:
-    """The explanation, with another torque where the first effect shows that it is wanted."""
+    """The explanation, repeated with another torque if the first effect calls for it."""
     test = job.parts.test
     another = partial(another_torque, recorded=job.recorded)
     found = explain(job.base, report, test, another, job.only)
@@ -297,14 +302,14 @@ def _explained(job: Job, report: Progress) -> tuple[Job, Explanation]:
 
 
 def _table(final: Fitted, job: Job, depends: Sequence[str], seed: int) -> Table | None:
-    """What is left as a function of the signals that it hangs on; none that foretells nothing."""
+    """The residual torque as a table over what it depends on; None if it predicts nothing."""
     torque = missing_torque(final.predictor, final.values, final.where, job.base.noise)
     made = tabulate(torque, job.data.log, final.where.counted, depends, seed=seed)
     return made if made is not None and made.share95[1] > 0.0 else None
 
 
 def _verdict(found: Explanation) -> tuple[str, tuple[str, ...]]:
-    """The verdict, and the signals on which what was found or left hangs."""
+    """The verdict, and the signals on which the effects found or the residual depend."""
     if found.unexplained:
         return "unexplained", found.hangs_on
     if not found.steps:
@@ -313,12 +318,12 @@ def _verdict(found: Explanation) -> tuple[str, tuple[str, ...]]:
     return "ambiguous" if tied else "found", signals_of([step.trial.name for step in found.steps])
 
 
-_ADVICE = {  # of several signals by the first
-    "t": "repeat the same run cold and warm, and log temperature and load beside it",
-    "theta": "record slow moves over the same positions in both directions at two speeds",
+_ADVICE = {  # if the residual depends on several of these signals, the first one counts
+    "t": "repeat the same run with a cold and a warm drive, and log temperature and load as well",
+    "theta": "record slow moves over the same positions, in both directions and at two speeds",
     "a": "record the same move at two accelerations",
     "u": "record the same motion with a known added load, so that torque and motion differ",
-    "w": "record constant speeds from slow to fast in both directions",
+    "w": "record constant speeds, from slow to fast, in both directions",
 }
 
 
@@ -328,7 +333,7 @@ def _experiment(verdict: str, effects: Sequence[Finding], depends: Sequence[str]
         return f"{said[0].upper()}{said[1:]}."
     if verdict == "unexplained":
         advice = next((said for k, said in _ADVICE.items() if k in depends), _ADVICE["a"])
-        return f"To see what it is: {advice}."
+        return f"To identify the missing effect: {advice}."
     return None
 
 

@@ -12,7 +12,7 @@ class InputError(ValueError):
 class Refused(ValueError):
     """A readable record that cannot answer the question (exit code 3).
 
-    ``experiment`` says in one sentence what to record instead, where that is known.
+    ``experiment`` says in one sentence what to record instead, if that is known.
     """
 
     exit_code = 3

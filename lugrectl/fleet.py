@@ -1,4 +1,4 @@
-"""Many logs, each diagnosed by itself: a fleet of axes."""
+"""Many logs, each diagnosed separately: a fleet of axes."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ Logs = str | Path | Record | Iterable[str | Path | Record]
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one log.
+    """The result for one log.
 
-    ``document`` is the diagnosis as plain data, None where the log could not be read;
-    ``reason`` says why it was not answered, ``exit_code`` is that of the command line.
+    ``document`` is the diagnosis as plain data, None if the log could not be read; ``reason``
+    says why there is no answer, ``exit_code`` is that of the command line.
     """
 
     file: str
@@ -89,7 +89,7 @@ def _effect(found: Mapping[str, Any], verdict: str) -> dict[str, Any]:
 class Fleet:
     """The answer of :func:`lugrectl.diagnose_each`, in the order of the logs.
 
-    ``unfinished`` names the logs that an interrupt left out.
+    ``unfinished`` names the logs that were not diagnosed because of an interrupt.
     """
 
     outcomes: tuple[Outcome, ...] = field(repr=False)
@@ -103,7 +103,7 @@ class Fleet:
 
     @property
     def diagnoses(self) -> dict[str, Diagnosis]:
-        """The diagnoses by file; those not kept are left out."""
+        """The diagnoses by file, without those that were not kept."""
         return {o.file: o.diagnosis for o in self.outcomes if o.diagnosis is not None}
 
     @property
@@ -113,7 +113,7 @@ class Fleet:
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many logs have which verdict; the last is "failed"."""
+        """The number of logs with each verdict; the last is "failed"."""
         verdicts = [o.verdict for o in self.outcomes]
         return {name: verdicts.count(name) for name in (*VERDICTS, FAILED)}
 
@@ -158,23 +158,23 @@ def diagnose_each(
     keep: bool = True,
     **options: Any,
 ) -> Fleet:
-    """Diagnose every log by itself against one declared model.
+    """Diagnose every log separately against one declared model.
 
-    A log that cannot be read or answered does not stop the others. An interrupt ends the work
-    and returns what is done.
+    A log that cannot be read or answered does not stop the others. An interrupt (Ctrl-C) ends
+    the work and returns the results so far.
 
     Parameters
     ----------
     records : path, folder, pattern, Record, or several of them
-        Of a folder all .csv, .mat, .npz and .parquet files; files are read where the work is
-        done, one at a time.
+        A folder stands for all its .csv, .mat, .npz and .parquet files. Each file is read by the
+        process that diagnoses it, one at a time.
     model : Model
-        The declared model; missing values are identified, for each log anew.
+        The declared model; missing values are identified for each log.
     jobs : int
-        That many processes, each with one numerical thread (a script then needs
-        ``if __name__ == "__main__":``); 1 works here and now.
+        Number of processes, each with one numerical thread (a script then needs
+        ``if __name__ == "__main__":``); 1 works in the calling process.
     executor : concurrent.futures.Executor
-        Carries the work instead (threads, Dask, MPI) and is not shut down.
+        Runs the jobs instead (threads, Dask, MPI) and is not shut down.
     progress : callable
         ``progress(fraction, what)``, over all logs.
     keep : bool
@@ -206,8 +206,8 @@ def run_each(
     done: Callable[[Outcome, Any], Outcome] | None = None,
     **options: Any,
 ) -> Fleet:
-    """:func:`diagnose_each`; ``render`` makes something of a diagnosis where it was made, and
-    ``done`` gets it here as soon as the log is through."""
+    """:func:`diagnose_each`; ``render`` turns a diagnosis into files in the worker process, and
+    ``done`` receives them in this process as soon as the log is done."""
     logs = record_files(_several(records))
     names = _names(logs)
     reading, options = _split(options, model)
@@ -238,7 +238,7 @@ def run_each(
 
 @dataclass(frozen=True)
 class Task:
-    """What is done with one log, wherever that is; returns the outcome and what was rendered."""
+    """The work on one log, in any process; returns the outcome and what was rendered."""
 
     model: Model | Sent
     reading: Mapping[str, Any]
@@ -280,7 +280,7 @@ class Task:
 
 
 def refusal(no: Refused, model: Model, records: Sequence[Record]) -> Diagnosis:
-    """The diagnosis that says why the records read so far cannot answer."""
+    """The diagnosis "refused", with the reason, of the records read so far."""
     return Diagnosis(
         "refused",
         reason=str(no),
@@ -321,7 +321,8 @@ def _split(options: Mapping[str, Any], model: Model) -> tuple[dict[str, Any], di
     rest = {k: v for k, v in options.items() if k not in _READING}
     if rest.get("holdout") not in (None, "last"):
         raise InputError(
-            "each log is judged on its own samples: holdout is 'last' or left out, not a file."
+            "the errors of each log are computed on its own samples: holdout must be 'last' or "
+            "left out, not a file."
         )
     inspect.signature(diagnose).bind(None, model, progress=None, **rest)
     return reading, rest

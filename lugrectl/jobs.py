@@ -1,8 +1,8 @@
-"""Independent jobs inline, on processes of this machine, or on any executor.
+"""Independent jobs in this process, on processes of this machine, or on any executor.
 
-``run_jobs`` yields results as they are ready, keeps a bounded number of chunks under way (so
-that neither items nor results pile up), turns a failing job into a :class:`JobError`, and leaves
-nothing running behind when it is interrupted.
+``run_jobs`` yields results as they are ready and keeps a bounded number of chunks in progress, so
+that neither items nor results accumulate. It turns a failing job into a :class:`JobError`, and
+stops all jobs when it is interrupted.
 """
 
 from __future__ import annotations
@@ -32,16 +32,16 @@ R = TypeVar("R")
 Progress = Callable[[float, str], None]
 Chunk = list[tuple[int, Any]]  # (index, item)
 UNEXPECTED = 70
-_AHEAD = 2  # chunks under way for each worker: one at work, one waiting
-_UNKNOWN = 16  # workers of an executor that does not say how many it has
+_AHEAD = 2  # chunks in progress for each worker: one at work, one waiting
+_UNKNOWN = 16  # number of workers assumed for an executor that does not give it
 
 
 @dataclass(frozen=True)
 class JobError:
     """A job that failed: its index, what happened in one sentence, and an exit code.
 
-    ``exit_code`` is the error's own (``InputError`` 2, ``Refused`` 3), 2 where a file cannot be
-    read, and 70 for any other exception or a worker that died.
+    ``exit_code`` is the error's own (``InputError`` 2, ``Refused`` 3), 2 if a file cannot be
+    read, and 70 for any other exception or a worker process that died.
     """
 
     index: int
@@ -50,7 +50,7 @@ class JobError:
 
     @classmethod
     def of(cls, index: int, error: BaseException) -> JobError:
-        """The error in a sentence: its own words where they are meant for the user."""
+        """The error as a sentence: its own message if that is meant for the user."""
         code = getattr(error, "exit_code", None)
         if isinstance(code, int):
             return cls(index, str(error), code)
@@ -73,17 +73,17 @@ def run_jobs(
     Parameters
     ----------
     function : callable
-        Of one item. With processes or a cluster it and its results must pickle: a function at
-        the top of a module, or a ``functools.partial`` of one.
+        A function of one item. With processes or a cluster it and its results must be
+        picklable: a function at the top of a module, or a ``functools.partial`` of one.
     items : iterable
-        Taken as needed, a few chunks ahead.
+        Read as needed, a few chunks ahead.
     executor : concurrent.futures.Executor, optional
-        Carries the jobs (threads, processes, ``dask.distributed.Client.get_executor()``, mpi4py)
+        Runs the jobs (threads, processes, ``dask.distributed.Client.get_executor()``, mpi4py)
         and is not shut down.
     jobs : int
-        Without ``executor``: 1 runs here and now, more on that many processes, started afresh
+        Without ``executor``: 1 runs in the calling process, more in that many new processes
         ("spawn": a script needs ``if __name__ == "__main__":``). With ``executor``: its number
-        of workers, where it does not say so itself (decides how far ahead items are sent).
+        of workers, if it does not give it itself (decides how far ahead items are sent).
     chunk : int
         Items in one task.
     progress : callable, optional
@@ -92,19 +92,19 @@ def run_jobs(
     Yields
     ------
     (index, result)
-        A job that raised yields a ``JobError`` in place of its result; the others go on. A
-        worker process that dies costs the one item at which it died.
+        A job that raised yields a ``JobError`` in place of its result; the others go on. If a
+        worker process dies, only the item at which it died is lost.
 
     Raises
     ------
     InputError
         For jobs or chunk below 1, and for a function that cannot be sent to another process.
     KeyboardInterrupt
-        After what was finished has been yielded. What has not begun is cancelled; processes
-        started here are ended.
+        After the finished results have been yielded. Jobs that have not begun are cancelled;
+        processes started here are ended.
     """
     if int(jobs) != jobs or jobs < 1 or int(chunk) != chunk or chunk < 1:
-        raise InputError(f"jobs and chunk are whole numbers from 1; they are {jobs} and {chunk}.")
+        raise InputError(f"jobs and chunk must be whole numbers >= 1, not {jobs} and {chunk}.")
     parts = _chunks(items, int(chunk))
     if executor is not None:
         workers = jobs if jobs > 1 else getattr(executor, "_max_workers", None) or _UNKNOWN
@@ -122,7 +122,7 @@ def _reported(
 ) -> Iterator[tuple[int, Any]]:
     with contextlib.closing(found):
         for done, pair in enumerate(found, 1):
-            yield pair  # first: an interrupt during the report must not cost the result
+            yield pair  # first: an interrupt during the report must not lose the result
             if progress is not None:
                 fraction = done / total if total else 0.0
                 progress(fraction, f"{done} of {total}" if total else f"{done} done")
@@ -141,7 +141,7 @@ def _one_by_one(function: Callable[[Any], Any], chunk: Chunk) -> Iterator[tuple[
 
 
 def _work(function: Callable[[Any], Any], chunk: Chunk) -> list[tuple[int, Any]]:
-    """What a worker does with a chunk."""
+    """Run the function on each item of a chunk (in the worker)."""
     return list(_one_by_one(function, chunk))
 
 
@@ -165,8 +165,8 @@ def _spread(
     ahead: int,
     lost: list[Chunk] | None = None,
 ) -> Generator[tuple[int, Any]]:
-    """Results from an executor. Where it breaks: with ``lost``, what it took along goes there and
-    no more is taken from ``chunks``; without, each job that it refuses is an error."""
+    """Results from an executor. If it breaks: with ``lost``, the unfinished items go there and
+    no more are read from ``chunks``; without, each job that it refuses is an error."""
     waiting: dict[Future[Any], Chunk] = {}
     try:
         while True:
@@ -191,7 +191,7 @@ def _cancel(futures: Iterable[Future[Any]]) -> None:
 
 
 def _submitted(executor: Executor, function: Callable[[Any], Any], part: Chunk) -> Future[Any]:
-    """A future, already failed where the executor is broken or shut down."""
+    """A future, already failed if the executor is broken or shut down."""
     try:
         return executor.submit(_work, function, part)
     except Exception as error:
@@ -216,7 +216,7 @@ def _collected(
 def _on_processes(
     function: Callable[[Any], Any], chunks: Iterator[Chunk], jobs: int
 ) -> Generator[tuple[int, Any]]:
-    """On processes of our own. Where one dies, what it took along is run again item by item."""
+    """Results from our own processes. If one dies, the lost items are run again one by one."""
     lost: list[Chunk] = []
     while True:
         with _processes(jobs) as pool:
@@ -230,7 +230,7 @@ def _on_processes(
 
 
 def _one_at_a_time(function: Callable[[Any], Any], pairs: Chunk) -> Generator[tuple[int, Any]]:
-    """Take pairs off the list until a process dies of one."""
+    """Run pairs off the list until one makes the process die."""
     died: list[Chunk] = []
     with _processes(1) as pool:
         while pairs and not died:
@@ -243,8 +243,8 @@ def _one_at_a_time(function: Callable[[Any], Any], pairs: Chunk) -> Generator[tu
 
 @contextlib.contextmanager
 def _processes(count: int) -> Iterator[ProcessPoolExecutor]:
-    """Fresh processes; ended at once when an interrupt or an early end leaves the block."""
-    # spawn: a fork would copy the locks of threads (numba, BLAS) in whatever state they are
+    """New processes; ended at once if an interrupt or an early exit leaves the block."""
+    # spawn: a fork would copy locks of threads (numba, BLAS) in an undefined state
     pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=_deaf)
     try:
         yield pool
@@ -258,5 +258,5 @@ def _processes(count: int) -> Iterator[ProcessPoolExecutor]:
 
 
 def _deaf() -> None:
-    """Ctrl-C is for the process that started the workers; it ends them."""
+    """Ignore Ctrl-C: the process that started the workers handles it and ends them."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -1,4 +1,4 @@
-"""Ready-made loops: blocks wired by their signal names alone."""
+"""Ready-made loops: blocks connected by their signal names alone."""
 
 from __future__ import annotations
 
@@ -55,12 +55,12 @@ def velocity_loop(
     gains : dict, optional
         Any other parameters of the observer by name, ``gains={"tau": 0.005}``.
     observer_parameters : Parameters or Model, optional
-        What the observer believes; as the plant where left out.
+        The parameters used by the observer; default: those of the plant.
     prefilter : bool or float
-        Put pole/(s + pole) behind the input r; True is the source paper's 2/(s + 2).
+        Filter the input r by pole/(s + pole); True is the source paper's 2/(s + 2).
     feedforward : bool
         Add u = J dr with the plant's J. dr, the derivative of r in rad/s2, becomes an input;
-        with a prefilter it is the exact derivative of the filtered reference and no input.
+        with a prefilter it is the exact derivative of the filtered reference, not an input.
     load : bool
         Add the input d, a load torque in N m that opposes positive w.
     name : str
@@ -69,9 +69,9 @@ def velocity_loop(
     Returns
     -------
     control.InterconnectedSystem
-        Inputs r [, dr] [, d]; outputs theta, w, F, Fhat, u, e. e is against the filtered
-        reference where there is a prefilter. Parameters of a block are set at simulation time
-        by its key, ``params={"plant.Fc": 0.3}``, and reach no other block; blocks: plant,
+        Inputs r [, dr] [, d]; outputs theta, w, F, Fhat, u, e. With a prefilter e refers to the
+        filtered reference. Parameters of a block are set at simulation time by its key,
+        ``params={"plant.Fc": 0.3}``, and change no other block; blocks: plant,
         *observer*_observer, pi, feedforward, prefilter.
 
     Raises
@@ -82,9 +82,9 @@ def velocity_loop(
     Notes
     -----
     Source paper, fig. sys (a). Stiff: with python-control, simulate with
-    ``solve_ivp_method="LSODA"`` and an atol of 1e-8 or less, as z is about 1e-3. SciPy's BDF and
-    Radau can stop with an error: nothing depends on theta, and the step with which they
-    differentiate by it grows until it overflows.
+    ``solve_ivp_method="LSODA"`` and an atol of 1e-8 or less, because z is about 1e-3. SciPy's
+    BDF and Radau can stop with an error: no rate depends on theta, so the finite difference step
+    that they use for theta grows until it overflows.
     """
     shared = {"K1": K1, "K2": K2, "k": k}
     estimate = _observer(observer, observer_parameters or p, shared, gains)
@@ -121,7 +121,7 @@ def position_loop(
         N m/rad, N m/rad (pure integral: N m/(rad s)), N m s/rad, s.
     feedforward : bool
         Add u = J ddr with the plant's J. ddr, the second derivative of r in rad/s2, becomes an
-        input, also with a prefilter, which it then passes as r does.
+        input, also with a prefilter; the prefilter then filters it as well.
     p, observer, K1, K2, k, gains, observer_parameters, prefilter, load, name
         As in :func:`velocity_loop`; e is the position error, k is in 1/s.
 
@@ -140,7 +140,7 @@ def position_loop(
     -----
     Source paper, fig. sys (b). Its gains, the defaults, make the compensated loop unstable:
     J s^3 + kp s + ki has no s^2 term, and the growth has a time constant of 19 s. kd > 0 with
-    kd kp > J ki cures it.
+    kd kp > J ki makes it stable.
     """
     shared = {"K1": K1, "K2": K2, "k": k}
     estimate = _observer(observer, observer_parameters or p, shared, gains)
@@ -155,7 +155,7 @@ def _observer(
     shared: Mapping[str, Any],
     gains: Mapping[str, Any] | None,
 ) -> Any:
-    """The observer block of a loop; ``shared`` gains that it does not have are left out."""
+    """The observer block of a loop, without the ``shared`` gains that it does not have."""
     made = observer_block("no_observer" if name is None else name)
     _fits(made)
     known = {g: v for g, v in shared.items() if v is not None and g in made.parameters}
@@ -176,12 +176,12 @@ def _fits(made: Block) -> None:
 def _reference(
     p: Parameters | Model, kind: str, prefilter: bool | float, feedforward: bool
 ) -> tuple[list[str], list[Any]]:
-    """The loop's reference inputs, and the blocks from there to the error and the feed-forward."""
+    """The loop's reference inputs, and the blocks from them to the error and the feed-forward."""
     measured, derivative = controllers.MEASURED[kind], controllers.DERIVATIVE[kind]
     ahead = [controllers.feedforward(p, kind)] if feedforward else []
     if prefilter is False or prefilter is None:
         return ["r", derivative][: 1 + len(ahead)], [controllers.error(kind), *ahead]
-    # the input keeps its name, so the filtered signals need others
+    # the input keeps its name, so the filtered signals need other names
     inputs, outputs = ["r"], ["r_filtered"]
     if feedforward:
         inputs += [derivative] if kind == "position" else []
@@ -199,7 +199,7 @@ def _closed(parts: list[Any], inputs: list[str], load: bool, name: str) -> ct.In
         [*parts, controllers.compensation()],
         inputs=inputs + ["d"] * load,
         outputs=list(OUTPUTS),
-        # empty, or two loops in one system would share the last one's values
+        # empty: else two loops in one system would share the values of the last one
         params={},
         check_unused=False,
         name=name,

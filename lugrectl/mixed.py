@@ -29,7 +29,7 @@ def simulate_sampled(
     delay: int = 0,
     rtol: float = 1e-6,
 ) -> ct.TimeResponseData:
-    """The response of a continuous plant whose inputs come from sampled blocks, wired by names.
+    """The response of a continuous plant with sampled control, blocks connected by signal names.
 
     Parameters
     ----------
@@ -37,28 +37,28 @@ def simulate_sampled(
         Any continuous system; its outputs are measured at the samples.
     drive : control.NonlinearIOSystem or list of them
         Discrete-time blocks of one dt (see :func:`lugrectl.sampled`) and blocks without states,
-        wired among themselves by their signal names; equal output names add up. What they put
-        out under the name of a plant input is held there until the next sample.
+        connected by their signal names; outputs of the same name are added. An output with the
+        name of a plant input is held there until the next sample.
     t : (N,) array_like
         The sample times in s, dt apart.
     inputs : dict or array_like, optional
-        Signals that neither side puts out, by name, each a number or (N,): a reference r, a load
-        d, held between samples. Those left out are 0. A number or an array (N,) or (m, N) stands
-        for those that the drive reads, in the order of the result's ``input_labels``.
+        Signals that are outputs of neither side, by name, each a number or (N,): a reference r,
+        a load d, held between samples. Those left out are 0. A number or an array (N,) or (m, N)
+        gives those that the drive reads, in the order of the result's ``input_labels``.
     x0, drive_x0 : float or array_like
         Initial states of plant and drive: a number for all, or a list padded with zeros.
     delay : int
-        Samples between the measurement and the moment its torque acts: 0 acts at once, 1 is a
-        drive that computes for one period. Inputs before the first are 0. An observer in the
-        drive sees the torque when it is commanded.
+        Number of samples between the measurement and the action of its torque: 0 acts at once, 1
+        is a drive that computes for one period. Before the first command the plant's inputs are
+        0. An observer in the drive reads the torque at the instant of the command.
     rtol : float
         Error allowed in a step of the plant, relative to the states.
 
     Returns
     -------
     control.TimeResponseData
-        At the samples: outputs of the plant, as measured before this sample's torque acts, then
-        of the drive; states of both.
+        At the samples: outputs of the plant, measured before the torque of this sample acts,
+        then those of the drive; states of both.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def simulate_sampled(
         When the parts do not fit together: no common signals, a block in continuous time in the
         drive, times that are not dt apart, unknown or missing inputs.
     Diverged
-        When a state or signal grows without bound: names it and the time.
+        When a state or signal grows without bound; the message names it and the time.
 
     Examples
     --------
@@ -105,7 +105,7 @@ def simulate_sampled(
 def _parts(plant: Any, drive: Any, delay: Any) -> tuple[Part, ...]:
     """The plant, the drive's blocks, and the delay between them."""
     if int(delay) != delay or delay < 0:
-        raise InputError(f"delay is a whole number of samples, 0 or more, not {delay!r}.")
+        raise InputError(f"delay must be a whole number of samples, 0 or more, not {delay!r}.")
     blocks = [drive] if isinstance(drive, ct.NonlinearIOSystem) else list(drive)
     _fit(blocks)
     logic = [Part(b, tuple(b.input_labels), tuple(b.output_labels), 0) for b in blocks]
@@ -113,12 +113,13 @@ def _parts(plant: Any, drive: Any, delay: Any) -> tuple[Part, ...]:
     read = {k for part in logic for k in part.inputs}
     twice = sorted({*plant.output_labels} & made)
     if twice:
-        raise InputError(f"{plant.name} and the drive both put out {', '.join(twice)}.")
+        raise InputError(f"{plant.name} and the drive both have the output {', '.join(twice)}.")
     acting = [k for k in plant.input_labels if k in made]
     if not acting or not read & {*plant.output_labels}:
         raise InputError(
-            f"the drive must put out one of {', '.join(plant.input_labels)} and read one of "
-            f"{', '.join(plant.output_labels)}: {plant.name} and the drive are wired by names."
+            f"the drive must have one of the outputs {', '.join(plant.input_labels)} and one of "
+            f"the inputs {', '.join(plant.output_labels)}: {plant.name} and the drive are "
+            "connected by signal names."
         )
     late = LATE if delay else ""
     entries = tuple(k + late if k in acting else k for k in plant.input_labels)
@@ -145,7 +146,7 @@ def _fit(blocks: Sequence[Any]) -> None:
     free = [b.name for b in blocks if b.nstates and not b.isdtime(strict=True)]
     if free:
         raise InputError(
-            f"{free[0]} runs in continuous time: give the drive sampled({free[0]}, dt)."
+            f"{free[0]} is a continuous-time block: use sampled({free[0]}, dt) in the drive."
         )
     rates = {float(b.dt) for b in blocks if b.nstates and b.dt is not True}
     if len(rates) > 1:
@@ -153,14 +154,14 @@ def _fit(blocks: Sequence[Any]) -> None:
 
 
 def _outside(parts: Sequence[Part], plant: Any) -> tuple[str, ...]:
-    """What nobody puts out: first what the drive reads, then what the plant alone reads."""
+    """Signals that no block outputs: first those the drive reads, then those of the plant only."""
     made = {k for part in parts for k in part.outputs}
     ordered = [k for part in (*parts[1:], parts[0]) for k in part.inputs]
     return tuple(dict.fromkeys(k for k in ordered if k not in made))
 
 
 def _inputs(net: Net, t: np.ndarray, given: Any) -> np.ndarray:
-    """By name; an array or a number stands for what the drive reads."""
+    """Inputs by name; an array or a number gives those that the drive reads."""
     read = {k for part in net.parts[1:] for k in part.inputs}
     references = [k for k in net.outside if k in read]
     if given is None:
@@ -170,8 +171,8 @@ def _inputs(net: Net, t: np.ndarray, given: Any) -> np.ndarray:
         rows = [rows] * len(references) if rows.ndim == 0 else np.atleast_2d(rows)
         if len(rows) != len(references):
             raise InputError(
-                f"the drive reads {', '.join(references) or 'nothing'} from outside, "
-                f"but there are {len(rows)} inputs."
+                f"the drive has the external inputs {', '.join(references) or '(none)'}, "
+                f"but {len(rows)} were given."
             )
         given = dict(zip(references, rows, strict=True))
     return arguments.by_name(net.name, net.outside, t, given)
@@ -184,7 +185,7 @@ def _grid(t: Any, parts: Sequence[Part]) -> np.ndarray:
     step = np.diff(times)
     wanted = float(step[0]) if dt is None and len(step) else dt
     if len(step) and np.max(np.abs(step - wanted)) > 1e-6 * float(wanted or 1.0):
-        raise InputError(f"t must go in steps of the drive's sample time, {wanted:g} s.")
+        raise InputError(f"t must increase in steps of the drive's sample time, {wanted:g} s.")
     return times
 
 
@@ -200,7 +201,7 @@ def _drive_states(drive: Any, parts: Sequence[Part]) -> list[str]:
 
 
 def _drive_start(drive: Any, parts: Sequence[Part], x0: Any) -> np.ndarray:
-    """The drive's states, then those of the delay, which begins with zeros."""
+    """The drive's states, then those of the delay, which are 0 at the start."""
     count, own = sum(p.nstates for p in parts[1:]), len(_drive_states(drive, parts))
     single = isinstance(drive, ct.NonlinearIOSystem)
     start = arguments.start(drive.name if single else "drive", own, x0)

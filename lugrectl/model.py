@@ -83,7 +83,7 @@ class Model:
         return next(part for part in self.effects if part.key == key)
 
     def known(self) -> dict[str, float]:
-        """``values()`` without those still missing."""
+        """``values()`` without those that are not known yet."""
         return {k: v for k, v in self.values().items() if v is not None}
 
     def with_values(self, flat: Mapping[str, float | None]) -> Model:
@@ -125,12 +125,12 @@ class Model:
         if Fs is None or Fc is None or Fs >= Fc:
             return ()
         return (
-            f"model {self.name}: Fs = {Fs:g} is below Fc = {Fc:g}, though stiction is the higher "
-            "of the two; the fit starts from Fs = Fc and keeps Fs above it.",
+            f"model {self.name}: Fs = {Fs:g} is below Fc = {Fc:g}, but stiction cannot be less "
+            "than Coulomb friction; the fit starts from Fs = Fc and keeps Fs >= Fc.",
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Nested like the TOML file; values not yet known are left out."""
+        """A dict nested like the TOML file; values that are not known yet are left out."""
 
         def known(values: Mapping[str, float | None]) -> dict[str, float]:
             return {k: v for k, v in values.items() if v is not None}
@@ -150,8 +150,8 @@ def model_from_dict(data: Mapping[str, Any], where: str) -> Model:
     Raises
     ------
     InputError
-        For an unknown key, friction model or effect, a value that is no number or outside its
-        bounds; the sentence starts with ``where``.
+        For an unknown key, friction model or effect, a value that is not a number or is outside
+        its bounds; the message starts with ``where``.
     """
     _known(data, ("name", "motion", "plant", "friction", "effects"), where)
     motion = data.get("motion", "rotary")
@@ -169,7 +169,7 @@ def model_from_dict(data: Mapping[str, Any], where: str) -> Model:
     )
     effects = data.get("effects", [])
     if not isinstance(effects, list):
-        raise InputError(f"{where}: effects are written [[effects]], once for each effect.")
+        raise InputError(f"{where}: write [[effects]] above each effect.")
     for entry in effects:
         name = entry.get("name")
         use = _part(name, members("effect"), entry, f"{where}: [[effects]] {name}", "effect")
@@ -230,7 +230,7 @@ def read_model(path: str | Path) -> Model:
     Raises
     ------
     InputError
-        When the file is missing, is not TOML, or says something that is not understood.
+        When the file is missing, is not TOML, or holds an unknown key or a wrong value.
     """
     path = Path(path)
     try:

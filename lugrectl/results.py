@@ -1,4 +1,4 @@
-"""What a diagnosis says: small frozen objects, plain data, no drawing and no printing."""
+"""Results of a diagnosis: small frozen objects, plain data, no drawing and no printing."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ VERDICTS = ("adequate", "found", "ambiguous", "unexplained", "refused")
 
 @dataclass(frozen=True)
 class Estimate:
-    """A fitted value with its unit and 95 % interval (None where it cannot be told)."""
+    """A fitted value with its unit and 95 % interval (None if it cannot be determined)."""
 
     value: float
     unit: str
@@ -50,7 +50,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Finding:
-    """An effect that the declared model lacks, and what else would explain the same."""
+    """An effect missing from the declared model, and others that would explain the same."""
 
     name: str
     parameters: Mapping[str, Estimate]
@@ -60,16 +60,16 @@ class Finding:
     def of(
         cls, key: str, name: str, estimates: Mapping[str, Estimate], tied: tuple[Candidate, ...]
     ) -> Finding:
-        """The effect ``name`` with what ``estimates`` of a whole model say of its part ``key``."""
+        """The effect ``name`` with its parameters, taken from the model's estimates of ``key``."""
         prefix = f"{key}."
         own = {k.removeprefix(prefix): e for k, e in estimates.items() if k.startswith(prefix)}
         return cls(name, own, tied)
 
     def apart(self, how: str | None = None) -> str:
-        """What tells it from what explains the same; empty where nothing does."""
+        """The experiment that distinguishes it from its alternatives; "" if it has none."""
         others = " or ".join(c.name for c in self.alternatives)
         how = how or members("effect")[self.name].experiment
-        return f"to tell {self.name} from {others}: {how}" if others else ""
+        return f"to distinguish {self.name} from {others}: {how}" if others else ""
 
     def summary(self) -> dict[str, Any]:
         return {
@@ -98,13 +98,13 @@ class Traces:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """An unexplained residual torque as a table over the signals it hangs on: no physics.
+    """An unexplained residual torque as a table over the signals it depends on: no physics.
 
-    ``signals``: the one it is a table over, and "w" where each direction has its own. ``points``
-    (n,) in that signal's SI unit; ``values`` (n,), or (2, n) for w > 0 and w < 0, on the
-    resisting side; ``error`` their standard errors; ``periodic``: it repeats every 2 pi.
+    ``signals``: the table's abscissa, followed by "w" if each direction has its own values.
+    ``points`` (n,) in the abscissa's SI unit; ``values`` (n,), or (2, n) for w > 0 and w < 0,
+    positive where they resist; ``error`` their standard errors; ``periodic``: repeats every 2 pi.
     ``share``: part of the residual torque's power that such a table predicts on windows that it
-    was not fitted to, below 0 where it does worse than none; ``share95`` its interval over
+    was not fitted to (below 0 if it is worse than no table); ``share95`` its 95 % interval over
     ``windows`` windows. ``rms``: of the tabulated torque along the record.
     """
 
@@ -122,7 +122,7 @@ class Table:
 
     @property
     def name(self) -> str:
-        """What it is."""
+        """The table's name in words."""
         over = self.signals[0] + " and the direction of w" * (len(self.signals) == 2)
         return f"unexplained residual over {over} (table, no physics)"
 
@@ -133,7 +133,7 @@ class Table:
         inputs: Sequence[str] | None = None,
         outputs: Sequence[str] | None = None,
     ) -> ct.NonlinearIOSystem:
-        """The table as a block that puts out d: :func:`lugrectl.tabulated`."""
+        """The table as a block with output d: :func:`lugrectl.tabulated`."""
         return tabulated(
             self.signals[0],
             self.points,
@@ -205,9 +205,9 @@ class Diagnosis:
     """The answer of :func:`lugrectl.diagnose`.
 
     ``error``, ``free_error`` and ``torque_error`` are the mappings of the JSON format; ``model``
-    is the augmented model (the refitted one where nothing was added, None where refused).
-    ``table`` offers what is unexplained as a block; ``compensation`` is there where asked for;
-    ``map`` where the records are runs at steady speed.
+    is the augmented model (the refitted one if nothing was added, None if refused).
+    ``table`` offers the unexplained torque as a block; ``compensation`` is set if it was asked
+    for, ``map`` if the records are runs at steady speed.
     """
 
     verdict: str

@@ -1,4 +1,4 @@
-"""Blocks on a sampled drive: discrete-time forms that are exact at constant speed."""
+"""Discrete-time forms of blocks for a sampled drive, exact at constant speed."""
 
 from __future__ import annotations
 
@@ -38,17 +38,17 @@ def sampled(
     dt : float
         Sample time in s.
     held : list of str, optional
-        Inputs that are held between samples, as a drive holds its torque; all others run
-        linearly. Default: "u" where there is one.
+        Inputs that are held between samples, as a drive holds its torque; all others are linear
+        between samples. Default: "u" if there is one.
     name : str, optional
         Default: the system's name.
 
     Returns
     -------
     control.NonlinearIOSystem
-        Inputs, outputs and parameters of the system. States: those of the system at the last
-        sample, the inputs then (``last_w`` ...), and ``begun``, 0 until the first sample, at
-        which the states are taken as they are.
+        With the inputs, outputs and parameters of the system. States: those of the system at the
+        last sample, the inputs at that sample (``last_w`` ...), and ``begun``, 0 before the
+        first sample, at which the states are not advanced.
 
     Raises
     ------
@@ -58,10 +58,11 @@ def sampled(
 
     Notes
     -----
-    phi1(x) = (e^x - 1)/x, phi2(x) = (phi1(x) - 1)/x. At constant speed, other inputs linear
-    between samples, the result is that of the continuous block, and as stable; the speed within a
-    step is its value in the middle, which where it changes leaves an error of second order in dt.
-    The outputs answer the sample just taken, except for held inputs, which act from then on.
+    phi1(x) = (e^x - 1)/x, phi2(x) = (phi1(x) - 1)/x. At constant speed, with the other inputs
+    linear between samples, the result equals that of the continuous block, and is as stable. A
+    speed that changes within a step is replaced by its value in the middle, which leaves an
+    error of second order in dt. The outputs use the current sample; held inputs act from the
+    current sample on.
     """
     _fits(system, dt)
     labels = list(system.input_labels)
@@ -84,7 +85,7 @@ def sampled(
         s, v = np.asanyarray(s), np.asanyarray(v)
         before = _array([t - dt, *s[n:-1]])
         now = _array([t, *np.where(holds, s[n:-1], v)])
-        if object in (before.dtype, now.dtype):  # the engine follows the equations
+        if object in (before.dtype, now.dtype):  # the engine traces the equations
             return np.where(s[-1] < 0.5, s[:n], advanced(s[:n], before, now, params))
         if s[-1] < 0.5:
             return s[:n]
@@ -167,8 +168,8 @@ def ramp_response(B: np.ndarray, start: np.ndarray, change: np.ndarray) -> np.nd
 def _by_polynomials(B: np.ndarray, start: np.ndarray, change: np.ndarray) -> np.ndarray:
     """f(B) = a + b B for phi1 and phi2, where b is the slope of f between the eigenvalues.
 
-    phi1 and phi2 are divided differences of e^x with one and two nodes at 0. In that of three
-    or four nodes the two that are farthest apart are taken last: nothing cancels.
+    phi1 and phi2 are divided differences of e^x with one and two nodes at 0. A difference of
+    three or four nodes ends with the two that are farthest apart, which avoids cancellation.
     """
     middle, half = 0.5 * (B[0, 0] + B[1, 1]), 0.5 * (B[0, 0] - B[1, 1])
     gap = half * half + B[0, 1] * B[1, 0]
@@ -212,7 +213,7 @@ def _by_pair(middle: Any, reach: Any, det: Any, here: Any) -> tuple[Any, Any, An
 
 
 def _by_recursion(middle: Any, reach: Any, det: Any, here: Any) -> tuple[Any, Any, Any, Any]:
-    """Real eigenvalues, the larger one not small: divided differences that end on it."""
+    """Real eigenvalues, the larger one not small: divided differences that end with it."""
     large = np.where(here, middle + np.where(middle < 0.0, -reach, reach), 1.0)
     small = np.where(here, det, 0.0) / large
     highest = np.where(large > small, large, small)
@@ -246,7 +247,7 @@ def _phi(x: Any) -> tuple[Any, Any]:
 
 
 def _functions(system: Any) -> Callable[[Any], tuple[Any, Any]]:
-    """Rates and outputs as functions of the states and the inputs, of which time is the first."""
+    """Rates and outputs as functions of the states and the inputs; the first input is time."""
 
     def evaluate(params: Any) -> tuple[Any, Any]:
         def rates(x: Any, v: Any) -> Any:
@@ -273,7 +274,7 @@ def _fits(system: Any, dt: float) -> None:
     if system.isdtime(strict=True):
         raise InputError(f"{system.name} is discrete already (dt = {system.dt}).")
     if not system.nstates:
-        raise InputError(f"{system.name} has no states: use it as it is beside sampled blocks.")
+        raise InputError(f"{system.name} has no states: use it as it is, with sampled blocks.")
     rates, _ = _functions(system)(system.params)
     rng = np.random.default_rng(0)
     for _ in range(5):

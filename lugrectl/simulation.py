@@ -21,9 +21,9 @@ from .engine.symbolic import TraceError
 from .errors import InputError
 
 LONG = (
-    1000  # samples from which a discrete system is traced: python-control needs 12 us or more each
+    1000  # a discrete system is traced from this many samples on: python-control takes 12 us each
 )
-_respond: Any = ct.input_output_response  # its annotations know no arrays
+_respond: Any = ct.input_output_response  # its type annotations do not include arrays
 
 
 def simulate(
@@ -43,24 +43,25 @@ def simulate(
     Parameters
     ----------
     system : control.NonlinearIOSystem or list of them
-        Any python-control system; or blocks that are wired by their signal names as
-        ``ct.interconnect`` does (equal output names add up), continuous and sampled ones with
-        one or several sample times side by side.
+        Any python-control system; or blocks that are connected by their signal names as
+        ``ct.interconnect`` does (outputs of the same name are added). Continuous blocks and
+        sampled ones with one or several sample times may be mixed.
     t : (N,) array_like
-        Increasing times in s, evenly spaced or not. Of a discrete-time system: its samples.
+        Increasing times in s, evenly spaced or not. For a discrete-time system: its samples.
     inputs : dict, array_like or list, optional
-        By name, each a number or (N,), 0 where left out; or (m, N), or (N,) for one input, a
-        number, or a list of such parts; default 0. A list of blocks has as inputs what its
-        blocks read and none puts out, in the order of the blocks.
+        A dict by name, each value a number or (N,), 0 if left out; or (m, N), or (N,) for one
+        input, a number, or a list of such parts; default 0. The inputs of a list of blocks are
+        the signals that a block reads and no block outputs, in the order of the blocks.
     x0 : array_like or list
-        Initial states: a number for all, or a list that is padded with zeros; those of a list
-        of blocks one block after the other.
+        Initial states: a number for all, or a list that is padded with zeros; for a list of
+        blocks, the states of one block after the other.
     params : dict, optional
         Parameters in place of the defaults; other values need no new compilation.
     method : str, optional
-        "rosenbrock" (default), or a method of ``scipy.integrate.solve_ivp`` by python-control.
+        "rosenbrock" (default), or a method of ``scipy.integrate.solve_ivp``, which
+        python-control then runs.
     hold : bool
-        Inputs are held between samples, as a drive holds its torque, instead of linear.
+        True to hold inputs between samples, as a drive holds its torque; else they are linear.
     rtol : float
         Error allowed in a step, relative to the largest value that each state has had.
     squeeze : bool, optional
@@ -69,8 +70,8 @@ def simulate(
     Returns
     -------
     control.TimeResponseData
-        With the labels, shapes and parameters of ``ct.input_output_response``; of a list of
-        blocks, all their outputs and the states ``block_state``.
+        With the labels, shapes and parameters of ``ct.input_output_response``; for a list of
+        blocks, all their outputs and the states, named ``block_state``.
 
     Raises
     ------
@@ -78,26 +79,27 @@ def simulate(
         For times that do not increase, shapes that do not fit, a NaN in an input, an unknown
         input or parameter, or an algebraic loop (the blocks are named).
     Diverged
-        When a state or signal grows without bound or is no number: names it, its block and the
-        time.
+        When a state or signal grows without bound or becomes NaN; the message names it, its
+        block and the time.
 
     Notes
     -----
     The blocks' own functions are traced to one expression graph (``lugrectl.engine``), compared
     with the system's right-hand side, and stepped by an L-stable Rosenbrock method of order 4
     (Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.7). Steps end at
-    the samples and where an absolute value, a sign, a comparison or a limit switches. A sign or
-    comparison that drives its own argument back to zero from both sides rests there, as a drive
-    on Coulomb friction does (Filippov), and counts in the outputs with the value that holds it;
-    where such a rest is only approached, in ever shorter swings, a warning says so. A system
-    whose functions cannot be traced is left to LSODA, with a warning that names the block.
+    the samples and where an absolute value, a sign, a comparison or a limit switches. If a sign
+    or comparison drives its own argument back to zero from both sides, the argument stays at
+    zero (Filippov), as a drive at rest on Coulomb friction does, and the outputs contain the
+    value that keeps it there. If such a rest is only approached, in ever shorter swings, a
+    warning reports it. A system whose functions cannot be traced is simulated by LSODA, with a
+    warning that names the block.
 
-    A sampled block ticks at the multiples of its sample time: it reads its inputs as they are
-    then, puts out at once what it answers, holds that to its next tick, and moves on its
-    states; before the first it holds what it answers to its initial state. At a tick its
-    states in the result are those before it. Blocks without states and sample time act at
-    every instant. A sampled block that cannot be traced is called at its ticks, without a
-    warning: the result is the same.
+    A sampled block is updated at the multiples of its sample time. It reads its inputs at that
+    instant, sets its outputs at once, holds them until the next update, and advances its
+    states. Before the first update it holds the outputs of its initial state. In the result, its
+    states at an update are those before it. Blocks without states and sample time act at every
+    instant. A sampled block that cannot be traced is called at its updates, without a warning:
+    the result is the same.
     """
     options = {"params": params, "hold": hold, "rtol": rtol, "squeeze": squeeze}
     times = arguments.times(t)
@@ -118,7 +120,7 @@ def simulate(
 def _response(
     system: Any, t: np.ndarray, y: Any, states: Any, u: np.ndarray, params: Any, squeeze: Any
 ) -> ct.TimeResponseData:
-    """The response made of its first sample and given the arrays: python-control copies them."""
+    """The response, built from its first sample and given the arrays: python-control copies."""
     y, x = np.asarray(y), np.asarray(states) if system.nstates else None
     response = ct.TimeResponseData(
         t[:1],
@@ -141,7 +143,7 @@ def _response(
 def _discrete(
     system: Any, t: np.ndarray, u: np.ndarray, x0: np.ndarray, params: Any, squeeze: Any
 ) -> ct.TimeResponseData:
-    """python-control's loop; the traced one where it is long."""
+    """python-control's loop; the traced one for many samples."""
     steady = system.dt is not True and np.allclose(np.diff(t), system.dt, rtol=1e-6, atol=0.0)
     if steady and len(t) > LONG:
         try:
@@ -176,7 +178,7 @@ def _continuous(
             return _by_rosenbrock(system, t, u, x0, params, hold, rtol)
         except TraceError as error:
             warnings.warn(f"{error}; LSODA is used instead.", RuntimeWarning, stacklevel=3)
-    with np.errstate(all="ignore"):  # what is not finite is refused by name
+    with np.errstate(all="ignore"):  # values that are not finite are reported by name
         return _by_scipy(system, t, u, x0, params, hold, rtol, method or "LSODA")
 
 
@@ -232,7 +234,7 @@ def _by_scipy(
     rtol: float,
     method: str,
 ) -> tuple[np.ndarray | None, np.ndarray]:
-    """python-control's simulation, or its functions under solve_ivp where the input is held."""
+    """python-control's simulation; its functions under solve_ivp if the input is held."""
     options = {"rtol": rtol, "atol": 1e-4 * rtol}
     try:
         if not hold or not system.nstates:
@@ -259,7 +261,7 @@ def _by_scipy(
 def _name_failure(
     system: Any, t: np.ndarray, u: np.ndarray, x0: np.ndarray, options: Mapping[str, Any]
 ) -> None:
-    """Raise what says more than python-control, which calls a NaN an algebraic loop."""
+    """Raise a clearer error than python-control, which reports a NaN as an algebraic loop."""
     culprit(system, t[0], x0, u[:, 0])
 
     def rates(time: float, x: np.ndarray) -> np.ndarray:

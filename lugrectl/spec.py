@@ -7,9 +7,9 @@ A function becomes a block by one decorator line. Its signature is the declarati
         return F, dz
 
 Arguments without default are signals or states, arguments with default are parameters.
-It returns the outputs that are not states, then one rate per state. Only arithmetic, NumPy
-ufuncs and ``np.where`` may touch a signal, so that the same line serves floats, arrays,
-whole logs and the symbolic scalars of the engine.
+It returns the outputs that are not states, then one rate per state. Use only arithmetic, NumPy
+ufuncs and ``np.where`` on signals: then the same code works on floats, arrays, whole logs and
+the symbolic scalars of the engine.
 """
 
 from __future__ import annotations
@@ -44,21 +44,21 @@ class P:
         Two values whose effects, combined linearly, give the effect at any value (0 and
         pi/2 for a phase): the tracer then need not search this parameter.
     grid : callable or None
-        ``grid(log) -> values`` worth trying on a log, for a parameter in which the effect is
+        ``grid(log)`` returns the values to try on a log, for a parameter in which the effect is
         not linear.
     fitted : bool
-        False for a numerical constant that no record identifies.
+        False for a numerical constant that cannot be identified from a record.
     whole : bool
         True for a count per turn, a whole number on a rotary drive.
     angle : bool
         True for a phase, which stays an angle on a linear drive.
     choices : tuple of float
-        The only values allowed, where they are few (a side): chosen, not fitted continuously.
+        The only values allowed, if there are few (a side): one is chosen, none is fitted.
     shared : bool
-        True for a value that an effect borrows from the plant that it is built into: there it
-        is no parameter of its own. A block that stands alone has it as its own.
+        True for a value that an effect takes from the plant that contains it. There it is not a
+        parameter of the effect; used alone, the effect has it as a parameter.
     passed : bool
-        True for a place that the motion must be seen on both sides of.
+        True for a position that the motion must cross: the record must show both sides of it.
     """
 
     value: float
@@ -116,16 +116,16 @@ class Block:
 
     @property
     def own(self) -> dict[str, P]:
-        """The parameters that are not borrowed from the plant."""
+        """The parameters that are not taken from the plant."""
         return {k: p for k, p in self.parameters.items() if not p.shared}
 
     @property
     def fresh(self) -> tuple[str, ...]:
-        """The outputs that are not states: what the function returns before the rates."""
+        """The outputs that are not states; the function returns them before the rates."""
         return tuple(o for o in self.outputs if o not in self.states)
 
     def deeds(self, result: Sequence[Any]) -> tuple[tuple[str, Any], ...]:
-        """Each act of an effect with its output: one output for all, or one for each."""
+        """Each act of an effect with its output: one shared output, or one for each act."""
         outputs = result[: len(self.fresh)]
         if len(outputs) == 1:
             return tuple((act, outputs[0]) for act in self.acts)
@@ -135,7 +135,7 @@ class Block:
         return {k: p.value for k, p in self.parameters.items()}
 
     def with_inputs(self, names: Sequence[str]) -> Block:
-        """The same with some parameters as inputs, after its own."""
+        """The same block with some parameters as additional inputs."""
         own, many = len(self.inputs) + self.timed, len(names)
 
         def function(*signals: Any, **values: Any) -> Any:
@@ -155,7 +155,7 @@ class Block:
                 _check_bounds(f"{self.name}.{key}", value, self.parameters[key])
 
     def __call__(self, *signals: Any, **values: Any) -> tuple[Any, ...]:
-        """Outputs that are not states, then the rates; ``t`` comes first where it is used."""
+        """Outputs that are not states, then the rates; ``t`` is the first argument if used."""
         result = self.function(*signals, **values)
         return result if isinstance(result, tuple) else (result,)
 
@@ -169,7 +169,7 @@ class Block:
         """The block as a NonlinearIOSystem whose parameters are keyed ``name.param``.
 
         ``inputs`` and ``outputs`` rename the signals, in the declared order. A value may be a
-        function of the block's first signal where the block says so.
+        function of the block's first signal if the block allows it.
         """
         self.check(values)
         name = name or self.name
@@ -228,7 +228,7 @@ def _renamed(block: str, what: str, own: Sequence[str], wanted: Sequence[str] | 
 
 
 class _Registry(dict[tuple[str, str], Block]):
-    """Blocks by kind and name; a name alone finds the block of that name that came first."""
+    """Blocks by kind and name; a name alone finds the first registered block of that name."""
 
     def __missing__(self, key: Any) -> Block:
         for (_, name), made in self.items():
@@ -272,41 +272,42 @@ def block(
     out, states : str
         Names, separated by spaces; an output that is a state need not be returned.
     name : str
-        The block's name, where it is not that of the function.
+        The block's name, if it is not the name of the function.
     acts : str
         For an effect, what its output does: "torque" (added to the resisting side), "input"
-        (replaces u), "sensor" (the outputs are what the sensors say), names of parameters that
+        (replaces u), "sensor" (the outputs are the sensor signals), names of parameters that
         it multiplies by 1 + output, or names with a plus ("+Fc") to which it adds the output.
         One output serves all acts; otherwise each act has its own.
     confused, experiment : str
-        For an effect: the effects whose signature is alike, and what to record to tell.
+        For an effect: the effects that look similar in a record, and what to record to
+        distinguish them.
     exact : callable
         ``exact(u, dt, **values)`` of an input effect on a held input: the mean of its output
         over each cell.
     tries : callable
-        ``tries(log, values)``: sets of all its parameters worth trying on a log, where none can
-        be found by a linear step from its neutral value. ``values`` holds the plant's; a set may
-        hold plant parameters too, which then move along.
+        ``tries(log, values)``: complete sets of its parameters to try on a log, if a linear step
+        from the neutral value cannot find them. ``values`` holds the plant's parameters; a set
+        may contain plant parameters too, which are then changed with it.
     start : str
         For each state the input to which it is equal in equilibrium, or 0; default all 0.
     load : bool
-        True for a torque effect that is a load: friction that depends on the load feels it.
+        True for a torque effect that is a load: load-dependent friction includes it.
     abrupt : bool
-        True where the torque jumps with the sign of w: along a log that rests the noise of w
-        decides, so tracing runs the effect inside the plant from the start.
+        True if the torque jumps with the sign of w. At rest that sign is only noise, so the
+        diagnosis simulates the effect inside the plant from the start.
     box : callable
-        ``box(log, values)`` of an effect whose likelihood has many optima, because a state of
-        it is not told by the motion for a while: where to search them all. Windows in which
-        that state was missed are then allowed to be noisier than the others.
+        ``box(log, values)`` of an effect whose likelihood has several local maxima, because the
+        motion does not show one of its states for a while: the region to search. Windows in
+        which that state was wrong may then be noisier than the others.
     hidden : callable
         ``hidden(values)`` of such an effect: how far each of its states, in its unit, may be
-        from what ``start`` says.
+        from its value by ``start``.
 
     Raises
     ------
     InputError
-        When another block of the kind has the name (a notebook cell that is run again replaces
-        its own).
+        When another block of the kind has the name (a notebook cell that is run again may
+        replace its own block).
     """
 
     def declare(function: Callable[..., Any]) -> Block:

@@ -1,4 +1,4 @@
-"""What a fleet needs around its jobs: the files, models sent to other processes, threads."""
+"""Helpers for a fleet's jobs: the files, models sent to other processes, threads."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def record_files(logs: Iterable[str | Path | Record]) -> list[Path | Record]:
 
 
 def files_of(name: str | Path, folders: bool = True) -> list[Path]:
-    """The files that a name, a pattern or (unless told) a folder stands for."""
+    """The files that a name, a pattern or (with ``folders``) a folder stands for."""
     path = Path(name)
     if folders and path.is_dir():
         files = [p for p in path.iterdir() if _is_record(p)]
@@ -64,14 +64,14 @@ def _is_record(path: Path) -> bool:
 
 
 def _natural(path: Path) -> list[Any]:
-    """Numbers in names count as numbers."""
+    """Sort key that compares numbers in names as numbers."""
     parts = re.split(r"(\d+)", str(path))
     return [int(p) if i % 2 else p for i, p in enumerate(parts)]
 
 
 @contextlib.contextmanager
 def one_thread_each(on: bool = True) -> Iterator[None]:
-    """Processes started inside use one numerical thread; the user's own setting stays."""
+    """Processes started inside use one numerical thread, unless the user set another number."""
     added = [name for name in _THREADS if on and name not in os.environ]
     os.environ.update(dict.fromkeys(added, "1"))
     try:
@@ -83,7 +83,7 @@ def one_thread_each(on: bool = True) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Sent:
-    """A model on its way to another process, with the user's own effects to look for there."""
+    """A model for another process, with the names of the user's own effects to load there."""
 
     packed: bytes
     effects: tuple[tuple[str, str], ...]
@@ -94,7 +94,7 @@ class Sent:
         return cls(pickle.dumps(model), tuple(e for e in own if not _ours(e[1])))
 
     def open(self) -> Model:
-        """The model; raises InputError where a block of the user's is not known here."""
+        """The model; raises InputError if one of the user's blocks is not known here."""
         for name, home in self.effects:
             _registered("effect", name, home)
         return pickle.loads(self.packed)
@@ -105,13 +105,13 @@ def _ours(home: str) -> bool:
 
 
 def _registered(kind: str, name: str, home: str) -> Block:
-    """A block by kind and name, its module imported if need be."""
+    """A block by kind and name; its module is imported if necessary."""
     if (kind, name) not in REGISTRY:
         with contextlib.suppress(ImportError):
             importlib.import_module(home)
     if (kind, name) not in REGISTRY:
         raise InputError(
-            f"the {kind} '{name}' is not known in the worker processes; put it into a module "
+            f"the {kind} '{name}' is not known in the worker processes; define it in a module "
             "that can be imported, or use jobs=1."
         )
     return REGISTRY[kind, name]
@@ -121,5 +121,5 @@ def _by_name(made: Block) -> tuple[Any, ...]:
     return _registered, (made.kind, made.name, made.home)
 
 
-# A block's decorator takes its function's place, so that pickle would not find the function.
+# A block's decorator replaces its function, so pickle would not find the function by name.
 copyreg.pickle(Block, _by_name)

@@ -57,6 +57,8 @@ def test_options_without_a_part_are_named(capsys):
     _, _, err = run(capsys, "spr --prefilter --half-power --K2 3")
     assert "--K2, --prefilter, --half-power" in err
     _, out, err = run(capsys, "l2 --leak 3 --derivative-filter 1")
-    assert "--leak, --derivative-filter" in err and "e_w in L2 makes e_z" in " ".join(out.split())
+    assert "--leak, --derivative-filter" in err and "e_z is in L2 if e_w is" in " ".join(
+        out.split()
+    )
     code, out, err = run(capsys, "spr --ki 1 --tau 1 --leak 1")
     assert code == 2 and not out and "tau and leak" in err

@@ -82,7 +82,7 @@ def test_the_exit_code_is_the_highest_after_all_were_done(files, job, capsys):
     code, out, err = run(capsys, "right left none.csv --each --json")
     document = json.loads(out)
     assert code == 2 and [r["exit_code"] for r in document["records"]] == [0, 2, 0, 0, 2]
-    assert "2 of 5 logs without an answer" in err and len(err.splitlines()) == 1
+    assert "2 of 5 logs have no answer" in err and len(err.splitlines()) == 1
     job.answers["axis.csv"] = "refused"
     code, out, err = run(capsys, "right left --each --out made")
     assert code == 3 and err == "" and "u is constant." in out
@@ -95,7 +95,7 @@ def test_the_exit_code_is_the_highest_after_all_were_done(files, job, capsys):
 def test_an_interrupt_prints_and_writes_what_is_done(files, job, capsys):
     job.answers["axis.csv"] = KeyboardInterrupt()
     code, out, err = run(capsys, "left/run.csv right/axis.csv --each --out made")
-    assert code == 130 and out.startswith("1 log: 1 found") and "1 of 2 left out" in out
+    assert code == 130 and out.startswith("1 log: 1 found") and "1 of 2 not" in out
     assert err == "lugrectl: interrupted: 1 of 2 logs done.\n"
     reports = [f"run/{name}" for name in FILES]
     assert listed(files / "made") == sorted([*reports, *fleet_page.INDEX])
@@ -132,9 +132,9 @@ def _raises(*_):
     [
         ("left --each --holdout right/run.csv", "--holdout last"),
         ("left/run.csv --jobs 2", "--each"),
-        ("left --each --jobs 0", "from 1 on"),
-        ("left --each --jobs -2", "from 1 on"),
-        ("left --each --jobs many", "from 1 on"),
+        ("left --each --jobs 0", "at least 1"),
+        ("left --each --jobs -2", "at least 1"),
+        ("left --each --jobs many", "at least 1"),
         ("left nothing*.csv --each", "matches no file"),
         ("bare --each", "holds no record"),
         ("left --each --units nonsense", "nonsense"),
@@ -199,6 +199,6 @@ def test_one_bar_over_all_logs(files, job, capsys, monkeypatch):
 def test_help_says_what_each_does(capsys):
     assert main(["diagnose", "--help"]) == 0
     said = " ".join(capsys.readouterr().out.split())
-    for words in ("by itself", "processors", "index.html", "highest of their codes"):
+    for words in ("separately", "processors", "index.html", "highest code of a single log"):
         assert words in said
     assert main(["identify", "--help"]) == 0 and "--each" not in capsys.readouterr().out

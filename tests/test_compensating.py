@@ -195,7 +195,7 @@ def test_command_line(tmp_path, capsys):
     assert main([*line, "--compensate", "velocity", "--json", "--out", str(tmp_path / "x")]) == 0
     made = json.loads(capsys.readouterr().out)["compensation"]
     assert made["after"] < made["before"] and made["loop"] == "velocity"
-    assert "Compensation, in simulation" in (tmp_path / "x" / "report.html").read_text()
+    assert "Compensation in simulation" in (tmp_path / "x" / "report.html").read_text()
 
 
 def test_each_closes_no_loop(capsys):

@@ -124,7 +124,7 @@ def test_identify_fits_the_declared_friction():
     assert fitted.error["refitted"] < 0.02 * np.max(np.abs(points(runs).u))
     assert "augmented" not in fitted.error
     assert set(fitted.estimates) <= {"Fc", "Fs", "Fv", "vs"}
-    assert "Mean torque of the runs held out" in text(fitted)
+    assert "Mean torque of the held-out runs" in text(fitted)
 
 
 @pytest.mark.parametrize("way", ["last", "run"])
@@ -182,7 +182,7 @@ def test_plots_and_pages_show_the_map():
     labels = [ax.get_xlabel() for ax in found.plot().axes]
     assert labels.count("w [rad/s]") == 2
     page = found._repr_html_()
-    assert page.count("<svg") == 3 and "Mean torque of the runs held out" in str(found)
+    assert page.count("<svg") == 3 and "Mean torque of the held-out runs" in str(found)
     document = json.loads(found.to_json())
     assert len(document["map"]["w"]) == len(document["map"]["held_out"]) == len(found.map.w)
     assert document["error"]["signal"] == "u"

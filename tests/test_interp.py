@@ -72,7 +72,7 @@ def test_values_of_the_table_may_be_parameters_and_stay_arguments() -> None:
     ("function", "why"),
     [
         (lambda a: np.interp(a, XP, FP, period=4.0), "period"),
-        (lambda a: np.interp(a, [0.0, 0.0, 1.0], [0.0, 1.0, 2.0]), "points that increase"),
+        (lambda a: np.interp(a, [0.0, 0.0, 1.0], [0.0, 1.0, 2.0]), "increasing points"),
         (lambda a: np.interp(a, np.arange(99.0), np.ones(99)), "99 points .* lg.tabulated"),
     ],
 )

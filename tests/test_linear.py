@@ -108,7 +108,7 @@ def test_l2_meaning_bounds_the_error():
 
 
 def test_l2_meaning_where_little_follows():
-    assert "stays for good" in l2_check(parameters(sigma0=0.0), K2=0.0).meaning
+    assert "does not decay" in l2_check(parameters(sigma0=0.0), K2=0.0).meaning
     assert "nothing follows" in l2_check(parameters(sigma1=0.0), K2=22.0).meaning
     rigid = l2_check(parameters(sigma1=0.0, J=0.0), K2=22.0).meaning  # e_z = -K2/sigma0 e_w
     assert "e_z(0)" not in rigid and "e_z tends to 0" in rigid

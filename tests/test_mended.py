@@ -308,7 +308,7 @@ def test_a_speed_of_counts_alone_is_half_a_sample_late():
 def test_what_hangs_on_values_that_are_not_told_is_said():
     """A break-away in held-out samples that a higher Fs explains as well as a longer rest."""
     result, _ = verdict(sample("dwell_stiction", 149000))
-    assert any("foretold only by other values" in m for m in result.messages)
+    assert any("predicted only with other parameter values" in m for m in result.messages)
 
 
 @pytest.mark.slow

@@ -109,7 +109,7 @@ def test_a_motion_signal_lost_to_a_slip_in_its_name_is_said(tmp_path):
     table = "t,u,theta,ww,extra\n" + "".join(f"{k / 100},{k % 7},{k / 9},1,2\n" for k in range(400))
     (tmp_path / "a.csv").write_text(table)
     (said,) = (m for m in read_record(tmp_path / "a.csv").messages if "ww" in m)
-    assert "No column was taken for w" in said and "'extra'" in said and "--columns w=NAME" in said
+    assert "No column was found for w" in said and "'extra'" in said and "--columns w=NAME" in said
     named = read_record(tmp_path / "a.csv", columns="theta=theta")
     assert not any("ww" in m for m in named.messages)
 

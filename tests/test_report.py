@@ -40,9 +40,9 @@ def test_text_says_what_was_found_and_how_much_it_helps():
 
 
 def test_text_of_the_other_verdicts():
-    assert "Explain it as well: periodic_disturbance" in report.text(diagnosis("ambiguous"))
+    assert "Explain it equally well: periodic_disturbance" in report.text(diagnosis("ambiguous"))
     assert "Record slow moves both ways." in report.text(diagnosis("ambiguous"))
-    assert "hangs on theta" in report.text(diagnosis("unexplained")).splitlines()[1]
+    assert "depends on theta" in report.text(diagnosis("unexplained")).splitlines()[1]
     assert "u is constant." in report.text(diagnosis("refused"))
     adequate = report.text(diagnosis("adequate"))
     assert "90 %" not in adequate and "Missing" not in adequate

@@ -199,7 +199,7 @@ def test_a_loop_that_runs_away_is_said_so(monkeypatch, bench):
 
     monkeypatch.setattr(running, "simulate", fail)
     outcome = running.run(bench, studies.mismatch("friction-level", "Fc", "Fs"), lambda what: None)
-    assert milli(outcome.rows[0].rms[0]) == "runs away"
+    assert milli(outcome.rows[0].rms[0]) == "diverges"
 
 
 def test_thinning_loses_no_peak():

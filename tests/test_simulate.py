@@ -376,5 +376,5 @@ def test_inputs_by_name() -> None:
     wave = 0.5 * np.sin(50 * t)
     expected = simulate(plant, t, np.vstack([wave, np.full(20, 0.1)])).states
     np.testing.assert_array_equal(simulate(plant, t, {"d": 0.1, "u": wave}).states, expected)
-    with pytest.raises(InputError, match="no input 'x' comes from outside; there are u, d"):
+    with pytest.raises(InputError, match="there is no external input 'x'; known: u, d"):
         simulate(plant, t, {"x": 1.0})

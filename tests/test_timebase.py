@@ -100,7 +100,7 @@ def test_doubled_stamps_are_merged(tmp_path):
     twice = np.sort(np.r_[np.arange(3000), [10, 10, 700]])
     record = read_record(csv(tmp_path, keep=twice))
     assert record.samples == 3000 and record.dropped == 3
-    assert any("repeats itself in 3 rows" in m for m in record.messages)
+    assert any("is repeated in 3 rows" in m for m in record.messages)
     np.testing.assert_allclose(record.w, machine()["w"], rtol=1e-8)
 
 

@@ -1,4 +1,4 @@
-"""Observers to compare with: Friedland-Park, disturbance, extended state, adaptive LuGre.
+"""Observers for comparison: Friedland-Park, disturbance, extended state, adaptive LuGre.
 
 All need the torque u that drives the plant, J dw/dt = u - F; a load torque counts as friction.
 """
@@ -35,7 +35,7 @@ def _friedland_park(
 
     dzeta/dt = k mu |w|^(mu - 1) sign(w) (u - Fhat) / J.
     """
-    speed = np.sqrt(w * w + eps * eps)  # |w| without a kink: a power of it has no other side
+    speed = np.sqrt(w * w + eps * eps)  # |w| without a kink, so that powers of it are smooth
     ahat = zeta - k * speed**mu
     (Fhat,) = coulomb(w, Fc=ahat, Fv=Fv, eps=eps)
     slope = k * mu * speed ** (mu - 2.0) * w
@@ -103,7 +103,7 @@ def friedland_park_observer(
     Parameters
     ----------
     p : Parameters or Model
-        Gives J and Fv, the known viscous part (0 in the original).
+        Gives J and Fv, the known viscous friction (0 in the original paper).
     k : float
         Gain >= 0 in N m (s/rad)^mu.
     mu : float
@@ -118,12 +118,12 @@ def friedland_park_observer(
 
     Notes
     -----
-    On a drive with F = a sign(w) + Fv w and no load,
-    d(a - ahat)/dt = -k mu |w|^(mu - 1) (a - ahat) / J: the error decays while the drive moves,
-    for mu > 1 the faster the faster it moves, and stays at rest. Follows by differentiating
-    ahat. |w| is sqrt(w^2 + eps^2), and sign(w) is tanh(w/eps) in Fhat, as in the ``coulomb``
-    law, and d|w|/dw in dzeta/dt; eps is a parameter of the block, 1e-4 rad/s. On a drive with
-    bristles Fhat jumps at a reversal, where friction does not: it then pushes ahead for a moment.
+    On a drive with F = a sign(w) + Fv w and no load, differentiation of ahat gives
+    d(a - ahat)/dt = -k mu |w|^(mu - 1) (a - ahat) / J: the error decays while the drive moves
+    (for mu > 1 faster at higher speed) and is constant at rest. |w| is computed as
+    sqrt(w^2 + eps^2); sign(w) as tanh(w/eps) in Fhat, as in the ``coulomb`` law, and as d|w|/dw
+    in dzeta/dt; eps is a parameter of the block, 1e-4 rad/s. On a drive with bristles Fhat jumps
+    at a reversal, while friction does not: the compensation is too large for a moment.
 
     References
     ----------
@@ -162,9 +162,10 @@ def disturbance_observer(
 
     Notes
     -----
-    Knows no friction law: with the right J, tau dFhat/dt = D - Fhat, D all that resists, load
-    included. Noise of w is amplified by J/tau. The state v = w + tau Fhat/J is to start at w, or
-    Fhat starts with -J w/tau. Standard form (Ohnishi), derived by substitution.
+    Uses no friction law: with the right J, tau dFhat/dt = D - Fhat, where D is the sum of all
+    resisting torques, load included. Noise of w is amplified by J/tau. Start the state
+    v = w + tau Fhat/J at w; started at 0 it gives Fhat = -J w/tau. Standard form (Ohnishi),
+    derived by substitution.
     """
     return observer("disturbance_observer", p, name=name, inputs=inputs, outputs=outputs, tau=tau)
 
@@ -197,9 +198,10 @@ def extended_state_observer(
 
     Notes
     -----
-    Knows no friction law: with the right J, Fhat = D / (s/p + 1)^2, D all that resists, load
-    included; exact for constant D. Noise of w is amplified by up to J p/2. Start what at w.
-    The form in w of Gao's bandwidth parametrisation; derived by substitution.
+    Uses no friction law: with the right J, Fhat = D / (s/p + 1)^2, where D is the sum of all
+    resisting torques, load included; exact for constant D. Noise of w is amplified by up to
+    J p/2. Start the state what at w. Gao's bandwidth parametrisation written in w; derived by
+    substitution.
     """
     return observer(
         "extended_state_observer",
@@ -229,12 +231,12 @@ def adaptive_observer(
     Parameters
     ----------
     p : Parameters or Model
-        What the observer believes; the scale starts at 1 (state excess = scale - 1).
+        The parameters used by the observer; the scale starts at 1 (state excess = scale - 1).
     K2 : float
         Gain in N m s/rad; the speed estimate has the rate K2/J.
     gamma : float
-        Rate in 1/s at which the scale settles under the friction Fs, where gamma is well below
-        K2/J.
+        Rate in 1/s at which the scale settles when friction is at the level Fs, for gamma well
+        below K2/J.
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
@@ -249,13 +251,14 @@ def adaptive_observer(
     (sigma0, sigma1, Fc, Fs all scaled, as by a normal force), no load. With e = w - what and
     q = theta - scale, and once zhat = z, J de/dt = -q phi - K2 e and dq/dt = gamma K2 phi e/Fs^2,
     so that V = J e^2/2 + q^2 Fs^2/(2 gamma K2) has dV/dt = -K2 e^2: bounded, e -> 0, and q -> 0
-    where phi is persistently exciting (sliding at a constant speed is enough).
-    An error of zhat decays on its own like exp(-integral of sigma0 |w|/h) and adds
-    -theta (sigma0 - sigma1 sigma0 |w|/h)(z - zhat) to J de/dt: while |w| is bounded and
-    persistently exciting that is square integrable, V stays bounded and the limits are the same.
-    At rest the scale goes on adapting to whatever balances u. Where only Fc and Fs change, the
-    estimate is right in sliding and too stiff or too soft before it. Derived here; it is not the
-    law of Canudas de Wit and Lischinsky (1997), which adapts by the tracking error.
+    if phi is persistently exciting (sliding at a constant speed is enough).
+    An error of zhat decays independently like exp(-integral of sigma0 |w|/h) and adds
+    -theta (sigma0 - sigma1 sigma0 |w|/h)(z - zhat) to J de/dt: if |w| is bounded and
+    persistently exciting, this term is square integrable, V stays bounded and the limits are the
+    same. At rest the scale continues to adapt to the torque that balances u. If only Fc and Fs
+    change, the estimate is right in sliding, and too stiff or too soft before it. Derived here;
+    this is not the law of Canudas de Wit and Lischinsky (1997), which adapts by the tracking
+    error.
     """
     return observer(
         "adaptive_observer", p, name=name, inputs=inputs, outputs=outputs, K2=K2, gamma=gamma

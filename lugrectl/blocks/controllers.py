@@ -1,6 +1,6 @@
 """Controllers, compensation, feed-forward and prefilter.
 
-e is measured - reference, so a controller acts on -e. Blocks that put out ``u`` add up.
+e is measured - reference, so a controller acts on -e. All outputs named ``u`` are added.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def _prefilter(r_cmd, r, pole=POLE):
 
 @block("controller", name="prefilter_dr", out="r dr", states="r")
 def _prefilter_dr(r_cmd, r, pole=POLE):
-    """dr/dt = pole (r_cmd - r), put out as well."""
+    """dr/dt = pole (r_cmd - r); dr/dt is also an output."""
     dr = lag(r_cmd, r, pole)
     return dr, dr
 
@@ -246,10 +246,10 @@ def prefilter(
     pole : float
         In 1/s; 2/(s + 2) in the source paper.
     kind : None, "velocity" or "position"
-        What a feed-forward needs besides. "velocity" puts out dr too, the exact derivative of
-        the filtered r. "position" passes a second input ddr_cmd, the second derivative of
-        r_cmd, through the same filter to the output ddr: a filter of first order has no second
-        derivative of its own. It starts at ddr = 0, and what that misses decays like
+        The derivative that a feed-forward needs. "velocity" adds the output dr, the exact
+        derivative of the filtered r. "position" filters a second input ddr_cmd, the second
+        derivative of r_cmd, in the same way to the output ddr: a first-order filter does not
+        provide its second derivative. ddr starts at 0; the resulting error decays like
         exp(-pole t).
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.

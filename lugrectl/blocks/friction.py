@@ -44,7 +44,7 @@ def coulomb(w, Fc=FC, Fv=FV, eps=EPS):
     """F = Fc sign(w) + Fv w.
 
     sign(w) is written tanh(w/eps), so that a solver can come to rest: at |w| > 20 eps the two
-    agree to the last bit. Held by less than Fc the drive creeps at less than eps.
+    agree to the last bit. With a torque below Fc the drive creeps at less than eps.
     """
     return Fc * np.tanh(w / eps) + Fv * w
 
@@ -64,7 +64,7 @@ def lugre(w, z, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS):
     """F = sigma0 z + sigma1 dz/dt + Fv w, dz/dt = w - sigma0 |w| z / h(w).
 
     h(w) = Fc + (Fs - Fc) exp(-(w/vs)^2). Canudas de Wit et al. 1995, eq. 1-3 (in the source
-    paper: LuGre1, LuGre2, Lugre3). Not passive from w to F where sigma1 is large and Fs > Fc.
+    paper: LuGre1, LuGre2, Lugre3). Not passive from w to F if sigma1 is large and Fs > Fc.
     """
     dz = bristle(w, z, sigma0, Fc, Fs, vs)
     return bristle_torque(w, z, dz, sigma0, sigma1, Fv), dz

@@ -33,7 +33,7 @@ def friction(
     law : str
         "viscous", "coulomb", "stribeck" or "lugre".
     values
-        Parameters of the law (Fc, Fs, Fv, vs, sigma0, sigma1); Table 1 where left out.
+        Parameters of the law (Fc, Fs, Fv, vs, sigma0, sigma1); default: Table 1.
 
     Raises
     ------
@@ -53,16 +53,17 @@ def effect(
 ) -> ct.NonlinearIOSystem:
     """An effect of the catalogue as a block.
 
-    A torque effect has the output d (N m), which adds to any other load torque of that name; an
-    input effect turns u into u; a level effect puts out the relative change of the friction
-    parameters that it acts on, and is built into :func:`lugrectl.plant` by a model.
+    A torque effect has the output d (N m), which is added to any other load torque of that name.
+    An input effect has the input u and the output u. The output of a level effect is the
+    relative change of the friction parameters that it acts on; a model builds it into
+    :func:`lugrectl.plant`.
 
     Parameters
     ----------
     kind : str
         Name in the catalogue (``lugrectl effects``).
     values
-        Its parameters; neutral where left out.
+        Its parameters; those left out have their neutral value.
 
     Raises
     ------

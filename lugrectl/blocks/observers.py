@@ -1,7 +1,7 @@
 """Friction observers: an estimate Fhat of the friction torque from the measured velocity.
 
-All are copies of the LuGre law with a correction of dzhat/dt; Fhat is the law's torque with
-the corrected dzhat/dt in it. Their parameters are their own: those of the plant may differ.
+All are copies of the LuGre law with a correction of dzhat/dt; Fhat is the torque of the law with
+the corrected dzhat/dt. Their parameters are independent of those of the plant.
 """
 
 from __future__ import annotations
@@ -75,12 +75,12 @@ def _gain(K: Any, w: Any) -> Any:
 
 
 def observer_block(name: str) -> Block:
-    """The registered observer of a name, which may leave out ``_observer``.
+    """The registered observer of a name; ``_observer`` at its end may be left out.
 
     Raises
     ------
     InputError
-        When there is none.
+        When there is no observer of that name.
     """
     known = members("observer")
     for key in (name, f"{name}_observer"):
@@ -106,7 +106,7 @@ def observer(
     Raises
     ------
     InputError
-        For an unknown observer or gain, or when p lacks a LuGre parameter that it needs.
+        For an unknown observer or gain, or when p does not give a LuGre parameter that it needs.
     """
     from ..model import Model
 
@@ -138,7 +138,7 @@ def natural_observer(
     Parameters
     ----------
     p : Parameters or Model
-        What the observer believes; keyed ``natural_observer.Fc`` ...
+        The parameters used by the observer; keyed ``natural_observer.Fc`` ...
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
@@ -150,7 +150,7 @@ def natural_observer(
     Notes
     -----
     Source paper, eq. z_hat_dot and F_est. An error of zhat decays only while the drive moves;
-    at rest it stays.
+    at rest it is constant.
     """
     return observer("natural_observer", p, name=name, inputs=inputs, outputs=outputs)
 
@@ -170,7 +170,7 @@ def existing_observer(
     Parameters
     ----------
     p : Parameters or Model
-        What the observer believes.
+        The parameters used by the observer.
     k : float
         Gain >= 0 on the tracking error e (measured - reference): without unit on a velocity
         error, in 1/s on a position error.
@@ -184,8 +184,8 @@ def existing_observer(
 
     Notes
     -----
-    Source paper, eq. Canudas_z. Its proof needs the feed-forward J ddr and an SPR
-    (sigma1 s + sigma0) / (J s^2 + C(s)); see :func:`lugrectl.spr_check`.
+    Source paper, eq. Canudas_z. Its stability proof needs the feed-forward J ddr and a strictly
+    positive real (sigma1 s + sigma0) / (J s^2 + C(s)); see :func:`lugrectl.spr_check`.
     """
     return observer("existing_observer", p, name=name, inputs=inputs, outputs=outputs, k=k)
 
@@ -207,10 +207,10 @@ def proposed_observer(
     Parameters
     ----------
     p : Parameters or Model
-        What the observer believes.
+        The parameters used by the observer.
     K1 : float or callable
-        Gain < 0 without unit, or a function of w made of NumPy functions; with the opposite
-        sign the estimate runs away near rest.
+        Gain < 0 without unit, or a function of w that uses NumPy functions only; with the
+        opposite sign the estimate is unstable near rest.
     K2 : float or callable
         Gain in N m s/rad, or a function of w.
     name, inputs, outputs : str, list of str
@@ -224,7 +224,7 @@ def proposed_observer(
     Notes
     -----
     Source paper, eq. obs_1 and obs_2; Fhat contains the K1 term. u is the torque that drives
-    the plant, a load torque is not known to the observer. Its fastest pole is near
+    the plant; the observer does not model a load torque. Its fastest pole is near
     -(K2 - sigma1 K1)/J, -12 790 1/s with the paper's gains: use a stiff solver.
     """
     return observer("proposed_observer", p, name=name, inputs=inputs, outputs=outputs, K1=K1, K2=K2)

@@ -1,4 +1,4 @@
-"""A friction law or an effect inside a model: where its parameters and states stand."""
+"""A friction law or an effect inside a model: the names of its parameters and states there."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from ..spec import Block, P
 
 
 def borrowed(block: Block, plant: Mapping[str, Any]) -> dict[str, Any]:
-    """The values that an effect shares with the plant, from the plant's by name.
+    """The values that an effect shares with the plant, by name.
 
-    A friction law without Fs has Fs = Fc, one without Fc has none; anything else that it lacks
-    (vs, eps) is the effect's own default.
+    For a friction law without Fs, Fs = Fc; without Fc, both are 0. Other parameters that the law
+    does not have (vs, eps) keep the effect's default.
     """
     fallback = {"Fc": 0.0, "Fs": plant.get("Fc", 0.0)}
     return {
@@ -23,7 +23,7 @@ def borrowed(block: Block, plant: Mapping[str, Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Part:
-    """A block under a prefix to its parameters and states."""
+    """A block whose parameters and states get a prefix."""
 
     prefix: str
     block: Block
@@ -37,12 +37,12 @@ class Part:
         return {self.prefix + k: p for k, p in self.block.own.items()}
 
     def arguments(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """The block's parameters, its own and borrowed ones, from the values of the plant."""
+        """The block's parameters, its own and shared ones, from the values of the plant."""
         own = {k: values[self.prefix + k] for k in self.block.own}
         return own | borrowed(self.block, values)
 
     def results(self, signals: Mapping[str, Any], values: Mapping[str, Any]) -> tuple[Any, ...]:
-        """The block's outputs, then its rates, at the signals and values of the whole plant."""
+        """The block's outputs, then its rates, for the signals and values of the whole plant."""
         args = [signals["t"]] if self.block.timed else []
         args += [signals[name] for name in (*self.block.inputs, *self.states)]
         return self.block(*args, **self.arguments(values))
@@ -60,7 +60,7 @@ def through_sensors(
     values: Mapping[str, Any],
     rates: dict[str, tuple[Any, ...]],
 ) -> tuple[Any, Any]:
-    """w and theta after all sensors, each reading what the one before it says; rates go in."""
+    """w and theta after all sensors in series; the sensors' rates are stored in ``rates``."""
     w, theta = signals["w"], signals["theta"]
     for part in sensors:
         results = part.results({**signals, "w": w, "theta": theta}, values)

@@ -1,4 +1,4 @@
-"""The plant J dw/dt = u - F - d, with the friction and the effects of a whole model inside."""
+"""The plant J dw/dt = u - F - d, with the friction and the effects of a model."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ def acceleration(u: Any, F: Any, d: Any, J: Any) -> Any:
 def assemble(model: Model, *, levels: Sequence[str] = (), sensed: bool = False) -> Block:
     """The plant of a model as one block with inputs u, d and outputs theta, w, F.
 
-    Effects act in the order of the physics: on the command, in the motor, as loads, on levels,
-    as other torques; effects of one group in the order in which the model lists them. What is
-    added to a level comes on top of what multiplies it. Effects may read ``load``: d and all
-    loads.
+    Effects act in physical order: on the command, in the motor, as loads, on levels, as other
+    torques; within a group in the order of the model. A level is first multiplied, then
+    increased by the effects that add to it. Effects may read ``load``, the sum of d and all
+    load effects.
 
     Parameters
     ----------
     levels : sequence of str
-        For each there is one more input ``x_name``, by which that parameter is multiplied as
-        1 + x: an effect on a level can then be fed in as a series. "torque" gives an input
-        ``x_torque``, which resists without being a load.
+        Adds for each an input ``x_name`` that multiplies this parameter by 1 + x: an effect on a
+        level can then be given as a time series. "torque" adds an input ``x_torque``, which
+        resists but is not part of the load.
     sensed : bool
-        Adds the outputs theta_m, w_m, with the sensor effects and their states inside; they are
-        left out otherwise.
+        Adds the outputs theta_m, w_m, with the sensor effects and their states inside; these
+        are left out otherwise.
     """
     friction = Part("", model.friction.block)
     uses = [Part(f"{use.key}.", use.block) for use in model.effects]
@@ -77,8 +77,9 @@ COMMAND, MOTOR, LOAD, LEVEL, TORQUE = range(5)
 def stage(block: Block) -> int:
     """When an effect acts: on the command, in the motor, as a load, on levels, as another torque.
 
-    What a motor makes of the command hangs on the motion: an amplifier saturates before. One
-    that is a torque and a level comes last, so that its torque sees all other levels.
+    Effects in the motor depend on the motion; they act after those of the amplifier, such as
+    saturation. An effect that is both a torque and a level acts last, so that its torque uses
+    all other levels.
     """
     if "torque" in block.acts:
         return LOAD if block.load else TORQUE
@@ -94,11 +95,11 @@ def _applied(
     more: Mapping[str, Any],
     rates: dict[str, tuple[Any, ...]],
 ) -> tuple[Any, dict[str, Any]]:
-    """All effects: the resisting torque and the plant's values; u and the load go into signals.
+    """All effects: the resisting torque and the plant's values; u and load are set in signals.
 
-    A parameter that the friction law does not have is passed over. Effects on levels read the
-    plant's own values, before any of them and before ``more``, what else multiplies them:
-    colder oil raises the Stribeck peak, too.
+    A parameter that the friction law does not have is skipped. Effects on levels read the
+    plant's own values, before any effect and before ``more`` (the other factors) multiplies
+    them: so these scale an added Stribeck peak, too (colder oil).
     """
     scaled, added = {**values, **{n: values[n] * (1.0 + x) for n, x in more.items()}}, {}
     load, torque = signals["d"], signals.get("x_torque", 0.0)
@@ -172,12 +173,12 @@ def sensor(
     inputs: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
 ) -> ct.NonlinearIOSystem:
-    """What the sensors say of the motion: inputs w, theta, outputs w_m, theta_m.
+    """The sensors of the motion: inputs w, theta, outputs w_m, theta_m.
 
     Parameters
     ----------
     of : Parameters or Model
-        The model's sensor effects, one behind the other; without any the signals pass through.
+        Gives the sensor effects, which act in series; without any the signals are not changed.
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 

@@ -1,4 +1,4 @@
-"""A torque given as a table over a signal, as a block: no physics, piecewise linear."""
+"""A torque given as a table over a signal, as a block: piecewise linear, without physics."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from .friction import EPS
 TURN = 2.0 * np.pi
 SIGNALS = ("theta", "w", "t", "u")
 SCALE = P(1.0, "1")
-ROUND = 0.02  # of the distance between points, over which a corner is rounded
+ROUND = 0.02  # width over which a corner is rounded, as a share of the distance between points
 
 
 def corners(points: ArrayLike, values: ArrayLike) -> tuple[tuple[float, float, float], ...]:
-    """Where the line through the points turns: place, change of slope, half-width of the turn."""
+    """The corners of the line through the points: place, change of slope, half-width."""
     x, y = np.asarray(points, dtype=float), np.asarray(values, dtype=float)
     gap = np.diff(x)
     change = np.diff(np.r_[0.0, np.diff(y) / gap, 0.0])
@@ -32,7 +32,7 @@ def polyline(x: Any, middle: float, turns: Sequence[tuple[float, float, float]])
     """Straight lines that turn at x_i, constant outside: (y_1 + y_n)/2 + sum_i c_i |x - x_i| / 2.
 
     |x - x_i| is written sqrt((x - x_i)^2 + delta_i^2), delta_i one fiftieth of the distance
-    between the points: without a kink nothing stops a solver at each of them.
+    between the points: without kinks a solver need not stop at each point.
     """
     total = middle + 0.0 * x
     for place, change, width in turns:
@@ -78,23 +78,23 @@ def tabulated(
     Raises
     ------
     InputError
-        For another signal, points that do not increase, shapes that do not fit, no numbers.
+        For another signal, points that do not increase, shapes that do not fit, or NaN.
 
     Notes
     -----
-    Corners are rounded over one fiftieth of the distance between points, which moves f there by
-    at most one hundredth of its second difference. The angle of a periodic table is
+    Corners are rounded over one fiftieth of the distance between points, which changes f there
+    by at most one hundredth of its second difference. The angle of a periodic table is
     arctan2(sin theta, cos theta).
     """
     if signal not in SIGNALS:
         raise InputError(f"{name}: no table over '{signal}'; known: {', '.join(SIGNALS)}.")
     x, rows = _checked(name, points, values)
     if rows.shape[0] == 2 and signal == "w":
-        raise InputError(f"{name}: a table over w has both directions in it; give one row.")
+        raise InputError(f"{name}: a table over w covers both directions; give one row of values.")
     if periodic:
         if signal != "theta" or x[-1] - x[0] >= TURN:
             raise InputError(
-                f"{name}: a periodic table is one over theta, with points within one turn."
+                f"{name}: a periodic table must be over theta, with points within one turn."
             )
         x, rows = around(x, rows)
     return _table(signal, x, rows, periodic).system(name=name, inputs=inputs, outputs=outputs)

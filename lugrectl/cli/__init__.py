@@ -19,10 +19,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code.
 
     0 answered; 1 a checked property does not hold; 2 wrong usage or unreadable input; 3 the
-    record cannot answer; 70 a defect of this program; 130 interrupted.
+    record cannot answer the question; 70 a defect of this program; 130 interrupted.
     """
-    for name in BLAS if argv is None else ():  # NumPy is not loaded yet; its threads cost more
-        os.environ.setdefault(name, "1")  # on small matrices than they give
+    for name in BLAS if argv is None else ():  # set before NumPy is loaded: on small matrices
+        os.environ.setdefault(name, "1")  # its threads cost more time than they save
     with warnings.catch_warnings():
         if argv is None and not sys.warnoptions:
             warnings.simplefilter("ignore")
@@ -40,8 +40,8 @@ def _run(argv: Sequence[str] | None) -> int:
         return int(stop.code or 0)
     except KeyboardInterrupt:
         return _said("interrupted.", INTERRUPTED)
-    except BrokenPipeError:  # the reader of a pipe has left; say nothing, not even at exit
-        with contextlib.suppress(OSError):  # stdout may be no file
+    except BrokenPipeError:  # the reader closed the pipe: print nothing, not even at exit
+        with contextlib.suppress(OSError):  # stdout may not be a file
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BROKEN_PIPE
     except Exception as error:
@@ -57,7 +57,7 @@ def _failed(error: Exception) -> int:
     what = " ".join(f"{type(error).__name__}: {error}".split())
     return _said(
         f"unexpected {what}. Please report this with the command you typed; "
-        "LUGRECTL_DEBUG=1 shows where it happened.",
+        "set LUGRECTL_DEBUG=1 to see where it happened.",
         UNEXPECTED,
     )
 

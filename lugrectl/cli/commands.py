@@ -1,6 +1,6 @@
-"""The commands on records: what they do with the options, print and return.
+"""The commands that work on records: what they print and return.
 
-Everything heavy is imported by the command that needs it.
+Slow imports are left to the command that needs them.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def print_out(text: str) -> None:
-    """Print with one newline at the end, whatever the terminal's encoding lacks."""
+    """Print with one newline at the end; escape what the terminal's encoding cannot show."""
     encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
     print(text.rstrip("\n").encode(encoding, "backslashreplace").decode(encoding))
 
@@ -36,22 +36,22 @@ def version() -> str:
 
 
 def diagnose(a: Namespace) -> int:
-    """``lugrectl diagnose``; with --each every log by itself."""
+    """``lugrectl diagnose``; with --each every log separately."""
     if a.each:
         from .each import each
 
         if a.compensate is not None:
-            raise InputError("--compensate is for one drive: it does not go with --each.")
+            raise InputError("--compensate is for one drive: it cannot be combined with --each.")
         return each(a)
     if a.jobs is not None:
-        raise InputError("--jobs is for many logs: it goes with --each.")
+        raise InputError("--jobs is for many logs: use it together with --each.")
     from ..diagnosis import diagnose as work
 
     return _main_job(work if a.compensate is None else partial(_closing, work, a.compensate), a)
 
 
 def _closing(work: Any, loop: str, record: Any, model: Model, **options: Any) -> Any:
-    """What ``work`` finds, and the control loop compensated with it."""
+    """The result of ``work``, with the control loop compensated by the model it found."""
     from ..compensating import compensate
 
     found = work(record, model, **options)
@@ -62,7 +62,7 @@ def _closing(work: Any, loop: str, record: Any, model: Model, **options: Any) ->
     options = {"observer": "proposed" if lugre else "disturbance", "record": found.record}
     try:
         made = compensate(found.model, declared=model, loop=loop, table=found.table, **options)
-    except InputError as no:  # the diagnosis stands all the same
+    except InputError as no:  # the diagnosis is still valid
         message = f"the control loop was not closed: {no}"
         return replace(found, messages=(*found.messages, message))
     return replace(found, compensation=made)
@@ -76,7 +76,7 @@ def identify(a: Namespace) -> int:
 
 
 def demo(a: Namespace) -> int:
-    """``lugrectl demo``: diagnose on the record and model that ship in the package."""
+    """``lugrectl demo``: diagnose the record and model that ship with the package."""
     from ..diagnosis import diagnose as work
 
     with resources.as_file(resources.files("lugrectl") / "demo") as folder:
@@ -87,7 +87,7 @@ def demo(a: Namespace) -> int:
 
 
 def reproduce(a: Namespace) -> int:
-    """``lugrectl reproduce``: the source paper's numbers and figures, and what it leaves out."""
+    """``lugrectl reproduce``: the source paper's numbers and figures, and what is not in it."""
     from ..report import check_folder
     from ..reproduce import reproduce as work
     from ..reproduce import text, write
@@ -128,7 +128,7 @@ def _main_job(work: Any, a: Namespace) -> int:
 
 
 def _answered(work: Any, a: Namespace, model: Model) -> Any:
-    """What ``work`` returns; a record that cannot answer becomes the verdict "refused"."""
+    """The result of ``work``; a record that cannot answer gives the verdict "refused"."""
     from ..fleet import refusal
     from .progress import Bar
 
@@ -144,7 +144,7 @@ def _answered(work: Any, a: Namespace, model: Model) -> Any:
 
 
 def _read_all(a: Namespace, model: Model, records: list[Record]) -> Any:
-    """Append the training records to ``records``; return what ``holdout`` is to be."""
+    """Append the training records to ``records``; return the value of ``holdout``."""
     names = [Path(name).resolve() for name in a.records]
     twice = next((n for n in names if names.count(n) > 1), None)
     if twice is not None:
@@ -163,21 +163,21 @@ def _read_all(a: Namespace, model: Model, records: list[Record]) -> Any:
 
 
 def _files(names: Sequence[str]) -> list[str]:
-    """The files named, patterns expanded that the shell left (on Windows it leaves all)."""
+    """The named files; patterns that the shell did not expand (on Windows: all) are expanded."""
     from ..workers import files_of
 
     folder = next((name for name in names if Path(name).is_dir()), None)
     if folder is not None:
         raise InputError(
-            f"{folder} is a folder: name the records of one drive, or let diagnose take every "
-            "record in it by itself with --each."
+            f"{folder} is a folder: name the records of one drive, or use diagnose --each to "
+            "diagnose every record in it separately."
         )
     return [str(path) for name in names for path in files_of(name, folders=False)]
 
 
 def _not_held_out(name: str) -> str:
     return (
-        f"--holdout {name} holds the same samples as a training record; give a file of its own, "
+        f"--holdout {name} holds the same samples as a training record; give another file, "
         "or --holdout last."
     )
 
@@ -197,7 +197,7 @@ def _read(name: str, a: Namespace, model: Model) -> Record:
 
 
 def reading(a: Namespace) -> dict[str, Any]:
-    """The options on how a record is to be read."""
+    """The options that say how to read a record."""
     pairs = {
         k: ",".join(v) if (v := getattr(a, k)) else None for k in ("columns", "units", "scale")
     }
@@ -205,7 +205,7 @@ def reading(a: Namespace) -> dict[str, Any]:
 
 
 def _spare(a: Namespace) -> None:
-    """Raise InputError where the report would overwrite a file that it is made from."""
+    """Raise InputError if the report would overwrite one of its input files."""
     from ..report import FILES
 
     sources = {Path(name).resolve() for name in [*a.records, a.model, a.holdout or "last"]}

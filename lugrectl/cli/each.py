@@ -1,4 +1,4 @@
-"""``lugrectl diagnose --each``: every log by itself, one table."""
+"""``lugrectl diagnose --each``: every log separately, one table."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ def each(a: Namespace) -> int:
 
     if a.holdout not in (None, "last"):
         raise InputError(
-            f"--holdout {a.holdout} is one file, but with --each every log is judged on its own "
-            "samples; leave it out, or give --holdout last."
+            f"--holdout {a.holdout} is one file, but with --each the errors of every log are "
+            "computed on its own samples; leave it out, or give --holdout last."
         )
     model, how = read_model(a.model), reading(a)
-    for what in ("columns", "units", "scale"):  # a slip here would fail every log
+    for what in ("columns", "units", "scale"):  # a mistake here would make every log fail
         if how[what]:
             parse_pairs(how[what], what)
     files = [str(file) for file in record_files(a.records)]
@@ -56,7 +56,7 @@ def each(a: Namespace) -> int:
     where = ""
     try:
         where = out.index(fleet) if out and fleet.outcomes else ""
-    finally:  # a full disk must not cost the answer
+    finally:  # print the answer even if the disk is full
         print_out(fleet.to_json() if a.json else str(fleet))
     if where:
         print(where, file=sys.stderr if a.json else sys.stdout)
@@ -72,9 +72,9 @@ def processors() -> int:
 
 
 class Store:
-    """Where the reports go: a folder per log as soon as it is done, the index at the end.
+    """Writes the reports: a folder per log as soon as the log is done, the index at the end.
 
-    Raises InputError where nothing can be written, or where an input would be overwritten.
+    Raises InputError if nothing can be written, or if an input would be overwritten.
     """
 
     def __init__(self, folder: str, files: Sequence[str], model: str) -> None:
@@ -101,7 +101,7 @@ class Store:
         return outcome
 
     def index(self, fleet: Fleet) -> str:
-        """Write the table with links to the reports; returns the line that says where."""
+        """Write the table with links to the reports; returns a line that names the file."""
         from ..report.fleet_page import write_index
 
         index, table = write_index(fleet, self._folder, self._links)
@@ -113,8 +113,8 @@ class Store:
 
         if any(Path(file).resolve().parent == self._folder.resolve() for file in files):
             raise InputError(
-                f"--out {self._folder} holds records, and the next run would take summary.csv "
-                "for one; choose another folder."
+                f"--out {self._folder} holds records, and the next run would read summary.csv "
+                "as a record; choose another folder."
             )
         sources = {Path(name).resolve() for name in [*files, model]}
         targets = [self._folder / name for name in INDEX]
@@ -128,17 +128,17 @@ class Store:
 
 
 def _tell(fleet: Fleet, as_json: bool) -> None:
-    """On stderr: what cut the work short, and what the table on stdout does not show."""
+    """Print to stderr why the work ended early, and what the table on stdout does not show."""
     said = []
     without = [o for o in fleet.outcomes if o.exit_code]
     if without and as_json:
         total = len(fleet.outcomes)
-        said.append(f"{len(without)} of {total} logs without an answer; see their reason.")
+        said.append(f"{len(without)} of {total} logs have no answer; see their reason.")
     broken = next((o.file for o in without if o.exit_code == UNEXPECTED), None)
     if broken:
         said.append(
-            f"{broken}: unexpected. Please report this with the command you typed; diagnosing "
-            "that log alone with LUGRECTL_DEBUG=1 shows where it happened."
+            f"{broken}: unexpected error. Please report this with the command you typed; to see "
+            "where it happened, diagnose that log alone with LUGRECTL_DEBUG=1."
         )
     if fleet.unfinished:
         total = len(fleet.outcomes) + len(fleet.unfinished)

@@ -68,13 +68,13 @@ def _parameters(a: Namespace) -> tuple[Any, str]:
     missing = [k for k in needed if values[k] is None]
     if missing:
         raise InputError(
-            f"{a.model}: {a.property} needs {' and '.join(missing)}, which the file leaves out."
+            f"{a.model}: {a.property} needs {' and '.join(missing)}, which the file does not give."
         )
     return Namespace(**values), model.name
 
 
 def _gains(a: Namespace, loop: str) -> dict[str, float]:
-    """The paper's gains when none is given, else those given and 0 for the others."""
+    """The paper's gains if none is given, else the given ones and 0 for the others."""
     given = {k: getattr(a, k) for k in ("kp", "ki", "kd") if getattr(a, k) is not None}
     gains = {"kp": 0.0, "ki": 0.0, "kd": 0.0} | (given or PAPER[loop])
     times = {k: getattr(a, k) for k in ("tau", "leak", "derivative_filter")}
@@ -90,7 +90,7 @@ def _unused(a: Namespace) -> None:
     extra = [f"--{k.replace('_', '-')}" for k in names if getattr(a, k) is not None]
     extra += [f"--{a.loop}"] if a.property == "l2" and a.loop else []
     if extra:
-        said = f"note: {', '.join(extra)} has no part in {a.property} and was not used."
+        said = f"note: {', '.join(extra)} has no effect on {a.property} and was not used."
         print(f"lugrectl: {said}", file=sys.stderr)
 
 
@@ -135,7 +135,7 @@ def _effect_text(b: Any) -> str:
     parameters = ", ".join(f"{k} [{p.unit}]" for k, p in b.own.items() if p.fitted)
     lines = [b.equation.rstrip("."), f"parameters: {parameters}"]
     lines += [f"confused with: {', '.join(b.confused)}"] if b.confused else []
-    lines += [f"to tell: {b.experiment}"] if b.experiment else []
+    lines += [f"to distinguish: {b.experiment}"] if b.experiment else []
     filled = [textwrap.fill(x, 80, initial_indent="  ", subsequent_indent="    ") for x in lines]
     return "\n".join([b.name, *filled])
 

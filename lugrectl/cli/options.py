@@ -1,4 +1,4 @@
-"""What can be typed: commands and their options."""
+"""The commands and their options."""
 
 from __future__ import annotations
 
@@ -15,35 +15,35 @@ def parser() -> argparse.ArgumentParser:
     """The parser of all commands; ``run`` of its result is the command's function."""
     top = _Parser(
         prog="lugrectl",
-        description="Find out what the model of a servo drive lacks, from a log of its torque "
-        "and motion.",
+        description="Find out which friction effect is missing from the model of a servo drive, "
+        "from a log of its torque and motion.",
         epilog="Exit codes: 0 answered, 1 a checked property does not hold, 2 wrong usage or "
-        "unreadable file, 3 the record cannot answer. lugrectl COMMAND --help shows a command's "
-        "options. To begin: lugrectl demo, then lugrectl model > my.toml and lugrectl diagnose "
-        "run.csv --model my.toml --out report.",
+        "unreadable file, 3 the record cannot answer the question. lugrectl COMMAND --help shows "
+        "a command's options. To begin: lugrectl demo, then lugrectl model > my.toml and "
+        "lugrectl diagnose run.csv --model my.toml --out report.",
         allow_abbrev=False,
     )
     top.add_argument("--version", action=_Version, help="show the version and exit")
     made = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    demo = _command(made, "demo", commands.demo, "the main job on a record that ships with it")
+    demo = _command(made, "demo", commands.demo, "diagnose a sample record that is included")
     _results(demo, out="lugrectl-demo")
     demo.add_argument(
-        "--seed", type=_seed, default=0, metavar="N", help="of random choices (default: 0)"
+        "--seed", type=_seed, default=0, metavar="N", help="seed of random numbers (default: 0)"
     )
-    diagnose = _command(made, "diagnose", commands.diagnose, "name what the model lacks")
+    diagnose = _command(made, "diagnose", commands.diagnose, "name what is missing from the model")
     _records(diagnose)
     diagnose.add_argument(
         "--compensate",
         choices=("velocity", "position"),
-        help="close this control loop too: friction compensation by the declared and by the "
-        "augmented model, tracking error of both in simulation",
+        help="also close this control loop in simulation: friction compensation with the "
+        "declared and with the augmented model, and the tracking error of both",
     )
     _fleet(diagnose)
     _records(_command(made, "identify", commands.identify, "fit the declared model only"))
-    paper = _command(made, "reproduce", commands.reproduce, "the source paper, recomputed")
+    paper = _command(made, "reproduce", commands.reproduce, "recompute the source paper")
     paper.add_argument("--out", metavar="DIR", help="write reproduce.html and reproduce.json there")
     _checks(_command(made, "check", lookups.check, "linear checks: l2, spr, bandwidth"))
-    _command(made, "effects", lookups.effects, "the catalogue of effects")
+    _command(made, "effects", lookups.effects, "list the catalogue of effects")
     _command(made, "model", lookups.template, "print a commented model file to start from")
     return top
 
@@ -73,43 +73,49 @@ def _records(command: argparse.ArgumentParser) -> None:
         "records",
         nargs="+",
         metavar="RECORD",
-        help="CSV, MAT, NPZ or Parquet file; several are runs of one drive, taken together",
+        help="CSV, MAT, NPZ or Parquet file; several files are runs of one drive",
     )
     add("--model", required=True, metavar="MODEL.toml", help="the declared model")
-    add("--holdout", metavar="RECORD|last", help="judge on this file, or on the last half")
+    add(
+        "--holdout",
+        metavar="RECORD|last",
+        help="hold out this file, or the last half, to compute the errors (default: every other "
+        "block)",
+    )
     add(
         "--horizon",
         type=_positive,
         default=1.0,
         metavar="S",
-        help="simulate over so many seconds between restarts (default: 1)",
+        help="seconds of simulation between restarts (default: 1)",
     )
     _results(command)
     for name, example, what in (
-        ("columns", "t=time,u=torque", "names of columns"),
-        ("units", "theta=deg", "units, over those in the header"),
+        ("columns", "t=time,u=torque", "names of the columns"),
+        ("units", "theta=deg", "units of the columns, in place of those in the header"),
         ("scale", "u=35.15", "factors on raw values"),
     ):
         add(f"--{name}", action="append", metavar=example, help=what)
     add("--rate", type=_positive, metavar="HZ", help="sampling rate of a record without t")
-    add("--seed", type=_seed, default=0, metavar="N", help="of random choices (default: 0)")
+    add("--seed", type=_seed, default=0, metavar="N", help="seed of random numbers (default: 0)")
 
 
 def _fleet(command: argparse.ArgumentParser) -> None:
     many = command.add_argument_group(
         "many drives",
-        "One log per drive and one table of all. A RECORD may then be a folder, for every record "
-        "in it. --out writes DIR/LOG/report.html and the like for each log when it is done, and "
-        "DIR/index.html and DIR/summary.csv at the end, or at Ctrl-C of what is done. Exit code: "
-        "0 when every log was answered, else the highest of their codes, after all are through.",
+        "One log per drive, and one table of all. A RECORD may then be a folder: every record in "
+        "it is taken. --out writes DIR/LOG/report.html, report.json and model.toml when a log is "
+        "done. DIR/index.html and DIR/summary.csv follow at the end; after Ctrl-C they hold the "
+        "logs that are done. All logs are diagnosed even if one fails. Exit code: 0 if every log "
+        "was answered, else the highest code of a single log.",
     )
-    many.add_argument("--each", action="store_true", help="diagnose every log by itself")
+    many.add_argument("--each", action="store_true", help="diagnose every log separately")
     many.add_argument(
         "--jobs",
         type=_count,
         metavar="N",
-        help="logs at the same time, each in a process of its own (default: as many as there "
-        "are processors or logs); 1 uses no other process",
+        help="number of logs diagnosed at the same time, each in its own process (default: the "
+        "number of processors or of logs, whichever is smaller); 1 starts no other process",
     )
 
 
@@ -118,9 +124,10 @@ def _checks(command: argparse.ArgumentParser) -> None:
     add(
         "property",
         choices=("l2", "spr", "bandwidth"),
-        help="l2: finite gain of (J s + K2)/(sigma1 s + sigma0), from speed to bristle error of "
-        "the proposed observer; spr: is (sigma1 s + sigma0)/(J s^2 + C(s)), or J s + C(s), "
-        "strictly positive real; bandwidth: of the closed loop, friction compensated",
+        help="l2: is the L2 gain of (J s + K2)/(sigma1 s + sigma0), from speed to bristle error "
+        "of the proposed observer, finite; spr: is (sigma1 s + sigma0)/(J s^2 + C(s)) for the "
+        "position loop, or (sigma1 s + sigma0)/(J s + C(s)) for the velocity loop, strictly "
+        "positive real; bandwidth: bandwidth of the closed loop with friction compensated",
     )
     add("--model", metavar="MODEL.toml", help="default: Table 1 of the source paper")
     loop = command.add_mutually_exclusive_group()
@@ -129,17 +136,17 @@ def _checks(command: argparse.ArgumentParser) -> None:
         dest="loop",
         action="store_const",
         const="position",
-        help="about the position loop (default for spr)",
+        help="check the position loop (default for spr)",
     )
     loop.add_argument(
         "--velocity",
         dest="loop",
         action="store_const",
         const="velocity",
-        help="about the velocity loop (default for bandwidth)",
+        help="check the velocity loop (default for bandwidth)",
     )
     for gain, what in (
-        ("kp", "proportional gain; of kp, ki, kd those left out are 0, the paper's if all are"),
+        ("kp", "proportional gain (default of kp, ki, kd: the paper's if none is given, else 0)"),
         ("ki", "integral gain"),
         ("kd", "derivative gain"),
         ("tau", "filtered integral, ki/(X s + 1), X in s (default: pure, ki/s)"),
@@ -158,7 +165,7 @@ def _checks(command: argparse.ArgumentParser) -> None:
 
 
 class _Parser(argparse.ArgumentParser):
-    """Names the command's own options where one is misspelt."""
+    """A parser that suggests the command's own options if one is misspelt."""
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
         found, left = self.parse_known_args(args, namespace)
@@ -199,11 +206,11 @@ def _positive(text: str) -> float:
 
 def _count(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number from 1 on")
+        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number of at least 1")
     return int(text)
 
 
 def _seed(text: str) -> int:
     if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number from 0 on")
+        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number of at least 0")
     return int(text)

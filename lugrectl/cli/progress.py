@@ -10,10 +10,10 @@ _EVERY = 0.1  # seconds between two drawings
 
 
 class Bar:
-    """Progress on one line of a terminal; silent on anything else.
+    """A progress bar on one line of a terminal; prints nothing on anything else.
 
-    Call it with the fraction done (0 to 1) and a few words; leave the ``with`` block and the
-    line is empty again.
+    Call it with the fraction done (0 to 1) and a few words. The line is cleared when the
+    ``with`` block ends.
     """
 
     def __init__(self, stream: TextIO) -> None:

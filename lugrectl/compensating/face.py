@@ -28,7 +28,7 @@ from .reference import Course, course
 from .result import LOOPS, Compensation, Run
 from .wiring import OUTPUTS, Task, closed
 
-WORSE = 1.05  # ratio from which the error counts as larger
+WORSE = 1.05  # ratio above which the error counts as larger
 
 
 def compensate(
@@ -51,39 +51,40 @@ def compensate(
     """Tracking error with the compensation of the declared and of the augmented model.
 
     u = C (r - y) + J a + Fhat + d: controller, acceleration a of the reference, observer, and the
-    torque d of the model's effects from the measured w, theta and t. The drive is the augmented
-    model with all its effects, sensors included; what the compensation believes is the declared
-    model "before" and the augmented one "after".
+    torque d of the model's effects from the measured w, theta and t. The simulated drive is the
+    augmented model with all its effects, sensors included. The compensation uses the declared
+    model ("before") or the augmented one ("after").
 
     Parameters
     ----------
     model : Model
         The augmented model, ``diagnose(...).model``.
     declared : Model or Parameters, optional
-        As the model without its effects where left out; values that it lacks are those of
+        Default: ``model`` without its effects. Values that it does not give are those of
         ``model``.
     loop : "velocity" or "position"
         PI on w, or PID on theta with D on the error of w.
     kp, ki, kd : float, optional
-        Units as in :func:`lugrectl.velocity_loop` and :func:`lugrectl.position_loop`. Where none
-        is given all poles of the compensated loop are at -bandwidth; else the others are 0.
+        Units as in :func:`lugrectl.velocity_loop` and :func:`lugrectl.position_loop`. If none is
+        given all poles of the compensated loop are at -bandwidth; else those left out are 0.
     bandwidth : float
         In 1/s, for the gains that are left out.
     observer : str or None
-        As in the ready-made loops; None for the effects' torque alone.
+        As in the ready-made loops; None to compensate the effects' torque only.
     K1, K2 : float or callable, optional
-        Both for the proposed observer; left out they are ``design_gains(...)`` for each model, or
-        -1 and 2 sqrt(J sigma0) where sigma1 hardly damps (below a tenth of that).
+        Gains of the proposed observer, both or none. Default: ``design_gains(...)`` for each
+        model, or -1 and 2 sqrt(J sigma0) if sigma1 is below a tenth of the latter.
     gains : dict, optional
-        Other gains of the observer by name; its defaults where left out.
+        Other gains of the observer by name; those left out keep their defaults.
     reference : (t, r), optional
-        Times in s and the reference in rad/s or rad, from its first value at rest. Left out: a
-        sine of the speed inside the range of ``record``, or of 1 rad/s at 0.25 Hz.
+        Times in s and the reference in rad/s or rad; the drive starts at rest at its first
+        value. Default: a sine of the speed inside the range of ``record``, or of 1 rad/s at
+        0.25 Hz.
     record : Record, optional
         For the default reference.
     table : Table, optional
-        An unexplained torque that acts on the drive too, compensated "after" unless it is one
-        over u.
+        An unexplained torque that also acts on the drive. It is compensated "after", unless it
+        is a table over u.
 
     Returns
     -------
@@ -92,16 +93,17 @@ def compensate(
     Raises
     ------
     InputError
-        For an unknown loop or observer, a gain out of bounds, a value that the model lacks, or a
-        friction law that the observer cannot copy.
+        For an unknown loop or observer, a gain out of bounds, a value that is missing from the
+        model, or a friction law that the observer cannot copy.
 
     Notes
     -----
     Torque and level effects are compensated. The torque of a level effect is the friction law
-    with it minus that without it, each with its own bristle state, run on the measured motion:
-    a step at w = 0 fed forward would shake a drive at rest. The observer is given u without d,
-    as it knows no load. What acts on the command, the sensors, the inertia or a second mass is
-    not compensated. The error is that of the motion itself, not of what the sensors say.
+    with it minus the law without it, each with its own bristle state, along the measured motion;
+    feeding forward a step at w = 0 would shake a drive at rest. The input of the observer is u
+    without d, because it does not model loads. Effects on the command, the sensors, the inertia
+    or a second mass are not compensated. The error is that of the motion itself, not of the
+    sensor signals.
     """
     if loop not in MEASURED:
         raise InputError(f"unknown loop '{loop}'; known: {', '.join(MEASURED)}.")
@@ -136,7 +138,7 @@ def compensate(
         certificate=designs["after"][2],
         compensated=fed,
         left=left,
-        reference=way.told,
+        reference=way.summary,
         messages=tuple(messages),
         loop=systems,
         runs=runs,
@@ -151,7 +153,7 @@ def _value(model: Model, key: str) -> float:
 
 
 def _completed(declared: Model | Parameters, model: Model) -> Model:
-    """The declared model, what it leaves out filled in from the augmented one."""
+    """The declared model; values that it does not give are those of the augmented one."""
     made = declared if isinstance(declared, Model) else Model.of(declared)
     known = model.known()
     return made.with_values({k: known.get(k) for k, v in made.values().items() if v is None})
@@ -160,7 +162,7 @@ def _completed(declared: Model | Parameters, model: Model) -> Model:
 def _simulated(
     task: Task, systems: Mapping[str, ct.InterconnectedSystem], way: Course
 ) -> tuple[dict[str, Run], dict[str, float], list[str]]:
-    """Each loop's run and error, and a sentence for each that does not do its work."""
+    """Each loop's run and error, and a message for each loop that does not work."""
     r, inputs = way.followed(task.kind), way.inputs(task.kind)
     runs, errors, messages = {}, {}, []
     for key, system in systems.items():
@@ -172,7 +174,7 @@ def _simulated(
                 response = simulate(system, way.t, inputs, x0)
         except Diverged as error:
             errors[key] = math.inf
-            messages.append(f"The loop {LOOPS[key]} is unstable and runs away ({error})")
+            messages.append(f"The loop {LOOPS[key]} is unstable; its simulation diverged ({error})")
             continue
         outputs: dict[str, Any] = dict(zip(OUTPUTS, response.outputs, strict=True))
         runs[key] = run = Run(way.t, r, outputs[MEASURED[task.kind]], outputs["u"])
@@ -183,18 +185,20 @@ def _simulated(
 
 
 def _useless(errors: Mapping[str, float]) -> list[str]:
-    """What the comparison of the errors says against a compensation."""
+    """Messages if a compensation does not reduce the error."""
     made = []
     if errors["after"] > WORSE * errors["before"]:
         made.append(f"The error is larger {LOOPS['after']} than {LOOPS['before']}.")
     for key in ("before", "after"):
         if errors["none"] < WORSE * errors[key] < math.inf:
-            made.append(f"{LOOPS[key].capitalize()} the drive tracks no better than without.")
+            made.append(
+                f"{LOOPS[key].capitalize()} the drive tracks no better than without compensation."
+            )
     return made
 
 
 def _trouble(run: Run, which: str) -> list[str]:
-    """Whether a loop's error grows, or is as large as what it is to follow."""
+    """A message if a loop's error grows, or is as large as the reference's variation."""
     e, size = run.y - run.r, rms(run.r - run.r.mean())
     first, *_, last = (rms(part) for part in np.array_split(e, 4))
     if last > 2.0 * first and last > 0.5 * size:

@@ -1,4 +1,4 @@
-"""The torque of a model's effects from the measured motion, to be fed forward."""
+"""The torque of a model's effects, computed from the measured motion, for feed-forward."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from ..spec import Block
 
 _REASONS = (
     ("input", "it acts between the command and the motor"),
-    ("sensor", "it is in what the sensors say"),
+    ("sensor", "it acts on the sensor signals only"),
     ("J", "it changes the inertia"),
 )
 
 
 def _why_not(block: Block) -> str | None:
-    """Why an effect's torque cannot be fed forward; None where it can."""
+    """Why an effect's torque cannot be fed forward; None if it can."""
     if "load_inertia" in block.own:
         return "the second mass is not measured"
     return next((why for act, why in _REASONS if act in block.acts), None)
 
 
 def sorted_out(model: Model) -> tuple[tuple[str, ...], tuple[tuple[str, str], ...]]:
-    """Effects that are compensated, and those that are not with the reason."""
+    """Effects that are compensated, and those that are not, each with the reason."""
     reasons = {part.key: _why_not(part.block) for part in model.effects}
     fed = tuple(k for k, why in reasons.items() if why is None)
     return fed, tuple((k, why) for k, why in reasons.items() if why is not None)
@@ -38,15 +38,15 @@ def with_table(
     table: Table, fed: tuple[str, ...], left: tuple[tuple[str, str], ...]
 ) -> tuple[tuple[str, ...], tuple[tuple[str, str], ...]]:
     if table.signals[0] == "u":
-        return fed, (*left, (table.name, "it hangs on the torque itself"))
+        return fed, (*left, (table.name, "it depends on the torque itself"))
     return (*fed, table.name), left
 
 
 def effects_torque(model: Model, *, name: str = "effects") -> ct.NonlinearIOSystem | None:
     """The torque of a model's effects from the measured motion: inputs w_m, theta_m, output u.
 
-    None where no effect of the model can be compensated. Physics is the plant's own: with u = 0
-    it resists by -J dw/dt.
+    None if no effect of the model can be compensated. The torque is computed by the equations of
+    the plant: with u = 0 the resisting torque is -J dw/dt.
     """
     parts = tuple(part for part in model.effects if _why_not(part.block) is None)
     if not parts:
@@ -71,7 +71,7 @@ def _torque_block(model: Model, parts: Sequence[Part]) -> Block:
         given = x if states else (0.0,) * (first + second)
         F, _, dw, *rates = full.function(t, 0.0, 0.0, theta, w, *given[:first], **values)
         resisting = -values["J"] * dw
-        if idle:  # the friction that is in both cancels
+        if idle:  # both contain the same friction, which cancels
             return (resisting - F,)
         own = {k: values[k] for k in bare.parameters}
         alone, _, _, *others = bare.function(t, 0.0, 0.0, theta, w, *given[first:], **own)

@@ -11,13 +11,13 @@ from ..design import Certificate, certify, design_gains
 from ..errors import InputError
 from ..model import Model
 
-LIGHT = 0.1  # of critical damping, below which sigma1 gives no gains
+LIGHT = 0.1  # of critical damping; with less damping by sigma1 design_gains is not used
 
 
 def controller(
     given: Mapping[str, float | None], kind: str, p: float, J: float
 ) -> dict[str, float]:
-    """The gains given; else those that put every pole of J s^2 + kp s + ki, or of
+    """The given gains; if none is given, those that put every pole of J s^2 + kp s + ki, or of
     J s^3 + kd s^2 + kp s + ki, at -p."""
     names = ("kp", "ki") if kind == "velocity" else ("kp", "ki", "kd")
     if any(v is not None for v in given.values()):
@@ -42,7 +42,7 @@ def observer_gains(
         own |= {k: K for k, K in (("K1", K1), ("K2", K2)) if K is not None}
         return own, _plain_gains(own), None
     if (K1 is None) != (K2 is None):
-        raise InputError("give both K1 and K2, or none of them.")
+        raise InputError("give both K1 and K2, or neither.")
     if K1 is None or K2 is None:
         _lugre(believed, name)
         K1, K2 = _designed(believed)
@@ -54,10 +54,10 @@ def observer_gains(
 
 
 def _designed(model: Model) -> tuple[Any, Any]:
-    """K1, K2 of ``design_gains``; where sigma1 hardly damps, both poles at rest by K1, K2 alone.
+    """K1, K2 of ``design_gains``; with a small sigma1 those that place both poles at rest.
 
-    With sigma1 = 0 the errors have s^2 + (K2/J) s - K1 sigma0/J at rest: K1 = -1 and
-    K2 = 2 sqrt(J sigma0) put both poles at -sqrt(sigma0/J).
+    With sigma1 = 0 the errors at rest have the characteristic polynomial
+    s^2 + (K2/J) s - K1 sigma0/J: K1 = -1, K2 = 2 sqrt(J sigma0) put both poles at -sqrt(sigma0/J).
     """
     known = model.known()
     critical = 2.0 * math.sqrt(known.get("J", 0.0) * known.get("sigma0", 0.0))

@@ -1,4 +1,4 @@
-"""What the loops are to follow: a reference given, or a sine inside a record's range."""
+"""The reference of the loops: given by the user, or a sine inside a record's range."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ SLOWEST = 10.0  # s, longest period of the default reference
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """Times, position, speed and acceleration to follow, and facts to tell."""
+    """Times, position, speed and acceleration of the reference, and a summary of it."""
 
     t: np.ndarray
     theta: np.ndarray
     w: np.ndarray
     a: np.ndarray
-    told: dict[str, float]
+    summary: dict[str, float]
 
     def followed(self, kind: str) -> np.ndarray:
         return self.w if kind == "velocity" else self.theta
@@ -40,7 +40,7 @@ def course(
     bandwidth: float,
     timed: bool,
 ) -> Course:
-    """The reference; ``timed``: as long as the record, for effects that hang on time."""
+    """The reference; ``timed``: as long as the record, for effects that depend on time."""
     if given is not None:
         return _given(given, kind)
     speed, travel, centre, duration = _range(record)
@@ -51,26 +51,26 @@ def course(
     t = np.linspace(0.0, length, SAMPLES + 1)
     theta = centre - travel * np.cos(pulse * t)
     w, a = speed * np.sin(pulse * t), speed * pulse * np.cos(pulse * t)
-    told = {"peak_speed": speed, "frequency": pulse / (2.0 * np.pi), "duration": length}
-    return Course(t, theta, w, a, told)
+    summary = {"peak_speed": speed, "frequency": pulse / (2.0 * np.pi), "duration": length}
+    return Course(t, theta, w, a, summary)
 
 
 def _given(given: tuple[ArrayLike, ArrayLike], kind: str) -> Course:
     t, r = (np.array(x, dtype=float) for x in given)
     if t.ndim != 1 or t.shape != r.shape or len(t) < 3 or not np.all(np.isfinite([t, r])):
-        raise InputError("reference is (t, r): finite times and values, equally many, at least 3.")
+        raise InputError("reference must be (t, r): at least 3 finite times and as many values.")
     if np.any(np.diff(t) <= 0.0):
         raise InputError("the times of the reference must increase.")
     first = np.gradient(r, t)
     w = r if kind == "velocity" else first
     a = first if kind == "velocity" else np.gradient(first, t)
     theta = np.zeros_like(r) if kind == "velocity" else r
-    told = {"peak_speed": float(np.max(np.abs(w))), "duration": float(t[-1] - t[0])}
-    return Course(t, theta, w, a, told)
+    summary = {"peak_speed": float(np.max(np.abs(w))), "duration": float(t[-1] - t[0])}
+    return Course(t, theta, w, a, summary)
 
 
 def _range(record: Record | None) -> tuple[float, float, float, float]:
-    """Speed, half the travel and its centre well inside a record's, and its duration."""
+    """Speed, half travel and centre, well inside the record's range, and the record's duration."""
     if record is None:
         return 1.0, 1.0 / (0.5 * np.pi), 0.0, 0.0
     w, theta = record.w, record.theta

@@ -1,4 +1,4 @@
-"""What a compensation comes to: tracking errors, the loops, what is left out."""
+"""The result of a compensation: tracking errors, the loops, effects not compensated."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ class Compensation:
     """The answer of :func:`lugrectl.compensate`.
 
     ``none``, ``before``, ``after``: RMS of motion minus reference in ``unit`` without
-    compensation, with that of the declared, and with that of the augmented model; infinite where
-    the loop runs away, which ``messages`` then say. ``loop`` and ``runs`` hold the closed loops
-    and their simulations under the same three names (no run where one ran away).
+    compensation, with that of the declared, and with that of the augmented model; infinite if
+    the loop diverges, which ``messages`` then report. ``loop`` and ``runs`` hold the closed loops
+    and their simulations under the same three names (no run for a loop that diverged).
     ``compensated``: effects whose torque is fed forward; ``left``: effects that are not, each
-    with the reason. ``gains`` are the observer's in the loops "before" and "after",
-    ``certificate`` what they guarantee "after" (None where there is no design).
+    with the reason. ``gains`` are those of the observer in the loops "before" and "after",
+    ``certificate`` what they guarantee "after" (None if there is no design).
     """
 
     kind: str

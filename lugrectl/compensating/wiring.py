@@ -1,4 +1,4 @@
-"""The closed loop around the drive as it is, with what a compensation believes."""
+"""The closed loop: the simulated drive, and a compensation by another model of it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MEASURED = {"w": "w_m", "theta": "theta_m", "u": "u_fb"}
 
 @dataclass(frozen=True)
 class Task:
-    """What the three loops share: the drive as it is, the controller, the reference's kind."""
+    """The parts common to the three loops: drive model, table, kind of loop, controller."""
 
     model: Model
     table: Table | None
@@ -32,13 +32,13 @@ class Task:
 def closed(
     task: Task, believed: Model | None, watcher: str | None, gains: Mapping[str, Any], name: str
 ) -> ct.InterconnectedSystem:
-    """The loop around the drive as it is; ``believed`` None compensates nothing."""
+    """The loop around the drive, compensated by the model ``believed`` (None: by nothing)."""
     kind, model = task.kind, task.model
     measured = MEASURED[controllers.MEASURED[kind]]
     own: Any = {"outputs": ["u_fb"]}
     if kind == "velocity":
         control = [controllers.pi(**task.controller, **own)]
-    else:  # D on the velocity error: on w alone it would brake what the reference asks for
+    else:  # D on the velocity error: on w alone it would act against the reference motion
         lag = controllers.error(name="error_w", inputs=["dr", "w_m"], outputs=["e_w"])
         control = [lag, controllers.pid(**task.controller, inputs=["e", "e_w"], **own)]
     made = observer_block("no_observer" if watcher is None else watcher)
@@ -59,14 +59,14 @@ def closed(
         parts,
         inputs=["r", "dr", *(["ddr"] if kind == "position" else [])],
         outputs=list(OUTPUTS),
-        params={},  # or blocks of one key would share the last one's values
+        params={},  # else blocks with equal keys would share the values of the last one
         check_unused=False,
         name=name,
     )
 
 
 def _fed(task: Task, believed: Model) -> list[ct.NonlinearIOSystem]:
-    """The blocks that feed torques forward; the table only where the augmented model does."""
+    """The blocks that feed torques forward; the table only with the augmented model."""
     made = [effects_torque(believed)]
     if believed is task.model and task.table is not None and task.table.signals[0] != "u":
         signals = [MEASURED[s] for s in task.table.signals if s != "t"]

@@ -1,4 +1,4 @@
-"""The proposed observer's gains, what they guarantee, and what a motion excites."""
+"""Gains of the proposed observer, their guaranteed error decay, and the excitation by a motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A quadratic Lyapunov function of the proposed observer's errors, and what it guarantees."""
+"""A quadratic Lyapunov function of the proposed observer's errors, and the decay it guarantees."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from .dynamics import Drive, drive, error_matrices, number, slowest_pole
 
 MATCHED = "the observer's parameters and J are those of the drive, and no load torque d acts"
 ANY_MOTION = "valid for every w(t), bounded or not, and every torque u"
-LOSS = 1e-3  # share of the rate given up where the best V would be singular
+LOSS = 1e-3  # share of the rate given up if the best V would be singular
 
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
     """V = A e_z^2 + B e_z e_w + C e_w^2 with -dV/dt >= e'(Q0 + a Q1) e, a = sigma0 |w|/h(w).
 
-    ``holds``: V is positive definite and never grows. ``rate``: in 1/s, the errors' guaranteed
-    decay, V(t) <= V(0) exp(-2 rate t) for every motion; None where none is guaranteed without
+    ``holds``: V is positive definite and never grows. ``rate``: guaranteed decay of the errors in
+    1/s, V(t) <= V(0) exp(-2 rate t) for every motion; None if no rate is guaranteed without
     conditions on w. ``alpha`` (in ``alpha_unit``) and ``beta``: the source paper's constants of
     the lemma named by ``lemma``. ``P``, ``Q0``, ``Q1``: symmetric (2, 2) matrices in (e_z, e_w).
     ``pole_at_rest``: real part in 1/s of the slowest pole at w = 0, which no rate can exceed.
-    A, B, C, alpha, beta and the matrices are None where no V of this form exists;
-    ``conditions`` then says why.
+    A, B, C, alpha, beta and the matrices are None if no V of this form exists; ``conditions``
+    then says why.
     """
 
     holds: bool
@@ -70,9 +70,9 @@ class Certificate:
         return np.where(trace > 0.0, det / np.where(trace > 0.0, trace + root, 1.0), 0.0)
 
     def bound(self, ez: float, ew: float = 0.0) -> tuple[float, float]:
-        """Largest |e_z| (rad) and |e_w| (rad/s) ever reached from these initial errors.
+        """Upper bounds of |e_z| (rad) and |e_w| (rad/s) for these initial errors.
 
-        With a rate both are to be multiplied by exp(-rate t).
+        If there is a rate, both bounds decay by exp(-rate t).
         """
         inverse = np.linalg.inv(self._matrix(self.P))
         start = float(self.V(ez, ew))
@@ -101,7 +101,7 @@ def lyapunov(A: float, B: float, C: float) -> np.ndarray:
 
 
 def common(m: Drive, C: float, beta: float) -> tuple[float, float]:
-    """A and B of eq. AB: the only V that serves every a >= 0, up to C and beta.
+    """A and B of eq. AB: the only V that is valid for every a >= 0, up to C and beta.
 
     As a grows without bound -dV/dt >= 0 needs -(P M1 + M1'P) >= 0. M1 has rank one, so its
     cross term must vanish, which is eq. ineq3: B = 2 C sigma1/J; and beta = 2 A - B sigma1/J.
@@ -113,7 +113,7 @@ def common(m: Drive, C: float, beta: float) -> tuple[float, float]:
 def constant_certificate(
     p: Any, K1: float, K2: float, C: float, beta: float, lemma: str, conditions: tuple[str, ...]
 ) -> Certificate:
-    """The certificate of constant gains with the V that C and beta give, where it decays."""
+    """The certificate of constant gains with the V given by C and beta."""
     m = drive(p)
     A, B = common(m, C, beta)
     P = lyapunov(A, B, C)
@@ -140,7 +140,7 @@ def constant_certificate(
 
 
 def certify(p: Any, K1: float, K2: float) -> Certificate:
-    """The best V = A e_z^2 + B e_z e_w + C e_w^2 that serves constant gains at every speed.
+    """The best V = A e_z^2 + B e_z e_w + C e_w^2 of constant gains that is valid at every speed.
 
     Parameters
     ----------
@@ -154,25 +154,24 @@ def certify(p: Any, K1: float, K2: float) -> Certificate:
     Returns
     -------
     Certificate
-        Truthy when a V exists that is positive definite and grows for no motion; its ``rate``
-        is the largest that any such V guarantees (but see below). C = 1.
+        Truthy if a V exists that is positive definite and grows for no motion; its ``rate`` is
+        the largest that any such V guarantees (see the Notes for an exception). C = 1.
 
     Raises
     ------
     InputError
-        For a gain that is no finite number (a function of w: see :func:`design_gains`).
+        For a gain that is not a finite number (for functions of w see :func:`design_gains`).
 
     Notes
     -----
     With x = e_z and y = e_w + (sigma1/J) e_z the error system of the source paper (eq.
     err_z_dot_new, err_w_dot_new) is dx/dt = -(a - K1 sigma1/J) x - K1 y,
-    dy/dt = g x - (K2/J) y, g = (K2 sigma1/J - sigma0)/J, and the V allowed by every a >= 0 are
+    dy/dt = g x - (K2/J) y, g = (K2 sigma1/J - sigma0)/J. The V valid for every a >= 0 are
     V = C (y^2 + (beta/2C) x^2). With sigma1 > 0 one of them decays exponentially if and only if
-    K1 < 0 < K2, more than lemma6 asks for. The best rate is that of the slowest pole at w = 0
-    where g > 0, and min(-K1 sigma1/J, K2/J) where g < 0, with beta/2C = |g|/|K1|; where this
-    is so small that P is nearly singular, less than 0.5 % of the rate is given up for a larger
-    one.
-    Gains for which no such V exists may still do where |w| is bounded.
+    K1 < 0 < K2; this covers more gains than lemma6. The best rate is that of the slowest pole at
+    w = 0 if g > 0, and min(-K1 sigma1/J, K2/J) if g < 0, with beta/2C = |g|/|K1|. If that ratio
+    is so small that P is nearly singular, a larger one is used, which costs less than 0.5 % of
+    the rate. Gains for which no such V exists may still be stable for bounded |w|.
     """
     m = drive(p)
     K1, K2 = number(K1, "K1"), number(K2, "K2")
@@ -188,7 +187,7 @@ def certify(p: Any, K1: float, K2: float) -> Certificate:
 
 
 def _obstacle(m: Drive, K1: float, K2: float, g: float) -> str:
-    """Why no V of the form exists, or nothing."""
+    """Why no V of this form exists; empty if one does."""
     if K1 > 0.0:
         pole = slowest_pole(m, K1, K2)
         return f"K1 = {K1:g} > 0: at w = 0 the error has the unstable pole {pole:+.4g} 1/s"

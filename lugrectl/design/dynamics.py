@@ -1,4 +1,4 @@
-"""The error system of the proposed observer, and the drive's parameters that it needs.
+"""The error system of the proposed observer, and the drive parameters that it depends on.
 
 With a = sigma0 |w|/h(w) >= 0 the errors e_z = z - zhat, e_w = w - what follow
 
@@ -47,7 +47,7 @@ def drive(p: Any) -> Drive:
     Raises
     ------
     InputError
-        When one is missing, is no finite number, or is not positive (sigma1 may be 0).
+        When one is missing, not a finite number, or not positive (sigma1 may be 0).
     """
     have = p.values() if hasattr(p, "with_values") else {k: getattr(p, k, None) for k in NAMES}
     missing = [k for k in NAMES if have.get(k) is None]
@@ -102,8 +102,7 @@ def error_matrices(p: Any, K1: float, K2: float) -> tuple[np.ndarray, np.ndarray
 def slowest_pole(p: Any, K1: float, K2: float) -> float:
     """Largest real part in 1/s of the error system's poles at w = 0.
 
-    Roots of s^2 + K3 s - K1 sigma0/J. No bound that holds for every w(t) can promise a faster
-    decay than this.
+    Roots of s^2 + K3 s - K1 sigma0/J. No rate that holds for every w(t) can be faster than this.
     """
     m = drive(p)
     half = (K2 - m.sigma1 * K1) / m.J / 2.0

@@ -1,4 +1,4 @@
-"""How much a motion excites the bristles, and the error decay that follows from it."""
+"""The excitation of the bristles by a motion, and the error decay that follows from it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 @dataclass(frozen=True)
 class Excitation:
-    """Over every window of T seconds inside the log the integral of |w| is at least beta.
+    """In every window of T seconds inside the log the integral of |w| is at least beta.
 
     T in s, beta in rad (eq. lemma2_eq); ``slowest`` and ``fastest``: extremes of |w| in rad/s;
     ``duration`` in s. Truthy when beta > 0.
@@ -35,11 +35,11 @@ class Excitation:
         return self.beta > 0.0
 
     def rate(self, p: Any, alpha: float | None = None) -> float:
-        """Decay in 1/s that the excitation guarantees if it goes on as in the log.
+        """Decay in 1/s that the excitation guarantees if it continues as in the log.
 
-        Without alpha for the natural observer, sigma0 beta/(C2 T) with C2 = max(Fc, Fs):
+        Without alpha: that of the natural observer, sigma0 beta/(C2 T) with C2 = max(Fc, Fs):
         |e_z(t)| <= exp(sigma0 beta/C2) exp(-rate t) |e_z(0)| (lemma1, lemma2, corrected eq.
-        proof2_eq2). With alpha in N m s/rad for the "time-varying" gains (lemma4):
+        proof2_eq2). With alpha in N m s/rad: that of the "time-varying" gains (lemma4):
         V(t) <= exp(2 rate T) exp(-2 rate t) V(0), which also needs |w| <= ``fastest``.
         """
         m = drive(p)
@@ -66,14 +66,14 @@ def excitation(w: ArrayLike, t: ArrayLike, T: float | None = None) -> Excitation
     t : (N,) array_like
         Increasing times in s.
     T : float, optional
-        Window in s, at most the log's duration. Left out, it is the shortest window, of at most
-        half the log, whose beta/T comes within 0.1 % of the largest: half a period of a sine.
+        Window in s, at most the log's duration. Default: the shortest window, of at most half the
+        log, whose beta/T is within 0.1 % of the largest (half a period for a sine).
 
     Returns
     -------
     Excitation
-        beta is the smallest integral of |w| over a window of length T inside the log; it is
-        exact for the given w and T (the search for T is on 2000 cells).
+        beta is the smallest integral of |w| over a window of length T inside the log. It is
+        exact for the given w and T; T is searched on a grid of 2000 cells.
 
     Raises
     ------
@@ -83,9 +83,9 @@ def excitation(w: ArrayLike, t: ArrayLike, T: float | None = None) -> Excitation
 
     Notes
     -----
-    Source paper, eq. lemma2_eq. A log speaks for its own duration: that the excitation goes on
-    for all t, as lemma2 asks, remains an assumption. Noise counts as motion: for a drive at
-    rest beta measures the noise.
+    Source paper, eq. lemma2_eq. A log shows the excitation for its own duration only: that it
+    continues for all t, as lemma2 requires, remains an assumption. Noise counts as motion: for a
+    drive at rest beta measures the noise.
     """
     t, w = _with_crossings(*_series(t, w))
     duration = float(t[-1] - t[0])
@@ -115,7 +115,7 @@ def natural_decay(p: Any, w: ArrayLike, t: ArrayLike) -> np.ndarray:
     Returns
     -------
     (N,) array
-        e_z(t)/e_z(t[0]), without unit. 1 throughout at rest; for an integrable w it ends above
+        e_z(t)/e_z(t[0]), without unit. It is 1 at rest; for an integrable w its limit is at least
         exp(-sigma0/C1 int |w|) with C1 = min(Fc, Fs), so above 0.
 
     Raises
@@ -125,8 +125,8 @@ def natural_decay(p: Any, w: ArrayLike, t: ArrayLike) -> np.ndarray:
 
     Notes
     -----
-    Source paper, eq. proof2_eq. The integral is by Gauss quadrature with 8 nodes between
-    samples and zero crossings: good while w changes by no more than about 10 vs between samples.
+    Source paper, eq. proof2_eq. The integral is computed by Gauss quadrature with 8 nodes between
+    samples and zero crossings: accurate if w changes by at most about 10 vs between samples.
     """
     m = drive(p)
     asked, w = _series(t, w)
@@ -152,7 +152,7 @@ def _series(t: ArrayLike, w: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _with_crossings(t: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The series with its zero crossings as samples, so that |w| too is linear between them."""
+    """The series with its zero crossings added, so that |w| is linear between samples, too."""
     k = np.flatnonzero(w[1:] * w[:-1] < 0.0)
     when = t[k] + (t[k + 1] - t[k]) * w[k] / (w[k] - w[k + 1])
     inside = (when > t[k]) & (when < t[k + 1])
@@ -180,8 +180,8 @@ def _window(t: np.ndarray, w: np.ndarray, path: np.ndarray) -> float:
 
 
 def _least(t: np.ndarray, w: np.ndarray, path: np.ndarray, T: float) -> float:
-    """min over windows inside the log of int |w|: at a breakpoint, or where |w| is the same at
-    both ends of the window."""
+    """min over windows inside the log of int |w|: it occurs at a breakpoint, or where |w| is the
+    same at both ends of the window."""
     last = t[-1] - T
     starts = np.unique(np.clip(np.concatenate([t, t - T]), t[0], last))
     here, there = (np.interp(starts + shift, t, np.abs(w)) for shift in (0.0, T))

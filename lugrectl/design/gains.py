@@ -22,7 +22,7 @@ from .dynamics import Drive, drive, positive, slowest_pole
 
 @dataclass(frozen=True)
 class ScheduledGain:
-    """offset + slope |w|/h(w): a gain that ``proposed_observer`` takes in place of a number.
+    """offset + slope |w|/h(w): a gain that ``proposed_observer`` accepts in place of a number.
 
     ``slope`` is in the gain's unit times N m s/rad; Fc, Fs, vs are those of h(w).
     """
@@ -39,10 +39,10 @@ class ScheduledGain:
 
 @dataclass(frozen=True)
 class Design:
-    """Gains of the proposed observer and what they guarantee.
+    """Gains of the proposed observer and their guaranteed error decay.
 
     ``K1`` (without unit) and ``K2`` (N m s/rad) are numbers or functions of w, as
-    ``proposed_observer`` takes them; ``gains`` holds both, for ``velocity_loop(..., **gains)``.
+    ``proposed_observer`` accepts; ``gains`` holds both, for ``velocity_loop(..., **gains)``.
     """
 
     method: str
@@ -77,14 +77,14 @@ def design_gains(p: Any, method: str = "constant", **choices: float) -> Design:
         "time-varying" (lemma4): K1 = C sigma0/(A J) (sigma1 |w|/h - 1), K2 = alpha + sigma1 K1,
         both functions of w; alpha in N m s/rad.
         "bounded" (lemma5): the same K1(w) and the constant K2 = alpha + sigma1 C sigma0/(A J)
-        (sigma1 M/C1 - 1), C1 = min(Fc, Fs); for |w| <= M, with M in rad/s chosen beforehand.
+        (sigma1 M/C1 - 1), C1 = min(Fc, Fs); for |w| <= M, with a chosen M in rad/s.
         "constant" (lemma6): K1 = -2 C (sigma1 alpha + sigma0)/(beta J), K2 = J alpha; alpha in
         1/s.
     choices : float
         Positive numbers. A, C, alpha ("time-varying"), A, C, alpha, M ("bounded"; M has no
-        default), C, alpha, beta ("constant", where A and B follow by eq. AB). Defaults: C = 1;
-        A = C sigma1^2/J^2 and alpha = 2 J sigma0/sigma1, which put a double pole of the errors
-        at -sigma0/sigma1 at rest; in "constant" alpha = sigma0/sigma1, beta = 2 C sigma1^2/J^2,
+        default), C, alpha, beta ("constant"; A and B follow by eq. AB). Defaults: C = 1;
+        A = C sigma1^2/J^2 and alpha = 2 J sigma0/sigma1, which give the errors a double pole at
+        -sigma0/sigma1 at rest; in "constant" alpha = sigma0/sigma1, beta = 2 C sigma1^2/J^2,
         with the poles -sigma0/sigma1 and -2 sigma0/sigma1 at rest. With sigma1 = 0 there are no
         defaults.
 
@@ -102,9 +102,9 @@ def design_gains(p: Any, method: str = "constant", **choices: float) -> Design:
 
     Notes
     -----
-    Source paper, eq. K1, eq1 and eq2 (with the factor sigma1 that the paper drops inside the
-    bracket), AB, K3_new. Faster decay at every speed for the same constant gains may be found
-    by :func:`certify`, which is not bound to the paper's V.
+    Source paper, eq. K1, eq1 and eq2 (with the factor sigma1 that is missing inside the paper's
+    bracket), AB, K3_new. For the same constant gains :func:`certify` may find a faster decay at
+    every speed, because it is not limited to the paper's V.
     """
     if method not in _METHODS:
         raise InputError(f"unknown method {method!r}; known: {', '.join(_METHODS)}.")
@@ -121,7 +121,7 @@ def design_gains(p: Any, method: str = "constant", **choices: float) -> Design:
 
 def _default(m: Drive, given: dict[str, float], key: str, make: Callable[[], float]) -> float:
     if key not in given and m.sigma1 == 0.0:
-        raise InputError(f"sigma1 = 0 leaves no default for {key}: give {key}.")
+        raise InputError(f"with sigma1 = 0 there is no default for {key}: give {key}.")
     return given[key] if key in given else make()
 
 
@@ -168,7 +168,7 @@ def _time_varying(
     K2 = ScheduledGain(alpha + m.sigma1 * K1.offset, m.sigma1 * K1.slope, m.Fc, m.Fs, m.vs)
     sentences = (
         "e_w tends to 0 for every bounded w",
-        "no rate by itself: exponential where |w| stays above a positive bound, or where w is "
+        "no rate by itself: exponential if |w| stays above a positive bound, or if w is "
         "bounded and persistently exciting (Excitation.rate)",
     )
     pole = slowest_pole(m, K1.offset, K2.offset)

@@ -12,7 +12,7 @@ HOLDS, CORRECTED, FAILS = "holds", "holds corrected", "does not hold"
 
 
 class Label(NamedTuple):
-    """A label of the paper, its status, what to know about it, and the test that names it."""
+    """A label of the paper, its status, a note, and the test that names it."""
 
     label: str
     status: str
@@ -27,10 +27,10 @@ PAPER: tuple[Label, ...] = (
     Label(
         "mechanical_sys1",
         HOLDS,
-        "the plant; here with a load torque d beside F",
+        "the plant; here with a load torque d in addition to F",
         _EQUATIONS + "test_drive",
     ),
-    Label("sys1", HOLDS, "what is left when Fhat = F", _EQUATIONS + "test_compensated_drive"),
+    Label("sys1", HOLDS, "the drive if Fhat = F", _EQUATIONS + "test_compensated_drive"),
     Label("mechanical_sys2", HOLDS, "", _EQUATIONS + "test_compensated_drive"),
     Label("LuGre1", HOLDS, "", _EQUATIONS + "test_drive"),
     Label("LuGre2", HOLDS, "", _EQUATIONS + "test_drive"),
@@ -138,7 +138,7 @@ PAPER: tuple[Label, ...] = (
         "err_z_lap",
         CORRECTED,
         "(sigma1 s + sigma0) E_z = -(J s + K2) E_w + sigma1 e_z(0) + J e_w(0); the initial "
-        "conditions are missing in print; the pole is -sigma0/sigma1 whatever K2 is",
+        "conditions are missing in print; the pole is -sigma0/sigma1 for every K2",
         _EQUATIONS + "test_err_z_lap",
     ),
     Label(
@@ -153,7 +153,7 @@ PAPER: tuple[Label, ...] = (
     Label(
         "ineq3",
         HOLDS,
-        "and cannot be avoided: any V that serves every |w|/h satisfies it",
+        "and cannot be avoided: any V that is valid for every |w|/h satisfies it",
         _EQUATIONS + "test_step_by_step_solution",
     ),
     Label(
@@ -173,7 +173,7 @@ PAPER: tuple[Label, ...] = (
     Label(
         "lemma6",
         HOLDS,
-        "with sigma1 > 0; every K1 < 0 < K2 will do, see certify",
+        "with sigma1 > 0; every K1 < 0 < K2 is sufficient, see certify",
         _RUNS + "test_lemma6",
     ),
     Label("fric_params", HOLDS, "table1()", _EQUATIONS + "test_drive"),

@@ -14,14 +14,14 @@ from .program import Program
 
 
 class Diverged(Refused):
-    """The solution of a system does not go on: it grows without bound, is no number, or changes
-    faster than steps can follow."""
+    """The solution of a system cannot be continued: it grows without bound, becomes NaN, or
+    changes faster than steps can follow."""
 
 
 @dataclass(frozen=True)
 class Run:
     """States (n, N) at the grid points, the number of trial steps, and the last time at which
-    the error test was given up because a relay would not come to rest (nan: never)."""
+    the error test was given up because a relay did not come to rest (nan: never)."""
 
     states: np.ndarray
     steps: int
@@ -36,7 +36,7 @@ class Adaptive:
     program : Program
         A traced system.
     backend : str or None
-        "numba", "python", or None: numba where it can be imported.
+        "numba", "python", or None: numba if it can be imported.
     """
 
     def __init__(self, program: Program, backend: str | None = None) -> None:

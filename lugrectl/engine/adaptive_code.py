@@ -1,4 +1,4 @@
-"""The text of an adaptive run whose steps end on the time grid and at kinks and jumps."""
+"""Code of an adaptive run whose steps end on the time grid and at kinks and jumps."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from .sliding import names, settle, sliding
 from .switching import freeze_modes
 
 # l0, l1, ... are the switching functions after the trial step, a0, a1, ... before it, m0, m1,
-# ... the side taken during it: +1, -1, 0 while it is exactly 0, nan while it is not a number. A
-# step must not pass a zero: the length at which it meets one is bracketed between `low` and
-# `high` and found by regula falsi with the weights of Anderson and Bjorck (BIT 13, 1973), every
-# fourth time by halving. Within DEAD of its largest value a switching function counts as zero; a
-# step that starts there takes the side on which it ends, and where it ends there too, the
-# function says nothing about the length of the step. Where events follow each other without a
-# step that ends FAR from all zeros, kinks are no longer located in the interval (noise about
-# zero), and a jump that goes on switching (a relay that sticks) makes the rest of it go in short
-# steps. A run that would not get through an interval in any time ends.
+# ... their sides during it: +1, -1, 0 for exactly 0, nan for NaN. A step must not pass a zero:
+# the length at which it meets one is bracketed between `low` and `high` and found by regula
+# falsi with the weights of Anderson and Bjorck (BIT 13, 1973), every fourth time by bisection. A
+# switching function within DEAD times its largest value counts as zero; a step that starts there
+# takes the side on which it ends. If it also ends there, the function does not limit the step.
+# If many events follow each other without a step that ends FAR from all zeros, kinks are no
+# longer located in the interval (noise about zero), and a jump that continues to switch (a relay
+# that sticks) makes the remaining interval be stepped in short steps. A run that would never get
+# through an interval is ended.
 _RUN = """
 DEAD = 1e-11
 FAR = 1e5
@@ -177,7 +177,7 @@ class _Section:
         return self.emitter.body + [f"{name} = {code}" for name, code in pairs]
 
     def guarded(self) -> list[str]:
-        """In plain Python an overflow raises: then NumPy's rules apply."""
+        """In plain Python an overflow raises; the values are then computed by NumPy's rules."""
         if not self.names:
             return []
         again = f"{', '.join(self.names)}, = robust_{self.prefix}({', '.join(self._arguments())})"
@@ -185,7 +185,7 @@ class _Section:
         return ["try:", *tried, "except (ArithmeticError, ValueError):", f"    {again}"]
 
     def robust(self) -> str:
-        """The same as a function that returns inf or nan where ``math`` would raise."""
+        """The same code as a function that returns inf or nan where ``math`` would raise."""
         emitter = Emitter("array", self.prefix)
         values = "".join(f"{code}, " for code in emitter.write(self.nodes))
         lines = [f"{name} = np.float64({name})" for name in self._arguments()]
@@ -215,7 +215,7 @@ def _parts(program: Program) -> Parts:
 
 
 def _rests(program: Program, parts: Parts, fixed: Sequence[str]) -> tuple[_Section, _Section]:
-    """What tells whether jumps rest, before a step and after it."""
+    """The code that decides whether jumps rest, before a step and after it."""
     slides = parts.slides
     weights = [*slides.parts.values(), *slides.steps.values()]
     moves = [(f"move{j}_{i}", n) for i, m in slides.moves.items() for j, n in m.items()]
@@ -260,7 +260,7 @@ def _end_inputs(parts: Parts) -> list[str]:
 
 
 def _weights(states: int) -> list[str]:
-    """The errors relative to the largest values: a division only where a state grows."""
+    """The errors relative to the largest values; divides only if a state grows."""
     lines = []
     for i in range(states):
         lines += [f"o{i} = q{i} if abs(n{i}) <= s{i} else 1.0 / abs(n{i})", f"g{i} = e{i} * o{i}"]
@@ -268,7 +268,7 @@ def _weights(states: int) -> list[str]:
 
 
 def _blame(states: int) -> list[str]:
-    """The state with the largest error, or the first that is no number."""
+    """The state with the largest error, or the first that is NaN."""
     lines = ["largest = -1.0"]
     for i in range(states):
         lines += [f"part = abs(g{i})", "if largest == largest and not part <= largest:"]

@@ -17,10 +17,10 @@ from .output_code import output_code
 
 @dataclass(frozen=True)
 class Portable:
-    """The generated text of an adaptive run, with its labels: pickles, whatever its system holds.
+    """The generated code of an adaptive run, with its labels; always picklable.
 
-    Blocks hold closures, which do not pickle, and expression graphs are deep. The text is what a
-    worker needs: it compiles it, or loads the machine code that is kept for it on disk.
+    Blocks hold closures, which cannot be pickled, and expression graphs are deep. A worker needs
+    only the code: it compiles it, or loads its machine code from the cache on disk.
     """
 
     name: str
@@ -33,7 +33,7 @@ class Portable:
 
     @classmethod
     def of(cls, engine: Adaptive, outputs: Sequence[str] | None = None) -> Portable:
-        """What a compiled system consists of; ``outputs``: only these are worked out."""
+        """The code of a compiled system; ``outputs``: only these are computed."""
         program = engine.program
         wanted = tuple(program.outputs if outputs is None else outputs)
         unknown = [name for name in wanted if name not in program.outputs]
@@ -52,15 +52,15 @@ class Portable:
         )
 
     def loaded(self) -> Loaded:
-        """Ready to run; fast after the first time."""
+        """The run, ready to use; fast after the first call."""
         return Loaded(self)
 
 
 class Loaded(Adaptive):
-    """An adaptive run from its text; the GIL is free while numba's code runs."""
+    """An adaptive run from its code; the GIL is released while numba's code runs."""
 
     def __init__(self, portable: Portable) -> None:
-        self.program: Any = portable  # of a program, runs read the name and the labels only
+        self.program: Any = portable  # runs read only a program's name and labels
         self.backend = portable.backend
         self._run = load(portable.run_code, portable.backend).run
         self._outputs = load(portable.output_code, "numpy").outputs
@@ -68,7 +68,7 @@ class Loaded(Adaptive):
     def response(
         self, t: np.ndarray, u: np.ndarray, x0: np.ndarray, p: np.ndarray, hold: bool, rtol: float
     ) -> tuple[np.ndarray, np.ndarray, float]:
-        """States (n, N), outputs (ny, N), and where a relay would not come to rest (nan: none).
+        """States (n, N), outputs (ny, N), and when a relay did not come to rest (nan: never).
 
         Raises ``Diverged`` as ``Adaptive.run`` does.
         """

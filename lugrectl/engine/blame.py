@@ -1,4 +1,4 @@
-"""Which block puts out what is no number, and which blocks form an algebraic loop."""
+"""Finds the block whose output is not a number, and the blocks of an algebraic loop."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from .trace import AlgebraicLoop
 class Probe:
     """Evaluates a system block by block at one instant, by its own functions.
 
-    python-control reports a NaN inside an interconnection as an algebraic loop; here the first
-    output that is no number though its block's inputs and states are numbers is in ``culprit``.
+    python-control reports a NaN inside an interconnection as an algebraic loop. Here ``culprit``
+    names the first output that is not finite although its block's inputs and states are.
     """
 
     t: float
     culprit: str = field(default="")
 
     def outputs(self, system: Any, x: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Outputs of a system; AlgebraicLoop where they never settle."""
+        """Outputs of a system; AlgebraicLoop if they never settle."""
         if not isinstance(system, ct.InterconnectedSystem):
             with np.errstate(all="ignore"):
                 y = np.reshape(np.asarray(system._out(self.t, x, u), dtype=float), -1)
@@ -66,20 +66,20 @@ class Probe:
                 row += 1
         names = ", ".join(system.syslist[i].name for i in looped(reach))
         return (
-            f"{system.name}: algebraic loop through {names}; each answers its input at once: put "
-            "a state (a lag, a sensor) between them."
+            f"{system.name}: algebraic loop through {names}; each output depends on its input at "
+            "the same instant: put a state (a lag, a sensor) between them."
         )
 
 
 def culprit(system: Any, t: float, x: np.ndarray, u: np.ndarray) -> str:
-    """``output y of block b is nan``, or empty; AlgebraicLoop where the outputs never settle."""
+    """``output y of block b is nan``, or empty; AlgebraicLoop if the outputs never settle."""
     probe = Probe(t)
     probe.outputs(system, np.asarray(x, dtype=float), np.asarray(u, dtype=float))
     return probe.culprit
 
 
 def _times(matrix: Any, values: np.ndarray) -> np.ndarray:
-    """The product, in which 0 times nan is 0."""
+    """The product, with 0 times nan = 0."""
     rows = np.atleast_2d(np.asarray(matrix, dtype=float))
     return np.array([row[row != 0] @ values[row != 0] for row in rows], dtype=float)
 

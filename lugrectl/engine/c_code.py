@@ -1,4 +1,4 @@
-"""Generated loops as C: the part of Python that they are written in, word for word."""
+"""Translates generated loops to C, statement by statement, from a subset of Python."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ _SIGNS |= {ast.And: "&&", ast.Or: "||"}
 _CALLS = {"abs": "fabs", "max": "most", "min": "least"}
 _CONSTANTS = {"inf": "INFINITY", "nan": "NAN"}
 
-_PARSING = threading.Lock()  # Python 3.11 counts the depth of trees for all threads at once
+_PARSING = threading.Lock()  # Python 3.11 counts the depth of syntax trees globally
 
 
 @dataclass(frozen=True)
 class Kind:
-    """What a C expression is: "d" or "i"; with the lengths of its axes where it is an array."""
+    """The type of a C expression: "d" or "i", and the lengths of its axes if it is an array."""
 
     of: str
     shape: tuple[str, ...] = ()
@@ -39,14 +39,14 @@ Value = tuple[str, Kind]
 def c_code(source: str, kinds: Sequence[Kind], before: str = "") -> str:
     """The one function of a source text as ``void run`` in C.
 
-    ``kinds`` are those of its arguments; ``before`` is C that comes before it. Names get an
-    underscore, so that none is C's own. An array comes as its address, followed by the lengths of
-    its axes.
+    ``kinds`` are those of its arguments; ``before`` is C code to put before it. Names get an
+    underscore, so that none is a C keyword. An array is passed as its address, followed by the
+    lengths of its axes.
 
     Raises
     ------
     ValueError
-        At a statement or an expression that has no word here.
+        For a statement or an expression that cannot be translated.
     """
     with _PARSING:
         tree = ast.parse(source)
@@ -54,7 +54,7 @@ def c_code(source: str, kinds: Sequence[Kind], before: str = "") -> str:
     given = {a.arg: kind for a, kind in zip(function.args.args, kinds, strict=True)}
     writer = _Writer(given)
     body = writer.block(function.body, 1)
-    while writer.promoted:  # a whole number that later holds another: once more, as a double
+    while writer.promoted:  # an integer variable later holds a double: translate again with it
         writer = _Writer(given, writer.kinds)
         body = writer.block(function.body, 1)
     own = [f"    {_declared(k, v)};" for k, v in writer.kinds.items() if k not in given]
@@ -73,7 +73,7 @@ def _declared(name: str, kind: Kind) -> str:
 
 
 class _Writer:
-    """Statements and expressions, with the kinds of the names met so far."""
+    """Writes statements and expressions; keeps the kinds of the names seen so far."""
 
     def __init__(self, given: Mapping[str, Kind], known: Mapping[str, Kind] | None = None) -> None:
         self.kinds: dict[str, Kind] = {**given, **(known or {})}
@@ -88,7 +88,7 @@ class _Writer:
         ]
 
     def _none(self, node: ast.AST) -> NoReturn:
-        raise ValueError(f"no C is written for: {ast.unparse(node)}")
+        raise ValueError(f"cannot be translated to C: {ast.unparse(node)}")
 
     def _inner(self, statements: list[ast.stmt]) -> list[str]:
         return ["{", *self.block(statements, 1), "}"]
@@ -137,7 +137,7 @@ class _Writer:
         return [f"{target.id}_ = {code};"]
 
     def _room(self, name: str, call: ast.Call) -> list[str]:
-        """``np.zeros`` or ``np.empty`` of a few numbers, on the stack; zeros in either case."""
+        """``np.zeros`` or ``np.empty`` of a few numbers, on the stack; zeros in both cases."""
         size, *of = call.args
         kind = "i" if of else "d"
         axes = size.elts if isinstance(size, ast.Tuple) else [size]

@@ -1,4 +1,4 @@
-"""A net whose sampled blocks, or all of whose blocks, are called and not traced."""
+"""A net whose sampled blocks, or all blocks, are called instead of traced."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Advance = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, float
 
 
 class Called:
-    """A net evaluated by its blocks' own functions, block by block where an input has changed.
+    """A net evaluated by its blocks' own functions; a block is called again if an input changed.
 
     Parameters
     ----------
@@ -27,8 +27,8 @@ class Called:
     params : dict, optional
         As for ``control.input_output_response``.
     method : str or None
-        A method of ``scipy.integrate.solve_ivp`` for the flow; None: the traced flow, and
-        TraceError where it cannot be followed.
+        A method of ``scipy.integrate.solve_ivp`` for the flow; None: the traced flow, with a
+        TraceError if it cannot be traced.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class Called:
         )
 
     def _outputs(self, t: float, x: np.ndarray, h: np.ndarray, u: np.ndarray) -> Rows:
-        """Outputs of all parts while nothing ticks."""
+        """Outputs of all parts between updates."""
         answers = [
             None if part.sampled else self._of(i, t, x) for i, part in enumerate(self.net.parts)
         ]
@@ -91,7 +91,7 @@ class Called:
     def _tick(
         self, t: float, x: np.ndarray, q: np.ndarray, before: Rows, u: np.ndarray, flags: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, Rows]:
-        """Held values and sampled states after a tick, and the outputs of all parts."""
+        """Held values and sampled states after an update, and the outputs of all parts."""
         answers: list[Any] = []
         for i, part in enumerate(self.net.parts):
             if part.group is None:
@@ -110,7 +110,7 @@ class Called:
     def _settle(
         self, outputs: Rows, answers: Sequence[Any], u: np.ndarray
     ) -> tuple[list[np.ndarray], Rows]:
-        """Inputs and outputs at one instant, where those with an answer follow their inputs."""
+        """Inputs and outputs at one instant; parts in ``answers`` respond to their inputs."""
         inputs: list[Any] = [None] * len(outputs)
         for _ in range(len(outputs) + 2):
             changed = False
@@ -123,11 +123,11 @@ class Called:
             if not changed:
                 return inputs, outputs
         if not all(np.isfinite(row).all() for row in outputs):
-            return inputs, outputs  # 0 * inf never settles; it is refused by name
+            return inputs, outputs  # 0 * inf never settles; it is reported by name later
         raise AlgebraicLoop(self.net.loop_message(self._quick(answers, inputs, outputs)))
 
     def _quick(self, answers: Sequence[Any], inputs: Rows, outputs: Rows) -> list[list[bool]]:
-        """Which outputs answer a change of any input."""
+        """Which outputs change at once with any input."""
         random, rows = np.random.default_rng(0), []
         for answer, given, out in zip(answers, inputs, outputs, strict=True):
             moved = np.zeros(len(out), dtype=bool)
@@ -144,7 +144,7 @@ class Called:
         return sum(outputs[i][j] for i, j in self.net.sources[label])
 
     def _signals(self, outputs: Rows, h: np.ndarray) -> np.ndarray:
-        """All signals, the sampled ones as they are after the tick."""
+        """All signals; the sampled ones after the update."""
         rows = [row.copy() for row in outputs]
         for (i, j), value in zip(self.net.held, h, strict=True):
             rows[i][j] = value

@@ -1,4 +1,4 @@
-"""Whether a trace says what the system itself says."""
+"""Checks that a trace gives the same values as the system itself."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def check(
 ) -> None:
     """Compare a trace with the system's own functions at random points of these sizes.
 
-    Raises TraceError where they differ: a function that keeps state of its own, draws random
-    numbers, or takes another way for symbols than for numbers.
+    Raises TraceError if they differ: a function keeps internal state, draws random numbers, or
+    computes something else for symbols than for numbers.
     """
     random = np.random.default_rng(len(program.graph.nodes))
     single = {k for k in program.keys if program.keys.count(k) == 1 and k not in program.fixed}
@@ -43,7 +43,7 @@ def check(
 
 
 def _own(system: Any, t: float, x: Any, u: Any, params: Mapping[str, Any]) -> np.ndarray | None:
-    """The system's rates and outputs; None where python-control meets a NaN inside a loop."""
+    """The system's rates and outputs; None if python-control finds a NaN inside a loop."""
     system._update_params(params)
     try:
         with np.errstate(all="ignore"):
@@ -53,7 +53,7 @@ def _own(system: Any, t: float, x: Any, u: Any, params: Mapping[str, Any]) -> np
 
 
 def _compare(program: Program, own: np.ndarray, ours: np.ndarray) -> bool:
-    """Whether the point counts: some value is finite."""
+    """Whether the point is usable: some value is finite."""
     size = np.max(np.abs(own[np.isfinite(own)]), initial=1e-300)
     bad = ~np.isclose(ours, own, rtol=1e-9, atol=1e-11 * size, equal_nan=True)
     if np.any(bad):

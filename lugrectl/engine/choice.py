@@ -1,4 +1,4 @@
-"""Which engine runs a net: traced whole, with sampled blocks called, or all of them called."""
+"""Chooses the engine of a net: all traced, with sampled blocks called, or all called."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .symbolic import TraceError
 
 @dataclass(frozen=True)
 class _Known:
-    """A compiled net and what it was made from."""
+    """A compiled net and the data it was made from."""
 
     blocks: tuple[weakref.ref, ...]
     fingerprint: Any
@@ -49,8 +49,8 @@ def engine(
 ) -> tuple[Held | Called, np.ndarray]:
     """The engine of a net and its parameter vector.
 
-    Where a continuous block cannot be traced, LSODA integrates them all, with a warning that
-    names the block. A sampled block that cannot be traced is called at its ticks.
+    If a continuous block cannot be traced, LSODA integrates all of them, with a warning that
+    names the block. A sampled block that cannot be traced is called at its updates.
     """
     none = np.zeros(0)
     if method not in (None, "rosenbrock"):
@@ -68,7 +68,7 @@ def engine(
 
 
 def compiled_net(net: Net, params: Mapping[str, Any] | None = None) -> Held:
-    """The compiled net; that of an earlier call where nothing but numbers has changed."""
+    """The compiled net; that of an earlier call if only numbers have changed."""
     given = dict(params or {})
     others = tuple((k, _token(v)) for k, v in given.items() if not _is_number(v))
     wiring = tuple((part.inputs, part.outputs, part.group) for part in net.parts)

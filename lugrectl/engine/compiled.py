@@ -1,4 +1,4 @@
-"""Traced and compiled systems, kept for the next call while the system is what it was."""
+"""Traced and compiled systems, kept for the next call as long as the system does not change."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .trace import trace
 
 @dataclass(frozen=True, eq=False)
 class _Witness:
-    """One value of a block's function: another answer to the same question is another function."""
+    """One value of a block's function; if it changes, the function has changed."""
 
     function: Callable[..., Any]
     question: tuple[Any, ...]
@@ -30,7 +30,7 @@ class _Witness:
 
 @dataclass(frozen=True, eq=False)
 class _Known:
-    """A traced system and what it was traced from."""
+    """A traced system and the data it was traced from."""
 
     fingerprint: Any
     overridden: frozenset[str]
@@ -52,7 +52,7 @@ _traced: weakref.WeakKeyDictionary[Any, list[_Known]] = weakref.WeakKeyDictionar
 
 
 def compiled(system: Any, params: Mapping[str, Any] | None = None) -> Adaptive:
-    """The compiled system; the one of an earlier call where nothing but numbers has changed."""
+    """The compiled system; that of an earlier call if only numbers have changed."""
     given = dict(params or {})
     others = frozenset((k, _token(v)) for k, v in given.items() if not _is_number(v))
     fingerprint = (_fingerprint(system), others)
@@ -70,7 +70,7 @@ def compiled(system: Any, params: Mapping[str, Any] | None = None) -> Adaptive:
 
 
 def _witnesses(system: Any) -> list[_Witness]:
-    """A value of each function that a trace has called, at a point like that of any other run."""
+    """A value of each function that a trace has called, at an ordinary point."""
     if isinstance(system, ct.InterconnectedSystem):
         return [witness for block in system.syslist for witness in _witnesses(block)]
     random = np.random.default_rng(system.nstates + 7 * system.ninputs)
@@ -85,7 +85,7 @@ def _answer(function: Callable[..., Any], question: tuple[Any, ...]) -> bytes:
     try:
         with np.errstate(all="ignore"):
             return np.asarray(function(t, x.copy(), u.copy(), params), dtype=float).tobytes()
-    except Exception as error:  # at this point of all; what matters is that it stays so
+    except Exception as error:  # an error is an answer too: only a change matters
         return repr(error).encode()
 
 
@@ -108,7 +108,7 @@ def _default_keys(system: Any) -> set[str]:
 
 
 def _fingerprint(system: Any) -> Any:
-    """What a trace depends on besides the values of numeric parameters."""
+    """All that a trace depends on, except the values of numeric parameters."""
     params = tuple((k, _token(v)) for k, v in system.params.items())
     if isinstance(system, ct.InterconnectedSystem):
         maps = (system.connect_map, system.input_map, system.output_map)

@@ -11,8 +11,8 @@ from .ops import CHOICES, OPS
 def derivatives(roots: Sequence[Node], variable: Node) -> list[Node]:
     """d root / d variable for each root.
 
-    d|x|/dx = sign(x), 0 at 0; sign and comparisons count as constants, np.where, np.maximum
-    and np.minimum as the branch that holds.
+    d|x|/dx = sign(x), 0 at 0; sign and comparisons count as constants; np.where, np.maximum
+    and np.minimum as the active branch.
     """
     slope: dict[int, Node] = {}
     zero, one = variable.graph.constant(0.0), variable.graph.constant(1.0)

@@ -18,8 +18,8 @@ ARRAY_HEADER = "import numpy as np\nfrom numpy import inf, nan\n"
 
 _INFIX = {"add", "subtract", "multiply", "divide", "negative"}
 _LONGEST = 70
-# exp is 0 there, but the library's way to say so is slow; conditions that look for nan, and
-# functions that few libraries have for several numbers, hinder compilers
+# exp is 0 there, but the library is slow to return it; tests for nan, and functions that few
+# libraries provide for several numbers at once, keep compilers from vectorising
 _OWN = {
     ("scalar", "exp"): "(0.0 if {0} < -745.2 else exp({0}))",
     ("wide", "exp"): "exp(max({0}, -700.0))",
@@ -31,14 +31,14 @@ _NAMED_TWICE = {"sign", "maximum", "minimum", "exp"}
 
 
 class Emitter:
-    """Writes each node once: what hangs on ``fixed`` symbols only goes into ``head``.
+    """Writes each node once: nodes that depend on ``fixed`` symbols only go into ``head``.
 
     Parameters
     ----------
     kind : str
-        "scalar", "array", or "wide": for floats, without what hinders several at once.
+        "scalar", "array", or "wide": for floats, in a form that can be vectorised.
     prefix : str
-        First letters of the variables it makes.
+        First letters of the variables that it creates.
     fixed : iterable of str
         Symbols that do not change inside the loop for which the code is written.
     """
@@ -49,7 +49,7 @@ class Emitter:
         self.body: list[str] = []
 
     def write(self, roots: Sequence[Node]) -> list[str]:
-        """Write what the roots need; the expressions that then hold their values."""
+        """Write the code of the roots; returns the expressions that hold their values."""
         nodes = reachable(roots)
         still = self._still(nodes)
         user = self._single_users(nodes, roots)
@@ -76,7 +76,7 @@ class Emitter:
 
     @staticmethod
     def _single_users(nodes: Sequence[Node], roots: Sequence[Node]) -> dict[int, int]:
-        """The user of each node that is used exactly once and whose code names it once."""
+        """The user of each node that is used exactly once, and only once in the user's code."""
         uses: dict[int, list[int]] = {}
         for node in nodes:
             for argument in node.args:
@@ -98,10 +98,10 @@ class Emitter:
 
 
 def reciprocals(roots: Sequence[Node]) -> list[Node]:
-    """The roots with a (1/b) for a/b: equal but for rounding.
+    """The roots with a (1/b) in place of a/b: equal except for rounding.
 
-    For compiled code: 1/b is shared, leaves the loop where b does not change, and can be worked
-    out before a is known.
+    For compiled code: 1/b is shared, moves out of the loop if b does not change, and can be
+    computed before a is known.
     """
 
     def rule(node: Node, args: tuple[Node, ...]) -> Node | None:
@@ -116,10 +116,10 @@ _COST = {"divide": 4, "sqrt": 5, "exp": 12, "log": 12, "sin": 12, "cos": 12, "ta
 
 
 def early_first(roots: Sequence[Node], late: Iterable[str]) -> list[Node]:
-    """The roots with the terms of each sum added in the order in which they are known.
+    """The roots with the terms of each sum added in the order in which they become known.
 
-    Equal but for rounding. ``late`` names the symbols that are known last. Compiled code waits
-    for the longest chain of operations, and most other work is done meanwhile.
+    Equal except for rounding. ``late`` names the symbols that are known last. The longest chain
+    of operations limits the speed of compiled code; other work is done in parallel with it.
     """
     nodes = reachable(roots)
     uses = Counter([a.index for n in nodes for a in n.args] + 2 * [root.index for root in roots])
@@ -127,7 +127,7 @@ def early_first(roots: Sequence[Node], late: Iterable[str]) -> list[Node]:
     new: dict[int, Node] = {}
     for node in nodes:
         terms = _terms(node, uses) if node.op in _SUMS else []
-        # (x + 1e16) - 1e16 is meant as it is written
+        # (x + 1e16) - 1e16 must not be reordered
         plain = any(n.is_constant() and abs(n.value) > 1e6 for _, n in terms)
         if len(terms) > 2 and not plain:
             new[node.index] = _added([(sign, new[n.index]) for sign, n in terms], known)
@@ -138,7 +138,7 @@ def early_first(roots: Sequence[Node], late: Iterable[str]) -> list[Node]:
 
 
 class _Known:
-    """After how many products a value is known: 0 for what does not depend on ``late``."""
+    """The number of products after which a value is known: 0 if it does not depend on ``late``."""
 
     def __init__(self, late: Iterable[str]) -> None:
         self.late, self.when = frozenset(late), dict[int, int]()
@@ -183,7 +183,7 @@ def _added(terms: Sequence[tuple[int, Node]], known: _Known) -> Node:
 
 
 def indent(lines: Iterable[str], depth: int) -> str:
-    """The lines as one text, indented by ``depth`` steps; ``pass`` if there is none."""
+    """The lines as one text, indented by ``depth`` steps; ``pass`` if there are none."""
     return "\n".join("    " * depth + line for line in (list(lines) or ["pass"]))
 
 

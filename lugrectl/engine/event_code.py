@@ -1,4 +1,4 @@
-"""Code for kinks and jumps within a run: on which sides steps go, and where they must end."""
+"""Code for kinks and jumps within a run: the sides of steps, and where steps must end."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def margin(part):
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """What the text is made of."""
+    """The parts of the code."""
 
     states: list[str]
     inputs: list[str]
@@ -102,12 +102,12 @@ def start_sides(parts: Parts) -> list[str]:
 
 
 def start_sizes(parts: Parts) -> list[str]:
-    """The largest values of the switching functions, once the sides are right."""
+    """The largest values of the switching functions, once the sides are correct."""
     return [f"r{i} = widest(r{i}, a{i})" for i in range(len(parts.leads))]
 
 
 def nesting(leads: Sequence[Node]) -> int:
-    """How many switching functions hang on the side of another, at most, one in the other."""
+    """The longest chain of switching functions, each of which depends on the side of the next."""
     depths: dict[str, int] = {}
     for i, lead in enumerate(leads):
         inner = [depths[name] for name in symbols_in([lead]) if name in depths]
@@ -116,14 +116,14 @@ def nesting(leads: Sequence[Node]) -> int:
 
 
 def _unless_resting(parts: Parts, i: int, lines: Sequence[str]) -> list[str]:
-    """For a switching function that does not rest."""
+    """The lines, executed only if a switching function does not rest."""
     if i not in parts.slides.parts:
         return [*lines]
     return [f"if on{i} == 0.0:", *("    " + line for line in lines)]
 
 
 def nearest_zero(parts: Parts, weights: Sequence[str]) -> list[str]:
-    """How far the nearest switching function is from zero, in widths of its dead band."""
+    """The distance of the nearest switching function from zero, in widths of its dead band."""
     lines = ["worst = 1e300"]
     for i in range(len(parts.leads)):
         far = f"distance(m{i}, l{i}, a{i}, r{i})"
@@ -150,7 +150,7 @@ def nearest_before(parts: Parts) -> list[str]:
 
 
 def turns(parts: Parts, *, at_start: bool) -> list[str]:
-    """Sides that a trial step from zero has shown to be wrong, or that a step has left."""
+    """Changes sides that a trial step from zero has shown to be wrong, or that a step has left."""
     lines = []
     for i, jump in enumerate(parts.jumps):
         count = ["    events += 1"] + ["    relays += 1"] * jump

@@ -1,7 +1,7 @@
 """Expression graphs: every distinct expression of scalars exists once, as a node.
 
-Equal expressions are the same object, arguments have lower indices than their users, and the
-simplifications keep the value to the last bit for finite arguments.
+Equal expressions are the same object, arguments have lower indices than their users, and
+simplifications do not change the value by even one bit for finite arguments.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Node(Symbolic):
 
 
 class Graph:
-    """The table of nodes; ``make`` is the only way to get one."""
+    """The table of nodes; only ``make`` creates one."""
 
     def __init__(self) -> None:
         self.nodes: list[Node] = []
@@ -75,7 +75,7 @@ class Graph:
 
 
 def _ordered(op: str, a: Node, b: Node) -> Node | None:
-    """The arguments of a commutative operation in one order."""
+    """A commutative operation with its arguments in a fixed order."""
     return None if a.index <= b.index else a.graph.make(op, b, a)
 
 
@@ -177,7 +177,7 @@ def reachable(roots: Iterable[Node]) -> list[Node]:
 def substitute(
     roots: Sequence[Node], rule: Callable[[Node, tuple[Node, ...]], Node | None]
 ) -> list[Node]:
-    """The roots with nodes exchanged: ``rule(node, new_arguments)`` gives the new node or None."""
+    """The roots with nodes replaced: ``rule(node, new_arguments)`` gives the new node or None."""
     new: dict[int, Node] = {}
     for node in reachable(roots):
         args = tuple(new[a.index] for a in node.args)
@@ -190,7 +190,7 @@ def substitute(
 
 
 def rename(roots: Sequence[Node], to: Mapping[int, Node]) -> list[Node]:
-    """The roots with symbols exchanged; ``to`` is keyed by the symbol's index."""
+    """The roots with symbols replaced; ``to`` is keyed by the symbol's index."""
     return substitute(roots, lambda node, args: to.get(node.index))
 
 

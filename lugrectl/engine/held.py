@@ -14,23 +14,23 @@ from .hybrid import Hybrid, trace_net
 from .load import has_numba, load
 from .net import Net
 
-FEW = 2000  # grid points; 25 times as many where nothing flows between ticks
+FEW = 2000  # grid points; 25 times as many if there are no continuous states
 
 
 @dataclass(frozen=True)
 class Course:
-    """The times at which a net is stepped, what happens there and what is kept.
+    """The times at which a net is stepped, the updates there, and the points to keep.
 
     Parameters
     ----------
     grid : (N,) ndarray
-        Ticks and wanted times.
+        Times of updates and requested times.
     given : (m, N) ndarray
-        Inputs from outside.
+        External inputs.
     flags : (groups, N) ndarray
-        1 where a sample time ticks, 0.5 where its outputs alone are wanted.
+        1 for an update of a sample time, 0.5 if only its outputs are requested.
     column : (N,) ndarray of int
-        Place among the kept points, -1: not kept.
+        Index among the kept points, -1: not kept.
     hold : bool
         Inputs are held between grid points.
     """
@@ -70,8 +70,8 @@ class Held:
     params : dict, optional
         As for ``control.input_output_response``.
     backend : str or None
-        "numba", "python", or None: plain Python for the first FEW grid points, where compiling
-        would take far longer than running, then numba where it can be imported.
+        "numba", "python", or None: plain Python for up to FEW grid points, because compiling
+        would take much longer than running; beyond that numba, if it can be imported.
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class Held:
     def run(
         self, course: Course, x: np.ndarray, q: np.ndarray, p: np.ndarray, rtol: float
     ) -> Track:
-        """The track from the states x, q on.
+        """The track that starts at the states x, q.
 
         Raises
         ------
@@ -127,7 +127,7 @@ class Held:
         return self._runs[backend]
 
     def _call(self, backend: str, fixed: Any, now: Any, out: Any, status: np.ndarray) -> int:
-        """The generated function; plain Python is quicker on lists."""
+        """Call the generated function; with lists in plain Python, where they are faster."""
         run = self._generated(backend)
         *arrays, hold, p, rtol = fixed
         if backend == "numba":
@@ -142,7 +142,7 @@ class Held:
 
 
 def not_finite(net: Net, q: np.ndarray, h: np.ndarray, t: float) -> str:
-    """Which sampled block put out, or holds as a state, what is no number."""
+    """The sampled block with an output or a state that is not a number."""
     for (i, j), value in zip(net.held, h, strict=True):
         if not np.isfinite(value):
             part = net.parts[i]

@@ -1,4 +1,4 @@
-"""The text of a run that alternates between ticks of sampled blocks and continuous flow."""
+"""Code of a run that alternates between updates of sampled blocks and continuous flow."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from .emit import Emitter, indent
 from .graph import symbols_in
 from .hybrid import Hybrid, Tick
 
-# x are the continuous states, q the sampled ones, u the inputs from outside and, after them,
-# the values held between ticks. column[k] is where the grid point is kept, -1: nowhere.
+# x are the continuous states, q the sampled ones, u the external inputs followed by the values
+# held between updates (ticks). column[k] is where the grid point is stored, -1: not stored.
 _RUN = """
 import numpy as np
 
@@ -115,7 +115,7 @@ def _read(hybrid: Hybrid, tick: Tick) -> list[str]:
 def _tick(
     hybrid: Hybrid, tick: Tick, body: Sequence[str], codes: Sequence[str], kind: str
 ) -> list[str]:
-    """All new values at once; in plain Python an overflow raises, then NumPy's rules apply."""
+    """All new values at once; if plain Python raises on overflow, NumPy's rules are used."""
     targets = _targets(hybrid, tick)
     if not targets:
         return []

@@ -1,4 +1,4 @@
-"""The equations of a net: the flow between ticks, and what a tick does."""
+"""The equations of a net: the flow between updates (ticks), and the updates."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ Answer = Callable[[int, Sequence[Node]], list[Node]]
 class Tick:
     """The sampled parts' states and held outputs after a tick: nodes of t, x, q, u, g, p.
 
-    ``q`` are the states before it, ``g`` one flag for each sample time: 1 a tick, 0.5 outputs
-    alone, 0 nothing. Held values are the inputs of the flow that follow those from outside.
+    ``q`` are the states before it, ``g`` has one flag for each sample time: 1 a tick, 0.5 only
+    its outputs, 0 nothing. Held values are inputs of the flow, after the external inputs.
     """
 
     q: tuple[Node, ...]
@@ -33,11 +33,11 @@ class Tick:
 
 @dataclass(frozen=True, eq=False)
 class Hybrid:
-    """Flow, tick (None: not asked for) and all signals of a net; one parameter vector.
+    """Flow, tick (None: not requested) and all signals of a net; one parameter vector.
 
-    The signals ``y`` depend on t, x, u and, where the net reads earlier values, on the held
-    values before the tick, ``b0``, ``b1``, ... ``checked`` holds the blocks that were compared
-    with their own traces.
+    The signals ``y`` depend on t, x, u and, if the net reads earlier values, on the held values
+    before the tick, ``b0``, ``b1``, ... ``checked`` holds the blocks that were compared with
+    their traces.
     """
 
     net: Net
@@ -48,10 +48,10 @@ class Hybrid:
 
 
 def trace_net(net: Net, params: Mapping[str, Any] | None = None, *, ticks: bool = True) -> Hybrid:
-    """The equations of a net, each block's checked against the block itself.
+    """The equations of a net; those of each block are checked against the block itself.
 
-    Raises TraceError when a function cannot be followed, AlgebraicLoop when outputs depend on
-    themselves. Without ``ticks`` the sampled parts are not looked at.
+    Raises TraceError when a function cannot be traced, AlgebraicLoop when outputs depend on
+    themselves. Without ``ticks`` the sampled parts are not traced.
     """
     checked = []
     for part in net.parts:
@@ -109,7 +109,7 @@ class _NetTracer(_Tracer):
     def _settle(
         self, fixed: Sequence[list[Node] | None], answer: Answer
     ) -> tuple[list[list[Node]], list[list[Node]]]:
-        """Inputs and outputs of all parts at one instant; ``fixed`` ones do not answer."""
+        """Inputs and outputs of all parts at one instant; ``fixed`` outputs do not change."""
         parts, zero = self.net.parts, self.graph.constant(0.0)
         outputs = [
             [zero] * len(p.outputs) if f is None else f for p, f in zip(parts, fixed, strict=True)
@@ -127,7 +127,7 @@ class _NetTracer(_Tracer):
         raise AlgebraicLoop(self.net.loop_message(self._quick(fixed, answer)))
 
     def _quick(self, fixed: Sequence[list[Node] | None], answer: Answer) -> list[list[bool]]:
-        """Which outputs answer an input at once."""
+        """Which outputs depend on an input at the same instant."""
         rows = []
         for i, part in enumerate(self.net.parts):
             probes = [self.graph.symbol(f"probe{k}") for k in range(len(part.inputs))]
@@ -138,7 +138,7 @@ class _NetTracer(_Tracer):
         return rows
 
     def _signal(self, label: str, outputs: Sequence[Sequence[Node]]) -> Node:
-        """The sum of all outputs of a name, or the input from outside."""
+        """The sum of all outputs of a name, or the external input."""
         if label in self.net.outside:
             return self.u[self.net.outside.index(label)]
         return self.graph.total(outputs[i][j] for i, j in self.net.sources[label])
@@ -165,7 +165,7 @@ class _NetTracer(_Tracer):
     def _chosen(
         self, i: int, level: float, fresh: Sequence[Node], kept: Sequence[Node]
     ) -> list[Node]:
-        """Fresh values where the part's sample time ticks, else those kept."""
+        """New values at a tick of the part's sample time, else the held ones."""
         flag = self.g[self.net.parts[i].group or 0] > level
         return [self.graph.make("where", flag, a, b) for a, b in zip(fresh, kept, strict=True)]
 

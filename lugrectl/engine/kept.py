@@ -1,4 +1,4 @@
-"""The directory where generated code stays for the next process."""
+"""The cache directory of generated code."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from pathlib import Path
 
 
 def cache_dir() -> Path:
-    """Where generated code is kept: $LUGRECTL_CACHE, else the user's cache directory.
+    """The directory of generated code: $LUGRECTL_CACHE, else the user's cache directory.
 
-    A temporary directory of this process where neither can be written.
+    A temporary directory of this process if neither can be written.
     """
     return _usable(os.environ.get("LUGRECTL_CACHE") or str(_user_cache()))
 
@@ -42,7 +42,7 @@ def _usable(wanted: str) -> Path:
 
 @contextlib.contextmanager
 def whole(path: Path) -> Iterator[Path]:
-    """A file to fill, which then takes its place: another process sees all of it or none."""
+    """A temporary file that is renamed at the end: other processes see all of it or nothing."""
     handle, name = tempfile.mkstemp(dir=path.parent, suffix=".part")
     os.close(handle)
     part = Path(name)
@@ -54,14 +54,14 @@ def whole(path: Path) -> Iterator[Path]:
 
 
 def keep(path: Path, text: str) -> None:
-    """Generated text as a file of the cache."""
+    """Write generated code to a file of the cache."""
     make_room(path.parent)
     with whole(path) as part:
         part.write_text(text, encoding="utf-8")
 
 
 def make_room(folder: Path, most: int = 500) -> None:
-    """Drop the older half of a full cache, compiled code included."""
+    """Delete the older half of a full cache, compiled code included."""
     sources = [*folder.glob("lugrectl_*.py"), *folder.glob("lugrectl_*.c")]
     if len(sources) < most:
         return

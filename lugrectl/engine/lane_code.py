@@ -1,4 +1,4 @@
-"""The text of the loop over lanes, samples and substeps."""
+"""Code of the loop over lanes, samples and substeps."""
 
 from __future__ import annotations
 
@@ -71,8 +71,8 @@ h = np.minimum(left, np.where(good & (spent > most), left, h))
 shortest = np.where(good & (error > rtol), shortest * {tired}, shortest)
 """
 
-# A run without hope is not to take minutes: its shortest step grows at each that is no good, and
-# where it has taken too many steps each tries to be the last of its substep.
+# A diverging run must not take minutes: each rejected shortest step makes the shortest step
+# longer, and after too many steps each step tries to finish its substep.
 TIRED = 1.005
 MOST = 200  # to a substep, on average
 
@@ -104,7 +104,7 @@ def lane_code(program: Program, kind: str) -> str:
 
 
 def unpack(program: Program, kind: str) -> list[str]:
-    """States, their scales and parameters of a lane, its shortest step and the most of them."""
+    """States, their scales and parameters of a lane, its shortest step and largest step count."""
     lines = ["shortest = dt / substeps * 1e-4", "spent = 0.0", f"most = {MOST} * length * substeps"]
     lines += [f"{x.value} = x_start[lane, {i}]" for i, x in enumerate(program.x)]
     lines += [
@@ -120,9 +120,10 @@ def _most(kind: str, a: str, b: str) -> str:
 def step_code(
     program: Program, kind: str, emitter: Emitter, counted: Sequence[str] = ()
 ) -> list[str]:
-    """One trial step, its error relative to the states' scales, and whether it counts.
+    """One trial step, its error relative to the states' scales, and whether it is accepted.
 
-    ``counted`` is what a scalar step that counts does first, between the states and n0, n1, ...
+    ``counted``: code of a scalar step that is executed first when the step is accepted, while
+    the states and n0, n1, ... (the new states) are both available.
     """
     states = [node.value for node in program.x]
     if kind == "scalar":
@@ -135,7 +136,7 @@ def step_code(
 def trial(
     program: Program, kind: str, emitter: Emitter, template: str, advance: Sequence[str]
 ) -> list[str]:
-    """A template of a trial step, filled with the states n0, n1, ... after it and its error."""
+    """A template of a trial step, filled with the new states n0, n1, ... and its error."""
     states = [node.value for node in program.x]
     after, estimate = fixed_step(program)
     codes = emitter.write(after + estimate)

@@ -19,21 +19,21 @@ from .program import Program
 from .trace import trace
 from .wide_code import is_wide, wide_code
 
-LEAST_WIDE = 4  # lanes from which a block of them is quicker than one after another
+LEAST_WIDE = 4  # from this many lanes on a block is faster than one lane after another
 
 
 class Lanes:
-    """Many fixed-step runs of one traced system along one record, side by side.
+    """Many fixed-step runs (lanes) of one traced system along one record.
 
     Parameters
     ----------
     system : control.NonlinearIOSystem
         Block or interconnection in continuous time.
     backend : str or None
-        "c", "numba", "numpy", or None: the first of them that is there. "c" computes several
-        lanes at once where compiler, processor and library can.
+        "c", "numba", "numpy", or None: the first one available. "c" computes several lanes at
+        once if compiler, processor and library support it.
     outputs : sequence of str or None
-        The outputs wanted, in order; None for all.
+        The requested outputs, in order; None for all.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Lanes:
     Raises
     ------
     TraceError
-        When the system's functions cannot be followed.
+        When the system's functions cannot be traced.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class Lanes:
 
     @cached_property
     def _wide(self) -> Callable[..., None] | None:
-        """The loop over blocks of lanes, where there is one."""
+        """The loop over blocks of lanes, if available."""
         if self.backend != "c" or not has_wide() or not is_wide(self.program):
             return None
         return load(wide_code(self.program), "wide").run
@@ -97,8 +97,8 @@ class Lanes:
         where each lane may have its own t0, (L,).
 
         At each sample the output is stored, then the state corrected by
-        ``gain @ (y - output)`` where ``y`` is given, then integrated over dt in ``substeps``
-        equal steps (or more, see ``rtol``) with the input held. A lane that blows up ends in
+        ``gain @ (y - output)`` if ``y`` is given, then integrated over dt in ``substeps``
+        equal steps (or more, see ``rtol``) with the input held. A lane that diverges ends in
         inf or nan.
 
         Parameters
@@ -127,7 +127,7 @@ class Lanes:
             state has had in the lane is divided (a crossing of zero speed under static
             friction); inf: never.
         floor : float or (n,)
-            What that largest value is at least: of use where a lane rests.
+            Lower limit of that largest value, for lanes at rest.
 
         Returns
         -------
@@ -144,8 +144,9 @@ class Lanes:
         Notes
         -----
         L-stable Rosenbrock steps of order 4. Kinks (abs, sign) are not located; a condition on
-        time counts by its share of the step. At the default rtol a result carries noise of some
-        1e-7 of its range as a function of the parameters: differences need steps well above.
+        time is weighted by its share of the step. At the default rtol a result, as a function of
+        the parameters, has noise of about 1e-7 of its range: finite differences need much larger
+        steps.
         """
         given = self.arguments(
             x0, start, length, u, p, dt=dt, substeps=substeps, t0=t0, series=series, y=y, seen=seen,
@@ -179,7 +180,7 @@ class Lanes:
         rtol: float,
         floor: np.ndarray | float,
     ) -> tuple:
-        """What a loop over lanes takes, those of :meth:`run` checked and in one memory layout."""
+        """The arguments of a loop over lanes, from those of :meth:`run`: checked, in one layout."""
         x0, p = self._rows(x0, self.states, "x0"), self._rows(p, self.parameters, "p")
         u, stride = self._inputs(u, substeps if per_substep else 1)
         count, samples = len(x0), u.shape[1] // stride
@@ -197,10 +198,8 @@ class Lanes:
     def spread(
         self, loop: Callable[..., None], arguments: tuple, count: int, steps: int, block: int = 1
     ) -> None:
-        """All lanes in one call, or in chunks on threads: compiled code lets go of the GIL.
-
-        Chunks are of whole blocks.
-        """
+        """All lanes in one call, or in chunks of whole blocks on threads (compiled code releases
+        the GIL)."""
         workers = threads() if self.compiled and steps > 20_000 else 1
         blocks = -(-count // block)
         with np.errstate(all="ignore"):
@@ -220,7 +219,7 @@ class Lanes:
     def _rows(self, values: np.ndarray, names: Sequence[str], label: str) -> np.ndarray:
         rows = _plain(np.atleast_2d(values))
         if rows.ndim != 2 or rows.shape[1] != len(names):
-            raise InputError(f"{label} needs the columns {', '.join(names)}; it is {rows.shape}.")
+            raise InputError(f"{label} needs the columns {', '.join(names)}, not {rows.shape}.")
         return rows
 
     def _inputs(self, u: np.ndarray, stride: int) -> tuple[np.ndarray, int]:
@@ -228,7 +227,7 @@ class Lanes:
         u = _plain(u if u.ndim == 3 else u[None])
         if u.ndim != 3 or u.shape[2] != len(self.inputs) or u.shape[1] % stride:
             raise InputError(
-                f"u needs the columns {', '.join(self.inputs)} and whole samples; it is {u.shape}."
+                f"u needs the columns {', '.join(self.inputs)} and whole samples, not {u.shape}."
             )
         return u, stride
 
@@ -249,14 +248,14 @@ class Lanes:
 
 
 def _plain(values: np.ndarray, kind: type = float) -> np.ndarray:
-    """One memory layout, so that there is one compiled version."""
+    """The array in a fixed memory layout, so that only one version is compiled."""
     return np.require(values, kind, ["C", "W"])
 
 
 def _indices(values: np.ndarray | int, count: int, highest: int, label: str) -> np.ndarray:
     whole = _plain(np.broadcast_to(np.asarray(values), (count,)), np.int64)
     if np.any(whole < 0) or np.any(whole > highest):
-        raise InputError(f"{label} must lie between 0 and {highest}, so that no lane runs out.")
+        raise InputError(f"{label} must be between 0 and {highest}: else a lane leaves the record.")
     return whole
 
 

@@ -1,5 +1,5 @@
-"""Generated source as a module: a real file in a cache directory, so that numba can keep
-its machine code beside it for the next process."""
+"""Loads generated source as a module: a file in the cache directory, so that numba can keep its
+machine code there for the next process."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .emit import ARRAY_HEADER, SCALAR_HEADER
 from .kept import cache_dir, keep
 from .native import Native, has_compiler
 
-# a b + c may be rounded once: what else fastmath allows would change the meaning of code
+# a b + c may be rounded once; the other options of fastmath would change the meaning of the code
 NUMBA_HEADER = """from numba import njit
 
 fast = njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
@@ -39,7 +39,7 @@ DEEP = 20_000  # numba follows the branches of a function by recursion, two call
 
 @cache
 def has_numba() -> bool:
-    """Whether numba is there and goes with this NumPy."""
+    """Whether numba is installed and works with this NumPy."""
     try:
         importlib.import_module("numba")
     except ImportError:
@@ -48,25 +48,25 @@ def has_numba() -> bool:
 
 
 def compiler() -> str | None:
-    """What compiles loops over lanes here: "c", in a tenth of the time that "numba" takes for
-    machine code as fast; else "numba"; else nothing."""
+    """The compiler of loops over lanes: "c" (as fast as "numba", compiled in a tenth of the
+    time), else "numba", else None."""
     return "c" if has_compiler() else "numba" if has_numba() else None
 
 
 def load(source: str, backend: str) -> ModuleType:
-    """The module of a source text; ``fast`` decorates what numba shall compile.
+    """The module of a source text; ``fast`` marks the functions that numba compiles.
 
     Parameters
     ----------
     source : str
-        Function definitions, decorated by ``fast``; by ``small`` where only they call them.
+        Function definitions, decorated by ``fast``, or by ``small`` if only these call them.
     backend : str
         "numba", "python" (the same text, not compiled), "numpy", or, for the one function
         ``run``, "c" or "wide": C that computes several turns of its innermost loops at once.
     """
     text = HEADERS[backend] + "\n\n" + source
     name = f"lugrectl_{backend}_{hashlib.sha256(text.encode()).hexdigest()[:20]}"
-    with _LOADING:  # another thread shall not see a module that is half there
+    with _LOADING:  # another thread must not see a partly loaded module
         if name not in sys.modules:
             make = {"numba": _from_file, "c": _native, "wide": partial(_native, wide=True)}.get(
                 backend, _direct
@@ -101,8 +101,8 @@ def _from_file(text: str, name: str) -> ModuleType:
 
 
 def threads() -> int:
-    """How many threads compiled code may use: the processors, or $NUMBA_NUM_THREADS; one where
-    the others are at work already."""
+    """The number of threads for compiled code: the processors, or $NUMBA_NUM_THREADS; 1 in a
+    thread marked by :func:`alone`."""
     if getattr(_THREAD, "alone", False):
         return 1
     asked = os.environ.get("NUMBA_NUM_THREADS", "")
@@ -110,10 +110,10 @@ def threads() -> int:
 
 
 def _processors() -> int:
-    given = getattr(os, "sched_getaffinity", None)  # not everywhere
+    given = getattr(os, "sched_getaffinity", None)  # not on every system
     return len(given(0)) if given else os.cpu_count() or 1
 
 
 def alone() -> None:
-    """Called in a thread that shall not start others."""
+    """Mark the calling thread: it must not start other threads."""
     _THREAD.alone = True

@@ -1,4 +1,4 @@
-"""Generated loops compiled by the machine's C compiler, where there is one."""
+"""Generated loops compiled by the C compiler of the machine, if there is one."""
 
 from __future__ import annotations
 
@@ -43,14 +43,14 @@ _SEVERAL = "def run(a):\n    for i in range({}):\n        a[i] = exp(a[i])\n"
 
 
 class Native:
-    """The function of a source text, compiled when it is first called, for what it is given.
+    """The function of a source text, compiled at its first call for the kinds of its arguments.
 
     Parameters
     ----------
     source : str
         One function of floats, whole numbers and arrays in C order, as :func:`c_code` reads it.
     wide : bool
-        Whether its innermost loops shall be computed several turns at once: :func:`has_wide`.
+        Whether to vectorise its innermost loops; needs :func:`has_wide`.
     """
 
     def __init__(self, source: str, *, wide: bool = False) -> None:
@@ -67,7 +67,7 @@ class Native:
 
 @cache
 def has_compiler() -> bool:
-    """Whether a C compiler is there ($CC, else cc) and what it makes can be called."""
+    """Whether there is a C compiler ($CC, else cc) and its output can be loaded."""
     there = np.array([4.0])
     try:
         Native(_LEAST)(there)
@@ -78,7 +78,7 @@ def has_compiler() -> bool:
 
 @cache
 def has_wide() -> bool:
-    """Whether compiler, processor and library compute several numbers at once."""
+    """Whether compiler, processor and library can compute several numbers at once."""
     there, several = np.zeros(1), np.linspace(-700.0, 1.0, WIDTH)
     want = np.exp(several)
     try:
@@ -131,12 +131,12 @@ def _compiler() -> tuple[str, ...]:
     words = shlex.split(os.environ.get("CC", "cc"))
     found = shutil.which(words[0]) if words else None
     if found is None or _opens_a_window(found):
-        raise InputError("There is no C compiler; CC names one.")
+        raise InputError("there is no C compiler; set the environment variable CC to name one.")
     return (found, *words[1:])
 
 
 def _opens_a_window(found: str) -> bool:
-    """A Mac without its tools has a cc that only offers to install them."""
+    """Whether it is the cc of a Mac without developer tools, which only offers to install them."""
     if sys.platform != "darwin" or found != "/usr/bin/cc":
         return False
     return subprocess.run(["xcode-select", "-p"], capture_output=True).returncode != 0
@@ -149,5 +149,5 @@ def _build(compiler: tuple[str, ...], path: Path, made: Path, flags: tuple[str, 
         if done.returncode:
             lines = [k for k in done.stderr.splitlines() if "error" in k] or [done.stderr]
             raise InputError(
-                f"{compiler[0]} cannot compile: {lines[0]} An empty CC does without it."
+                f"{compiler[0]} cannot compile: {lines[0]} Set CC to nothing to do without it."
             )

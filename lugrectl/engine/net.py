@@ -1,4 +1,4 @@
-"""Blocks wired by their signal names, continuous and sampled ones side by side."""
+"""Continuous and sampled blocks, connected by their signal names."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import connected_components
 class Part:
     """A block, the names of its signals in the net, and the number of its sample time.
 
-    ``group`` is None where the block acts at every instant.
+    ``group`` is None if the block acts at every instant.
     """
 
     block: Any
@@ -34,10 +34,10 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Net:
-    """Parts of which equal output names add up, and the signals that come from outside.
+    """Parts, whose outputs of the same name are added, and the external signals.
 
-    ``earlier``: at a tick the sampled parts read the others as they were just before it, as a
-    converter that measures first and then puts out; otherwise all hold at once.
+    ``earlier``: at an update the sampled parts read the values of the others just before it, like
+    a converter that measures before it sets its output; otherwise all values are simultaneous.
     """
 
     name: str
@@ -62,7 +62,7 @@ class Net:
 
     @cached_property
     def held(self) -> list[tuple[int, int]]:
-        """Part and output of each value that is held between ticks."""
+        """Part and output of each value that is held between updates."""
         return [
             (i, j)
             for i, part in enumerate(self.parts)
@@ -81,14 +81,14 @@ class Net:
         return slices
 
     def count(self, sampled: bool) -> int:
-        """How many states the continuous or the sampled parts have."""
+        """The number of states of the continuous or the sampled parts."""
         return sum(part.nstates for part in self.parts if part.sampled is sampled)
 
     def readers(self, label: str) -> list[int]:
         return [i for i, part in enumerate(self.parts) if label in part.inputs]
 
     def loop_message(self, answers_at_once: Sequence[Sequence[bool]]) -> str:
-        """What to say about an algebraic loop, given which outputs answer inputs at once."""
+        """The message on an algebraic loop; the argument says which outputs depend on inputs."""
         reach = np.zeros((len(self.parts),) * 2)
         for i, flags in enumerate(answers_at_once):
             for label, quick in zip(self.parts[i].outputs, flags, strict=True):

@@ -32,7 +32,7 @@ class Op:
 
 
 def _function(name: str, partial: Callable[[Any, Any], Any], scalar: str | None = None) -> Op:
-    """A function of one argument that ``math`` and NumPy know."""
+    """A function of one argument that ``math`` and NumPy provide."""
     return Op(
         getattr(np, name),
         f"{scalar or name}({{0}})",
@@ -93,8 +93,8 @@ OPS: dict[str, Op] = {
     "logical_not": Op(np.logical_not, "(not {0})", "np.logical_not({0})"),
 }
 
-WIDTH = 8  # numbers computed at once, where there is a processor for that
-LIBRARY = ("cos", "exp", "log", "pow", "sin")  # what a C library has for several of them
+WIDTH = 8  # numbers computed at once, if the processor supports it
+LIBRARY = ("cos", "exp", "log", "pow", "sin")  # functions of a C library for several numbers
 
 COMPARISONS = {"less", "less_equal"}
 

@@ -1,4 +1,4 @@
-"""The text that works out the outputs along a run, block by block of samples."""
+"""Code that computes the outputs along a run, in blocks of samples."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ def leads(t, x, u, p):
 def output_code(program: Program) -> str:
     """The function ``outputs(t, x, u, p, y)``.
 
-    A sign or comparison that rests (``sliding``) counts with the value that holds it: the
-    friction of a drive that Coulomb friction holds is the torque on it, not sign(0). Where its
-    switching function hangs on an input it counts as NumPy has it.
+    A sign or comparison that rests (``sliding``) has the value that keeps it at rest: the
+    friction of a drive held by Coulomb friction is the torque on it, not sign(0). If its
+    switching function depends on an input it has NumPy's value.
     """
     roots, fixed = [*program.xdot, *program.y], {node.value for node in program.p}
     smooth, leads, jumps = freeze_modes(roots, fixed)
@@ -77,7 +77,7 @@ def _write_held(program: Program, made: Sliding) -> list[str]:
 
 
 def _sides(leads: Sequence[Node]) -> list[str]:
-    """All switching functions and their sides as NumPy has them."""
+    """All switching functions and their sides by NumPy's rules."""
     lines = []
     for i, lead in enumerate(leads):
         lines += _write([lead], f"lead{i}_", [f"a{i}"]) + [f"m{i} = np.sign(a{i})"]
@@ -85,7 +85,7 @@ def _sides(leads: Sequence[Node]) -> list[str]:
 
 
 def _resting(program: Program, made: Sliding) -> list[str]:
-    """As ``settle`` has it, for all samples."""
+    """The code of ``settle``, for all samples at once."""
     lines = [f"du{i} = 0.0" for i in range(len(program.u))]
     for scale, i in enumerate(made.parts):
         lines += [f"on{i} = 1.0 * (abs(a{i}) <= 1e-11 * scales[{scale}])"]

@@ -15,9 +15,9 @@ from .graph import Graph, Node, evaluate
 class Program:
     """The equations of a system: xdot = f(t, x, u, p), y = g(t, x, u, p) as graph nodes.
 
-    ``parameters`` are unique labels, ``keys`` the names under which python-control knows them
-    (one key can have several defaults in different blocks), ``defaults`` their values.
-    ``fixed`` holds the keys that were needed as numbers while tracing.
+    ``parameters`` are unique labels, ``keys`` their names in python-control (one key can have
+    different defaults in different blocks), ``defaults`` their values. ``fixed`` holds the keys
+    that were needed as numbers during tracing.
     """
 
     name: str

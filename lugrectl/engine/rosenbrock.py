@@ -47,8 +47,8 @@ class Equations:
 def step(system: Equations, *, divided: bool = False) -> tuple[list[Node], list[Node]]:
     """The state after a step of length ``h`` (a symbol) and the estimate of its error.
 
-    ``divided``: all equations are divided by gamma h, which takes fewer operations; h must not
-    be 0 then.
+    ``divided``: all equations are divided by gamma h, which takes fewer operations and needs
+    h > 0.
     """
     graph = system.graph
     h = graph.symbol("h")
@@ -63,7 +63,7 @@ def step(system: Equations, *, divided: bool = False) -> tuple[list[Node], list[
             rates = _rates_at(system, _combine(system.x, weights, stages), h * instant)
         time_gain = gain * (h * TIME_WEIGHTS[number])
         couple = [unit * (GAMMA * c) for c in coupling]
-        # what is known early is added up first: compiled code waits for one chain of operations
+        # known terms are added first: this shortens the longest chain of operations
         right = [
             gain * rate + (graph.total(_terms(couple, stages, i)) + time_gain * d)
             for i, (rate, d) in enumerate(zip(rates, drift, strict=True))
@@ -74,7 +74,7 @@ def step(system: Equations, *, divided: bool = False) -> tuple[list[Node], list[
 
 
 def _iteration_matrix(system: Equations, gain: Node, unit: Node) -> list[list[Node]]:
-    """I - gamma h J, or that divided by gamma h."""
+    """I - gamma h J, or the same divided by gamma h."""
     rows = jacobian(system.xdot, system.x)
     return [
         [(unit if i == j else 0.0) - gain * entry for j, entry in enumerate(row)]
@@ -83,7 +83,7 @@ def _iteration_matrix(system: Equations, gain: Node, unit: Node) -> list[list[No
 
 
 def _time_derivative(system: Equations) -> list[Node]:
-    """Partial derivative of the rates by time, through moving inputs as well."""
+    """Partial derivative of the rates by time, also through changing inputs."""
     total = derivatives(system.xdot, system.t)
     if system.slopes is not None:
         for u, slope in zip(system.u, system.slopes, strict=True):
@@ -113,7 +113,7 @@ def _combine(
 
 
 class SparseLU:
-    """Elimination of a matrix of nodes, diagonal pivots in the order of least fill-in."""
+    """Elimination of a matrix of nodes, with diagonal pivots in the order of least fill-in."""
 
     def __init__(self, graph: Graph, matrix: Sequence[Sequence[Node]]) -> None:
         self.graph = graph

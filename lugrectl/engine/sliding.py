@@ -1,4 +1,4 @@
-"""Relays at rest: where both sides of a jump drive its switching function to zero, it stays there.
+"""Relays at rest: if both sides of a jump drive its switching function to zero, it stays there.
 
 The equations of such a rest are those of Filippov, Differential Equations with Discontinuous
 Righthand Sides (1988), chapter 2: the mean of the rates on the two sides, weighted so that the
@@ -15,17 +15,18 @@ from .graph import Node, rename, symbols_in
 from .program import Program
 from .rosenbrock import SparseLU
 
-MOST = 4  # jumps of a system that can come to rest; later ones go on switching
+MOST = 4  # number of jumps of a system that can come to rest; any further ones keep switching
 
 
 @dataclass(frozen=True, eq=False)
 class Sliding:
-    """The rates with rests in them.
+    """The rates, including rests.
 
     The symbol ``on3`` is 1 while the jump with the switching function 3 rests, else 0; its
-    ``m3`` is 1 then. By jump that can come to rest: ``parts`` is the weight of its lower side,
-    between 0 and 1 in a rest, and ``steps`` how much faster its switching function grows above
-    its zero than below; ``moves`` is how far each state goes along the jump with that function.
+    ``m3`` is then 1. For each jump that can come to rest: ``parts`` is the weight of its lower
+    side, between 0 and 1 in a rest; ``steps`` is the rate of its switching function above its
+    zero minus that below; ``moves`` is the change of each state along the jump per unit of the
+    switching function.
     """
 
     rates: list[Node]
@@ -39,8 +40,8 @@ def sliding(
 ) -> Sliding:
     """Rests for the smooth rates and switching functions of ``freeze_modes``.
 
-    Expressions after the rates of the states, outputs say, are taken along. Jumps that rest at
-    the same time add up.
+    Expressions after the rates of the states (outputs, for instance) are converted as well.
+    Jumps that rest at the same time are added.
     """
     make, one = program.graph.make, program.graph.constant(1.0)
     apart: dict[int, list[Node]] = {}
@@ -70,7 +71,7 @@ def sliding(
 
 
 def _step(roots: Sequence[Node], i: int) -> list[Node]:
-    """The roots above a jump less those below."""
+    """The roots above a jump minus those below."""
     graph = roots[0].graph
     mode = graph.symbol(f"m{i}").index
     above, below = (rename(roots, {mode: graph.constant(v)}) for v in (1.0, -1.0))
@@ -92,9 +93,9 @@ def _rate(program: Program, lead: Node, xdot: Sequence[Node]) -> Node:
 
 
 def _at_zero(gain: Node, lead: Node) -> bool:
-    """Whether a jump is seen to be none where its switching function is 0: w = 0, or w = v.
+    """Whether a jump vanishes where its switching function is 0 (w = 0, or w = v).
 
-    It is none for |w| sign(w), say.
+    It does for |w| sign(w), for instance.
     """
     pair = [lead, lead.graph.constant(0.0)] if lead.op != "subtract" else list(lead.args)
     for one, other in (pair, pair[::-1]):
@@ -110,10 +111,10 @@ def names(made: Sliding, prefix: str = "") -> list[str]:
 
 
 def settle(made: Sliding, states: Sequence[str], weights: Sequence[str]) -> list[str]:
-    """Code at the start of a step: which jumps rest, from what ``weights`` works out.
+    """Code at the start of a step that decides which jumps rest, by the code ``weights``.
 
-    All that are at zero are taken to rest; of those that would need a weight outside (0, 1), the
-    farthest outside leaves, as long as there is one.
+    At first all jumps at zero rest. Of those whose weight is outside (0, 1), the farthest outside
+    is released, and this is repeated until there is none.
     """
     if not made.parts:
         return []

@@ -1,4 +1,4 @@
-"""Kinks and jumps: what a step does about abs, sign, np.where and comparisons."""
+"""Kinks and jumps: how a step treats abs, sign, np.where and comparisons."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from .ops import COMPARISONS
 
 
 def average_jumps(roots: Sequence[Node], fixed: set[str]) -> list[Node]:
-    """For a step of fixed length: a condition on time alone counts by its share of the step.
+    """For a step of fixed length: a condition on time alone is weighted by its share of the step.
 
     np.where(t >= t0, a, b) becomes b + s (a - b), where s is the part of [t, t + h] after t0;
-    the result is then a continuous function of t0, and exact where t0 is on the grid. The
-    start of the step is the symbol ``begin``, its length ``h``. ``fixed`` names the symbols
-    (parameters) that a condition on time may contain.
+    the result is then a continuous function of t0, and exact if t0 is on the grid. The start of
+    the step is the symbol ``begin``, its length ``h``. ``fixed`` names the symbols (parameters)
+    that a condition on time may contain.
     """
     shares: dict[int, Node] = {}
 
@@ -55,7 +55,7 @@ def _number(old: Node, new: Node, shares: dict[int, Node]) -> Node:
 
 
 def _held_part(lead: Node) -> Node:
-    """The part of the step in which ``lead`` >= 0, were it linear over the step."""
+    """The part of the step in which ``lead`` >= 0, if it is linear over the step."""
     graph = lead.graph
     begin, h, t = graph.symbol("begin"), graph.symbol("h"), graph.symbol("t")
     first = substitute([lead], lambda n, args: begin if n is t else None)[0]
@@ -70,11 +70,11 @@ def _held_part(lead: Node) -> Node:
 def freeze_modes(
     roots: Sequence[Node], fixed: set[str]
 ) -> tuple[list[Node], list[Node], list[bool]]:
-    """For steps that end where a kink or jump is met: smooth roots and switching functions.
+    """For steps that end at each kink or jump: smooth roots and switching functions.
 
     Between two events each |a|, sign(a), comparison, maximum and minimum stays on one side. Its
     side is the symbol ``m0``, ``m1``, ... (+1, 0, -1, or nan), the sign of the switching function
-    with the same number. Conditions on ``fixed`` symbols alone stay as they are. The third result
+    with the same number. Conditions on ``fixed`` symbols alone are not changed. The third result
     says which functions switch a jump rather than a kink.
     """
     leads: list[Node] = []
@@ -102,12 +102,12 @@ def freeze_modes(
 
 
 def _opposite(lead: Node) -> Node:
-    """The same function with the other sign: w > v and w < v switch together."""
+    """The same function with the opposite sign: w > v and w < v switch together."""
     return lead.args[1] - lead.args[0] if lead.op == "subtract" else -lead
 
 
 def _choose(mode: Node, yes: Node, no: Node) -> Node:
-    """What is no number on one side stays none: then the mode is nan."""
+    """The value on the current side; yes + no if the mode is nan, so that a NaN remains."""
     make = mode.graph.make
     return make("where", mode > 0.0, yes, make("where", mode <= 0.0, no, yes + no))
 

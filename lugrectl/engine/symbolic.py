@@ -1,4 +1,4 @@
-"""How NumPy code meets a node: operators, ufuncs, np.where, np.clip and np.interp build it."""
+"""NumPy operations on nodes: operators, ufuncs, np.where, np.clip and np.interp build nodes."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from .ops import DERIVED, OPS
 
-POINTS = 50  # of np.interp: each is a kink at which steps end, and takes time to compile
+POINTS = 50  # most points of np.interp: steps end at each, and each takes time to compile
 
 
 class TraceError(TypeError):
-    """A block's function cannot be followed symbolically."""
+    """A block's function cannot be traced symbolically."""
 
 
 class Symbolic(NDArrayOperatorsMixin):
@@ -59,7 +59,7 @@ for _name in ("square", "reciprocal", "fabs", "degrees", "radians", "deg2rad", "
 
 
 class SignalArray(np.ndarray):
-    """An array of nodes that also carries ufuncs and FUNCTIONS to them."""
+    """An array of nodes that applies ufuncs and FUNCTIONS to its nodes."""
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
         if method != "__call__" or ufunc is np.matmul:
@@ -74,7 +74,7 @@ class SignalArray(np.ndarray):
 
 
 def signal_array(values: Any) -> Any:
-    """The nodes as a SignalArray; a single node stays itself."""
+    """The nodes as a SignalArray; a single node is returned as it is."""
     if isinstance(values, Symbolic):
         return values
     array = np.empty(np.shape(values), dtype=object)
@@ -83,10 +83,10 @@ def signal_array(values: Any) -> Any:
 
 
 def apply_ufunc(ufunc: np.ufunc, method: str, inputs: Any, options: dict[str, Any]) -> Any:
-    """A ufunc on nodes, element by element where arrays take part."""
+    """A ufunc on nodes, element by element for arrays."""
     out = options.pop("out", None)
     if method != "__call__" or options:
-        raise TraceError(f"np.{ufunc.__name__}.{method} with options cannot be followed")
+        raise TraceError(f"np.{ufunc.__name__}.{method} with options cannot be traced")
     inputs = [_listed(a) for a in inputs]
     result = _elementwise(lambda *args: _scalar(ufunc.__name__, args), inputs)
     if out is not None and isinstance(out[0], np.ndarray):
@@ -102,7 +102,7 @@ def _scalar(name: str, args: tuple[Any, ...]) -> Any:
     if name in DERIVED:
         return DERIVED[name](*args)
     if name not in OPS:
-        raise TraceError(f"np.{name} of a signal cannot be followed")
+        raise TraceError(f"np.{name} of a signal cannot be traced")
     return node.graph.make(name, *args)
 
 
@@ -148,12 +148,12 @@ def _interp(
     gaps = np.diff(places)
     if period is not None or np.any(gaps <= 0.0) or len(values) != len(places):
         raise TraceError(
-            "np.interp is followed without a period, and over points that increase, one value each"
+            "np.interp is traced only without a period and with increasing points, one value each"
         )
     if len(places) > POINTS:
         raise TraceError(
-            f"np.interp over {len(places)} points is not followed: give at most {POINTS}, or "
-            "take lg.tabulated, which rounds the corners"
+            f"np.interp over {len(places)} points is not traced: give at most {POINTS}, or "
+            "use lg.tabulated, which rounds the corners"
         )
     slopes = [(b - a) / gap for a, b, gap in zip(values, values[1:], gaps.tolist(), strict=False)]
     inside = np.clip(_listed(x), places[0], places[-1])
@@ -172,7 +172,7 @@ FUNCTIONS = {np.where: _where, np.clip: _clip, np.interp: _interp}
 
 
 def apply_function(function: Any, args: Any, options: dict[str, Any]) -> Any:
-    """A NumPy function on nodes: our own, or NumPy's on an array of objects."""
+    """A NumPy function on nodes: our own version, or NumPy's on an array of objects."""
     if function in FUNCTIONS:
         return FUNCTIONS[function](*args, **options)
     return function(*[_boxed(a) for a in args], **options)

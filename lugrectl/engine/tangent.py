@@ -30,11 +30,11 @@ class Slopes:
 
 
 class Tangent:
-    """Runs as :meth:`Lanes.run` makes them, with derivatives by parameters.
+    """Runs as those of :meth:`Lanes.run`, with derivatives by parameters.
 
     S = dx/dp obeys dS/dt = A S + B with A = df/dx, B = df/dp along the run, and becomes
-    S - K dy/dp where the state is corrected. A and B are exact, worked out at the mean state of
-    each step that the run makes and held over it; S is propagated by an L-stable rational
+    S - K dy/dp when the state is corrected. A and B are exact derivatives at the mean state of
+    each step of the run, and held over the step; S is propagated by an L-stable rational
     approximant of the exponential.
 
     Parameters
@@ -44,9 +44,8 @@ class Tangent:
 
     Notes
     -----
-    The gain counts as independent of the parameters. Where static friction holds the drive, the
-    derivatives are no better than the run (``rtol``): a run that is hardly resolved has other
-    reversals.
+    The gain is assumed to be independent of the parameters. If static friction holds the drive,
+    the derivatives are only as accurate as the run (``rtol``): a coarse run has other reversals.
     """
 
     def __init__(self, lanes: Lanes) -> None:
@@ -83,14 +82,14 @@ class Tangent:
         Parameters
         ----------
         wrt : sequence of str or None
-            Names of the columns: parameters of the system (None: all), or any other name, for
-            what only inputs, the start or the measurement depend on.
+            Names of the columns: parameters of the system (None: all), or any other name of a
+            quantity on which only inputs, the start or the measurement depend.
         dx0 : (L, n, q)
             Derivative of the start.
         du : mapping
             By (input, column of ``wrt``): the derivative (S, N) of that input.
         dseen : (L, length, ny, q)
-            Derivative of what is measured.
+            Derivative of the measured outputs.
 
         Raises
         ------
@@ -120,8 +119,8 @@ class Tangent:
     def _places(
         self, columns: Sequence[str], moved: Sequence[tuple[str, str]]
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """For parameters, then inputs: edges of their entries in two lists, of the columns that
-        they have a part in, and of the series that it is multiplied by (-1: none)."""
+        """For parameters, then inputs: edges of their entries in two lists, the columns to which
+        they contribute, and the series that multiplies the contribution (-1: none)."""
         for name, column in moved:
             if name not in self.lanes.inputs or column not in columns:
                 raise InputError(

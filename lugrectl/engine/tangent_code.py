@@ -1,4 +1,4 @@
-"""The text of the loop over lanes, samples and steps that carries derivatives along."""
+"""Code of the loop over lanes, samples and steps that also computes derivatives."""
 
 from __future__ import annotations
 
@@ -64,9 +64,9 @@ Rows = Sequence[Sequence[Node]]
 
 @dataclass(frozen=True, eq=False)
 class Entries:
-    """The entries of a matrix that are not zero: in which row, and by what it is derived.
+    """The nonzero entries of a matrix of derivatives: their row, and the variable (``by``).
 
-    ``by`` counts the parameters, then the inputs.
+    ``by`` is an index into the parameters followed by the inputs.
     """
 
     nodes: list[Node]
@@ -132,7 +132,7 @@ def _times(to: str, matrix: Rows, codes: Iterator[str]) -> list[str]:
 
 
 def _correct(states: Sequence[str], ny: int) -> list[str]:
-    """x += gain (y - y_hat), S += gain (dy - dy_hat), without what was not measured (nan)."""
+    """x += gain (y - y_hat), S += gain (dy - dy_hat), without outputs not measured (nan)."""
     lines: list[str] = []
     for o in range(ny):
         lines += [f"m{o} = y[view, k, {o}] - y_hat[lane, j, {o}]"]
@@ -150,10 +150,10 @@ def _correct(states: Sequence[str], ny: int) -> list[str]:
 def _carried(
     program: Program, rates: Sequence[Node], inside: Entries, emitter: Emitter
 ) -> list[str]:
-    """S <- (I + Z P) S, and what the rest needs: P, b = h B, of a step of length h from x to n.
+    """S <- (I + Z P) S, and P, b = h B for the other terms, of a step of length h from x to n.
 
     Z = h A, and P = (I - 2/3 Z + 1/6 Z^2)^-1 (I - 1/6 Z) is an approximant of (exp(Z) - I) / Z:
-    I + Z P is L-stable, and of order 3 where A does not change.
+    I + Z P is L-stable, and of order 3 if A does not change.
     """
     graph, n = program.graph, len(program.x)
     h, begin = graph.symbol("h"), graph.symbol("begin")
@@ -185,10 +185,10 @@ def _carried(
 
 
 def _offset(Z: Rows, bend: Sequence[Node]) -> list[Node]:
-    """Mean state over a step less the mean of its ends; ``bend`` is h times the rates' change.
+    """Mean state over a step minus the mean of its ends; ``bend`` is h times the rates' change.
 
-    For constant A it is (1/z - coth(z/2) / 2) dx. The approximant -(z/12) / (1 - z/6) is right
-    as well where z tends to -infinity: then the mean is the state at the end.
+    For constant A it is (1/z - coth(z/2) / 2) dx. The approximant -(z/12) / (1 - z/6) is also
+    correct for z tending to -infinity: then the mean is the state at the end.
     """
     lu = SparseLU(bend[0].graph, _sum((1.0, _unit(Z)), (-1.0 / 6.0, Z)))
     return [solved * (-1.0 / 12.0) for solved in lu.solve(bend)]

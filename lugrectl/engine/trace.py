@@ -1,9 +1,9 @@
-"""From a python-control system to its equations, by calling its own functions on symbols.
+"""Derives the equations of a python-control system by calling its own functions on symbols.
 
-The blocks' update and output functions run once, through python-control's own wiring, with
-symbolic scalars in place of numbers. Numeric parameters stay arguments; all else that a
-function reads is taken as it is at that moment. Every trace is compared with the system itself
-before it is returned.
+The blocks' update and output functions run once, through python-control's own connections, with
+symbolic scalars in place of numbers. Numeric parameters remain arguments; anything else that a
+function reads has its value at the time of tracing. Every trace is compared with the system
+itself before it is returned.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ def trace(system: ct.NonlinearIOSystem, params: Mapping[str, Any] | None = None)
     Raises
     ------
     TraceError
-        When a function branches on a signal, uses ``math``, or otherwise cannot be followed.
+        When a function branches on a signal, uses ``math``, or otherwise cannot be traced.
     AlgebraicLoop
-        When outputs depend on themselves; names the blocks.
+        When outputs depend on themselves; the message names the blocks.
     InputError
         For a discrete-time system.
     """
@@ -91,7 +91,7 @@ class _Tracer:
         blocks = list(_blocks(system))
         for block in blocks:
             self.values[id(block)] = dict(block._current_params)
-        for own in (True, False):  # the blocks' own keys first: overrides do not renumber them
+        for own in (True, False):  # the blocks' own keys first: overrides do not change the order
             for block in blocks:
                 keys = [k for k in block._current_params if (k in block.params) is own]
                 self.values[id(block)] |= {k: self._symbol(block, k) for k in keys}
@@ -106,7 +106,7 @@ class _Tracer:
         return slot.node
 
     def _free_slots(self, roots: Sequence[Node]) -> list[_Slot]:
-        """All but the parameters that went into the equations as numbers."""
+        """All parameters except those that entered the equations as numbers."""
         seen = symbols_in(roots)
         return [s for s in self.slots.values() if s.key not in self.fixed or s.node.value in seen]
 
@@ -156,7 +156,7 @@ class _Tracer:
     def _signals(
         self, system: Any, x: Sequence[Node], u: Sequence[Node]
     ) -> tuple[list[Node], list[Node]]:
-        """Inputs and outputs of all blocks: python-control's passes, until nothing changes."""
+        """Inputs and outputs of all blocks, by python-control's passes until nothing changes."""
         external = self._linear(system.input_map, u)
         inputs = external
         for _ in range(len(system.syslist) + 1):
@@ -192,8 +192,8 @@ class _Tracer:
             if reach[i, i] or np.count_nonzero(group == group[i]) > 1
         ]
         return (
-            f"{system.name}: algebraic loop through {', '.join(looped)}; each answers its input "
-            "at once: put a state (a lag, a sensor) between them."
+            f"{system.name}: algebraic loop through {', '.join(looped)}; each output depends on "
+            "its input at the same instant: put a state (a lag, a sensor) between them."
         )
 
     def _linear(self, matrix: Any, nodes: Sequence[Node]) -> list[Node]:
@@ -206,7 +206,7 @@ class _Tracer:
     def _call(
         self, block: Any, function: Callable[..., Any], x: Any, u: Any, size: int
     ) -> list[Node]:
-        """One block's function on symbols; where it needs a parameter as a number, it gets it."""
+        """One block's function on symbols; parameters needed as numbers are given as numbers."""
         signals = signal_array(list(x)), signal_array(list(u))
         known = self.values[id(block)]
         try:
@@ -223,12 +223,12 @@ class _Tracer:
     def _nodes(self, block: Any, result: Any, size: int) -> list[Node]:
         flat = np.asarray(result, dtype=object).reshape(-1)
         if len(flat) != size:
-            raise InputError(f"{block.name} returned {len(flat)} values where it declares {size}.")
+            raise InputError(f"{block.name} returned {len(flat)} values but declares {size}.")
         return [v if isinstance(v, Node) else self.graph.constant(v) for v in flat]
 
 
 def _blocks(system: Any) -> Iterator[Any]:
-    """The blocks of all levels that have functions of their own."""
+    """The blocks, on all levels, that have functions of their own."""
     if not isinstance(system, ct.InterconnectedSystem):
         yield system
         return
@@ -247,7 +247,7 @@ def _parts(system: Any, x: Sequence[Node], u: Sequence[Node]) -> list[tuple[Any,
 
 
 def _blame(block: Any, function: Callable[..., Any], error: Exception) -> str:
-    """Which block, which line, why."""
+    """A message with the block, the line and the reason."""
     frames = traceback.extract_tb(error.__traceback__)
     file = getattr(getattr(function, "__code__", None), "co_filename", None)
     own = [f for f in frames if f.filename == file]

@@ -1,4 +1,4 @@
-"""The text of the loop over lanes for a processor that computes several of them at once."""
+"""Code of the loop over lanes for a processor that computes several lanes at once."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from .lane_code import correction, fixed_step, trial, unpack
 from .ops import LIBRARY, OPS, WIDTH
 from .program import Program
 
-PLAIN = {"abs", "sqrt", "tanh"}  # what processors have, and what is written by others
+PLAIN = {"abs", "sqrt", "tanh"}  # available in processors, or written by other functions
 
-# each of the places takes the next lane as soon as its own is done: none waits for another
+# each place takes the next lane as soon as its own is done; none waits for another
 _LOOP = """
 import numpy as np
 
@@ -67,7 +67,7 @@ def run(x_start, start, length, u, stride, series, p, y, seen, gain, correct, t0
 {step}
 """
 
-# a place without a lane goes on by steps of no length, which change nothing
+# a place without a lane makes steps of zero length, which change nothing
 _STEP = """
 {code}
 error = ({error}) if abs({state}) < inf else 0.0
@@ -86,7 +86,7 @@ h_at[l] = left if good > 0.0 and spent > most else min(left, h * growth)
 
 
 def is_wide(program: Program) -> bool:
-    """Whether each operation of a program's step is there for several numbers at once."""
+    """Whether each operation of a program's step is available for several numbers at once."""
     new, error = fixed_step(program)
     calls = {OPS[n.op].scalar.partition("(")[0] for n in reachable(new + error) if n.args}
     return {call for call in calls if call.isidentifier()} <= {*LIBRARY, *PLAIN}

@@ -1,4 +1,4 @@
-"""What a sweep has to know of a system, whatever it is made of."""
+"""The name and labels of a system, of any kind, that a sweep needs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Face:
 
     @classmethod
     def of(cls, system: Any) -> Face:
-        """As ``simulate`` sees it; a list of continuous blocks becomes their interconnection."""
+        """The labels that ``simulate`` uses; a list of continuous blocks is interconnected."""
         if isinstance(system, (list, tuple)):
             if any(getattr(block, "dt", None) not in (None, 0) for block in system):
                 net, _ = wired(system)
@@ -38,7 +38,7 @@ class Face:
         return cls(system, system.name, inputs, outputs, states, system.isdtime(strict=True))
 
     def chosen(self, what: str, names: Sequence[str] | str | None) -> tuple[str, ...]:
-        """The names of outputs or states (``what``), all for None, where they exist."""
+        """The names of outputs or states (``what``), all for None; InputError if one is unknown."""
         has = self.outputs if what == "output" else self.states
         chosen = tuple(has if names is None else [names] if isinstance(names, str) else names)
         unknown = [name for name in chosen if name not in has]

@@ -1,4 +1,4 @@
-"""From blocks of answers to one result."""
+"""Collects blocks of answers into one result."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .work import Block
 
 
 class Gathered:
-    """Arrays for the members of a range, filled as answers come."""
+    """Arrays for the members of a range, filled as answers arrive."""
 
     def __init__(self, made: Prepared, index: range | None = None) -> None:
         self.made, self.index = made, range(made.count) if index is None else index
@@ -97,7 +97,7 @@ class Gathered:
         )
 
     def _filled(self, values: np.ndarray | None, shape: tuple[int, ...]) -> np.ndarray:
-        """nan where nothing was written: members not reached, tasks that failed as a whole."""
+        """Fill with nan where nothing was written: members not run, tasks that failed entirely."""
         values = np.empty(shape) if values is None else values
         lost = ~self.done
         lost[[member - self.index.start for member in self.failed]] = True

@@ -1,4 +1,4 @@
-"""What is asked of a sweep, checked and put into a plan and tasks."""
+"""Checks the arguments of a sweep and makes a plan and tasks of them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _MOST = 256  # members in one task
 
 @dataclass(frozen=True)
 class Prepared:
-    """A sweep that is ready to run. ``carried``: whether it can leave this process."""
+    """A sweep that is ready to run. ``carried``: whether it can be sent to other processes."""
 
     plan: Plan
     t: np.ndarray
@@ -42,7 +42,7 @@ class Prepared:
     carried: bool
 
     def tasks(self, size: int, places: Mapping[str, Any]) -> Iterator[Task]:
-        """All members in tasks; ``places`` for ``y`` and ``x`` of all, or nothing."""
+        """All members in tasks; ``places``: arrays for ``y`` and ``x`` of all members, if any."""
         for first in range(0, self.count, size):
             yield self._task(range(first, min(first + size, self.count)), places)
 
@@ -54,7 +54,7 @@ class Prepared:
         return Task(index, self.p(index), starts, seeds, **views)
 
     def chunk(self, workers: int) -> int:
-        """Members in a task: four tasks or more for each worker, and bounded memory."""
+        """Members in a task: at least four tasks for each worker, and bounded memory."""
         rows = len(self.states) + (0 if self.plan.reduce else len(self.outputs))
         fitting = int(_BLOCK / (8 * len(self.t) * max(rows, 1)))
         return max(1, min(fitting, _MOST, -(-self.count // (4 * workers))))
@@ -62,7 +62,7 @@ class Prepared:
 
 @dataclass(frozen=True)
 class _Spawned(Sequence[Any]):
-    """The children 0 .. count - 1 of one seed, made when they are asked for."""
+    """The children 0 .. count - 1 of one seed, made on request."""
 
     count: int
 
@@ -88,7 +88,7 @@ def prepare(
     rtol: float,
     reduce: Callable[..., Any] | None,
 ) -> Prepared:
-    """Check what was given and trace the system. Raises InputError."""
+    """Check the arguments and trace the system. Raises InputError."""
     times, columns, face = arguments.times(t), table.columns(params), Face.of(system)
     given = inputs
     if not callable(inputs):
@@ -107,7 +107,7 @@ def prepare(
 
 
 def sendable(prepared: Prepared, executor: Executor | None, processes: bool) -> None:
-    """Say it at once, not once for each member, where a function cannot go to a process."""
+    """Raise InputError at once if a function cannot be sent to another process."""
     if not (processes or isinstance(executor, ProcessPoolExecutor)):
         return
     for what in ("inputs", "reduce"):
@@ -122,7 +122,7 @@ def sendable(prepared: Prepared, executor: Executor | None, processes: bool) -> 
 
 @dataclass(frozen=True)
 class _Rows:
-    """Parameter rows (c, q) for a range of members: defaults with the table's columns in place."""
+    """Parameter rows (c, q) for a range of members: defaults, replaced by the table's columns."""
 
     names: tuple[str, ...]
     defaults: np.ndarray
@@ -153,8 +153,8 @@ def _solver(
             return Traced(portable, t, hold, rtol), _Rows(tuple(keys), defaults, places)
         except TraceError as error:
             warnings.warn(
-                f"{error}; the members are simulated one by one, here, by LSODA or as far as "
-                "each can be traced alone.",
+                f"{error}; the members are simulated one by one in this process, traced "
+                "separately if possible, else by LSODA.",
                 RuntimeWarning,
                 stacklevel=4,
             )
@@ -165,10 +165,10 @@ def _solver(
 
 
 def _engine(system: Any, columns: Mapping[str, np.ndarray]) -> tuple[Adaptive, dict[str, float]]:
-    """The compiled system, and the values with which it was traced in place of defaults.
+    """The compiled system, and the values that replaced defaults when it was traced.
 
-    First with the system's own defaults, whatever the first member may be like; then with the
-    first member's values: for keys without a default and for those needed as numbers.
+    It is traced with the system's own defaults first; then with the first member's values, for
+    keys without a default and for those needed as numbers.
     """
     first = {k: float(v[0]) for k, v in columns.items()}
     for given in ({}, first):
@@ -190,7 +190,7 @@ def _engine(system: Any, columns: Mapping[str, np.ndarray]) -> tuple[Adaptive, d
                 return engine, given
             if given == first:
                 raise TraceError(
-                    f"{system.name}: parameter {changing[0]} decides which equations there are"
+                    f"{system.name}: parameter {changing[0]} changes the equations themselves"
                 )
     raise TraceError(f"{system.name}: cannot be traced with the parameters {', '.join(first)}")
 
@@ -219,7 +219,7 @@ def _seeds(seeds: Any, inputs: Any) -> Sequence[Any] | None:
     try:
         return [s if isinstance(s, np.random.SeedSequence) else int(s) for s in seeds]
     except (TypeError, ValueError):
-        raise InputError("seeds is a number of members or a list of whole numbers.") from None
+        raise InputError("seeds must be a number of members or a list of whole numbers.") from None
 
 
 def _sequence(seed: Any) -> Any:

@@ -1,4 +1,4 @@
-"""What a sweep gives back."""
+"""The result of a sweep."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ class Sweep:
     Attributes
     ----------
     name : str
-        The system's.
+        Name of the system.
     t : (N,) ndarray
         Times in s.
     outputs, states : tuple of str
         Labels of the rows of ``y`` and ``x``.
     y : (L, ny, N) ndarray or None
-        Outputs; nan for members that failed or were not reached; None with ``reduce``.
+        Outputs; nan for members that failed or were not run; None with ``reduce``.
     x : (L, nx, N) ndarray or None
-        The states asked for.
+        The requested states.
     reduced : (L, ...) ndarray or None
-        What ``reduce`` made of each member.
+        The result of ``reduce`` for each member.
     params : dict of (L,) ndarray
-        The table.
+        The table of parameters.
     members : (L,) ndarray
-        Numbers of the members (of a chunk: within the whole sweep).
+        Numbers of the members (for a chunk: within the whole sweep).
     done : (L,) ndarray of bool
         Members that were run, with or without success.
     failed : dict
-        Number of a failed member -> what happened, in a sentence.
+        Number of a failed member -> a sentence on what happened.
     coarse : dict
         Number of a member whose sign or comparison switched without end -> the time in s.
     message : str or None
-        What the user should know of the sweep as a whole.
+        A note on the sweep as a whole.
     """
 
     name: str
@@ -99,8 +99,8 @@ class Sweep:
     def to_pandas(self) -> Any:
         """A DataFrame: a row for each member and time, a column for each signal.
 
-        With ``reduce``: a row for each member, with its parameters. Raises InputError where
-        pandas is not installed.
+        With ``reduce``: a row for each member, with its parameters. Raises InputError if pandas
+        is not installed.
         """
         pandas = _library("pandas")
         index = pandas.Index(self.members, name="member")
@@ -116,7 +116,7 @@ class Sweep:
     def to_xarray(self) -> Any:
         """A Dataset over member and t (and those of ``reduced``), parameters as coordinates.
 
-        Raises InputError where xarray is not installed.
+        Raises InputError if xarray is not installed.
         """
         xarray = _library("xarray")
         data: dict[str, Any] = {k: (("member", "t"), self[k]) for k in self._signals()}

@@ -1,4 +1,4 @@
-"""Sweeps: gather everything, or stream it chunk by chunk."""
+"""Sweeps: collect all results, or yield them chunk by chunk."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .prepare import Prepared, prepare, sendable
 from .result import Sweep
 from .work import Block, Traced, work
 
-_ASKED_AHEAD = 16  # workers assumed of an executor that does not say
+_ASKED_AHEAD = 16  # number of workers assumed for an executor that does not give it
 
 
 def sweep(
@@ -44,8 +44,8 @@ def sweep(
 ) -> Sweep:
     """Run a system for many parameter sets, initial states or random inputs.
 
-    Each member is what ``simulate(system, t, inputs, x0, params=row, hold=hold, rtol=rtol)``
-    gives for its row of the table.
+    Each member is the result of
+    ``simulate(system, t, inputs, x0, params=row, hold=hold, rtol=rtol)`` for its row of the table.
 
     Parameters
     ----------
@@ -54,55 +54,58 @@ def sweep(
     t : (N,) array_like
         Increasing times in s.
     inputs : array_like, list or callable
-        As for ``simulate``, for all members; or a function that gives a member's inputs: of the
-        member's number, or with ``seeds`` of its ``numpy.random.Generator``.
+        As for ``simulate``, for all members; or a function that returns a member's inputs. Its
+        argument is the member's number, or with ``seeds`` its ``numpy.random.Generator``.
     params : dict of columns, list of dicts, structured array or DataFrame
-        The table: a row for each member; a number in a dict holds for all.
+        The table: a row for each member; a number in a dict is used for all members.
     x0 : array_like
-        (L, n): a row for each member; else as for ``simulate``, for all.
+        (L, n): a row for each member; else as for ``simulate``, for all members.
     seeds : int or list of int or SeedSequence
-        A number of members, whose generators are spawned from one ``SeedSequence(0)``; or a seed
-        for each. A member's random numbers do not depend on chunks, jobs or the executor.
+        The number of members, whose generators are spawned from one ``SeedSequence(0)``; or a
+        seed for each. A member's random numbers do not depend on chunks, jobs or the executor.
     outputs : list of str
-        Outputs wanted; default all.
+        Outputs to return; default all.
     states : bool or list of str
-        States wanted in ``.x``; default none.
+        States to return in ``.x``; default none.
     hold, rtol
         As for ``simulate``.
     executor : concurrent.futures.Executor
-        Carries the chunks: threads, processes, ``dask.distributed.Client.get_executor()``,
-        mpi4py, Ray. What is sent is generated source text and numbers, never the system, so that
-        blocks need not pickle; workers need lugrectl, and numba where this process has it.
+        Runs the chunks: threads, processes, ``dask.distributed.Client.get_executor()``, mpi4py,
+        Ray. Only generated source text and numbers are sent, never the system, so blocks need
+        not be picklable. Workers need lugrectl, and numba if this process has it.
     jobs : int
-        Without ``executor``: by default all cores, by threads, where there is numba; else one
-        after the other, as Python's threads would take turns and fresh processes would start a
-        script without ``if __name__ == "__main__":`` again. ``jobs`` above 1 without numba starts
-        that many processes. With ``executor``: its number of workers where it does not say.
+        Without ``executor``: with numba, the number of threads (default: all cores). Without
+        numba members run one after the other by default, because Python threads would not run in
+        parallel and new processes would re-run a script without
+        ``if __name__ == "__main__":``; ``jobs`` above 1 starts that many processes. With
+        ``executor``: its number of workers, if it does not give it itself.
     chunk : int
         Members in a task; default by the number of workers and the size of the results.
     progress : callable
         ``progress(fraction, words)``, after each chunk.
     reduce : callable
-        ``reduce(t, y)`` with y (ny, N) gives a number or an array of one shape, worked out where
-        the member was simulated; ``.reduced`` holds them and ``.y`` is None.
+        ``reduce(t, y)`` with y (ny, N) returns a number or an array, of the same shape for all
+        members. It is called in the process that simulated the member; ``.reduced`` holds the
+        results and ``.y`` is None.
 
     Returns
     -------
     Sweep
         ``.y`` (L, ny, N), ``.x``, ``.params``, ``.done``, ``.failed``. A member that fails (it
         diverges, or ``inputs`` raises for it) has nan rows and a sentence in ``.failed``, and
-        one warning counts them. On Ctrl-C what is done is returned, with a warning.
+        one warning counts them. On Ctrl-C the finished members are returned, with a warning.
 
     Raises
     ------
     InputError
-        For a table that cannot be understood, numbers of members that differ, unknown names,
-        shapes that do not fit, and a function that cannot be sent to a process.
+        For a table of unknown form, numbers of members that differ, unknown names, shapes that
+        do not fit, and a function that cannot be sent to a process.
 
     Notes
     -----
-    A system that cannot be traced, or whose equations a swept parameter changes, is simulated
-    member by member in this process, with one warning; so are sampled blocks, without.
+    A system that cannot be traced, or whose equations change with a swept parameter, is simulated
+    member by member in this process, with one warning. The same holds for sampled blocks, without
+    a warning.
 
     Examples
     --------
@@ -153,9 +156,9 @@ def sweep_chunks(
 ) -> Iterator[Sweep]:
     """The same as :func:`sweep`, as an iterator of parts in the order in which they finish.
 
-    Memory grows with the chunks under way (two for each worker), not with the number of members;
-    ``.members`` says which ones a part holds. Failures are in each part's ``.failed``, without a
-    warning; Ctrl-C is raised after the parts that were finished.
+    Memory grows with the chunks in progress (two for each worker), not with the number of
+    members; ``.members`` gives the members in a part. Failures are in each part's ``.failed``,
+    without a warning; Ctrl-C is raised after the finished parts.
 
     Examples
     --------
@@ -183,10 +186,10 @@ def _blocks(
     progress: Progress | None,
     whole: Gathered | None = None,
 ) -> Generator[tuple[range, Block | JobError]]:
-    """Checks at once, then each task's members with their answers."""
+    """Check the arguments at once; then yield each task's members with their answers."""
     for name, number in (("jobs", jobs), ("chunk", chunk)):
         if number is not None and (int(number) != number or number < 1):
-            raise InputError(f"{name} is a whole number from 1, not {number!r}.")
+            raise InputError(f"{name} must be a whole number >= 1, not {number!r}.")
     compiled = isinstance(made.plan.solver, Traced) and made.plan.solver.portable.backend == "numba"
     if not made.carried:
         executor, jobs = None, 1

@@ -1,4 +1,4 @@
-"""Tables of parameters in the forms in which people have them."""
+"""Tables of parameters in several common forms."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ def columns(table: Any) -> dict[str, np.ndarray]:
     Raises
     ------
     InputError
-        For another form, text in a column, lengths that differ, a member that lacks a name.
+        For another form, text in a column, lengths that differ, a member without one of the
+        parameters.
     """
     raw = _raw(table)
     found = {str(name): _numbers(str(name), values) for name, values in raw.items()}
@@ -53,7 +54,7 @@ def _by_column(rows: Sequence[Mapping[Any, Any]]) -> dict[Any, list[Any]]:
         if odd:
             raise InputError(
                 f"params: members 0 and {i} do not have the same parameters; "
-                f"one lacks '{sorted(map(str, odd))[0]}'."
+                f"one does not have '{sorted(map(str, odd))[0]}'."
             )
     return {name: [row[name] for row in rows] for name in rows[0]}
 
@@ -65,7 +66,7 @@ def _numbers(name: str, values: Any) -> np.ndarray:
             raise TypeError
         numbers = numbers.astype(float)
     except (TypeError, ValueError):
-        raise InputError(f"params: column '{name}' holds something that is no number.") from None
+        raise InputError(f"params: column '{name}' holds a value that is not a number.") from None
     if numbers.ndim > 1:
         raise InputError(
             f"params: column '{name}' has the shape {numbers.shape}; give one value "
@@ -75,11 +76,11 @@ def _numbers(name: str, values: Any) -> np.ndarray:
 
 
 def members(lengths: Mapping[str, int]) -> int:
-    """How many members there are by all that says so; 1 where nothing does."""
+    """The number of members, which all ``lengths`` must agree on; 1 if there are none."""
     if len(set(lengths.values())) > 1:
         said = ", ".join(f"{what} {length}" for what, length in lengths.items())
         raise InputError(f"the number of members is not clear: {said}.")
     count = next(iter(lengths.values()), 1)
     if not count:
-        raise InputError("a sweep over no members: there is nothing to simulate.")
+        raise InputError("the sweep has no members: there is nothing to simulate.")
     return count

@@ -1,4 +1,4 @@
-"""What a worker does: some members, one after the other, each failure kept beside the rest."""
+"""The work of one worker: some members, one after the other; failures are stored."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ Solve = Callable[[np.ndarray, np.ndarray, np.ndarray], Answer]  # of inputs (m, 
 
 
 class Solver(Protocol):
-    """Anything that can answer for one member."""
+    """Anything that can simulate one member."""
 
     def ready(self) -> Solve: ...
 
 
 @dataclass(frozen=True)
 class Traced:
-    """By generated code: plain data."""
+    """Simulates by generated code; plain data."""
 
     portable: Portable
     t: np.ndarray
@@ -56,7 +56,7 @@ class Traced:
 
 @dataclass(frozen=True)
 class OneByOne:
-    """By ``simulate``, for what has no portable code: stays in the process of the system."""
+    """Simulates by ``simulate``, for systems without portable code; stays in this process."""
 
     system: Any
     names: tuple[str, ...]
@@ -71,7 +71,7 @@ class OneByOne:
     def _solve(self, u: np.ndarray, x0: np.ndarray, p: np.ndarray) -> Answer:
         params = dict(zip(self.names, p.tolist(), strict=True)) or None
         options: dict[str, Any] = {"hold": self.hold, "rtol": self.rtol, "squeeze": False}
-        with warnings.catch_warnings():  # said once for all members
+        with warnings.catch_warnings():  # the warning was given once for all members
             warnings.simplefilter("ignore", RuntimeWarning)
             response = simulate(self.system, self.t, u, x0, params=params, **options)
         states = response.states
@@ -81,13 +81,13 @@ class OneByOne:
 
 @dataclass(frozen=True)
 class Plan:
-    """What all members share."""
+    """The data common to all members."""
 
     solver: Solver
     name: str
     labels: tuple[str, ...]  # of the inputs
     inputs: Any  # (m, N), or a function
-    keep: tuple[int, ...] | None  # rows of the states that are wanted
+    keep: tuple[int, ...] | None  # rows of the requested states
     reduce: Callable[[np.ndarray, np.ndarray], Any] | None
     shape: tuple[int, int]  # outputs, samples
     parameters: tuple[str, ...]
@@ -96,9 +96,9 @@ class Plan:
 
 @dataclass(frozen=True)
 class Task:
-    """What differs: (c, q) parameters, (c, n) initial states, seeds, of the members ``index``.
+    """The data of the members ``index``: (c, q) parameters, (c, n) initial states, seeds.
 
-    ``y`` and ``x``, where given, are the places of the answers: for a worker in this process.
+    ``y`` and ``x``, if given, are arrays for the answers of a worker in this process.
     """
 
     index: range
@@ -122,7 +122,7 @@ class Block:
 
 
 def work(plan: Plan, task: Task) -> Block:
-    """All members of a task."""
+    """Simulate all members of a task."""
     solve, count, samples = plan.solver.ready(), len(task.index), plan.shape[1]
     y, x = task.y, task.x
     if y is None and plan.reduce is None:
@@ -133,7 +133,7 @@ def work(plan: Plan, task: Task) -> Block:
     for row, member in enumerate(task.index):
         try:
             _member(plan, task, block, row, solve)
-        except Exception as error:  # of the member or of a user's function: said, not raised
+        except Exception as error:  # of the member or of a user's function: stored, not raised
             block.failed[member] = JobError.of(member, error).sentence
             for part in (y, x):
                 if part is not None:
@@ -165,7 +165,7 @@ def _member(plan: Plan, task: Task, block: Block, row: int, solve: Any) -> None:
 
 @contextlib.contextmanager
 def _named(what: str) -> Iterator[None]:
-    """Say whose function it was that failed."""
+    """Name the user's function that failed."""
     try:
         yield
     except Exception as error:
@@ -173,7 +173,7 @@ def _named(what: str) -> Iterator[None]:
 
 
 def _drawn(inputs: Callable[[Any], Any], task: Task, row: int) -> Any:
-    """What the user's function gives: its random numbers hang on the member's seed alone."""
+    """The inputs by the user's function; random numbers depend on the member's seed only."""
     if task.seeds is None:
         return inputs(task.index[row])
     return inputs(np.random.default_rng(task.seeds[row]))

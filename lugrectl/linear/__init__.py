@@ -1,4 +1,4 @@
-"""Linear checks: L2 gain, strict positive realness, bandwidth, and the loops they are about."""
+"""Linear checks: L2 gain, strict positive realness, bandwidth, and the loops they apply to."""
 
 from .band import BandwidthVerdict, UnstableLoopWarning, bandwidth, bandwidth_check
 from .designs import DesignChecks, check_designs

@@ -48,7 +48,7 @@ def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:
     |n(jw)|^2 |d(0)|^2 - c |n(0)|^2 |d(jw)|^2 are isolated exactly; c = 10^(-3/10) for "-3dB"
     (amplitude 0.70795), 1/2 for "half-power" (0.70711), 10^(level/10) for a negative number of
     dB. Stability is decided exactly for the given coefficients (Routh), after cancelling common
-    factors; a touch of the level is no crossing.
+    factors; touching the level does not count as a crossing.
 
     T : continuous SISO control.TransferFunction or StateSpace, or a pair (num, den).
     Raises InputError if T is none of these, or for an unknown level.
@@ -70,7 +70,7 @@ def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:
 def bandwidth(T: Any, level: str | float = "-3dB") -> float:
     """Bandwidth in rad/s as ``bandwidth_check(T, level).bandwidth``.
 
-    Of an unstable T the crossing is returned with an UnstableLoopWarning that names the poles;
+    For an unstable T the crossing is returned with an UnstableLoopWarning that names the poles;
     nan without a DC gain; inf if |T| never falls below the level.
     """
     verdict = bandwidth_check(T, level)

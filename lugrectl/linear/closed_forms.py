@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 CLASSES = ("not PR", "PR", "WSPR", "SPR")
 NOT_PR, PR, WSPR, SPR = range(4)
-SETTLED = 1e-6  # last Newton step relative to the root: its square is what is left
+SETTLED = 1e-6  # last Newton step relative to the root; the remaining error is its square
 Floats = NDArray[np.float64]
 
 
 def sign_of_difference(a: Any, b: Any, c: Any, d: Any) -> NDArray[np.int8]:
-    """Sign of a b - c d. Rounding is monotone, so only products that round alike are in doubt."""
+    """Sign of a b - c d. Rounding is monotone: only products that round alike are uncertain."""
     left, right = np.multiply(a, b), np.multiply(c, d)
     sign = np.asarray(np.greater(left, right), np.int8) - np.less(left, right)
     alike = np.equal(left, right)
@@ -86,8 +86,8 @@ def velocity_bandwidth(J: Any, kp: Any, ki: Any, kd: Any, c: float) -> tuple[Flo
 
     With x = w^2 the only positive root of
     c (J + kd)^2 x^2 + (c (kp^2 - 2 (J + kd) ki) - kp^2) x - (1 - c) ki^2,
-    whose last two coefficients move up by one x for ki = 0. Also returns which answers are in
-    doubt: those of a loop without inertia or beyond the range of floats.
+    whose last two coefficients move up by one x for ki = 0. Also returns which answers are
+    uncertain: those of a loop without inertia or beyond the range of floats.
     """
     M, square = np.add(J, kd), np.multiply(kp, kp)
     half = 0.5 * ((c - 1) * square - 2 * c * M * ki)
@@ -107,9 +107,9 @@ def position_bandwidth(J: Any, kp: Any, ki: Any, kd: Any, c: float) -> tuple[Flo
 
     With x = w^2 the least positive root of x^3 + p x^2 + q x + r, where
     p = (kd^2 - 2 J kp)/J^2, q = -((1 - c) kp^2/c + 2 ki kd)/J^2, r = -(1 - c) ki^2/(c J^2);
-    the only one unless p < 0 < q. By Cardano's formula, or the quadratic that is left for x far
-    below p, and two Newton steps. Also returns which answers are in doubt, as where the level
-    is all but touched.
+    the only one unless p < 0 < q. By Cardano's formula, or the quadratic that remains for x far
+    below p, and two Newton steps. Also returns which answers are uncertain, such as those where
+    the level is almost touched.
     """
     inertia = 1 / np.multiply(J, J)
     rest = (1 - c) / c
@@ -127,7 +127,7 @@ def position_bandwidth(J: Any, kp: Any, ki: Any, kd: Any, c: float) -> tuple[Flo
 
 
 def _least_positive(p: Any, q: Any, r: Any) -> tuple[Floats, Any]:
-    """The least positive root of x^3 + p x^2 + q x + r, r <= 0, roughly; whether in doubt."""
+    """Approximate least positive root of x^3 + p x^2 + q x + r, r <= 0; whether uncertain."""
     third = p / 3
     P, Q = q / 3 - third * third, third * (third * third - q / 2) + r / 2
     P3, Q2 = P * P * P, Q * Q
@@ -143,13 +143,13 @@ def _least_positive(p: Any, q: Any, r: Any) -> tuple[Floats, Any]:
 
 
 def _of_three(P: Any, Q: Any, several: Any) -> Floats:
-    """Of three real roots of t^3 + 3 P t + 2 Q the largest, or the least where ``several``."""
+    """The largest of three real roots of t^3 + 3 P t + 2 Q, or the least where ``several``."""
     size = np.sqrt(-P)
     angle = np.arccos(np.clip(-Q / size**3, -1, 1)) / 3
     return 2 * size * np.cos(np.where(several, angle + 2 * np.pi / 3, angle))
 
 
 def _frequency(x: Any, kp: Any, ki: Any, doubt: Any) -> tuple[Floats, Any]:
-    """sqrt(x), and nan beyond doubt where T(0) is zero."""
+    """sqrt(x); nan, and certain, where T(0) is zero."""
     no_dc = np.equal(kp, 0) & np.equal(ki, 0)
     return np.where(no_dc, np.nan, np.sqrt(x)), doubt & ~no_dc

@@ -18,8 +18,8 @@ Ratio = tuple[Poly, Poly]
 class Controller:
     """C(s) = Kp + Kd s/(Td s + 1) + I(s) + X(s), every number exact.
 
-    I(s) is Ki/(tau s + 1) where tau > 0, Ki/(s + leak) where leak > 0, else Ki/s. Td is
-    ``derivative_filter``, X ``added``: whatever else is in C, in lowest terms.
+    I(s) is Ki/(tau s + 1) if tau > 0, Ki/(s + leak) if leak > 0, else Ki/s. Td is
+    ``derivative_filter``; X is ``added``, any further term of C in lowest terms.
     """
 
     kp: Fraction
@@ -32,7 +32,7 @@ class Controller:
 
     @property
     def integral(self) -> Ratio:
-        """I(s); without integral action no factor s enters numerator and denominator alike."""
+        """I(s); without integral action 0/1, so that no common factor s appears."""
         if not self.ki:
             return (), (1,)
         return poly([self.ki]), (1, self.tau) if self.tau else (self.leak, 1)
@@ -58,7 +58,7 @@ class Controller:
 def read_controller(
     kp: Any, ki: Any, kd: Any, tau: Any, derivative_filter: Any, leak: Any, controller: Any
 ) -> Controller:
-    """C(s) of what the user gave; InputError for what is no number, negative or twice said."""
+    """C(s) from the user's values; InputError if one is not a number, negative, or given twice."""
     gains = (number(kp, "kp"), number(ki, "ki"), number(kd, "kd"))
     lag = _not_negative(tau, "tau", "s")
     smoothing = _not_negative(derivative_filter, "derivative_filter", "s")

@@ -15,7 +15,7 @@ from . import closed_forms as forms
 from .band import bandwidth_check, level_power
 from .loops import position_loop_tf, velocity_loop_tf
 
-CHUNK = 8192  # designs at a time, so that the temporaries stay in the cache
+CHUNK = 8192  # designs at a time, so that temporary arrays fit into the cache
 NAMES = ("J", "sigma0", "sigma1", "kp", "ki", "kd", "K2")
 
 
@@ -23,8 +23,8 @@ NAMES = ("J", "sigma0", "sigma1", "kp", "ki", "kd", "K2")
 class DesignChecks:
     """The checks of many designs, arrays of one shape.
 
-    ``l2_gain``, ``l2_frequency`` as of ``l2_check``; ``classification`` an index into
-    ``CLASSES`` ("not PR", "PR", "WSPR", "SPR"); ``bandwidth`` in rad/s and ``stable`` as of
+    ``l2_gain``, ``l2_frequency`` as in ``l2_check``; ``classification`` an index into
+    ``CLASSES`` ("not PR", "PR", "WSPR", "SPR"); ``bandwidth`` in rad/s and ``stable`` as in
     ``bandwidth_check``.
     """
 
@@ -45,7 +45,7 @@ class DesignChecks:
         return np.array(forms.CLASSES)[self.classification]
 
     def summary(self) -> dict[str, Any]:
-        """Plain Python: how many designs, and how many of each outcome."""
+        """Plain Python: the number of designs, and of each outcome."""
         counts = np.bincount(self.classification.ravel(), minlength=len(forms.CLASSES))
         return {
             "designs": self.stable.size,
@@ -67,11 +67,11 @@ def check_designs(
 ) -> DesignChecks:
     """L2 gain, SPR class and bandwidth of many designs in one call.
 
-    Answers as ``l2_check(p, K2)``, ``spr_check(position_T(p, kp, ki, kd))`` and
-    ``bandwidth_check(position_loop_tf(p, kp, ki, kd), level)`` do, or their velocity
-    counterparts, by closed forms: the classes exactly for the given floats, the bandwidths to
-    about 1e-9; those that the closed form leaves in doubt are checked one by one. Pure integral
-    action only. Every stated property is one of the linear loop with friction compensated.
+    Gives the answers of ``l2_check(p, K2)``, ``spr_check(position_T(p, kp, ki, kd))`` and
+    ``bandwidth_check(position_loop_tf(p, kp, ki, kd), level)``, or their velocity counterparts,
+    by closed forms: the classes exactly for the given floats, the bandwidths to about 1e-9.
+    Designs for which the closed form is uncertain are checked one by one. Pure integral action
+    only. All properties are those of the linear loop with friction compensated.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def check_designs(
     finite or out of range, and a velocity loop with J + kd <= 0.
     """
     if loop not in ("velocity", "position"):
-        raise InputError(f"loop is {loop!r}; use 'velocity' or 'position'.")
+        raise InputError(f"loop must be 'velocity' or 'position', not {loop!r}.")
     given = [getattr(p, name, None) for name in NAMES[:3]] + [kp, ki, kd, K2]
     parts = [_array(value, name) for value, name in zip(given, NAMES, strict=True)]
     try:
@@ -115,7 +115,7 @@ def _in_range(parts: list[Any], loop: str) -> None:
         ("J + kd is not above 0", loop == "velocity" and np.any(J + kd <= 0)),
     ):
         if wrong:
-            raise InputError(f"{name} in a design; ask the check of a single design about it.")
+            raise InputError(f"{name} in a design; use the check of a single design for it.")
 
 
 def _all_chunks(parts: list[Any], shape: Any, loop: str, level: str | float) -> DesignChecks:

@@ -1,7 +1,7 @@
 """Polynomials with exact rational coefficients: division, real roots, Hurwitz test.
 
 A polynomial is a tuple of numbers in ascending powers without trailing zeros; ``()`` is zero.
-No decision in here is taken in floating point; floats appear only as values of isolated roots.
+No decision here is made in floating point; floats appear only as values of isolated roots.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ def distinct_roots(a: Poly) -> Poly:
 
 
 def odd_roots(a: Poly) -> Poly:
-    """A polynomial with the roots of odd multiplicity of a, once each: there a changes sign."""
+    """A polynomial with the roots of odd multiplicity of a, once each: a changes sign there."""
     out: Poly = (1,)
     for factor in squarefree(a)[0::2]:
         out = mul(out, factor)
@@ -140,7 +140,7 @@ def sign_at(a: tuple[int, ...], x: Fraction | None) -> int:
 
 
 def changes(chain: list[tuple[int, ...]], x: Fraction | None) -> int:
-    """Sign changes along the chain at x; their loss over (a, b] is the number of roots there."""
+    """Sign changes along the chain at x; their decrease over (a, b] is the number of roots."""
     signs = [s for s in (sign_at(a, x) for a in chain) if s]
     return sum(s != t for s, t in pairwise(signs))
 
@@ -154,7 +154,7 @@ def count_positive(a: Poly) -> int:
 
 
 def positive_roots(a: Poly) -> list[float]:
-    """Roots in (0, inf) of a square-free a, ascending, to the last digit or so."""
+    """Roots in (0, inf) of a square-free a, ascending, to about the last digit."""
     if not count_positive(a):
         return []
     chain = sturm(a)

@@ -18,10 +18,10 @@ from .verdict import Verdict
 class L2Verdict(Verdict):
     """Truthy iff the L2 gain is finite.
 
-    ``gain``: the L2 gain (inf when there is none). ``frequency``: where |G(jw)| is largest, in
-    rad/s: 0 at DC or when |G| is constant, inf when it is approached as w grows, nan when G is
-    unstable and its gain is no peak on the axis. ``meaning``: what follows for the error
-    e_z = z - zhat of the proposed observer.
+    ``gain``: the L2 gain (inf if there is none). ``frequency``: where |G(jw)| is largest, in
+    rad/s: 0 at DC or if |G| is constant, inf if the largest value is approached as w grows, nan
+    if G is unstable (its gain is then not a peak on the axis). ``meaning``: the consequence for
+    the error e_z = z - zhat of the proposed observer.
     """
 
     gain: float
@@ -36,22 +36,22 @@ class L2Verdict(Verdict):
 def l2_check(p: Any, K2: float) -> L2Verdict:
     """L2 gain of G(s) = (J s + K2)/(sigma1 s + sigma0).
 
-    The pole is -sigma0/sigma1 whatever K2 is: K2 moves the zero only, so no sign of K2 makes G
+    The pole is -sigma0/sigma1 for every K2: K2 moves the zero only, so no sign of K2 makes G
     unstable. |G(jw)|^2 = (K2^2 + J^2 w^2)/(sigma0^2 + sigma1^2 w^2) is monotone in w, so for
     sigma0/sigma1 > 0 the gain is the larger of |K2|/sigma0 (at DC) and J/sigma1 (as w grows).
     It is infinite for sigma1 = 0 (G improper), for sigma0 = 0 (integrator) unless K2 = 0, and
-    for sigma0/sigma1 < 0 (unstable: also where the zero cancels the pole, because the mode
-    stays). The comparison is exact for the given floats.
+    for sigma0/sigma1 < 0 (unstable, also if the zero cancels the pole, because the mode
+    remains). The comparison is exact for the given floats.
 
-    What it is for (source paper, err_z_lap and lemma 5): with constant K2 the observer's errors
-    obey sigma1 de_z/dt + sigma0 e_z = -(J de_w/dt + K2 e_w) whatever u, w and K1 do, so with
-    c = e_z(0) + (J/sigma1) e_w(0), which err_z_lap leaves out,
+    Use (source paper, err_z_lap and lemma 5): with constant K2 the observer's errors obey
+    sigma1 de_z/dt + sigma0 e_z = -(J de_w/dt + K2 e_w) for all u, w and K1, so with
+    c = e_z(0) + (J/sigma1) e_w(0), which is missing in err_z_lap,
 
         e_z = -G e_w + c exp(-sigma0 t/sigma1),
         ||e_z||_2 <= gain ||e_w||_2 + |c| sqrt(sigma1/(2 sigma0)).
 
-    Hence e_w in L2 makes e_z in L2; if w is bounded, so is de_z/dt, and e_z -> 0 (Barbalat). It
-    gives no rate, and does not show that e_w is in L2: that is for K1.
+    Hence e_z is in L2 if e_w is; if w is bounded, so is de_z/dt, and e_z -> 0 (Barbalat). This
+    gives no rate, and does not show that e_w is in L2: that depends on K1.
 
     Parameters
     ----------
@@ -88,13 +88,11 @@ def _gain(J: Fraction, K2: Fraction, s0: Fraction, s1: Fraction) -> tuple[float,
 
 def _meaning(gain: float, J: Fraction, s0: Fraction, s1: Fraction) -> str:
     if gain == float("inf"):
-        return "nothing follows for e_z: that e_w is in L2 does not make e_z so"
+        return "nothing follows for e_z: it need not be in L2 even if e_w is"
     bound = f"||e_z||_2 <= {gain:.6g} ||e_w||_2"
     if not s0:
-        return f"{bound} if e_z(0) + (J/sigma1) e_w(0) = 0; else that part of e_z stays for good"
+        return f"{bound} if e_z(0) + (J/sigma1) e_w(0) = 0; else that part of e_z does not decay"
     if s1:
         root = to_float(s1 / (2 * s0)) ** 0.5
         bound += f" + {root:.6g} |e_z(0) + {to_float(J / s1):.6g} e_w(0)|"
-    return (
-        f"{bound}: e_w in L2 makes e_z in L2, and with w bounded e_z tends to 0, at no stated rate"
-    )
+    return f"{bound}: e_z is in L2 if e_w is, and for bounded w e_z tends to 0 (without a rate)"

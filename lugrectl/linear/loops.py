@@ -18,7 +18,7 @@ from .transfer import number, parameter, to_float
 
 @dataclass(frozen=True)
 class Loop:
-    """What a T(s) is made of: J, sigma0, sigma1, C, and s^order, 1 for velocity, 2 for position."""
+    """The parts of a T(s): J, sigma0, sigma1, C, and order (1: velocity, 2: position)."""
 
     J: Fraction
     sigma0: Fraction
@@ -35,9 +35,9 @@ class Loop:
 
 
 class LoopT(ct.TransferFunction):
-    """T(s) of a loop that remembers the ``loop``, so that ``spr_check`` can name a repair.
+    """T(s) with its ``loop``, so that ``spr_check`` can propose a repair.
 
-    What is computed from it is a plain control.TransferFunction.
+    Anything computed from it is a plain control.TransferFunction.
     """
 
     loop: Loop
@@ -105,10 +105,10 @@ def position_loop_tf(
     """Reference to position with friction fully compensated (plant 1/(J s^2)).
 
     theta/r = E(s)/(J s^2 + D(s) + E(s)) with E(s) = Kp + I(s) + X(s), D(s) = Kd s/(Td s + 1)
-    and everything as in ``position_T``. D acts on the measured velocity, not on the error, so
-    it is missing in the numerator; a D on the error belongs into ``controller``. ``prefilter``
-    puts a/(s + a) in front, a in 1/s; True is the source paper's 2/(s + 2). Friction left
-    uncompensated (Fv) is not in here. Raises InputError as ``position_T``, and for a < 0.
+    and all other terms as in ``position_T``. D acts on the measured velocity, not on the error,
+    so it is not in the numerator; give a D on the error as ``controller``. ``prefilter`` adds
+    a/(s + a) in front, a in 1/s; True is the source paper's 2/(s + 2). Friction that is not
+    compensated (Fv) is not included. Raises InputError as ``position_T``, and for a < 0.
     """
     C = read_controller(kp, ki, kd, tau, derivative_filter, leak, controller)
     return _reference_tf(p, 2, C, prefilter, "theta")

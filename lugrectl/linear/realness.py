@@ -40,7 +40,7 @@ def classify(num: Poly, den: Poly) -> str:
 
 def margin(num: Poly, den: Poly) -> float:
     """Largest eps with T(s - eps) PR, of an SPR T, by bisection of the exact decision."""
-    # Poles and zeros must stay left of the axis, and the nearest is not beyond their mean.
+    # Poles and zeros must stay left of the axis; the nearest one is not farther than their mean.
     means = [Fraction(p[-2]) / p[-1] / (len(p) - 1) for p in (num, den) if len(p) > 1]
     if not means:
         return math.inf
@@ -66,7 +66,7 @@ def band_edge(num: Poly, den: Poly) -> float:
     real, square = real_product(num, den), real_product(den, den)
     if not real:
         return 0.0
-    # In lowest terms an axis pole that leaves Re T finite does not end the band.
+    # In lowest terms a pole on the axis at which Re T is finite does not end the band.
     common = gcd(real, square)
     real, square = divide(real, common)[0], divide(square, common)[0]
     at_zero = next(c for c in real if c) * next(c for c in square if c)

@@ -12,7 +12,7 @@ from .loops import Loop, rounded
 from .realness import classify
 from .transfer import lowest_terms, read_transfer, to_float
 
-SMALLEST = -200  # powers of two between which a limit is sought
+SMALLEST = -200  # a limit is searched for between 2^-200 and 2^200
 DIGITS = Context(prec=4, rounding=ROUND_FLOOR)
 WORDS = {
     "kp": "Kp above {} (say {})",
@@ -61,10 +61,10 @@ def find_repair(loop: Loop) -> Repair | None:
 
 
 def _with_leak(loop: Loop, repair: Repair) -> Repair | None:
-    """The least leak, after the least Kd that the position loop needs without the integral."""
+    """The least leak, after the least Kd that the position loop needs without its integral."""
     C = loop.controller
     if C.added[0] or (C.kd and C.derivative_filter):
-        return None  # what passes need not be an upward interval in the leak
+        return None  # the leaks that pass need not be an upward interval
     bare = _with(loop, ki=Fraction(0))
     if loop.order == 2 and not _is_spr(bare):
         if not C.pure_integral or not (first := _least(bare, "kd", repair)):
@@ -102,7 +102,7 @@ def _least(loop: Loop, name: str, repair: Repair) -> Repair | None:
 def least_passing(passes: Callable[[Fraction], bool]) -> Fraction | None:
     """Lower end, to 50 bits, of the upward interval of positive numbers that pass.
 
-    0 where 2^-200 passes, None where 2^200 does not.
+    0 if 2^-200 passes, None if 2^200 does not.
     """
     low, high = SMALLEST, -SMALLEST
     if passes(Fraction(2) ** low):
@@ -120,7 +120,7 @@ def least_passing(passes: Callable[[Fraction], bool]) -> Fraction | None:
 
 
 def _usual(loop: Loop, name: str) -> Fraction:
-    """A sensible value where any above 0 does."""
+    """A sensible value for a gain that only needs to be above 0."""
     C = loop.controller
     if name == "leak" and C.kp:
         return abs(C.ki / C.kp) / 10  # still an integral over a decade below its corner

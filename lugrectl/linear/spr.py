@@ -33,10 +33,10 @@ class SprVerdict(Verdict):
     ``classification``: "SPR", "WSPR" (Re T(jw) > 0 at every finite w, but not T(s - eps)
     positive real for any eps > 0), "PR", "not PR". ``margin``: the largest eps in 1/s for which
     T(s - eps) is positive real; inf for a positive constant, 0 unless SPR. ``band_edge``: end of
-    the band (0+, band_edge) with Re T(jw) > 0 in rad/s; inf if nothing ends it, 0 if Re T is
-    not positive just above w = 0. ``repair``: the change of the controller that makes T SPR, in a
-    sentence; None for an SPR T, where there is none of the kinds that ``spr_repair`` tries, and
-    for a T that ``position_T`` or ``velocity_T`` did not make.
+    the band (0+, band_edge) with Re T(jw) > 0 in rad/s; inf if it has no end, 0 if Re T is not
+    positive just above w = 0. ``repair``: a sentence on the change of the controller that makes T
+    SPR; None for an SPR T, if ``spr_repair`` finds no such change, and for a T that was not made
+    by ``position_T`` or ``velocity_T``.
     """
 
     classification: str
@@ -63,11 +63,11 @@ def spr_check(T: Any) -> SprVerdict:
       limit of Re T is required to be positive too, as 1/T must be SPR along with T:
       s + 1/(s + 1) is WSPR only.
 
-    P is decided by Sturm chains and n + d by Routh, both on rational numbers, never on a
-    frequency grid. The given coefficients are taken as exact, so equality such as
-    sigma1 Kd = sigma0 J holds only if it holds for the floats; the reason says when a
-    coefficient of P is within 1e-12 of zero, relative to its terms. Give the pair (num, den) as
-    fractions.Fraction to decide on decimals. T = 0 counts as PR.
+    The sign of P is decided by Sturm chains and n + d by Routh, both on rational numbers, never
+    on a frequency grid. The given coefficients are taken as exact, so an equality such as
+    sigma1 Kd = sigma0 J holds only if it holds for the floats; the reason mentions a coefficient
+    of P that is within 1e-12 of zero, relative to its terms. Give the pair (num, den) as
+    fractions.Fraction to decide on decimal numbers. T = 0 counts as PR.
 
     T : continuous SISO control.TransferFunction or StateSpace, or a pair (num, den) in
         descending powers of s. Raises InputError if it is none of these.
@@ -84,17 +84,17 @@ def spr_check(T: Any) -> SprVerdict:
 def spr_repair(T: Any) -> Repair | None:
     """The least change of the controller that makes a T of ``position_T``, ``velocity_T`` SPR.
 
-    Position: a filter on the derivative is dropped (with C(s) bounded, w^2 Re T tends to
-    -sigma0/J); pure integral action gets the least leak, its gain and Kp kept, after the least
-    Kd where the controller without the integral needs one; else the least Kd. Velocity: the
-    least leak of a pure or leaky integral. Else, and for either loop, the least Kp. The leak is
-    tried for C(s) = Kp + Kd s + I(s) only. In Kd and
-    Kp the set of SPR controllers is an upward interval, as Kd s/(sigma1 s + sigma0) and
-    Kp/(sigma1 s + sigma0) are positive real and add to 1/T; in the leak it is one for Kp >= 0
-    and sigma1 Kd > sigma0 J. Its end is found by bisection of the exact decision.
+    Position: a filter on the derivative is removed (with a bounded C(s), w^2 Re T tends to
+    -sigma0/J); pure integral action gets the least leak, with its gain and Kp unchanged, after
+    the least Kd if the controller without the integral needs one; else the least Kd. Velocity:
+    the least leak of a pure or leaky integral. Otherwise, for either loop, the least Kp. The leak
+    is tried for C(s) = Kp + Kd s + I(s) only. In Kd and Kp the set of SPR controllers is an
+    upward interval, because Kd s/(sigma1 s + sigma0) and Kp/(sigma1 s + sigma0) are positive real
+    and add to 1/T; in the leak it is one for Kp >= 0 and sigma1 Kd > sigma0 J. Its end is found
+    by bisection of the exact decision.
 
-    Returns None for an SPR T, where no such change helps, for J, sigma0 or sigma1 not above 0
-    (or Kp < 0 with an integral), and for a T that is of no known loop.
+    Returns None for an SPR T, if no such change helps, for J, sigma0 or sigma1 not above 0 (or
+    Kp < 0 with an integral), and for a T without a known loop.
     """
     if not isinstance(T, LoopT) or classify(*read_transfer(T)[:2]) == "SPR":
         return None
@@ -102,7 +102,7 @@ def spr_repair(T: Any) -> Repair | None:
 
 
 def _negative_bands(real: Poly) -> str:
-    """Where a P that is somewhere negative is so, in words."""
+    """The frequency bands in which P is negative, in words."""
     ends = [math.sqrt(x) for x in positive_roots(odd_roots(real))]
     if next(c for c in real if c) < 0:
         ends.insert(0, 0.0)
@@ -176,7 +176,7 @@ _REASONS = {"SPR": _why_spr, "WSPR": _why_wspr, "PR": _why_pr, "not PR": _why_no
 
 
 def _rounding(num: Poly, den: Poly) -> str:
-    """A remark when a coefficient of P is nothing but the rounding of its terms."""
+    """A remark if a coefficient of P is only the rounding error of its terms."""
     real = real_product(num, den)
     terms = real_product(
         *(tuple(abs(c) * (-1) ** (i // 2) for i, c in enumerate(p)) for p in (num, den))

@@ -17,7 +17,7 @@ from .exact import Poly, divide, gcd, poly
 
 
 class Transfer(NamedTuple):
-    """T(s) = num / den in lowest terms; ``cancelled`` is the common factor taken out."""
+    """T(s) = num / den in lowest terms; ``cancelled`` is the common factor that was removed."""
 
     num: Poly
     den: Poly
@@ -45,7 +45,7 @@ def number(value: Any, what: str) -> Fraction:
 
 
 def to_float(value: Fraction) -> float:
-    """The nearest float; infinite where there is none."""
+    """The nearest float; infinite if there is none."""
     try:
         return float(value)
     except OverflowError:

@@ -1,4 +1,4 @@
-"""What every verdict can do: be asked, be summed up, be printed."""
+"""The base class of all verdicts: truth value, summary, printing."""
 
 from __future__ import annotations
 

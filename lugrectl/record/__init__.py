@@ -20,14 +20,14 @@ from .units import ROLES, Unit, did_you_mean, role_unit, si_unit
 
 __all__ = ["Record", "consistent", "parse_pairs", "read_record"]
 
-_FAST = {"rotary": 400.0, "linear": 20.0}  # rad/s, m/s: faster is doubtful without a unit
+_FAST = {"rotary": 400.0, "linear": 20.0}  # rad/s, m/s: above, a w without unit may not be in SI
 
 
 def parse_pairs(text: str, what: str) -> dict[str, str]:
     """Read 't=time,u=torque' into a dict of role to value.
 
-    A comma may stand inside a value unless a role and '=' follow it. ``what`` names the
-    option ("columns", "units", "scale") in the InputError raised for anything else.
+    A value may contain a comma, unless a role and '=' follow it. ``what`` names the option
+    ("columns", "units", "scale") in the InputError that is raised for any other text.
     """
     pairs: dict[str, str] = {}
     for part in re.split(r",\s*(?=\w+\s*=)", text.strip()):
@@ -57,10 +57,10 @@ def read_record(
 
     Parameters
     ----------
-    columns : role -> name of the column, for columns not called by their role.
-    units : role -> unit, over the unit in the header; without either a column is in SI.
+    columns : role -> name of the column, for columns not named by their role.
+    units : role -> unit, in place of the unit in the header; without any unit, SI is assumed.
     scale : role -> factor on the raw value, before the unit; needed for A, V, % and counts.
-    rate : sampling rate in Hz, needed when there is no t; t wins when both are given.
+    rate : sampling rate in Hz, needed when there is no t; t is used when both are given.
     motion : "rotary" or "linear", taken from the units when not given.
 
     Each of the first three may be a text such as "t=time,u=torque".
@@ -68,7 +68,7 @@ def read_record(
     Raises
     ------
     InputError : the file or an argument cannot be read or understood.
-    Refused : the record is readable but cannot answer (see ``timebase`` and ``audit``).
+    Refused : the record is readable but not usable (see ``timebase`` and ``audit``).
     """
     named, stated = _pairs(columns, "columns"), _pairs(units, "units")
     factors = _factors(scale)
@@ -81,7 +81,7 @@ def read_record(
     drive = _motion(table.source, found, motion)
     raw, more = table.load([c.index for c in choices])
     if not len(raw[0]):
-        raise InputError(f"{table.source} holds names of columns but no data.")
+        raise InputError(f"{table.source} holds column names but no data.")
     said = [*more, *said]
     channels = {}
     for choice, values in zip(choices, raw, strict=True):
@@ -103,7 +103,7 @@ def _assembled(
     motion: str,
     said: list[str],
 ) -> Record:
-    """Bring SI channels to uniform time and have the record looked over."""
+    """Bring SI channels to uniform time and check the record."""
     t = channels.pop("t", None)
     if t is None:
         t = np.arange(len(channels["u"])) / float(rate or 1.0)
@@ -117,7 +117,7 @@ def _assembled(
     if rate is not None and "t" in labels and abs(record.rate / rate - 1) > 0.01:
         said = [
             *said,
-            f"The rate given, {rate:g} Hz, disagrees with t ({record.rate:.6g} Hz); t was used.",
+            f"The given rate, {rate:g} Hz, disagrees with t ({record.rate:.6g} Hz); t was used.",
         ]
     return audit(replace(record, messages=(*said, *record.messages)), labels)
 
@@ -186,7 +186,7 @@ def _unit(
 
 
 def _motion(source: str, found: Mapping[str, Unit | None], given: str | None) -> str:
-    """Return the kind of drive that the units belong to; they must not belong to both."""
+    """Return the kind of drive that the units belong to; units of both kinds are an error."""
     if given not in (None, "rotary", "linear"):
         raise InputError(f"motion must be 'rotary' or 'linear', not '{given}'.")
     kinds = {role: unit for role, unit in found.items() if unit and unit.motion}
@@ -212,7 +212,7 @@ def _remarks(
     factors: Mapping[str, float],
     motion: str,
 ) -> list[str]:
-    """Return what the user should know of how a channel's numbers were understood."""
+    """Return notes on how the numbers of a channel were interpreted."""
     role, name, unit = choice.role, table.names[choice.index], found[choice.role]
     if role in factors:
         per = f" (in {unit.name})" if unit else ""
@@ -223,12 +223,12 @@ def _remarks(
     assumed = si_unit(role, motion)
     if values.size and np.ptp(values) >= 100 and not np.any(values % 1):
         return [
-            f"{role} has no unit and holds whole numbers only: taken as {assumed}; if these are "
-            f"counts or another unit, give --scale {role}=FACTOR or --units {role}=UNIT."
+            f"{role} has no unit and holds whole numbers only: {assumed} was assumed; if these "
+            f"are counts or another unit, give --scale {role}=FACTOR or --units {role}=UNIT."
         ]
     if role == "w" and "theta" not in found and np.abs(values).max(initial=0) > _FAST[motion]:
         return [
-            f"w has no unit and reaches {np.abs(values).max():.4g}: taken as {assumed}; "
-            "if it is not, give --units w=UNIT."
+            f"w has no unit and reaches {np.abs(values).max():.4g}: {assumed} was assumed; "
+            "if that is wrong, give --units w=UNIT."
         ]
     return []

@@ -1,4 +1,4 @@
-"""What is noticed about a record: what is repaired, what is only said, what cannot be used."""
+"""Checks of a record: faults that are corrected, faults that are only reported, refusals."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from .samples import Record
 from .timebase import even
 from .units import UNITS, Unit, si_unit
 
-_BAND = 30.0  # Hz, motion slower than this is compared
+_BAND = 30.0  # Hz; the motion below this frequency is compared
 _SLOW_BAND = 5.0  # Hz
-_CLOSE = 0.02  # a ratio this close to a unit's is that unit's
-_SAME = 0.9  # share of a channel's power that the other's derivative must tell
-_OFF = 0.03  # a ratio this far from 1 is said
+_CLOSE = 0.02  # a ratio this close to that of two units means that these were mixed up
+_SAME = 0.9  # share of a channel's power that the other's derivative must explain
+_OFF = 0.03  # a ratio this far from 1 is reported
 _LAG = 1.5  # samples
 _BLOCKS = 20
-_TURNS = 16  # most turns that a counter wraps after (57 would pass for 360 deg)
+_TURNS = 16  # most turns after which a counter wraps (57 turns would look like 360 deg)
 _SURE = 8.0  # standard errors
 
 
 def audit(record: Record, labels: Mapping[str, str | None] | None = None) -> Record:
-    """Look a record over: repair what has one cause, say what is doubtful.
+    """Check a record: correct the faults that have one possible cause, report the others.
 
-    Wrapped angles are unwrapped; ``w`` in another unit or of the other sign than
-    d theta/dt is converted, and ignored when it is neither; a torque of the other sign is
-    turned. A lag of ``w`` and a saturated ``u`` are said. ``labels`` are the units by role
-    that the file or the user stated (None: not stated), used to tell which of two
-    channels carries the wrong one.
+    Wrapped angles are unwrapped. ``w`` in another unit or of the opposite sign than d theta/dt
+    is converted, and ignored if it does not fit d theta/dt at all. A torque of the wrong sign
+    is inverted. A lag of ``w`` and a saturated ``u`` are reported. ``labels`` are the units by
+    role that the file or the user stated (None: not stated); they decide which of two channels
+    has the wrong unit.
 
-    Raises Refused when ``u`` or the motion is constant or nothing but noise.
+    Raises Refused when ``u`` or the motion is constant or only noise.
     """
     _alive(record)
     record = consistent(record, labels)
@@ -42,11 +42,11 @@ def audit(record: Record, labels: Mapping[str, str | None] | None = None) -> Rec
 
 
 def consistent(record: Record, labels: Mapping[str, str | None] | None = None) -> Record:
-    """The same on uniform time, its position without jumps and its speed that one's derivative.
+    """The record on uniform time, with theta unwrapped and w consistent with d theta/dt.
 
-    ``labels`` as for :func:`audit`. theta in rad, w in rad/s (m, m/s on a linear axis); what was
-    changed is said in the record's messages. A w that is neither is left out. Raises Refused
-    where time cannot be repaired.
+    ``labels`` as for :func:`audit`. theta in rad, w in rad/s (m, m/s on a linear axis); the
+    record's messages report each change. A w that does not fit d theta/dt is left out. Raises
+    Refused if the time cannot be repaired.
     """
     return _velocity(even(_unwrap(record, labels or {})), labels or {})
 
@@ -92,11 +92,11 @@ def _is_noise(values: np.ndarray) -> bool:
 def unwrapped(
     role: str, theta: np.ndarray, label: str | None = None
 ) -> tuple[np.ndarray, list[str]]:
-    """Return an angle (rad) without jumps by whole turns, and a sentence when there were any.
+    """Return an angle (rad) without jumps by whole turns, and a sentence if there were any.
 
-    Jumps by 360 mean that degrees were taken for radians: the angle is then converted, too.
-    NaN is passed over. An angle is called wrapped only when it stays within the turns it
-    jumps by and runs on smoothly once the jumps are taken out.
+    Jumps by 360 mean that degrees were read as radians: the angle is then converted, too. NaN
+    is skipped. An angle counts as wrapped only if it stays within the turns by which it jumps
+    and is smooth without the jumps.
     """
     good = np.flatnonzero(np.isfinite(theta))
     values = theta[good]
@@ -117,7 +117,7 @@ def unwrapped(
 
 
 def _jumps(values: np.ndarray, period: float) -> np.ndarray:
-    """Return where values wrap by the period; nowhere when that does not explain them."""
+    """Return where values wrap by the period; nowhere if that does not explain the jumps."""
     steps = np.diff(values)
     jumps = np.abs(steps) > period / 2
     if not jumps.any() or np.ptp(values) > 1.02 * period:
@@ -149,7 +149,7 @@ def _longest(record: Record) -> Record:
 def _low_passed(
     record: Record, *signals: np.ndarray, band: float = _BAND, keep_ends: bool = False
 ) -> list[np.ndarray]:
-    """Return signals without what is faster than the motion, their ends cut off."""
+    """Return low-pass filtered signals (the band of the motion), without their ends."""
     edge, end = _edge(record, band)
     sos = butter(3, edge, fs=record.rate, output="sos")
     cut = 0 if keep_ends else end
@@ -157,13 +157,13 @@ def _low_passed(
 
 
 def _edge(record: Record, band: float) -> tuple[float, int]:
-    """What is faster, Hz, is taken out; and the samples that this spoils at either end."""
+    """The cut-off frequency, Hz, and the number of samples that the filter spoils at each end."""
     edge = min(band, record.rate / 20)
     return edge, int(record.rate / edge)
 
 
 def _long_enough(record: Record, band: float = _BAND) -> bool:
-    """Whether the longest stretch tells anything of slow signals without its ends."""
+    """Whether the longest stretch, without its ends, is long enough for slow signals."""
     part = _longest(record)
     return len(part.u) > 2 * (_edge(part, band)[1] + _BLOCKS)
 
@@ -180,9 +180,9 @@ def _regression(target: np.ndarray, source: np.ndarray, dt: float) -> tuple[floa
 def _velocity(record: Record, labels: Mapping[str, str | None]) -> Record:
     """Compare w with d theta/dt.
 
-    Noise in the regressor pulls a fitted ratio towards zero, so the two regressions, w on
-    d theta/dt and the other way round, bracket the true ratio; few swings of the motion
-    leave it less certain.
+    Noise in the regressor biases a fitted ratio towards zero, so the two regressions, w on
+    d theta/dt and d theta/dt on w, bracket the true ratio. With few swings of the motion it is
+    less certain.
     """
     if record.w is None or record.theta is None or not _long_enough(record):
         return record
@@ -203,13 +203,13 @@ def _velocity(record: Record, labels: Mapping[str, str | None]) -> Record:
         factor, record = _converted(record, labels, float(middle))
     if factor and min(lag, -lead) > _LAG * record.dt:
         record = record.with_messages(
-            f"w lags theta by {1e3 * lag:.3g} ms, as a filtered velocity does: left as it is."
+            f"w lags theta by {1e3 * lag:.3g} ms, as a filtered velocity does: not changed."
         )
     return record
 
 
 def _both_ways(record: Record) -> tuple[np.ndarray, tuple[float, float], tuple[float, float]]:
-    """d theta/dt, the regression of w on it, and the other way round."""
+    """d theta/dt, the regression of w on it, and that of it on w."""
     part = _longest(record)
     assert part.w is not None and part.theta is not None
     w, slope = _low_passed(part, part.w, np.gradient(part.theta, part.dt))
@@ -224,7 +224,7 @@ def _derives(record: Record) -> bool:
 
 def _ignored(record: Record, why: str) -> Record:
     return replace(record, w=None).with_messages(
-        f"w is not d theta/dt but {why}: w is ignored and velocity is taken from theta."
+        f"w is not d theta/dt but {why}: w is ignored and the velocity is computed from theta."
     )
 
 
@@ -238,9 +238,9 @@ def _turned(record: Record) -> Record:
 def _mistakes(
     record: Record, labels: Mapping[str, str | None]
 ) -> list[tuple[float, str, Unit, Unit]]:
-    """Return (ratio w to d theta/dt, role, unit taken, unit meant) of every mixed-up unit.
+    """Return (ratio of w to d theta/dt, role, unit assumed, unit meant) of each mix-up of units.
 
-    A channel without stated unit comes first, then one stated in SI: another unit is
+    A channel without a stated unit is suspected first, then one stated in SI: another unit is
     stated on purpose, SI often by habit.
     """
     found = []
@@ -259,7 +259,7 @@ def _mistakes(
 def _converted(
     record: Record, labels: Mapping[str, str | None], ratio: float
 ) -> tuple[float, Record]:
-    """Return the record with the mixed-up unit put right, or without w."""
+    """Return the record with the wrong unit corrected, or without w."""
     for expected, role, taken, meant in _mistakes(record, labels):
         if abs(abs(ratio) / expected - 1) > _CLOSE:
             continue
@@ -290,11 +290,11 @@ class TorqueFit:
 
 
 def torque_fit(record: Record, band: float = _BAND) -> TorqueFit | None:
-    """Fit the balance to the longest stretch, up to ``band`` Hz; None without motion, or if that
-    is too short.
+    """Fit the balance to the longest stretch, up to ``band`` Hz; None without motion, or if the
+    stretch is too short.
 
-    The angle is among the terms, for a spring; on a rotary drive its sin and cos, too, for
-    a gravity load.
+    The terms include the angle, for a spring, and on a rotary drive its sin and cos, for a
+    gravity load.
     """
     if not _long_enough(record, band):
         return None
@@ -318,7 +318,7 @@ def torque_fit(record: Record, band: float = _BAND) -> TorqueFit | None:
 
 
 def _motion(record: Record) -> tuple[np.ndarray, np.ndarray]:
-    """Return angle and speed, the one that was not recorded made from the other."""
+    """Return angle and speed; if one was not recorded it is computed from the other."""
     angle, speed = record.theta, record.w
     if speed is None:
         assert angle is not None
@@ -349,19 +349,18 @@ def _jackknife(terms: np.ndarray, u: np.ndarray) -> TorqueFit | None:
 
 
 def _torque_sign(record: Record) -> Record:
-    """Turn a torque that drives against its own motion; only say so where it is doubtful.
+    """Invert a torque that drives against its own motion; only report it if that is uncertain.
 
-    Delay and filters make the fitted friction of a light drive negative, so the inertia
-    decides. Beyond a resonance between motor and sensor a right torque looks turned: the
-    balance must hold, turned, in all of the motion and in its slow part alone.
+    Delay and filters make the fitted friction of a light drive negative, so the sign of the
+    fitted inertia decides. Above a resonance between motor and sensor a correct torque looks
+    inverted: the inverted balance must hold in the whole motion and in its slow part alone.
     """
     fit, slow = torque_fit(record), torque_fit(record, _SLOW_BAND)
     if fit is None or slow is None:
         return record
     if fit.r2 < 0.05 and _is_noise(record.u - record.u.mean()):
         raise Refused(
-            f"{record.source}: u is noise that has nothing to do with the motion: "
-            "dead torque channel.",
+            f"{record.source}: u is noise that is not related to the motion: dead torque channel.",
             "Record the torque that the drive applies.",
         )
     if max(fit.inertia_t, slow.inertia_t) < -_SURE and min(fit.r2, slow.r2) > 0.8:
@@ -380,7 +379,7 @@ def _torque_sign(record: Record) -> Record:
 
 
 def _saturation(record: Record) -> Record:
-    """Say when u stays at its own extreme; a torque of a few levels does so on purpose."""
+    """Report if u stays at its largest value; a torque of a few levels does so on purpose."""
     if len(np.unique(record.u)) <= 20:
         return record
     for extreme in (record.u.max(), record.u.min()):

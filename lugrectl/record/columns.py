@@ -1,4 +1,4 @@
-"""Which column of a table is which channel: the user's word, a role's own name, a usual one."""
+"""Which column of a table is which channel: named by the user, by its role, or by a usual name."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ USUAL_NAMES: dict[str, dict[str, str | None]] = {
     "temperature": {"temp": None},
     "theta_load": {},
 }
-# Words that may stand beside a usual name without changing what it is.
+# Words that may be part of a column's name without changing its meaning.
 _NEUTRAL = frozenset(
     "actual value averaged average avg mean measured meas motor joint shaft axis drive "
     "feedback raw filtered signal act applied".split()
@@ -47,7 +47,7 @@ class Choice:
 def choose_columns(
     table: Table, named: Mapping[str, str], *, need_time: bool
 ) -> tuple[list[Choice], list[str]]:
-    """Return the column of each role: the user's, the role's own name, or a usual name."""
+    """Return the column of each role: named by the user, by its role, or by a usual name."""
     choices = {role: _named(table, role, name) for role, name in named.items()}
     taken = Counter(choice.index for choice in choices.values())
     for role, choice in choices.items():
@@ -64,7 +64,7 @@ def choose_columns(
     _complete(table, choices, doubtful, need_time)
     said = _usual_said(table, choices, named)
     said += [f"{_among(table, role, fits)}; it was left out." for role, fits in doubtful.items()]
-    if not {"w", "theta"} & set(named):  # who names one has looked
+    if not {"w", "theta"} & set(named):  # no note if the user named one
         said += _unused_said(table, choices, doubtful)
     return [choices[role] for role in ROLES if role in choices], said
 
@@ -73,7 +73,7 @@ def _named(table: Table, role: str, name: str) -> Choice:
     wanted = {name, split_unit(name)[0]}
     fits = [i for i, column in enumerate(table.names) if column in wanted]
     if len(fits) != 1:
-        problem = "stands twice in" if fits else "is not in"
+        problem = "occurs twice in" if fits else "is not in"
         raise InputError(
             f"Column '{name}' for {role} {problem} {table.source}"
             f"{'' if fits else did_you_mean(name, table.names)}; its columns are {_list(table)}."
@@ -82,7 +82,7 @@ def _named(table: Table, role: str, name: str) -> Choice:
 
 
 def _fitting(table: Table, role: str, free: list[int]) -> tuple[list[int], str | None]:
-    """Return the columns that may be the role, the surest kind only, and their implied unit."""
+    """Return the columns that may be the role (best match only), and their implied unit."""
     own = [i for i in free if table.names[i] == role]
     if not own and len(role) > 1:
         own = [i for i in free if table.names[i].lower() == role]
@@ -100,7 +100,7 @@ def _fitting(table: Table, role: str, free: list[int]) -> tuple[list[int], str |
 
 
 def _key(name: str, usual: Mapping[str, str | None]) -> str | None:
-    """Return the usual name within 'Torque actual value averaged', None if more is said."""
+    """Return the usual name in, say, 'Torque actual value averaged'; None with unknown words."""
     words = set(re.split(r"[\W_]+", name.lower())) - {""}
     rest = words - _NEUTRAL
     return next(iter(rest)) if len(rest) == 1 and rest <= set(usual) else None
@@ -112,7 +112,7 @@ def _complete(
     doubtful: Mapping[str, list[int]],
     need_time: bool,
 ) -> None:
-    """Raise InputError when a role that a record cannot do without has no column."""
+    """Raise InputError if a required role has no column."""
     needed = [("u",), ("w", "theta"), *([("t",)] if need_time else [])]
     for roles in needed:
         if any(role in choices for role in roles):
@@ -126,7 +126,7 @@ def _complete(
             known = (name for r in roles for name in (r, *USUAL_NAMES[r]) if len(name) > 2)
             near = next(filter(None, (did_you_mean(name, table.names) for name in known)), "")
         raise InputError(
-            f"{start}; its columns are {_list(table)}{near}: say which with "
+            f"{start}; its columns are {_list(table)}{near}: name the column with "
             f"--columns {role}=NAME{', or give --rate HZ' if role == 't' else ''}."
         )
 
@@ -146,20 +146,20 @@ def _usual_said(table: Table, choices: Mapping[str, Choice], named: Mapping[str,
         for role, choice in choices.items()
         if role not in named and table.names[choice.index] != role
     ]
-    return [f"Columns were taken by their usual names: {', '.join(taken)}."] if taken else []
+    return [f"Columns were identified by usual names: {', '.join(taken)}."] if taken else []
 
 
 def _unused_said(
     table: Table, choices: Mapping[str, Choice], doubtful: Mapping[str, list[int]]
 ) -> list[str]:
-    """Which columns might have been the motion signal that has none: a slip in a name costs it."""
+    """A note on unused columns if w or theta has no column: its name may be misspelt."""
     taken = {choice.index for choice in choices.values()}
     left = [f"'{name}'" for i, name in enumerate(table.names) if i not in taken and name]
-    lacking = next((r for r in ("w", "theta") if r not in choices and r not in doubtful), None)
-    if lacking is None or not left:
+    missing = next((r for r in ("w", "theta") if r not in choices and r not in doubtful), None)
+    if missing is None or not left:
         return []
     names = ", ".join(left[:6]) + (f" and {len(left) - 6} more" if len(left) > 6 else "")
     return [
-        f"No column was taken for {lacking}; not used: {names}. If {lacking} is among them, give "
-        f"--columns {lacking}=NAME."
+        f"No column was found for {missing}; not used: {names}. If {missing} is among them, give "
+        f"--columns {missing}=NAME."
     ]

@@ -1,4 +1,4 @@
-"""Tables of named columns out of CSV, MAT, NPZ, HDF5 and Parquet files."""
+"""Tables of named columns from CSV, MAT, NPZ, HDF5 and Parquet files."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ _EXTRA = 'install it with pip install "lugrectl[files]"'
 
 
 def read_table(path: str | Path) -> Table:
-    """Open a file of columns; its kind is taken from its first bytes, not from its name.
+    """Open a file of columns; its first bytes, not its name, decide its format.
 
-    Raises InputError when the file is missing, a directory, empty or of no known kind.
+    Raises InputError if the file is missing, a directory, empty or of an unknown format.
     """
     path = Path(path)
     if path.is_dir():
@@ -110,7 +110,7 @@ def _read_parquet(path: Path) -> Table:
 
 
 def _flat(content: dict[str, Any], prefix: str = "") -> dict[str, np.ndarray]:
-    """Return the 1-D numeric arrays of a nest of dicts, by dotted name; scalars are left out."""
+    """Return the 1-D numeric arrays of nested dicts, by dotted name; scalars are left out."""
     found: dict[str, np.ndarray] = {}
     for name, value in content.items():
         if isinstance(value, dict):

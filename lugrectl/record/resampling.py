@@ -1,4 +1,4 @@
-"""Channels brought from the stamps they were recorded at to an even grid."""
+"""Resampling of channels from their recorded time stamps to an even grid."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 HELD = ("u", "d", "r")  # channels held between samples; the others are interpolated
-MOTION = ("theta", "w", "theta_load")  # smooth; straight lines miss them by more than their noise
-_APART = 0.5  # of the step; of two stamps that are closer a spline would take noise for a slope
-_CALMER = 0.5  # of the roughness that grows with speed, below which a speed was a position
-_BESIDE = 4  # samples on either side of a loss by which it is judged
+MOTION = ("theta", "w", "theta_load")  # smooth: linear interpolation errs by more than their noise
+_APART = 0.5  # of the step; between closer stamps a spline would read noise as a slope
+_CALMER = 0.5  # of the roughness that grows with speed; below, w was the difference of a position
+_BESIDE = 4  # samples on either side of a loss with which it is compared
 
 
 def between(role: str, at: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
-    """Interpolate; before the first and after the last point their values are kept."""
+    """Interpolate; before the first and after the last point the value is constant."""
     if role not in MOTION or len(at) < 2:
         return np.interp(grid, at, values)
     steps = np.diff(at)
@@ -24,11 +24,10 @@ def between(role: str, at: np.ndarray, values: np.ndarray, grid: np.ndarray) -> 
 def speed(
     at: np.ndarray, counts: np.ndarray, w: np.ndarray, grid: np.ndarray, resampled: bool
 ) -> np.ndarray:
-    """A speed on the grid, recorded at times ``at`` in steps, of whole steps ``counts``.
+    """Resample a speed, recorded at the times ``at`` (in steps, rounded: ``counts``).
 
-    One that is a position's difference, as if each step were the same, is uneven for the
-    stamps' sake alone, and too large after a sample that was lost before it was taken: it is
-    brought there as that position.
+    If w was computed as a position difference with a constant step, time-stamp jitter and lost
+    samples distort it. It is then summed to a position, resampled and differenced again.
     """
     steps = np.diff(counts, prepend=counts[0] - 1)
     if _over_losses(w, steps):
@@ -41,7 +40,7 @@ def speed(
 
 
 def _over_losses(w: np.ndarray, steps: np.ndarray) -> bool:
-    """Whether a speed is as much too large after a loss as the step is too long."""
+    """Whether the speed after a loss is too large by the same factor as the step is too long."""
     lost = np.flatnonzero(steps > 1)
     around = lost[:, None] + np.r_[-_BESIDE:0, 1 : _BESIDE + 1]
     usual = w[np.clip(around, 0, len(w) - 1)].mean(1)
@@ -50,19 +49,19 @@ def _over_losses(w: np.ndarray, steps: np.ndarray) -> bool:
 
 
 def _as_position(at: np.ndarray, travels: np.ndarray, grid: np.ndarray) -> np.ndarray:
-    """The differences on the grid of a position that travelled so far at each step."""
+    """The differences, on the grid, of the position that is the sum of ``travels``."""
     theta = np.cumsum(travels)
     return np.diff(between("theta", at, theta, grid), prepend=theta[0] - travels[0])
 
 
 def _roughened(x: np.ndarray, w: np.ndarray) -> float:
-    """How much rougher x is where the speed is high: what stamps do, and no sensor's noise."""
+    """How much rougher x is at high speed: stamp jitter causes this, sensor noise does not."""
     fast = w[:-3] ** 2
     return float(np.mean(np.diff(x, 3) ** 2 * (fast - fast.mean())))
 
 
 def held_mean(stamps: np.ndarray, values: np.ndarray, grid: np.ndarray, dt: float) -> np.ndarray:
-    """Mean of the held signal over each step, so that its time integral is kept."""
+    """Mean of the held signal over each step; this keeps its time integral."""
     ends = np.r_[stamps, max(stamps[-1], grid[-1]) + 2 * dt]
     integral = np.r_[0.0, np.cumsum(values * np.diff(ends))]
     return (np.interp(grid + dt, ends, integral) - np.interp(grid, ends, integral)) / dt

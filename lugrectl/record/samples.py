@@ -1,4 +1,4 @@
-"""The Record: what a log holds once it is read, in SI units on uniform time."""
+"""The Record: the content of a log in SI units on uniform time."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ _ROLES = ("t", "u", "w", "theta", "r", "d", "temperature", "theta_load")
 
 
 def smallest_step(x: np.ndarray) -> float:
-    """By how much a sampled signal (N,) changes at least where it changes; rounding makes it so.
+    """The smallest change of a sampled signal (N,) between samples, due to its resolution.
 
-    In the signal's unit; the smallest thousandth is left out; 0 for one that never changes.
+    In the signal's unit. The smallest thousandth of the changes is left out; 0 for a constant.
     """
     x = x[np.isfinite(x)]
     steps = np.abs(np.diff(x))
@@ -32,14 +32,14 @@ class Record:
     or both, are present; ``r``, ``d``, ``temperature`` and ``theta_load`` are None when not
     recorded. ``t`` (s) starts at its recorded value and runs in steps of ``dt``.
 
-    ``gaps`` holds the indices of the first sample after a stretch of lost samples: there, and
-    only there, ``t`` jumps by more than ``dt``, and no simulation may run across.
-    ``dropped`` counts the samples of the file that were missing or merged; ``messages`` are
-    sentences on all that was noticed and done. ``resolution`` holds by role, where
-    channels were interpolated, the smallest step of the motion as recorded, in the channel's
-    unit; ``theta`` there is the sum of a ``w`` alone, in rad or m.
+    ``gaps`` holds the index of the first sample after each stretch of lost samples: only there
+    ``t`` jumps by more than ``dt``, and no simulation may run across.
+    ``dropped`` counts the samples of the file that were missing or merged; ``messages`` report
+    all that was noticed and changed. If channels were interpolated, ``resolution`` holds by role
+    the smallest step of the recorded motion, in the channel's unit; without a recorded theta its
+    ``theta`` is that of the integrated ``w``, in rad or m.
 
-    Raises InputError when the channels differ in length, hold NaN, or none is of motion.
+    Raises InputError when the channels differ in length, hold NaN, or w and theta are missing.
     """
 
     t: np.ndarray
@@ -98,7 +98,7 @@ class Record:
 
     @property
     def duration(self) -> float:
-        """Recorded time in s, the last sample's step included, gaps not."""
+        """Recorded time in s, with the step of the last sample, without gaps."""
         return self.samples / self.rate
 
     def segments(self) -> list[slice]:
@@ -107,7 +107,7 @@ class Record:
         return [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]
 
     def slice(self, a: int, b: int) -> Record:
-        """Return samples a to b - 1 as a record; its messages and ``dropped`` stay the log's."""
+        """Return samples a to b - 1 as a record; ``messages`` and ``dropped`` do not change."""
         a, b, _ = slice(a, b).indices(self.samples)
         if b <= a:
             raise InputError(f"{self.source}: the slice {a}:{b} holds no sample.")

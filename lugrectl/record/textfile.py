@@ -1,4 +1,4 @@
-"""Text tables: delimiter, header, units and decimal commas found out; a bad cell is named."""
+"""Text tables: finds delimiter, header, units and decimal commas; reports a bad cell by place."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ import numpy as np
 from ..errors import InputError
 from .units import parse_unit
 
-_SNIFF = 400  # lines looked at to find delimiter, header and first row
+_SNIFF = 400  # lines read to find the delimiter, the header and the first row
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-"}
 _DECIMAL_COMMAS = "Decimal commas were read as decimal points."
 
 
 @dataclass(frozen=True)
 class Table:
-    """Named columns of a file, read only when asked for.
+    """Named columns of a file, read only on request.
 
-    ``load(indices)`` returns float64 columns of those indices and sentences on what was
-    done to read them; ``where(row)`` says in words where a row stands in the file.
+    ``load(indices)`` returns the float64 columns of these indices and notes on how they were
+    read; ``where(row)`` describes the place of a row in the file.
     """
 
     source: str
@@ -44,7 +44,7 @@ class _Layout:
 
 
 def split_unit(header: str) -> tuple[str, str | None]:
-    """Split 'name [unit]' or 'name (unit)' into name and unit; the unit is None without."""
+    """Split 'name [unit]' or 'name (unit)' into name and unit (None if there is none)."""
     match = re.fullmatch(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))", header.strip())
     if match is None:
         return header.strip(), None
@@ -117,7 +117,7 @@ def _is_number(cell: str) -> bool:
 def _layout(source: str, lines: list[str]) -> _Layout:
     sniffed = [(i, line) for i, line in enumerate(lines[:_SNIFF]) if not _is_comment(line)]
     if not sniffed:
-        raise InputError(f"{source} is empty: it holds no line of data.")
+        raise InputError(f"{source} is empty: it has no line of data.")
     delimiter, width, tail = _delimiter(source, sniffed)
     numeric = [2 * sum(_is_number(row[c]) for row in tail) > len(tail) for c in range(width)]
     rows = [(i, _cells(line, delimiter)) for i, line in sniffed]
@@ -127,7 +127,7 @@ def _layout(source: str, lines: list[str]) -> _Layout:
         -1,
     )
     if start < 0:
-        raise InputError(f"{source} holds no row of numbers in its first {_SNIFF} lines.")
+        raise InputError(f"{source} has no row of numbers in its first {_SNIFF} lines.")
     heads = _headers(source, lines, rows, start, delimiter)
     names, units = _name_columns(heads[0], heads[1])
     if len(names) == width - 1 and not any(row[-1] for row in tail):
@@ -158,7 +158,7 @@ def _delimiter(source: str, sniffed: list[tuple[int, str]]) -> tuple[str, int, l
             f"{source} has one column; a record needs u and one of w, theta "
             "in columns separated by comma, semicolon or tab."
         )
-    raise InputError(f"{source} is not a table: no columns of numbers are found in it.")
+    raise InputError(f"{source} is not a table: no columns of numbers were found in it.")
 
 
 def _like_data(cells: list[str], numeric: list[bool]) -> bool:
@@ -207,7 +207,7 @@ def _name_columns(
     name, unit = pairs[0]
     known = parse_unit(unit) if unit else None
     if not name and known is not None and known.quantity == "time":
-        pairs[0] = ("time", unit)  # recorder exports leave the first name empty
+        pairs[0] = ("time", unit)  # some recorders leave the first name empty
     names, units = zip(*pairs, strict=True)
     return names, units
 
@@ -215,7 +215,7 @@ def _name_columns(
 def _load_fast(
     lines: list[str], layout: _Layout, indices: Sequence[int]
 ) -> tuple[list[np.ndarray], list[str]] | None:
-    """Read the columns at C speed; None when anything calls for a closer look."""
+    """Read the columns at C speed; None if cells must be read one by one."""
     text, said = "\n".join(lines[layout.first :]), []
     if "#" in text:
         text = "\n".join(line for line in lines[layout.first :] if not _is_comment(line))
@@ -244,7 +244,7 @@ def _parsed(body: list[str], layout: _Layout, indices: Sequence[int]) -> np.ndar
 def _load_slow(
     source: str, lines: list[str], layout: _Layout, indices: Sequence[int]
 ) -> tuple[list[np.ndarray], list[str]]:
-    """Read cell by cell: empty cells are missing samples, anything else is named and refused."""
+    """Read cell by cell: an empty cell is a missing sample, other text raises InputError."""
     said: list[str] = []
     rows: list[list[float]] = []
     points = commas = False

@@ -1,4 +1,4 @@
-"""Uniform time: recorded stamps and missing samples become one step ``dt`` with honest gaps."""
+"""Uniform time: recorded stamps and missing samples become one step ``dt``, with gaps marked."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _RATES = (5.0, 5e5)  # Hz; outside, the time unit is wrong or the log is no serv
 _FILL = 3  # longest run of missing samples that is filled
 _FILL_SHARE = 0.01  # largest share of missing samples that is filled
 _STRETCH = 20  # samples; shorter stretches between gaps are left out
-_EXACT = 0.01  # stamps this close to the grid (in dt) are taken as on it
+_EXACT = 0.01  # stamps this close to the grid (in dt) count as on it
 _JITTER = 0.2  # stamps this irregular (in dt) can still be resampled
 
 
@@ -28,11 +28,11 @@ class Stamped:
     source: str
     t: np.ndarray
     channels: dict[str, np.ndarray]
-    where: Callable[[int], str]  # a row of the file, in words
+    where: Callable[[int], str]  # describes the place of a row in the file
     rows: np.ndarray = field(default_factory=lambda: np.empty(0, int))
     dropped: int = 0
     said: list[str] = field(default_factory=list)
-    steps: dict[str, float] = field(default_factory=dict)  # the smallest that were recorded
+    steps: dict[str, float] = field(default_factory=dict)  # the smallest recorded, by role
 
     def __post_init__(self) -> None:
         self.rows = np.arange(len(self.t))
@@ -45,10 +45,11 @@ class Stamped:
 def uniform(log: Stamped, required: tuple[str, ...], motion: str) -> Record:
     """Bring a log, in SI units, to uniform time.
 
-    Up to 3 missing samples in a row (less than 1 % in all) are filled, doubled stamps are
-    merged, stamps that jitter by up to 20 % of the step are resampled; a longer loss
+    Up to 3 missing samples in a row (less than 1 % in all) are filled, repeated stamps are
+    merged, and stamps that jitter by up to 20 % of the step are resampled; a longer loss
     becomes a gap. A held channel keeps its time integral, motion is interpolated by cubic
-    splines (a speed that is a position's difference as that position), temperature linearly.
+    splines (a speed that is the difference of a position: via that position), temperature
+    linearly.
 
     Raises Refused when the record is too short or its time cannot be repaired.
     """
@@ -61,7 +62,7 @@ def uniform(log: Stamped, required: tuple[str, ...], motion: str) -> Record:
 
 
 def even(record: Record) -> Record:
-    """The same on uniform time, as :func:`uniform` brings it there, where its stamps are not."""
+    """The record on uniform time; :func:`uniform` is applied if its stamps are not even."""
     steps = np.delete(np.diff(record.t), np.array(record.gaps, int) - 1)
     if np.abs(steps / record.dt - 1).max(initial=0.0) <= _EXACT:
         return record
@@ -75,7 +76,7 @@ def even(record: Record) -> Record:
 
 
 def _smallest_steps(log: Stamped) -> dict[str, float]:
-    """Of the motion; of the position that a speed alone sums up to (over dt), too."""
+    """Smallest steps of the motion channels; without theta, that of the summed w in its place."""
     motion = {r: x for r, x in log.channels.items() if r in MOTION}
     if "theta" not in motion and "w" in motion:
         motion["theta"] = np.cumsum(np.nan_to_num(motion["w"], posinf=0.0, neginf=0.0))
@@ -176,7 +177,7 @@ def _merge_doubles(log: Stamped) -> None:
     merged = len(first) - len(starts)
     log.t, log.rows, log.channels = log.t[starts], log.rows[starts], channels
     log.dropped += merged
-    log.said.append(f"t repeats itself in {_count(merged, 'row')}: merged into one per stamp.")
+    log.said.append(f"t is repeated in {_count(merged, 'row')}: merged into one per time stamp.")
     _long_enough(log, len(log.t))
 
 
@@ -203,11 +204,11 @@ def _even_out(log: Stamped) -> None:
     grid = np.arange(len(log.t))
     dt = _nice(float(np.polyfit(grid, log.t - log.t[0], 1)[0]))
     log.t = log.t[0] + dt * grid
-    log.said.append(f"t is rounded coarsely against its step: an even {dt:.6g} s was used.")
+    log.said.append(f"t is rounded coarsely relative to its step: {dt:.6g} s was used throughout.")
 
 
 def _long_parts(log: Stamped, parts: list[slice]) -> list[slice]:
-    """Leave out stretches between gaps that are too short to be of use."""
+    """Leave out stretches between gaps that are too short to be useful."""
     kept = [p for p in parts if p.stop - p.start >= _STRETCH]
     lost = len(log.t) - sum(p.stop - p.start for p in kept)
     if kept and lost:
@@ -220,7 +221,7 @@ def _long_parts(log: Stamped, parts: list[slice]) -> list[slice]:
 
 
 def _nice(dt: float) -> float:
-    """Take off the last digits, which are rounding of the stamps."""
+    """Remove the last digits, which are rounding of the stamps."""
     short = float(f"{dt:.6g}")
     return short if abs(short - dt) < 1e-9 * dt else float(f"{dt:.12g}")
 
@@ -230,7 +231,7 @@ def _multiples(steps: np.ndarray, dt: float) -> np.ndarray:
 
 
 def _rounded(t: np.ndarray) -> bool:
-    """Whether the stamps are an even grid rounded to few digits, not jitter and not loss."""
+    """Whether the stamps are an even grid rounded to few digits, without jitter or loss."""
     steps = np.diff(t)
     typical, spread = np.median(steps), np.ptp(steps)
     if spread < 2 * _EXACT * typical or steps.max() > 4 * typical:
@@ -250,12 +251,12 @@ def _plausible(log: Stamped, dt: float) -> None:
     problem = "too slow for friction" if 1 / dt < low else "not plausible"
     raise Refused(
         f"{log.source}: t gives a sampling rate of {1 / dt:.6g} Hz, {problem}; "
-        "if t is not in the unit stated or assumed, name it with --units t=ms (or s, us).",
+        "if t is not in the stated or assumed unit, give its unit, e.g. --units t=ms (or s, us).",
     )
 
 
 def _check(log: Stamped, parts: list[slice], dt: float, filled: int) -> None:
-    """Refuse a time that is too short, too full of holes or too irregular."""
+    """Refuse a time that is too short, has too many losses or is too irregular."""
     steps = np.diff(log.t)
     at = np.flatnonzero(steps < (_FILL + 1.5) * dt)
     jitter = np.abs(steps[at] / dt - _multiples(steps[at], dt))
@@ -278,7 +279,7 @@ def _check(log: Stamped, parts: list[slice], dt: float, filled: int) -> None:
     if filled > max(_FILL_SHARE * len(log.t), _FILL):
         raise Refused(
             f"{log.source}: {filled} of {len(log.t) + filled} samples are missing, a few at a "
-            f"time all along; at most {100 * _FILL_SHARE:g} % can be filled in.",
+            f"time throughout; at most {100 * _FILL_SHARE:g} % can be filled in.",
             "Record without loss.",
         )
 
@@ -315,7 +316,7 @@ def _piece(log: Stamped, part: slice, counts: np.ndarray, dt: float) -> _Piece:
 
 
 def _resolution(log: Stamped, dt: float) -> dict[str, float]:
-    """The smallest steps, that of a summed speed as the position's."""
+    """The smallest steps; that of a summed speed is given as theta's."""
     return {r: s if r in log.channels else s * dt for r, s in log.steps.items()}
 
 
@@ -330,7 +331,7 @@ def _joined(log: Stamped, motion: str, pieces: list[_Piece], dt: float, filled: 
     if resampled:
         said.append(
             f"t jitters by up to {100 * max(p.jitter for p in pieces):.2g} % of its step of "
-            f"{dt:.6g} s: resampled onto an even one (u held, motion interpolated)."
+            f"{dt:.6g} s: resampled to an even step (u held, motion interpolated)."
         )
     sizes = np.cumsum([len(piece.t) for piece in pieces])
     gaps = tuple(int(g) for g in sizes[:-1])
@@ -339,7 +340,7 @@ def _joined(log: Stamped, motion: str, pieces: list[_Piece], dt: float, filled: 
         lost = round(sum(t[g] - t[g - 1] - dt for g in gaps) / dt)
         said.append(
             f"About {lost} samples are lost in {_count(len(gaps), 'gap')}, the first at "
-            f"t = {t[gaps[0] - 1]:.6g} s; nothing is carried across."
+            f"t = {t[gaps[0] - 1]:.6g} s; the parts are treated separately."
         )
     channels = {
         role: np.concatenate([piece.channels[role] for piece in pieces]) for role in log.channels

@@ -56,7 +56,7 @@ UNITS = {
     )
 }
 
-# Other spellings, after spaces, dots and stars are taken out.
+# Other spellings, after spaces, dots and stars are removed.
 _SPELLINGS = {
     "sec": "s",
     "degree": "deg",
@@ -92,12 +92,12 @@ ROLES = tuple(_QUANTITIES)
 
 
 def si_unit(role: str, motion: str) -> str:
-    """Return the SI unit of a role; empty where it has none of its own (r, temperature)."""
+    """Return the SI unit of a role; empty if it has none (r, temperature)."""
     return _SI[motion].get("theta" if role == "theta_load" else role, "")
 
 
 def parse_unit(text: str) -> Unit | None:
-    """Return the unit that ``text`` spells, or None when it is not understood."""
+    """Return the unit that ``text`` names, or None if it is unknown."""
     bare = re.sub(r"[\s.*·⋅]", "", text).replace("µ", "u").replace("μ", "u")
     bare = bare.replace("°C", "degC").replace("°", "deg")
     bare = _SPELLINGS.get(bare, bare)
@@ -116,13 +116,13 @@ def role_unit(role: str, text: str, *, scaled: bool, where: str) -> Unit:
     if unit is None:
         names = [u.name for u in UNITS.values() if u.quantity in _QUANTITIES[role]]
         raise InputError(
-            f"{where}: the unit '{text}' of {role} is not understood{did_you_mean(text, names)}; "
-            f"understood for {role}: {', '.join(names)}."
+            f"{where}: the unit '{text}' of {role} is not known{did_you_mean(text, names)}; "
+            f"known for {role}: {', '.join(names)}."
         )
     if unit.quantity not in _QUANTITIES[role]:
         names = [u.name for u in UNITS.values() if u.quantity in _QUANTITIES[role]]
         raise InputError(
-            f"{where}: {role} cannot be in {unit.name}; understood for {role}: {', '.join(names)}."
+            f"{where}: {role} cannot be in {unit.name}; known for {role}: {', '.join(names)}."
         )
     if unit.quantity == "raw" and not scaled:
         raise InputError(
@@ -133,7 +133,7 @@ def role_unit(role: str, text: str, *, scaled: bool, where: str) -> Unit:
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return ' (did you mean x?)' for a near miss of a known word, else an empty text."""
+    """Return ' (did you mean x?)' if the word resembles a known one, else an empty text."""
     by_lower = {name.lower(): name for name in known}
     near = difflib.get_close_matches(word.lower(), by_lower, n=1, cutoff=0.6)
     return f" (did you mean '{by_lower[near[0]]}'?)" if near else ""

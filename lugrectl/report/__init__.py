@@ -66,7 +66,7 @@ def _grid_text(grid: Grid) -> list[str]:
 def write(d: Any, folder: str | Path) -> list[Path]:
     """Write report.html, report.json and model.toml into a folder, all three or none.
 
-    The folder is made when it is missing; other files in it are left alone. Returns the paths.
+    The folder is created if it is missing; other files in it are not changed. Returns the paths.
     Raises InputError when the folder cannot be written, or when ``d`` has no model (refused).
     """
     folder = Path(folder)
@@ -84,9 +84,9 @@ def write(d: Any, folder: str | Path) -> list[Path]:
 
 
 def check_folder(folder: str | Path) -> None:
-    """Raise InputError when a report could not be written into the folder."""
+    """Raise InputError if a report cannot be written into the folder."""
     base = nearest(Path(folder).absolute())
     if not base.is_dir():
-        raise InputError(f"{folder}: {base} is not a folder; choose another one.")
+        raise InputError(f"{folder}: {base} is not a folder; choose another path.")
     if not os.access(base, os.W_OK | os.X_OK):
         raise InputError(f"{folder}: no permission to write there; choose another folder.")

@@ -15,10 +15,10 @@ def nearest(path: Path) -> Path:
 
 
 def write_together(content: Mapping[str, str], folder: Path) -> None:
-    """Write texts by file name into a folder, which is made when it is missing.
+    """Write texts by file name into a folder, which is created if it is missing.
 
-    Everything is written to a hidden folder first, so that all that is left to do is to
-    rename. Raises OSError after everything is as it was before.
+    Everything is written to a hidden folder first, so that only renaming remains. On failure
+    the previous state is restored and OSError is raised.
     """
     folder = folder.absolute()
     base = nearest(folder)
@@ -36,7 +36,7 @@ def write_together(content: Mapping[str, str], folder: Path) -> None:
 
 
 def _settle(staged: Path, folder: Path) -> None:
-    """Rename to a folder that does not exist; parents made for it go when that fails."""
+    """Rename to a folder that does not exist; on failure parents created for it are removed."""
     made = [p for p in folder.parents if not p.exists()]
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
@@ -49,7 +49,7 @@ def _settle(staged: Path, folder: Path) -> None:
 
 
 def _exchange(staged: Path, folder: Path, names: list[str]) -> None:
-    """Rename into an existing folder; on failure the files that were there come back."""
+    """Rename into an existing folder; on failure the previous files are restored."""
     done: list[str] = []
     try:
         for name in names:

@@ -12,13 +12,13 @@ from .plot import AFTER, _new
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_POINTS = 1000  # most times at which quantiles are worked out
+_POINTS = 1000  # quantiles are computed at this many times at most
 
 
 def band(sweep: Any, ax: Axes | None = None, output: str | None = None) -> Axes:
-    """Median and 5 to 95 % of one signal of a sweep."""
+    """Median and 5 to 95 % range of one signal of a sweep."""
     if output is None and (sweep.y is None or not sweep.outputs):
-        raise InputError("this sweep holds no outputs to plot (reduce keeps none).")
+        raise InputError("this sweep holds no outputs to plot (with reduce none are kept).")
     name = sweep.outputs[0] if output is None else output
     every = slice(None, None, max(len(sweep.t) // _POINTS, 1))
     values, t = sweep[name][sweep.ok][:, every], sweep.t[every]

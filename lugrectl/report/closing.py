@@ -19,14 +19,14 @@ BAND = 1.96  # standard errors of a 95 % interval
 
 
 def table(made: Any, ax: Axes | None = None) -> Axes:
-    """The table with its 95 % band, one line for each direction where it has two."""
+    """The table with its 95 % band; two lines if each direction has its own."""
     from .plot import _headed, _new
 
     ax = ax if ax is not None else _new().subplots()
     rows, errors = np.atleast_2d(made.values), np.atleast_2d(made.error)
     ways = _WAYS if len(rows) == 2 else (("table", COLOURS["after"]),)
     x = made.points
-    if made.periodic:  # the line back to the first point
+    if made.periodic:  # close the curve at the first point
         x = np.r_[x, x[0] + 2.0 * np.pi]
         rows, errors = (np.column_stack([y, y[:, :1]]) for y in (rows, errors))
     for y, error, (label, colour) in zip(rows, errors, ways, strict=True):
@@ -37,12 +37,12 @@ def table(made: Any, ax: Axes | None = None) -> Axes:
     turn = " modulo one turn" if made.periodic else ""
     name = "torque" if made.unit == "N m" else "force"
     ax.set(xlabel=f"{signal}{turn} [{unit}]", ylabel=f"{name} [{made.unit}]", xlim=(x[0], x[-1]))
-    _headed(ax, f"Unexplained {name} over {signal}, no physics")
+    _headed(ax, f"Unexplained {name} over {signal}, as a table")
     return ax
 
 
 def tracking(made: Any, ax: Axes | None = None) -> Axes:
-    """Motion minus reference over time, of the loops that did not run away."""
+    """Motion minus reference over time, for the loops that stayed stable."""
     from .plot import _headed, _new
 
     ax = ax if ax is not None else _new().subplots()

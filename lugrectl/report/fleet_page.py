@@ -22,8 +22,8 @@ ERRORS = ("declared", "refitted", "augmented", "noise_floor")
 _HEAD = ("log", "verdict", "declared", "refitted", "augmented", "noise", "unit", "s")
 _ALIGN = "llrrrrlr"
 _NOTE = (
-    "RMS of measured minus simulated on held-out samples, with the model as declared, refitted, "
-    "and with the effects added; noise is the sensor's; s is the time that it took."
+    "RMS of measured minus simulated on held-out samples, for the declared model, the refitted "
+    "one and the augmented one; noise is that of the sensor; s is the computing time."
 )
 _STYLE = """
 .lugrectl.fleet { max-width: 60rem; }
@@ -37,19 +37,19 @@ _STYLE = """
 
 
 def headline(fleet: Any) -> tuple[str, str]:
-    """The counts, and one sentence on what they are of."""
+    """The counts of the verdicts, and one sentence on what was diagnosed."""
     n, left = len(fleet.outcomes), len(fleet.unfinished)
     counts = ", ".join(f"{many} {verdict}" for verdict, many in fleet.counts.items() if many)
     title = f"{n} log{'s' * (n != 1)}: {counts}" if n else "no log finished"
     against = f" against {fleet.model.name}" if fleet.model else ""
-    meaning = f"Each log diagnosed by itself{against}."
+    meaning = f"Each log was diagnosed separately{against}."
     if left:
-        meaning += f" Interrupted: {left} of {n + left} left out."
+        meaning += f" Interrupted: {left} of {n + left} not diagnosed."
     return title, meaning
 
 
 def text(fleet: Any) -> str:
-    """The table, each log followed by what was found or why there is no answer."""
+    """The table; each log is followed by what was found or why there is no answer."""
     title, meaning = headline(fleet)
     lines = [title, _wrapped(meaning, "  ")]
     if fleet.rows:
@@ -67,7 +67,7 @@ def details(row: Mapping[str, Any]) -> list[str]:
     """What was found in a log with its values, or why there is no answer."""
     said = [_effect(effect) for effect in row["effects"]]
     if row["verdict"] == "unexplained" and row["depends_on"]:
-        said.append(f"{'the rest ' * bool(said)}hangs on {', '.join(row['depends_on'])}")
+        said.append(f"{'the residual ' * bool(said)}depends on {', '.join(row['depends_on'])}")
     if row["message"] and row["verdict"] not in ("ambiguous", "unexplained"):
         said.append(row["message"])
     return said
@@ -88,16 +88,16 @@ def _cells(row: Mapping[str, Any], name: str) -> tuple[str, ...]:
 
 
 def _shown(files: Sequence[str]) -> list[str]:
-    """File names without the folder that all of them lie in."""
+    """File names without the folder that they have in common."""
     try:
         common = os.path.commonpath([os.path.dirname(file) for file in files])
-    except ValueError:  # absolute and relative ones, or two drives
+    except ValueError:  # absolute and relative names, or two drives
         return list(files)
     return [os.path.relpath(file, common) if common else file for file in files]
 
 
 def fragment(fleet: Any, links: Mapping[str, str] | None = None) -> str:
-    """The table as an HTML fragment with its own style; ``links`` leads from file to page."""
+    """The table as an HTML fragment with its own style; ``links`` maps a file to its page."""
     return f"<style>{page._STYLE}{_STYLE}</style>\n{_body(fleet, links or {})}"
 
 
@@ -125,7 +125,7 @@ def _body(fleet: Any, links: Mapping[str, str]) -> str:
         f"<p>{meaning}</p>\n</div>\n"
         f'<div class="table"><table>\n<thead><tr>{ths}</tr></thead>\n<tbody>\n{rows}\n'
         f'</tbody>\n</table></div>\n<p class="small">{_NOTE}</p>\n'
-        + (f"<h2>Left out</h2>\n<ul>{left}</ul>\n" if left else "")
+        + (f"<h2>Not diagnosed</h2>\n<ul>{left}</ul>\n" if left else "")
         + "</div>"
     )
 
@@ -159,9 +159,9 @@ def table_csv(fleet: Any, links: Mapping[str, str] | None = None) -> str:
 
 
 def folder_names(files: Iterable[str]) -> list[str]:
-    """A folder's name for each log: its own without suffix, with more of its path where needed.
+    """A folder name for each log: its own name without suffix, with more of its path if needed.
 
-    No two are the same, even where letters' case does not count.
+    No two are the same, even if upper and lower case are not distinguished.
     """
     paths = [Path(file) for file in files]
     stems = [path.stem.casefold() for path in paths]
@@ -183,7 +183,7 @@ def folder_names(files: Iterable[str]) -> list[str]:
 
 
 def rendered(d: Any) -> dict[str, str] | None:
-    """The files of one report as text; None where there is no model to write (refused)."""
+    """The files of one report as text; None if there is no model to write (refused)."""
     from . import html as report_page
 
     if getattr(d, "model", None) is None:
@@ -193,7 +193,7 @@ def rendered(d: Any) -> dict[str, str] | None:
 
 
 def store(content: Mapping[str, str], folder: Path) -> None:
-    """Write texts by file name into a folder, all or none; InputError where that fails."""
+    """Write texts by file name into a folder, all or none; InputError if that fails."""
     try:
         write_together(content, folder)
     except OSError as error:

@@ -1,4 +1,4 @@
-"""Plots of a friction map: torque over speed, and what the models leave of it."""
+"""Plots of a friction map: torque over speed, and the residuals of the models."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _DOT: dict[str, Any] = {"fmt": "o", "ms": 4.0, "lw": 1.0}
 
 
 def torque(made: Any, ax: Axes | None = None) -> Axes:
-    """Mean torque over speed, a point with its 95 % bar for each run, and the models' curves."""
+    """Mean torque over speed, one point with its 95 % bar per run, and the models' curves."""
     ax, factor = _axes(made, ax, "mean", made.u)
     left = made.at < 0.0
     for name, colour in _CURVES.items():
@@ -32,7 +32,7 @@ def torque(made: Any, ax: Axes | None = None) -> Axes:
 
 
 def missed(made: Any, ax: Axes | None = None) -> Axes:
-    """What the models leave of the mean torque at each run's speed."""
+    """Mean torque of each run minus that of the models at its speed."""
     rest = {k: made.u - np.interp(made.w, made.at, curve) for k, curve in made.curves.items()}
     ax, factor = _axes(made, ax, "residual", rest["refitted"])
     for name, colour in _CURVES.items():
@@ -43,7 +43,7 @@ def missed(made: Any, ax: Axes | None = None) -> Axes:
 
 
 def _axes(made: Any, ax: Axes | None, which: str, values: np.ndarray) -> tuple[Axes, float]:
-    """Axes with their labels, and the factor that brings the torque into the unit on them."""
+    """Axes with their labels, and the factor from SI to the unit on the torque axis."""
     from .plot import _new
 
     ax = ax if ax is not None else _new().subplots()

@@ -1,4 +1,4 @@
-"""Plots of a diagnosis. Each takes ``ax=None`` and returns the Axes; pyplot is not touched."""
+"""Plots of a diagnosis. Each takes ``ax=None`` and returns the Axes; pyplot is not used."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MEASURED, BEFORE, AFTER, QUIET = "#3b4450", "#d1622b", "#1f6fb4", "#b9c2cd"
-_POINTS = 2500  # most points drawn of a scatter or a line
+_POINTS = 2500  # largest number of points drawn of a scatter or a line
 _DOTS: dict[str, Any] = {"ms": 2.5, "alpha": 0.25, "mew": 0, "rasterized": True}
-_BARS = 10  # most candidates in the ranking
+_BARS = 10  # largest number of candidates in the ranking
 _RC: dict[Any, Any] = {
     "font.size": 10,
     "font.family": "sans-serif",
@@ -43,7 +43,7 @@ _RC: dict[Any, Any] = {
 
 
 def motion(d: Any, ax: Axes | None = None) -> Axes:
-    """Measured and simulated signal over the two held-out seconds where the model errs most."""
+    """Measured and simulated signal over the two held-out seconds with the largest error."""
     traces = d.traces
     if simulated(traces, "refitted") is None:
         raise InputError("this diagnosis holds no simulated motion to plot.")
@@ -106,7 +106,7 @@ def torque(d: Any, ax: Axes | None = None) -> Axes:
 
 
 def ranking(d: Any, ax: Axes | None = None) -> Axes:
-    """Gain in log-likelihood of the best candidates and of all that were added, best on top."""
+    """Gain in log-likelihood of the added effects and of the best other candidates."""
     if not d.ranking:
         raise InputError("this diagnosis holds no ranking to plot.")
     chosen = {f.name for f in d.effects}
@@ -144,8 +144,8 @@ def ranking(d: Any, ax: Axes | None = None) -> Axes:
 PANELS: dict[str, tuple[Callable[..., Any], str]] = {
     "motion": (
         motion,
-        "The two seconds of held-out samples where the refitted model errs most. The model is "
-        "simulated from the recorded input alone.",
+        "Measured and simulated motion over the two held-out seconds where the refitted model has "
+        "its largest error. The models are simulated from the recorded torque alone.",
     ),
     "map": (
         lambda d, ax: mapped.torque(d.map, ax),
@@ -153,13 +153,14 @@ PANELS: dict[str, tuple[Callable[..., Any], str]] = {
     ),
     "missed": (
         lambda d, ax: mapped.missed(d.map, ax),
-        "What the fitted curves leave of it. The bars are those of the means alone.",
+        "Mean torque minus the fitted curves. The bars are the 95 % intervals of the means.",
     ),
     "error": (error, "Error of the simulated motion over the whole record, in short bins."),
-    "torque": (torque, "What the model leaves unexplained, before and after."),
+    "torque": (torque, "Residual torque of the refitted and of the augmented model."),
     "table": (
         lambda d, ax: closing.table(d.table, ax),
-        "What is left as a table, with its 95 % band. It explains nothing.",
+        "The residual torque as a table, with its 95 % band. It describes the residual without "
+        "a physical explanation.",
     ),
     "tracking": (
         lambda d, ax: closing.tracking(d.compensation, ax),
@@ -167,14 +168,14 @@ PANELS: dict[str, tuple[Callable[..., Any], str]] = {
     ),
     "ranking": (
         ranking,
-        "How much better than the refitted model each candidate explains the training samples. "
-        "Blue: added to the model; dark: named above as an alternative.",
+        "Gain in log-likelihood of each candidate over the refitted model, on the training "
+        "samples. Blue: added to the model. Dark: an alternative that is named above.",
     ),
 }
 
 
 def available(d: Any) -> list[str]:
-    """Names of the plots for which the diagnosis holds data; none where it was refused."""
+    """Names of the plots for which the diagnosis holds data; none if it was refused."""
     if getattr(d, "verdict", None) in (None, "refused"):
         return []
     names = (
@@ -189,10 +190,10 @@ def available(d: Any) -> list[str]:
 
 
 def overview(d: Any, ax: Axes | None = None) -> Any:
-    """All plots that the diagnosis has data for, on a new Figure that shows itself in Jupyter.
+    """All plots that the diagnosis has data for, on a new Figure that Jupyter displays.
 
-    The Figure's ``axes`` are the plots. Given an Axes, only the first plot (measured and
-    simulated motion, where there is any) is drawn into it, and the Axes is returned.
+    The Figure's ``axes`` are the plots. With ``ax`` given, only the first plot (measured and
+    simulated motion, if there is any) is drawn into it, and the Axes is returned.
     Raises InputError when there is nothing to plot.
     """
     names = available(d)
@@ -227,7 +228,7 @@ def _style() -> Any:
 
 
 def _new(width: float = 6.4, height: float = 3.3) -> Figure:
-    """A figure outside pyplot that shows itself in Jupyter."""
+    """A figure outside pyplot that Jupyter displays."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height), layout="constrained", dpi=100)
@@ -242,7 +243,7 @@ def _png(figure: Figure) -> bytes:
 
 
 def _inline_svg(figure: Figure, name: str) -> str:
-    """SVG to stand inside an HTML page: no header, no address, ids of its own."""
+    """SVG for use inside an HTML page: no header, no address, ids that are unique on the page."""
     file = io.StringIO()
     figure.savefig(file, format="svg", dpi=160)
     svg = file.getvalue()
@@ -254,7 +255,7 @@ def _inline_svg(figure: Figure, name: str) -> str:
 
 
 def _models(d: Any) -> list[tuple[str, str, np.ndarray]]:
-    """Name, colour and trace of the models worth drawing: refitted and, if new, augmented."""
+    """Name, colour and trace of each model to draw: refitted and, with effects, augmented."""
     refitted, augmented = (simulated(d.traces, name) for name in ("refitted", "augmented"))
     made = [] if refitted is None else [("refitted", BEFORE, refitted)]
     if augmented is not None and d.effects:
@@ -268,13 +269,13 @@ def _residuals(view: Residual) -> list[tuple[np.ndarray, str, str]]:
 
 
 def _signal(d: Any) -> tuple[str, str]:
-    """The signal that errors are counted in, and its unit."""
+    """The signal that errors refer to, and its unit."""
     error = d.error or {}
     return error.get("signal", "w"), error.get("unit") or unit_for("rad/s", motion_of(d))
 
 
 def _limits(values: np.ndarray, cut: float) -> tuple[float, float]:
-    """Range of the finite values without ``cut`` percent on either side; never empty."""
+    """Range of the finite values without ``cut`` percent at either end; never empty."""
     finite = values[np.isfinite(values)]
     low, high = np.percentile(finite, [cut, 100.0 - cut])
     return (low, high) if high > low else (low - 0.5, high + 0.5)
@@ -287,14 +288,14 @@ def _score(value: float) -> str:
 
 
 def _some(n: int) -> np.ndarray:
-    """Indices of at most a few thousand samples, spread at random but always the same."""
+    """Indices of at most ``_POINTS`` samples, chosen at random but always the same."""
     if n <= _POINTS:
         return np.arange(n)
     return np.random.default_rng(0).choice(n, _POINTS, replace=False)
 
 
 def _headed(ax: Axes, title: str) -> None:
-    """Title with the legend in one line below it, above the axes."""
+    """Set the title, with the legend in one line between it and the axes."""
     ax.set_title(title, pad=22)
     ax.legend(
         loc="lower left",

@@ -1,4 +1,4 @@
-"""What the plots of a diagnosis show, as arrays: the telling stretch, errors, residuals."""
+"""The arrays behind the plots of a diagnosis: the stretch to show, errors, residuals."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 from ..results import Traces
 from ..spec import Block, members, unit_for
 
-STRETCH = 2.0  # seconds shown of measured and simulated motion
+STRETCH = 2.0  # s of measured and simulated motion that are shown
 UNITS = {"theta": "rad", "w": "rad/s", "u": "N m", "t": "s"}
 _BINS = 200  # of the error over the record
-_TURNS = 12  # harmonics up to here are shown over one whole turn
+_TURNS = 12  # harmonics up to this order are shown over one whole turn
 
 
 @dataclass(frozen=True)
@@ -21,8 +21,8 @@ class Residual:
     """Residual torque against the signal that explains it.
 
     ``before`` and ``after`` belong to the refitted and the augmented model (``after`` is None
-    where they are the same), both times the sign of the signal ``times``, if any; values without
-    a number are left out by the mask already.
+    if they are the same), both multiplied by the sign of the signal ``times``, if any. Samples
+    where ``x`` or ``before`` is NaN are left out.
     """
 
     x: np.ndarray
@@ -39,13 +39,13 @@ def motion_of(d: Any) -> str:
 
 
 def simulated(traces: Traces | None, name: str) -> np.ndarray | None:
-    """A simulated trace, or None where it holds no number."""
+    """A simulated trace, or None if it is missing or all NaN."""
     values = traces.simulated.get(name) if traces is not None else None
     return values if values is not None and np.isfinite(values).any() else None
 
 
 def stretch(traces: Traces) -> slice:
-    """The samples, about two seconds, over which the refitted model errs most."""
+    """The two seconds of samples with the largest error of the refitted model."""
     model = simulated(traces, "refitted")
     n = len(traces.t)
     if model is None or n < 2:
@@ -58,7 +58,7 @@ def stretch(traces: Traces) -> slice:
 
 
 def rms_over_time(t: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Edges and RMS of an error in equal bins of the record; NaN where a bin has no number."""
+    """Edges and RMS of an error in equal bins of the record; NaN for a bin without values."""
     edges = np.linspace(t[0], t[-1], min(_BINS, max(len(t) // 20, 1)) + 1)
     _, mean = binned(t, np.square(error), edges, least=1)
     return edges, np.sqrt(mean)
@@ -67,7 +67,7 @@ def rms_over_time(t: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, np.ndar
 def binned(
     x: np.ndarray, y: np.ndarray, edges: np.ndarray, least: int = 5
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Centres and means of y in bins of x; NaN where fewer than ``least`` finite values lie."""
+    """Centres and means of y in bins of x; NaN for bins of fewer than ``least`` finite values."""
     good = np.isfinite(x) & np.isfinite(y)
     bins = len(edges) - 1
     where = np.clip(np.searchsorted(edges, x[good], side="right") - 1, 0, bins - 1)
@@ -107,7 +107,7 @@ def residual(d: Any) -> Residual | None:
 
 
 def _effect(d: Any) -> tuple[Block | None, dict[str, float]]:
-    """The best effect's block and its values; no block when the residual has no named cause."""
+    """The best effect's block and its values; no block if the verdict is "unexplained"."""
     if not d.effects or d.verdict == "unexplained":
         return None, {}
     first = d.effects[0]
@@ -115,10 +115,10 @@ def _effect(d: Any) -> tuple[Block | None, dict[str, float]]:
 
 
 def _times(d: Any) -> str:
-    """The signal whose sign is taken out, "" if none.
+    """The signal whose sign the residual is multiplied by, "" if none.
 
-    w where an effect changes a friction parameter, so that the level is what differs; of two
-    signals on which what is left hangs a, else u, else w.
+    w if an effect changes a friction parameter, so that the plot shows the friction level. If
+    the unexplained residual depends on two signals: a, else u, else w.
     """
     made, _ = _effect(d)
     given = d.traces.signals
@@ -130,8 +130,8 @@ def _times(d: Any) -> str:
 
 
 def _explaining(d: Any, times: str) -> tuple[np.ndarray, str]:
-    """The abscissa of the residual and its label with unit; not that whose sign is taken out of
-    what no effect explains."""
+    """The abscissa of the residual and its label with unit; never the signal ``times`` of an
+    unexplained residual."""
     made, values = _effect(d)
     signals = {"t": d.traces.t, **d.traces.signals}
     own = [*made.inputs, *(["t"] if made.timed else [])] if made else []
@@ -149,7 +149,7 @@ def _explaining(d: Any, times: str) -> tuple[np.ndarray, str]:
 
 
 def _period(name: str, made: Block | None, values: dict[str, float], motion: str) -> float | None:
-    """The period at which a signal is folded, None when it is not."""
+    """The period modulo which a signal is shown, None if it is shown as it is."""
     if "frequency" in values and name == "t":
         return 1.0 / values["frequency"]
     if name not in ("theta", "theta_load"):

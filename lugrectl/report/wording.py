@@ -34,7 +34,7 @@ class Section:
 
 
 def number(value: Any, digits: int = 4) -> str:
-    """A number in so many digits, whole ones in full; '-' for None, NaN and infinity."""
+    """A number with ``digits`` digits, its integer part in full; '-' for None, NaN, infinity."""
     if value is None or not math.isfinite(value):
         return NONE
     if 10 ** (digits - 1) <= abs(value) < 1e6:
@@ -57,34 +57,48 @@ def headline(d: Any) -> tuple[str, str]:
     """The verdict with what it names, and one sentence that says what it means."""
     verdict, names = _get(d, "verdict"), listed([f.name for f in _get(d, "effects", ())])
     if verdict == "adequate":
-        return "adequate", "The record proves nothing that the model lacks."
+        return "adequate", "No missing effect was detected."
     if verdict == "found":
-        return f"found: {names}", f"The model lacks {names}; the record proves it."
+        are = _plural(names, "is", "are")
+        return f"found: {names}", f"{names} {are} missing from the model: the record shows it."
     if verdict == "ambiguous":
-        return f"ambiguous: {names}?", (
-            f"The record proves that something is missing, but not what: {names} {_verb(names)} it "
-            "best, and others explain it as well."
-        )
+        return f"ambiguous: {names}?", _ambiguous(_get(d, "effects", ()), names)
     if verdict == "unexplained":
-        return "unexplained", _unexplained(", ".join(_get(d, "depends_on", ())), names)
+        return "unexplained", _unexplained(listed(_get(d, "depends_on", ())), names)
     if verdict == "refused":
-        return "refused", _get(d, "reason") or "The record cannot answer."
+        return "refused", _get(d, "reason") or "This record cannot answer the question."
     return "identified", "The declared model was fitted to the record; nothing was added."
 
 
+def _ambiguous(effects: Sequence[Any], names: str) -> str:
+    start = "Something is missing from the model, but this record cannot decide what"
+    ties = [(f.name, [c.name for c in f.alternatives]) for f in effects if f.alternatives]
+    if len(effects) == len(ties) == 1:
+        name, others = ties[0]
+        return f"{start}: {listed([name, *others])} explain it equally well."
+    same = [f"{listed(others)} {_verb(listed(others))} the same as {name}" for name, others in ties]
+    same = same or ["others explain it equally well"]
+    return f"{start}: {names} {_verb(names)} it best, but {listed(same)}."
+
+
 def _unexplained(on: str, names: str) -> str:
-    more = (
-        f"{names} {_verb(names)} a part, but more is missing" if names else "something is missing"
+    some = f"{names} {_verb(names)} a part, but something more is missing"
+    which = f": the residual torque depends on {on}" if on else ""
+    return (
+        f"{some if names else 'Something is missing'}{which}, and no effect in the catalogue "
+        "explains it."
     )
-    which = f", which hangs on {on}" if on else ""
-    return f"The record proves it: {more}{which}. Nothing in the catalogue explains it."
 
 
 def _verb(names: str) -> str:
-    return "explain" if " and " in names else "explains"
+    return _plural(names, "explains", "explain")
 
 
-_TITLES = {"found": "Missing", "unexplained": "Explains a part"}
+def _plural(names: str, one: str, several: str) -> str:
+    return several if " and " in names else one
+
+
+_TITLES = {"found": "Missing effect", "unexplained": "Partial explanation"}
 
 
 def sections(d: Any) -> list[Section]:
@@ -101,7 +115,7 @@ def _effect(d: Any, finding: Any) -> Section:
     footnote = ""
     if others:
         same = _get(d, "verdict") == "ambiguous"
-        footnote = "Explain it as well: " if same else "Next best: "
+        footnote = "Explain it equally well: " if same else "Next best: "
         footnote += "; ".join(others) + "."
     rows = [
         (key, *_with_interval(estimate), estimate.unit)
@@ -136,12 +150,12 @@ def _to_width(value: float, width: float) -> str:
 
 
 def _depends(d: Any) -> Section | None:
-    on = ", ".join(_get(d, "depends_on", ()))
-    return Section("What it hangs on", (f"The residual torque hangs on {on}.",)) if on else None
+    on = listed(_get(d, "depends_on", ()))
+    return Section("Depends on", (f"The residual torque depends on {on}.",)) if on else None
 
 
 def _table(d: Any) -> Section | None:
-    """What a table of the unexplained torque is worth."""
+    """The table of the unexplained torque, and how well it predicts."""
     table = _get(d, "table")
     if table is None:
         return None
@@ -152,9 +166,10 @@ def _table(d: Any) -> Section | None:
         f"{number(table.rms * factor, 3)} {unit} RMS along the record.",
         f"It explains {100.0 * table.share:.0f} % of the residual torque's power on windows that "
         f"it was not fitted to (95 % interval {low:.0f} to {high:.0f} %).",
-        "It is no part of the model file; table.block() puts it into a loop.",
+        "The table is not part of the model file. table.block() turns it into a block for a "
+        "control loop.",
     )
-    return Section("Unexplained, as a table", lines)
+    return Section("Residual torque as a table", lines)
 
 
 def _compensation(d: Any) -> Section | None:
@@ -168,8 +183,8 @@ def _compensation(d: Any) -> Section | None:
     grid = Grid(("RMS tracking error", "unit", "none", "before", "after"), "llrrr", (row,))
     watcher = f"the {c.observer} observer" if c.observer else "no observer"
     lines = [
-        f"Simulated on the augmented model: {watcher}, with what the declared model (before) and "
-        "the augmented model (after) know.",
+        "Simulated with the augmented model as the drive. The compensation uses "
+        f"{watcher} and the declared model (before) or the augmented model (after).",
     ]
     if c.compensated:
         lines.append(f"Fed forward as a torque: {', '.join(c.compensated)}.")
@@ -178,8 +193,8 @@ def _compensation(d: Any) -> Section | None:
     certificate = c.certificate
     footnote = ""
     if certificate is not None and certificate.rate:
-        footnote = f"Observer errors decay at {number(certificate.rate, 3)} 1/s at least."
-    return Section("Compensation, in simulation", tuple(lines), grid, footnote)
+        footnote = f"Observer errors decay at a rate of at least {number(certificate.rate, 3)} 1/s."
+    return Section("Compensation in simulation", tuple(lines), grid, footnote)
 
 
 def _experiment(d: Any) -> Section | None:
@@ -197,7 +212,7 @@ def errors(d: Any) -> Section | None:
     """The before/after table: declared, refitted, augmented, noise floor."""
     error, free, torque = (_get(d, k) for k in ("error", "free_error", "torque_error"))
     rows, footnote = [], ""
-    if error and error["signal"] == "u":  # of mean torques: there is nothing to simulate
+    if error and error["signal"] == "u":  # an error of mean torques: nothing is simulated
         rows.append(_error_row(d, "torque", error))
         free = torque = None
     elif error:
@@ -205,10 +220,10 @@ def errors(d: Any) -> Section | None:
     if free:
         star = "*" if free.get("in_sample") else ""
         rows.append(_error_row(d, f"{free['signal']}, free run{star}", free))
-        footnote = "Free run: without restarts, over the held-out part."
+        footnote = "Free run: simulated without restarts over the held-out part."
         if star:
             footnote = (
-                "* Without restarts, over the whole record, of which the fit has seen a part."
+                "* Simulated without restarts over the whole record. A part of it was fitted."
             )
     if torque:
         rows.append(_error_row(d, "torque", torque))
@@ -223,13 +238,13 @@ def _scope(error: Mapping[str, Any] | None) -> tuple[str, ...]:
     if not error:
         return ()
     if error["signal"] == "u":
-        what = "Mean torque of the runs held out, minus the model's at their speed"
+        what = "Mean torque of the held-out runs minus the model's torque at their speed"
     else:
         what = (
             f"Measured minus simulated over {error['samples']} held-out samples; the simulation "
             f"is restarted every {error['horizon']:g} s"
         )
-    return (f"{what}. Improvement is counted against the refitted model.",)
+    return (f"{what}. Improvement is relative to the refitted model.",)
 
 
 def _error_row(d: Any, label: str, error: Mapping[str, Any]) -> tuple[str, ...]:
@@ -278,7 +293,7 @@ def _record(d: Any) -> Section | None:
     record, model = _get(d, "record"), _get(d, "declared")
     lines = []
     if record is not None and _get(d, "map"):
-        lines.append(f"{len(_get(d, 'map').w)} runs at steady speed, {record.source} among them.")
+        lines.append(f"{len(_get(d, 'map').w)} runs at steady speed, including {record.source}.")
     elif record is not None:
         facts = record.summary()
         lines.append(
@@ -296,6 +311,6 @@ def _notes(d: Any) -> Section | None:
 
 
 def _get(d: Any, name: str, default: Any = None) -> Any:
-    """An attribute, or the default where it is absent or None (an identification has fewer)."""
+    """An attribute, or the default if it is absent or None (an identification has fewer)."""
     value = getattr(d, name, None)
     return default if value is None else value

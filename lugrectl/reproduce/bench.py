@@ -1,4 +1,4 @@
-"""Running the cases: each loop is wired once, and only values change from run to run."""
+"""Runs the cases: each loop is built once, and only values change between runs."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Trace:
 
 @dataclass(frozen=True)
 class Row:
-    """RMS values of one measure, one for each compensation; inf where the loop ran away."""
+    """RMS values of one measure, one for each compensation; inf if the loop diverged."""
 
     label: str
     measure: Measure
@@ -39,7 +39,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a study gave: rows of RMS values, and the traces of its figure."""
+    """The result of a study: rows of RMS values, and the traces of its figure."""
 
     study: Study
     rows: tuple[Row, ...]
@@ -67,7 +67,7 @@ class Outcome:
 
 @dataclass
 class Bench:
-    """The loops of one drive, wired when first needed."""
+    """The loops of one drive, built when first needed."""
 
     p: Parameters
     _loops: dict[tuple[str, str | None], Any] = field(default_factory=dict)
@@ -80,7 +80,7 @@ class Bench:
         Raises
         ------
         Diverged
-            When the loop runs away.
+            When the loop diverges.
         """
         system = self._loop(loop, c.observer)
         t = np.arange(round(case.duration / case.dt) + 1) * case.dt
@@ -100,7 +100,7 @@ class Bench:
     def _values(
         self, loop: str, controller: Mapping[str, float], c: Compensation, case: Case
     ) -> dict[str, float]:
-        """Every value that differs anywhere, so that one compilation serves all cases."""
+        """Every value that differs between cases, so that one compilation is used for all."""
         block = "pi" if loop == "velocity" else "pid"
         own = {k: v for k, v in c.gains.items() if k in controller}
         values = {f"{block}.{k}": float(v) for k, v in {**controller, **own}.items()}

@@ -1,4 +1,4 @@
-"""Figures of the reproduction; pyplot is not touched."""
+"""Figures of the reproduction; pyplot is not used."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .results import PaperFigure, Reproduction
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_BINS = 400  # pairs of a lowest and a highest value drawn of a long trace
+_BINS = 400  # a long trace is drawn by the lowest and highest value in this many bins
 LINES: dict[str, dict[str, Any]] = {
     "none": {"color": plot.MEASURED},
     "natural": {"color": "#c47f17"},
@@ -61,7 +61,7 @@ def paper_figure(figure: PaperFigure, ax: Axes) -> Axes:
 
 
 def sweep(o: Outcome, ax: Axes) -> Axes:
-    """RMS error against what the observer believes, logarithmic."""
+    """RMS error over the error of the observer's parameters, logarithmic."""
     x = np.array([row.x for row in o.rows], dtype=float)
     values = np.array([row.rms for row in o.rows]) * 1e3
     for i, c in enumerate(o.study.compensations):
@@ -69,7 +69,7 @@ def sweep(o: Outcome, ax: Axes) -> Axes:
         ax.plot(x, values[:, i], lw=1.5, **mark, **LINES[c.short], label=c.short)
     ax.set_yscale("log")
     unit = o.rows[0].measure.unit
-    ax.set(xlabel="observer's parameters, % off", ylabel=f"RMS error [m{unit}]")
+    ax.set(xlabel="error of the observer's parameters [%]", ylabel=f"RMS error [m{unit}]")
     _headed(ax, o.study.title, 4)
     return ax
 
@@ -92,7 +92,7 @@ def traces(o: Outcome, ax: Axes) -> Axes:
 
 
 def envelopes(o: Outcome, ax: Axes) -> Axes:
-    """Largest |e| in every second, logarithmic: growth at a constant rate is a straight line."""
+    """Largest |e| in each second, logarithmic: growth at a constant rate is a straight line."""
     drawn = o.study.drawn
     assert drawn is not None
     edges = np.arange(drawn.span[0], drawn.span[1] + 0.5)

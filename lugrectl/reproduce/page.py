@@ -21,8 +21,8 @@ _STYLE = """
 .lugrectl .prose td { white-space: normal; }
 """
 _CAPTIONS = {
-    "paper": "Grey: reference. The dashed line without friction lies over the one with the "
-    "proposed observer.",
+    "paper": "Grey: reference. The dashed line (without friction) and the line with the proposed "
+    "observer coincide.",
     "sweep": "The table above as a figure, logarithmic. Names as in its columns.",
     "envelope": "A straight line is growth or decay at a constant rate.",
 }
@@ -37,7 +37,7 @@ def text(r: Reproduction) -> str:
 
 
 def _as_text(part: Section) -> str:
-    """A section; where the cells are sentences, each row becomes a paragraph."""
+    """A section; if the cells are sentences, each row becomes a paragraph."""
     if part.grid is None or "prose" not in _kind(part):
         return report._section_text(part)
     order = (0, 2, 1) if part.grid.head[0] == "paper" else (0, 1, 2)

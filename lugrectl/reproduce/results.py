@@ -1,4 +1,4 @@
-"""What the reproduction says: small frozen objects, no drawing and no printing."""
+"""Results of the reproduction: small frozen objects, no drawing and no printing."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from .bench import Outcome, Trace
 
 @dataclass(frozen=True)
 class Width:
-    """Bandwidth of one loop, r to w or theta, with friction compensated or all but Fv.
+    """Bandwidth of one loop, r to w or theta, with all friction or all but Fv compensated.
 
-    ``spr``: class of the loop's T(s), the existing observer's condition; None where it does
-    not apply. Hz and 1/s.
+    ``spr``: class of the loop's T(s), the existing observer's condition; None if it does not
+    apply. Hz and 1/s.
     """
 
     loop: str
@@ -59,9 +59,9 @@ class PaperFigure:
 
 @dataclass(frozen=True)
 class Growth:
-    """Growth of the compensated position PI: predicted from its poles, seen in simulation.
+    """Growth of the compensated position PI: predicted from its poles, and simulated.
 
-    Time constants in s; ``observer`` and ``window`` (s) say where it was seen.
+    Time constants in s; ``observer`` and ``window`` (s) are those of the simulation.
     """
 
     predicted: float
@@ -84,11 +84,11 @@ class Reproduction:
     outcomes: tuple[Outcome, ...]
 
     def outcome(self, key: str) -> Outcome | None:
-        """The outcome of a study, None when it was not run."""
+        """The outcome of a study, None if it was not run."""
         return next((o for o in self.outcomes if o.study.key == key), None)
 
     def figure(self, key: str) -> PaperFigure | None:
-        """A figure of the source paper, "velocity" or "position"; None when it was not made."""
+        """A figure of the source paper, "velocity" or "position"; None if it was not made."""
         return next((f for f in self.figures if f.key == key), None)
 
     def summary(self) -> dict[str, Any]:

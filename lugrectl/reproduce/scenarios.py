@@ -1,4 +1,4 @@
-"""The source paper recomputed: its two figures, and the studies beside them."""
+"""The source paper recomputed: its two figures, and further studies."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ from .widths import same_width, same_width_spr, widths
 Progress = Callable[[float, str], None]
 FIGURES = ("velocity", "position")
 PI_NOTES = (
-    "With exact parameters, natural and proposed observer leave the frictionless loop, and it "
-    "grows. The existing observer slows the growth (k = 0.35, and k = 5 from the bare step) or "
-    "ends in a lasting oscillation. What too small an estimate (-20 %) leaves of the friction "
-    "stabilises the loop; too large a one (+20 %) makes it grow faster. With no observer friction "
-    "holds the drive.",
+    "With exact parameters the natural and the proposed observer cancel friction completely; the "
+    "remaining frictionless loop is unstable and its oscillation grows. With the existing observer "
+    "it grows more slowly (k = 0.35, and k = 5 from the unfiltered step) or becomes a lasting "
+    "oscillation. If the estimate is too small (-20 %), the remaining friction stabilises the "
+    "loop; if it is too large (+20 %), the oscillation grows faster. Without an observer friction "
+    "holds the drive at rest.",
 )
 FIRST = Measure("e", "rad", (1.0, 5.0))
 
@@ -59,12 +60,12 @@ def reproduce(
     only: Collection[str] | None = None,
     progress: Progress | None = None,
 ) -> Reproduction:
-    """Recompute the source paper's numbers and figures, and what it does not show.
+    """Recompute the source paper's numbers and figures, and cases that it does not show.
 
     Parameters
     ----------
     only : collection of str, optional
-        Keys of studies and figures ("velocity", "position") to run; all where left out.
+        Keys of studies and figures ("velocity", "position") to run; default: all.
     progress : callable, optional
         Called with the fraction done and a few words.
 
@@ -119,7 +120,7 @@ def velocity_figure(bench: Bench) -> PaperFigure:
 
 
 def position_figure(bench: Bench) -> PaperFigure:
-    """The same for the position loop behind the prefilter 2/(s + 2), over the first seconds."""
+    """The same for the position loop with the prefilter 2/(s + 2), over the first seconds."""
     case = Case("", Reference("step", 1.0, prefilter=True), (FIRST,))
     text = (
         "Position loop, Kp 15, Ki 1.55, prefilter 2/(s + 2), no feed-forward, reference a step of "
@@ -170,9 +171,9 @@ def growth(bench: Bench, observer: Compensation = studies.OBSERVERS[-1]) -> Grow
 
 
 def envelope_time_constant(t: np.ndarray, y: np.ndarray, window: tuple[float, float]) -> float:
-    """Time constant in s of the growth of max |y|, fitted to the peaks of seconds' bins.
+    """Time constant in s of the growth of max |y|, fitted to the peaks in bins of one second.
 
-    Slow next to the oscillation and fast next to a second; negative when |y| decays.
+    For growth that is slow compared with the oscillation; negative if |y| decays.
     """
     edges = np.arange(window[0], window[1] + 0.5)
     starts = np.searchsorted(t, edges)

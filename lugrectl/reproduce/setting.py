@@ -1,4 +1,4 @@
-"""What a comparison is made of: compensations, references, cases, studies. Data only."""
+"""The parts of a comparison: compensations, references, cases, studies. Data only."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ PREFILTER = 2.0  # 1/s, the source paper's 2/(s + 2)
 
 @dataclass(frozen=True)
 class Compensation:
-    """A friction compensation with its gains, or a controller that does without.
+    """A friction compensation with its gains, or a controller without compensation.
 
-    ``label`` names observer and gains, ``short`` heads a column; ``gains`` holds K1, K2, k of
-    the observer, or kp, ki in place of the study's controller.
+    ``label`` names observer and gains, ``short`` is the column's heading; ``gains`` holds K1, K2,
+    k of the observer, or kp, ki in place of those of the study's controller.
     """
 
     short: str
@@ -30,7 +30,7 @@ class Compensation:
 @dataclass(frozen=True)
 class Reference:
     """A reference: ``kind`` "still", "sine" A sin(2 pi f t), "raised" A (1 - cos(2 pi f t)) or
-    "step" A; A in rad/s or rad, f in Hz; ``prefilter``: behind 2/(s + 2)."""
+    "step" A; A in rad/s or rad, f in Hz; ``prefilter``: filtered by 2/(s + 2)."""
 
     kind: str = "still"
     amplitude: float = 0.0
@@ -40,7 +40,7 @@ class Reference:
     def inputs(self, t: np.ndarray, loop: str, feedforward: bool) -> np.ndarray:
         """(2, N): r, and its first (velocity) or second (position) derivative, or 0 for none.
 
-        Through the prefilter r' = 2 (c - r) and r'' = 2 c' - 4 (c - r), c the command.
+        With the prefilter r' = 2 (c - r) and r'' = 2 c' - 4 (c - r), c the command.
         """
         r, first, second = self._command(t)
         if self.prefilter:
@@ -61,7 +61,7 @@ class Reference:
 
 
 def _filtered(t: np.ndarray, command: np.ndarray) -> np.ndarray:
-    """The prefilter from rest, exact for a command that is linear between even samples."""
+    """The prefilter from rest, exact for a command that is linear between equidistant samples."""
     smooth: Any = ct.TransferFunction([PREFILTER], [1, PREFILTER])
     smooth = smooth.sample(t[1] - t[0], method="foh")
     b, a = smooth.num[0][0], smooth.den[0][0]
@@ -80,10 +80,10 @@ class Measure:
 
 @dataclass(frozen=True)
 class Case:
-    """One simulation for each compensation, and what is measured of it.
+    """One simulation for each compensation, and the measures of it.
 
-    ``scale``: factors on what the observer believes, by parameter; ``start``: initial states by
-    label, those of other observers are passed over; ``x``: abscissa in a sweep.
+    ``scale``: factors on the observer's parameters, by name; ``start``: initial states by label
+    (those of other observers are ignored); ``x``: abscissa in a sweep.
     """
 
     label: str
@@ -101,7 +101,7 @@ class Case:
 class Drawn:
     """The trace to draw: the case's number, its signal with unit, and the time shown in s.
 
-    ``columns``: short names of what is drawn, all where empty; ``log``: magnitude, logarithmic.
+    ``columns``: short names of the curves, all if empty; ``log``: magnitude, logarithmic.
     """
 
     case: int
@@ -114,7 +114,7 @@ class Drawn:
 
 @dataclass(frozen=True)
 class Study:
-    """Cases by compensations: a table and a figure (a sweep draws the table)."""
+    """Cases and compensations: a table and a figure (a sweep's figure shows the table)."""
 
     key: str
     title: str

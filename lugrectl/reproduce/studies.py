@@ -1,4 +1,4 @@
-"""The studies: the source paper's two loops where it looks at them, and where it does not."""
+"""The studies: the source paper's two loops, in its own scenarios and in further ones."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ OBSERVERS = (
         {"K1": -10.24, "K2": 22.0},
     ),
 )
-# sigma1 k and sigma0 k of the existing observer at k = 20, on top of the paper's gains
+# sigma1 k and sigma0 k of the existing observer at k = 20, added to the paper's gains
 STRONG = (
     Compensation("Ki 160", "no observer, PI with Ki = 160", None, {"kp": 1.6, "ki": 160.0}),
     Compensation(
@@ -54,16 +54,16 @@ def mismatch(key: str, *names: str) -> Study:
     )
     what = " and ".join(names)
     notes = (
-        "The existing observer adds sigma1 k and sigma0 k/s to the controller, leaking while the "
-        "drive slides. At k = 20 that is Kp + 12 and Ki + 5200, hence the last column: the same "
-        "PI without any observer. Both rest on a crossing near 1 kHz, and these simulations know "
-        "no noise, delay, sampling or elasticity.",
+        "The existing observer adds sigma1 k and sigma0 k/s (leaky while the drive slides) to the "
+        "controller. At k = 20 that is Kp + 12 and Ki + 5200; the last column shows this PI "
+        "without any observer. Both have a crossover frequency near 1 kHz, and these simulations "
+        "contain no noise, delay, sampling or elasticity.",
     )
     return Study(
         key,
         f"Velocity loop, observer's {what} wrong",
         f"{VELOCITY_TEXT}, no feed-forward, no prefilter, {SINE_TEXT}, all states 0 at the "
-        f"start. The observer's {what} as in the first column, the rest exact.",
+        f"start. The observer's {what} as in the first column, its other parameters exact.",
         "velocity",
         VELOCITY,
         ALL,
@@ -118,9 +118,9 @@ def initial() -> Study:
         "initial",
         "Velocity loop, wrong initial state",
         f"{VELOCITY_TEXT}, no feed-forward, no prefilter, {SINE_TEXT}, parameters exact. "
-        "z +-1.1: the drive's bristles start bent by 1.1 mrad (full sliding friction), the "
-        "observers believe that they are not. what 0.1: the proposed observer, which alone has "
-        "that state, starts at what = 0.1 rad/s.",
+        "z +-1.1: the drive's bristles start with a deflection of 1.1 mrad (full sliding "
+        "friction), those of the observers with 0. what 0.1: the proposed observer, the only one "
+        "with that state, starts at what = 0.1 rad/s.",
         "velocity",
         VELOCITY,
         ALL,
@@ -131,7 +131,7 @@ def initial() -> Study:
 
 
 def standstill() -> Study:
-    """Zero reference, bent bristles: free, and held by the integral action."""
+    """Zero reference, deflected bristles: free, and held by the integral action."""
     still = Reference()
     both = (Measure("w", "rad/s", (0.0, 5.0)), Measure("F - Fhat", "N m", (4.0, 5.0)))
     cases = (
@@ -139,9 +139,9 @@ def standstill() -> Study:
         Case("held", still, both, start={"plant_z": 1e-3, "pi_q": 0.26 / 0.16}),
     )
     notes = (
-        "Held, the drive is at rest: w = 0 and e = 0, and only the proposed observer still "
-        "corrects its estimate, at a price: the friction it learns comes on top of the torque "
-        "that the integral already gives, and the drive moves off until the integral lets go.",
+        "In the case held the drive is at rest (w = 0, e = 0), and only the proposed observer "
+        "still corrects its estimate. This has a drawback: the compensation is added to the "
+        "torque of the integral action, so the drive moves until the integral has decayed.",
     )
     return Study(
         "standstill",
@@ -184,8 +184,8 @@ def overcompensation() -> Study:
         cases,
         Drawn(2, "w", "rad/s", (0.0, 60.0), ("natural", "k 0.35", "proposed", "Ki 160")),
         notes=(
-            "With too much friction compensated, rest is no stable state under the natural "
-            "observer: the drive breaks away by itself, at +20 % more than 10 s after the kick.",
+            "With too much friction compensated, rest is not stable with the natural observer: "
+            "the drive breaks away by itself, at +20 % more than 10 s after the initial speed.",
         ),
     )
 
@@ -245,7 +245,7 @@ def position_mismatch(name: str, controller: Mapping[str, float]) -> Study:
         cases,
         ranked=(1, 5),
         notes=(
-            "D acts on the measured speed and drags on a moving reference like viscous friction; "
-            "friction compensated too much makes up for a part of that.",
+            "D acts on the measured speed and delays the motion like viscous friction; too much "
+            "friction compensation cancels a part of that.",
         ),
     )

@@ -24,7 +24,7 @@ from .studies import POSITION, STRONG, VELOCITY
 
 
 def same_width(p: Parameters, damping: float = 0.5**0.5) -> dict[str, float]:
-    """A PID whose -3 dB crossing is that of the source paper's position PI, but which is stable.
+    """A stable PID with the -3 dB crossing of the source paper's position PI.
 
     Kp = J wn^2, Kd = 2 damping J wn, Ki in the paper's ratio to Kp; wn is solved for.
     """
@@ -55,7 +55,7 @@ def same_width_spr(p: Parameters) -> dict[str, float]:
 
 
 def widths(p: Parameters) -> tuple[Width, ...]:
-    """Bandwidths of the paper's loops and of those put beside them."""
+    """Bandwidths of the paper's loops and of the loops compared with them."""
     v, q = VELOCITY, POSITION
     strong = [dict(c.gains) for c in STRONG]
     around, about = "around 115 Hz at -3 dB", "approximately 20 Hz"

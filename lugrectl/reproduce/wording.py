@@ -1,4 +1,4 @@
-"""What the reproduction says, in words and tables: shared by text, page and JSON."""
+"""The reproduction in words and tables: shared by text, page and JSON."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ UNITS = {
     "Fv": ("N m s/rad", "viscous friction"),
     "vs": ("rad/s", "Stribeck velocity"),
 }
-SMALL = 1e-6  # below this a value is not told from 0
+SMALL = 1e-6  # a smaller value counts as 0
 HOLDS, FAILS = "holds", "does not hold"
 
 
@@ -43,12 +43,12 @@ def slips() -> tuple[dict[str, str], ...]:
 
 
 def headline(r: Reproduction) -> tuple[str, str]:
-    """What the page says first."""
+    """The title of the page and its first paragraph."""
     v, pi = (_width(r, loop, "paper's PI") for loop in ("velocity", "position"))
     return "The position PI of the paper is unstable once friction is compensated", (
-        f"Its velocity loop reproduces ({v.hertz:.1f} Hz). "
+        f"Its velocity loop is confirmed ({v.hertz:.1f} Hz). "
         f"Its position loop crosses -3 dB at {pi.hertz:.1f} Hz, but its poles are "
-        f"{show_poles(pi.poles)} 1/s: J s^3 + Kp s + Ki has no s^2 term, whatever Ki > 0 is. The "
+        f"{show_poles(pi.poles)} 1/s: J s^3 + Kp s + Ki has no s^2 term for any Ki > 0. The "
         f"oscillation grows by e every {1 / pi.poles[0].real:.1f} s, too slowly to be seen in a "
         "figure of a few seconds. Which observer tracks best depends on its gains and on the "
         "scenario: every table below names both."
@@ -143,7 +143,7 @@ def _widths(r: Reproduction, loop: str) -> Section:
     )
     lines = tuple(
         f"Unstable: {w.label}, poles {show_poles(w.poles)} 1/s. The frequency is where |T| "
-        "crosses, no bandwidth."
+        "crosses, not a bandwidth."
         for w in chosen
         if not w.stable
     )
@@ -155,8 +155,8 @@ def _widths(r: Reproduction, loop: str) -> Section:
             "Ki/Kp. PD: Kd 5 % above sigma0 J/sigma1, where T(s) becomes SPR.",
         )
     foot = (
-        f"Friction compensated, plant {plant}. Last column: T(s) of the existing observer's "
-        "condition; its proof needs SPR and the feed-forward."
+        f"Friction compensated, plant {plant}. Last column: T(s) in the condition of the existing "
+        "observer, whose proof needs SPR and the feed-forward."
     )
     grid = Grid(("controller", "gains", "Hz", "level", "T(s)"), "llrll", rows)
     return Section(f"Bandwidth, {loop} loop", lines, grid, foot)
@@ -170,15 +170,15 @@ def figure_section(figure: PaperFigure) -> Section:
     lines = (figure.scenario,)
     if figure.key == "position":
         lines += (
-            "The oscillation that the prefilter's start excites does not die out with friction "
-            "compensated; below, the same loop over 100 s.",
+            "With friction compensated the oscillation that the start of the prefilter excites "
+            "does not decay; a table below shows the same loop over 100 s.",
         )
     grid = Grid(("loop", f"RMS error {window} [{unit}]"), "lr", rows)
     return Section(f"The paper's {figure.key} figure", lines, grid)
 
 
 def study_section(o: Outcome) -> Section:
-    """One study: scenario, ranking, table, what the columns are."""
+    """One study: scenario, ranking, table, meaning of the columns."""
     said = _said(o)
     lines = [f"{o.study.scenario} {said}", *(_ranking(o, i) for i in o.study.ranked)]
     head = ("", *(c.short for c in o.study.compensations))
@@ -188,7 +188,7 @@ def study_section(o: Outcome) -> Section:
 
 
 def _columns(o: Outcome) -> str:
-    """What the columns are; every gain is named."""
+    """The meaning of the columns, with every gain."""
     said = ["k: existing observer and its gain"]
     for c in o.study.compensations[1:]:
         gains = ", ".join(f"{k[0].upper() + k[1:]} = {v:g}" for k, v in c.gains.items())
@@ -209,8 +209,8 @@ def _said(o: Outcome) -> str:
         return f"RMS of {m.signal} over {m.window[0]:g} to {m.window[1]:g} s, in m{m.unit}."
     units = {row.measure.unit for row in o.rows}
     if len(units) == 1:
-        return f"RMS of {m.signal} over the window given, in m{m.unit}."
-    return "RMS over the window given."
+        return f"RMS of {m.signal} over the stated window, in m{m.unit}."
+    return "RMS over the stated window."
 
 
 def _label(o: Outcome, row: Row) -> str:
@@ -224,7 +224,7 @@ def _label(o: Outcome, row: Row) -> str:
 
 
 def _ranking(o: Outcome, index: int) -> str:
-    """The compensations of one row, best first, ties to 0.5 % joined; each with its gains."""
+    """The compensations of one row with their gains, best first; ties within 0.5 % are joined."""
     row, m = o.rows[index], o.rows[index].measure
     order = sorted(zip(row.rms, o.study.compensations, strict=True), key=lambda pair: pair[0])
     groups: list[list[Any]] = []
@@ -242,9 +242,9 @@ def _ranking(o: Outcome, index: int) -> str:
 
 
 def milli(value: float) -> str:
-    """A value in thousandths, three digits; "runs away" for infinity."""
+    """A value in thousandths, three digits; "diverges" for infinity."""
     if not math.isfinite(value):
-        return "runs away"
+        return "diverges"
     if value < SMALL:
         return "<0.001"
     value *= 1e3
@@ -252,7 +252,7 @@ def milli(value: float) -> str:
 
 
 def closing() -> list[Section]:
-    """The slips of the paper's text."""
+    """The errors in the paper's text."""
     rows = tuple(tuple(s.values()) for s in slips())
     grid = Grid(("label", "status", "why"), "lll", rows)
     return [Section("Where the paper's text does not hold as printed", (), grid)]

@@ -1,10 +1,11 @@
 # isort: skip_file
-"""Physical effects that a declared model may lack: one function and one registry line each.
+"""Physical effects that may be missing from a declared model: one registered function each.
 
-Torque effects put out ``d``, the torque that they add to the resisting side. Level effects put
-out the change of the plant's parameters that ``acts`` names: relative, or in N m after a plus.
-Input effects put out the torque that reaches the drive, sensor effects what is measured. At the
-neutral value of its gain an effect changes nothing. The order here is that of the catalogue.
+The output of a torque effect is ``d``, a torque on the resisting side. The output of a level
+effect is the change of the plant's parameters named in ``acts``: relative, or in N m after a
+plus. That of an input effect is the torque that reaches the drive, those of a sensor effect are
+the measured signals. At the neutral value of its gain an effect changes nothing. The order here
+is that of the catalogue.
 """
 
 from .loads import (

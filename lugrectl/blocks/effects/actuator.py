@@ -1,4 +1,4 @@
-"""What happens to the torque between the command and the motor."""
+"""Effects on the torque between the command and the motor."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def held_late(u: np.ndarray, dt: float, delay: float) -> np.ndarray:
 def held_lagging(u: np.ndarray, dt: float, time_constant: float) -> np.ndarray:
     """A first-order lag of an input held over cells of length dt, averaged over each cell.
 
-    The lag has settled on the first value before.
+    Before the first sample the lag has settled at the first value.
     """
     if time_constant <= 0.0:
         return u
@@ -47,10 +47,10 @@ def held_lagging(u: np.ndarray, dt: float, time_constant: float) -> np.ndarray:
 def input_delay(u, p1, p2, delay: Any = P(0.0, "s", 0.0, 0.2, neutral=0.0)):
     """u(t - T).
 
-    On a held input the delay is exact; the continuous block is the Pade approximation of order
-    2, 1 - 12 s T/(s^2 T^2 + 6 s T + 12), good to 1 degree of phase up to w T = 1.7. In a log:
-    the motion answers late by the same time at all frequencies. As long as the torque changes
-    little within T, an actuator lag of tau = T looks alike.
+    For a held input the delay is exact; the continuous block is the Pade approximation of order
+    2, 1 - 12 s T/(s^2 T^2 + 6 s T + 12), exact to 1 degree of phase up to w T = 1.7. In a log:
+    the motion follows the torque late, by the same time at all frequencies. An actuator lag with
+    tau = T looks the same if the torque changes little within T.
     """
     rate = np.where(delay > 0.0, 1.0 / np.maximum(delay, 1e-12), 0.0)
     return u - p2, rate * p2, rate * (12.0 * (u - p1) - 6.0 * p2)
@@ -70,8 +70,8 @@ def input_delay(u, p1, p2, delay: Any = P(0.0, "s", 0.0, 0.2, neutral=0.0)):
 def actuator_lag(u, lagged, time_constant: Any = P(0.0, "s", 0.0, 10.0, neutral=0.0)):
     """tau du'/dt + u' = u.
 
-    The current loop, as a first-order lag; tau = 0 hands u through. In a log: fast changes of
-    the torque arrive late and smaller. Well below 1/tau it is a delay.
+    The current loop as a first-order lag; tau = 0 passes u unchanged. In a log: fast changes of
+    the torque arrive late and smaller. Well below 1/tau it looks like a delay.
     """
     rate = np.where(time_constant > 0.0, 1.0 / np.maximum(time_constant, 1e-12), 0.0)
     return np.where(time_constant > 0.0, lagged, u), rate * (u - lagged)
@@ -82,14 +82,14 @@ def actuator_lag(u, lagged, time_constant: Any = P(0.0, "s", 0.0, 10.0, neutral=
     out="u",
     acts="input",
     confused="quadratic_drag sublinear_viscous",
-    experiment="record the same move at growing torques, up to the highest",
+    experiment="record the same move at increasing torques, up to the highest",
     tries=hints.limits,
 )
 def actuator_saturation(u, limit: Any = P(np.inf, "N m", 0.0, neutral=np.inf)):
     """u' = clip(u, -limit, limit).
 
-    In a log: nothing is missing until the commanded torque passes the limit, and then all that
-    goes beyond it. A log that passes it only at high speed cannot tell it from drag.
+    In a log: the residual is zero until the commanded torque exceeds the limit, and equals the
+    excess above it. If a log exceeds the limit only at high speed, drag looks the same.
     """
     return np.clip(u, -limit, limit)
 
@@ -106,8 +106,9 @@ def actuator_saturation(u, limit: Any = P(np.inf, "N m", 0.0, neutral=np.inf)):
 def actuator_dead_zone(u, half_width: Any = P(0.0, "N m", 0.0, neutral=0.0)):
     """u' = u - clip(u, -half_width, half_width).
 
-    Shrunk towards 0 by half_width. In a log: a constant loss against the sign of the torque.
-    While torque and speed have one sign it is more Coulomb friction; only braking tells.
+    The torque is reduced by half_width towards 0. In a log: a constant loss that opposes the
+    torque. While torque and speed have the same sign, higher Coulomb friction looks the same;
+    only braking distinguishes them.
     """
     return u - np.clip(u, -half_width, half_width)
 
@@ -128,9 +129,9 @@ def torque_constant_ripple(
 ):
     """u' = u (1 + a sin(N theta + phi)).
 
-    N >= 1 on rotary drives; on linear drives N = 2 pi / period in rad/m. In a log: a line at an
-    order of the position, as large as the torque is. Where the torque is mostly Coulomb friction
-    it turns with the direction, as friction that hangs on position does; under a large
-    constant load it is a torque ripple.
+    N >= 1 on rotary drives; on linear drives N = 2 pi / period in rad/m. In a log: a spectral
+    line at an order of the position, proportional to the torque. If the torque is mostly Coulomb
+    friction, it changes sign with the direction, as position-dependent friction does; under a
+    large constant load it looks like a torque ripple.
     """
     return u * (1.0 + ratio * np.sin(harmonic * theta + phase))

@@ -1,4 +1,4 @@
-"""What the contact itself does beyond the declared law: drag, stiction, presliding."""
+"""Friction effects of the contact beyond the declared law: drag, stiction, presliding."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from . import hints
 
 SHARED_FC, SHARED_FS = replace(FC, shared=True), replace(FS, shared=True)
 SHARED_VS, SHARED_EPS = replace(VS, shared=True), replace(EPS, shared=True)
-RIGID = 1e12  # N m/rad, from which bristles count as rigid
+RIGID = 1e12  # N m/rad; bristles of this stiffness and above count as rigid
 LEAST = 1e-12  # N m
-ONSET = 0.05  # of the speed from which a drive slides: so much faster it does so for certain
+ONSET = 0.05  # the drive slides fully at a speed higher by this share than where sliding begins
 
 
 @block(
@@ -28,8 +28,8 @@ ONSET = 0.05  # of the speed from which a drive slides: so much faster it does s
 def quadratic_drag(w, coefficient: Any = P(0.0, "N m s2/rad2", 0.0, neutral=0.0)):
     """r_e = c w |w|.
 
-    In a log: convex over speed and odd (wind, churning oil). Over a narrow range of speeds it
-    is more viscous and less Coulomb friction.
+    In a log: a torque that is odd and convex over speed (air drag, churning oil). Over a narrow
+    range of speeds more viscous and less Coulomb friction look the same.
     """
     return coefficient * w * np.abs(w)
 
@@ -49,9 +49,10 @@ def sublinear_viscous(
 ):
     """r_e = c |w|^n sign(w), 0 < n < 1.
 
-    Written c w (w^2 + eps^2)^((n - 1)/2), eps = 1e-4 rad/s, so that it is smooth at rest. In a
-    log: concave over speed and odd (grease that thins with shear). With n near 0 it is Coulomb,
-    near 1 viscous friction; over one decade of speed both together come close to it.
+    Computed as c w (w^2 + eps^2)^((n - 1)/2), eps = 1e-4 rad/s, which is smooth at rest. In a
+    log: a torque that is odd and concave over speed (shear-thinning grease). With n near 0 it
+    equals Coulomb, with n near 1 viscous friction; over one decade of speed the sum of both looks
+    almost the same.
     """
     return coefficient * w * (w * w + eps * eps) ** (0.5 * (exponent - 1.0))
 
@@ -75,12 +76,12 @@ def dwell_stiction(
 ):
     """Fs (1 + a (1 - exp(-t_rest/tau))).
 
-    The drive rests while |w| < vs/2, slow presliding included. The state, 1 - exp(-t_rest/tau),
-    fills at rest by d rest/dt = (1 - rest)/tau and empties within ``release`` when sliding, from
-    1.05 vs/2 on; in between it does a part of either. In a log: the peak at break-away is the
-    higher the longer the rest before (Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica
-    30(7), 1994, section 2). With rests of one length it is a higher Fs. Acts on friction laws
-    with an Fs only.
+    The drive counts as resting while |w| < vs/2, which includes slow presliding. The state
+    ``rest`` = 1 - exp(-t_rest/tau) grows at rest by d rest/dt = (1 - rest)/tau and decays with
+    the time constant ``release`` when sliding, above 1.05 vs/2; in between the two rates are
+    blended. In a log: the longer the rest, the higher the peak at break-away
+    (Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30(7), 1994, section 2). If all
+    rests are equally long, a higher Fs looks the same. Only for friction laws with an Fs.
     """
     part = np.minimum(np.maximum((np.abs(2.0 * w / vs) - 1.0) / ONSET, 0.0), 1.0)
     slips = part * part * (3.0 - 2.0 * part)
@@ -93,16 +94,16 @@ def dwell_stiction(
     out="level",
     acts="Fc",
     confused="sublinear_viscous presliding dwell_stiction",
-    experiment="record many constant speeds, from the slowest that the drive holds upwards",
+    experiment="record many constant speeds, from the slowest steady one upwards",
     tries=hints.stictions,
 )
 def stribeck(w, Fs=P(0.0, "N m", 0.0, neutral=0.0), vs: Any = VS, Fc: Any = SHARED_FC):
     """G = 1 + max(Fs/Fc - 1, 0) exp(-(w/vs)^2).
 
-    Makes Coulomb friction the static Stribeck map; nothing where Fs <= Fc. In a log: friction
-    falls with speed below some vs, and slow motion sticks and slips. For a model whose friction
-    law has no Fs: one that has it needs none of this. Where the drive runs through vs within a
-    few samples it is presliding or a lower Fc.
+    Turns Coulomb friction into the static Stribeck map; no change if Fs <= Fc. In a log: below
+    some speed vs friction falls with speed, and slow motion sticks and slips. Only for friction
+    laws without an Fs; the others contain it. If the drive passes vs within a few samples,
+    presliding or a lower Fc looks the same.
     """
     excess = np.maximum(Fs / np.maximum(Fc, LEAST) - 1.0, 0.0)
     return level(w, 0.0, excess, vs)
@@ -114,7 +115,7 @@ def stribeck(w, Fs=P(0.0, "N m", 0.0, neutral=0.0), vs: Any = VS, Fc: Any = SHAR
     states="z",
     acts="torque",
     confused="stribeck backlash elastic_coupling coulomb_asymmetry",
-    experiment="record small slow moves that turn before they break away, at several sizes",
+    experiment="record small slow moves of several sizes that reverse before they break away",
     tries=hints.bristles,
 )
 def presliding(
@@ -130,10 +131,10 @@ def presliding(
     """r_e = sigma0 z + sigma1 dz/dt - h(w) sign(w), dz/dt = w - sigma0 |w| z / h(w).
 
     The bristles of the LuGre law in place of the jump at w = 0: Coulomb or Stribeck friction
-    with this effect is the LuGre law. From 1e12 N m/rad on the bristles count as rigid. In a
-    log: a spring of a stiffness that does not hang on position after every reversal, which
-    gives way once friction is reached. A gap or a soft coupling also delays the torque after a
-    reversal. For a static friction law; LuGre has its bristles already.
+    with this effect is the LuGre law. At 1e12 N m/rad and above the bristles count as rigid. In
+    a log: after every reversal the drive acts as a spring, with a stiffness that does not depend
+    on position, until the friction level is reached. A gap or a soft coupling also delays the
+    torque after a reversal. Only for static friction laws; LuGre contains the bristles.
     """
     soft = np.logical_and(sigma0 < RIGID, np.maximum(Fc, Fs) > LEAST)
     low, high = np.maximum(Fc, LEAST), np.maximum(Fs, LEAST)

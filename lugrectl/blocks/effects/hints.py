@@ -1,8 +1,8 @@
-"""Where to look for an effect in a log: grids of one parameter, and whole sets to try.
+"""Start values to search for an effect in a log: grids of one parameter, and complete sets.
 
 A log has the motion as arrays (t, theta, w, a, u, load), the sample time dt and the kind of
-motion; ``values`` are the plant's, by name. Sets are starting points for a fit, so they are a
-factor of two or three apart.
+motion; ``values`` are the plant's parameters, by name. The sets are starting points of a fit, so
+they are a factor of two or three apart.
 """
 
 from __future__ import annotations
@@ -16,39 +16,39 @@ import numpy as np
 
 from ..friction import VS
 
-SLIDES = 0.01  # of the largest speed, above which a drive surely slides
+SLIDES = 0.01  # of the largest speed; above this a drive certainly slides
 
 Values = Mapping[str, float]
 Sets = list[dict[str, float]]
 
 
 def harmonics(log: Any) -> np.ndarray:
-    """Whole orders of a turn from 2; on a linear drive half a resolution cell of travel apart."""
+    """Orders 2 to 96 per turn; on a linear drive spaced by half a resolution cell of the travel."""
     if log.motion == "linear":
         return np.pi / np.ptp(log.theta) * np.arange(4.0, 400.0)
     return np.arange(2.0, 97.0)
 
 
 def orders(log: Any) -> np.ndarray:
-    """As :func:`harmonics`, from once a turn."""
+    """As :func:`harmonics`, from once per turn."""
     return harmonics(log) if log.motion == "linear" else np.arange(1.0, 97.0)
 
 
 def low_orders(log: Any) -> np.ndarray:
-    """The first orders of a turn; on a linear drive up to six periods in the travel."""
+    """Orders 1 to 6 per turn; on a linear drive up to six periods in the travel."""
     if log.motion == "linear":
         return np.pi / np.ptp(log.theta) * np.arange(1.0, 13.0)
     return np.arange(1.0, 7.0)
 
 
 def frequencies(log: Any) -> np.ndarray:
-    """Half a resolution cell apart, from three periods in the log to a tenth of the rate."""
+    """From three periods in the log to a tenth of the rate, spaced by half a resolution cell."""
     length = log.t[-1] - log.t[0]
     return np.arange(3.0 / length, min(0.1 / log.dt, 65.0), 0.5 / length)
 
 
 def instants(log: Any) -> np.ndarray:
-    """Times that leave a tenth of the log on either side."""
+    """Times from a tenth to nine tenths of the log."""
     return log.t[0] + (log.t[-1] - log.t[0]) * np.linspace(0.1, 0.9, 33)
 
 
@@ -58,7 +58,7 @@ def durations(log: Any) -> np.ndarray:
 
 
 def exponents(log: Any) -> np.ndarray:
-    """Powers of the speed between none and one."""
+    """Exponents of the speed between 0 and 1."""
     return np.array([0.15, 0.3, 0.5, 0.7, 0.85])
 
 
@@ -83,13 +83,13 @@ def lags(log: Any, values: Values) -> Sets:
 
 
 def limits(log: Any, values: Values) -> Sets:
-    """Torques that the log exceeds for a moment, and up to a fifth of the time."""
+    """Torques that the log exceeds during 0.1 % to 20 % of the time."""
     size = np.abs(log.u)
     return _sets(limit=np.quantile(size[size > 0.0], [0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.999]))
 
 
 def half_widths(log: Any, values: Values) -> Sets:
-    """Shares of the torque's size; Coulomb friction then was taken for too much by as much."""
+    """Shares of the size of the torque; also with Fc reduced by the same amount."""
     sets = _sets(half_width=np.std(log.u) * np.array([0.02, 0.05, 0.1, 0.2, 0.4]))
     Fc = values.get("Fc")
     if Fc is None:
@@ -98,7 +98,7 @@ def half_widths(log: Any, values: Values) -> Sets:
 
 
 def stops(log: Any, values: Values) -> Sets:
-    """Near either end of the travel, a third or all of the torque's size at the very end."""
+    """Near either end of the travel; at the end the torque is 0.3 or 1 times the size of u."""
     low, high, size = np.min(log.theta), np.max(log.theta), np.std(log.u)
     sets = []
     for side, part, share in product((-1.0, 1.0), (0.02, 0.05, 0.1, 0.2, 0.35), (0.3, 1.0)):
@@ -109,14 +109,14 @@ def stops(log: Any, values: Values) -> Sets:
 
 
 def couplings(log: Any, values: Values) -> Sets:
-    """A twentieth to a half of the inertia behind springs from slow to a quarter of the rate."""
+    """5 to 35 % of the inertia behind springs, tuned from slow to a quarter of the rate."""
     low = 3.0 / (log.t[-1] - log.t[0])
     tuned = np.geomspace(max(low, 2.0), max(min(0.25 / log.dt, 200.0), 4.0), 16)
     return [_behind(values["J"], *pair) for pair in product((0.05, 0.15, 0.35), tuned)]
 
 
 def gaps(log: Any, values: Values) -> Sets:
-    """As :func:`couplings`, through gaps of half a thousandth to a twentieth of the travel."""
+    """As :func:`couplings`, with gaps of 0.05 % to 5 % of the travel."""
     tuned = np.geomspace(15.0, max(min(0.2 / log.dt, 80.0), 30.0), 3)
     widths = np.ptp(log.theta) * np.geomspace(0.0005, 0.05, 80)
     made = product(tuned, widths)
@@ -125,10 +125,11 @@ def gaps(log: Any, values: Values) -> Sets:
 
 @dataclass(frozen=True)
 class Box:
-    """Where all sets of values are searched: logarithms x of what the sets are made of.
+    """The region of parameter sets to search, in logarithmic coordinates x.
 
-    ``low``, ``high`` bound x, ``near`` is how far a set may be from a good one; ``at(x)`` is the
-    set, ``into(values)`` its x. ``shape`` are those of x that are more than a strength.
+    ``low``, ``high`` bound x; ``near`` is the largest distance of a start from a good fit.
+    ``at(x)`` gives the set of values, ``into(values)`` its x. ``shape`` selects the coordinates
+    that are not merely a strength.
     """
 
     low: np.ndarray
@@ -140,9 +141,10 @@ class Box:
 
 
 def gap_box(log: Any, values: Values) -> Box:
-    """The whole inertia, the share of it behind a gap, its ringing in Hz, damping, and the gap.
+    """Total inertia, its share behind the gap, natural frequency of the load in Hz, damping, gap.
 
-    The whole may be more than a rigid model makes of it: the load hangs loose for a while.
+    The total may exceed the inertia of a rigid model, because the load is free in the gap for a
+    part of the time.
     """
     known, travel = values["J"] + values.get("load_inertia", 0.0), float(np.ptp(log.theta))
     low = np.array([0.9 * known, 0.03, 4.0, 0.01, 5e-4 * travel])
@@ -154,7 +156,7 @@ def gap_box(log: Any, values: Values) -> Box:
         return _behind(whole, share, frequency, damping) | {"gap": gap}
 
     def into(given: Values) -> np.ndarray:
-        load = max(given["load_inertia"], low[1] * known)  # a fit may come to none
+        load = max(given["load_inertia"], low[1] * known)  # a fit may end at no load
         ringing = max(_ringing(given["stiffness"], load), 2.0 * np.pi * low[2])
         damping = given["damping"] / (2.0 * load * ringing)
         x = np.array([known, load / known, ringing / (2.0 * np.pi), damping, given["gap"]])
@@ -166,19 +168,19 @@ def gap_box(log: Any, values: Values) -> Box:
 
 
 def in_the_gap(values: Values) -> tuple[float, float]:
-    """How far a load may be: its twist (rad) a little beyond either stop, its speed against the
-    motor's (rad/s) that at which such a twist rings."""
+    """Largest deviation of the load: its twist (rad) to a little beyond either side of the gap,
+    its speed relative to the motor (rad/s) that of an oscillation with this twist."""
     twist = 0.6 * values["gap"]
     return twist, twist * _ringing(values["stiffness"], values["load_inertia"])
 
 
 def _ringing(stiffness: float, load: float) -> float:
-    """Of the load alone, rad/s."""
+    """Natural frequency of the load on the spring, with the motor fixed, rad/s."""
     return float(np.sqrt(stiffness / max(load, 1e-300)))
 
 
 def _behind(J: float, share: float, frequency: float, damping: float = 0.1) -> dict[str, float]:
-    """A share of J moved behind a spring whose load alone rings at a frequency in Hz."""
+    """A share of J moved behind a spring; ``frequency`` is that of the load alone in Hz."""
     load, ringing = share * J, 2.0 * np.pi * frequency
     return {
         "load_inertia": float(load),
@@ -189,11 +191,10 @@ def _behind(J: float, share: float, frequency: float, damping: float = 0.1) -> d
 
 
 def stictions(log: Any, values: Values) -> Sets:
-    """A tenth to one above Fc, gone at a hundredth to a third of the largest speed.
+    """Fs of 1.1 to 2 Fc, vs of 1 to 30 % of the largest speed.
 
-    Also what least squares of the torque on the sliding motion find, with the plant that goes
-    with it: a model without the effect takes for Fc what lies between the two levels, or the
-    higher one.
+    Also the least-squares fits of the torque to the sliding motion, with their plant parameters:
+    without the effect the fitted Fc is biased, between the two levels or at the higher one.
     """
     Fc = values.get("Fc")
     if not Fc:
@@ -215,7 +216,7 @@ def _sliding(log: Any, vs: float) -> Sets:
 
 
 def bristles(log: Any, values: Values) -> Sets:
-    """Break-away after a hundred thousandth to a hundredth of the travel, two dampings."""
+    """Break-away after 0.001 % to 1 % of the travel, with two dampings."""
     if not values.get("Fc"):
         return []
     bends = np.ptp(log.theta) * np.array([1e-5, 1e-4, 1e-3, 1e-2])
@@ -227,7 +228,7 @@ def bristles(log: Any, values: Values) -> Sets:
 
 
 def dwells(log: Any, values: Values) -> Sets:
-    """Time constants around the rests in the log; none where the drive hardly rests."""
+    """Time constants near the length of the rests in the log; empty if the drive hardly rests."""
     resting = np.abs(log.w) < 0.5 * values.get("vs", VS.value)
     edges = np.flatnonzero(np.diff(np.r_[False, resting, False].astype(int)))
     lengths = log.dt * (edges[1::2] - edges[::2])

@@ -29,9 +29,9 @@ DAMPING = P(0.01, "N m s/rad", 0.0)
 def inertia_step(t, ratio: Any = RATIO, time=P(0.0, "s", grid=hints.instants)):
     """J (1 + a) from t0.
 
-    A payload taken up or put down at the drive's own speed. In a log: from one time on the
-    residual torque goes with the acceleration. Under moves of one kind a step of friction looks
-    alike.
+    A payload picked up or put down at the speed of the drive. In a log: from one time on the
+    residual torque is proportional to the acceleration. If all moves are alike, a step of
+    friction looks the same.
     """
     return ratio * np.where(t >= time, 1.0, 0.0)
 
@@ -53,18 +53,18 @@ def pose_dependent_inertia(
 ):
     """J(theta) = J (1 + a cos(N theta + phi)), r_e = (1/2) dJ/dtheta w^2.
 
-    The torque goes with the change of J: together they keep the kinetic energy. N = 1 is an arm
-    with an elbow, N = 2 a crank; on linear drives N = 2 pi / period in rad/m. In a log: the
-    residual goes with the acceleration by a factor that hangs on position, and with w^2 at
-    constant speed, as for an eccentric encoder. At one acceleration it is gravity or a ripple.
-    One such effect to a model.
+    The torque r_e belongs to the change of J: together they conserve the kinetic energy. N = 1 is
+    an arm with an elbow, N = 2 a crank; on linear drives N = 2 pi / period in rad/m. In a log:
+    the residual is proportional to the acceleration, by a factor that depends on position, and
+    at constant speed to w^2, as for an eccentric encoder. At one acceleration gravity or a
+    ripple looks the same. A model may contain only one such effect.
     """
     angle = harmonic * theta + phase
     return ratio * np.cos(angle), -0.5 * J * ratio * harmonic * np.sin(angle) * w * w
 
 
 def _stretched(twist: Any, gap: Any) -> Any:
-    """How far a coupling with a gap of this total width is stretched."""
+    """The stretch of a coupling with a gap of this total width."""
     return np.maximum(twist - 0.5 * gap, 0.0) + np.minimum(twist + 0.5 * gap, 0.0)
 
 
@@ -96,10 +96,10 @@ def elastic_coupling(
 ):
     """r_e = K twist + D (w - w_load), Jl dw_load/dt = r_e, dtwist/dt = w - w_load.
 
-    A load inertia Jl on top of J behind a spring and a damper; friction stays on the motor. The
-    states are 0 and w where both turn together. In a log: the motor resists at
-    sqrt(K/Jl) (anti-resonance) and yields at sqrt(K (1/J + 1/Jl)) (resonance). Well below that
-    it is a larger J; near it a sensor lag or a delay turns the phase alike.
+    A load inertia Jl in addition to J, behind a spring and a damper; friction acts on the motor.
+    The states are 0 and w if both turn together. In a log: the motor hardly moves at
+    sqrt(K/Jl) (anti-resonance) and moves most at sqrt(K (1/J + 1/Jl)) (resonance). Well below
+    that a larger J looks the same; near it a sensor lag or a delay has a similar phase.
     """
     return _load_side(w, twist, w_load, load_inertia, 0.0, stiffness, damping)
 
@@ -127,9 +127,9 @@ def backlash(
 ):
     """r_e = K s + D (w - w_load), s = twist beyond +-gap/2, Jl dw_load/dt = r_e.
 
-    dtwist/dt = w - w_load; no torque while |twist| < gap/2, gap being the total width. twist = 0
-    is the middle of the gap. In a log: after each reversal the drive runs with J alone over a
-    fixed angle, then meets the load with a blow. With a gap of 0 it is an elastic coupling; at
-    one small amplitude it may be presliding.
+    dtwist/dt = w - w_load; no torque while |twist| < gap/2; gap is the total width. twist = 0
+    is the middle of the gap. In a log: after each reversal the drive moves with J alone over a
+    fixed angle, then hits the load. With a gap of 0 it is an elastic coupling; at one small
+    amplitude presliding may look the same.
     """
     return _load_side(w, twist, w_load, load_inertia, gap, stiffness, damping)

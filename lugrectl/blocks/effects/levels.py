@@ -27,9 +27,9 @@ def position_dependent_friction(
 ):
     """G = 1 + a sin(N theta + phi).
 
-    N >= 1 on rotary drives; on linear drives N = 2 pi / period in rad/m. In a log: a line at an
-    order of the position whose sign turns with the direction (a bent shaft, a tight spot in a
-    guide). In one direction only it is a torque ripple or gravity.
+    N >= 1 on rotary drives; on linear drives N = 2 pi / period in rad/m. In a log: a spectral
+    line at an order of the position that changes sign with the direction (a bent shaft, a tight
+    spot in a guide). In one direction only, a torque ripple or gravity looks the same.
     """
     return ratio * np.sin(harmonic * theta + phase)
 
@@ -45,8 +45,8 @@ def position_dependent_friction(
 def coulomb_asymmetry(w, ratio=P(0.0, "1", -0.95, 0.95, neutral=0.0)):
     """G = 1 + a sign(w).
 
-    In a log: a constant torque while the drive moves that is gone while it rests. In a log
-    that hardly rests it is a constant torque.
+    In a log: a torque that is constant while the drive moves and zero while it rests. If the
+    drive hardly rests, a constant torque looks the same.
     """
     return ratio * np.sign(w)
 
@@ -61,8 +61,8 @@ def coulomb_asymmetry(w, ratio=P(0.0, "1", -0.95, 0.95, neutral=0.0)):
 def viscous_asymmetry(w, ratio=P(0.0, "1", -1.0, 1.0, neutral=0.0)):
     """Fv (1 + a sign(w)).
 
-    In a log: a residual that grows with speed and has one sign in both directions. At a single
-    speed it is an asymmetry of Coulomb friction.
+    In a log: a residual that grows with speed and has the same sign in both directions. At a
+    single speed an asymmetry of Coulomb friction looks the same.
     """
     return ratio * np.sign(w)
 
@@ -72,7 +72,7 @@ def viscous_asymmetry(w, ratio=P(0.0, "1", -1.0, 1.0, neutral=0.0)):
     out="level",
     acts="Fc Fs Fv",
     confused="friction_step quadratic_drag",
-    experiment="repeat the same run cold and warm, at two speeds in turn, and log the temperature",
+    experiment="repeat the same run cold and warm, alternating two speeds, and log the temperature",
 )
 def thermal_drift(
     t,
@@ -81,10 +81,10 @@ def thermal_drift(
 ):
     """G, Fv scaled by 1 + a (1 - exp(-t/tau)).
 
-    t is the time of the log, at whose 0 the drive is cold; before that nothing changes. In a
-    log: all friction drifts towards a new level, a < 0 as grease warms up. A log much shorter
-    than tau shows a straight drift, from which a and tau cannot be told apart; a log that
-    starts warm shows none.
+    t is the time of the log; the drive is cold until t = 0. In a log: all friction drifts
+    towards a new level, a < 0 as grease warms up. A log much shorter than tau shows a straight
+    drift, from which a and tau cannot be determined separately; a log that starts with a warm
+    drive shows none.
     """
     return ratio * (1.0 - np.exp(-np.maximum(t, 0.0) / time_constant))
 
@@ -94,15 +94,15 @@ def thermal_drift(
     out="level",
     acts="+Fc +Fs",
     confused="position_dependent_friction torque_ripple gravity",
-    experiment="repeat the run with another payload: friction that hangs on the load follows it",
+    experiment="repeat the run with another payload: load-dependent friction changes with it",
 )
 def load_dependent_friction(load, coefficient=P(0.0, "1", 0.0, 20.0, neutral=0.0)):
     """Fc + mu |load|, Fs + mu |load|.
 
-    ``load`` is d and the torques of gravity and a constant torque, not what the motor has to
-    give. In a log: friction grows where the load pulls, in both of its directions; with gravity
-    at every half turn, which friction that hangs on position (N = 2) resembles. A constant load
-    only shifts Fc: no log tells the two.
+    ``load`` is the sum of d and the torques of gravity and a constant torque, not the motor
+    torque. In a log: friction is higher where the load is large, whatever its sign; with gravity
+    twice per turn, as position-dependent friction of order N = 2. A constant load only shifts
+    Fc: no log distinguishes the two.
     """
     return coefficient * np.abs(load)
 
@@ -112,12 +112,12 @@ def load_dependent_friction(load, coefficient=P(0.0, "1", 0.0, 20.0, neutral=0.0
     out="level",
     acts="Fc Fs",
     confused="thermal_drift inertia_step",
-    experiment="repeat the run and see whether the change comes back; log the temperature",
+    experiment="repeat the run, check whether the change recurs, and log the temperature",
 )
 def friction_step(t, ratio=RATIO, time=P(0.0, "s", grid=hints.instants)):
     """G = 1 + a from t0.
 
-    In a log: the residual torque along sign(w) jumps at one time. A drift faster than the
-    moves in the log looks alike.
+    In a log: the residual torque times sign(w) jumps at one time. A drift that is faster than
+    the moves in the log looks the same.
     """
     return ratio * np.where(t >= time, 1.0, 0.0)

@@ -1,4 +1,4 @@
-"""Torques on the resisting side that hang on position or time."""
+"""Torques on the resisting side that depend on position or time."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ AMPLITUDE = P(0.0, "N m", 0.0, neutral=0.0)
 def constant_torque(t, torque=P(0.0, "N m", neutral=0.0)):
     """r_e = T0.
 
-    In a log: the mean of the residual torque, the same in both directions and at rest. A load
-    that hangs on the drive, or an offset of the current sensor. Over a short travel gravity and
-    a return spring are constant too; an asymmetry of friction is not there at rest.
+    In a log: the mean of the residual torque, the same in both directions and at rest: a
+    suspended load, or an offset of the current sensor. Over a short travel gravity and a return
+    spring look the same; an asymmetry of friction vanishes at rest.
     """
     return torque + 0.0 * t
 
@@ -42,8 +42,8 @@ def constant_torque(t, torque=P(0.0, "N m", neutral=0.0)):
 def gravity(theta, amplitude=AMPLITUDE, phase=PHASE):
     """r_e = A sin(theta + phi).
 
-    In a log: once per turn, the same in both directions and at every speed. Over less than a
-    quarter turn it is a constant torque with a return spring.
+    In a log: one period per turn, the same in both directions and at every speed. Over less than
+    a quarter turn a constant torque with a return spring looks the same.
     """
     return amplitude * np.sin(theta + phase)
 
@@ -54,7 +54,7 @@ def gravity(theta, amplitude=AMPLITUDE, phase=PHASE):
     acts="torque",
     confused="periodic_disturbance position_dependent_friction torque_constant_ripple "
     "encoder_eccentricity",
-    experiment="record slow moves over several periods at two different speeds, both ways",
+    experiment="record slow moves over several periods, at two speeds and in both directions",
 )
 def torque_ripple(
     theta,
@@ -65,9 +65,9 @@ def torque_ripple(
     """r_e = A sin(N theta + phi).
 
     N >= 2 on rotary drives (N = 1 is gravity); on linear drives N = 2 pi / period in rad/m. In a
-    log: a line at a fixed order of the position, the same in both directions and at every
-    torque (cogging). At one constant speed it is a periodic disturbance; in one direction it
-    is friction that hangs on position; at one torque a ripple of the torque constant.
+    log: a spectral line at a fixed order of the position, the same in both directions and at
+    every torque (cogging). At one constant speed a periodic disturbance looks the same; in one
+    direction position-dependent friction; at one torque a ripple of the torque constant.
     """
     return amplitude * np.sin(harmonic * theta + phase)
 
@@ -86,8 +86,9 @@ def return_spring(
 ):
     """r_e = K (theta - theta0).
 
-    In a log: a straight line over position, the same in both directions; a cable or a torsion
-    spring. Over a short travel gravity is as straight, and under a single sine so is inertia.
+    In a log: a torque that is linear in the position, the same in both directions (a cable, a
+    torsion spring). Over a short travel gravity looks the same; with a single sine as the motion,
+    so does inertia.
     """
     return stiffness * (theta - rest)
 
@@ -108,9 +109,9 @@ def hard_stop(
 ):
     """r_e = K (theta - thetas) beyond thetas, side (theta - thetas) > 0.
 
-    side = +1 stops positive motion, -1 negative. Elastic: what goes in comes back. In a log: a
-    torque on one side of one position and none on the other. Where the drive only just gets
-    there it may as well be a spring or gravity near the end of the travel.
+    side = +1 stops positive motion, -1 negative. The stop is elastic, without loss. In a log: a
+    torque on one side of one position and none on the other. If the drive only just reaches the
+    stop, a spring or gravity near the end of the travel looks the same.
     """
     return side * stiffness * np.maximum(side * (theta - position), 0.0)
 
@@ -120,7 +121,8 @@ def hard_stop(
     out="d",
     acts="torque",
     confused="torque_ripple",
-    experiment="repeat the run at another speed and once at standstill: a fixed frequency stays",
+    experiment="repeat the run at another speed and at standstill: a fixed frequency does not "
+    "change",
 )
 def periodic_disturbance(
     t,
@@ -130,7 +132,8 @@ def periodic_disturbance(
 ):
     """r_e = A sin(2 pi f t + phi).
 
-    In a log: a line at a fixed frequency, whatever the speed (mains, a neighbouring machine). At
-    one constant speed a ripple over position has one too. The phase is that at t = 0 of the log.
+    In a log: a spectral line at a fixed frequency at any speed (mains, a neighbouring machine).
+    At one constant speed a ripple over position looks the same. phi is the phase at t = 0 of the
+    log.
     """
     return amplitude * np.sin(2 * np.pi * frequency * t + phase)
