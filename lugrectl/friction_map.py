@@ -19,7 +19,7 @@ from .steady.points import Points, is_steady, laid, points, refuse_narrow
 from .steady.swing import Swing, finding_of, sentence, swings
 from .tracing.evaluate import rms
 from .tracing.hanging import signals_of
-from .tracing.job import Progress, untold
+from .tracing.job import Progress, unidentified
 from .tracing.start import holding
 
 EVERY = 3  # one of so many speeds is held out
@@ -211,7 +211,7 @@ def messages_of(fits: Fits, whole: Curve) -> tuple[str, ...]:
     said = MAP.format(len(fits.records))
     said += f"; of {', '.join(silent)} they tell nothing." if silent else "."
     ends = [f"{k} lies at the end of the range that it may move in." for k in whole.ends()]
-    flat = untold(whole.flat(), "runs tell")
+    flat = unidentified(whole.flat(), "these runs")
     return tuple(dict.fromkeys([*fits.declared.remarks(), *noticed, said, *ends, *flat]))
 
 

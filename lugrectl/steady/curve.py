@@ -78,13 +78,13 @@ class Curve:
         if free < 1 or not len(x):
             return {}
         covariance, made = inverse(self.information), {}
-        untold = {key for keys in self.flat() for key in keys} | set(self.ends())
+        unidentified = {key for keys in self.flat() for key in keys} | set(self.ends())
         moved = [(_at(self, x - e), _at(self, x + e)) for e in np.diag(_steps(self))]
         for c in self.coords:
             rate = np.array([b[c.key] - a[c.key] for a, b in moved]) / (2.0 * _steps(self))
             half = float(student.ppf(0.975, free) * np.sqrt(rate @ covariance @ rate))
             value = self.values[c.key]
-            if c.key not in untold:
+            if c.key not in unidentified:
                 made[c.key] = (max(value - half, c.low), min(value + half, c.high))
         return made
 

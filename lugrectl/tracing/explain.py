@@ -53,7 +53,7 @@ RETRIED = 3  # candidates whose plant values the model without them is fitted fr
 class Explanation:
     """The refitted model, accepted effects, the final model with them inside, and what is left.
 
-    ``unexplained`` says whether something proven is left; ``hangs_on`` on which signals. Where
+    ``unexplained`` says whether something proven is left; ``depends_on`` on which signals. Where
     ``other`` is given the first effect has shown that its torque is to be taken first: what
     else is here is not to be used. ``carried`` are the shares that a load takes of what is lacking
     where the measured motion drives it, by :func:`~lugrectl.tracing.search.carries`.
@@ -64,7 +64,7 @@ class Explanation:
     final: Fitted
     ranking: tuple[Candidate, ...]
     unexplained: bool
-    hangs_on: tuple[str, ...]
+    depends_on: tuple[str, ...]
     other: Data | None = None
     carried: tuple[float, float] | None = None
 
@@ -168,8 +168,8 @@ def without_effects(found: Explanation) -> Explanation:
     base = found.base
     left, signals = left_over(base, base, found=False, doubtful=False)
     if found.unexplained and not left:
-        left, signals = True, found.hangs_on
-    return replace(found, steps=(), final=base, unexplained=left, hangs_on=signals, carried=None)
+        left, signals = True, found.depends_on
+    return replace(found, steps=(), final=base, unexplained=left, depends_on=signals, carried=None)
 
 
 def behind_a_filter(found: Explanation) -> Explanation:

@@ -90,11 +90,11 @@ class Fitted:
 
         What the record does not tell, or one window alone, has none.
         """
-        untold = {key for keys in self.flat() for key in keys}
+        unidentified = {key for keys in self.flat() for key in keys}
         width = np.sqrt(np.diag(self.covariance())) * stats.t.ppf(0.975, len(self.scores) - 1)
         made = dict(self.instants)
         for c, half in zip(self.free, width, strict=True):
-            if c.key in untold or half > ANYWHERE:
+            if c.key in unidentified or half > ANYWHERE:
                 continue
             x = c.into(self.values)
             ends = x - half, x + half
@@ -225,7 +225,7 @@ def refitted(found: Fitted, data: Data) -> Fitted:
     )  # fmt: skip
 
 
-def told_apart(found: Fitted) -> np.ndarray:
+def identified_covariance(found: Fitted) -> np.ndarray:
     """The covariance of what the record tells, 0 for what it does not, (coords, coords)."""
     C = found.covariance()
     told = np.diag(C) < ANYWHERE

@@ -30,7 +30,7 @@ RIDGES = (1.0, 1e1, 1e2, 1e3, 1e4, 1e5)
 WORST = 1e6  # change of an innovation that counts where the plant becomes unstable
 
 
-def hangs_on(fitted: Fitted) -> tuple[str, ...]:
+def depends_on(fitted: Fitted) -> tuple[str, ...]:
     """The signals of which what is left is a function; none if it is one of none of them, or of
     none whose torque would be worth a name."""
     best = clearest(dependences(lightened(fitted)))

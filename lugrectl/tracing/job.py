@@ -33,8 +33,8 @@ from .start import completed, holding, refuse_untold_inertia, settled
 from .windows import Windows, spread, windows
 
 SLOWLY = "first guess; slow, as there is neither a C compiler nor numba (lugrectl[fast])"
-UNTOLD = "Of {} the {} only a combination: their values are one choice among many."
-UNTOLD_ALONE = "Of {} the {} nothing: its value is one choice among many."
+UNIDENTIFIED = "Of {} the {} only a combination: their values are one choice among many."
+UNIDENTIFIED_ALONE = "Of {} the {} nothing: its value is one choice among many."
 SMOOTHED = (
     "u is noisy from sample to sample: the noise was taken out as far as it goes. J may come out "
     "too large, and a lag or an elastic coupling be noise: log the torque that is commanded."
@@ -155,10 +155,10 @@ def compared(job: Job, fitted: Fitted) -> Job:
     return noted(job, *told(predictor.data, fitted.values, repeating(predictor.model)))
 
 
-def untold(flat: Sequence[Sequence[str]], told_by: str) -> list[str]:
+def unidentified(flat: Sequence[Sequence[str]], source: str) -> list[str]:
     """A sentence for each direction that the records do not tell, by the keys that belong to it."""
     return [
-        (UNTOLD if len(keys) > 1 else UNTOLD_ALONE).format(" and ".join(keys), told_by)
+        (UNIDENTIFIED if len(keys) > 1 else UNIDENTIFIED_ALONE).format(" and ".join(keys), source)
         for keys in flat
     ]
 
