@@ -83,8 +83,8 @@ def _only(base: Fitted, where: Windows, run: int) -> Fitted:
 
 
 def _clearest(alone: Sequence[Score]) -> list[tuple[str, float]]:
-    """Names and orders of the periodic effects with the largest score-test gain over all runs; the
-    order of each is the best one in some run."""
+    """Names and orders of the periodic effects with the largest score-test gain over all runs;
+    the order of each is the best one in some run."""
     names = [name for name, made in members("effect").items() if repeats(made)]
     trials = [trial for score in alone for trial in screen(score, names)]
     found = {(t.name, orders(t.fitted.predictor.model, t.values)[0]) for t in trials}

@@ -95,8 +95,8 @@ def _obeys(record: Record, data: Data, run: slice, name: str, slope: float) -> b
 
 
 def stuck(records: Sequence[Record], data: Data, at: Cells, remarks: list[str]) -> None:
-    """Check the values at which u stays: the balance of the other samples shows whether the motion
-    needs another torque."""
+    """Check the values at which u stays: the balance of the other samples shows whether the
+    motion needs another torque."""
     found = [(*one, at.mean(running(one[1].astype(float))) > 0.5) for one in _values_held(data)]
     if not found:
         return

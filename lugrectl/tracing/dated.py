@@ -89,8 +89,8 @@ def _clearly(found: Fitted, moved: Fitted) -> bool:
 def ahead(data: Data, samples: float, sharp: float = 0.0) -> Data:
     """Data with the torque shifted earlier by so many samples.
 
-    Linear interpolation half-way between samples reduces a sine of w rad/s by the factor (w dt)^2 /
-    8; ``sharp`` adds sharp (w dt)^2 back.
+    Half-way between samples, linear interpolation reduces a sine of w rad/s by ``(w dt)^2 / 8`` of
+    its size; ``sharp`` adds ``sharp (w dt)^2`` back.
     """
     u, early = data.u.copy(), samples * data.dt
     part = samples % 1.0

@@ -155,8 +155,8 @@ def _moves(records: Sequence[Record], data: Data, at: Cells) -> None:
 def _varied(
     records: Sequence[Record], model: Model, data: Data, at: Cells, remarks: list[str]
 ) -> None:
-    """Coulomb friction needs both directions to be distinguished from a load, and several speeds to
-    be distinguished from Fv."""
+    """Coulomb friction needs both directions to be distinguished from a load, and several speeds
+    to be distinguished from Fv."""
     w, slides = moving(data, at)
     w, where = w[slides], named(records)
     friction = model.friction.values
