@@ -9,7 +9,7 @@ import pytest
 from lugrectl import diagnose
 from lugrectl.spec import members
 from lugrectl.tracing import choice
-from lugrectl.tracing.blows import closer, forgiving, sharpened, search_all
+from lugrectl.tracing.blows import closer, forgiving, search_all, sharpened
 from lugrectl.tracing.coordinates import free_keys
 from lugrectl.tracing.fit import fit
 from lugrectl.tracing.job import begin

@@ -46,7 +46,7 @@ def copied(record: Record, data: Data, run: slice) -> None:
             continue
         raise Refused(
             f"{record.source}: u equals {slope:.4g} times {name} to within "
-            f"{100 * np.sqrt(left / total):.2g} %, including its noise, so u is not a torque.",
+            f"{100 * np.sqrt(left / total):.2g} %, including its noise, so u is not the torque.",
             "Record the torque that the drive applies, and check the names of the columns.",
         )
 

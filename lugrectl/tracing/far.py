@@ -10,7 +10,7 @@ from .fit import Fitted
 FAR = 0.2  # of the declared value, from which a change is mentioned
 ALIKE = 0.05  # relative spread within which factors count as equal
 SCALED = ("J", "Fc", "Fv")  # among the values that a wrong scale of the torque multiplies
-MOVED = "{} was identified {:.0f} % {} the declared {:.4g} {}"
+MOVED = "{} is {:.0f} % {} the declared {:.4g} {}"
 SCALE = (
     "all by the factor {:.3g}: if the declared values are right, the scale of u is wrong (torque "
     "constant, gear ratio)"
