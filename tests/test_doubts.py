@@ -178,7 +178,7 @@ def test_a_reference_for_a_torque(model):
                 channels=("r",))  # fmt: skip
     record = record_of(case)
     assert looked_over(record, model) == ()
-    refused(replace(record, u=40.0 * record.r), model, "u is 40 times the reference r")
+    refused(replace(record, u=40.0 * record.r), model, "u equals 40 times the reference r")
 
 
 def test_a_torque_reference_may_be_the_torque(plain, model):

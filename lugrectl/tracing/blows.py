@@ -1,7 +1,7 @@
 """Global search for effects whose likelihood has many local maxima.
 
-The noise may be larger in single windows, so that a window which missed an unobserved load state
-does not decide (tempering).
+The noise may be larger in single windows, so that those in which a hidden state was missed do not
+decide (tempering).
 """
 
 from __future__ import annotations

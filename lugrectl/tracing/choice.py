@@ -24,8 +24,8 @@ from .surprise import surprising
 from .windows import Windows
 
 LOOKED = 6  # candidates beside which a second effect is screened
-PART = 0.1  # of the leader's gain: an equal candidate may gain less by that much
-FIRM = 2.0  # half-widths of its 95 % interval from an effect's strength to none: significant
+PART = 0.1  # of the leader's gain, by which a candidate that counts as equal may gain less
+FIRM = 2.0  # half-widths of its 95 % interval by which a significant strength differs from none
 ECCENTRIC = "encoder_eccentricity"
 LEAST_OF_A_TURN = 1.0  # rad of travel
 TURNING = ("gravity", ECCENTRIC)  # once per turn: not tried on a linear axis
@@ -48,8 +48,9 @@ class Step:
     def firmness(self, fitted: Fitted) -> float:
         """Significance of the strength: half-widths of its 95 % interval from none.
 
-        Under a noise that may be larger in windows that missed a hidden state, just those few
-        windows disagree; then the significance at acceptance counts if it is higher.
+        Under a noise that may be larger in windows in which a hidden state was missed, only those
+        few windows disagree on the strength; then the significance at acceptance counts if it is
+        higher.
         """
         now = firmness(fitted, self.trial.key)
         return max(self.firm, now) if fitted.noise.uneven and self.trial.boxed else now
@@ -129,8 +130,9 @@ def _beside(fitted: Fitted) -> float:
 def sureness(before: Fitted, after: Fitted, trial: Trial) -> float:
     """Significance of an effect when it is found.
 
-    If a few windows missed its hidden state, their sensitivities say nothing about its strength.
-    Then it counts how far the windows agree on their gain, if that is more significant.
+    Windows in which its hidden state was missed say nothing about its strength by their
+    sensitivities. For such an effect the significance of the windows' gain counts, if that is
+    higher.
     """
     firm = firmness(after, trial.key)
     return max(firm, agreed(forgiving(before), forgiving(after))) if trial.boxed else firm

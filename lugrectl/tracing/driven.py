@@ -69,7 +69,7 @@ def strengths(block: Block) -> set[str]:
 def convincing(loads: Sequence[Driven]) -> bool:
     """True if such a load explains nearly all, and some of it where nothing was fitted.
 
-    The bounds were chosen by 17 drives without a load, sound or with other effects (share at most
+    The bounds were chosen from 17 drives without a load, sound or with other effects (share at most
     0.41), and 14 with one (at least 0.88).
     """
     share = max((d.share for d in loads), default=0.0)

@@ -41,7 +41,7 @@ from .search import Contest, Pair, Say, carries, contest, loaded
 from .slide import lacking
 from .windows import Windows
 
-PIECED = 0.98  # explained share below which the most effects allowed are a patchwork, not physics
+PIECED = 0.98  # explained share: with less, MOST_EFFECTS effects are a patchwork, not physics
 FIRMER = 1.0  # half-widths as in FIRM, from which a candidate is preferred to others
 LOST = 0.2  # share of the residual's power explained by insignificant effects: doubtful above
 MOST_EFFECTS = 3
@@ -211,9 +211,9 @@ class _Trace:
     def passed_over(self, found: Explanation) -> list[Pair]:
         """Candidates of the first round that were not accepted but may be right.
 
-        These explained more but were not significant (a stop that few windows meet). If there are
-        none: the significant ones, or if none was, those more significant than the accepted one.
-        The accepted effect may turn out insignificant and have kept others away.
+        These are the ones that explained more but were not preferred, such as a stop that few
+        windows meet. If there are none, and no effect was kept: the significant ones, or if none
+        was, those more significant than the accepted one, which may have displaced them.
         """
         return self.passed if self.stronger or not found.steps else []
 
@@ -266,8 +266,8 @@ class _Trace:
     def hidden(self, say: Say) -> list[Pair]:
         """Candidates that are significant although the score test shows no gain.
 
-        They have no linear part: what decides whether a drive sticks or slips shows in no small
-        change.
+        They have no linear part: a small change does not show what decides whether a drive sticks
+        or slips.
         """
         names = worth_trying_on(self.current)
         return self._proven([n for n in names if members("effect")[n].tries], 0.0, say)
@@ -334,7 +334,8 @@ class _Trace:
 
 
 def _eased(steps: Sequence[Step], base: Fitted, current: Fitted) -> tuple[Fitted, Fitted]:
-    """Allow a larger noise in windows that missed a hidden state, if the newest effect has one."""
+    """Allow a larger noise in windows in which a hidden state was missed, if the newest effect
+    has such a state."""
     if not steps[-1].trial.boxed:
         return base, current
     return forgiving(base), with_hidden(sharpened(current))

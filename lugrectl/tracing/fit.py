@@ -22,8 +22,8 @@ PRIOR = 1.5  # natural log units, prior of a plant parameter: within a factor of
 FLAT = 1e-8  # of the scaled information, below which a direction is not identified
 ANYWHERE = 1e50  # how far an unidentified coordinate may move
 PART = 0.1  # component of a direction, from which a parameter belongs to it
-NOISY = 2.0  # times the expected power: above, a window missed a hidden state
-QUIETER = (0.1, 0.01)  # times the noise, to start a fit that has many optima
+NOISY = 2.0  # times the expected power: above, a hidden state was missed in the window
+QUIETER = (0.1, 0.01)  # times the noise, for the start of a fit with many local maxima
 NOISE_STEPS = (1.0, 0.6, 0.25, 1.5)  # factors tried at each step of a fit
 
 
@@ -59,7 +59,7 @@ class Fitted:
 
     @property
     def quiet(self) -> np.ndarray:
-        """The innovations of the windows that are not much noisier than allowed."""
+        """The innovations of the windows whose power is not much above the expected one."""
         return self.innovations[excess(self.innovations, self.noise) < NOISY]
 
     @property
@@ -88,7 +88,7 @@ class Fitted:
     def intervals(self) -> dict[str, tuple[float, float]]:
         """95 % intervals by key; that of a phase may reach beyond half a turn.
 
-        A parameter that the record, or all but one window, cannot identify has none.
+        A parameter that the record cannot identify, or only a single window of it, has none.
         """
         unidentified = {key for keys in self.flat() for key in keys}
         width = np.sqrt(np.diag(self.covariance())) * stats.t.ppf(0.975, len(self.scores) - 1)
@@ -131,7 +131,7 @@ def jackknife(
 
     ``parts`` (windows, p, p) and ``scores`` (windows, p) are their information and gradients,
     ``believed`` (p, p) is the information of the prior. A coordinate that only one window
-    identifies moves without bound if that is left out.
+    identifies moves without bound when that window is left out.
     """
     whole, n = parts.sum(0) + believed, len(parts)
     moved = np.full(scores.shape, ANYWHERE)

@@ -87,9 +87,9 @@ def begin(
 ) -> Job:
     """Split the records and refit the declared model on the training part.
 
-    ``turned`` exchanges training and held-out blocks of one record; the first ``lead`` s only serve
-    to find the state, and are not fitted. A w that is ``halfway`` between samples is treated as a
-    difference of positions; one on ``uneven`` stamps is not fitted.
+    ``turned`` exchanges training and held-out blocks of one record. ``lead`` is the time in s
+    before each fitted part that only serves to find the state. A w that is ``halfway`` between
+    samples is treated as a difference of positions; one on ``uneven`` stamps is not fitted.
     """
     records = (record,) if isinstance(record, Record) else tuple(record)
     apart = (holdout,) if isinstance(holdout, Record) else ()
@@ -150,7 +150,7 @@ def on_places(job: Job, report: Progress) -> Job | None:
 
 
 def compared(job: Job, fitted: Fitted) -> Job:
-    """The same job with messages on how its runs differ, by a fit."""
+    """The same job with messages on how, by a fit, its runs differ."""
     predictor = fitted.predictor
     return noted(job, *told(predictor.data, fitted.values, repeating(predictor.model)))
 

@@ -44,8 +44,8 @@ def firm_ones(
     Those in ``sure`` are kept. So is an effect that only a single window supports (a stop met once)
     if (a) held-out windows confirm it or (b) it explains more than 99 % of that window.
     Confirmation by held-out windows is also enough for an effect that explains nearly all that was
-    missing (a drift soon over), and for one by which the windows agree to gain: where a drive
-    breaks loose, their sensitivities say little of its strength.
+    missing (a drift soon over), and for one whose gain is significant across windows although its
+    strength is not: where a drive breaks loose, sensitivities say little about the strength.
     """
     unsure = [s for s in steps if all(s is not c for c in sure) and s.firmness(fitted) <= FIRM]
     if not unsure:
