@@ -38,7 +38,7 @@ from .tracing.job import (
     on_places,
     on_torque,
     score,
-    untold,
+    unidentified,
 )
 from .tracing.late import halfway
 from .tracing.rest import signals_of_the_rest
@@ -129,7 +129,7 @@ def diagnose(
     job, found, new = answer.job, answer.found, answer.unforeseen
     if len(new):
         hidden = signals_of_the_rest(found.final, found.base)
-        found = replace(found, unexplained=True, hangs_on=hidden)
+        found = replace(found, unexplained=True, depends_on=hidden)
         job = noted(job, NEW.format(when(found.final, job.parts.test, new)))
     known = None if job.data.late else answer.known  # fitted before the filter was added
     found = behind_a_filter(found)
@@ -138,7 +138,7 @@ def diagnose(
     report(0.92, "parameters and intervals")
     whole = found.final if len(new) else known or on_everything(found.final, job)
     job = compared(job, answer.own or whole)
-    flat = untold(whole.flat(), "record tells")
+    flat = unidentified(whole.flat(), "this record")
     many = (MANY,) if whole.noise.uneven else ()
     carried = (CARRIED.format(*(100 * x for x in found.carried)),) if found.carried else ()
     job = noted(job, *flat, *many, *carried, *statements(whole), *openings(found.final))
@@ -311,7 +311,7 @@ def _table(final: Fitted, job: Job, depends: Sequence[str], seed: int) -> Table 
 def _verdict(found: Explanation) -> tuple[str, tuple[str, ...]]:
     """The verdict, and the signals on which the effects found or the residual depend."""
     if found.unexplained:
-        return "unexplained", found.hangs_on
+        return "unexplained", found.depends_on
     if not found.steps:
         return "adequate", ()
     tied = any(step.tied for step in found.steps)

@@ -1,4 +1,4 @@
-"""Runs at steady speed: the map of torque over speed, and what the declared friction lacks."""
+"""Runs at steady speed: the map of torque over speed, and what is missing from its friction."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from .steady.points import Points, is_steady, laid, points, refuse_narrow
 from .steady.swing import Swing, finding_of, sentence, swings
 from .tracing.evaluate import rms
 from .tracing.hanging import signals_of
-from .tracing.job import Progress, untold
+from .tracing.job import Progress, unidentified
 from .tracing.start import holding
 
-EVERY = 3  # one of so many speeds is held out
+EVERY = 3  # one of three speeds is held out
 FINE = 400  # speeds at which the curves are drawn
 MAP = "{} runs at steady speed were taken as one map of torque over speed"
 LOG_ANGLE = "log theta from one zero mark in every run, over slow turns in both directions"
@@ -35,7 +35,7 @@ _TORQUE = ("unit", "declared", "refitted", "augmented")
 class Fits:
     """A map, which of its points are held out, and the declared friction fitted to the others.
 
-    ``aside`` are the declared effects of which such runs tell nothing; ``declared`` is without.
+    ``aside`` are the declared effects that such runs do not identify; ``declared`` is without them.
     """
 
     records: tuple[Record, ...]
@@ -54,62 +54,62 @@ def diagnose_map(
     seed: int,
     progress: Progress,
 ) -> Diagnosis:
-    """What the declared friction lacks to explain the torque of runs at steady speed.
+    """Find what is missing from the declared friction, by runs at steady speed.
 
-    ``u - d = F(w) + r(w)``: one point for each run, its mean torque over its mean speed, its
-    weight by the mean's error and by a scatter from run to run. An effect that hangs on speed
-    alone, or on nothing, is added where the misfit falls by more than chance allows (F test,
-    1 % for all candidates together) and where its torque is worth a word. How the torque swings
-    with the angle is told beside it. Of inertia and presliding such runs tell nothing.
+    ``u - d = F(w) + r(w)``: one point for each run, its mean torque over its mean speed, weighted
+    by the error of the mean and by a scatter from run to run. An effect that depends on speed
+    alone, or on nothing, is added if the misfit falls by more than chance allows (F test, 1 % for
+    all candidates together) and if its torque is above the least size. The ripple of the torque
+    over the angle is reported as well. Such runs do not identify inertia and presliding.
 
-    One of three speeds in either direction is held out, the last half of every run, or a run.
-    ``error`` is the RMS of measured minus modelled mean torque there, N m or N: there is no
-    motion to simulate. Values given at the end come from all points.
+    Held out are one of three speeds in either direction, the last half of every run, or a run.
+    ``error`` is the RMS of measured minus modelled mean torque there, N m or N: there is no motion
+    to simulate. Values given at the end come from all points.
 
     Parameters
     ----------
     records : list of Record
         Four or more runs at a steady speed each.
     model : Model
-        The declared model; its friction is fitted, its effects where such runs show them.
+        The declared model; its friction is fitted, and those of its effects that such runs show.
     holdout : None, "last" or Record
         What is held out.
     seed : int
-        For the orders drawn at random that tell whether what is left hangs on speed.
+        For the permutations that test whether the residual depends on speed.
     progress : callable
         ``progress(fraction, what)``.
 
     Raises
     ------
     InputError
-        When a run held out is at no steady speed.
+        When a run held out is not at a steady speed.
     Refused
         When the runs go in one direction or at one speed only, or are too few.
     """
     fits = begin_map(records, model, holdout, progress)
     choice = choose(fits.base, lambda what: progress(0.3, what))
-    progress(0.8, "how the torque swings with the angle")
+    progress(0.8, "ripple of the torque over the angle")
     swing = swings(fits.records)
     whole = refit(choice.final, fits.whole)
     missing = left_over(whole, seed)
     errors = errors_of(fits, choice.final)
-    told = estimates_of(whole)
-    found = [Finding.of(step.key, step.name, told, step.tied) for step in choice.steps]
+    values = estimates_of(whole)
+    found = [Finding.of(step.key, step.name, values, step.tied) for step in choice.steps]
     found += [finding_of(swing[0], whole)] if swing else []
     names = [step.name for step in choice.steps]
-    hangs = dict.fromkeys([*signals_of(names), *(["theta"] if swing else []), *(["w"] * missing)])
+    signals = dict.fromkeys([*signals_of(names), *(["theta"] if swing else []), *(["w"] * missing)])
     verdict = _verdict(found, bool(swing), missing)
     return Diagnosis(
         verdict=verdict,
         effects=tuple(found),
-        depends_on=tuple(s for s in hangs if s != "t"),
+        depends_on=tuple(s for s in signals if s != "t"),
         experiment=_experiment(verdict, found, bool(swing)),
         error=errors,
         free_error={k: errors[k] for k in _FREE} | {"in_sample": False},
         torque_error={k: errors[k] for k in _TORQUE},
         model=final_model(fits, whole),
         declared=model,
-        estimates=told,
+        estimates=values,
         record=fits.records[0],
         messages=messages_of(fits, whole) + ((sentence(swing, whole),) if swing else ()),
         ranking=choice.ranking,
@@ -120,7 +120,7 @@ def diagnose_map(
 def begin_map(
     records: Sequence[Record], model: Model, holdout: str | Record | None, progress: Progress
 ) -> Fits:
-    """The points of a map and the declared friction fitted to those that may be seen."""
+    """The points of a map, and the declared friction fitted to the training points."""
     progress(0.05, "mean torque over mean speed")
     whole, held_out = _laid_out(records, holdout)
     at = whole.only(~held_out)
@@ -130,7 +130,7 @@ def begin_map(
     refuse_narrow(at, model.motion, "Fc" in model.friction.values, where)
     if not held_out.any():
         raise Refused(
-            f"{where}: they are too few to fit and to judge on different ones.",
+            f"{where}: they are too few to fit some and judge on others.",
             "Record at least three speeds in each direction, or give a run with --holdout.",
         )
     progress(0.1, "fitting the declared friction")
@@ -151,7 +151,7 @@ def _laid_out(records: Sequence[Record], holdout: str | Record | None) -> tuple[
     if isinstance(holdout, Record):
         if not is_steady(holdout):
             raise InputError(
-                f"{holdout.source} is at no steady speed, as the other runs are; hold out one "
+                f"{holdout.source} is not at a steady speed like the other runs; hold out one "
                 "that is, or none."
             )
         return points([*records, holdout]), np.arange(len(records) + 1) == len(records)
@@ -186,7 +186,7 @@ def errors_of(fits: Fits, final: Curve) -> dict[str, Any]:
 
 
 def estimates_of(whole: Curve) -> dict[str, Estimate]:
-    """Every value that the map tells, with its unit and interval."""
+    """Every value that the map identifies, with its unit and interval."""
     intervals, model = whole.intervals(), whole.model
     return {
         c.key: Estimate(whole.values[c.key], model.unit(c.key), intervals.get(c.key))
@@ -195,9 +195,9 @@ def estimates_of(whole: Curve) -> dict[str, Estimate]:
 
 
 def final_model(fits: Fits, whole: Curve) -> Model:
-    """The fitted model; what was given no value and is not told by the map has none."""
-    told = {c.key for c in whole.coords}
-    unknown = {k for k, v in fits.declared.values().items() if v is None} - told
+    """The fitted model; a value neither declared nor identified by the map stays open."""
+    fitted = {c.key for c in whole.coords}
+    unknown = {k for k, v in fits.declared.values().items() if v is None} - fitted
     model = whole.model.with_values(whole.values | dict.fromkeys(unknown))
     return replace(model, effects=(*fits.aside, *model.effects))
 
@@ -205,13 +205,13 @@ def final_model(fits: Fits, whole: Curve) -> Model:
 def messages_of(fits: Fits, whole: Curve) -> tuple[str, ...]:
     """What was noticed about the model and the runs."""
     noticed = [m for r in fits.records for m in r.messages]
-    declared, told = fits.declared.declarations(), {c.key for c in whole.coords}
-    silent = [k for k, p in declared.items() if p.fitted and k not in told]
+    declared, fitted = fits.declared.declarations(), {c.key for c in whole.coords}
+    silent = [k for k, p in declared.items() if p.fitted and k not in fitted]
     silent += [part.key for part in fits.aside]
     said = MAP.format(len(fits.records))
-    said += f"; of {', '.join(silent)} they tell nothing." if silent else "."
-    ends = [f"{k} lies at the end of the range that it may move in." for k in whole.ends()]
-    flat = untold(whole.flat(), "runs tell")
+    said += f"; they do not identify {', '.join(silent)}." if silent else "."
+    ends = [f"{k} lies at the limit of the range in which it is searched." for k in whole.ends()]
+    flat = unidentified(whole.flat(), "these runs")
     return tuple(dict.fromkeys([*fits.declared.remarks(), *noticed, said, *ends, *flat]))
 
 

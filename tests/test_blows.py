@@ -9,7 +9,7 @@ import pytest
 from lugrectl import diagnose
 from lugrectl.spec import members
 from lugrectl.tracing import choice
-from lugrectl.tracing.blows import closer, forgiving, sharpened, sought
+from lugrectl.tracing.blows import closer, forgiving, search_all, sharpened
 from lugrectl.tracing.coordinates import free_keys
 from lugrectl.tracing.fit import fit
 from lugrectl.tracing.job import begin
@@ -109,7 +109,7 @@ def test_how_firm_backlash_is_goes_by_what_the_windows_gain(monkeypatch):
 def test_backlash_is_found_from_far_away(case, base):
     start = {"load_inertia": 0.5, "gap": 1.6, "stiffness": 0.4, "damping": 0.5}
     near, truth = starting(case, base, **start)
-    found = sharpened(replace(near, values=sought(near, "backlash")))
+    found = sharpened(replace(near, values=search_all(near, "backlash")))
     assert found.total > forgiving(near).total + 1000.0
     for name in ("load_inertia", "gap", "stiffness"):
         assert found.values[f"backlash.{name}"] == pytest.approx(truth[name], rel=0.15)

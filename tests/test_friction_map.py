@@ -103,7 +103,7 @@ def test_inertia_and_presliding_stay_as_they_were():
     given = model.with_values({"J": 0.004})
     told = lg.diagnose(runs, given)
     assert told.model.J == 0.004 and "J" not in told.estimates
-    assert any("of J" in m and "tell nothing" in m for m in told.messages)
+    assert any("do not identify J" in m for m in told.messages)
     assert found.model.J is None and found.model.to_dict()["plant"] == {}
 
 
@@ -115,7 +115,7 @@ def test_declared_effects_that_do_not_show_stay_as_they_were():
     assert told.effects[0].parameters["torque"] == found.effects[0].parameters["torque"]
     assert [p.block.name for p in told.model.effects][:3] == [p.block.name for p in more.effects]
     assert told.model.values()["gravity.amplitude"] == 3.0
-    assert any("gravity, input_delay, presliding they tell nothing" in m for m in told.messages)
+    assert any("gravity, input_delay, presliding." in m for m in told.messages)
 
 
 def test_identify_fits_the_declared_friction():

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lugrectl.tracing.hanging import dependences, hangs_on
+from lugrectl.tracing.hanging import dependences, depends_on
 from lugrectl.tracing.job import begin
 from lugrectl.tracing.proof import friction_size
 from lugrectl.tracing.screening import lightened
@@ -62,18 +62,18 @@ def refitted(plain, torque):
     [(bump, ("theta",)), (hump, ("w",)), (slider, ("theta", "w")), (knocks, ())],
 )
 def test_the_signals_that_an_unknown_torque_hangs_on(plain, torque, signals):
-    assert hangs_on(refitted(plain, torque)) == signals
+    assert depends_on(refitted(plain, torque)) == signals
 
 
 def test_nothing_hangs_on_anything_where_nothing_is_missing(plain):
-    assert hangs_on(refitted(plain, lambda t, theta, w: 0.0 * t)) == ()
+    assert depends_on(refitted(plain, lambda t, theta, w: 0.0 * t)) == ()
 
 
 def test_a_torque_not_worth_a_name_is_none(plain):
     """However sure: noise is small enough to tell three thousandths of friction."""
     record, friction = record_of(plain), friction_size(refitted(plain, bump))
     small = 0.003 * friction / np.std(bump(record.t, record.theta, record.w))
-    assert hangs_on(refitted(plain, lambda *log: small * bump(*log))) == ()
+    assert depends_on(refitted(plain, lambda *log: small * bump(*log))) == ()
 
 
 def test_functions_add_up_to_one_and_are_made_where_asked(plain):

@@ -113,7 +113,7 @@ def test_values_left_open_are_sought_on_a_whole_grid():
     ("jitter", 139226, "w smoothed", "theta alone"),
     ("jitter", 136237, "a difference alone", "that position"),
     ("dropped samples", 138024, "a difference alone", "that position"),
-    ("coarse encoder", 137364, "u half a sample late", "moved ahead"),
+    ("coarse encoder", 137364, "u half a sample late", "It was shifted"),
 ])  # fmt: skip
 def test_what_sensors_and_stamps_do_is_no_missing_effect(tmp_path, hard, seed, form, said):
     case = case_of(Task("none", (), "normal", seed, hard=True, form=form))

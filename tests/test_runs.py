@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lugrectl import diagnose, identify
-from lugrectl.tracing.job import untold
+from lugrectl.tracing.job import unidentified
 from tests.rig import make
 
 from .test_tracing import model_of, record_of
@@ -56,6 +56,6 @@ def test_a_run_that_is_held_out_may_differ_too(runs):
 
 
 def test_what_a_record_does_not_tell_is_said():
-    alone, together = untold([("J",), ("sigma0", "sigma1")], "record tells")
-    assert alone == "Of J the record tells nothing: its value is one choice among many."
-    assert together.startswith("Of sigma0 and sigma1 the record tells only a combination")
+    alone, together = unidentified([("J",), ("sigma0", "sigma1")], "this record")
+    assert alone == "J cannot be identified from this record; its value is one choice among many."
+    assert together.startswith("sigma0 and sigma1 cannot be identified separately from this record")

@@ -1,1 +1,1 @@
-"""Runs at steady speed, taken together as one map of torque over speed."""
+"""Friction maps: runs at steady speed, taken together as one map of torque over speed."""

@@ -1,4 +1,4 @@
-"""Which effects a map of torque over speed proves."""
+"""Stepwise selection: which effects are significant in a map of torque over speed."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from ..tracing.screening import STEPS
 from .curve import Curve, fit
 from .points import Points, laid
 
-CHANCE = 0.01  # that any effect is named though nothing is missing
-ALIKE = 4.0  # misfit, in variances, within which two models explain a map as well
+CHANCE = 0.01  # probability that any effect is named although nothing is missing
+ALIKE = 4.0  # misfit, in variances, within which two models explain a map equally well
 MOST_EFFECTS = 3
-DRAWS, CHANCE_LEFT = 999, 0.01  # orders of the residuals drawn, and how rare a like one is to be
+DRAWS, CHANCE_LEFT = 999, 0.01  # permutations of the residuals, and the level of their test
 
 Named = tuple[str, Curve]
 
 
 @dataclass(frozen=True)
 class Chosen:
-    """An effect, and what explains the map as well."""
+    """An accepted effect, and what explains the map equally well."""
 
     key: str
     name: str
@@ -39,7 +39,7 @@ class Chosen:
 
 @dataclass(frozen=True)
 class Choice:
-    """The declared law at its best, with the effects that the map proves, and all candidates."""
+    """The best fit of the declared law, that with the accepted effects, and all candidates."""
 
     base: Curve
     final: Curve
@@ -48,9 +48,9 @@ class Choice:
 
 
 def choose(base: Curve, say: Callable[[str], None]) -> Choice:
-    """Add the effect that explains most, fit everything, look again.
+    """Add the effect that explains most, refit everything, repeat.
 
-    Of effects that explain a map as well each is followed: what comes next may tell them apart.
+    If several explain a map equally well each is followed: a later effect may distinguish them.
     """
     tried = _tried(base, say, 1)
     ends = _followed(base, tried, say, 1)
@@ -62,7 +62,7 @@ def choose(base: Curve, say: Callable[[str], None]) -> Choice:
 
 def _tried(current: Curve, say: Callable[[str], None], turn: int) -> list[Named]:
     """The model with each candidate, best first."""
-    say(f"trying what hangs on speed, round {turn}")
+    say(f"trying effects that depend on speed, round {turn}")
     tried = [(name, _with(current, name)) for name in candidates(current.model)]
     return sorted(tried, key=lambda one: one[1].misfit)
 
@@ -70,7 +70,7 @@ def _tried(current: Curve, say: Callable[[str], None], turn: int) -> list[Named]
 def _followed(
     current: Curve, tried: Sequence[Named], say: Callable[[str], None], turn: int
 ) -> list[tuple[list[tuple[str, list[str]]], Curve]]:
-    """Every way on: the keys of the effects added, what else explained as much, and the model."""
+    """All ways on: the keys of the effects added, what explained as much, and the model."""
     chance = CHANCE / max(len(tried), 1)
     sound = [(n, c) for n, c in tried if by_chance(current, c) < chance and _worth(c)]
     even, ways = _even(sound), []
@@ -82,12 +82,12 @@ def _followed(
 
 
 def candidates(model: Model) -> list[str]:
-    """The effects worth trying that a drive at steady speed shows by its speed alone."""
+    """Applicable effects that a drive at steady speed shows by its speed alone."""
     return [name for name in worth_trying(model) if is_static(members("effect")[name])]
 
 
 def is_static(made: Block) -> bool:
-    """Whether an effect shows at a steady speed, by this speed alone."""
+    """True if an effect shows at a steady speed, by this speed alone."""
     bare = not (made.states or made.exact) and (made.load or not made.timed)
     acts = {act.removeprefix("+") for act in made.acts}
     return bare and set(made.inputs) <= {"w"} and acts <= {"torque", "Fc", "Fs", "Fv"}
@@ -98,9 +98,9 @@ def _worth(curve: Curve) -> bool:
 
 
 def by_chance(before: Curve, after: Curve) -> float:
-    """How often so much less misfit would come by chance (F test, weights of the larger model).
+    """Probability that chance reduces the misfit as much (F test, weights of the larger model).
 
-    Without the point in each direction that gains most: what one speed shows is no law.
+    The point that gains most in each direction is left out: what one speed shows is no law.
     """
     gains = (before.residual**2 - after.residual**2) / after.sigma**2
     ways = [gains[after.at.w * side > 0.0] for side in (-1.0, 1.0)]
@@ -113,9 +113,10 @@ def by_chance(before: Curve, after: Curve) -> float:
 
 
 def left_over(curve: Curve, seed: int) -> bool:
-    """Whether neighbours in speed are missed alike, or the same speed in both directions.
+    """True if the residual still depends on speed (permutation test).
 
-    Then something still hangs on speed. By ranks: one run far off proves nothing.
+    Then residuals of neighbours in speed are alike, or those of the same speed in both directions.
+    The test uses ranks: one run far off is no evidence.
     """
     ways = [curve.at.w * side > 0.0 for side in (-1.0, 1.0)]
     order = [np.flatnonzero(way)[np.argsort(np.abs(curve.at.w[way]))] for way in ways]
@@ -130,7 +131,7 @@ def left_over(curve: Curve, seed: int) -> bool:
 
 
 def _alike(sizes: Sequence[np.ndarray], ways: Sequence[np.ndarray]) -> tuple[float, float]:
-    """How much misfits of neighbours in speed go together, and of the two directions."""
+    """How alike residuals of neighbours in speed are, and those of the two directions."""
     beside = sum(float(np.sum(e[1:] * e[:-1])) for e in ways)
     if not all(map(len, ways)):
         return beside, -np.inf
@@ -154,7 +155,7 @@ def _with(current: Curve, name: str) -> Curve:
 
 
 def _starts(current: Curve, made: Block) -> list[dict[str, float]]:
-    """The sets that the effect proposes, or a little of it at every point of its grids."""
+    """Sets of values that the effect proposes, or a small one at each point of its grids."""
     log = laid(current.at, current.model.motion).log
     if made.tries:
         return made.tries(log, current.values)
@@ -174,7 +175,7 @@ def _even(sound: Sequence[Named]) -> list[Named]:
 
 
 def _looked_again(whole: Curve, key: str, others: Sequence[str]) -> Chosen:
-    """An effect with what explains as much beside the later ones, too."""
+    """An effect with the ties that explain as much beside the later effects, too."""
     tied = []
     if others:
         without = _without(whole, key)
@@ -207,7 +208,7 @@ def _candidate(before: Curve, name: str, after: Curve) -> Candidate:
 
 
 def started(model: Model, at: Points) -> list[dict[str, float]]:
-    """Values to start a fit from: those declared, and, where one is missing, guesses."""
+    """Start values of a fit: the declared ones, and guesses where one is missing."""
     given, size = model.values(), np.abs(at.w)
     A = np.column_stack([np.sign(at.w), at.w])
     level, slope = np.linalg.lstsq(A, at.u, rcond=None)[0]

@@ -1,7 +1,7 @@
-"""Friction and effects fitted to the points of a map, by weighted least squares.
+"""Random-effects regression: friction and effects fitted to a map by weighted least squares.
 
-``u = F(w) + r(w)`` at every point, without inertia. A point's variance is that of its mean and,
-the same for all, one from run to run, which the misfit itself tells (Paule and Mandel, 1982).
+``u = F(w) + r(w)`` at every point, without inertia. The variance of a point is that of its mean
+plus a run-to-run variance, the same for all, estimated from the misfit (Paule and Mandel, 1982).
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from ..tracing.proof import off
 from .points import Points, laid
 
 ROUNDS = 6  # of weights and values in turn, at most
-SETTLED = 0.02  # change of the weights that ends them
+SETTLED = 0.02  # relative change of the weights that ends them
 FIRST = 15  # steps from every start
 GUESS = 0.02  # of the torque, for its standard deviation before anything is fitted
-STARTS = 2  # of the best, that are followed to the end
-FLAT = 1e-6  # of the scaled information, below which a direction is not told
-NUDGE = 1e-3  # of a coordinate, by which it shows whether the map tells it
+STARTS = 2  # best starts that are followed to the end
+FLAT = 1e-6  # of the scaled information, below which a direction is not identified
+NUDGE = 1e-3  # step of a coordinate, to see whether the map identifies it
 
 
 @dataclass(frozen=True)
 class Curve:
-    """A model fitted to points: ``sigma`` is the standard deviation of each.
+    """A model fitted to points; ``sigma`` is the standard deviation of each.
 
-    Plant values stay within reach of ``anchor``.
+    Plant values stay within a factor of ``anchor``.
     """
 
     predictor: Predictor
@@ -59,7 +59,7 @@ class Curve:
 
     @property
     def misfit(self) -> float:
-        """Twice the negative log-likelihood, but for a constant."""
+        """Twice the negative log-likelihood, up to a constant."""
         return self.cost(self.sigma) + 2.0 * float(np.sum(np.log(self.sigma)))
 
     def torque(self, w: np.ndarray) -> np.ndarray:
@@ -69,38 +69,38 @@ class Curve:
         return -other.torque(self.values)
 
     def missed(self, at: Points) -> np.ndarray:
-        """The same as ``residual`` at other points."""
+        """The residual at other points."""
         return at.u - self.torque(at.w)
 
     def intervals(self) -> dict[str, tuple[float, float]]:
-        """95 % intervals by the curvature, of what the map tells and no bound does."""
+        """95 % intervals from the curvature, of identified values that are not at a bound."""
         free, x = len(self.at.w) - len(self.coords), _into(self)
         if free < 1 or not len(x):
             return {}
         covariance, made = inverse(self.information), {}
-        untold = {key for keys in self.flat() for key in keys} | set(self.ends())
+        unidentified = {key for keys in self.flat() for key in keys} | set(self.ends())
         moved = [(_at(self, x - e), _at(self, x + e)) for e in np.diag(_steps(self))]
         for c in self.coords:
             rate = np.array([b[c.key] - a[c.key] for a, b in moved]) / (2.0 * _steps(self))
             half = float(student.ppf(0.975, free) * np.sqrt(rate @ covariance @ rate))
             value = self.values[c.key]
-            if c.key not in untold:
+            if c.key not in unidentified:
                 made[c.key] = (max(value - half, c.low), min(value + half, c.high))
         return made
 
     @property
     def information(self) -> np.ndarray:
-        """Of the coordinates, whose inverse is their covariance."""
+        """Of the coordinates; its inverse is their covariance."""
         x = _into(self)
         slopes = np.array([_slope(self, x, i) / self.sigma for i in range(len(x))])
         return slopes @ slopes.T
 
     def flat(self) -> list[tuple[str, ...]]:
-        """Keys of which the map tells a combination only."""
+        """Keys of which the map identifies a combination only."""
         return flat(self.information, self.coords, FLAT) if self.coords else []
 
     def ends(self) -> tuple[str, ...]:
-        """The values that lie at the end of the range that they may move in."""
+        """The values at a limit of their range."""
         return tuple(
             c.key
             for c in self.coords
@@ -114,7 +114,7 @@ class Curve:
 
 
 def fit(model: Model, at: Points, starts: Sequence[Values], anchor: Values) -> Curve:
-    """The best fit from several starts; what ``anchor`` does not hold is anchored there."""
+    """The best fit from several starts; a value missing in ``anchor`` is anchored at its start."""
     even = np.full(len(at.w), GUESS * float(np.std(at.u)) or 1.0)
     predictor = Predictor(model, laid(at, model.motion))
     tried = []
@@ -122,14 +122,14 @@ def fit(model: Model, at: Points, starts: Sequence[Values], anchor: Values) -> C
         around = {**start, **anchor}
         open_ = Curve(predictor, at, dict(start), (), even, around)
         coords = coordinates(predictor, free_keys(predictor), around)
-        told = [c for c in coords if _told(replace(open_, coords=(c,)))]
-        tried.append(_stepped(replace(open_, coords=tuple(told)), FIRST))
+        shown = [c for c in coords if _shows(replace(open_, coords=(c,)))]
+        tried.append(_stepped(replace(open_, coords=tuple(shown)), FIRST))
     best = sorted(tried, key=lambda curve: curve.misfit)[:STARTS]
     return min(map(_settled, best), key=lambda curve: curve.misfit)
 
 
 def refit(curve: Curve, at: Points) -> Curve:
-    """The same model on other points, from where it stands."""
+    """The same model on other points, from its current values."""
     even = np.full(len(at.w), float(np.median(curve.sigma)))
     predictor = curve.predictor.on(laid(at, curve.model.motion))
     return _settled(replace(curve, predictor=predictor, at=at, sigma=even))
@@ -146,7 +146,8 @@ def _settled(curve: Curve) -> Curve:
 
 
 def _stepped(curve: Curve, most: int | None = None) -> Curve:
-    """Least squares, with a weak belief that keeps what is not told where it was started."""
+    """Least squares with a weak prior, which keeps values that are not identified at their
+    anchor."""
     if not curve.coords:
         return curve
     believed = np.array([c.kind in ("log", "excess") for c in curve.coords]) / PRIOR
@@ -186,13 +187,13 @@ def _at(curve: Curve, x: np.ndarray) -> dict[str, float]:
     return made
 
 
-def _told(curve: Curve) -> bool:
-    """Whether the map tells the one free value at all."""
+def _shows(curve: Curve) -> bool:
+    """True if the map depends on the one free value at all."""
     return bool(np.any(_slope(curve, _into(curve), 0)))
 
 
 def _slope(curve: Curve, x: np.ndarray, i: int) -> np.ndarray:
-    """Derivative of the residual along one coordinate; to one side of it at its bound."""
+    """Derivative of the residual along one coordinate; one-sided at its bound."""
     c, along = curve.coords[i], _steps(curve) * (np.arange(len(x)) == i)
     ends = [_at(curve, x + s * along) for s in (-1.0, 1.0)]
     behind, ahead = (curve.predictor.torque(values) for values in ends)

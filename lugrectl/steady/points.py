@@ -1,4 +1,4 @@
-"""Each run at a steady speed as one point: the mean torque over the mean speed."""
+"""Each run at a steady speed as one point of a map: its mean torque over its mean speed."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from ..tracing.data import Data, Log
 from ..tracing.noise import Noise
 
 LEAST_RUNS = 4
-CELLS = 8  # parts of a run, by which its speed is judged and its mean's error found
-STEADY = 0.25  # of its mean speed, by which those parts may differ
-TURNS = 2.0  # least turns of a run whose swing with the angle is taken out of its mean
-ORDERS = 4  # of this swing
-ONE_SPEED = 0.1  # width about the median, of all speeds
+CELLS = 8  # parts of a run, for the check of its speed and the error of its mean
+STEADY = 0.25  # of the mean speed, by which those parts may differ
+TURNS = 2.0  # least turns of a run for which the ripple over the angle is removed
+ORDERS = 4  # of this ripple
+ONE_SPEED = 0.1  # relative half-width about the median that holds all speeds
 
 
 @dataclass(frozen=True)
 class Points:
     """One value for each run: mean speed ``w``, mean torque ``u`` without a recorded load, and
-    the standard ``error`` of this mean; ``samples`` and ``seconds`` that it was taken over."""
+    the standard ``error`` of this mean; ``samples`` and ``seconds`` over which it was taken."""
 
     w: np.ndarray
     u: np.ndarray
@@ -41,12 +41,12 @@ class Points:
 
 
 def is_map(records: Sequence[Record]) -> bool:
-    """Whether these are runs at steady speed each, which tell of friction and of no inertia."""
+    """True for runs at a steady speed each, which show friction but no inertia."""
     return len(records) >= LEAST_RUNS and all(map(is_steady, records))
 
 
 def is_steady(record: Record) -> bool:
-    """Whether the parts of a run go at one speed."""
+    """True if all parts of a run have about the same speed."""
     if record.samples < 2 * CELLS:
         return False
     means = np.array([np.mean(cell) for cell in np.array_split(speed(record), CELLS)])
@@ -55,7 +55,7 @@ def is_steady(record: Record) -> bool:
 
 
 def speed(record: Record) -> np.ndarray:
-    """w as it was recorded, or the slope of theta."""
+    """w as recorded, or the slope of theta."""
     if record.w is not None:
         return record.w
     assert record.theta is not None
@@ -63,19 +63,19 @@ def speed(record: Record) -> np.ndarray:
 
 
 def torque(record: Record) -> np.ndarray:
-    """u without a recorded load: what is left for friction at a steady speed."""
+    """u without a recorded load: the torque of friction at a steady speed."""
     return record.u if record.d is None else record.u - record.d
 
 
 def angle(record: Record) -> np.ndarray | None:
-    """theta, up to where it starts; None where time was lost and theta not recorded."""
+    """theta, up to a constant; None if time was lost and theta was not recorded."""
     if record.theta is not None:
         return record.theta
     return None if record.gaps else np.cumsum(speed(record)) * record.dt
 
 
 def turns(record: Record) -> float:
-    """Whole turns that a rotary drive goes round in a run; 0 where that is not known."""
+    """Turns of a rotary drive in a run; 0 if they are unknown."""
     theta = angle(record)
     if theta is None or record.motion != "rotary":
         return 0.0
@@ -85,8 +85,8 @@ def turns(record: Record) -> float:
 def points(records: Sequence[Record]) -> Points:
     """The map of these runs.
 
-    A swing with the angle is fitted beside the mean, which a broken number of turns would
-    shift; what is left tells the mean's error, by parts of the run.
+    A ripple over the angle is fitted beside the mean, which an incomplete turn would shift. The
+    error of the mean comes from the residual, by parts of the run.
     """
     rows = [_point(record) for record in records]
     return Points(*(np.array(column) for column in zip(*rows, strict=True)))
@@ -108,7 +108,7 @@ def _point(record: Record) -> tuple[float, float, float, int, float]:
 
 
 def laid(at: Points, motion: str) -> Data:
-    """The points as samples that say nothing of each other; what hangs on t or theta does not."""
+    """The points as independent samples; effects that depend on t or theta cannot be seen."""
     n = len(at.w)
     zero, nan, count = np.zeros(n), np.full(n, np.nan), np.arange(float(n))
     log = Log(count, count, at.w, zero, at.u, zero, 1.0, motion, ())
@@ -119,7 +119,7 @@ def laid(at: Points, motion: str) -> Data:
 
 
 def refuse_narrow(at: Points, motion: str, levels: bool, where: str) -> None:
-    """Refuse a map of one direction or of one speed, from which friction cannot be told.
+    """Refuse a map of one direction or one speed, which does not identify friction.
 
     ``levels`` says whether the declared friction has a Coulomb level; ``where`` starts the
     sentence.
@@ -131,19 +131,19 @@ def refuse_narrow(at: Points, motion: str, levels: bool, where: str) -> None:
     unit = unit_for("rad/s", motion)
     if levels and not (np.any(at.w > 0.0) and np.any(at.w < 0.0)):
         raise Refused(
-            f"{where}: all of them go in one direction: Coulomb friction cannot be told from a "
-            "constant torque.",
+            f"{where}: all of them go in one direction: Coulomb friction cannot be distinguished "
+            "from a constant torque.",
             "Record the same speeds in the other direction, too.",
         )
     size = np.abs(at.w)
     if np.ptp(size) < 2.0 * ONE_SPEED * np.median(size):
         raise Refused(
             f"{where}: all of them go at one speed ({size.min():.3g} to {size.max():.3g} {unit}): "
-            "how friction depends on speed cannot be told.",
+            "how friction depends on speed cannot be identified.",
             "Record several speeds, from slow to fast, each twice as fast as the one before.",
         )
     if float(at.u @ at.w) <= 0.0:
         raise Refused(
-            f"{where}: the torque opposes the motion that it is to keep up.",
-            "Check the sign of u; --scale u=-1 turns it round.",
+            f"{where}: the torque opposes the motion that it should sustain.",
+            "Check the sign of u; --scale u=-1 reverses it.",
         )

@@ -1,4 +1,4 @@
-"""How the torque of runs at steady speed swings with the angle."""
+"""Order analysis: the ripple of the torque over the angle, in runs at steady speed."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from ..tracing.evaluate import rms
 from .curve import Curve
 from .points import angle, torque, turns
 
-LEAST_TURNS = 3.0  # of a run, so that half an order beside one shows something else
-HIGHEST = 8  # order looked at
+LEAST_TURNS = 3.0  # of a run, so that orders half an order apart are separated
+HIGHEST = 8  # order that is examined
 LEAST_RUNS = 6
-ONCE, OFTEN = "gravity", "torque_ripple"  # the torque of one turn has a name of its own
-CHANCE = 0.01  # that any order is named though nothing swings
+ONCE, OFTEN = "gravity", "torque_ripple"  # a ripple of once per turn has another name
+CHANCE = 0.01  # probability that any order is named although there is no ripple
 
 
 @dataclass(frozen=True)
 class Swing:
-    """A torque that swings ``order`` times per turn: its amplitude with its 95 % interval, N m."""
+    """A torque ripple of ``order`` per turn: its amplitude and 95 % interval, N m."""
 
     order: int
     amplitude: float
@@ -34,11 +34,11 @@ class Swing:
 
 
 def swings(records: Sequence[Record]) -> tuple[Swing, ...]:
-    """The orders of a turn at which the torque proves to swing, largest first.
+    """The orders at which the torque has a significant ripple, largest first.
 
-    An order is named where it is larger than half an order beside it on either side in more
-    runs than chance allows (by chance in one of three): noise of any colour does not do that.
-    The runs' phases are not compared: they start anywhere.
+    An order is named if its power exceeds that of half an order beside it on either side in more
+    runs than by chance (one in three): noise of any colour does not do that. The phases of the runs
+    are not compared, as each starts at an arbitrary angle.
     """
     long = [r for r in records if turns(r) >= LEAST_TURNS]
     if len(long) < LEAST_RUNS:
@@ -71,9 +71,10 @@ def _swing(order: int, power: np.ndarray) -> Swing | None:
 
 
 def finding_of(swing: Swing, whole: Curve) -> Finding:
-    """The swing as the first effect that can make it, with all the others: no map tells them.
+    """The ripple as the first effect that can cause it; the others are alternatives, since a map
+    cannot distinguish them.
 
-    Its phase is not among the values: the runs start anywhere.
+    The phase is not among the values: each run starts at an arbitrary angle.
     """
     worth = [members("effect")[name] for name in worth_trying(whole.model)]
     able = [block for block in worth if _makes(block, swing.order)]
@@ -87,14 +88,14 @@ def finding_of(swing: Swing, whole: Curve) -> Finding:
 
 
 def _swung(block: Block, whole: Curve) -> float:
-    """RMS torque of which the effect's strength is a part; 1 where the strength is a torque."""
+    """RMS torque that the effect's strength multiplies; 1 if the strength is a torque."""
     if block.acts == ("torque",):
         return 1.0
     return rms(whole.at.u if "input" in block.acts else whole.predictor.friction(whole.values))
 
 
 def _makes(block: Block, order: int) -> bool:
-    """Whether an effect makes a torque swing so often per turn at a steady speed."""
+    """True if an effect causes a ripple of this order at a steady speed."""
     name = _order(block)
     if block.name in (ONCE, OFTEN):
         return (order == 1) == (block.name == ONCE)
@@ -104,15 +105,15 @@ def _makes(block: Block, order: int) -> bool:
 
 
 def _order(block: Block) -> str:
-    """The parameter of an effect that counts per turn; empty where it has none."""
+    """The parameter of an effect that counts per turn; empty if there is none."""
     return next((k for k, p in block.own.items() if p.whole), "")
 
 
 def sentence(swing: Sequence[Swing], whole: Curve) -> str:
-    """What the torque's swing is, in one sentence."""
+    """The ripple over the angle in one message."""
     friction = 0.01 * rms(whole.predictor.friction(whole.values))
     orders = [f"{s.order} times per turn by {s.amplitude / friction:.2g} %" for s in swing]
     return (
-        f"The torque swings with the angle: {', '.join(orders)} of friction. In which phase the "
-        "runs meet it is not known, so that it is no part of the model."
+        f"The torque varies with the angle: {', '.join(orders)} of friction. Its phase in the runs "
+        "is unknown, so it is not part of the model."
     )

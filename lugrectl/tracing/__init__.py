@@ -1,1 +1,1 @@
-"""Tracing what a model lacks: fit, score, search, hold-out, and what is left."""
+"""Find what is missing from a model: fit, score test, search, hold-out, residual."""

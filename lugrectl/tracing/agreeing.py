@@ -1,4 +1,7 @@
-"""Runs whose theta starts anywhere, as an incremental encoder's does: moved until they agree."""
+"""Encoder zero of each run: theta is shifted until periodic effects agree between the runs.
+
+An incremental encoder starts every run at an arbitrary zero.
+"""
 
 from __future__ import annotations
 
@@ -17,13 +20,13 @@ from .screening import lightened, placed_at, screen
 from .search import refine
 from .windows import Windows
 
-TRIED = 6  # effects with places that are fitted
-STEPS = 15  # of such a fit
+TRIED = 6  # periodic effects that are fitted
+STEPS = 15  # iterations of such a fit
 
 
 @dataclass(frozen=True)
 class _Way:
-    """Theta of the runs moved to where an effect, so often per 2 pi, is at the same places."""
+    """Shifts of theta by run that align an effect which repeats ``order`` times per 2 pi."""
 
     name: str
     order: float
@@ -31,13 +34,12 @@ class _Way:
 
 
 def agreeing(base: Fitted, test: Windows) -> Data | None:
-    """The data with theta of each run but the first moved so that what repeats itself with theta
-    does so at the same places; None where that makes nothing likelier.
+    """Data with theta of each run but the first shifted so that periodic effects agree.
 
-    Effects are tried on each run alone, those that promise most on all of them with the phases
-    that they had there. Where the declared model knows of places already theta is left alone.
-    ``test`` are the held-out windows: those of a run that is held out as a whole tell where its
-    theta is zero.
+    None if no shift makes the data clearly more likely. Effects are screened on each run alone.
+    Those with the largest gain over all runs are tried on all of them, with the phases found in
+    each. Theta stays as recorded if a declared effect already depends on it. ``test`` are the
+    held-out windows; they give the zero of a run that is held out as a whole.
     """
     if not _may_differ(base, test):
         return None
@@ -60,28 +62,29 @@ def agreeing(base: Fitted, test: Windows) -> Data | None:
 
 
 def settled_on(base: Fitted, data: Data) -> Fitted:
-    """The model without effects on moved data: nothing declared hangs on theta."""
+    """The base model on shifted data. No refit is needed: no declared effect depends on theta."""
     values, anchor = (alike(data) | known for known in (base.values, base.anchor))
     return replace(base, predictor=base.predictor.on(data), values=values, anchor=anchor)
 
 
 def _may_differ(base: Fitted, test: Windows) -> bool:
-    """Whether there are a few runs, each long enough to tell, and nothing declared of places."""
+    """True for a few runs that all have windows, if no declared effect depends on theta."""
     run = base.predictor.data.run
-    runs, told = np.unique(run), np.concatenate([run[base.where.start], run[test.start]])
+    runs, covered = np.unique(run), np.concatenate([run[base.where.start], run[test.start]])
     few = 1 < len(runs) <= MOST_RUNS
-    return few and bool(np.all(np.isin(runs, told))) and not knows_places(base.predictor.model)
+    return few and bool(np.all(np.isin(runs, covered))) and not knows_places(base.predictor.model)
 
 
 def _only(base: Fitted, where: Windows, run: int) -> Fitted:
-    """The model fitted to one run's windows."""
+    """The model fitted to the windows of one run."""
     chosen = base.predictor.data.run[where.start] == run
     part = lightened(tuned(replace(base, where=replace(where, start=where.start[chosen]))))
     return again(part, most=10, rough=True)
 
 
 def _clearest(alone: Sequence[Score]) -> list[tuple[str, float]]:
-    """Names and orders of what promises most in all runs together, each at its best in one."""
+    """Names and orders of the periodic effects with the largest score-test gain over all runs;
+    the order of each is the best one in some run."""
     names = [name for name, made in members("effect").items() if repeats(made)]
     trials = [trial for score in alone for trial in screen(score, names)]
     found = {(t.name, orders(t.fitted.predictor.model, t.values)[0]) for t in trials}
@@ -93,7 +96,7 @@ def _clearest(alone: Sequence[Score]) -> list[tuple[str, float]]:
 
 
 def _way(alone: Sequence[Score], runs: Sequence[int], name: str, order: float) -> _Way | None:
-    """How the runs are to be moved for an effect; None where one of them has none of it."""
+    """The shifts that align an effect; None if a run does not show it."""
     trials = [placed_at(score, name, order) for score in alone]
     phases = np.array([t.values[f"{t.key}.phase"] for t in trials if t])
     if len(phases) < len(trials):
@@ -107,6 +110,6 @@ def _moved(light: Fitted, way: _Way) -> Score:
 
 
 def _gained(score: Score, way: _Way) -> float:
-    """Log-likelihood with an effect, fitted to all runs as they are."""
+    """Log-likelihood with the effect fitted to all runs at their given theta."""
     trial = placed_at(score, way.name, way.order)
     return refine(trial, most=STEPS, rough=True).total if trial else -np.inf

@@ -1,4 +1,4 @@
-"""The plain balance of torque and motion, by which a record is looked over before any fit."""
+"""Inverse-dynamics regression: a least-squares torque balance that checks a record before a fit."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from ..record import Record
 from .data import Data
 
 CELL = 5e-3  # s, over which torque and motion are averaged
-MOVING = 0.02  # of the top speed; slower, friction is not sliding friction
-BLOCKS = 20  # for errors that survive coloured noise
+MOVING = 0.02  # of the top speed: a slower cell does not count as sliding
+BLOCKS = 20  # of time, for jackknife errors that stay valid under coloured noise
 
 
 @dataclass(frozen=True)
 class Cells:
-    """Stretches of ``size`` samples inside the runs, with room to shift them either way."""
+    """Cells of ``size`` samples inside the runs, with room to shift them either way."""
 
     start: np.ndarray
     size: int
 
     def mean(self, total: np.ndarray, shift: int = 0) -> np.ndarray:
-        """Mean of a signal over each stretch, moved by ``shift``; ``total`` is its running sum."""
+        """Mean of a signal over each cell, shifted by ``shift``; ``total`` is its running sum."""
         a = self.start + shift
         return (total[a + self.size] - total[a]) / self.size
 
@@ -32,7 +32,7 @@ class Cells:
 
 
 def cells(data: Data, span: float = CELL, room: int = 0) -> Cells:
-    """Stretches of ``span`` s, ``room`` samples away from the ends of the runs."""
+    """Cells of ``span`` s, at least ``room`` samples away from the ends of the runs."""
     size = max(1, round(span / data.dt))
     starts = [np.arange(a + room, b - room - size + 1, size) for a, b in data.runs]
     return Cells(np.concatenate(starts), size)
@@ -45,12 +45,13 @@ def running(x: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Balance:
-    """Least squares of the net torque on the motion of the moving cells.
+    """Least-squares fit of the net torque to the motion of the sliding cells.
 
-    ``u = J a + Fv w + (Fc + ...) sign(w) + c w |w| + T0 + K theta``, and sin and cos of theta on
-    a rotary drive: whatever is no catalogue effect of the position or of the speed is left
-    over. ``terms`` are scaled to unit length, ``x`` belongs to them; ``error`` of J is the
-    jackknife's over blocks of time; ``power_t`` is the fitted friction power over its own.
+    ``u - d = J a + Fv w + (Fc + ...) sign(w) + c w |w| + T0 + K theta``, and sin and cos of theta
+    on a rotary drive. The residual is what these functions of speed and position do not describe.
+    ``terms`` are scaled to unit length, ``x`` are their coefficients and ``size`` their lengths;
+    ``error`` is the jackknife error of J over blocks of time; ``power_t`` is the fitted friction
+    power over its own error.
     """
 
     cells: Cells
@@ -70,16 +71,16 @@ class Balance:
 
     @property
     def left(self) -> float:
-        """RMS of the torque that the balance leaves over."""
+        """RMS of the residual torque."""
         return float(np.sqrt(np.mean(self.residual**2)))
 
     def torque(self, data: Data, at: Cells) -> np.ndarray:
-        """The torque that this balance asks for at other cells."""
+        """Torque that the balance predicts at other cells."""
         return motion_terms(data, at)[0] / self.size @ self.x + at.mean(running(data.d))
 
 
 def moving(data: Data, at: Cells) -> tuple[np.ndarray, np.ndarray]:
-    """Mean speed of every cell, and whether it slides."""
+    """Mean speed of every cell, and whether the drive slides in it."""
     w = at.mean(running(data.log.w))
     noise = data.noise.w / np.sqrt(at.size) if np.isfinite(data.noise.w) else 0.0
     top, usual = float(np.max(np.abs(w), initial=0.0)), float(np.sqrt(np.mean(w**2)))
@@ -87,7 +88,7 @@ def moving(data: Data, at: Cells) -> tuple[np.ndarray, np.ndarray]:
 
 
 def balance(data: Data, at: Cells, use: np.ndarray | None = None) -> Balance | None:
-    """The balance of the moving cells (of those in ``use``); None where they are too few."""
+    """The balance of the sliding cells (of those in ``use``); None if they are too few."""
     _, slides = moving(data, at)
     slides = slides if use is None else slides & use
     at = at.only(slides)
@@ -105,7 +106,7 @@ def balance(data: Data, at: Cells, use: np.ndarray | None = None) -> Balance | N
 
 
 def motion_terms(data: Data, at: Cells) -> tuple[np.ndarray, np.ndarray]:
-    """What a torque can depend on, a column each, the acceleration first; and the speed."""
+    """Regressors of the torque, a column each, the acceleration first; and the speed."""
     log = data.log
     a, w = at.mean(running(log.a)), at.mean(running(log.w))
     offset = float(np.mean(log.theta))
@@ -123,7 +124,8 @@ LEVEL = 2  # the term of Coulomb friction
 
 
 def _jackknifed(terms, u, w) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Solution, and the first coefficient and the friction power: full, then without a block."""
+    """Solution; then the first coefficient and the friction power, with all blocks and without
+    each."""
     blocks = np.array_split(np.arange(len(u)), BLOCKS)
     grams = np.array([terms[b].T @ terms[b] for b in blocks])
     sides = np.array([terms[b].T @ u[b] for b in blocks])
@@ -143,5 +145,5 @@ def _error(values: np.ndarray) -> float:
 
 
 def named(records: Sequence[Record]) -> str:
-    """What a sentence about all of them starts with."""
+    """Subject of a message: the record's source, or the number of records."""
     return records[0].source if len(records) == 1 else f"{len(records)} records"

@@ -1,4 +1,4 @@
-"""Independent work side by side, on threads: most of a fit's time is spent in compiled code."""
+"""Parallel map on threads: most of a fit's time is spent in compiled code."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ Made = TypeVar("Made")
 
 
 def beside(work: Callable[[Item], Made], items: Iterable[Item]) -> list[Made]:
-    """The work's results, in the items' order.
+    """The results of ``work`` on each item, in the items' order.
 
-    What runs here takes one thread each; without compiled code, which lets others run, all is
-    done in turn.
+    Each call uses one thread. Without compiled code, which lets other threads run, the items are
+    processed one after another.
     """
     given = list(items)
     workers = min(threads() if compiler() else 1, len(given))

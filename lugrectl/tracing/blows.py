@@ -1,5 +1,8 @@
-"""Effects whose likelihood has many optima: a search of all sets of values, under a noise that
-forgives the windows in which a hidden state was missed."""
+"""Global search for effects whose likelihood has many local maxima.
+
+The noise may be larger in single windows, so that those in which a hidden state was missed do not
+decide (tempering).
+"""
 
 from __future__ import annotations
 
@@ -15,28 +18,31 @@ from .likelihood import loglik, whitened
 from .noise import Noise
 from .windows import spread
 
-ENOUGH, LEAST_WINDOWS = 8_000, 12  # counted samples to search on
-WIDTHS = (np.inf, 1.0, 0.4)  # of what the effect calls near, around the best set so far
-QUIETER = ((0.5, 0.1), (1.0, 0.3), (1.0, 0.3))  # factors on the noise under which sets are tried
-ROUNDS = (25, 12, 12)
-CROWD = 8  # sets for each number that is sought
-STEPS = 10
-WORST = 1e6  # innovation that counts for a set that makes the plant unstable
+ENOUGH, LEAST_WINDOWS = 8_000, 12  # counted samples to search on, and least windows
+WIDTHS = (np.inf, 1.0, 0.4)  # search widths about the best set, in units of the box's ``near``
+QUIETER = ((0.5, 0.1), (1.0, 0.3), (1.0, 0.3))  # noise factors: a set counts by the better one
+ROUNDS = (25, 12, 12)  # generations
+CROWD = 8  # sets in a generation, for each searched number
+STEPS = 10  # iterations of the fit after each search
+WORST = 1e6  # innovation assigned to a set that makes the plant unstable
 
 
 def forgiving(fitted: Fitted) -> Fitted:
-    """The same values under a noise that may differ from window to window."""
+    """The same values, with a noise that may be larger in single windows."""
     return tuned(replace(fitted, noise=replace(fitted.noise, uneven=True)))
 
 
 def sharpened(fitted: Fitted) -> Fitted:
-    """Fitted again under such a noise."""
+    """Refit with such a noise."""
     return again(forgiving(fitted))
 
 
-def sought(found: Fitted, key: str, loads: Sequence[Driven] | None = None) -> dict[str, float]:
-    """The best of all sets of an effect's values: what the balance tells or a wide search finds,
-    then closer ones, each followed by a fit of everything. ``loads`` are the former if known."""
+def search_all(found: Fitted, key: str, loads: Sequence[Driven] | None = None) -> dict[str, float]:
+    """Values of the best maximum, by a global search and then by narrower ones.
+
+    The search starts from the values found and from ``loads``, fits of the load driven by the
+    measured motion (computed if None). Each search is followed by a fit of all parameters.
+    """
     few = _on_few(found)
     starts = [
         replace(few, values=one.values) for one in (driven(found, key) if loads is None else loads)
@@ -48,7 +54,7 @@ def sought(found: Fitted, key: str, loads: Sequence[Driven] | None = None) -> di
 
 
 def closer(found: Fitted, key: str) -> Fitted:
-    """The best set near the one found on a thinned log, which shows a blow only roughly."""
+    """Search again near a result from a thinned log, which shows an impact only roughly."""
     best = _within(_on_few(found), key, WIDTHS[1], QUIETER[1], ROUNDS[1])
     other = again(replace(found, values=best.values), most=0)
     return max(found, other, key=lambda f: forgiving(f).total)
@@ -59,7 +65,7 @@ def _on_few(found: Fitted) -> Fitted:
 
 
 def _within(best: Fitted, key: str, width: float, factors: Sequence[float], rounds: int) -> Fitted:
-    """The best set within a width of one, after a fit of everything."""
+    """The best set within ``width`` of ``best``, after a fit of all parameters."""
     noises = [replace(best.noise, jump=best.noise.jump * factor) for factor in factors]
     values = _searched(best, key, noises, width, rounds)
     start = replace(best, values=values, noise=noises[-1])
@@ -69,7 +75,7 @@ def _within(best: Fitted, key: str, width: float, factors: Sequence[float], roun
 def _searched(
     found: Fitted, key: str, noises: Sequence[Noise], width: float, rounds: int
 ) -> dict[str, float]:
-    """The best set within a width around the one found, by differential evolution."""
+    """The best set within ``width`` of the one found, by differential evolution."""
     predictor, values = found.predictor, found.values
     made = predictor.model.part(key).block
     assert made.box is not None

@@ -1,4 +1,4 @@
-"""A recorded torque freed of noise that the drive never saw, where that explains the motion."""
+"""Input denoising: noise on the recorded torque is removed if that explains the motion better."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from .data import Data
 from .fit import Fitted, refitted
 from .noise import NORMAL_MAD, sensor_noise
 
-CALM = 50.0  # least gain in log-likelihood for a torque without its noise
-ROUGH = 0.002  # noise of the torque over its size, below which it is taken as it is
-WIDEST = 0.15  # s, of the coarsest detail that is looked at
-SLOW = 3.2  # times what differs from sample to sample, beyond which it is no noise but a ripple
-LARGE = 2.5  # usual sizes of a detail, from which it may be no noise
+CALM = 50.0  # least gain in log-likelihood for a denoised torque
+ROUGH = 0.002  # noise of the torque over its size: below, it is not denoised
+WIDEST = 0.15  # s, of the coarsest detail that is examined
+SLOW = 3.2  # removed part over the sample-to-sample noise: above, it is a ripple and no noise
+LARGE = 2.5  # typical sizes of a detail, from which it may be signal
 SPLINE = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
 
 
 def calmed(found: Fitted) -> Data | None:
-    """The data with a torque freed of noise, where that is more likely.
+    """Data with a denoised torque; None if that is not clearly more likely.
 
-    Noise on the recorded torque, which the drive never saw, would otherwise make the inertia too
-    large, and any effect look real that smooths the torque (a lag does). Noise that a controller
-    made is in the motion, too, and stays. How coarse the details are that hold noise is chosen
-    by the likelihood.
+    Measurement noise on the torque never reached the drive. It makes the estimated inertia too
+    large, and any effect that smooths the torque (a lag) look real. Noise from a controller also
+    shows in the motion, so it is kept. The likelihood selects up to which level details are
+    denoised.
     """
     data = found.predictor.data
     rough = sensor_noise(data.u)
@@ -42,7 +42,7 @@ def calmed(found: Fitted) -> Data | None:
 
 
 def _fits(found: Fitted, levels: Iterable[int]) -> dict[int, Fitted]:
-    """The model fitted again, with the torque freed of noise in so many levels of detail."""
+    """The model refitted with the torque denoised up to each level of detail."""
     data = found.predictor.data
 
     def fitted(level: int) -> Fitted:
@@ -53,10 +53,10 @@ def _fits(found: Fitted, levels: Iterable[int]) -> dict[int, Fitted]:
 
 
 def denoised(u: np.ndarray, runs: Sequence[tuple[int, int]], levels: int) -> np.ndarray:
-    """u (N,) without noise in its details of 1, 2, 4, ... samples.
+    """Denoise u (N,) in its details of 1, 2, 4, ... samples.
 
-    What is as small as most of a level is taken out, what stands out is kept, less the noise
-    that is in it: steps stay steps.
+    Details as small as most of their level are removed. Larger ones are kept, less the noise in
+    them, so steps remain steps.
 
     Notes
     -----
@@ -82,6 +82,6 @@ def _shrunk(u: np.ndarray, levels: int) -> np.ndarray:
 
 
 def _spread(u: np.ndarray, step: int) -> np.ndarray:
-    """The spline's mean of neighbours that are ``step`` samples apart."""
+    """Spline-weighted mean of neighbours that are ``step`` samples apart."""
     padded, n = np.pad(u, 2 * step, mode="edge"), len(u)
     return SPLINE @ np.array([padded[k * step : k * step + n] for k in range(len(SPLINE))])

@@ -1,4 +1,4 @@
-"""The torque channel: dead, clipped, another column, or not the torque of this motion."""
+"""Checks of the torque channel: dead, clipped, a copy of another column, or of another motion."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from ..spec import unit_for
 from .balance import Balance, Cells, balance, cells, moving, named, running
 from .data import Data
 
-COPY = 1e-4  # share of the torque's variance that another column does not explain
-STUCK = 0.05  # s, a torque that stays at one value for as long may be dead
-HELD = 0.01  # share of the samples at one value from which on it may be a limit or dead
-LACKING = 0.1  # of the torque's RMS: as large as an effect that is to be found
-RELATED = 4.0  # standard errors over blocks of time, of J or of the friction's power
+COPY = 1e-4  # share of the torque's variance left by another column: below, it is a copy
+STUCK = 0.05  # s, time at one value from which the torque may be dead
+HELD = 0.01  # share of the samples at one value, from which it may be a limit or dead
+RELEVANT = 0.1  # of the torque's RMS: as large as an effect that is to be found
+RELATED = 4.0  # standard errors over blocks of time that J or the friction power must exceed
 VERY_SURE = 8.0  # standard errors over blocks of time
-ACCELERATES = 0.1  # of the torque, from which the balance's inertia is one to go by
-DOUBTED = 3.0  # times that it is off, which is said
-ANOTHER_UNIT = 30.0  # times that the declared inertia is off, which no machine is
+ACCELERATES = 0.1  # accelerating share of the torque that makes the balance's J reliable
+DOUBTED = 3.0  # factor from the declared inertia, above which a remark is made
+ANOTHER_UNIT = 30.0  # factor from the declared inertia that only a wrong unit explains
 
 
 def copied(record: Record, data: Data, run: slice) -> None:
-    """A torque that repeats another column, its noise included, is that column."""
+    """Refuse a torque that repeats another column, including that column's noise."""
     u = record.u - record.u.mean()
     if not u.any():
         return
@@ -45,14 +45,14 @@ def copied(record: Record, data: Data, run: slice) -> None:
         if left > COPY * total or not exact or _obeys(record, data, run, name, slope):
             continue
         raise Refused(
-            f"{record.source}: u is {slope:.4g} times {name} to within "
-            f"{100 * np.sqrt(left / total):.2g} %, its noise included: that is no torque.",
+            f"{record.source}: u equals {slope:.4g} times {name} to within "
+            f"{100 * np.sqrt(left / total):.2g} %, including its noise, so u is not the torque.",
             "Record the torque that the drive applies, and check the names of the columns.",
         )
 
 
 def _columns(record: Record, data: Data, run: slice) -> Iterator[tuple[str, np.ndarray, float]]:
-    """Columns, and w's and theta's differences, each with the noise that a torque cannot know."""
+    """Columns and the differences of w and theta, each with noise that a torque cannot contain."""
     dt, noise = record.dt, data.noise
     if record.w is not None:
         yield "w", record.w, noise.w
@@ -70,7 +70,7 @@ def _columns(record: Record, data: Data, run: slice) -> Iterator[tuple[str, np.n
 
 
 def _is_motion(r: np.ndarray, data: Data, run: slice) -> bool:
-    """Whether a reference is one of speed or position (of torque, u may well repeat it)."""
+    """True if the reference is one of speed or position (u may well repeat one of torque)."""
     x = r - r.mean()
     for signal in (data.log.w[run], data.log.theta[run]):
         y = signal - signal.mean()
@@ -82,9 +82,9 @@ def _is_motion(r: np.ndarray, data: Data, run: slice) -> bool:
 
 
 def _obeys(record: Record, data: Data, run: slice, name: str, slope: float) -> bool:
-    """Whether a proportional controller without a change of reference explains the copy.
+    """True if a proportional controller with a constant reference explains the copy.
 
-    It brakes what it copies, and what it moves dies away.
+    It opposes what it copies. On speed it still does positive work; on position the motion decays.
     """
     if slope > 0.0 or name not in ("w", "d theta/dt", "theta"):
         return False
@@ -95,7 +95,8 @@ def _obeys(record: Record, data: Data, run: slice, name: str, slope: float) -> b
 
 
 def stuck(records: Sequence[Record], data: Data, at: Cells, remarks: list[str]) -> None:
-    """Where u stays at one value, the rest of the record tells whether the motion needs another."""
+    """Check the values at which u stays: the balance of the other samples shows whether the
+    motion needs another torque."""
     found = [(*one, at.mean(running(one[1].astype(float))) > 0.5) for one in _values_held(data)]
     if not found:
         return
@@ -105,25 +106,28 @@ def stuck(records: Sequence[Record], data: Data, at: Cells, remarks: list[str]) 
         which = held & slides
         if fit is None or not which.any():
             continue
-        lack = fit.torque(data, at.only(which)) - value
-        rms, share = float(np.sqrt(np.mean(lack**2))), float(which.sum() / slides.sum())
-        beyond = float(np.sign(value - np.median(data.u)) * lack.mean())
+        missing = fit.torque(data, at.only(which)) - value
+        rms, share = float(np.sqrt(np.mean(missing**2))), float(which.sum() / slides.sum())
+        beyond = float(np.sign(value - np.median(data.u)) * missing.mean())
         if rms < 3.0 * fit.left or clipped and beyond < 0.7 * rms:
             continue
         unit, kind = unit_for("N m", data.motion), "clipped" if clipped else "dead"
-        told = (
+        noticed = (
             f"{named(records)}: u stays at {value:.4g} {unit} for {100 * flagged.mean():.2g} % of "
-            f"the samples, where the motion takes {rms:.3g} {unit} (RMS) more or less"
+            f"the samples, but the motion there needs a torque that differs by {rms:.3g} {unit} RMS"
         )
-        if np.sqrt(share) * rms > LACKING * np.std(fit.u):
-            cure = "Raise the range of the log" if clipped else "Mend the torque channel"
-            reason = f"{told}: the torque channel is {kind} there."
+        if np.sqrt(share) * rms > RELEVANT * np.std(fit.u):
+            cure = "Raise the range of the log" if clipped else "Repair the torque channel"
+            reason = f"{noticed}: the torque channel is {kind} there."
             raise Refused(reason, f"{cure} and record again, or cut that part out.")
-        remarks.append(f"{told}: it may be {kind} there.")
+        remarks.append(f"{noticed}: the torque channel may be {kind} there.")
 
 
 def _values_held(data: Data) -> Iterator[tuple[float, np.ndarray, bool]]:
-    """The value u is stuck at for longest, and its extremes; where; whether it may be a limit."""
+    """Values at which u may be stuck: the one held longest, then the extremes.
+
+    Yields the value, where u has it, and whether it may be a limit.
+    """
     u, least = data.u, max(10, round(STUCK / data.dt))
     edges = np.r_[0, np.flatnonzero(np.diff(u)) + 1, len(u)]
     lengths = np.diff(edges)
@@ -144,7 +148,10 @@ def _values_held(data: Data) -> Iterator[tuple[float, np.ndarray, bool]]:
 def related(
     records: Sequence[Record], model: Model, data: Data, fit: Balance, remarks: list[str]
 ) -> None:
-    """The inertia must be positive, and of a machine's size; one that does not show is said."""
+    """Refuse a torque that is unrelated to the motion or gives an implausible inertia.
+
+    Remark on an inertia that the record hardly determines.
+    """
     where, sure = named(records), fit.J / max(fit.error, 1e-300)
     clear = "Record a motion with clear acceleration in both directions, with its torque."
     coarse = balance(data, cells(data, 8.0 * fit.cells.size * data.dt))
@@ -157,31 +164,31 @@ def related(
         )
     if max(sure, fit.power_t) < RELATED:
         raise Refused(
-            f"{where}: u has nothing to do with the motion: it neither accelerates the drive nor "
-            "pays for its friction.",
+            f"{where}: u is unrelated to the motion: it neither accelerates the drive nor "
+            "overcomes its friction.",
             "Record the torque that the drive applies, in the same run as the motion.",
         )
     remarks += _right_size(where, model, data, fit, coarse)
-    if model.J is None or fit.error < 0.5 * model.J:  # one that is not declared is told by a fit
+    if model.J is None or fit.error < 0.5 * model.J:  # an undeclared J is identified by the fit
         return
     needed = 10.0 * fit.error / model.J * fit.acceleration
     unit, torque = unit_for("rad/s", data.motion), unit_for("N m", data.motion)
-    told = (
-        f"{where}: the inertia hardly shows: an acceleration of {fit.acceleration:.3g} {unit}2 "
-        f"(RMS) beside {fit.left:.3g} {torque} that a plain balance leaves over"
-    )
     remarks.append(
-        f"{told}; it rests on the declared J (about {needed:.2g} {unit}2 would tell it)."
+        f"{where}: the record hardly determines the inertia: the acceleration is "
+        f"{fit.acceleration:.3g} {unit}2 RMS, and a simple torque balance leaves {fit.left:.3g} "
+        f"{torque} RMS unexplained. The result relies on the declared J; an acceleration of about "
+        f"{needed:.2g} {unit}2 would identify it."
     )
 
 
 def _right_size(
     where: str, model: Model, data: Data, fit: Balance, coarse: Balance | None
 ) -> list[str]:
-    """Refuse a declared inertia that is off by more than machines are: a unit is wrong.
+    """Refuse a declared inertia so far off that a unit must be wrong; remark on a smaller
+    deviation.
 
-    Say where it is off by more than declared values are as a rule, over longer cells, too: over
-    short ones the steps of a coarse encoder are accelerations that no torque went with.
+    It counts by the cells, short or long, that deviate less: over short cells the steps of a coarse
+    encoder look like accelerations without a torque.
     """
     felt = fit.J * fit.acceleration > ACCELERATES * float(np.sqrt(np.mean(fit.u**2)))
     if model.J is None or fit.J < VERY_SURE * fit.error or not felt:
@@ -189,14 +196,14 @@ def _right_size(
     every = [one.J for one in (fit, coarse) if one is not None and one.J > 0.0]
     off, J = min((max(model.J / J, J / model.J), J) for J in every)
     unit = unit_for("kg m2", data.motion)
-    told = (
-        f"{where}: the model declares J = {model.J:.3g} {unit}, and torque and acceleration "
-        f"tell {J:.3g} {unit}"
+    noticed = (
+        f"{where}: the model declares J = {model.J:.3g} {unit}, but torque and acceleration "
+        f"give {J:.3g} {unit}"
     )
     if off > ANOTHER_UNIT:
         raise Refused(
-            f"{told}: J or the torque is in another unit.",
+            f"{noticed}: J or the torque is in another unit.",
             "Give J and u in SI units (--units, --scale), or leave J out to have it identified.",
         )
-    doubt = "look at the units of u and of the motion (rpm taken for rad/s is a factor of 9.5)"
-    return [f"{told}, {off:.2g} times off: {doubt}."] if off > DOUBTED else []
+    advice = "check the units of u and of the motion (rpm taken for rad/s is a factor of 9.5)"
+    return [f"{noticed}, a factor of {off:.2g}: {advice}."] if off > DOUBTED else []

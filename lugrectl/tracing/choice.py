@@ -1,4 +1,4 @@
-"""Which of several effects to take, and what explains the record as well."""
+"""Model comparison: which effect to accept, and which candidates explain the record as well."""
 
 from __future__ import annotations
 
@@ -23,20 +23,21 @@ from .search import Pair
 from .surprise import surprising
 from .windows import Windows
 
-LOOKED = 6  # effects beside which a second one is tried
-PART = 0.1  # of the leader's gain that one which explains as much may lack
-FIRM = 2.0  # half-widths of its interval between an effect's strength and none
+LOOKED = 6  # candidates beside which a second effect is screened
+PART = 0.1  # of the leader's gain, by which a candidate that counts as equal may gain less
+FIRM = 2.0  # half-widths of its 95 % interval by which a significant strength differs from none
 ECCENTRIC = "encoder_eccentricity"
 LEAST_OF_A_TURN = 1.0  # rad of travel
-TURNING = ("gravity", ECCENTRIC)  # once per turn: nothing on a linear axis
-SAME = 2e-3  # of the torque, by which two models may differ that are one
+TURNING = ("gravity", ECCENTRIC)  # once per turn: not tried on a linear axis
+SAME = 2e-3  # of the torque: two models that differ by less are the same
 
 
 @dataclass(frozen=True)
 class Step:
-    """One effect accepted, how firmly, and what explains the training windows equally well.
+    """One accepted effect, its significance, and what explains the training windows equally well.
 
-    ``rivals`` explained nearly as much when it was accepted, these among them.
+    ``firm`` is its significance when it was accepted. ``rivals``, which include the ties, explained
+    nearly as much then.
     """
 
     trial: Trial
@@ -45,20 +46,21 @@ class Step:
     rivals: tuple[str, ...] = ()
 
     def firmness(self, fitted: Fitted) -> float:
-        """How sure the windows are of its strength.
+        """Significance of the strength: half-widths of its 95 % interval from none.
 
-        Under a noise that forgives windows in which a hidden state was missed, just those few
-        disagree: there it counts how sure they were before.
+        Under a noise that may be larger in windows in which a hidden state was missed, only those
+        few windows disagree on the strength; then the significance at acceptance counts if it is
+        higher.
         """
         now = firmness(fitted, self.trial.key)
         return max(self.firm, now) if fitted.noise.uneven and self.trial.boxed else now
 
 
 def worth_trying(model: Model) -> list[str]:
-    """Effects worth trying on what the model has.
+    """Effects that are applicable to the model.
 
-    A second of a kind only where it can differ; nothing that the friction law has already, or
-    that acts on what it lacks.
+    Left out are a second effect of a kind unless it can differ, an effect that the friction law
+    contains already, and one that acts only on parameters which the model does not have.
     """
     used = {part.block.name for part in model.effects}
     has = {"J", *model.friction.values}
@@ -75,8 +77,11 @@ def worth_trying(model: Model) -> list[str]:
 
 
 def worth_trying_on(fitted: Fitted) -> list[str]:
-    """The same on what was recorded: over a small part of a turn an eccentric encoder is a gain
-    that the plant's own values make up for, and whatever bends a little."""
+    """The same, for the recorded travel.
+
+    Over a small part of a turn an eccentric encoder is a gain, which the plant's parameters absorb,
+    and resembles any effect with a slight curvature.
+    """
     log = fitted.predictor.data.log
     short = float(np.ptp(log.theta)) < LEAST_OF_A_TURN
     names = worth_trying(fitted.predictor.model)
@@ -84,15 +89,16 @@ def worth_trying_on(fitted: Fitted) -> list[str]:
 
 
 def _repeats(p: P) -> bool:
-    """Whether two effects of a kind differ in it: another harmonic, the other side."""
+    """True if two effects of a kind can differ in it: another harmonic, the other side."""
     return bool(p.choices) or bool(p.grid and p.unit != "s")
 
 
 def chosen(before: Fitted, sound: Sequence[Pair], test: Windows) -> tuple[Step, Fitted]:
-    """The best effect with what explains as much, and the model with it inside the plant.
+    """The best effect with its ties, and the model with it inside the plant.
 
-    Those are compared there: what an effect does along the log is not always exact. One that
-    held-out windows contradict while another foresees them is out.
+    Candidates are compared inside the plant, since the torque of an effect computed along the log
+    is not always exact. One that held-out windows contradict is left out if they agree with
+    another.
     """
     even = _even(before, beside(inside, _even(before, sound)))
     if len(even) > 1:
@@ -105,15 +111,16 @@ def chosen(before: Fitted, sound: Sequence[Pair], test: Windows) -> tuple[Step, 
 
 
 def ahead(sound: Sequence[Pair]) -> Pair:
-    """The effect that promises most together with the best one beside it.
+    """The candidate with the largest gain together with the best second effect beside it.
 
-    One that is half of two explains less alone than whatever is a little like both.
+    When two effects are missing, either one alone may fit worse than a third effect that resembles
+    their sum.
     """
     return max(sound[:LOOKED], key=lambda pair: pair[1].total + _beside(pair[1]))
 
 
 def _beside(fitted: Fitted) -> float:
-    """Gain in log-likelihood that the best of the next effects promises."""
+    """Gain in log-likelihood that the score test gives the best further effect."""
     light = lightened(fitted)
     trials = screen(Score(light), worth_trying_on(fitted))
     part = light.where.counted.size / fitted.where.counted.size
@@ -121,18 +128,21 @@ def _beside(fitted: Fitted) -> float:
 
 
 def sureness(before: Fitted, after: Fitted, trial: Trial) -> float:
-    """How firm an effect is when it is found.
+    """Significance of an effect when it is found.
 
-    With a hidden state that a few windows miss, their derivatives there say nothing of its
-    strength: it counts how much the windows agree that they are better with it.
+    Windows in which its hidden state was missed say nothing about its strength by their
+    sensitivities. For such an effect the significance of the windows' gain counts, if that is
+    higher.
     """
     firm = firmness(after, trial.key)
     return max(firm, agreed(forgiving(before), forgiving(after))) if trial.boxed else firm
 
 
 def agreed(before: Fitted, after: Fitted) -> float:
-    """How many half-widths of its 95 % interval the windows' gain is from none, where no window
-    counts by more than the median."""
+    """Gain of the windows in half-widths of its 95 % interval.
+
+    No window's gain counts more than the median.
+    """
     gain = after.loglik - before.loglik
     gain = np.minimum(gain, np.median(np.abs(gain)))
     half = 2.0 * float(np.std(gain, ddof=1)) * np.sqrt(len(gain))
@@ -140,13 +150,13 @@ def agreed(before: Fitted, after: Fitted) -> float:
 
 
 def in_order(fitted: Fitted) -> Fitted:
-    """The same with what acts on the command in another order, where that is clearly better.
+    """The same with the effects on the command in another order, if that is clearly better.
 
-    A dead zone before a lag is not one behind it.
+    A dead zone before a lag is not the same as one behind it.
     """
     model = fitted.predictor.model
     command = [p for p in model.effects if stage(p.block) == COMMAND]
-    if all(p.block.exact for p in command):  # they are linear
+    if all(p.block.exact for p in command):  # linear effects commute
         return fitted
     others = tuple(p for p in model.effects if stage(p.block) != COMMAND)
 
@@ -162,9 +172,9 @@ def in_order(fitted: Fitted) -> Fitted:
 def _even(before: Fitted, sound: Sequence[Pair]) -> list[Pair]:
     """The best effect and all that explain the windows as well within two standard errors.
 
-    Fewest parameters first, of those that are firm: another would not be left in the end. An
-    effect whose strength may as well be none imitates another (a soft spring with a distant rest
-    is a constant torque) and is left out.
+    Significant ones come first (others would be removed in the end), then those with fewest
+    parameters. An effect whose strength may be none only imitates another (a soft spring with a
+    distant rest position is a constant torque) and is left out.
     """
     top = max(sound, key=lambda pair: pair[1].total)[1]
     even = [(t, f) for t, f in sound if f is top or as_well(before, top, f)]
@@ -181,19 +191,19 @@ def _even(before: Fitted, sound: Sequence[Pair]) -> list[Pair]:
 
 
 def as_well(before: Fitted, top: Fitted, other: Fitted) -> bool:
-    """Within two standard errors over the windows, and nearly as much of the gain."""
+    """True within two standard errors over the windows, if it has nearly as much of the gain."""
     lead = top.loglik - other.loglik
     error = float(np.std(lead, ddof=1)) * np.sqrt(len(lead))
     return lead.sum() < min(max(3.0, 2.0 * error), _much(before, top))
 
 
 def _much(before: Fitted, top: Fitted) -> float:
-    """What another may lack at most to have explained nearly as much."""
+    """By how much another may gain less and still explain nearly as much."""
     return max(10.0, PART * (top.total - before.total))
 
 
 def _comes_to(other: Fitted, simple: Fitted) -> bool:
-    """Whether one with more parameters makes the same torque: backlash without a gap."""
+    """True if a model with more parameters gives the same torque: backlash without a gap."""
     if len(other.free) <= len(simple.free):
         return False
     at = simple.where.counted
@@ -213,7 +223,7 @@ def candidate(before: Fitted, trial: Trial, fitted: Fitted) -> Candidate:
 
 
 def inside(pair: Pair) -> Pair:
-    """The same model with its effects inside the plant, fitted once more if they were not."""
+    """The same model with its effects simulated inside the plant, refitted if they were not."""
     trial, found = pair
     if trial.rough:
         return pair

@@ -1,4 +1,4 @@
-"""The free parameters of a fit, and the coordinates in which they are stepped."""
+"""Parameter transformation: the free parameters and the coordinates in which a fit steps them."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from ..spec import P
 from .data import Log
 from .predictor import Predictor, Values
 
-REACH = {"J": 2.5, "Fc": 4.0, "Fs": 4.0}  # factor by which a value may leave the declared one
-FAR = 10.0  # the same for all others
-ANYWHERE = 1e4  # for an effect's own, from where it started
-STEPS = 1e12  # the same for strengths that may be 0, in small steps of them
-HUGE = 700.0  # whose exponential is a number still
+REACH = {"J": 2.5, "Fc": 4.0, "Fs": 4.0}  # factor within which a value stays of the declared one
+FAR = 10.0  # the same for all other plant parameters
+ANYWHERE = 1e4  # the same for an effect's parameter, about its start value
+STEPS = 1e12  # the same for a strength that may be 0, in steps
+HUGE = 700.0  # largest argument with a finite exponential
 LEAST_EXCESS = 1e-4  # of Fs over Fc, relative
 
 
@@ -47,10 +47,10 @@ class Coordinate:
 
 
 def coordinates(predictor: Predictor, keys: Sequence[str], anchor: Values) -> list[Coordinate]:
-    """How each of the keys is stepped: positive plant parameters in their logarithm.
+    """The coordinate of each key; positive plant parameters use their logarithm.
 
-    Those stay within a factor of what was declared: a model that lacks an effect would send
-    them anywhere to make up for it.
+    Plant parameters stay within a factor of their declared value: while an effect is missing from
+    the model, the fit would move them anywhere to compensate for it.
     """
     declared = predictor.declarations()
     made = []
@@ -68,7 +68,7 @@ def coordinates(predictor: Predictor, keys: Sequence[str], anchor: Values) -> li
             made.append(Coordinate(key, "log", low, high, 1e-3))
         else:
             log, low, high = predictor.data.log, p.low, p.high
-            if p.unit == "rad" and not p.angle:  # a place: within reach of the motion
+            if p.unit == "rad" and not p.angle:  # a position: within reach of the motion
                 travel = np.ptp(log.theta)
                 low = max(low, np.min(log.theta) - FAR * travel)
                 high = min(high, np.max(log.theta) + FAR * travel)
@@ -79,7 +79,7 @@ def coordinates(predictor: Predictor, keys: Sequence[str], anchor: Values) -> li
 
 
 def typical(p: P, log: Log) -> float:
-    """A small step for an effect parameter, from its unit and the size of the log."""
+    """A small step for an effect's parameter, from its unit and the size of the signals."""
     torque, travel = float(np.std(log.u)), float(np.ptp(log.theta))
     speed, length = float(np.max(np.abs(log.w))), float(log.t[-1] - log.t[0])
     sizes = {
@@ -102,5 +102,8 @@ def free_keys(predictor: Predictor) -> list[str]:
 
 
 def is_instant(p: P) -> bool:
-    """A moment in time: the likelihood has steps in it, so it is placed, not descended."""
+    """True for an instant in time.
+
+    The likelihood is not smooth in it, so it is placed by a search and not by its gradient.
+    """
     return p.unit == "s" and p.grid is not None and p.low < 0.0

@@ -1,4 +1,4 @@
-"""Records made ready for fitting: one stretch of samples, sensor noise, smoothed motion."""
+"""Data set for estimation: runs laid end to end, sensor noise, smoothed motion, weights."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from ..record import Record
 from ..record.samples import smallest_step
 from .noise import Noise, repeating, sensor_noise, smooth
 
-STEPPED = 3.0  # times the acceleration over 20 ms: more between samples is an encoder's steps
+STEPPED = 3.0  # times the acceleration over 20 ms: above, it is due to an encoder's steps
 OTHERS = ("temperature", "theta_load")
 
 
 @dataclass(frozen=True)
 class Log:
-    """The motion as an effect sees it: values in the middle of each sample interval.
+    """The signals that an effect reads, in the middle of each sample interval.
 
-    ``t`` s, ``theta`` rad, ``w`` rad/s, ``a`` rad/s2, ``u`` N m and ``load`` N m (as recorded,
-    else 0) held over the interval; ``dt``, ``motion`` and ``runs`` for whoever looks at it.
+    ``t`` s, ``theta`` rad, ``w`` rad/s, ``a`` rad/s2; ``u`` N m and ``load`` N m (0 if not
+    recorded) are held over the interval. ``dt``, ``motion`` and ``runs`` describe the log.
     """
 
     t: np.ndarray
@@ -41,7 +41,7 @@ class Log:
         return {k: getattr(self, k) for k in ("t", "theta", "w", "a", "u", "load")}
 
     def first(self, samples: int) -> Log:
-        """The first samples alone."""
+        """The first samples only."""
         runs = tuple((a, min(b, samples)) for a, b in self.runs if a < samples)
         return replace(self, **{k: x[:samples] for k, x in self.signals.items()}, runs=runs)
 
@@ -55,17 +55,16 @@ class Log:
 class Data:
     """One or several runs laid end to end.
 
-    ``d`` is the recorded load torque, 0 where none was; ``y`` is (N, 2), measured theta and w
-    with nan where not recorded; ``runs`` the index ranges without a gap; ``noise`` the sensors'
-    (its jump is the typical dw/dt), more than their ``own`` where samples repeat each other;
-    ``counts`` are their smallest steps, after so many samples they ``repeats``;
-    ``log`` the smoothed motion. ``run`` (N,) counts the records from 0; those in ``differing``
-    may differ a little from the first. ``others`` are channels beside torque and motion, where
-    all records have them. ``w`` is a recorded speed that nothing is fitted to, errors are only
-    counted on it; it comes ``late`` by that much, s.
-    ``ahead`` is by how much the torque was moved to come earlier, s. ``zeros`` are by how much
-    theta of runs was moved, so that effects which repeat themselves ``order`` times per 2 pi of
-    it agree (rotary: once); empty where they do as recorded.
+    ``d`` is the recorded load torque, 0 if there is none; ``y`` (N, 2) the measured theta and w,
+    nan where not recorded; ``runs`` the index ranges without a gap; ``log`` the smoothed motion.
+    ``noise`` holds the noise of the sensors, larger than their ``own`` where samples repeat each
+    other, and as its jump the typical dw/dt. ``counts`` are the smallest steps of the sensors;
+    their values change after ``repeats`` samples. ``run`` (N,) numbers the records from 0; those in
+    ``differing`` may differ a little from the first. ``others`` are channels beside torque and
+    motion that all records have. ``w`` is a recorded speed that is not fitted, only used to compute
+    errors; it lags by ``late`` s. ``ahead`` is the time by which the torque was shifted earlier, s.
+    ``zeros`` are the shifts of theta by run with which effects that repeat ``order`` times per 2 pi
+    of it (rotary: once) agree; empty if theta is as recorded.
     """
 
     t: np.ndarray
@@ -91,18 +90,19 @@ class Data:
     order: float = 1.0
 
     def with_torque(self, u: np.ndarray) -> Data:
-        """The same motion under a smoothed torque."""
+        """The same motion with a smoothed torque."""
         return replace(self._under(u), smoothed=True)
 
     def moved(self, u: np.ndarray, ahead: float) -> Data:
-        """The same motion under a torque that was logged ``ahead`` s late."""
+        """The same motion with a torque that was logged ``ahead`` s late."""
         return replace(self._under(u), ahead=ahead)
 
     def aligned(self, zeros: Mapping[int, float], order: float) -> Data:
-        """The same with theta of these runs moved by so many rad (linear: m), for effects that
-        repeat themselves ``order`` times per 2 pi of it.
+        """The same with theta of these runs shifted (rad, linear: m), for effects that repeat
+        ``order`` times per 2 pi of it.
 
-        A turn is a place that returns: phases of a rotary drive count in 2 pi of theta itself.
+        A rotary drive passes the same positions every turn, so its phases count per 2 pi of theta
+        itself.
         """
         shift = np.zeros(len(self.t))
         for run, zero in zeros.items():
@@ -117,15 +117,17 @@ class Data:
 
     @cached_property
     def weight(self) -> np.ndarray:
-        """How much each sample of theta, w counts, (N, 2): 1 but where a counter stands for longer
-        than the noise allows for, so that it says the same again.
+        """Weight of each sample of theta and w, (N, 2).
+
+        It is 1, and less where an encoder stays on one count for longer than its noise accounts
+        for: such samples are not independent.
         """
         each = [_lengths(c, count) for c, count in zip(self.y.T, self.counts, strict=True)]
         return np.minimum(1.0, np.array(self.repeats) / np.column_stack(each))
 
     @property
     def signal(self) -> str:
-        """The channel on which errors are counted: w, or theta where only that was recorded."""
+        """The channel on which errors are computed: w, or theta if only that was recorded."""
         return "w" if self.w is not None or np.isfinite(self.noise.w) else "theta"
 
     @property
@@ -134,12 +136,12 @@ class Data:
 
     @property
     def measured(self) -> np.ndarray:
-        """That channel as it was recorded (N,)."""
+        """That channel as recorded (N,)."""
         return self.y[:, self.channel] if self.w is None else self.w
 
     @property
     def floor(self) -> float:
-        """That channel's own noise."""
+        """The sensor noise of that channel."""
         if self.w is not None:
             return sensor_noise(self.w)
         return self.own[self.channel]
@@ -151,7 +153,7 @@ class Data:
 
 
 def prepare(records: Sequence[Record]) -> Data:
-    """Lay records of one rate end to end.
+    """Lay records of one sampling rate end to end.
 
     Raises
     ------
@@ -181,9 +183,9 @@ def prepare(records: Sequence[Record]) -> Data:
 
 
 def thinned(data: Data, every: int) -> Data:
-    """Every so many samples; the torque is their mean, which is what moves the drive.
+    """Keep one of ``every`` samples; the torque is their mean, which moves the drive.
 
-    What the sensors say is taken as it is, so their noise stays what it was.
+    Sensor values are not averaged, so their noise stays the same.
     """
     at = [np.arange(a, b - every + 1, every) for a, b in data.runs]
     ends = np.cumsum([0, *map(len, at)]).tolist()
@@ -199,7 +201,7 @@ def thinned(data: Data, every: int) -> Data:
 
 
 def picked(data: Data, index: np.ndarray) -> Data:
-    """Single samples, which say nothing of each other."""
+    """Single samples, independent of each other: there are no runs."""
     log = data.log
     alone = {k: signal[index] for k, signal in log.signals.items()}
     return replace(
@@ -224,12 +226,14 @@ def _alike(records: Sequence[Record]) -> None:
     for r in records[1:]:
         if abs(r.dt / first.dt - 1.0) > 1e-3:
             raise InputError(
-                f"{r.source} has {r.rate:g} samples a second, {first.source} has {first.rate:g}; "
-                "give runs of one rate, or four or more at a steady speed each."
+                f"{r.source} has {r.rate:g} samples per second but {first.source} has "
+                f"{first.rate:g}; give runs of one rate, or four or more at a steady speed each."
             )
         same = (r.w is None, r.theta is None) == (first.w is None, first.theta is None)
         if r.motion != first.motion or not same:
-            raise InputError(f"{r.source} and {first.source} do not hold the same channels.")
+            raise InputError(
+                f"{r.source} and {first.source} do not hold the same channels; give runs that do."
+            )
 
 
 def _measured(r: Record) -> np.ndarray:
@@ -242,7 +246,7 @@ def _own(x: np.ndarray, step: float) -> float:
 
 
 def _lengths(x: np.ndarray, count: float) -> np.ndarray:
-    """In how many samples in a row a channel stands on the same count, for each of them."""
+    """For each sample, how many in a row stay on the same count."""
     steps = np.round((x - x[np.isfinite(x)][:1].sum()) / count) if count > 0.0 else x
     first = np.flatnonzero(np.diff(steps, prepend=np.nan) != 0.0)
     lengths = np.diff(first, append=len(x))
@@ -256,7 +260,7 @@ def _noise(
     own: Sequence[float],
     repeats: Sequence[float],
 ) -> Noise:
-    """What the sensors' noise counts as where samples are taken for independent."""
+    """Noise with which samples can be treated as independent: larger where counts repeat."""
     theta, w = (size * np.sqrt(times) for size, times in zip(own, repeats, strict=True))
     return Noise(max(_jump(y[a:b], dt, theta, w) for a, b in runs), theta, w)
 
@@ -274,14 +278,14 @@ def _log(t, u, d, y, dt, motion, runs, noise) -> Log:
 
 
 def _jump(y: np.ndarray, dt: float, theta_noise: float, w_noise: float) -> float:
-    """Typical size of dw/dt, on a smoothing window long enough to show it."""
+    """Typical size of dw/dt, over a smoothing window that is long enough to show it."""
     seen, n = np.isfinite(w_noise), max(5, int(round(0.02 / dt)))
     w = y[:, 1] if seen else np.gradient(y[:, 0], dt)
     rough = w_noise if seen else theta_noise / dt
     usual = max(float(np.std(_slope(w, n, dt))), rough / (n * dt))
     if seen:
         return usual
-    # between the counts of a coarse encoder there is no speed
+    # a coarse encoder shows no speed between two counts
     long = max(
         float(np.std(_slope(_slope(y[:, 0], n, dt), n, dt))), 2.0 * theta_noise / (n * dt) ** 2
     )

@@ -1,4 +1,4 @@
-"""How much of what is missing is a function of some signals, and which of them to name."""
+"""Explained share: how much missing torque is a function of some signals, and which to name."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-CLEAR = 0.5  # of what any torque could explain, above which a function is taken to be it
-CLEARER = 0.95  # the same where a loop that fights any disturbance makes it likely
-SURE = 2.5  # standard errors that it must have
-CERTAIN = 5.0  # standard errors of one that need not be clear
-NEARLY = 0.85  # of the best function's share, from which one of fewer signals is preferred
+CLEAR = 0.5  # of what an arbitrary torque could explain: above, a function is accepted
+CLEARER = 0.95  # the same for a function that feedback makes likely
+SURE = 2.5  # standard errors that the share must exceed
+CERTAIN = 5.0  # standard errors from which a smaller share is accepted
+NEARLY = 0.85  # of the best share, from which a function of fewer signals is preferred
 TINY = 1e-9  # natural log units, or a share
 
 
@@ -19,9 +19,9 @@ TINY = 1e-9  # natural log units, or a share
 class Dependence:
     """How much a torque that depends on some signals explains.
 
-    ``share`` is the part, cross-validated, of what the best torque of any kind would bring;
-    ``t`` that share over its standard error, by how much stretches of the record differ.
-    ``answers``: a loop that fights a disturbance makes such a function likely.
+    ``share`` is the cross-validated part of what an arbitrary torque would gain; ``t`` is that
+    share over its standard error, from the scatter between stretches of the record. ``answers``:
+    feedback correlates these signals with any disturbance, so the dependence is weak evidence.
     """
 
     signals: tuple[str, ...]
@@ -33,8 +33,10 @@ class Dependence:
 def judged(
     signals: tuple[str, ...], gain: np.ndarray, most: np.ndarray, *, answers: bool = False
 ) -> Dependence:
-    """The share of ``most`` that a function gains, both by stretch of the record; each counts
-    at most as much as it holds. The error comes from leaving out each of them in turn."""
+    """The share of ``most`` that a function gains, both given by stretch of the record.
+
+    No stretch counts more than it holds. The error is a jackknife over the stretches.
+    """
     gain = np.clip(gain, -most, most)
     total = float(most.sum())
     share = float(gain.sum()) / max(total, TINY * (TINY + total))
@@ -44,13 +46,13 @@ def judged(
 
 
 def clearest(found: Sequence[Dependence]) -> Dependence | None:
-    """The best function that is clear, one of fewer signals preferred; none where none is."""
+    """The best function with a clear share, fewer signals preferred; None if there is none."""
     clear = [d for d in found if d.t > SURE and d.share > (CLEARER if d.answers else CLEAR)]
     return _simplest(clear)
 
 
 def surest(found: Sequence[Dependence]) -> Dependence | None:
-    """The same of those that are certain, though noise may hide most of them."""
+    """The same among functions that are certain, even if noise hides most of the torque."""
     return _simplest([d for d in found if d.t > CERTAIN and not d.answers])
 
 

@@ -1,4 +1,4 @@
-"""Records that cannot answer: refused before any fit, with the reason and what to record."""
+"""Informativeness of the records: refuse what cannot answer, with the reason and what to record."""
 
 from __future__ import annotations
 
@@ -15,43 +15,43 @@ from .channel import copied, related, stuck
 from .data import Data
 from .skewed import sensors_skewed, torque_skewed
 
-FEW = 10  # steps of the encoder (or its noise times sqrt(12)): below, 3 % of the motion
-SLIDING = 1.0  # s of sliding motion, least
+FEW = 10  # encoder steps (noise times sqrt(12)): with fewer, rounding exceeds 3 % of the motion
+SLIDING = 1.0  # s, least duration of sliding motion
 ONE_WAY = 0.01  # least share of the sliding time in either direction
-ONE_SPEED = 0.1  # width about the median, of nearly all speeds
-PIECE = 2.25  # s, a held-out block and its lead-in: shorter pieces between gaps are lost
-LOST = 0.5  # share of a record lost to gaps
+ONE_SPEED = 0.1  # relative half-width about the median that holds nearly all speeds
+PIECE = 2.25  # s, a held-out block and its lead-in: shorter pieces cannot be used
+LOST = 0.5  # share of a record lost to gaps, above which it is refused
 
 
 def refuse_unfit(records: Sequence[Record], model: Model, data: Data) -> tuple[str, ...]:
-    """Refuse records that cannot tell what a model lacks.
+    """Refuse records from which a missing effect cannot be identified.
 
-    Looked at are the channels themselves, the plain torque balance
-    ``u - d = J a + friction(w) + T0 + K theta + gravity`` along the sliding motion, and its
-    errors over 20 blocks of time. No threshold is a property of a machine.
+    Checked are the channels themselves, the torque balance
+    ``u - d = J a + friction(w) + T0 + K theta + gravity`` along the sliding motion, and its errors
+    over 20 blocks of time. No threshold depends on the machine.
 
     Parameters
     ----------
     records : the runs that ``data`` was prepared from, pooled.
-    model : the declared model; of it only which values are missing counts, and J.
+    model : the declared model; only J and which values are missing are used.
     data : as prepared.
 
     Returns
     -------
     tuple of str
-        What only leaves something untestable, a sentence each.
+        What cannot be tested with these records, a sentence each.
 
     Raises
     ------
     Refused
         When the torque is dead, clipped, another column's copy or unrelated to the motion; when
-        channels are skewed in time; when inertia or friction cannot be told from this motion;
-        when too little of it was recorded.
+        channels are skewed in time; when inertia or friction cannot be identified from this
+        motion; when too little of it was recorded.
 
     Notes
     -----
-    A skew between torque and motion shows only where the accelerating torque is at least a
-    tenth of the whole, and the lag of an effect behind its cause is no skew.
+    A skew between torque and motion shows only where the accelerating torque is at least a tenth of
+    the whole. The lag of an effect behind its cause is no skew.
     """
     refuse_dead(records)
     remarks: list[str] = []
@@ -62,9 +62,9 @@ def refuse_unfit(records: Sequence[Record], model: Model, data: Data) -> tuple[s
     _moves(records, data, at)
     fit = balance(data, at)
     stuck(records, data, at, remarks)
-    if not sensors_skewed(records, data):  # else it is open which of the two the torque moves
+    if not sensors_skewed(records, data):  # else it is unknown which of them is in time
         torque_skewed(records, data, remarks)
-    _varied(records, model, data, at, remarks)  # a balance in one direction tells little
+    _varied(records, model, data, at, remarks)  # before the balance, which needs both directions
     if fit is not None:
         related(records, model, data, fit, remarks)
     return tuple(remarks)
@@ -95,12 +95,12 @@ def _each(records: Sequence[Record]) -> Iterator[tuple[Record, slice]]:
 
 
 def _whole_time(record: Record, remarks: list[str]) -> None:
-    """Gaps may cost half of a record; stamps off the grid were never brought onto it."""
+    """Refuse a record that gaps leave less than half of, or with irregular time steps."""
     between = np.delete(np.arange(record.samples - 1), np.array(record.gaps, dtype=int) - 1)
     off = np.abs(np.diff(record.t)[between] / record.dt - 1.0) > 0.5
     if off.sum() > 0.01 * record.samples:
         raise Refused(
-            f"{record.source}: {100 * off.mean():.2g} % of the time steps are off the step of "
+            f"{record.source}: {100 * off.mean():.2g} % of the time steps differ from "
             f"{record.dt:.6g} s by more than half of it: samples are lost or irregular.",
             "Record at a fixed rate without loss, or read the file with read_record.",
         )
@@ -132,15 +132,15 @@ def _moves(records: Sequence[Record], data: Data, at: Cells) -> None:
             raise Refused(
                 f"{where}: theta travels {travel / max(count, 1e-300):.3g} steps of the sensor, "
                 f"{travel:.3g} {unit_for('rad', data.motion)}: the drive hardly moves.",
-                f"Record a motion of at least {FEW} steps, better of thousands.",
+                f"Record a motion of at least {FEW} steps, better thousands.",
             )
     else:
         travel = float(np.ptp(np.cumsum(data.y[:, 1]) * data.dt))
         random = data.noise.w * data.dt * np.sqrt(len(data.t))
         if travel < 5.0 * random:
             raise Refused(
-                f"{where}: w adds up to {travel:.3g} {unit_for('rad', data.motion)} of travel, its "
-                f"noise alone to {random:.3g}: the drive hardly moves.",
+                f"{where}: w integrates to {travel:.3g} {unit_for('rad', data.motion)} of "
+                f"travel, its noise alone to {random:.3g}: the drive hardly moves.",
                 "Record a motion well above the sensor's noise.",
             )
     time = float(moving(data, at)[1].sum()) * at.size * data.dt
@@ -155,34 +155,36 @@ def _moves(records: Sequence[Record], data: Data, at: Cells) -> None:
 def _varied(
     records: Sequence[Record], model: Model, data: Data, at: Cells, remarks: list[str]
 ) -> None:
-    """Coulomb friction takes two directions to be told from a load, and two speeds from Fv."""
+    """Coulomb friction needs both directions to be distinguished from a load, and several speeds
+    to be distinguished from Fv."""
     w, slides = moving(data, at)
     w, where = w[slides], named(records)
     friction = model.friction.values
     other = float(min(np.mean(w > 0), np.mean(w < 0)))
     if other < ONE_WAY:
-        told = f"{where}: the drive slides in one direction only ({100 * other:.2g} % in the other)"
+        way = f"{100 * other:.2g} % in the other"
+        noticed = f"{where}: the drive slides in one direction only ({way})"
         if "Fc" in friction:
             raise Refused(
-                f"{told}: Coulomb friction cannot be told from a constant torque.",
+                f"{noticed}: Coulomb friction cannot be distinguished from a constant torque.",
                 "Record the same motion in both directions.",
             )
-        remarks.append(f"{told}: what differs between the directions was not tested.")
+        remarks.append(f"{noticed}: differences between the directions were not tested.")
     low, middle, high = np.quantile(np.abs(w), [0.025, 0.5, 0.975])
     if high - low < 2.0 * ONE_SPEED * middle:
-        told = (
+        noticed = (
             f"{where}: the drive slides at one speed only ({low:.3g} to {high:.3g} "
             f"{unit_for('rad/s', data.motion)} for 95 % of the time)"
         )
         if {"Fc", "Fv"} <= friction.keys():
             raise Refused(
-                f"{told}: Coulomb and viscous friction cannot be told apart.",
+                f"{noticed}: Coulomb and viscous friction cannot be distinguished.",
                 "Record several speeds, from slow to fast.",
             )
-        remarks.append(f"{told}: how friction depends on speed was not tested.")
+        remarks.append(f"{noticed}: how friction depends on speed was not tested.")
     turns = int(np.count_nonzero(np.diff(np.sign(w))))
     if other >= ONE_WAY and turns < 2:
         remarks.append(
-            f"{where}: the motion reverses once only: a drift in time can look like a difference "
-            "between the directions."
+            f"{where}: the motion reverses only once: a drift in time can look like a difference "
+            "between the directions. Record more reversals."
         )

@@ -1,8 +1,8 @@
-"""A load behind a gap or a spring, driven by the measured motion: what it takes from the balance.
+"""Load identification from prescribed motion: what a load behind a gap or a spring explains.
 
-The motor's motion is known, whatever the model makes of it, so a blow that comes a little early
-spoils nothing after it. Masses come out within some per cent; stiffness and damping, which a
-smoothed motion blurs, roughly.
+The load is driven by the measured motion, whatever the model predicts. So an impact that is
+simulated a little early does not spoil what follows. Masses are accurate to some per cent;
+stiffness and damping only roughly, as they suffer from the smoothing of the motion.
 """
 
 from __future__ import annotations
@@ -22,20 +22,23 @@ from .proof import off
 from .score import alone_by_parts, orthonormal
 from .slide import fitted_cells, friction_terms, sliding
 
-SPANS = (0.02, 0.08)  # s over which blows are averaged: a near miss counts, less or more
+SPANS = (0.02, 0.08)  # s over which impacts are averaged: short cells punish bad timing more
 FEWEST = 60  # cells
-LONGEST = 100_000  # samples of a log that are looked at, for the time's sake
-CROWD, ROUNDS, POLISH = 12, 40, 120
-STEP = 0.05  # of the simplex, in logarithms
-ALIKE = 1e-6  # of the largest singular value, below which terms are the same
-MOST, SOME = 0.85, 0.2  # of the power lacking, that a load takes where it was sought, elsewhere
+LONGEST = 100_000  # samples of a log that are used, to limit the computing time
+CROWD, ROUNDS, POLISH = 12, 40, 120  # population, generations, evaluations of the last step
+STEP = 0.05  # size of the first simplex, in logarithms
+ALIKE = 1e-6  # of the largest singular value: below, terms are the same
+MOST, SOME = 0.85, 0.2  # of the missing power, explained in the fitted windows, elsewhere
 STRENGTHS = ("kg m2", "N m/rad", "N m s/rad")
 
 
 @dataclass(frozen=True)
 class Driven:
-    """All values with a load that the measured motion drives, and the share of the power lacking
-    from the balance that it takes: of the cells in the fitted windows, and of those elsewhere."""
+    """All values with a load driven by the measured motion, and what it explains.
+
+    ``share`` is the part of the power missing from the balance in the fitted windows that the load
+    explains, ``elsewhere`` the same in the other cells.
+    """
 
     values: dict[str, float]
     share: float
@@ -43,15 +46,15 @@ class Driven:
 
 
 def driven(found: Fitted, key: str) -> list[Driven]:
-    """The effect at ``key`` as it explains most of the torque that the balance of a rigid drive
-    lacks, once for each length of the cells."""
+    """The effect at ``key`` with the values that explain most of the torque missing from the
+    balance of a rigid drive, once for each length of the cells."""
     spans = [span for span in SPANS if np.sum(_cells(found, span)[1]) >= FEWEST]
     made = beside(lambda span: _Balance(found, key, span).best(), spans)
     return [one for one in made if one is not None]
 
 
 def _cells(found: Fitted, span: float) -> tuple[Cells, np.ndarray]:
-    """Sliding cells of the first part of the log, and which of them are in fitted windows."""
+    """Sliding cells of the first part of the log, and which of them lie in fitted windows."""
     data = found.predictor.data
     at = cells(data, span)
     at = at.only(sliding(data, at) & (at.start + at.size <= LONGEST))
@@ -59,23 +62,22 @@ def _cells(found: Fitted, span: float) -> tuple[Cells, np.ndarray]:
 
 
 def strengths(block: Block) -> set[str]:
-    """Parameters that make the torque so many times larger if all of them are: mass, spring and
-    damper."""
+    """Parameters that together scale the torque of a load: mass, spring and damper."""
     return {k for k, p in block.own.items() if p.unit in STRENGTHS}
 
 
 def convincing(loads: Sequence[Driven]) -> bool:
-    """Whether such a load takes nearly all, and some of it where nothing was fitted.
+    """True if such a load explains nearly all, and some of it where nothing was fitted.
 
-    Of 17 drives without one, sound or with other effects, the share was 0.41 at most, of 14 with
-    one 0.88 at least: the bounds were chosen by these.
+    The bounds were chosen from 17 drives without a load, sound or with other effects (share at most
+    0.41), and 14 with one (at least 0.88).
     """
     share = max((d.share for d in loads), default=0.0)
     return share > MOST and max(d.elsewhere for d in loads) > SOME
 
 
 class _Balance:
-    """The balance of the sliding cells, with inertia and friction free to follow."""
+    """Torque balance of the sliding cells, with inertia and friction free."""
 
     def __init__(self, found: Fitted, key: str, span: float) -> None:
         predictor = found.predictor
@@ -88,12 +90,12 @@ class _Balance:
         self.terms = np.column_stack([c for c in columns if np.any(c[self.fitted])])
         own = self.terms[self.fitted]
         self.basis = orthonormal((own / np.linalg.norm(own, axis=0)).T, ALIKE)
-        self.lack = self._rest(self.torque[self.fitted])
+        self.missing = self._rest(self.torque[self.fitted])
         assert self.block.box is not None
         self.box = self.block.box(self.log, found.values)
 
     def best(self) -> Driven | None:
-        """Where the effect explains most; None where no strength of it does."""
+        """The best fit of the effect; None if its strength or J would not be positive."""
         bounds = list(zip(self.box.low[self.box.shape], self.box.high[self.box.shape], strict=True))
         wide = differential_evolution(
             self._left, bounds, maxiter=ROUNDS, popsize=CROWD, tol=0.0, polish=False, init="sobol",
@@ -112,7 +114,7 @@ class _Balance:
         return Driven(values, share, elsewhere)
 
     def _taken(self, load: np.ndarray, which: np.ndarray) -> float:
-        """Share of the power lacking that a load takes, inertia and friction free."""
+        """Share of the missing power that a load explains, inertia and friction free."""
         if np.sum(which) < FEWEST:
             return 0.0
         with_it, without = (
@@ -134,15 +136,16 @@ class _Balance:
         return {k: given[k] for k in self.block.own}
 
     def _left(self, crowd: np.ndarray) -> np.ndarray:
-        """Power that is lacking with each column of the crowd (shape, sets), at its strength."""
+        """Missing power that remains with each column of the crowd (shape, sets), at its best
+        strength."""
         loads = self._loads([self._own(x) for x in crowd.T])[:, self.fitted]
         loads = self._rest(loads)
         size = np.maximum(np.sum(loads * loads, axis=1), 1e-300)
-        taken = np.maximum(loads @ self.lack, 0.0) ** 2 / size
-        return np.nan_to_num(self.lack @ self.lack - taken, nan=np.inf)
+        taken = np.maximum(loads @ self.missing, 0.0) ** 2 / size
+        return np.nan_to_num(self.missing @ self.missing - taken, nan=np.inf)
 
     def _loads(self, sets: Sequence[dict[str, float]]) -> np.ndarray:
-        """Torque on the motor of each set, (sets, cells)."""
+        """Torque of each set on the motor, (sets, cells)."""
         placed = Placed(f"{self.key}.", self.block)
         own = [placed.arguments({f"{self.key}.{k}": v for k, v in s.items()}) for s in sets]
         parts = alone_by_parts(self.block, self.log, own)
@@ -153,7 +156,7 @@ class _Balance:
 
 
 def _solved(terms: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Weights of the terms, and what they leave."""
+    """Coefficients of the terms, and the residual."""
     size = np.maximum(np.linalg.norm(terms, axis=0), 1e-300)
     weights = np.linalg.lstsq(terms / size, y, rcond=ALIKE)[0] / size
     return weights, y - terms @ weights

@@ -1,4 +1,5 @@
-"""How far a model's simulation is from what was measured, on samples it has not seen."""
+"""Simulation error of a model on samples it has not seen, and the disturbance torque that an
+observer estimates."""
 
 from __future__ import annotations
 
@@ -24,9 +25,9 @@ class Judged:
 def judge(
     predictor: Predictor, values: Values, noise: Noise, test: Windows, yardstick: Noise
 ) -> Judged:
-    """Simulate each judging window from the recorded torque alone.
+    """Simulate each held-out window from the recorded torque alone.
 
-    The residual torque is what the observer with the gain of ``yardstick`` has to supply.
+    The residual torque is the disturbance estimate of the observer with the gain of ``yardstick``.
     """
     simulated = restarted(predictor, values, noise, test)
     measured = predictor.data.measured[test.counted]
@@ -37,7 +38,7 @@ def judge(
 def restarted(predictor: Predictor, values: Values, noise: Noise, where: Windows) -> np.ndarray:
     """Each window simulated from the torque alone, (windows, length).
 
-    The state at a window's restart comes from the observer run over the lead-in before it.
+    The state at the start of a window comes from the observer, run over the lead-in before it.
     """
     lead = Windows(where.start, 0, where.burn)
     _, x = predictor.run([values], lead, noise)
@@ -49,7 +50,7 @@ def restarted(predictor: Predictor, values: Values, noise: Noise, where: Windows
 def missing_torque(
     predictor: Predictor, values: Values, where: Windows, noise: Noise
 ) -> np.ndarray:
-    """Torque missing on the resisting side, (windows, length): the observer supplies it."""
+    """Torque missing on the resisting side, (windows, length), as the observer estimates it."""
     y, _ = predictor.run([values], where, noise)
     e = np.nan_to_num(predictor.data.y[where.counted] - y[0])
     K, _ = predictor.filter(noise, values)
@@ -69,6 +70,6 @@ def free_run(
 
 
 def rms(e: np.ndarray) -> float:
-    """Root of the mean square; inf where a simulation ran away."""
+    """Root mean square; inf where a simulation diverged."""
     with np.errstate(over="ignore"):
         return float(np.sqrt(np.mean(e**2)))

@@ -1,4 +1,4 @@
-"""Effects added one after another, as long as the gain is proven on the training windows."""
+"""Forward stepwise selection: effects are added one by one while their gain is significant."""
 
 from __future__ import annotations
 
@@ -41,22 +41,23 @@ from .search import Contest, Pair, Say, carries, contest, loaded
 from .slide import lacking
 from .windows import Windows
 
-PIECED = 0.98  # share below which as many effects as are tried are a patchwork, not physics
-FIRMER = 1.0  # half-widths as in FIRM, from which an effect is chosen before others
-LOST = 0.2  # share of the residual's power taken by effects that are not firm
+PIECED = 0.98  # explained share: with less, MOST_EFFECTS effects are a patchwork, not physics
+FIRMER = 1.0  # half-widths as in FIRM, from which a candidate is preferred to others
+LOST = 0.2  # share of the residual's power explained by insignificant effects: doubtful above
 MOST_EFFECTS = 3
-LIKELY = 0.5  # of the best effect's gain at first, from which another may be it on other samples
-RETRIED = 3  # candidates whose plant values the model without them is fitted from again
+LIKELY = 0.5  # of the best first gain, from which another effect may be best on other samples
+RETRIED = 3  # candidates whose plant values are starts for a refit of the model without them
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """The refitted model, accepted effects, the final model with them inside, and what is left.
+    """The refitted model, accepted effects, the final model with them inside, and the residual.
 
-    ``unexplained`` says whether something proven is left; ``hangs_on`` on which signals. Where
-    ``other`` is given the first effect has shown that its torque is to be taken first: what
-    else is here is not to be used. ``carried`` are the shares that a load takes of what is lacking
-    where the measured motion drives it, by :func:`~lugrectl.tracing.search.carries`.
+    ``unexplained`` says whether something significant remains, ``depends_on`` on which signals it
+    depends. If ``other`` is given, the first effect has shown that this torque must be used
+    instead: the rest of the result is not valid. ``carried`` are the shares of the missing power
+    that a load explains as driven by the measured motion, see
+    :func:`~lugrectl.tracing.search.carries`.
     """
 
     base: Fitted
@@ -64,7 +65,7 @@ class Explanation:
     final: Fitted
     ranking: tuple[Candidate, ...]
     unexplained: bool
-    hangs_on: tuple[str, ...]
+    depends_on: tuple[str, ...]
     other: Data | None = None
     carried: tuple[float, float] | None = None
 
@@ -76,12 +77,12 @@ def explain(
     another: Callable[[Fitted, bool], Data | None] = lambda fitted, timed: None,
     only: Sequence[str] = (),
 ) -> Explanation:
-    """Add the best effect, refit everything, look again, until nothing proven is left.
+    """Add the best effect, refit everything, repeat, until nothing significant is found.
 
-    ``test`` are the held-out windows; they only tell apart what explains the others equally well.
-    ``another`` tells, once an effect is known, whether another torque is to be taken; its second
-    argument is whether the only question is its time. ``only`` these effects are tried, where any
-    are given, and no second start is made.
+    ``test`` are the held-out windows; they choose between effects that explain the others equally
+    well, and confirm effects that few windows support. ``another`` gives, once an effect is known,
+    data with another torque to use, or None; its second argument limits the question to the delay
+    of the torque. If ``only`` names effects, just these are tried, without restarts.
     """
     trace = _Trace(base, test, only)
     found = _traced(trace, report, another)
@@ -99,7 +100,7 @@ def explain(
 
 
 def _settles(other: Explanation, found: Explanation) -> bool:
-    """Whether nothing is left with other effects, which are as likely as those found."""
+    """True if ``other`` leaves nothing unexplained and is at least as likely as ``found``."""
     likelier = other.final.noise.uneven or other.final.total > found.final.total
     return likelier and not other.unexplained
 
@@ -109,7 +110,11 @@ def _traced(
     report: Progress,
     another: Callable[[Fitted, bool], Data | None] = lambda fitted, timed: None,
 ) -> Explanation:
-    """The rounds, and what they come to; one that is nearly all goes on while something is left."""
+    """Run the rounds of the selection.
+
+    If one effect explains nearly all but something remains, the rounds go on; their result counts
+    only if nothing remains then.
+    """
     nearly = None
     for turn in range(MOST_EFFECTS):
         at = 0.15 + 0.7 * turn / MOST_EFFECTS
@@ -126,7 +131,7 @@ def _traced(
                 return ended
         base, current = trace.base, trace.current
         enough = share(base, current) > 1.0 - LEAST_OF_FIRST and not coloured(current)
-        timed = enough or turn > 0  # its noise is judged once
+        timed = enough or turn > 0  # denoising is tried in the first round only
         other = another(current, timed) if not current.noise.uneven else None
         if other is not None and (enough or not trace.rather(other, say)):
             return Explanation(base, tuple(trace.steps), current, (), False, (), other)
@@ -141,11 +146,11 @@ def _traced(
 def _ended(
     trace: _Trace, report: Progress, *, carried: tuple[float, float] | None = None
 ) -> Explanation:
-    """What is firm of the effects found, and what is left."""
+    """Remove effects that are not significant, and test the residual."""
     base, pieces, ranking = trace.base, trace.current, tuple(trace.ranking)
     sure = tuple(step for step in trace.steps if carried and step.trial.boxed)
     steps, current = firm_ones(trace.steps, pieces, trace.test, sure)
-    current = current if steps else base  # the way there and back may have ended elsewhere
+    current = current if steps else base  # adding and removing may end in another optimum
     steps = still_tied(steps, current, partial(report, 0.84))
     lost = share(current, pieces) > LOST
     pieced = len(steps) == MOST_EFFECTS and share(base, current) < PIECED
@@ -156,7 +161,7 @@ def _ended(
 
 
 def likely(found: Explanation) -> tuple[str, ...]:
-    """What an explanation names, and what came near it at first."""
+    """Effects that an explanation names, and those that came near them in the first round."""
     top = max((c.score for c in found.ranking), default=0.0)
     near = [c.name for c in found.ranking if c.score > LIKELY * top]
     named = [n for s in found.steps for n in (s.trial.name, *(c.name for c in s.tied))]
@@ -164,16 +169,16 @@ def likely(found: Explanation) -> tuple[str, ...]:
 
 
 def without_effects(found: Explanation) -> Explanation:
-    """The same with none of the effects found; something is left if it was before, too."""
+    """The same without the effects found; unexplained if it is so now or was before."""
     base = found.base
     left, signals = left_over(base, base, found=False, doubtful=False)
     if found.unexplained and not left:
-        left, signals = True, found.hangs_on
-    return replace(found, steps=(), final=base, unexplained=left, hangs_on=signals, carried=None)
+        left, signals = True, found.depends_on
+    return replace(found, steps=(), final=base, unexplained=left, depends_on=signals, carried=None)
 
 
 def behind_a_filter(found: Explanation) -> Explanation:
-    """The same with the lag of a recorded speed that was left out of the fit, if it is late."""
+    """The same with the lag of a recorded speed that is not fitted, if it is significant."""
     if not found.final.predictor.data.late:
         return found
     final = with_lag(found.final)
@@ -185,39 +190,42 @@ def behind_a_filter(found: Explanation) -> Explanation:
 
 
 class _Trace:
-    """The refitted model, the model with the effects accepted so far, and these."""
+    """State of the selection: refitted model, model with the accepted effects, these effects."""
 
     def __init__(self, base: Fitted, test: Windows, only: Sequence[str] = ()) -> None:
         self.base, self.current, self.test, self.only = base, base, test, only
         self.steps: list[Step] = []
         self.ranking: list[Candidate] = []
         self.waiting: list[Pair] = []
-        self.first: list[Pair] = []  # what was proven at first, of which one led
+        self.first: list[Pair] = []  # significant in the first round; one was accepted
         self.leader: Trial | None = None
         self.passed: list[Pair] = []
-        self.stronger = False  # whether those explained more than the one taken
+        self.stronger = False  # whether those explained more than the accepted one
 
     def led_by(self, pairs: list[Pair]) -> _Trace:
-        """The same from the start, led by the best of these."""
+        """A new selection from the start, which first chooses from these candidates."""
         other = _Trace(self.base, self.test)
         other.ranking, other.waiting = self.ranking, pairs
         return other
 
     def passed_over(self, found: Explanation) -> list[Pair]:
-        """Effects that explained more at first but were not firm, a stop that few windows meet;
-        else the firm ones, or where none was those that were surer than the one taken.
+        """Candidates of the first round that were not accepted but may be right.
 
-        What led instead may not be firm in the end, and have stood in the way of the others.
+        These are the ones that explained more but were not preferred, such as a stop that few
+        windows meet. If there are none, and no effect was kept: the significant ones, or if none
+        was, those more significant than the accepted one, which may have displaced them.
         """
         return self.passed if self.stronger or not found.steps else []
 
     def half_of_two(self, found: Explanation) -> list[Pair]:
-        """The effect that promises most with another beside it, of those that did not lead."""
+        """The candidate, not the accepted one, with the largest gain together with a second
+        effect."""
         others = [pair for pair in self.first if pair[0] is not self.leader]
         return [ahead(others)] if others else []
 
     def loaded(self, found: Explanation) -> list[Pair]:
-        """Effects whose load takes nearly all that is lacking, as the measured motion drives it."""
+        """Effects whose load, driven by the measured motion, explains nearly all that is
+        missing."""
         if any(step.trial.boxed for step in found.steps):
             return []
         names = [n for n in worth_trying_on(self.base) if members("effect")[n].box]
@@ -225,14 +233,14 @@ class _Trace:
         return [pair for pair in pairs if pair is not None]
 
     def carried(self) -> tuple[float, float] | None:
-        """The shares that the load of one takes which was found."""
+        """Shares of the missing power that an accepted load explains; None without one."""
         boxed = [step.trial.key for step in self.steps if step.trial.boxed]
         return carries(self.current, boxed[0]) if boxed else None
 
     def rather(self, other: Data, say: Say) -> bool:
-        """Whether another effect explains more than a torque that is moved does.
+        """True if another effect explains more than a shift of the torque in time.
 
-        Two effects, of which one is known, can look like that.
+        Two effects, of which one is known, can look like such a shift.
         """
         if other.ahead <= self.current.predictor.data.ahead:
             return False
@@ -241,8 +249,11 @@ class _Trace:
         return max((f.total for _, f in self.waiting), default=-np.inf) > moved.total
 
     def sound(self, say: Say) -> list[Pair]:
-        """The effects whose gain is proven; where none is though something colours the
-        innovations, those too that promise nothing."""
+        """Candidates with a significant gain.
+
+        If there are none but the innovations are coloured, also those that the score test cannot
+        see.
+        """
         if self.waiting:
             found, self.waiting = self.waiting, []
             return found
@@ -253,8 +264,11 @@ class _Trace:
         return self.hidden(say) if more else sound
 
     def hidden(self, say: Say) -> list[Pair]:
-        """Those that are proven although they promise nothing, as they have no linear part: what
-        decides whether a drive sticks or slips shows in no small change."""
+        """Candidates that are significant although the score test shows no gain.
+
+        They have no linear part: a small change does not show what decides whether a drive sticks
+        or slips.
+        """
         names = worth_trying_on(self.current)
         return self._proven([n for n in names if members("effect")[n].tries], 0.0, say)
 
@@ -269,11 +283,12 @@ class _Trace:
             if far and all(f.total < better.total + GATE for _, f in tried.fits):  # beyond a ridge
                 tried = contest(self.current, names, gate, say)
         sound = [(t, f) for t, f in tried.fits if stands(self.base, self.current, f, t.key)]
-        lack = lacking(self.current) if len(sound) > 1 else None
-        return [(t, f) for t, f in sound if lack and not lack.stays(f)] or sound
+        missing = lacking(self.current) if len(sound) > 1 else None
+        return [(t, f) for t, f in sound if missing and not missing.stays(f)] or sound
 
     def add(self, sound: Sequence[Pair], say: Say) -> None:
-        """The best of them, the others fitted again and dropped or exchanged if need be."""
+        """Accept the best candidate; refit the earlier effects, remove or exchange them if
+        needed."""
         sure = [(pair, sureness(self.current, pair[1], pair[0])) for pair in sound]
         leading = [pair for pair, firm in sure if firm > FIRMER] or sound
         step, current = chosen(self.current, leading, self.test)
@@ -292,8 +307,9 @@ class _Trace:
             self._exchange(say)
 
     def _is_all(self) -> bool:
-        """Whether the load of the newest effect does better without the others, as the measured
-        motion drives it: these were found, and bent its values, while it was missing."""
+        """True if the newest effect (a hidden load), refitted from the measured motion, has a
+        higher likelihood without the earlier effects, which were fitted while the load was
+        missing."""
         newest = self.steps[-1].trial
         pair = loaded(self.base, newest.name) if newest.boxed else None
         if pair is None or pair[1].total < self.current.total:
@@ -304,8 +320,11 @@ class _Trace:
         return True
 
     def _exchange(self, say: Say) -> None:
-        """The oldest for any other where its colour is left, or where the later ones make it
-        unsure; else for one that came near it."""
+        """Exchange the oldest effect if another explains more.
+
+        Any other is tried if the innovations are still coloured although nearly all is explained,
+        or if later effects make it insignificant; else only its rivals.
+        """
         whole, oldest = share(self.base, self.current) > WHOLE, self.steps[0]
         torn = whole and coloured(self.current) or oldest.firmness(self.current) <= FIRMER
         rivals = None if torn else oldest.rivals
@@ -315,14 +334,15 @@ class _Trace:
 
 
 def _eased(steps: Sequence[Step], base: Fitted, current: Fitted) -> tuple[Fitted, Fitted]:
-    """Under a noise that forgives missed windows, where the newest effect asks for that."""
+    """Allow a larger noise in windows in which a hidden state was missed, if the newest effect
+    has such a state."""
     if not steps[-1].trial.boxed:
         return base, current
     return forgiving(base), with_hidden(sharpened(current))
 
 
 def _better_base(current: Fitted, fits: Sequence[Pair]) -> Fitted | None:
-    """The model without more effects, fitted again from the plants that the candidates found.
+    """The current model refitted from the plants of the candidates; None if not better.
 
     A refit can end in a poor optimum; then any effect that leads out of it would look good.
     """

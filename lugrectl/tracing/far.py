@@ -1,4 +1,4 @@
-"""Fitted values far from the declared ones, and what in a drive acts like them."""
+"""Parameter changes: fitted values far from the declared ones, and what in a drive acts so."""
 
 from __future__ import annotations
 
@@ -7,25 +7,25 @@ import numpy as np
 from ..model import Model
 from .fit import Fitted
 
-FAR = 0.2  # of the declared value, from which a change is said
-ALIKE = 0.05  # by which factors may differ that are one
-SCALED = ("J", "Fc", "Fv")  # what a torque of another scale multiplies, among others
-MOVED = "{} came out {:.0f} % {} the declared {:.4g} {}"
+FAR = 0.2  # of the declared value, from which a change is mentioned
+ALIKE = 0.05  # relative spread within which factors count as equal
+SCALED = ("J", "Fc", "Fv")  # among the values that a wrong scale of the torque multiplies
+MOVED = "{} is {:.0f} % {} the declared {:.4g} {}"
 SCALE = (
-    "all by the factor {:.3g}: if the declared values are right, u has another scale (torque "
+    "all by the factor {:.3g}: if the declared values are right, the scale of u is wrong (torque "
     "constant, gear ratio)"
 )
 DEAD_ZONE = (
-    "if the declared values are right, look at the actuator, too: while u and w have one sign its "
-    "dead zone acts like Fc; record braking by the torque to tell it"
+    "if the declared values are right, check the actuator, too: while u and w have the same sign, "
+    "its dead zone acts like Fc; record braking by the torque to distinguish them"
 )
 
 
 def far_off(fitted: Fitted, declared: Model) -> list[str]:
-    """A sentence on values that came out far from the declared ones, with what acts like that.
+    """A sentence on values far from the declared ones, with what could be the cause.
 
-    Nothing is said of a value whose interval holds the declared one. A declared value does not
-    tell its own error: whether the drive changed is for whoever declared it.
+    A value is not mentioned if its interval contains the declared one. The error of a declared
+    value is unknown: whether the drive changed must be judged by who declared it.
     """
     factors = _factors(fitted, declared)
     if not factors:
@@ -41,7 +41,7 @@ def far_off(fitted: Fitted, declared: Model) -> list[str]:
 
 
 def _factors(fitted: Fitted, declared: Model) -> dict[str, float]:
-    """Fitted over declared value of those that are surely far apart."""
+    """Fitted over declared value of those that differ clearly."""
     intervals, made = fitted.intervals(), {}
     for key in (*SCALED, "Fs"):
         old = declared.values().get(key)
@@ -54,7 +54,7 @@ def _factors(fitted: Fitted, declared: Model) -> dict[str, float]:
 
 
 def _like(factors: dict[str, float]) -> list[str]:
-    """What acts like these changes, where it is known."""
+    """Known causes of such changes."""
     scaled = np.array([factors.get(key, 0.0) for key in SCALED])
     if scaled.all() and np.ptp(scaled) < ALIKE * scaled.mean():
         return [SCALE.format(scaled.mean())]

@@ -1,4 +1,4 @@
-"""Parameters from records: maximum likelihood of the one-step predictions."""
+"""Maximum likelihood (prediction error method): parameters from one-step predictions."""
 
 from __future__ import annotations
 
@@ -18,22 +18,21 @@ from .predictor import Predictor, Values
 from .slopes import is_compiled, slopes
 from .windows import Windows
 
-PRIOR = 1.5  # natural log units: a friction parameter is believed within a factor of 4.5
-FLAT = 1e-8  # of the scaled information, below which a direction is not told
-ANYWHERE = 1e50  # how far what is not told may move
-PART = 0.1  # of a direction, from which a parameter belongs to it
-NOISY = 2.0  # times the power, above which a window missed a hidden state
-QUIETER = (0.1, 0.01)  # times the noise, under which a fit may start that has many optima
+PRIOR = 1.5  # natural log units, prior of a plant parameter: within a factor of 4.5
+FLAT = 1e-8  # of the scaled information, below which a direction is not identified
+ANYWHERE = 1e50  # how far an unidentified coordinate may move
+PART = 0.1  # component of a direction, from which a parameter belongs to it
+NOISY = 2.0  # times the expected power: above, a hidden state was missed in the window
+QUIETER = (0.1, 0.01)  # times the noise, for the start of a fit with many local maxima
 NOISE_STEPS = (1.0, 0.6, 0.25, 1.5)  # factors tried at each step of a fit
 
 
 @dataclass(frozen=True)
 class Fitted:
-    """Values at the maximum, with what is needed to judge them.
+    """Values at the maximum of the likelihood, with what is needed to assess them.
 
-    ``anchor`` holds the values that were believed beforehand; ``loglik`` has one value for each
-    window; ``parts`` and ``scores`` are the windows' information and gradient in the
-    coordinates, for intervals;
+    ``anchor`` holds the centre of the prior; ``loglik`` has one value for each window; ``parts``
+    and ``scores`` are the windows' information and gradient in the coordinates, for intervals;
     ``innovations`` are whitened, (windows, length, channels).
     """
 
@@ -55,12 +54,12 @@ class Fitted:
 
     @property
     def torque_noise(self) -> float:
-        """Standard deviation of the torque that the model does not foresee, per sample."""
+        """Standard deviation of the torque that the model does not predict, per sample."""
         return self.noise.jump * self.values["J"]
 
     @property
     def quiet(self) -> np.ndarray:
-        """The innovations of the windows that are not much noisier than the others may be."""
+        """The innovations of the windows whose power is not much above the expected one."""
         return self.innovations[excess(self.innovations, self.noise) < NOISY]
 
     @property
@@ -68,11 +67,12 @@ class Fitted:
         return self.parts.sum(0)
 
     def covariance(self) -> np.ndarray:
-        """Of the coordinates: the larger of the model's own and the windows' scatter.
+        """Covariance of the coordinates: the larger of the model's own and the jackknife over
+        windows.
 
-        The second (jackknife over windows) stays honest where the innovations are coloured, and
-        where a few of the windows tell most. What hardly any of them tells is as sure as it was
-        believed to be beforehand.
+        The jackknife stays valid where the innovations are coloured, and where a few windows hold
+        most of the information. A coordinate that hardly any window identifies keeps its prior
+        variance.
         """
         believed = np.diag(beliefs(self.free))
         own = inverse(self.information + believed)
@@ -82,19 +82,19 @@ class Fitted:
         return own * np.outer(ratio, ratio)
 
     def flat(self) -> list[tuple[str, ...]]:
-        """Keys of which the record tells a combination only, by direction."""
+        """Keys of which the record identifies a combination only, by direction."""
         return flat(self.information, self.free)
 
     def intervals(self) -> dict[str, tuple[float, float]]:
         """95 % intervals by key; that of a phase may reach beyond half a turn.
 
-        What the record does not tell, or one window alone, has none.
+        A parameter that the record cannot identify, or only a single window of it, has none.
         """
-        untold = {key for keys in self.flat() for key in keys}
+        unidentified = {key for keys in self.flat() for key in keys}
         width = np.sqrt(np.diag(self.covariance())) * stats.t.ppf(0.975, len(self.scores) - 1)
         made = dict(self.instants)
         for c, half in zip(self.free, width, strict=True):
-            if c.key in untold or half > ANYWHERE:
+            if c.key in unidentified or half > ANYWHERE:
                 continue
             x = c.into(self.values)
             ends = x - half, x + half
@@ -105,7 +105,7 @@ class Fitted:
 
 
 def _unit(information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The matrix scaled to a diagonal of ones, and by what it was divided."""
+    """The matrix scaled to a unit diagonal, and by what it was divided."""
     size = np.sqrt(np.maximum(np.diag(information), 1e-300))
     scale = np.outer(size, size)
     return information / scale, scale
@@ -114,7 +114,8 @@ def _unit(information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def flat(
     information: np.ndarray, coords: Sequence[Coordinate], least: float = FLAT
 ) -> list[tuple[str, ...]]:
-    """Keys of which only a combination is told, for each direction that is told less."""
+    """Keys of which only a combination is identified, for each direction with less information
+    than ``least``."""
     values, axes = np.linalg.eigh(_unit(information)[0])
     return [
         tuple(c.key for c, part in zip(coords, axis, strict=True) if abs(part) > PART)
@@ -126,29 +127,28 @@ def flat(
 def jackknife(
     parts: np.ndarray, scores: np.ndarray, believed: np.ndarray | float = 0.0
 ) -> np.ndarray:
-    """Variance of each coordinate by how far the optimum moves without each of the windows.
+    """Jackknife variance of each coordinate: how far the optimum moves without each window.
 
     ``parts`` (windows, p, p) and ``scores`` (windows, p) are their information and gradients,
-    ``believed`` (p, p) is the information that was there before. What only one window tells
-    moves anywhere without it.
+    ``believed`` (p, p) is the information of the prior. A coordinate that only one window
+    identifies moves without bound when that window is left out.
     """
     whole, n = parts.sum(0) + believed, len(parts)
     moved = np.full(scores.shape, ANYWHERE)
     for i, (part, score) in enumerate(zip(parts, scores, strict=True)):
         rest = whole - part
-        told = np.flatnonzero(np.diag(rest) > FLAT * np.diag(whole))
-        moved[i, told] = inverse(rest[told][:, told]) @ score[told]
+        known = np.flatnonzero(np.diag(rest) > FLAT * np.diag(whole))
+        moved[i, known] = inverse(rest[known][:, known]) @ score[known]
     return (n - 1) / n * np.sum(np.square(moved), axis=0)
 
 
 def beliefs(coords: Sequence[Coordinate]) -> np.ndarray:
-    """Information on each coordinate that was there before: parameters of the plant are near
-    what was declared."""
+    """Prior information on each coordinate: plant parameters are near their declared values."""
     return np.array([PRIOR**-2 if c.kind in ("log", "excess") else 0.0 for c in coords])
 
 
 def inverse(information: np.ndarray) -> np.ndarray:
-    """Of what is told; 0 along what is not."""
+    """Inverse along identified directions; 0 along the others."""
     unit, scale = _unit(information)
     return np.linalg.pinv(unit, rcond=1e-12, hermitian=True) / scale
 
@@ -167,19 +167,19 @@ def fit(
 ) -> Fitted:
     """Maximise the likelihood of the predictions over the free values and the noise of dw/dt.
 
-    Levenberg-Marquardt steps, the noise following at each, at most ``most`` of them. ``anchor``
-    is what was believed beforehand (default: ``values``): a weak prior around it keeps
-    directions that the record does not tell where they were declared. ``rough`` leaves out what
-    only intervals need. Under a noise held at ``quiet`` times what it is, less than 1, the first
-    steps come near to a fit of the simulation: a loud observer makes up for values that are
-    wrong, and no small change of them and of it together is better.
+    At most ``most`` Levenberg-Marquardt steps, with the noise adapted in each. ``anchor`` is the
+    centre of a weak prior (default: ``values``), which keeps unidentified directions at their
+    declared values. ``rough`` leaves out what only intervals need. With ``quiet`` below 1 the first
+    steps hold the noise at that fraction, and so come near to a fit of the simulation error. (Under
+    a large noise the observer gain is high and compensates wrong values; then no small change of
+    the values and the noise together is better.)
     """
     anchor = dict(values) | dict(anchor or {})
     declared = predictor.declarations()
     moments = [k for k in free if is_instant(declared[k])]
     coords = coordinates(predictor, [k for k in free if k not in moments], anchor)
     place_all = partial(placed, predictor, moments, where)
-    # a few steps do not pay for compiling the derivatives of one more plant
+    # few steps are not worth compiling the derivatives of another plant
     graph = not rough or not predictor.core.effects or is_compiled(predictor)
     climb = _Climb(predictor, coords, where, _Prior.at(coords, anchor), graph)
     if quiet < 1.0:
@@ -203,7 +203,7 @@ def fit(
 
 
 def again(found: Fitted, *, most: int = 30, rough: bool = False, quiet: float = 1.0) -> Fitted:
-    """Everything fitted from where a fit stands, perhaps with some of it replaced."""
+    """Refit everything from the values of a fit, some fields of which may have been replaced."""
     return fit(
         found.predictor, found.values, free_keys(found.predictor), found.where, found.noise,
         anchor=found.anchor, most=most, rough=rough, quiet=quiet,
@@ -211,13 +211,13 @@ def again(found: Fitted, *, most: int = 30, rough: bool = False, quiet: float = 
 
 
 def tuned(found: Fitted) -> Fitted:
-    """The same values under the noise that makes them likeliest."""
+    """The same values with the noise that makes them most likely."""
     noise, each = tune(found.predictor, found.values, found.where, found.noise)
     return replace(found, noise=noise, loglik=each)
 
 
 def refitted(found: Fitted, data: Data) -> Fitted:
-    """A few steps from where a fit stands, on other data of the same samples."""
+    """A few steps from the values of a fit, on other data of the same samples."""
     free = [c.key for c in found.free] + list(found.instants)
     return fit(
         found.predictor.on(data), found.values, free, found.where, found.noise,
@@ -225,15 +225,16 @@ def refitted(found: Fitted, data: Data) -> Fitted:
     )  # fmt: skip
 
 
-def told_apart(found: Fitted) -> np.ndarray:
-    """The covariance of what the record tells, 0 for what it does not, (coords, coords)."""
+def identified_covariance(found: Fitted) -> np.ndarray:
+    """Covariance of the coordinates that the record identifies, 0 for the others, (coords,
+    coords)."""
     C = found.covariance()
-    told = np.diag(C) < ANYWHERE
-    return np.where(np.outer(told, told), C, 0.0)
+    known = np.diag(C) < ANYWHERE
+    return np.where(np.outer(known, known), C, 0.0)
 
 
 def drawn(found: Fitted, C: np.ndarray, count: int, seed: int = 0) -> list[dict[str, float]]:
-    """Sets of values around those found, with a covariance C; none where that is no number."""
+    """Random sets of values around those found, with covariance C; none if it is not finite."""
     if not np.all(np.isfinite(C)):
         return []
     values, axes = np.linalg.eigh(C)
@@ -243,8 +244,8 @@ def drawn(found: Fitted, C: np.ndarray, count: int, seed: int = 0) -> list[dict[
 
 
 def weighed(r: np.ndarray, A: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
-    """A (windows, coords, length, channels) and r of :func:`slopes`, as much as the noise lets
-    each window count."""
+    """A as (windows, coords, length, channels) and r, both of :func:`slopes`, weighted by the
+    noise that each window may have."""
     weight = excess(r, noise)[:, None, None] ** -0.5
     return (weight * A).swapaxes(0, 1), weight * r
 
@@ -256,7 +257,7 @@ def information(A: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class _Prior:
-    """A weak belief that keeps flat directions where the user declared them."""
+    """A weak prior that keeps unidentified directions at the declared values."""
 
     center: np.ndarray
     weight: np.ndarray
@@ -271,7 +272,7 @@ class _Prior:
 
 @dataclass(frozen=True)
 class _Linear:
-    """The innovations' derivative: A'A and the score A'r of each window."""
+    """Linearised innovations: information A'A and score A'r of each window."""
 
     parts: np.ndarray
     scores: np.ndarray
@@ -279,7 +280,7 @@ class _Linear:
 
 @dataclass(frozen=True)
 class _Climb:
-    """Steps towards the maximum of likelihood and prior."""
+    """Levenberg-Marquardt steps towards the maximum of likelihood and prior."""
 
     predictor: Predictor
     coords: Sequence[Coordinate]
@@ -342,7 +343,7 @@ def _move(H, gradient, damping, coords, values) -> dict[str, float]:
 
 
 def moved(values: Values, coords: Sequence[Coordinate], dx: np.ndarray) -> dict[str, float]:
-    """The values a step on, not further than a factor of two in a logarithm."""
+    """The values after a step, which in a logarithm is limited to a factor of two."""
     made = dict(values)
     for c, step in zip(coords, dx, strict=True):
         limited = step if c.kind == "linear" else np.clip(step, -0.7, 0.7)

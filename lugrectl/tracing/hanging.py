@@ -1,4 +1,4 @@
-"""On which signals it hangs what a model fails to predict."""
+"""Latent-force regression: on which signals the torque depends that a model fails to predict."""
 
 from __future__ import annotations
 
@@ -23,30 +23,32 @@ from .windows import Windows, spread, windows
 ENOUGH = 60_000  # counted samples
 LEAST_WINDOWS = 24
 FOLDS, TIMED_FOLDS = 5, 4
-DOSE = 0.02  # of the RMS friction: the torque by which the innovations' answer is found
-EXPECTED = 0.1  # of the RMS friction: the torque that a piece of a function may well have
-FREE = 1e-6  # ridge of the model's own parameters, whose columns have unit size
+DOSE = 0.02  # of the RMS friction: torque with which the innovations' response is computed
+EXPECTED = 0.1  # of the RMS friction: prior size of the torque of one piece of a function
+FREE = 1e-6  # ridge on the model's own parameters, whose columns have unit size
 RIDGES = (1.0, 1e1, 1e2, 1e3, 1e4, 1e5)
-WORST = 1e6  # change of an innovation that counts where the plant becomes unstable
+WORST = 1e6  # limit to the change of an innovation, if the plant becomes unstable
 
 
-def hangs_on(fitted: Fitted) -> tuple[str, ...]:
-    """The signals of which what is left is a function; none if it is one of none of them, or of
-    none whose torque would be worth a name."""
+def depends_on(fitted: Fitted) -> tuple[str, ...]:
+    """The signals of which the residual torque is a function.
+
+    Empty if it depends on none of them, or if its torque is below the least size.
+    """
     best = clearest(dependences(lightened(fitted)))
     return best.signals if best else ()
 
 
 def dependences(fitted: Fitted) -> list[Dependence]:
-    """What a torque as a function of each signal would gain beside the model's own parameters.
+    """What a torque as a function of each signal gains beside the model's parameters.
 
-    Each function is a sum of narrow ones. What it does to the innovations is found by runs of
-    the plant, so a function is not charged with what a plant at rest cannot show, and the
-    model's parameters move along, so that a refit hides little. The weights come from other
-    stretches of the record than those on which they count; in time, from the stretches next to
-    these. Every window counts at most as much as a torque free to do anything could explain in
-    it: what happens once is not taken for a function of signals that were unusual then. One whose
-    torque is not worth a name has no share.
+    Each function is a sum of narrow ones. Their effect on the innovations is computed by running
+    the plant, so a function is not penalised for what a plant at rest cannot show. The model's
+    parameters are free as well, so that a refit hides little. The gain is cross-validated:
+    coefficients come from other stretches of the record than those on which they count; in time,
+    from the neighbouring stretches. The gain of a window is limited to what an arbitrary torque
+    could explain in it, so a single event is not taken for a function of signals that were unusual
+    then. A function whose torque is below the least size gets the share 0.
     """
     regression = _Regression(fitted)
     alone = {timed: regression.gain(timed) for timed in (False, True)}
@@ -61,7 +63,7 @@ def dependences(fitted: Fitted) -> list[Dependence]:
 
 
 class _Regression:
-    """Weighted innovations of all windows of a record, and what changes them."""
+    """Weighted innovations of all windows of a record, and their regressors."""
 
     def __init__(self, fitted: Fitted) -> None:
         data, w = fitted.predictor.data, fitted.where
@@ -75,7 +77,7 @@ class _Regression:
         size = np.linalg.norm(self.A.reshape(len(A), -1), axis=1)
         self.A /= np.maximum(size, 1e-300)[:, None, None]
         self.friction = friction_size(f)
-        # not r, whose run is finer: what it is compared with is run like this
+        # not r, which comes from a finer run: the responses are run like this one
         self.white = whitened(f.predictor, [f.values], where, f.noise)[0]
 
     def _flat(self, white: np.ndarray) -> np.ndarray:
@@ -89,18 +91,18 @@ class _Regression:
         return shapes(log, self.rows, self.fitted.where.counted.ravel(), expected)
 
     def answers(self, B: np.ndarray) -> np.ndarray:
-        """What torques (N, columns) would take off the innovations, (columns, windows, both)."""
+        """By how much torques (N, columns) reduce the innovations, (columns, windows, both)."""
         f, dose = self.fitted, DOSE * self.friction
         white = whitened_by_parts(f.predictor, [f.values] * B.shape[1], f, dose * B.T)
         return self._flat(np.clip(self.white - white, -WORST, WORST) / dose)
 
     def gain(self, timed: bool) -> np.ndarray:
-        """Cross-validated gain of each window by the model's own parameters."""
+        """Cross-validated gain of each window from the model's own parameters."""
         own = np.full(len(self.A), FREE)
         return _validated(*_normal(self.A, self.r), self._fold(timed), own)
 
     def with_function(self, shape: Shape) -> tuple[np.ndarray, float]:
-        """The same by a function, too, at the best ridge; and the function's torque, RMS."""
+        """The same with a function added, at the best ridge; and the RMS of its torque."""
         rows, own = self.fitted.where.counted.ravel(), np.full(len(self.A), FREE)
         B = shape.B[:, np.any(shape.B[rows] != 0.0, axis=0)]
         more = self.answers(B)
@@ -117,7 +119,7 @@ class _Regression:
         return np.arange(n) % TIMED_FOLDS if timed else np.arange(n) * FOLDS // n
 
     def most(self) -> np.ndarray:
-        """The gain of each window by a torque that is free to do anything, less its freedom."""
+        """Gain of each window from an arbitrary torque, less its degrees of freedom."""
         where, data = self.fitted.where, self.fitted.predictor.data
         local = pulses(where.length, data.dt)
         B = np.zeros((len(data.t), local.shape[1]))
@@ -130,7 +132,7 @@ class _Regression:
 
 
 def _apart(data: Data, rows: np.ndarray, where: Windows) -> tuple[Data, Windows]:
-    """The windows alone, each with its lead-in a run of its own."""
+    """The windows alone, each with its lead-in as a run of its own."""
     few, whole = picked(data, rows), where.burn + where.length
     start = np.arange(0, len(rows), whole)
     runs = tuple((int(a), int(a) + whole) for a in start)
@@ -148,7 +150,7 @@ def _weights(H: np.ndarray, g: np.ndarray, penalty: np.ndarray) -> np.ndarray:
 
 
 def _validated(H: np.ndarray, g: np.ndarray, fold: np.ndarray, penalty: np.ndarray) -> np.ndarray:
-    """Gain of each window by the coefficients that the other folds give."""
+    """Gain of each window with the coefficients from the other folds."""
     gain = np.zeros(len(g))
     for k in range(int(fold.max()) + 1):
         own = fold == k
@@ -158,7 +160,7 @@ def _validated(H: np.ndarray, g: np.ndarray, fold: np.ndarray, penalty: np.ndarr
 
 
 def signals_of(names: Sequence[str]) -> tuple[str, ...]:
-    """The signals that effects hang on; friction hangs on w."""
+    """The signals that effects depend on; friction depends on w."""
     made: list[str] = []
     for name in names:
         block = members("effect")[name]

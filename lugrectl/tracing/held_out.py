@@ -1,4 +1,5 @@
-"""What a run that is held out as a whole has for itself: offset, friction, where theta is zero."""
+"""Nuisance parameters of a run held out as a whole: torque offset, friction factor, encoder
+zero."""
 
 from __future__ import annotations
 
@@ -14,15 +15,15 @@ from .runs import MOST_RUNS, alike, knows_places, orders, repeating
 from .score import whitened_by_parts
 from .windows import Windows
 
-SETTLED = 5  # part of a lead-in after which it counts
-PER_PERIOD, FINEST = 12, 600  # phases tried in each period, and at most
+SETTLED = 5  # the first fifth of a lead-in does not count
+PER_PERIOD, FINEST = 12, 600  # phases tried per period, and at most in all
 
 
 def adapted(fitted: Fitted, test: Windows, declared: Model) -> Fitted:
-    """The same with what held-out runs have for themselves, by their lead-ins alone.
+    """The same with the nuisance parameters of held-out runs, from their lead-ins alone.
 
-    No sample that is judged is used. Offset and friction only where the runs that were fitted
-    differ in these, too; where theta is zero if nothing that was declared hangs on it.
+    No sample that is judged is used. Offset and friction are fitted only if the fitted runs differ
+    in them, too; the zero of theta only if no declared effect depends on theta.
     """
     data, runs = fitted.predictor.data, _held_out(fitted, test)
     free = repeating(fitted.predictor.model) and not knows_places(declared)
@@ -39,8 +40,8 @@ def adapted(fitted: Fitted, test: Windows, declared: Model) -> Fitted:
 
 
 def with_its_own(fitted: Fitted, test: Windows) -> Fitted | None:
-    """The same where held-out runs have an offset and a friction of their own, fitted to all that
-    they hold; None where no run is held out."""
+    """The same with an offset and a friction of their own for held-out runs, fitted to all their
+    windows; None if no run is held out."""
     runs = _held_out(fitted, test)
     if not runs:
         return None
@@ -49,7 +50,7 @@ def with_its_own(fitted: Fitted, test: Windows) -> Fitted | None:
 
 
 def _held_out(fitted: Fitted, test: Windows) -> list[int]:
-    """The runs that are held out as a whole; never the first, which others are compared to."""
+    """The runs held out as a whole; never the first, which is the reference."""
     run = fitted.predictor.data.run
     seen = {0, *run[fitted.where.start].tolist()}
     runs = sorted(set(run[test.start].tolist()) - seen)
@@ -57,7 +58,7 @@ def _held_out(fitted: Fitted, test: Windows) -> list[int]:
 
 
 def _with_places(fitted: Fitted, runs: Sequence[int]) -> Data:
-    """The data, theta of whose runs may be moved: by nothing yet where they agreed so far."""
+    """Data in which theta of the runs may be shifted; by 0 so far if they agreed."""
     data = fitted.predictor.data
     if data.zeros:
         return data
@@ -66,25 +67,25 @@ def _with_places(fitted: Fitted, runs: Sequence[int]) -> Data:
 
 
 def _apart(fitted: Fitted, data: Data, runs: Sequence[int]) -> Fitted:
-    """On data whose ``runs``, too, may differ."""
+    """The same on data in which ``runs`` may differ, too."""
     data = replace(data, differing=tuple(sorted({*data.differing, *runs})))
     values = alike(data) | fitted.values
     return replace(fitted, predictor=fitted.predictor.on(data), values=values)
 
 
 def _own(fitted: Fitted, runs: Sequence[int]) -> list[str]:
-    """What these runs may have for themselves, by key."""
+    """The keys of these runs' nuisance parameters."""
     return list(alike(replace(fitted.predictor.data, differing=tuple(runs))))
 
 
 def _refitted(found: Fitted, own: Sequence[str], where: Windows) -> Fitted:
-    """With those values that make other windows likeliest."""
+    """The same with these values fitted to other windows."""
     near = fit(found.predictor, found.values, own, where, found.noise, most=10, rough=True)
     return replace(found, values=near.values)
 
 
 def _placed(found: Fitted, key: str, where: Windows) -> dict[str, float]:
-    """The likeliest phase of a run in some windows, over all that differ in what they do."""
+    """The most likely phase of a run in some windows, over a grid of all distinct ones."""
     often, unit = orders(found.predictor.model, found.values), found.predictor.data.order
     widest = np.pi * unit / (often[0] if len(set(often)) == 1 else 1.0)
     count = min(FINEST, int(PER_PERIOD * max(often) * widest / (np.pi * unit)) + 1)

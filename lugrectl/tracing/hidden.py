@@ -1,4 +1,5 @@
-"""Where the states that the motion does not tell are when a window begins: a load in its gap."""
+"""Initial-state estimation: the states of a load that the motion does not show, at the start of
+each window."""
 
 from __future__ import annotations
 
@@ -12,18 +13,17 @@ from .fit import Fitted
 from .likelihood import loglik, whitened
 from .score import LARGEST
 
-# of a twist and a speed, as parts of their reach
+# twist and speed, as parts of their range
 GRID = np.array([(a, b**3) for a in np.linspace(-1, 1, 13) for b in np.linspace(-1, 1, 7)])
 AROUND = np.array([(a, b) for a in (-1.0, 0.0, 1.0) for b in (-1.0, 0.0, 1.0)])
-CLOSER = (0.08, 0.03, 0.01)  # steps about the best place so far
-QUIET = 0.3  # of the noise, under which places are compared
-PLACED = 20.0  # gain in log-likelihood from which a place counts
-TURNS = 3  # places and fits
+CLOSER = (0.08, 0.03, 0.01)  # steps about the best state so far
+QUIET = 0.3  # of the noise, at which states are compared
+PLACED = 20.0  # least gain in log-likelihood of another state
+TURNS = 3  # of estimating the states and refitting
 
 
 def with_hidden(found: Fitted) -> Fitted:
-    """Fitted again with the hidden states where the windows tell that they were, as long as that
-    is better."""
+    """Estimate the hidden states and refit, in turn, as long as that is better."""
     for _ in range(TURNS):
         other = sharpened(placed(found))
         if other.total < found.total + PLACED:
@@ -33,10 +33,10 @@ def with_hidden(found: Fitted) -> Fitted:
 
 
 def placed(found: Fitted) -> Fitted:
-    """The same values, the two states that the motion does not tell where each window begins there
-    where they explain it best.
+    """The same values with the two hidden states at the start of each window where they are most
+    likely.
 
-    A load that floats in its gap is told by the blow that it deals next.
+    A load that floats in its gap is located by its next impact.
     """
     predictor, values, where = found.predictor, found.values, found.where
     quiet = replace(found, noise=replace(found.noise, jump=QUIET * found.noise.jump))

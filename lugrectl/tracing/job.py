@@ -1,4 +1,4 @@
-"""What diagnosis and identification share: data, hold-out, the refitted model, the errors."""
+"""The study that diagnosis and identification share: data, hold-out, refitted model, errors."""
 
 from __future__ import annotations
 
@@ -32,20 +32,20 @@ from .split import ENOUGH_OF_MANY, GAP, MOST, Split, split
 from .start import completed, holding, refuse_untold_inertia, settled
 from .windows import Windows, spread, windows
 
-SLOWLY = "first guess; slow, as there is neither a C compiler nor numba (lugrectl[fast])"
-UNTOLD = "Of {} the {} only a combination: their values are one choice among many."
-UNTOLD_ALONE = "Of {} the {} nothing: its value is one choice among many."
+SLOWLY = "first guess (slow: there is neither a C compiler nor numba; install lugrectl[fast])"
+UNIDENTIFIED = "{} cannot be identified separately from {}; only a combination is determined."
+UNIDENTIFIED_ALONE = "{} cannot be identified from {}; its value is one choice among many."
 SMOOTHED = (
-    "u is noisy from sample to sample: the noise was taken out as far as it goes. J may come out "
-    "too large, and a lag or an elastic coupling be noise: log the torque that is commanded."
+    "u is noisy from sample to sample and was denoised as far as possible. J may be estimated too "
+    "large, and a lag or an elastic coupling may be due to the noise: log the commanded torque."
 )
 
 DATED = (
-    "u comes {:.2g} ms late against the motion, as one logged at an instant or for the interval "
-    "before it does: it was moved ahead."
+    "The torque column lags the motion by {0:.2g} ms (usual when it is logged as a sample or as "
+    "the mean of the previous interval). It was shifted {0:.2g} ms earlier."
 )
 
-GIVEN_UP = 100.0  # log-likelihood of what was fitted first, at most, for a fit to all samples
+GIVEN_UP = 100.0  # log-likelihood that a fit to all samples may lose on the first windows
 
 Progress = Callable[[float, str], None]
 _Models = dict[str, tuple[Predictor, Mapping[str, float], Noise] | None]
@@ -53,7 +53,7 @@ _Models = dict[str, tuple[Predictor, Mapping[str, float], Noise] | None]
 
 @dataclass(frozen=True)
 class Job:
-    """Records laid out for fitting and judging, and the declared structure at its best."""
+    """Records prepared for fitting and judging, and the best fit of the declared model."""
 
     records: tuple[Record, ...]
     declared: Model
@@ -61,7 +61,7 @@ class Job:
     parts: Split
     base: Fitted
     doubts: tuple[str, ...] = ()
-    recorded: Data | None = None  # before its torque was mended
+    recorded: Data | None = None  # before its torque was corrected
     only: tuple[str, ...] = ()  # effects to try, where not all
 
     @property
@@ -85,16 +85,16 @@ def begin(
     halfway: bool = False,
     uneven: bool = False,
 ) -> Job:
-    """Split the records and refit the declared model on the part that may be seen.
+    """Split the records and refit the declared model on the training part.
 
-    ``turned`` exchanges that part and the held-out one, where they are blocks of one record;
-    ``lead`` s are for finding the state before anything is fitted. A w that is ``halfway`` between
-    samples is taken for a position's difference; one on ``uneven`` stamps is not fitted to.
+    ``turned`` exchanges training and held-out blocks of one record. ``lead`` is the time in s
+    before each fitted part that only serves to find the state. A w that is ``halfway`` between
+    samples is treated as a difference of positions; one on ``uneven`` stamps is not fitted.
     """
     records = (record,) if isinstance(record, Record) else tuple(record)
     apart = (holdout,) if isinstance(holdout, Record) else ()
     refuse_dead([*records, *apart])
-    records = tuple(map(consistent, records))  # one made of arrays was never looked over
+    records = tuple(map(consistent, records))  # a record made of arrays was not checked yet
     every = [*records, *map(consistent, apart)]
     data = prepare(every)
     held_out = sum(r.samples for r in records) if apart else None
@@ -113,7 +113,7 @@ def begin(
     fitting = partial(_declared, train=parts.train, where=named(every), report=report)
     start = model
     if opened and alone is None and not filtering and lateness(data):
-        # beside theta, a late w bends what is left open out of all recognition
+        # beside theta, a w that lags strongly biases the undeclared values
         by_theta = replace(prepare([replace(r, w=None) for r in every]), differing=data.differing)
         known = fitting(model, by_theta).values
         start = model.with_values({k: known[k] for k in opened})
@@ -126,7 +126,7 @@ def begin(
 
 
 def _declared(model: Model, data: Data, train: Windows, where: str, report: Progress) -> Fitted:
-    """The declared structure at its best, with what is open in the model."""
+    """The best fit of the declared model, including its undeclared values."""
     report(0.02, "first guess" if compiler() else SLOWLY)
     started = completed(model, replace(data, differing=()), train)
     report(0.05, "refitting the declared model")
@@ -138,7 +138,7 @@ def _declared(model: Model, data: Data, train: Windows, where: str, report: Prog
 
 
 def on_places(job: Job, report: Progress) -> Job | None:
-    """The same job with theta of its runs moved so that they agree; None if that tells nothing."""
+    """The same job with theta of its runs shifted until they agree; None if that gains nothing."""
     if job.data.run[-1] == 0:
         return None
     report(0.1, "comparing the runs")
@@ -150,15 +150,15 @@ def on_places(job: Job, report: Progress) -> Job | None:
 
 
 def compared(job: Job, fitted: Fitted) -> Job:
-    """The same job with what a fit says that its runs differ in."""
+    """The same job with messages on how, by a fit, its runs differ."""
     predictor = fitted.predictor
     return noted(job, *told(predictor.data, fitted.values, repeating(predictor.model)))
 
 
-def untold(flat: Sequence[Sequence[str]], told_by: str) -> list[str]:
-    """A sentence for each direction that the records do not tell, by the keys that belong to it."""
+def unidentified(flat: Sequence[Sequence[str]], source: str) -> list[str]:
+    """A sentence for each direction that ``source`` does not identify, with its keys."""
     return [
-        (UNTOLD if len(keys) > 1 else UNTOLD_ALONE).format(" and ".join(keys), told_by)
+        (UNIDENTIFIED if len(keys) > 1 else UNIDENTIFIED_ALONE).format(" and ".join(keys), source)
         for keys in flat
     ]
 
@@ -169,10 +169,10 @@ def noted(job: Job, *messages: str) -> Job:
 
 
 def another_torque(found: Fitted, timed: bool, recorded: Data | None) -> Data | None:
-    """The data with the torque to be taken instead, now that a model knows more.
+    """Data with another torque to use now that more effects are known, or None.
 
-    Moved, or freed of noise unless the only question is how it is ``timed``; as it was
-    ``recorded``, or moved by another time, if one of these was done already.
+    The torque is shifted, or denoised unless the only question is its delay (``timed``). If that
+    was done already: the ``recorded`` torque, or one shifted by another time.
     """
     if recorded is None:
         return dated(found) or (None if timed else calmed(found))
@@ -183,9 +183,9 @@ def another_torque(found: Fitted, timed: bool, recorded: Data | None) -> Data | 
 
 
 def on_torque(job: Job, data: Data, report: Progress) -> Job:
-    """The same job with a torque that was moved or freed of noise, or again as it was recorded."""
+    """The same job with a shifted or denoised torque, or with the recorded one again."""
     changed = data is not job.recorded
-    report(0.1, f"refitting with the torque {'mended' if changed else 'as recorded'}")
+    report(0.1, f"refitting with the {'corrected' if changed else 'recorded'} torque")
     base, values = job.base, job.base.anchor
     predictor = base.predictor.on(data)
     free = free_keys(predictor)
@@ -200,9 +200,9 @@ def on_torque(job: Job, data: Data, report: Progress) -> Job:
 def on_everything(fitted: Fitted, job: Job) -> Fitted:
     """Parameters from all samples of the training records, for use after the judging.
 
-    Where a whole file or the last half is held out, it stays so. The fit stays what it was if one
-    to all samples explains far worse what that was made on: what an effect did once, at the end,
-    may be in none of its windows.
+    A whole file or a last half that is held out stays so. The first fit is kept if the new one is
+    far less likely on its windows: an effect that acted once, at the end, may be in none of the new
+    windows.
     """
     if not job.parts.in_sample:
         return fitted
@@ -217,7 +217,8 @@ def on_everything(fitted: Fitted, job: Job) -> Fitted:
 def estimates(fitted: Fitted) -> dict[str, Estimate]:
     """Every fitted parameter with unit and 95 % interval.
 
-    Where the likelihood has many optima its curvature at one says nothing of the others: none.
+    No intervals if the likelihood has many local maxima: its curvature at one says nothing about
+    the others.
     """
     model = fitted.predictor.model
     intervals = {} if fitted.noise.uneven else fitted.intervals()
@@ -230,7 +231,7 @@ def estimates(fitted: Fitted) -> dict[str, Estimate]:
 
 
 def score(job: Job, final: Fitted) -> dict[str, Any]:
-    """The three errors of the JSON format, and under "judged" what they were counted on."""
+    """The three errors of the JSON format, and under "judged" what they were computed from."""
     models, data, parts = _models(job, final), job.data, job.parts
     judged = {
         name: judge(*found, parts.test, job.base.noise) if found else None

@@ -1,4 +1,4 @@
-"""Which of the effects found are kept beside those found after them."""
+"""Backward elimination and exchange: which effects are kept beside those found after them."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from .witness import confirmed, contradicted
 
 
 def stands(base: Fitted, before: Fitted, after: Fitted, key: str) -> bool:
-    """Whether an effect is proven, and no second sensor contradicts it."""
+    """True if an effect is significant and no second sensor contradicts it."""
     return proven(base, before, after, key) and not contradicted(after, key)
 
 
 def pruned(
     steps: list[Step], fitted: Fitted, doubtful: Sequence[Step]
 ) -> tuple[list[Step], Fitted]:
-    """Without those doubtful effects that the rest has made needless."""
+    """Remove those ``doubtful`` effects that the others have made unnecessary."""
     for step in doubtful:
         key = step.trial.key
         if size(fitted, key) > LEAST_SIZE:
@@ -39,12 +39,13 @@ def pruned(
 def firm_ones(
     steps: list[Step], fitted: Fitted, test: Windows, sure: tuple[Step, ...] = ()
 ) -> tuple[list[Step], Fitted]:
-    """Without those effects on whose strength the windows do not agree, the least sure first.
+    """Remove effects whose strength is not significant across windows, the least first.
 
-    Those that are ``sure`` stay. So does what a single window tells, a stop met once, if held-out
-    ones confirm it, or all that is in this window; so may what nearly all was missing without, a
-    drift that is soon over, and what all windows gain by, if their derivatives, where a drive
-    breaks loose, say little of its strength.
+    Those in ``sure`` are kept. So is an effect that only a single window supports (a stop met once)
+    if (a) held-out windows confirm it or (b) it explains more than 99 % of that window.
+    Confirmation by held-out windows is also enough for an effect that explains nearly all that was
+    missing (a drift soon over), and for one whose gain is significant across windows although its
+    strength is not: where a drive breaks loose, sensitivities say little about the strength.
     """
     unsure = [s for s in steps if all(s is not c for c in sure) and s.firmness(fitted) <= FIRM]
     if not unsure:
@@ -54,8 +55,8 @@ def firm_ones(
     without = without_it(fitted, key)
     once = told_once(fitted, key)
     gained = least.trial.rough and agreed(without, fitted) > FIRM
-    told = once or gained or share(without, fitted) > WHOLE
-    elsewhere = told and foretold(fitted, without, test, confirmed=confirmed(fitted, key))
+    likely = once or gained or share(without, fitted) > WHOLE
+    elsewhere = likely and foretold(fitted, without, test, confirmed=confirmed(fitted, key))
     if elsewhere or once and firm_by_itself(without, fitted, key) > FIRM:
         return firm_ones(steps, fitted, test, (*sure, least))
     return firm_ones([s for s in steps if s is not least], without, test)
@@ -64,9 +65,9 @@ def firm_ones(
 def exchanged(
     steps: list[Step], fitted: Fitted, test: Windows, rivals: Sequence[str] | None, say: Say
 ) -> tuple[list[Step], Fitted]:
-    """The oldest effect for another that explains more beside the later ones, if there is one.
+    """Exchange the oldest effect if another explains more beside the later ones.
 
-    It was chosen when these were missing. Of the ``rivals`` only, where any are given.
+    It was chosen while these were missing. Only the ``rivals`` are tried, if any are given.
     """
     oldest, *later = steps
     without = without_it(fitted, oldest.trial.key)
@@ -83,7 +84,7 @@ def exchanged(
 
 
 def still_tied(steps: Sequence[Step], fitted: Fitted, say: Say) -> list[Step]:
-    """The steps with those alternatives only that explain as much beside the later effects, too."""
+    """The steps with only those ties that explain as much beside the later effects, too."""
     if len(steps) < 2:
         return list(steps)
     made = []
@@ -98,7 +99,7 @@ def still_tied(steps: Sequence[Step], fitted: Fitted, say: Say) -> list[Step]:
 
 
 def without_it(fitted: Fitted, key: str) -> Fitted:
-    """The model without an effect, fitted again."""
+    """The model without an effect, refitted."""
     model = fitted.predictor.model
     rest = replace(model, effects=tuple(p for p in model.effects if p.key != key))
     values, anchor = (

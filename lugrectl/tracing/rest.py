@@ -6,7 +6,7 @@ import numpy as np
 
 from .evaluate import missing_torque
 from .fit import Fitted
-from .hanging import hangs_on
+from .hanging import depends_on
 from .noise import sensor_noise
 from .proof import LEAST_SIZE, MOST_OF_REST, WHOLE, coloured, friction_size, share
 from .repeated import filtered
@@ -36,7 +36,7 @@ def left_over(
     if not _lacks(base, final, least, found):
         if carried or _little(base, final, least):
             return False, ()
-        if not (doubtful or _odd(base, final, least) or hangs_on(final)):
+        if not (doubtful or _odd(base, final, least) or depends_on(final)):
             return False, ()
     return True, signals_of_the_rest(final, base, doubtful=doubtful)
 
@@ -118,12 +118,12 @@ def signals_of_the_rest(final: Fitted, base: Fitted, *, doubtful: bool = False) 
         if first and left.share(first.signals) > TAKEN and not other:
             return first.signals
         if look is Sliding.of_signals:
-            shown = hangs_on(final)
+            shown = depends_on(final)
             if shown and "t" not in shown:
                 return shown
             if first and mostly and first.share > NEARLY_ALL:
                 return first.signals
-    shown = shown or hangs_on(base)
+    shown = shown or depends_on(base)
     sure = None if shown else hidden_in_noise(final)
     return sure.signals if sure else shown or ("t",)
 

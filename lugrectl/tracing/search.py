@@ -10,9 +10,9 @@ import numpy as np
 
 from ..spec import members
 from .beside import beside
-from .blows import closer, sought
+from .blows import closer, search_all
 from .driven import convincing, driven
-from .fit import QUIETER, Fitted, again, drawn, told_apart, tuned
+from .fit import QUIETER, Fitted, again, drawn, identified_covariance, tuned
 from .predictor import Predictor
 from .proof import WHOLE, coloured, loud, share
 from .score import Score, whitened_by_parts
@@ -90,7 +90,7 @@ def _shaken(found: Fitted, key: str, spread: float) -> dict[str, float] | None:
     own = [i for i, c in enumerate(found.free) if c.key.startswith(f"{key}.") and c.kind == "log"]
     if len(own) < 2:
         return None
-    C = told_apart(found)
+    C = identified_covariance(found)
     size = np.sqrt(np.max(np.diag(C)[own]))
     sets = drawn(found, C * (spread / size) ** 2, SHAKEN, len(own)) if size > 0.0 else []
     if not sets:
@@ -206,7 +206,7 @@ def _hope(pair: Pair, light: Fitted, thorough: bool) -> float:
 def _finished(pair: Pair, base: Fitted, wanted: bool) -> Pair:
     """A trial on all samples again, fitted to the end; all sets tried where that is ``wanted``."""
     trial, short = pair
-    whole = _heavy(trial, base, sought(short, trial.key) if wanted else short.values)
+    whole = _heavy(trial, base, search_all(short, trial.key) if wanted else short.values)
     fitted = refine(whole, most=0 if wanted else 30)
     if wanted and short.predictor.data.dt > FINE * base.predictor.data.dt:
         fitted = closer(fitted, trial.key)
@@ -225,7 +225,7 @@ def loaded(base: Fitted, name: str) -> Pair | None:
     loads = driven(few, key)
     if not convincing(loads):
         return None
-    trial = Trial(name, whole, key, sought(few, key, loads), 0.0)
+    trial = Trial(name, whole, key, search_all(few, key, loads), 0.0)
     return trial, refine(trial)
 
 

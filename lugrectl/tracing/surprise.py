@@ -8,7 +8,7 @@ import numpy as np
 
 from ..spec import unit_for
 from .evaluate import missing_torque, restarted
-from .fit import Fitted, drawn, told_apart
+from .fit import Fitted, drawn, identified_covariance
 from .predictor import Values
 from .proof import LEAST_SIZE, friction_size
 from .windows import Windows
@@ -51,7 +51,7 @@ def beyond_doubt(fitted: Fitted, known: Fitted, test: Windows, found: np.ndarray
     Whether a creeping drive sticks or goes on may hang on the last digit of its friction.
     """
     most = MORE * _usual(fitted)
-    for values in drawn(known, told_apart(known), DRAWN):
+    for values in drawn(known, identified_covariance(known), DRAWN):
         if not len(found):
             break
         where = replace(test, start=test.start[found])
