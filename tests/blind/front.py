@@ -48,6 +48,42 @@ def intervals(lines: Sequence[Line]) -> str:
     return counted(sum(known), len(known))
 
 
+def is_right(line: Line) -> bool:
+    """Whether a record was called what it is, with no wrong name."""
+    if line["kind"] == "stranger":
+        return score.signals(line)[0]
+    return score.credit(line) == 1.0 if line["names"] else score.verdict(line) == "adequate"
+
+
+def called(line: Line) -> str:
+    """What a record was called, in words."""
+    what = score.verdict(line)
+    if what == "crash":
+        return f"no answer ({line['crash'].strip().splitlines()[-1]})"
+    if what == "refused":
+        return f"refused: {line['answer']['reason']}"
+    named = " and ".join(_named(e) for e in line["answer"]["effects"])
+    if what != "unexplained":
+        return named or what
+    on = " and ".join(f"`{s}`" for s in line["answer"]["depends_on"] or [])
+    beside = f", beside {named}" if named else ""
+    return f"`unexplained`, depends on {on or 'nothing known'}{beside}"
+
+
+def _named(effect: Line) -> str:
+    others = " or ".join(f"`{a['name']}`" for a in effect["alternatives"])
+    return f"`{effect['name']}`" + (f" (or {others})" if others else "")
+
+
+def conditions(line: Line) -> str:
+    """How a record was made, as far as that makes it harder."""
+    truth = line.get("truth") or {}
+    form = line["key"].split(str(line["seed"]), 1)[1].removeprefix(" hard").strip()
+    rate = f"{truth['rate']:g} Hz" if "rate" in truth else ""
+    length = f"{truth['duration']:g} s" if "duration" in truth else ""
+    return ", ".join(filter(None, (rate, length, truth.get("hard"), form)))
+
+
 def rows(lines: Sequence[Line]) -> list[tuple[str, str]]:
     """What is counted and the count, six times."""
     usable = score.usable(lines)
