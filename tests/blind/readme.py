@@ -1,0 +1,130 @@
+"""``python -m tests.blind.readme``: write README's figures from the result files.
+
+Between ``<!-- figures:right -->`` and ``<!-- end -->`` stands how often a diagnosis is right, by
+the newest ``notebooks/results/blind-*.jsonl``; between ``<!-- figures:speed -->`` and
+``<!-- end -->`` how long things take, by ``notebooks/results/speed.json``. ``--check`` writes
+nothing and fails where README says something else; ``--picture`` draws ``notebooks/demo.png``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from . import front
+from .__main__ import read
+
+ROOT = Path(__file__).parents[2]
+README = ROOT / "README.md"
+RESULTS = ROOT / "notebooks" / "results"
+BLOCK = re.compile(r"(<!-- figures:(\w+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+
+
+def newest() -> Path:
+    """The result file of the latest blind run."""
+    return max(RESULTS.glob("blind-*.jsonl"))
+
+
+def right() -> str:
+    """How often it is right: six lines."""
+    path = newest()
+    lines, known = read(path), json.loads((RESULTS / "about.json").read_text())
+    seeds = [x["seed"] for x in lines]
+    said = (
+        f"{len(lines)} records that no threshold was set on (seeds {min(seeds)} to {max(seeds)}), "
+        f"{max(x['at'] for x in lines)[:10]}, commit {known[path.name]['commit']}."
+    )
+    return f"{table(('what is hidden', 'right'), front.rows(lines))}\n\n{said}\n"
+
+
+def speed() -> str:
+    """How long it takes: three lines."""
+    s = json.loads((RESULTS / "speed.json").read_text())
+    nothing, one = (s["diagnose"][kind]["seconds"] for kind in ("nothing missing", "one effect"))
+    faster = float(f"{s['times_faster']:.2g}")
+    rows = [
+        (
+            "velocity loop of the paper with the proposed observer, 10 s at 1 kHz",
+            f"{s['simulate_ms']:.1f} ms, {faster:.0f} times faster than python-control (LSODA)",
+        ),
+        (f"sweep of {s['members']} members of it", f"{s['sweep_s']:.1f} s"),
+        (
+            "diagnosis of 30 s at 1 kHz",
+            f"{spread(nothing)} with nothing missing, {spread(one)} with one effect",
+        ),
+    ]
+    said = f"{s['date']}, {s['cores']} cores ({s['processor']}), commit {s['commit']}."
+    return f"{table(('what', 'time'), rows)}\n\n{said}\n"
+
+
+def spread(seconds: Sequence[float]) -> str:
+    """The shortest and the longest."""
+    low, high = f"{min(seconds):.0f}", f"{max(seconds):.0f}"
+    return f"{low} s" if low == high else f"{low} to {high} s"
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A Markdown table of text, to the left."""
+    lines = [head, [":---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+BLOCKS: dict[str, Callable[[], str]] = {"right": right, "speed": speed}
+
+
+def filled(text: str, blocks: dict[str, str]) -> str:
+    """The text with every marked block replaced; KeyError for a mark that is not known."""
+    return BLOCK.sub(lambda m: f"{m[1]}{blocks[m[2]]}{m[4]}", text)
+
+
+def marks(text: str) -> list[str]:
+    """The names of the blocks that a text has."""
+    return [m[2] for m in BLOCK.finditer(text)]
+
+
+def picture(path: Path) -> None:
+    """Before and after, residual torque and ranking of the demo's diagnosis."""
+    from importlib.resources import files
+
+    import lugrectl as lg
+    from lugrectl.report import plot
+
+    demo = files("lugrectl") / "demo"
+    found = lg.diagnose(
+        lg.read_record(str(demo / "record.csv")), lg.read_model(str(demo / "model.toml"))
+    )
+    with plot._style():
+        figure = plot._new(12.4, 6.8)
+        grid = figure.add_gridspec(2, 2)
+        plot.motion(found, figure.add_subplot(grid[0, :]))
+        plot.torque(found, figure.add_subplot(grid[1, 0]))
+        plot.ranking(found, figure.add_subplot(grid[1, 1]))
+        figure.savefig(path, dpi=80, metadata={"Software": None})
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    p = argparse.ArgumentParser(prog="python -m tests.blind.readme", description=__doc__)
+    p.add_argument("--check", action="store_true", help="write nothing, fail where README differs")
+    p.add_argument("--picture", action="store_true", help="draw notebooks/demo.png instead")
+    args = p.parse_args(argv)
+    if args.picture:
+        picture(ROOT / "notebooks" / "demo.png")
+        return 0
+    text = README.read_text()
+    missing = sorted(set(BLOCKS) - set(marks(text)))
+    made = filled(text, {name: make() for name, make in BLOCKS.items()})
+    if not args.check:
+        README.write_text(made)
+    for name in missing:
+        print(f"README.md has no block <!-- figures:{name} -->", file=sys.stderr)
+    if args.check and made != text:
+        print("README.md: run python -m tests.blind.readme", file=sys.stderr)
+    return int(bool(missing) or (args.check and made != text))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
