@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import control as ct
 import numpy as np
 
 from ..spec import P, block
@@ -17,6 +16,8 @@ from .observers import observer
 from .plant import acceleration
 
 if TYPE_CHECKING:
+    import control as ct
+
     from ..model import Model, Parameters
 
 

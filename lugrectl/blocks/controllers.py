@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import control as ct
 import numpy as np
 
 from ..errors import InputError
@@ -16,6 +15,8 @@ from ..spec import P, block
 from .friction import J
 
 if TYPE_CHECKING:
+    import control as ct
+
     from ..model import Model, Parameters
 
 TAU = P(0.0, "s", 0.0)

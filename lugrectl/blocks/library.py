@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
-
-import control as ct
+from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
 from ..spec import Block, members
+
+if TYPE_CHECKING:
+    import control as ct
 
 
 def _chosen(kind: str, name: str) -> Block:

@@ -9,14 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-import control as ct
-
 from ..errors import InputError
 from ..spec import Block, P, block, members
 from .friction import FC, FS, FV, SIGMA0, SIGMA1, VS, J, bristle, bristle_torque, lugre
 from .plant import acceleration
 
 if TYPE_CHECKING:
+    import control as ct
+
     from ..model import Model, Parameters
 
 Gain = float | Callable[[Any], Any]
