@@ -378,6 +378,7 @@ _LINEAR = {
     "N m/(rad s)": "N/(m s)",
     "N m s2/rad2": "N s2/m2",
     "N m (s/rad)^n": "N (s/m)^n",
+    "N m (s/rad)^mu": "N (s/m)^mu",
     "rad/s": "m/s",
     "rad": "m",
     "kg m2": "kg",

@@ -205,7 +205,6 @@ def test_the_holdout_must_not_be_a_training_file(files, job, capsys, how):
 @pytest.mark.parametrize(
     "line",
     [
-        "",
         "nonsense",
         "diagnose",
         "diagnose one.csv",

@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "lugrectl"
 STOREYS = [
     {"blas", "errors", "spec", "arguments", "jobs"},
-    {"blocks", "model"},
+    {"blocks", "model", "catalogue"},
     {"loops", "engine", "linear", "record", "design", "sampling"},
     {"simulation", "results", "mixed", "blocklist", "bristles", "ensemble"},
     {"tracing"},

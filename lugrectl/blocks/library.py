@@ -5,18 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from ..errors import InputError
-from ..spec import Block, members
+from .names import block_named
 
 if TYPE_CHECKING:
     import control as ct
-
-
-def _chosen(kind: str, name: str) -> Block:
-    known = members(kind)
-    if name not in known:
-        raise InputError(f"no {kind} named '{name}'; known: {', '.join(known)}.")
-    return known[name]
 
 
 def friction(
@@ -41,7 +33,8 @@ def friction(
     InputError
         For an unknown law or parameter, or a value outside its bounds.
     """
-    return _chosen("friction", law).system(name=name, inputs=inputs, outputs=outputs, **values)
+    made = block_named("friction", law, what="friction law")
+    return made.system(name=name, inputs=inputs, outputs=outputs, **values)
 
 
 def effect(
@@ -61,7 +54,7 @@ def effect(
     Parameters
     ----------
     kind : str
-        Name in the catalogue (``lugrectl effects``).
+        Name in the catalogue (``lugrectl effects``), or a common one: ``cogging``.
     values
         Its parameters; neutral where left out.
 
@@ -70,4 +63,5 @@ def effect(
     InputError
         For an unknown effect or parameter, or a value outside its bounds.
     """
-    return _chosen("effect", kind).system(name=name, inputs=inputs, outputs=outputs, **values)
+    made = block_named("effect", kind)
+    return made.system(name=name, inputs=inputs, outputs=outputs, **values)

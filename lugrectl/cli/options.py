@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from . import commands, lookups
+from .overview import overview
 
 
 def parser() -> argparse.ArgumentParser:
@@ -24,7 +25,9 @@ def parser() -> argparse.ArgumentParser:
         allow_abbrev=False,
     )
     top.add_argument("--version", action=_Version, help="show the version and exit")
-    made = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    made = top.add_subparsers(dest="command", metavar="COMMAND")
+    top.set_defaults(run=lambda a: print(top.format_help(), end="") or 0, parser=top)
+    top.format_help = lambda: overview(top, made)
     demo = _command(made, "demo", commands.demo, "the main job on a record that ships with it")
     _results(demo, out="lugrectl-demo")
     demo.add_argument(
@@ -43,8 +46,12 @@ def parser() -> argparse.ArgumentParser:
     paper = _command(made, "reproduce", commands.reproduce, "the source paper, recomputed")
     paper.add_argument("--out", metavar="DIR", help="write reproduce.html and reproduce.json there")
     _checks(_command(made, "check", lookups.check, "linear checks: l2, spr, bandwidth"))
-    _command(made, "effects", lookups.effects, "the catalogue of effects")
+    known = _command(made, "effects", lookups.effects, "list the effects, or explain one")
+    known.add_argument(
+        "name", nargs="?", metavar="NAME", help="an effect; common names such as cogging will do"
+    )
     _command(made, "model", lookups.template, "print a commented model file to start from")
+    _command(made, "schema", lookups.schema, "print the JSON schema of report.json")
     return top
 
 
