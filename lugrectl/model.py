@@ -6,7 +6,7 @@ import difflib
 import math
 import tomllib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from .blocks import friction as _friction  # noqa: F401
 from .blocks.friction import J as J_DECLARATION
 from .blocks.names import block_named
 from .errors import InputError
+from .provenance import SourceFile
 from .spec import Block, unit_for
 
 
@@ -59,6 +60,7 @@ class Model:
     """A declared model: inertia, one friction law, any number of effects.
 
     ``values()`` is flat: ``J``, the friction parameters by name, effects as ``key.parameter``.
+    ``file`` is the model file that was read, None once anything was changed.
     """
 
     name: str
@@ -66,6 +68,7 @@ class Model:
     J: float | None
     friction: Part
     effects: tuple[Part, ...] = ()
+    file: SourceFile | None = field(default=None, init=False, repr=False, compare=False)
 
     @classmethod
     def of(cls, p: Parameters) -> Model:
@@ -242,7 +245,9 @@ def read_model(path: str | Path) -> Model:
         raise InputError(f"{path}: cannot be read as a text file ({error}).") from None
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path}: not a TOML file: {error}.") from None
-    return model_from_dict(data, str(path))
+    model = model_from_dict(data, str(path))
+    object.__setattr__(model, "file", SourceFile.of(path))
+    return model
 
 
 def write_model(model: Model, path: str | Path) -> None:

@@ -153,14 +153,23 @@ def test_a_record_that_cannot_answer_is_refused(files, job, capsys):
     job.answer = Refused("one.csv: u is constant.", "move the drive")
     code, out, err = run(capsys, "diagnose one.csv --model model.toml --json --out made")
     document = one_document(out)
-    assert code == 3 and document["verdict"] == "refused" and len(err.splitlines()) == 1
+    assert code == 3 and document["verdict"] == "refused" and len(err.splitlines()) == 2
     assert document["reason"] == "one.csv: u is constant."
     assert document["experiment"] == "move the drive" and document["record"]["samples"] == 2000
-    assert not (files / "made").exists()
     code, out, _ = run(capsys, "diagnose one.csv --model model.toml")
     assert code == 3 and out.startswith("refused") and "u is constant." in out
     job.answer = Diagnosis("refused", reason="too short.")
     assert run(capsys, "diagnose one.csv --model model.toml")[0] == 3
+
+
+def test_a_refusal_writes_its_report_without_a_model(files, job, capsys):
+    job.answer = Refused("one.csv: u is constant.", "move the drive")
+    code, out, err = run(capsys, "diagnose one.csv --model model.toml --out made")
+    assert code == 3 and err == "" and "report: made/report.html (and report.json)" in out
+    assert {p.name for p in (files / "made").iterdir()} == {"report.html", "report.json"}
+    document = one_document((files / "made" / "report.json").read_text())
+    assert document["verdict"] == "refused" and document["reason"] == "one.csv: u is constant."
+    assert "u is constant." in (files / "made" / "report.html").read_text()
 
 
 def test_a_record_refused_by_the_reader_is_refused(files, job, capsys):

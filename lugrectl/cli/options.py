@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from ..provenance import version
 from . import commands, lookups
 from .overview import overview
 
@@ -184,7 +185,7 @@ class _Version(argparse.Action):
         super().__init__(option_strings, dest, nargs=0, **options)
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        print(f"lugrectl {commands.version()}")
+        print(f"lugrectl {version()}")
         parser.exit(0)
 
 

@@ -66,13 +66,11 @@ def _grid_text(grid: Grid) -> list[str]:
 def write(d: Any, folder: str | Path) -> list[Path]:
     """Write report.html, report.json and model.toml into a folder, all three or none.
 
-    The folder is made when it is missing; other files in it are left alone. Returns the paths.
-    Raises InputError when the folder cannot be written, or when ``d`` has no model (refused).
+    A refused diagnosis has no model, so model.toml is left out. The folder is made when it is
+    missing; other files in it are left alone. Returns the paths. Raises InputError when the
+    folder cannot be written.
     """
-    folder = Path(folder)
-    if getattr(d, "model", None) is None:
-        raise InputError(f"{folder}: there is no model to write, so no report is written.")
-    content = dict(zip(FILES, (html(d), d.to_json() + "\n", model_toml(d.model)), strict=True))
+    folder, content = Path(folder), contents(d)
     try:
         write_together(content, folder)
     except OSError as error:
@@ -80,7 +78,14 @@ def write(d: Any, folder: str | Path) -> list[Path]:
             f"{folder}: the report cannot be written there ({error.strerror or error}); "
             "choose another folder."
         ) from None
-    return [folder / name for name in FILES]
+    return [folder / name for name in content]
+
+
+def contents(d: Any) -> dict[str, str]:
+    """The files of a report as text, by name; no model.toml where there is no model."""
+    made = {"report.html": html(d), "report.json": d.to_json() + "\n"}
+    model = getattr(d, "model", None)
+    return made if model is None else made | {"model.toml": model_toml(model)}
 
 
 def check_folder(folder: str | Path) -> None:
