@@ -17,7 +17,6 @@ from lugrectl.cli.progress import Bar
 from lugrectl.errors import InputError, Refused
 from lugrectl.model import Model, read_model, table1, write_model
 from lugrectl.results import Candidate, Diagnosis, Estimate, Finding
-from lugrectl.spec import members
 
 MODEL = Model.of(table1())
 
@@ -351,20 +350,7 @@ def test_check_text_answers_first(name, capsys):
     assert "Table 1" in out.splitlines()[0] and max(map(len, out.splitlines())) <= 80
 
 
-# --- catalogue, template, progress -------------------------------------------------------
-
-
-def test_effects_lists_the_whole_catalogue(capsys):
-    code, out, _ = run(capsys, "effects --json")
-    listed = one_document(out)
-    assert code == 0 and [e["name"] for e in listed] == list(members("effect"))
-    units = {k: p["unit"] for k, p in listed[2]["parameters"].items()}
-    assert units == {"amplitude": "N m", "harmonic": "1/rev", "phase": "rad"}
-    code, out, _ = run(capsys, "effects")
-    assert code == 0 and max(map(len, out.splitlines())) <= 80
-    for effect in listed:
-        assert effect["name"] in out and effect["equation"] in out
-        assert all(name in out for name in effect["confused_with"])
+# --- template, progress ------------------------------------------------------------------
 
 
 def test_the_model_template_can_be_read_as_it_is_and_filled_in(files, capsys):

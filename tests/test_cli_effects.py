@@ -16,6 +16,19 @@ def run(capsys, line):
     return code, streams.out, streams.err
 
 
+def test_effects_lists_the_whole_catalogue(capsys):
+    code, out, _ = run(capsys, "effects --json")
+    listed = json.loads(out)
+    assert code == 0 and [e["name"] for e in listed] == list(members("effect"))
+    units = {k: p["unit"] for k, p in listed[2]["parameters"].items()}
+    assert units == {"amplitude": "N m", "harmonic": "1/rev", "phase": "rad"}
+    code, out, _ = run(capsys, "effects")
+    assert code == 0 and max(map(len, out.splitlines())) <= 80
+    for effect in listed:
+        assert effect["name"] in out and effect["equation"] in out
+        assert all(name in out for name in effect["confused_with"])
+
+
 def test_one_effect_is_explained(capsys):
     code, out, err = run(capsys, "effects torque_ripple")
     assert code == 0 and err == "" and max(map(len, out.splitlines())) <= 80
