@@ -63,29 +63,29 @@ def _grid_text(grid: Grid) -> list[str]:
     return [line(row) for row in table]
 
 
-def write(d: Any, folder: str | Path) -> list[Path]:
-    """Write report.html, report.json and model.toml into a folder, all three or none.
+def content(d: Any) -> dict[str, str]:
+    """The files of a report as text, by name; without model.toml where there is no model."""
+    made = {FILES[0]: html(d), FILES[1]: d.to_json() + "\n"}
+    model = getattr(d, "model", None)
+    return made if model is None else made | {FILES[2]: model_toml(model)}
 
-    A refused diagnosis has no model, so model.toml is left out. The folder is made when it is
-    missing; other files in it are left alone. Returns the paths. Raises InputError when the
-    folder cannot be written.
+
+def write(d: Any, folder: str | Path) -> list[Path]:
+    """Write report.html, report.json and model.toml into a folder, all of them or none.
+
+    The folder is made when it is missing; other files in it are left alone. Returns the paths.
+    Of a refusal, which has no model, there is no model.toml. Raises InputError when the folder
+    cannot be written.
     """
-    folder, content = Path(folder), contents(d)
+    folder, made = Path(folder), content(d)
     try:
-        write_together(content, folder)
+        write_together(made, folder)
     except OSError as error:
         raise InputError(
             f"{folder}: the report cannot be written there ({error.strerror or error}); "
             "choose another folder."
         ) from None
-    return [folder / name for name in content]
-
-
-def contents(d: Any) -> dict[str, str]:
-    """The files of a report as text, by name; no model.toml where there is no model."""
-    made = {"report.html": html(d), "report.json": d.to_json() + "\n"}
-    model = getattr(d, "model", None)
-    return made if model is None else made | {"model.toml": model_toml(model)}
+    return [folder / name for name in made]
 
 
 def check_folder(folder: str | Path) -> None:
