@@ -20,6 +20,7 @@ _HOMES = {
     "blocks.plant": "plant sensor",
     "blocks.table": "tabulated",
     "bristles": "deflection",
+    "catalogue": "controllers effects laws observers",
     "compensating": "Compensation compensate",
     "design": "Certificate Design PAPER certify design_gains excitation natural_decay",
     "diagnosis": "diagnose",
@@ -78,6 +79,7 @@ if TYPE_CHECKING:
     from .blocks.plant import plant, sensor  # noqa: F401
     from .blocks.table import tabulated  # noqa: F401
     from .bristles import deflection  # noqa: F401
+    from .catalogue import controllers, effects, laws, observers  # noqa: F401
     from .compensating import Compensation, compensate  # noqa: F401
     from .design import (  # noqa: F401
         PAPER,

@@ -11,6 +11,7 @@ import numpy as np
 from .blas import one_blas_thread
 from .friction_map import diagnose_map
 from .model import Model
+from .provenance import stamped
 from .record import Record
 from .results import Diagnosis, Finding, Table, Traces
 from .steady.points import is_map
@@ -73,6 +74,7 @@ EARLY = 0.05  # s, lead-in if something happens at the start of the record and n
 
 
 @one_blas_thread()
+@stamped("lugrectl.diagnose")
 def diagnose(
     record: Record | Sequence[Record],
     model: Model,

@@ -18,6 +18,7 @@ from typing import Any, cast
 from .errors import InputError, Refused
 from .jobs import JobError, run_jobs
 from .model import Model
+from .provenance import Provenance, SourceFile, provenance, stamp
 from .record import Record, read_record
 from .results import VERDICTS, Diagnosis, plain
 from .workers import Sent, one_thread_each, record_files
@@ -47,6 +48,12 @@ class Outcome:
     def verdict(self) -> str:
         """The diagnosis's verdict, or "failed"."""
         return self.document["verdict"] if self.document else FAILED
+
+    @property
+    def files(self) -> list[SourceFile]:
+        """The files that the diagnosis was made from."""
+        known = (self.document or {}).get("provenance") or {}
+        return [SourceFile(f["name"], f["sha256"]) for f in known.get("files", ())]
 
     def row(self) -> dict[str, Any]:
         """One line of a table, as plain data; errors are RMS in ``unit``."""
@@ -95,6 +102,7 @@ class Fleet:
     outcomes: tuple[Outcome, ...] = field(repr=False)
     unfinished: tuple[str, ...] = ()
     model: Model | None = field(default=None, repr=False)
+    provenance: Provenance | None = field(default=None, repr=False)
 
     @cached_property
     def rows(self) -> list[dict[str, Any]]:
@@ -130,6 +138,7 @@ class Fleet:
                 "records": [outcome.summary() for outcome in self.outcomes],
                 "counts": self.counts,
                 "unfinished": self.unfinished,
+                "provenance": self.provenance.summary() if self.provenance else None,
             }
         )
 
@@ -204,10 +213,12 @@ def run_each(
     keep: bool = True,
     render: Callable[[Diagnosis], Any] | None = None,
     done: Callable[[Outcome, Any], Outcome] | None = None,
+    command: str = "lugrectl.diagnose_each",
     **options: Any,
 ) -> Fleet:
     """:func:`diagnose_each`; ``render`` turns a diagnosis into files in the worker process, and
-    ``done`` receives them in this process as soon as the log is done."""
+    ``done`` receives them in this process as soon as the log is done. ``command`` is for the
+    provenance."""
     logs = record_files(_several(records))
     names = _names(logs)
     reading, options = _split(options, model)
@@ -220,7 +231,7 @@ def run_each(
         report((at + fraction) / len(logs), f"{at + 1} of {len(logs)}: {what}")
 
     carried = model if here else Sent.of(model)
-    task = Task(carried, reading, options, keep, render, within if here else None)
+    task = Task(carried, reading, options, keep, render, within if here else None, command)
     report(0.0, f"0 of {len(logs)}")
     try:
         with one_thread_each(not here and executor is None):
@@ -233,7 +244,9 @@ def run_each(
     except KeyboardInterrupt:
         pass
     left = tuple(name for i, name in enumerate(names) if i not in made)
-    return Fleet(tuple(made[i] for i in sorted(made)), left, model)
+    outcomes = tuple(made[i] for i in sorted(made))
+    files = [file for outcome in outcomes for file in outcome.files]
+    return Fleet(outcomes, left, model, provenance(command, [model, *files]))
 
 
 @dataclass(frozen=True)
@@ -246,6 +259,7 @@ class Task:
     keep: bool
     render: Callable[[Diagnosis], Any] | None
     progress: Progress | None
+    command: str = "lugrectl.diagnose_each"
 
     def __call__(self, log: Path | Record) -> tuple[Outcome, Any]:
         began = time.perf_counter()
@@ -253,7 +267,7 @@ class Task:
         with warnings.catch_warnings():
             if parent_process() is not None:  # a worker's stderr is the user's terminal
                 warnings.simplefilter("ignore")
-            d = self._diagnosed(log, model)
+            d = stamp(self._diagnosed(log, model), self.command, [log, model])
             extra = self.render(d) if self.render else None
         refused = d.verdict == "refused"
         outcome = Outcome(

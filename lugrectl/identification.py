@@ -10,6 +10,7 @@ from typing import Any
 from .blas import one_blas_thread
 from .friction_map import Fits, begin_map, errors_of, estimates_of, final_model, messages_of
 from .model import Model
+from .provenance import Provenance, stamped
 from .record import Record
 from .results import Estimate, plain
 from .steady.curve import refit
@@ -26,6 +27,8 @@ class Identification:
     model: Model
     record: Record
     messages: tuple[str, ...]
+    declared: Model | None = None
+    provenance: Provenance | None = None
 
     def summary(self) -> dict[str, Any]:
         """Plain Python; never NaN or Infinity."""
@@ -38,6 +41,7 @@ class Identification:
                 "model": {k: nested[k] for k in ("plant", "friction", "effects")},
                 "record": self.record.summary(),
                 "messages": list(self.messages),
+                "provenance": self.provenance.summary() if self.provenance else None,
             }
         )
 
@@ -47,6 +51,7 @@ class Identification:
 
 
 @one_blas_thread()
+@stamped("lugrectl.identify")
 def identify(
     record: Record | Sequence[Record],
     model: Model,
@@ -67,7 +72,7 @@ def identify(
     """
     report: Progress = progress or (lambda fraction, what: None)
     if not isinstance(record, Record) and is_map(record):
-        return _map_identified(begin_map(record, model, holdout, report))
+        return _map_identified(begin_map(record, model, holdout, report), model)
     job = begin(record, model, holdout, horizon, report)
     whole = on_everything(job.base, job)
     job = compared(job, whole)
@@ -78,10 +83,11 @@ def identify(
         model=whole.predictor.model.with_values(whole.values),
         record=job.records[0],
         messages=job.messages,
+        declared=model,
     )
 
 
-def _map_identified(fits: Fits) -> Identification:
+def _map_identified(fits: Fits, declared: Model) -> Identification:
     """The declared friction fitted to all points of a map of runs at steady speed."""
     whole = refit(fits.base, fits.whole)
     error = errors_of(fits, fits.base)
@@ -91,4 +97,5 @@ def _map_identified(fits: Fits) -> Identification:
         model=final_model(fits, whole),
         record=fits.records[0],
         messages=messages_of(fits, whole),
+        declared=declared,
     )

@@ -6,15 +6,17 @@ import difflib
 import math
 import tomllib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
 from .blocks import effects as _effects  # noqa: F401  fills the registry
 from .blocks import friction as _friction  # noqa: F401
 from .blocks.friction import J as J_DECLARATION
+from .blocks.names import block_named
 from .errors import InputError
-from .spec import Block, members, unit_for
+from .provenance import SourceFile
+from .spec import Block, unit_for
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,7 @@ class Model:
     """A declared model: inertia, one friction law, any number of effects.
 
     ``values()`` is flat: ``J``, the friction parameters by name, effects as ``key.parameter``.
+    ``file`` is the model file that was read, None once anything was changed.
     """
 
     name: str
@@ -65,6 +68,7 @@ class Model:
     J: float | None
     friction: Part
     effects: tuple[Part, ...] = ()
+    file: SourceFile | None = field(default=None, init=False, repr=False, compare=False)
 
     @classmethod
     def of(cls, p: Parameters) -> Model:
@@ -101,10 +105,13 @@ class Model:
         )
 
     def with_effect(self, name: str, values: Mapping[str, float | None] | None = None) -> Model:
-        """The model with one more effect; a second of a name gets the key ``name_2``."""
-        made, given = members("effect")[name], values or {}
-        used = sum(part.block.name == name for part in self.effects)
-        key = name if not used else f"{name}_{used + 1}"
+        """The model with one more effect; a second of a name gets the key ``name_2``.
+
+        Common names are understood (``cogging`` is ``torque_ripple``); InputError for others.
+        """
+        made, given = block_named("effect", name), values or {}
+        used = sum(part.block.name == made.name for part in self.effects)
+        key = made.name if not used else f"{made.name}_{used + 1}"
         values = {k: given.get(k, None if p.fitted else p.value) for k, p in made.own.items()}
         return replace(self, effects=(*self.effects, Part(key, made, values)))
 
@@ -160,7 +167,7 @@ def model_from_dict(data: Mapping[str, Any], where: str) -> Model:
     plant, friction = _table(data, "plant", where), _table(data, "friction", where)
     _known(plant, ("J",), f"{where}: [plant]")
     law = friction.get("model", "lugre")
-    part = _part(law, members("friction"), friction, f"{where}: [friction]", "friction model")
+    part = _part(law, "friction", friction, f"{where}: [friction]", "friction model")
     model = Model(
         name=str(data.get("name", "drive")),
         motion=motion,
@@ -172,24 +179,21 @@ def model_from_dict(data: Mapping[str, Any], where: str) -> Model:
         raise InputError(f"{where}: write [[effects]] above each effect.")
     for entry in effects:
         name = entry.get("name")
-        use = _part(name, members("effect"), entry, f"{where}: [[effects]] {name}", "effect")
+        use = _part(name, "effect", entry, f"{where}: [[effects]]", "effect")
         model = model.with_effect(use.block.name, use.values)
     return model
 
 
-def _part(name: Any, known: Mapping[str, Block], entry: Any, where: str, what: str) -> Part:
-    if name not in known:
-        hint = difflib.get_close_matches(str(name), known, n=1)
-        meant = f" Did you mean '{hint[0]}'?" if hint else ""
-        raise InputError(f"{where}: unknown {what} {name!r}; known: {', '.join(known)}.{meant}")
-    made = known[name]
+def _part(name: Any, kind: str, entry: Any, where: str, what: str) -> Part:
+    made = block_named(kind, name, where=where, what=what)
+    where = f"{where} {name}" if kind == "effect" else where
     tag = "model" if what == "friction model" else "name"
     _known(entry, (tag, *made.own), where)
     values = {
         k: _number(entry.get(k), p, f"{where} {k}") if k in entry or p.fitted else p.value
         for k, p in made.own.items()
     }
-    return Part(name, made, values)
+    return Part(made.name, made, values)
 
 
 def _table(data: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any]:
@@ -241,7 +245,9 @@ def read_model(path: str | Path) -> Model:
         raise InputError(f"{path}: cannot be read as a text file ({error}).") from None
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path}: not a TOML file: {error}.") from None
-    return model_from_dict(data, str(path))
+    model = model_from_dict(data, str(path))
+    object.__setattr__(model, "file", SourceFile.of(path))
+    return model
 
 
 def write_model(model: Model, path: str | Path) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from .blocks.table import tabulated
 from .model import Model
+from .provenance import Provenance
 from .record import Record
 from .spec import members
 
@@ -207,7 +208,8 @@ class Diagnosis:
     ``error``, ``free_error`` and ``torque_error`` are the mappings of the JSON format; ``model``
     is the augmented model (the refitted one if nothing was added, None if refused).
     ``table`` offers the unexplained torque as a block; ``compensation`` is set if it was asked
-    for, ``map`` if the records are runs at steady speed.
+    for, ``map`` if the records are runs at steady speed. ``provenance``: version, date, command
+    and files; None for a result that was put together by hand.
     """
 
     verdict: str
@@ -228,6 +230,7 @@ class Diagnosis:
     table: Table | None = None
     compensation: Compensation | None = None
     map: FrictionMap | None = None
+    provenance: Provenance | None = None
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as in the JSON document; never NaN or Infinity."""
@@ -252,6 +255,7 @@ class Diagnosis:
                 "record": self.record.summary() if self.record else None,
                 "messages": list(self.messages),
                 "reason": self.reason,
+                "provenance": self.provenance.summary() if self.provenance else None,
             }
         )
 

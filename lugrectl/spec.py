@@ -18,12 +18,14 @@ import inspect
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import control as ct
 import numpy as np
 
 from .errors import InputError
+
+if TYPE_CHECKING:  # slow to import, and the catalogue does without it
+    import control as ct
 
 
 @dataclass(frozen=True)
@@ -99,6 +101,7 @@ class Block:
     box: Callable[..., Any] | None = field(default=None, compare=False)
     hidden: Callable[..., tuple[float, ...]] | None = field(default=None, compare=False)
     home: str = field(default="", compare=False)
+    source: str = field(default="", compare=False)
 
     @property
     def doc(self) -> str:
@@ -171,6 +174,8 @@ class Block:
         ``inputs`` and ``outputs`` rename the signals, in the declared order. A value may be a
         function of the block's first signal if the block allows it.
         """
+        import control as ct
+
         self.check(values)
         name = name or self.name
         functions = {k: v for k, v in values.items() if callable(v)}
@@ -262,6 +267,7 @@ def block(
     abrupt: bool = False,
     box: Callable[..., Any] | None = None,
     hidden: Callable[..., tuple[float, ...]] | None = None,
+    source: str = "",
 ) -> Callable[[Callable[..., Any]], Block]:
     """Declare a function as a block of a kind and enter it in the registry.
 
@@ -302,6 +308,8 @@ def block(
     hidden : callable
         ``hidden(values)`` of such an effect: how far each of its states, in its unit, may be
         from its value by ``start``.
+    source : str
+        Where the equation comes from: paper, year, number of the equation.
 
     Raises
     ------
@@ -325,6 +333,7 @@ def block(
             abrupt=abrupt,
             box=box,
             hidden=hidden,
+            source=source,
         )
         known = members(kind).get(made.name)
         if known is not None and not (known.home == made.home == "__main__"):
@@ -370,6 +379,7 @@ _LINEAR = {
     "N m/(rad s)": "N/(m s)",
     "N m s2/rad2": "N s2/m2",
     "N m (s/rad)^n": "N (s/m)^n",
+    "N m (s/rad)^mu": "N (s/m)^mu",
     "rad/s": "m/s",
     "rad": "m",
     "kg m2": "kg",

@@ -17,7 +17,6 @@ from lugrectl.cli.progress import Bar
 from lugrectl.errors import InputError, Refused
 from lugrectl.model import Model, read_model, table1, write_model
 from lugrectl.results import Candidate, Diagnosis, Estimate, Finding
-from lugrectl.spec import members
 
 MODEL = Model.of(table1())
 
@@ -153,14 +152,23 @@ def test_a_record_that_cannot_answer_is_refused(files, job, capsys):
     job.answer = Refused("one.csv: u is constant.", "move the drive")
     code, out, err = run(capsys, "diagnose one.csv --model model.toml --json --out made")
     document = one_document(out)
-    assert code == 3 and document["verdict"] == "refused" and len(err.splitlines()) == 1
+    assert code == 3 and document["verdict"] == "refused" and len(err.splitlines()) == 2
     assert document["reason"] == "one.csv: u is constant."
     assert document["experiment"] == "move the drive" and document["record"]["samples"] == 2000
-    assert not (files / "made").exists()
     code, out, _ = run(capsys, "diagnose one.csv --model model.toml")
     assert code == 3 and out.startswith("refused") and "u is constant." in out
     job.answer = Diagnosis("refused", reason="too short.")
     assert run(capsys, "diagnose one.csv --model model.toml")[0] == 3
+
+
+def test_a_refusal_writes_its_report_without_a_model(files, job, capsys):
+    job.answer = Refused("one.csv: u is constant.", "move the drive")
+    code, out, err = run(capsys, "diagnose one.csv --model model.toml --out made")
+    assert code == 3 and err == "" and "report: made/report.html (and report.json)" in out
+    assert {p.name for p in (files / "made").iterdir()} == {"report.html", "report.json"}
+    document = one_document((files / "made" / "report.json").read_text())
+    assert document["verdict"] == "refused" and document["reason"] == "one.csv: u is constant."
+    assert "u is constant." in (files / "made" / "report.html").read_text()
 
 
 def test_a_record_refused_by_the_reader_is_refused(files, job, capsys):
@@ -205,7 +213,6 @@ def test_the_holdout_must_not_be_a_training_file(files, job, capsys, how):
 @pytest.mark.parametrize(
     "line",
     [
-        "",
         "nonsense",
         "diagnose",
         "diagnose one.csv",
@@ -343,20 +350,7 @@ def test_check_text_answers_first(name, capsys):
     assert "Table 1" in out.splitlines()[0] and max(map(len, out.splitlines())) <= 80
 
 
-# --- catalogue, template, progress -------------------------------------------------------
-
-
-def test_effects_lists_the_whole_catalogue(capsys):
-    code, out, _ = run(capsys, "effects --json")
-    listed = one_document(out)
-    assert code == 0 and [e["name"] for e in listed] == list(members("effect"))
-    units = {k: p["unit"] for k, p in listed[2]["parameters"].items()}
-    assert units == {"amplitude": "N m", "harmonic": "1/rev", "phase": "rad"}
-    code, out, _ = run(capsys, "effects")
-    assert code == 0 and max(map(len, out.splitlines())) <= 80
-    for effect in listed:
-        assert effect["name"] in out and effect["equation"] in out
-        assert all(name in out for name in effect["confused_with"])
+# --- template, progress ------------------------------------------------------------------
 
 
 def test_the_model_template_can_be_read_as_it_is_and_filled_in(files, capsys):

@@ -86,7 +86,9 @@ def test_the_exit_code_is_the_highest_after_all_were_done(files, job, capsys):
     job.answers["axis.csv"] = "refused"
     code, out, err = run(capsys, "right left --each --out made")
     assert code == 3 and err == "" and "u is constant." in out
-    assert not (files / "made" / "axis").exists() and (files / "made" / "left-run").is_dir()
+    assert listed(files / "made" / "axis") == ["report.html", "report.json"]
+    assert listed(files / "made" / "left-run") == sorted(FILES)
+    assert 'href="axis/report.html"' in (files / "made" / "index.html").read_text()
     job.answers["axis.csv"] = ZeroDivisionError("x")
     code, out, err = run(capsys, "right left --each")
     assert code == 70 and "LUGRECTL_DEBUG" in err and "ZeroDivisionError: x" in out
@@ -186,7 +188,8 @@ def test_processes_read_and_refuse_by_themselves(files, capsys):
     document = json.loads(out)
     assert code == 3 and [r["exit_code"] for r in document["records"]] == [3, 2]
     assert "too short" in document["records"][0]["reason"] and "Traceback" not in err
-    assert listed(files / "made") == sorted(fleet_page.INDEX)
+    reports = ["run/report.html", "run/report.json"]  # the other log could not be read
+    assert listed(files / "made") == sorted([*reports, *fleet_page.INDEX])
 
 
 def test_one_bar_over_all_logs(files, job, capsys, monkeypatch):

@@ -102,7 +102,8 @@ def test_the_document_holds_each_diagnosis_or_a_reason(logs, job):
     document = json.loads(fleet.to_json(), parse_constant=refuse)
     assert document["schema"] == 1 and document["counts"]["failed"] == 2
     found, refused, broken, empty = document["records"]
-    assert found["diagnosis"] == bare().summary() and found["reason"] is None
+    assert found["diagnosis"] | {"provenance": None} == bare().summary()
+    assert found["reason"] is None
     assert refused["diagnosis"]["verdict"] == "refused" and refused["reason"] == "u is constant."
     assert refused["diagnosis"]["record"]["samples"] == 3000
     assert broken["diagnosis"] is None and broken["reason"] == "ZeroDivisionError: by zero"
@@ -297,6 +298,12 @@ def test_processes_give_what_one_gives_and_read_themselves(logs):
     spread = lg.diagnose_each(logs, MODEL, jobs=2).summary()
     for record in (*alone["records"], *spread["records"]):
         record.pop("seconds")
+    for provenance in [d["provenance"] for d in (alone, spread)] + [
+        record["diagnosis"]["provenance"]
+        for record in (*alone["records"], *spread["records"])
+        if record["diagnosis"]
+    ]:
+        assert provenance.pop("date")
     assert alone == spread and alone["counts"]["refused"] == 3
 
 

@@ -125,6 +125,7 @@ def test_identify_fits_the_declared_friction():
     assert "augmented" not in fitted.error
     assert set(fitted.estimates) <= {"Fc", "Fs", "Fv", "vs"}
     assert "Mean torque of the held-out runs" in text(fitted)
+    assert fitted.declared is model and fitted.provenance.command == "lugrectl.identify"
 
 
 @pytest.mark.parametrize("way", ["last", "run"])

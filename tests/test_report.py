@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from lugrectl import report
 from lugrectl.errors import InputError
+from lugrectl.identification import Identification
 from lugrectl.model import Model, read_model, table1
 from lugrectl.report import atomic, plot, wording
 from lugrectl.results import VERDICTS, Estimate
@@ -67,6 +68,20 @@ def test_an_identification_is_rendered_by_what_it_has():
     said = report.text(Identified())
     assert said.startswith("identified") and "0.0021" in said and "all well" in said
     assert "identified" in report.html(Identified())
+
+
+def test_an_identification_shows_each_declared_value_beside_the_fitted_one():
+    model = Model.of(table1())
+    fitted = {
+        "J": Estimate(0.0022, "kg m2", (0.0021, 0.0023)),
+        "Fv": Estimate(0.02, "N m s/rad", None),
+    }
+    error = {k: v for k, v in diagnosis().error.items() if k != "augmented"}
+    declared = model.with_values({"J": 0.0024, "Fv": None})
+    said = report.text(Identification(fitted, error, model, diagnosis().record, (), declared))
+    assert re.search(r"parameter +declared +fitted +95 % interval +unit", said)
+    assert re.search(r"J +0\.0024\d* +0\.0022\d* +0\.0021\d* to 0\.0023\d* +kg m2", said)
+    assert re.search(r"Fv +- +0\.02\d* +- +N m s/rad", said)
 
 
 @given(st.floats(-1e5, 1e5), st.floats(1e-5, 1e4))
@@ -175,6 +190,12 @@ def test_write_makes_three_files_that_agree(tmp_path):
     assert list(tmp_path.iterdir()) == [tmp_path / "a"]
 
 
+def test_a_refusal_has_a_report_and_no_model(tmp_path):
+    paths = report.write(bare("refused"), tmp_path)
+    assert [p.name for p in paths] == ["report.html", "report.json"]
+    assert set(content(tmp_path)) == {"report.html", "report.json"}
+
+
 def test_write_replaces_its_own_files_and_no_others(tmp_path):
     (tmp_path / "log.csv").write_text("mine")
     report.write(bare("found"), tmp_path)
@@ -212,8 +233,6 @@ def test_a_failure_leaves_no_new_folder(tmp_path, monkeypatch, method):
 
 
 def test_nothing_is_written_where_nothing_can_be(tmp_path):
-    with pytest.raises(InputError, match="no report"):
-        report.write(bare("refused"), tmp_path / "out")
     (tmp_path / "file").write_text("")
     for folder in (tmp_path / "file", tmp_path / "file" / "below"):
         with pytest.raises(InputError, match="not a folder"):

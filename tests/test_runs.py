@@ -34,6 +34,7 @@ def test_offset_and_friction_of_a_run_are_found(runs):
         assert found.estimates[k].value == pytest.approx(alone.estimates[k].value, rel=0.03)
     assert not any("run 2" in m for m in alone.messages)
     assert set(found.estimates) == set(alone.estimates)
+    assert found.declared is model and found.provenance.command == "lugrectl.identify"
 
 
 @pytest.mark.slow

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import control as ct
 import numpy as np
 
 from ..spec import P, block
@@ -17,17 +16,25 @@ from .observers import observer
 from .plant import acceleration
 
 if TYPE_CHECKING:
+    import control as ct
+
     from ..model import Model, Parameters
 
 
-@block("observer", name="friedland_park_observer", out="Fhat ahat", states="zeta")
+@block(
+    "observer",
+    name="friedland_park_observer",
+    out="Fhat ahat",
+    states="zeta",
+    source="Friedland and Park, IEEE Trans. Automatic Control 37(10), 1992",
+)
 def _friedland_park(
     w,
     u,
     zeta,
     J=J,
     Fv=FV,
-    k: Any = P(0.1, "SI", 0.0),
+    k: Any = P(0.1, "N m (s/rad)^mu", 0.0),
     mu: Any = P(1.5, "1", 1.0, 10.0),
     eps: Any = EPS,
 ):
@@ -42,21 +49,39 @@ def _friedland_park(
     return Fhat, ahat, slope * acceleration(u, Fhat, 0.0, J)
 
 
-@block("observer", name="disturbance_observer", out="Fhat", states="v")
+@block(
+    "observer",
+    name="disturbance_observer",
+    out="Fhat",
+    states="v",
+    source="standard form (Ohnishi), derived by substitution",
+)
 def _disturbance(w, u, v, J: Any = J, tau=P(0.01, "s", 1e-12)):
     """Fhat = J (v - w) / tau, dv/dt = (u - Fhat) / J."""
     Fhat = J * (v - w) / tau
     return Fhat, acceleration(u, Fhat, 0.0, J)
 
 
-@block("observer", name="extended_state_observer", out="Fhat what", states="what Fhat")
+@block(
+    "observer",
+    name="extended_state_observer",
+    out="Fhat what",
+    states="what Fhat",
+    source="Gao's bandwidth parametrisation, derived by substitution",
+)
 def _extended_state(w, u, what, Fhat, J: Any = J, bandwidth: Any = P(100.0, "1/s", 0.0)):
     """dFhat/dt = -J p^2 (w - what), dwhat/dt = (u - Fhat) / J + 2 p (w - what), p = bandwidth."""
     push = J * bandwidth * (w - what)
     return acceleration(u + 2.0 * push, Fhat, 0.0, J), -bandwidth * push
 
 
-@block("observer", name="adaptive_observer", out="Fhat zhat what scale", states="zhat what excess")
+@block(
+    "observer",
+    name="adaptive_observer",
+    out="Fhat zhat what scale",
+    states="zhat what excess",
+    source="derived here: see the docstring of lugrectl.adaptive_observer",
+)
 def _adaptive(
     w,
     u,

@@ -8,14 +8,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import control as ct
 import numpy as np
 
 from ..errors import InputError
 from ..spec import P, block
-from .friction import J
+from .friction import PAPER, J
 
 if TYPE_CHECKING:
+    import control as ct
+
     from ..model import Model, Parameters
 
 TAU = P(0.0, "s", 0.0)
@@ -35,19 +36,19 @@ def lag(r_cmd: Any, r: Any, pole: Any) -> Any:
     return pole * (r_cmd - r)
 
 
-@block("controller", name="error", out="e")
+@block("controller", name="error", out="e", source=PAPER)
 def _error(r, y):
     """e = y - r, measured - reference."""
     return y - r
 
 
-@block("controller", name="pi", out="u", states="q")
+@block("controller", name="pi", out="u", states="q", source=f"{PAPER}, section 2")
 def _pi(e, q, kp=P(1.6, "N m s/rad"), ki=P(0.16, "N m/rad")):
     """u = kp (-e) + ki q, dq/dt = -e."""
     return action(e, q, kp, ki, 0.0)
 
 
-@block("controller", name="pid", out="u", states="q")
+@block("controller", name="pid", out="u", states="q", source=f"{PAPER}, section 2")
 def _pid(
     e,
     w,
@@ -62,19 +63,19 @@ def _pid(
     return u - kd * w, dq
 
 
-@block("controller", name="compensation", out="u")
+@block("controller", name="compensation", out="u", source=f"{PAPER}, section 2")
 def _compensation(Fhat):
     """u = Fhat."""
     return Fhat
 
 
-@block("controller", name="feedforward", out="u")
+@block("controller", name="feedforward", out="u", source=f"{PAPER}, eq. Canudas_u")
 def _feedforward(a, J=J):
     """u = J a, a the reference's acceleration."""
     return J * a
 
 
-@block("controller", name="prefilter", out="r", states="r")
+@block("controller", name="prefilter", out="r", states="r", source=PAPER)
 def _prefilter(r_cmd, r, pole=POLE):
     """dr/dt = pole (r_cmd - r)."""
     return lag(r_cmd, r, pole)

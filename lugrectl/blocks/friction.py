@@ -16,6 +16,8 @@ FS = P(0.335, "N m", 0.0)
 FV = P(0.018, "N m s/rad", 0.0)
 VS = P(0.01, "rad/s", 1e-12)
 EPS = P(1e-4, "rad/s", 1e-12, fitted=False)
+PAPER = "Odabas and Morgul, A Novel Observer Design for LuGre Friction Estimation and Control"
+LUGRE = "Canudas de Wit, Olsson, Astrom and Lischinsky, IEEE Trans. Automatic Control 40(3), 1995"
 
 
 def level(w: Any, Fc: Any, Fs: Any, vs: Any) -> Any:
@@ -49,7 +51,7 @@ def coulomb(w, Fc=FC, Fv=FV, eps=EPS):
     return Fc * np.tanh(w / eps) + Fv * w
 
 
-@block("friction", out="F")
+@block("friction", out="F", source=f"{PAPER}, eq. Lugre_ss")
 def stribeck(w, Fc=FC, Fs=FS, Fv=FV, vs=VS, eps=EPS):
     """F = (Fc + (Fs - Fc) exp(-(w/vs)^2)) sign(w) + Fv w.
 
@@ -59,7 +61,7 @@ def stribeck(w, Fc=FC, Fs=FS, Fv=FV, vs=VS, eps=EPS):
     return level(w, Fc, Fs, vs) * np.tanh(w / eps) + Fv * w
 
 
-@block("friction", out="F", states="z")
+@block("friction", out="F", states="z", source=f"{LUGRE}, eq. 1-3")
 def lugre(w, z, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS):
     """F = sigma0 z + sigma1 dz/dt + Fv w, dz/dt = w - sigma0 |w| z / h(w).
 

@@ -3,19 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import control as ct
+from .names import block_named
 
-from ..errors import InputError
-from ..spec import Block, members
-
-
-def _chosen(kind: str, name: str) -> Block:
-    known = members(kind)
-    if name not in known:
-        raise InputError(f"no {kind} named '{name}'; known: {', '.join(known)}.")
-    return known[name]
+if TYPE_CHECKING:
+    import control as ct
 
 
 def friction(
@@ -40,7 +33,8 @@ def friction(
     InputError
         For an unknown law or parameter, or a value outside its bounds.
     """
-    return _chosen("friction", law).system(name=name, inputs=inputs, outputs=outputs, **values)
+    made = block_named("friction", law, what="friction law")
+    return made.system(name=name, inputs=inputs, outputs=outputs, **values)
 
 
 def effect(
@@ -61,7 +55,7 @@ def effect(
     Parameters
     ----------
     kind : str
-        Name in the catalogue (``lugrectl effects``).
+        Name in the catalogue (``lugrectl effects``), or a common one: ``cogging``.
     values
         Its parameters; those left out have their neutral value.
 
@@ -70,4 +64,5 @@ def effect(
     InputError
         For an unknown effect or parameter, or a value outside its bounds.
     """
-    return _chosen("effect", kind).system(name=name, inputs=inputs, outputs=outputs, **values)
+    made = block_named("effect", kind)
+    return made.system(name=name, inputs=inputs, outputs=outputs, **values)

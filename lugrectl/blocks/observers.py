@@ -9,14 +9,27 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-import control as ct
-
 from ..errors import InputError
 from ..spec import Block, P, block, members
-from .friction import FC, FS, FV, SIGMA0, SIGMA1, VS, J, bristle, bristle_torque, lugre
+from .friction import (
+    FC,
+    FS,
+    FV,
+    LUGRE,
+    PAPER,
+    SIGMA0,
+    SIGMA1,
+    VS,
+    J,
+    bristle,
+    bristle_torque,
+    lugre,
+)
 from .plant import acceleration
 
 if TYPE_CHECKING:
+    import control as ct
+
     from ..model import Model, Parameters
 
 Gain = float | Callable[[Any], Any]
@@ -28,14 +41,20 @@ def no_observer(w):
     return 0.0 * w
 
 
-@block("observer", name="natural_observer", out="Fhat zhat", states="zhat")
+@block(
+    "observer",
+    name="natural_observer",
+    out="Fhat zhat",
+    states="zhat",
+    source=f"{PAPER}, eq. z_hat_dot and F_est",
+)
 def _natural(w, zhat, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS):
     """Fhat = sigma0 zhat + sigma1 dzhat/dt + Fv w, dzhat/dt = w - sigma0 |w| zhat / h(w)."""
     dz = bristle(w, zhat, sigma0, Fc, Fs, vs)
     return bristle_torque(w, zhat, dz, sigma0, sigma1, Fv), dz
 
 
-@block("observer", name="existing_observer", out="Fhat zhat", states="zhat")
+@block("observer", name="existing_observer", out="Fhat zhat", states="zhat", source=LUGRE)
 def _existing(
     w, e, zhat, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS, k=P(0.35, "1", 0.0)
 ):
@@ -44,7 +63,13 @@ def _existing(
     return bristle_torque(w, zhat, dz, sigma0, sigma1, Fv), dz
 
 
-@block("observer", name="proposed_observer", out="Fhat zhat what", states="zhat what")
+@block(
+    "observer",
+    name="proposed_observer",
+    out="Fhat zhat what",
+    states="zhat what",
+    source=f"{PAPER}, eq. obs_1 and obs_2",
+)
 def _proposed(
     w,
     u,

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-import control as ct
-
 from ..errors import InputError
 from ..spec import Block
 from .friction import J
 from .parts import Part, through_sensors
 
 if TYPE_CHECKING:
+    import control as ct
+
     from ..model import Model, Parameters
 
 

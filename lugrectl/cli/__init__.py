@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shlex
 import sys
 import traceback
 import warnings
@@ -33,6 +34,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(argv: Sequence[str] | None) -> int:
     try:
         arguments = parser().parse_args(argv)
+        arguments.typed = shlex.join(["lugrectl", *(sys.argv[1:] if argv is None else argv)])
         code = arguments.run(arguments)
         sys.stdout.flush()
         return code

@@ -10,11 +10,12 @@ from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from importlib import metadata, resources
+from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError, Refused
+from ..provenance import stamp
 
 if TYPE_CHECKING:
     from ..model import Model
@@ -25,14 +26,6 @@ def print_out(text: str) -> None:
     """Print with one newline at the end; escape what the terminal's encoding cannot show."""
     encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
     print(text.rstrip("\n").encode(encoding, "backslashreplace").decode(encoding))
-
-
-def version() -> str:
-    """The installed version; "unknown" in a source tree that is not installed."""
-    try:
-        return metadata.version("lugrectl")
-    except metadata.PackageNotFoundError:
-        return "unknown"
 
 
 def diagnose(a: Namespace) -> int:
@@ -96,7 +89,7 @@ def reproduce(a: Namespace) -> int:
     if a.out is not None:
         check_folder(a.out)
     with Bar(sys.stderr) as bar:
-        result = work(progress=bar)
+        result = stamp(work(progress=bar), a.typed)
         bar(1.0, "writing")
         written = write(result, a.out) if a.out is not None else []
     print_out(result.to_json() if a.json else text(result))
@@ -115,9 +108,9 @@ def _main_job(work: Any, a: Namespace) -> int:
     if a.out is not None:
         check_folder(a.out)
         _spare(a)
-    result = _answered(work, a, model)
+    result = stamp(_answered(work, a, model), a.typed, [*a.records, model, a.holdout])
     refused = getattr(result, "verdict", None) == "refused"
-    written = write(result, a.out) if a.out is not None and not refused else []
+    written = write(result, a.out) if a.out is not None else []
     print_out(result.to_json() if a.json else text(result))
     if written:
         where = f"report: {written[0]} (and {', '.join(p.name for p in written[1:])})"

@@ -25,7 +25,7 @@ def each(a: Namespace) -> int:
     from ..fleet import run_each
     from ..model import read_model
     from ..record import parse_pairs
-    from ..report.fleet_page import rendered
+    from ..report import content
     from ..workers import record_files
 
     if a.holdout not in (None, "last"):
@@ -46,8 +46,9 @@ def each(a: Namespace) -> int:
             jobs=a.jobs or min(processors(), len(files)),
             progress=bar,
             keep=False,
-            render=rendered if out else None,
+            render=content if out else None,
             done=out,
+            command=a.typed,
             holdout=a.holdout,
             horizon=a.horizon,
             seed=a.seed,

@@ -119,51 +119,38 @@ def _answer(facts: dict[str, Any]) -> str:
 
 
 def effects(a: Namespace) -> int:
-    """``lugrectl effects``."""
-    from ..blocks import effects as _fills_the_registry  # noqa: F401
-    from ..spec import members
+    """``lugrectl effects``: the catalogue, or one effect."""
+    from ..catalogue import effects
 
-    blocks = members("effect").values()
-    if a.json:
-        print_out(_document([_effect_facts(b) for b in blocks]))
-        return 0
-    print_out("\n".join(map(_effect_text, blocks)))
+    listed = effects()
+    if a.name is not None:
+        one = listed[a.name]
+        print_out(_written(one.summary()) if a.json else str(one))
+    else:
+        every = "\n".join(entry.short() for entry in listed)
+        print_out(_written(listed.summary()) if a.json else every)
     return 0
-
-
-def _effect_text(b: Any) -> str:
-    parameters = ", ".join(f"{k} [{p.unit}]" for k, p in b.own.items() if p.fitted)
-    lines = [b.equation.rstrip("."), f"parameters: {parameters}"]
-    lines += [f"confused with: {', '.join(b.confused)}"] if b.confused else []
-    lines += [f"to distinguish: {b.experiment}"] if b.experiment else []
-    filled = [textwrap.fill(x, 80, initial_indent="  ", subsequent_indent="    ") for x in lines]
-    return "\n".join([b.name, *filled])
-
-
-def _effect_facts(b: Any) -> dict[str, Any]:
-    return {
-        "name": b.name,
-        "equation": b.equation.rstrip("."),
-        "parameters": {
-            k: {"unit": p.unit, "low": p.low, "high": p.high, "neutral": p.neutral}
-            for k, p in b.own.items()
-            if p.fitted
-        },
-        "acts_on": list(b.acts),
-        "about": " ".join(b.doc.partition("\n")[2].split()),
-        "confused_with": list(b.confused),
-        "experiment": b.experiment or None,
-    }
 
 
 def template(a: Namespace) -> int:
     """``lugrectl model``."""
     toml = (resources.files("lugrectl") / "demo" / "template.toml").read_text(encoding="utf-8")
-    print_out(_document({"schema": 1, "toml": toml}) if a.json else toml)
+    print_out(_written({"schema": 1, "toml": toml}) if a.json else toml)
     return 0
+
+
+def schema(a: Namespace) -> int:
+    """``lugrectl schema``."""
+    made = resources.files("lugrectl") / "report" / "report.schema.json"
+    print_out(made.read_text(encoding="utf-8"))
+    return 0
+
+
+def _written(value: Any) -> str:
+    return json.dumps(value, indent=2, allow_nan=False)
 
 
 def _document(value: Any) -> str:
     from ..results import plain
 
-    return json.dumps(plain(value), indent=2, allow_nan=False)
+    return _written(plain(value))

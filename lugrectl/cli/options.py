@@ -8,7 +8,9 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from ..provenance import version
 from . import commands, lookups
+from .overview import overview
 
 
 def parser() -> argparse.ArgumentParser:
@@ -24,7 +26,9 @@ def parser() -> argparse.ArgumentParser:
         allow_abbrev=False,
     )
     top.add_argument("--version", action=_Version, help="show the version and exit")
-    made = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    made = top.add_subparsers(dest="command", metavar="COMMAND")
+    top.set_defaults(run=lambda a: print(top.format_help(), end="") or 0, parser=top)
+    top.format_help = lambda: overview(top, made)
     demo = _command(made, "demo", commands.demo, "diagnose a sample record that is included")
     _results(demo, out="lugrectl-demo")
     demo.add_argument(
@@ -43,8 +47,12 @@ def parser() -> argparse.ArgumentParser:
     paper = _command(made, "reproduce", commands.reproduce, "recompute the source paper")
     paper.add_argument("--out", metavar="DIR", help="write reproduce.html and reproduce.json there")
     _checks(_command(made, "check", lookups.check, "linear checks: l2, spr, bandwidth"))
-    _command(made, "effects", lookups.effects, "list the catalogue of effects")
+    known = _command(made, "effects", lookups.effects, "list the effects, or explain one")
+    known.add_argument(
+        "name", nargs="?", metavar="NAME", help="an effect; common names such as cogging will do"
+    )
     _command(made, "model", lookups.template, "print a commented model file to start from")
+    _command(made, "schema", lookups.schema, "print the JSON schema of report.json")
     return top
 
 
@@ -184,7 +192,7 @@ class _Version(argparse.Action):
         super().__init__(option_strings, dest, nargs=0, **options)
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        print(f"lugrectl {commands.version()}")
+        print(f"lugrectl {version()}")
         parser.exit(0)
 
 

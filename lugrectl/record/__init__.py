@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
+from ..provenance import SourceFile
 from .audit import audit, consistent, unwrapped
 from .columns import Choice, choose_columns
 from .readers import read_table
@@ -74,7 +75,7 @@ def read_record(
     factors = _factors(scale)
     if rate is not None and not (np.isfinite(rate) and rate > 0):
         raise InputError(f"--rate must be a positive number of Hz, not {rate}.")
-    table = read_table(path)
+    table, file = read_table(path), SourceFile.of(path)
     choices, said = choose_columns(table, named, need_time=rate is None)
     _check_used(table.source, choices, stated, factors)
     found = {c.role: _unit(table, c, stated, factors) for c in choices}
@@ -88,7 +89,7 @@ def read_record(
         said += _remarks(table, choice, values, found, factors, drive)
         channels[choice.role] = _si(values, found[choice.role], factors.get(choice.role))
     labels = {role: unit.name if unit else None for role, unit in found.items()}
-    return _assembled(table, channels, labels, rate, drive, said)
+    return replace(_assembled(table, channels, labels, rate, drive, said), file=file)
 
 
 def _si(values: np.ndarray, unit: Unit | None, factor: float | None) -> np.ndarray:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..errors import InputError
+from ..provenance import SourceFile
 
 _MOTIONS = ("rotary", "linear")
 _ROLES = ("t", "u", "w", "theta", "r", "d", "temperature", "theta_load")
@@ -37,7 +38,8 @@ class Record:
     ``dropped`` counts the samples of the file that were missing or merged; ``messages`` report
     all that was noticed and changed. If channels were interpolated, ``resolution`` holds by role
     the smallest step of the recorded motion, in the channel's unit; without a recorded theta its
-    ``theta`` is that of the integrated ``w``, in rad or m.
+    ``theta`` is that of the integrated ``w``, in rad or m. ``file`` is the file that it was read
+    from, with its SHA-256.
 
     Raises InputError when the channels differ in length, hold NaN, or w and theta are missing.
     """
@@ -57,6 +59,7 @@ class Record:
     messages: tuple[str, ...] = ()
     gaps: tuple[int, ...] = ()
     resolution: Mapping[str, float] = field(default_factory=dict)
+    file: SourceFile | None = None
 
     def __post_init__(self) -> None:
         for role, values in self.channels().items():

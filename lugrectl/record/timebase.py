@@ -351,6 +351,7 @@ def _joined(log: Stamped, motion: str, pieces: list[_Piece], dt: float, filled: 
         dt=dt,
         motion=motion,
         source=log.source,
+        file=None,
         dropped=log.dropped + filled,
         messages=tuple(said),
         gaps=gaps,

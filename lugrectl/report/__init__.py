@@ -63,24 +63,29 @@ def _grid_text(grid: Grid) -> list[str]:
     return [line(row) for row in table]
 
 
+def content(d: Any) -> dict[str, str]:
+    """The files of a report as text, by name; without model.toml where there is no model."""
+    made = {FILES[0]: html(d), FILES[1]: d.to_json() + "\n"}
+    model = getattr(d, "model", None)
+    return made if model is None else made | {FILES[2]: model_toml(model)}
+
+
 def write(d: Any, folder: str | Path) -> list[Path]:
-    """Write report.html, report.json and model.toml into a folder, all three or none.
+    """Write report.html, report.json and model.toml into a folder, all of them or none.
 
     The folder is created if it is missing; other files in it are not changed. Returns the paths.
-    Raises InputError when the folder cannot be written, or when ``d`` has no model (refused).
+    A refusal has no model, and so no model.toml. Raises InputError when the folder cannot be
+    written.
     """
-    folder = Path(folder)
-    if getattr(d, "model", None) is None:
-        raise InputError(f"{folder}: there is no model to write, so no report is written.")
-    content = dict(zip(FILES, (html(d), d.to_json() + "\n", model_toml(d.model)), strict=True))
+    folder, made = Path(folder), content(d)
     try:
-        write_together(content, folder)
+        write_together(made, folder)
     except OSError as error:
         raise InputError(
             f"{folder}: the report cannot be written there ({error.strerror or error}); "
             "choose another folder."
         ) from None
-    return [folder / name for name in FILES]
+    return [folder / name for name in made]
 
 
 def check_folder(folder: str | Path) -> None:

@@ -12,8 +12,7 @@ from typing import Any
 from urllib.parse import quote
 
 from ..errors import InputError
-from ..model import model_toml
-from . import FILES, _grid_text, _wrapped, page
+from . import _grid_text, _wrapped, page
 from .atomic import write_together
 from .wording import NONE, Grid, number, readable
 
@@ -180,16 +179,6 @@ def folder_names(files: Iterable[str]) -> list[str]:
         used.add(name.casefold())
         names.append(name)
     return names
-
-
-def rendered(d: Any) -> dict[str, str] | None:
-    """The files of one report as text; None if there is no model to write (refused)."""
-    from . import html as report_page
-
-    if getattr(d, "model", None) is None:
-        return None
-    made = (report_page(d), d.to_json() + "\n", model_toml(d.model))
-    return dict(zip(FILES, made, strict=True))
 
 
 def store(content: Mapping[str, str], folder: Path) -> None:

@@ -70,11 +70,11 @@ def html(d: Any) -> str:
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{title}</title>\n<style>{_STYLE}{_PAGE_STYLE}</style>\n</head>\n"
-        f"<body>\n{_body(d)}\n</body>\n</html>\n"
+        f"<body>\n{_body(d, _provenance_html(d))}\n</body>\n</html>\n"
     )
 
 
-def _body(d: Any) -> str:
+def _body(d: Any, end: str = "") -> str:
     title, meaning = headline(d)
     kind = markup.escape(title.split(":")[0])
     first = f"<h1>{markup.escape(title)}</h1>\n<p>{markup.escape(meaning)}</p>"
@@ -84,7 +84,7 @@ def _body(d: Any) -> str:
         parts.append(_section_html(part))
         if part.title == "Error before and after":
             parts, figures = parts + figures, []
-    parts += [*figures, _model_html(d)]
+    parts += [*figures, _model_html(d), end]
     return '<div class="lugrectl">\n' + "\n".join(p for p in parts if p) + "\n</div>"
 
 
@@ -127,3 +127,14 @@ def _model_html(d: Any) -> str:
     if getattr(d, "model", None) is None:
         return ""
     return f"<h2>Model file</h2>\n<pre>{markup.escape(model_toml(d.model))}</pre>"
+
+
+def _provenance_html(d: Any) -> str:
+    """What the report was computed by and from, in small print."""
+    known = getattr(d, "provenance", None)
+    if known is None:
+        return ""
+    said = [f"lugrectl {known.version}, {known.date}", known.command]
+    said += [f"{file.name}: SHA-256 {file.sha256}" for file in known.files]
+    lines = "\n".join(f'<p class="small">{markup.escape(line)}</p>' for line in said)
+    return f"<h2>Provenance</h2>\n{lines}"

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from ..model import Parameters
+from ..provenance import Provenance
 from ..results import plain
 from .bench import Outcome, Trace
 
@@ -82,6 +83,7 @@ class Reproduction:
     figures: tuple[PaperFigure, ...]
     growth: Growth | None
     outcomes: tuple[Outcome, ...]
+    provenance: Provenance | None = None
 
     def outcome(self, key: str) -> Outcome | None:
         """The outcome of a study, None if it was not run."""
@@ -105,6 +107,7 @@ class Reproduction:
                 "studies": [o.summary() for o in self.outcomes],
                 "claims": [asdict(c) for c in claims(self)],
                 "slips": list(slips()),
+                "provenance": self.provenance.summary() if self.provenance else None,
             }
         )
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.signal import lfilter
 
 from ...spec import P, block
 from . import hints
@@ -27,6 +26,8 @@ def held_lagging(u: np.ndarray, dt: float, time_constant: float) -> np.ndarray:
     """
     if time_constant <= 0.0:
         return u
+    from scipy.signal import lfilter  # slow to import
+
     left = np.exp(-dt / time_constant)
     ends, _ = lfilter([1.0 - left], [1.0, -left], u, zi=[left * u[0]])
     begins = np.append(u[:1], ends[:-1])

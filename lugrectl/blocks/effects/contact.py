@@ -64,6 +64,7 @@ def sublinear_viscous(
     acts="Fs",
     confused="stribeck thermal_drift",
     experiment="break away after rests of 0.01 s, 0.1 s, 1 s and 10 s and compare the peaks",
+    source="Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30(7), 1994, section 2",
     tries=hints.dwells,
 )
 def dwell_stiction(

@@ -1,0 +1,103 @@
+"""lugrectl effects, and what lugrectl says of itself."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from lugrectl.cli import main
+from lugrectl.spec import members
+
+
+def run(capsys, line):
+    code = main(line.split())
+    streams = capsys.readouterr()
+    return code, streams.out, streams.err
+
+
+def test_effects_lists_the_whole_catalogue(capsys):
+    code, out, _ = run(capsys, "effects --json")
+    listed = json.loads(out)
+    assert code == 0 and [e["name"] for e in listed] == list(members("effect"))
+    units = {k: p["unit"] for k, p in listed[2]["parameters"].items()}
+    assert units == {"amplitude": "N m", "harmonic": "1/rev", "phase": "rad"}
+    code, out, _ = run(capsys, "effects")
+    assert code == 0 and max(map(len, out.splitlines())) <= 80
+    for effect in listed:
+        assert effect["name"] in out and effect["equation"] in out
+        assert all(name in out for name in effect["confused_with"])
+
+
+def test_one_effect_is_explained(capsys):
+    code, out, err = run(capsys, "effects torque_ripple")
+    assert code == 0 and err == "" and max(map(len, out.splitlines())) <= 80
+    said = " ".join(out.split())
+    for words in (
+        "r_e = A sin(N theta + phi)",
+        "amplitude: N m, at least 0, no effect at 0",
+        "phase: rad, -pi to pi",
+        "acts on: torque",
+        "confused with: periodic_disturbance",
+        "to distinguish: record slow moves over several periods",
+        "also called: cogging",
+    ):
+        assert words in said
+
+
+def test_one_effect_is_one_document(capsys):
+    code, out, _ = run(capsys, "effects windage --json")
+    facts = json.loads(out)
+    assert code == 0 and facts["name"] == "quadratic_drag" and facts["equation"] == "r_e = c w |w|"
+    assert facts["parameters"]["coefficient"] == {
+        "value": 0.0,
+        "unit": "N m s2/rad2",
+        "low": 0.0,
+        "high": None,
+        "neutral": 0.0,
+    }
+    assert facts["acts_on"] == ["torque"] and "thermal_drift" in facts["confused_with"]
+    assert facts["experiment"].startswith("record constant speeds")
+
+
+@pytest.mark.parametrize("name", members("effect"))
+def test_every_effect_can_be_asked_for(capsys, name):
+    code, out, _ = run(capsys, f"effects {name}")
+    assert code == 0 and out.startswith(name) and max(map(len, out.splitlines())) <= 80
+
+
+def test_an_unknown_effect_is_one_sentence(capsys):
+    code, out, err = run(capsys, "effects windag")
+    assert code == 2 and out == "" and len(err.splitlines()) == 1
+    assert "did you mean 'windage' (quadratic_drag)?" in err
+
+
+@pytest.mark.parametrize("line", ["--version", "effects", "effects play --json", "model", ""])
+def test_what_needs_no_record_loads_nothing_heavy(line):
+    code = (
+        f"import sys, lugrectl.cli as c; code = c.main({line.split()!r}); "
+        "heavy = {'control', 'scipy', 'matplotlib', 'numba'} & set(sys.modules); "
+        "sys.exit(f'{code} {heavy}' if code or heavy else 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0 and done.stdout, done.stderr
+
+
+# --- help --------------------------------------------------------------------------------
+
+
+def test_lugrectl_alone_shows_its_help(capsys):
+    code, bare, err = run(capsys, "")
+    assert code == 0 and err == ""
+    assert run(capsys, "--help") == (0, bare, "")
+
+
+def test_the_help_has_one_line_for_each_command(capsys):
+    _, out, _ = run(capsys, "--help")
+    lines = out.splitlines()
+    assert max(map(len, lines)) <= 80 and lines[0].startswith("usage: lugrectl COMMAND")
+    for name in "demo diagnose identify model check effects schema reproduce".split():
+        (line,) = [line for line in lines if line.startswith(f"  {name} ")]
+        assert len(line.split()) > 2
+    assert out.count("Example:") == 1 and "More:" not in out
+    assert run(capsys, "effects --help")[1].count("cogging") == 1

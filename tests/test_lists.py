@@ -1,0 +1,183 @@
+"""What there is can be listed: effects, laws, observers, controllers."""
+
+import pickle
+
+import pytest
+
+import lugrectl as lg
+from lugrectl import spec
+from lugrectl.blocks.names import COMMON
+from lugrectl.model import model_from_dict
+from lugrectl.spec import P, members
+
+OBSERVERS = "natural existing proposed friedland_park adaptive disturbance extended_state"
+CONTROLLERS = "error pi pid compensation feedforward prefilter"
+LISTS = {"effect": lg.effects, "friction": lg.laws}
+SIZE = P(0.0, "N m", neutral=0.0)
+LISTS |= {"observer": lg.observers, "controller": lg.controllers}
+
+
+@pytest.fixture
+def own():
+    """A user's own effect, taken out of the registry again."""
+    made = []
+
+    def register(name, kind="effect", **options):
+        def torque(t, size=SIZE):
+            """r_e = s.
+
+            In a log: not at all.
+
+            References
+            ----------
+            The user, 2024.
+            """
+            return size + 0.0 * t
+
+        made.append((kind, name))
+        return lg.block(kind, name=name, out="d", acts="torque", **options)(torque)
+
+    yield register
+    for key in made:
+        spec.REGISTRY.pop(key, None)
+
+
+def test_the_lists_are_complete():
+    assert lg.effects().names == tuple(members("effect"))
+    assert lg.laws().names == tuple(members("friction"))
+    assert {f"{name}_observer" for name in OBSERVERS.split()} <= set(lg.observers().names)
+    assert lg.controllers().names == tuple(CONTROLLERS.split())
+    assert all(callable(getattr(lg, name)) for name in CONTROLLERS.split())
+
+
+@pytest.mark.parametrize("kind", LISTS)
+def test_an_entry_says_equation_and_units(kind):
+    for entry in LISTS[kind]():
+        assert entry.equation and not entry.equation.endswith(".")
+        assert all(p.unit for p in entry.parameters.values())
+        assert entry.name in str(entry) and max(map(len, str(entry).splitlines())) <= 80
+        assert pickle.loads(pickle.dumps(entry)) == entry
+
+
+def test_observers_and_laws_name_their_source():
+    for entry in [*lg.observers(), lg.laws()["lugre"], lg.laws()["stribeck"]]:
+        assert entry.source or entry.name == "no_observer"
+    assert "1995" in lg.laws()["lugre"].source and "eq. obs_1" in lg.observers()["proposed"].source
+
+
+def test_a_list_is_a_sequence_that_names_index():
+    listed = lg.effects()
+    assert listed["torque_ripple"] is listed[2] and len(listed[1:3]) == 2
+    assert listed["cogging"].name == "torque_ripple" and "gravity" in listed
+    assert lg.observers()["natural"].name == "natural_observer"
+    assert [entry.name for entry in listed] == list(listed.names)
+    with pytest.raises(lg.InputError, match="'torque_ripel'; did you mean 'torque_ripple'"):
+        listed["torque_ripel"]
+    with pytest.raises(lg.InputError, match="this list has no effect named 'gravity'"):
+        listed[:1]["gravity"]
+    with pytest.raises(IndexError):
+        listed[99]
+
+
+@pytest.mark.parametrize("columns", [60, 80, 110, 200])
+def test_a_list_prints_as_an_aligned_table(monkeypatch, columns):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    for listed in (lg.effects(), lg.observers(), lg.effects()[:2]):
+        head, *lines = str(listed).splitlines()
+        assert max(map(len, [head, *lines])) <= min(max(columns, 80), 140)
+        starts = [head.index(word) for word in head.split()[1:]]
+        assert all(line[at - 1] == " " for line in lines for at in starts if len(line) > at)
+        assert [x.split()[0] for x in lines if x[0] != " "] == list(listed.names)
+        assert not any(line.count("[") != line.count("]") for line in lines)
+        assert repr(listed) == str(listed)
+    assert ("Gao" in str(lg.observers())) == (columns >= 110)
+
+
+def test_a_list_shows_in_jupyter_as_a_table():
+    page = lg.laws()._repr_html_()
+    assert page.count("<tr>") == 1 + len(lg.laws()) and "text-align: left" in page
+    assert "sigma0 [N m/rad]" in page and "0 &lt; n" in lg.effects()._repr_html_()
+
+
+def test_a_list_becomes_a_frame():
+    pytest.importorskip("pandas")
+    frame = lg.laws().to_frame()
+    assert list(frame.index) == list(lg.laws().names)
+    assert frame.loc["viscous", "equation"] == "F = Fv w"
+
+
+def test_infinity_is_none_in_plain_data():
+    limit = lg.effects()["actuator_saturation"].summary()
+    assert limit["strength"] == "limit" and limit["parameters"]["limit"]["neutral"] is None
+    assert "no effect at infinity" in str(lg.effects()["actuator_saturation"])
+    asymmetry = lg.effects()["coulomb_asymmetry"].summary()["parameters"]["ratio"]
+    assert asymmetry == {"value": 0.0, "unit": "1", "low": -0.95, "high": 0.95, "neutral": 0.0}
+
+
+def test_a_users_block_appears_by_itself(own):
+    own("hysteresis_of_mine", source="")
+    entry = lg.effects()["hysteresis_of_mine"]
+    assert entry.source == "The user, 2024." and entry.about == "In a log: not at all."
+    assert "hysteresis_of_mine" in str(lg.effects())
+
+
+# --- common names ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["cogging", "Detent", "torque-ripple", "Torque Ripple"])
+def test_common_names_are_understood_wherever_an_effect_is_named(name):
+    model = lg.Model.of(lg.table1())
+    data = model.to_dict() | {"effects": [{"name": name, "amplitude": 0.1}]}
+    added = model.with_effect(name, {"amplitude": 0.1})
+    for made in (model_from_dict(data, "my.toml"), added):
+        (part,) = made.effects
+        assert part.key == part.block.name == "torque_ripple"
+        assert made.to_dict()["effects"][0]["name"] == "torque_ripple"
+    assert added.with_effect("torque_ripple").effects[1].key == "torque_ripple_2"
+    assert list(lg.effect(name, amplitude=0.1).params) == list(lg.effect("torque_ripple").params)
+
+
+def test_a_common_name_has_one_meaning_and_hides_nothing():
+    assert set(COMMON.values()) <= set(members("effect"))
+    assert not set(COMMON) & {key for kind in LISTS for key in members(kind)}
+    asked = {"play": "backlash", "unbalance": "gravity", "windage": "quadratic_drag"}
+    assert {name: COMMON[name] for name in asked} == asked
+
+
+def test_a_users_block_goes_before_a_common_name(own):
+    made = own("cogging")
+    model = lg.Model.of(lg.table1()).with_effect("cogging")
+    assert model.effects[0].block is made and model.to_dict()["effects"][0]["name"] == "cogging"
+    assert "cogging" not in lg.effects()["torque_ripple"].also_called
+    assert lg.effects()["detent"].name == "torque_ripple"
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("backlsh", "did you mean 'backlash'?"),
+        ("coging", "did you mean 'cogging' (torque_ripple)?"),
+        ("zzz", "known: constant_torque, gravity"),
+        (None, "known: constant_torque"),
+    ],
+)
+def test_an_unknown_name_is_one_sentence_with_the_nearest(name, words):
+    model = lg.Model.of(lg.table1())
+    data = model.to_dict() | {"effects": [{"name": name}]}
+    tries = [
+        lambda: model.with_effect(name),
+        lambda: lg.effect(name),
+        lambda: model_from_dict(data, "my.toml"),
+    ]
+    for attempt in tries:
+        with pytest.raises(lg.InputError) as caught:
+            attempt()
+        said = str(caught.value)
+        assert f"there is no effect named {name!r}" in said and words in said
+    assert said.startswith("my.toml: [[effects]]: ")
+
+
+def test_a_friction_law_is_named_in_any_capitals():
+    assert lg.friction("LuGre").nstates == 1
+    with pytest.raises(lg.InputError, match="no friction law named 'lugr'; did you mean 'lugre'"):
+        lg.friction("lugr")
