@@ -324,7 +324,7 @@ def test_too_little_motion(model):
 def test_an_inertia_that_does_not_show(model):
     slow = driven(2.0 * np.sin(0.7 * T), J=2e-4, torque_noise=0.1)
     (remark,) = looked_over(slow, model.with_values({"J": 2e-4}))
-    assert "rests on the declared J" in remark and "acceleration of 1 rad" in remark
+    assert "relies on the declared J" in remark and "acceleration is 1 rad" in remark
     opened = model.with_values({"J": None})
     assert looked_over(slow, opened) == ()  # a fit may know more
     with pytest.raises(Refused, match="inertia hardly shows: .* kg m2 fits best") as caught:
