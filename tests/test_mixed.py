@@ -135,14 +135,14 @@ def test_a_loop_that_runs_away_is_named():
 @pytest.mark.parametrize(
     ("call", "said"),
     [
-        (lambda t: simulate_sampled(lg.plant(P), [lg.pi()], t), "continuous time"),
+        (lambda t: simulate_sampled(lg.plant(P), [lg.pi()], t), "continuous-time"),
         (lambda t: simulate_sampled(lg.plant(P), drive(2 * DT), t), "steps of"),
         (
             lambda t: simulate_sampled(lg.plant(P), [lg.compensation()], t),
             "connected by signal names",
         ),
-        (lambda t: simulate_sampled(integrator(), [gain(1.0)], t, {"q": 1.0}), "no input 'q'"),
-        (lambda t: simulate_sampled(integrator(), [gain(1.0)], t, [t, t]), "2 inputs"),
+        (lambda t: simulate_sampled(integrator(), [gain(1.0)], t, {"q": 1.0}), "no external input 'q'"),
+        (lambda t: simulate_sampled(integrator(), [gain(1.0)], t, [t, t]), "2 were given"),
         (lambda t: simulate_sampled(integrator(), [gain(1.0)], t, t[1:]), "input r must be"),
         (lambda t: simulate_sampled(integrator(), [gain(1.0)], t, delay=-1), "delay"),
         (lambda t: simulate_sampled(integrator(), [gain(1.0)], t, x0=[1, 2]), "1 states"),
