@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from .blas import one_blas_thread
+from .door import asked, judged_by, reporting
 from .friction_map import diagnose_map
-from .model import Model
 from .record import Record
 from .results import Diagnosis, Finding, Table, Traces
 from .steady.points import is_map
@@ -73,10 +74,10 @@ EARLY = 0.05  # s, lead-in where something happens in the first moments that is 
 
 @one_blas_thread()
 def diagnose(
-    record: Record | Sequence[Record],
-    model: Model,
+    record: Any,
+    model: Any,
     *,
-    holdout: str | Record | None = None,
+    holdout: Any = None,
     horizon: float = 1.0,
     seed: int = 0,
     progress: Progress | None = None,
@@ -94,15 +95,15 @@ def diagnose(
 
     Parameters
     ----------
-    record : Record or list of Record
+    record : path, DataFrame, dict of arrays or Record, or a list of them
         One run, or several of one rate. Up to eight may differ in the torque's offset and, by a
         factor, in friction, and in where theta is zero, if nothing that is declared hangs on it:
         these are fitted against the first run, and said in ``messages``.
         Four or more runs at a steady speed each, of any rates, are one map of friction: see
         :func:`lugrectl.friction_map.diagnose_map`.
-    model : Model
-        The declared model; missing values are identified.
-    holdout : None, "last" or Record
+    model : Model, Parameters, dict or path
+        The declared model; missing values are identified. Its motion holds for reading, too.
+    holdout : None, "last", or a record as above
         Every other block, the last half, or another run is held out.
     horizon : float
         Time between restarts of the simulation, s.
@@ -117,10 +118,14 @@ def diagnose(
 
     Raises
     ------
+    InputError
+        When an argument cannot be meant, or a file cannot be read or understood.
     Refused
         When the record cannot answer.
     """
-    report = progress or (lambda fraction, what: None)
+    record, model, holdout = asked(record, model, holdout)
+    horizon, seed = judged_by(horizon, seed)
+    report = reporting(progress)
     if not isinstance(record, Record) and is_map(record):
         return diagnose_map(record, model, holdout=holdout, seed=seed, progress=report)
     answer = _answered(partial(begin, record, model, holdout, horizon, report), report)

@@ -23,6 +23,7 @@ from typing import Any
 import control as ct
 import numpy as np
 
+from .checks import names, one_name, shown, within
 from .errors import InputError
 
 
@@ -152,7 +153,7 @@ class Block:
                 known = ", ".join(self.parameters)
                 raise InputError(f"{self.name} has no parameter '{key}'; it has {known}.")
             if not callable(value):
-                _check_bounds(f"{self.name}.{key}", value, self.parameters[key])
+                within(value, f"{self.name}.{key}", self.parameters[key])
 
     def __call__(self, *signals: Any, **values: Any) -> tuple[Any, ...]:
         """Outputs that are not states, then the rates; ``t`` comes first where it is used."""
@@ -172,7 +173,7 @@ class Block:
         function of the block's first signal where the block says so.
         """
         self.check(values)
-        name = name or self.name
+        name = one_name(self.name if name is None else name)
         functions = {k: v for k, v in values.items() if callable(v)}
         numbers = {
             k: float(values.get(k, p.value))
@@ -196,6 +197,8 @@ class Block:
                 out.setdefault(state, x[i])
             return np.array([out[o] for o in self.outputs])
 
+        # what may stand in params=, for whoever simulates the block: see arguments.parameters
+        vars(output)["declared"] = {q: self.parameters[k] for k, q in keys.items()}
         return ct.nlsys(
             update if self.states else None,
             output,
@@ -208,20 +211,10 @@ class Block:
         )
 
 
-def _check_bounds(label: str, value: float, p: P) -> None:
-    if not isinstance(value, (int, float, np.number)) or math.isnan(value):
-        raise InputError(f"{label} must be a number, not {value!r}.")
-    if not p.low <= value <= p.high:
-        raise InputError(f"{label} = {value:g} lies outside [{p.low:g}, {p.high:g}] {p.unit}.")
-    if p.choices and value not in p.choices:
-        known = " or ".join(f"{c:g}" for c in p.choices)
-        raise InputError(f"{label} = {value:g} must be {known}.")
-
-
 def _renamed(block: str, what: str, own: Sequence[str], wanted: Sequence[str] | None) -> list[str]:
     if wanted is None:
         return list(own)
-    wanted = [wanted] if isinstance(wanted, str) else list(wanted)
+    wanted = names(wanted, f"{block}: {what}")
     if len(wanted) != len(own):
         raise InputError(f"{block} has the {what} {', '.join(own)}: give {len(own)} names.")
     return wanted
@@ -231,8 +224,8 @@ class _Registry(dict[tuple[str, str], Block]):
     """Blocks by kind and name; a name alone finds the block of that name that came first."""
 
     def __missing__(self, key: Any) -> Block:
-        for (_, name), made in self.items():
-            if name == key:
+        for (kind, name), made in registered().items():
+            if key in (name, (kind, name)):
                 return made
         raise KeyError(key)
 
@@ -309,7 +302,15 @@ def block(
         its own).
     """
 
+    for what, given in (("kind", kind), ("out", out), ("states", states), ("acts", acts)):
+        if not isinstance(given, str):
+            raise InputError(
+                f"{what} must be a text, names separated by spaces, not {shown(given)}."
+            )
+
     def declare(function: Callable[..., Any]) -> Block:
+        if not callable(function):
+            raise InputError(f"a block is declared of a function, not of {shown(function)}.")
         made = _declared(function, kind, tuple(out.split()), tuple(states.split()))
         made = replace(
             made,
@@ -325,7 +326,7 @@ def block(
             box=box,
             hidden=hidden,
         )
-        known = members(kind).get(made.name)
+        known = _known(kind, made.home).get(made.name)
         if known is not None and not (known.home == made.home == "__main__"):
             raise InputError(f"{kind}: a block named '{made.name}' exists; choose another name.")
         REGISTRY[kind, made.name] = made
@@ -358,8 +359,23 @@ def _declared(
 
 
 def members(kind: str) -> dict[str, Block]:
-    """The registered blocks of a kind, by name."""
-    return {name: made for (of, name), made in REGISTRY.items() if of == kind}
+    """The registered blocks of a kind, by name: those of the package, then the user's own."""
+    return {name: made for (of, name), made in registered().items() if of == kind}
+
+
+def registered() -> _Registry:
+    """The registry with the package's own blocks in it, whatever was imported so far."""
+    from .blocks import fill  # they import this module
+
+    fill()
+    return REGISTRY
+
+
+def _known(kind: str, home: str) -> dict[str, Block]:
+    """The same for a new block; while the package declares its own, those so far."""
+    ours = home.startswith(f"{__package__}.")
+    known = REGISTRY if ours else registered()
+    return {name: made for (of, name), made in known.items() if of == kind}
 
 
 _LINEAR = {

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Sequence
 from typing import Any
 
 import control as ct
 
+from ..checks import shown
 from ..errors import InputError
 from ..spec import Block, members
 
 
 def _chosen(kind: str, name: str) -> Block:
     known = members(kind)
-    if name not in known:
-        raise InputError(f"no {kind} named '{name}'; known: {', '.join(known)}.")
+    if not isinstance(name, str) or name not in known:
+        near = difflib.get_close_matches(str(name), known, n=1)
+        meant = f" Did you mean '{near[0]}'?" if near else ""
+        raise InputError(f"no {kind} named {shown(name)}; known: {', '.join(known)}.{meant}")
     return known[name]
 
 
