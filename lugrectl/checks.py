@@ -87,16 +87,14 @@ def array(value: Any, name: str) -> np.ndarray:
     A masked sample is nan.
     """
     try:
-        made = (
-            np.ma.asanyarray(value) if isinstance(value, np.ma.MaskedArray) else np.asarray(value)
-        )
+        if isinstance(value, np.ma.MaskedArray):
+            value = np.ma.filled(value.astype(float), np.nan)
+        made = np.asarray(value)
         if made.dtype.kind == "O":  # float() takes text and complains of what is no number
             if any(isinstance(item, (str, bytes)) for item in made.flat):
                 raise TypeError
         elif made.dtype.kind not in "biuf":
             raise TypeError
-        if isinstance(made, np.ma.MaskedArray):
-            return made.astype(float).filled(np.nan)
         return np.array(made, dtype=float)
     except (TypeError, ValueError, OverflowError):
         pass

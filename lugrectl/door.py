@@ -167,7 +167,7 @@ def _same(one: Record, other: Record) -> bool:
 
 
 def asked(record: Any, model: Any, holdout: Any) -> tuple[Any, Model, str | Record | None]:
-    """What :func:`lugrectl.diagnose` works on: a Record or a list of them, a Model, the hold-out."""
+    """What ``diagnose`` works on: a Record or a list of them, a Model, and what is held out."""
     made = as_model(model)
     records = as_records(record, made.motion)
     return records, made, as_holdout(holdout, records, made.motion)
@@ -178,7 +178,7 @@ def judged_by(horizon: Any, seed: Any) -> tuple[float, int]:
     return positive(horizon, "horizon", "seconds"), whole(seed, "seed")
 
 
-def reporting(progress: Any) -> Callable[[float, str], None]:
+def reporting(progress: Any) -> Callable[[float, str], Any]:
     """The function that is told how far the work is."""
     if progress is None:
         return lambda fraction, what: None

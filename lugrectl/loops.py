@@ -11,7 +11,7 @@ from .blocks import comparison, controllers  # noqa: F401  comparison registers 
 from .blocks.observers import Gain, observer_block
 from .blocks.observers import observer as build_observer
 from .blocks.plant import plant
-from .checks import flag, one_name, positive, shown
+from .checks import flag, one_name, positive, real, shown
 from .door import as_model
 from .errors import InputError
 from .spec import Block
@@ -174,9 +174,10 @@ def _observer(
         raise InputError(f"gains must be a dict of numbers by name, not {shown(gains)}.")
     known = {}
     for gain, value in shared.items():
-        if value is OWN or (value is None and gain not in made.parameters):
+        absent = gain not in made.parameters
+        if value is OWN or (absent and (value is None or real(value) == 0.0)):
             continue
-        if gain not in made.parameters:
+        if absent:
             who = "without an observer there is" if name is None else f"the observer {name!r} has"
             raise InputError(f"{gain} = {shown(value)}: {who} no such gain; leave it out.")
         if value is None:

@@ -44,7 +44,7 @@ def record_files(logs: Iterable[Any]) -> list[Any]:
     return list(found.values())
 
 
-def there(name: str | Path) -> None:
+def there(name: Any) -> None:
     """InputError where neither a file nor a folder has the name, and it is no pattern."""
     path = as_path(name, "records")
     if not (os.path.lexists(path) or glob.has_magic(str(path))):

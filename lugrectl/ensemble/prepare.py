@@ -201,7 +201,7 @@ def _engine(system: Any, columns: Mapping[str, np.ndarray]) -> tuple[Adaptive, d
 
 def _starts(face: Face, x0: Any) -> np.ndarray:
     try:
-        rows = array(0.0 if x0 is None else x0, "x0")
+        rows: Any = array(0.0 if x0 is None else x0, "x0")
     except InputError:  # parts, as python-control takes them
         rows = np.zeros(1)
     if rows.ndim != 2:
