@@ -76,7 +76,7 @@ def wired(blocks: Sequence[Any], name: str = "blocks") -> tuple[Net, list[float]
         For an item that is not a block, two blocks of one name, or dt = True without a sample
         time.
     """
-    systems = [_system(b) for b in blocks]
+    systems = [arguments.system(b, "a block") for b in blocks]
     names = [b.name for b in systems]
     twice = [k for k in names if names.count(k) > 1]
     if twice or not systems:
@@ -111,16 +111,6 @@ def together(blocks: Sequence[Any], name: str = "blocks") -> Any:
         check_unused=False,
         name=name,
     )
-
-
-def _system(block: Any) -> Any:
-    if isinstance(block, ct.TransferFunction):
-        block = ct.ss(block)
-    if not isinstance(block, ct.NonlinearIOSystem):
-        raise InputError(f"a block must be a python-control system, not {type(block).__name__}.")
-    if None in (block.nstates, block.ninputs, block.noutputs):
-        raise InputError(f"{block.name}: give its inputs=, outputs= and states= in ct.nlsys.")
-    return block
 
 
 def _rate(block: Any, blocks: Sequence[Any]) -> float | None:

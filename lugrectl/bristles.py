@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike
 from scipy.linalg import lapack
 
 from .blocks.friction import bristle, lugre
+from .checks import array, positive
+from .door import as_model
 from .engine.derivative import derivatives
 from .engine.emit import Emitter, indent
 from .engine.graph import Graph, Node, substitute
@@ -78,7 +80,8 @@ def deflection(w: ArrayLike, dt: float, p: Parameters | Model, z0: ArrayLike = 0
     drive varies between samples, which leaves an error of first order in dt. Source paper, eq.
     LuGre1, evaluated by the friction law's own function.
     """
-    speed, start = _checked(w, dt, z0)
+    dt = positive(dt, "dt, the sample time,", "seconds")
+    speed, start = _checked(w, z0)
     values = _values(p)
     z = np.empty((len(speed), speed.shape[1] + 1))
     z[:, 0] = start
@@ -87,26 +90,22 @@ def deflection(w: ArrayLike, dt: float, p: Parameters | Model, z0: ArrayLike = 0
     return z[:, :-1].reshape(np.shape(w))
 
 
-def _checked(w: ArrayLike, dt: float, z0: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    speed = np.asarray(w, dtype=float)
+def _checked(w: ArrayLike, z0: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    speed = array(w, "w")
     if speed.ndim not in (1, 2) or not speed.shape[-1]:
         raise InputError(f"w must be (N,) or (L, N), not {speed.shape}.")
-    if not (isinstance(dt, (int, float, np.number)) and 0.0 < float(dt) < np.inf):
-        raise InputError(f"the sample time must be a positive number of seconds, not {dt!r}.")
     speed = np.ascontiguousarray(np.atleast_2d(speed))
     if not np.isfinite(speed).all():
         lane, k = np.argwhere(~np.isfinite(speed))[0]
         raise InputError(f"the velocity is {speed[lane, k]} at sample {k}: fill the gap first.")
-    start = np.asarray(z0, dtype=float)
+    start = array(z0, "z0")
     if start.shape not in ((), (len(speed),)) or not np.all(np.isfinite(start)):
         raise InputError(f"z0 must be a finite number or {len(speed)} of them.")
     return speed, np.broadcast_to(start, (len(speed),))
 
 
 def _values(p: Parameters | Model) -> tuple[float, ...]:
-    from .model import Model
-
-    model = p if isinstance(p, Model) else Model.of(p)
+    model = as_model(p, "p")
     have = model.values()
     missing = [k for k in KEYS if have.get(k) is None]
     if missing:

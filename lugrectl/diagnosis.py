@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from .blas import one_blas_thread
+from .door import asked, judged_by, reporting
 from .friction_map import diagnose_map
-from .model import Model
 from .provenance import stamped
 from .record import Record
 from .results import Diagnosis, Finding, Table, Traces
@@ -76,10 +77,10 @@ EARLY = 0.05  # s, lead-in if something happens at the start of the record and n
 @one_blas_thread()
 @stamped("lugrectl.diagnose")
 def diagnose(
-    record: Record | Sequence[Record],
-    model: Model,
+    record: Any,
+    model: Any,
     *,
-    holdout: str | Record | None = None,
+    holdout: Any = None,
     horizon: float = 1.0,
     seed: int = 0,
     progress: Progress | None = None,
@@ -98,15 +99,15 @@ def diagnose(
 
     Parameters
     ----------
-    record : Record or list of Record
+    record : path, DataFrame, dict of arrays or Record, or a list of them
         One run, or several of the same sampling rate. Up to eight runs may differ in the offset
         of the torque, in friction (by a factor) and, if no declared effect depends on theta, in
         the zero of theta. These differences are fitted relative to the first run and reported
         in ``messages``. Four or more runs at a steady speed each, of any rates, are one friction
         map: see :func:`lugrectl.friction_map.diagnose_map`.
-    model : Model
-        The declared model; missing values are identified.
-    holdout : None, "last" or Record
+    model : Model, Parameters, dict or path
+        The declared model; missing values are identified. Files are read with its motion.
+    holdout : None, "last", or a record as above
         What is held out: every other block (None), the last half, or another run.
     horizon : float
         Time between restarts of the simulation, s.
@@ -121,10 +122,14 @@ def diagnose(
 
     Raises
     ------
+    InputError
+        When an argument cannot be meant, or a file cannot be read or understood.
     Refused
         When the record cannot answer the question.
     """
-    report = progress or (lambda fraction, what: None)
+    record, model, holdout = asked(record, model, holdout)
+    horizon, seed = judged_by(horizon, seed)
+    report = reporting(progress)
     if not isinstance(record, Record) and is_map(record):
         return diagnose_map(record, model, holdout=holdout, seed=seed, progress=report)
     answer = _answered(partial(begin, record, model, holdout, horizon, report), report)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import os
 import time
 import warnings
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
@@ -12,21 +13,23 @@ from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from multiprocessing import parent_process
-from pathlib import Path
 from typing import Any, cast
 
+from .checks import shown
+from .door import as_model, is_last, is_record, judged_by, reporting
 from .errors import InputError, Refused
 from .jobs import JobError, run_jobs
 from .model import Model
 from .provenance import Provenance, SourceFile, provenance, stamp
 from .record import Record, read_record
+from .record.arrays import is_table, source_of
 from .results import VERDICTS, Diagnosis, plain
-from .workers import Sent, one_thread_each, record_files
+from .workers import Sent, one_thread_each, record_files, there
 
 FAILED = "failed"
 _READING = ("columns", "units", "scale", "rate")
 Progress = Callable[[float, str], None]
-Logs = str | Path | Record | Iterable[str | Path | Record]
+Logs = Any  # a path, a table, a Record, or several of them
 
 
 @dataclass(frozen=True)
@@ -159,7 +162,7 @@ class Fleet:
 
 def diagnose_each(
     records: Logs,
-    model: Model,
+    model: Any,
     *,
     jobs: int = 1,
     executor: Executor | None = None,
@@ -174,10 +177,10 @@ def diagnose_each(
 
     Parameters
     ----------
-    records : path, folder, pattern, Record, or several of them
+    records : path, folder, pattern, DataFrame, dict of arrays, Record, or several of them
         A folder stands for all its .csv, .mat, .npz and .parquet files. Each file is read by the
         process that diagnoses it, one at a time.
-    model : Model
+    model : Model, Parameters, dict or path
         The declared model; missing values are identified for each log.
     jobs : int
         Number of processes, each with one numerical thread (a script then needs
@@ -196,8 +199,11 @@ def diagnose_each(
     Raises
     ------
     InputError
-        For an empty folder, a pattern without match, jobs below 1, another holdout.
+        For an empty folder, a path of nothing, a pattern without match, jobs below 1, another
+        holdout, or an argument that cannot be meant.
     """
+    if isinstance(records, (str, os.PathLike)):
+        there(records)
     return run_each(
         records, model, jobs=jobs, executor=executor, progress=progress, keep=keep, **options
     )
@@ -219,10 +225,12 @@ def run_each(
     """:func:`diagnose_each`; ``render`` turns a diagnosis into files in the worker process, and
     ``done`` receives them in this process as soon as the log is done. ``command`` is for the
     provenance."""
-    logs = record_files(_several(records))
+    logs, model = record_files(_several(records)), as_model(model)
+    if not (executor is None or hasattr(executor, "submit")):
+        raise InputError(f"executor must be a concurrent.futures.Executor, not {shown(executor)}.")
     names = _names(logs)
     reading, options = _split(options, model)
-    report = progress or (lambda fraction, what: None)
+    report = reporting(progress)
     here = executor is None and jobs == 1
     made: dict[int, Outcome] = {}
 
@@ -261,7 +269,7 @@ class Task:
     progress: Progress | None
     command: str = "lugrectl.diagnose_each"
 
-    def __call__(self, log: Path | Record) -> tuple[Outcome, Any]:
+    def __call__(self, log: Any) -> tuple[Outcome, Any]:
         began = time.perf_counter()
         model = self.model.open() if isinstance(self.model, Sent) else self.model
         with warnings.catch_warnings():
@@ -280,7 +288,7 @@ class Task:
         )
         return outcome, extra
 
-    def _diagnosed(self, log: Path | Record, model: Model) -> Diagnosis:
+    def _diagnosed(self, log: Any, model: Model) -> Diagnosis:
         seen: list[Record] = []
         try:
             if not isinstance(log, Record):
@@ -312,16 +320,20 @@ def _outcome(name: str, answer: Any) -> tuple[Outcome, Any]:
     return replace(outcome, file=name), extra
 
 
-def _several(records: Logs) -> list[str | Path | Record]:
-    return [records] if isinstance(records, (str, Path, Record)) else list(records)
+def _several(records: Logs) -> list[Any]:
+    if is_record(records):
+        return [records]
+    if not isinstance(records, Iterable):
+        raise InputError(f"records must be a path or a list of records, not {shown(records)}.")
+    return list(records)
 
 
-def _names(logs: Sequence[Path | Record]) -> list[str]:
+def _names(logs: Sequence[Any]) -> list[str]:
     """A name for each log; records of one source are numbered."""
     used: dict[str, int] = {}
     names = []
     for log in logs:
-        name = log.source if isinstance(log, Record) else str(log)
+        name = source_of(log) if is_table(log) else getattr(log, "source", None) or str(log)
         used[name] = used.get(name, 0) + 1
         names.append(name if used[name] == 1 else f"{name} ({used[name]})")
     return names
@@ -333,10 +345,11 @@ def _split(options: Mapping[str, Any], model: Model) -> tuple[dict[str, Any], di
 
     reading = {k: v for k, v in options.items() if k in _READING}
     rest = {k: v for k, v in options.items() if k not in _READING}
-    if rest.get("holdout") not in (None, "last"):
+    if not (rest.get("holdout") is None or is_last(rest["holdout"])):
         raise InputError(
             "the errors of each log are computed on its own samples: holdout must be 'last' or "
             "left out, not a file."
         )
     inspect.signature(diagnose).bind(None, model, progress=None, **rest)
+    judged_by(rest.get("horizon", 1.0), rest.get("seed", 0))
     return reading, rest

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from .blas import one_blas_thread
+from .door import asked, judged_by, reporting
 from .friction_map import Fits, begin_map, errors_of, estimates_of, final_model, messages_of
 from .model import Model
 from .provenance import Provenance, stamped
@@ -15,7 +16,7 @@ from .record import Record
 from .results import Estimate, plain
 from .steady.curve import refit
 from .steady.points import is_map
-from .tracing.job import Progress, begin, compared, estimates, on_everything, score
+from .tracing.job import begin, compared, estimates, on_everything, score
 
 
 @dataclass(frozen=True)
@@ -53,10 +54,10 @@ class Identification:
 @one_blas_thread()
 @stamped("lugrectl.identify")
 def identify(
-    record: Record | Sequence[Record],
-    model: Model,
+    record: Any,
+    model: Any,
     *,
-    holdout: str | Record | None = None,
+    holdout: Any = None,
     horizon: float = 1.0,
     seed: int = 0,
     progress: Callable[[float, str], None] | None = None,
@@ -67,10 +68,14 @@ def identify(
 
     Raises
     ------
+    InputError
+        When an argument cannot be meant, or a file cannot be read or understood.
     Refused
         When the record cannot answer.
     """
-    report: Progress = progress or (lambda fraction, what: None)
+    record, model, holdout = asked(record, model, holdout)
+    horizon, seed = judged_by(horizon, seed)
+    report = reporting(progress)
     if not isinstance(record, Record) and is_map(record):
         return _map_identified(begin_map(record, model, holdout, report), model)
     job = begin(record, model, holdout, horizon, report)

@@ -25,6 +25,7 @@ from itertools import islice
 from multiprocessing import get_context
 from typing import Any, TypeVar
 
+from .checks import whole
 from .errors import InputError
 
 T = TypeVar("T")
@@ -103,9 +104,8 @@ def run_jobs(
         After the finished results have been yielded. Jobs that have not begun are cancelled;
         processes started here are ended.
     """
-    if int(jobs) != jobs or jobs < 1 or int(chunk) != chunk or chunk < 1:
-        raise InputError(f"jobs and chunk must be whole numbers >= 1, not {jobs} and {chunk}.")
-    parts = _chunks(items, int(chunk))
+    jobs, chunk = whole(jobs, "jobs", 1), whole(chunk, "chunk", 1)
+    parts = _chunks(items, chunk)
     if executor is not None:
         workers = jobs if jobs > 1 else getattr(executor, "_max_workers", None) or _UNKNOWN
         found = _spread(function, parts, executor, _AHEAD * workers)
@@ -113,7 +113,7 @@ def run_jobs(
         found = (pair for part in parts for pair in _one_by_one(function, part))
     else:
         _sendable(function)
-        found = _on_processes(function, parts, int(jobs))
+        found = _on_processes(function, parts, jobs)
     return _reported(found, len(items) if isinstance(items, Sized) else None, progress)
 
 

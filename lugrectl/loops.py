@@ -11,6 +11,8 @@ from .blocks import comparison, controllers  # noqa: F401  comparison registers 
 from .blocks.observers import Gain, observer_block
 from .blocks.observers import observer as build_observer
 from .blocks.plant import plant
+from .checks import flag, one_name, positive, real, shown
+from .door import as_model
 from .errors import InputError
 from .spec import Block
 
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
 
 OUTPUTS = ("theta", "w", "F", "Fhat", "u", "e")
 SEEN = ("theta", "w", "u", "e", "r")
+OWN = "own"  # a gain that is left out: the observer's own default
 
 
 def velocity_loop(
@@ -27,9 +30,9 @@ def velocity_loop(
     *,
     kp: float = 1.6,
     ki: float = 0.16,
-    K1: Gain | None = None,
-    K2: Gain | None = None,
-    k: float | None = None,
+    K1: Gain | str | None = OWN,
+    K2: Gain | str | None = OWN,
+    k: float | str | None = OWN,
     gains: Mapping[str, Any] | None = None,
     observer_parameters: Parameters | Model | None = None,
     prefilter: bool | float = False,
@@ -51,7 +54,7 @@ def velocity_loop(
         N m s/rad, N m/rad.
     K1, K2, k : float, optional
         Gains of the proposed (K1, K2: numbers or functions of w; -10.24, 22) and existing (k;
-        0.35) observer, or of another that has them. None: the observer's own default.
+        0.35) observer, or of another that has them; the observer's own default where left out.
     gains : dict, optional
         Any other parameters of the observer by name, ``gains={"tau": 0.005}``.
     observer_parameters : Parameters or Model, optional
@@ -77,7 +80,8 @@ def velocity_loop(
     Raises
     ------
     InputError
-        For an unknown observer, or a parameter that is missing or out of bounds.
+        For an unknown observer, a gain that it does not have, or a parameter that is missing or
+        out of bounds.
 
     Notes
     -----
@@ -87,7 +91,8 @@ def velocity_loop(
     that they use for theta grows until it overflows.
     """
     shared = {"K1": K1, "K2": K2, "k": k}
-    estimate = _observer(observer, observer_parameters or p, shared, gains)
+    p, believed = _models(p, observer_parameters)
+    estimate = _observer(observer, believed, shared, gains)
     inputs, reference = _reference(p, "velocity", prefilter, feedforward)
     parts = [plant(p), estimate, controllers.pi(kp, ki), *reference]
     return _closed(parts, inputs, load, name)
@@ -101,9 +106,9 @@ def position_loop(
     ki: float = 1.55,
     kd: float = 0.0,
     tau: float | None = None,
-    K1: Gain | None = None,
-    K2: Gain | None = None,
-    k: float | None = None,
+    K1: Gain | str | None = OWN,
+    K2: Gain | str | None = OWN,
+    k: float | str | None = OWN,
     gains: Mapping[str, Any] | None = None,
     observer_parameters: Parameters | Model | None = None,
     prefilter: bool | float = False,
@@ -143,22 +148,42 @@ def position_loop(
     kd kp > J ki makes it stable.
     """
     shared = {"K1": K1, "K2": K2, "k": k}
-    estimate = _observer(observer, observer_parameters or p, shared, gains)
+    p, believed = _models(p, observer_parameters)
+    estimate = _observer(observer, believed, shared, gains)
     inputs, reference = _reference(p, "position", prefilter, feedforward)
     parts = [plant(p), estimate, controllers.pid(kp, ki, kd, tau), *reference]
     return _closed(parts, inputs, load, name)
 
 
+def _models(p: Any, believed: Any) -> tuple[Model, Model]:
+    """The plant's model, and what the observer believes."""
+    made = as_model(p, "p")
+    return made, made if believed is None else as_model(believed, "observer_parameters")
+
+
 def _observer(
     name: str | None,
-    p: Parameters | Model,
+    p: Model,
     shared: Mapping[str, Any],
     gains: Mapping[str, Any] | None,
 ) -> Any:
-    """The observer block of a loop, without the ``shared`` gains that it does not have."""
+    """The observer block of a loop with its gains."""
     made = observer_block("no_observer" if name is None else name)
     _fits(made)
-    known = {g: v for g, v in shared.items() if v is not None and g in made.parameters}
+    if not (gains is None or isinstance(gains, Mapping)):
+        raise InputError(f"gains must be a dict of numbers by name, not {shown(gains)}.")
+    known = {}
+    for gain, value in shared.items():
+        absent = gain not in made.parameters
+        if value is OWN or (absent and (value is None or real(value) == 0.0)):
+            continue
+        if absent:
+            who = "without an observer there is" if name is None else f"the observer {name!r} has"
+            raise InputError(f"{gain} = {shown(value)}: {who} no such gain; leave it out.")
+        if value is None:
+            own = f"{made.parameters[gain].value:g}"
+            raise InputError(f"{gain} = None is no gain: leave it out for the default, {own}.")
+        known[gain] = value
     return build_observer(made.name, p, **(known | dict(gains or {})))
 
 
@@ -174,11 +199,11 @@ def _fits(made: Block) -> None:
 
 
 def _reference(
-    p: Parameters | Model, kind: str, prefilter: bool | float, feedforward: bool
+    p: Model, kind: str, prefilter: bool | float, feedforward: bool
 ) -> tuple[list[str], list[Any]]:
     """The loop's reference inputs, and the blocks from them to the error and the feed-forward."""
     measured, derivative = controllers.MEASURED[kind], controllers.DERIVATIVE[kind]
-    ahead = [controllers.feedforward(p, kind)] if feedforward else []
+    ahead = [controllers.feedforward(p, kind)] if flag(feedforward, "feedforward") else []
     if prefilter is False or prefilter is None:
         return ["r", derivative][: 1 + len(ahead)], [controllers.error(kind), *ahead]
     # the input keeps its name, so the filtered signals need other names
@@ -187,7 +212,7 @@ def _reference(
         inputs += [derivative] if kind == "position" else []
         outputs += [f"{derivative}_filtered"]
         ahead = [controllers.feedforward(p, kind, inputs=outputs[1:])]
-    pole = 2.0 if prefilter is True else prefilter
+    pole = 2.0 if prefilter is True else positive(prefilter, "prefilter", "1/s")
     smooth = controllers.prefilter(
         pole, kind if feedforward else None, inputs=inputs, outputs=outputs
     )
@@ -197,10 +222,10 @@ def _reference(
 def _closed(parts: list[Any], inputs: list[str], load: bool, name: str) -> ct.InterconnectedSystem:
     return ct.interconnect(
         [*parts, controllers.compensation()],
-        inputs=inputs + ["d"] * load,
+        inputs=inputs + ["d"] * flag(load, "load"),
         outputs=list(OUTPUTS),
         # empty: else two loops in one system would share the values of the last one
         params={},
         check_unused=False,
-        name=name,
+        name=one_name(name),
     )

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from . import arguments
 from .blocklist import followed
+from .checks import array, whole
 from .engine.held import Course
 from .engine.net import Net, Part
 from .errors import InputError
@@ -76,7 +77,9 @@ def simulate_sampled(
     >>> t = dt * np.arange(1000)
     >>> resp = lg.simulate_sampled(lg.plant(p), drive, t, 0.1 * np.sin(6.28 * t))
     """
-    parts = _parts(plant, drive, delay)
+    rtol = arguments.settings(rtol)
+    plant, drive = arguments.system(plant, "plant"), _drive(drive)
+    parts = _parts(plant, drive, whole(delay, "delay"))
     net = Net(plant.name, parts, _outside(parts, plant), 1, earlier=True)
     times = _grid(t, parts)
     u = _inputs(net, times, inputs)
@@ -102,10 +105,15 @@ def simulate_sampled(
     )
 
 
-def _parts(plant: Any, drive: Any, delay: Any) -> tuple[Part, ...]:
+def _drive(given: Any) -> Any:
+    """The drive's block or list of blocks."""
+    if isinstance(given, (list, tuple)):
+        return [arguments.system(block, "a block of the drive") for block in given]
+    return arguments.system(given, "drive")
+
+
+def _parts(plant: Any, drive: Any, delay: int) -> tuple[Part, ...]:
     """The plant, the drive's blocks, and the delay between them."""
-    if int(delay) != delay or delay < 0:
-        raise InputError(f"delay must be a whole number of samples, 0 or more, not {delay!r}.")
     blocks = [drive] if isinstance(drive, ct.NonlinearIOSystem) else list(drive)
     _fit(blocks)
     logic = [Part(b, tuple(b.input_labels), tuple(b.output_labels), 0) for b in blocks]
@@ -124,7 +132,7 @@ def _parts(plant: Any, drive: Any, delay: Any) -> tuple[Part, ...]:
     late = LATE if delay else ""
     entries = tuple(k + late if k in acting else k for k in plant.input_labels)
     first = Part(plant, entries, tuple(plant.output_labels))
-    last = [_delay_part(acting, int(delay), blocks)] if delay else []
+    last = [_delay_part(acting, delay, blocks)] if delay else []
     return (first, *logic, *last)
 
 
@@ -167,7 +175,7 @@ def _inputs(net: Net, t: np.ndarray, given: Any) -> np.ndarray:
     if given is None:
         given = {}
     elif not isinstance(given, Mapping):
-        rows = np.asarray(given, dtype=float)
+        rows = array(given, "inputs")
         rows = [rows] * len(references) if rows.ndim == 0 else np.atleast_2d(rows)
         if len(rows) != len(references):
             raise InputError(
@@ -204,7 +212,7 @@ def _drive_start(drive: Any, parts: Sequence[Part], x0: Any) -> np.ndarray:
     """The drive's states, then those of the delay, which are 0 at the start."""
     count, own = sum(p.nstates for p in parts[1:]), len(_drive_states(drive, parts))
     single = isinstance(drive, ct.NonlinearIOSystem)
-    start = arguments.start(drive.name if single else "drive", own, x0)
+    start = arguments.start(drive.name if single else "drive", own, x0, "drive_x0")
     return np.concatenate([start, np.zeros(count - own)])
 
 

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from .blocks import effects as _effects  # noqa: F401  fills the registry
 from .blocks import friction as _friction  # noqa: F401
 from .blocks.friction import J as J_DECLARATION
 from .blocks.names import block_named
+from .checks import as_path, real, shown
 from .errors import InputError
 from .provenance import SourceFile
 from .spec import Block, unit_for
@@ -26,16 +29,23 @@ class Parameters:
     kg m2, N m/rad, N m s/rad, N m, N m, N m s/rad, rad/s; letters as in the source paper.
     """
 
-    J: float
-    sigma0: float
-    sigma1: float
-    Fc: float
-    Fs: float
-    Fv: float
-    vs: float
+    J: float = math.nan
+    sigma0: float = math.nan
+    sigma1: float = math.nan
+    Fc: float = math.nan
+    Fs: float = math.nan
+    Fv: float = math.nan
+    vs: float = math.nan
 
     def __post_init__(self) -> None:
-        Model.of(self)
+        left = [f.name for f in fields(self) if getattr(self, f.name) is f.default]
+        if left:
+            raise InputError(
+                f"Parameters: {', '.join(left)} missing; Model.of(J=0.002) takes some values and "
+                "leaves the others to be identified."
+            )
+        for key, value in Model.of(self).known().items():
+            object.__setattr__(self, key, value)
 
     def friction(self) -> dict[str, float]:
         return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "J"}
@@ -71,10 +81,44 @@ class Model:
     file: SourceFile | None = field(default=None, init=False, repr=False, compare=False)
 
     @classmethod
-    def of(cls, p: Parameters) -> Model:
-        """The model of a LuGre drive without effects."""
-        values = {"model": "lugre", **p.friction()}
-        return model_from_dict({"plant": {"J": p.J}, "friction": values}, "parameters")
+    def of(
+        cls,
+        given: Any = MappingProxyType({}),
+        *,
+        J: float | None = None,
+        friction: str | None = None,
+        effects: Any = None,
+        name: str | None = None,
+        motion: str | None = None,
+        **values: float | None,
+    ) -> Model:
+        """A model from values by name: ``Model.of(J=0.002, Fc=0.3)``, ``Model.of(table1())``.
+
+        Parameters
+        ----------
+        given : Parameters, Model, dict or path, optional
+            What to start from; else nothing is known.
+        J : float, optional
+            In kg m2 (kg on a linear drive). What is left out here and below is identified.
+        friction : str, optional
+            The law, "lugre" unless given.
+        effects : list of str or dict, optional
+            Declared effects by name, or ``{"name": "gravity", "amplitude": 0.2}``; one will do.
+        name, motion : str, optional
+            "drive" and "rotary" unless given.
+        values : float
+            Parameters of the friction law, ``Fc=0.3``.
+
+        Raises
+        ------
+        InputError
+            As :func:`read_model` for what stands in a file.
+        """
+        from .door import as_model, changed  # which make models
+
+        own = {"J": J, "friction": friction, "effects": effects, "name": name, "motion": motion}
+        changes = {k: v for k, v in (own | values).items() if v is not None}
+        return changed(given, changes, "Model.of") if changes else as_model(given, "Model.of")
 
     def values(self) -> dict[str, float | None]:
         flat: dict[str, float | None] = {"J": self.J, **self.friction.values}
@@ -169,7 +213,7 @@ def model_from_dict(data: Mapping[str, Any], where: str) -> Model:
     law = friction.get("model", "lugre")
     part = _part(law, "friction", friction, f"{where}: [friction]", "friction model")
     model = Model(
-        name=str(data.get("name", "drive")),
+        name=_text(data.get("name", "drive"), f"{where}: name"),
         motion=motion,
         J=_number(plant.get("J"), J_DECLARATION, f"{where}: [plant] J"),
         friction=part,
@@ -178,15 +222,42 @@ def model_from_dict(data: Mapping[str, Any], where: str) -> Model:
     if not isinstance(effects, list):
         raise InputError(f"{where}: write [[effects]] above each effect.")
     for entry in effects:
-        name = entry.get("name")
-        use = _part(name, "effect", entry, f"{where}: [[effects]]", "effect")
-        model = model.with_effect(use.block.name, use.values)
+        model = _with_entry(model, entry, f"{where}: [[effects]]")
     return model
+
+
+def _with_entry(model: Model, entry: Any, where: str) -> Model:
+    """The model with the effect of one entry of a file."""
+    if not isinstance(entry, Mapping):
+        raise InputError(f"{where} must be a table with a name, not {shown(entry)}.")
+    if "name" not in entry:
+        raise InputError(f'{where} needs a name, such as name = "gravity".')
+    name = entry["name"]
+    label = f"{where} {name}" if isinstance(name, str) else where
+    use = _part(name, "effect", entry, label, "effect")
+    twin = next((part for part in model.effects if _alike(part, use)), None)
+    if twin is not None:
+        raise InputError(
+            f"{label} is declared twice, and no record can distinguish the two: keep one of them."
+        )
+    return model.with_effect(use.block.name, use.values)
+
+
+def _alike(one: Part, other: Part) -> bool:
+    """True if two effects add up to one of their kind, because they differ in strength and phase
+    at most. Two ripples of different or of unknown harmonics do not."""
+    if one.block.name != other.block.name:
+        return False
+    own = one.block.own
+    apart = [k for k, p in own.items() if p.fitted and p.neutral is None and p.span is None]
+    if {"input", "sensor"} & {*one.block.acts} and len(own) == 1:
+        apart = [*own]  # two lags in series are a filter of second order
+    known = all(one.values[k] is not None for k in apart)
+    return known and all(one.values[k] == other.values[k] for k in apart)
 
 
 def _part(name: Any, kind: str, entry: Any, where: str, what: str) -> Part:
     made = block_named(kind, name, where=where, what=what)
-    where = f"{where} {name}" if kind == "effect" else where
     tag = "model" if what == "friction model" else "name"
     _known(entry, (tag, *made.own), where)
     values = {
@@ -206,7 +277,7 @@ def _table(data: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any]:
 def _known(table: Mapping[str, Any], known: Iterable[str], where: str) -> None:
     for key in table:
         if key not in known:
-            hint = difflib.get_close_matches(key, list(known), n=1)
+            hint = difflib.get_close_matches(str(key), list(known), n=1)
             meant = f" Did you mean '{hint[0]}'?" if hint else ""
             raise InputError(f"{where}: unknown key '{key}'; known: {', '.join(known)}.{meant}")
 
@@ -214,18 +285,25 @@ def _known(table: Mapping[str, Any], known: Iterable[str], where: str) -> None:
 def _number(value: Any, p: Any, where: str) -> float | None:
     if value is None:
         return None
-    real = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not real or not (math.isfinite(value) or value == p.neutral):
-        raise InputError(f"{where} must be a finite number, not {value!r}.")
+    value = real(given := value)
+    if value is None or not (math.isfinite(value) or value == p.neutral):
+        raise InputError(f"{where} must be a finite number, not {shown(given)}.")
     if p.choices and value not in p.choices:
         known = " or ".join(f"{c:g}" for c in p.choices)
         raise InputError(f"{where} = {value:g}; it must be {known}.")
     if value < p.low or value > p.high:
         rule = "negative" if value < 0 <= p.low else f"outside [{p.low:g}, {p.high:g}]"
+        rule = "not above 0" if 0 <= value < p.low < 1e-6 else rule
         raise InputError(
             f"{where} = {value:g} is {rule}; give a value in {p.unit} or leave it out."
         )
-    return float(value)
+    return value
+
+
+def _text(value: Any, where: str) -> str:
+    if not isinstance(value, str):
+        raise InputError(f"{where} must be a text, not {shown(value)}.")
+    return value
 
 
 def read_model(path: str | Path) -> Model:
@@ -236,14 +314,14 @@ def read_model(path: str | Path) -> Model:
     InputError
         When the file is missing, is not TOML, or holds an unknown key or a wrong value.
     """
-    path = Path(path)
+    path = as_path(path, "the model file")
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise InputError(f"{path}: no such model file.") from None
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as a text file ({error}).") from None
-    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: cannot be read as a text file in UTF-8 ({error}).") from None
+    except (ValueError, RecursionError) as error:  # more than what TOMLDecodeError covers
         raise InputError(f"{path}: not a TOML file: {error}.") from None
     model = model_from_dict(data, str(path))
     object.__setattr__(model, "file", SourceFile.of(path))
@@ -251,8 +329,23 @@ def read_model(path: str | Path) -> Model:
 
 
 def write_model(model: Model, path: str | Path) -> None:
-    """Write a model as the TOML file that :func:`read_model` reads."""
-    Path(path).write_text(model_toml(model), encoding="utf-8")
+    """Write a model as the TOML file that :func:`read_model` reads.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be written, or the model holds what a file cannot: a value that is
+        no number or outside its bounds, half of a surrogate pair in its name.
+    """
+    from .door import as_model
+
+    model, path = as_model(model), as_path(path, "path")
+    text = model_toml(model)
+    model_from_dict(tomllib.loads(text), f"model {model.name}")
+    try:
+        path.write_bytes(text.encode())
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror or error}.") from None
 
 
 def model_toml(model: Model) -> str:
@@ -260,17 +353,32 @@ def model_toml(model: Model) -> str:
     data, lines = model.to_dict(), []
     lines += [f"name = {_quoted(data['name'])}", f'motion = "{data["motion"]}"', "", "[plant]"]
     lines += _rows(data["plant"], "", model)
-    lines += ["", "[friction]", f'model = "{data["friction"].pop("model")}"']
+    lines += ["", "[friction]", f"model = {_quoted(data['friction'].pop('model'))}"]
     lines += _rows(data["friction"], "", model)
     for part, entry in zip(model.effects, data["effects"], strict=True):
-        lines += ["", "[[effects]]", f'name = "{entry.pop("name")}"']
+        lines += ["", "[[effects]]", f"name = {_quoted(entry.pop('name'))}"]
         lines += _rows(entry, f"{part.key}.", model)
     return "\n".join(lines) + "\n"
 
 
 def _rows(values: Mapping[str, float], prefix: str, model: Model) -> list[str]:
-    return [f"{k} = {float(v)!r}  # {model.unit(prefix + k)}" for k, v in values.items()]
+    units = {k: "".join(c for c in model.unit(prefix + k) if c.isprintable()) for k in values}
+    return [f"{_key(k)} = {float(v)!r}  # {units[k]}" for k, v in values.items()]
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _quoted(name)
 
 
 def _quoted(text: str) -> str:
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
+    """A TOML string; quotes, backslashes and control characters are escaped.
+
+    InputError for half of a surrogate pair, which no TOML file can hold.
+    """
+    if half := re.search("[\ud800-\udfff]", text):
+        raise InputError(
+            f"the name {ascii(text)} holds half of a surrogate pair, {ascii(half[0])}, which no "
+            "TOML file can hold: give it another name."
+        )
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + re.sub(r"[\x00-\x1f\x7f]", lambda c: f"\\u{ord(c[0]):04x}", escaped) + '"'

@@ -11,6 +11,8 @@ import control as ct
 import numpy as np
 from scipy.linalg import expm
 
+from . import arguments
+from .checks import names, positive
 from .engine.symbolic import signal_array
 from .errors import InputError
 
@@ -64,9 +66,11 @@ def sampled(
     error of second order in dt. The outputs use the current sample; held inputs act from the
     current sample on.
     """
-    _fits(system, dt)
+    system = arguments.system(system)
+    dt = positive(dt, "dt, the sample time,", "seconds")
+    _fits(system)
     labels = list(system.input_labels)
-    keep = [s for s in ("u",) if s in labels] if held is None else list(held)
+    keep = [s for s in ("u",) if s in labels] if held is None else names(held, "held")
     strange = [s for s in keep if s not in labels]
     if strange:
         raise InputError(f"{system.name} has no input {strange[0]}; it has {', '.join(labels)}.")
@@ -268,9 +272,7 @@ def _array(values: Any) -> np.ndarray:
     return signal_array(array) if array.dtype == object else array
 
 
-def _fits(system: Any, dt: float) -> None:
-    if not (isinstance(dt, (int, float, np.number)) and math.isfinite(dt) and dt > 0.0):
-        raise InputError(f"the sample time must be a positive number of seconds, not {dt!r}.")
+def _fits(system: Any) -> None:
     if system.isdtime(strict=True):
         raise InputError(f"{system.name} is discrete already (dt = {system.dt}).")
     if not system.nstates:

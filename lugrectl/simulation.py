@@ -28,10 +28,12 @@ _respond: Any = ct.input_output_response  # its type annotations do not include 
 
 def simulate(
     system: Any,
-    t: ArrayLike,
+    t: ArrayLike | None = None,
     inputs: Mapping[str, ArrayLike] | ArrayLike | Sequence[Any] | None = None,
-    x0: ArrayLike | Sequence[Any] = 0.0,
+    x0: ArrayLike | Sequence[Any] | None = None,
     *,
+    timepts: ArrayLike | None = None,
+    initial_state: ArrayLike | Sequence[Any] | None = None,
     params: Mapping[str, Any] | None = None,
     method: str | None = None,
     hold: bool = False,
@@ -42,7 +44,7 @@ def simulate(
 
     Parameters
     ----------
-    system : control.NonlinearIOSystem or list of them
+    system : control.NonlinearIOSystem, control.TransferFunction or list of them
         Any python-control system; or blocks that are connected by their signal names as
         ``ct.interconnect`` does (outputs of the same name are added). Continuous blocks and
         sampled ones with one or several sample times may be mixed.
@@ -53,8 +55,10 @@ def simulate(
         input, a number, or a list of such parts; default 0. The inputs of a list of blocks are
         the signals that a block reads and no block outputs, in the order of the blocks.
     x0 : array_like or list
-        Initial states: a number for all, or a list that is padded with zeros; for a list of
-        blocks, the states of one block after the other.
+        Initial states, default 0: a number for all, or a list that is padded with zeros; for a
+        list of blocks, the states of one block after the other.
+    timepts, initial_state
+        python-control's names for t and x0.
     params : dict, optional
         Parameters in place of the defaults; other values need no new compilation.
     method : str, optional
@@ -77,7 +81,8 @@ def simulate(
     ------
     InputError
         For times that do not increase, shapes that do not fit, a NaN in an input, an unknown
-        input or parameter, or an algebraic loop (the blocks are named).
+        input or parameter, a value outside its bounds, an unknown method, an rtol outside
+        (0, 1), or an algebraic loop (the blocks are named).
     Diverged
         When a state or signal grows without bound or becomes NaN; the message names it, its
         block and the time.
@@ -101,14 +106,21 @@ def simulate(
     instant. A sampled block that cannot be traced is called at its updates, without a warning:
     the result is the same.
     """
+    rtol = arguments.settings(rtol, hold, method, squeeze)
     options = {"params": params, "hold": hold, "rtol": rtol, "squeeze": squeeze}
-    times = arguments.times(t)
+    times = arguments.times(t, timepts)
+    if x0 is not None and initial_state is not None:
+        raise InputError("the initial states are given twice: give x0 or initial_state.")
+    x0 = initial_state if x0 is None else x0
     if isinstance(system, (list, tuple)):
-        if any(getattr(block, "dt", None) not in (None, 0) for block in system):
+        system = [arguments.system(block, "a block") for block in system]
+        arguments.parameters(system, params)
+        if any(block.dt not in (None, 0) for block in system):
             return simulate_blocks(system, times, inputs, x0, method=method, **options)
         system = together(system)
-    if None in (system.nstates, system.ninputs, system.noutputs):
-        raise InputError(f"{system.name}: give its inputs=, outputs= and states= in ct.nlsys.")
+    else:
+        system = arguments.system(system)
+        arguments.parameters([system], params)
     u = arguments.inputs(system.name, system.input_labels, times, inputs)
     start = arguments.start(system.name, system.nstates, x0)
     if system.isdtime(strict=True):

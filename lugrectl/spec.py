@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .checks import names, one_name, shown, within
 from .errors import InputError
 
 if TYPE_CHECKING:  # slow to import, and the catalogue does without it
@@ -155,7 +156,7 @@ class Block:
                 known = ", ".join(self.parameters)
                 raise InputError(f"{self.name} has no parameter '{key}'; it has {known}.")
             if not callable(value):
-                _check_bounds(f"{self.name}.{key}", value, self.parameters[key])
+                within(value, f"{self.name}.{key}", self.parameters[key])
 
     def __call__(self, *signals: Any, **values: Any) -> tuple[Any, ...]:
         """Outputs that are not states, then the rates; ``t`` is the first argument if used."""
@@ -177,7 +178,7 @@ class Block:
         import control as ct
 
         self.check(values)
-        name = name or self.name
+        name = one_name(self.name if name is None else name)
         functions = {k: v for k, v in values.items() if callable(v)}
         numbers = {
             k: float(values.get(k, p.value))
@@ -201,6 +202,8 @@ class Block:
                 out.setdefault(state, x[i])
             return np.array([out[o] for o in self.outputs])
 
+        # what may stand in params=, for whoever simulates the block: see arguments.parameters
+        vars(output)["declared"] = {q: self.parameters[k] for k, q in keys.items()}
         return ct.nlsys(
             update if self.states else None,
             output,
@@ -213,20 +216,10 @@ class Block:
         )
 
 
-def _check_bounds(label: str, value: float, p: P) -> None:
-    if not isinstance(value, (int, float, np.number)) or math.isnan(value):
-        raise InputError(f"{label} must be a number, not {value!r}.")
-    if not p.low <= value <= p.high:
-        raise InputError(f"{label} = {value:g} lies outside [{p.low:g}, {p.high:g}] {p.unit}.")
-    if p.choices and value not in p.choices:
-        known = " or ".join(f"{c:g}" for c in p.choices)
-        raise InputError(f"{label} = {value:g} must be {known}.")
-
-
 def _renamed(block: str, what: str, own: Sequence[str], wanted: Sequence[str] | None) -> list[str]:
     if wanted is None:
         return list(own)
-    wanted = [wanted] if isinstance(wanted, str) else list(wanted)
+    wanted = names(wanted, f"{block}: {what}")
     if len(wanted) != len(own):
         raise InputError(f"{block} has the {what} {', '.join(own)}: give {len(own)} names.")
     return wanted
@@ -236,8 +229,8 @@ class _Registry(dict[tuple[str, str], Block]):
     """Blocks by kind and name; a name alone finds the first registered block of that name."""
 
     def __missing__(self, key: Any) -> Block:
-        for (_, name), made in self.items():
-            if name == key:
+        for (kind, name), made in registered().items():
+            if key in (name, (kind, name)):
                 return made
         raise KeyError(key)
 
@@ -318,7 +311,15 @@ def block(
         replace its own block).
     """
 
+    for what, given in (("kind", kind), ("out", out), ("states", states), ("acts", acts)):
+        if not isinstance(given, str):
+            raise InputError(
+                f"{what} must be a text, names separated by spaces, not {shown(given)}."
+            )
+
     def declare(function: Callable[..., Any]) -> Block:
+        if not callable(function):
+            raise InputError(f"a block is declared of a function, not of {shown(function)}.")
         made = _declared(function, kind, tuple(out.split()), tuple(states.split()))
         made = replace(
             made,
@@ -335,7 +336,7 @@ def block(
             hidden=hidden,
             source=source,
         )
-        known = members(kind).get(made.name)
+        known = _known(kind, made.home).get(made.name)
         if known is not None and not (known.home == made.home == "__main__"):
             raise InputError(f"{kind}: a block named '{made.name}' exists; choose another name.")
         REGISTRY[kind, made.name] = made
@@ -368,8 +369,23 @@ def _declared(
 
 
 def members(kind: str) -> dict[str, Block]:
-    """The registered blocks of a kind, by name."""
-    return {name: made for (of, name), made in REGISTRY.items() if of == kind}
+    """The registered blocks of a kind, by name: those of the package, then the user's own."""
+    return {name: made for (of, name), made in registered().items() if of == kind}
+
+
+def registered() -> _Registry:
+    """The registry with the package's own blocks in it, whatever was imported so far."""
+    from .blocks import fill  # they import this module
+
+    fill()
+    return REGISTRY
+
+
+def _known(kind: str, home: str) -> dict[str, Block]:
+    """The same for a new block; while the package declares its own, those so far."""
+    ours = home.startswith(f"{__package__}.")
+    known = REGISTRY if ours else registered()
+    return {name: made for (of, name), made in known.items() if of == kind}
 
 
 _LINEAR = {

@@ -15,16 +15,17 @@ from pathlib import Path
 from typing import Any
 
 from .blas import BLAS
+from .checks import as_path, shown
+from .door import is_file, is_record
 from .errors import InputError
 from .model import Model
-from .record import Record
 from .spec import REGISTRY, Block, members
 
 SUFFIXES = (".csv", ".mat", ".npz", ".parquet")
 _THREADS = ("OMP_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS", *BLAS)
 
 
-def record_files(logs: Iterable[str | Path | Record]) -> list[Path | Record]:
+def record_files(logs: Iterable[Any]) -> list[Any]:
     """The logs with folders and patterns replaced by the files they stand for, each file once.
 
     A folder stands for its .csv, .mat, .npz and .parquet files, axis2 before axis10; a pattern
@@ -32,14 +33,22 @@ def record_files(logs: Iterable[str | Path | Record]) -> list[Path | Record]:
 
     Raises InputError for a folder without such files and for a pattern without match.
     """
-    found: dict[Any, Path | Record] = {}
+    found: dict[Any, Any] = {}
     for log in logs:
-        for one in [log] if isinstance(log, Record) else files_of(log):
-            key = id(one) if isinstance(one, Record) else os.path.abspath(one)
-            found.setdefault(key, one)
+        if not is_record(log):
+            raise InputError(f"each log must be a path, a table or a Record, not {shown(log)}.")
+        for one in files_of(log) if is_file(log) else [log]:
+            found.setdefault(os.path.abspath(one) if is_file(one) else id(one), one)
     if not found:
         raise InputError("there is no record to diagnose.")
     return list(found.values())
+
+
+def there(name: Any) -> None:
+    """InputError where neither a file nor a folder has the name, and it is no pattern."""
+    path = as_path(name, "records")
+    if not (os.path.lexists(path) or glob.has_magic(str(path))):
+        raise InputError(f"{path}: no such file or folder.")
 
 
 def files_of(name: str | Path, folders: bool = True) -> list[Path]:

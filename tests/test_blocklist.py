@@ -241,7 +241,7 @@ def test_a_continuous_block_with_a_branch_goes_to_lsoda():
     [
         (lambda t: simulate([swing(), swing()], t), "two blocks are called swing"),
         (lambda t: simulate([], t), "empty"),
-        (lambda t: simulate([swing(), 3.0], t), "not float"),
+        (lambda t: simulate([swing(), 3.0], t), "not 3.0"),
         (lambda t: simulate([swing()], t, {"y": 1.0}), "there is no external input 'y'"),
         (lambda t: simulate([swing()], t, {"u": np.ones(3)}), "input u must be"),
         (lambda t: simulate([summed(0.1, "a", "b", "s")], t, np.ones(3)), "needs inputs"),

@@ -288,9 +288,9 @@ def test_summaries_are_plain():
     [
         (lambda: design_gains(P, "best"), "time-varying, bounded, constant"),
         (lambda: design_gains(P, A=1.0), "no choice 'A'"),
-        (lambda: design_gains(P, alpha=-1.0), "alpha = -1 must be positive"),
+        (lambda: design_gains(P, alpha=-1.0), "alpha must be a positive number"),
         (lambda: design_gains(P, "bounded"), "needs M"),
-        (lambda: design_gains(P, "bounded", M=0), "M = 0 must be positive"),
+        (lambda: design_gains(P, "bounded", M=0), "M must be a positive number"),
         (lambda: design_gains(replace(P, sigma1=0.0)), "needs sigma1 > 0"),
         (lambda: design_gains(replace(P, sigma1=0.0), "time-varying"), "give A"),
         (lambda: design_gains(replace(P, Fc=0.0)), "Fc = 0"),

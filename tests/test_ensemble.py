@@ -120,8 +120,8 @@ def test_tables_that_cannot_be_understood(params, message) -> None:
         ({"inputs": noise, "seeds": ["x"]}, "whole numbers"),
         ({"outputs": ["v"]}, "no output 'v'; it has y, double"),
         ({"states": ["v"]}, "no state 'v'; it has x"),
-        ({"jobs": 0}, "jobs is a whole number"),
-        ({"chunk": 1.5}, "chunk is a whole number"),
+        ({"jobs": 0}, "jobs must be a whole number"),
+        ({"chunk": 1.5}, "chunk must be a whole number"),
         ({"inputs": [np.nan] * len(T)}, "input u is nan"),
     ],
 )

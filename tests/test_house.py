@@ -13,8 +13,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "lugrectl"
 STOREYS = [
-    {"blas", "errors", "spec", "arguments", "jobs", "provenance"},
-    {"blocks", "model", "catalogue"},
+    {"blas", "errors", "checks", "spec", "arguments", "jobs", "provenance"},
+    {"blocks", "model", "catalogue", "door"},
     {"loops", "engine", "linear", "record", "design", "sampling"},
     {"simulation", "results", "mixed", "blocklist", "bristles", "ensemble"},
     {"tracing"},

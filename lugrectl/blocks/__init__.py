@@ -1,1 +1,15 @@
 """The blocks: one pure function each, registered by one line."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import import_module
+
+DECLARING = ("effects", "friction", "observers", "comparison", "controllers")
+
+
+@cache
+def fill() -> None:
+    """Import the modules that declare the package's blocks, so that the registry holds them."""
+    for module in DECLARING:
+        import_module(f".{module}", __name__)

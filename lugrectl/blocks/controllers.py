@@ -227,9 +227,12 @@ def feedforward(
     -----
     Source paper, eq. Canudas_u.
     """
+    from ..door import as_model
+
     _kind(kind, list(DERIVATIVE))
     wanted = [DERIVATIVE[kind]] if inputs is None else inputs
-    return _feedforward.system(name=name, inputs=wanted, outputs=outputs, J=p.J)
+    J = as_model(p, "p").J
+    return _feedforward.system(name=name, inputs=wanted, outputs=outputs, J=J)
 
 
 def prefilter(

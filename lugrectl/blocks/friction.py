@@ -9,7 +9,7 @@ import numpy as np
 from ..spec import P, block
 
 J = P(0.0022, "kg m2", 1e-12)
-SIGMA0 = P(260.0, "N m/rad", 0.0)
+SIGMA0 = P(260.0, "N m/rad", 1e-12)
 SIGMA1 = P(0.6, "N m s/rad", 0.0)
 FC = P(0.285, "N m", 0.0)
 FS = P(0.335, "N m", 0.0)

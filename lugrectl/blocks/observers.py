@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
+from ..checks import shown
 from ..errors import InputError
 from ..spec import Block, P, block, members
 from .friction import (
@@ -108,11 +109,11 @@ def observer_block(name: str) -> Block:
         When there is no observer of that name.
     """
     known = members("observer")
-    for key in (name, f"{name}_observer"):
+    for key in (name, f"{name}_observer") if isinstance(name, str) else ():
         if key in known:
             return known[key]
     short = ", ".join(key.removesuffix("_observer") for key in known if key != "no_observer")
-    raise InputError(f"unknown observer {name!r}; known: {short}, and None for no observer.")
+    raise InputError(f"unknown observer {shown(name)}; known: {short}, and None for no observer.")
 
 
 def observer(
@@ -133,10 +134,9 @@ def observer(
     InputError
         For an unknown observer or gain, or when p does not give a LuGre parameter that it needs.
     """
-    from ..model import Model
+    from ..door import as_model
 
-    made = observer_block(kind)
-    model = p if isinstance(p, Model) else Model.of(p)
+    made, model = observer_block(kind), as_model(p, "p")
     have = model.values()
     needed = [k for k in ("J", *lugre.parameters) if k in made.parameters and k not in gains]
     missing = [k for k in needed if have.get(k) is None]

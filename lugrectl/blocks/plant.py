@@ -160,9 +160,9 @@ def plant(
     -----
     Source paper, eq. mechanical_sys1. theta is the integral of w and is not wrapped.
     """
-    from ..model import Model
+    from ..door import as_model
 
-    model = of if isinstance(of, Model) else Model.of(of)
+    model = as_model(of)
     return _system(assemble(model), model, name, inputs, outputs)
 
 
@@ -187,9 +187,9 @@ def sensor(
     InputError
         When a parameter of a sensor effect has no value yet.
     """
-    from ..model import Model
+    from ..door import as_model
 
-    model = of if isinstance(of, Model) else Model.of(of)
+    model = as_model(of)
     uses = [Part(f"{use.key}.", use.block) for use in model.effects]
     parts = [part for part in uses if "sensor" in part.block.acts]
     states = tuple(name for part in parts for name in part.states)

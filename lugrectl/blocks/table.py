@@ -9,6 +9,7 @@ import control as ct
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..checks import array, shown
 from ..errors import InputError
 from ..spec import Block, P
 from .friction import EPS
@@ -87,7 +88,7 @@ def tabulated(
     arctan2(sin theta, cos theta).
     """
     if signal not in SIGNALS:
-        raise InputError(f"{name}: no table over '{signal}'; known: {', '.join(SIGNALS)}.")
+        raise InputError(f"{name}: no table over {shown(signal)}; known: {', '.join(SIGNALS)}.")
     x, rows = _checked(name, points, values)
     if rows.shape[0] == 2 and signal == "w":
         raise InputError(f"{name}: a table over w covers both directions; give one row of values.")
@@ -128,12 +129,12 @@ def around(x: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _checked(name: str, points: ArrayLike, values: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    x, rows = np.array(points, dtype=float), np.atleast_2d(np.array(values, dtype=float))
+    x, rows = array(points, f"{name}: points"), np.atleast_2d(array(values, f"{name}: values"))
     if x.ndim != 1 or len(x) < 2 or not np.all(np.isfinite(x)) or np.any(np.diff(x) <= 0.0):
         raise InputError(f"{name}: points must be at least two increasing numbers.")
     if rows.ndim != 2 or len(rows) not in (1, 2) or rows.shape[1] != len(x):
         raise InputError(
-            f"{name}: values have the shape {np.shape(values)}; give one for each of the "
+            f"{name}: values have the shape {rows.shape}; give one for each of the "
             f"{len(x)} points, or two rows of them for the two directions of w."
         )
     if not np.all(np.isfinite(rows)):

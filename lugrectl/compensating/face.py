@@ -14,10 +14,11 @@ from numpy.typing import ArrayLike
 
 from ..blocks.controllers import MEASURED
 from ..blocks.observers import Gain
+from ..checks import shown
+from ..door import as_model, as_record
 from ..engine.adaptive import Diverged
 from ..errors import InputError
-from ..model import Model, Parameters
-from ..record import Record
+from ..model import Model
 from ..results import Table
 from ..simulation import simulate
 from ..spec import unit_for
@@ -32,9 +33,9 @@ WORSE = 1.05  # ratio above which the error counts as larger
 
 
 def compensate(
-    model: Model,
+    model: Any,
     *,
-    declared: Model | Parameters | None = None,
+    declared: Any = None,
     loop: str = "velocity",
     kp: float | None = None,
     ki: float | None = None,
@@ -45,7 +46,7 @@ def compensate(
     K2: Gain | None = None,
     gains: Mapping[str, Any] | None = None,
     reference: tuple[ArrayLike, ArrayLike] | None = None,
-    record: Record | None = None,
+    record: Any = None,
     table: Table | None = None,
 ) -> Compensation:
     """Tracking error with the compensation of the declared and of the augmented model.
@@ -57,9 +58,9 @@ def compensate(
 
     Parameters
     ----------
-    model : Model
+    model : Model, Parameters, dict or path
         The augmented model, ``diagnose(...).model``.
-    declared : Model or Parameters, optional
+    declared : Model, Parameters, dict or path, optional
         Default: ``model`` without its effects. Values that it does not give are those of
         ``model``.
     loop : "velocity" or "position"
@@ -80,7 +81,7 @@ def compensate(
         Times in s and the reference in rad/s or rad; the drive starts at rest at its first
         value. Default: a sine of the speed inside the range of ``record``, or of 1 rad/s at
         0.25 Hz.
-    record : Record, optional
+    record : Record, path, DataFrame or dict of arrays, optional
         For the default reference.
     table : Table, optional
         An unexplained torque that also acts on the drive. It is compensated "after", unless it
@@ -105,8 +106,12 @@ def compensate(
     or a second mass are not compensated. The error is that of the motion itself, not of the
     sensor signals.
     """
-    if loop not in MEASURED:
-        raise InputError(f"unknown loop '{loop}'; known: {', '.join(MEASURED)}.")
+    if not isinstance(loop, str) or loop not in MEASURED:
+        raise InputError(f"unknown loop {shown(loop)}; known: {', '.join(MEASURED)}.")
+    if not (table is None or isinstance(table, Table)):
+        raise InputError(f"table must be the table of a diagnosis, not {shown(table)}.")
+    model = as_model(model)
+    record = None if record is None else as_record(record, model.motion)
     bare = replace(model, effects=())
     before = bare if declared is None else _completed(declared, model)
     given = {"kp": kp, "ki": ki, "kd": kd}
@@ -152,9 +157,9 @@ def _value(model: Model, key: str) -> float:
     return value
 
 
-def _completed(declared: Model | Parameters, model: Model) -> Model:
+def _completed(declared: Any, model: Model) -> Model:
     """The declared model; values that it does not give are those of the augmented one."""
-    made = declared if isinstance(declared, Model) else Model.of(declared)
+    made = as_model(declared, "declared")
     known = model.known()
     return made.with_values({k: known.get(k) for k, v in made.values().items() if v is None})
 

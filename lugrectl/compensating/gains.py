@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..blocks.observers import Gain, observer_block
+from ..checks import number, positive, shown
 from ..design import Certificate, certify, design_gains
 from ..errors import InputError
 from ..model import Model
@@ -21,9 +22,8 @@ def controller(
     J s^3 + kd s^2 + kp s + ki, at -p."""
     names = ("kp", "ki") if kind == "velocity" else ("kp", "ki", "kd")
     if any(v is not None for v in given.values()):
-        return {k: float(given[k] or 0.0) for k in names}
-    if not (math.isfinite(p) and p > 0.0):
-        raise InputError(f"bandwidth = {p!r} must be a positive number of 1/s.")
+        return {k: 0.0 if given[k] is None else number(given[k], k) for k in names}
+    p = positive(p, "bandwidth", "1/s")
     if kind == "velocity":
         return {"kp": 2.0 * J * p, "ki": J * p**2}
     return {"kp": 3.0 * J * p**2, "ki": J * p**3, "kd": 3.0 * J * p}
@@ -37,6 +37,8 @@ def observer_gains(
     gains: Mapping[str, Any] | None,
 ) -> tuple[dict[str, Any], dict[str, Any], Certificate | None]:
     """Gains of the observer, the same as plain values, and the certificate."""
+    if not (gains is None or isinstance(gains, Mapping)):
+        raise InputError(f"gains must be a dict of numbers by name, not {shown(gains)}.")
     own = dict(gains or {})
     if name is None or observer_block(name).name != "proposed_observer":
         own |= {k: K for k, K in (("K1", K1), ("K2", K2)) if K is not None}

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..checks import array, shown
 from ..errors import InputError
 from ..record import Record
 
@@ -56,7 +57,9 @@ def course(
 
 
 def _given(given: tuple[ArrayLike, ArrayLike], kind: str) -> Course:
-    t, r = (np.array(x, dtype=float) for x in given)
+    if not isinstance(given, (list, tuple, np.ndarray)) or len(given) != 2:
+        raise InputError(f"reference must be a pair of times and values, not {shown(given)}.")
+    t, r = (array(x, f"reference: {what}") for x, what in zip(given, ("t", "r"), strict=True))
     if t.ndim != 1 or t.shape != r.shape or len(t) < 3 or not np.all(np.isfinite([t, r])):
         raise InputError("reference must be (t, r): at least 3 finite times and as many values.")
     if np.any(np.diff(t) <= 0.0):

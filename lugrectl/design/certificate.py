@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..checks import number
 from ..errors import InputError
-from .dynamics import Drive, drive, error_matrices, number, slowest_pole
+from .dynamics import Drive, drive, error_matrices, slowest_pole
 
 MATCHED = "the observer's parameters and J are those of the drive, and no load torque d acts"
 ANY_MOTION = "valid for every w(t), bounded or not, and every torque u"

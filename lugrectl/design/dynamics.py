@@ -15,6 +15,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..checks import number
+from ..door import values_of
 from ..errors import InputError
 
 NAMES = ("J", "sigma0", "sigma1", "Fc", "Fs", "vs")
@@ -49,7 +51,8 @@ def drive(p: Any) -> Drive:
     InputError
         When one is missing, not a finite number, or not positive (sigma1 may be 0).
     """
-    have = p.values() if hasattr(p, "with_values") else {k: getattr(p, k, None) for k in NAMES}
+    p = values_of(p)
+    have = {k: getattr(p, k, None) for k in NAMES}
     missing = [k for k in NAMES if have.get(k) is None]
     if missing:
         raise InputError(f"the observer's gains need {', '.join(missing)}: give a LuGre model.")
@@ -58,23 +61,6 @@ def drive(p: Any) -> Drive:
         if value < 0.0 or (value == 0.0 and k != "sigma1"):
             raise InputError(f"{k} = {value:g}: the observer's error system needs {k} > 0.")
     return Drive(**found)
-
-
-def number(value: Any, name: str) -> float:
-    """A finite float, or an InputError that names the value."""
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
-        raise InputError(f"{name} must be a number, not {value!r}.")
-    if not math.isfinite(value):
-        raise InputError(f"{name} must be finite, not {value}.")
-    return float(value)
-
-
-def positive(value: Any, name: str) -> float:
-    """A finite float above 0, or an InputError that names the value."""
-    made = number(value, name)
-    if made <= 0.0:
-        raise InputError(f"{name} = {made:g} must be positive.")
-    return made
 
 
 def error_matrices(p: Any, K1: float, K2: float) -> tuple[np.ndarray, np.ndarray]:

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..blocks.friction import level
+from ..checks import array, positive
 from ..errors import InputError
-from .dynamics import drive, positive
+from .dynamics import drive
 
 CELLS = 2000  # resolution of the search for a window
 CLOSE = 1e-3  # a shorter window is preferred at this relative cost
@@ -140,7 +141,7 @@ def natural_decay(p: Any, w: ArrayLike, t: ArrayLike) -> np.ndarray:
 
 
 def _series(t: ArrayLike, w: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    t, w = np.asarray(t, dtype=float), np.asarray(w, dtype=float)
+    t, w = array(t, "t"), array(w, "w")
     if t.ndim != 1 or t.shape != w.shape or len(t) < 2:
         raise InputError(f"w and t must be two lists of one length, not {w.shape} and {t.shape}.")
     if not (np.all(np.isfinite(t)) and np.all(np.isfinite(w))):

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..blocks.friction import level
+from ..checks import positive, shown
 from ..errors import InputError
 from .certificate import (
     ANY_MOTION,
@@ -17,7 +18,7 @@ from .certificate import (
     constant_certificate,
     lyapunov,
 )
-from .dynamics import Drive, drive, positive, slowest_pole
+from .dynamics import Drive, drive, slowest_pole
 
 
 @dataclass(frozen=True)
@@ -106,8 +107,8 @@ def design_gains(p: Any, method: str = "constant", **choices: float) -> Design:
     bracket), AB, K3_new. For the same constant gains :func:`certify` may find a faster decay at
     every speed, because it is not limited to the paper's V.
     """
-    if method not in _METHODS:
-        raise InputError(f"unknown method {method!r}; known: {', '.join(_METHODS)}.")
+    if not isinstance(method, str) or method not in _METHODS:
+        raise InputError(f"unknown method {shown(method)}; known: {', '.join(_METHODS)}.")
     build, allowed = _METHODS[method]
     for key in choices:
         if key not in allowed:

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from .. import arguments
 from ..blocklist import together, wired
+from ..checks import shown
 from ..engine.hybrid import state_labels
 from ..errors import InputError
 
@@ -31,8 +33,7 @@ class Face:
                 labels = tuple(net.outside), tuple(net.signals), tuple(state_labels(net))
                 return cls(list(system), net.name, *labels, sampled=True)
             system = together(system)
-        if None in (system.nstates, system.ninputs, system.noutputs):
-            raise InputError(f"{system.name}: give its inputs=, outputs= and states= in ct.nlsys.")
+        system = arguments.system(system)
         labels = system.input_labels, system.output_labels, system.state_labels
         inputs, outputs, states = map(tuple, labels)
         return cls(system, system.name, inputs, outputs, states, system.isdtime(strict=True))
@@ -40,7 +41,10 @@ class Face:
     def chosen(self, what: str, names: Sequence[str] | str | None) -> tuple[str, ...]:
         """The names of outputs or states (``what``), all for None; InputError if one is unknown."""
         has = self.outputs if what == "output" else self.states
-        chosen = tuple(has if names is None else [names] if isinstance(names, str) else names)
+        try:
+            chosen = tuple(has if names is None else [names] if isinstance(names, str) else names)
+        except TypeError:
+            raise InputError(f"{what}s must be a list of names, not {shown(names)}.") from None
         unknown = [name for name in chosen if name not in has]
         if unknown:
             there = ", ".join(has) or "none"

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import arguments
+from ..checks import array, shown
 from ..engine.adaptive import Adaptive
 from ..engine.batch import Portable
 from ..engine.compiled import compiled
@@ -89,7 +90,10 @@ def prepare(
     reduce: Callable[..., Any] | None,
 ) -> Prepared:
     """Check the arguments and trace the system. Raises InputError."""
+    rtol = arguments.settings(rtol, hold)
     times, columns, face = arguments.times(t), table.columns(params), Face.of(system)
+    if reduce is not None and not callable(reduce):
+        raise InputError(f"reduce must be a function of t and y, not {shown(reduce)}.")
     given = inputs
     if not callable(inputs):
         given = arguments.inputs(face.name, face.inputs, times, inputs)
@@ -197,8 +201,8 @@ def _engine(system: Any, columns: Mapping[str, np.ndarray]) -> tuple[Adaptive, d
 
 def _starts(face: Face, x0: Any) -> np.ndarray:
     try:
-        rows: Any = np.asarray(0.0 if x0 is None else x0, dtype=float)
-    except (TypeError, ValueError):  # parts, as python-control takes them
+        rows: Any = array(0.0 if x0 is None else x0, "x0")
+    except InputError:  # parts, as python-control takes them
         rows = np.zeros(1)
     if rows.ndim != 2:
         return arguments.start(face.name, len(face.states), 0.0 if x0 is None else x0)[None]

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .. import checks
 from ..engine.load import threads
 from ..errors import InputError
 from ..jobs import JobError, Progress, run_jobs
@@ -188,8 +189,12 @@ def _blocks(
 ) -> Generator[tuple[range, Block | JobError]]:
     """Check the arguments at once; then yield each task's members with their answers."""
     for name, number in (("jobs", jobs), ("chunk", chunk)):
-        if number is not None and (int(number) != number or number < 1):
-            raise InputError(f"{name} must be a whole number >= 1, not {number!r}.")
+        if number is not None:
+            checks.whole(number, name, 1)
+    if executor is not None and not hasattr(executor, "submit"):
+        raise InputError(
+            f"executor must be a concurrent.futures.Executor, not {checks.shown(executor)}."
+        )
     compiled = isinstance(made.plan.solver, Traced) and made.plan.solver.portable.backend == "numba"
     if not made.carried:
         executor, jobs = None, 1

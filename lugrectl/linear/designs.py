@@ -9,6 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lugrectl.checks import array as numbers
+from lugrectl.checks import shown
+from lugrectl.door import values_of
 from lugrectl.errors import InputError
 
 from . import closed_forms as forms
@@ -83,8 +86,9 @@ def check_designs(
     Raises InputError for another loop or level, shapes that do not fit, values that are not
     finite or out of range, and a velocity loop with J + kd <= 0.
     """
-    if loop not in ("velocity", "position"):
-        raise InputError(f"loop must be 'velocity' or 'position', not {loop!r}.")
+    if not isinstance(loop, str) or loop not in ("velocity", "position"):
+        raise InputError(f"loop must be 'velocity' or 'position', not {shown(loop)}.")
+    p = values_of(p)
     given = [getattr(p, name, None) for name in NAMES[:3]] + [kp, ki, kd, K2]
     parts = [_array(value, name) for value, name in zip(given, NAMES, strict=True)]
     try:
@@ -97,10 +101,7 @@ def check_designs(
 
 
 def _array(value: Any, name: str) -> NDArray[np.float64]:
-    try:
-        array = np.asarray(value, float)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} is {value!r}, but numbers are needed.") from None
+    array = numbers(value, name)
     if not np.all(np.isfinite(array)):
         raise InputError(f"{name} holds a value that is not a finite number.")
     return array

@@ -56,6 +56,14 @@ def derivative(a: Poly) -> Poly:
     return poly(i * c for i, c in enumerate(a) if i)
 
 
+def at(a: Poly, x: Fraction | int) -> Fraction | int:
+    """a(x)."""
+    value: Fraction | int = 0
+    for c in reversed(a):
+        value = value * x + c
+    return value
+
+
 def primitive(a: Poly) -> tuple[int, ...]:
     """A positive multiple of a with coprime integer coefficients."""
     if not a:

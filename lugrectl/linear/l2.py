@@ -6,11 +6,24 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
+import control as ct
 import numpy as np
 
+from lugrectl.door import values_of
 from lugrectl.errors import InputError
 
-from .transfer import number, parameter, to_float
+from .exact import (
+    add,
+    at,
+    derivative,
+    hurwitz,
+    mul,
+    odd_roots,
+    positive_roots,
+    real_product,
+    scale,
+)
+from .transfer import Transfer, number, parameter, read_transfer, to_float
 from .verdict import Verdict
 
 
@@ -33,8 +46,8 @@ class L2Verdict(Verdict):
         return bool(np.isfinite(self.gain))
 
 
-def l2_check(p: Any, K2: float) -> L2Verdict:
-    """L2 gain of G(s) = (J s + K2)/(sigma1 s + sigma0).
+def l2_check(p: Any, K2: float | None = None) -> L2Verdict:
+    """L2 gain of G(s) = (J s + K2)/(sigma1 s + sigma0), or of a transfer function.
 
     The pole is -sigma0/sigma1 for every K2: K2 moves the zero only, so no sign of K2 makes G
     unstable. |G(jw)|^2 = (K2^2 + J^2 w^2)/(sigma0^2 + sigma1^2 w^2) is monotone in w, so for
@@ -55,14 +68,48 @@ def l2_check(p: Any, K2: float) -> L2Verdict:
 
     Parameters
     ----------
-    p : any object with attributes J (N m s^2/rad), sigma0 (N m/rad), sigma1 (N m s/rad)
-    K2 : observer gain in N m s/rad
+    p : any object with attributes J (N m s^2/rad), sigma0 (N m/rad), sigma1 (N m s/rad), or a
+        model; or a transfer function T(s) as for ``spr_check``, whose own gain is then the
+        answer, the largest |T(jw)| where T is stable and proper
+    K2 : observer gain in N m s/rad; left out with a transfer function
 
     Raises InputError for values that are not finite numbers and for sigma0 = sigma1 = 0.
     """
+    if isinstance(p, ct.TransferFunction | ct.StateSpace | tuple | list):
+        if K2 is not None:
+            raise InputError("K2 goes with a drive's parameters: leave it out beside T(s).")
+        return gain_of(read_transfer(p))
+    if K2 is None:
+        raise InputError("l2_check needs K2, the observer's gain in N m s/rad.")
+    p = values_of(p)
     J, sigma0, sigma1 = (parameter(p, name) for name in ("J", "sigma0", "sigma1"))
     gain, frequency, reason = _gain(J, number(K2, "K2"), sigma0, sigma1)
     return L2Verdict(gain, frequency, reason, _meaning(gain, J, sigma0, sigma1))
+
+
+def gain_of(T: Transfer) -> L2Verdict:
+    """The L2 gain of T(s): sup |T(jw)|, infinite where T is not stable or not proper.
+
+    |T(jw)|^2 = N(x)/D(x), x = w^2, is largest at w = 0, as w grows, or where N'D - N D' changes
+    its sign; these places are isolated exactly.
+    """
+    num, den, cancelled = T
+    inf, nothing = float("inf"), "nothing follows for the output of an input in L2"
+    if not hurwitz(den) or not hurwitz(cancelled):
+        return L2Verdict(inf, float("nan"), "T(s) is not stable", nothing)
+    if len(num) > len(den):
+        return L2Verdict(inf, inf, "T(s) is improper: |T| grows with w without bound", nothing)
+    N, D = real_product(num, num), real_product(den, den)
+    slope = add(mul(derivative(N), D), scale(mul(N, derivative(D)), -1))
+    places = [Fraction(0), *map(Fraction, positive_roots(odd_roots(slope)))] if slope else [0]
+    size = {to_float(Fraction(x)) ** 0.5: Fraction(at(N, x)) / at(D, x) for x in places}
+    if len(num) == len(den):
+        size.setdefault(inf, Fraction(N[-1]) / D[-1])
+    frequency = max(size, key=lambda w: size[w])
+    gain = to_float(size[frequency]) ** 0.5
+    where = "as w grows" if frequency == inf else f"at w = {frequency:.6g} rad/s"
+    meaning = f"||y||_2 <= {gain:.6g} ||u||_2 from rest"
+    return L2Verdict(gain, frequency, f"|T(jw)| is largest {where}: {gain:.6g}", meaning)
 
 
 def _gain(J: Fraction, K2: Fraction, s0: Fraction, s1: Fraction) -> tuple[float, float, str]:

@@ -9,6 +9,7 @@ from typing import Any
 
 import control as ct
 
+from lugrectl.door import values_of
 from lugrectl.errors import InputError
 
 from .controller import Controller, read_controller
@@ -143,6 +144,7 @@ def closed_den(J: Fraction, order: int, C: Controller) -> Poly:
 
 
 def _error_T(p: Any, order: int, C: Controller) -> LoopT:
+    p = values_of(p)
     J, sigma0, sigma1 = (parameter(p, name) for name in ("J", "sigma0", "sigma1"))
     loop = Loop(J, sigma0, sigma1, order, C)
     T = LoopT(*rounded(*loop.T()))
@@ -154,7 +156,7 @@ def _reference_tf(
     p: Any, order: int, C: Controller, prefilter: bool | float, output: str
 ) -> ct.TransferFunction:
     num = mul(C.on_error[0], C.derivative[1])
-    den = closed_den(parameter(p, "J"), order, C)
+    den = closed_den(parameter(values_of(p), "J"), order, C)
     if prefilter is not False and prefilter is not None:
         pole = number(2 if prefilter is True else prefilter, "prefilter")
         if pole <= 0:

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import control as ct
 import numpy as np
 
+from lugrectl.checks import shown
 from lugrectl.errors import InputError
 
 from .exact import Poly, divide, gcd, poly
@@ -41,7 +42,8 @@ def number(value: Any, what: str) -> Fraction:
             return Fraction(int(value.numerator), int(value.denominator))
         return Fraction(value if isinstance(value, Decimal) else float(value))
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{what} is {value!r}, but a finite real number is needed.") from None
+        said = f"{what} is {shown(value)}, but a finite real number is needed."
+        raise InputError(said) from None
 
 
 def to_float(value: Fraction) -> float:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from ..checks import as_path, positive, shown
 from ..errors import InputError
 from ..provenance import SourceFile
+from .arrays import is_table, table_of
 from .audit import audit, consistent, unwrapped
 from .columns import Choice, choose_columns
 from .readers import read_table
@@ -46,7 +48,7 @@ def parse_pairs(text: str, what: str) -> dict[str, str]:
 
 
 def read_record(
-    path: str | Path,
+    path: Any,
     *,
     columns: Mapping[str, str] | str | None = None,
     units: Mapping[str, str] | str | None = None,
@@ -58,6 +60,9 @@ def read_record(
 
     Parameters
     ----------
+    path : a path; or the columns themselves: a dict of arrays or a pandas DataFrame, whose names
+        may carry units as in a file, ``w [rpm]``. If no column is t, the index of a DataFrame is
+        taken for it where it holds times or is named t or time. A Record is returned unchanged.
     columns : role -> name of the column, for columns not named by their role.
     units : role -> unit, in place of the unit in the header; without any unit, SI is assumed.
     scale : role -> factor on the raw value, before the unit; needed for A, V, % and counts.
@@ -71,11 +76,13 @@ def read_record(
     InputError : the file or an argument cannot be read or understood.
     Refused : the record is readable but not usable (see ``timebase`` and ``audit``).
     """
+    if isinstance(path, Record):
+        return _as_it_is(path, columns=columns, units=units, scale=scale, rate=rate)
     named, stated = _pairs(columns, "columns"), _pairs(units, "units")
     factors = _factors(scale)
-    if rate is not None and not (np.isfinite(rate) and rate > 0):
-        raise InputError(f"--rate must be a positive number of Hz, not {rate}.")
-    table, file = read_table(path), SourceFile.of(path)
+    rate = None if rate is None else positive(rate, "rate", "Hz")
+    file = None if is_table(path) else SourceFile.of(as_path(path, "record"))
+    table = table_of(path, named) if is_table(path) else read_table(as_path(path, "record"))
     choices, said = choose_columns(table, named, need_time=rate is None)
     _check_used(table.source, choices, stated, factors)
     found = {c.role: _unit(table, c, stated, factors) for c in choices}
@@ -90,6 +97,13 @@ def read_record(
         channels[choice.role] = _si(values, found[choice.role], factors.get(choice.role))
     labels = {role: unit.name if unit else None for role, unit in found.items()}
     return replace(_assembled(table, channels, labels, rate, drive, said), file=file)
+
+
+def _as_it_is(record: Record, **options: Any) -> Record:
+    for what, value in options.items():
+        if value is not None:
+            raise InputError(f"{what} is for a log that is still to be read, not for a Record.")
+    return record
 
 
 def _si(values: np.ndarray, unit: Unit | None, factor: float | None) -> np.ndarray:
@@ -138,13 +152,27 @@ def _known_roles(given: Mapping[str, object], what: str) -> None:
 def _pairs(given: Mapping[str, str] | str | None, what: str) -> dict[str, str]:
     if isinstance(given, str):
         return parse_pairs(given, what)
-    pairs = {role: str(value) for role, value in (given or {}).items()}
+    _is_mapping(given, what)
+    pairs = {str(role): str(value) for role, value in (given or {}).items()}
     _known_roles(pairs, what)
     return pairs
 
 
+def _is_mapping(given: Any, what: str) -> None:
+    if not (given is None or isinstance(given, (str, Mapping))):
+        raise InputError(
+            f"{what} must be a dict by role, such as {{'u': ...}}, or a text, u=..., "
+            f"not {shown(given)}."
+        )
+
+
 def _factors(given: Mapping[str, float] | str | None) -> dict[str, float]:
-    pairs = parse_pairs(given, "scale") if isinstance(given, str) else dict(given or {})
+    _is_mapping(given, "scale")
+    pairs: dict[str, Any] = (
+        parse_pairs(given, "scale")
+        if isinstance(given, str)
+        else {str(role): factor for role, factor in (given or {}).items()}
+    )
     _known_roles(pairs, "scale")
     factors = {}
     for role, text in pairs.items():
@@ -188,8 +216,8 @@ def _unit(
 
 def _motion(source: str, found: Mapping[str, Unit | None], given: str | None) -> str:
     """Return the kind of drive that the units belong to; units of both kinds are an error."""
-    if given not in (None, "rotary", "linear"):
-        raise InputError(f"motion must be 'rotary' or 'linear', not '{given}'.")
+    if not (given is None or (isinstance(given, str) and given in _FAST)):
+        raise InputError(f"motion must be 'rotary' or 'linear', not {shown(given)}.")
     kinds = {role: unit for role, unit in found.items() if unit and unit.motion}
     for role, unit in kinds.items():
         for other, its in kinds.items():

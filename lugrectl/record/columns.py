@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ..errors import InputError
@@ -56,7 +56,7 @@ def choose_columns(
     doubtful: dict[str, list[int]] = {}
     for role in (r for r in ROLES if r not in named):
         free = [i for i in range(len(table.names)) if i not in taken]
-        fits, implied = _fitting(table, role, free)
+        fits, implied = _fitting(table.names, role, free)
         if len(fits) == 1:
             choices[role] = Choice(role, fits[0], implied)
         elif fits:
@@ -81,20 +81,25 @@ def _named(table: Table, role: str, name: str) -> Choice:
     return Choice(role, fits[0], USUAL_NAMES[role].get(table.names[fits[0]].lower()))
 
 
-def _fitting(table: Table, role: str, free: list[int]) -> tuple[list[int], str | None]:
-    """Return the columns that may be the role (best match only), and their implied unit."""
-    own = [i for i in free if table.names[i] == role]
+def fits_role(names: Sequence[str], role: str) -> bool:
+    """True if a column of these names may be the role."""
+    return bool(_fitting(names, role, range(len(names)))[0])
+
+
+def _fitting(names: Sequence[str], role: str, free: Sequence[int]) -> tuple[list[int], str | None]:
+    """Return the columns that may be the role, best match only, and their implied unit."""
+    own = [i for i in free if names[i] == role]
     if not own and len(role) > 1:
-        own = [i for i in free if table.names[i].lower() == role]
+        own = [i for i in free if names[i].lower() == role]
     if not own and role in ("u", "w"):
-        own = [i for i in free if table.names[i] == role.upper()]
+        own = [i for i in free if names[i] == role.upper()]
     if own:
         return own, None
     usual = USUAL_NAMES[role]
-    exact = [i for i in free if table.names[i].lower() in usual]
+    exact = [i for i in free if names[i].lower() in usual]
     if exact:
-        return exact, usual[table.names[exact[0]].lower()]
-    loose = {i: _key(table.names[i], usual) for i in free}
+        return exact, usual[names[exact[0]].lower()]
+    loose = {i: _key(names[i], usual) for i in free}
     fits = [i for i, key in loose.items() if key is not None]
     return fits, usual[loose[fits[0]] or ""] if fits else None
 

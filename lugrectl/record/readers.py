@@ -22,11 +22,11 @@ def read_table(path: str | Path) -> Table:
     Raises InputError if the file is missing, a directory, empty or of an unknown format.
     """
     path = Path(path)
-    if path.is_dir():
-        raise InputError(f"{path} is a directory; name the file with the record.")
-    if not path.exists():
-        raise InputError(f"{path}: no such file.")
     try:
+        if path.is_dir():
+            raise InputError(f"{path} is a directory; name the file with the record.")
+        if not path.exists():
+            raise InputError(f"{path}: no such file.")
         with path.open("rb") as file:
             head = file.read(512)
     except OSError as error:

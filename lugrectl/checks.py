@@ -1,0 +1,149 @@
+"""Single values that a user gives: numbers, whole numbers, arrays, paths."""
+
+from __future__ import annotations
+
+import math
+import numbers
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .errors import InputError
+
+_LONG = 60  # characters of a value that a sentence repeats
+_PLAIN = (str, bytes, int, float, complex, list, tuple, dict, set, type(None), np.generic)
+
+
+def shown(value: Any) -> str:
+    """A value in a sentence: itself where it is short, else what it is."""
+    kind = type(value).__name__
+    if callable(value):
+        return f"the function {getattr(value, '__name__', kind)}"
+    if isinstance(value, np.ndarray) and value.size > 4:
+        return f"an array of shape {value.shape}"
+    if isinstance(value, (*_PLAIN, np.ndarray)):
+        try:
+            text = " ".join(repr(value).split())
+        except ValueError:  # Python writes no whole number of more than 4300 digits
+            return "a whole number of thousands of digits"
+        return text if len(text) <= _LONG else f"{text[: _LONG - 4]} ..."
+    return f"{'an' if kind[:1].lower() in 'aeiou' else 'a'} {kind}"
+
+
+def real(value: Any) -> float | None:
+    """A real number as a float, NumPy's and an array of no dimension too; None for all else.
+
+    A whole number that no float holds is None; inf and nan are numbers here.
+    """
+    if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
+        value = value.item()
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        return None
+    try:
+        return float(value)
+    except OverflowError:
+        return None
+
+
+def number(value: Any, name: str) -> float:
+    """A finite float; InputError names the argument."""
+    made = real(value)
+    if made is None:
+        raise InputError(f"{name} must be a number, not {shown(value)}.")
+    if not math.isfinite(made):
+        raise InputError(f"{name} must be finite, not {made}.")
+    return made
+
+
+def positive(value: Any, name: str, unit: str = "") -> float:
+    """A finite float above 0; InputError names the argument."""
+    made = real(value)
+    if made is None or not (math.isfinite(made) and made > 0.0):
+        of = f" of {unit}" if unit else ""
+        raise InputError(f"{name} must be a positive number{of}, not {shown(value)}.")
+    return made
+
+
+def whole(value: Any, name: str, least: int = 0) -> int:
+    """A whole number from ``least`` on; InputError names the argument."""
+    made = real(value)
+    if made is None or not made.is_integer() or made < least:
+        raise InputError(f"{name} must be a whole number from {least} on, not {shown(value)}.")
+    return int(value)
+
+
+def flag(value: Any, name: str) -> bool:
+    """True or False; InputError names the argument."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise InputError(f"{name} must be True or False, not {shown(value)}.")
+    return bool(value)
+
+
+def array(value: Any, name: str) -> np.ndarray:
+    """A new float64 array of any shape; InputError for text, complex numbers or ragged lists.
+
+    A masked sample is nan.
+    """
+    try:
+        if isinstance(value, np.ma.MaskedArray):
+            value = np.ma.filled(value.astype(float), np.nan)
+        made = np.asarray(value)
+        if made.dtype.kind == "O":  # float() takes text and complains of what is no number
+            if any(isinstance(item, (str, bytes)) for item in made.flat):
+                raise TypeError
+        elif made.dtype.kind not in "biuf":
+            raise TypeError
+        return np.array(made, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise InputError(f"{name} must be real numbers, not {_what(value)}.")
+
+
+def _what(value: Any) -> str:
+    """What stands in place of an array of numbers."""
+    try:
+        made = np.asarray(value)
+    except ValueError:
+        return f"a list of unequal parts, {shown(value)}"
+    if made.dtype.kind == "c":
+        return "complex ones"
+    return f"an array of {made.dtype}" if made.ndim and made.size > 4 else shown(value)
+
+
+def within(value: Any, name: str, p: Any) -> float:
+    """A value that a parameter declared as p can have; infinite only where p is neutral there."""
+    made = real(value)
+    if made is None or math.isnan(made):
+        raise InputError(f"{name} must be a number, not {shown(value)}.")
+    if math.isinf(made) and made != p.neutral:
+        raise InputError(f"{name} must be finite, not {made}.")
+    if not p.low <= made <= p.high:
+        raise InputError(f"{name} = {made:g} lies outside [{p.low:g}, {p.high:g}] {p.unit}.")
+    if p.choices and made not in p.choices:
+        known = " or ".join(f"{c:g}" for c in p.choices)
+        raise InputError(f"{name} = {made:g} must be {known}.")
+    return made
+
+
+def one_name(value: Any) -> str:
+    """The name of a block; python-control allows no dot in it."""
+    if not isinstance(value, str) or not value or "." in value:
+        raise InputError(f"name must be a text without dots, not {shown(value)}.")
+    return value
+
+
+def names(value: Any, what: str) -> list[str]:
+    """A list of names, or one; InputError names the argument."""
+    made = [value] if isinstance(value, str) else value
+    if not isinstance(made, (list, tuple)) or not all(isinstance(name, str) for name in made):
+        raise InputError(f"{what} must be a name or a list of names, not {shown(value)}.")
+    return list(made)
+
+
+def as_path(value: Any, name: str) -> Path:
+    """A path; InputError for what is no name of a file."""
+    if not isinstance(value, (str, os.PathLike)) or "\0" in str(value):
+        raise InputError(f"{name} must be the path of a file, not {shown(value)}.")
+    return Path(value)
