@@ -141,7 +141,10 @@ def test_a_loop_that_runs_away_is_named():
             lambda t: simulate_sampled(lg.plant(P), [lg.compensation()], t),
             "connected by signal names",
         ),
-        (lambda t: simulate_sampled(integrator(), [gain(1.0)], t, {"q": 1.0}), "no external input 'q'"),
+        (
+            lambda t: simulate_sampled(integrator(), [gain(1.0)], t, {"q": 1.0}),
+            "no external input 'q'",
+        ),
         (lambda t: simulate_sampled(integrator(), [gain(1.0)], t, [t, t]), "2 were given"),
         (lambda t: simulate_sampled(integrator(), [gain(1.0)], t, t[1:]), "input r must be"),
         (lambda t: simulate_sampled(integrator(), [gain(1.0)], t, delay=-1), "delay"),
