@@ -240,7 +240,7 @@ def test_wrong_shapes_are_said(backend: str) -> None:
     p, u = lanes.defaults[None], np.zeros((10, 2))
     with pytest.raises(InputError, match="x0 needs the columns theta, w, z"):
         lanes.run(np.zeros((1, 2)), 0, 10, u, p, dt=DT)
-    with pytest.raises(InputError, match="start must lie between 0 and 5"):
+    with pytest.raises(InputError, match="start must be between 0 and 5"):
         lanes.run(np.zeros((1, 3)), 6, 5, u, p, dt=DT)
     with pytest.raises(InputError, match="u needs the columns u, d"):
         lanes.run(np.zeros((1, 3)), 0, 5, u[:, :1], p, dt=DT)
