@@ -232,13 +232,11 @@ def _with_entry(model: Model, entry: Any, where: str) -> Model:
         raise InputError(f"{where} must be a table with a name, not {shown(entry)}.")
     if "name" not in entry:
         raise InputError(f'{where} needs a name, such as name = "gravity".')
-    name = entry["name"]
-    label = f"{where} {name}" if isinstance(name, str) else where
-    use = _part(name, "effect", entry, label, "effect")
+    use = _part(entry["name"], "effect", entry, where, "effect")
     twin = next((part for part in model.effects if _alike(part, use)), None)
     if twin is not None:
         raise InputError(
-            f"{label} is declared twice, and no record can distinguish the two: keep one of them."
+            f"{where} {use.block.name} is declared twice, and no record can distinguish the two: keep one of them."
         )
     return model.with_effect(use.block.name, use.values)
 
@@ -258,6 +256,7 @@ def _alike(one: Part, other: Part) -> bool:
 
 def _part(name: Any, kind: str, entry: Any, where: str, what: str) -> Part:
     made = block_named(kind, name, where=where, what=what)
+    where = f"{where} {name}" if kind == "effect" else where
     tag = "model" if what == "friction model" else "name"
     _known(entry, (tag, *made.own), where)
     values = {

@@ -145,7 +145,7 @@ def test_what_is_asked_wrongly_is_said_before_any_work(logs, job):
         lg.diagnose_each(logs, MODEL, horizn=1.0)
     with pytest.raises(InputError, match="no record"):
         lg.diagnose_each([], MODEL)
-    with pytest.raises(InputError, match=">= 1"):
+    with pytest.raises(InputError, match="jobs must be a whole number"):
         lg.diagnose_each(logs, MODEL, jobs=0)
     assert not job.calls
 
