@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -12,9 +12,10 @@ from .blas import one_blas_thread
 from .friction_map import diagnose_map
 from .model import Model
 from .record import Record
-from .results import Diagnosis, Finding, Table, Traces
+from .results import Diagnosis, Finding, Table
 from .steady.points import is_map
-from .tracing.evaluate import Judged, missing_torque
+from .traces import traces
+from .tracing.evaluate import missing_torque
 from .tracing.explain import (
     Explanation,
     behind_a_filter,
@@ -45,7 +46,6 @@ from .tracing.rest import signals_of_the_rest
 from .tracing.structure import colour
 from .tracing.surprise import beyond_doubt, misled, openings, surprising, undated, when
 from .tracing.tabulate import tabulate
-from .tracing.windows import windows
 from .tracing.witness import statements
 
 TURNED = (
@@ -159,7 +159,7 @@ def diagnose(
         record=job.records[0],
         messages=job.messages,
         ranking=found.ranking,
-        traces=_traces(job, found.final, scored["judged"]),
+        traces=traces(job, found.final, scored["judged"]),
         table=table,
     )
 
@@ -330,27 +330,3 @@ def _experiment(verdict: str, effects: Sequence[Finding], depends: Sequence[str]
         advice = next((said for k, said in _ADVICE.items() if k in depends), _ADVICE["a"])
         return f"To see what it is: {advice}."
     return None
-
-
-def _traces(job: Job, final: Fitted, judged: Mapping[str, Judged | None]) -> Traces:
-    data, test = job.data, job.parts.test
-    n, at = len(data.t), test.counted
-    held_out = np.zeros(n, dtype=bool)
-    held_out[at] = True
-    simulated = {k: _placed(n, at, j.simulated) for k, j in judged.items() if j is not None}
-    train = job.parts.train
-    whole = windows(data.runs, train.burn, train.length)
-    residual = {}
-    for name, f in (("refitted", job.base), ("augmented", final)):
-        torque = missing_torque(f.predictor, f.values, whole, job.base.noise)
-        residual[name] = _placed(n, whole.counted, torque)
-    log = data.log
-    signals = {"t": log.t, "theta": log.theta, "w": log.w, "u": log.u, "a": log.a}
-    return Traces(data.t, data.measured, held_out, simulated, residual, signals)
-
-
-def _placed(n: int, at: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Values at their sample indices, nan elsewhere."""
-    whole = np.full(n, np.nan)
-    whole[at] = values
-    return whole

@@ -133,6 +133,8 @@ class Shown:
     def _repr_html_(self) -> str:
         rows = "\n".join(map(_html_row, self._rows()))
         title = html.escape(self._title())
+        if not rows:
+            return f"<div>{title}</div>"
         return f"<div><strong>{title}</strong>\n<table><tbody>\n{rows}\n</tbody></table></div>"
 
 

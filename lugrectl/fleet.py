@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import json
 import time
 import warnings
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
@@ -15,11 +14,13 @@ from multiprocessing import parent_process
 from pathlib import Path
 from typing import Any, cast
 
+from .display import Row, Shown
 from .errors import InputError, Refused
 from .jobs import JobError, run_jobs
 from .model import Model
+from .outputs import Result, library, plain
 from .record import Record, read_record
-from .results import VERDICTS, Diagnosis, plain
+from .results import VERDICTS, Diagnosis
 from .workers import Sent, one_thread_each, record_files
 
 FAILED = "failed"
@@ -28,8 +29,8 @@ Progress = Callable[[float, str], None]
 Logs = str | Path | Record | Iterable[str | Path | Record]
 
 
-@dataclass(frozen=True)
-class Outcome:
+@dataclass(frozen=True, repr=False)
+class Outcome(Shown):
     """What became of one log.
 
     ``document`` is the diagnosis as plain data, None where the log could not be read;
@@ -63,6 +64,14 @@ class Outcome:
             "message": self.reason or d.get("experiment"),
         }
 
+    def _title(self) -> str:
+        return f"Outcome {self.file}: {self.verdict}"
+
+    def _rows(self) -> Iterable[Row]:
+        effects = ", ".join(e["name"] for e in (self.document or {}).get("effects", ()))
+        rows = [Row("effects", effects), Row("reason", self.reason), Row("took", self.seconds, "s")]
+        return [row for row in rows if row.value]
+
     def summary(self) -> dict[str, Any]:
         """Plain Python, as in the JSON document."""
         return {
@@ -85,8 +94,8 @@ def _effect(found: Mapping[str, Any], verdict: str) -> dict[str, Any]:
     }
 
 
-@dataclass(frozen=True)
-class Fleet:
+@dataclass(frozen=True, repr=False)
+class Fleet(Result):
     """The answer of :func:`lugrectl.diagnose_each`, in the order of the logs.
 
     ``unfinished`` names the logs that an interrupt left out.
@@ -133,9 +142,32 @@ class Fleet:
             }
         )
 
-    def to_json(self) -> str:
-        """One JSON document (schema 1)."""
-        return json.dumps(self.summary(), indent=2, allow_nan=False)
+    def to_frame(self) -> Any:
+        """A DataFrame of :attr:`rows`, the effects as text; InputError without pandas."""
+        rows = [row | {"effects": "; ".join(e["name"] for e in row["effects"])}
+                | {"depends_on": ", ".join(row["depends_on"])} for row in self.rows]  # fmt: skip
+        return library("pandas").DataFrame(rows)
+
+    def save(self, folder: str | Path) -> list[Path]:
+        """Write index.html, summary.csv and a folder for each diagnosis that was kept.
+
+        Each of these holds report.html, report.json and, unless refused, model.toml. Returns the
+        paths of the index and the table. Raises InputError where nothing can be written.
+        """
+        from .report.fleet_page import write_all
+
+        return write_all(self, folder)
+
+    def _title(self) -> str:
+        counts = ", ".join(f"{n} {verdict}" for verdict, n in self.counts.items() if n)
+        return f"Fleet of {len(self.outcomes)}: {counts or 'none finished'}"
+
+    def _rows(self) -> Iterable[Row]:
+        rows = [Row("against", self.model.name)] if self.model else []
+        for verdict, count in self.counts.items():
+            files = [o.file for o in self.outcomes if o.verdict == verdict]
+            rows += [Row(verdict, files)] if count else []
+        return rows + ([Row("unfinished", self.unfinished)] if self.unfinished else [])
 
     def __str__(self) -> str:
         from .report.fleet_page import text

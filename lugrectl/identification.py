@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from .blas import one_blas_thread
-from .friction_map import Fits, begin_map, errors_of, estimates_of, final_model, messages_of
+from .display import Row, estimated
+from .friction_map import Fits, begin_map, errors_of, estimates_of, final_model, map_of, messages_of
 from .model import Model
+from .outputs import Fitted, plain
 from .record import Record
-from .results import Estimate, plain
+from .results import Estimate, FrictionMap, Traces
 from .steady.curve import refit
 from .steady.points import is_map
+from .traces import traces
 from .tracing.job import Progress, begin, compared, estimates, on_everything, score
 
 
-@dataclass(frozen=True)
-class Identification:
+@dataclass(frozen=True, repr=False)
+class Identification(Fitted):
     """Fitted parameters of the declared structure, with the errors before and after."""
 
     estimates: Mapping[str, Estimate]
@@ -26,6 +28,12 @@ class Identification:
     model: Model
     record: Record
     messages: tuple[str, ...]
+    declared: Model | None = None
+    traces: Traces | None = None
+    map: FrictionMap | None = None
+    verdict: ClassVar[str] = "identified"  # what reports and plots see: nothing was added
+    effects: ClassVar[tuple[()]] = ()
+    depends_on: ClassVar[tuple[()]] = ()
 
     def summary(self) -> dict[str, Any]:
         """Plain Python; never NaN or Infinity."""
@@ -41,9 +49,12 @@ class Identification:
             }
         )
 
-    def to_json(self) -> str:
-        """One JSON document (schema 1)."""
-        return json.dumps(self.summary(), indent=2, allow_nan=False)
+    def _title(self) -> str:
+        return f"Identification: {self.model.name}"
+
+    def _rows(self) -> Iterable[Row]:
+        rows = [estimated(k, e) for k, e in self.estimates.items()]
+        return [*rows, *self._error_rows(("declared", "refitted")), *self._last_rows()]
 
 
 @one_blas_thread()
@@ -67,21 +78,24 @@ def identify(
     """
     report: Progress = progress or (lambda fraction, what: None)
     if not isinstance(record, Record) and is_map(record):
-        return _map_identified(begin_map(record, model, holdout, report))
+        return _map_identified(begin_map(record, model, holdout, report), model)
     job = begin(record, model, holdout, horizon, report)
     whole = on_everything(job.base, job)
     job = compared(job, whole)
-    error = score(job, job.base)["error"]
+    scored = score(job, job.base)
+    error = scored["error"]
     return Identification(
         estimates=estimates(whole),
         error={k: v for k, v in error.items() if k != "augmented"},
         model=whole.predictor.model.with_values(whole.values),
         record=job.records[0],
         messages=job.messages,
+        declared=model,
+        traces=traces(job, job.base, scored["judged"]),
     )
 
 
-def _map_identified(fits: Fits) -> Identification:
+def _map_identified(fits: Fits, model: Model) -> Identification:
     """The declared friction fitted to all points of a map of runs at steady speed."""
     whole = refit(fits.base, fits.whole)
     error = errors_of(fits, fits.base)
@@ -91,4 +105,6 @@ def _map_identified(fits: Fits) -> Identification:
         model=final_model(fits, whole),
         record=fits.records[0],
         messages=messages_of(fits, whole),
+        declared=model,
+        map=map_of(fits, {"refitted": fits.base}),
     )

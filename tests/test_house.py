@@ -13,13 +13,13 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "lugrectl"
 STOREYS = [
-    {"blas", "errors", "spec", "arguments", "jobs"},
+    {"blas", "errors", "display", "outputs", "progress", "spec", "arguments", "jobs"},
     {"blocks", "model"},
     {"loops", "engine", "linear", "record", "design", "sampling"},
     {"simulation", "results", "mixed", "blocklist", "bristles", "ensemble"},
     {"tracing"},
     {"steady"},
-    {"friction_map"},
+    {"friction_map", "traces"},
     {"diagnosis", "identification", "fleet", "workers", "compensating"},
     {"report"},
     {"reproduce"},

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lugrectl.errors import InputError
+from lugrectl.outputs import Result
 
 from . import closed_forms as forms
 from .band import bandwidth_check, level_power
@@ -19,8 +20,8 @@ CHUNK = 8192  # designs at a time, so that the temporaries stay in the cache
 NAMES = ("J", "sigma0", "sigma1", "kp", "ki", "kd", "K2")
 
 
-@dataclass(frozen=True)
-class DesignChecks:
+@dataclass(frozen=True, repr=False)
+class DesignChecks(Result):
     """The checks of many designs, arrays of one shape.
 
     ``l2_gain``, ``l2_frequency`` as of ``l2_check``; ``classification`` an index into
@@ -33,6 +34,7 @@ class DesignChecks:
     classification: NDArray[np.int8]
     bandwidth: NDArray[np.float64]
     stable: NDArray[np.bool_]
+    _units = {"l2_gain": "s", "l2_frequency": "rad/s", "bandwidth": "rad/s"}
 
     @property
     def spr(self) -> NDArray[np.bool_]:

@@ -14,7 +14,7 @@ from .transfer import number, parameter, to_float
 from .verdict import Verdict
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class L2Verdict(Verdict):
     """Truthy iff the L2 gain is finite.
 
@@ -28,6 +28,7 @@ class L2Verdict(Verdict):
     frequency: float
     reason: str
     meaning: str
+    _units = {"gain": "s", "frequency": "rad/s"}
 
     def __bool__(self) -> bool:
         return bool(np.isfinite(self.gain))

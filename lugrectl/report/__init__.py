@@ -50,24 +50,29 @@ def _wrapped(line: str, indent: str, later: str | None = None) -> str:
     )
 
 
+def content(d: Any) -> dict[str, str]:
+    """The files of a report as text, by name; without model.toml where there is no model."""
+    made = {FILES[0]: html(d), FILES[1]: d.to_json() + "\n"}
+    model = getattr(d, "model", None)
+    return made if model is None else made | {FILES[2]: model_toml(model)}
+
+
 def write(d: Any, folder: str | Path) -> list[Path]:
-    """Write report.html, report.json and model.toml into a folder, all three or none.
+    """Write report.html, report.json and model.toml into a folder, all of them or none.
 
     The folder is made when it is missing; other files in it are left alone. Returns the paths.
-    Raises InputError when the folder cannot be written, or when ``d`` has no model (refused).
+    Of a refusal, which has no model, there is no model.toml. Raises InputError when the folder
+    cannot be written.
     """
-    folder = Path(folder)
-    if getattr(d, "model", None) is None:
-        raise InputError(f"{folder}: there is no model to write, so no report is written.")
-    content = dict(zip(FILES, (html(d), d.to_json() + "\n", model_toml(d.model)), strict=True))
+    folder, made = Path(folder), content(d)
     try:
-        write_together(content, folder)
+        write_together(made, folder)
     except OSError as error:
         raise InputError(
             f"{folder}: the report cannot be written there ({error.strerror or error}); "
             "choose another folder."
         ) from None
-    return [folder / name for name in FILES]
+    return [folder / name for name in made]
 
 
 def check_folder(folder: str | Path) -> None:
