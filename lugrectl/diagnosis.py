@@ -11,6 +11,7 @@ import numpy as np
 from .blas import one_blas_thread
 from .friction_map import diagnose_map
 from .model import Model
+from .progress import Wanted, reporter, shows_progress
 from .record import Record
 from .results import Diagnosis, Finding, Table
 from .steady.points import is_map
@@ -71,6 +72,7 @@ AT_ODDS = 0.5  # least colour of the innovations of both theta and w
 EARLY = 0.05  # s, lead-in where something happens in the first moments that is not seen later
 
 
+@shows_progress
 @one_blas_thread()
 def diagnose(
     record: Record | Sequence[Record],
@@ -79,7 +81,7 @@ def diagnose(
     holdout: str | Record | None = None,
     horizon: float = 1.0,
     seed: int = 0,
-    progress: Progress | None = None,
+    progress: Wanted = None,
 ) -> Diagnosis:
     """Find what physical effect a declared model lacks to explain a log.
 
@@ -108,8 +110,8 @@ def diagnose(
         Time between restarts of the simulation, s.
     seed : int
         For what is drawn at random: the resampled error of the table of what is left.
-    progress : callable
-        ``progress(fraction, what)``.
+    progress : callable, True, False or None
+        ``progress(fraction, what)``, or whether to show a bar. None: in Jupyter only.
 
     Returns
     -------
@@ -120,7 +122,7 @@ def diagnose(
     Refused
         When the record cannot answer.
     """
-    report = progress or (lambda fraction, what: None)
+    report = reporter(progress)
     if not isinstance(record, Record) and is_map(record):
         return diagnose_map(record, model, holdout=holdout, seed=seed, progress=report)
     answer = _answered(partial(begin, record, model, holdout, horizon, report), report)

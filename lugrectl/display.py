@@ -128,7 +128,7 @@ class Shown:
     def __repr__(self) -> str:
         rows = list(self._rows())
         wide = max((len(row.name) for row in rows), default=0)
-        return "\n".join([self._title(), *(_lines(row, wide) for row in rows)])
+        return "\n".join([_one_line(self._title()), *(_lines(row, wide) for row in rows)])
 
     def _repr_html_(self) -> str:
         rows = "\n".join(map(_html_row, self._rows()))
@@ -169,16 +169,22 @@ def brief(value: Any) -> str:
     if isinstance(value, complex):
         return f"{value:.4g}"
     if isinstance(value, Mapping):
-        return _several([f"{k} {brief(v)}" for k, v in value.items()])
+        return _several([f"{k} {brief(v)}" for k, v in value.items()], "; ")
     if isinstance(value, (tuple, list)):
         return _several([brief(v) for v in value])
-    said = " ".join(str(value).split()) if isinstance(value, str) else repr(value)
-    return said if isinstance(value, str) or len(said) <= 80 else type(value).__name__
+    if isinstance(value, str):
+        return _one_line(value)
+    said = repr(value)
+    return said if len(said) <= WIDTH and "\n" not in said else type(value).__name__
 
 
-def _several(said: list[str]) -> str:
+def _one_line(text: str) -> str:
+    return " ".join(text.split())
+
+
+def _several(said: list[str], between: str = ", ") -> str:
     more = f" and {len(said) - _MOST} more" if len(said) > _MOST else ""
-    return ", ".join(said[:_MOST]) + more or "none"
+    return between.join(said[:_MOST]) + more or "none"
 
 
 def _array(values: np.ndarray) -> str:

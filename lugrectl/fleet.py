@@ -19,6 +19,7 @@ from .errors import InputError, Refused
 from .jobs import JobError, run_jobs
 from .model import Model
 from .outputs import Result, library, plain
+from .progress import Wanted, reporter, shows_progress
 from .record import Record, read_record
 from .results import VERDICTS, Diagnosis
 from .workers import Sent, one_thread_each, record_files
@@ -180,13 +181,14 @@ class Fleet(Result):
         return fragment(self)
 
 
+@shows_progress
 def diagnose_each(
     records: Logs,
     model: Model,
     *,
     jobs: int = 1,
     executor: Executor | None = None,
-    progress: Progress | None = None,
+    progress: Wanted = None,
     keep: bool = True,
     **options: Any,
 ) -> Fleet:
@@ -207,8 +209,8 @@ def diagnose_each(
         ``if __name__ == "__main__":``); 1 works here and now.
     executor : concurrent.futures.Executor
         Carries the work instead (threads, Dask, MPI) and is not shut down.
-    progress : callable
-        ``progress(fraction, what)``, over all logs.
+    progress : callable, True, False or None
+        ``progress(fraction, what)`` over all logs, or whether to show a bar. None: in Jupyter only.
     keep : bool
         False keeps rows and documents only, not the diagnoses with their samples: for fleets
         larger than memory.
@@ -222,7 +224,13 @@ def diagnose_each(
         For an empty folder, a pattern without match, jobs below 1, another holdout.
     """
     return run_each(
-        records, model, jobs=jobs, executor=executor, progress=progress, keep=keep, **options
+        records,
+        model,
+        jobs=jobs,
+        executor=executor,
+        progress=reporter(progress),
+        keep=keep,
+        **options,
     )
 
 
@@ -306,7 +314,7 @@ class Task:
             seen.append(log)
             from .diagnosis import diagnose  # not needed for a log that cannot be read
 
-            return diagnose(log, model, progress=self.progress, **self.options)
+            return diagnose(log, model, progress=self.progress or False, **self.options)
         except Refused as no:
             return refusal(no, model, seen)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -11,12 +11,13 @@ from .display import Row, estimated
 from .friction_map import Fits, begin_map, errors_of, estimates_of, final_model, map_of, messages_of
 from .model import Model
 from .outputs import Fitted, plain
+from .progress import Wanted, reporter, shows_progress
 from .record import Record
 from .results import Estimate, FrictionMap, Traces
 from .steady.curve import refit
 from .steady.points import is_map
 from .traces import traces
-from .tracing.job import Progress, begin, compared, estimates, on_everything, score
+from .tracing.job import begin, compared, estimates, on_everything, score
 
 
 @dataclass(frozen=True, repr=False)
@@ -57,6 +58,7 @@ class Identification(Fitted):
         return [*rows, *self._error_rows(("declared", "refitted")), *self._last_rows()]
 
 
+@shows_progress
 @one_blas_thread()
 def identify(
     record: Record | Sequence[Record],
@@ -65,7 +67,7 @@ def identify(
     holdout: str | Record | None = None,
     horizon: float = 1.0,
     seed: int = 0,
-    progress: Callable[[float, str], None] | None = None,
+    progress: Wanted = None,
 ) -> Identification:
     """Fit the parameters of a declared model, without looking for missing effects.
 
@@ -76,7 +78,7 @@ def identify(
     Refused
         When the record cannot answer.
     """
-    report: Progress = progress or (lambda fraction, what: None)
+    report = reporter(progress)
     if not isinstance(record, Record) and is_map(record):
         return _map_identified(begin_map(record, model, holdout, report), model)
     job = begin(record, model, holdout, horizon, report)

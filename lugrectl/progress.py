@@ -54,6 +54,11 @@ def bar_for(wanted: Wanted) -> Bar:
     return Terminal(sys.stderr)
 
 
+def reporter(wanted: Wanted) -> Progress:
+    """The callable that :func:`shows_progress` gave a function; silent without it."""
+    return wanted if callable(wanted) else Bar()
+
+
 def in_notebook() -> bool:
     """Whether a Jupyter kernel runs this code; IPython on a terminal is none."""
     ipython = sys.modules.get("IPython")

@@ -17,6 +17,7 @@ from ..blocks.observers import Gain
 from ..engine.adaptive import Diverged
 from ..errors import InputError
 from ..model import Model, Parameters
+from ..progress import Progress, Wanted, reporter, shows_progress
 from ..record import Record
 from ..results import Table
 from ..simulation import simulate
@@ -31,6 +32,7 @@ from .wiring import OUTPUTS, Task, closed
 WORSE = 1.05  # ratio from which the error counts as larger
 
 
+@shows_progress
 def compensate(
     model: Model,
     *,
@@ -47,6 +49,7 @@ def compensate(
     reference: tuple[ArrayLike, ArrayLike] | None = None,
     record: Record | None = None,
     table: Table | None = None,
+    progress: Wanted = None,
 ) -> Compensation:
     """Tracking error with the compensation of the declared and of the augmented model.
 
@@ -84,6 +87,8 @@ def compensate(
     table : Table, optional
         An unexplained torque that acts on the drive too, compensated "after" unless it is one
         over u.
+    progress : callable, True, False or None
+        ``progress(fraction, what)``, or whether to show a bar. None: in Jupyter only.
 
     Returns
     -------
@@ -119,7 +124,7 @@ def compensate(
     systems = {"none": closed(task, None, None, {}, "none")}
     for key, believed in chosen.items():
         systems[key] = closed(task, believed, observer, designs[key][0], key)
-    runs, errors, messages = _simulated(task, systems, way)
+    runs, errors, messages = _simulated(task, systems, way, reporter(progress))
     messages += _useless(errors)
     fed, left = sorted_out(model)
     if table is not None:
@@ -158,12 +163,13 @@ def _completed(declared: Model | Parameters, model: Model) -> Model:
 
 
 def _simulated(
-    task: Task, systems: Mapping[str, ct.InterconnectedSystem], way: Course
+    task: Task, systems: Mapping[str, ct.InterconnectedSystem], way: Course, report: Progress
 ) -> tuple[dict[str, Run], dict[str, float], list[str]]:
     """Each loop's run and error, and a sentence for each that does not do its work."""
     r, inputs = way.followed(task.kind), way.inputs(task.kind)
     runs, errors, messages = {}, {}, []
-    for key, system in systems.items():
+    for i, (key, system) in enumerate(systems.items()):
+        report(i / len(systems), f"simulating the loop {LOOPS[key]}")
         x0 = np.zeros(system.nstates)
         x0[system.state_labels.index("plant_theta")] = way.theta[0]
         try:

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from ..engine.load import threads
 from ..errors import InputError
 from ..jobs import JobError, Progress, run_jobs
+from ..progress import Bar, Wanted, bar_for, reporter, shows_progress
 from .gather import Gathered
 from .prepare import Prepared, prepare, sendable
 from .result import Sweep
@@ -24,6 +25,7 @@ from .work import Block, Traced, work
 _ASKED_AHEAD = 16  # workers assumed of an executor that does not say
 
 
+@shows_progress
 def sweep(
     system: Any,
     t: ArrayLike,
@@ -39,7 +41,7 @@ def sweep(
     executor: Executor | None = None,
     jobs: int | None = None,
     chunk: int | None = None,
-    progress: Progress | None = None,
+    progress: Wanted = None,
     reduce: Callable[[np.ndarray, np.ndarray], Any] | None = None,
 ) -> Sweep:
     """Run a system for many parameter sets, initial states or random inputs.
@@ -80,8 +82,9 @@ def sweep(
         that many processes. With ``executor``: its number of workers where it does not say.
     chunk : int
         Members in a task; default by the number of workers and the size of the results.
-    progress : callable
-        ``progress(fraction, words)``, after each chunk.
+    progress : callable, True, False or None
+        ``progress(fraction, what)`` after each chunk, or whether to show a bar. None: in
+        Jupyter only.
     reduce : callable
         ``reduce(t, y)`` with y (ny, N) gives a number or an array of one shape, worked out where
         the member was simulated; ``.reduced`` holds them and ``.y`` is None.
@@ -119,7 +122,7 @@ def sweep(
     """
     made = prepare(system, t, inputs, params, x0, seeds, outputs, states, hold, rtol, reduce)
     gathered = Gathered(made)
-    blocks = _blocks(made, executor, jobs, chunk, progress, gathered)
+    blocks = _blocks(made, executor, jobs, chunk, reporter(progress), gathered)
     try:
         for index, block in blocks:
             gathered.take(index, block)
@@ -148,7 +151,7 @@ def sweep_chunks(
     executor: Executor | None = None,
     jobs: int | None = None,
     chunk: int | None = None,
-    progress: Progress | None = None,
+    progress: Wanted = None,
     reduce: Callable[[np.ndarray, np.ndarray], Any] | None = None,
 ) -> Iterator[Sweep]:
     """The same as :func:`sweep`, as an iterator of parts in the order in which they finish.
@@ -162,10 +165,11 @@ def sweep_chunks(
     >>> peak = np.concatenate([s["w"].max(axis=1) for s in lg.sweep_chunks(loop, t, r, table)])
     """
     made = prepare(system, t, inputs, params, x0, seeds, outputs, states, hold, rtol, reduce)
-    return _parts(made, _blocks(made, executor, jobs, chunk, progress))
+    bar = bar_for(progress)
+    return _parts(made, _blocks(made, executor, jobs, chunk, bar), bar)
 
 
-def _parts(made: Prepared, blocks: Generator[tuple[range, Any]]) -> Iterator[Sweep]:
+def _parts(made: Prepared, blocks: Generator[tuple[range, Any]], bar: Bar) -> Iterator[Sweep]:
     try:
         for index, block in blocks:
             part = Gathered(made, index)
@@ -173,6 +177,7 @@ def _parts(made: Prepared, blocks: Generator[tuple[range, Any]]) -> Iterator[Swe
             yield replace(part.result(), message=None)
     finally:
         blocks.close()
+        bar.close()
 
 
 def _blocks(

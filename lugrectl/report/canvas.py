@@ -53,20 +53,21 @@ def on_pyplot(panels: list[Callable[[Axes], Any]], columns: int = 1) -> list[Axe
 
     A panel that fails takes the figure away with it.
     """
-    import matplotlib.pyplot as plt  # before the style, which must not cover what it sets up
+    import matplotlib.pyplot as plt
 
     columns = min(columns, len(panels))
     rows = -(-len(panels) // columns)
     size = (SIZE[0] * columns, SIZE[1] * rows)
-    with _style():
-        figure = plt.figure(figsize=size, layout="constrained")
-        try:
+    # Outside the style: the first figure loads the backend, whose settings must stay.
+    figure = plt.figure(figsize=size, layout="constrained")
+    try:
+        with _style():
             axes = [figure.add_subplot(rows, columns, i + 1) for i in range(len(panels))]
             for panel, ax in zip(panels, axes, strict=True):
                 panel(ax)
-        except BaseException:
-            plt.close(figure)
-            raise
+    except BaseException:
+        plt.close(figure)
+        raise
     return axes
 
 
