@@ -23,6 +23,7 @@ R = TypeVar("R")
 Progress = Callable[[float, str], None]
 Wanted = Progress | bool | None
 _EVERY = 0.1  # seconds between two drawings
+_AFTER = 0.5  # seconds that work in a notebook takes before it gets a bar
 
 
 def shows_progress(work: Callable[P, R]) -> Callable[P, R]:
@@ -105,16 +106,17 @@ class Called(Bar):
 
 
 class _Drawn(Bar):
-    """Draws a few times a second at most, and the end always."""
+    """Draws a few times a second at most, and the end always; nothing before ``after`` seconds."""
 
-    def __init__(self) -> None:
-        self._last = -_EVERY
+    def __init__(self, after: float = 0.0) -> None:
+        self._next = time.monotonic() + after
+        self._begun = after == 0.0
 
     def __call__(self, fraction: float, what: str = "") -> None:
         now = time.monotonic()
-        if now - self._last < _EVERY and fraction < 1.0:
+        if now < self._next and (fraction < 1.0 or not self._begun):
             return
-        self._last = now
+        self._next, self._begun = now + _EVERY, True
         self._draw(min(max(fraction, 0.0), 1.0), what)
 
     def _draw(self, fraction: float, what: str) -> None:
@@ -153,7 +155,7 @@ class Widget(_Drawn):
     """The bar of tqdm in a notebook."""
 
     def __init__(self) -> None:
-        super().__init__()
+        super().__init__(_AFTER)
         self._bar: Any = None
 
     def _draw(self, fraction: float, what: str) -> None:
@@ -175,7 +177,7 @@ class Cell(_Drawn):
     """A bar of plain HTML in a notebook, where tqdm or ipywidgets is not installed."""
 
     def __init__(self) -> None:
-        super().__init__()
+        super().__init__(_AFTER)
         self._place: Any = None
 
     def _draw(self, fraction: float, what: str) -> None:

@@ -3,6 +3,7 @@
 import json
 import re
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -175,6 +176,13 @@ def test_write_makes_three_files_that_agree(tmp_path):
     assert list(tmp_path.iterdir()) == [tmp_path / "a"]
 
 
+def test_the_report_of_a_refusal_has_no_model_file(tmp_path):
+    paths = report.write(bare("refused"), tmp_path / "out")
+    assert [p.name for p in paths] == ["report.html", "report.json"]
+    assert all(map(Path.exists, paths))
+    assert json.loads(paths[1].read_text())["verdict"] == "refused"
+
+
 def test_write_replaces_its_own_files_and_no_others(tmp_path):
     (tmp_path / "log.csv").write_text("mine")
     report.write(bare("found"), tmp_path)
@@ -212,8 +220,6 @@ def test_a_failure_leaves_no_new_folder(tmp_path, monkeypatch, method):
 
 
 def test_nothing_is_written_where_nothing_can_be(tmp_path):
-    with pytest.raises(InputError, match="no report"):
-        report.write(bare("refused"), tmp_path / "out")
     (tmp_path / "file").write_text("")
     for folder in (tmp_path / "file", tmp_path / "file" / "below"):
         with pytest.raises(InputError, match="not a folder"):

@@ -89,7 +89,8 @@ class Certificate(Result):
 
     def _title(self) -> str:
         rate = "none" if self.rate is None else f"{self.rate:.6g} 1/s"
-        return f"Certificate {self.lemma}: {'holds' if self.holds else 'no certificate'}, rate {rate}"
+        held = "holds" if self.holds else "no certificate"
+        return f"Certificate {self.lemma}: {held}, rate {rate}"
 
     def _rows(self) -> Iterable[Row]:
         constants = [Row(k, getattr(self, k)) for k in ("A", "B", "C", "beta")]
