@@ -151,9 +151,10 @@ def _lines(row: Row, wide: int) -> str:
 
 
 def _html_row(row: Row) -> str:
-    cells = (row.name, brief(row.value), " ".join(filter(None, (row.unit, row.note))))
-    left = ' style="text-align: left"'
-    return "<tr>" + "".join(f"<td{left}>{html.escape(cell)}</td>" for cell in cells) + "</tr>"
+    left = "text-align: left; vertical-align: top"  # Jupyter's own is to the right
+    name, said = html.escape(row.name), html.escape(row.text() or NONE)
+    first = f'<td style="{left}; white-space: nowrap">{name}</td>'
+    return f'<tr>{first}<td style="{left}">{said}</td></tr>'
 
 
 def brief(value: Any) -> str:
