@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -10,13 +10,15 @@ from typing import Any
 import numpy as np
 
 from .blas import one_blas_thread
-from .door import asked, judged_by, reporting
+from .door import asked, judged_by
 from .friction_map import diagnose_map
+from .progress import Wanted, reporter, shows_progress
 from .provenance import stamped
 from .record import Record
-from .results import Diagnosis, Finding, Table, Traces
+from .results import Diagnosis, Finding, Table
 from .steady.points import is_map
-from .tracing.evaluate import Judged, missing_torque
+from .traces import traces
+from .tracing.evaluate import missing_torque
 from .tracing.explain import (
     Explanation,
     behind_a_filter,
@@ -47,7 +49,6 @@ from .tracing.rest import signals_of_the_rest
 from .tracing.structure import colour
 from .tracing.surprise import beyond_doubt, misled, openings, surprising, undated, when
 from .tracing.tabulate import tabulate
-from .tracing.windows import windows
 from .tracing.witness import statements
 
 TURNED = (
@@ -74,6 +75,7 @@ AT_ODDS = 0.5  # least autocorrelation of the innovations of both theta and w
 EARLY = 0.05  # s, lead-in if something happens at the start of the record and never again
 
 
+@shows_progress
 @one_blas_thread()
 @stamped("lugrectl.diagnose")
 def diagnose(
@@ -83,7 +85,7 @@ def diagnose(
     holdout: Any = None,
     horizon: float = 1.0,
     seed: int = 0,
-    progress: Progress | None = None,
+    progress: Wanted = None,
 ) -> Diagnosis:
     """Find the physical effect that is missing from a declared model, from a log.
 
@@ -113,8 +115,8 @@ def diagnose(
         Time between restarts of the simulation, s.
     seed : int
         Seed of the random numbers, which only the error of the residual table uses.
-    progress : callable
-        ``progress(fraction, what)``.
+    progress : callable, True, False or None
+        ``progress(fraction, what)``, or whether to show a bar. None: in Jupyter only.
 
     Returns
     -------
@@ -129,7 +131,7 @@ def diagnose(
     """
     record, model, holdout = asked(record, model, holdout)
     horizon, seed = judged_by(horizon, seed)
-    report = reporting(progress)
+    report = reporter(progress)
     if not isinstance(record, Record) and is_map(record):
         return diagnose_map(record, model, holdout=holdout, seed=seed, progress=report)
     answer = _answered(partial(begin, record, model, holdout, horizon, report), report)
@@ -168,7 +170,7 @@ def diagnose(
         record=job.records[0],
         messages=job.messages,
         ranking=found.ranking,
-        traces=_traces(job, found.final, scored["judged"]),
+        traces=traces(job, found.final, scored["judged"]),
         table=table,
     )
 
@@ -342,27 +344,3 @@ def _experiment(verdict: str, effects: Sequence[Finding], depends: Sequence[str]
         advice = next((said for k, said in _ADVICE.items() if k in depends), _ADVICE["a"])
         return f"To identify the missing effect: {advice}."
     return None
-
-
-def _traces(job: Job, final: Fitted, judged: Mapping[str, Judged | None]) -> Traces:
-    data, test = job.data, job.parts.test
-    n, at = len(data.t), test.counted
-    held_out = np.zeros(n, dtype=bool)
-    held_out[at] = True
-    simulated = {k: _placed(n, at, j.simulated) for k, j in judged.items() if j is not None}
-    train = job.parts.train
-    whole = windows(data.runs, train.burn, train.length)
-    residual = {}
-    for name, f in (("refitted", job.base), ("augmented", final)):
-        torque = missing_torque(f.predictor, f.values, whole, job.base.noise)
-        residual[name] = _placed(n, whole.counted, torque)
-    log = data.log
-    signals = {"t": log.t, "theta": log.theta, "w": log.w, "u": log.u, "a": log.a}
-    return Traces(data.t, data.measured, held_out, simulated, residual, signals)
-
-
-def _placed(n: int, at: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Values at their sample indices, nan elsewhere."""
-    whole = np.full(n, np.nan)
-    whole[at] = values
-    return whole

@@ -7,7 +7,7 @@ a model file, a dict, ``Parameters`` or a ``Model``.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -176,14 +176,3 @@ def asked(record: Any, model: Any, holdout: Any) -> tuple[Any, Model, str | Reco
 def judged_by(horizon: Any, seed: Any) -> tuple[float, int]:
     """The time between restarts in s, and the seed."""
     return positive(horizon, "horizon", "seconds"), whole(seed, "seed")
-
-
-def reporting(progress: Any) -> Callable[[float, str], Any]:
-    """The function that is told how far the work is."""
-    if progress is None:
-        return lambda fraction, what: None
-    if not callable(progress):
-        raise InputError(
-            f"progress must be a function of a fraction and a text, not {shown(progress)}."
-        )
-    return progress

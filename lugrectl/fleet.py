@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import json
 import os
 import time
 import warnings
@@ -13,17 +12,21 @@ from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from multiprocessing import parent_process
+from pathlib import Path
 from typing import Any, cast
 
 from .checks import shown
-from .door import as_model, is_last, is_record, judged_by, reporting
+from .display import Row, Shown
+from .door import as_model, is_last, is_record, judged_by
 from .errors import InputError, Refused
 from .jobs import JobError, run_jobs
 from .model import Model
+from .outputs import Result, library, plain
+from .progress import Wanted, reporter, shows_progress
 from .provenance import Provenance, SourceFile, provenance, stamp
 from .record import Record, read_record
 from .record.arrays import is_table, source_of
-from .results import VERDICTS, Diagnosis, plain
+from .results import VERDICTS, Diagnosis
 from .workers import Sent, one_thread_each, record_files, there
 
 FAILED = "failed"
@@ -32,8 +35,8 @@ Progress = Callable[[float, str], None]
 Logs = Any  # a path, a table, a Record, or several of them
 
 
-@dataclass(frozen=True)
-class Outcome:
+@dataclass(frozen=True, repr=False)
+class Outcome(Shown):
     """The result for one log.
 
     ``document`` is the diagnosis as plain data, None if the log could not be read; ``reason``
@@ -73,6 +76,14 @@ class Outcome:
             "message": self.reason or d.get("experiment"),
         }
 
+    def _title(self) -> str:
+        return f"Outcome {self.file}: {self.verdict}"
+
+    def _rows(self) -> Iterable[Row]:
+        effects = ", ".join(e["name"] for e in (self.document or {}).get("effects", ()))
+        rows = [Row("effects", effects), Row("reason", self.reason), Row("took", self.seconds, "s")]
+        return [row for row in rows if row.value]
+
     def summary(self) -> dict[str, Any]:
         """Plain Python, as in the JSON document."""
         return {
@@ -95,8 +106,8 @@ def _effect(found: Mapping[str, Any], verdict: str) -> dict[str, Any]:
     }
 
 
-@dataclass(frozen=True)
-class Fleet:
+@dataclass(frozen=True, repr=False)
+class Fleet(Result):
     """The answer of :func:`lugrectl.diagnose_each`, in the order of the logs.
 
     ``unfinished`` names the logs that were not diagnosed because of an interrupt.
@@ -145,9 +156,32 @@ class Fleet:
             }
         )
 
-    def to_json(self) -> str:
-        """One JSON document (schema 1)."""
-        return json.dumps(self.summary(), indent=2, allow_nan=False)
+    def to_frame(self) -> Any:
+        """A DataFrame of :attr:`rows`, the effects as text; InputError without pandas."""
+        rows = [row | {"effects": "; ".join(e["name"] for e in row["effects"])}
+                | {"depends_on": ", ".join(row["depends_on"])} for row in self.rows]  # fmt: skip
+        return library("pandas").DataFrame(rows)
+
+    def save(self, folder: str | Path) -> list[Path]:
+        """Write index.html, summary.csv and a folder for each diagnosis that was kept.
+
+        Each of these holds report.html, report.json and, unless refused, model.toml. Returns the
+        paths of the index and the table. Raises InputError where nothing can be written.
+        """
+        from .report.fleet_page import write_all
+
+        return write_all(self, folder)
+
+    def _title(self) -> str:
+        counts = ", ".join(f"{n} {verdict}" for verdict, n in self.counts.items() if n)
+        return f"Fleet of {len(self.outcomes)}: {counts or 'none finished'}"
+
+    def _rows(self) -> Iterable[Row]:
+        rows = [Row("against", self.model.name)] if self.model else []
+        for verdict, count in self.counts.items():
+            files = [o.file for o in self.outcomes if o.verdict == verdict]
+            rows += [Row(verdict, files)] if count else []
+        return rows + ([Row("unfinished", self.unfinished)] if self.unfinished else [])
 
     def __str__(self) -> str:
         from .report.fleet_page import text
@@ -160,13 +194,14 @@ class Fleet:
         return fragment(self)
 
 
+@shows_progress
 def diagnose_each(
     records: Logs,
     model: Any,
     *,
     jobs: int = 1,
     executor: Executor | None = None,
-    progress: Progress | None = None,
+    progress: Wanted = None,
     keep: bool = True,
     **options: Any,
 ) -> Fleet:
@@ -187,8 +222,8 @@ def diagnose_each(
         ``if __name__ == "__main__":``); 1 works in the calling process.
     executor : concurrent.futures.Executor
         Runs the jobs instead (threads, Dask, MPI) and is not shut down.
-    progress : callable
-        ``progress(fraction, what)``, over all logs.
+    progress : callable, True, False or None
+        ``progress(fraction, what)`` over all logs, or whether to show a bar. None: in Jupyter only.
     keep : bool
         False keeps rows and documents only, not the diagnoses with their samples: for fleets
         larger than memory.
@@ -205,7 +240,13 @@ def diagnose_each(
     if isinstance(records, (str, os.PathLike)):
         there(records)
     return run_each(
-        records, model, jobs=jobs, executor=executor, progress=progress, keep=keep, **options
+        records,
+        model,
+        jobs=jobs,
+        executor=executor,
+        progress=reporter(progress),
+        keep=keep,
+        **options,
     )
 
 
@@ -230,7 +271,7 @@ def run_each(
         raise InputError(f"executor must be a concurrent.futures.Executor, not {shown(executor)}.")
     names = _names(logs)
     reading, options = _split(options, model)
-    report = reporting(progress)
+    report = reporter(progress)
     here = executor is None and jobs == 1
     made: dict[int, Outcome] = {}
 
@@ -296,7 +337,7 @@ class Task:
             seen.append(log)
             from .diagnosis import diagnose  # not needed for a log that cannot be read
 
-            return diagnose(log, model, progress=self.progress, **self.options)
+            return diagnose(log, model, progress=self.progress or False, **self.options)
         except Refused as no:
             return refusal(no, model, seen)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,7 +13,7 @@ from .model import Model, Part
 from .record import Record
 from .results import Diagnosis, Estimate, Finding, FrictionMap
 from .spec import unit_for
-from .steady.choice import Choice, choose, is_static, left_over, started
+from .steady.choice import choose, is_static, left_over, started
 from .steady.curve import Curve, fit, refit
 from .steady.points import Points, is_steady, laid, points, refuse_narrow
 from .steady.swing import Swing, finding_of, sentence, swings
@@ -113,7 +113,7 @@ def diagnose_map(
         record=fits.records[0],
         messages=messages_of(fits, whole) + ((sentence(swing, whole),) if swing else ()),
         ranking=choice.ranking,
-        map=_drawn(fits, choice, swing),
+        map=map_of(fits, {"refitted": fits.base, "augmented": choice.final}, swing),
     )
 
 
@@ -232,12 +232,13 @@ def _experiment(verdict: str, found: Sequence[Finding], swinging: bool) -> str |
     return f"{whole[0].upper()}{whole[1:]}." if whole else None
 
 
-def _drawn(fits: Fits, choice: Choice, swing: Sequence[Swing]) -> FrictionMap:
+def map_of(fits: Fits, models: Mapping[str, Curve], swing: Sequence[Swing] = ()) -> FrictionMap:
+    """The points of the runs, and the curves of fitted models by name."""
     at, unit = fits.whole, unit_for("N m", fits.declared.motion)
     slow, fast = float(np.min(np.abs(at.w))), float(np.max(np.abs(at.w)))
     half = np.linspace(slow, fast, FINE // 2)
     over = np.concatenate([-half[::-1], half])
-    curves = {"refitted": fits.base.torque(over), "augmented": choice.final.torque(over)}
+    curves = {name: model.torque(over) for name, model in models.items()}
     named = tuple((s.order, Estimate(s.amplitude, unit, (s.low, s.high))) for s in swing)
     motion = fits.declared.motion
     return FrictionMap(at.w, at.u, at.error, fits.held_out, over, curves, motion, named)

@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from .blas import one_blas_thread
-from .door import asked, judged_by, reporting
-from .friction_map import Fits, begin_map, errors_of, estimates_of, final_model, messages_of
+from .display import Row, estimated
+from .door import asked, judged_by
+from .friction_map import Fits, begin_map, errors_of, estimates_of, final_model, map_of, messages_of
 from .model import Model
+from .outputs import Fitted, plain
+from .progress import Wanted, reporter, shows_progress
 from .provenance import Provenance, stamped
 from .record import Record
-from .results import Estimate, plain
+from .results import Estimate, FrictionMap, Traces
 from .steady.curve import refit
 from .steady.points import is_map
+from .traces import traces
 from .tracing.job import begin, compared, estimates, on_everything, score
 
 
-@dataclass(frozen=True)
-class Identification:
+@dataclass(frozen=True, repr=False)
+class Identification(Fitted):
     """Fitted parameters of the declared structure, with the errors before and after."""
 
     estimates: Mapping[str, Estimate]
@@ -30,6 +33,11 @@ class Identification:
     messages: tuple[str, ...]
     declared: Model | None = None
     provenance: Provenance | None = None
+    traces: Traces | None = None
+    map: FrictionMap | None = None
+    verdict: ClassVar[str] = "identified"  # for reports and plots: nothing was added
+    effects: ClassVar[tuple[()]] = ()
+    depends_on: ClassVar[tuple[()]] = ()
 
     def summary(self) -> dict[str, Any]:
         """Plain Python; never NaN or Infinity."""
@@ -46,11 +54,15 @@ class Identification:
             }
         )
 
-    def to_json(self) -> str:
-        """One JSON document (schema 1)."""
-        return json.dumps(self.summary(), indent=2, allow_nan=False)
+    def _title(self) -> str:
+        return f"Identification: {self.model.name}"
+
+    def _rows(self) -> Iterable[Row]:
+        rows = [estimated(k, e) for k, e in self.estimates.items()]
+        return [*rows, *self._error_rows(("declared", "refitted")), *self._last_rows()]
 
 
+@shows_progress
 @one_blas_thread()
 @stamped("lugrectl.identify")
 def identify(
@@ -60,7 +72,7 @@ def identify(
     holdout: Any = None,
     horizon: float = 1.0,
     seed: int = 0,
-    progress: Callable[[float, str], None] | None = None,
+    progress: Wanted = None,
 ) -> Identification:
     """Fit the parameters of a declared model, without looking for missing effects.
 
@@ -75,13 +87,14 @@ def identify(
     """
     record, model, holdout = asked(record, model, holdout)
     horizon, seed = judged_by(horizon, seed)
-    report = reporting(progress)
+    report = reporter(progress)
     if not isinstance(record, Record) and is_map(record):
         return _map_identified(begin_map(record, model, holdout, report), model)
     job = begin(record, model, holdout, horizon, report)
     whole = on_everything(job.base, job)
     job = compared(job, whole)
-    error = score(job, job.base)["error"]
+    scored = score(job, job.base)
+    error = scored["error"]
     return Identification(
         estimates=estimates(whole),
         error={k: v for k, v in error.items() if k != "augmented"},
@@ -89,6 +102,7 @@ def identify(
         record=job.records[0],
         messages=job.messages,
         declared=model,
+        traces=traces(job, job.base, scored["judged"]),
     )
 
 
@@ -103,4 +117,5 @@ def _map_identified(fits: Fits, declared: Model) -> Identification:
         record=fits.records[0],
         messages=messages_of(fits, whole),
         declared=declared,
+        map=map_of(fits, {"refitted": fits.base}),
     )

@@ -17,13 +17,14 @@ from .blocks import friction as _friction  # noqa: F401
 from .blocks.friction import J as J_DECLARATION
 from .blocks.names import block_named
 from .checks import as_path, real, shown
+from .display import Row, Shown
 from .errors import InputError
 from .provenance import SourceFile
 from .spec import Block, unit_for
 
 
-@dataclass(frozen=True)
-class Parameters:
+@dataclass(frozen=True, repr=False)
+class Parameters(Shown):
     """A drive with LuGre friction: J, sigma0, sigma1, Fc, Fs, Fv, vs in SI units.
 
     kg m2, N m/rad, N m s/rad, N m, N m, N m s/rad, rad/s; letters as in the source paper.
@@ -50,23 +51,34 @@ class Parameters:
     def friction(self) -> dict[str, float]:
         return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "J"}
 
+    def _rows(self) -> Iterable[Row]:
+        model = Model.of(self)
+        return [Row(k, v, model.unit(k)) for k, v in model.values().items()]
+
 
 def table1() -> Parameters:
     """The parameters of the source paper's Table 1."""
     return Parameters(J=0.0022, sigma0=260.0, sigma1=0.6, Fc=0.285, Fs=0.335, Fv=0.018, vs=0.01)
 
 
-@dataclass(frozen=True)
-class Part:
+@dataclass(frozen=True, repr=False)
+class Part(Shown):
     """A block with values, where None marks one to be identified."""
 
     key: str
     block: Block
     values: Mapping[str, float | None]
 
+    def _title(self) -> str:
+        return self.key
 
-@dataclass(frozen=True)
-class Model:
+    def _rows(self) -> Iterable[Row]:
+        own = self.block.own
+        return [_value_row(k, v, own[k].unit) for k, v in self.values.items()]
+
+
+@dataclass(frozen=True, repr=False)
+class Model(Shown):
     """A declared model: inertia, one friction law, any number of effects.
 
     ``values()`` is flat: ``J``, the friction parameters by name, effects as ``key.parameter``.
@@ -194,6 +206,18 @@ class Model:
             "effects": [{"name": part.block.name, **known(part.values)} for part in self.effects],
         }
 
+    def _title(self) -> str:
+        return f"Model {self.name}: {self.motion}, {self.friction.block.name} friction"
+
+    def _rows(self) -> Iterable[Row]:
+        rows = [_value_row(k, v, self.unit(k)) for k, v in self.values().items()]
+        bare = [part.key for part in self.effects if not part.values]
+        return [*rows, *(Row(key, "no parameters") for key in bare)]
+
+
+def _value_row(key: str, value: float | None, unit: str) -> Row:
+    return Row(key, "to be identified" if value is None else value, "" if unit == "1" else unit)
+
 
 def model_from_dict(data: Mapping[str, Any], where: str) -> Model:
     """Build a model from a dictionary nested like the TOML file.
@@ -236,7 +260,8 @@ def _with_entry(model: Model, entry: Any, where: str) -> Model:
     twin = next((part for part in model.effects if _alike(part, use)), None)
     if twin is not None:
         raise InputError(
-            f"{where} {use.block.name} is declared twice, and no record can distinguish the two: keep one of them."
+            f"{where} {use.block.name} is declared twice, and no record can distinguish the "
+            "two: keep one of them."
         )
     return model.with_effect(use.block.name, use.values)
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -12,10 +10,12 @@ import control as ct
 import numpy as np
 
 from .blocks.table import tabulated
+from .display import Row, Shown, estimated
 from .model import Model
+from .outputs import Fitted, Result, library, plain
 from .provenance import Provenance
 from .record import Record
-from .spec import members
+from .spec import members, unit_for
 
 if TYPE_CHECKING:
     from .compensating import Compensation
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 VERDICTS = ("adequate", "found", "ambiguous", "unexplained", "refused")
 
 
-@dataclass(frozen=True)
-class Estimate:
+@dataclass(frozen=True, repr=False)
+class Estimate(Shown):
     """A fitted value with its unit and 95 % interval (None if it cannot be determined)."""
 
     value: float
@@ -34,9 +34,15 @@ class Estimate:
     def summary(self) -> dict[str, Any]:
         return {"value": self.value, "unit": self.unit, "ci95": self.ci95 and list(self.ci95)}
 
+    def _title(self) -> str:
+        return estimated("", self).text()
 
-@dataclass(frozen=True)
-class Candidate:
+    def _rows(self) -> Iterable[Row]:
+        return ()
+
+
+@dataclass(frozen=True, repr=False)
+class Candidate(Shown):
     """One effect that was tried: how much better it explains the training samples.
 
     ``score`` is the gain in log-likelihood over the refitted model, ``share`` the part of the
@@ -49,8 +55,8 @@ class Candidate:
     parameters: Mapping[str, float] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class Finding:
+@dataclass(frozen=True, repr=False)
+class Finding(Shown):
     """An effect missing from the declared model, and others that would explain the same."""
 
     name: str
@@ -79,9 +85,17 @@ class Finding:
             "alternatives": [{"name": a.name, "score": a.score} for a in self.alternatives],
         }
 
+    def _title(self) -> str:
+        return f"Finding: {self.name}"
 
-@dataclass(frozen=True)
-class Traces:
+    def _rows(self) -> Iterable[Row]:
+        rows = [estimated(k, e) for k, e in self.parameters.items()]
+        others = ", ".join(c.name for c in self.alternatives)
+        return [*rows, Row("alternatives", others)] if others else rows
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Traces(Shown):
     """Arrays behind the plots, one value for each sample of the first record.
 
     ``simulated`` maps "declared", "refitted", "augmented" to the error signal simulated with
@@ -97,8 +111,8 @@ class Traces:
     signals: Mapping[str, np.ndarray]
 
 
-@dataclass(frozen=True, eq=False)
-class Table:
+@dataclass(frozen=True, repr=False, eq=False)
+class Table(Result):
     """An unexplained residual torque as a table over the signals it depends on: no physics.
 
     ``signals``: the table's abscissa, followed by "w" if each direction has its own values.
@@ -163,15 +177,39 @@ class Table:
             }
         )
 
+    def to_frame(self) -> Any:
+        """A DataFrame, a row for each point: the signal, torque and standard error, of tables for
+        each direction with "w > 0" and "w < 0" behind the names."""
+        columns: dict[str, Any] = {self.signals[0]: self.points}
+        for name, values in (("torque", self.values), ("standard_error", self.error)):
+            if values.ndim == 1:
+                columns[name] = values
+            else:
+                columns |= {f"{name}, w > 0": values[0], f"{name}, w < 0": values[1]}
+        return library("pandas").DataFrame(columns)
+
+    def _title(self) -> str:
+        return f"Table: {self.name}"
+
+    def _rows(self) -> Iterable[Row]:
+        low, high = (100.0 * share for share in self.share95)
+        return [
+            Row(self.signals[0], self.points),
+            Row("values", self.values, self.unit),
+            Row("RMS along the record", self.rms, self.unit),
+            Row("share of the residual's power", f"{100.0 * self.share:.0f} %", "",
+                f"({low:.0f} to {high:.0f} %, {self.windows} windows)"),
+        ]  # fmt: skip
+
     def plot(self, ax: Any = None) -> Any:
-        """Draw the table with its 95 % band; returns the axes."""
+        """Draw the table with its 95 % band, into ``ax`` or a new figure; returns the Axes."""
         from .report.closing import table
 
         return table(self, ax)
 
 
-@dataclass(frozen=True, eq=False)
-class FrictionMap:
+@dataclass(frozen=True, repr=False, eq=False)
+class FrictionMap(Result):
     """Torque over speed of runs at steady speed, one point for each run.
 
     ``w`` (n,), ``u`` (n,) and its standard ``error`` (n,), SI; ``held_out`` (n,) marks what no
@@ -194,15 +232,32 @@ class FrictionMap:
         points = {k: getattr(self, k).tolist() for k in ("w", "u", "error", "held_out")}
         return plain(points | {"swing": [{"order": n} | e.summary() for n, e in self.swing]})
 
+    def to_frame(self) -> Any:
+        """A DataFrame, a row for each run: w, u, error, held_out."""
+        return library("pandas").DataFrame(
+            {k: getattr(self, k) for k in ("w", "u", "error", "held_out")}
+        )
+
+    def _rows(self) -> Iterable[Row]:
+        torque = unit_for("N m", self.motion)
+        return [
+            Row("runs", len(self.w), "", f"({int(self.held_out.sum())} held out)"),
+            Row("w", self.w, unit_for("rad/s", self.motion)),
+            Row("u", self.u, torque),
+            Row("standard error", self.error, torque),
+            *(estimated(f"swing, order {n}", e) for n, e in self.swing),
+        ]
+
     def plot(self, ax: Any = None) -> Any:
-        """Draw the points with their 95 % bars and the models' curves; returns the axes."""
+        """Draw the points with their 95 % bars and the models' curves, into ``ax`` or a new figure;
+        returns the Axes."""
         from .report.mapped import torque
 
         return torque(self, ax)
 
 
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Fitted):
     """The answer of :func:`lugrectl.diagnose`.
 
     ``error``, ``free_error`` and ``torque_error`` are the mappings of the JSON format; ``model``
@@ -259,34 +314,21 @@ class Diagnosis:
             }
         )
 
-    def to_json(self) -> str:
-        """One JSON document (schema 1)."""
-        return json.dumps(self.summary(), indent=2, allow_nan=False)
+    def _title(self) -> str:
+        names = ", ".join(finding.name for finding in self.effects)
+        return f"Diagnosis: {self.verdict}{': ' * bool(names)}{names}"
 
-    def __str__(self) -> str:
-        from .report import text
-
-        return text(self)
-
-    def _repr_html_(self) -> str:
-        from .report import fragment
-
-        return fragment(self)
-
-    def plot(self, ax: Any = None) -> Any:
-        """Draw measured and simulated motion, residual and ranking; returns the axes."""
-        from .report.plot import overview
-
-        return overview(self, ax)
-
-
-def plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(k): plain(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(v) for v in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+    def _rows(self) -> Iterable[Row]:
+        if self.verdict == "refused":
+            return [Row("reason", self.reason or "the record cannot answer"), *self._last_rows()]
+        rows = [
+            estimated(f"{finding.name}.{k}", e)
+            for finding in self.effects
+            for k, e in finding.parameters.items()
+        ]
+        others = [c.name for finding in self.effects for c in finding.alternatives]
+        if others and self.verdict == "ambiguous":
+            rows.append(Row("or", ", ".join(others)))
+        if self.depends_on:
+            rows.append(Row("depends on", ", ".join(self.depends_on)))
+        return [*rows, *self._error_rows(("refitted", "augmented")), *self._last_rows()]

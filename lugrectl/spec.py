@@ -16,13 +16,14 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .checks import names, one_name, shown, within
+from .display import Row, Shown
 from .errors import InputError
 
 if TYPE_CHECKING:  # slow to import, and the catalogue does without it
@@ -79,8 +80,8 @@ class P:
     passed: bool = False
 
 
-@dataclass(frozen=True)
-class Block:
+@dataclass(frozen=True, repr=False)
+class Block(Shown):
     """A pure function with declared signals; ``system()`` makes it a python-control block."""
 
     name: str
@@ -103,6 +104,14 @@ class Block:
     hidden: Callable[..., tuple[float, ...]] | None = field(default=None, compare=False)
     home: str = field(default="", compare=False)
     source: str = field(default="", compare=False)
+
+    def _title(self) -> str:
+        return f"Block {self.name} ({self.kind})"
+
+    def _rows(self) -> Iterable[Row]:
+        signals = {k: ", ".join(getattr(self, k)) for k in ("inputs", "outputs", "states")}
+        shown = [Row(k, names) for k, names in signals.items() if names]
+        return [*shown, *(Row(k, p.value, p.unit) for k, p in self.parameters.items())]
 
     @property
     def doc(self) -> str:

@@ -1,17 +1,29 @@
 """What holds for all tests."""
 
 import os
+import sys
+from collections.abc import Iterator
 
 # Before NumPy is loaded: its threads cost more on small matrices than they give.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import matplotlib  # noqa: E402
 import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
 from lugrectl.engine.native import has_compiler  # noqa: E402
 
+matplotlib.use("Agg")  # here: a kernel that a test starts chooses for itself
 settings.register_profile("any machine", deadline=None)  # slow, or busy with another test
 settings.load_profile("any machine")
+
+
+@pytest.fixture(autouse=True)
+def no_figure_stays() -> Iterator[None]:
+    """Each test starts without figures of pyplot."""
+    yield
+    if "matplotlib.pyplot" in sys.modules:
+        sys.modules["matplotlib.pyplot"].close("all")
 
 
 def there(backend: str | None) -> str | None:

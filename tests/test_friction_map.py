@@ -180,7 +180,7 @@ def test_a_linear_axis_has_its_own_units():
 
 def test_plots_and_pages_show_the_map():
     *_, found = case("constant_torque", 20)
-    labels = [ax.get_xlabel() for ax in found.plot().axes]
+    labels = [ax.get_xlabel() for ax in found.plot()]
     assert labels.count("w [rad/s]") == 2
     page = found._repr_html_()
     assert page.count("<svg") == 3 and "Mean torque of the held-out runs" in str(found)

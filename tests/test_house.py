@@ -13,13 +13,14 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "lugrectl"
 STOREYS = [
-    {"blas", "errors", "checks", "spec", "arguments", "jobs", "provenance"},
+    {"blas", "errors", "checks", "display", "outputs", "progress", "provenance", "spec"}
+    | {"arguments", "jobs"},
     {"blocks", "model", "catalogue", "door"},
     {"loops", "engine", "linear", "record", "design", "sampling"},
     {"simulation", "results", "mixed", "blocklist", "bristles", "ensemble"},
     {"tracing"},
     {"steady"},
-    {"friction_map"},
+    {"friction_map", "traces"},
     {"diagnosis", "identification", "fleet", "workers", "compensating"},
     {"report"},
     {"reproduce"},

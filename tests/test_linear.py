@@ -258,7 +258,7 @@ def test_verdicts_print_and_sum_up():
         assert json.loads(json.dumps(summary)) == summary
         assert summary["holds"] is bool(verdict)
         assert verdict.reason in str(verdict)
-        assert verdict._repr_html_().startswith("<pre>") and "<  0" not in verdict._repr_html_()
+        assert "<table>" in verdict._repr_html_() and "< 0" not in verdict._repr_html_()
         with pytest.raises(AttributeError):
             verdict.reason = "other"
     assert "Re T(jw) &lt; 0" in spr_check(position_T(P, kp=15))._repr_html_()

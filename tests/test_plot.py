@@ -21,11 +21,10 @@ from .made_up import PHI, A, N, diagnosis, effect, traces
 # --- plots -------------------------------------------------------------------------------
 
 
-def test_overview_draws_every_plot_without_pyplot():
-    figure = plot.overview(diagnosis())
-    assert isinstance(figure, Figure) and len(figure.axes) == 4
-    assert not plt.get_fignums()
-    assert figure._repr_png_().startswith(b"\x89PNG")
+def test_overview_draws_every_plot_into_one_figure_of_pyplot():
+    axes = plot.overview(diagnosis())
+    assert len(axes) == 4 and plt.get_fignums() == [axes[0].figure.number]
+    assert list(axes) == axes[0].figure.axes
 
 
 def test_overview_draws_into_the_axes_given():

@@ -19,6 +19,7 @@ from ..door import as_model, as_record
 from ..engine.adaptive import Diverged
 from ..errors import InputError
 from ..model import Model
+from ..progress import Progress, Wanted, reporter, shows_progress
 from ..results import Table
 from ..simulation import simulate
 from ..spec import unit_for
@@ -32,6 +33,7 @@ from .wiring import OUTPUTS, Task, closed
 WORSE = 1.05  # ratio above which the error counts as larger
 
 
+@shows_progress
 def compensate(
     model: Any,
     *,
@@ -48,6 +50,7 @@ def compensate(
     reference: tuple[ArrayLike, ArrayLike] | None = None,
     record: Any = None,
     table: Table | None = None,
+    progress: Wanted = None,
 ) -> Compensation:
     """Tracking error with the compensation of the declared and of the augmented model.
 
@@ -86,6 +89,8 @@ def compensate(
     table : Table, optional
         An unexplained torque that also acts on the drive. It is compensated "after", unless it
         is a table over u.
+    progress : callable, True, False or None
+        ``progress(fraction, what)``, or whether to show a bar. None: in Jupyter only.
 
     Returns
     -------
@@ -126,7 +131,7 @@ def compensate(
     systems = {"none": closed(task, None, None, {}, "none")}
     for key, believed in chosen.items():
         systems[key] = closed(task, believed, observer, designs[key][0], key)
-    runs, errors, messages = _simulated(task, systems, way)
+    runs, errors, messages = _simulated(task, systems, way, reporter(progress))
     messages += _useless(errors)
     fed, left = sorted_out(model)
     if table is not None:
@@ -165,12 +170,13 @@ def _completed(declared: Any, model: Model) -> Model:
 
 
 def _simulated(
-    task: Task, systems: Mapping[str, ct.InterconnectedSystem], way: Course
+    task: Task, systems: Mapping[str, ct.InterconnectedSystem], way: Course, report: Progress
 ) -> tuple[dict[str, Run], dict[str, float], list[str]]:
     """Each loop's run and error, and a message for each loop that does not work."""
     r, inputs = way.followed(task.kind), way.inputs(task.kind)
     runs, errors, messages = {}, {}, []
-    for key, system in systems.items():
+    for i, (key, system) in enumerate(systems.items()):
+        report(i / len(systems), f"simulating the loop {LOOPS[key]}")
         x0 = np.zeros(system.nstates)
         x0[system.state_labels.index("plant_theta")] = way.theta[0]
         try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +11,8 @@ import numpy as np
 
 from ..blocks.controllers import MEASURED
 from ..design import Certificate
-from ..results import plain
+from ..display import Row, Shown
+from ..outputs import Result, library, plain
 
 LOOPS = {
     "none": "without compensation",
@@ -20,8 +21,8 @@ LOOPS = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class Run:
+@dataclass(frozen=True, repr=False, eq=False)
+class Run(Shown):
     """One simulated loop: reference, motion (both rad/s or rad) and torque u (N m) over t (s)."""
 
     t: np.ndarray
@@ -30,8 +31,8 @@ class Run:
     u: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
-class Compensation:
+@dataclass(frozen=True, repr=False, eq=False)
+class Compensation(Result):
     """The answer of :func:`lugrectl.compensate`.
 
     ``none``, ``before``, ``after``: RMS of motion minus reference in ``unit`` without
@@ -80,8 +81,34 @@ class Compensation:
             }
         )
 
+    def to_frame(self) -> Any:
+        """A DataFrame of the simulated loops: a row for each loop and time t, columns r, y, u."""
+        pandas = library("pandas")
+        columns = {
+            key: pandas.DataFrame({"r": run.r, "y": run.y, "u": run.u}, index=run.t)
+            for key, run in self.runs.items()
+        }
+        if not columns:
+            return pandas.DataFrame(columns=["r", "y", "u"])
+        return pandas.concat(columns, names=["loop", "t"])
+
+    def _title(self) -> str:
+        watcher = f"{self.observer} observer" if self.observer else "no observer"
+        return f"Compensation: {self.kind} loop, {watcher}"
+
+    def _rows(self) -> Iterable[Row]:
+        rate = self.certificate.rate if self.certificate else None
+        left = ", ".join(name for name, _ in self.left)
+        rows = [Row(f"RMS error, {k}", getattr(self, k), self.unit) for k in LOOPS]
+        rows += [Row(k, v) for k, v in self.controller.items()]
+        rows += [Row(k, v) for k, v in self.gains.get("after", {}).items()]
+        rows += [Row("observer's rate", rate, "1/s")] if rate else []
+        rows += [Row("fed forward", ", ".join(self.compensated))] if self.compensated else []
+        rows += [Row("not compensated", left)] if left else []
+        return [*rows, *([Row("messages", len(self.messages))] if self.messages else [])]
+
     def plot(self, ax: Any = None) -> Any:
-        """Draw the tracking errors over time; returns the axes."""
+        """Draw the tracking errors over time, into ``ax`` or a new figure; returns the Axes."""
         from ..report.closing import tracking
 
         return tracking(self, ax)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,7 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import number
+from ..display import Row
 from ..errors import InputError
+from ..outputs import Result
 from .dynamics import Drive, drive, error_matrices, slowest_pole
 
 MATCHED = "the observer's parameters and J are those of the drive, and no load torque d acts"
@@ -18,8 +21,8 @@ ANY_MOTION = "valid for every w(t), bounded or not, and every torque u"
 LOSS = 1e-3  # share of the rate given up if the best V would be singular
 
 
-@dataclass(frozen=True, eq=False)
-class Certificate:
+@dataclass(frozen=True, repr=False, eq=False)
+class Certificate(Result):
     """V = A e_z^2 + B e_z e_w + C e_w^2 with -dV/dt >= e'(Q0 + a Q1) e, a = sigma0 |w|/h(w).
 
     ``holds``: V is positive definite and never grows. ``rate``: guaranteed decay of the errors in
@@ -85,10 +88,22 @@ class Certificate:
         own["conditions"] = list(self.conditions)
         return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in own.items()}
 
-    def __str__(self) -> str:
+    def _title(self) -> str:
         rate = "none" if self.rate is None else f"{self.rate:.6g} 1/s"
-        head = f"{self.lemma}: {'holds' if self.holds else 'no certificate'}, rate {rate}"
-        return "\n".join([head, *(f"  {sentence}" for sentence in self.conditions)])
+        held = "holds" if self.holds else "no certificate"
+        return f"Certificate {self.lemma}: {held}, rate {rate}"
+
+    def _rows(self) -> Iterable[Row]:
+        constants = [Row(k, getattr(self, k)) for k in ("A", "B", "C", "beta")]
+        constants.append(Row("alpha", self.alpha, self.alpha_unit or ""))
+        return [
+            Row("pole at rest", self.pole_at_rest, "1/s"),
+            *(row for row in constants if row.value is not None),
+            *(Row("condition", sentence) for sentence in self.conditions),
+        ]
+
+    def __str__(self) -> str:
+        return "\n".join([self._title(), *(f"  {sentence}" for sentence in self.conditions)])
 
     def _matrix(self, matrix: np.ndarray | None) -> np.ndarray:
         if matrix is None:

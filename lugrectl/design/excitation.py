@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from ..blocks.friction import level
 from ..checks import array, positive
 from ..errors import InputError
+from ..outputs import Result
 from .dynamics import drive
 
 CELLS = 2000  # resolution of the search for a window
@@ -18,8 +19,8 @@ CLOSE = 1e-3  # a shorter window is preferred at this relative cost
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 
-@dataclass(frozen=True)
-class Excitation:
+@dataclass(frozen=True, repr=False)
+class Excitation(Result):
     """In every window of T seconds inside the log the integral of |w| is at least beta.
 
     T in s, beta in rad (eq. lemma2_eq); ``slowest`` and ``fastest``: extremes of |w| in rad/s;
@@ -31,6 +32,7 @@ class Excitation:
     slowest: float
     fastest: float
     duration: float
+    _units = {"T": "s", "beta": "rad", "slowest": "rad/s", "fastest": "rad/s", "duration": "s"}
 
     def __bool__(self) -> bool:
         return self.beta > 0.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +10,9 @@ import numpy as np
 
 from ..blocks.friction import level
 from ..checks import positive, shown
+from ..display import Row, Shown
 from ..errors import InputError
+from ..outputs import Result
 from .certificate import (
     ANY_MOTION,
     MATCHED,
@@ -21,8 +23,8 @@ from .certificate import (
 from .dynamics import Drive, drive, slowest_pole
 
 
-@dataclass(frozen=True)
-class ScheduledGain:
+@dataclass(frozen=True, repr=False)
+class ScheduledGain(Shown):
     """offset + slope |w|/h(w): a gain that ``proposed_observer`` accepts in place of a number.
 
     ``slope`` is in the gain's unit times N m s/rad; Fc, Fs, vs are those of h(w).
@@ -34,12 +36,18 @@ class ScheduledGain:
     Fs: float
     vs: float
 
+    def _title(self) -> str:
+        return f"{self.offset:.6g} {self.slope:+.6g} |w|/h(w)"
+
+    def _rows(self) -> Iterable[Row]:
+        return ()
+
     def __call__(self, w: Any) -> Any:
         return self.offset + self.slope * np.abs(w) / level(w, self.Fc, self.Fs, self.vs)
 
 
-@dataclass(frozen=True)
-class Design:
+@dataclass(frozen=True, repr=False)
+class Design(Result):
     """Gains of the proposed observer and their guaranteed error decay.
 
     ``K1`` (without unit) and ``K2`` (N m s/rad) are numbers or functions of w, as
@@ -54,6 +62,13 @@ class Design:
     @property
     def gains(self) -> dict[str, float | ScheduledGain]:
         return {"K1": self.K1, "K2": self.K2}
+
+    def _title(self) -> str:
+        return f"Design: {self.method}"
+
+    def _rows(self) -> Iterable[Row]:
+        gains = [Row("K1", self.K1), Row("K2", self.K2, "N m s/rad")]
+        return [*gains, Row("certificate", self.certificate), *self.certificate._rows()]
 
     def summary(self) -> dict[str, Any]:
         """Plain Python; a gain that depends on w as its offset and slope."""

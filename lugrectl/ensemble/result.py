@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import html
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 
+from ..display import Row
 from ..errors import InputError
-from ..results import plain
+from ..outputs import Result, library, plain
 
 
-@dataclass(frozen=True, eq=False)
-class Sweep:
+@dataclass(frozen=True, repr=False, eq=False)
+class Sweep(Result):
     """Many runs of one system. ``sweep["w"]`` is one signal of all members, (L, N).
 
     Attributes
@@ -102,7 +101,7 @@ class Sweep:
         With ``reduce``: a row for each member, with its parameters. Raises InputError if pandas
         is not installed.
         """
-        pandas = _library("pandas")
+        pandas = library("pandas")
         index = pandas.Index(self.members, name="member")
         if self.reduced is not None:
             flat = self.reduced.reshape(len(self), -1)
@@ -113,12 +112,16 @@ class Sweep:
         both = pandas.MultiIndex.from_product([self.members, self.t], names=["member", "t"])
         return pandas.DataFrame({k: self[k].ravel() for k in self._signals()}, index=both)
 
+    def to_frame(self) -> Any:
+        """The same as :meth:`to_pandas`."""
+        return self.to_pandas()
+
     def to_xarray(self) -> Any:
         """A Dataset over member and t (and those of ``reduced``), parameters as coordinates.
 
         Raises InputError if xarray is not installed.
         """
-        xarray = _library("xarray")
+        xarray = library("xarray")
         data: dict[str, Any] = {k: (("member", "t"), self[k]) for k in self._signals()}
         coords = {"member": self.members, "t": self.t}
         if self.reduced is not None:
@@ -132,7 +135,10 @@ class Sweep:
         return xarray.Dataset(data, {**coords, **renamed}, {"system": self.name})
 
     def plot(self, ax: Any = None, output: str | None = None) -> Any:
-        """Median and the band from 5 to 95 % of one output (the first); returns the axes."""
+        """Median and the band from 5 to 95 % of one output (the first); returns the Axes.
+
+        Draws into ``ax``, or into a new figure that shows itself.
+        """
         from ..report.band import band
 
         return band(self, ax, output)
@@ -146,14 +152,16 @@ class Sweep:
         said += f", {len(self.failed)} failed" if self.failed else ""
         return said + f", {len(self.t)} samples to {self.t[-1]:g} s."
 
-    def __repr__(self) -> str:
-        return f"<Sweep {self}>"
+    def _title(self) -> str:
+        return f"Sweep {self}"
 
-    def _repr_html_(self) -> str:
-        words = [str(self), f"Outputs: {', '.join(self.outputs)}."]
-        words += [f"{k}: {np.nanmin(v):.4g} to {np.nanmax(v):.4g}." for k, v in self._ranges()]
-        words += [f"Member {i}: {s}" for i, s in sorted(self.failed.items())[:3]]
-        return "".join(f"<div>{html.escape(line)}</div>" for line in words)
+    def _rows(self) -> Iterable[Row]:
+        held = ", ".join(self._signals()) or "none"
+        return [
+            Row("signals", held),
+            *(Row(k, f"{np.nanmin(v):.6g} to {np.nanmax(v):.6g}") for k, v in self._ranges()),
+            *(Row(f"member {i}", said) for i, said in sorted(self.failed.items())[:3]),
+        ]
 
     def _ranges(self) -> list[tuple[str, np.ndarray]]:
         return [(k, v) for k, v in self.params.items() if _some(v)][:6]
@@ -161,10 +169,3 @@ class Sweep:
 
 def _some(values: np.ndarray) -> bool:
     return not bool(np.all(np.isnan(values)))
-
-
-def _library(name: str) -> Any:
-    try:
-        return import_module(name)
-    except ImportError:
-        raise InputError(f"{name} is not installed; python -m pip install {name}.") from None

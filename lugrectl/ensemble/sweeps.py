@@ -17,6 +17,7 @@ from .. import checks
 from ..engine.load import threads
 from ..errors import InputError
 from ..jobs import JobError, Progress, run_jobs
+from ..progress import Bar, Wanted, bar_for, reporter, shows_progress
 from .gather import Gathered
 from .prepare import Prepared, prepare, sendable
 from .result import Sweep
@@ -25,6 +26,7 @@ from .work import Block, Traced, work
 _ASKED_AHEAD = 16  # number of workers assumed for an executor that does not give it
 
 
+@shows_progress
 def sweep(
     system: Any,
     t: ArrayLike,
@@ -40,7 +42,7 @@ def sweep(
     executor: Executor | None = None,
     jobs: int | None = None,
     chunk: int | None = None,
-    progress: Progress | None = None,
+    progress: Wanted = None,
     reduce: Callable[[np.ndarray, np.ndarray], Any] | None = None,
 ) -> Sweep:
     """Run a system for many parameter sets, initial states or random inputs.
@@ -82,8 +84,9 @@ def sweep(
         ``executor``: its number of workers, if it does not give it itself.
     chunk : int
         Members in a task; default by the number of workers and the size of the results.
-    progress : callable
-        ``progress(fraction, words)``, after each chunk.
+    progress : callable, True, False or None
+        ``progress(fraction, what)`` after each chunk, or whether to show a bar. None: in
+        Jupyter only.
     reduce : callable
         ``reduce(t, y)`` with y (ny, N) returns a number or an array, of the same shape for all
         members. It is called in the process that simulated the member; ``.reduced`` holds the
@@ -123,7 +126,7 @@ def sweep(
     """
     made = prepare(system, t, inputs, params, x0, seeds, outputs, states, hold, rtol, reduce)
     gathered = Gathered(made)
-    blocks = _blocks(made, executor, jobs, chunk, progress, gathered)
+    blocks = _blocks(made, executor, jobs, chunk, reporter(progress), gathered)
     try:
         for index, block in blocks:
             gathered.take(index, block)
@@ -152,7 +155,7 @@ def sweep_chunks(
     executor: Executor | None = None,
     jobs: int | None = None,
     chunk: int | None = None,
-    progress: Progress | None = None,
+    progress: Wanted = None,
     reduce: Callable[[np.ndarray, np.ndarray], Any] | None = None,
 ) -> Iterator[Sweep]:
     """The same as :func:`sweep`, as an iterator of parts in the order in which they finish.
@@ -166,10 +169,11 @@ def sweep_chunks(
     >>> peak = np.concatenate([s["w"].max(axis=1) for s in lg.sweep_chunks(loop, t, r, table)])
     """
     made = prepare(system, t, inputs, params, x0, seeds, outputs, states, hold, rtol, reduce)
-    return _parts(made, _blocks(made, executor, jobs, chunk, progress))
+    bar = bar_for(progress)
+    return _parts(made, _blocks(made, executor, jobs, chunk, bar), bar)
 
 
-def _parts(made: Prepared, blocks: Generator[tuple[range, Any]]) -> Iterator[Sweep]:
+def _parts(made: Prepared, blocks: Generator[tuple[range, Any]], bar: Bar) -> Iterator[Sweep]:
     try:
         for index, block in blocks:
             part = Gathered(made, index)
@@ -177,6 +181,7 @@ def _parts(made: Prepared, blocks: Generator[tuple[range, Any]]) -> Iterator[Swe
             yield replace(part.result(), message=None)
     finally:
         blocks.close()
+        bar.close()
 
 
 def _blocks(

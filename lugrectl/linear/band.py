@@ -21,7 +21,7 @@ class UnstableLoopWarning(UserWarning):
     """The transfer function has poles that are not left of the imaginary axis."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class BandwidthVerdict(Verdict):
     """Truthy iff T is stable and its bandwidth is a finite number.
 
@@ -36,6 +36,12 @@ class BandwidthVerdict(Verdict):
     stable: bool
     poles: tuple[complex, ...]
     reason: str
+    _units = {
+        "bandwidth": "rad/s",
+        "hertz": "Hz",
+        "crossings": "rad/s",
+        "poles": "1/s",
+    }
 
     def __bool__(self) -> bool:
         return self.stable and math.isfinite(self.bandwidth)

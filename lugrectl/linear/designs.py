@@ -13,6 +13,7 @@ from lugrectl.checks import array as numbers
 from lugrectl.checks import shown
 from lugrectl.door import values_of
 from lugrectl.errors import InputError
+from lugrectl.outputs import Result
 
 from . import closed_forms as forms
 from .band import bandwidth_check, level_power
@@ -22,8 +23,8 @@ CHUNK = 8192  # designs at a time, so that temporary arrays fit into the cache
 NAMES = ("J", "sigma0", "sigma1", "kp", "ki", "kd", "K2")
 
 
-@dataclass(frozen=True)
-class DesignChecks:
+@dataclass(frozen=True, repr=False)
+class DesignChecks(Result):
     """The checks of many designs, arrays of one shape.
 
     ``l2_gain``, ``l2_frequency`` as in ``l2_check``; ``classification`` an index into
@@ -36,6 +37,7 @@ class DesignChecks:
     classification: NDArray[np.int8]
     bandwidth: NDArray[np.float64]
     stable: NDArray[np.bool_]
+    _units = {"l2_gain": "s", "l2_frequency": "rad/s", "bandwidth": "rad/s"}
 
     @property
     def spr(self) -> NDArray[np.bool_]:

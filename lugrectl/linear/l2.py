@@ -27,7 +27,7 @@ from .transfer import Transfer, number, parameter, read_transfer, to_float
 from .verdict import Verdict
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class L2Verdict(Verdict):
     """Truthy iff the L2 gain is finite.
 
@@ -41,6 +41,7 @@ class L2Verdict(Verdict):
     frequency: float
     reason: str
     meaning: str
+    _units = {"gain": "s", "frequency": "rad/s"}
 
     def __bool__(self) -> bool:
         return bool(np.isfinite(self.gain))

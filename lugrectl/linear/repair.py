@@ -8,6 +8,7 @@ from decimal import ROUND_FLOOR, Context, Decimal
 from fractions import Fraction
 from typing import Any
 
+from ..display import Shown
 from .loops import Loop, rounded
 from .realness import classify
 from .transfer import lowest_terms, read_transfer, to_float
@@ -21,8 +22,8 @@ WORDS = {
 }
 
 
-@dataclass(frozen=True)
-class Repair:
+@dataclass(frozen=True, repr=False)
+class Repair(Shown):
     """A change of the controller that makes T SPR.
 
     ``gains``: keyword arguments of ``position_T``, ``velocity_T`` to change, with limits rounded

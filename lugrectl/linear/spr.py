@@ -26,7 +26,7 @@ from .verdict import Verdict, show_poles
 NEAR_ZERO = 1e-12
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class SprVerdict(Verdict):
     """Truthy iff T(s) is strictly positive real.
 
@@ -44,6 +44,7 @@ class SprVerdict(Verdict):
     band_edge: float
     reason: str
     repair: str | None = None
+    _units = {"margin": "1/s", "band_edge": "rad/s"}
 
     def __bool__(self) -> bool:
         return self.classification == "SPR"

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any
 
+from ..outputs import Result
 
-class Verdict:
+
+class Verdict(Result):
     """Base of the frozen verdict dataclasses; truthy when the property holds."""
 
     def summary(self) -> dict[str, Any]:
@@ -17,21 +18,17 @@ class Verdict:
         return {"holds": bool(self), **values}
 
     def __str__(self) -> str:
-        rows = self.summary().items()
-        return "\n".join([type(self).__name__, *(f"  {name}: {_text(v)}" for name, v in rows)])
+        rows = [f"  {row.name}: {row.text()}" for row in self._rows()]
+        return "\n".join([self._title(), *rows])
 
-    def _repr_html_(self) -> str:
-        return f"<pre>{html.escape(str(self))}</pre>"
+    def _title(self) -> str:
+        return f"{type(self).__name__}: {'holds' if self else 'does not hold'}"
 
 
 def _plain(value: Any) -> Any:
     if isinstance(value, tuple):
         return [_plain(v) for v in value]
     return [value.real, value.imag] if isinstance(value, complex) else value
-
-
-def _text(value: Any) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def show_poles(poles: Sequence[complex]) -> str:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ..display import Row, Shown
 from ..errors import InputError
 from ..provenance import SourceFile
+from .units import si_unit
 
 _MOTIONS = ("rotary", "linear")
 _ROLES = ("t", "u", "w", "theta", "r", "d", "temperature", "theta_load")
@@ -26,7 +28,7 @@ def smallest_step(x: np.ndarray) -> float:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Record:
+class Record(Shown):
     """A measured log: float64 channels of one length N, in SI units.
 
     ``u`` (N m or N) is held between samples. ``w`` (rad/s or m/s) or ``theta`` (rad or m),
@@ -78,12 +80,18 @@ class Record:
         if not self.dt > 0:
             raise InputError(f"{self.source}: the time step dt must be positive.")
 
-    def __repr__(self) -> str:
-        roles = " ".join(self.channels())
-        return (
-            f"<Record {self.source}: {roles}, {self.samples} samples "
-            f"at {self.rate:.6g} Hz, {self.motion}>"
-        )
+    def _title(self) -> str:
+        return f"Record {self.source}: {self.motion}"
+
+    def _rows(self) -> Iterable[Row]:
+        length = f"{self.samples} at {self.rate:.6g} Hz, {self.duration:.6g} s"
+        lost = f"({self.dropped} dropped)" if self.dropped else ""
+        return [
+            Row("samples", length, "", lost),
+            *(Row(k, _span(x), si_unit(k, self.motion)) for k, x in self.channels().items()),
+            *([Row("gaps", len(self.gaps))] if self.gaps else []),
+            *([Row("messages", len(self.messages))] if self.messages else []),
+        ]
 
     def channels(self) -> dict[str, np.ndarray]:
         """Return the channels that are present, by role, with t first."""
@@ -129,3 +137,7 @@ class Record:
             "duration": self.duration,
             "dropped": self.dropped,
         }
+
+
+def _span(x: np.ndarray) -> str:
+    return f"{x.min():.6g} to {x.max():.6g}" if len(x) else "empty"

@@ -7,11 +7,12 @@ import textwrap
 from pathlib import Path
 from typing import Any
 
+from ..display import grid_text as _grid_text
 from ..errors import InputError
 from ..model import model_toml
 from .atomic import nearest, write_together
 from .page import fragment, html
-from .wording import Grid, Section, headline, sections
+from .wording import Section, headline, sections
 
 __all__ = ["check_folder", "fragment", "html", "text", "write"]
 
@@ -47,20 +48,6 @@ def _wrapped(line: str, indent: str, later: str | None = None) -> str:
         subsequent_indent=indent if later is None else later,
         break_on_hyphens=False,
     )
-
-
-def _grid_text(grid: Grid) -> list[str]:
-    table = [grid.head, *grid.rows]
-    widths = [max(len(row[i]) for row in table) for i in range(len(grid.head))]
-
-    def line(row: tuple[str, ...]) -> str:
-        cells = [
-            cell.ljust(w) if side == "l" else cell.rjust(w)
-            for cell, w, side in zip(row, widths, grid.align, strict=True)
-        ]
-        return ("  " + "  ".join(cells)).rstrip()
-
-    return [line(row) for row in table]
 
 
 def content(d: Any) -> dict[str, str]:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InputError
-from .plot import AFTER, _new
+from .canvas import drawn
+from .plot import AFTER
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -15,7 +16,8 @@ if TYPE_CHECKING:
 _POINTS = 1000  # quantiles are computed at this many times at most
 
 
-def band(sweep: Any, ax: Axes | None = None, output: str | None = None) -> Axes:
+@drawn
+def band(sweep: Any, ax: Axes, output: str | None = None) -> Axes:
     """Median and 5 to 95 % range of one signal of a sweep."""
     if output is None and (sweep.y is None or not sweep.outputs):
         raise InputError("this sweep holds no outputs to plot (with reduce none are kept).")
@@ -25,7 +27,6 @@ def band(sweep: Any, ax: Axes | None = None, output: str | None = None) -> Axes:
     if not len(values):
         raise InputError("no member of this sweep succeeded: there is nothing to plot.")
     low, middle, high = np.quantile(values, [0.05, 0.5, 0.95], axis=0)
-    ax = ax if ax is not None else _new().subplots()
     ax.fill_between(t, low, high, color=AFTER, alpha=0.25, lw=0, label="5 to 95 %")
     ax.plot(t, middle, color=AFTER, lw=1.3, label="median")
     ax.set(xlabel="t [s]", ylabel=name, title=f"{sweep.name}, {len(values)} members")

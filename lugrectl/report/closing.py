@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..spec import unit_for
+from .canvas import drawn
 from .views import UNITS
 from .wording import readable
 
@@ -18,11 +19,11 @@ _WAYS = (("w > 0", COLOURS["after"]), ("w < 0", COLOURS["before"]))
 BAND = 1.96  # standard errors of a 95 % interval
 
 
-def table(made: Any, ax: Axes | None = None) -> Axes:
+@drawn
+def table(made: Any, ax: Axes) -> Axes:
     """The table with its 95 % band; two lines if each direction has its own."""
-    from .plot import _headed, _new
+    from .plot import _headed
 
-    ax = ax if ax is not None else _new().subplots()
     rows, errors = np.atleast_2d(made.values), np.atleast_2d(made.error)
     ways = _WAYS if len(rows) == 2 else (("table", COLOURS["after"]),)
     x = made.points
@@ -41,11 +42,11 @@ def table(made: Any, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def tracking(made: Any, ax: Axes | None = None) -> Axes:
+@drawn
+def tracking(made: Any, ax: Axes) -> Axes:
     """Motion minus reference over time, for the loops that stayed stable."""
-    from .plot import _headed, _new
+    from .plot import _headed
 
-    ax = ax if ax is not None else _new().subplots()
     errors = {key: run.y - run.r for key, run in made.runs.items()}
     factor, unit = readable([float(np.max(np.abs(e))) for e in errors.values()], made.unit)
     for key, run in made.runs.items():

@@ -12,7 +12,7 @@ from typing import Any
 from urllib.parse import quote
 
 from ..errors import InputError
-from . import _grid_text, _wrapped, page
+from . import FILES, _grid_text, _wrapped, page
 from .atomic import write_together
 from .wording import NONE, Grid, number, readable
 
@@ -189,6 +189,22 @@ def store(content: Mapping[str, str], folder: Path) -> None:
         raise InputError(
             f"{folder}: {' and '.join(content)} cannot be written ({error.strerror or error})."
         ) from None
+
+
+def write_all(fleet: Any, folder: str | Path) -> list[Path]:
+    """Write the report of every diagnosis that was kept, then index.html and summary.csv.
+
+    Returns the paths of the latter two.
+    """
+    from . import check_folder, write
+
+    check_folder(folder)
+    links = {}
+    kept = fleet.diagnoses
+    for (file, d), name in zip(kept.items(), folder_names(kept), strict=True):
+        write(d, Path(folder) / name)
+        links[file] = f"{name}/{FILES[0]}"
+    return write_index(fleet, folder, links)
 
 
 def write_index(fleet: Any, folder: str | Path, links: Mapping[str, str]) -> list[Path]:

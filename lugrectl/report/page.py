@@ -5,8 +5,9 @@ from __future__ import annotations
 import html as markup
 from typing import Any
 
+from ..display import grid_html as _grid_html
 from ..model import model_toml
-from .wording import Grid, Section, headline, sections
+from .wording import Section, headline, sections
 
 _STYLE = """
 .lugrectl { font: 16px/1.5 system-ui, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif;
@@ -98,20 +99,6 @@ def _section_html(part: Section) -> str:
     if part.footnote:
         lines.append(f'<p class="small">{markup.escape(part.footnote)}</p>')
     return "\n".join(lines)
-
-
-def _grid_html(grid: Grid) -> str:
-    def row(cells: tuple[str, ...], tag: str) -> str:
-        made = [
-            f'<{tag} class="{side}">{markup.escape(cell)}</{tag}>'
-            for cell, side in zip(cells, grid.align, strict=True)
-        ]
-        return "<tr>" + "".join(made) + "</tr>"
-
-    rows = "\n".join(row(cells, "td") for cells in grid.rows)
-    head = row(grid.head, "th")
-    body = f"<thead>{head}</thead>\n<tbody>\n{rows}\n</tbody>"
-    return f'<div class="table"><table>\n{body}\n</table></div>'
 
 
 def _figures(d: Any) -> list[str]:

@@ -1,11 +1,9 @@
-"""Plots of a diagnosis. Each takes ``ax=None`` and returns the Axes; pyplot is not used."""
+"""Plots of a diagnosis or an identification. Each takes ``ax=None`` and returns the Axes."""
 
 from __future__ import annotations
 
-import io
-import re
 from collections.abc import Callable
-from types import MethodType
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,41 +11,25 @@ import numpy as np
 from ..errors import InputError
 from ..spec import unit_for
 from . import closing, mapped
+from .canvas import drawn, inline_svg, on_pyplot
 from .views import Residual, binned, motion_of, residual, rms_over_time, simulated, stretch
 from .wording import number, readable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 MEASURED, BEFORE, AFTER, QUIET = "#3b4450", "#d1622b", "#1f6fb4", "#b9c2cd"
 _POINTS = 2500  # largest number of points drawn of a scatter or a line
 _DOTS: dict[str, Any] = {"ms": 2.5, "alpha": 0.25, "mew": 0, "rasterized": True}
 _BARS = 10  # largest number of candidates in the ranking
-_RC: dict[Any, Any] = {
-    "font.size": 10,
-    "font.family": "sans-serif",
-    "text.usetex": False,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.edgecolor": "#5b6675",
-    "axes.grid": True,
-    "grid.color": "#e6eaef",
-    "axes.axisbelow": True,
-    "axes.titlesize": 10.5,
-    "axes.titlelocation": "left",
-    "legend.frameon": False,
-    "svg.fonttype": "path",
-    "svg.hashsalt": "lugrectl",
-}
 
 
-def motion(d: Any, ax: Axes | None = None) -> Axes:
+@drawn
+def motion(d: Any, ax: Axes) -> Axes:
     """Measured and simulated signal over the two held-out seconds with the largest error."""
     traces = d.traces
     if simulated(traces, "refitted") is None:
         raise InputError("this diagnosis holds no simulated motion to plot.")
-    ax = ax if ax is not None else _new().subplots()
     cut = stretch(traces)
     step = max((cut.stop - cut.start) // _POINTS, 1)
     cut = slice(cut.start, cut.stop, step)
@@ -60,12 +42,12 @@ def motion(d: Any, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def error(d: Any, ax: Axes | None = None) -> Axes:
+@drawn
+def error(d: Any, ax: Axes) -> Axes:
     """RMS of measured minus simulated over the whole record, in short bins of held-out samples."""
     traces = d.traces
     if simulated(traces, "refitted") is None:
         raise InputError("this diagnosis holds no simulated motion to plot.")
-    ax = ax if ax is not None else _new().subplots()
     curves = [(n, c, *rms_over_time(traces.t, traces.measured - v)) for n, c, v in _models(d)]
     name, unit = _signal(d)
     factor, unit = readable([float(np.nanmax(rms)) for *_, rms in curves], unit)
@@ -81,12 +63,12 @@ def error(d: Any, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def torque(d: Any, ax: Axes | None = None) -> Axes:
+@drawn
+def torque(d: Any, ax: Axes) -> Axes:
     """Residual torque against the signal that explains it: samples and their mean."""
     view = residual(d)
     if view is None:
         raise InputError("this diagnosis holds no residual torque to plot.")
-    ax = ax if ax is not None else _new().subplots()
     edges = np.linspace(*_limits(view.x, 0.1), 61)
     some, shown = _some(len(view.x)), list(_limits(view.before, 1.0))
     for y, name, color in _residuals(view):
@@ -105,7 +87,8 @@ def torque(d: Any, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def ranking(d: Any, ax: Axes | None = None) -> Axes:
+@drawn
+def ranking(d: Any, ax: Axes) -> Axes:
     """Gain in log-likelihood of the added effects and of the best other candidates."""
     if not d.ranking:
         raise InputError("this diagnosis holds no ranking to plot.")
@@ -115,7 +98,6 @@ def ranking(d: Any, ax: Axes | None = None) -> Axes:
     room = _BARS - sum(c.name in chosen for c in tried)
     quiet = [c for c in tried if c.name not in chosen][: max(room, 0)]
     tried = [c for c in tried if c.name in chosen or c in quiet]
-    ax = ax if ax is not None else _new().subplots()
     colors = [AFTER if c.name in chosen else MEASURED if c.name in others else QUIET for c in tried]
     scores = np.nan_to_num([c.score for c in tried], posinf=0.0, neginf=0.0)
     ax.barh(range(len(tried)), scores, color=colors, height=0.7)
@@ -190,68 +172,26 @@ def available(d: Any) -> list[str]:
 
 
 def overview(d: Any, ax: Axes | None = None) -> Any:
-    """All plots that the diagnosis has data for, on a new Figure that Jupyter displays.
+    """All plots that the result has data for, in one new figure; returns an array of their Axes.
 
-    The Figure's ``axes`` are the plots. With ``ax`` given, only the first plot (measured and
-    simulated motion, if there is any) is drawn into it, and the Axes is returned.
+    If there is only one plot, its Axes is returned. With ``ax`` given, only the first plot
+    (measured and simulated motion, if there is any) is drawn into it, and that Axes is returned.
     Raises InputError when there is nothing to plot.
     """
     names = available(d)
     if not names:
-        raise InputError("this diagnosis holds nothing to plot (refused, or without traces).")
+        raise InputError("there is nothing to plot here (refused, or without traces).")
     if ax is not None:
         return PANELS[names[0]][0](d, ax)
-    columns = min(len(names), 2)
-    rows = -(-len(names) // columns)
-    with _style():
-        figure = _new(6.2 * columns, 3.4 * rows)
-        for i, name in enumerate(names):
-            PANELS[name][0](d, figure.add_subplot(rows, columns, i + 1))
-    return figure
+    axes = on_pyplot([partial(PANELS[name][0], d) for name in names], columns=2)
+    return axes[0] if len(axes) == 1 else np.array(axes, dtype=object)
 
 
 def drawings(d: Any) -> list[tuple[str, str]]:
-    """Caption and inline SVG of every plot that the diagnosis has data for."""
-    made = []
-    for name in available(d):
-        with _style():
-            figure = _new(6.4, 3.3)
-            PANELS[name][0](d, figure.subplots())
-            made.append((PANELS[name][1], _inline_svg(figure, name)))
-    return made
-
-
-def _style() -> Any:
-    import matplotlib
-
-    return matplotlib.rc_context(_RC)
-
-
-def _new(width: float = 6.4, height: float = 3.3) -> Figure:
-    """A figure outside pyplot that Jupyter displays."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), layout="constrained", dpi=100)
-    figure._repr_png_ = MethodType(_png, figure)  # type: ignore[attr-defined]
-    return figure
-
-
-def _png(figure: Figure) -> bytes:
-    file = io.BytesIO()
-    figure.savefig(file, format="png", dpi=110)
-    return file.getvalue()
-
-
-def _inline_svg(figure: Figure, name: str) -> str:
-    """SVG for use inside an HTML page: no header, no address, ids that are unique on the page."""
-    file = io.StringIO()
-    figure.savefig(file, format="svg", dpi=160)
-    svg = file.getvalue()
-    svg = svg[svg.index("<svg") :]
-    svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
-    svg = re.sub(r'\sxmlns(:\w+)?="[^"]*"', "", svg)
-    svg = re.sub(r'(\bid="|url\(#|href="#)', rf"\g<1>{name}-", svg)
-    return svg.replace("<svg ", f'<svg role="img" aria-label="{name}" ', 1).strip()
+    """Caption and inline SVG of every plot that the result has data for; pyplot is not used."""
+    return [
+        (PANELS[name][1], inline_svg(partial(PANELS[name][0], d), name)) for name in available(d)
+    ]
 
 
 def _models(d: Any) -> list[tuple[str, str, np.ndarray]]:

@@ -7,19 +7,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ..display import NONE, Grid, number
+from ..display import with_interval as _with_interval
 from ..spec import members
 
 _SMALL = {"rad": "rad", "m": "m", "rad/s": "rad/s", "m/s": "m/s", "N m": "N m", "N": "N"}
-NONE = "-"
-
-
-@dataclass(frozen=True)
-class Grid:
-    """A table; ``align`` holds one letter, l or r, for each column."""
-
-    head: tuple[str, ...]
-    align: str
-    rows: tuple[tuple[str, ...], ...]
 
 
 @dataclass(frozen=True)
@@ -31,15 +23,6 @@ class Section:
     grid: Grid | None = None
     footnote: str = ""
     formula: bool = False
-
-
-def number(value: Any, digits: int = 4) -> str:
-    """A number with ``digits`` digits, its integer part in full; '-' for None, NaN, infinity."""
-    if value is None or not math.isfinite(value):
-        return NONE
-    if 10 ** (digits - 1) <= abs(value) < 1e6:
-        return f"{value:.0f}"
-    return f"{value:#.{digits}g}".rstrip(".")
 
 
 def equation(name: str) -> str:
@@ -128,25 +111,6 @@ def _effect(d: Any, finding: Any) -> Section:
 
 def _alternative(name: str) -> str:
     return f"{name} ({equation(name)})" if equation(name) else name
-
-
-def _with_interval(estimate: Any) -> tuple[str, str]:
-    value, interval = estimate.value, estimate.ci95
-    if interval is None or not all(math.isfinite(x) for x in interval):
-        return (f"{value:.5g}" if math.isfinite(value) else NONE), NONE
-    shown = [_to_width(x, interval[1] - interval[0]) for x in (value, *interval)]
-    return shown[0], f"{shown[1]} to {shown[2]}"
-
-
-def _to_width(value: float, width: float) -> str:
-    """A value with the decimals that show an interval's width to two places."""
-    decimals = 1 - math.floor(math.log10(width)) if width > 0 else 99
-    if decimals < 0:
-        value = round(value, decimals)
-    if decimals <= 7 and abs(value) < 1e7:
-        return f"{value:.{max(decimals, 0)}f}"
-    ratio = abs(value) / width if width > 0 else 1e3
-    return number(value, min(max(2 + math.ceil(math.log10(ratio)), 3), 8) if ratio > 0 else 3)
 
 
 def _depends(d: Any) -> Section | None:

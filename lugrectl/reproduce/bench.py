@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..display import Shown
 from ..engine import Diverged
 from ..loops import position_loop, velocity_loop
 from ..model import Parameters
@@ -18,8 +19,8 @@ Tick = Callable[[str], None]
 Signals = dict[str, np.ndarray]
 
 
-@dataclass(frozen=True)
-class Trace:
+@dataclass(frozen=True, repr=False)
+class Trace(Shown):
     """One signal of one compensation over time, for a figure."""
 
     name: str
@@ -37,8 +38,8 @@ class Row:
     x: float | None = None
 
 
-@dataclass(frozen=True)
-class Outcome:
+@dataclass(frozen=True, repr=False)
+class Outcome(Shown):
     """The result of a study: rows of RMS values, and the traces of its figure."""
 
     study: Study

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..report import plot
+from ..report.canvas import inline_svg
 from .bench import Outcome
 from .results import PaperFigure, Reproduction
 
@@ -119,17 +121,12 @@ def drawings(r: Reproduction) -> dict[str, str]:
     """Inline SVG by key of figure ("paper-velocity", ...) and study."""
     made = {}
     for figure in r.figures:
-        made[f"paper-{figure.key}"] = _svg(paper_figure, figure, f"paper-{figure.key}")
+        made[f"paper-{figure.key}"] = inline_svg(
+            partial(paper_figure, figure), f"paper-{figure.key}"
+        )
     for o in r.outcomes:
-        made[o.study.key] = _svg(study_figure, o, o.study.key)
+        made[o.study.key] = inline_svg(partial(study_figure, o), o.study.key)
     return made
-
-
-def _svg(draw: Any, what: Any, name: str) -> str:
-    with plot._style():
-        figure = plot._new(6.4, 3.3)
-        draw(what, figure.subplots())
-        return plot._inline_svg(figure, name)
 
 
 def _headed(ax: Axes, title: str, columns: int) -> None:

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
+from ..display import Row, Shown
 from ..model import Parameters
+from ..outputs import Result, plain
 from ..provenance import Provenance
-from ..results import plain
 from .bench import Outcome, Trace
 
 
-@dataclass(frozen=True)
-class Width:
+@dataclass(frozen=True, repr=False)
+class Width(Shown):
     """Bandwidth of one loop, r to w or theta, with all friction or all but Fv compensated.
 
     ``spr``: class of the loop's T(s), the existing observer's condition; None if it does not
@@ -36,8 +37,8 @@ class Width:
         return values | {"gains": dict(self.gains)}
 
 
-@dataclass(frozen=True)
-class PaperFigure:
+@dataclass(frozen=True, repr=False)
+class PaperFigure(Shown):
     """A figure of the source paper: reference, and the response of three loops."""
 
     key: str
@@ -58,8 +59,8 @@ class PaperFigure:
         }
 
 
-@dataclass(frozen=True)
-class Growth:
+@dataclass(frozen=True, repr=False)
+class Growth(Shown):
     """Growth of the compensated position PI: predicted from its poles, and simulated.
 
     Time constants in s; ``observer`` and ``window`` (s) are those of the simulation.
@@ -74,8 +75,8 @@ class Growth:
         return asdict(self) | {"window": list(self.window)}
 
 
-@dataclass(frozen=True)
-class Reproduction:
+@dataclass(frozen=True, repr=False)
+class Reproduction(Result):
     """Everything that ``lugrectl reproduce`` shows."""
 
     parameters: Parameters
@@ -111,9 +112,24 @@ class Reproduction:
             }
         )
 
-    def to_json(self) -> str:
-        """One JSON document (schema 1)."""
-        return json.dumps(self.summary(), indent=2, allow_nan=False)
+    def save(self, folder: str | Path) -> list[Path]:
+        """Write reproduce.html and reproduce.json into a folder, both or none; returns the paths.
+
+        Raises InputError when the folder cannot be written.
+        """
+        from .page import write
+
+        return write(self, folder)
+
+    def _title(self) -> str:
+        return "Reproduction of the source paper"
+
+    def _rows(self) -> Iterable[Row]:
+        return [
+            *(Row(f"bandwidth, {w.label}", w.hertz, "Hz") for w in self.widths),
+            Row("figures", ", ".join(f.key for f in self.figures)),
+            Row("studies", ", ".join(o.study.key for o in self.outcomes)),
+        ]
 
     def __str__(self) -> str:
         from .page import text

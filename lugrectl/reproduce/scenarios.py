@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import control as ct
@@ -11,13 +11,13 @@ import numpy as np
 from ..errors import InputError
 from ..linear import bandwidth_check, position_loop_tf, velocity_loop_tf
 from ..model import Parameters, table1
+from ..progress import Wanted, reporter, shows_progress
 from . import studies
 from .bench import Bench, Trace, rms, run
 from .results import Growth, PaperFigure, Reproduction
 from .setting import Case, Compensation, Measure, Reference, Study
 from .widths import same_width, same_width_spr, widths
 
-Progress = Callable[[float, str], None]
 FIGURES = ("velocity", "position")
 PI_NOTES = (
     "With exact parameters the natural and the proposed observer cancel friction completely; the "
@@ -55,10 +55,11 @@ def all_studies(p: Parameters) -> tuple[Study, ...]:
     )
 
 
+@shows_progress
 def reproduce(
     *,
     only: Collection[str] | None = None,
-    progress: Progress | None = None,
+    progress: Wanted = None,
 ) -> Reproduction:
     """Recompute the source paper's numbers and figures, and cases that it does not show.
 
@@ -66,15 +67,15 @@ def reproduce(
     ----------
     only : collection of str, optional
         Keys of studies and figures ("velocity", "position") to run; default: all.
-    progress : callable, optional
-        Called with the fraction done and a few words.
+    progress : callable, True, False or None
+        ``progress(fraction, what)``, or whether to show a bar. None: in Jupyter only.
 
     Raises
     ------
     InputError
         For an unknown key.
     """
-    p = table1()
+    p, report = table1(), reporter(progress)
     chosen = _chosen(all_studies(p), only)
     total = sum(len(s.cases) * len(s.compensations) for s in chosen) or 1
     done = 0
@@ -82,8 +83,7 @@ def reproduce(
     def tick(what: str) -> None:
         nonlocal done
         done += 1
-        if progress is not None:
-            progress(min(done / total, 1.0), what)
+        report(min(done / total, 1.0), what)
 
     bench = Bench(p)
     makers = {"velocity": velocity_figure, "position": position_figure}

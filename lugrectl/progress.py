@@ -1,0 +1,197 @@
+"""Progress of long work: who sees it, and the bars.
+
+``progress`` is a callable ``(fraction, what)``, True, False, or None: a bar in Jupyter, nothing
+elsewhere. True shows one on a terminal too.
+"""
+
+from __future__ import annotations
+
+import functools
+import html
+import shutil
+import sys
+import time
+from collections.abc import Callable
+from importlib.util import find_spec
+from types import TracebackType
+from typing import Any, ParamSpec, TextIO, TypeVar
+
+from .errors import InputError
+
+P = ParamSpec("P")
+R = TypeVar("R")
+Progress = Callable[[float, str], None]
+Wanted = Progress | bool | None
+_EVERY = 0.1  # seconds between two drawings
+_AFTER = 0.5  # seconds that work in a notebook takes before it gets a bar
+
+
+def shows_progress(work: Callable[P, R]) -> Callable[P, R]:
+    """Let a function that reports to a callable ``progress`` take all that a user may give."""
+
+    @functools.wraps(work)
+    def shown(*args: P.args, **kwargs: P.kwargs) -> R:
+        wanted: Any = kwargs.get("progress")
+        with bar_for(wanted) as report:
+            kwargs["progress"] = report
+            return work(*args, **kwargs)
+
+    return shown
+
+
+def bar_for(wanted: Wanted) -> Bar:
+    """What reports where the user wants to see it.
+
+    Raises InputError for a ``progress`` that is none of a callable, True, False and None.
+    """
+    if callable(wanted):
+        return Called(wanted)
+    if wanted not in (None, True, False):
+        raise InputError(f"progress must be a function, True, False or None, not {wanted!r}.")
+    if wanted is False or (wanted is None and not in_notebook()):
+        return Bar()
+    if in_notebook():
+        return Widget() if _has_widgets() else Cell()
+    return Terminal(sys.stderr)
+
+
+def reporter(wanted: Wanted) -> Progress:
+    """The callable that :func:`shows_progress` gave a function; silent without it."""
+    return wanted if callable(wanted) else Bar()
+
+
+def in_notebook() -> bool:
+    """Whether a Jupyter kernel runs this code; IPython on a terminal is none."""
+    ipython = sys.modules.get("IPython")
+    shell = ipython.get_ipython() if ipython is not None else None
+    return getattr(shell, "kernel", None) is not None
+
+
+def _has_widgets() -> bool:
+    return all(find_spec(name) is not None for name in ("tqdm", "ipywidgets"))
+
+
+class Bar:
+    """Takes the fraction done (0 to 1) and a few words; this one shows nothing.
+
+    Leave the ``with`` block and the bar is gone.
+    """
+
+    def __call__(self, fraction: float, what: str = "") -> None:
+        """Report."""
+
+    def close(self) -> None:
+        """Take the bar away."""
+
+    def __enter__(self) -> Bar:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+class Called(Bar):
+    """Hands everything to the user's own function."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+
+    def __call__(self, fraction: float, what: str = "") -> None:
+        self._progress(fraction, what)
+
+
+class _Drawn(Bar):
+    """Draws a few times a second at most, and the end always; nothing before ``after`` seconds."""
+
+    def __init__(self, after: float = 0.0) -> None:
+        self._next = time.monotonic() + after
+        self._begun = after == 0.0
+
+    def __call__(self, fraction: float, what: str = "") -> None:
+        now = time.monotonic()
+        if now < self._next and (fraction < 1.0 or not self._begun):
+            return
+        self._next, self._begun = now + _EVERY, True
+        self._draw(min(max(fraction, 0.0), 1.0), what)
+
+    def _draw(self, fraction: float, what: str) -> None:
+        raise NotImplementedError
+
+
+class Terminal(_Drawn):
+    """Progress on one line of a terminal; silent on anything else."""
+
+    def __init__(self, stream: TextIO) -> None:
+        super().__init__()
+        self._stream = stream
+        self._live = stream is not None and stream.isatty()
+
+    def _draw(self, fraction: float, what: str) -> None:
+        if self._live:
+            self._put(self.line(fraction, what, shutil.get_terminal_size().columns - 1))
+
+    @staticmethod
+    def line(fraction: float, what: str, width: int) -> str:
+        """The bar, cut to a width."""
+        fraction = min(max(fraction, 0.0), 1.0)
+        done = round(30 * fraction)
+        return f"[{'#' * done}{'.' * (30 - done)}] {100 * fraction:3.0f} %  {what}"[:width]
+
+    def close(self) -> None:
+        if self._live:
+            self._put("")
+
+    def _put(self, text: str) -> None:
+        self._stream.write(f"\r{text}\x1b[K")
+        self._stream.flush()
+
+
+class Widget(_Drawn):
+    """The bar of tqdm in a notebook."""
+
+    def __init__(self) -> None:
+        super().__init__(_AFTER)
+        self._bar: Any = None
+
+    def _draw(self, fraction: float, what: str) -> None:
+        if self._bar is None:
+            from tqdm.auto import tqdm  # pyright: ignore[reportMissingModuleSource]
+
+            layout = "{percentage:3.0f} % {bar} {desc} [{elapsed}]"
+            self._bar = tqdm(total=100, leave=False, bar_format=layout)
+        self._bar.n = round(100 * fraction)
+        self._bar.set_description_str(what)
+
+    def close(self) -> None:
+        if self._bar is not None:
+            self._bar.n = self._bar.total  # else tqdm leaves a red bar behind
+            self._bar.close()
+
+
+class Cell(_Drawn):
+    """A bar of plain HTML in a notebook, where tqdm or ipywidgets is not installed."""
+
+    def __init__(self) -> None:
+        super().__init__(_AFTER)
+        self._place: Any = None
+
+    def _draw(self, fraction: float, what: str) -> None:
+        words = f"{100 * fraction:.0f} % {html.escape(what)}"
+        self._show(f'<progress max="1" value="{fraction:.3f}"></progress> {words}')
+
+    def close(self) -> None:
+        if self._place is not None:
+            self._show("")
+
+    def _show(self, text: str) -> None:
+        from IPython.display import HTML, display  # pyright: ignore[reportMissingModuleSource]
+
+        if self._place is None:
+            self._place = display(HTML(text), display_id=True)
+        else:
+            self._place.update(HTML(text))

@@ -1,0 +1,94 @@
+"""Where plots are drawn: in pyplot for the user, beside it for reports.
+
+A plot is a function ``draw(what, ax)``. With :func:`drawn` its ``ax`` may be left out: then it
+draws into a new figure of pyplot, which ``plt.show()`` shows in a script and Jupyter after the
+cell. Figures of reports never touch pyplot, so that none is left behind.
+"""
+
+from __future__ import annotations
+
+import functools
+import io
+import re
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SIZE = (6.4, 3.3)  # inches, of one plot
+_RC: dict[Any, Any] = {
+    "font.size": 10,
+    "font.family": "sans-serif",
+    "text.usetex": False,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#5b6675",
+    "axes.grid": True,
+    "grid.color": "#e6eaef",
+    "axes.axisbelow": True,
+    "axes.titlesize": 10.5,
+    "axes.titlelocation": "left",
+    "legend.frameon": False,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "lugrectl",
+}
+Draw = Callable[..., Any]  # of what is drawn and the Axes
+
+
+def drawn(draw: Draw) -> Draw:
+    """Let a plot do without ``ax``: it then opens a figure of its own."""
+
+    @functools.wraps(draw)
+    def shown(what: Any, ax: Axes | None = None, *more: Any, **options: Any) -> Any:
+        if ax is not None:
+            return draw(what, ax, *more, **options)
+        return on_pyplot([lambda own: draw(what, own, *more, **options)])[0]
+
+    return shown
+
+
+def on_pyplot(panels: list[Callable[[Axes], Any]], columns: int = 1) -> list[Axes]:
+    """Draw panels into one new figure of pyplot; returns their Axes.
+
+    A panel that fails takes the figure away with it.
+    """
+    import matplotlib.pyplot as plt
+
+    columns = min(columns, len(panels))
+    rows = -(-len(panels) // columns)
+    size = (SIZE[0] * columns, SIZE[1] * rows)
+    # Outside the style: the first figure loads the backend, whose settings must stay.
+    figure = plt.figure(figsize=size, layout="constrained")
+    try:
+        with _style():
+            axes = [figure.add_subplot(rows, columns, i + 1) for i in range(len(panels))]
+            for panel, ax in zip(panels, axes, strict=True):
+                panel(ax)
+    except BaseException:
+        plt.close(figure)
+        raise
+    return axes
+
+
+def inline_svg(panel: Callable[[Axes], Any], name: str) -> str:
+    """One panel as SVG to stand inside an HTML page: no header, no address, ids of its own."""
+    from matplotlib.figure import Figure
+
+    file = io.StringIO()
+    with _style():
+        figure = Figure(figsize=SIZE, layout="constrained", dpi=100)
+        panel(figure.subplots())
+        figure.savefig(file, format="svg", dpi=160)
+    svg = file.getvalue()
+    svg = svg[svg.index("<svg") :]
+    svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
+    svg = re.sub(r'\sxmlns(:\w+)?="[^"]*"', "", svg)
+    svg = re.sub(r'(\bid="|url\(#|href="#)', rf"\g<1>{name}-", svg)
+    return svg.replace("<svg ", f'<svg role="img" aria-label="{name}" ', 1).strip()
+
+
+def _style() -> Any:
+    import matplotlib
+
+    return matplotlib.rc_context(_RC)
