@@ -38,7 +38,7 @@ from .proof import (
 from .rest import left_over
 from .screening import Trial
 from .search import Contest, Pair, Say, carries, contest, loaded
-from .slide import lacking
+from .slide import missing_function
 from .windows import Windows
 
 PIECED = 0.98  # share below which as many effects as are tried are a patchwork, not physics
@@ -269,8 +269,8 @@ class _Trace:
             if far and all(f.total < better.total + GATE for _, f in tried.fits):  # beyond a ridge
                 tried = contest(self.current, names, gate, say)
         sound = [(t, f) for t, f in tried.fits if stands(self.base, self.current, f, t.key)]
-        lack = lacking(self.current) if len(sound) > 1 else None
-        return [(t, f) for t, f in sound if lack and not lack.stays(f)] or sound
+        missing = missing_function(self.current) if len(sound) > 1 else None
+        return [(t, f) for t, f in sound if missing and not missing.stays(f)] or sound
 
     def add(self, sound: Sequence[Pair], say: Say) -> None:
         """The best of them, the others fitted again and dropped or exchanged if need be."""
