@@ -146,7 +146,7 @@ def test_what_happens_before_the_first_window_is_said():
     case = sample("hard_stop", 119200)
     fitted = begin(record_of(case), model_of(case), None, 1.0, quiet).base
     (said,) = openings(fitted)
-    assert said.startswith("From 0 to 0.25 s") and "N m is missing" in said
+    assert said.startswith("Between 0 and 0.25 s") and "N m is unexplained" in said
     sound = sample("none", 126510)
     assert openings(begin(record_of(sound), model_of(sound), None, 1.0, quiet).base) == ()
 

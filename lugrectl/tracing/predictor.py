@@ -108,11 +108,11 @@ class Predictor:
         log, fed = self.data.log, self.everything(values)
         plant = _leveled(values, fed)
         inertia = (plant["J"] - values["J"]) * log.a
-        feigned = 0.0
+        apparent = 0.0
         if fed.error is not None:
-            feigned = values["J"] * np.gradient(fed.error[:, 1], log.dt)
+            apparent = values["J"] * np.gradient(fed.error[:, 1], log.dt)
         friction = self._rubbing(plant) if built_up else self.friction(plant)
-        return fed.u - fed.load - fed.torque - inertia - friction + feigned
+        return fed.u - fed.load - fed.torque - inertia - friction + apparent
 
     def friction(self, values: Mapping[str, Any]) -> np.ndarray:
         """The friction law's steady torque along the log, without effects (N,)."""

@@ -32,7 +32,7 @@ def proven(base: Fitted, before: Fitted, after: Fitted, key: str) -> bool:
     if not np.isfinite(after.total) or _at_its_bound(after, key) or not _passed(after, key):
         return False
     if gained(before, after) <= GATE * repeated(after.innovations):
-        return False  # counts only samples with new information
+        return False  # repeated samples count once
     if after.total - _mirrored(after, key) <= GATE:
         return False
     of_it = share(before, after)
@@ -148,8 +148,9 @@ def loud(fitted: Fitted) -> bool:
 
 
 def coloured(fitted: Fitted) -> bool:
-    """True if past innovations predict the next ones. Not used for a smoothed torque, which
-    colours them by itself.
+    """True if past innovations predict the next ones.
+
+    Always False for a smoothed torque, as smoothing colours the innovations by itself.
 
     If windows may have missed a hidden state (which colours those with a contact of the load),
     only the quieter half of them counts.

@@ -82,7 +82,7 @@ def _is_missing(base: Fitted, final: Fitted, least: float, found: bool) -> bool:
     """True if more than ``least`` is missing while sliding, and more than inexact effects leave.
 
     It may be a function of signals or of time. Time is excluded if windows may have missed a
-    hidden state, since these are a matter of a few instants.
+    hidden state, as that looks like a torque at a few instants.
 
     The effects found may be the wrong ones. If they leave more than they explain, or more than a
     function of some signals would leave, half of ``least`` is enough.

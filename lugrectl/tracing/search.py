@@ -118,9 +118,9 @@ def contest(base: Fitted, names: Sequence[str], gate: float, say: Say) -> Contes
     promising = screen(Score(light), names)
     short = _shortly(light, [t for t in promising if t.promise > gate][: 2 * TRIED], gate, say)
     if not _settled(light, short):
-        believed = at_anchor(light)
-        bent = light.total - believed.total > gate
-        more = [t for t in screen(Score(believed), names) if t.promise > gate] if bent else []
+        declared = at_anchor(light)
+        biased = light.total - declared.total > gate
+        more = [t for t in screen(Score(declared), names) if t.promise > gate] if biased else []
         short = _shortly(light, more[:TRIED], gate, say, short)
     finished = _to_the_end(base, light, short[:TRIED], gate == 0.0, say)
     if _settled(base, finished):
@@ -145,8 +145,8 @@ def _to_the_end(
     wanted = _worth_searching(light, worth)
 
     def finished(pair: Pair) -> Pair:
-        seek = pair[0].boxed and (pair is short[0] or not settled)
-        return _finished(pair, base, seek and hope(pair) > wanted)
+        globally = pair[0].boxed and (pair is short[0] or not settled)
+        return _finished(pair, base, globally and hope(pair) > wanted)
 
     return _best_first(beside(finished, worth))
 
@@ -201,7 +201,7 @@ def _worth_searching(light: Fitted, fits: Sequence[Pair]) -> float:
 
 
 def _hope(pair: Pair, light: Fitted, thorough: bool) -> float:
-    """The gain that a short fit of an effect lets expect.
+    """The expected gain of an effect, from its short fit.
 
     If ``thorough``, an effect with many local maxima counts with its promise if that is higher, as
     a short fit finds only one maximum.

@@ -13,10 +13,10 @@ from .windows import Windows, spread, windows
 
 BLOCK = 2.0  # s, least length of a held-out block
 GAP = 0.25  # s, between training and held-out samples; also the observer's lead-in
-WINDOWS = (1.0, 0.5, 0.25)  # s, lengths of a training window: the longest of which
-FEWEST = 2 * ORDER + 1  # samples of it: twice the past on which its innovations may depend
-ENOUGH = 8  # windows fit in is used
-LEAST = 4  # training windows
+WINDOWS = (1.0, 0.5, 0.25)  # s, possible lengths of a training window (counted samples)
+FEWEST = 2 * ORDER + 1  # samples of such a window: twice the past that predicts an innovation
+ENOUGH = 8  # windows: the longest length that gives as many is used
+LEAST = 4  # training windows; a record with fewer is refused
 MOST = 200_000  # counted samples to fit on; from a longer record, windows spread over it
 ENOUGH_OF_MANY = 24  # windows of such a record, at least
 

@@ -27,7 +27,7 @@ from .windows import Windows
 DEFLECTIONS = (1e-5, 1e-4, 1e-3, 1e-2)  # Fc / sigma0 as a share of the largest speed, in s
 REGRESSED = {"J", "Fc", "Fv"}
 # least values as parts of the torque's std (Fv at top speed, J at the std of the acceleration):
-# a fit cannot leave a start at zero
+# a fit stays near its start, so none is near zero
 LEAST = {"J": 0.01, "Fc": 1e-3, "Fv": 0.05}
 CREEP = 1e-5  # of the largest speed, at which static friction may let a sticking drive creep
 SHORT = 8  # steps of a fit from a restart

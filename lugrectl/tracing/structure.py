@@ -1,6 +1,7 @@
 """Whiteness and heteroskedasticity of the innovations, and explained variance of the residual.
 
-No model of an effect is used."""
+No model of an effect is used.
+"""
 
 from __future__ import annotations
 

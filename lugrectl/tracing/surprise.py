@@ -25,7 +25,7 @@ OPENING = (
     "does not recur. Check for contact at the start."
 )
 DRAWN = 30  # random sets of values within their covariance
-MORE = 2.0  # times the least size, and the largest missing torque of a fitted window
+MORE = 2.0  # times the least size, or the largest missing torque of a fitted window if larger
 
 
 def surprising(fitted: Fitted, test: Windows, values: Values | None = None) -> np.ndarray:
@@ -33,8 +33,8 @@ def surprising(fitted: Fitted, test: Windows, values: Values | None = None) -> n
 
     The observer gain is set so that it can absorb a disturbance of the least size. That covers
     stick/slip chance, not a missing effect. Windows are excluded in which a change may lie whose
-    time the fitted samples do not determine. With ``values``, these are checked on the held-out
-    windows instead of the fitted ones.
+    time the fitted samples do not determine. With ``values``, the held-out windows are predicted
+    with these instead of the fitted values.
     """
     if fitted.noise.uneven:  # a window may have missed a hidden state
         return np.array([], dtype=int)

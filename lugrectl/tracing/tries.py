@@ -23,11 +23,7 @@ SMEAR = 0.03  # s over which impacts are averaged, so that a small timing error 
 MANY = 60  # sets, above which only the smoothed torque is compared
 STARTS = 3  # sets from which an effect is fitted
 LEAST_POWER = 0.02  # least explained share of the smoothed torque for a set to be refined
-QUIETER = (
-    1.0,
-    0.4,
-    0.15,
-)  # factors on the noise of dw/dt with which a set is tested at full strength
+QUIETER = (1.0, 0.4, 0.15)  # factors on the noise of dw/dt for a set at full strength
 POLISH = 60  # evaluations of the smoothed torque around the best set
 
 Values = Mapping[str, float]
