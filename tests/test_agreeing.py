@@ -12,7 +12,7 @@ from lugrectl.tracing.held_out import adapted
 from lugrectl.tracing.job import begin
 from lugrectl.tracing.likelihood import whitened
 from lugrectl.tracing.predictor import Predictor
-from lugrectl.tracing.runs import alike, told
+from lugrectl.tracing.runs import alike, statements
 from tests.rig import make
 
 from .test_tracing import model_of, quiet, record_of
@@ -105,8 +105,8 @@ def test_a_held_out_run_is_placed_by_its_lead_ins(rippling):
     assert np.all(apart(zeros, case) < 0.05)
     nuisance = case.more[1].truth["nuisance"]
     assert found.values["run3.offset"] == pytest.approx(nuisance["offset"], abs=0.02)
-    assert "theta moved by" in told(found.predictor.data, found.values, True)[1]
-    assert "theta" not in told(found.predictor.data, found.values, False)[1]
+    assert "theta shifted by" in statements(found.predictor.data, found.values, True)[1]
+    assert "theta" not in statements(found.predictor.data, found.values, False)[1]
 
 
 def test_of_runs_that_agree_a_held_out_one_may_not(rippling):
@@ -115,7 +115,7 @@ def test_of_runs_that_agree_a_held_out_one_may_not(rippling):
     fitted = replace(job.base, predictor=Predictor(model, job.data), values=values)
     found = adapted(fitted, job.parts.test, model_of(case))
     assert found.values["run2.phase"] == 0.0 and found.values["run3.phase"] != 0.0
-    assert len(told(found.predictor.data, found.values, True)) == 2
+    assert len(statements(found.predictor.data, found.values, True)) == 2
 
 
 @pytest.mark.slow
@@ -127,4 +127,4 @@ def test_a_ripple_of_another_phase_in_each_run_is_named(runs):
     for name, true in case.truth["parameters"].items():
         assert result.effects[0].parameters[name].value == pytest.approx(true, rel=0.01)
     assert result.error["augmented"] < 0.7 * result.error["refitted"]
-    assert any("theta moved by" in message for message in result.messages)
+    assert any("theta shifted by" in message for message in result.messages)

@@ -327,7 +327,7 @@ def test_an_inertia_that_does_not_show(model):
     assert "relies on the declared J" in remark and "acceleration is 1 rad" in remark
     opened = model.with_values({"J": None})
     assert looked_over(slow, opened) == ()  # a fit may know more
-    with pytest.raises(Refused, match="inertia hardly shows: .* kg m2 fits best") as caught:
+    with pytest.raises(Refused, match="determines the inertia: .* kg m2 fits best") as caught:
         identify(slow, opened)
     assert "declare J" in caught.value.experiment
 

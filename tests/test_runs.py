@@ -26,7 +26,7 @@ def runs():
 def test_offset_and_friction_of_a_run_are_found(runs):
     first, second, model = runs
     found = identify([first, second], model)
-    (said,) = [m for m in found.messages if "run 2 against run 1" in m]
+    (said,) = [m for m in found.messages if "between run 2 and run 1" in m]
     assert float(said.split("offset ")[1].split(" N m")[0]) == pytest.approx(0.011, rel=0.05)
     assert 2.0 < float(said.split("friction ")[1].split(" %")[0]) < 6.0
     alone = identify(first, model)
@@ -50,7 +50,7 @@ def test_a_run_that_is_held_out_may_differ_too(runs):
     offset = replace(second, u=second.u - 0.05 * np.sign(second.w) * model.friction.values["Fc"])
     result = diagnose(first, model, holdout=offset)
     assert result.verdict == "adequate"
-    (said,) = [m for m in result.messages if "run 2 against run 1" in m]
+    (said,) = [m for m in result.messages if "between run 2 and run 1" in m]
     assert float(said.split("offset ")[1].split(" N m")[0]) == pytest.approx(0.011, rel=0.05)
     pushed = replace(offset, u=offset.u + 0.05 * np.sin(2.0 * offset.t))
     assert diagnose(first, model, holdout=pushed).verdict == "unexplained"

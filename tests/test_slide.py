@@ -13,7 +13,7 @@ from lugrectl.tracing.slide import (
     MOST,
     _enough,
     hidden_in_noise,
-    lacking,
+    missing_function,
     while_sliding,
 )
 from tests.rig import sample
@@ -52,17 +52,17 @@ def rough_patches(t, theta, w):
     [(bump, ("theta",)), (hump, ("w",)), (slider, ("theta", "w")), (rough_patches, ("theta", "w"))],
 )
 def test_a_missing_torque_is_a_function_of_its_signals(plain, torque, signals):
-    lack = lacking(refitted(plain, torque))
-    assert lack is not None and lack.signals == signals
-    assert lack.share > 0.9 and lack.torque < lack.whole
+    missing = missing_function(refitted(plain, torque))
+    assert missing is not None and missing.signals == signals
+    assert missing.share > 0.9 and missing.torque < missing.whole
 
 
 def test_a_loss_in_the_drive_is_a_function_of_the_torque(plain):
     record = record_of(plain)
     lost = 0.2 * record.u * np.abs(record.u) / np.max(np.abs(record.u))
     fitted = begin(replace(record, u=record.u + lost), model_of(plain), None, 1.0, quiet).base
-    lack = lacking(fitted)
-    assert lack is not None and lack.signals == ("u",)
+    missing = missing_function(fitted)
+    assert missing is not None and missing.signals == ("u",)
 
 
 def behind(x, reach):
@@ -99,9 +99,9 @@ def test_a_torque_beneath_the_noise_is_told_where_it_is_certain(whole):
     """Bumps that a spindle runs over in less than a sample: a third of what is missing."""
     case = sample("torque_bumps", 127306)
     fitted = begin(record_of(case), model_of(case), None, 1.0, quiet).base
-    lack = hidden_in_noise(fitted)
-    assert lacking(fitted) is None and lack is not None
-    assert lack.signals == ("theta",) and lack.share < 0.5
+    missing = hidden_in_noise(fitted)
+    assert missing_function(fitted) is None and missing is not None
+    assert missing.signals == ("theta",) and missing.share < 0.5
     assert left_over(fitted, fitted, found=False, doubtful=False) == (True, ("theta",))
     assert left_over(whole, whole, found=False, doubtful=False) == (False, ())
 
@@ -131,9 +131,9 @@ def test_knocks_hang_on_time_alone(plain):
 
 def test_knocks_are_noticed(plain, whole):
     knocked = refitted(plain, knocks)
-    assert lacking(knocked) is None and lacking(knocked, timed=True) is not None
+    assert missing_function(knocked) is None and missing_function(knocked, timed=True) is not None
     assert left_over(knocked, knocked, found=False, doubtful=False) == (True, ("t",))
-    assert lacking(whole, timed=True) is None
+    assert missing_function(whole, timed=True) is None
 
 
 def test_what_lasts_is_not_a_matter_of_moments(plain):
@@ -150,7 +150,7 @@ def test_friction_that_wanders_hangs_on_time_and_direction(plain, whole):
 
 
 def test_a_whole_model_lacks_nothing(whole, bumpy):
-    assert lacking(whole) is None
+    assert missing_function(whole) is None
     assert while_sliding(whole).torque < 0.2 * while_sliding(bumpy).torque
     assert max(d.share for d in while_sliding(whole).dependences) < 0.2
 
@@ -161,10 +161,10 @@ def test_a_drive_at_rest_says_nothing(whole):
 
 
 def test_an_effect_is_to_take_what_is_missing(whole, bumpy):
-    lack = lacking(bumpy)
-    assert lack is not None
-    assert lack.stays(bumpy) and lack.is_better_than(bumpy)
-    assert not lack.stays(whole) and not lack.is_better_than(whole)
+    missing = missing_function(bumpy)
+    assert missing is not None
+    assert missing.stays(bumpy) and missing.is_better_than(bumpy)
+    assert not missing.stays(whole) and not missing.is_better_than(whole)
 
 
 def test_what_the_sliding_drive_lacks_is_left_over(whole, bumpy):

@@ -10,13 +10,13 @@ from lugrectl.tracing.choice import FIRM
 from lugrectl.tracing.coordinates import free_keys
 from lugrectl.tracing.fit import fit
 from lugrectl.tracing.job import begin
-from lugrectl.tracing.once import firm_by_itself, told_once
+from lugrectl.tracing.once import firm_by_itself, from_one_window
 from lugrectl.tracing.predictor import Predictor
 from lugrectl.tracing.proof import firmness
 from lugrectl.tracing.score import Score
 from lugrectl.tracing.screening import lightened, screen
 from lugrectl.tracing.split import split
-from lugrectl.tracing.surprise import foretold, misled, openings, surprising, undated, when
+from lugrectl.tracing.surprise import misled, openings, predicted, surprising, undated, when
 from tests.blind.plan import Task
 from tests.blind.work import case_of
 from tests.rig import make, sample
@@ -146,7 +146,7 @@ def test_what_happens_before_the_first_window_is_said():
     case = sample("hard_stop", 119200)
     fitted = begin(record_of(case), model_of(case), None, 1.0, quiet).base
     (said,) = openings(fitted)
-    assert said.startswith("From 0 to 0.25 s") and "N m is missing" in said
+    assert said.startswith("Between 0 and 0.25 s") and "N m is unexplained" in said
     sound = sample("none", 126510)
     assert openings(begin(record_of(sound), model_of(sound), None, 1.0, quiet).base) == ()
 
@@ -172,9 +172,9 @@ def test_what_one_window_tells_is_confirmed_by_a_held_out_one(plain, job):
     there, found = _with_a_stop(plain, lambda depth: np.maximum(depth, 0.0))
     base, test = there.base, there.parts.test
     assert found.values["hard_stop.stiffness"] == pytest.approx(1.0, rel=0.05)
-    assert told_once(found, "hard_stop") and foretold(found, base, test)
+    assert from_one_window(found, "hard_stop") and predicted(found, base, test)
     elsewhere = replace(found, values=found.values | {"hard_stop.position": MET - 1.0})
-    assert not foretold(elsewhere, base, test)
+    assert not predicted(elsewhere, base, test)
 
 
 def test_what_one_window_tells_stands_if_it_foresees_each_sample(plain):

@@ -38,7 +38,7 @@ from .proof import (
 from .rest import left_over
 from .screening import Trial
 from .search import Contest, Pair, Say, carries, contest, loaded
-from .slide import lacking
+from .slide import missing_function
 from .windows import Windows
 
 PIECED = 0.98  # explained share: with less, MOST_EFFECTS effects are a patchwork, not physics
@@ -283,7 +283,7 @@ class _Trace:
             if far and all(f.total < better.total + GATE for _, f in tried.fits):  # beyond a ridge
                 tried = contest(self.current, names, gate, say)
         sound = [(t, f) for t, f in tried.fits if stands(self.base, self.current, f, t.key)]
-        missing = lacking(self.current) if len(sound) > 1 else None
+        missing = missing_function(self.current) if len(sound) > 1 else None
         return [(t, f) for t, f in sound if missing and not missing.stays(f)] or sound
 
     def add(self, sound: Sequence[Pair], say: Say) -> None:

@@ -26,10 +26,10 @@ from .likelihood import tune
 from .noise import Noise
 from .predictor import Predictor
 from .repeated import on_theta_alone
-from .runs import MOST_RUNS, alike, repeating, told
+from .runs import MOST_RUNS, alike, repeating, statements
 from .skewed import lateness
 from .split import ENOUGH_OF_MANY, GAP, MOST, Split, split
-from .start import completed, holding, refuse_untold_inertia, settled
+from .start import completed, holding, refuse_unidentified_inertia, settled
 from .windows import Windows, spread, windows
 
 SLOWLY = "first guess (slow: there is neither a C compiler nor numba; install lugrectl[fast])"
@@ -133,7 +133,7 @@ def _declared(model: Model, data: Data, train: Windows, where: str, report: Prog
     predictor = Predictor(started, data)
     values = started.known() | alike(data)
     base = settled(fit(predictor, values, free_keys(predictor), train, data.noise), model)
-    refuse_untold_inertia(base, model, where)
+    refuse_unidentified_inertia(base, model, where)
     return base
 
 
@@ -152,7 +152,7 @@ def on_places(job: Job, report: Progress) -> Job | None:
 def compared(job: Job, fitted: Fitted) -> Job:
     """The same job with messages on how, by a fit, its runs differ."""
     predictor = fitted.predictor
-    return noted(job, *told(predictor.data, fitted.values, repeating(predictor.model)))
+    return noted(job, *statements(predictor.data, fitted.values, repeating(predictor.model)))
 
 
 def unidentified(flat: Sequence[Sequence[str]], source: str) -> list[str]:

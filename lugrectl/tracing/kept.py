@@ -7,11 +7,11 @@ from dataclasses import replace
 
 from .choice import FIRM, Step, agreed, as_well, candidate, chosen, worth_trying_on
 from .fit import Fitted, again
-from .once import firm_by_itself, told_once
+from .once import firm_by_itself, from_one_window
 from .predictor import Predictor
 from .proof import GATE, LEAST_SIZE, WHOLE, proven, share, size
 from .search import Say, contest
-from .surprise import foretold
+from .surprise import predicted
 from .windows import Windows
 from .witness import confirmed, contradicted
 
@@ -53,10 +53,10 @@ def firm_ones(
     least = min(unsure, key=lambda step: step.firmness(fitted))
     key = least.trial.key
     without = without_it(fitted, key)
-    once = told_once(fitted, key)
+    once = from_one_window(fitted, key)
     gained = least.trial.rough and agreed(without, fitted) > FIRM
     likely = once or gained or share(without, fitted) > WHOLE
-    elsewhere = likely and foretold(fitted, without, test, confirmed=confirmed(fitted, key))
+    elsewhere = likely and predicted(fitted, without, test, confirmed=confirmed(fitted, key))
     if elsewhere or once and firm_by_itself(without, fitted, key) > FIRM:
         return firm_ones(steps, fitted, test, (*sure, least))
     return firm_ones([s for s in steps if s is not least], without, test)

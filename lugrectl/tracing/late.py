@@ -1,4 +1,4 @@
-"""The filter behind which a speed comes that was left out of the fit."""
+"""Low-pass filter of a recorded speed that is not used in the fit."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from .predictor import Predictor
 
 LAG = "velocity_sensor_lag"
 LATE = (LAG, "actuator_lag", "input_delay")
-HALF = (0.4, 0.6)  # samples by which a position's difference is late
-HEAVY = 30.0  # times its own noise: that speed tells the filter, and hardly anything else
+HALF = (0.4, 0.6)  # samples by which a speed computed as a position difference is late
+HEAVY = 30.0  # times its own noise: such a speed determines the filter and hardly anything else
 
 
 def with_lag(final: Fitted) -> Fitted:
-    """The fitted model with the first-order lag that makes the recorded speed late."""
+    """The fitted model with the first-order lag by which the recorded speed is late."""
     data, heavy = final.predictor.data, _heavy(final.predictor.data)
     model = final.predictor.model.with_effect(LAG, {"time_constant": data.late})
     values = {f"{LAG}.time_constant": data.late}
@@ -35,10 +35,10 @@ def with_lag(final: Fitted) -> Fitted:
 
 
 def halfway(final: Fitted, effects: Collection[str]) -> bool:
-    """Whether a speed that was recorded alone has the lag of a position's difference.
+    """True if a speed recorded without a position has the lag of a position difference.
 
-    Without a position a late torque looks the same: it is taken for that where the speed comes in
-    a counter's steps.
+    Without a position, a late torque looks the same as a late speed. If the speed comes in steps
+    of a counter, a late torque is therefore also taken for the lag of the speed.
     """
     data, (low, high) = final.predictor.data, HALF
     if not np.isnan(data.noise.theta):
@@ -50,7 +50,7 @@ def halfway(final: Fitted, effects: Collection[str]) -> bool:
 
 
 def _heavy(data: Data) -> Data:
-    """The data with that speed as a second, poor sensor."""
+    """The data with that speed as a second sensor that has a large noise."""
     assert data.w is not None
     y = np.column_stack([data.y[:, 0], data.w])
     return replace(data, y=y, w=None, noise=replace(data.noise, w=HEAVY * data.floor))

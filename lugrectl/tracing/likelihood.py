@@ -1,4 +1,4 @@
-"""The likelihood of what a model predicts from sample to sample."""
+"""Log-likelihood of the innovations, and the noise of dw/dt that maximises it."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from .noise import Noise
 from .predictor import Predictor, Values
 from .windows import Windows
 
-SHORT_LOOK = 0.5  # natural log units that three points span well enough
-FARTHEST = 20.0  # the same, of the noise in rad/s2
-WORST = 1e100  # innovation of a model that leads nowhere; its square can still be added up
+SHORT_LOOK = 0.5  # natural log units: a half-width that three points cover well enough
+FARTHEST = 20.0  # the same: limit of the logarithm of the noise in rad/s2
+WORST = 1e100  # innovation of a model that diverges; its square can still be added up
 
 
 def whitened(
@@ -25,11 +25,10 @@ def whitened(
     torque: np.ndarray | None = None,
     x0: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Innovations with unit covariance where the model is right, (sets, windows, length, 2);
-    less where a counter says the same again.
+    """Innovations scaled to unit covariance for a correct model, (sets, windows, length, 2).
 
-    ``torque`` (sets, N) acts on the resisting side besides; ``x0`` (sets * windows, states)
-    are the states to start from.
+    Repeated encoder counts are down-weighted. ``torque`` (sets, N) is added on the resisting
+    side; ``x0`` (sets * windows, states) are the initial states.
     """
     y, _ = predictor.run(sets, where, noise, torque=torque, x0=x0)
     e = compared(predictor.data.y[where.counted], y)
@@ -42,8 +41,8 @@ def whitened(
 
 
 def compared(recorded: np.ndarray, predicted: np.ndarray) -> np.ndarray:
-    """What was recorded less what was predicted, 0 where nothing was recorded; a prediction that
-    is no number is as wrong as can be."""
+    """Recorded minus predicted values: 0 where nothing was recorded, ``WORST`` if the prediction
+    is not a number."""
     e = np.clip(np.nan_to_num(recorded - predicted, nan=WORST), -WORST, WORST)
     e[..., np.isnan(recorded)] = 0.0
     return e
@@ -52,8 +51,11 @@ def compared(recorded: np.ndarray, predicted: np.ndarray) -> np.ndarray:
 def loglik(
     predictor: Predictor, white: np.ndarray, noise: Noise, values: Values, where: Windows
 ) -> np.ndarray:
-    """Gaussian log-likelihood of each window; what a counter says again is no new sample, or
-    whoever follows one at rest would seem to foresee it."""
+    """Gaussian log-likelihood of each window.
+
+    Repeated encoder counts are down-weighted: they are not independent samples, and predicting
+    them at rest is no merit of a model.
+    """
     _, S = predictor.filter(noise, values)
     power, count = _power(white, noise)
     more = _allowed(power, noise)
@@ -63,12 +65,12 @@ def loglik(
 
 
 def excess(white: np.ndarray, noise: Noise) -> np.ndarray:
-    """How much more than expected the innovations' power may be in each window: the most likely."""
+    """Most likely factor by which the innovations of each window exceed their expected power."""
     return _allowed(_power(white, noise)[0], noise)
 
 
 def _power(white: np.ndarray, noise: Noise) -> tuple[np.ndarray, int]:
-    """Mean square of each window's innovations, and how many they are."""
+    """Mean square of each window's innovations, and their number."""
     count = white.shape[1] * len(noise.recorded())
     return np.sum(white**2, axis=(1, 2)) / count, count
 
@@ -86,15 +88,15 @@ def tune(
     width: float = 2.0,
     fine: bool = True,
 ) -> tuple[Noise, np.ndarray]:
-    """The noise of dw/dt under which the innovations are most likely, and the log-likelihood.
+    """The noise of dw/dt that maximises the likelihood, and the log-likelihood of each window.
 
-    ``width`` is how far the first look reaches, in natural log units; the answer is the vertex
-    of a parabola through points a quarter of that apart, if ``fine``, else half of it.
+    ``width`` is the half-width of the first grid, in natural log units. The result is the vertex
+    of a parabola through points one grid step apart, or a quarter of it if ``fine``.
     """
     seen: dict[float, np.ndarray] = {}
 
     def look(points: Sequence[float]) -> float:
-        """The best of these points; later at hand in ``seen``."""
+        """The best of these points; the results are kept in ``seen``."""
         noises = [replace(noise, jump=float(np.exp(x))) for x in points]
         white = whitened(predictor, [values] * len(noises), where, noises)
         for x, w, q in zip(points, white, noises, strict=True):
@@ -117,7 +119,7 @@ def tune(
 
 
 def _vertex(seen: Mapping[float, np.ndarray], center: float, step: float) -> float:
-    """Of the parabola through a point and its neighbours; the point where one is missing."""
+    """Vertex of the parabola through a point and its neighbours; the point if one is missing."""
     around = sorted(seen, key=lambda x: abs(x - center))[:3]
     x, y = np.array(around) - center, np.array([seen[a].sum() for a in around])
     if np.ptp(x) < 1.9 * step or not np.all(np.isfinite(y)):

@@ -1,4 +1,4 @@
-"""Moments in time: the likelihood has steps in them, so they are placed, not descended."""
+"""Change times: the likelihood has steps in them, so they are located on grids, not by slopes."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ from .noise import Noise
 from .predictor import Predictor, Values
 from .windows import Windows
 
-NEAR = 0.04  # of the record; and from one window into the next, as between them all is level
-DROP = 1.92  # of the log-likelihood at the ends of a 95 % interval
+# of the record: half-width of the first grid; it also reaches from one window into the next, as
+# the likelihood is flat between them
+NEAR = 0.04
+DROP = 1.92  # drop of the log-likelihood at the ends of a 95 % interval
 
 
 def placed(
@@ -25,7 +27,10 @@ def placed(
     *,
     edges: bool = True,
 ) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
-    """All moments placed, one after the other, and their 95 % intervals (without ``edges``: 0)."""
+    """All values with the change times located one after the other, and their 95 % intervals.
+
+    Without ``edges`` the intervals have zero width.
+    """
     current, intervals = dict(values), {}
     for key in moments:
         current[key], intervals[key] = place(predictor, current, key, where, noise, edges=edges)
@@ -41,15 +46,15 @@ def place(
     *,
     edges: bool = True,
 ) -> tuple[float, tuple[float, float]]:
-    """The moment of highest likelihood and its 95 % interval, the other values held.
+    """The change time of highest likelihood and its 95 % interval, the other values fixed.
 
-    Where samples are missing around it the likelihood is level: the middle is returned.
+    If samples are missing around it, the likelihood is flat there: the middle is returned.
     """
     t, dt = predictor.data.t, predictor.data.dt
     first, last = float(t[0]), float(t[-1])
 
     def loglik(times: np.ndarray) -> np.ndarray:
-        """But for the windows that are the same at all of these times."""
+        """Without the windows that are the same for all of these times."""
         some = _between(where, t, float(np.min(times)), float(np.max(times)))
         if not len(some.start):
             return np.zeros(len(times))
@@ -85,6 +90,6 @@ def place(
 
 
 def _between(where: Windows, t: np.ndarray, first: float, last: float) -> Windows:
-    """The windows that a moment between two times is in, or between."""
+    """The windows that overlap the interval from ``first`` to ``last``."""
     ends = where.start + where.burn + where.length - 1
     return replace(where, start=where.start[(t[where.start] <= last) & (t[ends] >= first)])

@@ -1,4 +1,4 @@
-"""What the sensors' own noise is, and the observer gain that goes with it."""
+"""Sensor noise variance, the steady-state Kalman gain that goes with it, and a smoother."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from scipy.signal import filtfilt
 
 from ..record.samples import smallest_step
 
-_THIRD_DIFFERENCE = np.sqrt(20.0)  # white noise of unit variance, differenced three times
-NORMAL_MAD = 0.6745  # median size of a unit normal
+_THIRD_DIFFERENCE = np.sqrt(20.0)  # std of white noise of unit variance, differenced three times
+NORMAL_MAD = 0.6745  # median absolute value of a unit normal variable
 DOUBLINGS = 60
 
 
 def sensor_noise(x: np.ndarray, resolution: float = 0.0) -> float:
-    """Standard deviation of a sampled signal's own noise, without any model.
+    """Standard deviation of a sampled signal's own noise, estimated without a model.
 
-    Median size of the third differences, which a motion sampled finely leaves near zero; never
-    below what the signal's ``resolution`` alone gives (a step of q: q / sqrt(12)); it is sought,
-    but does not show in samples that were interpolated. Too high where the motion itself changes
-    within four samples.
+    Computed from the median size of the third differences, which are near zero for a finely
+    sampled motion. Never below the rounding noise of the ``resolution`` (a step of q: q /
+    sqrt(12)). The smallest step in the samples is used as well, but interpolated samples do not
+    show it. The estimate is too high if the motion itself changes within four samples.
     """
     x = x[np.isfinite(x)]
     third = np.abs(np.diff(x, 3))
@@ -31,10 +31,10 @@ def sensor_noise(x: np.ndarray, resolution: float = 0.0) -> float:
 
 
 def repeating(x: np.ndarray, resolution: float = 0.0) -> float:
-    """After how many samples a signal shows another value, as a rule; 1 where each has its own.
+    """Usual number of samples after which a signal changes its value; 1 if it always does.
 
-    So many samples between two counts of an encoder say no more than one: what rounding took
-    from one of them it took from all.
+    Samples between two encoder counts share one rounding error and carry the information of one
+    sample.
     """
     x = x[np.isfinite(x)]
     least = 0.5 * max(resolution, smallest_step(x))
@@ -44,11 +44,12 @@ def repeating(x: np.ndarray, resolution: float = 0.0) -> float:
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations of what no model foresees.
+    """Standard deviations of process noise and sensor noise.
 
-    ``jump`` of dw/dt, independent from sample to sample (rad/s2): the torque's noise over J;
-    ``theta`` (rad) and ``w`` (rad/s) of the sensors, nan where not recorded. ``uneven``: that is
-    the least; a window may be noisier, where a state that the motion does not tell was missed.
+    ``jump``: noise of dw/dt, independent from sample to sample (rad/s2), that is the torque's
+    noise over J. ``theta`` (rad) and ``w`` (rad/s): noise of the sensors, nan where not recorded.
+    ``uneven``: these are lower limits; a window may be noisier, if a state that the motion does
+    not show was missed in it.
     """
 
     jump: float
@@ -57,7 +58,7 @@ class Noise:
     uneven: bool = False
 
     def channels(self) -> np.ndarray:
-        """Which of theta, w were recorded."""
+        """True for those of theta, w that were recorded."""
         return np.isfinite([self.theta, self.w])
 
     def recorded(self) -> np.ndarray:
@@ -70,8 +71,10 @@ Rows = tuple[tuple[float, ...], ...]
 
 @dataclass(frozen=True)
 class Sensing:
-    """Sensors with states s, linearised: ds/dt = A s + B (theta, w), and they say
-    (theta, w) D' + s C'; nested tuples, so that it can be a key."""
+    """Sensors with states s, linearised: ds/dt = A s + B (theta, w), output (theta, w) D' + s C'.
+
+    Nested tuples, so that it can be a dictionary key.
+    """
 
     A: Rows
     B: Rows
@@ -88,14 +91,14 @@ def observer_gain(
     Returns
     -------
     gain : (2 + s, 2) array
-        From the innovations of theta, w to theta, w and the sensors' states; the column of an
-        unrecorded one is 0.
+        From the innovations of theta, w to theta, w and the sensors' states; the column of a
+        channel that was not recorded is 0.
     covariance : (2, 2) array
         Of the innovations; 1 on the diagonal where nothing was recorded.
 
     Notes
     -----
-    Answers are remembered: do not write into the arrays.
+    Results are cached: do not write into the arrays.
     """
     seen = noise.recorded()
     if sensing is None:
@@ -112,16 +115,16 @@ def observer_gain(
 def _behind_sensors(
     dt: float, noise: Noise, sensing: Sensing
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Covariance of predicted theta, w and sensor states; what is seen of them; its noise."""
+    """Covariance of predicted theta, w and sensor states; output matrix; sensor noise."""
     A, B, C, D = (np.array(rows, dtype=float) for rows in vars(sensing).values())
     n, seen = 2 + len(A), noise.recorded()
-    flow = np.zeros((n + 1, n + 1))  # the last one is the jump of dw/dt
+    flow = np.zeros((n + 1, n + 1))  # the last state is the jump of dw/dt
     flow[0, 1] = flow[1, n] = 1.0
     flow[2:n, :2], flow[2:n, 2:n] = B, A
     step = expm(flow * dt)
     H = np.hstack([D, C])[seen]
     R = np.diag(np.array([noise.theta, noise.w])[seen] ** 2)
-    kept = np.arange(0 if noise.channels()[0] else 1, n)  # else nothing tells theta
+    kept = np.arange(0 if noise.channels()[0] else 1, n)  # theta is unobservable if not recorded
     scale = noise.theta * np.ones(n) / dt if noise.channels()[0] else noise.w * np.ones(n)
     scale[0] *= dt
     a = (step[:n, :n] * scale / scale[:, None])[kept][:, kept]
@@ -134,13 +137,13 @@ def _behind_sensors(
 
 
 def _prediction_covariance(dt: float, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
-    """Covariance of the predicted theta, w and of the recorded channels' noise."""
+    """Covariance of the predicted theta, w, and that of the recorded channels' noise."""
     seen, jump = noise.channels(), noise.jump
     R = np.diag(np.array([noise.theta, noise.w])[seen] ** 2)
     if not seen[0]:
         q = (jump * dt) ** 2
         return np.diag([0.0, 0.5 * (q + np.sqrt(q**2 + 4.0 * q * R[0, 0]))]), R
-    scale = noise.theta * np.array([1.0, 1.0 / dt])  # else the equation is too ill conditioned
+    scale = noise.theta * np.array([1.0, 1.0 / dt])  # unscaled, it is too ill-conditioned
     push = np.array([0.5, 1.0]) * jump * dt**2 / noise.theta
     A, H = np.array([[1.0, 1.0], [0.0, 1.0]]), np.eye(2)[seen]
     P = _riccati(A, H, np.outer(push, push), R / np.outer(scale[seen], scale[seen]))
@@ -148,7 +151,7 @@ def _prediction_covariance(dt: float, noise: Noise) -> tuple[np.ndarray, np.ndar
 
 
 def _riccati(A: np.ndarray, H: np.ndarray, Q: np.ndarray, R: np.ndarray) -> np.ndarray:
-    """P = A (P^-1 + H' R^-1 H)^-1 A' + Q by doubling, which no ill condition stops.
+    """P = A (P^-1 + H' R^-1 H)^-1 A' + Q by doubling, even if it is ill-conditioned.
 
     Chu, Fan and Lin, A structure-preserving doubling algorithm (2004), for the filter's form.
     """
@@ -164,10 +167,10 @@ def _riccati(A: np.ndarray, H: np.ndarray, Q: np.ndarray, R: np.ndarray) -> np.n
 
 
 def smooth(y: np.ndarray, dt: float, noise: Noise) -> np.ndarray:
-    """Smoothed theta and w of one run, (N, 2): Kalman filter of fixed gain, then backwards.
+    """Smoothed theta and w of one run, (N, 2): Kalman filter of constant gain, then backward pass.
 
-    Missing samples must have been filled; where theta was not recorded it is the integral of w
-    from 0.
+    Missing samples must have been filled. If theta was not recorded, it is the integral of w from
+    0.
     """
     P, R = _prediction_covariance(dt, noise)
     if not noise.channels()[0]:

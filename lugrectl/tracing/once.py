@@ -1,4 +1,4 @@
-"""Effects that a single window tells: a stop that is met once."""
+"""Influence of single windows: effects that only one window supports, like a stop met once."""
 
 from __future__ import annotations
 
@@ -10,27 +10,32 @@ from .fit import Fitted, information, weighed
 from .proof import firmness, share, strength
 from .slopes import slopes
 
-ONCE = 0.9  # of the information on a strength, from which a single window tells it
-ALL = 0.99  # of what is missing, that is gone with an effect which nothing else confirms
-PIECES = 8  # of such a window
+ONCE = 0.9  # of the information on a strength: above, only this window supports it
+ALL = 0.99  # of the missing power, which an effect must explain if nothing else confirms it
+PIECES = 8  # into which such a window is cut
 
 
-def told_once(fitted: Fitted, key: str) -> bool:
-    """Whether one window tells nearly all of an effect's strength: others cannot confirm it."""
+def from_one_window(fitted: Fitted, key: str) -> bool:
+    """True if one window has nearly all information on an effect's strength.
+
+    The other windows cannot confirm such an effect.
+    """
     if strength(fitted, key)[0] not in [c.key for c in fitted.free]:
         return False
-    told = _told(fitted, key)
-    return bool(np.max(told) > ONCE * np.sum(told))
+    by_window = _information(fitted, key)
+    return bool(np.max(by_window) > ONCE * np.sum(by_window))
 
 
 def firm_by_itself(without: Fitted, fitted: Fitted, key: str) -> float:
-    """How firm an effect is by pieces of the window that tells it; 0 if something is left.
+    """Significance of an effect from pieces of the window that supports it, as in
+    :func:`~lugrectl.tracing.proof.firmness`; 0 if part of the torque remains unexplained.
 
-    What is met once may be anything; not so if a law with a few values foresees all its samples.
+    An event that occurs once may have any cause, unless a law with a few values predicts all its
+    samples.
     """
     if share(without, fitted) < ALL:
         return 0.0
-    window = int(np.argmax(_told(fitted, key)))
+    window = int(np.argmax(_information(fitted, key)))
     parts, scores = _pieces(fitted, key, window)
     finer = replace(
         fitted,
@@ -40,8 +45,8 @@ def firm_by_itself(without: Fitted, fitted: Fitted, key: str) -> float:
     return firmness(finer, key)
 
 
-def _told(fitted: Fitted, key: str) -> np.ndarray:
-    """Information on an effect's strength, by window."""
+def _information(fitted: Fitted, key: str) -> np.ndarray:
+    """Information on an effect's strength in each window, (windows,)."""
     i = _place(fitted, key)
     return fitted.parts[:, i, i]
 
@@ -51,12 +56,12 @@ def _place(fitted: Fitted, key: str) -> int:
 
 
 def _pieces(fitted: Fitted, key: str, window: int) -> tuple[np.ndarray, np.ndarray]:
-    """Information and gradient of pieces of a window that tell as much of the strength each."""
+    """Information and gradient of pieces of a window with equal information on the strength."""
     where = replace(fitted.where, start=fitted.where.start[[window]])
     r, A = slopes(fitted.predictor, fitted.values, fitted.free, where, fitted.noise)
     (A,), (r,) = weighed(r, A, fitted.noise)
-    told = np.cumsum(np.sum(A[_place(fitted, key)] ** 2, axis=-1))
-    ends = np.searchsorted(told, told[-1] * np.arange(1, PIECES) / PIECES)
+    gathered = np.cumsum(np.sum(A[_place(fitted, key)] ** 2, axis=-1))
+    ends = np.searchsorted(gathered, gathered[-1] * np.arange(1, PIECES) / PIECES)
     cut = zip(np.split(A, ends, axis=1), np.split(r, ends), strict=True)
     pieces = [information(a.reshape(len(a), -1), e.ravel()) for a, e in cut]
     parts, scores = zip(*pieces, strict=True)

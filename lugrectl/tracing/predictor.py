@@ -1,8 +1,8 @@
-"""The model run along a log with a Kalman correction: what it fails to predict, sample by sample.
+"""One-step-ahead predictor: the model run along a log with a Kalman correction; its innovations.
 
-The innovations of the right model are white, whatever loop the drive was in: they carry the
-statistics of everything that is fitted, tested and chosen here (prediction-error method, Ljung,
-System Identification, ch. 7).
+The innovations of the right model are white, whether or not the drive was in closed loop. All that
+is fitted, tested and chosen here uses their statistics (prediction-error method, Ljung, System
+Identification, ch. 7).
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from .runs import PHASE, differences, displaced, repeating
 from .series import UNDOING, Fed, Memory, Values, depends_on_plant, feed, run_alone, run_as
 from .windows import Windows
 
-TORQUE = 2  # column of what is fed in: applied torque, load, torque, levels
+TORQUE = 2  # column of the input series: applied torque, load, torque, levels
 LEVELS = ("J", "Fc", "Fs", "Fv")
-STEP = 2e-3  # s, longest integration step; the engine divides it where it must
-RESTING = 0.1  # of the largest speed, to whose size errors of a drive at rest are compared
+STEP = 2e-3  # s, longest integration step; the engine divides it where necessary
+RESTING = 0.1  # of the largest speed: scale of the step errors of a drive at rest
 
 
 class Predictor:
-    """A model's structure on some data: series, innovations and simulations for any values.
+    """A model structure on some data: input series, innovations, simulations for any values.
 
-    The first ``inside`` effects are part of the traced plant. The others, and those that act on
-    the command alone, are evaluated along the log and fed in as series, so that a candidate
-    needs no new engine and what acts on the command does so in the model's order.
+    The first ``inside`` effects are part of the traced plant. The others, and those that act only
+    on the command, are evaluated along the log and fed in as series. So a candidate needs no new
+    engine, and effects on the command act in the model's order.
     """
 
     def __init__(self, model: Model, data: Data, inside: int | None = None) -> None:
@@ -54,7 +54,7 @@ class Predictor:
         self.dose: dict[str, float] = {}
 
     def like(self, model: Model, dose: dict[str, float] | None = None) -> Predictor:
-        """The same traced plant with other effects outside of it, perhaps a part of them only."""
+        """The same traced plant with other effects outside it; ``dose`` scales outputs, by key."""
         other = copy(self)
         other.model, other.dose = model, dose or {}
         return other
@@ -66,7 +66,7 @@ class Predictor:
         return other
 
     def declarations(self) -> dict[str, P]:
-        """Of the model's parameters, and of what the runs have for themselves."""
+        """Declarations of the model's parameters and of those that differ from run to run."""
         own = differences(self.data)
         if not repeating(self.model):
             own = {k: p for k, p in own.items() if p is not PHASE}
@@ -74,10 +74,10 @@ class Predictor:
 
     @property
     def floor(self) -> np.ndarray:
-        """Least size of the states by which errors of the steps are judged.
+        """Least size of the states to which the errors of the integration steps are compared.
 
-        A drive at rest under static friction has no size of its own, and every correction of
-        its speed decays at once.
+        At rest under static friction the speed sets no scale itself, and every correction of it
+        decays at once.
         """
         if "eps" not in self.model.friction.values:
             return np.zeros(len(self.lanes.states))
@@ -90,30 +90,29 @@ class Predictor:
         return tuple(p for p in self.model.effects if p.key not in self.inside)
 
     def fed(self, values: Values, memory: Memory | None = None) -> Fed:
-        """What the effects outside the plant feed into it along the log."""
+        """The series that the effects outside the plant feed into it along the log."""
         outside = {p.key for p in self.outside}
         return feed(self.model, outside, values, self.data, self.levels, memory, self.dose)
 
     def everything(self, values: Values) -> Fed:
-        """The same of all effects, whether inside the plant or not."""
+        """The same for all effects, inside the plant or not."""
         keys = {p.key for p in self.model.effects}
         return feed(self.model, keys, values, self.data, self.levels)
 
     def torque(self, values: Values, *, built_up: bool = False) -> np.ndarray:
-        """What drives the plant along the log with all its effects, as one torque (N,).
+        """Net torque on the plant along the log with all its effects (N,).
 
-        An effect on a level counts by the torque that it takes off, one on a sensor by the
-        torque that would feign it. ``built_up``: with friction as it builds up with the motion,
-        not the steady one.
+        An effect on a level counts as the torque that it removes, one on a sensor as the torque
+        that would look the same. ``built_up``: with presliding friction, not the steady one.
         """
         log, fed = self.data.log, self.everything(values)
         plant = _leveled(values, fed)
         inertia = (plant["J"] - values["J"]) * log.a
-        feigned = 0.0
+        apparent = 0.0
         if fed.error is not None:
-            feigned = values["J"] * np.gradient(fed.error[:, 1], log.dt)
+            apparent = values["J"] * np.gradient(fed.error[:, 1], log.dt)
         friction = self._rubbing(plant) if built_up else self.friction(plant)
-        return fed.u - fed.load - fed.torque - inertia - friction + feigned
+        return fed.u - fed.load - fed.torque - inertia - friction + apparent
 
     def friction(self, values: Mapping[str, Any]) -> np.ndarray:
         """The friction law's steady torque along the log, without effects (N,)."""
@@ -123,7 +122,7 @@ class Predictor:
         return stribeck(w, Fc=level, Fs=stiction, Fv=viscous, vs=vs, eps=eps)[0]
 
     def _rubbing(self, plant: Mapping[str, Any]) -> np.ndarray:
-        """The friction law's torque along the log as it builds up, at such levels (N,)."""
+        """The friction law's torque along the log with its states, at levels ``plant`` (N,)."""
         law, log = self.model.friction.block, self.data.log
         if not law.states:
             return self.friction(plant)
@@ -133,7 +132,7 @@ class Predictor:
         return run_alone(law.with_inputs(levels), log, signals, [own])[0, :, 0]
 
     def weights(self, values: Values) -> dict[str, np.ndarray]:
-        """Torque along the log (N,) for one unit of what an effect on a level puts out."""
+        """Torque along the log (N,) for one unit of the output of an effect on a level."""
         rest = self.friction(values)
         made = {"J": values["J"] * self.data.log.a}
         for name in self.levels[1:]:
@@ -153,8 +152,9 @@ class Predictor:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Predicted theta, w over the counted samples of each window, for each set of values.
 
-        They are what the sensors say, their effects included. ``noise`` may differ from set to
-        set; without ``corrected`` the run is free. ``torque`` (sets, N) resists besides.
+        They are sensor outputs, including effects on the sensors. ``noise`` may differ from set to
+        set. Without ``corrected`` it is a simulation without Kalman correction. ``torque``
+        (sets, N) is added on the resisting side.
 
         Returns
         -------
@@ -218,7 +218,7 @@ class Predictor:
         return np.array(series), [f.error for f in fed], np.array(index)
 
     def _ran(self, parts: Sequence[Part], values: Sequence[Values]) -> Memory:
-        """Effects with states along the log, all sets at once."""
+        """Outputs and states of effects with states along the log, all sets at once."""
         memory: Memory = {}
         log = self.data.log
         for part in parts:
@@ -230,9 +230,9 @@ class Predictor:
         return memory
 
     def filter(self, noise: Noise, values: Values) -> tuple[np.ndarray, np.ndarray]:
-        """Kalman gain to all states and the innovations' covariance.
+        """Kalman gain for all states, and the covariance of the innovations.
 
-        Beyond theta, w and the sensors' states none is corrected: they follow.
+        Only theta, w and the sensors' states are corrected; the other states follow these.
         """
         names, sensing = self._sensing(values)
         K, S = observer_gain(self.data.dt, noise, sensing)
@@ -268,8 +268,8 @@ class Predictor:
     def initial(self, values: Sequence[Values], where: Windows) -> np.ndarray:
         """States (sets, starts, states) at the start of each window.
 
-        The smoothed motion, z from the torque balance, effects' states as run along the log,
-        hidden ones where the windows say.
+        Taken from the smoothed motion; z from the torque balance, states of effects from their
+        run along the log, hidden states from ``where.hidden``.
         """
         log, dt, names, start = self.data.log, self.data.dt, self.lanes.states, where.start
         x0 = np.zeros((len(values), len(start), len(names)))
@@ -285,17 +285,17 @@ class Predictor:
             F = self._bristle_torques(values, start, ran)
             sigma0 = np.array([[max(v["sigma0"], 1e-12)] for v in values])
             x0[..., names.index("z")] = F / sigma0
-        told = [i for i, s in enumerate(start) if s in where.hidden]
-        if told:
-            parts = np.array([where.hidden[s] for s in start[told]])
-            x0[:, told] = [
-                self.placed(x, v, parts) for x, v in zip(x0[:, told], values, strict=True)
+        given = [i for i, s in enumerate(start) if s in where.hidden]
+        if given:
+            parts = np.array([where.hidden[s] for s in start[given]])
+            x0[:, given] = [
+                self.placed(x, v, parts) for x, v in zip(x0[:, given], values, strict=True)
             ]
         return x0
 
     def placed(self, x0: np.ndarray, values: Values, parts: np.ndarray) -> np.ndarray:
-        """States (starts, states) with the hidden ones moved from where they would start by
-        ``parts`` of their reach, (starts, hidden)."""
+        """States (starts, states) with the hidden ones displaced from their usual start by
+        ``parts`` (starts, hidden) of their reach."""
         made, names = x0.copy(), self.lanes.states
         resting = {"0": np.zeros(len(x0)), "theta": x0[:, 0], "w": x0[:, 1]}
         for part in self.core.effects:
@@ -309,7 +309,7 @@ class Predictor:
         return made
 
     def _motion(self, values: Values, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """theta and w behind the sensors that are inside the plant, in the middle of a cell."""
+        """theta and w without the sensors that are inside the plant, in mid-interval."""
         log, shift = self.data.log, displaced(self.model, self.data, values)
         theta, w = log.theta[start], log.w[start]
         theta = theta if shift is None else theta + shift[start]
@@ -328,8 +328,8 @@ class Predictor:
     def _bristle_torques(
         self, values: Sequence[Values], start: np.ndarray, ran: Memory
     ) -> np.ndarray:
-        """Friction at the starts (sets, starts), by the torque balance without the torque of
-        effects that have states, and no more than it may be there."""
+        """Friction at the starts (sets, starts) from the torque balance, limited to its greatest
+        value there. The torque of effects with states is left out."""
         raising = [p for p in self.core.effects if p.block.states and stage(p.block) == LEVEL]
         instant = [p for p in self.model.effects if not p.block.states and p.block.exact is None]
         model = replace(self.model, effects=(*instant, *raising))
@@ -349,7 +349,7 @@ def _instant_sensor(part: Part) -> bool:
 
 
 def _leveled(values: Values, fed: Fed) -> dict[str, Any]:
-    """The values, levels as the effects make them along the log."""
+    """The values, with levels as the effects change them along the log."""
     return {k: v * (1.0 + fed.levels[k]) if k in fed.levels else v for k, v in values.items()}
 
 

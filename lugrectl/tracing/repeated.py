@@ -1,4 +1,4 @@
-"""A recorded speed that is only a position, differentiated."""
+"""Derived sensor detection: a recorded speed that is only the derivative of a position."""
 
 from __future__ import annotations
 
@@ -13,44 +13,44 @@ from .data import Data, prepare
 from .noise import NORMAL_MAD, sensor_noise
 from .skewed import lateness
 
-SEGMENT = 256  # samples of one spectrum
+SEGMENT = 256  # samples of one segment of a spectrum
 LEAST_SEGMENTS = 4
-BAND = (0.125, 0.25)  # of the rate: beyond most motion, where a smoothed speed still has digits
-COARSE = 1e-3  # s, over which a faster log is averaged, too: such a speed has no digits in it
+BAND = (0.125, 0.25)  # of the rate: above most motion, below where rounding hides a speed
+COARSE = 1e-3  # s: a faster log is also averaged to it, as there rounding hides a smoothed speed
 # on even stamps at 2 kHz and more a smoothed w reached 0.88 to 0.93, a sensor of its own 0.1
 TOGETHER = 0.8  # median coherence from which two channels share their noise
-TAPS, SURPRISED = 128, 8192  # samples on either side that foretell w; samples that are foretold
-SURPRISE = 0.7  # of the power of w's own noise; a sensor of its own has 1
-TWICE_DIFFERENCED = np.sqrt(6.0)  # of white noise
+TAPS, SURPRISED = 128, 8192  # samples on either side that predict w; samples that are predicted
+SURPRISE = 0.7  # of the power of w's own noise; an independent sensor has 1
+TWICE_DIFFERENCED = np.sqrt(6.0)  # std of white noise of unit variance, differenced twice
 FAST, SLOWER = (0.35, 0.45), (0.15, 0.25)  # of the rate
-RISING = 1.5  # of the noise's power between those; that of a difference rises 2 to 3 times
-PASSED = 0.01  # of the noise's power between those, below which a filter took it
-NULL, HALF = (0.46, 0.5), (0.25, 0.35)  # of the rate: where central differences see nothing
-SEEN_THERE = 0.1  # of the noise's power between those; theirs is 0.02 to 0.03
+RISING = 1.5  # ratio of the noise's power in these bands; for a difference it is 2 to 3
+PASSED = 0.01  # the same ratio, below which w was low-pass filtered
+NULL, HALF = (0.46, 0.5), (0.25, 0.35)  # of the rate: in NULL central differences have no power
+SEEN_THERE = 0.1  # ratio of the noise's power in these bands; for central differences 0.02 to 0.03
 
 REPEATED = (
-    "w is theta differentiated, its noise included: the model was fitted to theta alone; errors "
-    "are counted on w."
+    "w is the derivative of theta, as both have the same noise. The model was fitted to theta "
+    "alone; errors are computed on w."
 )
 UNEVEN = (
-    "On t's uneven stamps w does not go with theta: the model was fitted to theta alone; errors "
-    "are counted on w."
+    "The time stamps are uneven, and w does not agree with theta on them. The model was fitted to "
+    "theta alone; errors are computed on w."
 )
 DIFFERENCED = (
-    "w is a position's difference from sample to sample, by its {}: the model was fitted to that "
-    "position; errors are counted on w."
+    "By its {}, w is a difference of positions from sample to sample. The model was fitted to that "
+    "position; errors are computed on w."
 )
 
 
 def on_theta_alone(
     records: Sequence[Record], data: Data, *, halfway: bool = False, uneven: bool = False
 ) -> tuple[Data, str] | None:
-    """The same records fitted to the position alone, where w is no measurement of its own.
+    """Data for a fit to the position alone and a message, if w is no independent measurement.
 
-    Its noise is that of the position, coloured by a filter; taken for a sensor's it looks like a
-    torque. With what is to be said of it; None where w is a sensor's. A w that was found to be
-    ``halfway`` between samples is a difference, whatever its noise; one whose noise the stamps'
-    ``uneven`` steps made is left out.
+    The noise of such a w is that of the position, coloured by a filter; as noise of a sensor it
+    would look like a torque. None if w is a sensor. A w that was found to be ``halfway`` between
+    samples is a difference, whatever its noise. If the noise of w comes from ``uneven`` time
+    stamps, w is not fitted.
     """
     if halfway or differenced(data):
         summed = replace(prepare([_summed(r) for r in records]), w=data.y[:, 1])
@@ -67,7 +67,7 @@ def _summed(record: Record) -> Record:
 
 
 def differenced(data: Data) -> bool:
-    """Whether the noise of w, recorded without theta, rises as a difference's does."""
+    """True if the noise of w, recorded without theta, rises with frequency like a difference's."""
     if not np.isfinite(data.noise.w) or np.isfinite(data.noise.theta):
         return False
     long = _long(_runs(data))
@@ -75,14 +75,14 @@ def differenced(data: Data) -> bool:
 
 
 def _rises(w: np.ndarray) -> bool:
-    """Whether the noise is that of plain differences, or of central ones."""
+    """True if the noise is that of plain or of central differences."""
     fast, slower, null, half = _powers(w, FAST, SLOWER, NULL, HALF)
     central = null < SEEN_THERE * half and half > 0.5 * slower
     return fast > RISING * slower or central
 
 
 def filtered(data: Data) -> bool:
-    """Whether w went through a low-pass filter: its noise is not white then, whatever the model."""
+    """True if w was low-pass filtered: its noise is then not white, whatever the model."""
     if not np.isfinite(data.noise.w):
         return False
     return any(_falls(y[:, 1]) for y in _long(_runs(data)))
@@ -94,14 +94,14 @@ def _falls(w: np.ndarray) -> bool:
 
 
 def _powers(w: np.ndarray, *bands: tuple[float, float]) -> list[float]:
-    """Median power of w in each band of frequencies, over the rate."""
+    """Median power of w in each band of frequencies (relative to the rate)."""
     f, power = welch(np.diff(w), nperseg=SEGMENT)
     power = power[1:] / np.sin(np.pi * f[1:]) ** 2
     return [float(np.median(power[(f[1:] > low) & (f[1:] <= high)])) for low, high in bands]
 
 
 def repeats(data: Data) -> bool:
-    """Whether theta and w share their noise: both are one above the motion's own frequencies."""
+    """True if theta and w share their noise: they are coherent above the frequencies of motion."""
     if not (np.isfinite(data.noise.w) and np.isfinite(data.noise.theta)):
         return False
     every = max(1, round(COARSE / data.dt))
@@ -110,8 +110,8 @@ def repeats(data: Data) -> bool:
 
 
 def _means(y: np.ndarray, every: int) -> np.ndarray:
-    """Of so many samples each: of a smooth speed in a fast log the samples themselves tell little
-    beside rounding."""
+    """Means of ``every`` samples: in a fast log, single samples of a smooth speed are dominated
+    by rounding."""
     return y[: len(y) // every * every].reshape(-1, every, 2).mean(1)
 
 
@@ -120,23 +120,25 @@ def _runs(data: Data) -> list[np.ndarray]:
 
 
 def _long(runs: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Those that are long enough for a spectrum."""
+    """The runs that are long enough for a spectrum."""
     return [y for y in runs if len(y) >= LEAST_SEGMENTS * SEGMENT]
 
 
 def _together(y: np.ndarray) -> bool:
-    """Whether the channels of one run share their noise.
+    """True if the channels of one run share their noise.
 
-    They are coherent then, where there is hardly any motion; and as a fast motion makes two
-    sensors coherent, too, w must be foretold by theta to less than its own noise, or have none
-    of its own beyond a filter.
+    Then they are coherent at frequencies with hardly any motion. A fast motion makes two
+    independent sensors coherent as well. So it is also required that theta predicts w with an
+    error below the noise of w, or that w was low-pass filtered.
     """
     return _coherent(y) and (_falls(y[:, 1]) or _surprise(y) < SURPRISE)
 
 
 def _surprise(y: np.ndarray) -> float:
-    """What theta around a sample does not tell of w, over the noise of w: power, 1 if that is its
-    own. Median, of halves of a stretch by the weights that the other half gives."""
+    """Power of w that theta around a sample does not predict, over that of the noise of w.
+
+    About 1 if w has its own noise. Cross-validated between the halves of a stretch; from medians.
+    """
     middle = len(y) // 2
     part = y[max(0, middle - SURPRISED // 2) : middle + SURPRISED // 2]
     theta, w = np.diff(part[:, 0], 3), np.diff(part[1:, 1], 2)
@@ -153,7 +155,7 @@ def _surprise(y: np.ndarray) -> float:
 
 
 def _coherent(y: np.ndarray) -> bool:
-    """Whether the channels are one in a band, differenced until they are no ramps."""
+    """True if the channels, differenced to remove ramps, are coherent in ``BAND``."""
     f, both = coherence(np.diff(y[:, 0], 2), np.diff(y[1:, 1]), nperseg=SEGMENT)
     low, high = BAND
     return float(np.median(both[(f > low) & (f <= high)])) > TOGETHER

@@ -1,4 +1,4 @@
-"""Whether something proven is left beside the effects found."""
+"""Goodness of fit: whether something significant remains beside the effects found."""
 
 from __future__ import annotations
 
@@ -10,30 +10,31 @@ from .hanging import depends_on
 from .noise import sensor_noise
 from .proof import LEAST_SIZE, MOST_OF_REST, WHOLE, coloured, friction_size, share
 from .repeated import filtered
-from .slide import NEARLY_ALL, Sliding, hidden_in_noise, lacking, while_sliding
+from .slide import NEARLY_ALL, Sliding, hidden_in_noise, missing_function, while_sliding
 from .structure import predictable, uneven
 
-LEFT_SHARE = 0.05  # of the first residual's power that may still hang on a signal
-PART = 0.3  # of what the sliding drive lacked, below which it is left by an inexact effect
-TAKEN = 0.25  # share below which a function is no longer among what is left
-HALF = 0.5  # of the power first missing: effects that take less leave open what the rest is
-SHAKEN = 0.1  # of the RMS friction torque: missing without a pattern, it is no longer a trifle
-NOISES = 3.0  # times the own noise of the recorded torque
-STIRRED = 0.1  # of the samples that differ from those before them, where a window tells noise
-STANDING = 3.0  # standard errors of that share
+LEFT_SHARE = 0.05  # of the first residual's power that may still depend on a signal
+PART = 0.3  # of the first missing torque: an inexact effect may leave as much
+TAKEN = 0.25  # share below which a function is no longer part of the residual
+HALF = 0.5  # of what was missing first: effects that explain less leave the rest open
+SHAKEN = 0.1  # of the RMS friction torque: above, missing torque counts even without a pattern
+NOISES = 3.0  # the same in times the noise of the recorded torque
+STIRRED = 0.1  # share of samples unlike the previous one, from which a window shows noise
+STANDING = 3.0  # standard errors of the share that signals predict
 
 
 def left_over(
     base: Fitted, final: Fitted, *, found: bool, doubtful: bool, carried: bool = False
 ) -> tuple[bool, tuple[str, ...]]:
-    """Whether something proven is left, and the signals that it hangs on.
+    """True if something significant remains, and the signals on which it depends.
 
-    ``found``: whether any effect was; ``doubtful``: whether those are a patchwork, or took much of
-    it although the windows do not agree on them. ``carried``: a load takes nearly all that is
-    lacking as the measured motion drives it; windows that missed where it is say nothing then.
+    ``found``: an effect was found. ``doubtful``: the effects found are a patchwork, or explain
+    much although the windows disagree on them. ``carried``: a load driven by the measured motion
+    explains nearly all that is missing; windows that missed the position of the load are then no
+    evidence.
     """
     least = LEAST_SIZE * friction_size(base)
-    if not _lacks(base, final, least, found):
+    if not _is_missing(base, final, least, found):
         if carried or _little(base, final, least):
             return False, ()
         if not (doubtful or _odd(base, final, least) or depends_on(final)):
@@ -42,7 +43,7 @@ def left_over(
 
 
 def _odd(base: Fitted, final: Fitted, least: float) -> bool:
-    """Whether innovations or missing torque look like more than noise, where sensors tell that."""
+    """True if innovations or missing torque are more than noise, as far as sensors show noise."""
     if not _stirred(final).any():
         return False
     if share(base, final) < HALF and _shaken(final):
@@ -51,65 +52,75 @@ def _odd(base: Fitted, final: Fitted, least: float) -> bool:
 
 
 def _little(base: Fitted, final: Fitted, least: float) -> bool:
-    """Whether less is missing than ``least``, or than the inexact values leave of an effect for
-    which windows were forgiven."""
+    """True if less is missing than ``least``.
+
+    If windows may have missed a hidden state, inexact values of its effect may leave more.
+    """
     if final.noise.uneven:
         least = max(least, PART * _missing(base))
     return _missing(final) <= least
 
 
 def _shaken(fitted: Fitted) -> bool:
-    """Whether so much torque is missing, far more than the recorded one's own noise, that it can
-    be no trifle though it has no pattern: blows, say, which no short past foretells."""
+    """True if so much torque is missing that it counts even without a pattern.
+
+    It is far above the noise of the recorded torque: impacts, say, which the recent past does not
+    predict.
+    """
     noise = sensor_noise(fitted.predictor.data.u)
     return _missing(fitted) > max(SHAKEN * friction_size(fitted), NOISES * noise)
 
 
 def _missing(fitted: Fitted) -> float:
-    """RMS torque that is missing, about its mean."""
+    """RMS of the missing torque about its mean."""
     return float(
         np.std(missing_torque(fitted.predictor, fitted.values, fitted.where, fitted.noise))
     )
 
 
-def _lacks(base: Fitted, final: Fitted, least: float, found: bool) -> bool:
-    """Whether the sliding drive lacks more than ``least``, and than what inexact effects leave.
+def _is_missing(base: Fitted, final: Fitted, least: float, found: bool) -> bool:
+    """True if more than ``least`` is missing while sliding, and more than inexact effects leave.
 
-    As a function of signals, or of time: of signals only where the noise forgives windows in
-    which a hidden state was missed, which are a matter of a few moments.
+    It may be a function of signals or of time. Time is excluded if windows may have missed a
+    hidden state, as that looks like a torque at a few instants.
 
-    What was found may be a wrong picture: half as much counts where it leaves more than it
-    takes, or than a function of some signals would leave.
+    The effects found may be the wrong ones. If they leave more than they explain, or more than a
+    function of some signals would leave, half of ``least`` is enough.
     """
-    lack, first = lacking(final, timed=not final.noise.uneven), lacking(base) if found else None
+    missing, first = (
+        missing_function(final, timed=not final.noise.uneven),
+        missing_function(base) if found else None,
+    )
     if first is not None and first.torque > 0.5 * least and first.is_better_than(final):
         return True
-    lack = lack or (None if found else hidden_in_noise(final))
-    if lack is None:
+    missing = missing or (None if found else hidden_in_noise(final))
+    if missing is None:
         return False
     before = while_sliding(base).torque if found else 0.0
-    least = 0.5 * least if found and lack.torque > MOST_OF_REST * before else least
-    return lack.torque > max(least, PART * before)
+    least = 0.5 * least if found and missing.torque > MOST_OF_REST * before else least
+    return missing.torque > max(least, PART * before)
 
 
 def signals_of_the_rest(final: Fitted, base: Fitted, *, doubtful: bool = False) -> tuple[str, ...]:
-    """The signals to name where something proven is left: what comes and goes in time if none.
+    """The signals to name where something significant remains; time if there are none.
 
-    The balance of the sliding drive comes first. What is left may be a poor picture of one
-    thing, torn by ``doubtful`` effects that were found in its place: then all that is missing
-    tells more, unless they have taken it; and where one function told it better than they do, or
-    they took most of what was nearly all such a function. Effects that took nothing say nothing.
-    Time comes last: between two neighbours it tells whatever is slow. It comes first where all
-    is missing in a few moments, or where friction or the torque's strength change with it.
+    Use the residual of the final model, unless the accepted effects are ``doubtful``; then use
+    that of the base model, except for what they have explained. The base model is also used if
+    one function of signals explained its residual better than the effects do, if the effects
+    explained most of a residual that was nearly all such a function, or if they explained nothing.
+
+    The balance of the sliding drive is examined first. Position, speed, torque and acceleration
+    are preferred to time, since any slow signal correlates with time. Time is preferred if all is
+    missing at a few instants, or if friction or the torque constant changes with time.
     """
-    lack = lacking(base)
-    if lack is not None and lack.is_better_than(final):
-        return lack.signals
+    missing = missing_function(base)
+    if missing is not None and missing.is_better_than(final):
+        return missing.signals
     left, whole = (while_sliding(f, everywhere=True) for f in (final, base))
     if left.torque > whole.torque:
         final, left = base, whole
     shown: tuple[str, ...] = ()
-    mostly = left.torque < HALF * whole.torque  # the effects took
+    mostly = left.torque < HALF * whole.torque  # most is explained by the effects
     for look in (Sliding.of_moments, Sliding.of_fading, Sliding.of_signals, Sliding.of_time):
         best, first = look(left), look(whole)
         if best and not doubtful and left.size(best) > PART * whole.torque:
@@ -129,19 +140,21 @@ def signals_of_the_rest(final: Fitted, base: Fitted, *, doubtful: bool = False) 
 
 
 def _standing(base: Fitted, final: Fitted, least: float) -> bool:
-    """Whether functions of the signals still predict a share of what was missing at first, worth
-    a name by itself."""
+    """True if functions of the signals still predict a torque above the least size.
+
+    It must also be a share of what was missing at first.
+    """
     if share(base, final) >= WHOLE:
         return False
     before = missing_torque(base.predictor, base.values, base.where, base.noise)
     after = missing_torque(final.predictor, final.values, final.where, base.noise)
     part, t = predictable(after, base.predictor.data.log, base.where.counted)
-    told = part * float(np.mean(after**2))
-    return t > STANDING and told > max(least**2, LEFT_SHARE * float(np.mean(before**2)))
+    explained = part * float(np.mean(after**2))
+    return t > STANDING and explained > max(least**2, LEFT_SHARE * float(np.mean(before**2)))
 
 
 def _loud(fitted: Fitted) -> bool:
-    """Whether windows differ more in noise than the model allows."""
+    """True if the noise differs more between windows than the model allows."""
     if fitted.noise.uneven:
         return 2 * len(fitted.quiet) < len(fitted.innovations)
     seen = fitted.noise.recorded()
@@ -150,9 +163,9 @@ def _loud(fitted: Fitted) -> bool:
 
 
 def _stirred(fitted: Fitted) -> np.ndarray:
-    """In which windows the sensors tell noise, (windows,): they change often enough.
+    """True for windows in which the samples change often enough to show noise, (windows,).
 
-    Else it is the steps of an encoder that surprise any model, again and again.
+    In the others, no model can predict the steps of the encoder.
     """
     changes = np.diff(fitted.predictor.data.y[fitted.where.counted], axis=1)
     changed = np.any(changes != 0, axis=2, where=np.isfinite(changes))
@@ -160,9 +173,10 @@ def _stirred(fitted: Fitted) -> np.ndarray:
 
 
 def _tinted(base: Fitted, final: Fitted) -> bool:
-    """Whether the innovations are coloured by what is missing.
+    """True if the innovations are coloured by what is missing.
 
-    Not by a filtered speed, nor by the inexact stiffness of what windows were forgiven for.
+    A low-pass filtered speed colours them as well, and so does an inexact stiffness of an effect
+    whose hidden state windows may have missed: neither counts.
     """
     whole = final.noise.uneven and share(base, final) > WHOLE
     return not whole and coloured(final) and not filtered(final.predictor.data)

@@ -1,4 +1,4 @@
-"""The score test: what small changes of the model would gain in likelihood."""
+"""Score (Lagrange multiplier) test: the gain in likelihood from small changes of the model."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from .noise import NORMAL_MAD
 from .predictor import Predictor, Values
 from .series import run_alone
 
-OUTLYING = 3.0  # usual sizes at which an innovation counts half
+OUTLYING = 3.0  # usual sizes at which the weight of an innovation is one half
 LARGEST = 2_000_000  # counted samples in one engine call
-LONGEST = 4_000_000  # samples of the series that go with it
+LONGEST = 4_000_000  # samples of its input series
 
 
 class Score:
-    """Gain in log-likelihood from small changes, the base model's own directions taken out.
+    """Gain in log-likelihood from small changes, with the base model's parameters as nuisance.
 
-    A wrong model fails most around rest, in spikes that no small change explains and that would
-    hide what goes on between them: innovations count by Cauchy weights.
+    A wrong model fails most around rest, in spikes that no small change explains. They would hide
+    what happens between them, so innovations have robust (Cauchy) weights.
     """
 
     def __init__(self, base: Fitted) -> None:
@@ -44,8 +44,8 @@ class Score:
         self.rest = float(self.r @ self.r) - float(np.sum((self.r @ self.basis) ** 2))
 
     def followed(self, column: np.ndarray) -> dict[str, float]:
-        """Values of the base model that go with a change of the innovations: a step of least
-        squares in its coordinates, not further than a factor of two in a logarithm."""
+        """Values of the base model refitted beside a given change of the innovations: one step
+        of least squares in its coordinates, in a logarithm at most a factor of two."""
         base = self.base
         if not len(self.slopes):
             return dict(base.values)
@@ -55,12 +55,12 @@ class Score:
         return moved(base.values, base.free, dx / size)
 
     def gain(self, columns: np.ndarray) -> tuple[float, np.ndarray]:
-        """Gain and coefficients for directions (k, n), each an innovation change per unit.
+        """Gain and coefficients for directions (k, n), each the change of innovations per unit.
 
-        The noise follows: -n/2 log(1 - R^2) rather than n R^2/2.
+        The noise level is refitted as well: -n/2 log(1 - R^2) rather than n R^2/2.
         """
         size = np.maximum(np.max(np.abs(columns), axis=1, keepdims=True), 1e-300)
-        columns = self.root * (columns / size)  # an unstable plant answers with huge numbers
+        columns = self.root * (columns / size)  # an unstable plant responds with huge numbers
         B = columns - (columns @ self.basis) @ self.basis.T
         H, g = B @ B.T, B @ self.r
         scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
@@ -71,13 +71,13 @@ class Score:
 
 
 def orthonormal(rows: np.ndarray, least: float = 1e-9) -> np.ndarray:
-    """An orthonormal basis, as columns, of what the rows span."""
+    """An orthonormal basis, as columns, of the span of the rows."""
     U, s, _ = np.linalg.svd(rows.T, full_matrices=False)
     return U[:, s > least * s[0]] if len(s) else U
 
 
 def weighing(r: np.ndarray) -> tuple[np.ndarray, float]:
-    """Square roots of the weights, and how many samples they are worth."""
+    """Square roots of the weights, and the number of samples they amount to."""
     size = np.abs(r[r != 0.0])
     if not len(size):
         return np.ones_like(r), 0.0
@@ -87,12 +87,12 @@ def weighing(r: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def at_once(samples: int) -> int:
-    """How many sets may have series of that length at the same time."""
+    """Number of sets that may have series of that length in memory at the same time."""
     return max(1, LONGEST // samples)
 
 
 def alone_by_parts(block: Block, log: Log, sets: Sequence[Values]) -> Iterator[np.ndarray]:
-    """What a block with states puts out along the log (some sets, samples), parts of bounded
+    """Output of a block with states along the log, in parts (some sets, samples) of bounded
     size."""
     most = at_once(len(log.t))
     for i in range(0, len(sets), most):
@@ -102,7 +102,7 @@ def alone_by_parts(block: Block, log: Log, sets: Sequence[Values]) -> Iterator[n
 def whitened_by_parts(
     predictor: Predictor, sets: Sequence[Values], base: Fitted, torque: np.ndarray | None = None
 ) -> np.ndarray:
-    """In calls of bounded size, for the memory's sake; ``torque`` (sets, N) resists besides."""
+    """Whitened innovations, in calls that limit the memory; ``torque`` (sets, N) resists."""
     fit_in = LARGEST // max(1, base.where.counted.size)
     most = max(1, min(fit_in, at_once(len(predictor.data.t))))
     parts = [slice(i, i + most) for i in range(0, len(sets), most)]

@@ -1,4 +1,4 @@
-"""First estimates of every effect: how much a small or a proposed one would gain."""
+"""Candidate screening: the gain of each effect by a score test, and its first estimates."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from .series import resisting
 from .tries import tried
 from .windows import coarser, spread
 
-ENOUGH = 40_000  # counted samples to search on
+ENOUGH = 40_000  # counted samples that the search uses
 MANY_WINDOWS = 24
-COARSE = 2e-3  # s, longest sampling interval on which effects are searched
-FEW = 4  # grid points that are all tried exactly
-STEPS = 30.0  # typical steps by which an effect is tried
-KEPT = 4  # of a longer grid, after a look at the residual torque
-NEARLY = 0.6  # of the best point's promise, from which the next one is a start, too
-SHORT = 0.7  # of a bound, to which a linear step may go
+COARSE = 2e-3  # s, longest sampling interval used in the search
+FEW = 4  # grid points that are all tested exactly
+STEPS = 30.0  # size of a test step, in typical steps
+KEPT = 4  # points of a longer grid kept after a comparison with the residual torque
+NEARLY = 0.6  # of the best point's promise, from which the next one is also a start
+SHORT = 0.7  # of the distance to a bound, to which a linear step is limited
 ZOOMS = 2  # finer grids around the best point
 
 
 @dataclass(frozen=True)
 class Trial:
-    """An effect added to a fitted model: a first estimate, and how much it should gain.
+    """An effect added to a fitted model, with a first estimate of its values.
 
-    ``others`` are more values to start from.
+    ``promise`` is the expected gain in log-likelihood; ``others`` are more initial values.
     """
 
     name: str
@@ -48,13 +48,16 @@ class Trial:
 
     @property
     def boxed(self) -> bool:
-        """Whether its likelihood has so many optima that all of its sets are searched."""
+        """True if its likelihood has so many local maxima that a global search is used."""
         return members("effect")[self.name].box is not None
 
     @property
     def rough(self) -> bool:
-        """Whether its series is an approximation: it sees the measured motion, or what it adds to
-        a level would be scaled by the effects that have been found."""
+        """True if its series is an approximation.
+
+        It is computed from the measured motion, or the effects found already would scale what it
+        adds to a level.
+        """
         block = members("effect")[self.name]
         hidden = bool(block.states) and block.exact is None
         added = {a[1:] for a in block.acts if a.startswith("+")}
@@ -63,7 +66,7 @@ class Trial:
 
 
 def lightened(base: Fitted) -> Fitted:
-    """The base model on as few samples as tell effects apart."""
+    """The base model on as few samples as are needed to distinguish effects."""
     data = base.predictor.data
     every = max(1, int(COARSE / data.dt + 1e-9))
     where = base.where if every == 1 else coarser(base.where, data.runs, every)
@@ -77,15 +80,15 @@ def lightened(base: Fitted) -> Fitted:
 def screen(score: Score, names: Sequence[str]) -> list[Trial]:
     """First estimates of each effect, best promise first.
 
-    The promise is the score test's gain in log-likelihood, with the parameters of the base
-    model free to follow.
+    The promise is the gain in log-likelihood by the score test, with the parameters of the base
+    model as nuisance parameters.
     """
     trials = beside(lambda name: _screen_one(score, name), names)
     return sorted((t for t in trials if t), key=lambda trial: -trial.promise)
 
 
 def placed_at(score: Score, name: str, order: float) -> Trial | None:
-    """The first estimate of an effect that repeats itself so often per 2 pi of theta."""
+    """The first estimate of an effect with ``order`` periods per 2 pi of theta."""
     return _screen_one(score, name, [order])
 
 
@@ -115,10 +118,10 @@ def _linear(
     score: Score,
     places: Sequence[float] | None,
 ) -> list[tuple[float, dict[str, float]]]:
-    """A step from the neutral value, over a grid of what the effect is not linear in, or at given
-    ``places`` of it.
+    """A linear step from the neutral value, on a grid of the parameter that is not linear, or at
+    given ``places`` of it.
 
-    A second one where another point of the grid promises nearly as much.
+    A second estimate is added if another grid point promises nearly as much.
     """
     base = score.base
     spans, points = _spans(made), _grid(base, made, places)
@@ -159,7 +162,7 @@ def _closer(points: np.ndarray, at: float) -> np.ndarray:
 
 
 def opened(key: str, made: Block, given: Mapping[str, float]) -> dict[str, float]:
-    """An effect's values in the model, those that are not given as declared."""
+    """An effect's values in the model; declared values for those that are not given."""
     return {f"{key}.{k}": given.get(k, p.value) for k, p in made.own.items()}
 
 
@@ -177,7 +180,7 @@ def _spans(made: Block) -> list[dict[str, float]]:
 
 
 def _gridded(made: Block) -> tuple[str, Callable]:
-    """The parameter that is tried on a grid, and the grid."""
+    """The parameter that is tested on a grid, and the grid."""
     return next((k, p.grid) for k, p in made.parameters.items() if p.grid is not None)
 
 
@@ -193,8 +196,8 @@ def _grid(base: Fitted, made: Block, places: Sequence[float] | None) -> list[dic
 def _prescreened(base: Fitted, made: Block, points: list[dict]) -> list[dict[str, float]]:
     """The points whose effect resembles the residual torque most, best first.
 
-    What the plant's own parameters make up for does not count. In single precision, which is
-    enough to compare points and takes a thirtieth of the time for a sine.
+    What the plant's own parameters can explain does not count. Single precision is enough to
+    compare points, and a sine takes a thirtieth of the time in it.
     """
     index, target = (
         base.where.counted.ravel(),
@@ -228,8 +231,10 @@ def _resemblance(
     target: np.ndarray,
     basis: np.ndarray,
 ) -> np.ndarray:
-    """Power of the target that the effect explains at each value of one parameter, both without
-    the torques of the ``basis``."""
+    """Power of the target that the effect explains at each value of one parameter.
+
+    The torques of the ``basis`` are projected out of both.
+    """
     unit = made.defaults() | {made.gain: 1.0, name: tried[:, None]}
     B = np.stack([resisting(made, log, unit | span, weights) for span in spans], axis=1)
     own = B @ basis
@@ -241,7 +246,7 @@ def _resemblance(
 
 
 def _thinned(base: Fitted, index: np.ndarray) -> tuple[Log, dict[str, np.ndarray]]:
-    """Some samples of the log and of the weights of levels on it."""
+    """Some samples of the log, and of the torque weights of levels along it."""
     log, weights = base.predictor.data.log, base.predictor.weights(base.values)
     signals = {k: signal[index] for k, signal in log.signals.items()}
     return replace(log, **signals), {k: v[index] for k, v in weights.items()}
@@ -261,7 +266,7 @@ def _peaks(power: np.ndarray) -> np.ndarray:
 def _combine(
     base: Fitted, made: Block, point: dict, spans: list[dict], c: np.ndarray
 ) -> dict[str, float] | None:
-    """The gain and span parameters whose effect is the combination found; None out of bounds."""
+    """The values of one effect that equals the combination found; None if out of bounds."""
     strength, *own = c if len(spans) == 1 else _alone(base, made, point, spans, c)
     within = _within(made.parameters[made.gain], float(strength))
     names = list(spans[0])
@@ -270,8 +275,8 @@ def _combine(
 
 
 def _alone(base: Fitted, made: Block, point: dict, spans: list[dict], c: np.ndarray) -> np.ndarray:
-    """Gain and span parameters of the one effect that comes to a combination of some; nan where
-    none does."""
+    """Gain and span parameters of the single effect that equals a combination of several; nan
+    if there is none."""
     gain = made.parameters[made.gain]
     samples = len(base.predictor.data.log.t)
     few, weights = _thinned(base, np.unique(np.linspace(0, samples - 1, 2000).astype(int)))
@@ -295,8 +300,10 @@ def _alone(base: Fitted, made: Block, point: dict, spans: list[dict], c: np.ndar
 
 
 def _within(gain: P, strength: float) -> float | None:
-    """A strength that a linear step came to: short of the bound if it went beyond, as it does
-    where an effect is large; None on the wrong side of what does nothing."""
+    """Strength found by a linear step, limited to below the bound, which a large effect exceeds.
+
+    None if it is not a number, or on the wrong side of the neutral value.
+    """
     if np.isnan(strength):
         return None
     bound = gain.low if strength < gain.low else gain.high if strength > gain.high else None

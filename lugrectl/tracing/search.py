@@ -1,4 +1,4 @@
-"""Which effect of the catalogue explains best what the model fails to predict."""
+"""Candidate refinement: screen the catalogue, then fit promising effects from several starts."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from .proof import WHOLE, coloured, loud, share
 from .score import Score, whitened_by_parts
 from .screening import Trial, lightened, opened, screen
 
-SHAKES = (0.7, 0.7, 0.3)  # largest spread of a random search about what a short fit found
-SHAKEN = 40  # sets of it
-TRIED = 6  # candidates fitted in full
-ANEW = 3  # best fits that start once more with the plant as it was believed to be
-FAR, STEPS = (0.2, 5.0), 10  # factors on an effect's values, and steps of a fit from there
-UNLIKELY = 0.01  # promise over what another effect has gained, below which one is not tried
-SOUGHT = 0.4  # of the leader's gain times its share of what is missing: all sets are tried above
-FINE = 2.5  # samples to one of the search, from which their blows are looked at, too
-LEAST_SOUGHT = 50.0  # gain in log-likelihood, below which that is not worth the time
-SLIGHT = 3.0  # gain after a short fit, below which nothing more is tried
+SHAKES = (0.7, 0.7, 0.3)  # largest spreads of the random searches around a short fit
+SHAKEN = 40  # sets of values in such a search
+TRIED = 6  # candidates fitted to convergence
+ANEW = 3  # best fits that are restarted with the declared plant values
+FAR, STEPS = (0.2, 5.0), 10  # factors on an effect's values for a restart, and its number of steps
+UNLIKELY = 0.01  # of the best gain so far: effects with a smaller promise are not tried
+SEARCHED = 0.4  # of the leader's gain times its explained share: search globally above this
+FINE = 2.5  # samples per sample of the search, from which impacts are refined on all samples
+LEAST_SEARCHED = 50.0  # least gain in log-likelihood for which a global search is made
+SLIGHT = 3.0  # least gain after a short fit for a candidate to be continued
 HOPELESS = 0.1  # of the leader's gain after a short fit, below which a candidate is dropped
-BEHIND = 0.5  # the same behind a leader that leaves nothing
-ABREAST = 4  # trials between two looks at who leads; the answer must not hang on the processors
+BEHIND = 0.5  # the same if the leader leaves nothing unexplained
+ABREAST = 4  # trials between updates of the leader; fixed, so results do not depend on the CPUs
 
 Say = Callable[[str], None]
 Pair = tuple[Trial, Fitted]
@@ -38,17 +38,17 @@ Pair = tuple[Trial, Fitted]
 
 @dataclass(frozen=True)
 class Contest:
-    """All effects by promise, and those that were fitted, best first."""
+    """All candidates by promise, and those that were fitted, best first."""
 
     trials: list[Trial]
     fits: list[Pair]
 
 
 def at_anchor(base: Fitted) -> Fitted:
-    """The base model at the values that were believed beforehand.
+    """The base model at the declared values.
 
-    A model that lacks an effect bends its other parameters to make up for it, sometimes too far
-    to find the way back: candidates start from here as well.
+    Without the effect the other parameters are biased, sometimes into another basin; candidates
+    therefore also start from the declared values.
     """
     return tuned(replace(base, values=base.values | base.anchor))
 
@@ -61,9 +61,10 @@ def refine(trial: Trial, *, most: int = 30, rough: bool = False) -> Fitted:
 
 
 def _short(trial: Trial, least: float) -> Pair:
-    """A few steps from each of a trial's starts; inside the plant where its series is rough.
+    """A few steps from each start of a trial, with the effect inside the plant if its series is
+    only approximate.
 
-    One that comes to more than ``least`` is shaken, in case that there are better optima nearby.
+    Around a fit above ``least`` a random search looks for better local maxima nearby.
     """
     if trial.rough:
         inside = Predictor(trial.fitted.predictor.model, trial.fitted.predictor.data)
@@ -82,10 +83,10 @@ def _short(trial: Trial, least: float) -> Pair:
 
 
 def _shaken(found: Fitted, key: str, spread: float) -> dict[str, float] | None:
-    """Values near those found that do better as they are.
+    """Values near those found with a higher likelihood before any refit; None if there are none.
 
-    Blows make many optima. Drawn with the shape of the uncertainty, the plant's values along
-    with the effect's, whose logarithms spread so far.
+    Impacts cause many local maxima. Values of plant and effect are drawn with the shape of the
+    covariance, scaled so that the logarithms of the effect's values have this spread.
     """
     own = [i for i, c in enumerate(found.free) if c.key.startswith(f"{key}.") and c.kind == "log"]
     if len(own) < 2:
@@ -102,24 +103,24 @@ def _shaken(found: Fitted, key: str, spread: float) -> dict[str, float] | None:
 
 
 def _heavy(trial: Trial, base: Fitted, values: dict[str, float]) -> Trial:
-    """A trial on all samples again."""
+    """The trial on all samples."""
     found = trial.fitted.predictor
     predictor = found.on(base.predictor.data) if trial.rough else base.predictor.like(found.model)
     return replace(trial, fitted=replace(base, predictor=predictor), values=values)
 
 
 def contest(base: Fitted, names: Sequence[str], gate: float, say: Say) -> Contest:
-    """Fit the promising effects shortly from each start, then the best of them to the end.
+    """Fit the promising effects briefly from each start, then the best of them to convergence.
 
-    All but the end goes on fewer samples a second. It is over with a fit that leaves nothing.
+    All but the last fits use fewer samples. It stops at a fit that leaves nothing unexplained.
     """
     light = lightened(base)
     promising = screen(Score(light), names)
     short = _shortly(light, [t for t in promising if t.promise > gate][: 2 * TRIED], gate, say)
     if not _settled(light, short):
-        believed = at_anchor(light)
-        bent = light.total - believed.total > gate
-        more = [t for t in screen(Score(believed), names) if t.promise > gate] if bent else []
+        declared = at_anchor(light)
+        biased = light.total - declared.total > gate
+        more = [t for t in screen(Score(declared), names) if t.promise > gate] if biased else []
         short = _shortly(light, more[:TRIED], gate, say, short)
     finished = _to_the_end(base, light, short[:TRIED], gate == 0.0, say)
     if _settled(base, finished):
@@ -131,26 +132,30 @@ def contest(base: Fitted, names: Sequence[str], gate: float, say: Say) -> Contes
 def _to_the_end(
     base: Fitted, light: Fitted, short: Sequence[Pair], thorough: bool, say: Say
 ) -> list[Pair]:
-    """Those that may come near the leader fitted on all samples; of one with many optima all sets
-    are tried, unless another leaves nothing."""
+    """Fit those candidates on all samples that may come near the leader.
+
+    One with many local maxima is searched globally, unless another leaves nothing unexplained.
+    """
     settled = _settled(light, short)
     lead = short[0][1].total - light.total if short else 0.0
     hope = partial(_hope, light=light, thorough=thorough)
     least = (BEHIND if settled else HOPELESS) * lead
     worth = [pair for pair in short if hope(pair) > max(least, SLIGHT)]
     _named(say, "fitting", (t for t, _ in worth))
-    wanted = _worth_seeking(light, worth)
+    wanted = _worth_searching(light, worth)
 
     def finished(pair: Pair) -> Pair:
-        seek = pair[0].boxed and (pair is short[0] or not settled)
-        return _finished(pair, base, seek and hope(pair) > wanted)
+        globally = pair[0].boxed and (pair is short[0] or not settled)
+        return _finished(pair, base, globally and hope(pair) > wanted)
 
     return _best_first(beside(finished, worth))
 
 
 def _settled(base: Fitted, fits: Sequence[Pair]) -> bool:
-    """Whether the best fit leaves nothing: no other start comes to more, and of the other effects
-    only those matter that come near it."""
+    """True if the best fit leaves nothing unexplained.
+
+    Then no other start can gain more, and only effects that come near it matter.
+    """
     if not fits or fits[0][1].predictor.data.smoothed:
         return False
     best = fits[0][1]
@@ -160,7 +165,7 @@ def _settled(base: Fitted, fits: Sequence[Pair]) -> bool:
 def _shortly(
     light: Fitted, chosen: Sequence[Trial], gate: float, say: Say, known: Sequence[Pair] = ()
 ) -> list[Pair]:
-    """The best short fit of each effect, best first; some are ``known``."""
+    """The best short fit of each effect, best first; ``known`` ones are included."""
     best = {trial.name: (trial, fitted) for trial, fitted in known}
     queue = sorted(chosen, key=lambda trial: -trial.promise)
     for i in range(0, len(queue), ABREAST):
@@ -184,27 +189,30 @@ def _named(say: Say, doing: str, trials: Iterable[Trial]) -> None:
         say(f"{doing} {names}")
 
 
-def _worth_seeking(light: Fitted, fits: Sequence[Pair]) -> float:
-    """The gain from which an effect with many optima may come to more than the leader.
+def _worth_searching(light: Fitted, fits: Sequence[Pair]) -> float:
+    """The gain from which an effect with many local maxima may overtake the leader.
 
-    That is less where the leader leaves much.
+    It is lower if the leader leaves much unexplained.
     """
     if not fits:
-        return LEAST_SOUGHT
+        return LEAST_SEARCHED
     leader = fits[0][1]
-    return max(SOUGHT * share(light, leader) * (leader.total - light.total), LEAST_SOUGHT)
+    return max(SEARCHED * share(light, leader) * (leader.total - light.total), LEAST_SEARCHED)
 
 
 def _hope(pair: Pair, light: Fitted, thorough: bool) -> float:
-    """What an effect may gain: by a short fit, or where all is tried that might by what it
-    promised, if it has many optima, of which that fit saw one."""
+    """The expected gain of an effect, from its short fit.
+
+    If ``thorough``, an effect with many local maxima counts with its promise if that is higher, as
+    a short fit finds only one maximum.
+    """
     trial, short = pair
     gain = short.total - light.total
     return max(gain, trial.promise) if thorough and trial.boxed else gain
 
 
 def _finished(pair: Pair, base: Fitted, wanted: bool) -> Pair:
-    """A trial on all samples again, fitted to the end; all sets tried where that is ``wanted``."""
+    """A trial fitted to convergence on all samples; after a global search if ``wanted``."""
     trial, short = pair
     whole = _heavy(trial, base, search_all(short, trial.key) if wanted else short.values)
     fitted = refine(whole, most=0 if wanted else 30)
@@ -214,8 +222,11 @@ def _finished(pair: Pair, base: Fitted, wanted: bool) -> Pair:
 
 
 def loaded(base: Fitted, name: str) -> Pair | None:
-    """A load with many optima fitted from where the measured motion drives it, where that is
-    convincing; it may gain too little otherwise to be looked at."""
+    """A hidden load, fitted from the values found with the measured motion as its input.
+
+    None if these values are not convincing. By its gain alone the load may be ranked too low to be
+    tried.
+    """
     model = base.predictor.model.with_effect(name, {})
     key = model.effects[-1].key
     few, whole = (
@@ -230,8 +241,8 @@ def loaded(base: Fitted, name: str) -> Pair | None:
 
 
 def carries(found: Fitted, key: str) -> tuple[float, float] | None:
-    """The shares of the power lacking that a load takes as the measured motion drives it, in the
-    fitted windows and elsewhere; None where that is not convincing."""
+    """Shares of the missing power that a load driven by the measured motion explains, in the
+    fitted windows and elsewhere; None if that is not convincing."""
     loads = driven(lightened(found), key)
     if not convincing(loads):
         return None
@@ -239,7 +250,7 @@ def carries(found: Fitted, key: str) -> tuple[float, float] | None:
 
 
 def _anew(pair: Pair, light: Fitted, least: float) -> Pair:
-    """A fit, or a better one: with the plant from where it was believed to be, or from afar."""
+    """The best of a fit and its restarts from the declared plant values and from distant values."""
     trial, fitted = pair
     if trial.boxed or fitted.total <= least:
         return pair
@@ -250,10 +261,10 @@ def _anew(pair: Pair, light: Fitted, least: float) -> Pair:
 
 
 def _afar(pair: Pair, light: Fitted) -> list[dict[str, float]]:
-    """Values of a better optimum far away, if there is one: a hidden state makes several, stiffer
-    and less damped bristles, say, and so does an observer that makes up for much.
+    """Values of a better local maximum far away, if there is one, on the samples of ``light``.
 
-    On the samples of the ``light`` base model.
+    Hidden states cause several maxima (stiffer and less damped bristles, say), and so does an
+    observer that compensates for much.
     """
     trial, fitted = pair
     if not (trial.rough or loud(fitted)):

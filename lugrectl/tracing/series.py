@@ -1,4 +1,4 @@
-"""Effects evaluated along a log: the series that they feed into a plant that lacks them."""
+"""Input series of effects outside the plant, evaluated along the log of measured motion."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from ..spec import Block, members
 from .data import Data, Log
 from .runs import WARMED, along, displaced
 
-LEAD = 2.0  # s that an effect with states runs before it counts
-STRETCH = 6.0  # s that it then counts
-SHORT = 1.0  # s, the same without numba: NumPy pays for steps, not for lanes
-STEP = 1e-3  # s, about the length of its steps
+LEAD = 2.0  # s, lead-in of an effect with states before its output is used
+STRETCH = 6.0  # s, length of the output used after that
+SHORT = 1.0  # s, the same without numba: NumPy is slow per step, not per lane
+STEP = 1e-3  # s, approximate integration step of such an effect
 
-UNDOING = 15  # iterations that undo a sensor's error
+UNDOING = 15  # iterations to remove a sensor's error
 
 Values = Mapping[str, float]
-Memory = dict[tuple, Any]  # by part and its values: what it put out along the log
+Memory = dict[tuple, Any]  # output along the log, by part and its values
 
 
 @dataclass(frozen=True)
 class Fed:
-    """What effects feed into the plant, each (N,): torque applied, loads and other torques on
-    the resisting side, relative changes of levels; ``error`` of theta, w as sensed, (N, 2)."""
+    """Inputs that effects add to the plant, each (N,): torque applied, loads and other torques on
+    the resisting side, relative changes of levels; ``error`` of the sensed theta, w, (N, 2)."""
 
     u: np.ndarray
     load: np.ndarray
@@ -52,7 +52,7 @@ def feed(
 ) -> Fed:
     """The effects with the keys ``outside`` along the log, in the order of the physics.
 
-    ``dose`` is the part of its output that an effect has, by key, where it is not the whole.
+    ``dose`` is the factor on the output of an effect, by key, if it is not 1.
     """
     log, zero = data.log, np.zeros(len(data.u))
     sensors = [p for p in model.effects if p.key in outside and "sensor" in p.block.acts]
@@ -67,7 +67,7 @@ def feed(
         signals["u"] = signals["u"] - along(data, values, "offset")
         friction = along(data, values, "friction")
         x |= {name: friction for name in WARMED if name in x}
-    whole = dict(x)  # with what the effects inside the plant do to it
+    whole = dict(x)  # with the changes by effects inside the plant
     borrowing = any(depends_on_plant(p) for p in model.effects if p.key in outside)
     for part in sorted(model.effects, key=lambda part: stage(part.block)):
         block, fed = part.block, part.key in outside
@@ -96,7 +96,7 @@ def feed(
 
 
 def _change(x: dict[str, np.ndarray], act: str, change: Any, values: Values) -> None:
-    """A level by that much more: times 1 + change, or where the act says so plus it."""
+    """Change a level: times 1 + change, or plus the change if the act starts with "+"."""
     name = act.removeprefix("+")
     if act == name:
         x[name] = (1.0 + x[name]) * (1.0 + change) - 1.0
@@ -105,7 +105,7 @@ def _change(x: dict[str, np.ndarray], act: str, change: Any, values: Values) -> 
 
 
 def _changed(values: Values, x: Mapping[str, np.ndarray], zero: np.ndarray) -> dict[str, Any]:
-    """The plant's values, those along the log whose level ``x`` says differs from ``zero``."""
+    """The plant's values; an array along the log for each level that ``x`` changes."""
     plant = {k: v for k, v in values.items() if "." not in k}
     return plant | {k: plant[k] * (1.0 + d) for k, d in x.items() if k in plant and d is not zero}
 
@@ -113,10 +113,11 @@ def _changed(values: Values, x: Mapping[str, np.ndarray], zero: np.ndarray) -> d
 def _behind_sensors(
     parts: Sequence[Part], values: Values, log: Log, dose: Mapping[str, float]
 ) -> tuple[dict[str, Any], np.ndarray | None]:
-    """The log's signals as they are behind these sensors, and the sensors' error at the samples.
+    """The true signals from which these sensors measure the log, and the sensor error at the
+    samples.
 
-    What is measured is what the sensors say of the motion: it is undone by iteration, sensors
-    with states by what they made of the measured motion.
+    The sensor equations are inverted by iteration. For sensors with states, the error is that
+    computed from the measured motion.
     """
     signals: dict[str, Any] = log.signals
     if not parts:
@@ -143,7 +144,7 @@ def _behind_sensors(
 
 
 def depends_on_plant(part: Part) -> bool:
-    """Whether an effect's series changes with the plant's own values."""
+    """True if the series of an effect depends on the plant's own values."""
     shared = any(p.shared for p in part.block.parameters.values())
     return shared or any(act.startswith("+") for act in part.block.acts)
 
@@ -176,7 +177,7 @@ def _outputs(
 
 
 def _is_plain(block: Block, signals: Mapping[str, Any], own: Mapping[str, Any], log: Log) -> bool:
-    """Whether an effect reads the log as it is: one with the same values does the same again."""
+    """True if an effect uses the unmodified log, so that equal values give an equal output."""
     raw = all(signals[k] is getattr(log, k) for k in block.inputs)
     return raw and not any(isinstance(v, np.ndarray) for v in own.values())
 
@@ -186,15 +187,15 @@ def _read(block: Block, signals: Mapping[str, Any]) -> list[Any]:
 
 
 def run_as(part: Part, values: Values) -> tuple:
-    """Under which key of the memory an effect with states stands."""
+    """Key of an effect with states in the memory."""
     return (part.key, *Placed(f"{part.key}.", part.block).arguments(values).values())
 
 
 def resisting(block: Block, log: Log, values: Values, weights: Mapping[str, Any]) -> np.ndarray:
     """A stateless effect as a torque on the resisting side; ``values`` may be columns.
 
-    ``weights`` are, by act, the torque along the log that one unit of its output stands for.
-    Of a sensor effect, which is none, the error of theta.
+    ``weights`` are, by act, the torque along the log for one unit of its output. For a sensor
+    effect, which is no torque, the error of theta is returned.
     """
     signals = log.signals
     made = block(*_read(block, signals), **values)
@@ -213,7 +214,7 @@ def resisting(block: Block, log: Log, values: Values, weights: Mapping[str, Any]
 
 @cache
 def _engine(kind: str, name: str, inputs: tuple[str, ...]) -> Lanes:
-    """A block by itself; puts out its outputs, then its states."""
+    """Engine of a block by itself, with its outputs followed by its states."""
     made = members(kind)[name]
     made = made.with_inputs(tuple(k for k in inputs if k in made.parameters))
     whole = replace(made, outputs=(*made.fresh, *made.states))
@@ -225,8 +226,8 @@ def run_alone(
 ) -> np.ndarray:
     """Outputs and states (sets, N, both) of a block with states, driven by the log's signals.
 
-    The log is cut into stretches that run side by side, each with a lead-in from equilibrium.
-    Steps are as long as they are: what is too fast for them follows at once (L-stable).
+    The log is cut into stretches that run in parallel, each with a lead-in from equilibrium. The
+    step is fixed: dynamics too fast for it follow without delay (L-stable).
     """
     engine = _engine(block.kind, block.name, block.inputs)
     many, u = len(sets), np.column_stack([signals[name] for name in block.inputs])

@@ -1,4 +1,4 @@
-"""Functions of the signals, each spanned by narrow ones: what an unknown torque may be made of."""
+"""Basis functions of the signals (linear splines, play operators) for an unknown torque."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from ..blocks.table import TURN
 from .data import Log
 
 MANY, SOME, FEW = 40, 24, 16  # pieces of a function
-AROUND = 64  # of one of the angle within a turn
-NARROW = 240  # of one of the place that may have bumps
-TURNING = 1.25  # turns of travel, from which the angle within a turn counts
+AROUND = 64  # the same for a function of the angle within a turn
+NARROW = 240  # the same for a function of position with narrow bumps
+TURNING = 1.25  # turns of travel, from which functions of the angle within a turn are used
 DEAD = 0.02  # of the largest speed, below which the drive has no direction
-PULSE = 0.05  # s
-SLOW, PARTS = 1.0, (10, 200)  # s of time per piece, and how many of these at least and at most
-REACHES = np.geomspace(0.002, 0.4, 12)  # of the range of a signal: halves of plays it is behind
-PLAYED = 5e-3  # s between the samples that are followed through them
-NEAR = 0.002  # of the travel: the distance from a reversal at which its function is finest
+PULSE = 0.05  # s, width of a pulse in time
+SLOW, PARTS = 1.0, (10, 200)  # s per piece of a slow function; least and most number of pieces
+REACHES = np.geomspace(0.002, 0.4, 12)  # of the range of a signal: half-widths of the plays
+PLAYED = 5e-3  # s, step of the samples passed through the plays
+NEAR = 0.002  # of the travel: distance from a reversal that is resolved most finely
 
 
 @dataclass(frozen=True)
 class Shape:
-    """A torque as any function of some signals: ``B`` (samples, pieces).
+    """Basis ``B`` (samples, pieces) of a torque that is any function of some signals.
 
-    ``timed``: what it depends on never comes back. ``answers``: a loop that fights a disturbance
-    makes it likely.
+    ``timed``: it depends on time, which does not repeat. ``answers``: feedback correlates these
+    signals with any disturbance (endogeneity), so a dependence on them is weak evidence.
     """
 
     signals: tuple[str, ...]
@@ -37,19 +37,19 @@ class Shape:
 
 
 def shapes(log: Log, rows: np.ndarray, at: np.ndarray, a: np.ndarray) -> list[Shape]:
-    """The functions asked for, those of fewer signals first.
+    """The functions that are tested, those of fewer signals first.
 
     Parameters
     ----------
     log : Log
         Of the whole record.
     rows : int array
-        Samples on which they are wanted.
+        Samples at which they are evaluated.
     at : int array
-        Those of ``rows`` that count: the functions are spanned over what these visit.
+        Those of ``rows`` whose range the functions cover.
     a : (rows,) array
-        The acceleration that the model expects from the torque: the measured one holds what the
-        model fails to predict.
+        The acceleration that the model predicts from the torque: the measured one contains what
+        the model fails to predict.
     """
     theta, w, u, t = (getattr(log, k)[rows] for k in ("theta", "w", "u", "t"))
     since, forth = _since_reversal(log)[rows], w > 0.0
@@ -78,7 +78,7 @@ def shapes(log: Log, rows: np.ndarray, at: np.ndarray, a: np.ndarray) -> list[Sh
 
 
 def bumps(log: Log, rows: np.ndarray) -> Shape:
-    """A function of the place, or of the angle within a turn, in pieces as narrow as a bump."""
+    """A function of position, or of the angle within a turn, with pieces as narrow as a bump."""
     theta = log.theta[rows]
     if wraps(theta, log.motion):
         return Shape(("theta",), around(theta, turn(NARROW)))
@@ -86,13 +86,13 @@ def bumps(log: Log, rows: np.ndarray) -> Shape:
 
 
 def hystereses(log: Log, rows: np.ndarray) -> list[Shape]:
-    """What the torque or the place was before counts, too, however fast that was gone through."""
+    """Rate-independent hysteresis of the torque, and of the position."""
     u, theta = (_taken_up(log, x)[rows] for x in (log.u, log.theta))
     return [Shape(("u",), u, answers=True), Shape(("theta", "w"), theta)]
 
 
 def fading(log: Log, rows: np.ndarray) -> list[Shape]:
-    """Slow functions of time: a torque, Coulomb friction, and a torque constant."""
+    """Slow changes in time of a torque, of Coulomb friction, and of the torque constant."""
     t, w, u = (x[rows] for x in (log.t, log.w, log.u))
     time = _spanned(t, _even(t, int(np.clip(np.ptp(t) / SLOW, *PARTS))))
     strengths = (("t",), np.ones_like(w)), (("t", "w"), np.sign(w)), (("t", "u"), u)
@@ -106,7 +106,7 @@ def pulses(length: int, dt: float) -> np.ndarray:
 
 
 def wraps(theta: np.ndarray, motion: str) -> bool:
-    """Whether the drive turns round far enough for the angle within a turn to count."""
+    """True if the drive turns far enough for functions of the angle within a turn."""
     return motion == "rotary" and bool(np.ptp(theta) > TURNING * TURN)
 
 
@@ -116,13 +116,13 @@ def turn(count: int) -> np.ndarray:
 
 
 def hats(x: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """How much of each point's value the line through the points has at x; (len(x), points)."""
+    """Hat functions (linear splines) of these points at x, (len(x), points)."""
     knots = np.r_[points[0], points, points[-1]]
     return BSpline.design_matrix(x, knots, 1).toarray()
 
 
 def around(x: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """The same over one turn, whose end is its beginning."""
+    """The same, periodic over one turn."""
     closed = np.r_[points, points[0] + TURN]
     A = hats(np.clip(np.mod(x - points[0], TURN) + points[0], closed[0], closed[-1]), closed)
     A[:, 0] += A[:, -1]
@@ -140,7 +140,7 @@ def _even(x: np.ndarray, count: int) -> np.ndarray:
 
 
 def _full(x: np.ndarray, count: int) -> np.ndarray:
-    """Knots with as many samples between each two."""
+    """Knots with equally many samples between them."""
     knots = np.unique(np.quantile(x, np.linspace(0.0, 1.0, count + 1)))
     return knots if len(knots) > 1 else _even(x, 1)
 
@@ -151,8 +151,10 @@ def _by(forth: np.ndarray, B: np.ndarray) -> np.ndarray:
 
 
 def _since_reversal(log: Log) -> np.ndarray:
-    """Distance from where the drive last turned round, by direction: what a hysteresis depends
-    on. Its logarithm, so that what settles soon and what settles late is resolved alike."""
+    """Signed logarithm of the distance from the last reversal, on which a hysteresis depends.
+
+    The logarithm resolves short and long distances equally well.
+    """
     made = np.zeros(len(log.t))
     for a, b in log.runs:
         w, theta = log.w[a:b], log.theta[a:b]
@@ -167,10 +169,9 @@ def _since_reversal(log: Log) -> np.ndarray:
 
 
 def _taken_up(log: Log, x: np.ndarray) -> np.ndarray:
-    """How far a signal is within plays of several widths, (samples, widths).
+    """Deflection of plays of several widths that follow a signal, (samples, widths).
 
-    Their weighted sum is any hysteresis that does not depend on how fast it is gone through
-    (Prandtl and Ishlinskii).
+    Their weighted sums are the rate-independent hystereses of Prandtl and Ishlinskii.
     """
     made = np.zeros((len(x), len(REACHES)))
     reach, every = REACHES * float(np.ptp(x)), max(1, int(PLAYED / log.dt + 1e-9))

@@ -1,4 +1,4 @@
-"""Channels recorded at different instants: an effect ahead of its cause."""
+"""Time-delay estimation between channels: a motion ahead of its torque shows a time skew."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from ..record import Record
 from .balance import BLOCKS, LEVEL, Cells, cells, motion_terms, moving, named, running
 from .data import Data
 
-FARTHEST = 0.2  # s, the largest skew that is looked for
-SAVED = 0.2  # of the disagreement must go with a shift for it to be called a skew
-PARTS = 8  # of the record, for friction that changes on the way
-LATE = 0.75  # samples, beyond which w is late: more than by differences
-AWAY = 1.25  # samples that a torque is late, beyond which it is no way of logging it
-DATED = 0.1  # of the torque must accelerate for the torque to be dated
-SOFT = (0.003, 0.012, 0.05)  # s at the usual speed, in which friction builds up
-SURE = 3.0  # standard errors over blocks of time; what a shift saves varies much among them
+FARTHEST = 0.2  # s, the largest skew that is searched for
+SAVED = 0.2  # of the disagreement, least part that a shift must remove to be a skew
+PARTS = 8  # of the record, each with its own Coulomb friction, as friction may change
+LATE = 0.75  # samples: w is late beyond this, as differences delay it less
+AWAY = 1.25  # samples: no way of logging makes a torque later than this
+DATED = 0.1  # least accelerating part of the torque for its delay to be estimated
+SOFT = (0.003, 0.012, 0.05)  # s at the RMS speed, in which friction builds up
+SURE = 3.0  # standard errors between blocks of time, which differ much
 
-Terms = Callable[[np.ndarray], Sequence[np.ndarray]]  # more columns, made of the usual ones
-Left = Callable[[int], np.ndarray]  # squares that a shift of so many samples leaves, by cell
+Terms = Callable[[np.ndarray], Sequence[np.ndarray]]  # more regressors from the usual ones
+Left = Callable[[int], np.ndarray]  # squared residual of each cell after a shift of so many samples
 
 
 def sensors_skewed(records: Sequence[Record], data: Data) -> bool:
-    """Refuse a w that is early; whether it is late, as a filter makes it.
+    """Refuse a w that is early. True if it is late, as after a low-pass filter.
 
-    Differences of neighbouring samples are half a sample early; they are left alone.
+    Differences of neighbouring samples may be half a sample early and are accepted.
     """
     if not (np.isfinite(data.noise.w) and np.isfinite(data.noise.theta)):
         return False
@@ -38,20 +38,20 @@ def sensors_skewed(records: Sequence[Record], data: Data) -> bool:
     if lag > 1.4 * data.dt:
         raise Refused(
             f"{named(records)}: w is {1e3 * lag:.3g} ms ahead of d theta/dt: the channels "
-            "are skewed in time against each other.",
+            "are skewed in time relative to each other.",
             "Record w and theta at the same instants, or leave one of them out.",
         )
     return lag < -LATE * data.dt
 
 
 def lateness(data: Data) -> float:
-    """How late w is against d theta/dt, s; 0 where that is not clear."""
+    """Delay of w relative to d theta/dt, s; 0 if it is not significant."""
     late = -_clear_skew(data)
     return late if late > LATE * data.dt else 0.0
 
 
 def _clear_skew(data: Data) -> float:
-    """How far w is ahead of d theta/dt, s; 0 where that is not clear."""
+    """Lead of w relative to d theta/dt, s; 0 if it is not significant."""
     found = sensor_skew(data, FARTHEST)
     if found is None or found.t < SURE or found.gain < SAVED:
         return 0.0
@@ -59,7 +59,10 @@ def _clear_skew(data: Data) -> float:
 
 
 def torque_skewed(records: Sequence[Record], data: Data, remarks: list[str]) -> None:
-    """An effect before its cause; seen only where acceleration, which dates the motion, counts."""
+    """Refuse, or remark on, a motion that is ahead of the torque that causes it.
+
+    This can only be seen if the accelerating torque is a good part of the whole.
+    """
     found = skew(data, FARTHEST)
     if found is None or found.lag > -AWAY * data.dt or found.t < SURE or found.inertial < DATED:
         return
@@ -67,23 +70,26 @@ def torque_skewed(records: Sequence[Record], data: Data, remarks: list[str]) -> 
         other = skew(data, FARTHEST, explained)
         if other is None or other.lag > 0.5 * found.lag:
             return
-    told = f"{named(records)}: the motion is {-1e3 * found.lag:.3g} ms ahead of the torque"
+    noticed = f"{named(records)}: the motion is {-1e3 * found.lag:.3g} ms ahead of the torque"
     if found.gain > SAVED:
         raise Refused(
-            f"{told} that causes it: u and the motion are skewed in time against each other.",
+            f"{noticed} that causes it: u and the motion are skewed in time.",
             "Record u and the motion at the same instants, or shift u by that time.",
         )
     if found.gain > 0.25 * SAVED:
-        remarks.append(f"{told} by a plain balance: they may be skewed in time.")
+        remarks.append(
+            f"{noticed} by the torque balance: they may be skewed in time. "
+            "Check how both are logged."
+        )
 
 
 @dataclass(frozen=True)
 class Skew:
-    """``lag`` s at which two channels agree best; negative: the effect is before its cause.
+    """``lag`` in s at which two channels agree best; negative: the effect precedes its cause.
 
-    ``gain`` is the share of the disagreement that goes with the shift, ``t`` its mean over
-    blocks of time over its standard error; ``inertial`` is the RMS of the accelerating torque
-    over that of all torque, negative with the inertia.
+    ``gain`` is the share of the disagreement that the shift removes, ``t`` its mean over blocks
+    of time divided by the standard error; ``inertial`` is the RMS of the accelerating torque
+    relative to that of all torque, negative if the estimated inertia is.
     """
 
     lag: float
@@ -93,9 +99,9 @@ class Skew:
 
 
 def skew(data: Data, farthest: float, also: Terms = lambda terms: ()) -> Skew | None:
-    """How late the motion follows the torque, up to ``farthest`` s; None where none is best.
+    """Delay of the motion relative to the torque, up to ``farthest`` s; None if there is no best.
 
-    The torque may depend on what is ``also`` given, too.
+    ``also`` adds regressors on which the torque may depend.
     """
     room = max(2, round(farthest / data.dt))
     at = cells(data, room=room)
@@ -120,21 +126,21 @@ def skew(data: Data, farthest: float, also: Terms = lambda terms: ()) -> Skew | 
 
 
 def _changing(terms: np.ndarray) -> list[np.ndarray]:
-    """Coulomb friction with a size of its own in each part of the record."""
+    """Coulomb friction with a different size in each part of the record."""
     part = np.arange(len(terms)) * PARTS // len(terms)
     return [terms[:, LEVEL] * (part == n) for n in range(1, PARTS)]
 
 
 def _turning(terms: np.ndarray) -> list[np.ndarray]:
-    """What an encoder beside its axis makes of all torques of a rotary drive, and an inertia that
-    varies."""
+    """Effects of an encoder mounted off centre on all torques of a rotary drive, and of an inertia
+    that varies with the angle."""
     a, w, *_, sin, cos = terms.T
     products = [x * wave for x in (a, w, w**2) for wave in (sin, cos)]
     return [*products, sin * cos, cos * cos]
 
 
 def _building_up(data: Data, at: Cells) -> list[np.ndarray]:
-    """Friction that follows the motion over some distance: it is late, and the torque is not."""
+    """Presliding friction, which lags the motion although the torque is not late."""
     w = data.log.w
     usual = float(np.sqrt(np.mean(w**2)))
     made = []
@@ -145,7 +151,7 @@ def _building_up(data: Data, at: Cells) -> list[np.ndarray]:
 
 
 def sensor_skew(data: Data, farthest: float) -> Skew | None:
-    """How late d theta/dt is against w; negative: w is late, as a filtered velocity is."""
+    """Delay of d theta/dt relative to w; negative: w is late, as a filtered velocity is."""
     room = max(2, round(farthest / data.dt))
     at = cells(data, room=room + 1)
     if len(at.start) < 5 * BLOCKS:
@@ -156,7 +162,7 @@ def sensor_skew(data: Data, farthest: float) -> Skew | None:
 
     def left(k: int) -> np.ndarray:
         a = at.start - k
-        mean = at.mean(total, -k) - 0.5 * (w[a] - w[a + at.size]) / at.size  # trapezia
+        mean = at.mean(total, -k) - 0.5 * (w[a] - w[a + at.size]) / at.size  # trapezoidal rule
         mean -= mean.mean()
         return (slope - mean * (mean @ slope) / max(float(mean @ mean), 1e-300)) ** 2
 
@@ -165,7 +171,7 @@ def sensor_skew(data: Data, farthest: float) -> Skew | None:
 
 
 def _best(left: Left, room: int, stride: int) -> int:
-    """The shift that leaves least: coarsely over all, then sample by sample."""
+    """The shift with the least residual: first on a coarse grid, then sample by sample."""
     sums: dict[int, float] = {}
 
     def total(k: int) -> float:
@@ -187,7 +193,7 @@ def _judged(left: Left, k: int, room: int, dt: float, inertial: float = np.nan) 
     none, best = left(0), left(k)
     before, least, after = float(left(k - 1).sum()), float(best.sum()), float(left(k + 1).sum())
     bend = before - 2.0 * least + after
-    beside = 0.5 * (before - after) / bend if bend > 0.0 else 0.0  # a parabola's lowest point
+    beside = 0.5 * (before - after) / bend if bend > 0.0 else 0.0  # minimum of a parabola
     gain = 1.0 - least / max(float(none.sum()), 1e-300)
     blocks = np.linspace(0, len(best), BLOCKS, endpoint=False).astype(int)
     saved = np.add.reduceat(none - best, blocks)

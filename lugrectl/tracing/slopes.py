@@ -1,4 +1,4 @@
-"""How the innovations change with the free values: from the graph, differences where it ends."""
+"""Sensitivities of the innovations to the free values: from the graph, else by differences."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .predictor import Predictor, Values
 from .windows import Windows
 
 RTOL = 1e-5  # of the run along which the derivatives are taken
-STEEPEST = 1e100  # derivative, where a model runs away; its square can still be added up
+STEEPEST = 1e100  # derivative of a model that diverges; its square can still be added up
 
 
 def slopes(
@@ -29,13 +29,12 @@ def slopes(
     *,
     graph: bool = True,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Whitened innovations r and -dr/dx by each coordinate x, (coords, windows, length, 2).
+    """Whitened innovations r and -dr/dx for each coordinate x, (coords, windows, length, 2).
 
-    The plant's derivatives are those of the graph, along one run. What effects outside of it
-    feed in, and where the windows start, is known without a run, so it is differenced and goes
-    through the plant's derivatives as well. Coordinates on which the gain depends (sensors with
-    states inside the plant) are stepped, each with a run of its own; without a compiler or
-    ``graph`` all are.
+    Derivatives of the plant come from the graph, in one run. Inputs from effects outside the
+    plant and initial states are known without a run: their finite differences pass through the
+    plant's derivatives. Coordinates on which the Kalman gain depends (sensors with states inside
+    the plant) are stepped, each in its own run; all are if there is no compiler or not ``graph``.
     """
     sets = stepped(coords, values)
     graph = graph and predictor.lanes.compiled
@@ -56,12 +55,12 @@ def slopes(
 
 
 def stepped(coords: Sequence[Coordinate], values: Values) -> list[dict[str, float]]:
-    """All values with each of the coordinates a step on."""
+    """All values with one coordinate stepped, for each coordinate."""
     sets = []
     for c in coords:
         moved = dict(values)
         moved[c.key] = c.back(c.into(values) + c.step, values)
-        if c.key == "Fc":  # Fs follows where it is stepped by its excess
+        if c.key == "Fc":  # Fs moves along if its coordinate is its excess over Fc
             moved |= {q.key: q.back(q.into(values), moved) for q in coords if q.kind == "excess"}
         sets.append(moved)
     return sets
@@ -82,7 +81,7 @@ def _tangent(lanes: Lanes) -> Tangent:
 
 
 def is_compiled(predictor: Predictor) -> bool:
-    """Whether the plant's derivatives are there already."""
+    """True if the plant's derivatives have been compiled already."""
     return predictor.lanes in _COMPILED
 
 
@@ -94,7 +93,7 @@ def _from_graph(
     where: Windows,
     noise: Noise,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Innovations and slopes by each key alone, then along the coordinates: Fs moves with Fc."""
+    """Innovations and slopes; first by key, then by coordinate, as Fs moves with Fc."""
     along, step = _chain(values, coords, sets)
     alone = [values, *({**values, c.key: s[c.key]} for c, s in zip(coords, sets, strict=True))]
     lanes, data, length = predictor.lanes, predictor.data, where.burn + where.length
@@ -124,8 +123,8 @@ def _from_graph(
         dseen=None if derror is None else -derror[rows],
     )
     slope = made.dy if derror is None else made.dy + derror[rows]
-    told = np.isfinite(y[rows]) & np.isfinite(made.y)
-    slope = np.where(told[..., None], slope, 0.0)[:, where.burn :]
+    known = np.isfinite(y[rows]) & np.isfinite(made.y)
+    slope = np.where(known[..., None], slope, 0.0)[:, where.burn :]
     e = compared(y[rows], made.y)[:, where.burn :]
     W, root = np.linalg.inv(np.linalg.cholesky(S)), np.sqrt(data.weight[where.counted])
     return e @ W.T * root, root * np.einsum("ck,ij,wljk->cwli", along, W, slope, optimize=True)
@@ -134,9 +133,9 @@ def _from_graph(
 def _chain(
     values: Values, coords: Sequence[Coordinate], sets: Sequence[Values]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives of keys (columns) by coordinates (rows), and how far each key is stepped."""
+    """Derivatives of keys (columns) by coordinates (rows), and the step of each key."""
     ahead = np.array([[s[c.key] - values[c.key] for c in coords] for s in sets])
-    turns = [i for i, c in enumerate(coords) if c.kind == "angle"]  # may pass half a turn
+    turns = [i for i, c in enumerate(coords) if c.kind == "angle"]  # a step may cross half a turn
     ahead[turns, turns] = [coords[i].step for i in turns]
     step = ahead.diagonal()
     return ahead / [[c.step] for c in coords], np.where(step == 0.0, np.inf, step)
@@ -145,11 +144,11 @@ def _chain(
 def _fed(
     predictor: Predictor, alone: Sequence[Values], step: np.ndarray, columns: Sequence[str]
 ) -> tuple[np.ndarray, Moved, np.ndarray | float, np.ndarray | None]:
-    """Series fed into the plant, their slopes, the sensors' error and its slopes (N, 2, keys)."""
+    """Input series of the plant, their slopes, the sensor error and its slopes (N, 2, keys)."""
     every, errors, index = predictor.distinct(alone)
     series, du = every[index[0]], {}
     for column, k, h in zip(columns, index[1:], step, strict=True):
-        if k == index[0]:  # fed as without the step
+        if k == index[0]:  # the step does not change the inputs
             continue
         for i, name in enumerate(predictor.lanes.inputs):
             slope = (every[k, :, i] - series[:, i]) / h

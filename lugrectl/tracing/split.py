@@ -1,4 +1,4 @@
-"""Which samples fit and choose, and which are held out."""
+"""Blocked cross-validation: which samples are used for fitting and which are held out."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from .structure import ORDER
 from .windows import Windows, spread, windows
 
 BLOCK = 2.0  # s, least length of a held-out block
-GAP = 0.25  # s, between the samples that fit and those that judge; also the observer's lead-in
-WINDOWS = (1.0, 0.5, 0.25)  # s, counted samples of one fitting window: the longest of which
-FEWEST = 2 * ORDER + 1  # samples of it: twice the past that its innovations may hang on
-ENOUGH = 8  # fit into what may be seen
-LEAST = 4
-MOST = 200_000  # counted samples to fit on; of a longer record windows all over it are taken
-ENOUGH_OF_MANY = 24
+GAP = 0.25  # s, between training and held-out samples; also the observer's lead-in
+WINDOWS = (1.0, 0.5, 0.25)  # s, possible lengths of a training window (counted samples)
+FEWEST = 2 * ORDER + 1  # samples of such a window: twice the past that predicts an innovation
+ENOUGH = 8  # windows: the longest length that gives as many is used
+LEAST = 4  # training windows; a record with fewer is refused
+MOST = 200_000  # counted samples to fit on; from a longer record, windows spread over it
+ENOUGH_OF_MANY = 24  # windows of such a record, at least
 
 
 @dataclass(frozen=True)
 class Split:
-    """Windows that fit, windows that judge (one for each restart), in samples."""
+    """Training windows, held-out windows (one for each restart), in samples."""
 
     train: Windows
     test: Windows
@@ -40,14 +40,14 @@ def split(
     turned: bool = False,
     lead: float = GAP,
 ) -> Split:
-    """Every other block, the last half, or all runs from sample ``held_out`` on.
+    """Hold out every other block, the last half, or all runs from sample ``held_out`` on.
 
-    ``turned`` exchanges the blocks that fit and those that judge; ``lead`` is the lead-in, s.
+    ``turned`` exchanges training and held-out blocks; ``lead`` is the lead-in, s.
 
     Raises
     ------
     Refused
-        When there is not enough for both parts.
+        If the record is too short for both parts.
     """
     gap = max(2, round(lead / data.dt))
     span = max(1, round(horizon / data.dt))
@@ -59,16 +59,16 @@ def split(
     else:
         even, odd = _alternate(data.runs, gap, span, data.dt)
         train, test = (odd, even) if turned else (even, odd)
-    possible = WINDOWS if compiler() else WINDOWS[-1:]  # NumPy pays for steps, not for windows
+    possible = WINDOWS if compiler() else WINDOWS[-1:]  # NumPy is slow per step, not per window
     lengths = [max(FEWEST, round(length / data.dt)) for length in possible]
     cuts = [windows(train, gap, length) for length in lengths]
     fitting = next((cut for cut in cuts if len(cut.start) >= ENOUGH), cuts[-1])
     judging = windows(test, gap, span)
     if len(fitting.start) < LEAST or not len(judging.start):
         raise Refused(
-            "the record is too short to fit and to judge on different samples",
-            f"record at least {8 * (max(BLOCK, horizon) + GAP):.0f} s of motion, or give a second "
-            "run with --holdout",
+            "The record is too short to fit the model and to check it on held-out samples.",
+            f"Record at least {8 * (max(BLOCK, horizon) + GAP):.0f} s of motion, or give a second "
+            "run with --holdout.",
         )
     whole = test if (last or held_out is not None) else list(data.runs)
     fitting = spread(fitting, MOST, ENOUGH_OF_MANY)
@@ -84,9 +84,9 @@ def _halves(runs: Sequence[tuple[int, int]]) -> tuple[list, list]:
 def _alternate(
     runs: Sequence[tuple[int, int]], gap: int, span: int, dt: float
 ) -> tuple[list, list]:
-    """Blocks of whole horizons, at least BLOCK long, dealt in turn; each starts with a gap.
+    """Alternating blocks of whole horizons, at least BLOCK long; each starts with a gap.
 
-    The last of a run takes what is left of it.
+    The last block of a run extends to its end.
     """
     restarts = max(1, -(-round(BLOCK / dt) // span))
     length = gap + restarts * span

@@ -1,4 +1,4 @@
-"""Values to start from: where the declared model leaves them open, and where it may be far off."""
+"""Initial values for undeclared parameters, and restarts where declared ones may be far off."""
 
 from __future__ import annotations
 
@@ -26,20 +26,21 @@ from .windows import Windows
 
 DEFLECTIONS = (1e-5, 1e-4, 1e-3, 1e-2)  # Fc / sigma0 as a share of the largest speed, in s
 REGRESSED = {"J", "Fc", "Fv"}
-# of the torque, Fv at top speed, J at the usual acceleration: a fit stays near its start
+# least values as parts of the torque's std (Fv at top speed, J at the std of the acceleration):
+# a fit stays near its start, so none is near zero
 LEAST = {"J": 0.01, "Fc": 1e-3, "Fv": 0.05}
-CREEP = 1e-5  # of the largest speed, at which static friction may let a held drive move
-SHORT = 8  # steps of a fit from elsewhere
-ROUNDS = 5  # of fits, each from where the one before it ended
-BETTER = 3.0  # gain in log-likelihood that makes it worth more
-TURNS = (0.5 * np.pi, np.pi, -0.5 * np.pi)  # of a declared phase
+CREEP = 1e-5  # of the largest speed, at which static friction may let a sticking drive creep
+SHORT = 8  # steps of a fit from a restart
+ROUNDS = 5  # of fits, each from the values of the previous one
+BETTER = 3.0  # least gain in log-likelihood that counts as an improvement
+TURNS = (0.5 * np.pi, np.pi, -0.5 * np.pi)  # rad, changes of a declared phase
 STRIBECK_SPEEDS = (1e-3, 5e-3, 2e-2)  # vs as a share of the largest speed
 
 
 def holding(model: Model, data: Data) -> Model:
-    """The model with static friction that holds a slow drive, too.
+    """The model with a creep speed low enough for static friction to hold a slow drive.
 
-    The creep that its law allows by default is little for a motor, and much for an axis in metres.
+    The default creep speed of the law is small for a motor but large for an axis in metres.
     """
     creep = CREEP * data.log.fastest
     if model.friction.values.get("eps") != EPS.value or not 0.0 < creep < EPS.value:
@@ -48,7 +49,7 @@ def holding(model: Model, data: Data) -> Model:
 
 
 def completed(model: Model, data: Data, train: Windows) -> Model:
-    """The model with a first guess for every missing value.
+    """The model with an initial value for every undeclared one.
 
     Inertia, Coulomb and viscous friction come from a regression of the torque on the motion
     (over the training windows); presliding and Stribeck values from a coarse search; a declared
@@ -57,7 +58,7 @@ def completed(model: Model, data: Data, train: Windows) -> Model:
     Raises
     ------
     Refused
-        When the record does not show a declared effect without values.
+        If the record does not identify a declared effect without values.
     """
     if None not in model.values().values():
         return model
@@ -71,11 +72,11 @@ def completed(model: Model, data: Data, train: Windows) -> Model:
 
 
 def settled(base: Fitted, declared: Model) -> Fitted:
-    """A fit of the declared model, or a better one from elsewhere.
+    """The fit of the declared model, or a better one from a restart.
 
-    What a drive does around rest makes a ridge of poor optima: the values that a regression
-    finds, and a higher friction, lie beyond it more often than not; so do, for values that were
-    left open, the other points of the coarse search.
+    Behaviour around rest causes poor local maxima. The values of a regression, and a higher
+    friction, usually start from a better basin; so do the other points of the coarse search, for
+    undeclared values.
     """
     opened = [k for k, v in declared.values().items() if v is None]
     base = _unbound(base, opened)
@@ -106,22 +107,22 @@ def settled(base: Fitted, declared: Model) -> Fitted:
     return max(base, _unbound(other, opened), key=lambda f: f.total)
 
 
-def refuse_untold_inertia(base: Fitted, declared: Model, where: str) -> None:
-    """Refuse when an inertia that is not declared does not follow from the fit either."""
+def refuse_unidentified_inertia(base: Fitted, declared: Model, where: str) -> None:
+    """Refuse if an undeclared inertia cannot be identified by the fit."""
     if declared.J is not None:
         return
     J, unit = base.values["J"], unit_for("kg m2", base.predictor.data.motion)
     low, high = base.intervals().get("J", (0.0, np.inf))
     if high - low > J:
         raise Refused(
-            f"{where}: the inertia hardly shows: {J:.3g} {unit} fits best, and any from "
-            f"{low:.3g} to {high:.3g} {unit} about as well.",
+            f"{where}: the record hardly determines the inertia: {J:.3g} {unit} fits best, but "
+            f"any value from {low:.3g} to {high:.3g} {unit} fits about as well.",
             "Record a motion with clear acceleration in both directions, or declare J.",
         )
 
 
 def _unbound(found: Fitted, opened: Sequence[str]) -> Fitted:
-    """The fit with no bounds around what was only guessed: that is no belief."""
+    """The fit without a prior around guessed values: these are no prior knowledge."""
     for _ in range(ROUNDS if opened else 0):
         anchor = found.anchor | {k: found.values[k] for k in opened}
         further = again(replace(found, anchor=anchor))
@@ -132,7 +133,7 @@ def _unbound(found: Fitted, opened: Sequence[str]) -> Fitted:
 
 
 def _elsewhere(base: Fitted) -> list[dict[str, float]]:
-    """Other values of the plant: by regression, and with friction higher and lower."""
+    """Other plant values: from a regression, and with higher and lower friction."""
     predictor = base.predictor
     starts = [base.anchor | _scaled_friction(base.anchor, r) for r in (1.25, 0.8)]
     opened = predictor.model.with_values(dict.fromkeys(REGRESSED & set(base.anchor)))
@@ -143,15 +144,17 @@ def _elsewhere(base: Fitted) -> list[dict[str, float]]:
 
 
 def _looser(base: Fitted) -> list[dict[str, float]]:
-    """What was found, with bristles stiffer and less damped, and a wider Stribeck curve."""
+    """The fitted values with stiffer bristles, less damped ones, and a wider Stribeck curve."""
     factors = {"sigma0": 2.0, "sigma1": 0.5, "vs": 2.0}
     found = base.values
     return [found | {k: found[k] * r} for k, r in factors.items() if k in found]
 
 
 def _turned(light: Fitted) -> list[dict[str, float]]:
-    """What was believed, with the phases of declared effects a part of a turn off, if that is
-    likelier: angles and times have another zero in each log."""
+    """The declared values with the phases of declared effects turned, if that is more likely.
+
+    Angles and times have a different zero in each log.
+    """
     angles = [
         f"{part.key}.{name}"
         for part in light.predictor.model.effects
@@ -171,9 +174,9 @@ def _scaled_friction(values: Mapping[str, float], ratio: float) -> dict[str, flo
 
 
 def _regressed(model: Model, data: Data, train: Windows) -> dict[str, float]:
-    """Those of inertia, Coulomb and viscous friction that have no value, by least squares.
+    """Undeclared values of inertia, Coulomb and viscous friction, by least squares.
 
-    An inertia that comes out negative, as break-away and a noisy acceleration make it, is small.
+    A negative inertia, due to break-away and a noisy acceleration, is replaced by a small one.
     """
     at, log = train.counted.ravel(), data.log
     torque, columns, names = log.u[at] - log.load[at], [], []
@@ -201,7 +204,7 @@ def _regressed(model: Model, data: Data, train: Windows) -> dict[str, float]:
 
 
 def _searched(core: Model, data: Data, train: Windows, asked: Model) -> Model:
-    """The best of a coarse grid for what the regression cannot tell."""
+    """The best point of a coarse grid for what the regression cannot identify."""
     guesses = [core.with_values(guess) for guess in _guesses(asked, core.values(), data)]
     if not guesses:
         return core
@@ -213,7 +216,7 @@ def _searched(core: Model, data: Data, train: Windows, asked: Model) -> Model:
 
 
 def _guesses(asked: Model, values: Mapping, data: Data) -> list[dict[str, float]]:
-    """A coarse grid of those values that were left open and that a regression cannot tell."""
+    """A coarse grid of the undeclared values that a regression cannot identify."""
     opened = {k for k, v in asked.values().items() if v is None}
     J, Fc, speed = values["J"] or 0.0, values.get("Fc") or 0.0, data.log.fastest
     guesses = []
@@ -226,7 +229,7 @@ def _guesses(asked: Model, values: Mapping, data: Data) -> list[dict[str, float]
 
 
 def _ordered(values: Mapping, missing: dict[str, float]) -> dict[str, float]:
-    """Stiction stays above a Coulomb level that was given, and the other way round."""
+    """Keep a guessed stiction above a given Coulomb level."""
     if "Fs" in missing:
         missing["Fs"] = max(missing["Fs"], 1.05 * (values["Fc"] or 0.0))
     return missing
@@ -238,9 +241,9 @@ def _with_effect(core: Model, part, data: Data, train: Windows) -> Model:
     trials = screen(Score(base), [part.block.name])
     if not trials:
         raise Refused(
-            f"the record does not show the declared effect {part.block.name}: no value within "
-            "its bounds fits",
-            "give its values in the model file or leave it out",
+            f"The declared effect {part.block.name} cannot be identified from the record: no value "
+            "within its bounds fits.",
+            "Give its values in the model file, or leave the effect out.",
         )
     start = trials[0].values
     found = {k: start[f"{trials[0].key}.{k}"] for k in part.values}

@@ -1,4 +1,7 @@
-"""Is anything left? No model of the effect is used."""
+"""Whiteness and heteroskedasticity of the innovations, and explained variance of the residual.
+
+No model of an effect is used.
+"""
 
 from __future__ import annotations
 
@@ -10,16 +13,16 @@ from .shapes import wraps
 CELL = 0.01  # s over which the residual torque is averaged
 FOLDS = 4
 BINS = 80
-ORDER = 12  # past innovations that are asked to predict the next
-ROW = 8  # samples in a row that may tell as little as one
-UNEVEN = 10.0  # times that the loudest quarter of the windows exceeds the quietest
+ORDER = 12  # past innovations from which the next one is predicted
+ROW = 8  # consecutive samples that may carry the information of one
+UNEVEN = 10.0  # ratio of power: loudest quarter of the windows to the quietest tenth
 
 
 def predictable(torque: np.ndarray, log: Log, counted: np.ndarray) -> tuple[float, float]:
     """The largest share of a residual torque's power that a function of some signals predicts.
 
-    A quick look along the torque, cross-validated. Returns the share, in [0, 1], and the mean
-    gain over its standard error over windows.
+    A quick cross-validated estimate. Returns the share, in [0, 1], and the mean gain divided by
+    its standard error between windows.
 
     Parameters
     ----------
@@ -49,7 +52,7 @@ def predictable(torque: np.ndarray, log: Log, counted: np.ndarray) -> tuple[floa
 
 
 def _beside(u: np.ndarray) -> np.ndarray:
-    """Mean of the neighbouring cells: noise on the torque is in the residual, too."""
+    """Mean of the neighbouring cells, because noise of the torque is also in the residual."""
     padded = np.pad(u, ((0, 0), (1, 1)), mode="edge")
     return 0.5 * (padded[:, :-2] + padded[:, 2:])
 
@@ -59,7 +62,7 @@ def _turn(theta: np.ndarray) -> np.ndarray:
 
 
 def _bins(x: np.ndarray, count: int = BINS, equal: bool = False) -> np.ndarray:
-    """Index of the cell of each value: equally wide, or equally full."""
+    """Index of the bin of each value: bins of equal width, or with equally many values."""
     if equal:
         edges = np.linspace(x.min(), x.max(), count + 1)[1:-1]
     else:
@@ -70,7 +73,7 @@ def _bins(x: np.ndarray, count: int = BINS, equal: bool = False) -> np.ndarray:
 def _validated(
     r: np.ndarray, bins: np.ndarray, slope: np.ndarray | None = None
 ) -> tuple[float, float]:
-    """Means by cell (or slopes against a signal) from the other folds predict each fold."""
+    """Share and t of predicting each fold by the bin means (or slopes) of the other folds."""
     x = np.ones_like(r) if slope is None else slope / np.std(slope)
     fold = np.arange(len(r)) % FOLDS
     predicted = np.zeros_like(r)
@@ -87,31 +90,31 @@ def _validated(
     return max(0.0, share), t
 
 
-def uneven(innovations: np.ndarray, told: np.ndarray) -> bool:
-    """Whether some windows hardly surprise the model while others do: it is not noise then.
+def uneven(innovations: np.ndarray, informative: np.ndarray) -> bool:
+    """True if innovations are small in some windows and large in others: that is not noise.
 
-    ``told`` (windows,): whether the sensors told more in it than that they stand on one count,
-    where noise smaller than a count cannot be seen and nothing surprises any model.
+    ``informative`` (windows,): False where the sensors stay on one count. Noise below a count
+    does not show there, and no model has large innovations.
     """
     power = np.sum(innovations**2, axis=(1, 2))
     top = float(np.mean(np.sort(power)[-max(1, len(power) // 4) :]))
-    quiet = np.sort(power[told])
+    quiet = np.sort(power[informative])
     return len(quiet) > 0 and top > UNEVEN * float(quiet[len(quiet) // 10])
 
 
 def colour(innovations: np.ndarray) -> np.ndarray:
     """Part of each channel's power that its own past predicts, (channels,): 0 for white noise.
 
-    Fitted on every other window and counted on the rest.
+    Fitted on every other window and evaluated on the others.
     """
     return np.array([_predictable(e) for e in np.moveaxis(innovations, 2, 0)])
 
 
 def repeated(innovations: np.ndarray) -> float:
-    """How many innovations in a row tell no more than one that is white, at least 1.
+    """Number of consecutive innovations with the information of one white one, at least 1.
 
-    By the power of their means over some samples, in the channel where that is the most. A coarse
-    encoder says the same for a while.
+    From the power of their means over a few samples, in the channel where that is largest. A
+    coarse encoder repeats its values.
     """
     e = innovations[:, : innovations.shape[1] // ROW * ROW]
     means = e.reshape(len(e), -1, ROW, e.shape[2]).mean(2)

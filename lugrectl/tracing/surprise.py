@@ -1,4 +1,4 @@
-"""Whether held-out samples show a torque that those used for fitting did not."""
+"""Hold-out checks: do held-out samples show a torque that the fitted ones do not?"""
 
 from __future__ import annotations
 
@@ -13,29 +13,28 @@ from .predictor import Values
 from .proof import LEAST_SIZE, friction_size
 from .windows import Windows
 
-FORETOLD, HALF = 0.3, 0.5  # of the held-out windows' missing power, that may be left
+PREDICTED, HALF = 0.3, 0.5  # of the held-out windows' missing power, that may remain
 WORSE = 2.0  # times the error without them, above which effects are dropped
-PARTLY_WORSE = 1.2  # the same of effects beside which something is left
-LEAST, LARGEST = 1e-300, 1e300  # mean squares
-OUTWEIGHED = 3.0  # logarithms of what gets worse, over those of what gets better
-LED = 10  # part of a lead-in after which the state is known well enough for a large torque
-FAR_MORE = 5.0  # times that, in a lead-in
+PARTLY_WORSE = 1.2  # the same for effects beside which something remains unexplained
+LEAST, LARGEST = 1e-300, 1e300  # limits of mean squares
+OUTWEIGHED = 3.0  # ratio of the sums of log errors: windows that get worse to those that get better
+LED = 10  # part of a lead-in after which the state is known well enough to see a large torque
+FAR_MORE = 5.0  # times the usual missing torque, in a lead-in
 OPENING = (
-    "From {:.3g} to {:.3g} s, where only the state is found and nothing is fitted, a torque of "
-    "about {:.2g} {} is missing that is not seen later: look at what the drive touches there."
+    "Between {:.3g} and {:.3g} s (initialisation, not fitted) about {:.2g} {} is unexplained and "
+    "does not recur. Check for contact at the start."
 )
-DRAWN = 30  # sets of values within their uncertainty
-MORE = 2.0  # times what may be missing, and what is missing from any window that was fitted
+DRAWN = 30  # random sets of values within their covariance
+MORE = 2.0  # times the least size, or the largest missing torque of a fitted window if larger
 
 
 def surprising(fitted: Fitted, test: Windows, values: Values | None = None) -> np.ndarray:
-    """The windows that the model cannot explain although it explains all that it was fitted to.
+    """The windows that the model cannot explain although it explains all fitted windows.
 
-    An observer just fast enough to supply a torque of the least size worth a name follows a
-    motion that hangs on chance (whether a drive sticks), but not a missing effect. Where the
-    fitted samples leave open when something changed, nothing can be foreseen. With other
-    ``values`` it is what these do not explain as well as the model explained what it was
-    fitted to.
+    The observer gain is set so that it can absorb a disturbance of the least size. That covers
+    stick/slip chance, not a missing effect. Windows are excluded in which a change may lie whose
+    time the fitted samples do not determine. With ``values``, the held-out windows are predicted
+    with these instead of the fitted values.
     """
     if fitted.noise.uneven:  # a window may have missed a hidden state
         return np.array([], dtype=int)
@@ -45,10 +44,10 @@ def surprising(fitted: Fitted, test: Windows, values: Values | None = None) -> n
 
 
 def beyond_doubt(fitted: Fitted, known: Fitted, test: Windows, found: np.ndarray) -> np.ndarray:
-    """Those of the surprising windows that no values explain which all samples allow; ``known``
-    is a fit to these.
+    """Those of the surprising windows that no values within their covariance explain.
 
-    Whether a creeping drive sticks or goes on may hang on the last digit of its friction.
+    ``known`` is a fit to all samples, from which the values are drawn. Whether a creeping drive
+    sticks or moves on may depend on the last digit of its friction.
     """
     most = MORE * _usual(fitted)
     for values in drawn(known, identified_covariance(known), DRAWN):
@@ -60,32 +59,36 @@ def beyond_doubt(fitted: Fitted, known: Fitted, test: Windows, found: np.ndarray
 
 
 def _supplied(fitted: Fitted, where: Windows, values: Values | None = None) -> np.ndarray:
-    """RMS torque that such an observer supplies in each window."""
+    """RMS torque that such an observer supplies in each window, N m."""
     noise = replace(fitted.noise, jump=_least(fitted) / fitted.values["J"])
     torque = missing_torque(fitted.predictor, values or fitted.values, where, noise)
     return np.sqrt(np.mean(torque**2, axis=1))
 
 
 def _usual(fitted: Fitted) -> float:
-    """The most that it supplies in any window that was fitted, or the least worth a name."""
+    """The most that it supplies in any fitted window, at least the least size."""
     return max(_least(fitted), float(np.max(_supplied(fitted, fitted.where))))
 
 
 def _least(fitted: Fitted) -> float:
-    """The least RMS torque worth a name."""
+    """The least size of an effect as an RMS torque, N m."""
     return LEAST_SIZE * friction_size(fitted)
 
 
-def foretold(fitted: Fitted, without: Fitted, test: Windows, *, confirmed: bool = False) -> bool:
-    """Whether an effect as it was fitted explains most of what held-out windows lack without it;
-    half of it if another sensor has ``confirmed`` it."""
-    left, lacking = (float(np.sum(_supplied(f, test) ** 2)) for f in (fitted, without))
-    return left < (HALF if confirmed else FORETOLD) * lacking
+def predicted(fitted: Fitted, without: Fitted, test: Windows, *, confirmed: bool = False) -> bool:
+    """True if a fitted effect explains most of what is missing from held-out windows without it.
+
+    Half of it is enough if another sensor has ``confirmed`` the effect.
+    """
+    left, missing = (float(np.sum(_supplied(f, test) ** 2)) for f in (fitted, without))
+    return left < (HALF if confirmed else PREDICTED) * missing
 
 
 def openings(fitted: Fitted) -> tuple[str, ...]:
-    """What happens in the lead-in of a run's first window, which nothing is fitted to, and is far
-    more than what the model lacks elsewhere: a sentence each."""
+    """A sentence for each run with far more missing torque in its first lead-in than elsewhere.
+
+    Nothing is fitted to a lead-in.
+    """
     burn, data = fitted.where.burn, fitted.predictor.data
     lead = burn // LED
     runs = [run for run in data.runs if run[1] - run[0] > burn]
@@ -100,10 +103,11 @@ def openings(fitted: Fitted) -> tuple[str, ...]:
 
 
 def misled(before: Fitted, after: Fitted, test: Windows, *, sure: bool = True) -> bool:
-    """Whether effects make simulations of the held-out windows worse, clearly if they are ``sure``.
+    """True if effects make simulations of the held-out windows worse, clearly if ``sure``.
 
-    Clearly is by more than a factor altogether, and far more in some windows than better in
-    others; those aside in which a change lies that the fitted samples do not place.
+    The total error must grow by a factor, and windows must get worse by far more than others get
+    better. Windows are excluded in which a change may lie whose time the fitted samples do not
+    determine.
     """
     data = after.predictor.data
     measured = data.measured[test.counted]
@@ -119,12 +123,12 @@ def misled(before: Fitted, after: Fitted, test: Windows, *, sure: bool = True) -
 
 
 def undated(fitted: Fitted, test: Windows) -> bool:
-    """Whether something changed at a moment of which only held-out samples tell."""
+    """True if something changed at a time that only held-out samples can determine."""
     return bool(np.any(_open(fitted, test)))
 
 
 def _open(fitted: Fitted, test: Windows) -> np.ndarray:
-    """Windows in which a change may lie that the fitted samples do not place."""
+    """Windows in which a change may lie whose time the fitted samples do not determine."""
     t = fitted.predictor.data.t[test.counted]
     found = np.zeros(len(t), dtype=bool)
     for low, high in fitted.instants.values():
@@ -133,6 +137,6 @@ def _open(fitted: Fitted, test: Windows) -> np.ndarray:
 
 
 def when(fitted: Fitted, test: Windows, found: np.ndarray) -> str:
-    """The times of windows, in words."""
+    """The times of the windows ``found``, as text."""
     t = fitted.predictor.data.t[test.counted[found]]
     return ", ".join(f"{one[0]:.1f} to {one[-1]:.1f} s" for one in t)

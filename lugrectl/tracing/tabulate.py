@@ -1,4 +1,4 @@
-"""A residual that nothing explains, as a table over the signals it hangs on. No physics."""
+"""Penalised B-spline table of an unexplained residual torque over the signals it depends on."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from .structure import CELL, FOLDS
 
 KNOWN = (("theta",), ("theta", "w"), ("w",), ("t",), ("t", "w"), ("u",))
 Names = tuple[str, ...]
-# for a torque constant that fades: most torque goes with the motion
+# for a torque constant that changes: most of the torque has the sign of the speed
 INSTEAD: dict[Names, Names] = {("t", "u"): ("t", "w")}
 SIZES = (12, 24, 48, 96)  # points of a table
-STIFFNESS = tuple(10.0 ** np.arange(-9.0, 1.0))  # weights of the curvature tried
-BLOCKS = 120  # most blocks of windows
-DRAWS = 300  # of blocks with replacement
-LEVEL = (2.5, 97.5)
-LOST = 0.02  # of the gain, for fewer points
+STIFFNESS = tuple(10.0 ** np.arange(-9.0, 1.0))  # weights of the curvature that are tested
+BLOCKS = 120  # of windows, at most
+DRAWS = 300  # bootstrap samples of the blocks
+LEVEL = (2.5, 97.5)  # percentiles of an interval
+LOST = 0.02  # of the gain, which may be lost for fewer points
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class _Cells:
 
 @dataclass(frozen=True)
 class _Grid:
-    """Points of a table, whether it repeats every turn, and the sums that fit it.
+    """Points of a table, whether it is periodic over a turn, and its normal equations.
 
     ``G`` (blocks, m, m) and ``g`` (blocks, m) are the normal equations of each block of windows,
     ``S`` the curvature.
@@ -51,17 +51,17 @@ class _Grid:
     S: np.ndarray
 
     def solved(self, weight: np.ndarray, stiffness: float) -> np.ndarray:
-        """Values at the points from windows counted with these weights."""
+        """Values at the points, with these weights of the blocks."""
         return solve(self.system(weight, stiffness), weight @ self.g, assume_a="pos")
 
     def system(self, weight: np.ndarray, stiffness: float) -> np.ndarray:
         H = np.tensordot(weight, self.G, 1)
         size, stiff = np.trace(H), stiffness * self.S
-        firm = 1e-10 + 1e-14 * np.trace(stiff)  # a straight line may be seen at one place only
+        firm = 1e-10 + 1e-14 * np.trace(stiff)  # data at one place do not determine a straight line
         return H + size * (stiff + firm * np.eye(len(H)))
 
     def gain(self, values: np.ndarray, of: np.ndarray) -> np.ndarray:
-        """Power that tables (tables, m) take from the blocks: |r|^2 - |r - A v|^2."""
+        """Power that tables (tables, m) explain in each block: |r|^2 - |r - A v|^2."""
         taken = np.einsum("si,bij,sj->sb", values, self.G[of], values, optimize=True)
         return 2.0 * values @ self.g[of].T - taken
 
@@ -72,9 +72,9 @@ def tabulate(
     """The residual torque as a smooth function of some signals.
 
     Minimises sum (r - f)^2 + weight int f''^2 over tables f with linear pieces (penalised
-    B-splines of degree 1). Number of points and weight are those that predict the folds of
-    windows best; fewer points where that costs less than a standard error and a fiftieth, one
-    table for every turn where that costs less than two.
+    B-splines of degree 1). Number of points and weight are chosen by cross-validation over
+    folds of windows. Fewer points are preferred if that loses less than a standard error and a
+    fiftieth of the gain, a table periodic over a turn if that loses less than two standard errors.
 
     Parameters
     ----------
@@ -85,23 +85,23 @@ def tabulate(
     counted : (windows, length) int array
         Sample indices of ``torque``.
     signals : sequence of str
-        "theta", "w", "t" or "u"; or "theta" or "t" with "w" for one table in each direction, which
-        stands for "t" with "u", too.
+        "theta", "w", "t" or "u"; or "theta" or "t" with "w" for one table in each direction; the
+        latter is also used for "t" with "u".
     seed : int
-        Of the resampling.
+        Of the bootstrap.
 
     Returns
     -------
     Table or None
-        None where no table can be made: other signals (a function of the acceleration is an
-        inertia), or a signal that does not change.
+        None if no table can be made: for other signals (a function of the acceleration is an
+        inertia), too few windows, or a signal that does not change.
 
     Notes
     -----
-    The share of the residual's power is that of predictions of each fold from the others, number
-    of points and weight chosen without it. Standard errors come from windows drawn with
-    replacement, so that noise coloured within a window does no harm; they are widened by the
-    ratio of the Bayesian to the sampling variance of a penalised fit, which makes up for its
+    The share of the residual's power is cross-validated: each fold is predicted from the others,
+    and number of points and weight are chosen without it. Standard errors come from a bootstrap
+    of windows, so noise that is coloured within a window does no harm. They are widened by the
+    ratio of the Bayesian to the sampling variance of a penalised fit, which compensates for its
     bias (Nychka, J. American Statistical Association 83, 1988). They hold on average over the
     table, less at its sharpest peaks.
     """
@@ -145,7 +145,7 @@ def tabulate(
 def _cells(
     torque: np.ndarray, log: Log, counted: np.ndarray, name: tuple[str, ...]
 ) -> list[_Cells]:
-    """Neighbouring windows together where there are many."""
+    """Cells of each block; many windows are grouped into blocks of neighbours."""
     every = max(1, round(CELL / log.dt))
     n = torque.shape[1] // every * every
 
@@ -153,7 +153,7 @@ def _cells(
         return values[:, :n].reshape(len(values), -1, every).mean(2)
 
     r, x = mean(torque), mean(getattr(log, name[0])[counted])
-    if name[0] == "u":  # its noise is in the residual, too
+    if name[0] == "u":  # its noise is also in the residual
         padded = np.pad(x, ((0, 0), (1, 1)), mode="edge")
         x = 0.5 * (padded[:, :-2] + padded[:, 2:])
     w = mean(log.w[counted]) if len(name) == 2 else None
@@ -171,7 +171,7 @@ def _grids(cells: Sequence[_Cells], name: tuple[str, ...], motion: str) -> list[
         if turning:
             made.append(_grid(cells, turn(n), True))
         points = np.linspace(x.min(), x.max(), n)
-        if name[0] in ("w", "u"):  # half by range, half where the drive dwells
+        if name[0] in ("w", "u"):  # half by range, half by how often values occur
             points = 0.5 * (points + np.quantile(x, np.linspace(0.0, 1.0, n)))
         made.append(_grid(cells, points, False))
     return made
@@ -193,14 +193,14 @@ def _grid(cells: Sequence[_Cells], points: np.ndarray, periodic: bool) -> _Grid:
 
 
 def _around_curvature(n: int) -> np.ndarray:
-    """As :func:`_curvature`, of n points around one turn."""
+    """As :func:`_curvature`, for n points around one turn."""
     one = np.eye(n)
     change = np.roll(one, 1, axis=1) - 2.0 * one + np.roll(one, -1, axis=1)
     return change.T @ change * float(n) ** 3
 
 
 def _curvature(points: np.ndarray) -> np.ndarray:
-    """S of v'S v = int f''^2 over the range as unit, f'' from the changes of slope."""
+    """S with v'S v = int f''^2, with the range as unit of length, f'' from changes of slope."""
     h = np.diff(points) / (points[-1] - points[0])
     n = len(points)
     slope = np.diff(np.eye(n), axis=0) / h[:, None]
@@ -210,7 +210,7 @@ def _curvature(points: np.ndarray) -> np.ndarray:
 
 
 def _chosen(grids: Sequence[_Grid], seen: np.ndarray) -> tuple[_Grid, float]:
-    """Grid and stiffness by the blocks seen alone, each fold of them predicted from the rest."""
+    """Grid and stiffness chosen by cross-validation within the blocks ``seen``."""
     tried = [(grid, *_tried(grid, seen)) for grid in grids]
     best = max((gain for _, gain, _ in tried), key=np.sum)
     turning = [found for found in tried if found[0].periodic]
@@ -230,7 +230,7 @@ def _uncertain(short: np.ndarray) -> float:
 
 
 def _tried(grid: _Grid, seen: np.ndarray) -> tuple[np.ndarray, float]:
-    """Gain by block with the stiffness that predicts best, and that stiffness."""
+    """Cross-validated gain of each block with the best stiffness, and that stiffness."""
     fold = (np.cumsum(seen) - 1) % FOLDS
     gains = np.zeros((len(STIFFNESS), len(seen)))
     for k in range(FOLDS):
@@ -242,7 +242,7 @@ def _tried(grid: _Grid, seen: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def _draws(blocks: int, seed: int) -> np.ndarray:
-    """How often each block is drawn, (draws, blocks)."""
+    """Number of times that each block is drawn, (draws, blocks)."""
     index = np.random.default_rng(seed).integers(0, blocks, (DRAWS, blocks))
     return np.array([np.bincount(row, minlength=blocks) for row in index], dtype=float)
 

@@ -1,4 +1,4 @@
-"""Effects that act non-linearly: the sets of values that they propose, and the best of them."""
+"""Proposals (multi-start): initial values that non-linear effects propose, and the best of them."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from .likelihood import loglik, whitened
 from .predictor import Predictor
 from .score import Score, alone_by_parts, orthonormal, whitened_by_parts
 
-DOSE = 0.1  # of an effect's series: a derivative, but well above the noise of the integration
-SMEAR = 0.03  # s over which blows are averaged, so that a near miss counts
-MANY = 60  # sets beyond which only the smeared torque is compared
+DOSE = 0.1  # factor on an effect's series: small as a derivative, but above integration errors
+SMEAR = 0.03  # s over which impacts are averaged, so that a small timing error counts little
+MANY = 60  # sets, above which only the smoothed torque is compared
 STARTS = 3  # sets from which an effect is fitted
-LEAST_POWER = 0.02  # of the smeared torque, below which a set is not worth polishing
-QUIETER = (1.0, 0.4, 0.15)  # factors on the noise of dw/dt under which a whole set is tried
-POLISH = 60  # evaluations of the smeared torque around the best set
+LEAST_POWER = 0.02  # least explained share of the smoothed torque for a set to be refined
+QUIETER = (1.0, 0.4, 0.15)  # factors on the noise of dw/dt for a set at full strength
+POLISH = 60  # evaluations of the smoothed torque around the best set
 
 Values = Mapping[str, float]
 Found = tuple[float, dict[str, float]]
 
 
 def tried(base: Fitted, made: Block, predictor: Predictor, key: str, score: Score) -> list[Found]:
-    """The best of the sets that an effect proposes: their promise, and all values to start from.
+    """The best of the sets that an effect proposes: promise, and all initial values.
 
-    Its series in a small dose tells the direction; a set whose own strength the direction calls
-    for comes before another of the same direction. The best starts once with the plant as it
-    is, and once with the plant moved as the direction lets it.
+    A small dose of its series gives the direction of its change of the innovations. Among sets of
+    the same direction, one whose strength agrees with the estimated one is preferred. The best
+    set is used twice: with the plant values unchanged, and with them refitted beside it.
     """
     sets = _sets(base, made, key, base.values)
     found: list[Found] = []
@@ -52,14 +52,15 @@ def tried(base: Fitted, made: Block, predictor: Predictor, key: str, score: Scor
 
 
 def hides(made: Block) -> bool:
-    """Whether a refit can take the trace of an effect away: it has no linear part to find."""
+    """True if a refit can hide an effect: it has no linear part that a score test would find."""
     return bool(made.tries) and made.acts != ("torque",)
 
 
 def _wholes(base: Fitted, predictor: Predictor, sets: Sequence[Values]) -> list[Found]:
-    """What the best set gains as it is, under the noise that suits it.
+    """The gain of the best set at full strength, with the best of several noise levels.
 
-    Around rest no direction tells: whether the drive sticks or slips is not a small change.
+    Around rest a direction gives no information: whether the drive sticks or slips is not a small
+    change.
     """
     noises = [replace(base.noise, jump=base.noise.jump * f) for f in QUIETER]
     tried = [(one, q) for one in sets for q in noises]
@@ -73,7 +74,7 @@ def _wholes(base: Fitted, predictor: Predictor, sets: Sequence[Values]) -> list[
 
 
 def _sets(base: Fitted, made: Block, key: str, plant: Values) -> list[dict[str, float]]:
-    """All values of the model for each set; the plant's that move along included."""
+    """All values of the model for each set, including plant values that the set changes."""
     assert made.tries is not None
     sets = []
     for given in made.tries(base.predictor.data.log, plant):
@@ -86,8 +87,11 @@ def _sets(base: Fitted, made: Block, key: str, plant: Values) -> list[dict[str, 
 def _doses(
     base: Fitted, predictor: Predictor, key: str, score: Score, sets: Sequence[Values]
 ) -> tuple[list[float], np.ndarray]:
-    """Gain in log-likelihood along each set's direction, less where it calls for another size;
-    and the change of the innovations that the whole effect would make, (sets, samples)."""
+    """Gain in log-likelihood along each set's direction, and the innovations' change, (sets,
+    samples), by the whole effect.
+
+    The gain is reduced if the estimated strength differs from that of the set.
+    """
     little = predictor.like(predictor.model, {key: DOSE})
     own = [base.values | {k: v for k, v in one.items() if k.startswith(f"{key}.")} for one in sets]
     white = whitened_by_parts(little, own, base)
@@ -101,7 +105,7 @@ def _doses(
 
 
 class Resemblance:
-    """How much of the missing torque an effect with states explains, both smeared over time."""
+    """Share of the missing torque that an effect with states explains, both smoothed in time."""
 
     def __init__(self, base: Fitted, made: Block, key: str) -> None:
         self.base, self.made, self.placed = base, made, Placed(f"{key}.", made)
@@ -121,7 +125,7 @@ class Resemblance:
         return series - (series @ self.basis) @ self.basis.T
 
     def power(self, sets: Sequence[Values]) -> tuple[np.ndarray, np.ndarray]:
-        """Share of the target that each explains, and the factor on its torque for that."""
+        """Share of the target that each set explains, and the best factor on its torque."""
         parts = alone_by_parts(self.made, self.log, [self.placed.arguments(s) for s in sets])
         d = np.concatenate([self._rest(self._seen(part)) for part in parts])
         size = np.maximum(np.sum(d * d, axis=1), 1e-300)
@@ -129,7 +133,7 @@ class Resemblance:
         return c * c * size / np.maximum(self.target @ self.target, 1e-300), c
 
     def best(self, sets: Sequence[Values]) -> list[Found]:
-        """Sets that explain most, polished, with the gain in log-likelihood that goes with it."""
+        """The sets that explain most, refined, with their estimated gain in log-likelihood."""
         power, c = self.power(sets)
         top = np.argsort(-power)[:2]
         return [
@@ -139,18 +143,18 @@ class Resemblance:
         ]
 
     def _scaled(self, start: Values, c: float) -> dict[str, float]:
-        """Mass, spring and damper stronger by the same factor make c times the torque."""
+        """Scale mass, spring and damper by c, if that makes c times the torque."""
         strong = {f"{self.placed.prefix}{k}" for k in strengths(self.made)}
         scaled = {k: v * c if k in strong else v for k, v in start.items()}
         (before, after), (_, factor) = self.power([start, scaled])
         return scaled if abs(after - before) < 0.01 and abs(factor - 1.0) < 0.1 else dict(start)
 
     def worth(self, power: float) -> float:
-        """The gain in log-likelihood that goes with it, every smeared stretch counted once."""
+        """Gain in log-likelihood for such a share; a smoothed stretch counts as one sample."""
         return -0.5 * len(self.target) / self.width * float(np.log1p(-min(power, 1.0 - 1e-9)))
 
     def _polished(self, start: Values) -> dict[str, float]:
-        """A set near by that explains more: a simplex search in logarithms."""
+        """A set nearby that explains more, by a simplex search in logarithms."""
         names = [f"{self.placed.prefix}{k}" for k, p in self.made.own.items() if p.fitted]
 
         def at(x: np.ndarray) -> dict[str, float]:

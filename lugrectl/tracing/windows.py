@@ -1,4 +1,4 @@
-"""The stretches of a log on which a model is run, and fewer or coarser ones of them."""
+"""Estimation windows (multiple shooting): stretches of a log on which a model is run."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Windows:
-    """Stretches of equal length: each starts at ``start``, counts after ``burn`` samples.
+    """Stretches of equal length: each starts at ``start`` and counts after ``burn`` samples.
 
-    ``hidden``: where the states that the motion does not tell are at some of the starts, as
+    ``hidden``: initial values, at some of the starts, of states that the motion does not show, as
     parts of their reach.
     """
 
@@ -28,7 +28,7 @@ class Windows:
 
 
 def windows(blocks: Sequence[tuple[int, int]], burn: int, length: int) -> Windows:
-    """Cut blocks into windows; the burn-in lies inside the block, so that blocks share nothing."""
+    """Cut blocks into windows. The burn-in is inside the block, so blocks share no samples."""
     starts: list[int] = []
     for a, b in blocks:
         starts += range(a, b - burn - length + 1, length)
@@ -36,7 +36,7 @@ def windows(blocks: Sequence[tuple[int, int]], burn: int, length: int) -> Window
 
 
 def spread(where: Windows, most: int, least: int) -> Windows:
-    """Evenly spread ones of them, so many that ``most`` samples count, but at least ``least``."""
+    """Evenly spread windows, as many as have ``most`` counted samples, but at least ``least``."""
     kept = max(least, most // where.length)
     if len(where.start) <= kept:
         return where
@@ -45,7 +45,7 @@ def spread(where: Windows, most: int, least: int) -> Windows:
 
 
 def coarser(where: Windows, runs: Sequence[tuple[int, int]], every: int) -> Windows:
-    """The same stretches where only every so many samples are left."""
+    """The same stretches in data of which only every ``every``-th sample is kept."""
     burn, length = -(-where.burn // every), where.length // every
     starts, base = [], 0
     for a, b in runs:

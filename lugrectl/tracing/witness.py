@@ -1,4 +1,4 @@
-"""Channels beside torque and motion, where they bear witness to an effect."""
+"""Consistency of effects with auxiliary sensors: second encoder, thermometer."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from .fit import Fitted
 from .noise import sensor_noise
 from .series import run_alone
 
-VISIBLE = 3.0  # times the noise of the encoders, from which a twist would be seen
-APART = 5.0  # times that noise or a count, from which encoders differ for a reason
-FOLLOWS = 0.9  # share of a drift's power that goes with the temperature
+VISIBLE = 3.0  # times the noise of the encoders, from which a twist is visible
+APART = 5.0  # times that noise or a count, above which the encoders differ significantly
+FOLLOWS = 0.9  # share of a drift's power that the temperature explains
 
 
 def contradicted(fitted: Fitted, key: str) -> bool:
-    """Whether a second encoder would see the twist that an effect claims, and sees none of it."""
+    """True if a second encoder should see the twist of an effect, and does not."""
     part = fitted.predictor.model.part(key)
     seen = _between_encoders(fitted) if "twist" in part.block.states else None
     if seen is None:
@@ -30,13 +30,13 @@ def contradicted(fitted: Fitted, key: str) -> bool:
 
 
 def confirmed(fitted: Fitted, key: str) -> bool:
-    """Whether a recorded temperature goes as the drift does that an effect claims."""
+    """True if a recorded temperature follows the drift of an effect."""
     part = fitted.predictor.model.part(key)
     return _drifts(fitted, part) and _per_degree(fitted, part) is not None
 
 
 def statements(fitted: Fitted) -> Iterator[str]:
-    """What the other channels say of the effects found, in sentences."""
+    """Sentences on how the other channels agree with the effects found."""
     unit = unit_for("rad", fitted.predictor.model.motion)
     seen, parts = _between_encoders(fitted), fitted.predictor.model.effects
     twisting = [p for p in parts if "twist" in p.block.states]
@@ -44,19 +44,19 @@ def statements(fitted: Fitted) -> Iterator[str]:
         claimed = sum(_twist(fitted, p) for p in twisting)
         left = float(np.std(seen - claimed))
         yield (
-            f"theta - theta_load moves by {np.std(seen):.3g} {unit} RMS; the model leaves "
-            f"{left:.3g} {unit} of it."
+            f"theta - theta_load varies by {np.std(seen):.3g} {unit} RMS. The model leaves "
+            f"{left:.3g} {unit} of it unexplained."
         )
     elif seen is not None and float(np.std(seen)) > APART * _count(fitted, seen):
         yield (
             f"theta and theta_load differ by {np.std(seen):.3g} {unit} RMS: the shaft between "
-            "them gives, or one encoder is off centre."
+            "them is elastic, or one encoder is mounted off centre."
         )
     yield from (_warmth(fitted, p) for p in parts if _drifts(fitted, p))
 
 
 def _between_encoders(fitted: Fitted) -> np.ndarray | None:
-    """theta - theta_load less its median in each record (N,); None where one was not recorded."""
+    """theta - theta_load minus its median in each record, (N,); None if not both were recorded."""
     data = fitted.predictor.data
     if "theta_load" not in data.others or not np.isfinite(data.y[:, 0]).all():
         return None
@@ -64,7 +64,7 @@ def _between_encoders(fitted: Fitted) -> np.ndarray | None:
 
 
 def _twist(fitted: Fitted, part: Part) -> np.ndarray:
-    """The twist that an effect with such a state makes of the measured motion (N,)."""
+    """The twist of an effect with such a state, driven by the measured motion, (N,)."""
     data, placed = fitted.predictor.data, Placed(f"{part.key}.", part.block)
     signals = {k: getattr(data.log, k) for k in part.block.inputs}
     made = run_alone(part.block, data.log, signals, [placed.arguments(fitted.values)])[0]
@@ -91,12 +91,12 @@ def _drifts(fitted: Fitted, part: Part) -> bool:
 def _warmth(fitted: Fitted, part: Part) -> str:
     per_degree = _per_degree(fitted, part)
     if per_degree is not None:
-        return f"{part.key} follows the temperature: {100.0 * per_degree:+.2g} % for each degree."
+        return f"{part.key} follows the temperature: {100.0 * per_degree:+.2g} % per degree."
     return f"{part.key} does not follow the recorded temperature: look for another cause."
 
 
 def _per_degree(fitted: Fitted, part: Part) -> float | None:
-    """How a drift goes with the temperature; None where it does not."""
+    """Change of a drift per degree of temperature; None if it does not follow it."""
     data = fitted.predictor.data
     own = {k: fitted.values[f"{part.key}.{k}"] for k in part.block.own}
     drift = np.broadcast_to(part.block(data.log.t, **own)[0], data.t.shape)
