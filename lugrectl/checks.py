@@ -6,21 +6,24 @@ import math
 import numbers
 import os
 from pathlib import Path
+from types import BuiltinFunctionType, FunctionType
 from typing import Any
 
 import numpy as np
 
 from .errors import InputError
 
+TINY = 1e-6  # a least value below this stands for "above 0"
 _LONG = 60  # characters of a value that a sentence repeats
-_PLAIN = (str, bytes, int, float, complex, list, tuple, dict, set, type(None), np.generic)
+_PLAIN = (str, bytes, int, float, complex, list, tuple, dict, set, type(None))
 
 
 def shown(value: Any) -> str:
     """A value in a sentence: itself where it is short, else what it is."""
+    value = value.item() if isinstance(value, np.generic) else value
     kind = type(value).__name__
-    if callable(value):
-        return f"the function {getattr(value, '__name__', kind)}"
+    if isinstance(value, (FunctionType, BuiltinFunctionType, type)):
+        return f"the {'class' if isinstance(value, type) else 'function'} {value.__name__}"
     if isinstance(value, np.ndarray) and value.size > 4:
         return f"an array of shape {value.shape}"
     if isinstance(value, (*_PLAIN, np.ndarray)):
@@ -119,6 +122,8 @@ def within(value: Any, name: str, p: Any) -> float:
         raise InputError(f"{name} must be a number, not {shown(value)}.")
     if math.isinf(made) and made != p.neutral:
         raise InputError(f"{name} must be finite, not {made}.")
+    if p.low > made >= 0.0 and p.low < TINY:
+        raise InputError(f"{name} = {made:g} must be above 0 {p.unit}.")
     if not p.low <= made <= p.high:
         raise InputError(f"{name} = {made:g} lies outside [{p.low:g}, {p.high:g}] {p.unit}.")
     if p.choices and made not in p.choices:

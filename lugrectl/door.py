@@ -19,7 +19,6 @@ from .spec import members
 if TYPE_CHECKING:
     from .record import Record
 
-_RECORD = "a path, a pandas DataFrame, a dict of arrays or a Record"
 _MODEL = "a Model, Parameters, a dict or the path of a model file"
 _FILE = ("name", "motion", "plant", "friction", "effects")
 
@@ -52,7 +51,7 @@ def changed(given: Any, changes: Mapping[str, Any], what: str) -> Model:
     ``J``, ``name``, ``motion``, ``friction`` (the law), ``effects`` (added to those that it has);
     anything else is a parameter of the law.
     """
-    data = as_model(given, what).to_dict()
+    data = as_model(given).to_dict()
     changes = {k: v for k, v in changes.items() if v is not None}
     data |= {k: changes.pop(k) for k in ("name", "motion") if k in changes}
     if "J" in changes:
@@ -119,12 +118,13 @@ def is_record(given: Any) -> bool:
 def as_record(given: Any, motion: str | None = None, what: str = "record") -> Record:
     """The record that is meant, read for a drive of that motion; InputError names the argument."""
     from .record import Record, read_record
+    from .record.arrays import FORMS
 
     if isinstance(given, Record):
         return given
     if is_record(given):
         return read_record(given, motion=motion)
-    raise InputError(f"{what} must be {_RECORD}, not {shown(given)}.")
+    raise InputError(f"{what} must be {FORMS}, not {shown(given)}.")
 
 
 def as_records(given: Any, motion: str | None = None) -> Record | list[Record]:
@@ -144,7 +144,9 @@ def as_holdout(
     if given is None or is_last(given):
         return given
     if not is_record(given):
-        raise InputError(f"holdout must be None, 'last' or {_RECORD}, not {shown(given)}.")
+        from .record.arrays import FORMS
+
+        raise InputError(f"holdout must be None, 'last', {FORMS}, not {shown(given)}.")
     made = as_record(given, motion, "holdout")
     every = records if isinstance(records, Sequence) else [records]
     if any(_same(made, record) for record in every):

@@ -16,7 +16,7 @@ from .blocks import effects as _effects  # noqa: F401  fills the registry
 from .blocks import friction as _friction  # noqa: F401
 from .blocks.friction import J as J_DECLARATION
 from .blocks.names import block_named
-from .checks import as_path, real, shown
+from .checks import TINY, as_path, real, shown
 from .display import Row, Shown
 from .errors import InputError
 from .provenance import SourceFile
@@ -130,7 +130,7 @@ class Model(Shown):
 
         own = {"J": J, "friction": friction, "effects": effects, "name": name, "motion": motion}
         changes = {k: v for k, v in (own | values).items() if v is not None}
-        return changed(given, changes, "Model.of") if changes else as_model(given, "Model.of")
+        return changed(given, changes, "Model.of") if changes else as_model(given)
 
     def values(self) -> dict[str, float | None]:
         flat: dict[str, float | None] = {"J": self.J, **self.friction.values}
@@ -317,7 +317,7 @@ def _number(value: Any, p: Any, where: str) -> float | None:
         raise InputError(f"{where} = {value:g}; it must be {known}.")
     if value < p.low or value > p.high:
         rule = "negative" if value < 0 <= p.low else f"outside [{p.low:g}, {p.high:g}]"
-        rule = "not above 0" if 0 <= value < p.low < 1e-6 else rule
+        rule = "not above 0" if 0 <= value < p.low < TINY else rule
         raise InputError(
             f"{where} = {value:g} is {rule}; give a value in {p.unit} or leave it out."
         )

@@ -75,7 +75,7 @@ def test_a_shared_integrator_is_counted_once():
         ({"kd": 1, "derivative_filter": -1.0}, "derivative_filter is -1"),
         ({"controller": ct.tf([1], [1, 0.5], 0.01)}, "C is discrete-time"),
         ({"controller": ([1], [0])}, r"denominator of C\(s\)"),
-        ({"controller": 3.0}, "C is a float"),
+        ({"controller": 3.0}, "C is 3.0"),
         ({"kp": 1e308, "ki": 1e308, "leak": 1e308}, "1e308"),
     ],
 )

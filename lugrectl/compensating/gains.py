@@ -49,10 +49,11 @@ def observer_gains(
         _lugre(believed, name)
         K1, K2 = _designed(believed)
     own |= {"K1": K1, "K2": K2}
+    plain = _plain_gains(own)
     if K1 is None or K2 is None or callable(K1) or callable(K2):
-        return own, _plain_gains(own), None
+        return own, plain, None
     _lugre(believed, name)
-    return own, _plain_gains(own), certify(believed, K1, K2)
+    return own, plain, certify(believed, K1, K2)
 
 
 def _designed(model: Model) -> tuple[Any, Any]:
@@ -78,4 +79,4 @@ def _lugre(model: Model, name: str) -> None:
 
 
 def _plain_gains(gains: Mapping[str, Any]) -> dict[str, Any]:
-    return {k: "a function of w" if callable(v) else float(v) for k, v in gains.items()}
+    return {k: "a function of w" if callable(v) else number(v, k) for k, v in gains.items()}

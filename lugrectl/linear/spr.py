@@ -97,7 +97,8 @@ def spr_repair(T: Any) -> Repair | None:
     Returns None for an SPR T, if no such change helps, for J, sigma0 or sigma1 not above 0 (or
     Kp < 0 with an integral), and for a T without a known loop.
     """
-    if not isinstance(T, LoopT) or classify(*read_transfer(T)[:2]) == "SPR":
+    num, den, _ = read_transfer(T)
+    if not isinstance(T, LoopT) or classify(num, den) == "SPR":
         return None
     return find_repair(T.loop)
 

@@ -79,7 +79,7 @@ def read_transfer(T: Any, name: str = "T") -> Transfer:
         num, den = _descending(T[0], "numerator", name), _descending(T[1], "denominator", name)
     else:
         raise InputError(
-            f"{name} is a {type(T).__name__}, but a control.TransferFunction, a control.StateSpace "
+            f"{name} is {shown(T)}, but a control.TransferFunction, a control.StateSpace "
             "or a pair (num, den) is needed; control.linearize makes one of a nonlinear system."
         )
     if not den:

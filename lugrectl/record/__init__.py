@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import replace
@@ -12,7 +13,7 @@ import numpy as np
 from ..checks import as_path, positive, shown
 from ..errors import InputError
 from ..provenance import SourceFile
-from .arrays import is_table, table_of
+from .arrays import FORMS, is_table, table_of
 from .audit import audit, consistent, unwrapped
 from .columns import Choice, choose_columns
 from .readers import read_table
@@ -81,6 +82,8 @@ def read_record(
     named, stated = _pairs(columns, "columns"), _pairs(units, "units")
     factors = _factors(scale)
     rate = None if rate is None else positive(rate, "rate", "Hz")
+    if not (isinstance(path, (str, os.PathLike)) or is_table(path)):
+        raise InputError(f"record must be {FORMS}, not {shown(path)}.")
     file = None if is_table(path) else SourceFile.of(as_path(path, "record"))
     table = table_of(path, named) if is_table(path) else read_table(as_path(path, "record"))
     choices, said = choose_columns(table, named, need_time=rate is None)

@@ -16,6 +16,8 @@ from ..errors import InputError
 from .columns import fits_role
 from .textfile import Table, split_unit
 
+FORMS = "a path, a pandas DataFrame, a dict of arrays or a Record"
+
 
 def is_table(given: Any) -> bool:
     """Whether this holds columns by name."""

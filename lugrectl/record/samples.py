@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ..checks import array
 from ..display import Row, Shown
 from ..errors import InputError
 from ..provenance import SourceFile
@@ -65,7 +66,7 @@ class Record(Shown):
 
     def __post_init__(self) -> None:
         for role, values in self.channels().items():
-            values = np.ascontiguousarray(values, dtype=np.float64)
+            values = np.ascontiguousarray(array(values, f"{self.source}: {role}"))
             if values.ndim != 1 or values.shape != np.shape(self.t):
                 raise InputError(f"{self.source}: {role} must be one-dimensional, as long as t.")
             if not np.isfinite(values).all():

@@ -1,0 +1,180 @@
+"""Model files: what is written can be read, and what cannot be meant is one sentence."""
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import lugrectl as lg
+from lugrectl.errors import InputError
+from lugrectl.spec import P, members
+
+HEAD = '[plant]\n[friction]\nmodel = "lugre"\n'
+
+
+def write(folder, text):
+    path = folder / "m.toml"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+WRONG = [
+    (HEAD + '[[effects]]\nname = ["gravity"]\n', "effect ['gravity']"),
+    (HEAD + "[[effects]]\namplitude = 1.0\n", "[[effects]] needs a name"),
+    (HEAD + '[[effects]]\nname = "gravity"\n' * 2, "gravity stands there twice"),
+    (HEAD + '[[effects]]\nname = "constant_torque"\n' * 2, "constant_torque stands there twice"),
+    (
+        HEAD + '[[effects]]\nname = "torque_ripple"\nharmonic = 6.0\n' * 2,
+        "torque_ripple stands there twice",
+    ),
+    ('effects = ["gravity"]\n' + HEAD, "[[effects]] must be a table"),
+    ("effects = 3\n" + HEAD, "effects are written [[effects]]"),
+    ("plant = 3\n", "plant must be a table"),
+    ('name = ["a"]\n' + HEAD, "name must be a text"),
+    ("motion = []\n" + HEAD, "motion must be"),
+    ("[plant]\n[friction]\nmodel = {a = 1}\n", "friction model {'a': 1}"),
+    ('[plant]\n[friction]\nmodel = ["lugre"]\n', "friction model ['lugre']"),
+    (f"[plant]\nJ = 1{'0' * 400}\n", "J must be a finite number"),
+    (f"[plant]\nJ = 1{'0' * 5000}\n", "not a TOML file"),
+    ("[plant]\nJ = [0.1]\n", "J must be a finite number"),
+    ("[plant]\nJ = true\n", "J must be a finite number"),
+    ("[plant]\nJ = 0\n", "J = 0 is not above 0"),
+    (HEAD + "sigma0 = 0\n", "sigma0 = 0 is not above 0"),
+    (HEAD + "vs = 0.0\n", "vs = 0 is not above 0"),
+    (HEAD + "Fc = -1\n", "Fc = -1 is negative"),
+    (HEAD + "Fd = 1\n", "unknown key 'Fd'"),
+    ("a = " + "[" * 9000, "not a TOML file"),
+    ('name = "Prüfstand"\n'.encode("latin-1"), "UTF-8"),
+    (("\ufeff" + HEAD).encode("utf-16"), "UTF-8"),
+]
+
+
+@pytest.mark.parametrize(("text", "words"), WRONG, ids=range(len(WRONG)))
+def test_what_cannot_be_meant_is_one_sentence_with_the_file(tmp_path, text, words):
+    path = write(tmp_path, text)
+    with pytest.raises(InputError) as said:
+        lg.read_model(path)
+    assert str(said.value).startswith(str(path)) and words in str(said.value)
+    assert str(said.value).count(". ") == 0 or "Did you mean" in str(said.value)
+
+
+@pytest.mark.parametrize("path", [3, None, ["m.toml"], "no.toml", ".", "a\0b"])
+def test_what_is_no_model_file_is_one_sentence(path, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError):
+        lg.read_model(path)
+
+
+def test_stiction_below_friction_is_a_message_of_the_run(tmp_path):
+    model = lg.read_model(write(tmp_path, HEAD + "Fc = 0.3\nFs = 0.2\n"))
+    assert "Fs = 0.2 is below Fc = 0.3" in model.remarks()[0]
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        'name = "torque_ripple"\nharmonic = {}\n',
+        'name = "hard_stop"\nside = {}\n',
+        'name = "actuator_lag"\ntime_constant = {}\n',
+        'name = "inertia_step"\ntime = {}\n',
+    ],
+)
+def test_two_effects_of_a_kind_that_differ_are_physics(tmp_path, entry):
+    both = "".join("[[effects]]\n" + entry.format(value) for value in (-1.0, 1.0))
+    both = both if "side" in entry else both.replace("-1.0", "2.0")
+    model = lg.read_model(write(tmp_path, HEAD + both))
+    first, second = model.effects
+    assert second.key == f"{first.key}_2"
+
+
+def test_two_ripples_of_unknown_harmonics_are_allowed(tmp_path):
+    twice = '[[effects]]\nname = "torque_ripple"\n' * 2
+    assert len(lg.read_model(write(tmp_path, HEAD + twice)).effects) == 2
+
+
+def values_of(p: P):
+    """A value that a parameter can have, or None for one to be identified."""
+    if p.choices:
+        return st.sampled_from([*p.choices, None])
+    low, high = max(p.low, -1e6), min(p.high, 1e6)
+    found = st.floats(low, high, allow_nan=False, allow_infinity=False)
+    extra = [p.neutral] if p.neutral is not None else []
+    return st.one_of(found, st.sampled_from([*extra, None] if p.fitted else [p.value]))
+
+
+@st.composite
+def models(draw):
+    law = draw(st.sampled_from(sorted(members("friction"))))
+    own = members("friction")[law].own
+    values = {k: draw(values_of(p)) for k, p in own.items()}
+    values = {k: v for k, v in values.items() if v is not None}
+    names = draw(st.lists(st.sampled_from(sorted(members("effect"))), max_size=3, unique=True))
+    effects = []
+    for name in names:
+        drawn = {k: draw(values_of(p)) for k, p in members("effect")[name].own.items()}
+        effects.append({"name": name, **{k: v for k, v in drawn.items() if v is not None}})
+    return lg.Model.of(
+        J=draw(st.one_of(st.none(), st.floats(1e-9, 1e6))),
+        friction=law,
+        effects=effects,
+        name=draw(st.text(st.characters(exclude_categories=["Cs"]))),
+        motion=draw(st.sampled_from(["rotary", "linear"])),
+        **values,
+    )
+
+
+@settings(deadline=None, max_examples=150)
+@given(model=models())
+def test_any_model_that_is_written_is_read_as_the_same(model, tmp_path_factory):
+    path = tmp_path_factory.mktemp("model") / "m.toml"
+    lg.write_model(model, path)
+    assert lg.read_model(path) == model
+
+
+@pytest.mark.parametrize("name", ["bench\x00", "bench\x7f", "a\r\nb\tc", '"\\', "ÿ\u2028", ""])
+def test_every_name_that_toml_can_hold_is_read_again(tmp_path, name):
+    model = replace(lg.Model.of(lg.table1()), name=name)
+    lg.write_model(model, tmp_path / "m.toml")
+    assert lg.read_model(tmp_path / "m.toml") == model
+
+
+def test_names_and_units_of_the_users_own_blocks_are_escaped(tmp_path, monkeypatch):
+    from lugrectl.spec import REGISTRY
+
+    @lg.block("effect", out="d", acts="torque", name="von mir \x01")
+    def mine(theta, α=P(0.0, "N\nm", neutral=0.0)):
+        """d = α."""
+        return α + 0.0 * theta
+
+    try:
+        model = lg.Model.of(lg.table1()).with_effect("von mir \x01", {"α": 0.2})
+        lg.write_model(model, tmp_path / "m.toml")
+        assert lg.read_model(tmp_path / "m.toml") == model
+    finally:
+        del REGISTRY["effect", "von mir \x01"]
+
+
+@pytest.mark.parametrize(
+    ("change", "path", "words"),
+    [
+        ({}, None, "path must be"),
+        ({}, 3, "path must be"),
+        ({}, "no/such/folder/m.toml", "cannot be written"),
+        ({"name": "bench\ud800"}, "m.toml", "surrogate"),
+        ({"J": float("nan")}, "m.toml", "J must be a finite number"),
+        ({"J": -1.0}, "m.toml", "J = -1"),
+    ],
+)
+def test_what_cannot_be_written_is_one_sentence(tmp_path, monkeypatch, change, path, words):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match=words):
+        lg.write_model(replace(lg.Model.of(lg.table1()), **change), path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_parameters_and_dicts_are_written_too(tmp_path):
+    lg.write_model(lg.table1(), tmp_path / "m.toml")
+    assert replace(lg.read_model(tmp_path / "m.toml")) == lg.Model.of(lg.table1())
+    lg.write_model({"J": 0.002}, tmp_path / "n.toml")
+    assert lg.read_model(tmp_path / "n.toml").J == 0.002
