@@ -36,15 +36,26 @@ class Hybrid:
     """Flow, tick (None: not asked for) and all signals of a net; one parameter vector.
 
     The signals ``y`` depend on t, x, u and, where the net reads earlier values, on the held
-    values before the tick, ``b0``, ``b1``, ... ``checked`` holds the blocks that were compared
-    with their own traces.
+    values before the tick, ``b0``, ``b1``, ... ``single`` holds the blocks that were traced, each
+    with its own equations.
     """
 
     net: Net
     flow: Program
     y: tuple[Node, ...]
     tick: Tick | None
-    checked: tuple[tuple[Program, Any], ...]
+    single: tuple[tuple[Program, Any], ...]
+
+    def check(self, params: Mapping[str, Any] | None, *scales: Sequence[float]) -> None:
+        """Compare each block with its own equations: :func:`.check.check`."""
+        for program, block in self.single:
+            check(program, block, params, *scales)
+
+    def outline(self) -> tuple[Any, ...]:
+        """The equations as a hashable value: :meth:`.program.Program.outline`."""
+        names = tuple((block.name, tuple(block.state_labels)) for _, block in self.single)
+        tick = (self.tick.q, self.tick.g, self.tick.new_q, self.tick.new_h) if self.tick else ()
+        return self.net.wiring, names, self.flow.outline(self.y, *tick)
 
 
 def trace_net(net: Net, params: Mapping[str, Any] | None = None, *, ticks: bool = True) -> Hybrid:
@@ -53,14 +64,19 @@ def trace_net(net: Net, params: Mapping[str, Any] | None = None, *, ticks: bool 
     Raises TraceError when a function cannot be followed, AlgebraicLoop when outputs depend on
     themselves. Without ``ticks`` the sampled parts are not looked at.
     """
-    checked = []
+    hybrid = traced_net(net, params, ticks=ticks)
+    hybrid.check(params)
+    return hybrid
+
+
+def traced_net(net: Net, params: Mapping[str, Any] | None = None, *, ticks: bool = True) -> Hybrid:
+    """As :func:`trace_net`, not yet checked."""
+    single = []
     for part in net.parts:
         part.block._update_params(params)
         if ticks or not part.sampled:
-            program = _Tracer(part.block).program()
-            check(program, part.block, params)
-            checked.append((program, part.block))
-    return _NetTracer(net).hybrid(ticks, tuple(checked))
+            single.append((_Tracer(part.block).program(), part.block))
+    return _NetTracer(net).hybrid(ticks, tuple(single))
 
 
 class _NetTracer(_Tracer):
@@ -73,11 +89,11 @@ class _NetTracer(_Tracer):
         self.q = self._symbols("q", net.count(True))
         self.g = self._symbols("g", net.groups)
         self.u = self._symbols("u", len(net.outside) + len(net.held))
-        self.slots, self.fixed, self.values = {}, {}, {}
+        self.slots, self.fixed, self.values, self.answers = {}, {}, {}, {}
         for part in net.parts:
             self._collect(part.block)
 
-    def hybrid(self, ticks: bool, checked: tuple[tuple[Program, Any], ...]) -> Hybrid:
+    def hybrid(self, ticks: bool, single: tuple[tuple[Program, Any], ...]) -> Hybrid:
         inputs, outputs = self._settle(self._held_parts(), self._answer)
         xdot = [
             rate
@@ -88,7 +104,7 @@ class _NetTracer(_Tracer):
         tick = self._tick(outputs) if ticks else None
         y = self._signals_of(outputs)
         roots = [*xdot, *y, *(tick.new_q + tick.new_h if tick else ())]
-        return Hybrid(self.net, self._flow(xdot, roots), tuple(y), tick, checked)
+        return Hybrid(self.net, self._flow(xdot, roots), tuple(y), tick, single)
 
     def _own(self, i: int) -> Sequence[Node]:
         return (self.q if self.net.parts[i].sampled else self.x)[self.net.places[i]]

@@ -47,14 +47,19 @@ def trace(system: ct.NonlinearIOSystem, params: Mapping[str, Any] | None = None)
     InputError
         For a discrete-time system.
     """
+    program = traced(system, params)
+    check(program, system, params)
+    return program
+
+
+def traced(system: ct.NonlinearIOSystem, params: Mapping[str, Any] | None = None) -> Program:
+    """As :func:`trace`, not yet checked."""
     if system.isdtime(strict=True):
         raise InputError(f"{system.name} is a discrete-time system; the engine needs dt = 0.")
     if None in (system.nstates, system.ninputs, system.noutputs):
         raise InputError(f"{system.name}: give its inputs=, outputs= and states= in ct.nlsys.")
     system._update_params(params)
-    program = _Tracer(system).program()
-    check(program, system, params)
-    return program
+    return _Tracer(system).program()
 
 
 @dataclass
@@ -81,6 +86,7 @@ class _Tracer:
         self.slots: dict[tuple[str, float], _Slot] = {}
         self.fixed: dict[str, Any] = {}
         self.values: dict[int, dict[str, Any]] = {}
+        self.answers: dict[Any, list[Node]] = {}
         self._collect(system)
 
     def _symbols(self, letter: str, count: Any) -> tuple[Node, ...]:
@@ -206,7 +212,18 @@ class _Tracer:
     def _call(
         self, block: Any, function: Callable[..., Any], x: Any, u: Any, size: int
     ) -> list[Node]:
-        """One block's function on symbols; where it needs a parameter as a number, it gets it."""
+        """One block's function on symbols; where it needs a parameter as a number, it gets it.
+
+        Asked once for each set of inputs: the passes through a system ask again and again.
+        """
+        asked = (id(block), id(function), size, *(n.index for n in (*x, *u)))
+        if asked not in self.answers:
+            self.answers[asked] = self._asked(block, function, x, u, size)
+        return self.answers[asked]
+
+    def _asked(
+        self, block: Any, function: Callable[..., Any], x: Any, u: Any, size: int
+    ) -> list[Node]:
         signals = signal_array(list(x)), signal_array(list(u))
         known = self.values[id(block)]
         try:
