@@ -98,7 +98,7 @@ def rebuilt(function: Any) -> Any:
 
 def from_fields(cls: type, state: dict[str, Any]) -> Any:
     """A frozen object from its fields."""
-    made = cls.__new__(cls)
+    made: Any = object.__new__(cls)
     made.__dict__.update(state)
     return made
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import copyreg
 import glob
 import importlib
 import os
@@ -18,7 +17,7 @@ from .blas import BLAS
 from .errors import InputError
 from .model import Model
 from .record import Record
-from .spec import REGISTRY, Block, members
+from .spec import REGISTRY, members
 
 SUFFIXES = (".csv", ".mat", ".npz", ".parquet")
 _THREADS = ("OMP_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS", *BLAS)
@@ -96,7 +95,7 @@ class Sent:
     def open(self) -> Model:
         """The model; raises InputError where a block of the user's is not known here."""
         for name, home in self.effects:
-            _registered("effect", name, home)
+            _known("effect", name, home)
         return pickle.loads(self.packed)
 
 
@@ -104,8 +103,8 @@ def _ours(home: str) -> bool:
     return home.split(".")[0] == "lugrectl"
 
 
-def _registered(kind: str, name: str, home: str) -> Block:
-    """A block by kind and name, its module imported if need be."""
+def _known(kind: str, name: str, home: str) -> None:
+    """Import the module of a registered block if need be; InputError where that is not enough."""
     if (kind, name) not in REGISTRY:
         with contextlib.suppress(ImportError):
             importlib.import_module(home)
@@ -114,12 +113,3 @@ def _registered(kind: str, name: str, home: str) -> Block:
             f"the {kind} '{name}' is not known in the worker processes; put it into a module "
             "that can be imported, or use jobs=1."
         )
-    return REGISTRY[kind, name]
-
-
-def _by_name(made: Block) -> tuple[Any, ...]:
-    return _registered, (made.kind, made.name, made.home)
-
-
-# A block's decorator takes its function's place, so that pickle would not find the function.
-copyreg.pickle(Block, _by_name)

@@ -13,7 +13,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "lugrectl"
 STOREYS = [
-    {"blas", "errors", "spec", "arguments", "jobs"},
+    {"blas", "errors", "spec", "functions", "pickling", "arguments", "jobs"},
     {"blocks", "model"},
     {"loops", "engine", "linear", "record", "design", "sampling"},
     {"simulation", "results", "mixed", "blocklist", "bristles", "ensemble"},

@@ -95,7 +95,10 @@ class _Motion:
             inputs=self.inputs,
             outputs=("theta", "w", "F", *(("w_m", "theta_m") if self.sensed else ())),
             states=self.states,
-            parameters={"J": J, **{k: p for part in self.parts for k, p in part.parameters.items()}},
+            parameters={
+                "J": J,
+                **{k: p for part in self.parts for k, p in part.parameters.items()},
+            },
             timed=True,
         )
 

@@ -11,7 +11,6 @@ import numpy as np
 from .program import Program
 from .symbolic import TraceError
 
-
 AGAIN = (1.0, 30.0)  # for equations that were checked at all scales before
 
 

@@ -19,7 +19,6 @@ from .net import Net
 from .plain import described, is_number, numbers_alone
 from .symbolic import TraceError
 
-
 _compiled: dict[Any, Held] = {}
 
 
@@ -49,10 +48,11 @@ def engine(
 def compiled_net(net: Net, params: Mapping[str, Any] | None = None) -> Held:
     """The compiled net, as it is at this moment; kept as by :func:`.compiled.compiled`."""
     given = dict(params or {})
-    plain = _described(net) if numbers_alone(given) else None
+    plain = _described(net, params) if numbers_alone(given) else None
     known = (frozenset(given), plain)
-    if plain is not None and known in _compiled:
-        return _compiled[known]
+    ready = None if plain is None else _compiled.get(known)
+    if ready is not None:
+        return ready
     hybrid = traced_net(net, params)
     key = hybrid.outline()
     before = _compiled.get(key)
@@ -65,8 +65,10 @@ def compiled_net(net: Net, params: Mapping[str, Any] | None = None) -> Held:
     return held
 
 
-def _described(net: Net) -> Any:
+def _described(net: Net, params: Mapping[str, Any] | None) -> Any:
     """As :func:`.plain.described`."""
+    for part in net.parts:
+        part.block._update_params(params)
     blocks = tuple(described(part.block) for part in net.parts)
     return None if None in blocks else (blocks, net.wiring)
 

@@ -14,7 +14,7 @@ from .plain import described, numbers_alone
 from .program import Program
 from .trace import traced
 
-MOST = 64  # compiled systems that are kept
+MOST = 200  # of each kind of compiled code that is kept
 _KEEPING = threading.Lock()
 
 _traced: dict[Any, Adaptive] = {}
@@ -23,15 +23,18 @@ _traced: dict[Any, Adaptive] = {}
 def compiled(system: Any, params: Mapping[str, Any] | None = None) -> Adaptive:
     """The compiled system, as it is at this moment.
 
-    Code of an earlier call serves again where the equations are the same. That is known at once
-    of a system that is :func:`described`, and of any other from a new trace of it: whatever its
-    functions read, they read it again.
+    Code of an earlier call serves again where the equations are the same: the system is
+    :func:`described` as it was then, or a new trace of it gives them again. Whatever the
+    functions of a user read, they read it again.
     """
-    given = dict(params or {})
-    backend, plain = chosen_backend(), described(system) if numbers_alone(given) else None
+    given, backend, plain = dict(params or {}), chosen_backend(), None
+    if numbers_alone(given):
+        system._update_params(params)
+        plain = described(system)
     known = (backend, frozenset(given), plain)
-    if plain is not None and known in _traced:
-        return _traced[known]
+    ready = None if plain is None else _traced.get(known)
+    if ready is not None:
+        return ready
     program = traced(system, params)
     key = (backend, program.outline())
     before = _traced.get(key)

@@ -12,7 +12,7 @@ from .check import check
 from .graph import Graph, Node, rename, symbols_in
 from .net import Net
 from .program import Program
-from .trace import AlgebraicLoop, _Tracer
+from .trace import AlgebraicLoop, _Tracer, single
 
 Answer = Callable[[int, Sequence[Node]], list[Node]]
 
@@ -36,7 +36,7 @@ class Hybrid:
     """Flow, tick (None: not asked for) and all signals of a net; one parameter vector.
 
     The signals ``y`` depend on t, x, u and, where the net reads earlier values, on the held
-    values before the tick, ``b0``, ``b1``, ... ``single`` holds the blocks that were traced, each
+    values before the tick, ``b0``, ``b1``, ... ``blocks`` holds those that were traced, each
     with its own equations.
     """
 
@@ -44,16 +44,16 @@ class Hybrid:
     flow: Program
     y: tuple[Node, ...]
     tick: Tick | None
-    single: tuple[tuple[Program, Any], ...]
+    blocks: tuple[tuple[Program, Any], ...]
 
     def check(self, params: Mapping[str, Any] | None, *scales: Sequence[float]) -> None:
         """Compare each block with its own equations: :func:`.check.check`."""
-        for program, block in self.single:
+        for program, block in self.blocks:
             check(program, block, params, *scales)
 
     def outline(self) -> tuple[Any, ...]:
         """The equations as a hashable value: :meth:`.program.Program.outline`."""
-        names = tuple((block.name, tuple(block.state_labels)) for _, block in self.single)
+        names = tuple((block.name, tuple(block.state_labels)) for _, block in self.blocks)
         tick = (self.tick.q, self.tick.g, self.tick.new_q, self.tick.new_h) if self.tick else ()
         return self.net.wiring, names, self.flow.outline(self.y, *tick)
 
@@ -71,12 +71,12 @@ def trace_net(net: Net, params: Mapping[str, Any] | None = None, *, ticks: bool 
 
 def traced_net(net: Net, params: Mapping[str, Any] | None = None, *, ticks: bool = True) -> Hybrid:
     """As :func:`trace_net`, not yet checked."""
-    single = []
+    blocks = []
     for part in net.parts:
         part.block._update_params(params)
         if ticks or not part.sampled:
-            single.append((_Tracer(part.block).program(), part.block))
-    return _NetTracer(net).hybrid(ticks, tuple(single))
+            blocks.append((single(part.block), part.block))
+    return _NetTracer(net).hybrid(ticks, tuple(blocks))
 
 
 class _NetTracer(_Tracer):
@@ -93,7 +93,7 @@ class _NetTracer(_Tracer):
         for part in net.parts:
             self._collect(part.block)
 
-    def hybrid(self, ticks: bool, single: tuple[tuple[Program, Any], ...]) -> Hybrid:
+    def hybrid(self, ticks: bool, blocks: tuple[tuple[Program, Any], ...]) -> Hybrid:
         inputs, outputs = self._settle(self._held_parts(), self._answer)
         xdot = [
             rate
@@ -104,7 +104,7 @@ class _NetTracer(_Tracer):
         tick = self._tick(outputs) if ticks else None
         y = self._signals_of(outputs)
         roots = [*xdot, *y, *(tick.new_q + tick.new_h if tick else ())]
-        return Hybrid(self.net, self._flow(xdot, roots), tuple(y), tick, single)
+        return Hybrid(self.net, self._flow(xdot, roots), tuple(y), tick, blocks)
 
     def _own(self, i: int) -> Sequence[Node]:
         return (self.q if self.net.parts[i].sampled else self.x)[self.net.places[i]]

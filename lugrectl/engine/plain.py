@@ -9,22 +9,27 @@ import control as ct
 import numpy as np
 
 from ..pickling import own_functions
+from .check import AGAIN, check
+from .trace import single
 
 PLAIN = (ct.NonlinearIOSystem, ct.StateSpace, ct.InterconnectedSystem, ct.LinearICSystem)
 
 
-def described(system: Any) -> Any:
+def described(system: Any, *, by_trace: bool = True) -> Any:
     """All that decides what a system does, as a hashable value; None where it cannot be known.
 
-    It is known of blocks of this package with numbers for parameters, of matrices, and of what
-    is wired from them. A function of a user may read anything: a global, an entry of a
-    dictionary, an array. Such a system is to be traced again.
+    Of blocks of this package and of matrices it is known at once. A function of a user may read
+    anything: a global, an entry of a dictionary, an array. Such a block is described by the
+    equations that a trace of it gives now, or not at all without ``by_trace``. Parameters that
+    are no numbers, and those that decide which equations there are, leave a system undescribed.
+
+    The system's ``_update_params`` was called before.
     """
     if type(system) not in PLAIN or "_rhs" in vars(system) or "_out" in vars(system):
         return None
-    if not all(is_number(v) for v in system.params.values()):
+    if not numbers_alone(system.params):
         return None
-    inside = _inside(system)
+    inside = _inside(system, by_trace)
     if inside is None:
         return None
     labels = (system.input_labels, system.output_labels, system.state_labels)
@@ -33,9 +38,9 @@ def described(system: Any) -> Any:
     return type(system), system.name, system.dt, *map(tuple, labels), params, inside
 
 
-def _inside(system: Any) -> Any:
+def _inside(system: Any, by_trace: bool) -> Any:
     if isinstance(system, ct.InterconnectedSystem):
-        blocks = tuple(described(block) for block in system.syslist)
+        blocks = tuple(described(block, by_trace=by_trace) for block in system.syslist)
         wires = _arrays(system.connect_map, system.input_map, system.output_map)
         return None if None in blocks or wires is None else (blocks, wires)
     if isinstance(system, ct.StateSpace):
@@ -43,7 +48,20 @@ def _inside(system: Any) -> Any:
         return matrices if own_functions(system) else None
     functions = [system.updfcn] if system.nstates else []
     found = tuple(_function(f) for f in (*functions, system.outfcn))
-    return None if None in found else found
+    if None in found:
+        return _equations(system) if by_trace else None
+    return found
+
+
+def _equations(block: Any) -> Any:
+    """What a trace of a single block gives, compared with the block itself."""
+    params = dict(block._current_params)
+    try:
+        program = single(block)
+        check(program, block, params, AGAIN)
+    except Exception:  # the trace of the whole says which block, and why
+        return None
+    return None if program.fixed else program.outline()
 
 
 def _function(function: Any) -> Any:
@@ -52,7 +70,7 @@ def _function(function: Any) -> Any:
     systems = function.rests_on() if ours and hasattr(function, "rests_on") else None
     if systems is None:
         return None
-    inside = tuple(described(system) for system in systems)
+    inside = tuple(described(system, by_trace=False) for system in systems)
     return None if None in inside else (function, *inside)
 
 

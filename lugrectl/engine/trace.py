@@ -59,6 +59,11 @@ def traced(system: ct.NonlinearIOSystem, params: Mapping[str, Any] | None = None
     if None in (system.nstates, system.ninputs, system.noutputs):
         raise InputError(f"{system.name}: give its inputs=, outputs= and states= in ct.nlsys.")
     system._update_params(params)
+    return single(system)
+
+
+def single(system: ct.NonlinearIOSystem) -> Program:
+    """As :func:`traced`, in continuous or discrete time, with the parameters that are set."""
     return _Tracer(system).program()
 
 
