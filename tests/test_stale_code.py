@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from types import SimpleNamespace
 from typing import Any
@@ -361,3 +362,23 @@ def test_blocks_of_the_package_are_not_traced_again(monkeypatch):
     for name in ("compiled.traced", "plain.single"):
         monkeypatch.setattr(f"lugrectl.engine.{name}", None)
     lg.simulate(loop, T, 0.2)
+
+
+def test_threads_do_not_see_each_other_s_parameters():
+    system = ct.nlsys(
+        lambda t, x, u, p: -p["rate"] * x,
+        None,
+        inputs="u",
+        outputs="y",
+        states="y",
+        params={"rate": 1.0},
+        name="decay",
+    )
+    rates = np.tile([0.5, 1.0, 2.0, 4.0], 10)
+
+    def end(rate: float) -> float:
+        return lg.simulate(system, T, 0.0, 1.0, params={"rate": rate}).outputs[-1]
+
+    with ThreadPoolExecutor(4) as pool:
+        ends = list(pool.map(end, rates.tolist()))
+    np.testing.assert_allclose(ends, np.exp(-rates), rtol=1e-4)

@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import InputError
 from .called import Called
 from .check import AGAIN
-from .compiled import default_keys, keep
+from .compiled import ALONE, default_keys, keep
 from .graph import symbols_in
 from .held import Held
 from .hybrid import Hybrid, traced_net
@@ -47,16 +47,20 @@ def engine(
 
 def compiled_net(net: Net, params: Mapping[str, Any] | None = None) -> Held:
     """The compiled net, as it is at this moment; kept as by :func:`.compiled.compiled`."""
-    given = dict(params or {})
-    plain = _described(net, params) if numbers_alone(given) else None
+    with ALONE:
+        return _found(net, dict(params or {}))
+
+
+def _found(net: Net, given: Mapping[str, Any]) -> Held:
+    plain = _described(net, given) if numbers_alone(given) else None
     known = (frozenset(given), plain)
     ready = None if plain is None else _compiled.get(known)
     if ready is not None:
         return ready
-    hybrid = traced_net(net, params)
+    hybrid = traced_net(net, given)
     key = hybrid.outline()
     before = _compiled.get(key)
-    hybrid.check(params, *([AGAIN] if before else []))
+    hybrid.check(given, *([AGAIN] if before else []))
     _no_unknown(net, hybrid, given)
     held = before.of(hybrid) if before else Held(hybrid)
     keep(_compiled, key, held)

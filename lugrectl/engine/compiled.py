@@ -15,7 +15,7 @@ from .program import Program
 from .trace import traced
 
 MOST = 200  # of each kind of compiled code that is kept
-_KEEPING = threading.Lock()
+ALONE = threading.RLock()  # a system holds the parameters that it is asked with
 
 _traced: dict[Any, Adaptive] = {}
 
@@ -27,18 +27,23 @@ def compiled(system: Any, params: Mapping[str, Any] | None = None) -> Adaptive:
     :func:`described` as it was then, or a new trace of it gives them again. Whatever the
     functions of a user read, they read it again.
     """
-    given, backend, plain = dict(params or {}), chosen_backend(), None
+    with ALONE:
+        return _compiled(system, dict(params or {}))
+
+
+def _compiled(system: Any, given: Mapping[str, Any]) -> Adaptive:
+    backend, plain = chosen_backend(), None
+    system._update_params(given)
     if numbers_alone(given):
-        system._update_params(params)
         plain = described(system)
     known = (backend, frozenset(given), plain)
     ready = None if plain is None else _traced.get(known)
     if ready is not None:
         return ready
-    program = traced(system, params)
+    program = traced(system, given)
     key = (backend, program.outline())
     before = _traced.get(key)
-    check(program, system, params, *([AGAIN] if before else []))
+    check(program, system, given, *([AGAIN] if before else []))
     _no_unknown(system, program, given)
     engine = before.of(program) if before else Adaptive(program)
     keep(_traced, key, engine)
@@ -49,7 +54,7 @@ def compiled(system: Any, params: Mapping[str, Any] | None = None) -> Adaptive:
 
 def keep(kept: dict[Any, Any], key: Any, value: Any) -> None:
     """Enter a value as the youngest; the oldest go."""
-    with _KEEPING:
+    with ALONE:
         kept.pop(key, None)
         kept[key] = value
         for old in [*kept][:-MOST]:
