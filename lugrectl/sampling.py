@@ -62,6 +62,8 @@ def sampled(
     phi1(x) = (e^x - 1)/x, phi2(x) = (phi1(x) - 1)/x. At constant speed, other inputs linear
     between samples, the result is that of the continuous block, and as stable; the speed within a
     step is its value in the middle, which where it changes leaves an error of second order in dt.
+    The block calls the functions of ``system`` at each sample, so it follows what they read; the
+    default parameters are a copy, and that the rates are affine is tested once, here.
     The outputs answer the sample just taken, except for held inputs, which act from then on.
     """
     _fits(system, dt)

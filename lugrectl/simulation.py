@@ -89,7 +89,9 @@ def simulate(
     the samples and where an absolute value, a sign, a comparison or a limit switches. A sign or
     comparison that drives its own argument back to zero from both sides rests there, as a drive
     on Coulomb friction does (Filippov), and counts in the outputs with the value that holds it;
-    where such a rest is only approached, in ever shorter swings, a warning says so. A system
+    where such a rest is only approached, in ever shorter swings, a warning says so. Compiled code
+    serves the next call while the equations are the same: what a function of yours reads from
+    outside (a global, an entry of a dictionary, an array) is read again at each call. A system
     whose functions cannot be traced is left to LSODA, with a warning that names the block.
 
     A sampled block ticks at the multiples of its sample time: it reads its inputs as they are

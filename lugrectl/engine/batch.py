@@ -19,8 +19,8 @@ from .output_code import output_code
 class Portable:
     """The generated text of an adaptive run, with its labels: pickles, whatever its system holds.
 
-    Blocks hold closures, which do not pickle, and expression graphs are deep. The text is what a
-    worker needs: it compiles it, or loads the machine code that is kept for it on disk.
+    Functions of a user may not pickle, and expression graphs are deep. The text is what a worker
+    needs: it compiles it, or loads the machine code that is kept for it on disk.
     """
 
     name: str
