@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import control as ct
@@ -139,8 +140,8 @@ def _parts(plant: Any, drive: Any, delay: int) -> tuple[Part, ...]:
 def _delay_part(acting: Sequence[str], samples: int, blocks: Sequence[Any]) -> Part:
     n = len(acting)
     line = ct.nlsys(
-        lambda t, x, u, params: np.concatenate([x[n:], u]),
-        lambda t, x, u, params: x[:n],
+        _Delay(n, moves=True),
+        _Delay(n, moves=False),
         inputs=list(acting),
         outputs=n,
         states=n * samples,
@@ -148,6 +149,20 @@ def _delay_part(acting: Sequence[str], samples: int, blocks: Sequence[Any]) -> P
         name="delay",
     )
     return Part(line, tuple(acting), tuple(k + LATE for k in acting), 0)
+
+
+@dataclass(frozen=True)
+class _Delay:
+    """n signals in a row of samples: how the row moves on, or what leaves it."""
+
+    n: int
+    moves: bool
+
+    def __call__(self, t: Any, x: Any, u: Any, params: Any) -> np.ndarray:
+        return np.concatenate([x[self.n :], u]) if self.moves else x[: self.n]
+
+    def rests_on(self) -> tuple[Any, ...]:
+        return ()
 
 
 def _fit(blocks: Sequence[Any]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -63,8 +64,10 @@ def sampled(
     phi1(x) = (e^x - 1)/x, phi2(x) = (phi1(x) - 1)/x. At constant speed, with the other inputs
     linear between samples, the result equals that of the continuous block, and is as stable. A
     speed that changes within a step is replaced by its value in the middle, which leaves an
-    error of second order in dt. The outputs use the current sample; held inputs act from the
-    current sample on.
+    error of second order in dt. The block calls the functions of ``system`` at each sample, so it
+    follows what they read; the default parameters are a copy, and that the rates are affine is
+    tested once, here. The outputs use the current sample; held inputs act from the current
+    sample on.
     """
     system = arguments.system(system)
     dt = positive(dt, "dt, the sample time,", "seconds")
@@ -74,38 +77,10 @@ def sampled(
     strange = [s for s in keep if s not in labels]
     if strange:
         raise InputError(f"{system.name} has no input {strange[0]}; it has {', '.join(labels)}.")
-    holds = np.array([s in keep for s in labels], dtype=bool)
-    n, keys, evaluate = int(system.nstates or 0), tuple(system.params), _functions(system)
-
-    def advanced(x: Any, before: Any, now: Any, params: Any) -> np.ndarray:
-        return advance(evaluate(params)[0], x, before, now, dt)
-
-    @lru_cache(maxsize=4)  # output and update ask for the same step
-    def known(x: tuple, before: tuple, now: tuple, values: tuple) -> np.ndarray:
-        params = dict(zip(keys, values, strict=True))
-        return advanced(np.array(x), np.array(before), np.array(now), params)
-
-    def state(t: Any, s: Any, v: Any, params: Any) -> np.ndarray:
-        s, v = np.asanyarray(s), np.asanyarray(v)
-        before = _array([t - dt, *s[n:-1]])
-        now = _array([t, *np.where(holds, s[n:-1], v)])
-        if object in (before.dtype, now.dtype):  # the engine traces the equations
-            return np.where(s[-1] < 0.5, s[:n], advanced(s[:n], before, now, params))
-        if s[-1] < 0.5:
-            return s[:n]
-        values = tuple(params[k] for k in keys)
-        return known(tuple(s[:n].tolist()), tuple(before.tolist()), tuple(now.tolist()), values)
-
-    def update(t: float, s: Any, v: Any, params: Any) -> np.ndarray:
-        return np.concatenate([state(t, s, v, params), v, [1.0]])
-
-    def output(t: float, s: Any, v: Any, params: Any) -> np.ndarray:
-        _, outputs = evaluate(params)
-        return outputs(state(t, s, v, params), np.array([t, *v]))
-
+    step = _Step(system, float(dt), tuple(s in keep for s in labels))
     return ct.nlsys(
-        update,
-        output,
+        _Moved(step),
+        _Answer(step),
         inputs=labels,
         outputs=list(system.output_labels),
         states=[*system.state_labels, *(f"last_{s}" for s in labels), "begun"],
@@ -115,12 +90,59 @@ def sampled(
     )
 
 
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """One step of :func:`sampled`; ``held`` says so of each input."""
+
+    system: Any
+    dt: float
+    held: tuple[bool, ...]
+
+    def state(self, t: Any, s: Any, v: Any, params: Any) -> np.ndarray:
+        """The states of the system at the sample that is being taken."""
+        n = int(self.system.nstates)
+        s, v = np.asanyarray(s), np.asanyarray(v)
+        before = _array([t - self.dt, *s[n:-1]])
+        now = _array([t, *np.where(np.array(self.held, dtype=bool), s[n:-1], v)])
+        rates = _functions(self.system)(params)[0]
+        if object in (before.dtype, now.dtype):  # the engine follows the equations
+            return np.where(s[-1] < 0.5, s[:n], advance(rates, s[:n], before, now, self.dt))
+        if s[-1] < 0.5:
+            return s[:n]
+        return advance(rates, s[:n], before, now, self.dt, _remembered)
+
+
+@dataclass(frozen=True)
+class _OfStep:
+    step: _Step
+
+    def rests_on(self) -> tuple[Any, ...]:
+        """The systems whose state decides the answers: the engine looks at them."""
+        return (self.step.system,)
+
+
+class _Moved(_OfStep):
+    """The update function of a sampled block."""
+
+    def __call__(self, t: float, s: Any, v: Any, params: Any) -> np.ndarray:
+        return np.concatenate([self.step.state(t, s, v, params), v, [1.0]])
+
+
+class _Answer(_OfStep):
+    """The output function of a sampled block."""
+
+    def __call__(self, t: float, s: Any, v: Any, params: Any) -> np.ndarray:
+        _, outputs = _functions(self.step.system)(params)
+        return outputs(self.step.state(t, s, v, params), np.array([t, *v]))
+
+
 def advance(
     rates: Callable[[Any, Any], Any],
     x: np.ndarray,
     before: np.ndarray,
     now: np.ndarray,
     dt: float,
+    respond: Callable[[Any, Any, Any], np.ndarray] | None = None,
 ) -> np.ndarray:
     """One step of dx/dt = rates(x, v), affine in x, as :func:`sampled` describes it.
 
@@ -134,6 +156,8 @@ def advance(
         Inputs at the start and the end of the step.
     dt : float
         Length of the step in s.
+    respond : callable, optional
+        In place of :func:`ramp_response`.
 
     Returns
     -------
@@ -144,7 +168,18 @@ def advance(
     middle = 0.5 * (before + now)
     rest, units = rates(0.0 * x, middle), np.eye(len(x))
     columns = [rates((0.0 * x.T + unit).T, middle) - rest for unit in units]
-    return x + dt * ramp_response(dt * np.stack(columns, axis=1), start, change)
+    return x + dt * (respond or ramp_response)(dt * np.stack(columns, axis=1), start, change)
+
+
+def _remembered(B: np.ndarray, start: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """ramp_response of numbers: output and update of a block ask for the same step."""
+    return _ramp(len(B), np.concatenate([B.ravel(), start, change]).tobytes())
+
+
+@lru_cache(maxsize=16)  # of numbers alone, so that nothing else can have changed
+def _ramp(n: int, numbers: bytes) -> np.ndarray:
+    values = np.frombuffer(numbers)
+    return ramp_response(values[: n * n].reshape(n, n), values[n * n : -n], values[-n:])
 
 
 def ramp_response(B: np.ndarray, start: np.ndarray, change: np.ndarray) -> np.ndarray:

@@ -96,7 +96,9 @@ def simulate(
     or comparison drives its own argument back to zero from both sides, the argument stays at
     zero (Filippov), as a drive at rest on Coulomb friction does, and the outputs contain the
     value that keeps it there. If such a rest is only approached, in ever shorter swings, a
-    warning reports it. A system whose functions cannot be traced is simulated by LSODA, with a
+    warning reports it. Compiled code serves the next call while the equations are the same: what
+    a function of yours reads from outside (a global, an entry of a dictionary, an array) is read
+    again at each call. A system whose functions cannot be traced is simulated by LSODA, with a
     warning that names the block.
 
     A sampled block is updated at the multiples of its sample time. It reads its inputs at that

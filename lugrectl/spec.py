@@ -17,7 +17,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, is_dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,6 +25,8 @@ import numpy as np
 from .checks import names, one_name, shown, within
 from .display import Row, Shown
 from .errors import InputError
+from .functions import Outputs, Rates, WithInputs, is_steady
+from .pickling import carried, declared, from_fields, rebuilt
 
 if TYPE_CHECKING:  # slow to import, and the catalogue does without it
     import control as ct
@@ -149,13 +151,8 @@ class Block(Shown):
 
     def with_inputs(self, names: Sequence[str]) -> Block:
         """The same block with some parameters as additional inputs."""
-        own, many = len(self.inputs) + self.timed, len(names)
-
-        def function(*signals: Any, **values: Any) -> Any:
-            given = dict(zip(names, signals[own : own + many], strict=True))
-            return self(*signals[:own], *signals[own + many :], **values, **given)
-
         rest = {k: p for k, p in self.parameters.items() if k not in names}
+        function = WithInputs(self, tuple(names))
         return replace(self, function=function, inputs=(*self.inputs, *names), parameters=rest)
 
     def check(self, values: Mapping[str, Any]) -> None:
@@ -171,6 +168,23 @@ class Block(Shown):
         """Outputs that are not states, then the rates; ``t`` is the first argument if used."""
         result = self.function(*signals, **values)
         return result if isinstance(result, tuple) else (result,)
+
+    def is_steady(self) -> bool:
+        """Whether nothing that the function reads can change: see ``functions.is_steady``."""
+        return is_steady(self.function)
+
+    def __reduce__(self) -> Any:
+        """A registered block pickles by kind and name, a composed one by its parts."""
+        known = REGISTRY.get((self.kind, self.name))
+        if known is self:
+            return declared, (self.kind, self.name, self.home)
+        build = getattr(self.function, "block", None)
+        if build is not None and is_dataclass(self.function) and build() == self:
+            return rebuilt, (self.function,)
+        cure = "" if known is None else "it was declared again since: build what holds it again"
+        for what, value in vars(self).items():
+            carried(f"the {what} of the block {self.name}", value, cure)
+        return from_fields, (type(self), vars(self))
 
     def system(
         self,
@@ -195,27 +209,10 @@ class Block(Shown):
             if k not in functions
         }
         keys = {k: f"{name}.{k}" for k in numbers}
-        n_in, fresh = len(self.inputs), self.fresh
-
-        def evaluate(t: Any, x: Any, u: Any, params: Mapping[str, Any]) -> tuple[Any, ...]:
-            signals = [t] if self.timed else []
-            signals += [u[i] for i in range(n_in)] + [x[i] for i in range(len(self.states))]
-            return self(*signals, **{k: params[q] for k, q in keys.items()}, **functions)
-
-        def update(t: Any, x: Any, u: Any, params: Mapping[str, Any]) -> np.ndarray:
-            return np.array(evaluate(t, x, u, params)[len(fresh) :])
-
-        def output(t: Any, x: Any, u: Any, params: Mapping[str, Any]) -> np.ndarray:
-            out = dict(zip(fresh, evaluate(t, x, u, params), strict=False)) if fresh else {}
-            for i, state in enumerate(self.states):
-                out.setdefault(state, x[i])
-            return np.array([out[o] for o in self.outputs])
-
-        # what may stand in params=, for whoever simulates the block: see arguments.parameters
-        vars(output)["declared"] = {q: self.parameters[k] for k, q in keys.items()}
+        called = (self, name, keys, functions)
         return ct.nlsys(
-            update if self.states else None,
-            output,
+            Rates(*called) if self.states else None,
+            Outputs(*called),
             inputs=_renamed(name, "inputs", self.inputs, inputs),
             outputs=_renamed(name, "outputs", self.outputs, outputs),
             states=list(self.states) or None,

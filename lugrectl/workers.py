@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import copyreg
 import glob
 import importlib
 import os
@@ -19,7 +18,7 @@ from .checks import as_path, shown
 from .door import is_file, is_record
 from .errors import InputError
 from .model import Model
-from .spec import REGISTRY, Block, members
+from .spec import REGISTRY, members
 
 SUFFIXES = (".csv", ".mat", ".npz", ".parquet")
 _THREADS = ("OMP_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS", *BLAS)
@@ -105,7 +104,7 @@ class Sent:
     def open(self) -> Model:
         """The model; raises InputError if one of the user's blocks is not known here."""
         for name, home in self.effects:
-            _registered("effect", name, home)
+            _known("effect", name, home)
         return pickle.loads(self.packed)
 
 
@@ -113,8 +112,8 @@ def _ours(home: str) -> bool:
     return home.split(".")[0] == "lugrectl"
 
 
-def _registered(kind: str, name: str, home: str) -> Block:
-    """A block by kind and name; its module is imported if necessary."""
+def _known(kind: str, name: str, home: str) -> None:
+    """Import the module of a registered block if necessary; InputError if it stays unknown."""
     if (kind, name) not in REGISTRY:
         with contextlib.suppress(ImportError):
             importlib.import_module(home)
@@ -123,12 +122,3 @@ def _registered(kind: str, name: str, home: str) -> Block:
             f"the {kind} '{name}' is not known in the worker processes; define it in a module "
             "that can be imported, or use jobs=1."
         )
-    return REGISTRY[kind, name]
-
-
-def _by_name(made: Block) -> tuple[Any, ...]:
-    return _registered, (made.kind, made.name, made.home)
-
-
-# A block's decorator replaces its function, so pickle would not find the function by name.
-copyreg.pickle(Block, _by_name)

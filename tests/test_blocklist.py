@@ -22,7 +22,7 @@ A, B = np.array([[0.0, 1.0], [-9.0, -0.6]]), np.array([[0.0], [4.0]])
 def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lugrectl.engine.adaptive.has_numba", lambda: False)
     monkeypatch.setattr(held, "has_numba", lambda: False)
-    monkeypatch.setattr(choice, "_compiled", [])
+    monkeypatch.setattr(choice, "_compiled", {})
 
 
 def swing():
@@ -105,7 +105,7 @@ def test_numba_says_the_same(monkeypatch):
     plain = simulate(blocks, t, np.sin(t))
     monkeypatch.setattr(held, "has_numba", lambda: True)
     monkeypatch.setattr(held, "FEW", 0)
-    monkeypatch.setattr(choice, "_compiled", [])
+    monkeypatch.setattr(choice, "_compiled", {})
     compiled = simulate(blocks, t, np.sin(t))
     np.testing.assert_allclose(compiled.outputs, plain.outputs, rtol=1e-9, atol=1e-12)
 
@@ -180,7 +180,7 @@ def test_parameters_stay_arguments(monkeypatch):
     )
     blocks, t = [swing(), gain], np.linspace(0, 1, 11)
     simulate(blocks, t, x0=[1.0, 0.0])
-    monkeypatch.setattr(held, "trace_net", None)
+    monkeypatch.setattr(held, "held_code", None)
     other = simulate(blocks, t, x0=[1.0, 0.0], params={"gain.k": 0.0})
     exact = [(expm(A * s) @ [1.0, 0.0])[0] for s in t]
     np.testing.assert_allclose(row(other, "y"), exact, atol=1e-6)

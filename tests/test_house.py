@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "lugrectl"
 STOREYS = [
     {"blas", "errors", "checks", "display", "outputs", "progress", "provenance", "spec"}
-    | {"arguments", "jobs"},
+    | {"arguments", "jobs", "functions", "pickling"},
     {"blocks", "model", "catalogue", "door"},
     {"loops", "engine", "linear", "record", "design", "sampling"},
     {"simulation", "results", "mixed", "blocklist", "bristles", "ensemble"},

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
@@ -40,35 +42,65 @@ def assemble(model: Model, *, levels: Sequence[str] = (), sensed: bool = False) 
         are left out otherwise.
     """
     friction = Part("", model.friction.block)
-    uses = [Part(f"{use.key}.", use.block) for use in model.effects]
-    sensors = [part for part in uses if "sensor" in part.block.acts]
-    effects = [part for part in uses if part not in sensors]
-    parts = [friction, *effects, *(sensors if sensed else ())]
-    states = ("theta", "w", *(name for part in parts for name in part.states))
-    inputs = ("u", "d", *(f"x_{name}" for name in levels))
+    uses = tuple(Part(f"{use.key}.", use.block) for use in model.effects)
+    return _Motion(friction, uses, tuple(levels), sensed).block()
 
-    def function(t: Any, *given: Any, **values: Any) -> tuple[Any, ...]:
-        signals = {"t": t, **dict(zip((*inputs, *states), given, strict=True))}
-        more = {n: signals[f"x_{n}"] for n in levels if n != "torque"}
+
+@dataclass(frozen=True)
+class _Motion:
+    """The function of :func:`assemble`."""
+
+    friction: Part
+    uses: tuple[Part, ...]
+    levels: tuple[str, ...]
+    sensed: bool
+
+    @cached_property
+    def sensors(self) -> tuple[Part, ...]:
+        return tuple(part for part in self.uses if "sensor" in part.block.acts)
+
+    @cached_property
+    def effects(self) -> tuple[Part, ...]:
+        return tuple(part for part in self.uses if part not in self.sensors)
+
+    @cached_property
+    def parts(self) -> tuple[Part, ...]:
+        return (self.friction, *self.effects, *(self.sensors if self.sensed else ()))
+
+    @cached_property
+    def states(self) -> tuple[str, ...]:
+        return ("theta", "w", *(name for part in self.parts for name in part.states))
+
+    @cached_property
+    def inputs(self) -> tuple[str, ...]:
+        return ("u", "d", *(f"x_{name}" for name in self.levels))
+
+    def __call__(self, t: Any, *given: Any, **values: Any) -> tuple[Any, ...]:
+        signals = {"t": t, **dict(zip((*self.inputs, *self.states), given, strict=True))}
+        more = {n: signals[f"x_{n}"] for n in self.levels if n != "torque"}
         rates: dict[str, tuple[Any, ...]] = {}
-        torque, values = _applied(effects, signals, values, more, rates)
-        law = friction.results(signals, values)
-        rates[""] = friction.rates(law)
-        measured = through_sensors(sensors, signals, values, rates) if sensed else ()
+        torque, values = _applied(self.effects, signals, values, more, rates)
+        law = self.friction.results(signals, values)
+        rates[""] = self.friction.rates(law)
+        measured = through_sensors(self.sensors, signals, values, rates) if self.sensed else ()
         dw = acceleration(signals["u"], law[0], torque, values["J"])
-        flat = [rate for part in parts for rate in rates[part.prefix]]
+        flat = [rate for part in self.parts for rate in rates[part.prefix]]
         return law[0], *measured, signals["w"], dw, *flat
 
-    return Block(
-        name="plant",
-        kind="plant",
-        function=function,
-        inputs=inputs,
-        outputs=("theta", "w", "F", *(("w_m", "theta_m") if sensed else ())),
-        states=states,
-        parameters={"J": J, **{k: p for part in parts for k, p in part.parameters.items()}},
-        timed=True,
-    )
+    def block(self) -> Block:
+        return Block(
+            name="plant",
+            kind="plant",
+            function=self,
+            inputs=self.inputs,
+            outputs=("theta", "w", "F", *(("w_m", "theta_m") if self.sensed else ())),
+            states=self.states,
+            parameters={
+                "J": J,
+                **{k: p for part in self.parts for k, p in part.parameters.items()},
+            },
+            timed=True,
+        )
 
 
 COMMAND, MOTOR, LOAD, LEVEL, TORQUE = range(5)
@@ -191,26 +223,37 @@ def sensor(
 
     model = as_model(of)
     uses = [Part(f"{use.key}.", use.block) for use in model.effects]
-    parts = [part for part in uses if "sensor" in part.block.acts]
-    states = tuple(name for part in parts for name in part.states)
+    parts = tuple(part for part in uses if "sensor" in part.block.acts)
+    return _system(_Sensing(parts).block(), model, name, inputs, outputs)
 
-    def function(*given: Any, **values: Any) -> tuple[Any, ...]:
-        signals = dict(zip(("t", "w", "theta", *states), given, strict=True))
+
+@dataclass(frozen=True)
+class _Sensing:
+    """The function of :func:`sensor`."""
+
+    parts: tuple[Part, ...]
+
+    @cached_property
+    def states(self) -> tuple[str, ...]:
+        return tuple(name for part in self.parts for name in part.states)
+
+    def __call__(self, *given: Any, **values: Any) -> tuple[Any, ...]:
+        signals = dict(zip(("t", "w", "theta", *self.states), given, strict=True))
         rates: dict[str, tuple[Any, ...]] = {}
-        w, theta = through_sensors(parts, signals, values, rates)
-        return w, theta, *(rate for part in parts for rate in rates[part.prefix])
+        w, theta = through_sensors(self.parts, signals, values, rates)
+        return w, theta, *(rate for part in self.parts for rate in rates[part.prefix])
 
-    made = Block(
-        name="sensor",
-        kind="sensor",
-        function=function,
-        inputs=("w", "theta"),
-        outputs=("w_m", "theta_m"),
-        states=states,
-        parameters={k: p for part in parts for k, p in part.parameters.items()},
-        timed=True,
-    )
-    return _system(made, model, name, inputs, outputs)
+    def block(self) -> Block:
+        return Block(
+            name="sensor",
+            kind="sensor",
+            function=self,
+            inputs=("w", "theta"),
+            outputs=("w_m", "theta_m"),
+            states=self.states,
+            parameters={k: p for part in self.parts for k, p in part.parameters.items()},
+            timed=True,
+        )
 
 
 def _system(

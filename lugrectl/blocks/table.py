@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import control as ct
@@ -102,20 +103,31 @@ def tabulated(
 
 
 def _table(signal: str, x: np.ndarray, rows: np.ndarray, periodic: bool) -> Block:
-    lines = [(0.5 * float(y[0] + y[-1]), corners(x, y)) for y in rows]
-    two = len(lines) == 2
+    lines = tuple((0.5 * float(y[0] + y[-1]), corners(x, y)) for y in rows)
+    return _Lines(signal, lines, periodic).block()
 
-    def function(*given: Any, scale: Any, eps: Any = EPS.value) -> Any:
-        at = np.arctan2(np.sin(given[0]), np.cos(given[0])) if periodic else given[0]
-        first, *others = (polyline(at, *line) for line in lines)
+
+@dataclass(frozen=True)
+class _Lines:
+    """The function of :func:`tabulated`: a polyline for each direction of w, or for both."""
+
+    signal: str
+    lines: tuple[tuple[float, tuple[tuple[float, float, float], ...]], ...]
+    periodic: bool
+
+    def __call__(self, *given: Any, scale: Any, eps: Any = EPS.value) -> Any:
+        at = np.arctan2(np.sin(given[0]), np.cos(given[0])) if self.periodic else given[0]
+        first, *others = (polyline(at, *line) for line in self.lines)
         if not others:
             return scale * first
         way = np.tanh(given[1] / eps)
         return scale * (0.5 * (first + others[0]) + 0.5 * (first - others[0]) * way)
 
-    inputs = (*(() if signal == "t" else (signal,)), *(("w",) if two else ()))
-    parameters = {"scale": SCALE} | ({"eps": EPS} if two else {})
-    return Block("table", "effect", function, inputs, ("d",), (), parameters, timed=signal == "t")
+    def block(self) -> Block:
+        two, timed = len(self.lines) == 2, self.signal == "t"
+        inputs = (*(() if timed else (self.signal,)), *(("w",) if two else ()))
+        parameters = {"scale": SCALE} | ({"eps": EPS} if two else {})
+        return Block("table", "effect", self, inputs, ("d",), (), parameters, timed=timed)
 
 
 def around(x: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import control as ct
@@ -62,28 +62,41 @@ def effects_torque(model: Model, *, name: str = "effects") -> ct.NonlinearIOSyst
 
 
 def _torque_block(model: Model, parts: Sequence[Part]) -> Block:
-    full, bare = assemble(model), assemble(replace(model, effects=()))
     idle = all(part.block.acts == ("torque",) and not part.block.states for part in parts)
-    first, second = len(full.states) - 2, len(bare.states) - 2
-    states = () if idle else (*full.states[2:], *(f"{s}_bare" for s in bare.states[2:]))
+    return _Resisting(assemble(model), assemble(replace(model, effects=())), idle).block()
 
-    def function(t: Any, w: Any, theta: Any, *x: Any, **values: Any) -> tuple[Any, ...]:
-        given = x if states else (0.0,) * (first + second)
-        F, _, dw, *rates = full.function(t, 0.0, 0.0, theta, w, *given[:first], **values)
+
+@dataclass(frozen=True)
+class _Resisting:
+    """What the plant ``full`` resists at u = 0 beyond the plant ``bare``, which has no effects.
+
+    ``idle``: the effects are torques without states, so that the friction is the same in both.
+    """
+
+    full: Block
+    bare: Block
+    idle: bool
+
+    def __call__(self, t: Any, w: Any, theta: Any, *x: Any, **values: Any) -> tuple[Any, ...]:
+        first, second = len(self.full.states) - 2, len(self.bare.states) - 2
+        given = (0.0,) * (first + second) if self.idle else x
+        F, _, dw, *rates = self.full(t, 0.0, 0.0, theta, w, *given[:first], **values)
         resisting = -values["J"] * dw
-        if idle:  # both contain the same friction, which cancels
+        if self.idle:  # both contain the same friction, which cancels
             return (resisting - F,)
-        own = {k: values[k] for k in bare.parameters}
-        alone, _, _, *others = bare.function(t, 0.0, 0.0, theta, w, *given[first:], **own)
+        own = {k: values[k] for k in self.bare.parameters}
+        alone, _, _, *others = self.bare(t, 0.0, 0.0, theta, w, *given[first:], **own)
         return resisting - alone, *rates, *others
 
-    return Block(
-        name="effects",
-        kind="controller",
-        function=function,
-        inputs=("w", "theta"),
-        outputs=("u",),
-        states=states,
-        parameters=full.parameters,
-        timed=True,
-    )
+    def block(self) -> Block:
+        full, bare = self.full.states[2:], self.bare.states[2:]
+        return Block(
+            name="effects",
+            kind="controller",
+            function=self,
+            inputs=("w", "theta"),
+            outputs=("u",),
+            states=() if self.idle else (*full, *(f"{s}_bare" for s in bare)),
+            parameters=self.full.parameters,
+            timed=True,
+        )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +29,11 @@ class Run:
     unsettled: float
 
 
+def chosen_backend() -> str:
+    """What runs a single system here: "numba" where it can be imported, else "python"."""
+    return "numba" if has_numba() else "python"
+
+
 class Adaptive:
     """Compiled adaptive run and outputs of a program.
 
@@ -41,9 +47,15 @@ class Adaptive:
 
     def __init__(self, program: Program, backend: str | None = None) -> None:
         self.program = program
-        self.backend = backend or ("numba" if has_numba() else "python")
+        self.backend = backend or chosen_backend()
         self._run = load(adaptive_code(program, self.backend), self.backend).run
         self._outputs = load(output_code(program), "numpy").outputs
+
+    def of(self, program: Program) -> Adaptive:
+        """The same code for a program of the same outline, which may have other defaults."""
+        made = copy(self)
+        made.program = program
+        return made
 
     def run(
         self,

@@ -19,8 +19,8 @@ from .output_code import output_code
 class Portable:
     """The generated code of an adaptive run, with its labels; always picklable.
 
-    Blocks hold closures, which cannot be pickled, and expression graphs are deep. A worker needs
-    only the code: it compiles it, or loads its machine code from the cache on disk.
+    Functions of a user may not pickle, and expression graphs are deep. A worker needs only the
+    code: it compiles it, or loads its machine code from the cache on disk.
     """
 
     name: str

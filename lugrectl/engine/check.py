@@ -11,6 +11,8 @@ import numpy as np
 from .program import Program
 from .symbolic import TraceError
 
+AGAIN = (1.0, 30.0)  # for equations that were checked at all scales before
+
 
 def check(
     program: Program,

@@ -1,99 +1,71 @@
-"""Traced and compiled systems, kept for the next call as long as the system does not change."""
+"""Compiled code, kept for the next call, and the check that it is still right."""
 
 from __future__ import annotations
 
-import weakref
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+import threading
+from collections.abc import Mapping
 from typing import Any
 
-import control as ct
-import numpy as np
-
 from ..errors import InputError
-from .adaptive import Adaptive
+from .adaptive import Adaptive, chosen_backend
+from .check import AGAIN, check
 from .graph import symbols_in
-from .trace import trace
+from .plain import described, numbers_alone
+from .program import Program
+from .trace import traced
 
+MOST = 200  # of each kind of compiled code that is kept
+ALONE = threading.RLock()  # a system holds the parameters that it is asked with
 
-@dataclass(frozen=True, eq=False)
-class _Witness:
-    """One value of a block's function; if it changes, the function has changed."""
-
-    function: Callable[..., Any]
-    question: tuple[Any, ...]
-    answer: bytes
-
-    def holds(self) -> bool:
-        return _answer(self.function, self.question) == self.answer
-
-
-@dataclass(frozen=True, eq=False)
-class _Known:
-    """A traced system and the data it was traced from."""
-
-    fingerprint: Any
-    overridden: frozenset[str]
-    engine: Adaptive
-    witnesses: list[_Witness]
-
-    def fits(self, fingerprint: Any, given: Mapping[str, Any]) -> bool:
-        """Whether only values of parameters differ, none of which was needed as a number."""
-        program = self.engine.program
-        numbers = {k for k, v in given.items() if _is_number(v)}
-        return (
-            self.fingerprint == fingerprint
-            and self.overridden <= numbers <= {*program.keys, *program.fixed}
-            and all(_token(given.get(k, v)) == _token(v) for k, v in program.fixed.items())
-        )
-
-
-_traced: weakref.WeakKeyDictionary[Any, list[_Known]] = weakref.WeakKeyDictionary()
+_traced: dict[Any, Adaptive] = {}
 
 
 def compiled(system: Any, params: Mapping[str, Any] | None = None) -> Adaptive:
-    """The compiled system; that of an earlier call if only numbers have changed."""
-    given = dict(params or {})
-    others = frozenset((k, _token(v)) for k, v in given.items() if not _is_number(v))
-    fingerprint = (_fingerprint(system), others)
-    entries = _traced.setdefault(system, [])
-    for entry in [e for e in entries if e.fits(fingerprint, given)]:
-        if all(witness.holds() for witness in entry.witnesses):
-            return entry.engine
-        entries.remove(entry)  # something that a block reads outside its parameters has changed
-    program = trace(system, params)
+    """The compiled system, as it is at this moment.
+
+    Code of an earlier call serves again where the equations are the same: the system is
+    :func:`described` as it was then, or a new trace of it gives them again. Whatever the
+    functions of a user read, they read it again.
+    """
+    with ALONE:
+        return _compiled(system, dict(params or {}))
+
+
+def _compiled(system: Any, given: Mapping[str, Any]) -> Adaptive:
+    backend, plain = chosen_backend(), None
+    system._update_params(given)
+    if numbers_alone(given):
+        plain = described(system)
+    known = (backend, frozenset(given), plain)
+    ready = None if plain is None else _traced.get(known)
+    if ready is not None:
+        return ready
+    program = traced(system, given)
+    key = (backend, program.outline())
+    before = _traced.get(key)
+    check(program, system, given, *([AGAIN] if before else []))
     _no_unknown(system, program, given)
-    engine = Adaptive(program)
-    numbers = frozenset(k for k, v in given.items() if _is_number(v))
-    entries[:] = [*entries[-7:], _Known(fingerprint, numbers, engine, _witnesses(system))]
+    engine = before.of(program) if before else Adaptive(program)
+    keep(_traced, key, engine)
+    if plain is not None and not program.fixed:
+        keep(_traced, known, engine)
     return engine
 
 
-def _witnesses(system: Any) -> list[_Witness]:
-    """A value of each function that a trace has called, at an ordinary point."""
-    if isinstance(system, ct.InterconnectedSystem):
-        return [witness for block in system.syslist for witness in _witnesses(block)]
-    random = np.random.default_rng(system.nstates + 7 * system.ninputs)
-    x, u = random.standard_normal(system.nstates), random.standard_normal(system.ninputs)
-    question = (float(random.uniform()), x, u, dict(system._current_params))
-    functions = [f for f in (system.updfcn, system.outfcn) if f is not None]
-    return [_Witness(f, question, _answer(f, question)) for f in functions]
+def keep(kept: dict[Any, Any], key: Any, value: Any) -> None:
+    """Enter a value as the youngest; the oldest go."""
+    with ALONE:
+        kept.pop(key, None)
+        kept[key] = value
+        for old in [*kept][:-MOST]:
+            del kept[old]
 
 
-def _answer(function: Callable[..., Any], question: tuple[Any, ...]) -> bytes:
-    t, x, u, params = question
-    try:
-        with np.errstate(all="ignore"):
-            return np.asarray(function(t, x.copy(), u.copy(), params), dtype=float).tobytes()
-    except Exception as error:  # an error is an answer too: only a change matters
-        return repr(error).encode()
-
-
-def _no_unknown(system: Any, program: Any, given: Mapping[str, Any]) -> None:
+def _no_unknown(system: Any, program: Program, given: Mapping[str, Any]) -> None:
     """python-control ignores a parameter that no block reads; here it is an error."""
     seen = symbols_in([*program.xdot, *program.y])
     read = {k for k, p in zip(program.keys, program.p, strict=True) if p.value in seen}
-    known = read | set(program.fixed) | _default_keys(system)
+    known = read | set(program.fixed) | default_keys(system)
     unknown = [k for k, v in given.items() if k not in known and isinstance(v, (int, float))]
     if unknown:
         raise InputError(
@@ -102,29 +74,7 @@ def _no_unknown(system: Any, program: Any, given: Mapping[str, Any]) -> None:
         )
 
 
-def _default_keys(system: Any) -> set[str]:
+def default_keys(system: Any) -> set[str]:
+    """The keys of all parameters that have a default."""
     own = set(system.params)
-    return own.union(*(_default_keys(block) for block in getattr(system, "syslist", ())))
-
-
-def _fingerprint(system: Any) -> Any:
-    """All that a trace depends on, except the values of numeric parameters."""
-    params = tuple((k, _token(v)) for k, v in system.params.items())
-    if isinstance(system, ct.InterconnectedSystem):
-        maps = (system.connect_map, system.input_map, system.output_map)
-        wiring = tuple(np.asarray(m).tobytes() for m in maps)
-        return params, wiring, tuple(_fingerprint(block) for block in system.syslist)
-    matrices = ()
-    if isinstance(system, ct.StateSpace):
-        matrices = tuple(np.asarray(m).tobytes() for m in (system.A, system.B, system.C, system.D))
-    return params, matrices, id(system.updfcn), id(system.outfcn)
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
-
-
-def _token(value: Any) -> Any:
-    if _is_number(value):
-        return float(value)
-    return value.tobytes() if isinstance(value, np.ndarray) else id(value)
+    return own.union(*(default_keys(block) for block in getattr(system, "syslist", ())))

@@ -174,6 +174,19 @@ def reachable(roots: Iterable[Node]) -> list[Node]:
     return [found[i] for i in sorted(found)]
 
 
+def outline(groups: Sequence[Sequence[Node]]) -> tuple[Any, ...]:
+    """What groups of nodes say, as a hashable value, constants to the last bit."""
+    nodes = reachable(node for group in groups for node in group)
+    place = {node.index: i for i, node in enumerate(nodes)}
+    rows = tuple(
+        (n.op, n.value if n.op == "symbol" else None, *(place[a.index] for a in n.args))
+        for n in nodes
+    )
+    constants = np.array([n.value for n in nodes if n.op == "constant"], dtype=float)
+    places = tuple(tuple(place[node.index] for node in group) for group in groups)
+    return rows, constants.tobytes(), places
+
+
 def substitute(
     roots: Sequence[Node], rule: Callable[[Node, tuple[Node, ...]], Node | None]
 ) -> list[Node]:

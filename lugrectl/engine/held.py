@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from .adaptive import Diverged
 from .held_code import held_code, signal_code
-from .hybrid import Hybrid, trace_net
+from .hybrid import Hybrid
 from .load import has_numba, load
 from .net import Net
 
@@ -66,21 +66,24 @@ class Held:
 
     Parameters
     ----------
-    net : Net
-    params : dict, optional
-        As for ``control.input_output_response``.
+    hybrid : Hybrid
+        The equations of the net, as ``trace_net`` gives them.
     backend : str or None
         "numba", "python", or None: plain Python for up to FEW grid points, because compiling
         would take much longer than running; beyond that numba, if it can be imported.
     """
 
-    def __init__(
-        self, net: Net, params: Mapping[str, Any] | None = None, backend: str | None = None
-    ) -> None:
-        self.hybrid: Hybrid = trace_net(net, params)
+    def __init__(self, hybrid: Hybrid, backend: str | None = None) -> None:
+        self.hybrid = hybrid
         self.backend, self._points = backend, 0
         self._runs: dict[str, Any] = {}
         self._signals = load(signal_code(self.hybrid), "numpy").signals
+
+    def of(self, hybrid: Hybrid) -> Held:
+        """The same code for equations of the same outline, which may have other defaults."""
+        made = copy(self)
+        made.hybrid = hybrid
+        return made
 
     def _chosen(self, points: int) -> str:
         self._points += points

@@ -12,7 +12,7 @@ from .check import check
 from .graph import Graph, Node, rename, symbols_in
 from .net import Net
 from .program import Program
-from .trace import AlgebraicLoop, _Tracer
+from .trace import AlgebraicLoop, _Tracer, single
 
 Answer = Callable[[int, Sequence[Node]], list[Node]]
 
@@ -36,15 +36,26 @@ class Hybrid:
     """Flow, tick (None: not requested) and all signals of a net; one parameter vector.
 
     The signals ``y`` depend on t, x, u and, if the net reads earlier values, on the held values
-    before the tick, ``b0``, ``b1``, ... ``checked`` holds the blocks that were compared with
-    their traces.
+    before the tick, ``b0``, ``b1``, ... ``blocks`` holds the traced blocks, each with its own
+    equations.
     """
 
     net: Net
     flow: Program
     y: tuple[Node, ...]
     tick: Tick | None
-    checked: tuple[tuple[Program, Any], ...]
+    blocks: tuple[tuple[Program, Any], ...]
+
+    def check(self, params: Mapping[str, Any] | None, *scales: Sequence[float]) -> None:
+        """Compare each block with its own equations: :func:`.check.check`."""
+        for program, block in self.blocks:
+            check(program, block, params, *scales)
+
+    def outline(self) -> tuple[Any, ...]:
+        """The equations as a hashable value: :meth:`.program.Program.outline`."""
+        names = tuple((block.name, tuple(block.state_labels)) for _, block in self.blocks)
+        tick = (self.tick.q, self.tick.g, self.tick.new_q, self.tick.new_h) if self.tick else ()
+        return self.net.wiring, names, self.flow.outline(self.y, *tick)
 
 
 def trace_net(net: Net, params: Mapping[str, Any] | None = None, *, ticks: bool = True) -> Hybrid:
@@ -53,14 +64,19 @@ def trace_net(net: Net, params: Mapping[str, Any] | None = None, *, ticks: bool 
     Raises TraceError when a function cannot be traced, AlgebraicLoop when outputs depend on
     themselves. Without ``ticks`` the sampled parts are not traced.
     """
-    checked = []
+    hybrid = traced_net(net, params, ticks=ticks)
+    hybrid.check(params)
+    return hybrid
+
+
+def traced_net(net: Net, params: Mapping[str, Any] | None = None, *, ticks: bool = True) -> Hybrid:
+    """As :func:`trace_net`, not yet checked."""
+    blocks = []
     for part in net.parts:
         part.block._update_params(params)
         if ticks or not part.sampled:
-            program = _Tracer(part.block).program()
-            check(program, part.block, params)
-            checked.append((program, part.block))
-    return _NetTracer(net).hybrid(ticks, tuple(checked))
+            blocks.append((single(part.block), part.block))
+    return _NetTracer(net).hybrid(ticks, tuple(blocks))
 
 
 class _NetTracer(_Tracer):
@@ -73,11 +89,11 @@ class _NetTracer(_Tracer):
         self.q = self._symbols("q", net.count(True))
         self.g = self._symbols("g", net.groups)
         self.u = self._symbols("u", len(net.outside) + len(net.held))
-        self.slots, self.fixed, self.values = {}, {}, {}
+        self.slots, self.fixed, self.values, self.answers = {}, {}, {}, {}
         for part in net.parts:
             self._collect(part.block)
 
-    def hybrid(self, ticks: bool, checked: tuple[tuple[Program, Any], ...]) -> Hybrid:
+    def hybrid(self, ticks: bool, blocks: tuple[tuple[Program, Any], ...]) -> Hybrid:
         inputs, outputs = self._settle(self._held_parts(), self._answer)
         xdot = [
             rate
@@ -88,7 +104,7 @@ class _NetTracer(_Tracer):
         tick = self._tick(outputs) if ticks else None
         y = self._signals_of(outputs)
         roots = [*xdot, *y, *(tick.new_q + tick.new_h if tick else ())]
-        return Hybrid(self.net, self._flow(xdot, roots), tuple(y), tick, checked)
+        return Hybrid(self.net, self._flow(xdot, roots), tuple(y), tick, blocks)
 
     def _own(self, i: int) -> Sequence[Node]:
         return (self.q if self.net.parts[i].sampled else self.x)[self.net.places[i]]

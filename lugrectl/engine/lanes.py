@@ -28,7 +28,7 @@ class Lanes:
     Parameters
     ----------
     system : control.NonlinearIOSystem
-        Block or interconnection in continuous time.
+        Block or interconnection in continuous time, traced once, as it is now.
     backend : str or None
         "c", "numba", "numpy", or None: the first one available. "c" computes several lanes at
         once if compiler, processor and library support it.

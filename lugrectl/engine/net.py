@@ -80,6 +80,12 @@ class Net:
             slices.append(slice(begin, begin + part.nstates))
         return slices
 
+    @property
+    def wiring(self) -> tuple[Any, ...]:
+        """All but the blocks themselves."""
+        parts = tuple((part.inputs, part.outputs, part.group) for part in self.parts)
+        return parts, self.outside, self.groups, self.earlier, self.name
+
     def count(self, sampled: bool) -> int:
         """The number of states of the continuous or the sampled parts."""
         return sum(part.nstates for part in self.parts if part.sampled is sampled)

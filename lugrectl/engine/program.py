@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .graph import Graph, Node, evaluate
+from .graph import Graph, Node, evaluate, outline
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +35,14 @@ class Program:
     p: tuple[Node, ...]
     xdot: tuple[Node, ...]
     y: tuple[Node, ...]
+
+    def outline(self, *more: tuple[Node, ...]) -> tuple[Any, ...]:
+        """The equations, and other nodes, as a hashable value.
+
+        Programs of the same value differ in nothing but the defaults of their parameters.
+        """
+        names = (self.name, self.states, self.inputs, self.outputs, self.parameters, self.keys)
+        return *names, outline([(self.t,), self.x, self.u, self.p, self.xdot, self.y, *more])
 
     def values(self, t: Any, x: Any, u: Any, p: Any | None = None) -> tuple[np.ndarray, np.ndarray]:
         """(xdot, y) by interpretation; x (n, ...), u (m, ...), p (q, ...) may be batches."""

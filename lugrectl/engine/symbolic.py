@@ -87,6 +87,8 @@ def apply_ufunc(ufunc: np.ufunc, method: str, inputs: Any, options: dict[str, An
     out = options.pop("out", None)
     if method != "__call__" or options:
         raise TraceError(f"np.{ufunc.__name__}.{method} with options cannot be traced")
+    if out is None and not any(isinstance(a, (np.ndarray, list, tuple)) for a in inputs):
+        return _scalar(ufunc.__name__, inputs)
     inputs = [_listed(a) for a in inputs]
     result = _elementwise(lambda *args: _scalar(ufunc.__name__, args), inputs)
     if out is not None and isinstance(out[0], np.ndarray):
@@ -95,7 +97,7 @@ def apply_ufunc(ufunc: np.ufunc, method: str, inputs: Any, options: dict[str, An
     return result
 
 
-def _scalar(name: str, args: tuple[Any, ...]) -> Any:
+def _scalar(name: str, args: Any) -> Any:
     node = next((a for a in args if isinstance(a, Symbolic)), None)
     if node is None:
         return getattr(np, name)(*args)

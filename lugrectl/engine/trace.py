@@ -47,14 +47,24 @@ def trace(system: ct.NonlinearIOSystem, params: Mapping[str, Any] | None = None)
     InputError
         For a discrete-time system.
     """
+    program = traced(system, params)
+    check(program, system, params)
+    return program
+
+
+def traced(system: ct.NonlinearIOSystem, params: Mapping[str, Any] | None = None) -> Program:
+    """As :func:`trace`, not yet checked."""
     if system.isdtime(strict=True):
         raise InputError(f"{system.name} is a discrete-time system; the engine needs dt = 0.")
     if None in (system.nstates, system.ninputs, system.noutputs):
         raise InputError(f"{system.name}: give its inputs=, outputs= and states= in ct.nlsys.")
     system._update_params(params)
-    program = _Tracer(system).program()
-    check(program, system, params)
-    return program
+    return single(system)
+
+
+def single(system: ct.NonlinearIOSystem) -> Program:
+    """As :func:`traced`, in continuous or discrete time, with the parameters that are set."""
+    return _Tracer(system).program()
 
 
 @dataclass
@@ -81,6 +91,7 @@ class _Tracer:
         self.slots: dict[tuple[str, float], _Slot] = {}
         self.fixed: dict[str, Any] = {}
         self.values: dict[int, dict[str, Any]] = {}
+        self.answers: dict[Any, list[Node]] = {}
         self._collect(system)
 
     def _symbols(self, letter: str, count: Any) -> tuple[Node, ...]:
@@ -206,7 +217,18 @@ class _Tracer:
     def _call(
         self, block: Any, function: Callable[..., Any], x: Any, u: Any, size: int
     ) -> list[Node]:
-        """One block's function on symbols; parameters needed as numbers are given as numbers."""
+        """One block's function on symbols; parameters needed as numbers are given as numbers.
+
+        Called once for each set of inputs: the passes through a system repeat the same calls.
+        """
+        asked = (id(block), id(function), size, *(n.index for n in (*x, *u)))
+        if asked not in self.answers:
+            self.answers[asked] = self._asked(block, function, x, u, size)
+        return self.answers[asked]
+
+    def _asked(
+        self, block: Any, function: Callable[..., Any], x: Any, u: Any, size: int
+    ) -> list[Node]:
         signals = signal_array(list(x)), signal_array(list(u))
         known = self.values[id(block)]
         try:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,9 @@ import numpy as np
 from ..blocks.parts import Part as Placed
 from ..blocks.parts import borrowed
 from ..blocks.plant import LEVEL, stage
+from ..engine.compiled import keep
 from ..engine.lanes import Lanes
+from ..engine.trace import traced
 from ..model import Model, Part
 from ..spec import Block, members
 from .data import Data, Log
@@ -212,13 +213,26 @@ def resisting(block: Block, log: Log, values: Values, weights: Mapping[str, Any]
     return total
 
 
-@cache
-def _engine(kind: str, name: str, inputs: tuple[str, ...]) -> Lanes:
-    """Engine of a block by itself, with its outputs followed by its states."""
-    made = members(kind)[name]
-    made = made.with_inputs(tuple(k for k in inputs if k in made.parameters))
+_engines: dict[Any, Lanes] = {}
+
+
+def _engine(block: Block) -> Lanes:
+    """Engine of a block by itself, with its outputs followed by its states.
+
+    A block of the user is traced each time: a cell that runs again declares another block, and
+    what its function reads may have changed.
+    """
+    made = members(block.kind)[block.name]
+    made = made.with_inputs(tuple(k for k in block.inputs if k in made.parameters))
     whole = replace(made, outputs=(*made.fresh, *made.states))
-    return Lanes(whole.system(), outputs=whole.outputs)
+    key: Any = (block.kind, block.name, block.inputs)
+    if not whole.is_steady():
+        key = traced(whole.system()).outline()
+    engine = _engines.get(key)
+    if engine is None:
+        engine = Lanes(whole.system(), outputs=whole.outputs)
+        keep(_engines, key, engine)
+    return engine
 
 
 def run_alone(
@@ -229,7 +243,7 @@ def run_alone(
     The log is cut into stretches that run in parallel, each with a lead-in from equilibrium. The
     step is fixed: dynamics too fast for it follow without delay (L-stable).
     """
-    engine = _engine(block.kind, block.name, block.inputs)
+    engine = _engine(block)
     many, u = len(sets), np.column_stack([signals[name] for name in block.inputs])
     keys = [name.split(".", 1)[1] for name in engine.parameters]
     p = np.array([[float(v[k]) for k in keys] for v in sets])

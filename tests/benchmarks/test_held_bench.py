@@ -37,7 +37,7 @@ def test_ten_seconds_at_1_khz(way, target, monkeypatch, record_property):
     if way == "numba":
         pytest.importorskip("numba")
     monkeypatch.setattr(held, "has_numba", lambda: way == "numba")
-    monkeypatch.setattr(choice, "_compiled", [])
+    monkeypatch.setattr(choice, "_compiled", {})
     net, t = blocks(), DT * np.arange(10_001)
     r = {"r": np.sin(2 * np.pi * t)}
     fast = lg.simulate(net, t, r)
