@@ -181,7 +181,7 @@ def judged_by(horizon: Any, seed: Any) -> tuple[float, int]:
 
 
 def reporting(progress: Any) -> Callable[[float, str], Any]:
-    """The function that is told how far the work is."""
+    """The function that gets the share of the work done and a text."""
     if progress is None:
         return lambda fraction, what: None
     if not callable(progress):

@@ -231,7 +231,7 @@ def _with_entry(model: Model, entry: Any, where: str) -> Model:
     twin = next((part for part in model.effects if _alike(part, use)), None)
     if twin is not None:
         raise InputError(
-            f"{label} stands there twice, and no record tells the two apart: keep one of them."
+            f"{label} is declared twice, and no record can distinguish the two: keep one of them."
         )
     return model.with_effect(use.block.name, use.values)
 
@@ -242,11 +242,11 @@ def _alike(one: Part, other: Part) -> bool:
     if one.block.name != other.block.name:
         return False
     own = one.block.own
-    apart = [k for k, p in own.items() if p.fitted and p.neutral is None and p.span is None]
+    differing = [k for k, p in own.items() if p.fitted and p.neutral is None and p.span is None]
     if {"input", "sensor"} & {*one.block.acts} and len(own) == 1:
-        apart = [*own]  # two lags in series are a filter of second order
-    known = all(one.values[k] is not None for k in apart)
-    return known and all(one.values[k] == other.values[k] for k in apart)
+        differing = [*own]  # two lags in series are a filter of second order
+    known = all(one.values[k] is not None for k in differing)
+    return known and all(one.values[k] == other.values[k] for k in differing)
 
 
 def _named(name: Any, known: Mapping[str, Block], where: str, what: str) -> Block:
