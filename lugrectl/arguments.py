@@ -14,7 +14,7 @@ from .checks import array, flag, positive, real, shown, within
 from .errors import InputError
 
 METHODS = ("rosenbrock", "LSODA", "BDF", "Radau", "RK45", "RK23", "DOP853")
-FINEST = 1e-14  # least rtol: below it a step cannot be told from rounding
+FINEST = 1e-14  # least rtol: below it a step cannot be distinguished from rounding
 
 
 def system(given: Any, what: str = "system") -> Any:

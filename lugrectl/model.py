@@ -272,11 +272,11 @@ def _alike(one: Part, other: Part) -> bool:
     if one.block.name != other.block.name:
         return False
     own = one.block.own
-    apart = [k for k, p in own.items() if p.fitted and p.neutral is None and p.span is None]
+    differing = [k for k, p in own.items() if p.fitted and p.neutral is None and p.span is None]
     if {"input", "sensor"} & {*one.block.acts} and len(own) == 1:
-        apart = [*own]  # two lags in series are a filter of second order
-    known = all(one.values[k] is not None for k in apart)
-    return known and all(one.values[k] == other.values[k] for k in apart)
+        differing = [*own]  # two lags in series are a filter of second order
+    known = all(one.values[k] is not None for k in differing)
+    return known and all(one.values[k] == other.values[k] for k in differing)
 
 
 def _part(name: Any, kind: str, entry: Any, where: str, what: str) -> Part:

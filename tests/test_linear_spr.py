@@ -179,7 +179,7 @@ def test_spr_of_state_space_is_exact_and_drops_hidden_modes():
         (([1j], [1, 1]), "numerator"),
         (("12", "34"), "numerator"),
         (([[1, 2]], [1, 1]), "numerator"),
-        (3.0, "float"),
+        (3.0, "T is 3.0"),
     ],
 )
 def test_transfer_functions_that_cannot_be_understood(T, word):

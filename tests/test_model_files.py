@@ -22,11 +22,11 @@ def write(folder, text):
 WRONG = [
     (HEAD + '[[effects]]\nname = ["gravity"]\n', "effect ['gravity']"),
     (HEAD + "[[effects]]\namplitude = 1.0\n", "[[effects]] needs a name"),
-    (HEAD + '[[effects]]\nname = "gravity"\n' * 2, "gravity stands there twice"),
-    (HEAD + '[[effects]]\nname = "constant_torque"\n' * 2, "constant_torque stands there twice"),
+    (HEAD + '[[effects]]\nname = "gravity"\n' * 2, "gravity is declared twice"),
+    (HEAD + '[[effects]]\nname = "constant_torque"\n' * 2, "constant_torque is declared twice"),
     (
         HEAD + '[[effects]]\nname = "torque_ripple"\nharmonic = 6.0\n' * 2,
-        "torque_ripple stands there twice",
+        "torque_ripple is declared twice",
     ),
     ('effects = ["gravity"]\n' + HEAD, "[[effects]] must be a table"),
     ("effects = 3\n" + HEAD, "effects are written [[effects]]"),

@@ -66,7 +66,9 @@ class Record(Shown):
 
     def __post_init__(self) -> None:
         for role, values in self.channels().items():
-            values = np.ascontiguousarray(array(values, f"{self.source}: {role}"))
+            if type(values) is not np.ndarray or values.dtype != np.float64:
+                values = array(values, f"{self.source}: {role}")
+            values = np.ascontiguousarray(values)
             if values.ndim != 1 or values.shape != np.shape(self.t):
                 raise InputError(f"{self.source}: {role} must be one-dimensional, as long as t.")
             if not np.isfinite(values).all():
