@@ -32,7 +32,8 @@ _HOMES = {
     "spr_check spr_repair velocity_T velocity_loop_tf",
     "loops": "position_loop velocity_loop",
     "mixed": "simulate_sampled",
-    "model": "Model Parameters read_model table1 write_model",
+    "model": "Model Parameters table1",
+    "model_file": "read_model write_model",
     "record": "Record read_record",
     "results": "Diagnosis Table",
     "sampling": "sampled",
@@ -109,7 +110,8 @@ if TYPE_CHECKING:
     )
     from .loops import position_loop, velocity_loop  # noqa: F401
     from .mixed import simulate_sampled  # noqa: F401
-    from .model import Model, Parameters, read_model, table1, write_model  # noqa: F401
+    from .model import Model, Parameters, table1  # noqa: F401
+    from .model_file import read_model, write_model  # noqa: F401
     from .record import Record, read_record  # noqa: F401
     from .results import Diagnosis, Table  # noqa: F401
     from .sampling import sampled  # noqa: F401

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 from .checks import positive, shown, whole
 from .errors import InputError
-from .model import Model, Parameters, Part, model_from_dict, read_model
+from .model import Model, Parameters, Part, model_from_dict
+from .model_file import read_model
 from .spec import members
 
 if TYPE_CHECKING:

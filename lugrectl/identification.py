@@ -32,9 +32,9 @@ class Identification(Fitted):
     record: Record
     messages: tuple[str, ...]
     declared: Model | None = None
-    provenance: Provenance | None = None
     traces: Traces | None = None
     map: FrictionMap | None = None
+    provenance: Provenance | None = None
     verdict: ClassVar[str] = "identified"  # for reports and plots: nothing was added
     effects: ClassVar[tuple[()]] = ()
     depends_on: ClassVar[tuple[()]] = ()

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import difflib
 import math
-import re
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -16,7 +13,7 @@ from .blocks import effects as _effects  # noqa: F401  fills the registry
 from .blocks import friction as _friction  # noqa: F401
 from .blocks.friction import J as J_DECLARATION
 from .blocks.names import block_named
-from .checks import TINY, as_path, real, shown
+from .checks import TINY, real, shown
 from .display import Row, Shown
 from .errors import InputError
 from .provenance import SourceFile
@@ -328,81 +325,3 @@ def _text(value: Any, where: str) -> str:
     if not isinstance(value, str):
         raise InputError(f"{where} must be a text, not {shown(value)}.")
     return value
-
-
-def read_model(path: str | Path) -> Model:
-    """Read a model file (TOML, section 4 of the format description in the README).
-
-    Raises
-    ------
-    InputError
-        When the file is missing, is not TOML, or holds an unknown key or a wrong value.
-    """
-    path = as_path(path, "the model file")
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such model file.") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as a text file in UTF-8 ({error}).") from None
-    except (ValueError, RecursionError) as error:  # more than what TOMLDecodeError covers
-        raise InputError(f"{path}: not a TOML file: {error}.") from None
-    model = model_from_dict(data, str(path))
-    object.__setattr__(model, "file", SourceFile.of(path))
-    return model
-
-
-def write_model(model: Model, path: str | Path) -> None:
-    """Write a model as the TOML file that :func:`read_model` reads.
-
-    Raises
-    ------
-    InputError
-        When the file cannot be written, or the model holds what a file cannot: a value that is
-        no number or outside its bounds, half of a surrogate pair in its name.
-    """
-    from .door import as_model
-
-    model, path = as_model(model), as_path(path, "path")
-    text = model_toml(model)
-    model_from_dict(tomllib.loads(text), f"model {model.name}")
-    try:
-        path.write_bytes(text.encode())
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror or error}.") from None
-
-
-def model_toml(model: Model) -> str:
-    """The model file's text, with the unit of each value as a comment."""
-    data, lines = model.to_dict(), []
-    lines += [f"name = {_quoted(data['name'])}", f'motion = "{data["motion"]}"', "", "[plant]"]
-    lines += _rows(data["plant"], "", model)
-    lines += ["", "[friction]", f"model = {_quoted(data['friction'].pop('model'))}"]
-    lines += _rows(data["friction"], "", model)
-    for part, entry in zip(model.effects, data["effects"], strict=True):
-        lines += ["", "[[effects]]", f"name = {_quoted(entry.pop('name'))}"]
-        lines += _rows(entry, f"{part.key}.", model)
-    return "\n".join(lines) + "\n"
-
-
-def _rows(values: Mapping[str, float], prefix: str, model: Model) -> list[str]:
-    units = {k: "".join(c for c in model.unit(prefix + k) if c.isprintable()) for k in values}
-    return [f"{_key(k)} = {float(v)!r}  # {units[k]}" for k, v in values.items()]
-
-
-def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _quoted(name)
-
-
-def _quoted(text: str) -> str:
-    """A TOML string; quotes, backslashes and control characters are escaped.
-
-    InputError for half of a surrogate pair, which no TOML file can hold.
-    """
-    if half := re.search("[\ud800-\udfff]", text):
-        raise InputError(
-            f"the name {ascii(text)} holds half of a surrogate pair, {ascii(half[0])}, which no "
-            "TOML file can hold: give it another name."
-        )
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + re.sub(r"[\x00-\x1f\x7f]", lambda c: f"\\u{ord(c[0]):04x}", escaped) + '"'

@@ -60,8 +60,8 @@ class Result(Shown):
 
 
 class Parameter(NamedTuple):
-    """A fitted value and its 95 % interval (None where it cannot be told) in ``unit``;
-    ``declared`` is what the model file gave, None where it gave none."""
+    """A fitted value and its 95 % interval (None if it cannot be determined) in ``unit``;
+    ``declared`` is the value in the model file, None if it gives none."""
 
     name: str
     value: float

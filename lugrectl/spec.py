@@ -200,6 +200,8 @@ class Block(Shown):
         """
         import control as ct
 
+        from . import control_pickling  # noqa: F401  so that the block and its loops pickle
+
         self.check(values)
         name = one_name(self.name if name is None else name)
         functions = {k: v for k, v in values.items() if callable(v)}

@@ -163,7 +163,7 @@ def test_plan():
     assert len(one) == 2 * 2 * len(CATALOGUE) and len(made) - len(one) == 4
     assert len({t.key for t in made}) == len(made)
     every = len(STRANGERS)
-    made = bench.planned(bench.parser().parse_args(["--strangers", str(every), "--pairs", "9"]))
+    made = bench.planned(bench.parser().parse_args(["--unknown", str(every), "--pairs", "9"]))
     assert [t.kind for t in made] == ["stranger"] * every + ["pair"] * 9
     assert {t.names[0] for t in made[:every]} == set(STRANGERS)
     assert all(plan.together(*t.names) for t in made[every:])

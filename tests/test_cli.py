@@ -15,7 +15,8 @@ import pytest
 from lugrectl.cli import commands, main
 from lugrectl.cli.progress import Bar
 from lugrectl.errors import InputError, Refused
-from lugrectl.model import Model, read_model, table1, write_model
+from lugrectl.model import Model, table1
+from lugrectl.model_file import read_model, write_model
 from lugrectl.results import Candidate, Diagnosis, Estimate, Finding
 
 MODEL = Model.of(table1())

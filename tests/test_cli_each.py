@@ -9,7 +9,8 @@ import pytest
 from lugrectl.cli import each, main
 from lugrectl.cli.progress import Bar
 from lugrectl.errors import InputError
-from lugrectl.model import Model, table1, write_model
+from lugrectl.model import Model, table1
+from lugrectl.model_file import write_model
 from lugrectl.report import FILES, fleet_page
 
 from .logs import csv as log

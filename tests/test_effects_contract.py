@@ -7,7 +7,8 @@ import pytest
 import lugrectl as lg
 from lugrectl.blocks.plant import assemble
 from lugrectl.engine import adaptive
-from lugrectl.model import model_from_dict, read_model, write_model
+from lugrectl.model import model_from_dict
+from lugrectl.model_file import read_model, write_model
 
 from .drives import EFFECTS, LAWS, arguments, law_for, log, model_of, own, plant_of, strong
 

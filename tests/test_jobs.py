@@ -127,7 +127,7 @@ def test_a_shut_down_executor_is_reported_for_each_job() -> None:
 
 
 def test_wrong_usage() -> None:
-    with pytest.raises(InputError, match=">= 1"):
+    with pytest.raises(InputError, match="jobs must be a whole number"):
         run_jobs(float, [], jobs=0)
     with pytest.raises(InputError, match="sent to another process"):
         run_jobs(lambda x: x, [1], jobs=2)

@@ -20,7 +20,7 @@ def write(folder, text):
 
 
 WRONG = [
-    (HEAD + '[[effects]]\nname = ["gravity"]\n', "effect ['gravity']"),
+    (HEAD + '[[effects]]\nname = ["gravity"]\n', "no effect named ['gravity']"),
     (HEAD + "[[effects]]\namplitude = 1.0\n", "[[effects]] needs a name"),
     (HEAD + '[[effects]]\nname = "gravity"\n' * 2, "gravity is declared twice"),
     (HEAD + '[[effects]]\nname = "constant_torque"\n' * 2, "constant_torque is declared twice"),
@@ -29,12 +29,12 @@ WRONG = [
         "torque_ripple is declared twice",
     ),
     ('effects = ["gravity"]\n' + HEAD, "[[effects]] must be a table"),
-    ("effects = 3\n" + HEAD, "effects are written [[effects]]"),
+    ("effects = 3\n" + HEAD, "write [[effects]] above each effect"),
     ("plant = 3\n", "plant must be a table"),
     ('name = ["a"]\n' + HEAD, "name must be a text"),
     ("motion = []\n" + HEAD, "motion must be"),
-    ("[plant]\n[friction]\nmodel = {a = 1}\n", "friction model {'a': 1}"),
-    ('[plant]\n[friction]\nmodel = ["lugre"]\n', "friction model ['lugre']"),
+    ("[plant]\n[friction]\nmodel = {a = 1}\n", "no friction model named {'a': 1}"),
+    ('[plant]\n[friction]\nmodel = ["lugre"]\n', "no friction model named ['lugre']"),
     (f"[plant]\nJ = 1{'0' * 400}\n", "J must be a finite number"),
     (f"[plant]\nJ = 1{'0' * 5000}\n", "not a TOML file"),
     ("[plant]\nJ = [0.1]\n", "J must be a finite number"),

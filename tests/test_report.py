@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from lugrectl import report
 from lugrectl.errors import InputError
 from lugrectl.identification import Identification
-from lugrectl.model import Model, read_model, table1
+from lugrectl.model import Model, table1
+from lugrectl.model_file import read_model
 from lugrectl.report import atomic, plot, wording
 from lugrectl.results import VERDICTS, Estimate
 

@@ -14,7 +14,7 @@ from lugrectl import report
 from lugrectl.errors import InputError
 from lugrectl.fleet import Outcome
 from lugrectl.identification import Identification
-from lugrectl.model import read_model
+from lugrectl.model_file import read_model
 from lugrectl.outputs import ParameterTable
 from lugrectl.results import Estimate
 

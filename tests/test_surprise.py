@@ -138,7 +138,7 @@ def test_dropping_them_is_said_and_leaves_what_they_explained(monkeypatch):
     dropped = diagnose(record_of(case), model_of(case))
     assert dropped.verdict == "unexplained" and not dropped.effects
     assert dropped.depends_on[0] == "theta"
-    assert any("torque_ripple" in m and "dropped" in m for m in dropped.messages)
+    assert any("torque_ripple" in m and "removed" in m for m in dropped.messages)
 
 
 def test_what_happens_before_the_first_window_is_said():

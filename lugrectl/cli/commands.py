@@ -100,7 +100,7 @@ def reproduce(a: Namespace) -> int:
 
 
 def _main_job(work: Any, a: Namespace) -> int:
-    from ..model import read_model
+    from ..model_file import read_model
     from ..report import check_folder, text, write
 
     model = read_model(a.model)

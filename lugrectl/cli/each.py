@@ -23,7 +23,7 @@ INTERRUPTED, UNEXPECTED = 130, 70
 def each(a: Namespace) -> int:
     """Diagnose, print and write; the exit code is the highest of the logs'."""
     from ..fleet import run_each
-    from ..model import read_model
+    from ..model_file import read_model
     from ..record import parse_pairs
     from ..report import content
     from ..workers import record_files

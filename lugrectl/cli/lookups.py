@@ -53,7 +53,8 @@ def check(a: Namespace) -> int:
 
 def _parameters(a: Namespace) -> tuple[Any, str]:
     """An object with the parameters that a check needs, and the model's name."""
-    from ..model import read_model, table1
+    from ..model import table1
+    from ..model_file import read_model
 
     if a.model is None:
         return table1(), "Table 1"

@@ -8,7 +8,7 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from ..pickling import own_functions
+from ..control_pickling import own_functions
 from .check import AGAIN, check
 from .trace import single
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from ..display import grid_text as _grid_text
 from ..errors import InputError
-from ..model import model_toml
+from ..model_file import model_toml
 from .atomic import nearest, write_together
 from .page import fragment, html
 from .wording import Section, headline, sections

@@ -6,7 +6,7 @@ import html as markup
 from typing import Any
 
 from ..display import grid_html as _grid_html
-from ..model import model_toml
+from ..model_file import model_toml
 from .wording import Section, headline, sections
 
 _STYLE = """

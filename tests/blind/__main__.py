@@ -29,7 +29,9 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--strength", choices=[*STRENGTHS, "both"], default="both")
     p.add_argument("--seeds", type=seeds, default=range(50000, 50004), help="A:B or one number")
     p.add_argument("--none", type=int, help="records with nothing missing")
-    p.add_argument("--strangers", type=int, help="records with an effect outside the catalogue")
+    p.add_argument(
+        "--unknown", dest="strangers", type=int, help="records with an effect outside the catalogue"
+    )
     p.add_argument("--pairs", type=int, help="records with two effects")
     p.add_argument("--hard", type=float, default=0.0, help="share of records with a difficulty")
     p.add_argument("--exported", type=float, default=0.0, help="share of records in other forms")
