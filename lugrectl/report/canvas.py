@@ -61,7 +61,7 @@ def on_pyplot(panels: list[Callable[[Axes], Any]], columns: int = 1) -> list[Axe
     # Outside the style: the first figure loads the backend, whose settings must stay.
     figure = plt.figure(figsize=size, layout="constrained")
     try:
-        with _style():
+        with style():
             axes = [figure.add_subplot(rows, columns, i + 1) for i in range(len(panels))]
             for panel, ax in zip(panels, axes, strict=True):
                 panel(ax)
@@ -76,7 +76,7 @@ def inline_svg(panel: Callable[[Axes], Any], name: str) -> str:
     from matplotlib.figure import Figure
 
     file = io.StringIO()
-    with _style():
+    with style():
         figure = Figure(figsize=SIZE, layout="constrained", dpi=100)
         panel(figure.subplots())
         figure.savefig(file, format="svg", dpi=160)
@@ -88,7 +88,8 @@ def inline_svg(panel: Callable[[Axes], Any], name: str) -> str:
     return svg.replace("<svg ", f'<svg role="img" aria-label="{name}" ', 1).strip()
 
 
-def _style() -> Any:
+def style() -> Any:
+    """The style of all plots, as a context."""
     import matplotlib
 
     return matplotlib.rc_context(_RC)

@@ -2,8 +2,10 @@
 
 Between ``<!-- figures:right -->`` and ``<!-- end -->`` stands how often a diagnosis is right, by
 the newest ``notebooks/results/blind-*.jsonl``; between ``<!-- figures:speed -->`` and
-``<!-- end -->`` how long things take, by ``notebooks/results/speed.json``. ``--check`` writes
-nothing and fails where README says something else; ``--picture`` draws ``notebooks/demo.png``.
+``<!-- end -->`` how long things take, by ``notebooks/results/speed.json``; between
+``<!-- figures:demo -->`` and ``<!-- end -->`` what the demo prints, by
+``notebooks/results/demo.txt``, which ``--picture`` writes when it draws ``notebooks/demo.png``.
+``--check`` writes nothing and fails where README says something else.
 """
 
 from __future__ import annotations
@@ -35,8 +37,8 @@ def right() -> str:
     lines, known = read(path), json.loads((RESULTS / "about.json").read_text())
     seeds = [x["seed"] for x in lines]
     said = (
-        f"{len(lines)} records that no threshold was set on (seeds {min(seeds)} to {max(seeds)}), "
-        f"{max(x['at'] for x in lines)[:10]}, commit {known[path.name]['commit']}."
+        f"{len(lines)} records of an independent simulator, seeds {min(seeds)} to {max(seeds)} "
+        f"(new), {max(x['at'] for x in lines)[:10]}, commit {known[path.name]['commit']}."
     )
     return f"{table(('what is hidden', 'right'), front.rows(lines))}\n\n{said}\n"
 
@@ -70,10 +72,23 @@ def spread(seconds: Sequence[float]) -> str:
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """A Markdown table of text, to the left."""
     lines = [head, [":---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    return "\n".join(f"|{'|'.join(line)}|" for line in lines)
 
 
-BLOCKS: dict[str, Callable[[], str]] = {"right": right, "speed": speed}
+def demo() -> str:
+    """What the demo prints: verdict, effect and errors."""
+    return f"```\n{(RESULTS / 'demo.txt').read_text()}```\n"
+
+
+def shown(report: str) -> str:
+    """What README has room for: the verdict, the effect and the table of errors."""
+    verdict, effect = (part for part in report.split("\n\n")[:2])
+    errors = report.split("Error before and after")[1].split("\n\n")[0]
+    rows = [line for line in errors.splitlines() if line.startswith(("  RMS", "  w, r", "  torque"))]
+    return "\n\n".join([verdict, effect, "\n".join(["Error before and after", *rows])]) + "\n"
+
+
+BLOCKS: dict[str, Callable[[], str]] = {"demo": demo, "right": right, "speed": speed}
 
 
 def filled(text: str, blocks: dict[str, str]) -> str:
@@ -86,24 +101,25 @@ def marks(text: str) -> list[str]:
     return [m[2] for m in BLOCK.finditer(text)]
 
 
-def picture(path: Path) -> None:
-    """Before and after, residual torque and ranking of the demo's diagnosis."""
+def picture(path: Path) -> str:
+    """Before and after, residual torque and ranking of the demo's diagnosis; returns its text."""
     from importlib.resources import files
 
+    from matplotlib.figure import Figure
+
     import lugrectl as lg
-    from lugrectl.report import plot
+    from lugrectl.report import canvas, plot
 
     demo = files("lugrectl") / "demo"
-    found = lg.diagnose(
-        lg.read_record(str(demo / "record.csv")), lg.read_model(str(demo / "model.toml"))
-    )
-    with plot._style():
-        figure = plot._new(12.4, 6.8)
+    found = lg.diagnose(str(demo / "record.csv"), str(demo / "model.toml"))
+    with canvas.style():
+        figure = Figure(figsize=(12.4, 6.8), layout="constrained")
         grid = figure.add_gridspec(2, 2)
         plot.motion(found, figure.add_subplot(grid[0, :]))
         plot.torque(found, figure.add_subplot(grid[1, 0]))
         plot.ranking(found, figure.add_subplot(grid[1, 1]))
         figure.savefig(path, dpi=80, metadata={"Software": None})
+    return str(found)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -112,7 +128,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     p.add_argument("--picture", action="store_true", help="draw notebooks/demo.png instead")
     args = p.parse_args(argv)
     if args.picture:
-        picture(ROOT / "notebooks" / "demo.png")
+        text = picture(ROOT / "notebooks" / "demo.png")
+        (RESULTS / "demo.txt").write_text(shown(text))
         return 0
     text = README.read_text()
     missing = sorted(set(BLOCKS) - set(marks(text)))
