@@ -50,6 +50,8 @@ def apart(zeros, case):
     return np.abs(np.angle(np.exp(1j * order * np.array(moved))))
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_runs_are_moved_until_a_ripple_agrees(rippling):
     case, _, job = rippling
     data = agreeing(job.base, job.parts.test)
@@ -61,6 +63,7 @@ def test_runs_are_moved_until_a_ripple_agrees(rippling):
         np.testing.assert_allclose(data.log.theta[own] - job.data.log.theta[own], zero)
 
 
+@pytest.mark.slow
 def test_runs_that_agree_stay():
     case, records = cases("torque_ripple", 3, ("offset", "temperature"))
     job = begun(case, records)
@@ -68,6 +71,7 @@ def test_runs_that_agree_stay():
     assert data is None or np.all(apart(data.zeros, case) < 0.05)
 
 
+@pytest.mark.slow
 def test_theta_is_what_a_declared_effect_says(rippling):
     case, records, _ = rippling
     gravity = {"name": "gravity", "amplitude": 0.5, "phase": 0.0}

@@ -39,6 +39,8 @@ def close(result, case):
 
 
 @pytest.mark.parametrize("name", ["coulomb_asymmetry", "input_delay", "periodic_disturbance"])
+@pytest.mark.slow
+@pytest.mark.sample
 def test_a_hidden_effect_is_named(name):
     case = make(name, machine="joint", excitation="rich", seed=4001, **SHORT)
     result, names = verdict(case)
@@ -55,6 +57,7 @@ def test_nothing_missing_is_adequate(seed):
     assert verdict(case)[0].verdict == "adequate"
 
 
+@pytest.mark.slow
 def test_position_only():
     case = make("torque_ripple", machine="servo", excitation="rich", seed=4004,
                 position_only=True, **SHORT)  # fmt: skip

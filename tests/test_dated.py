@@ -59,12 +59,14 @@ def test_a_move_between_samples_keeps_the_swings(record, case):
 
 
 @pytest.mark.parametrize("samples", [0.0, 0.2, 0.5, 1.0])
+@pytest.mark.slow
 def test_what_a_log_holds_of_the_torque_is_found(record, case, samples):
     job = started(replace(record, u=before(record.u, samples)), case)
     assert job.data.ahead / job.data.dt == pytest.approx(samples, abs=0.05)
     assert job.base.values["J"] == pytest.approx(case.truth["plant"]["J"], rel=0.01)
 
 
+@pytest.mark.slow
 def test_half_a_sample_is_no_missing_effect(record, case):
     result = diagnose(replace(record, u=before(record.u, 0.5)), model_of(case))
     assert result.verdict == "adequate" and any("lags the motion" in m for m in result.messages)

@@ -321,6 +321,7 @@ def test_too_little_motion(model):
     refused(driven(speed), model, "too short: the drive moves for")
 
 
+@pytest.mark.slow
 def test_an_inertia_that_does_not_show(model):
     slow = driven(2.0 * np.sin(0.7 * T), J=2e-4, torque_noise=0.1)
     (remark,) = looked_over(slow, model.with_values({"J": 2e-4}))

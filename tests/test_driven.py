@@ -34,6 +34,7 @@ def loose(base: Fitted) -> Fitted:
 @pytest.mark.parametrize(
     "seed", [4201, *(pytest.param(s, marks=pytest.mark.slow) for s in (4202, 4203))]
 )
+@pytest.mark.sample
 def test_the_load_behind_a_gap_from_nothing(seed):
     case = make("backlash", seed=seed, **DRIVE)
     loads = driven(loose(base_of(case)), "backlash")

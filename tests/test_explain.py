@@ -86,6 +86,8 @@ def test_backlash_without_a_gap_is_an_elastic_coupling(gap, same):
     assert not _comes_to(simple, other)
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_two_effects_are_not_a_late_torque():
     """With one of the two alone, half a sample explains much; the other explains more."""
     case = case_of(Task("pair", ("viscous_asymmetry", "thermal_drift"), "normal", 127702))
@@ -137,6 +139,7 @@ def test_likely_is_what_was_named_and_what_came_near_it_at_first():
     assert likely(SimpleNamespace(ranking=[], steps=[])) == ()
 
 
+@pytest.mark.slow
 def test_the_search_is_over_with_a_fit_that_leaves_nothing(monkeypatch):
     """The plant as it was believed to be is another start where something is left only."""
     asked = []

@@ -208,6 +208,8 @@ def test_files_of_many_rates_from_the_command_line(tmp_path, capsys):
 @pytest.mark.skipif(not SCREW.exists(), reason="the measured records are not here")
 @pytest.mark.parametrize("law, names", [("coulomb", ["constant_torque", "stribeck"]),
                                         ("lugre", ["constant_torque"])])  # fmt: skip
+@pytest.mark.slow
+@pytest.mark.sample
 def test_the_screw_drive_carries_its_load(law, names):
     """32 files of five rates; 0.096 kg on a lead of 2 mm, lifted against the nut's friction."""
     scale = {"u": 0.01 * NOMINAL}

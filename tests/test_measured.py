@@ -28,6 +28,8 @@ def bench(number):
 
 
 @pytest.mark.parametrize("number", EXPECTED)
+@pytest.mark.slow
+@pytest.mark.sample
 def test_bench(number):
     result, truth = bench(number)
     assert (result.verdict, [f.name for f in result.effects]) == EXPECTED[number]
@@ -38,6 +40,8 @@ def test_bench(number):
             assert found.ci95[0] <= value <= found.ci95[1]
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_bench_stranger():
     result, _ = bench("08")
     assert result.verdict == "unexplained" and "theta" in result.depends_on

@@ -97,6 +97,7 @@ def test_an_inertia_that_a_regression_makes_negative_is_found():
     assert result.estimates["J"].value == pytest.approx(case.truth["plant"]["J"], rel=1e-2)
 
 
+@pytest.mark.slow
 def test_values_left_open_are_sought_on_a_whole_grid():
     """A spindle that stops and starts: from where the coarse search began, vs ended at half."""
     case = sample("none", 136289, hard=True)
@@ -123,6 +124,7 @@ def test_what_sensors_and_stamps_do_is_no_missing_effect(tmp_path, hard, seed, f
 
 
 @pytest.mark.parametrize("hard, seed", [("", 138118), ("dropped samples", 136239)])
+@pytest.mark.slow
 def test_rounding_and_filled_samples_are_no_torque(tmp_path, hard, seed):
     """A spindle that creeps over its encoder's counts; an axis that rests, on a spline."""
     case = case_of(Task("none", (), "normal", seed, hard=bool(hard)))
@@ -332,6 +334,8 @@ def test_a_dwell_is_not_lost_for_what_a_run_starts_with(tmp_path):
     assert [e.name for e in result.effects] == ["dwell_stiction"] and result.verdict == "found"
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_a_smoothed_speed_of_a_fast_log_is_no_sensor(tmp_path):
     """Its few counts in a sample are coherent with the position to 0.9 at most."""
     task = Task("effect", ("hard_stop",), "normal", 149000, hard=True, form="w smoothed")

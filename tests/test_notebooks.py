@@ -55,6 +55,8 @@ def test_a_page_asserts_nothing(path):
 
 @pytest.mark.filterwarnings("ignore")
 @each
+@pytest.mark.slow
+@pytest.mark.sample
 def test_a_page_runs_again(path):
     cells = [c for c in notebooks.executed(path).cells if c.cell_type == "code"]
     assert [c.execution_count for c in cells] == list(range(1, len(cells) + 1))

@@ -124,6 +124,8 @@ def test_the_noise_of_a_filtered_speed_is_no_missing_effect(case, record):
     assert diagnose(replace(record, theta=None, w=w), model_of(case)).verdict == "adequate"
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_a_late_speed_tells_its_filter(case, record):
     late = differentiated(record, behind)
     tau = 1.0 / (2.0 * np.pi * 20.0) + 0.5 * record.dt  # a difference is half a sample late
@@ -139,6 +141,7 @@ def test_a_late_speed_tells_its_filter(case, record):
     assert result.error["augmented"] < 0.5 * result.error["refitted"]
 
 
+@pytest.mark.slow
 def test_the_noise_of_an_encoder_is_no_missing_effect(case, record):
     repeated = differentiated(record, lambda w, dt: w)
     result = diagnose(repeated, model_of(case))

@@ -44,6 +44,8 @@ def test_they_are_not_called_a_missing_effect(runs):
     assert diagnose([first, offset], model).verdict == "adequate"
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_a_run_that_is_held_out_may_differ_too(runs):
     """What is its own is said, and is no torque that only held-out samples show."""
     first, second, model = runs

@@ -95,6 +95,8 @@ def test_a_cable_that_drags_is_a_function_of_the_way(plain):
     assert max(d.share for d in sliding.dependences if d is not best and "t" not in d.signals) < 0.5
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_a_torque_beneath_the_noise_is_told_where_it_is_certain(whole):
     """Bumps that a spindle runs over in less than a sample: a third of what is missing."""
     case = sample("torque_bumps", 127306)
@@ -141,6 +143,7 @@ def test_what_lasts_is_not_a_matter_of_moments(plain):
         assert while_sliding(refitted(plain, torque), everywhere=True).of_moments() is None
 
 
+@pytest.mark.slow
 def test_friction_that_wanders_hangs_on_time_and_direction(plain, whole):
     fading = while_sliding(refitted(plain, wandering), everywhere=True).of_fading()
     assert fading is not None and fading.signals == ("t", "w") and fading.share > 0.8

@@ -47,6 +47,7 @@ def test_a_creep_of_the_users_own_and_one_that_is_small_stay():
     assert holding(lugre, data) is lugre
 
 
+@pytest.mark.slow
 def test_a_slow_axis_that_rests_lacks_the_stribeck_effect_and_nothing_else():
     """With a creep of 0.1 mm/s the fit needed 34 times the true stiction to hold the axis."""
     made, _, model = case("stribeck", 99010)

@@ -52,6 +52,7 @@ def bumpy():
         pytest.param(1.0, -1.0, marks=pytest.mark.slow),
     ],
 )
+@pytest.mark.sample
 def test_a_ripple_is_found_in_any_units(bumpy, torque, length):
     case = in_units(bumpy, torque, length)
     result = diagnose(record_of(case), model_of(case))

@@ -82,9 +82,11 @@ def demo() -> str:
 
 def shown(report: str) -> str:
     """What README has room for: the verdict, the effect and the table of errors."""
-    verdict, effect = (part for part in report.split("\n\n")[:2])
+    verdict, effect = report.split("\n\n")[:2]
     errors = report.split("Error before and after")[1].split("\n\n")[0]
-    rows = [line for line in errors.splitlines() if line.startswith(("  RMS", "  w, r", "  torque"))]
+    rows = [
+        line for line in errors.splitlines() if line.startswith(("  RMS", "  w, r", "  torque"))
+    ]
     return "\n\n".join([verdict, effect, "\n".join(["Error before and after", *rows])]) + "\n"
 
 
