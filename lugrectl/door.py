@@ -150,14 +150,14 @@ def as_holdout(
         raise InputError(f"holdout must be None, 'last', {FORMS}, not {shown(given)}.")
     made = as_record(given, motion, "holdout")
     every = records if isinstance(records, Sequence) else [records]
-    if any(_same(made, record) for record in every):
+    if any(same_samples(made, record) for record in every):
         raise InputError(
             "holdout holds the same samples as a record to fit to: give a run of its own or 'last'."
         )
     return made
 
 
-def _same(one: Record, other: Record) -> bool:
+def same_samples(one: Record, other: Record) -> bool:
     """Whether two records have the same samples of torque and motion."""
     if one is other:
         return True

@@ -27,6 +27,7 @@ from .display import Row, Shown
 from .errors import InputError
 from .functions import Outputs, Rates, WithInputs, is_steady
 from .pickling import carried, declared, from_fields, rebuilt
+from .unit_names import unit_for as unit_for
 
 if TYPE_CHECKING:  # slow to import, and the catalogue does without it
     import control as ct
@@ -394,23 +395,3 @@ def _known(kind: str, home: str) -> dict[str, Block]:
     ours = home.startswith(f"{__package__}.")
     known = REGISTRY if ours else registered()
     return {name: made for (of, name), made in known.items() if of == kind}
-
-
-_LINEAR = {
-    "N m": "N",
-    "N m/rad": "N/m",
-    "N m s/rad": "N s/m",
-    "N m/(rad s)": "N/(m s)",
-    "N m s2/rad2": "N s2/m2",
-    "N m (s/rad)^n": "N (s/m)^n",
-    "N m (s/rad)^mu": "N (s/m)^mu",
-    "rad/s": "m/s",
-    "rad": "m",
-    "kg m2": "kg",
-    "1/rev": "rad/m",
-}
-
-
-def unit_for(unit: str, motion: str = "rotary") -> str:
-    """The unit's name on a rotary or a linear drive."""
-    return _LINEAR.get(unit, unit) if motion == "linear" else unit

@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "lugrectl"
 STOREYS = [
     {"blas", "errors", "checks", "display", "outputs", "progress", "provenance", "spec"}
-    | {"arguments", "jobs", "functions", "pickling", "control_pickling"},
+    | {"arguments", "jobs", "functions", "pickling", "control_pickling", "unit_names"},
     {"blocks", "model", "model_file", "catalogue", "door"},
     {"loops", "engine", "linear", "record", "design", "sampling"},
     {"simulation", "results", "mixed", "blocklist", "bristles", "ensemble"},
@@ -109,7 +109,7 @@ def test_top_level_holds_what_it_should():
 
 def test_rooms_are_not_crowded():
     for path in [*PACKAGE.rglob("*.py"), *(ROOT / "tests").rglob("*.py")]:
-        assert len(path.read_text().splitlines()) <= 450, path
+        assert len(path.read_text().splitlines()) <= 400, path
 
 
 @pytest.mark.parametrize("arguments", [["check"], ["format", "--check"]])

@@ -1,0 +1,22 @@
+"""Names of units on rotary and on linear drives."""
+
+from __future__ import annotations
+
+_LINEAR = {
+    "N m": "N",
+    "N m/rad": "N/m",
+    "N m s/rad": "N s/m",
+    "N m/(rad s)": "N/(m s)",
+    "N m s2/rad2": "N s2/m2",
+    "N m (s/rad)^n": "N (s/m)^n",
+    "N m (s/rad)^mu": "N (s/m)^mu",
+    "rad/s": "m/s",
+    "rad": "m",
+    "kg m2": "kg",
+    "1/rev": "rad/m",
+}
+
+
+def unit_for(unit: str, motion: str = "rotary") -> str:
+    """The unit's name on a rotary or a linear drive."""
+    return _LINEAR.get(unit, unit) if motion == "linear" else unit
