@@ -23,11 +23,11 @@ _HOMES = {
     "catalogue": "controllers effects laws observers",
     "compensating": "Compensation compensate",
     "design": "Certificate Design PAPER certify design_gains excitation natural_decay",
-    "diagnosis": "diagnose",
+    "diagnosis.diagnose": "diagnose",
     "ensemble": "Sweep sweep sweep_chunks",
     "errors": "InputError Refused",
     "fleet": "Fleet diagnose_each",
-    "identification": "identify",
+    "diagnosis.identify": "identify",
     "linear": "bandwidth bandwidth_check check_designs l2_check position_T position_loop_tf "
     "spr_check spr_repair velocity_T velocity_loop_tf",
     "loops": "position_loop velocity_loop",
@@ -91,11 +91,11 @@ if TYPE_CHECKING:
         excitation,
         natural_decay,
     )
-    from .diagnosis import diagnose  # noqa: F401
+    from .diagnosis.diagnose import diagnose  # noqa: F401
+    from .diagnosis.identify import identify  # noqa: F401
     from .ensemble import Sweep, sweep, sweep_chunks  # noqa: F401
     from .errors import InputError, Refused  # noqa: F401
     from .fleet import Fleet, diagnose_each  # noqa: F401
-    from .identification import identify  # noqa: F401
     from .linear import (  # noqa: F401
         bandwidth,
         bandwidth_check,

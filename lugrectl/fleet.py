@@ -335,7 +335,7 @@ class Task:
             if not isinstance(log, Record):
                 log = read_record(log, motion=model.motion, **self.reading)
             seen.append(log)
-            from .diagnosis import diagnose  # not needed for a log that cannot be read
+            from .diagnosis.diagnose import diagnose  # not needed for a log that cannot be read
 
             return diagnose(log, model, progress=self.progress or False, **self.options)
         except Refused as no:
@@ -382,7 +382,7 @@ def _names(logs: Sequence[Any]) -> list[str]:
 
 def _split(options: Mapping[str, Any], model: Model) -> tuple[dict[str, Any], dict[str, Any]]:
     """The options of the reader and those of the diagnosis; TypeError for an unknown one."""
-    from .diagnosis import diagnose
+    from .diagnosis.diagnose import diagnose
 
     reading = {k: v for k, v in options.items() if k in _READING}
     rest = {k: v for k, v in options.items() if k not in _READING}

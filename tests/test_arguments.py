@@ -269,12 +269,11 @@ def test_records_are_read_for_the_motion_of_the_model():
         door.asked({**COLUMNS, "w [rpm]": COLUMNS["theta"]}, linear, None)
 
 
-@pytest.mark.parametrize("work", ["diagnosis.diagnose", "identification.identify"])
+@pytest.mark.parametrize("work", ["diagnosis.diagnose", "diagnosis.identify"])
 def test_diagnosis_and_identification_work_on_what_was_meant(work, run, tmp_path, monkeypatch):
     from importlib import import_module
 
-    module, name = work.split(".")
-    home = import_module(f"lugrectl.{module}")
+    home, name = import_module(f"lugrectl.{work}"), work.split(".")[1]
 
     def begin(record, model, holdout, horizon, report, **options):
         assert same(record, RECORD) and model == MODEL and horizon == 0.5

@@ -38,7 +38,7 @@ def found(**changes):
 @pytest.fixture
 def job(monkeypatch):
     """Stands for lugrectl.diagnose: notes how it is called and returns or raises ``answer``."""
-    fake = ModuleType("lugrectl.diagnosis")
+    fake = ModuleType("lugrectl.diagnosis.diagnose")
 
     def work(record, model, **options):
         fake.calls.append((record, model, options))
@@ -48,8 +48,8 @@ def job(monkeypatch):
 
     fake.calls, fake.answer = [], found()
     fake.diagnose = fake.identify = work
-    for name in ("diagnosis", "identification"):
-        monkeypatch.setitem(sys.modules, f"lugrectl.{name}", fake)
+    for name in ("diagnose", "identify"):
+        monkeypatch.setitem(sys.modules, f"lugrectl.diagnosis.{name}", fake)
     return fake
 
 
@@ -264,7 +264,7 @@ def test_version_and_help_do_not_load_what_only_the_work_needs():
     script = (
         "import sys; from lugrectl.cli import main\n"
         "codes = [main(['--version']), main(['--help'])]\n"
-        "heavy = {'numba', 'lugrectl.diagnosis', 'lugrectl.report.plot', 'lugrectl.report'}\n"
+        "heavy = {'numba', 'lugrectl.diagnosis.diagnose', 'lugrectl.report'}\n"
         "sys.exit(f'{codes} {heavy & set(sys.modules)}' if any(codes) or heavy & set(sys.modules)"
         " else 0)"
     )

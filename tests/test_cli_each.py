@@ -20,7 +20,7 @@ from .made_up import bare
 @pytest.fixture
 def job(monkeypatch):
     """Stands for the diagnosis, in this process; ``answers`` by the name of the log."""
-    fake = ModuleType("lugrectl.diagnosis")
+    fake = ModuleType("lugrectl.diagnosis.diagnose")
 
     def work(record, model, **options):
         fake.calls.append(options)
@@ -30,7 +30,7 @@ def job(monkeypatch):
         return bare(answer)
 
     fake.calls, fake.answers, fake.diagnose = [], {}, work
-    monkeypatch.setitem(sys.modules, "lugrectl.diagnosis", fake)
+    monkeypatch.setitem(sys.modules, "lugrectl.diagnosis.diagnose", fake)
     monkeypatch.setattr(each, "processors", lambda: 1)
     return fake
 

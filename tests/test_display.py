@@ -9,9 +9,9 @@ import pytest
 from matplotlib.figure import Figure
 
 import lugrectl as lg
+from lugrectl.diagnosis.identify import Identification
 from lugrectl.display import Row, Shown, brief
 from lugrectl.errors import InputError
-from lugrectl.identification import Identification
 from lugrectl.results import Diagnosis, Estimate, FrictionMap, Table
 from lugrectl.spec import members
 

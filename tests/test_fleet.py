@@ -35,7 +35,7 @@ MODEL = lg.Model.of(lg.table1())
 @pytest.fixture
 def job(monkeypatch):
     """Stands for lugrectl.diagnose: answers by the name of the log, and notes the calls."""
-    fake = ModuleType("lugrectl.diagnosis")
+    fake = ModuleType("lugrectl.diagnosis.diagnose")
 
     def work(record, model, *, holdout=None, horizon=1.0, seed=0, progress=None):
         fake.calls.append((record, {"holdout": holdout, "horizon": horizon, "seed": seed}))
@@ -47,7 +47,7 @@ def job(monkeypatch):
         return bare(answer)
 
     fake.calls, fake.answers, fake.diagnose = [], {}, work
-    monkeypatch.setitem(sys.modules, "lugrectl.diagnosis", fake)
+    monkeypatch.setitem(sys.modules, "lugrectl.diagnosis.diagnose", fake)
     return fake
 
 

@@ -18,10 +18,11 @@ STOREYS = [
     {"blocks", "model", "model_file", "catalogue", "door"},
     {"loops", "engine", "linear", "record", "design", "sampling"},
     {"simulation", "results", "mixed", "blocklist", "bristles", "ensemble"},
+    {"identification"},
     {"tracing"},
     {"steady"},
     {"friction_map", "traces"},
-    {"diagnosis", "identification", "fleet", "workers", "compensating"},
+    {"diagnosis", "fleet", "workers", "compensating"},
     {"report"},
     {"reproduce"},
     {"cli", "__main__", "demo"},
@@ -53,7 +54,7 @@ TRACING = [
     {"kept"},
     {"explain"},
 ]
-COMPUTING = set.union(*STOREYS[:8])
+COMPUTING = set.union(*STOREYS[:9])
 
 
 def room(path: Path) -> str:

@@ -44,7 +44,7 @@ def files(tmp_path, monkeypatch):
 @pytest.fixture
 def job(monkeypatch):
     """Stands for the work: stamped as it is, and quick."""
-    fake = ModuleType("lugrectl.diagnosis")
+    fake = ModuleType("lugrectl.diagnosis.diagnose")
     fake.answer = bare()
 
     @stamped("lugrectl.diagnose")
@@ -54,8 +54,8 @@ def job(monkeypatch):
         return fake.answer
 
     fake.diagnose = fake.identify = work
-    for name in ("diagnosis", "identification"):
-        monkeypatch.setitem(sys.modules, f"lugrectl.{name}", fake)
+    for name in ("diagnose", "identify"):
+        monkeypatch.setitem(sys.modules, f"lugrectl.diagnosis.{name}", fake)
     return fake
 
 

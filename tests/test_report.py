@@ -11,8 +11,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from lugrectl import report
+from lugrectl.diagnosis.identify import Identification
 from lugrectl.errors import InputError
-from lugrectl.identification import Identification
 from lugrectl.model import Model, table1
 from lugrectl.model_file import read_model
 from lugrectl.report import atomic, plot, wording

@@ -11,9 +11,9 @@ import pytest
 import lugrectl as lg
 import lugrectl.workers  # noqa: F401  blocks then pickle by name
 from lugrectl import report
+from lugrectl.diagnosis.identify import Identification
 from lugrectl.errors import InputError
 from lugrectl.fleet import Outcome
-from lugrectl.identification import Identification
 from lugrectl.model_file import read_model
 from lugrectl.outputs import ParameterTable
 from lugrectl.results import Estimate

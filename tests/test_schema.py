@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from lugrectl.cli import main
-from lugrectl.identification import Identification
+from lugrectl.diagnosis.identify import Identification
 from lugrectl.provenance import SourceFile, provenance
 from lugrectl.results import VERDICTS, Estimate, FrictionMap, Table
 

@@ -134,7 +134,9 @@ def test_effects_that_held_out_samples_contradict_are_dropped(job):
 
 def test_dropping_them_is_said_and_leaves_what_they_explained(monkeypatch):
     case = make("torque_ripple", machine="servo", seed=4102, rate=500.0, duration=20.0)
-    monkeypatch.setattr("lugrectl.diagnosis.misled", lambda before, after, test, sure: True)
+    monkeypatch.setattr(
+        "lugrectl.diagnosis.diagnose.misled", lambda before, after, test, sure: True
+    )
     dropped = diagnose(record_of(case), model_of(case))
     assert dropped.verdict == "unexplained" and not dropped.effects
     assert dropped.depends_on[0] == "theta"

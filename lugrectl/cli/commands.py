@@ -38,7 +38,7 @@ def diagnose(a: Namespace) -> int:
         return each(a)
     if a.jobs is not None:
         raise InputError("--jobs is for many logs: use it together with --each.")
-    from ..diagnosis import diagnose as work
+    from ..diagnosis.diagnose import diagnose as work
 
     return _main_job(work if a.compensate is None else partial(_closing, work, a.compensate), a)
 
@@ -63,14 +63,14 @@ def _closing(work: Any, loop: str, record: Any, model: Model, **options: Any) ->
 
 def identify(a: Namespace) -> int:
     """``lugrectl identify``."""
-    from ..identification import identify as work
+    from ..diagnosis.identify import identify as work
 
     return _main_job(work, a)
 
 
 def demo(a: Namespace) -> int:
     """``lugrectl demo``: diagnose the record and model that ship with the package."""
-    from ..diagnosis import diagnose as work
+    from ..diagnosis.diagnose import diagnose as work
 
     with resources.as_file(resources.files("lugrectl") / "demo") as folder:
         files = {"records": [str(folder / "record.csv")], "model": str(folder / "model.toml")}

@@ -9,28 +9,28 @@ from typing import Any
 
 import numpy as np
 
-from .blas import one_blas_thread
-from .door import asked, judged_by
-from .friction_map import diagnose_map
-from .progress import Wanted, reporter, shows_progress
-from .provenance import stamped
-from .record import Record
-from .results import Diagnosis, Finding, Table
-from .steady.points import is_map
-from .traces import traces
-from .tracing.evaluate import missing_torque
-from .tracing.explain import (
+from ..blas import one_blas_thread
+from ..door import asked, judged_by
+from ..friction_map import diagnose_map
+from ..progress import Wanted, reporter, shows_progress
+from ..provenance import stamped
+from ..record import Record
+from ..results import Diagnosis, Finding, Table
+from ..steady.points import is_map
+from ..traces import traces
+from ..tracing.evaluate import missing_torque
+from ..tracing.explain import (
     Explanation,
     behind_a_filter,
     explain,
     likely,
     without_effects,
 )
-from .tracing.far import far_off
-from .tracing.fit import Fitted
-from .tracing.hanging import signals_of
-from .tracing.held_out import adapted, with_its_own
-from .tracing.job import (
+from ..tracing.far import far_off
+from ..tracing.fit import Fitted
+from ..tracing.hanging import signals_of
+from ..tracing.held_out import adapted, with_its_own
+from ..tracing.job import (
     Job,
     Progress,
     another_torque,
@@ -44,12 +44,12 @@ from .tracing.job import (
     score,
     unidentified,
 )
-from .tracing.late import halfway
-from .tracing.rest import signals_of_the_rest
-from .tracing.structure import colour
-from .tracing.surprise import beyond_doubt, misled, openings, surprising, undated, when
-from .tracing.tabulate import tabulate
-from .tracing.witness import statements
+from ..tracing.late import halfway
+from ..tracing.rest import signals_of_the_rest
+from ..tracing.structure import colour
+from ..tracing.surprise import beyond_doubt, misled, openings, surprising, undated, when
+from ..tracing.tabulate import tabulate
+from ..tracing.witness import statements
 
 TURNED = (
     "The held-out blocks show a torque, or the time of a change, that the fitted blocks do not "

@@ -6,20 +6,28 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from .blas import one_blas_thread
-from .display import Row, estimated
-from .door import asked, judged_by
-from .friction_map import Fits, begin_map, errors_of, estimates_of, final_model, map_of, messages_of
-from .model import Model
-from .outputs import Fitted, plain
-from .progress import Wanted, reporter, shows_progress
-from .provenance import Provenance, stamped
-from .record import Record
-from .results import Estimate, FrictionMap, Traces
-from .steady.curve import refit
-from .steady.points import is_map
-from .traces import traces
-from .tracing.job import begin, compared, estimates, on_everything, score
+from ..blas import one_blas_thread
+from ..display import Row, estimated
+from ..door import asked, judged_by
+from ..friction_map import (
+    Fits,
+    begin_map,
+    errors_of,
+    estimates_of,
+    final_model,
+    map_of,
+    messages_of,
+)
+from ..model import Model
+from ..outputs import Fitted, plain
+from ..progress import Wanted, reporter, shows_progress
+from ..provenance import Provenance, stamped
+from ..record import Record
+from ..results import Estimate, FrictionMap, Traces
+from ..steady.curve import refit
+from ..steady.points import is_map
+from ..traces import traces
+from ..tracing.job import begin, compared, estimates, on_everything, score
 
 
 @dataclass(frozen=True, repr=False)

@@ -1,0 +1,1 @@
+"""The main job on a user's logs: diagnose, and identify the declared model alone."""
