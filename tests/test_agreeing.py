@@ -80,6 +80,8 @@ def test_theta_is_what_a_declared_effect_says(rippling):
     assert agreeing(job.base, job.parts.test) is None
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_a_phase_is_the_same_inside_and_outside_of_the_plant(rippling):
     case, _, job = rippling
     data = job.data.aligned({1: 0.2, 2: 0.1}, 1.0)
@@ -99,6 +101,8 @@ def test_a_phase_is_the_same_inside_and_outside_of_the_plant(rippling):
     assert "run2.phase" not in Predictor(model_of(case), data).declarations()
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_a_held_out_run_is_placed_by_its_lead_ins(rippling):
     case, _, job = rippling
     data = job.data.aligned({1: -case.more[0].truth["nuisance"]["zero"], 2: 0.0}, 1.0)
@@ -113,6 +117,8 @@ def test_a_held_out_run_is_placed_by_its_lead_ins(rippling):
     assert "theta" not in statements(found.predictor.data, found.values, False)[1]
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_of_runs_that_agree_a_held_out_one_may_not(rippling):
     case, _, job = rippling
     model, values = with_ripple(case, job, job.data)

@@ -52,6 +52,8 @@ def test_a_hidden_effect_is_named(name):
 
 
 @pytest.mark.parametrize("seed", [4002, pytest.param(4003, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.sample
 def test_nothing_missing_is_adequate(seed):
     case = make("none", machine="wrist", excitation="rich", seed=seed, **SHORT)
     assert verdict(case)[0].verdict == "adequate"

@@ -34,6 +34,8 @@ def base(case):
     return begin(record_of(case), model_of(case), None, 1.0, quiet).base
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_a_box_and_its_sets_are_inverse(base):
     log = base.predictor.data.log
     box = members("effect")["backlash"].box(log, {"J": 0.2, "load_inertia": 0.05})
@@ -47,6 +49,8 @@ def test_a_box_and_its_sets_are_inverse(base):
         assert np.exp(same.low[0]) < whole < np.exp(same.high[0])
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_a_fit_that_came_to_no_load_is_still_in_reach_of_the_box(base):
     box = members("effect")["backlash"].box(base.predictor.data.log, {"J": 0.2})
     none = dict.fromkeys(("load_inertia", "stiffness", "damping", "gap"), 0.0)
@@ -80,6 +84,8 @@ def starting(case, base, **start):
     return near, truth
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_a_closer_look_is_never_worse(case, base):
     near, truth = starting(case, base, load_inertia=0.9, gap=1.02, stiffness=0.8, damping=0.8)
     found = closer(near, "backlash")

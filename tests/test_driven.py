@@ -35,6 +35,7 @@ def loose(base: Fitted) -> Fitted:
     "seed", [4201, *(pytest.param(s, marks=pytest.mark.slow) for s in (4202, 4203))]
 )
 @pytest.mark.sample
+@pytest.mark.slow
 def test_the_load_behind_a_gap_from_nothing(seed):
     case = make("backlash", seed=seed, **DRIVE)
     loads = driven(loose(base_of(case)), "backlash")
@@ -47,8 +48,9 @@ def test_the_load_behind_a_gap_from_nothing(seed):
 
 @pytest.mark.parametrize(
     "name",
-    ["elastic_coupling", *(pytest.param(n, marks=pytest.mark.slow) for n in OTHERS)],
+    [pytest.param("elastic_coupling", marks=pytest.mark.sample), *OTHERS],
 )
+@pytest.mark.slow
 def test_no_load_where_there_is_none(name):
     base = base_of(make(name, seed=4204, **DRIVE))
     assert not convincing(driven(loose(base), "backlash"))

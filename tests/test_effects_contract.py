@@ -12,9 +12,14 @@ from lugrectl.model_file import read_model, write_model
 
 from .drives import EFFECTS, LAWS, arguments, law_for, log, model_of, own, plant_of, strong
 
-every_effect = pytest.mark.parametrize(
-    "made", [pytest.param(made, id=name) for name, made in EFFECTS.items()]
-)
+
+def each(holds=lambda made: True):
+    """Every effect of which ``holds`` is true."""
+    kept = {name: made for name, made in EFFECTS.items() if holds(made)}
+    return pytest.mark.parametrize("made", [pytest.param(m, id=name) for name, m in kept.items()])
+
+
+every_effect = each()
 every_law = pytest.mark.parametrize("law", LAWS)
 CONTRACT = """constant_torque gravity torque_ripple position_dependent_friction coulomb_asymmetry
     viscous_asymmetry quadratic_drag thermal_drift load_dependent_friction dwell_stiction stribeck
@@ -98,13 +103,11 @@ def test_with_strength_it_changes_the_plant(made):
     assert any(changed[1:3]) if made.acts == ("sensor",) else changed[moved]
 
 
-@every_effect
+@each(lambda made: set(made.acts) <= {"torque", "input", "sensor"})  # the others have no signal
 def test_the_block_in_a_loop_is_the_effect_inside_the_plant(made):
     """The rates of the wired blocks and of the one plant at the same point."""
     values = strong(made)
     bare, model = with_effect(made, values)
-    if not set(made.acts) <= {"torque", "input", "sensor"}:
-        pytest.skip("changes the plant's own parameters: there is no signal to wire")
     shared = {k: bare.values()[k] for k in made.parameters if k not in made.own}
     block = lg.effect(made.name, **values | shared, name="effect")
     wired, one = _wired(made, block, lg.plant(bare)), _one(made, model)
@@ -145,11 +148,9 @@ def _one(made, model):
     )  # fmt: skip
 
 
-@every_effect
+@each(lambda made: "torque" in made.acts and not made.states)
 def test_along_a_log_it_is_the_effect_inside_the_plant(made):
     """A stateless torque, on whole arrays, is what the plant's torque balance lacks."""
-    if made.states or "torque" not in made.acts:
-        pytest.skip("has states or is no torque")
     values = strong(made)
     bare_model, model = with_effect(made, values)
     _, bare = plant_of(bare_model)
@@ -246,10 +247,8 @@ def test_borrowed_values_are_nowhere_declared(made):
             model_from_dict({"effects": [text]}, "here")
 
 
-@every_effect
+@each(lambda made: made.hidden is not None)
 def test_hidden_states_have_a_reach_even_without_a_strength(made):
-    if made.hidden is None:
-        pytest.skip("none of its states is hidden")
     reach = made.hidden(made.defaults())
     assert len(reach) == len(made.states) and made.box is not None
     assert np.all(np.isfinite(reach)) and np.all(np.array(reach) > 0.0)

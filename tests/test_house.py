@@ -122,6 +122,8 @@ def test_ruff(arguments):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_types():
     pytest.importorskip("basedpyright")
     command = [sys.executable, "-m", "basedpyright", "--pythonpath", sys.executable]

@@ -31,12 +31,16 @@ def tracking_error():
     return found | {"existing at k = 20": rms("existing", k=20.0)}
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_observers_with_friction_levels_20_percent_low(tracking_error):
     rms = tracking_error
     assert rms["proposed"] < min(rms["natural"], rms["existing"])
     assert max(rms["natural"], rms["existing"], rms["proposed"]) < rms[None]
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_the_four_figures(tracking_error):
     """As published in the README, in mrad/s."""
     figures = {None: 69.9, "natural": 31.3, "existing": 16.5, "proposed": 11.6}
@@ -44,6 +48,8 @@ def test_the_four_figures(tracking_error):
         assert 1e3 * tracking_error[name] == pytest.approx(value, rel=0.01)
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_the_ranking_belongs_to_the_gains(tracking_error):
     assert tracking_error["existing at k = 20"] < tracking_error["proposed"]
 

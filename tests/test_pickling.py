@@ -158,6 +158,8 @@ print(repr((ends, kept["block"] is lg.spec.REGISTRY["observer", "proposed_observ
 """
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_a_fresh_process_simulates_the_same(tmp_path, monkeypatch):
     for place in ("adaptive", "held"):
         monkeypatch.setattr(f"lugrectl.engine.{place}.has_numba", lambda: False)

@@ -23,6 +23,8 @@ def runs():
     return first, replace(second, u=second.u + friction + 0.011), model_of(made)
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_offset_and_friction_of_a_run_are_found(runs):
     first, second, model = runs
     found = identify([first, second], model)

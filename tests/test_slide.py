@@ -85,6 +85,8 @@ def test_a_torque_with_play_is_a_function_of_the_torque(plain):
     assert max(d.share for d in sliding.dependences if d is not best and "u" in d.signals) < 0.7
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_a_cable_that_drags_is_a_function_of_the_way(plain):
     def dragged(t, theta, w):
         return sum(theta - behind(theta, r * np.ptp(theta)) for r in (0.03, 0.06, 0.1)) * 0.5

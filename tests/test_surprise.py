@@ -132,6 +132,8 @@ def test_effects_that_held_out_samples_contradict_are_dropped(job):
     assert not misled(wrong, base, job.parts.test)
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_dropping_them_is_said_and_leaves_what_they_explained(monkeypatch):
     case = make("torque_ripple", machine="servo", seed=4102, rate=500.0, duration=20.0)
     monkeypatch.setattr(
@@ -143,6 +145,8 @@ def test_dropping_them_is_said_and_leaves_what_they_explained(monkeypatch):
     assert any("torque_ripple" in m and "removed" in m for m in dropped.messages)
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_what_happens_before_the_first_window_is_said():
     """A stop that the drive leaves within the first 0.14 s."""
     case = sample("hard_stop", 119200)
@@ -179,6 +183,8 @@ def test_what_one_window_tells_is_confirmed_by_a_held_out_one(plain, job):
     assert not predicted(elsewhere, base, test)
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_what_one_window_tells_stands_if_it_foresees_each_sample(plain):
     """A spring does as a stop; a step where the stop would be, and a bump, do not."""
     there, found = _with_a_stop(plain, lambda depth: np.maximum(depth, 0.0))

@@ -204,7 +204,10 @@ def test_coarse_steps_still_tell_the_direction(name: str) -> None:
     assert np.max(errors(rig.slopes(rtol=1e-5), truth)[sure]) < 0.1
 
 
-@pytest.mark.parametrize("name", ["stribeck", "two masses"])
+@pytest.mark.parametrize(
+    "name",
+    ["stribeck", pytest.param("two masses", marks=[pytest.mark.slow, pytest.mark.sample])],
+)
 def test_both_backends_give_the_same_slopes(name: str) -> None:
     pytest.importorskip("numba")
     made = [Rig(name, 5e-3, corrected=True, backend=b).slopes() for b in ("numba", "numpy")]

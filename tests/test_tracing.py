@@ -101,6 +101,8 @@ def test_likelihood_is_highest_at_the_fit(job):
     "seed, hard, form",
     [(138405, True, ""), (139449, False, "w differentiated")],
 )
+@pytest.mark.slow
+@pytest.mark.sample
 def test_no_loud_observer_hides_the_true_values(seed, hard, form):
     """One that follows a counter at rest; one that makes up for bristles twice too soft."""
     case = case_of(Task("none", (), "normal", seed, hard=hard, form=form))
@@ -153,6 +155,8 @@ def test_missing_values_are_identified(plain):
     assert found.error["refitted"] < 4 * found.error["noise_floor"]
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_intervals_cover_over_repeated_noise():
     """Twelve records of one machine: 95 % intervals of J and Fc miss at most three in 24."""
     missed = 0

@@ -53,6 +53,7 @@ def bumpy():
     ],
 )
 @pytest.mark.sample
+@pytest.mark.slow
 def test_a_ripple_is_found_in_any_units(bumpy, torque, length):
     case = in_units(bumpy, torque, length)
     result = diagnose(record_of(case), model_of(case))
