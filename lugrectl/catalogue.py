@@ -7,7 +7,7 @@ import math
 import re
 import shutil
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 from typing import Any, overload
@@ -16,6 +16,7 @@ from .blocks import effects as _effects  # noqa: F401  fills the registry
 from .blocks import friction as _friction  # noqa: F401
 from .blocks.names import also_called, block_named
 from .errors import InputError
+from .outputs import NamedRows, library
 from .spec import Block, P, members
 
 WIDTH = 80  # columns of an entry as text
@@ -125,26 +126,12 @@ class Entry:
         return lines + ([f"to distinguish: {self.experiment}"] if self.experiment else [])
 
 
-class Catalogue(Sequence[Entry]):
+class Catalogue(NamedRows[Entry]):
     """A list of entries, in order; an index may be a name: ``lg.effects()["torque_ripple"]``."""
 
     def __init__(self, kind: str, entries: Sequence[Entry]) -> None:
         self.kind = kind
-        self._entries = tuple(entries)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The names, in order."""
-        return tuple(entry.name for entry in self._entries)
-
-    def __len__(self) -> int:
-        return len(self._entries)
-
-    def __iter__(self) -> Iterator[Entry]:
-        return iter(self._entries)
-
-    def __contains__(self, value: object) -> bool:
-        return value in self._entries or value in self.names
+        self._rows = tuple(entries)
 
     @overload
     def __getitem__(self, index: int | str) -> Entry: ...
@@ -165,10 +152,10 @@ class Catalogue(Sequence[Entry]):
             When there is no such place.
         """
         if isinstance(index, slice):
-            return Catalogue(self.kind, self._entries[index])
+            return Catalogue(self.kind, self._rows[index])
         if not isinstance(index, str):
-            return self._entries[index]
-        own = {entry.name: entry for entry in self._entries}
+            return self._rows[index]
+        own = {entry.name: entry for entry in self._rows}
         whole = index if index in own else f"{index}_{self.kind}"
         name = whole if whole in own else block_named(self.kind, index).name
         if name not in own:
@@ -177,7 +164,7 @@ class Catalogue(Sequence[Entry]):
 
     def summary(self) -> list[dict[str, Any]]:
         """Plain Python: one dictionary for each entry."""
-        return [entry.summary() for entry in self._entries]
+        return [entry.summary() for entry in self._rows]
 
     def to_frame(self) -> Any:
         """A pandas DataFrame with one row for each entry, its name as index.
@@ -187,10 +174,7 @@ class Catalogue(Sequence[Entry]):
         InputError
             When pandas is not installed.
         """
-        try:
-            import pandas
-        except ImportError:
-            raise InputError("to_frame() needs pandas: pip install pandas.") from None
+        pandas = library("pandas")
         head, rows = self._cells()
         return pandas.DataFrame(rows, columns=pandas.Index(head)).set_index("name")
 
@@ -217,7 +201,7 @@ class Catalogue(Sequence[Entry]):
     def _cells(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         """The head and the rows of the table; ``source`` only where an entry has one."""
         head = ("name", "equation", "parameters", "source")
-        rows = [(e.name, e.equation, ", ".join(_labels(e)), e.source) for e in self._entries]
+        rows = [(e.name, e.equation, ", ".join(_labels(e)), e.source) for e in self._rows]
         if any(source for *_, source in rows):
             return head, rows
         return head[:3], [row[:3] for row in rows]

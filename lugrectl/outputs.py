@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, overload
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar, overload
 
 import numpy as np
 
@@ -43,12 +44,35 @@ def library(name: str) -> Any:
         raise InputError(f"{name} is not installed; python -m pip install {name}.") from None
 
 
-class Result(Shown):
+T = TypeVar("T")
+
+
+class NamedRows(Sequence[T], Generic[T]):
+    """Rows with an attribute ``name``, in order; a name is contained as its row is."""
+
+    _rows: tuple[Any, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names, in order; those of an effect's parameters are ``effect.parameter``."""
+        return tuple(row.name for row in self._rows)
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def __iter__(self) -> Iterator[T]:
+        return iter(self._rows)
+
+    def __contains__(self, item: object) -> bool:
+        return item in self._rows or item in self.names
+
+
+class Result(Shown, ABC):
     """Base of results: plain data in several forms, and a short ``repr``."""
 
+    @abstractmethod
     def summary(self) -> dict[str, Any]:
         """Plain Python."""
-        raise NotImplementedError
 
     def to_dict(self) -> dict[str, Any]:
         """The same as :meth:`summary`."""
@@ -71,7 +95,7 @@ class Parameter(NamedTuple):
     declared: float | None
 
 
-class ParameterTable(Sequence[Parameter]):
+class ParameterTable(NamedRows[Parameter]):
     """Fitted parameters, a row for each: ``table[0]``, ``table["J"].value``, ``"J" in table``."""
 
     def __init__(self, estimates: Mapping[str, Estimate], declared: Model | None = None) -> None:
@@ -81,20 +105,6 @@ class ParameterTable(Sequence[Parameter]):
             Parameter(name, e.value, *(e.ci95 or (None, None)), e.unit, before.get(name))
             for name, e in estimates.items()
         )
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The parameters' names, effects as ``effect.parameter``."""
-        return tuple(row.name for row in self._rows)
-
-    def __len__(self) -> int:
-        return len(self._rows)
-
-    def __iter__(self) -> Iterator[Parameter]:
-        return iter(self._rows)
-
-    def __contains__(self, item: object) -> bool:
-        return item in self.names or item in self._rows
 
     @overload
     def __getitem__(self, which: int | str) -> Parameter: ...

@@ -11,6 +11,7 @@ import html
 import shutil
 import sys
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from importlib.util import find_spec
 from types import TracebackType
@@ -105,7 +106,7 @@ class Called(Bar):
         self._progress(fraction, what)
 
 
-class _Drawn(Bar):
+class _Drawn(Bar, ABC):
     """Draws a few times a second at most, and the end always; nothing before ``after`` seconds."""
 
     def __init__(self, after: float = 0.0) -> None:
@@ -119,8 +120,9 @@ class _Drawn(Bar):
         self._next, self._begun = now + _EVERY, True
         self._draw(min(max(fraction, 0.0), 1.0), what)
 
+    @abstractmethod
     def _draw(self, fraction: float, what: str) -> None:
-        raise NotImplementedError
+        """Show the bar at this fraction."""
 
 
 class Terminal(_Drawn):
