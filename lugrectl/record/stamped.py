@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .log import Log
-from .samples import smallest_step
 from .resampling import MOTION
+from .samples import smallest_step
 from .units import si_unit
 
 REQUIRED = ("u", "w", "theta")
