@@ -78,7 +78,6 @@ def _wild(log: Stamped) -> None:
             f"t does not go on from the rows around it in {count(len(rows), 'row')}, first at "
             f"{log.place(rows[0])} ({log.t[rows[0]]:.9g} s): left out."
         )
-    log.dropped += len(rows)
     log.keep(~wild)
 
 

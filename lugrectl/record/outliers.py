@@ -47,6 +47,13 @@ def quantum(x: np.ndarray) -> float:
     return unit if np.mean(np.abs(near - np.rint(near)) < 0.1) > 0.9 else 0.0
 
 
+def resolution(x: np.ndarray) -> float:
+    """The smallest change that the channel shows: its lattice, or what its digits make of it."""
+    changes = np.abs(np.diff(x))
+    changes = changes[changes > 1e-9 * np.ptp(x)]
+    return max(quantum(x), float(np.quantile(changes, 0.02))) if len(changes) else 0.0
+
+
 def outliers(role: str, t: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Where single samples of a channel (N,), all finite, are far off their neighbours.
 
@@ -118,5 +125,5 @@ def limits(role: str, x: np.ndarray) -> np.ndarray:
     usual = np.maximum(usual, 0.3 * np.median(curve[curve > 0]) if curve.any() else 0.0)
     steps = ndimage.median_filter(np.abs(np.diff(x, append=x[-1])), around, mode="mirror")
     low, high = np.quantile(x, [0.01, 0.99])
-    least = _SHARE.get(role, 0.0) * (high - low) + 6 * quantum(x) + 1e-9 * np.ptp(x)
+    least = _SHARE.get(role, 0.0) * (high - low) + 6 * resolution(x) + 1e-9 * np.ptp(x)
     return _FAR * usual + steps + least

@@ -35,19 +35,26 @@ def _stretch(run: int, rows: Stamped, part: slice) -> Stretch | None:
     values = {role: rows.channels[role][part] for role in rows.required}
     if len(t) < FEWEST or any(np.isfinite(x).sum() < FEWEST for x in values.values()):
         return None
-    steps = max(round((t[-1] - t[0]) / typical_step(np.diff(t))), 1)
-    grid = np.linspace(t[0], t[-1], steps + 1)
-    dt = float(t[-1] - t[0]) / steps
+    dt = typical_step(np.diff(t))
+    steps = max(round((t[-1] - t[0]) / dt), 1)
+    grid, dt = np.linspace(t[0], t[-1], steps + 1), float(t[-1] - t[0]) / steps
     made, ok = {}, np.ones(len(grid), bool)
     for role, x in values.items():
         good = np.isfinite(x)
         made[role] = np.interp(grid, t[good], x[good])
         ok &= _near(grid, t[good], dt)
-    return Stretch(run, dt, grid, made["u"], made.get("theta"), made.get("w"), ok)
+    sound = np.flatnonzero(ok)
+    if not len(sound):
+        return None
+    used = slice(int(sound[0]), int(sound[-1]) + 1)
+    cut = {role: x[used] for role, x in made.items()}
+    return Stretch(run, dt, grid[used], cut["u"], cut.get("theta"), cut.get("w"), ok[used])
 
 
 def _near(grid: np.ndarray, t: np.ndarray, dt: float) -> np.ndarray:
-    """Whether each instant lies beside a good sample, with at most one missing."""
-    after = np.searchsorted(t, grid - 1e-6 * dt).clip(0, len(t) - 1)
+    """Whether each instant lies between good samples, with at most one missing."""
+    after = np.searchsorted(t, grid - 1e-6 * dt)
+    inside = (after < len(t)) & (grid > t[0] - 1e-6 * dt)
+    after = after.clip(0, len(t) - 1)
     before = (after - (t[after] > grid + 1e-6 * dt)).clip(0)
-    return t[after] - t[before] < 2.5 * dt
+    return inside & (t[after] - t[before] < 2.5 * dt)
