@@ -11,10 +11,17 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 from lugrectl.errors import Refused
-from lugrectl.record import Record, read_record
-from lugrectl.record.audit import audit, torque_fit, unwrapped
+from lugrectl.record import Record, consistent, read_record
+from lugrectl.record.audit import audit as checked
+from lugrectl.record.audit import torque_fit
+from lugrectl.record.position import unwrapped
 
 from .logs import DATA, measured
+
+
+def audit(record):
+    """What reading does with the rows of a record."""
+    return checked(consistent(record))
 
 
 @functools.cache

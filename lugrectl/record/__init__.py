@@ -3,49 +3,32 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
-from ..checks import as_path, positive, shown
+from ..checks import as_path
 from ..errors import InputError
 from ..provenance import SourceFile
-from .arrays import FORMS, is_table, table_of
-from .audit import audit, consistent, unwrapped
-from .columns import Choice, choose_columns
-from .readers import read_table
+from .audit import audit, fitting_speed
+from .log import Log, read_log
+from .options import parse_pairs
 from .samples import Record
-from .textfile import Table
-from .timebase import Stamped, uniform
-from .units import ROLES, Unit, did_you_mean, role_unit, si_unit
+from .stretch import Stretch
+from .stretches import stretches
+from .timebase import uniform
+from .usable import usable
 
-__all__ = ["Record", "consistent", "parse_pairs", "read_record"]
-
-_FAST = {"rotary": 400.0, "linear": 20.0}  # rad/s, m/s: above, a w without unit may not be in SI
-
-
-def parse_pairs(text: str, what: str) -> dict[str, str]:
-    """Read 't=time,u=torque' into a dict of role to value.
-
-    A value may contain a comma, unless a role and '=' follow it. ``what`` names the option
-    ("columns", "units", "scale") in the InputError that is raised for any other text.
-    """
-    pairs: dict[str, str] = {}
-    for part in re.split(r",\s*(?=\w+\s*=)", text.strip()):
-        role, equals, value = (piece.strip() for piece in part.partition("="))
-        if not equals or not value:
-            raise InputError(
-                f"--{what}: '{part.strip()}' is not of the form role=value; "
-                f"roles are {', '.join(ROLES)}."
-            )
-        if role in pairs:
-            raise InputError(f"--{what}: {role} is given twice.")
-        pairs[role] = value
-    _known_roles(pairs, what)
-    return pairs
+__all__ = [
+    "Log",
+    "Record",
+    "Stretch",
+    "consistent",
+    "parse_pairs",
+    "read_log",
+    "read_record",
+    "stretches",
+]
 
 
 def read_record(
@@ -58,6 +41,9 @@ def read_record(
     motion: str | None = None,
 ) -> Record:
     """Read a measured log (CSV, MAT, NPZ; MAT v7.3 and Parquet with the extra ``files``).
+
+    Bad samples are found first and left out; the record's messages name them. ``record.log``
+    keeps the rows as they were recorded.
 
     Parameters
     ----------
@@ -75,31 +61,19 @@ def read_record(
     Raises
     ------
     InputError : the file or an argument cannot be read or understood.
-    Refused : the record is readable but not usable (see ``timebase`` and ``audit``).
+    Refused : there is no motion in it: a dead channel, or fewer than 12 rows in one piece.
     """
     if isinstance(path, Record):
         return _as_it_is(path, columns=columns, units=units, scale=scale, rate=rate)
-    named, stated = _pairs(columns, "columns"), _pairs(units, "units")
-    factors = _factors(scale)
-    rate = None if rate is None else positive(rate, "rate", "Hz")
-    if not (isinstance(path, (str, os.PathLike)) or is_table(path)):
-        raise InputError(f"record must be {FORMS}, not {shown(path)}.")
-    file = None if is_table(path) else SourceFile.of(as_path(path, "record"))
-    table = table_of(path, named) if is_table(path) else read_table(as_path(path, "record"))
-    choices, said = choose_columns(table, named, need_time=rate is None)
-    _check_used(table.source, choices, stated, factors)
-    found = {c.role: _unit(table, c, stated, factors) for c in choices}
-    drive = _motion(table.source, found, motion)
-    raw, more = table.load([c.index for c in choices])
-    if not len(raw[0]):
-        raise InputError(f"{table.source} holds column names but no data.")
-    said = [*more, *said]
-    channels = {}
-    for choice, values in zip(choices, raw, strict=True):
-        said += _remarks(table, choice, values, found, factors, drive)
-        channels[choice.role] = _si(values, found[choice.role], factors.get(choice.role))
-    labels = {role: unit.name if unit else None for role, unit in found.items()}
-    return replace(_assembled(table, channels, labels, rate, drive, said), file=file)
+    log = read_log(path, columns=columns, units=units, scale=scale, rate=rate, motion=motion)
+    is_path = isinstance(path, (str, os.PathLike))
+    file = SourceFile.of(as_path(path, "record")) if is_path else None
+    record = _uniform(log)
+    if rate is not None and "t" in log.labels and abs(record.rate / rate - 1) > 0.01:
+        record = record.with_messages(
+            f"The given rate, {rate:g} Hz, disagrees with t ({record.rate:.6g} Hz); t was used."
+        )
+    return replace(audit(record, log.labels), file=file).read_from(log)
 
 
 def _as_it_is(record: Record, **options: Any) -> Record:
@@ -109,158 +83,26 @@ def _as_it_is(record: Record, **options: Any) -> Record:
     return record
 
 
-def _si(values: np.ndarray, unit: Unit | None, factor: float | None) -> np.ndarray:
-    return values * ((1.0 if factor is None else factor) * (unit.factor if unit else 1.0))
+def _uniform(log: Log) -> Record:
+    record = uniform(usable(log))
+    return replace(record, messages=(*log.messages, *record.messages))
 
 
-def _assembled(
-    table: Table,
-    channels: dict[str, np.ndarray],
-    labels: dict[str, str | None],
-    rate: float | None,
-    motion: str,
-    said: list[str],
-) -> Record:
-    """Bring SI channels to uniform time and check the record."""
-    t = channels.pop("t", None)
-    if t is None:
-        t = np.arange(len(channels["u"])) / float(rate or 1.0)
-    if motion == "rotary":  # before any interpolation, which would cut through the jumps
-        for role in ("theta", "theta_load"):
-            if role in channels:
-                channels[role], more = unwrapped(role, channels[role], labels[role])
-                said = [*said, *more]
-    required = tuple(role for role in ("u", "w", "theta") if role in channels)
-    record = uniform(Stamped(table.source, t, channels, table.where), required, motion)
-    if rate is not None and "t" in labels and abs(record.rate / rate - 1) > 0.01:
-        said = [
-            *said,
-            f"The given rate, {rate:g} Hz, disagrees with t ({record.rate:.6g} Hz); t was used.",
-        ]
-    return audit(replace(record, messages=(*said, *record.messages)), labels)
+def consistent(record: Record, labels: Mapping[str, str | None] | None = None) -> Record:
+    """The record on uniform time, without bad samples, and w consistent with d theta/dt.
 
-
-# ---- what the user says -------------------------------------------------------------
-
-
-def _known_roles(given: Mapping[str, object], what: str) -> None:
-    for role in given:
-        if role not in ROLES:
-            raise InputError(
-                f"--{what}: there is no role '{role}'{did_you_mean(role, ROLES)}; "
-                f"roles are {', '.join(ROLES)}."
-            )
-
-
-def _pairs(given: Mapping[str, str] | str | None, what: str) -> dict[str, str]:
-    if isinstance(given, str):
-        return parse_pairs(given, what)
-    _is_mapping(given, what)
-    pairs = {str(role): str(value) for role, value in (given or {}).items()}
-    _known_roles(pairs, what)
-    return pairs
-
-
-def _is_mapping(given: Any, what: str) -> None:
-    if not (given is None or isinstance(given, (str, Mapping))):
-        raise InputError(
-            f"{what} must be a dict by role, such as {{'u': ...}}, or a text, u=..., "
-            f"not {shown(given)}."
-        )
-
-
-def _factors(given: Mapping[str, float] | str | None) -> dict[str, float]:
-    _is_mapping(given, "scale")
-    pairs: dict[str, Any] = (
-        parse_pairs(given, "scale")
-        if isinstance(given, str)
-        else {str(role): factor for role, factor in (given or {}).items()}
-    )
-    _known_roles(pairs, "scale")
-    factors = {}
-    for role, text in pairs.items():
-        try:
-            factors[role] = float(text)
-        except (TypeError, ValueError):
-            factors[role] = np.nan
-        if not np.isfinite(factors[role]) or factors[role] == 0:
-            raise InputError(f"--scale: '{text}' for {role} is not a number other than 0.")
-    return factors
-
-
-def _check_used(
-    source: str,
-    choices: list[Choice],
-    stated: Mapping[str, object],
-    factors: Mapping[str, object],
-) -> None:
-    present = {c.role for c in choices}
-    for what, given in (("units", stated), ("scale", factors)):
-        for role in given:
-            if role not in present:
-                raise InputError(f"--{what} names {role}, but {source} has no column for it.")
-
-
-# ---- units --------------------------------------------------------------------------
-
-
-def _unit(
-    table: Table,
-    choice: Choice,
-    stated: Mapping[str, str],
-    factors: Mapping[str, float],
-) -> Unit | None:
-    text = stated.get(choice.role) or table.units[choice.index] or choice.implied
-    if text is None or (text == choice.implied and choice.role in factors):
-        return None
-    where = f"{table.source}, column '{table.names[choice.index]}'"
-    return role_unit(choice.role, text, scaled=choice.role in factors, where=where)
-
-
-def _motion(source: str, found: Mapping[str, Unit | None], given: str | None) -> str:
-    """Return the kind of drive that the units belong to; units of both kinds are an error."""
-    if not (given is None or (isinstance(given, str) and given in _FAST)):
-        raise InputError(f"motion must be 'rotary' or 'linear', not {shown(given)}.")
-    kinds = {role: unit for role, unit in found.items() if unit and unit.motion}
-    for role, unit in kinds.items():
-        for other, its in kinds.items():
-            if its.motion != unit.motion:
-                raise InputError(
-                    f"{source}: {role} is in {unit.name} but {other} in {its.name}; "
-                    "give all of them for a rotary drive or all for a linear one."
-                )
-        if given not in (None, unit.motion):
-            raise InputError(
-                f"{source}: {role} is in {unit.name}, which does not fit motion = '{given}'."
-            )
-    return given or next((str(unit.motion) for unit in kinds.values()), "rotary")
-
-
-def _remarks(
-    table: Table,
-    choice: Choice,
-    values: np.ndarray,
-    found: Mapping[str, Unit | None],
-    factors: Mapping[str, float],
-    motion: str,
-) -> list[str]:
-    """Return notes on how the numbers of a channel were interpreted."""
-    role, name, unit = choice.role, table.names[choice.index], found[choice.role]
-    if role in factors:
-        per = f" (in {unit.name})" if unit else ""
-        return [f"{role} is {factors[role]:g} times column '{name}'{per}."]
-    if unit is not None or role not in ("u", "w", "theta"):
-        return []
-    values = values[np.isfinite(values)]
-    assumed = si_unit(role, motion)
-    if values.size and np.ptp(values) >= 100 and not np.any(values % 1):
-        return [
-            f"{role} has no unit and holds whole numbers only: {assumed} was assumed; if these "
-            f"are counts or another unit, give --scale {role}=FACTOR or --units {role}=UNIT."
-        ]
-    if role == "w" and "theta" not in found and np.abs(values).max(initial=0) > _FAST[motion]:
-        return [
-            f"w has no unit and reaches {np.abs(values).max():.4g}: {assumed} was assumed; "
-            "if that is wrong, give --units w=UNIT."
-        ]
-    return []
+    ``labels`` are the units by role that the user stated, as for ``audit``. theta in rad, w in
+    rad/s (m, m/s on a linear axis); the record's messages report each change. A w that does not
+    fit d theta/dt is left out. Raises Refused if too little is left.
+    """
+    log = record.log
+    assert log is not None  # a record always has one
+    made = record
+    if log.channels["u"] is record.u:  # it was never read
+        found = _uniform(log)
+        if found.messages:
+            messages = (*record.messages, *found.messages)
+            dropped = record.dropped + found.dropped
+            made = replace(found, messages=messages, dropped=dropped, file=record.file)
+    made = fitting_speed(made, labels)
+    return made if made.log is log else made.read_from(log)

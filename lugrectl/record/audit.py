@@ -10,7 +10,6 @@ from scipy.signal import butter, sosfiltfilt
 
 from ..errors import Refused
 from .samples import Record
-from .timebase import even
 from .units import UNITS, Unit, si_unit
 
 _BAND = 30.0  # Hz; the motion below this frequency is compared
@@ -20,7 +19,6 @@ _SAME = 0.9  # share of a channel's power that the other's derivative must expla
 _OFF = 0.03  # a ratio this far from 1 is reported
 _LAG = 1.5  # samples
 _BLOCKS = 20
-_TURNS = 16  # most turns after which a counter wraps (57 turns would look like 360 deg)
 _SURE = 8.0  # standard errors
 
 
@@ -36,19 +34,19 @@ def audit(record: Record, labels: Mapping[str, str | None] | None = None) -> Rec
     Raises Refused when ``u`` or the motion is constant or only noise.
     """
     _alive(record)
-    record = consistent(record, labels)
+    record = fitting_speed(record, labels)
     record = _torque_sign(record)
     return _saturation(record)
 
 
-def consistent(record: Record, labels: Mapping[str, str | None] | None = None) -> Record:
+def fitting_speed(record: Record, labels: Mapping[str, str | None] | None = None) -> Record:
     """The record on uniform time, with theta unwrapped and w consistent with d theta/dt.
 
     ``labels`` as for :func:`audit`. theta in rad, w in rad/s (m, m/s on a linear axis); the
     record's messages report each change. A w that does not fit d theta/dt is left out. Raises
     Refused if the time cannot be repaired.
     """
-    return _velocity(even(_unwrap(record, labels or {})), labels or {})
+    return _velocity(record, labels or {})
 
 
 # ---- dead channels ------------------------------------------------------------------
@@ -84,58 +82,6 @@ def _is_noise(values: np.ndarray) -> bool:
     return bool(
         abs(lag1) < 5 / np.sqrt(len(x)) and abs(values.mean()) < 5 * spread / np.sqrt(len(x))
     )
-
-
-# ---- wrapped angles -----------------------------------------------------------------
-
-
-def unwrapped(
-    role: str, theta: np.ndarray, label: str | None = None
-) -> tuple[np.ndarray, list[str]]:
-    """Return an angle (rad) without jumps by whole turns, and a sentence if there were any.
-
-    Jumps by 360 mean that degrees were read as radians: the angle is then converted, too. NaN
-    is skipped. An angle counts as wrapped only if it stays within the turns by which it jumps
-    and is smooth without the jumps.
-    """
-    good = np.flatnonzero(np.isfinite(theta))
-    values = theta[good]
-    travel = float(np.ptp(values)) if values.size else 0.0
-    for turn, most, factor in ((2 * np.pi, _TURNS, 1.0), (360.0, 1, np.pi / 180)):
-        period = turn * min(max(1, round(travel / turn)), most)
-        jumps = _jumps(values, period)
-        if not jumps.any():
-            continue
-        result = theta.copy()
-        result[good] = factor * np.unwrap(values, period=period)
-        said = f"{role} jumps by {period:.4g} {np.count_nonzero(jumps)} times: unwrapped"
-        if factor != 1.0:
-            stated = f"stated in {label}" if label else "without a unit"
-            said += f", and converted from deg ({stated}, but a turn is 360)"
-        return result, [said + "."]
-    return theta, []
-
-
-def _jumps(values: np.ndarray, period: float) -> np.ndarray:
-    """Return where values wrap by the period; nowhere if that does not explain the jumps."""
-    steps = np.diff(values)
-    jumps = np.abs(steps) > period / 2
-    if not jumps.any() or np.ptp(values) > 1.02 * period:
-        return np.zeros(0, bool)
-    after = np.abs(np.abs(steps[jumps]) - period)
-    usual = np.abs(steps[~jumps]).max(initial=0.0)
-    return jumps if np.all(after <= 2 * usual + 0.01 * period) else np.zeros(0, bool)
-
-
-def _unwrap(record: Record, labels: Mapping[str, str | None]) -> Record:
-    if record.motion != "rotary":
-        return record
-    for role in ("theta", "theta_load"):
-        values = getattr(record, role)
-        if values is not None:
-            values, said = unwrapped(role, values, labels.get(role))
-            record = replace(record, **{role: values}).with_messages(*said)
-    return record
 
 
 # ---- w against d theta/dt -----------------------------------------------------------
@@ -185,6 +131,8 @@ def _velocity(record: Record, labels: Mapping[str, str | None]) -> Record:
     less certain.
     """
     if record.w is None or record.theta is None or not _long_enough(record):
+        return record
+    if np.ptp(record.w) == 0 or np.ptp(record.theta) == 0:
         return record
     slope, (ratio, lead), (inverse, lag) = _both_ways(record)
     agreement = ratio * inverse

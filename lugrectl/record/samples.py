@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from zlib import crc32
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from ..checks import array
 from ..display import Row, Shown
 from ..errors import InputError
 from ..provenance import SourceFile
+from .log import Log, log_of_arrays
 from .units import si_unit
 
 _MOTIONS = ("rotary", "linear")
@@ -42,7 +44,8 @@ class Record(Shown):
     all that was noticed and changed. If channels were interpolated, ``resolution`` holds by role
     the smallest step of the recorded motion, in the channel's unit; without a recorded theta its
     ``theta`` is that of the integrated ``w``, in rad or m. ``file`` is the file that it was read
-    from, with its SHA-256.
+    from, with its SHA-256. ``log`` holds the rows as they were recorded; those of a record made of
+    arrays, or changed after reading, are its own samples.
 
     Raises InputError when the channels differ in length, hold NaN, or w and theta are missing.
     """
@@ -63,6 +66,7 @@ class Record(Shown):
     gaps: tuple[int, ...] = ()
     resolution: Mapping[str, float] = field(default_factory=dict)
     file: SourceFile | None = None
+    log: Log | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         for role, values in self.channels().items():
@@ -82,6 +86,21 @@ class Record(Shown):
             object.__setattr__(self, "dt", float(np.median(np.diff(self.t))))
         if not self.dt > 0:
             raise InputError(f"{self.source}: the time step dt must be positive.")
+        if self.log is None or self.log.of not in (0, self.checksum()):
+            log = log_of_arrays(self.source, self.channels(), self.motion, self.gaps)
+            object.__setattr__(self, "log", replace(log, of=self.checksum()))
+
+    def checksum(self) -> int:
+        """A number that changes with the samples of torque and motion."""
+        made = 1
+        for role in ("u", "w", "theta"):
+            values = getattr(self, role)
+            made = made if values is None else crc32(values, crc32(role.encode(), made))
+        return made
+
+    def read_from(self, log: Log) -> Record:
+        """The same record, with the log that it was read from."""
+        return replace(self, log=replace(log, of=self.checksum()))
 
     def _title(self) -> str:
         return f"Record {self.source}: {self.motion}"

@@ -1,0 +1,162 @@
+"""A log as it was recorded: its rows in SI units, with nothing filled in, merged or resampled."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..checks import as_path, positive, shown
+from ..errors import InputError
+from .arrays import FORMS, is_table, table_of
+from .columns import Choice, choose_columns
+from .options import check_used, factors, texts
+from .places import Places, TableRows
+from .readers import read_table
+from .textfile import Table
+from .units import Unit, role_unit, si_unit
+
+_FAST = {"rotary": 400.0, "linear": 20.0}  # rad/s, m/s: above, a w without unit may not be in SI
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """A log as it was recorded.
+
+    ``t`` (N,) in s and ``channels`` by role, (N,) in SI units, hold every row of the file; NaN
+    where there is no number. ``where(row)`` names the place of a row: "line 2102" of a text file
+    (its header counted), "row 2100" (from 0) elsewhere. ``labels`` are the units by role as the
+    file or the user stated them, None where none was stated; ``motion`` is "rotary" or "linear".
+    ``messages`` say how the columns were interpreted. ``cuts`` are rows known to begin a new part,
+    and ``of`` is the checksum of the record that was made from these rows, 0 if there is none.
+    """
+
+    source: str
+    t: np.ndarray
+    channels: dict[str, np.ndarray]
+    where: Callable[[int], str]
+    labels: dict[str, str | None]
+    motion: str
+    messages: tuple[str, ...] = ()
+    cuts: tuple[int, ...] = ()
+    of: int = 0
+
+
+def log_of_arrays(
+    source: str, channels: Mapping[str, np.ndarray], motion: str, cuts: tuple[int, ...] = ()
+) -> Log:
+    """Channels in SI units by role, t among them, as a log; rows are counted from 0."""
+    others = {role: values for role, values in channels.items() if role != "t"}
+    labels: dict[str, str | None] = dict.fromkeys(channels)
+    return Log(source, channels["t"], others, TableRows(), labels, motion, cuts=cuts)
+
+
+def read_log(
+    path: Any,
+    *,
+    columns: Mapping[str, str] | str | None = None,
+    units: Mapping[str, str] | str | None = None,
+    scale: Mapping[str, float] | str | None = None,
+    rate: float | None = None,
+    motion: str | None = None,
+) -> Log:
+    """Read the rows of a log in SI units; the parameters are those of :func:`read_record`.
+
+    Raises InputError if the file or an argument cannot be read or understood.
+    """
+    named, stated, scaled = texts(columns, "columns"), texts(units, "units"), factors(scale)
+    rate = None if rate is None else positive(rate, "rate", "Hz")
+    if not (isinstance(path, (str, os.PathLike)) or is_table(path)):
+        raise InputError(f"record must be {FORMS}, not {shown(path)}.")
+    table = table_of(path, named) if is_table(path) else read_table(as_path(path, "record"))
+    choices, said = choose_columns(table, named, need_time=rate is None)
+    check_used(table.source, [c.role for c in choices], units=stated, scale=scaled)
+    found = {c.role: _unit(table, c, stated, scaled) for c in choices}
+    drive = _motion(table.source, found, motion)
+    raw, more = table.load([c.index for c in choices])
+    if not len(raw[0]):
+        raise InputError(f"{table.source} holds column names but no data.")
+    said = [*more, *said]
+    channels = {}
+    for choice, values in zip(choices, raw, strict=True):
+        said += _remarks(table, choice, values, found, scaled, drive)
+        channels[choice.role] = _si(values, found[choice.role], scaled.get(choice.role))
+    t = channels.pop("t", None)
+    if t is None:
+        t = np.arange(len(raw[0])) / float(rate or 1.0)
+    labels = {role: unit.name if unit else None for role, unit in found.items()}
+    where = Places(table.where, len(t))
+    return Log(table.source, t, channels, where, labels, drive, tuple(said))
+
+
+def _si(values: np.ndarray, unit: Unit | None, factor: float | None) -> np.ndarray:
+    with np.errstate(over="ignore"):  # a mark of a missing value may be as large as a float goes
+        return values * ((1.0 if factor is None else factor) * (unit.factor if unit else 1.0))
+
+
+# ---- units --------------------------------------------------------------------------
+
+
+def _unit(
+    table: Table,
+    choice: Choice,
+    stated: Mapping[str, str],
+    scaled: Mapping[str, float],
+) -> Unit | None:
+    text = stated.get(choice.role) or table.units[choice.index] or choice.implied
+    if text is None or (text == choice.implied and choice.role in scaled):
+        return None
+    where = f"{table.source}, column '{table.names[choice.index]}'"
+    return role_unit(choice.role, text, scaled=choice.role in scaled, where=where)
+
+
+def _motion(source: str, found: Mapping[str, Unit | None], given: str | None) -> str:
+    """Return the kind of drive that the units belong to; units of both kinds are an error."""
+    if not (given is None or (isinstance(given, str) and given in _FAST)):
+        raise InputError(f"motion must be 'rotary' or 'linear', not {shown(given)}.")
+    kinds = {role: unit for role, unit in found.items() if unit and unit.motion}
+    for role, unit in kinds.items():
+        for other, its in kinds.items():
+            if its.motion != unit.motion:
+                raise InputError(
+                    f"{source}: {role} is in {unit.name} but {other} in {its.name}; "
+                    "give all of them for a rotary drive or all for a linear one."
+                )
+        if given not in (None, unit.motion):
+            raise InputError(
+                f"{source}: {role} is in {unit.name}, which does not fit motion = '{given}'."
+            )
+    return given or next((str(unit.motion) for unit in kinds.values()), "rotary")
+
+
+def _remarks(
+    table: Table,
+    choice: Choice,
+    values: np.ndarray,
+    found: Mapping[str, Unit | None],
+    scaled: Mapping[str, float],
+    motion: str,
+) -> list[str]:
+    """Return notes on how the numbers of a channel were interpreted."""
+    role, name, unit = choice.role, table.names[choice.index], found[choice.role]
+    if role in scaled:
+        per = f" (in {unit.name})" if unit else ""
+        return [f"{role} is {scaled[role]:g} times column '{name}'{per}."]
+    if unit is not None or role not in ("u", "w", "theta"):
+        return []
+    values = values[np.isfinite(values)]
+    assumed = si_unit(role, motion)
+    if values.size and np.ptp(values) >= 100 and not np.any(values % 1):
+        return [
+            f"{role} has no unit and holds whole numbers only: {assumed} was assumed; if these "
+            f"are counts or another unit, give --scale {role}=FACTOR or --units {role}=UNIT."
+        ]
+    if role == "w" and "theta" not in found and np.abs(values).max(initial=0) > _FAST[motion]:
+        return [
+            f"w has no unit and reaches {np.abs(values).max():.4g}: {assumed} was assumed; "
+            "if that is wrong, give --units w=UNIT."
+        ]
+    return []

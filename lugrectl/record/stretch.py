@@ -1,0 +1,26 @@
+"""A stretch of a log: its rows on uniform time, ready for the torque balance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """Uniform time, nothing filtered: at most the stamps are interpolated.
+
+    ``run`` is the index of the log that it comes from, ``dt`` the step in s. ``t`` (s), ``u``
+    (N m or N), ``theta`` (rad or m) and ``w`` (rad/s or m/s) are (M,), theta and w None where
+    not recorded. ``ok`` (M,) is False where a sample is missing, bad or bridged over more than
+    a sample.
+    """
+
+    run: int
+    dt: float
+    t: np.ndarray
+    u: np.ndarray
+    theta: np.ndarray | None
+    w: np.ndarray | None
+    ok: np.ndarray

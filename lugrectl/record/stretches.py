@@ -1,0 +1,60 @@
+"""Logs as stretches of uniform time for the torque balance: stamps interpolated, no more."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .clock import FEWEST, typical_step
+from .log import Log
+from .stamped import Stamped
+from .stretch import Stretch
+from .usable import usable
+
+
+def stretches(logs: Sequence[Log]) -> tuple[list[Stretch], list[str]]:
+    """The stretches of uniform time in the logs of one drive, and what was noticed, as sentences.
+
+    A stretch ends where rows are lost, where time starts again and where the position jumps.
+    """
+    found, said = [], []
+    for run, log in enumerate(logs):
+        rows = usable(log)
+        said += [f"{log.source}: {s}" if len(logs) > 1 else s for s in rows.said]
+        for part in rows.parts():
+            made = _stretch(run, rows, part)
+            if made is not None and made.ok.sum() >= FEWEST:
+                found.append(made)
+    return found, said
+
+
+def _stretch(run: int, rows: Stamped, part: slice) -> Stretch | None:
+    """One part on its own even grid; None without two samples of each channel."""
+    t = rows.t[part]
+    values = {role: rows.channels[role][part] for role in rows.required}
+    if len(t) < FEWEST or any(np.isfinite(x).sum() < FEWEST for x in values.values()):
+        return None
+    dt = typical_step(np.diff(t))
+    steps = max(round((t[-1] - t[0]) / dt), 1)
+    grid, dt = np.linspace(t[0], t[-1], steps + 1), float(t[-1] - t[0]) / steps
+    made, ok = {}, np.ones(len(grid), bool)
+    for role, x in values.items():
+        good = np.isfinite(x)
+        made[role] = np.interp(grid, t[good], x[good])
+        ok &= _near(grid, t[good], dt)
+    sound = np.flatnonzero(ok)
+    if not len(sound):
+        return None
+    used = slice(int(sound[0]), int(sound[-1]) + 1)
+    cut = {role: x[used] for role, x in made.items()}
+    return Stretch(run, dt, grid[used], cut["u"], cut.get("theta"), cut.get("w"), ok[used])
+
+
+def _near(grid: np.ndarray, t: np.ndarray, dt: float) -> np.ndarray:
+    """Whether each instant lies between good samples, with at most one missing."""
+    after = np.searchsorted(t, grid - 1e-6 * dt)
+    inside = (after < len(t)) & (grid > t[0] - 1e-6 * dt)
+    after = after.clip(0, len(t) - 1)
+    before = (after - (t[after] > grid + 1e-6 * dt)).clip(0)
+    return inside & (t[after] - t[before] < 2.5 * dt)

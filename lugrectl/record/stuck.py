@@ -1,0 +1,67 @@
+"""Positions that stand still in the log while the drive goes on, or before there is a signal."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .stamped import Stamped, count
+
+_FEWEST = 3  # equal samples in a row that may be a stuck sensor
+
+
+def leave_out_stuck(log: Stamped, a: np.ndarray, b: np.ndarray) -> bool:
+    """Leave out runs of one position that end or begin at a jump, from row a to row b.
+
+    A drive comes to rest gradually: a position that stops at once, or that stands still together
+    with all other channels, was not read. True if samples were left out.
+    """
+    x = log.channels["theta"]
+    bad = np.zeros(len(x), bool)
+    for before, after in zip(a, b, strict=True):
+        for start, stop in (_same(x, int(before), -1), _same(x, int(after), 1)):
+            if stop - start >= _FEWEST and (
+                _at_once(x, start, stop, int(before)) or _all_stand(log, start, stop)
+            ):
+                bad[start:stop] = True
+    if not bad.any():
+        return False
+    _say(log, bad)
+    x = x.copy()
+    x[bad] = np.nan
+    log.channels["theta"] = x
+    return True
+
+
+def _same(x: np.ndarray, row: int, way: int) -> tuple[int, int]:
+    """The run of equal values from a row on, forward or backward: start and stop."""
+    part = x[row::way] if way > 0 else x[row::-1]
+    other = np.flatnonzero(part != x[row])
+    length = int(other[0]) if len(other) else len(part)
+    return (row, row + length) if way > 0 else (row - length + 1, row + 1)
+
+
+def _at_once(x: np.ndarray, start: int, stop: int, before: int) -> bool:
+    """Whether the motion stops or sets in at once, at the end of the run without the jump."""
+    backward = before >= start  # the jump comes after the run
+    beside = x[max(start - 4, 0) : start + 1] if backward else x[stop - 1 : stop + 4]
+    steps = np.diff(beside[np.isfinite(beside)])
+    if len(steps) < 2:
+        return False
+    last = steps[-1] if backward else steps[0]
+    usual = np.median(steps)
+    changes = np.abs(np.diff(steps)).max()
+    return bool(abs(usual) > 3 * changes + 1e-12 and abs(last) > 0.5 * abs(usual))
+
+
+def _all_stand(log: Stamped, start: int, stop: int) -> bool:
+    """Whether torque and motion keep one value each."""
+    parts = (log.channels[role][start:stop] for role in log.required)
+    return all(bool((part == part[0]).all()) for part in parts)
+
+
+def _say(log: Stamped, bad: np.ndarray) -> None:
+    rows = np.flatnonzero(bad)
+    log.say(
+        f"theta stands at {log.value('theta', rows[0])} for {count(len(rows), 'row')} from "
+        f"{log.place(rows[0])} on and then jumps: these rows are left out."
+    )

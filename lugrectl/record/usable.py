@@ -1,0 +1,22 @@
+"""What of a log can be used: rows in time, without bad samples, positions without jumps."""
+
+from __future__ import annotations
+
+from .bad_samples import leave_out_bad_samples
+from .clock import put_in_time
+from .log import Log
+from .position import make_continuous
+from .stamped import Stamped
+
+
+def usable(log: Log) -> Stamped:
+    """The rows of a log that can be used, each finding as a sentence.
+
+    Stamps are put in order, bad samples become nan, wrapped positions are unwrapped, and a part
+    begins where time or position do not go on. Nothing is filled in or resampled.
+    """
+    made = Stamped.of(log)
+    put_in_time(made)
+    leave_out_bad_samples(made)
+    make_continuous(made)
+    return made
