@@ -12,13 +12,15 @@ import numpy as np
 from .blocks.table import tabulated
 from .display import Row, Shown, estimated
 from .model import Model
-from .outputs import Fitted, Result, library, plain
+from .outputs import Fitted, Result, library
+from .outputs import plain as jsonable
 from .provenance import Provenance
 from .record import Record
 from .spec import members, unit_for
 
 if TYPE_CHECKING:
     from .compensating import Compensation
+    from .identification.balance import Balance
 
 VERDICTS = ("adequate", "found", "ambiguous", "unexplained", "refused")
 
@@ -161,7 +163,7 @@ class Table(Result):
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as under "table" in the JSON document."""
-        return plain(
+        return jsonable(
             {
                 "name": self.name,
                 "signals": list(self.signals),
@@ -230,7 +232,7 @@ class FrictionMap(Result):
     def summary(self) -> dict[str, Any]:
         """Plain Python, as under "map" in the JSON document."""
         points = {k: getattr(self, k).tolist() for k in ("w", "u", "error", "held_out")}
-        return plain(points | {"swing": [{"order": n} | e.summary() for n, e in self.swing]})
+        return jsonable(points | {"swing": [{"order": n} | e.summary() for n, e in self.swing]})
 
     def to_frame(self) -> Any:
         """A DataFrame, a row for each run: w, u, error, held_out."""
@@ -263,8 +265,9 @@ class Diagnosis(Fitted):
     ``error``, ``free_error`` and ``torque_error`` are the mappings of the JSON format; ``model``
     is the augmented model (the refitted one if nothing was added, None if refused).
     ``table`` offers the unexplained torque as a block; ``compensation`` is set if it was asked
-    for, ``map`` if the records are runs at steady speed. ``provenance``: version, date, command
-    and files; None for a result that was put together by hand.
+    for, ``map`` if the records are runs at steady speed. ``plain`` is the torque balance of the log
+    as it was recorded, there for every log that can be read. ``provenance``: version, date,
+    command and files; None for a result that was put together by hand.
     """
 
     verdict: str
@@ -286,11 +289,12 @@ class Diagnosis(Fitted):
     compensation: Compensation | None = None
     map: FrictionMap | None = None
     provenance: Provenance | None = None
+    plain: Balance | None = None
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as in the JSON document; never NaN or Infinity."""
         nested = self.model.to_dict() if self.model else {}
-        return plain(
+        return jsonable(
             {
                 "schema": 1,
                 "verdict": self.verdict,
@@ -310,6 +314,10 @@ class Diagnosis(Fitted):
                 "record": self.record.summary() if self.record else None,
                 "messages": list(self.messages),
                 "reason": self.reason,
+                "plain": self.plain.plain() if self.plain else None,
+                "budget": None,
+                "comparison": None,
+                "detectable": None,
                 "provenance": self.provenance.summary() if self.provenance else None,
             }
         )

@@ -9,6 +9,7 @@ from typing import Any
 
 from ..display import NONE, Grid, number
 from ..display import with_interval as _with_interval
+from ..results import Estimate
 from ..spec import members
 
 _SMALL = {"rad": "rad", "m": "m", "rad/s": "rad/s", "m/s": "m/s", "N m": "N m", "N": "N"}
@@ -87,7 +88,7 @@ _TITLES = {"found": "Missing effect", "unexplained": "Partial explanation"}
 def sections(d: Any) -> list[Section]:
     """Everything below the headline, in reading order; parts without content are left out."""
     parts = [_effect(d, finding) for finding in _get(d, "effects", ())]
-    parts += [_depends(d), _table(d), _experiment(d), errors(d), _parameters(d)]
+    parts += [_depends(d), _table(d), _experiment(d), errors(d), _parameters(d), plain(d)]
     parts += [_compensation(d), _record(d), _notes(d)]
     return [part for part in parts if part is not None]
 
@@ -251,6 +252,36 @@ def _parameters(d: Any) -> Section | None:
         return None
     head = ("parameter", "declared", "fitted", "95 % interval", "unit")
     return Section("Fitted parameters", (), Grid(head, "lrrrl", tuple(rows)))
+
+
+PLAIN = "Plain torque balance"
+
+
+def plain(d: Any) -> Section | None:
+    """The torque balance: what is certain alone, what is certain together, what is left."""
+    balance = _get(d, "plain")
+    if balance is None:
+        return None
+    found = balance.plain()
+    rows = []
+    for key, one in found["parameters"].items():
+        estimate = Estimate(one["value"], one["unit"], one["ci95"])
+        rows.append((key, *_with_interval(estimate), one["unit"]))
+    grid = Grid(("parameter", "value", "95 % interval", "unit"), "lrrl", tuple(rows))
+    lines = [_left(found["left"]), *map(_together, found["combinations"])]
+    return Section(PLAIN, tuple(filter(None, lines)), grid if rows else None)
+
+
+def _left(share: float | None) -> str:
+    if share is None:
+        return ""
+    return f"It leaves {number(100.0 * share, 2)} % of the RMS torque."
+
+
+def _together(one: Mapping[str, Any]) -> str:
+    value, interval = _with_interval(Estimate(one["value"], one["unit"], one["ci95"]))
+    how = f" To separate them: {one['to_separate']}." if one["to_separate"] else ""
+    return f"Only together: {one['text']} = {value} {one['unit']} ({interval}).{how}"
 
 
 def _record(d: Any) -> Section | None:

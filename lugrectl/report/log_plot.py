@@ -1,0 +1,155 @@
+"""The log as it was read: torque and motion over time, the friction curve, the plain fit."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..spec import unit_for
+from .canvas import drawn, on_pyplot
+from .closing import COLOURS
+from .wording import number, readable
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from ..identification.balance import Balance
+    from ..record.stretch import Stretch
+
+MEASURED, FITTED, LEFT_OUT = "#3b4450", COLOURS["after"], "#e9b44c"
+_BINS = 1500  # of time over which a long signal is drawn as a band from least to greatest value
+_LINES = 14  # of remarks beside the plots
+_COLUMNS = 78  # of a line of remarks
+
+
+@dataclass(frozen=True)
+class ReadLog:
+    """What there is to draw of a log: its stretches, the plain answer, what was noticed."""
+
+    stretches: Sequence[Stretch]
+    balance: Balance
+    motion: str
+    notes: tuple[str, ...] = ()
+
+    def starts(self) -> list[float]:
+        """What is added to the time of each stretch, so that runs follow one another."""
+        made, shift, last, run = [], 0.0, 0.0, None
+        for one in self.stretches:
+            if run is not None and one.run != run:
+                shift = last - float(one.t[0])
+            made.append(shift if run is not None else 0.0)
+            run, last = one.run, shift + float(one.t[-1])
+        return made
+
+
+def plot(log: ReadLog) -> list[Axes]:
+    """All panels in one new figure of pyplot; returns their Axes."""
+    return on_pyplot([panel for _, panel in panels(log)], columns=2)
+
+
+def panels(log: ReadLog) -> list[tuple[str, Callable[[Axes], Any]]]:
+    """Caption and panel of each plot that there is something for."""
+    some = log.stretches[0] if log.stretches else None
+    if some is None:
+        return [("What was noticed.", partial(remarks, log))] if log.notes else []
+    made = [("Torque as it was recorded; shaded: left out.", partial(signal, log, role="u"))]
+    for role in ("w", "theta"):
+        if getattr(some, role) is not None:
+            made.append((f"{role} as it was recorded.", partial(signal, log, role=role)))
+    if log.balance.curve:
+        made.append(("Friction over speed, with 95 % bars.", partial(curve, log)))
+    if len(log.balance.windows):
+        made.append(("Torque in windows, and the plain torque balance.", partial(fit, log)))
+    if log.notes:
+        made.append(("What was noticed.", partial(remarks, log)))
+    return made
+
+
+@drawn
+def signal(log: ReadLog, ax: Axes, role: str = "u") -> Axes:
+    """A channel over time; a long one as the band between its least and greatest values."""
+    for one, shift in zip(log.stretches, log.starts(), strict=True):
+        t, low, high = envelope(one.t + shift, getattr(one, role))
+        ax.fill_between(t, low, high, color=MEASURED, lw=0.6)
+        for a, b in left_out(one):
+            ax.axvspan(one.t[a] + shift, one.t[b - 1] + shift, color=LEFT_OUT, alpha=0.5, lw=0)
+    ax.set(xlabel="t [s]", ylabel=f"{role} [{_unit(role, log.motion)}]")
+    return _titled(ax, {"u": "Torque", "w": "Speed", "theta": "Angle"}[role] + " as recorded")
+
+
+@drawn
+def curve(log: ReadLog, ax: Axes) -> Axes:
+    """Friction torque in bins of speed, both directions."""
+    points = [p for p in log.balance.curve if p["torque"] is not None]
+    w, torque = (np.array([p[k] for p in points]) for k in ("w", "torque"))
+    factor, unit = readable([float(np.abs(torque).max(initial=0.0))], unit_for("N m", log.motion))
+    bars = np.array([p["ci95"] or (p["torque"], p["torque"]) for p in points])
+    sides = np.abs(bars - torque[:, None]).T
+    ax.errorbar(w, factor * torque, factor * sides, fmt="o", ms=4, lw=1.0, color=FITTED)
+    ax.set(xlabel=f"w [{unit_for('rad/s', log.motion)}]", ylabel=f"friction [{unit}]")
+    return _titled(ax, "Friction over speed")
+
+
+@drawn
+def fit(log: ReadLog, ax: Axes) -> Axes:
+    """Mean torque in windows and that of the balance, over time."""
+    shifts = dict(zip([one.run for one in log.stretches], log.starts(), strict=False))
+    windows = log.balance.windows
+    t = windows.t + np.array([shifts.get(int(run), 0.0) for run in windows.run])
+    factor, unit = readable([float(np.abs(windows.torque).max())], unit_for("N m", log.motion))
+    for y, colour, size, label in (
+        (windows.torque, MEASURED, 3.0, "recorded"),
+        (windows.fitted, FITTED, 1.4, "plain balance"),
+    ):
+        ax.plot(t, factor * y, ".", ms=size, color=colour, label=label, rasterized=True)
+    ax.set(xlabel="t [s]", ylabel=f"mean torque [{unit}]")
+    ax.legend(loc="upper right", ncols=2, fontsize="small")
+    left = log.balance.left
+    return _titled(ax, f"Plain fit leaves {number(100.0 * left, 2)} % of the RMS torque"
+                   if left is not None else "Plain fit")  # fmt: skip
+
+
+@drawn
+def remarks(log: ReadLog, ax: Axes) -> Axes:
+    """What was noticed while the log was read, as text."""
+    lines = [line for note in log.notes for line in _bullet(note)]
+    if len(lines) > _LINES:
+        lines = [*lines[: _LINES - 1], "  ..."]
+    ax.axis("off")
+    text = "\n".join(lines)
+    ax.text(0.0, 1.0, text, va="top", family="monospace", fontsize=7.5, transform=ax.transAxes)
+    return _titled(ax, "What was noticed")
+
+
+def _bullet(note: str) -> list[str]:
+    return textwrap.wrap(note, _COLUMNS, initial_indent="- ", subsequent_indent="  ")
+
+
+def envelope(t: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times, least and greatest values in so many bins; the samples themselves if there are few."""
+    if len(x) <= 2 * _BINS:
+        return t, x, x
+    edges = np.linspace(0, len(x), _BINS + 1).astype(int)[:-1]
+    with np.errstate(invalid="ignore"):
+        return t[edges], np.fmin.reduceat(x, edges), np.fmax.reduceat(x, edges)
+
+
+def left_out(one: Stretch) -> Iterator[tuple[int, int]]:
+    """First and last (exclusive) sample of each part of a stretch that is not used."""
+    edges = np.flatnonzero(np.diff(np.r_[False, ~one.ok, False]))
+    return ((int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True))
+
+
+def _unit(role: str, motion: str) -> str:
+    return unit_for({"u": "N m", "w": "rad/s", "theta": "rad"}[role], motion)
+
+
+def _titled(ax: Axes, title: str) -> Axes:
+    ax.set_title(title)
+    ax.margins(x=0.01)
+    return ax
