@@ -12,6 +12,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 NONE = "-"
+HELD = "held"  # stands where an interval would
 WIDTH = 88  # columns of a text
 _MOST = 6  # entries of a list that are shown
 
@@ -28,6 +29,8 @@ def number(value: Any, digits: int = 4) -> str:
 def with_interval(estimate: Any) -> tuple[str, str]:
     """Value and 95 % interval ("low to high"), with the digits that the interval knows."""
     value, interval = estimate.value, estimate.ci95
+    if getattr(estimate, "held", False):
+        return f"{value:.5g}", HELD
     if interval is None or not all(math.isfinite(x) for x in interval):
         return (f"{value:.5g}" if math.isfinite(value) else NONE), NONE
     shown = [_to_width(x, interval[1] - interval[0]) for x in (value, *interval)]

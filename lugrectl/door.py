@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from .checks import positive, shown, whole
 from .errors import InputError
-from .model import Model, Parameters, Part, model_from_dict
+from .model import Model, Parameters, Part, check_values, model_from_dict, restated
 from .model_file import read_model
 from .spec import members
 
@@ -27,6 +27,7 @@ _FILE = ("name", "motion", "plant", "friction", "effects")
 def as_model(given: Any, what: str = "model") -> Model:
     """The model that is meant; InputError names the argument ``what``."""
     if isinstance(given, Model):
+        check_values(given, what)
         return given
     if isinstance(given, Parameters):
         values = {"model": "lugre", **given.friction()}
@@ -40,6 +41,9 @@ def as_model(given: Any, what: str = "model") -> Model:
 
 def _from_dict(given: Mapping[Any, Any], what: str) -> Model:
     """A dict nested like a model file, or one of values by name, ``{"J": 0.002}``."""
+    if isinstance(given.get("stated"), Mapping):  # the model of a JSON document
+        plain = _from_dict({k: v for k, v in given.items() if k != "stated"}, what)
+        return restated(plain, given["stated"], what)
     flat = set(given) - {*_FILE}
     if "plant" in given or not (flat or isinstance(given.get("friction"), str)):
         return model_from_dict({**given, "effects": _effects(given.get("effects"))}, what)
@@ -52,7 +56,7 @@ def changed(given: Any, changes: Mapping[str, Any], what: str) -> Model:
     ``J``, ``name``, ``motion``, ``friction`` (the law), ``effects`` (added to those that it has);
     anything else is a parameter of the law.
     """
-    data = as_model(given).to_dict()
+    data = as_model(given).to_dict(stated=True)
     changes = {k: v for k, v in changes.items() if v is not None}
     data |= {k: changes.pop(k) for k in ("name", "motion") if k in changes}
     if "J" in changes:

@@ -18,6 +18,7 @@ from .steady.curve import Curve, fit, refit
 from .steady.points import Points, is_steady, laid, points, refuse_narrow
 from .steady.swing import Swing, finding_of, sentence, swings
 from .tracing.evaluate import rms
+from .tracing.far import far_off
 from .tracing.hanging import signals_of
 from .tracing.job import Progress, unidentified
 from .tracing.start import holding
@@ -168,7 +169,8 @@ def errors_of(fits: Fits, final: Curve) -> dict[str, Any]:
     """The error of the JSON format: of mean torque, on the points held out."""
     test = fits.whole.only(fits.held_out)
     base = fits.base
-    given = {k: fits.declared.values()[k] for k in (c.key for c in base.coords)}
+    shown = {c.key for c in base.coords} | fits.declared.held()
+    given = {k: fits.declared.values()[k] for k in shown}
     declared = None
     if None not in given.values():
         values = base.values | {k: v for k, v in given.items() if v is not None}
@@ -188,10 +190,12 @@ def errors_of(fits: Fits, final: Curve) -> dict[str, Any]:
 def estimates_of(whole: Curve) -> dict[str, Estimate]:
     """Every value that the map identifies, with its unit and interval."""
     intervals, model = whole.intervals(), whole.model
-    return {
+    held = {k: whole.values[k] for k in model.held() if model.declarations()[k].fitted}
+    fitted = {
         c.key: Estimate(whole.values[c.key], model.unit(c.key), intervals.get(c.key))
         for c in whole.coords
     }
+    return fitted | {k: Estimate(v, model.unit(k), held=True) for k, v in held.items()}
 
 
 def final_model(fits: Fits, whole: Curve) -> Model:
@@ -205,12 +209,14 @@ def final_model(fits: Fits, whole: Curve) -> Model:
 def messages_of(fits: Fits, whole: Curve) -> tuple[str, ...]:
     """What was noticed about the model and the runs."""
     noticed = [m for r in fits.records for m in r.messages]
-    declared, fitted = fits.declared.declarations(), {c.key for c in whole.coords}
+    declared = fits.declared.declarations()
+    fitted = {c.key for c in whole.coords} | fits.declared.held()
     silent = [k for k, p in declared.items() if p.fitted and k not in fitted]
     silent += [part.key for part in fits.aside]
     said = MAP.format(len(fits.records))
     said += f"; they do not identify {', '.join(silent)}." if silent else "."
     ends = [f"{k} lies at the limit of the range in which it is searched." for k in whole.ends()]
+    ends += far_off(whole, fits.declared)
     flat = unidentified(whole.flat(), "these runs")
     return tuple(dict.fromkeys([*fits.declared.remarks(), *noticed, said, *ends, *flat]))
 

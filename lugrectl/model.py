@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
+from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -18,6 +18,8 @@ from .display import Row, Shown
 from .errors import InputError
 from .provenance import SourceFile
 from .spec import Block, unit_for
+from .stated import Stated, holding, refuse_crossed, stated
+from .stated import unknown as _known
 
 
 @dataclass(frozen=True, repr=False)
@@ -79,7 +81,8 @@ class Model(Shown):
     """A declared model: inertia, one friction law, any number of effects.
 
     ``values()`` is flat: ``J``, the friction parameters by name, effects as ``key.parameter``.
-    ``file`` is the model file that was read, None once anything was changed.
+    ``stated`` says by such a key what is held, bounded or known with an uncertainty. ``file`` is
+    the model file that was read, None once anything was changed.
     """
 
     name: str
@@ -87,6 +90,7 @@ class Model(Shown):
     J: float | None
     friction: Part
     effects: tuple[Part, ...] = ()
+    stated: Mapping[str, Stated] = field(default_factory=dict)
     file: SourceFile | None = field(default=None, init=False, repr=False, compare=False)
 
     @classmethod
@@ -94,12 +98,12 @@ class Model(Shown):
         cls,
         given: Any = MappingProxyType({}),
         *,
-        J: float | None = None,
+        J: Any = None,
         friction: str | None = None,
         effects: Any = None,
         name: str | None = None,
         motion: str | None = None,
-        **values: float | None,
+        **values: Any,
     ) -> Model:
         """A model from values by name: ``Model.of(J=0.002, Fc=0.3)``, ``Model.of(table1())``.
 
@@ -115,8 +119,10 @@ class Model(Shown):
             Declared effects by name, or ``{"name": "gravity", "amplitude": 0.2}``; one will do.
         name, motion : str, optional
             "drive" and "rotary" unless given.
-        values : float
-            Parameters of the friction law, ``Fc=0.3``.
+        values : float or dict
+            Parameters of the friction law, ``Fc=0.3``. Any value may be a dict as in a model file:
+            ``{"value": 0.3, "fixed": True}`` holds it, ``{"min": 0.1, "max": 0.5}`` bounds it,
+            ``{"value": 0.3, "std": 0.02}`` is a prior.
 
         Raises
         ------
@@ -142,6 +148,28 @@ class Model(Shown):
     def known(self) -> dict[str, float]:
         """``values()`` without those that are not known yet."""
         return {k: v for k, v in self.values().items() if v is not None}
+
+    def fix(self, *names: str, what: str = "fix") -> Model:
+        """The model with these declared values held: ``model.fix("J", "Fc")``.
+
+        ``"gravity.phase"`` is one value of an effect, ``"gravity"`` all of them. InputError for a
+        name that the model does not have, or a value that is not declared; it starts with ``what``.
+        """
+        made = replace(self, stated=holding(self.values(), self.stated, names, what))
+        refuse_crossed(made.values(), made.stated, what)
+        return made
+
+    def held(self) -> set[str]:
+        """The keys of the values that no fit may change."""
+        return {k for k, one in self.stated.items() if one.fixed}
+
+    def kept(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Values for a fit: held ones as declared, the others inside their stated bounds."""
+        made, own = dict(values), self.values() if self.stated else {}
+        for key in self.stated.keys() & made.keys():
+            value, one = own.get(key), self.stated[key]
+            made[key] = value if one.fixed and value is not None else one.clipped(made[key])
+        return made
 
     def with_values(self, flat: Mapping[str, float | None]) -> Model:
         """The same structure with other values; names left out stay as they are."""
@@ -186,34 +214,49 @@ class Model(Shown):
             return ()
         return (
             f"model {self.name}: Fs = {Fs:g} is below Fc = {Fc:g}, but stiction cannot be less "
-            "than Coulomb friction; the fit starts from Fs = Fc and keeps Fs >= Fc.",
+            "than Coulomb friction; the fit starts from and keeps an Fs that is not.",
         )
 
-    def to_dict(self) -> dict[str, Any]:
-        """A dict nested like the TOML file; values that are not known yet are left out."""
+    def to_dict(self, *, stated: bool = False) -> dict[str, Any]:
+        """A dict nested like the TOML file; values that are not known yet are left out.
 
-        def known(values: Mapping[str, float | None]) -> dict[str, float]:
-            return {k: v for k, v in values.items() if v is not None}
+        With ``stated`` a value of which more is stated is a table, as in the file.
+        """
 
+        def known(values: Mapping[str, float | None], prefix: str = "") -> dict[str, Any]:
+            more = {k: self.stated.get(prefix + k) for k in values} if stated else {}
+            tables = {k: one.table() for k, one in more.items() if one and one.table()}
+            plain = {k: v for k, v in values.items() if v is not None or k in tables}
+            return {k: {"value": v, **tables[k]} if k in tables else v for k, v in plain.items()}
+
+        effects = [{"name": p.block.name, **known(p.values, f"{p.key}.")} for p in self.effects]
         return {
             "name": self.name,
             "motion": self.motion,
             "plant": known({"J": self.J}),
             "friction": {"model": self.friction.block.name, **known(self.friction.values)},
-            "effects": [{"name": part.block.name, **known(part.values)} for part in self.effects],
+            "effects": effects,
         }
+
+    def statements(self) -> dict[str, dict[str, Any]]:
+        """What is stated of its values besides them, by key: ``{"Fc": {"fixed": True}}``."""
+        return {k: self.stated[k].table() for k in self.values() if k in self.stated}
 
     def _title(self) -> str:
         return f"Model {self.name}: {self.motion}, {self.friction.block.name} friction"
 
     def _rows(self) -> Iterable[Row]:
-        rows = [_value_row(k, v, self.unit(k)) for k, v in self.values().items()]
+        rows = [
+            _value_row(k, v, self.unit(k), self.stated.get(k)) for k, v in self.values().items()
+        ]
         bare = [part.key for part in self.effects if not part.values]
         return [*rows, *(Row(key, "no parameters") for key in bare)]
 
 
-def _value_row(key: str, value: float | None, unit: str) -> Row:
-    return Row(key, "to be identified" if value is None else value, "" if unit == "1" else unit)
+def _value_row(key: str, value: float | None, unit: str, more: Stated | None = None) -> Row:
+    note = f"({words})" if more and (words := more.words()) else ""
+    unit = "" if unit == "1" else unit
+    return Row(key, "to be identified" if value is None else value, unit, note)
 
 
 def model_from_dict(data: Mapping[str, Any], where: str) -> Model:
@@ -223,7 +266,7 @@ def model_from_dict(data: Mapping[str, Any], where: str) -> Model:
     ------
     InputError
         For an unknown key, friction model or effect, a value that is not a number or is outside
-        its bounds; the message starts with ``where``.
+        its bounds, or what cannot be meant of it; the message starts with ``where``.
     """
     _known(data, ("name", "motion", "plant", "friction", "effects"), where)
     motion = data.get("motion", "rotary")
@@ -238,13 +281,34 @@ def model_from_dict(data: Mapping[str, Any], where: str) -> Model:
         motion=motion,
         J=_number(plant.get("J"), J_DECLARATION, f"{where}: [plant] J"),
         friction=part,
+        stated=_statements(plant, {"J": J_DECLARATION}, f"{where}: [plant]")
+        | _statements(friction, part.block.own, f"{where}: [friction]"),
     )
     effects = data.get("effects", [])
     if not isinstance(effects, list):
         raise InputError(f"{where}: write [[effects]] above each effect.")
     for entry in effects:
         model = _with_entry(model, entry, f"{where}: [[effects]]")
+    refuse_crossed(model.values(), model.stated, where)
     return model
+
+
+def check_values(model: Model, where: str) -> None:
+    """Raise InputError if a model was given a value that none of a file could have."""
+    declared = model.declarations()
+    for key, value in model.values().items():
+        _number(value, declared[key], f"{where}: {key}")
+    refuse_crossed(model.values(), model.stated, where)
+
+
+def restated(model: Model, tables: Mapping[str, Any], where: str) -> Model:
+    """The model with what tables state of its values, by key, as ``Model.statements`` has it."""
+    values, declared = model.values(), model.declarations()
+    _known(tables, values, f"{where}: stated")
+    whole = {k: {"value": values[k], **_table(tables, k, where)} for k in tables}
+    made = replace(model, stated=_statements(whole, declared, where))
+    refuse_crossed(values, made.stated, where)
+    return made
 
 
 def _with_entry(model: Model, entry: Any, where: str) -> Model:
@@ -260,7 +324,20 @@ def _with_entry(model: Model, entry: Any, where: str) -> Model:
             f"{where} {use.block.name} is declared twice, and no record can distinguish the "
             "two: keep one of them."
         )
-    return model.with_effect(use.block.name, use.values)
+    made = model.with_effect(use.block.name, use.values)
+    more = _statements(entry, use.block.own, f"{where} {use.block.name}")
+    own = {f"{made.effects[-1].key}.{k}": one for k, one in more.items()}
+    return replace(made, stated={**made.stated, **own})
+
+
+def _statements(entry: Mapping[str, Any], own: Mapping[str, Any], where: str) -> dict[str, Stated]:
+    """What the tables among the values of an entry state, by name."""
+    made = {}
+    for key, p in own.items():
+        given, at = entry.get(key), f"{where} {key}"
+        if isinstance(given, Mapping):
+            made[key] = stated(given, _number(given, p, at), partial(_number, p=p), at)
+    return {k: one for k, one in made.items() if one != Stated()}
 
 
 def _alike(one: Part, other: Part) -> bool:
@@ -295,15 +372,8 @@ def _table(data: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any]:
     return table
 
 
-def _known(table: Mapping[str, Any], known: Iterable[str], where: str) -> None:
-    for key in table:
-        if key not in known:
-            hint = difflib.get_close_matches(str(key), list(known), n=1)
-            meant = f" Did you mean '{hint[0]}'?" if hint else ""
-            raise InputError(f"{where}: unknown key '{key}'; known: {', '.join(known)}.{meant}")
-
-
 def _number(value: Any, p: Any, where: str) -> float | None:
+    value = value.get("value") if isinstance(value, Mapping) else value
     if value is None:
         return None
     value = real(given := value)
@@ -314,7 +384,7 @@ def _number(value: Any, p: Any, where: str) -> float | None:
         raise InputError(f"{where} = {value:g}; it must be {known}.")
     if value < p.low or value > p.high:
         rule = "negative" if value < 0 <= p.low else f"outside [{p.low:g}, {p.high:g}]"
-        rule = "not above 0" if 0 <= value < p.low < TINY else rule
+        rule = "not above 0" if value == 0 < p.low < TINY else rule
         raise InputError(
             f"{where} = {value:g} is {rule}; give a value in {p.unit} or leave it out."
         )

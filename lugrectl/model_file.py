@@ -6,6 +6,7 @@ import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from .checks import as_path
 from .errors import InputError
@@ -57,7 +58,7 @@ def write_model(model: Model, path: str | Path) -> None:
 
 def model_toml(model: Model) -> str:
     """The model file's text, with the unit of each value as a comment."""
-    data, lines = model.to_dict(), []
+    data, lines = model.to_dict(stated=True), []
     lines += [f"name = {_quoted(data['name'])}", f'motion = "{data["motion"]}"', "", "[plant]"]
     lines += _rows(data["plant"], "", model)
     lines += ["", "[friction]", f"model = {_quoted(data['friction'].pop('model'))}"]
@@ -68,9 +69,18 @@ def model_toml(model: Model) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _rows(values: Mapping[str, float], prefix: str, model: Model) -> list[str]:
+def _rows(values: Mapping[str, Any], prefix: str, model: Model) -> list[str]:
     units = {k: "".join(c for c in model.unit(prefix + k) if c.isprintable()) for k in values}
-    return [f"{_key(k)} = {float(v)!r}  # {units[k]}" for k, v in values.items()]
+    return [f"{_key(k)} = {_written(v)}  # {units[k]}" for k, v in values.items()]
+
+
+def _written(value: Any) -> str:
+    """A number, or the table of one of which more is stated."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if not isinstance(value, Mapping):
+        return repr(float(value))
+    return "{" + ", ".join(f"{k} = {_written(v)}" for k, v in value.items() if v is not None) + "}"
 
 
 def _key(name: str) -> str:

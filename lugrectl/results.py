@@ -27,14 +27,19 @@ VERDICTS = ("adequate", "found", "ambiguous", "unexplained", "refused")
 
 @dataclass(frozen=True, repr=False)
 class Estimate(Shown):
-    """A fitted value with its unit and 95 % interval (None if it cannot be determined)."""
+    """A fitted value with its unit and 95 % interval (None if it cannot be determined).
+
+    ``held``: the value was declared as fixed, and no fit has changed it.
+    """
 
     value: float
     unit: str
     ci95: tuple[float, float] | None = None
+    held: bool = False
 
     def summary(self) -> dict[str, Any]:
-        return {"value": self.value, "unit": self.unit, "ci95": self.ci95 and list(self.ci95)}
+        made = {"value": self.value, "unit": self.unit, "ci95": self.ci95 and list(self.ci95)}
+        return made | ({"held": True} if self.held else {})
 
     def _title(self) -> str:
         return estimated("", self).text()
@@ -305,7 +310,8 @@ class Diagnosis(Fitted):
                 "free_error": self.free_error,
                 "torque_error": self.torque_error,
                 "model": {k: nested.get(k, {}) for k in ("plant", "friction")}
-                | {"effects": nested.get("effects", [])},
+                | {"effects": nested.get("effects", [])}
+                | {"stated": self.model.statements() if self.model else {}},
                 "parameters": {k: v.summary() for k, v in self.estimates.items()},
                 "ranking": [{"name": c.name, "score": c.score} for c in self.ranking],
                 "table": self.table.summary() if self.table else None,

@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "lugrectl"
 STOREYS = [
     {"blas", "errors", "checks", "display", "outputs", "progress", "provenance", "spec"}
-    | {"arguments", "jobs", "functions", "pickling", "control_pickling", "unit_names"},
+    | {"arguments", "jobs", "functions", "pickling", "control_pickling", "unit_names", "stated"},
     {"blocks", "model", "model_file", "catalogue", "door"},
     {"loops", "engine", "linear", "record", "design", "sampling"},
     {"simulation", "results", "mixed", "blocklist", "bristles", "ensemble"},
@@ -37,6 +37,7 @@ TRACING = [
     {"predictor"},
     {"split", "coordinates", "likelihood", "evaluate", "structure"},
     {"moments", "slopes"},
+    {"beliefs"},
     {"fit"},
     {"far", "late"},
     {"tabulate", "proof", "slide", "calm"},

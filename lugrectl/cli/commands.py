@@ -103,7 +103,7 @@ def _main_job(work: Any, a: Namespace) -> int:
     from ..model_file import read_model
     from ..report import check_folder, text, write
 
-    model = read_model(a.model)
+    model = fixed(read_model(a.model), a)
     a.records = _files(a.records)
     if a.out is not None:
         check_folder(a.out)
@@ -189,6 +189,14 @@ def reading(a: Namespace) -> dict[str, Any]:
         k: ",".join(v) if (v := getattr(a, k)) else None for k in ("columns", "units", "scale")
     }
     return {**pairs, "rate": a.rate}
+
+
+def fixed(model: Model, a: Namespace) -> Model:
+    """The model with the values of --fix held."""
+    names = [n.strip() for given in getattr(a, "fix", None) or [] for n in given.split(",")]
+    made = model.fix(*filter(None, names), what="--fix") if names else model
+    object.__setattr__(made, "file", model.file)  # the command says what was held beside it
+    return made
 
 
 def _spare(a: Namespace) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
-from .commands import print_out, reading
+from .commands import fixed, print_out, reading
 from .progress import Bar
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def each(a: Namespace) -> int:
             f"--holdout {a.holdout} is one file, but with --each the errors of every log are "
             "computed on its own samples; leave it out, or give --holdout last."
         )
-    model, how = read_model(a.model), reading(a)
+    model, how = fixed(read_model(a.model), a), reading(a)
     for what in ("columns", "units", "scale"):  # a mistake here would make every log fail
         if how[what]:
             parse_pairs(how[what], what)

@@ -105,6 +105,12 @@ def _records(command: argparse.ArgumentParser) -> None:
     ):
         add(f"--{name}", action="append", metavar=example, help=what)
     add("--rate", type=_positive, metavar="HZ", help="sampling rate of a record without t")
+    add(
+        "--fix",
+        action="append",
+        metavar="J,Fc",
+        help="hold these declared values: J, parameters of the friction law, EFFECT.PARAMETER",
+    )
     add("--seed", type=_seed, default=0, metavar="N", help="seed of random numbers (default: 0)")
 
 

@@ -27,7 +27,8 @@ from ..results import Estimate, FrictionMap, Traces
 from ..steady.curve import refit
 from ..steady.points import is_map
 from ..traces import traces
-from ..tracing.job import begin, compared, estimates, on_everything, score
+from ..tracing.far import at_bounds, far_off
+from ..tracing.job import begin, compared, estimates, noted, on_everything, score
 
 
 @dataclass(frozen=True, repr=False)
@@ -55,7 +56,8 @@ class Identification(Fitted):
                 "schema": 1,
                 "parameters": {k: v.summary() for k, v in self.estimates.items()},
                 "error": self.error,
-                "model": {k: nested[k] for k in ("plant", "friction", "effects")},
+                "model": {k: nested[k] for k in ("plant", "friction", "effects")}
+                | {"stated": self.model.statements()},
                 "record": self.record.summary(),
                 "messages": list(self.messages),
                 "provenance": self.provenance.summary() if self.provenance else None,
@@ -100,7 +102,7 @@ def identify(
         return _map_identified(begin_map(record, model, holdout, report), model)
     job = begin(record, model, holdout, horizon, report)
     whole = on_everything(job.base, job)
-    job = compared(job, whole)
+    job = noted(compared(job, whole), *at_bounds(whole), *far_off(whole, model))
     scored = score(job, job.base)
     error = scored["error"]
     return Identification(

@@ -14,9 +14,10 @@ from scipy.optimize import least_squares, root_scalar
 from scipy.stats import t as student
 
 from ..model import Model
-from ..tracing.coordinates import Coordinate, coordinates, free_keys
+from ..tracing.beliefs import known, missed, stated_cost, weak
+from ..tracing.coordinates import Coordinate, coordinates, free_keys, inside
 from ..tracing.evaluate import rms
-from ..tracing.fit import PRIOR, flat, inverse
+from ..tracing.fit import flat, inverse
 from ..tracing.predictor import Predictor, Values
 from ..tracing.proof import off
 from .points import Points, laid
@@ -60,7 +61,8 @@ class Curve:
     @property
     def misfit(self) -> float:
         """Twice the negative log-likelihood, up to a constant."""
-        return self.cost(self.sigma) + 2.0 * float(np.sum(np.log(self.sigma)))
+        prior = 2.0 * stated_cost(self.coords, self.values)
+        return self.cost(self.sigma) + 2.0 * float(np.sum(np.log(self.sigma))) + prior
 
     def torque(self, w: np.ndarray) -> np.ndarray:
         """The model's torque at other speeds, N m."""
@@ -93,7 +95,7 @@ class Curve:
         """Of the coordinates; its inverse is their covariance."""
         x = _into(self)
         slopes = np.array([_slope(self, x, i) / self.sigma for i in range(len(x))])
-        return slopes @ slopes.T
+        return slopes @ slopes.T + known(self.coords, self.values, bounds=True)
 
     def flat(self) -> list[tuple[str, ...]]:
         """Keys of which the map identifies a combination only."""
@@ -119,9 +121,9 @@ def fit(model: Model, at: Points, starts: Sequence[Values], anchor: Values) -> C
     predictor = Predictor(model, laid(at, model.motion))
     tried = []
     for start in starts:
-        around = {**start, **anchor}
-        open_ = Curve(predictor, at, dict(start), (), even, around)
+        around = model.kept({**start, **anchor})
         coords = coordinates(predictor, free_keys(predictor), around)
+        open_ = Curve(predictor, at, inside(coords, start, model), (), even, around)
         shown = [c for c in coords if _shows(replace(open_, coords=(c,)))]
         tried.append(_stepped(replace(open_, coords=tuple(shown)), FIRST))
     best = sorted(tried, key=lambda curve: curve.misfit)[:STARTS]
@@ -147,15 +149,16 @@ def _settled(curve: Curve) -> Curve:
 
 def _stepped(curve: Curve, most: int | None = None) -> Curve:
     """Least squares with a weak prior, which keeps values that are not identified at their
-    anchor."""
+    anchor, and with the priors that the model states."""
     if not curve.coords:
         return curve
-    believed = np.array([c.kind in ("log", "excess") for c in curve.coords]) / PRIOR
+    believed = np.sqrt(weak(curve.coords))
     center = np.array([c.into(curve.anchor) for c in curve.coords])
 
     def miss(x: np.ndarray) -> np.ndarray:
-        torque = curve.predictor.torque(_at(curve, x)) / curve.sigma
-        return np.concatenate([torque, believed * (x - center)])
+        values = _at(curve, x)
+        torque = curve.predictor.torque(values) / curve.sigma
+        return np.concatenate([torque, believed * (x - center), missed(curve.coords, values)])
 
     done = least_squares(miss, _into(curve), x_scale="jac", max_nfev=most)
     return replace(curve, values=_at(curve, done.x))

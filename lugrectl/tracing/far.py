@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+from types import SimpleNamespace
+from typing import Protocol
+
 import numpy as np
 
+from ..display import with_interval
 from ..model import Model
 from .fit import Fitted
 
-FAR = 0.2  # of the declared value, from which a change is mentioned
+FAR = 0.2  # of the declared value, from which a change may have the causes below
 ALIKE = 0.05  # relative spread within which factors count as equal
 SCALED = ("J", "Fc", "Fv")  # among the values that a wrong scale of the torque multiplies
-MOVED = "{} is {:.0f} % {} the declared {:.4g} {}"
+MOVED = "{} is {} [{}, {}], declared {:.6g}"
+LEFT = "The record moves declared values beyond their 95 % intervals: {}."
+AT_BOUND = "{} lies at its declared {} = {:.6g}: without it the fit would go farther."
 SCALE = (
     "all by the factor {:.3g}: if the declared values are right, the scale of u is wrong (torque "
     "constant, gear ratio)"
@@ -21,35 +29,66 @@ DEAD_ZONE = (
 )
 
 
-def far_off(fitted: Fitted, declared: Model) -> list[str]:
-    """A sentence on values far from the declared ones, with what could be the cause.
+class Found(Protocol):
+    """A fit: of a log, or of a map of runs at steady speed."""
 
-    A value is not mentioned if its interval contains the declared one. The error of a declared
-    value is unknown: whether the drive changed must be judged by who declared it.
+    @property
+    def values(self) -> Mapping[str, float]: ...
+
+    def intervals(self) -> dict[str, tuple[float, float]]: ...
+
+
+def far_off(fitted: Found, declared: Model) -> list[str]:
+    """A sentence on the declared values that lie outside the intervals of the fit, with both
+    values, and what could be the cause of large changes.
+
+    The error of a declared value is unknown: whether the drive changed must be judged by who
+    declared it.
     """
-    factors = _factors(fitted, declared)
-    if not factors:
+    left, intervals = _left(fitted, declared), fitted.intervals()
+    if not left:
         return []
-    moved = [
-        MOVED.format(
-            key, abs(100 * (r - 1)), "above" if r > 1 else "below",
-            fitted.values[key] / r, declared.unit(key),
-        )
-        for key, r in factors.items()
-    ]  # fmt: skip
-    return ["; ".join([", ".join(moved), *_like(factors)]) + "."]
+    said = [_moved(key, fitted.values[key], intervals[key], declared) for key in left]
+    factors = {
+        key: ratio
+        for key in (*SCALED, "Fs")
+        if key in left and abs((ratio := fitted.values[key] / left[key]) - 1.0) > FAR
+    }
+    return [LEFT.format("; ".join([*said, *_like(factors)]))]
 
 
-def _factors(fitted: Fitted, declared: Model) -> dict[str, float]:
-    """Fitted over declared value of those that differ clearly."""
-    intervals, made = fitted.intervals(), {}
-    for key in (*SCALED, "Fs"):
-        old = declared.values().get(key)
-        if not old or key not in intervals:
+def at_bounds(fitted: Fitted) -> list[str]:
+    """A sentence for each value that lies at a bound that the model states."""
+    made = []
+    for c in fitted.free:
+        value = fitted.values[c.key]
+        ends = {"min": c.stuck(value, -1.0), "max": c.stuck(value, 1.0)}
+        made += [AT_BOUND.format(c.key, end, value) for end, at in ends.items() if at]
+    return made
+
+
+def _moved(key: str, value: float, ends: tuple[float, float], declared: Model) -> str:
+    """ "J is 0.0022 [0.0021, 0.0023] kg m2, declared 0.002"."""
+    shown, interval = with_interval(SimpleNamespace(value=value, ci95=ends))
+    low, _, high = interval.partition(" to ")
+    unit = declared.unit(key)
+    said = MOVED.format(key, shown, low, high, declared.values()[key])
+    return said if unit == "1" else f"{said} {unit}"
+
+
+def _left(fitted: Found, declared: Model) -> dict[str, float]:
+    """The declared values, without the held ones, that the fit left beyond their intervals."""
+    intervals, declarations = fitted.intervals(), declared.declarations()
+    made = {}
+    for key, old in declared.known().items():
+        if key not in intervals or not math.isfinite(old) or key in declared.held():
             continue
         low, high = intervals[key]
-        if abs(fitted.values[key] / old - 1.0) > FAR and not low <= old <= high:
-            made[key] = fitted.values[key] / old
+        same = [old]
+        if declarations[key].angle:  # full turns are the same angle
+            same = [old + 2.0 * np.pi * n for n in (-1, 0, 1)]
+        if not any(low <= one <= high for one in same):
+            made[key] = old
     return made
 
 

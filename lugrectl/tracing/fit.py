@@ -9,7 +9,8 @@ from functools import partial
 import numpy as np
 from scipy import stats
 
-from .coordinates import Coordinate, coordinates, free_keys, is_instant
+from .beliefs import Prior, known, stated_cost, weak
+from .coordinates import Coordinate, coordinates, free_keys, inside, is_instant
 from .data import Data
 from .likelihood import excess, loglik, tune, whitened
 from .moments import placed
@@ -18,7 +19,6 @@ from .predictor import Predictor, Values
 from .slopes import is_compiled, slopes
 from .windows import Windows
 
-PRIOR = 1.5  # natural log units, prior of a plant parameter: within a factor of 4.5
 FLAT = 1e-8  # of the scaled information, below which a direction is not identified
 ANYWHERE = 1e50  # how far an unidentified coordinate may move
 PART = 0.1  # component of a direction, from which a parameter belongs to it
@@ -50,7 +50,8 @@ class Fitted:
 
     @property
     def total(self) -> float:
-        return float(self.loglik.sum())
+        """Log-likelihood, with the priors that the model states."""
+        return float(self.loglik.sum()) - stated_cost(self.free, self.values)
 
     @property
     def torque_noise(self) -> float:
@@ -74,7 +75,7 @@ class Fitted:
         most of the information. A coordinate that hardly any window identifies keeps its prior
         variance.
         """
-        believed = np.diag(beliefs(self.free))
+        believed = np.diag(weak(self.free)) + known(self.free, self.values, bounds=True)
         own = inverse(self.information + believed)
         scatter = jackknife(self.parts, self.scores, believed)
         size = np.maximum(np.diag(own), 1e-12 * scatter + 1e-300)
@@ -83,7 +84,8 @@ class Fitted:
 
     def flat(self) -> list[tuple[str, ...]]:
         """Keys of which the record identifies a combination only, by direction."""
-        return flat(self.information, self.free)
+        stated = known(self.free, self.values, bounds=True)
+        return flat(self.information + stated, self.free)
 
     def intervals(self) -> dict[str, tuple[float, float]]:
         """95 % intervals by key; that of a phase may reach beyond half a turn.
@@ -142,11 +144,6 @@ def jackknife(
     return (n - 1) / n * np.sum(np.square(moved), axis=0)
 
 
-def beliefs(coords: Sequence[Coordinate]) -> np.ndarray:
-    """Prior information on each coordinate: plant parameters are near their declared values."""
-    return np.array([PRIOR**-2 if c.kind in ("log", "excess") else 0.0 for c in coords])
-
-
 def inverse(information: np.ndarray) -> np.ndarray:
     """Inverse along identified directions; 0 along the others."""
     unit, scale = _unit(information)
@@ -177,11 +174,13 @@ def fit(
     anchor = dict(values) | dict(anchor or {})
     declared = predictor.declarations()
     moments = [k for k in free if is_instant(declared[k])]
+    anchor = predictor.model.kept(anchor)
     coords = coordinates(predictor, [k for k in free if k not in moments], anchor)
+    values = inside(coords, values, predictor.model)
     place_all = partial(placed, predictor, moments, where)
     # few steps are not worth compiling the derivatives of another plant
     graph = not rough or not predictor.core.effects or is_compiled(predictor)
-    climb = _Climb(predictor, coords, where, _Prior.at(coords, anchor), graph)
+    climb = _Climb(predictor, coords, where, Prior.at(coords, anchor), graph)
     if quiet < 1.0:
         held = replace(noise, jump=quiet * noise.jump)
         values, noise = climb.up(values, held, most, (1.0,))
@@ -256,21 +255,6 @@ def information(A: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 @dataclass(frozen=True)
-class _Prior:
-    """A weak prior that keeps unidentified directions at the declared values."""
-
-    center: np.ndarray
-    weight: np.ndarray
-
-    @classmethod
-    def at(cls, coords: Sequence[Coordinate], values: Values) -> _Prior:
-        return cls(np.array([c.into(values) for c in coords]), beliefs(coords))
-
-    def cost(self, x: np.ndarray) -> float:
-        return 0.5 * float(self.weight @ (x - self.center) ** 2)
-
-
-@dataclass(frozen=True)
 class _Linear:
     """Linearised innovations: information A'A and score A'r of each window."""
 
@@ -285,7 +269,7 @@ class _Climb:
     predictor: Predictor
     coords: Sequence[Coordinate]
     where: Windows
-    prior: _Prior
+    prior: Prior
     graph: bool
 
     def up(
@@ -319,15 +303,14 @@ class _Climb:
             for w, q in zip(white, noises, strict=True)
         ]
         best = int(np.argmax(np.nan_to_num(totals, nan=-np.inf)))
-        return noises[best], float(totals[best]) - self.prior.cost(self.at(values))
-
-    def at(self, values: Values) -> np.ndarray:
-        return np.array([c.into(values) for c in self.coords])
+        return noises[best], float(totals[best]) - self.prior.cost(values)
 
     def ahead(self, linear: _Linear, values: Values, damping: float) -> dict[str, float]:
-        prior = self.prior
-        gradient = linear.scores.sum(0) - prior.weight * (self.at(values) - prior.center)
-        H = linear.parts.sum(0) + np.diag(prior.weight)
+        pull, weight = self.prior.pull(values)
+        gradient, H = linear.scores.sum(0) + pull, linear.parts.sum(0) + weight
+        stuck = [c.stuck(values[c.key], g) for c, g in zip(self.coords, gradient, strict=True)]
+        if any(stuck):
+            gradient, H = np.where(stuck, 0.0, gradient), H * ~np.logical_or.outer(stuck, stuck)
         return _move(H, gradient, damping, self.coords, values)
 
     def linearised(self, values: Values, noise: Noise) -> _Linear:

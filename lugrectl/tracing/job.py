@@ -29,7 +29,7 @@ from .repeated import on_theta_alone
 from .runs import MOST_RUNS, alike, repeating, statements
 from .skewed import lateness
 from .split import ENOUGH_OF_MANY, GAP, MOST, Split, split
-from .start import completed, holding, refuse_unidentified_inertia, settled
+from .start import completed, holding, lifted, refuse_unidentified_inertia, settled
 from .windows import Windows, spread, windows
 
 SLOWLY = "first guess (slow: there is neither a C compiler nor numba; install lugrectl[fast])"
@@ -128,7 +128,7 @@ def begin(
 def _declared(model: Model, data: Data, train: Windows, where: str, report: Progress) -> Fitted:
     """The best fit of the declared model, including its undeclared values."""
     report(0.02, "first guess" if compiler() else SLOWLY)
-    started = completed(model, replace(data, differing=()), train)
+    started = lifted(completed(model, replace(data, differing=()), train))
     report(0.05, "refitting the declared model")
     predictor = Predictor(started, data)
     values = started.known() | alike(data)
@@ -215,16 +215,16 @@ def on_everything(fitted: Fitted, job: Job) -> Fitted:
 
 
 def estimates(fitted: Fitted) -> dict[str, Estimate]:
-    """Every fitted parameter with unit and 95 % interval.
+    """Every fitted parameter with unit and 95 % interval, and the held ones.
 
     No intervals if the likelihood has many local maxima: its curvature at one says nothing about
     the others.
     """
     model = fitted.predictor.model
     intervals = {} if fitted.noise.uneven else fitted.intervals()
-    declared = model.declarations()
+    declared, held = model.declarations(), model.held()
     return {
-        k: Estimate(v, model.unit(k), intervals.get(k))
+        k: Estimate(v, model.unit(k), intervals.get(k), held=k in held)
         for k, v in fitted.values.items()
         if k in declared and declared[k].fitted
     }

@@ -59,7 +59,7 @@ def stepped(coords: Sequence[Coordinate], values: Values) -> list[dict[str, floa
     sets = []
     for c in coords:
         moved = dict(values)
-        moved[c.key] = c.back(c.into(values) + c.step, values)
+        moved[c.key] = c.ahead(values)
         if c.key == "Fc":  # Fs moves along if its coordinate is its excess over Fc
             moved |= {q.key: q.back(q.into(values), moved) for q in coords if q.kind == "excess"}
         sets.append(moved)

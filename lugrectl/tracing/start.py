@@ -34,6 +34,7 @@ SHORT = 8  # steps of a fit from a restart
 ROUNDS = 5  # of fits, each from the values of the previous one
 BETTER = 3.0  # least gain in log-likelihood that counts as an improvement
 TURNS = (0.5 * np.pi, np.pi, -0.5 * np.pi)  # rad, changes of a declared phase
+EXCESS = 1.05  # start of Fs over Fc, where the declared one is below
 STRIBECK_SPEEDS = (1e-3, 5e-3, 2e-2)  # vs as a share of the largest speed
 
 
@@ -64,7 +65,7 @@ def completed(model: Model, data: Data, train: Windows) -> Model:
         return model
     known = [part for part in model.effects if None not in part.values.values()]
     core = replace(model, effects=tuple(known))
-    core = core.with_values(_regressed(core, data, train))
+    core = core.with_values(core.kept(_regressed(core, data, train)))
     core = _searched(core, data, train, model)
     for part in model.effects:
         core = _with_effect(core, part, data, train) if part not in known else core
@@ -107,6 +108,14 @@ def settled(base: Fitted, declared: Model) -> Fitted:
     return max(base, _unbound(other, opened), key=lambda f: f.total)
 
 
+def lifted(model: Model) -> Model:
+    """The model with an Fs a little above Fc to start from, where the declared one is below."""
+    Fc, Fs = (model.friction.values.get(k) for k in ("Fc", "Fs"))
+    if Fc is None or Fs is None or Fs >= Fc:
+        return model
+    return model.with_values(model.kept({"Fs": EXCESS * Fc}))
+
+
 def refuse_unidentified_inertia(base: Fitted, declared: Model, where: str) -> None:
     """Refuse if an undeclared inertia cannot be identified by the fit."""
     if declared.J is not None:
@@ -136,10 +145,11 @@ def _elsewhere(base: Fitted) -> list[dict[str, float]]:
     """Other plant values: from a regression, and with higher and lower friction."""
     predictor = base.predictor
     starts = [base.anchor | _scaled_friction(base.anchor, r) for r in (1.25, 0.8)]
-    opened = predictor.model.with_values(dict.fromkeys(REGRESSED & set(base.anchor)))
+    loose = (REGRESSED & set(base.anchor)) - predictor.model.held()
+    opened = predictor.model.with_values(dict.fromkeys(loose))
     found = _regressed(opened, predictor.data, base.where)
     level = base.anchor.get("Fc", 0.0)
-    friction = _scaled_friction(base.anchor, found["Fc"] / level) if level else {}
+    friction = _scaled_friction(base.anchor, found.get("Fc", level) / level) if level else {}
     return [base.anchor | friction | {k: v for k, v in found.items() if k in base.anchor}, *starts]
 
 
@@ -159,7 +169,7 @@ def _turned(light: Fitted) -> list[dict[str, float]]:
         f"{part.key}.{name}"
         for part in light.predictor.model.effects
         for name, p in part.block.parameters.items()
-        if p.angle
+        if p.angle and f"{part.key}.{name}" not in light.predictor.model.held()
     ]
     best = believed = tuned(replace(light, values=light.anchor))
     for key in angles:
@@ -224,14 +234,14 @@ def _guesses(asked: Model, values: Mapping, data: Data) -> list[dict[str, float]
         sigma0 = Fc / (z * speed) if Fc else 1.0
         guess = {"sigma0": sigma0, "sigma1": np.sqrt(sigma0 * J), "Fs": 1.2 * Fc, "vs": v * speed}
         missing = {k: float(g) for k, g in guess.items() if k in opened}
-        guesses.append(_ordered(values, missing))
+        guesses.append(asked.kept(_ordered(values, missing)))
     return [g for i, g in enumerate(guesses) if g and g not in guesses[:i]]
 
 
 def _ordered(values: Mapping, missing: dict[str, float]) -> dict[str, float]:
     """Keep a guessed stiction above a given Coulomb level."""
     if "Fs" in missing:
-        missing["Fs"] = max(missing["Fs"], 1.05 * (values["Fc"] or 0.0))
+        missing["Fs"] = max(missing["Fs"], EXCESS * (values["Fc"] or 0.0))
     return missing
 
 
