@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from .emit import Emitter, indent, lines_of
 from .graph import Node, rename
 from .program import Program
+from .relay import Relays, relays
 from .rosenbrock import Equations, step
-from .switching import average_jumps
 
 _LOOP = """
 @fast
@@ -41,6 +41,7 @@ def run(x_start, start, length, u, stride, series, p, y, seen, gain, correct, t0
 """
 
 _SCALAR_STEP = """
+{before}
 {code}
 spent = spent + 1.0
 error = {error}
@@ -49,25 +50,29 @@ if not isfinite({state}):
 if not error <= rtol and h > shortest:
     h = h * max(0.1, 0.8 * sqrt(sqrt(rtol / error))) if error < inf else h * 0.1
     continue
+{back}
 {advance}
 t = t + h
 left = left - h
 h = h * min(5.0, 0.8 * sqrt(sqrt(rtol / max(error, 1e-30))))
-h = left if spent > most else min(left, h)
+h = left if spent > most{landed} else min(left, h)
 shortest = shortest * {tired} if error > rtol else shortest
 """
 
 _ARRAY_STEP = """
+{before}
 {code}
 spent = spent + 1.0
 error = np.where(np.isfinite({state}), {error}, 0.0)
 good = (error <= rtol) | (h <= shortest)
+{back}
 {advance}
 t = np.where(good, t + h, t)
 left = np.where(good, left - h, left)
 growth = 0.8 * np.sqrt(np.sqrt(rtol / np.maximum(error, 1e-30)))
-h = h * np.where(growth == growth, np.clip(growth, 0.1, 5.0), 0.1)
-h = np.minimum(left, np.where(good & (spent > most), left, h))
+growth = np.where(growth == growth, np.clip(growth, 0.1, 5.0), 0.1)
+{shorten}
+h = np.minimum(left, np.where(good & ((spent > most){landed}), left, h * growth))
 shortest = np.where(good & (error > rtol), shortest * {tired}, shortest)
 """
 
@@ -138,30 +143,29 @@ def trial(
 ) -> list[str]:
     """A template of a trial step, filled with the new states n0, n1, ... and its error."""
     states = [node.value for node in program.x]
-    after, estimate = fixed_step(program)
+    switching = relays(program)
+    after, estimate = fixed_step(program, switching)
     codes = emitter.write(after + estimate)
     new, errors = codes[: len(states)], codes[len(states) :]
     made = [f"n{i} = {code}" for i, code in enumerate(new)]
     parts = [f"abs({e}) / {_most(kind, f's{i}', f'n{i}')}" for i, e in enumerate(errors)]
+    parts += ["slip"] if any(relay.turning for relay in switching.every) else []
     return lines_of(
         template.format(
             tired=TIRED,
-            code="\n".join([*emitter.body, *made]),
+            code="\n".join([*emitter.body, *made, *switching.after(kind)]),
             error=" + ".join(parts) or "0.0",
             state=" + ".join(states) or "0.0",
             advance="\n".join(advance),
+            **switching.filling(kind),
         )
     )
 
 
-def fixed_step(program: Program) -> tuple[list[Node], list[Node]]:
+def fixed_step(program: Program, switching: Relays) -> tuple[list[Node], list[Node]]:
     """The state after a step of length h with held inputs, and its error."""
     equations = Equations(
-        graph=program.graph,
-        t=program.t,
-        x=program.x,
-        u=program.u,
-        xdot=average_jumps(program.xdot, {node.value for node in program.p}),
+        graph=program.graph, t=program.t, x=program.x, u=program.u, xdot=switching.rates
     )
     begin = {program.graph.symbol("begin").index: program.t}
     new, error = step(equations)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cached_property
@@ -16,6 +16,7 @@ from .load import compiler, load, threads
 from .native import has_wide
 from .ops import WIDTH
 from .program import Program
+from .relay import sharpened
 from .trace import trace
 from .wide_code import is_wide, wide_code
 
@@ -34,6 +35,8 @@ class Lanes:
         once if compiler, processor and library support it.
     outputs : sequence of str or None
         The requested outputs, in order; None for all.
+    sharp : collection of str
+        Parameters that only smooth a sign: tanh(x/p) of a state x is treated as sign(x).
 
     Attributes
     ----------
@@ -53,9 +56,10 @@ class Lanes:
         *,
         backend: str | None = None,
         outputs: Sequence[str] | None = None,
+        sharp: Collection[str] = (),
     ) -> None:
         self.backend = backend or compiler() or "numpy"
-        self.program = _chosen(trace(system), outputs)
+        self.program = sharpened(_chosen(trace(system), outputs), sharp)
         self.states, self.inputs = self.program.states, self.program.inputs
         self.outputs, self.parameters = self.program.outputs, self.program.parameters
         self.defaults = self.program.defaults.copy()
@@ -143,8 +147,9 @@ class Lanes:
 
         Notes
         -----
-        L-stable Rosenbrock steps of order 4. Kinks (abs, sign) are not located; a condition on
-        time is weighted by its share of the step. At the default rtol a result, as a function of
+        L-stable Rosenbrock steps of order 4. A step ends where a state reaches zero whose own
+        rate contains its sign (see :mod:`lugrectl.engine.relay`); other kinks are not located. A
+        condition on time is weighted by its share of the step. At the default rtol a result, as a function of
         the parameters, has noise of about 1e-7 of its range: finite differences need much larger
         steps.
         """

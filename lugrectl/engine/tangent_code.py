@@ -12,8 +12,8 @@ from .emit import Emitter, indent, lines_of
 from .graph import Node, rename
 from .lane_code import step_code, unpack
 from .program import Program
+from .relay import Relays, relays
 from .rosenbrock import SparseLU
-from .switching import average_jumps
 
 _LOOP = """
 import numpy as np
@@ -91,11 +91,13 @@ def tangent_code(program: Program) -> tuple[str, Entries, Entries]:
     """The function ``run``, and the entries of the derivatives of rates and of outputs."""
     fixed = [node.value for node in program.p]
     sample, step, carry = (Emitter("scalar", letter, fixed) for letter in "abc")
-    rates = average_jumps(program.xdot, {node.value for node in program.p})
+    switching = relays(program)
+    rates = switching.rates
     inside, outside = entries(program, rates), entries(program, program.y)
     states = [node.value for node in program.x]
     output = _output(program, outside, sample)
     carried = [*_carried(program, rates, inside, carry), *lines_of(_PUSH.format(n=len(states)))]
+    carried += _at_zeros(switching)
     inner = step_code(program, "scalar", step, carried)
     text = _LOOP.format(
         n=len(states),
@@ -182,6 +184,24 @@ def _carried(
     lines = _times("s", M, codes)
     lines += [f"P[{i}, {j}] = {next(codes)}" for i in range(n) for j in range(n)]
     return [*emitter.body, *lines, *(f"b[{e}] = {code}" for e, code in enumerate(codes))]
+
+
+def _at_zeros(switching: Relays) -> list[str]:
+    """S at the end of a step in which a state x reaches zero: the instant moves by -s_x / dx/dt.
+
+    S <- S + (dx/dt after - dx/dt before) s_x / (dx/dt before of that state), in each row.
+    """
+    lines = []
+    for relay in switching.every:
+        pairs = switching.turned()[relay.place]
+        nodes = [pairs[relay.place][0], *(last - first for first, last in pairs.values())]
+        emitter = Emitter("scalar", f"turn{relay.place}_")
+        rate, *jumps = emitter.write(nodes)
+        inner = [f"moved = s[{relay.place}, c] / ({rate})"]
+        inner += [f"s[{i}, c] += moved * ({jump})" for i, jump in zip(pairs, jumps, strict=True)]
+        body = [*emitter.body, "for c in range(q):", *(f"    {line}" for line in inner)]
+        lines += [f"if {relay.land} > 0.0:", *(f"    {line}" for line in body)]
+    return lines
 
 
 def _offset(Z: Rows, bend: Sequence[Node]) -> list[Node]:

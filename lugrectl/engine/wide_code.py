@@ -9,6 +9,7 @@ from .graph import reachable
 from .lane_code import correction, fixed_step, trial, unpack
 from .ops import LIBRARY, OPS, WIDTH
 from .program import Program
+from .relay import relays
 
 PLAIN = {"abs", "sqrt", "tanh"}  # available in processors, or written by other functions
 
@@ -69,25 +70,28 @@ def run(x_start, start, length, u, stride, series, p, y, seen, gain, correct, t0
 
 # a place without a lane makes steps of zero length, which change nothing
 _STEP = """
+{before}
 {code}
 error = ({error}) if abs({state}) < inf else 0.0
 good = 1.0 if error <= rtol or h <= shortest else 0.0
+{back}
 tired = {tired} if error > rtol else 1.0
 shortest_at[l] = shortest * tired if good > 0.0 else shortest
 growth = 0.8 * sqrt(sqrt(rtol / max(error, 1e-30)))
 growth = min(max(growth, 0.1), 5.0) if growth == growth else 0.1
+{shorten}
 left = left - h if good > 0.0 else left
 t_at[l] = t + h if good > 0.0 else t
 left_at[l] = left
 spent_at[l] = spent + 1.0
-h_at[l] = left if good > 0.0 and spent > most else min(left, h * growth)
+h_at[l] = left if good > 0.0 and (spent > most{landed}) else min(left, h * growth)
 {advance}
 """
 
 
 def is_wide(program: Program) -> bool:
     """Whether each operation of a program's step is available for several numbers at once."""
-    new, error = fixed_step(program)
+    new, error = fixed_step(program, relays(program))
     calls = {OPS[n.op].scalar.partition("(")[0] for n in reachable(new + error) if n.args}
     return {call for call in calls if call.isidentifier()} <= {*LIBRARY, *PLAIN}
 

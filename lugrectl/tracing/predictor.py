@@ -48,7 +48,10 @@ class Predictor:
         self.levels = tuple(n for n in LEVELS if n == "J" or n in model.friction.values)
         self.core = replace(model, effects=tuple(traced))
         block = assemble(self.core, levels=("torque", *self.levels), sensed=True)
-        self.lanes = Lanes(block.system(**self.core.known()), outputs=["theta_m", "w_m"])  # pyright: ignore[reportArgumentType]
+        values = self.core.known()
+        system: Any = block.system(**values)
+        smoothing = [f"plant.{k}" for k, v in values.items() if _only_smooths(k, v)]
+        self.lanes = Lanes(system, outputs=["theta_m", "w_m"], sharp=smoothing)
         self.keys = [name.split(".", 1)[1] for name in self.lanes.parameters]
         self.substeps = max(1, int(np.ceil(data.dt / STEP - 1e-9)))
         self.dose: dict[str, float] = {}
@@ -342,6 +345,11 @@ class Predictor:
             limit = np.maximum(plant.get("Fs", 0.0), plant["Fc"])
             made.append(np.clip(F - plant.get("Fv", 0.0) * data.log.w, -limit, limit))
         return np.array(made)
+
+
+def _only_smooths(key: str, value: float) -> bool:
+    """Whether a value is a width over which a sign is smoothed for solvers, not a physical one."""
+    return key.split(".")[-1] == "eps" and value <= EPS.value
 
 
 def _instant_sensor(part: Part) -> bool:
