@@ -14,7 +14,7 @@ from . import references
 from .sensors import Sensors, log
 from .simulate import Loop, Machine, Motion, simulate
 
-KINDS = ("clean", "messy", "dip")
+KINDS = ("clean", "messy", "dip", "eccentric")  # the last: messy, an encoder ten times worse
 RATES = (200.0, 250.0, 333.0, 500.0, 800.0, 1000.0)
 STEP = 3e-5  # s, at most, of the integration
 
@@ -43,10 +43,11 @@ class Drive:
 def draw(seed: int, kind: str = "clean") -> tuple[dict, dict]:
     """A log {t, u, theta and/or w} and its truth, the same for the same seed and kind.
 
-    The truth has J, Fc (mean over time and both directions), Fv, constant_torque, gravity.amplitude
-    and gravity.phase, all where they exist (a machine with grease has no Fc and Fv), ``delay`` (s,
-    from the log of the torque to the torque, the hold included; positive: the torque acts later),
-    u_delay (the same beyond half a row), and ``about``: everything that was drawn, as plain values.
+    The truth has J, Fc (mean over time and both directions), Fv, constant_torque, and the amplitude
+    and phase of gravity, G sin(theta + phase), where they exist: a machine with grease has no Fc
+    and Fv, one that is only out of balance has no gravity. ``delay`` (s) is from the log of the
+    torque to the torque, the hold included (positive: the torque acts later), ``u_delay`` the same
+    beyond half a row. ``about`` holds everything that was drawn, as plain values.
     """
     drive, motion, rng = drawn(seed, kind)
     return log(motion, drive.sensors, rng), truth(drive, motion, kind)
@@ -54,9 +55,11 @@ def draw(seed: int, kind: str = "clean") -> tuple[dict, dict]:
 
 def drawn(seed: int, kind: str = "clean"):
     """The drive of a seed, its motion, and the generator of the noise of its log."""
+    like = "messy" if kind == "eccentric" else kind
     for attempt in range(20):
-        rng = np.random.default_rng([seed, KINDS.index(kind), attempt])
-        drive = _drive(rng, kind, seed)
+        rng = np.random.default_rng([seed, KINDS.index(like), attempt])
+        drive = _drive(rng, like, seed)
+        drive.sensors.eccentricity *= 10.0 if kind == "eccentric" else 1.0
         motion = drive.run()
         if _moves(motion, drive.top):
             return drive, motion, rng
@@ -71,10 +74,11 @@ def truth(drive: Drive, motion: Motion, kind: str = "clean") -> dict:
     if m.power == 1.0:
         out |= {"Fc": m.Fc * level, "Fv": m.Fv}
     out["constant_torque"] = m.constant + 0.5 * m.Fc * level * m.asymmetry
-    if m.gravity and drive.sensors.counts:
+    if abs(m.gravity) > 0.1 * m.Fc and drive.sensors.counts:  # less is an imperfection
         out |= {"gravity.amplitude": m.gravity, "gravity.phase": m.phase}
     held = -0.5 * drive.dt if drive.sensors.averaged else 0.5 * drive.dt / drive.updates
-    out["delay"] = drive.delay + held
+    seen = 0.0 if drive.sensors.counts else drive.sensors.lag  # the motion itself comes late
+    out["delay"] = drive.delay + held + seen
     out["u_delay"] = out["delay"] - 0.5 * drive.dt
     if kind == "dip":
         out |= {"Fs": m.Fs, "vs": m.vs, "bend": m.bend}
@@ -169,7 +173,7 @@ def _sensors(rng, kind, dt, top):
 
 
 def _mess(rng, machine, sensors):
-    """A per cent, at most, of each thing that real machines have."""
+    """A per cent, at most, of each thing that real machines have; of a radian a per mille."""
     size = 0.01 * rng.uniform(0.3, 1.0, 5)
     machine.cogging, machine.teeth = size[0] * machine.Fc, float(rng.integers(3, 25))
     if not machine.gravity:

@@ -30,8 +30,9 @@ def _held(t, levels, lengths):
 def _mixed(t, top, pace, rng):
     frequencies = pace * np.array([0.21, 0.83, 1.9]) * rng.uniform(0.8, 1.25, 3)
     phases = rng.uniform(0, 2 * np.pi, 3)
-    waves = [a * np.sin(2 * np.pi * f * t + q) for a, f, q in zip((0.4, 0.3, 0.1), frequencies, phases)]
-    return top * (sum(waves) + 0.4 * _steps(t, 1.0, 0.4 * pace, rng))
+    sizes = np.array([0.4, 0.3, 0.1])
+    waves = sizes @ np.sin(2 * np.pi * np.outer(frequencies, t) + phases[:, None])
+    return top * (waves + 0.4 * _steps(t, 1.0, 0.4 * pace, rng))
 
 
 def _chirp(t, top, pace, rng):

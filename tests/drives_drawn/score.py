@@ -65,12 +65,12 @@ def score(seed: int, kind: str, hurt: str | None, say) -> dict | None:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            found = say(log)
+            found = say(log, damaged=bool(hurt))
     except Exception as error:  # a crash is a result
         found = {}
         row["crash"] = "".join(traceback.format_exception_only(error)).strip()
     row["cpu"] = time.process_time() - began
-    return row | {"values": compare(found, truth)}
+    return row | {"values": compare(found, truth), "notes": list(found.get("notes", []))}
 
 
 def table(rows: list[dict]) -> str:
@@ -106,13 +106,14 @@ def right(name: str, value: dict | None) -> bool:
 
 
 def misses(rows: list[dict]) -> str:
-    """The values whose interval leaves the truth out, worst first."""
+    """The values whose interval leaves the truth out, worst first, and what was noted there."""
     out = []
     for row in rows:
         for name, v in row["values"].items():
             if v and not v["inside"]:
                 text = f"seed {row['seed']} ({row['task']}, {row['law']}): {name}"
                 text += f" {v['error']:+.3g}% +-{v['half']:.3g}%"
+                text += "".join(f"\n    {note}" for note in row["notes"])
                 out.append((abs(v["error"]) / max(v["half"], 1e-9), text))
     return "\n".join(text for _, text in sorted(out, reverse=True))
 
