@@ -82,6 +82,7 @@ def truth(drive: Drive, motion: Motion, kind: str = "clean") -> dict:
     out["u_delay"] = out["delay"] - 0.5 * drive.dt
     if kind == "dip":
         out |= {"Fs": m.Fs, "vs": m.vs, "bend": m.bend}
+        out["rows_in_dip"] = int(np.sum((abs(motion.w) > 0.2 * m.vs) & (abs(motion.w) < 2 * m.vs)))
     plain = {k: v for k, v in asdict(drive).items() if k != "loop"}
     return out | {"about": plain | {"loop": drive.loop.kind}}
 
@@ -89,7 +90,8 @@ def truth(drive: Drive, motion: Motion, kind: str = "clean") -> dict:
 def dips(count: int = 60, first: int = 0) -> list[tuple[dict, dict]]:
     """Drives whose friction dips: Fs / Fc from 1.05 to 2, vs over two decades, evenly spread.
 
-    A test set for start values: the truth has Fs and vs beside the rest.
+    A test set for start values: the truth has Fs and vs beside the rest, and ``rows_in_dip``, how
+    many rows of the log are at 0.2 to 2 vs. Their tasks are slow at times.
     """
     return [draw(seed, "dip") for seed in range(first, first + count)]
 
@@ -127,7 +129,8 @@ def _drive(rng, kind, seed):
     if kind == "messy" and rng.random() < 0.4:
         delay = min(rng.uniform(0.3, 2.0) * dt, 0.25 / closed)
     t = np.arange(rows * updates + 1) * (dt / updates)
-    loop = _loop(rng, task, t, machine, top, pace, turning, closed)
+    slow = references.slower_at_times(t, pace) if kind == "dip" else 1.0
+    loop = _loop(rng, task, t, machine, top, pace, turning, closed, slow)
     return Drive(machine, loop, sensors, rows, dt, updates, delay, task, top, closed)
 
 
@@ -191,14 +194,14 @@ def _dip(machine, seed, top):
     machine.vs = top * 10 ** (-2.5 + 2.0 * ((0.5 + seed * 0.569840291) % 1))
 
 
-def _loop(rng, task, t, machine, top, pace, turning, closed):
+def _loop(rng, task, t, machine, top, pace, turning, closed, slow):
     limit = 4.0 * (turning + machine.Fc + machine.gravity) + abs(machine.constant)
     still = np.zeros(len(t))
     if task == "torque":
         size = machine.Fc * rng.uniform(1.3, 2.0) + turning * rng.uniform(0.5, 1.0)
         u = machine.constant + references.torque(t, size, 2 * pace, rng)
         return Loop("torque", still, still, u)
-    w = references.speed(task, t, top, pace, rng)
+    w = slow * references.speed(task, t, top, pace, rng)
     theta = np.cumsum(w) * (t[1] - t[0])
     kp = machine.J * closed
     kind = str(rng.choice(["speed", "position"]))

@@ -8,8 +8,19 @@ REFERENCES = ("mixed", "chirp", "sine", "steps", "staircase", "trapezoid")
 
 
 def speed(kind: str, t: np.ndarray, top: float, pace: float, rng) -> np.ndarray:
-    """A reference of w (rad/s) at the times t (s) that reaches about ``top``; ``pace`` in Hz."""
-    return globals()[f"_{kind}"](t, top, pace, rng)
+    """A reference of w (rad/s) at the times t (s) that reaches about ``top``; ``pace`` in Hz.
+
+    Every other reference with jumps is slewed, as most drives do.
+    """
+    w = globals()[f"_{kind}"](t, top, pace, rng)
+    if kind in ("mixed", "steps", "staircase") and rng.random() < 0.5:
+        w = _slewed(w, rng.uniform(0.03, 0.15) / pace, t)
+    return w
+
+
+def slower_at_times(t: np.ndarray, pace: float) -> np.ndarray:
+    """Factors between 1 and 0.03 that wander over all decades between, for what is slow."""
+    return 10.0 ** (-1.5 * abs((t * pace / 6.0) % 2.0 - 1.0))
 
 
 def torque(t: np.ndarray, size: float, pace: float, rng) -> np.ndarray:
@@ -62,7 +73,11 @@ def _trapezoid(t, top, pace, rng):
     n = int(1.5 * t[-1] * pace) + 3
     sizes = rng.uniform(0.4, 1, n) * np.where(np.arange(n) % 2, 1, -1)
     lengths = rng.uniform(0.6, 1.4, n) / pace
-    box = _held(t, top * sizes, lengths)
-    ramp = max(int(rng.uniform(0.1, 0.3) / pace / (t[1] - t[0])), 1)
-    total = np.cumsum(np.r_[np.zeros(ramp), box])
-    return (total[ramp:] - total[:-ramp]) / ramp
+    return _slewed(_held(t, top * sizes, lengths), rng.uniform(0.1, 0.3) / pace, t)
+
+
+def _slewed(w, seconds, t):
+    """Jumps become ramps of so many seconds."""
+    n = max(int(seconds / (t[1] - t[0])), 1)
+    total = np.cumsum(np.r_[np.zeros(n), w])
+    return (total[n:] - total[:-n]) / n
