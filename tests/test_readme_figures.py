@@ -47,7 +47,7 @@ def test_the_check_fails_until_the_figures_are_written(folder, capsys):
     assert readme.main([]) == 0
     assert readme.main(["--check"]) == 0
     text = readme.README.read_text()
-    assert "|one effect (20 % of friction), named exactly|1 of 1|" in text
+    assert "|one effect, RMS 20 % of friction, named exactly|1 of 1|" in text
     assert "7 to 9 s with nothing missing" in text and "3600 times faster" in text
     assert "commit abc1234" in text
 
@@ -78,7 +78,7 @@ def test_there_are_six_counts():
         "1 of 1",
         "2 of 2, 1 of them with no other name and no alternative",
         "1 of 2",
-        "1 of 2, 1 with a right signal first",
+        "1 of 2, the first signal right in 1",
         "2 of 2",
     ]
 

@@ -137,7 +137,7 @@ PANELS: dict[str, tuple[Callable[..., Any], str]] = {
         lambda d, ax: mapped.missed(d.map, ax),
         "Mean torque minus the fitted curves. The bars are the 95 % intervals of the means.",
     ),
-    "error": (error, "Error of the simulated motion over the whole record, in short bins."),
+    "error": (error, "Error of the simulated motion on held-out samples, in short bins."),
     "torque": (torque, "Residual torque of the refitted and of the augmented model."),
     "table": (
         lambda d, ax: closing.table(d.table, ax),
@@ -151,7 +151,7 @@ PANELS: dict[str, tuple[Callable[..., Any], str]] = {
     "ranking": (
         ranking,
         "Gain in log-likelihood of each candidate over the refitted model, on the training "
-        "samples. Blue: added to the model. Dark: an alternative that is named above.",
+        "samples. Blue: added to the model. Dark (if any): an alternative named above.",
     ),
 }
 

@@ -35,10 +35,10 @@ def adequate(lines: Sequence[Line]) -> str:
 
 
 def unknown(lines: Sequence[Line]) -> str:
-    """How many are called unexplained; how many of these with a right signal first."""
+    """How many are called unexplained, and in how many the first signal named is right."""
     called = sum(score.verdict(x) == "unexplained" for x in lines)
     first = sum(score.signals(x)[0] for x in lines)
-    return counted(called, len(lines)) + (f", {first} with a right signal first" if called else "")
+    return counted(called, len(lines)) + (f", the first signal right in {first}" if called else "")
 
 
 def intervals(lines: Sequence[Line]) -> str:
@@ -92,8 +92,8 @@ def rows(lines: Sequence[Line]) -> list[tuple[str, str]]:
         return [x for x in usable if (x["kind"], x["strength"]) == (kind, strength)]
 
     return [
-        ("one effect (20 % of friction), named exactly", exact(of("effect"))),
-        ("one weak effect (8 %), named exactly", exact(of("effect", WEAK))),
+        ("one effect, RMS 20 % of friction, named exactly", exact(of("effect"))),
+        ("one weak effect, 8 %, named exactly", exact(of("effect", WEAK))),
         ("two effects, both named", pairs(of("pair"))),
         ("nothing missing: `adequate`", adequate(of("none"))),
         ("unknown effect: `unexplained`", unknown(of("stranger"))),
