@@ -18,7 +18,7 @@ from .model_file import read_model
 from .spec import members
 
 if TYPE_CHECKING:
-    from .record import Record
+    from .record import Log, Record
 
 _MODEL = "a Model, Parameters, a dict or the path of a model file"
 _FILE = ("name", "motion", "plant", "friction", "effects")
@@ -114,10 +114,10 @@ def is_last(given: Any) -> bool:
 
 def is_record(given: Any) -> bool:
     """Whether this is one record, in any form, rather than several."""
-    from .record import Record
+    from .record import Log, Record
     from .record.arrays import is_table
 
-    return is_file(given) or isinstance(given, Record) or is_table(given)
+    return is_file(given) or isinstance(given, (Log, Record)) or is_table(given)
 
 
 def as_record(given: Any, motion: str | None = None, what: str = "record") -> Record:
@@ -132,14 +132,26 @@ def as_record(given: Any, motion: str | None = None, what: str = "record") -> Re
     raise InputError(f"{what} must be {FORMS}, not {shown(given)}.")
 
 
-def as_records(given: Any, motion: str | None = None) -> Record | list[Record]:
-    """One record, or several where a list is given."""
+def as_log(given: Any, motion: str | None = None, what: str = "record") -> Log | Record:
+    """The log that is meant, its rows as recorded; a Record is returned as it is."""
+    from .record import Log, Record, read_log
+    from .record.arrays import FORMS
+
+    if isinstance(given, (Log, Record)):
+        return given
+    if is_record(given):
+        return read_log(given, motion=motion)
+    raise InputError(f"{what} must be {FORMS}, not {shown(given)}.")
+
+
+def as_logs(given: Any, motion: str | None = None) -> tuple[tuple[Log | Record, ...], bool]:
+    """The logs that are meant, and whether a list of them was given."""
     if is_record(given) or not isinstance(given, Iterable):
-        return as_record(given, motion)
-    found = [as_record(one, motion, "each record") for one in given]
+        return (as_log(given, motion),), False
+    found = tuple(as_log(one, motion, "each record") for one in given)
     if not found:
         raise InputError("record is an empty list: give at least one record.")
-    return found
+    return found, True
 
 
 def as_holdout(
@@ -171,13 +183,6 @@ def same_samples(one: Record, other: Record) -> bool:
         for role in ("u", "w", "theta")
         if role in mine
     )
-
-
-def asked(record: Any, model: Any, holdout: Any) -> tuple[Any, Model, str | Record | None]:
-    """What ``diagnose`` works on: a Record or a list of them, a Model, and what is held out."""
-    made = as_model(model)
-    records = as_records(record, made.motion)
-    return records, made, as_holdout(holdout, records, made.motion)
 
 
 def judged_by(horizon: Any, seed: Any) -> tuple[float, int]:

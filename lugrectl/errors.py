@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 
+from typing import Any
+
+
 class InputError(ValueError):
     """Wrong usage, or a file that cannot be read or understood (exit code 2)."""
 
@@ -12,10 +15,12 @@ class InputError(ValueError):
 class Refused(ValueError):
     """A readable record that cannot answer the question (exit code 3).
 
-    ``experiment`` says in one sentence what to record instead, if that is known.
+    ``experiment`` says in one sentence what to record instead, if that is known; ``plain`` is
+    the torque balance of the log, where it was computed.
     """
 
     exit_code = 3
+    plain: Any = None
 
     def __init__(self, reason: str, experiment: str | None = None) -> None:
         super().__init__(reason)

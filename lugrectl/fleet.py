@@ -24,7 +24,7 @@ from .model import Model
 from .outputs import Result, library, plain
 from .progress import Wanted, reporter, shows_progress
 from .provenance import Provenance, SourceFile, provenance, stamp
-from .record import Record, read_record
+from .record import Record, read_log
 from .record.arrays import is_table, source_of
 from .results import VERDICTS, Diagnosis
 from .workers import Sent, one_thread_each, record_files, there
@@ -330,28 +330,11 @@ class Task:
         return outcome, extra
 
     def _diagnosed(self, log: Any, model: Model) -> Diagnosis:
-        seen: list[Record] = []
-        try:
-            if not isinstance(log, Record):
-                log = read_record(log, motion=model.motion, **self.reading)
-            seen.append(log)
-            from .diagnosis.diagnose import diagnose  # not needed for a log that cannot be read
+        if not isinstance(log, Record):
+            log = read_log(log, motion=model.motion, **self.reading)
+        from .diagnosis.diagnose import diagnose  # not needed for a log that cannot be read
 
-            return diagnose(log, model, progress=self.progress or False, **self.options)
-        except Refused as no:
-            return refusal(no, model, seen)
-
-
-def refusal(no: Refused, model: Model, records: Sequence[Record]) -> Diagnosis:
-    """The diagnosis "refused", with the reason, of the records read so far."""
-    return Diagnosis(
-        "refused",
-        reason=str(no),
-        experiment=no.experiment,
-        declared=model,
-        record=records[0] if records else None,
-        messages=tuple(m for record in records for m in record.messages),
-    )
+        return diagnose(log, model, progress=self.progress or False, **self.options)
 
 
 def _outcome(name: str, answer: Any) -> tuple[Outcome, Any]:

@@ -378,7 +378,8 @@ def _number(value: Any, p: Any, where: str) -> float | None:
         return None
     value = real(given := value)
     if value is None or not (math.isfinite(value) or value == p.neutral):
-        raise InputError(f"{where} must be a finite number, not {shown(given)}.")
+        quotes = " (remove the quotes)" if isinstance(given, str) else ""
+        raise InputError(f"{where} must be a finite number, not {shown(given)}{quotes}.")
     if p.choices and value not in p.choices:
         known = " or ".join(f"{c:g}" for c in p.choices)
         raise InputError(f"{where} = {value:g}; it must be {known}.")

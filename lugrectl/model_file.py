@@ -27,13 +27,21 @@ def read_model(path: str | Path) -> Model:
         data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise InputError(f"{path}: no such model file.") from None
+    except IsADirectoryError:
+        raise InputError(f"{path} is a folder: name a model file, such as my.toml.") from None
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read as a text file in UTF-8 ({error}).") from None
     except (ValueError, RecursionError) as error:  # more than what TOMLDecodeError covers
-        raise InputError(f"{path}: not a TOML file: {error}.") from None
+        raise InputError(f"{path}: not a TOML file: {error}{_decimal_comma(path)}.") from None
     model = model_from_dict(data, str(path))
     object.__setattr__(model, "file", SourceFile.of(path))
     return model
+
+
+def _decimal_comma(path: Path) -> str:
+    """What to do where a number has a decimal comma, which TOML does not know."""
+    found = re.search(r"^\s*(\w+\s*=\s*-?\d+),(\d+)\s*(#.*)?$", path.read_text("utf-8"), re.M)
+    return f"; write {found[1]}.{found[2]} with a decimal point" if found else ""
 
 
 def write_model(model: Model, path: str | Path) -> None:

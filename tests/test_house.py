@@ -13,7 +13,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "lugrectl"
 STOREYS = [
-    {"blas", "errors", "checks", "display", "outputs", "progress", "provenance", "spec"}
+    {"blas", "errors", "deadline", "checks", "display", "outputs", "progress", "provenance", "spec"}
     | {"arguments", "jobs", "functions", "pickling", "control_pickling", "unit_names", "stated"},
     {"blocks", "model", "model_file", "catalogue", "door"},
     {"loops", "engine", "linear", "record", "design", "sampling"},

@@ -19,7 +19,7 @@ from ..provenance import stamp
 
 if TYPE_CHECKING:
     from ..model import Model
-    from ..record import Record
+    from ..record import Log
 
 
 def print_out(text: str) -> None:
@@ -104,7 +104,7 @@ def _main_job(work: Any, a: Namespace) -> int:
     from ..report import check_folder, text, write
 
     model = fixed(read_model(a.model), a)
-    a.records = _files(a.records)
+    a.records = files(a.records)
     if a.out is not None:
         check_folder(a.out)
         _spare(a)
@@ -122,42 +122,35 @@ def _main_job(work: Any, a: Namespace) -> int:
 
 def _answered(work: Any, a: Namespace, model: Model) -> Any:
     """The result of ``work``; a record that cannot answer gives the verdict "refused"."""
-    from ..fleet import refusal
+    from ..diagnosis.plain import refusal
     from .progress import Bar
 
-    records: list[Record] = []
+    logs, holdout = _read_all(a, model)
+    options = {"holdout": holdout, "horizon": a.horizon, "seed": a.seed}
+    options |= {"time_limit": limit} if (limit := getattr(a, "time_limit", None)) else {}
     try:
-        holdout = _read_all(a, model, records)
-        options = {"holdout": holdout, "horizon": a.horizon, "seed": a.seed}
         with Bar(sys.stderr) as bar:
-            one = records[0] if len(records) == 1 else records
-            return work(one, model, progress=bar, **options)
+            return work(logs[0] if len(logs) == 1 else logs, model, progress=bar, **options)
     except Refused as no:
-        return refusal(no, model, records)
+        return refusal(no, model, [], no.plain)
 
 
-def _read_all(a: Namespace, model: Model, records: list[Record]) -> Any:
-    """Append the training records to ``records``; return the value of ``holdout``."""
+def _read_all(a: Namespace, model: Model) -> tuple[list[Log], Any]:
+    """The logs, and the value of ``holdout``."""
     names = [Path(name).resolve() for name in a.records]
     twice = next((n for n in names if names.count(n) > 1), None)
     if twice is not None:
         raise InputError(f"{twice.name} is given twice; name each record once.")
     apart = a.holdout not in (None, "last")
     if apart and Path(a.holdout).resolve() in names:
-        raise InputError(_not_held_out(a.holdout))
-    for name in a.records:
-        records.append(_read(name, a, model))
-    if not apart:
-        return a.holdout
-    holdout = _read(a.holdout, a, model)
-    from ..door import same_samples
-
-    if any(same_samples(holdout, record) for record in records):
-        raise InputError(_not_held_out(a.holdout))
-    return holdout
+        raise InputError(
+            f"--holdout {a.holdout} is a training record too; give another file, or --holdout last."
+        )
+    logs = [_read(name, a, model) for name in a.records]
+    return logs, _read(a.holdout, a, model) if apart else a.holdout
 
 
-def _files(names: Sequence[str]) -> list[str]:
+def files(names: Sequence[str]) -> list[str]:
     """The named files; patterns that the shell did not expand (on Windows: all) are expanded."""
     from ..workers import files_of
 
@@ -170,17 +163,10 @@ def _files(names: Sequence[str]) -> list[str]:
     return [str(path) for name in names for path in files_of(name, folders=False)]
 
 
-def _not_held_out(name: str) -> str:
-    return (
-        f"--holdout {name} holds the same samples as a training record; give another file, "
-        "or --holdout last."
-    )
+def _read(name: str, a: Namespace, model: Model) -> Log:
+    from ..record import read_log
 
-
-def _read(name: str, a: Namespace, model: Model) -> Record:
-    from ..record import read_record
-
-    return read_record(name, **reading(a), motion=model.motion)
+    return read_log(name, **reading(a), motion=model.motion)
 
 
 def reading(a: Namespace) -> dict[str, Any]:

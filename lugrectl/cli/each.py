@@ -51,6 +51,7 @@ def each(a: Namespace) -> int:
             command=a.typed,
             holdout=a.holdout,
             horizon=a.horizon,
+            time_limit=a.time_limit,
             seed=a.seed,
             **how,
         )

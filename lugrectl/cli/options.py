@@ -5,11 +5,12 @@ from __future__ import annotations
 import argparse
 import difflib
 import math
-from collections.abc import Callable
-from typing import Any
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any, NoReturn
 
 from ..provenance import version
-from . import commands, lookups
+from . import commands, lookups, plotting
 from .overview import overview
 
 
@@ -37,6 +38,14 @@ def parser() -> argparse.ArgumentParser:
     diagnose = _command(made, "diagnose", commands.diagnose, "name what is missing from the model")
     _records(diagnose)
     diagnose.add_argument(
+        "--time-limit",
+        type=_positive,
+        default=270.0,
+        metavar="S",
+        help="seconds after which the search stops itself (default: 270); the torque balance "
+        "stands all the same",
+    )
+    diagnose.add_argument(
         "--compensate",
         choices=("velocity", "position"),
         help="also close this control loop in simulation: friction compensation with the "
@@ -44,6 +53,12 @@ def parser() -> argparse.ArgumentParser:
     )
     _fleet(diagnose)
     _records(_command(made, "identify", commands.identify, "fit the declared model only"))
+    drawing = _command(made, "plot", plotting.plot, "draw a log as it was read, and its friction")
+    _logs(drawing)
+    drawing.add_argument(
+        "--model", metavar="MODEL.toml", help="the declared model, if there is one"
+    )
+    drawing.add_argument("--out", metavar="FILE", help="picture to write: .png, .svg, .pdf or .jpg")
     paper = _command(made, "reproduce", commands.reproduce, "recompute the source paper")
     paper.add_argument("--out", metavar="DIR", help="write reproduce.html and reproduce.json there")
     _checks(_command(made, "check", lookups.check, "linear checks: l2, spr, bandwidth"))
@@ -75,7 +90,8 @@ def _results(command: argparse.ArgumentParser, out: str | None = None) -> None:
     )
 
 
-def _records(command: argparse.ArgumentParser) -> None:
+def _logs(command: argparse.ArgumentParser) -> None:
+    """The logs, and how to read them."""
     add = command.add_argument
     add(
         "records",
@@ -83,6 +99,18 @@ def _records(command: argparse.ArgumentParser) -> None:
         metavar="RECORD",
         help="CSV, MAT, NPZ or Parquet file; several files are runs of one drive",
     )
+    for name, example, what in (
+        ("columns", "t=time,u=torque", "names of the columns"),
+        ("units", "theta=deg", "units of the columns, in place of those in the header"),
+        ("scale", "u=35.15", "factors on raw values"),
+    ):
+        add(f"--{name}", action="append", metavar=example, help=what)
+    add("--rate", type=_positive, metavar="HZ", help="sampling rate of a record without t")
+
+
+def _records(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    _logs(command)
     add("--model", required=True, metavar="MODEL.toml", help="the declared model")
     add(
         "--holdout",
@@ -98,13 +126,6 @@ def _records(command: argparse.ArgumentParser) -> None:
         help="seconds of simulation between restarts (default: 1)",
     )
     _results(command)
-    for name, example, what in (
-        ("columns", "t=time,u=torque", "names of the columns"),
-        ("units", "theta=deg", "units of the columns, in place of those in the header"),
-        ("scale", "u=35.15", "factors on raw values"),
-    ):
-        add(f"--{name}", action="append", metavar=example, help=what)
-    add("--rate", type=_positive, metavar="HZ", help="sampling rate of a record without t")
     add(
         "--fix",
         action="append",
@@ -179,16 +200,36 @@ def _checks(command: argparse.ArgumentParser) -> None:
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that suggests the command's own options if one is misspelt."""
+    """A parser whose complaints are one sentence, with what was probably meant."""
+
+    _given: Sequence[str] = ()
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
         found, left = self.parse_known_args(args, namespace)
         if left:
-            known = found.parser._option_string_actions
-            near = difflib.get_close_matches(left[0].partition("=")[0], known, 1)
-            hint = f" (did you mean {near[0]}?)" if near else ""
-            found.parser.error(f"unrecognized arguments: {' '.join(left)}{hint}")
+            found.parser.error(f"unrecognized arguments: {' '.join(left)}")
         return found
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        self._given = list(sys.argv[1:] if args is None else args)
+        return super().parse_known_args(args, namespace)
+
+    def error(self, message: str) -> NoReturn:
+        """Leave with code 2 after one sentence; no usage in front of it."""
+        hint = next(filter(None, map(self._meant, self._given)), "")
+        if "--model" in message and not hint:
+            hint = " (lugrectl model > my.toml writes one to start from)"
+        what = message.split(" (choose from")[0] if hint and "choose from" in message else message
+        self.exit(2, f"{self.prog}: error: {what}{hint}; {self.prog} --help shows what there is.\n")
+
+    def _meant(self, word: str) -> str:
+        """What a word resembles that is no option, and no command, of this parser."""
+        known = list(self._option_string_actions)
+        if not word.startswith("-"):
+            known = [c for a in self._actions if a.dest == "command" for c in a.choices or ()]
+        near = difflib.get_close_matches(word.partition("=")[0], known, 1)
+        typed = word.partition("=")[0]
+        return f" (for {typed}, did you mean {near[0]}?)" if near and typed not in known else ""
 
 
 class _Version(argparse.Action):

@@ -10,7 +10,10 @@ from typing import Any
 import numpy as np
 
 from ..blas import one_blas_thread
-from ..door import asked, judged_by
+from ..checks import positive
+from ..deadline import within
+from ..door import judged_by
+from ..errors import Refused
 from ..friction_map import diagnose_map
 from ..progress import Wanted, reporter, shows_progress
 from ..provenance import stamped
@@ -50,6 +53,8 @@ from ..tracing.structure import colour
 from ..tracing.surprise import beyond_doubt, misled, openings, surprising, undated, when
 from ..tracing.tabulate import tabulate
 from ..tracing.witness import statements
+from .asking import Asked
+from .plain import refusal, with_plain
 
 TURNED = (
     "The held-out blocks show a torque, or the time of a change, that the fitted blocks do not "
@@ -72,6 +77,7 @@ CHANCE = (
 )
 NEW = "The held-out samples show a torque that the fitted samples do not show: at {}."
 AT_ODDS = 0.5  # least autocorrelation of the innovations of both theta and w
+LIMIT = 270.0  # s that the search for what is missing may take
 EARLY = 0.05  # s, lead-in if something happens at the start of the record and never again
 
 
@@ -85,6 +91,7 @@ def diagnose(
     holdout: Any = None,
     horizon: float = 1.0,
     seed: int = 0,
+    time_limit: float = LIMIT,
     progress: Wanted = None,
 ) -> Diagnosis:
     """Find the physical effect that is missing from a declared model, from a log.
@@ -115,6 +122,8 @@ def diagnose(
         Time between restarts of the simulation, s.
     seed : int
         Seed of the random numbers, which only the error of the residual table uses.
+    time_limit : float
+        Seconds after which the search stops itself; the plain answer stands all the same.
     progress : callable, True, False or None
         ``progress(fraction, what)``, or whether to show a bar. None: in Jupyter only.
 
@@ -122,16 +131,31 @@ def diagnose(
     -------
     Diagnosis
 
+    Returns a diagnosis with the verdict "refused" where the record cannot say what is missing;
+    its ``plain`` then holds what is certain all the same.
+
     Raises
     ------
     InputError
         When an argument cannot be meant, or a file cannot be read or understood.
-    Refused
-        When the record cannot answer the question.
     """
-    record, model, holdout = asked(record, model, holdout)
+    asked = Asked.of(record, model, holdout)
     horizon, seed = judged_by(horizon, seed)
-    report = reporter(progress)
+    limit, report = positive(time_limit, "time_limit", "seconds"), reporter(progress)
+    report(0.0, "torque balance")
+    asked.plain  # noqa: B018  the plain answer first: it stands whatever follows
+    try:
+        with within(limit):
+            found = _finer(asked, horizon, seed, report)
+    except Refused as no:
+        return refusal(no, asked.model, asked.seen, asked.plain)
+    return with_plain(found, asked)
+
+
+def _finer(asked: Asked, horizon: float, seed: int, report: Progress) -> Diagnosis:
+    """The answer by the likelihood of predictions; Refused where the record cannot give it."""
+    record, model = asked.records(), asked.model
+    holdout = asked.holdout()
     if not isinstance(record, Record) and is_map(record):
         return diagnose_map(record, model, holdout=holdout, seed=seed, progress=report)
     answer = _answered(partial(begin, record, model, holdout, horizon, report), report)

@@ -8,7 +8,8 @@ from typing import Any, ClassVar
 
 from ..blas import one_blas_thread
 from ..display import Row, estimated
-from ..door import asked, judged_by
+from ..door import judged_by
+from ..errors import Refused
 from ..friction_map import (
     Fits,
     begin_map,
@@ -18,9 +19,11 @@ from ..friction_map import (
     map_of,
     messages_of,
 )
+from ..identification.balance import Balance
 from ..model import Model
-from ..outputs import Fitted, plain
-from ..progress import Wanted, reporter, shows_progress
+from ..outputs import Fitted
+from ..outputs import plain as jsonable
+from ..progress import Progress, Wanted, reporter, shows_progress
 from ..provenance import Provenance, stamped
 from ..record import Record
 from ..results import Estimate, FrictionMap, Traces
@@ -29,21 +32,30 @@ from ..steady.points import is_map
 from ..traces import traces
 from ..tracing.far import at_bounds, far_off
 from ..tracing.job import begin, compared, estimates, noted, on_everything, score
+from .asking import Asked
+from .plain import with_plain
+
+ONLY_PLAIN = "The values are those of the torque balance alone, without errors of a simulation: {}"
 
 
 @dataclass(frozen=True, repr=False)
 class Identification(Fitted):
-    """Fitted parameters of the declared structure, with the errors before and after."""
+    """Fitted parameters of the declared structure, with the errors before and after.
+
+    Where only the torque balance can answer, ``error`` is None and ``estimates`` holds what it
+    is certain of; ``plain`` is that balance in any case.
+    """
 
     estimates: Mapping[str, Estimate]
-    error: Mapping[str, Any]
+    error: Mapping[str, Any] | None
     model: Model
-    record: Record
+    record: Record | None
     messages: tuple[str, ...]
     declared: Model | None = None
     traces: Traces | None = None
     map: FrictionMap | None = None
     provenance: Provenance | None = None
+    plain: Balance | None = None
     verdict: ClassVar[str] = "identified"  # for reports and plots: nothing was added
     effects: ClassVar[tuple[()]] = ()
     depends_on: ClassVar[tuple[()]] = ()
@@ -51,15 +63,16 @@ class Identification(Fitted):
     def summary(self) -> dict[str, Any]:
         """Plain Python; never NaN or Infinity."""
         nested = self.model.to_dict()
-        return plain(
+        return jsonable(
             {
                 "schema": 1,
                 "parameters": {k: v.summary() for k, v in self.estimates.items()},
                 "error": self.error,
                 "model": {k: nested[k] for k in ("plant", "friction", "effects")}
                 | {"stated": self.model.statements()},
-                "record": self.record.summary(),
+                "record": self.record.summary() if self.record else None,
                 "messages": list(self.messages),
+                "plain": self.plain.plain() if self.plain else None,
                 "provenance": self.provenance.summary() if self.provenance else None,
             }
         )
@@ -93,11 +106,42 @@ def identify(
     InputError
         When an argument cannot be meant, or a file cannot be read or understood.
     Refused
-        When the record cannot answer.
+        When nothing is certain from this record; ``plain`` of the error says why.
     """
-    record, model, holdout = asked(record, model, holdout)
+    asked = Asked.of(record, model, holdout)
     horizon, seed = judged_by(horizon, seed)
     report = reporter(progress)
+    report(0.0, "torque balance")
+    asked.plain  # noqa: B018  the plain answer first: it stands whatever follows
+    try:
+        found = _finer(asked, horizon, report)
+    except Refused as no:
+        found = _plainly(asked, no)
+    return with_plain(found, asked)
+
+
+def _plainly(asked: Asked, no: Refused) -> Identification:
+    """What the torque balance knows where the finer fit is refused; Refused if that is nothing."""
+    plain, model = asked.plain, asked.model
+    if not (plain.parameters or plain.combinations):
+        no.plain = plain
+        raise no
+    known = {k: e for k, e in plain.parameters.items() if k in model.declarations()}
+    said = asked.seen[0].messages if asked.seen else ()
+    return Identification(
+        estimates=known,
+        error=None,
+        model=model.with_values({k: e.value for k, e in known.items()}),
+        record=asked.seen[0] if asked.seen else None,
+        messages=(*said, ONLY_PLAIN.format(no)),
+        declared=model,
+    )
+
+
+def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
+    """The fit by the likelihood of predictions; Refused where the record cannot give it."""
+    record, model = asked.records(), asked.model
+    holdout = asked.holdout()
     if not isinstance(record, Record) and is_map(record):
         return _map_identified(begin_map(record, model, holdout, report), model)
     job = begin(record, model, holdout, horizon, report)

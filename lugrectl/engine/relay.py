@@ -126,7 +126,9 @@ class Relays:
         news = [f"n{relay.place}" for relay in self.every]
         again, shorten, choice, joined = _FILLING[kind]
         back = again.format(share="share < 1.0", long=f"h > {SHORTEST} * shortest")
-        back += "\n".join(choice.format(n=n, land=land) for n, land in zip(news, lands, strict=True))
+        back += "\n".join(
+            choice.format(n=n, land=land) for n, land in zip(news, lands, strict=True)
+        )
         return {
             "before": "\n".join(self.before(kind)),
             "back": back,

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from ..checks import as_path
 from ..errors import InputError
-from ..provenance import SourceFile
 from .audit import audit, fitting_speed
 from .log import Log, read_log
 from .options import parse_pairs
@@ -27,6 +24,7 @@ __all__ = [
     "parse_pairs",
     "read_log",
     "read_record",
+    "record_of",
     "stretches",
 ]
 
@@ -65,15 +63,22 @@ def read_record(
     """
     if isinstance(path, Record):
         return _as_it_is(path, columns=columns, units=units, scale=scale, rate=rate)
+    if isinstance(path, Log):
+        return record_of(path)
     log = read_log(path, columns=columns, units=units, scale=scale, rate=rate, motion=motion)
-    is_path = isinstance(path, (str, os.PathLike))
-    file = SourceFile.of(as_path(path, "record")) if is_path else None
-    record = _uniform(log)
+    record = record_of(log)
     if rate is not None and "t" in log.labels and abs(record.rate / rate - 1) > 0.01:
         record = record.with_messages(
             f"The given rate, {rate:g} Hz, disagrees with t ({record.rate:.6g} Hz); t was used."
         )
-    return replace(audit(record, log.labels), file=file).read_from(log)
+    return record
+
+
+def record_of(log: Log | Record) -> Record:
+    """A log on uniform time, without its bad samples; Refused where there is no motion in it."""
+    if isinstance(log, Record):
+        return log
+    return replace(audit(_uniform(log), log.labels), file=log.file).read_from(log)
 
 
 def _as_it_is(record: Record, **options: Any) -> Record:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..checks import as_path, positive, shown
 from ..errors import InputError
+from ..provenance import SourceFile
 from .arrays import FORMS, is_table, table_of
 from .columns import Choice, choose_columns
 from .options import check_used, factors, texts
@@ -30,7 +31,8 @@ class Log:
     where there is no number. ``where(row)`` names the place of a row: "line 2102" of a text file
     (its header counted), "row 2100" (from 0) elsewhere. ``labels`` are the units by role as the
     file or the user stated them, None where none was stated; ``motion`` is "rotary" or "linear".
-    ``messages`` say how the columns were interpreted. ``cuts`` are rows known to begin a new part,
+    ``messages`` say how the columns were interpreted; ``file`` is the file with its SHA-256.
+    ``cuts`` are rows known to begin a new part,
     and ``of`` is the checksum of the record that was made from these rows, 0 if there is none.
     """
 
@@ -43,6 +45,7 @@ class Log:
     messages: tuple[str, ...] = ()
     cuts: tuple[int, ...] = ()
     of: int = 0
+    file: SourceFile | None = None
 
 
 def log_of_arrays(
@@ -89,7 +92,8 @@ def read_log(
         t = np.arange(len(raw[0])) / float(rate or 1.0)
     labels = {role: unit.name if unit else None for role, unit in found.items()}
     where = Places(table.where, len(t))
-    return Log(table.source, t, channels, where, labels, drive, tuple(said))
+    file = None if is_table(path) else SourceFile.of(as_path(path, "record"))
+    return Log(table.source, t, channels, where, labels, drive, tuple(said), file=file)
 
 
 def _si(values: np.ndarray, unit: Unit | None, factor: float | None) -> np.ndarray:

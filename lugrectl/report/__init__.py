@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import textwrap
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 from ..display import grid_text as _grid_text
@@ -14,7 +15,7 @@ from .atomic import nearest, write_together
 from .page import fragment, html
 from .wording import Section, headline, sections
 
-__all__ = ["check_folder", "fragment", "html", "text", "write"]
+__all__ = ["check_folder", "fragment", "html", "plain_text", "text", "write"]
 
 WIDTH = 80
 FILES: tuple[str, ...] = ("report.html", "report.json", "model.toml")
@@ -28,6 +29,12 @@ def text(d: Any) -> str:
     title, meaning = headline(d)
     parts = [f"{title}\n{_wrapped(meaning, '  ')}", *map(_section_text, sections(d))]
     return "\n\n".join(parts) + "\n"
+
+
+def plain_text(balance: Any) -> str:
+    """The plain torque balance alone, with what was noticed, in 80 columns."""
+    d = SimpleNamespace(plain=balance, messages=balance.notes)
+    return "\n\n".join(_section_text(part) for part in sections(d)) + "\n"
 
 
 def _section_text(part: Section) -> str:

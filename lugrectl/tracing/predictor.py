@@ -17,6 +17,7 @@ import numpy as np
 from ..blocks.friction import EPS, stribeck
 from ..blocks.parts import Part as Placed
 from ..blocks.plant import COMMAND, LEVEL, assemble, stage
+from ..deadline import check as check_time
 from ..engine.lanes import Lanes
 from ..model import Model, Part
 from ..spec import P
@@ -165,6 +166,7 @@ class Predictor:
         x : (sets, windows, states) array
             States after the last sample.
         """
+        check_time()
         sets, n = len(values), len(where.start)
         series, errors, index = self.distinct(values)
         if torque is not None:

@@ -67,8 +67,9 @@ def split(
     if len(fitting.start) < LEAST or not len(judging.start):
         raise Refused(
             "The record is too short to fit the model and to check it on held-out samples.",
-            f"Record at least {8 * (max(BLOCK, horizon) + GAP):.0f} s of motion, or give a second "
-            "run with --holdout.",
+            f"Record at least {8 * (max(BLOCK, horizon) + GAP):.0f} s of motion"
+            + (", shorten --horizon" if horizon > BLOCK else "")
+            + ", or give a second run with --holdout.",
         )
     whole = test if (last or held_out is not None) else list(data.runs)
     fitting = spread(fitting, MOST, ENOUGH_OF_MANY)

@@ -1,0 +1,90 @@
+"""``lugrectl plot``: the log as it was read, the friction curve, and the plain torque balance."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+from argparse import Namespace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import InputError
+from .commands import files, print_out, reading
+
+if TYPE_CHECKING:
+    from ..model import Model
+    from ..record import Log
+
+FORMATS = ("png", "svg", "pdf", "jpg")
+NO_SCREEN = "there is no screen to draw on; give --out plot.png to get the picture as a file"
+
+
+def plot(a: Namespace) -> int:
+    """Print the plain answer and draw it, into a file or on the screen."""
+    from ..diagnosis.plain import plain_answer
+    from ..report import plain_text
+    from ..report.log_plot import ReadLog
+
+    kind = None if a.out is None else _format(a.out)
+    logs, model = _read(a)
+    balance, stretches = plain_answer(logs, model)
+    written = _drawn(ReadLog(stretches, balance, model.motion, balance.notes), a.out, kind)
+    print_out(balance.to_json() if a.json else plain_text(balance))
+    print(f"lugrectl: {written}", file=sys.stderr)
+    return 0
+
+
+def _read(a: Namespace) -> tuple[list[Log], Model]:
+    """The logs, and the model; one of which nothing is known where none is given."""
+    from ..door import changed
+    from ..model_file import read_model
+    from ..record import read_log
+
+    model = None if a.model is None else read_model(a.model)
+    motion = None if model is None else model.motion
+    logs = [read_log(name, **reading(a), motion=motion) for name in files(a.records)]
+    return logs, model or changed({}, {"motion": logs[0].motion}, "model")
+
+
+def _format(out: str) -> str:
+    kind = Path(out).suffix.lower().lstrip(".")
+    if kind not in FORMATS:
+        raise InputError(f"--out {out}: the picture must be a file .{', .'.join(FORMATS)}.")
+    if not Path(out).absolute().parent.is_dir():
+        raise InputError(f"--out {out}: there is no folder {Path(out).parent}.")
+    return kind
+
+
+def _drawn(log: Any, out: str | None, kind: str | None) -> str:
+    """Draw; returns what there is to say about it."""
+    import matplotlib
+
+    if out is not None:
+        matplotlib.use("agg")
+    import matplotlib.pyplot as plt
+
+    from ..report.log_plot import plot as draw
+
+    if out is None and matplotlib.get_backend().lower() == "agg":
+        return f"{NO_SCREEN}."
+    figure = draw(log)[0].figure
+    if out is None:
+        plt.show()
+        return "shown."
+    made = io.BytesIO()
+    figure.savefig(made, format=kind, dpi=130)
+    plt.close(figure)
+    _write(Path(out), made.getvalue())
+    return f"picture: {out}"
+
+
+def _write(path: Path, content: bytes) -> None:
+    """Write a file whole or not at all."""
+    part = path.with_name(f".{path.name}.part")
+    try:
+        part.write_bytes(content)
+        os.replace(part, path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise InputError(f"--out {path} cannot be written ({error.strerror or error}).") from None

@@ -1,0 +1,37 @@
+"""A limit on the time of long work, which then stops itself and says so."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+
+from .errors import Refused
+
+_END: ContextVar[float] = ContextVar("end", default=float("inf"))
+
+
+class OutOfTime(Refused):
+    """The work took longer than its limit."""
+
+
+@contextmanager
+def within(seconds: float) -> Iterator[None]:
+    """Let :func:`check` raise OutOfTime after so many seconds, in this thread of work."""
+    token = _END.set(time.monotonic() + seconds)
+    try:
+        yield
+    except OutOfTime:
+        raise OutOfTime(
+            f"the search for what is missing was stopped after {seconds:g} s.",
+            "Give it more time with --time-limit, or a shorter part of the record",
+        ) from None
+    finally:
+        _END.reset(token)
+
+
+def check() -> None:
+    """Raise OutOfTime when the limit has passed."""
+    if time.monotonic() > _END.get():
+        raise OutOfTime("out of time")
