@@ -1,0 +1,11 @@
+"""The plain torque balance, which answers any log.
+
+    u(t - T) = J dw/dt + Fc sign(w) + Fv w + constant + gravity(theta) + declared effects + residual
+
+in means over windows, by a robust regression. :func:`balance` is the door.
+"""
+
+from .face import balance
+from .result import Balance, Combination, CurvePoint, Residual
+
+__all__ = ["Balance", "Combination", "CurvePoint", "Residual", "balance"]

@@ -1,0 +1,57 @@
+"""The noise of each channel, from the log alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .constants import LATTICE, NO_NOISE, TOP_OF_SPECTRUM
+
+SEGMENT = 256
+MANY = 20_000
+DIFFERENCE = 4
+
+
+def quantum(x: np.ndarray) -> float:
+    """The step of the lattice on which the values lie; 0 if they lie on none."""
+    x = x[:: max(1, len(x) // MANY)]
+    values = np.unique(x)
+    steps = np.diff(values)
+    steps = steps[steps > 1e-11 * np.sum(steps)]
+    if len(steps) < 20 or len(values) > LATTICE * len(x):
+        return 0.0
+    step = np.median(steps[steps < 1.5 * np.quantile(steps, 0.05)])
+    near = steps[steps < 20.5 * step] / step
+    on_lattice = np.mean(np.abs(near - np.round(near)) < 0.1) > 0.9
+    return float(step) if on_lattice else 0.0
+
+
+def white_noise(parts: Sequence[np.ndarray]) -> float:
+    """Standard deviation of the white noise per sample, at least that of the quantum.
+
+    The level of the top of the spectrum of the fourth difference, divided by the gain of that
+    difference, |2 sin(pi f)|^8. The difference keeps slow motion from leaking there.
+    """
+    rounding = quantum(np.concatenate(parts)) / np.sqrt(12)
+    d = np.concatenate([np.diff(x, DIFFERENCE) for x in parts])
+    if len(d) < 64:
+        return max(rounding, NO_NOISE)
+    from scipy.signal import welch  # slow to import
+
+    f, power = welch(d, nperseg=min(SEGMENT, len(d)))
+    top = (f > TOP_OF_SPECTRUM[0]) & (f < TOP_OF_SPECTRUM[1])
+    level = np.median(power[top] / (2 * np.sin(np.pi * f[top])) ** (2 * DIFFERENCE)) / 2
+    return float(max(np.sqrt(level), rounding, NO_NOISE))
+
+
+def shared_noise(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
+    """Coherence of two channels at the top of the spectrum, 0 to 1."""
+    from scipy.signal import coherence  # slow to import
+
+    one, other = (np.concatenate([np.diff(p[i], DIFFERENCE) for p in pairs]) for i in (0, 1))
+    if len(one) < 4 * SEGMENT or not (one.any() and other.any()):
+        return 0.0
+    f, c = coherence(one, other, nperseg=SEGMENT)
+    top = (f > TOP_OF_SPECTRUM[0]) & (f < TOP_OF_SPECTRUM[1])
+    return float(np.nan_to_num(np.median(c[top])))

@@ -1,0 +1,111 @@
+"""The covariance of a regression: leave one block out, for blocks of several lengths."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .constants import (
+    BLOCK_MEMORIES,
+    FEWEST_BLOCKS,
+    FEWEST_RUNS,
+    FORGOTTEN,
+    LEAST_BLOCK,
+    LONGEST_MEMORY,
+    MOST_LEVERAGE,
+)
+from .regression import Problem, Solution
+
+Blocks = np.ndarray  # (n,) index of the block of each window
+
+
+def blocks(piece: np.ndarray, run: np.ndarray, r: np.ndarray) -> list[Blocks]:
+    """Blocks of 4, 8 and 16 memories of the residual, and whole runs where there are many."""
+    memory, made = _memory(r), []
+    for factor in BLOCK_MEMORIES:
+        longest = max(len(r) / FEWEST_BLOCKS, 2)
+        cut = _cut(piece, int(np.clip(factor * memory, LEAST_BLOCK, longest)))
+        if not made or cut[-1] < made[-1][-1]:
+            made.append(cut)
+    runs = np.unique(run, return_inverse=True)[1]
+    if FEWEST_RUNS <= runs.max() + 1 < made[0].max() + 1:
+        made.append(runs)
+    return made
+
+
+def _memory(r: np.ndarray) -> int:
+    """Windows after which the residual has forgotten itself."""
+    x, n = r - r.mean(), len(r)
+    lags = range(1, max(min(n // 4, LONGEST_MEMORY), 2))
+    c = np.array([np.mean(x[: n - i] * x[i:]) for i in lags]) / (np.mean(x**2) + 1e-300)
+    forgotten = c < FORGOTTEN
+    return int(forgotten.argmax()) + 1 if forgotten.any() else len(c)
+
+
+def _cut(piece: np.ndarray, size: int) -> Blocks:
+    """Every piece in equal blocks of about ``size`` windows."""
+    block, start = np.zeros(len(piece), int), 0
+    for q in np.unique(piece):
+        at = np.flatnonzero(piece == q)
+        count = max(1, len(at) // size)
+        block[at] = start + np.arange(len(at)) * count // len(at)
+        start += count
+    return block
+
+
+def covariance(problem: Problem, fit: Solution, chunks: Sequence[Blocks]) -> np.ndarray:
+    """(m, m): blocks, what only the prior says, and directions that only noise determines.
+
+    The widest covariance counts in every direction: V + positive part of (V' - V).
+    """
+    W = fit.t / fit.variance
+    inverse = np.linalg.inv(fit.A)
+    score = problem.X * (W * fit.r)[:, None]
+    score = score + np.outer(W / W.sum(), fit.N @ fit.p - fit.c)
+    V = None
+    for block in chunks:
+        own = _without_each(problem.X, W, score, fit.A, block)
+        V = own if V is None else _wider(V, own)
+    assert V is not None
+    V = V + inverse @ np.diag(fit.P) @ inverse
+    return V + _only_noise(problem, fit, W.sum())
+
+
+def _without_each(
+    X: np.ndarray, W: np.ndarray, score: np.ndarray, A: np.ndarray, block: Blocks
+) -> np.ndarray:
+    """Jackknife: sum over blocks b of d_b d_b', d_b = (A - X_b' W X_b)^-1 score_b.
+
+    Where a block carries almost all that is known of a direction, leaving it out leaves
+    nothing; the share that it carries is bounded.
+    """
+    order = np.argsort(block, kind="stable")
+    first = np.flatnonzero(np.append(True, np.diff(block[order]) > 0))
+    rows = np.split(X[order] * np.sqrt(W[order, None]), first[1:])
+    sums = np.add.reduceat(score[order], first)
+    root = np.linalg.inv(np.linalg.cholesky(A))  # root A root' = 1
+    Q = np.array([(x @ root.T).T @ (x @ root.T) for x in rows])
+    share, E = np.linalg.eigh(Q)
+    gain = 1 / (1 - np.clip(share, 0, MOST_LEVERAGE))
+    along = np.einsum("bij,bi->bj", E, sums @ root.T) * gain
+    d = np.einsum("bij,bj->bi", E, along) @ root
+    return d.T @ d * (len(first) - 1) / len(first)
+
+
+def _wider(V: np.ndarray, other: np.ndarray) -> np.ndarray:
+    s = np.sqrt(np.maximum(np.diag(V), 1e-300))
+    share, E = np.linalg.eigh((other - V) / np.outer(s, s))
+    return V + np.outer(s, s) * ((E * np.maximum(share, 0)) @ E.T)
+
+
+def _only_noise(problem: Problem, fit: Solution, total: float) -> np.ndarray:
+    """Directions whose information is noise by more than half keep the width of the prior."""
+    P = np.diag(fit.P)
+    root = np.linalg.cholesky(fit.H + P)
+    N = np.diag(problem.noise * total)
+    share, E = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, N).T))
+    V = np.zeros_like(P)
+    for e in np.linalg.solve(root.T, E[:, share > 0.5]).T:
+        V = V + np.outer(e, e) / (e @ P @ e)
+    return V

@@ -1,0 +1,223 @@
+"""One fit of the balance: terms on windows of one width, with the delay and spread of u."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .constants import BLOCK_MEMORIES, CELL, LARGEST_DELAY, SCALE_OF_SHAPES, WIDE
+from .covariance import Blocks, blocks, covariance
+from .regression import Problem, Solution, log_density, solve
+from .terms import Term
+from .windows import Source, Windows
+
+DERIVATIVES = 2
+MAIN = ("J", "Fc", "Fv")
+ROUNDS = 3
+
+
+@dataclass(frozen=True)
+class Setting:
+    """How to fit: rest below so many rad/s, width of the prior of the delay in s (0: none)."""
+
+    rest: float
+    delay_prior: float
+    held: tuple[tuple[str, float], ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Coefficients ``p`` of the terms, then delay and spread of u where they were fitted.
+
+    ``merit`` is the expected error of J, Fc and Fv as a share of the torque, ``score`` the log
+    density of the motion given the torque, ``torque`` the RMS of the torque, ``rms`` that of
+    every column, ``blocks`` the number of blocks.
+    """
+
+    terms: tuple[Term, ...]
+    windows: Windows
+    half_width: float
+    setting: Setting
+    p: np.ndarray
+    V: np.ndarray
+    solution: Solution
+    chunks: list[Blocks]
+    torque: float
+    rms: np.ndarray
+    merit: float
+    score: float
+    delay: float = 0.0
+
+    @property
+    def names(self) -> list[str]:
+        return [term.key for term in self.terms]
+
+    @property
+    def r(self) -> np.ndarray:
+        return self.solution.r
+
+    @property
+    def blocks(self) -> int:
+        return int(self.chunks[0][-1]) + 1
+
+    def value(self, key: str, default: float = 0.0) -> float:
+        """The coefficient of a term, or its held value."""
+        if key in self.names:
+            return float(self.p[self.names.index(key)])
+        return dict(self.setting.held).get(key, default)
+
+
+def fit(
+    source: Source,
+    half_width: float,
+    terms: Sequence[Term],
+    setting: Setting,
+    delay: float = 0.0,
+    rounds: int = ROUNDS,
+) -> Fit | None:
+    """The terms on windows of one width; the delay of u by Gauss-Newton. None: too few windows."""
+    made = None
+    for _ in range(rounds):
+        windows = source.windows(half_width, terms, setting.rest, delay)
+        if windows is None or not np.any(windows.y):
+            return made
+        made = replace(regress(windows, terms, setting, delay), half_width=half_width)
+        step, delay = made.delay - delay, made.delay
+        if abs(step) < 0.02 * windows.dt:
+            break
+    return made
+
+
+def regress(
+    windows: Windows,
+    terms: Sequence[Term],
+    setting: Setting,
+    delay: float,
+    near: Fit | None = None,
+) -> Fit:
+    """The terms, whose columns are those of ``windows``, at one delay.
+
+    ``near`` is a fit of other shapes on the same windows: its weights and blocks are used, which
+    saves a pass.
+    """
+    problem, rms = _problem(windows, terms, setting, delay)
+    if near is None:
+        first = solve(problem, np.ones(len(windows.y)))
+        chunks = blocks(windows.piece, windows.run, first.r * np.sqrt(first.t))
+    else:
+        first, chunks = near.solution, near.chunks[:1]
+    overlap = _overlap(len(windows.y), int(chunks[0][-1]) + 1)
+    torque = _torque(windows)
+    level = _level(first.p, terms, setting, SCALE_OF_SHAPES * torque)
+    prior = _prior(windows, terms, setting, level, overlap, rms)
+    problem = replace(problem, level=level, prior=prior)
+    last = solve(problem, first.t)
+    V = covariance(problem, last, chunks)
+    return Fit(
+        terms=tuple(terms),
+        windows=windows,
+        half_width=0.0,
+        setting=setting,
+        p=last.p,
+        V=V,
+        solution=last,
+        chunks=chunks,
+        torque=torque,
+        rms=rms[: len(terms)],
+        merit=_merit(last, V, terms, rms / torque),
+        score=_score(last, terms, setting),
+        delay=_delay(last.p, terms, setting),
+    )
+
+
+def _torque(windows: Windows) -> float:
+    """RMS of the torque: of u, or of what is held known where u is 0."""
+    sizes = np.mean(windows.u**2), np.mean(windows.y**2)
+    return float(np.sqrt(max(sizes))) + 1e-300
+
+
+def _problem(windows: Windows, terms: Sequence[Term], setting: Setting, delay: float) -> tuple:
+    """The regression, with priors for a first pass, and the RMS of every column."""
+    fitted = DERIVATIVES if setting.delay_prior else 0
+    X = np.c_[windows.X, windows.du] if fitted else windows.X
+    y = windows.y + windows.du[:, 0] * delay if fitted else windows.y
+    rms = np.sqrt(np.mean(X**2, axis=0))
+    rms[rms == 0] = 1.0
+    m = len(terms)
+    rough = np.linalg.lstsq(X[:, :m] / rms[:m], windows.y, rcond=1e-6)[0] / rms[:m]
+    level = _level(rough, terms, setting, 2 * SCALE_OF_SHAPES * _torque(windows))
+    own = {"J": np.mean(windows.noise_a**2), "Fv": np.mean(windows.noise_w**2)}
+    noise = [own.get(term.key, 0.0) for term in terms]
+    u = windows.noise_u.mean(axis=0)
+    problem = Problem(
+        y=y,
+        X=X,
+        prior=_prior(windows, terms, setting, level, 1.0, rms),
+        level=level,
+        rest=windows.rest,
+        noise=np.array([*noise, *u[:fitted]]),
+        shared=np.array([0.0] * m + [0.0, u[2]][:fitted]),
+        noise_y=float(u[3]),
+        derivatives=fitted,
+    )
+    return problem, rms
+
+
+def _level(p: np.ndarray, terms: Sequence[Term], setting: Setting, least: float) -> float:
+    """The sliding torque, at least ``least``."""
+    names = [term.key for term in terms]
+    held = dict(setting.held).get("Fc", 0.0)
+    return max(abs(float(p[names.index("Fc")] if "Fc" in names else held)), least)
+
+
+def _prior(
+    windows: Windows,
+    terms: Sequence[Term],
+    setting: Setting,
+    level: float,
+    overlap: float,
+    rms: np.ndarray,
+) -> np.ndarray:
+    """Standard deviations: wide for terms, shares of Fc near rest, a few samples for u.
+
+    Windows overlap, so X' W X counts the data ``overlap`` times; priors of u count as often.
+    """
+    wide = WIDE * _torque(windows) / rms
+    prior = [w if t.share is None else t.share * level for w, t in zip(wide, terms, strict=False)]
+    if setting.delay_prior:
+        of_u = np.array([setting.delay_prior, CELL])
+        prior = [*prior, *(of_u / np.sqrt(overlap))]
+    return np.array(prior)
+
+
+def _overlap(windows: int, blocks: int) -> float:
+    """Windows for each independent one: a block is four memories long."""
+    return max(3.0, windows / (BLOCK_MEMORIES[0] * blocks))
+
+
+def independent(made: Fit) -> float:
+    """Windows for each independent one."""
+    return _overlap(len(made.windows.y), made.blocks)
+
+
+def _merit(last: Solution, V: np.ndarray, terms: Sequence[Term], share: np.ndarray) -> float:
+    """Expected error of J, Fc and Fv: their spread, and the share that noise takes off them."""
+    at = [i for i, term in enumerate(terms) if term.key in MAIN]
+    lost = (np.diag(last.N) / np.diag(last.A))[at] * last.p[at] * share[at]
+    spread = np.minimum(np.sqrt(np.diag(V)[at]) * share[at], 1.0)
+    return float(np.sqrt(np.sum(spread**2 + lost**2)))
+
+
+def _score(last: Solution, terms: Sequence[Term], setting: Setting) -> float:
+    """Log density of the motion given the torque: the residual is J times that of a."""
+    names = [term.key for term in terms]
+    J = abs(last.p[names.index("J")]) if "J" in names else 1.0
+    return log_density(last) + len(last.r) * float(np.log(J + 1e-300))
+
+
+def _delay(p: np.ndarray, terms: Sequence[Term], setting: Setting) -> float:
+    if not setting.delay_prior:
+        return 0.0
+    return float(np.clip(p[len(terms)], -LARGEST_DELAY, LARGEST_DELAY))

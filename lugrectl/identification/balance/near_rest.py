@@ -1,0 +1,99 @@
+"""What friction may do near rest: shapes that turn over, dip, or hold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .constants import DIPS, REST_TORQUE, TURNS
+from .terms import Term
+from .track import Track
+
+
+@dataclass(frozen=True)
+class Bristle:
+    """Coulomb friction that turns over within a distance after a reversal (Dahl).
+
+    z' = (sign(w) - z) |w| / distance, exact between reversals; sign(w) for a distance of 0.
+    """
+
+    distance: float
+
+    def __call__(self, track: Track) -> np.ndarray:
+        if not self.distance:
+            return np.sign(track.speed)
+        v = np.where(np.abs(track.speed) > track.still, track.speed, 0.0)
+        path, side = np.cumsum(np.abs(v)) * track.dt, np.sign(v)
+        z, last = np.zeros(len(v)), 0.0
+        moving = np.flatnonzero(side)
+        if not len(moving):
+            return z
+        first = moving[np.append(True, side[moving[1:]] != side[moving[:-1]])]
+        for a, b in zip(first, np.append(first[1:], len(v)), strict=True):
+            gone = path[a:b] - (path[a - 1] if a else 0.0)
+            z[a:b] = side[a] + (last - side[a]) * np.exp(-gone / self.distance)
+            last = z[b - 1]
+        return z
+
+
+@dataclass(frozen=True)
+class Between:
+    """The difference of two turning distances."""
+
+    near: float
+    far: float
+
+    def __call__(self, track: Track) -> np.ndarray:
+        return Bristle(self.far)(track) - Bristle(self.near)(track)
+
+
+@dataclass(frozen=True)
+class Dip:
+    """sign(w) exp(-(|w|/speed)^power): friction that falls with speed (Stribeck)."""
+
+    speed: float
+    power: int
+
+    def __call__(self, track: Track) -> np.ndarray:
+        return np.sign(track.speed) * np.exp(-(np.abs(track.speed / self.speed) ** self.power))
+
+
+def stopping(track: Track) -> np.ndarray:
+    """At rest, the direction of the motion before."""
+    return track.stopping
+
+
+def starting(track: Track) -> np.ndarray:
+    """At rest, the direction of the motion after."""
+    return track.starting
+
+
+def shapes_near_rest(speed: float, half_width: float) -> list[Term]:
+    """The terms that carry what the shape of friction near rest leaves open."""
+    length = speed * half_width
+    turns = [
+        Term(f"turn {i}", Between(a * length, b * length), share, True)
+        for i, ((a, b), share) in enumerate(TURNS)
+    ]
+    dips = [Term(f"near dip {v}", Dip(v * speed, 1), share, True) for v, share in DIPS]
+    rest = [Term(c.__name__, c, REST_TORQUE, True) for c in (stopping, starting)]
+    return [*turns, *dips, *rest]
+
+
+def with_rest(tracks: Sequence[Track], limit: float) -> list[Track]:
+    """The tracks with the direction before and after each rest, |w| < ``limit``."""
+    return [_with_rest(track, limit) for track in tracks]
+
+
+def _with_rest(track: Track, limit: float) -> Track:
+    rests = np.abs(track.speed) < limit
+    moving = np.flatnonzero(~rests)
+    if not len(moving):
+        none = np.zeros(len(track))
+        return replace(track, stopping=none, starting=none)
+    i = np.searchsorted(moving, np.arange(len(track)))
+    before = np.sign(track.speed[moving[np.maximum(i - 1, 0)]]) * (i > 0)
+    after = np.sign(track.speed[moving[np.minimum(i, len(moving) - 1)]]) * (i < len(moving))
+    return replace(track, stopping=rests * before, starting=rests * after)

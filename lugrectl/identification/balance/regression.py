@@ -1,0 +1,165 @@
+"""A robust regression whose columns have noise too.
+
+Minimises, over p, the Student-t likelihood of r = y - X p with
+
+    A p = X' W y - c,    A = X' W X - N + P,    W_i = (nu + 1) / (nu (s^2 + l_i^2) + r_i^2)
+
+N is the information that is only noise of the columns, c the noise that y and a column share,
+P the prior, l_i the torque that a window near rest leaves open. Everything is in the units of y.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .constants import (
+    FLOOR_OF_FRICTION,
+    FLOOR_OF_NOISE,
+    MOST_OF_A_DERIVATIVE,
+    MOST_OF_A_TERM,
+    MOSTLY_AT_REST,
+    NOT_NOISE,
+    PASSES,
+    SLIDING,
+    STUDENT,
+)
+
+MAD = 1.4826
+HUGE = 1e4
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What is regressed.
+
+    Attributes
+    ----------
+    y, X : ndarray (n,), (n, m)
+        Torque and columns; the last ``derivatives`` columns are derivatives of u.
+    prior : ndarray (m,)
+        Standard deviations of the coefficients around 0.
+    level : float
+        Sliding torque, which a window at rest leaves open.
+    rest : ndarray (n,)
+        Share of each window at rest.
+    noise, shared : ndarray (m,)
+        Variance of the noise of each column, and its covariance with that of y.
+    noise_y : float
+        Variance of the noise of y.
+    """
+
+    y: np.ndarray
+    X: np.ndarray
+    prior: np.ndarray
+    level: float
+    rest: np.ndarray
+    noise: np.ndarray
+    shared: np.ndarray
+    noise_y: float
+    derivatives: int = 0
+
+    @property
+    def own(self) -> np.ndarray:
+        """True for the columns that are no derivatives of u."""
+        return np.arange(len(self.prior)) < len(self.prior) - self.derivatives
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Coefficients ``p``, residual ``r``, Student weights ``t`` and scale ``s2``.
+
+    ``H`` is X' W X, ``A`` the matrix that was solved, ``N`` what was taken off it,
+    ``P`` the prior's diagonal, ``c`` the shared noise that was taken off, ``variance`` the
+    scale of each window.
+    """
+
+    p: np.ndarray
+    r: np.ndarray
+    t: np.ndarray
+    s2: float
+    variance: np.ndarray
+    H: np.ndarray
+    A: np.ndarray
+    N: np.ndarray
+    P: np.ndarray
+    c: np.ndarray
+
+
+def solve(problem: Problem, weights: np.ndarray) -> Solution:
+    """The fit, starting from Student weights (ones, or those of a fit nearby)."""
+    problem = _believable(problem)
+    y, X, rest = problem.y, problem.X, problem.rest
+    size = float(np.mean(y**2))
+    open_torque = (problem.level * rest) ** 2 + (rest > MOSTLY_AT_REST) * HUGE * size
+    least = FLOOR_OF_NOISE * problem.noise_y + (FLOOR_OF_FRICTION * problem.level) ** 2
+    slides = rest < SLIDING
+    slides = slides if slides.sum() > 5 * X.shape[1] else np.ones(len(y), bool)
+    p, s2, t = np.zeros(X.shape[1]), float(np.var(y)) + 1e-300, weights
+    for i in range(PASSES):
+        W = t / (s2 + open_torque)
+        H = X.T @ (W[:, None] * X)
+        P = 1 / problem.prior**2 + 1e-12 * np.diag(H)
+        N, c = _noise(problem, W.sum(), H, P)
+        A = H - N + np.diag(P)
+        new = np.linalg.solve(A, X.T @ (W * y) - c)
+        r = y - X @ new
+        s = _scale(r[slides], least)
+        change = np.abs(new - p)
+        settled = abs(s / s2 - 1) < 1e-3 and np.all(change <= 1e-6 * abs(new) + 1e-9 * problem.prior)
+        p, s2, t = new, s, (STUDENT + 1) / (STUDENT + r**2 / (s + open_torque))
+        if settled and i > 2:
+            break
+    return Solution(p, r, t, s2, s2 + open_torque, H, A, N, P, c)
+
+
+def _believable(problem: Problem) -> Problem:
+    """Without noise of u where it would be a large part of u: then u is faster than the log."""
+    if problem.noise_y <= NOT_NOISE * np.mean(problem.y**2):
+        return problem
+    return Problem(
+        problem.y,
+        problem.X,
+        problem.prior,
+        problem.level,
+        problem.rest,
+        problem.noise * problem.own,
+        0 * problem.shared,
+        0.0,
+        problem.derivatives,
+    )
+
+
+def _noise(problem: Problem, total: float, H: np.ndarray, P: np.ndarray) -> tuple:
+    """The information N that is noise of the columns, and that of y and the columns together.
+
+    In no direction more than a share of what there is, so that A stays positive definite.
+    """
+    most = np.where(problem.own, 1.0, MOST_OF_A_DERIVATIVE)
+    noise = np.minimum(problem.noise * total, most * np.diag(H))
+    root = np.linalg.cholesky(H + np.diag(P))
+    share, E = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, np.diag(noise)).T))
+    N = np.diag(noise)
+    if share[-1] > MOST_OF_A_TERM:
+        E = root @ E
+        N = (E * np.minimum(share, MOST_OF_A_TERM)) @ E.T
+    ratio = problem.shared / np.where(problem.noise > 0, problem.noise, 1.0)
+    return N, N @ ratio
+
+
+def _scale(r: np.ndarray, least: float) -> float:
+    """Variance of the Student density: from the median, then one step of its likelihood."""
+    s = max((MAD * float(np.median(np.abs(r)))) ** 2, least) + 1e-300
+    return max(float(np.mean((STUDENT + 1) / (STUDENT + r**2 / s) * r**2)), least) + 1e-300
+
+
+def log_density(solution: Solution) -> float:
+    """Log of the density of the residual."""
+    from scipy.special import gammaln  # slow to import
+
+    nu = STUDENT
+    one = gammaln((nu + 1) / 2) - gammaln(nu / 2) - 0.5 * np.log(nu * np.pi)
+    v = solution.variance
+    each = one - 0.5 * np.log(v) - (nu + 1) / 2 * np.log1p(solution.r**2 / (nu * v))
+    return float(np.sum(each))

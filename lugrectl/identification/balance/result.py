@@ -1,0 +1,116 @@
+"""The answer of the torque balance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ...results import Estimate
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A sum of parameters that is certain where its parts are not."""
+
+    text: str
+    value: float
+    unit: str
+    ci95: tuple[float, float]
+    to_separate: str
+
+
+@dataclass(frozen=True)
+class CurvePoint:
+    """Mean friction torque in a bin of speeds."""
+
+    w: float
+    torque: float
+    ci95: tuple[float, float]
+    samples: int
+
+
+@dataclass(frozen=True, eq=False)
+class Residual:
+    """What remains of u in each window: time, run, torque; ``sliding`` is False near rest."""
+
+    t: np.ndarray
+    run: np.ndarray
+    value: np.ndarray
+    sliding: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Balance:
+    """The plain answer of a torque balance.
+
+    Attributes
+    ----------
+    parameters, uncertain : dict of Estimate
+        The certain parameters, and those whose interval is too wide to be an answer.
+    combinations : tuple of Combination
+        Sums that are certain where their parts are not.
+    curve : tuple of CurvePoint
+        Friction torque over speed, in both directions.
+    left : float or None
+        RMS of the residual as a share of the RMS torque.
+    notes : tuple of str
+        What was noticed, in sentences.
+    names, covariance : tuple of str, ndarray
+        All parameters, certain or not, and their joint covariance.
+    is_map : bool
+        True if the runs keep one speed each.
+    """
+
+    parameters: Mapping[str, Estimate] = field(default_factory=dict)
+    uncertain: Mapping[str, Estimate] = field(default_factory=dict)
+    combinations: tuple[Combination, ...] = ()
+    curve: tuple[CurvePoint, ...] = ()
+    left: float | None = None
+    seconds: float = 0.0
+    notes: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()
+    covariance: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    is_map: bool = False
+    half_width: float | None = None
+    residual: Residual | None = None
+
+    def values(self) -> dict[str, float]:
+        """The best value of every parameter, certain or not: start values for a finer fit."""
+        both = {**self.uncertain, **self.parameters}
+        return {k: both[k].value for k in self.names if k in both}
+
+    def plain(self) -> dict[str, Any]:
+        """The answer as plain Python values, as it stands in the JSON."""
+        return {
+            "parameters": {k: _estimate(e) for k, e in self.parameters.items()},
+            "combinations": [_combination(c) for c in self.combinations],
+            "curve": [_point(p) for p in self.curve],
+            "left": _number(self.left),
+            "seconds": _number(self.seconds),
+        }
+
+
+def _number(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def _pair(ci95: tuple[float, float] | None) -> list[float | None] | None:
+    return None if ci95 is None else [_number(x) for x in ci95]
+
+
+def _estimate(e: Estimate) -> dict[str, Any]:
+    return {"value": _number(e.value), "unit": e.unit, "ci95": _pair(e.ci95)}
+
+
+def _combination(c: Combination) -> dict[str, Any]:
+    own = {"text": c.text, "value": _number(c.value), "unit": c.unit, "ci95": _pair(c.ci95)}
+    return {**own, "to_separate": c.to_separate}
+
+
+def _point(p: CurvePoint) -> dict[str, Any]:
+    own = {"w": _number(p.w), "torque": _number(p.torque), "ci95": _pair(p.ci95)}
+    return {**own, "samples": int(p.samples)}

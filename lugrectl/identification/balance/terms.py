@@ -1,0 +1,95 @@
+"""The terms of the balance: one column each.
+
+    u(t - T) = J a + Fc sign(w) + Fv w + constant + gravity(theta) + declared effects + residual
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from .track import Track
+
+Column = Callable[[Track], np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class Term:
+    """A term that is linear in one coefficient.
+
+    Attributes
+    ----------
+    key : str
+        Name of the coefficient.
+    column : callable or None
+        The torque at every sample for a coefficient of 1; None for J and Fv, whose columns are
+        the window means of acceleration and speed.
+    share : float or None
+        Only for what friction may do near rest: standard deviation of its prior, as a share of
+        Fc. Such a term carries an uncertainty and is no answer.
+    friction : bool
+        Whether its torque belongs to the friction curve.
+    """
+
+    key: str
+    column: Column | None
+    share: float | None = None
+    friction: bool = False
+
+
+def sliding(track: Track) -> np.ndarray:
+    """Column of Fc: sign(w)."""
+    return np.sign(track.speed)
+
+
+def constant(track: Track) -> np.ndarray:
+    """Column of a constant torque: 1."""
+    return np.ones(len(track))
+
+
+def warming(track: Track) -> np.ndarray:
+    """Column of the drift: sign(w) (t/T - 1/2). Every machine warms up."""
+    return np.sign(track.speed) * track.age
+
+
+@dataclass(frozen=True)
+class Wave:
+    """sin(theta) or cos(theta): gravity over the position."""
+
+    function: Callable[[np.ndarray], np.ndarray]
+
+    def __call__(self, track: Track) -> np.ndarray:
+        assert track.theta is not None
+        return self.function(track.theta)
+
+
+@dataclass(frozen=True)
+class Slope:
+    """theta - middle: what gravity has over a short travel."""
+
+    middle: float
+
+    def __call__(self, track: Track) -> np.ndarray:
+        assert track.theta is not None
+        return track.theta - self.middle
+
+
+@dataclass(frozen=True)
+class Bend:
+    """(theta - middle)^2 / 2: what distinguishes gravity from a constant over a short travel."""
+
+    middle: float
+
+    def __call__(self, track: Track) -> np.ndarray:
+        assert track.theta is not None
+        return (track.theta - self.middle) ** 2 / 2
+
+
+INERTIA = Term("J", None)
+COULOMB = Term("Fc", sliding, friction=True)
+VISCOUS = Term("Fv", None, friction=True)
+OFFSET = Term("constant_torque", constant, friction=True)
+DRIFT = Term("drift", warming)
+GRAVITY = (Term("gravity.sin", Wave(np.sin)), Term("gravity.cos", Wave(np.cos)))

@@ -1,0 +1,161 @@
+"""All windows of one width: the torque, the terms, and what is known of their noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .constants import FEWEST_SAMPLES, MOST_WINDOWS, STEP, WINDOWS_PER_TERM
+from .kernels import means, weights
+from .motion import Means, Sensors, window_means
+from .terms import Term
+from .track import Track
+
+EDGE_STEP = 8  # samples: a small change of the delay keeps the windows
+
+
+@dataclass(frozen=True, eq=False)
+class Windows:
+    """n windows of one width.
+
+    Attributes
+    ----------
+    y : ndarray (n,)
+        Mean of u minus the terms whose values are held.
+    u : ndarray (n,)
+        Mean of u.
+    X : ndarray (n, m)
+        Columns of the terms.
+    du : ndarray (n, 2)
+        What a delay (per second) and a spread (per squared sample) of u take off y.
+    rest : ndarray (n,)
+        Share of the weight at which the drive rests.
+    piece, run : ndarray (n,)
+        Stretch and run of each window.
+    t, w : ndarray (n,)
+        Time and mean speed.
+    noise_w, noise_a : ndarray (n,)
+        Standard deviation of the noise in w and a.
+    noise_u : ndarray (n, 4)
+        Variance of the noise in both columns of du, its covariance with y, variance in y.
+    """
+
+    y: np.ndarray
+    u: np.ndarray
+    X: np.ndarray
+    du: np.ndarray
+    rest: np.ndarray
+    piece: np.ndarray
+    run: np.ndarray
+    t: np.ndarray
+    w: np.ndarray
+    noise_w: np.ndarray
+    noise_a: np.ndarray
+    noise_u: np.ndarray
+    dt: float
+
+
+@dataclass(eq=False)
+class Source:
+    """Makes windows from tracks; columns that are asked for again are kept."""
+
+    tracks: Sequence[Track]
+    sensors: Sensors
+    held: Sequence[tuple[Term, float]] = ()
+    _kept: dict = field(default_factory=dict)
+
+    def windows(
+        self, half_width: float, terms: Sequence[Term], rest: float, delay: float
+    ) -> Windows | None:
+        """The windows of half-width ``half_width`` s; None if there are too few.
+
+        ``rest`` is the speed in rad/s below which the drive rests, ``delay`` that of u in s,
+        beyond the hold.
+        """
+        parts = [self._part(i, half_width, terms, rest, delay) for i in range(len(self.tracks))]
+        parts = [p for p in parts if p is not None]
+        if not parts:
+            return None
+        joined = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
+        if len(joined["y"]) <= WINDOWS_PER_TERM * len(terms):
+            return None
+        return Windows(**joined, dt=float(np.median([p.dt for p in self.tracks])))
+
+    def _part(
+        self, i: int, half_width: float, terms: Sequence[Term], rest: float, delay: float
+    ) -> dict[str, np.ndarray] | None:
+        """The windows of one track; an empty track has none."""
+        track = self.tracks[i]
+        half = max(half_width / track.dt, FEWEST_SAMPLES - 1)
+        far = max(abs(delay) + track.dt, abs(self.sensors.lag)) / track.dt
+        edge = int(np.ceil(half)) + 3 + EDGE_STEP * int(np.ceil(far / EDGE_STEP))
+        step = max(int(half * STEP), sum(map(len, self.tracks)) // MOST_WINDOWS, 1)
+        at, motion = self._once(("at", i, half, edge), lambda: self._motion(track, half, edge, step))
+        if not len(at):
+            return None
+        k0 = weights(half, 0)
+
+        def column(term: Term) -> np.ndarray:
+            if term.column is None:
+                return motion.a if term.key == "J" else motion.w
+            key = (term.column, i, half, edge)
+            return self._once(key, lambda: means(self._samples(term, i), k0, at))
+
+        X = np.column_stack([column(term) for term in terms])
+        slow = np.asarray(np.abs(track.speed) < rest, float)
+        one = np.ones(len(at))
+        u = _torque(track, half, delay, at)
+        known = sum((value * column(term) for term, value in self.held), np.zeros(len(at)))
+        noise = self.sensors.noise["u"] ** 2
+        return {
+            "y": u["y"] - known,
+            "u": u["y"],
+            "X": X,
+            "du": u["du"],
+            "rest": np.clip(means(slow, k0, at), 0, 1),
+            "piece": np.full(len(at), i),
+            "run": np.full(len(at), track.run),
+            "t": track.t[at],
+            "w": motion.w,
+            "noise_w": motion.noise_w * one,
+            "noise_a": motion.noise_a * one,
+            "noise_u": noise * u["noise"] * one[:, None],
+        }
+
+    def _motion(
+        self, track: Track, half: float, edge: int, step: int
+    ) -> tuple[np.ndarray, Means | None]:
+        at = track.centres(edge, step)
+        return at, window_means(track, half, at, self.sensors) if len(at) else None
+
+    def _samples(self, term: Term, i: int) -> np.ndarray:
+        """A column at every sample."""
+        assert term.column is not None
+        return self._once((term.column, i), lambda: term.column(self.tracks[i]))
+
+    def _once(self, key, make):
+        if key not in self._kept:
+            self._kept[key] = make()
+        return self._kept[key]
+
+
+def _torque(track: Track, half: float, delay: float, at: np.ndarray) -> Mapping[str, np.ndarray]:
+    """Means of u(t - delay) held over each sample, and of its derivatives.
+
+    A held value acts from its sample to the next, on average half a sample later.
+    """
+    shift = -(0.5 + delay / track.dt)
+    k0 = weights(half, 0, shift, cell=True)
+    k1 = weights(half, 1, shift) / track.dt
+    k2 = weights(half, 2, shift)
+    du = np.c_[means(track.u, k1, at), means(track.u, k2, at)]
+    noise = np.array([k1 @ k1, k2 @ k2, _inner(k0, k2), k0 @ k0])
+    return {"y": means(track.u, k0, at), "du": du, "noise": noise}
+
+
+def _inner(k: np.ndarray, other: np.ndarray) -> float:
+    """The product of two sets of weights around one middle."""
+    off = (len(k) - len(other)) // 2
+    return float(k[off : len(k) - off] @ other)
