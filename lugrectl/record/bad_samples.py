@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .clock import usual_step
+from .codes import code
 from .outliers import bridged, huge, outliers
 from .stamped import Stamped, count
 
@@ -32,16 +33,31 @@ def leave_out(log: Stamped, role: str, bad: np.ndarray, why: str, many: str = ""
 def leave_out_bad_samples(log: Stamped) -> None:
     """Find the samples of torque and motion that cannot be values of their channel."""
     for role in log.required:
-        x = log.channels[role]
-        leave_out(log, role, huge(x), NO_SENSOR, "a number that no sensor gives")
+        leave_out(log, role, huge(log.channels[role]), NO_SENSOR, "a number that no sensor gives")
+        good = np.isfinite(log.channels[role])
+        if good.sum() < 16:
+            continue
+        _codes(log, role, good)
         _outliers(log, role)
+
+
+def _codes(log: Stamped, role: str, good: np.ndarray) -> None:
+    rows = np.flatnonzero(good)
+    found = rows[code(log.channels[role][rows])]
+    if len(found):
+        at = np.isin(np.arange(len(good)), found)
+        log.say(
+            f"{role} is exactly {log.value(role, found[0])} in {count(len(found), 'row')}, first at "
+            f"{log.place(found[0])}, far off its neighbours: left out."
+        )
+        values = log.channels[role].copy()
+        values[at] = np.nan
+        log.channels[role] = values
 
 
 def _outliers(log: Stamped, role: str) -> None:
     x = log.channels[role]
     good = np.isfinite(x)
-    if not good.any():
-        return
     bad = outliers(role, log.t, bridged(x, ~good)) & good
     if role == "w":  # the difference of a position over lost rows is as many times too large
         bad[1:] &= np.diff(log.t) < 1.5 * usual_step(log.t)

@@ -7,6 +7,7 @@ from .clock import put_in_time
 from .log import Log
 from .position import make_continuous
 from .stamped import Stamped
+from .torque import leave_out_untrue_torque
 
 
 def usable(log: Log) -> Stamped:
@@ -19,4 +20,5 @@ def usable(log: Log) -> Stamped:
     put_in_time(made)
     leave_out_bad_samples(made)
     make_continuous(made)
+    leave_out_untrue_torque(made)
     return made
