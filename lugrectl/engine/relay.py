@@ -17,6 +17,7 @@ from .program import Program
 from .switching import average_jumps
 
 ZERO = 1e-8  # of a state's scale: within this it has reached zero
+HELD = 100.0  # weight of a motion missed by holding a state too long: it is not corrected later
 AGAIN = 0.1  # part of a step to try if it starts at zero and ends on the other side
 SHORTEST = 1e-3  # of the shortest step for accuracy: the shortest one to a zero
 
@@ -111,7 +112,7 @@ class Relays:
             lands = make("logical_and", jumps, make("logical_and", now <= near, now < before))
             made[relay.land] = make("where", lands, 1.0, 0.0)
             if relay.turning:
-                slips.append(self._slip(relay) / scale)
+                slips.append(HELD * self._slip(relay) / scale)
         made["share"] = shares[0]
         for share in shares[1:]:
             made["share"] = make("minimum", made["share"], share)
