@@ -5,8 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from lugrectl.diagnosis.plain import refusal
+from lugrectl.errors import Refused
 from lugrectl.model import Model, table1
-from lugrectl.record import Record
+from lugrectl.record import Record, record_of
 from lugrectl.results import Candidate, Diagnosis, Estimate, Finding, Traces
 
 HOSTILE = '<script src="http://x.y/z.js">alert(1)</script> & "q".csv'
@@ -98,3 +100,13 @@ def diagnosis(verdict="found", **changes):
 def bare(verdict="found"):
     """Without plots, which take most of the time."""
     return diagnosis(verdict, traces=None, ranking=())
+
+
+def answered(answer, record, model):
+    """What a stand-in for ``diagnose`` returns: a refusal for Refused, other errors are raised."""
+    if isinstance(answer, Refused):
+        records = record if isinstance(record, list) else [record]
+        return refusal(answer, model, [record_of(one) for one in records])
+    if isinstance(answer, BaseException):
+        raise answer
+    return answer

@@ -14,7 +14,7 @@ from lugrectl.model_file import write_model
 from lugrectl.report import FILES, fleet_page
 
 from .logs import csv as log
-from .made_up import bare
+from .made_up import answered, bare
 
 
 @pytest.fixture
@@ -25,9 +25,7 @@ def job(monkeypatch):
     def work(record, model, **options):
         fake.calls.append(options)
         answer = fake.answers.get(record.source, "found")
-        if isinstance(answer, BaseException):
-            raise answer
-        return bare(answer)
+        return answered(bare(answer) if isinstance(answer, str) else answer, record, model)
 
     fake.calls, fake.answers, fake.diagnose = [], {}, work
     monkeypatch.setitem(sys.modules, "lugrectl.diagnosis.diagnose", fake)

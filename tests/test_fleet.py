@@ -26,7 +26,7 @@ from lugrectl.workers import Sent, one_thread_each, record_files
 
 from .logs import csv as log
 from .logs import machine, rows, write
-from .made_up import HOSTILE, bare
+from .made_up import HOSTILE, answered, bare
 from .test_report import Page
 
 MODEL = lg.Model.of(lg.table1())
@@ -37,14 +37,12 @@ def job(monkeypatch):
     """Stands for lugrectl.diagnose: answers by the name of the log, and notes the calls."""
     fake = ModuleType("lugrectl.diagnosis.diagnose")
 
-    def work(record, model, *, holdout=None, horizon=1.0, seed=0, progress=None):
+    def work(record, model, *, holdout=None, horizon=1.0, seed=0, time_limit=1.0, progress=None):
         fake.calls.append((record, {"holdout": holdout, "horizon": horizon, "seed": seed}))
         if progress:
             progress(0.5, "half")
         answer = fake.answers.get(record.source.split(".")[0], "found")
-        if isinstance(answer, BaseException):
-            raise answer
-        return bare(answer)
+        return answered(bare(answer) if isinstance(answer, str) else answer, record, model)
 
     fake.calls, fake.answers, fake.diagnose = [], {}, work
     monkeypatch.setitem(sys.modules, "lugrectl.diagnosis.diagnose", fake)

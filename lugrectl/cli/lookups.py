@@ -152,6 +152,6 @@ def _written(value: Any) -> str:
 
 
 def _document(value: Any) -> str:
-    from ..results import plain
+    from ..outputs import plain
 
     return _written(plain(value))

@@ -25,7 +25,9 @@ from .windows import Source
 from .fit import fit
 
 
-def balance(stretches: Sequence[Stretch], model: Model, held: Mapping[str, float] | Sequence[str] = ()) -> Balance:
+def balance(
+    stretches: Sequence[Stretch], model: Model, held: Mapping[str, float] | Sequence[str] = ()
+) -> Balance:
     began = time.perf_counter()
     tracks = tracks_of(stretches)
     sensors, comparison, notes = sensors_of(tracks)
@@ -37,8 +39,16 @@ def balance(stretches: Sequence[Stretch], model: Model, held: Mapping[str, float
     source = Source(tracks, sensors)
     terms = plain_terms(model, travel_of(tracks, False), False)
     made = best_width(source, widths_of(tracks), terms, setting)
-    made = fit(source, made.half_width, [*made.terms, *shapes_near_rest(speed, made.half_width)], setting, made.delay)
-    tq = stats.t.ppf(0.5 + CONFIDENCE / 2, max(made.blocks - sum(t.share is None for t in made.terms), 2))
+    made = fit(
+        source,
+        made.half_width,
+        [*made.terms, *shapes_near_rest(speed, made.half_width)],
+        setting,
+        made.delay,
+    )
+    tq = stats.t.ppf(
+        0.5 + CONFIDENCE / 2, max(made.blocks - sum(t.share is None for t in made.terms), 2)
+    )
     par = {}
     for k, term in enumerate(made.terms):
         if term.share is None:
@@ -46,4 +56,6 @@ def balance(stretches: Sequence[Stretch], model: Model, held: Mapping[str, float
             par[term.key] = Estimate(made.p[k], "", (made.p[k] - h, made.p[k] + h))
     h = tq * made.V[len(made.terms), len(made.terms)] ** 0.5
     par["u_delay"] = Estimate(made.delay, "s", (made.delay - h, made.delay + h))
-    return Balance(par, seconds=time.perf_counter() - began, notes=tuple(notes), half_width=made.half_width)
+    return Balance(
+        par, seconds=time.perf_counter() - began, notes=tuple(notes), half_width=made.half_width
+    )
