@@ -47,8 +47,8 @@ def _codes(log: Stamped, role: str, good: np.ndarray) -> None:
     if len(found):
         at = np.isin(np.arange(len(good)), found)
         log.say(
-            f"{role} is exactly {log.value(role, found[0])} in {count(len(found), 'row')}, first at "
-            f"{log.place(found[0])}, far off its neighbours: left out."
+            f"{role} is exactly {log.value(role, found[0])} in {count(len(found), 'row')}, first "
+            f"at {log.place(found[0])}, far off its neighbours: left out."
         )
         values = log.channels[role].copy()
         values[at] = np.nan

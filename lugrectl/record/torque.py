@@ -40,9 +40,13 @@ def _leave_out_flat(log: Stamped) -> None:
     low, high = np.nanmin(u), np.nanmax(u)
     same = np.r_[False, np.diff(u) == 0]
     flat = [(a - 1, n + 1) for a, n in runs(same)]
+    usual = _usual(flat, len(u))
     limit = [(a, n) for a, n in flat if n >= _AT_LIMIT and u[a] in (low, high)]
+    for end in (low, high):  # a held torque has an extreme, too
+        if sum(n for a, n in limit if u[a] == end) < 5 * usual:
+            limit = [(a, n) for a, n in limit if u[a] != end]
     stuck = [(a, n) for a, n in flat if n >= _LONG and u[a] not in (low, high)]
-    stuck = [(a, n) for a, n in stuck if n >= 5 * _usual(flat, len(u)) and _jumps(u, a, n)]
+    stuck = [(a, n) for a, n in stuck if n >= 5 * usual and _jumps(u, a, n)]
     if not limit and not stuck:
         return
     unknown = _rows(len(u), [*limit, *stuck])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from .bad_samples import leave_out_bad_samples
 from .clock import put_in_time
+from .held import keep_renewed
 from .log import Log
 from .position import make_continuous
 from .stamped import Stamped
@@ -20,5 +21,6 @@ def usable(log: Log) -> Stamped:
     put_in_time(made)
     leave_out_bad_samples(made)
     make_continuous(made)
+    keep_renewed(made)
     leave_out_untrue_torque(made)
     return made
