@@ -24,6 +24,7 @@ ANYWHERE = 1e50  # how far an unidentified coordinate may move
 PART = 0.1  # component of a direction, from which a parameter belongs to it
 NOISY = 2.0  # times the expected power: above, a hidden state was missed in the window
 QUIETER = (0.1, 0.01)  # times the noise, for the start of a fit with many local maxima
+SETTLED = 0.3  # gain in log-likelihood of two steps, below which a fit ends
 NOISE_STEPS = (1.0, 0.6, 0.25, 1.5)  # factors tried at each step of a fit
 
 
@@ -33,7 +34,8 @@ class Fitted:
 
     ``anchor`` holds the centre of the prior; ``loglik`` has one value for each window; ``parts``
     and ``scores`` are the windows' information and gradient in the coordinates, for intervals;
-    ``innovations`` are whitened, (windows, length, channels).
+    ``innovations`` are whitened, (windows, length, channels). ``others`` are other maxima that are
+    as likely: the intervals contain theirs.
     """
 
     predictor: Predictor
@@ -47,6 +49,7 @@ class Fitted:
     scores: np.ndarray = field(repr=False)
     anchor: dict[str, float] = field(default_factory=dict)
     instants: dict[str, tuple[float, float]] = field(default_factory=dict)
+    others: tuple[Fitted, ...] = ()
 
     @property
     def total(self) -> float:
@@ -103,6 +106,10 @@ class Fitted:
             if c.kind != "angle":
                 ends = c.back(ends[0], self.values), c.back(ends[1], self.values)
             made[c.key] = ends
+        theirs = [other.intervals() for other in self.others]
+        for key, (low, high) in made.items():
+            every = [one[key] for one in theirs if key in one]
+            made[key] = min([low, *(a for a, _ in every)]), max([high, *(b for _, b in every)])
         return made
 
 
@@ -161,6 +168,8 @@ def fit(
     most: int = 30,
     rough: bool = False,
     quiet: float = 1.0,
+    hold: bool = False,
+    settled: float = SETTLED,
 ) -> Fitted:
     """Maximise the likelihood of the predictions over the free values and the noise of dw/dt.
 
@@ -169,7 +178,8 @@ def fit(
     declared values. ``rough`` leaves out what only intervals need. With ``quiet`` below 1 the first
     steps hold the noise at that fraction, and so come near to a fit of the simulation error. (Under
     a large noise the observer gain is high and compensates wrong values; then no small change of
-    the values and the noise together is better.)
+    the values and the noise together is better.) With ``hold`` they hold it as given. A fit ends
+    when two steps gain less than ``settled``.
     """
     anchor = dict(values) | dict(anchor or {})
     declared = predictor.declarations()
@@ -180,8 +190,8 @@ def fit(
     place_all = partial(placed, predictor, moments, where)
     # few steps are not worth compiling the derivatives of another plant
     graph = not rough or not predictor.core.effects or is_compiled(predictor)
-    climb = _Climb(predictor, coords, where, Prior.at(coords, anchor), graph)
-    if quiet < 1.0:
+    climb = _Climb(predictor, coords, where, Prior.at(coords, anchor), graph, settled)
+    if quiet < 1.0 or hold:
         held = replace(noise, jump=quiet * noise.jump)
         values, noise = climb.up(values, held, most, (1.0,))
     noise, _ = tune(predictor, values, where, noise, fine=not rough)
@@ -271,6 +281,7 @@ class _Climb:
     where: Windows
     prior: Prior
     graph: bool
+    settled: float = SETTLED
 
     def up(
         self, values: Values, noise: Noise, most: int, factors: Sequence[float] = NOISE_STEPS
@@ -286,7 +297,7 @@ class _Climb:
                 if damping > 1e5:
                     break
                 continue
-            small = small + 1 if reached - total < 0.3 else 0
+            small = small + 1 if reached - total < self.settled else 0
             current, noise, total = ahead, better, reached
             damping = max(0.1 * damping, 1e-8)
             if small == 2:

@@ -24,6 +24,7 @@ from .fit import Fitted, again, fit, refitted, tuned
 from .late import LAG
 from .likelihood import tune
 from .noise import Noise
+from .optima import surest
 from .predictor import Predictor
 from .repeated import on_theta_alone
 from .runs import MOST_RUNS, alike, repeating, statements
@@ -209,7 +210,8 @@ def on_everything(fitted: Fitted, job: Job) -> Fitted:
     train = job.parts.train
     where = windows(job.data.runs, train.burn, train.length)
     where = spread(where, MOST, ENOUGH_OF_MANY)
-    whole = again(replace(fitted, where=where))
+    opened = [k for k, v in job.declared.values().items() if v is None]
+    whole = surest(again(replace(fitted, where=where)), fitted, opened)
     there = tuned(replace(fitted, values=whole.values))
     return whole if there.total > fitted.total - GIVEN_UP else fitted
 
