@@ -87,8 +87,8 @@ def torque_skewed(records: Sequence[Record], data: Data, remarks: list[str]) -> 
 class Skew:
     """``lag`` in s at which two channels agree best; negative: the effect precedes its cause.
 
-    ``gain`` is the share of the disagreement that the shift removes, ``t`` its mean over blocks
-    of time divided by the standard error; ``inertial`` is the RMS of the accelerating torque
+    ``gain`` is the share of the disagreement that the shift removes, beyond what the opposite shift
+    removes; ``t`` is its mean over blocks of time divided by the standard error; ``inertial`` is the RMS of the accelerating torque
     relative to that of all torque, negative if the estimated inertia is.
     """
 
@@ -194,8 +194,10 @@ def _judged(left: Left, k: int, room: int, dt: float, inertial: float = np.nan) 
     before, least, after = float(left(k - 1).sum()), float(best.sum()), float(left(k + 1).sum())
     bend = before - 2.0 * least + after
     beside = 0.5 * (before - after) / bend if bend > 0.0 else 0.0  # minimum of a parabola
-    gain = 1.0 - least / max(float(none.sum()), 1e-300)
+    # smoothing alone makes a torque with steps agree better after a shift to either side
+    other = min(none, left(-k), key=np.sum)
+    gain = (float(other.sum()) - least) / max(float(none.sum()), 1e-300)
     blocks = np.linspace(0, len(best), BLOCKS, endpoint=False).astype(int)
-    saved = np.add.reduceat(none - best, blocks)
+    saved = np.add.reduceat(other - best, blocks)
     t = float(saved.mean() / max(saved.std() / np.sqrt(BLOCKS - 1), 1e-300))
     return Skew((k + float(np.clip(beside, -0.5, 0.5))) * dt, gain, t, inertial)
