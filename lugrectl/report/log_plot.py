@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..spec import unit_for
-from .canvas import drawn, on_pyplot
+from .canvas import drawn, inline_svg, on_pyplot
 from .closing import COLOURS
 from .wording import number, readable
 
@@ -70,12 +70,18 @@ def panels(log: ReadLog) -> list[tuple[str, Callable[[Axes], Any]]]:
     return made
 
 
+def drawings(log: ReadLog) -> list[tuple[str, str]]:
+    """Caption and inline SVG of each panel."""
+    made = panels(log)
+    return [(caption, inline_svg(panel, f"log-{i}")) for i, (caption, panel) in enumerate(made)]
+
+
 @drawn
 def signal(log: ReadLog, ax: Axes, role: str = "u") -> Axes:
     """A channel over time; a long one as the band between its least and greatest values."""
     for one, shift in zip(log.stretches, log.starts(), strict=True):
         t, low, high = envelope(one.t + shift, getattr(one, role))
-        ax.fill_between(t, low, high, color=MEASURED, lw=0.6)
+        ax.fill_between(t, low, high, color=MEASURED, lw=0.6, rasterized=True)
         for a, b in left_out(one):
             ax.axvspan(one.t[a] + shift, one.t[b - 1] + shift, color=LEFT_OUT, alpha=0.5, lw=0)
     ax.set(xlabel="t [s]", ylabel=f"{role} [{_unit(role, log.motion)}]")
@@ -85,10 +91,10 @@ def signal(log: ReadLog, ax: Axes, role: str = "u") -> Axes:
 @drawn
 def curve(log: ReadLog, ax: Axes) -> Axes:
     """Friction torque in bins of speed, both directions."""
-    points = [p for p in log.balance.curve if p["torque"] is not None]
-    w, torque = (np.array([p[k] for p in points]) for k in ("w", "torque"))
+    points = log.balance.curve
+    w, torque = (np.array([getattr(p, k) for p in points]) for k in ("w", "torque"))
     factor, unit = readable([float(np.abs(torque).max(initial=0.0))], unit_for("N m", log.motion))
-    bars = np.array([p["ci95"] or (p["torque"], p["torque"]) for p in points])
+    bars = np.array([p.ci95 for p in points])
     sides = np.abs(bars - torque[:, None]).T
     ax.errorbar(w, factor * torque, factor * sides, fmt="o", ms=4, lw=1.0, color=FITTED)
     ax.set(xlabel=f"w [{unit_for('rad/s', log.motion)}]", ylabel=f"friction [{unit}]")

@@ -34,6 +34,8 @@ _STYLE = """
 .lugrectl figure { margin: 1rem 0; break-inside: avoid; }
 .lugrectl figcaption { font-size: .88rem; color: #4a5563; margin-top: .2rem; }
 .lugrectl svg { display: block; width: 100%; height: auto; max-width: 44rem; }
+.lugrectl .log { display: grid; grid-template-columns: repeat(auto-fit, minmax(19rem, 1fr));
+  column-gap: 1rem; }
 .lugrectl pre { font-size: .85rem; line-height: 1.4; background: #f4f6f8; padding: .8rem 1rem;
   overflow-x: auto; }
 """
@@ -79,7 +81,7 @@ def _body(d: Any, end: str = "") -> str:
     title, meaning = headline(d)
     kind = markup.escape(title.split(":")[0])
     first = f"<h1>{markup.escape(title)}</h1>\n<p>{markup.escape(meaning)}</p>"
-    parts = [f'<div class="verdict {kind}">\n{first}\n</div>']
+    parts = [f'<div class="verdict {kind}">\n{first}\n</div>', _log(d)]
     figures = _figures(d)
     for part in sections(d):
         parts.append(_section_html(part))
@@ -104,10 +106,23 @@ def _section_html(part: Section) -> str:
 def _figures(d: Any) -> list[str]:
     from .plot import drawings
 
-    return [
-        f"<figure>\n{svg}\n<figcaption>{markup.escape(caption)}</figcaption>\n</figure>"
-        for caption, svg in drawings(d)
-    ]
+    return [_figure(caption, svg) for caption, svg in drawings(d)]
+
+
+def _figure(caption: str, svg: str) -> str:
+    return f"<figure>\n{svg}\n<figcaption>{markup.escape(caption)}</figcaption>\n</figure>"
+
+
+def _log(d: Any) -> str:
+    """The log as it was read and the plain balance, side by side where there is room."""
+    from .log_plot import ReadLog, drawings
+
+    balance = getattr(d, "plain", None)
+    if balance is None or not balance.stretches:
+        return ""
+    motion = next((x.motion for x in (d.declared, d.record) if x is not None), "rotary")
+    made = drawings(ReadLog(balance.stretches, balance, motion))
+    return '<div class="log">\n' + "\n".join(_figure(*one) for one in made) + "\n</div>"
 
 
 def _model_html(d: Any) -> str:

@@ -1,0 +1,102 @@
+"""The plain answer stands beside every other one, and where there is no other."""
+
+import json
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.cli import main
+from lugrectl.diagnosis.asking import Asked
+
+J, FC, FV = 0.0022, 0.22, 0.012
+
+
+def moved(seconds=6.0, dt=2e-3, offset=0.0, seed=1):
+    """An independent drive with Coulomb and viscous friction; ``offset`` is its mean speed."""
+    t = np.arange(0.0, seconds, dt)
+    w = offset + 3.0 * np.sin(3.0 * t) + 1.5 * np.sin(7.3 * t + 1.0)
+    a = 9.0 * np.cos(3.0 * t) + 10.95 * np.cos(7.3 * t + 1.0)
+    theta = offset * t - np.cos(3.0 * t) - 1.5 / 7.3 * np.cos(7.3 * t + 1.0)
+    middle = t + dt / 2  # the torque is held over the sample that follows
+    w_mid = offset + 3.0 * np.sin(3.0 * middle) + 1.5 * np.sin(7.3 * middle + 1.0)
+    a_mid = 9.0 * np.cos(3.0 * middle) + 10.95 * np.cos(7.3 * middle + 1.0)
+    u = J * a_mid + FC * np.sign(w_mid) + FV * w_mid
+    noise = np.random.default_rng(seed).normal(0.0, 2e-5, len(t))
+    assert len(a) == len(w)
+    return {"t": t, "u": u, "theta": theta + noise}
+
+
+@pytest.fixture
+def one_way(tmp_path, monkeypatch):
+    """A folder with a log in one direction, and a model file that knows nothing."""
+    monkeypatch.chdir(tmp_path)
+    log = moved(offset=8.0)
+    np.savetxt("run.csv", np.c_[*log.values()], "%.9g", ",", header="t,u,theta [rad]", comments="")
+    (tmp_path / "my.toml").write_text('[friction]\nmodel = "coulomb"\n')
+    return tmp_path
+
+
+def test_what_is_certain_stands_beside_a_refusal(one_way):
+    d = lg.diagnose("run.csv", "my.toml")
+    assert d.verdict == "refused" and d.reason and d.plain is not None
+    assert "J" in d.plain.parameters and "Fc" not in d.plain.parameters
+    document = json.loads(d.to_json())
+    (both,) = document["plain"]["combinations"]
+    assert both["text"] == "Fc + constant_torque" and "direction" in both["to_separate"]
+    assert both["ci95"][0] <= FC <= both["ci95"][1]
+    assert [document[k] for k in ("budget", "comparison", "detectable")] == [None] * 3
+    assert "Only together: Fc + constant_torque" in str(d)
+
+
+def test_identify_answers_where_anything_is_certain(one_way, capsys):
+    assert main(["identify", "run.csv", "--model", "my.toml", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    low, high = document["parameters"]["J"]["ci95"]
+    assert low <= J <= high and document["error"] is None
+    assert "torque balance alone" in " ".join(document["messages"])
+
+
+def test_nothing_certain_is_refused(one_way, capsys):
+    rows = np.loadtxt("run.csv", delimiter=",", skiprows=1)
+    rows[:, 1] = 0.0
+    np.savetxt("dead.csv", rows, "%.9g", ",", header="t,u,theta [rad]", comments="")
+    assert main(["identify", "dead.csv", "--model", "my.toml", "--json"]) == 3
+    document = json.loads(capsys.readouterr().out)
+    assert document["verdict"] == "refused" and not document["plain"]["parameters"]
+
+
+def test_the_search_stops_itself_and_the_plain_answer_stands():
+    log = moved(seconds=20.0)
+    d = lg.diagnose(log, lg.Model.of(friction="coulomb"), time_limit=1e-3)
+    assert d.verdict == "refused" and "stopped after 0.001 s" in d.reason
+    assert "--time-limit" in d.experiment
+    low, high = d.plain.parameters["Fc"].ci95
+    assert low <= FC <= high
+
+
+@pytest.mark.parametrize("kind", ["png", "svg", "pdf"])
+def test_the_log_is_drawn(one_way, capsys, kind):
+    assert main(["plot", "run.csv", "--out", f"log.{kind}"]) == 0
+    said = capsys.readouterr()
+    assert "Plain torque balance" in said.out and f"picture: log.{kind}" in said.err
+    assert (one_way / f"log.{kind}").stat().st_size > 5000
+    assert not list(one_way.glob(".*"))
+
+
+def test_the_plain_answer_alone_as_json(one_way, capsys):
+    assert main(["plot", "run.csv", "--json", "--out", "log.png"]) == 0
+    assert "J" in json.loads(capsys.readouterr().out)["parameters"]
+
+
+@pytest.mark.parametrize("out, word", [("log.gif", ".png"), ("none/log.png", "no folder none")])
+def test_a_picture_that_cannot_be_written_is_one_sentence(one_way, capsys, out, word):
+    assert main(["plot", "run.csv", "--out", out]) == 2
+    said = capsys.readouterr()
+    assert said.out == "" and word in said.err and len(said.err.splitlines()) == 1
+
+
+def test_the_log_is_read_once_and_answered_once(one_way):
+    asked = Asked.of("run.csv", "my.toml")
+    assert asked.plain is asked.plain
+    assert asked.records() is asked.records()
