@@ -97,3 +97,8 @@ STEADY = 0.1  # spread of a steady speed, as a share of the speed
 # Curve
 BINS = 12  # of speed in each direction
 LEAST_OF_BIN = 8  # windows
+
+# A large delay
+LATE_SAMPLES = 3.0  # above so many samples
+LATE_SECONDS = 0.02  # and so many seconds it is compared with none
+NO_DELAY = 1e-3  # samples: width of the prior of a delay that is to be none

@@ -19,7 +19,8 @@ class Track:
 
     ``age`` runs from -1/2 at the start of the first run to 1/2 at the end of the last one.
     ``still`` is a speed below which the direction is noise. ``stopping`` and ``starting`` are,
-    where the drive rests, the direction of the motion before and after, elsewhere 0.
+    where the drive rests, the direction of the motion before and after, elsewhere 0. ``load`` is
+    the load torque, for friction that depends on it. ``most`` limits the number of windows.
     """
 
     run: int
@@ -34,6 +35,7 @@ class Track:
     still: float = 0.0
     stopping: np.ndarray = field(default_factory=lambda: np.zeros(0))
     starting: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    load: np.ndarray = field(default_factory=lambda: np.zeros(1))
     most: int | None = None
 
     def __len__(self) -> int:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -55,6 +55,10 @@ class Windows:
     noise_a: np.ndarray
     noise_u: np.ndarray
     dt: float
+
+    def only(self, columns: Iterable[int]) -> Windows:
+        """The same windows with some of the columns."""
+        return replace(self, X=self.X[:, list(columns)])
 
 
 @dataclass(eq=False)

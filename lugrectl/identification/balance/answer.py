@@ -1,0 +1,131 @@
+"""From a fit to the answer."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import stats
+
+from ...results import Estimate
+from .answers import Answer, answers
+from .certain import combinations, is_certain
+from .constants import CONFIDENCE, SHARE_OF_TORQUE
+from .curve import curve
+from .estimate import Estimated
+from .fit import Fit
+from .record_of import Ground
+from .result import Balance, Combination, Residual
+from .small_angle import open_constant
+from .verdicts import contradictions, left_of, one_direction
+
+SLIDES = 0.1
+TWO_SIDED = 0.5 + CONFIDENCE / 2
+
+
+def answer(ground: Ground, found: Estimated) -> Balance:
+    """What is certain, what is not, and what was noticed."""
+    made, V = found.fit, found.V
+    quantile = float(stats.t.ppf(TWO_SIDED, max(made.blocks - _counted(made), 2)))
+    notes = [*ground.notes, *found.notes]
+    V, mixed, more = _small_angle(ground, made, V, quantile)
+    own = answers(made, ground.model, ground.uses)
+    estimates = {a.key: a.estimate(V, quantile) for a in own}
+    left = left_of(made)
+    doubts = contradictions(made, estimates, V, quantile, left, ground.sensors.noise["u"])
+    notes += [*more, *doubts.notes]
+    if one_direction(made) and not {"Fc", "constant_torque"} & {*ground.held}:
+        notes.append("the motion goes in one direction: to separate Fc from a constant torque, "
+                     "record the other direction.")  # fmt: skip
+    sure = {
+        a.key
+        for a in own
+        if is_certain(a, a.half(V, quantile), made.torque)
+        and a.key not in doubts.refused
+        and not doubts.all_refused
+    }
+    sums: list[Combination] = []
+    if not doubts.all_refused:
+        unsure = [n for n in made.names if n not in sure and not _wave_sure(n, sure)]
+        sums = combinations(made, V, quantile, unsure, ground.model.motion)
+        if mixed is not None:
+            sums = [c for c in sums if "constant_torque" not in c.text] + [mixed]
+    tach, tach_V = _tachometer(ground)
+    estimates |= tach
+    sure |= {*tach}
+    return Balance(
+        parameters={k: e for k, e in estimates.items() if k in sure},
+        uncertain={k: e for k, e in estimates.items() if k not in sure},
+        combinations=tuple(sums),
+        curve=curve(made),
+        left=left,
+        notes=tuple(notes),
+        names=tuple(estimates),
+        covariance=_joint(own, V, tach_V),
+        is_map=ground.is_map,
+        half_width=made.half_width,
+        residual=_residual(made),
+    )
+
+
+def _counted(made: Fit) -> int:
+    """Terms that the blocks have to determine."""
+    return sum(term.share is None for term in made.terms)
+
+
+def _wave_sure(name: str, sure: set[str]) -> bool:
+    return name in ("gravity.sin", "gravity.cos") and "gravity.amplitude" in sure
+
+
+def _small_angle(
+    ground: Ground, made: Fit, V: np.ndarray, quantile: float
+) -> tuple[np.ndarray, Combination | None, list[str]]:
+    """Gravity beside a constant torque, over an angle too small to separate them."""
+    rotary = ground.model.motion != "linear" and not ground.is_map
+    if "slope" not in made.names or "constant_torque" not in made.names or not rotary:
+        return V, None, []
+    k = made.names.index("constant_torque")
+    room = open_constant(ground.source, made)
+    own = quantile * float(np.sqrt(V[k, k]))
+    if quantile * np.sqrt(room) <= max(SHARE_OF_TORQUE * made.torque, own):
+        return V, None, []
+    wider = V.copy()
+    wider[k, k] += room
+    note = (
+        f"the position changes by {ground.travel.span:.2g} rad only: a constant torque and "
+        "gravity cannot be separated, but their sum is certain."
+    )
+    value = float(made.p[k])
+    if own >= max(SHARE_OF_TORQUE * made.torque, 0.25 * abs(value)):
+        return wider, None, []
+    text = f"constant_torque + gravity at {ground.travel.middle:.3g} rad"
+    both = (value - own, value + own)
+    return wider, Combination(text, value, "N m", both, "record other angles"), [note]
+
+
+def _tachometer(ground: Ground) -> tuple[dict[str, Estimate], np.ndarray]:
+    """Gain, offset and lag of w, where theta is beside it."""
+    if ground.comparison is None:
+        return {}, np.zeros((0, 0))
+    speed = "m/s" if ground.model.motion == "linear" else "rad/s"
+    V = ground.comparison.covariance
+    names = (("w_gain", "1"), ("w_offset", speed), ("w_lag", "s"))
+    made = {}
+    for i, (key, unit) in enumerate(names):
+        value = float(ground.comparison.values[i])
+        half = float(stats.norm.ppf(TWO_SIDED) * np.sqrt(V[i, i]))
+        made[key] = Estimate(value, unit, (value - half, value + half))
+    return made, V
+
+
+def _joint(own: list[Answer], V: np.ndarray, more: np.ndarray) -> np.ndarray:
+    """The covariance of all parameters."""
+    G = np.array([a.gradient for a in own])
+    n, m = len(own), len(more)
+    joint = np.zeros((n + m, n + m))
+    joint[:n, :n] = G @ V @ G.T
+    joint[n:, n:] = more
+    return joint
+
+
+def _residual(made: Fit) -> Residual:
+    d = made.windows
+    return Residual(d.t, d.run, made.r, d.rest < SLIDES)

@@ -1,0 +1,39 @@
+"""Friction torque over speed, in both directions."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .constants import BINS, LEAST_OF_BIN, STUDENT
+from .fit import Fit
+from .result import CurvePoint
+
+RESTS, ROUNDS = 0.05, 10
+
+
+def curve(made: Fit) -> tuple[CurvePoint, ...]:
+    """Robust means over bins of equal numbers of windows."""
+    d, m = made.windows, len(made.terms)
+    friction = np.array([term.friction for term in made.terms])
+    torque = made.r + d.X[:, friction] @ made.p[:m][friction]
+    for key, value in made.setting.held:
+        torque = torque + {"Fc": np.sign(d.w), "Fv": d.w, "constant_torque": 1.0}.get(key, 0) * value
+    points = []
+    for side in (-1, 1):
+        at = np.flatnonzero((side * d.w > 0) & (d.rest < RESTS))
+        at = at[np.argsort(d.w[at])]
+        if len(at) < LEAST_OF_BIN:
+            continue
+        for part in np.array_split(at, min(BINS, len(at) // LEAST_OF_BIN)):
+            points.append(_point(d.w[part], torque[part], made.chunks[0][part], made.torque))
+    return tuple(points)
+
+
+def _point(w: np.ndarray, torque: np.ndarray, block: np.ndarray, size: float) -> CurvePoint:
+    mean = float(np.median(torque))
+    scale = 1.4826 * float(np.median(np.abs(torque - mean))) + 1e-12 * size
+    for _ in range(ROUNDS):
+        weight = (STUDENT + 1) / (STUDENT + ((torque - mean) / scale) ** 2)
+        mean = float(np.average(torque, weights=weight))
+    half = 2 * scale / np.sqrt(max(len(np.unique(block)), 2))
+    return CurvePoint(float(np.median(w)), mean, (mean - half, mean + half), len(w))

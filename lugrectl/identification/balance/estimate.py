@@ -1,0 +1,106 @@
+"""The fit of a record: width, delay, friction near rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .constants import CLEARLY, LATE_SAMPLES, LATE_SECONDS, NO_DELAY
+from .fit import Fit, fit
+from .interval import interval
+from .load import with_load
+from .near_rest import shapes_near_rest
+from .record_of import Ground
+from .search import best_width
+from .shapes import Chosen, turns_often, with_dip, with_turning
+
+SLOWEST = 1e-6  # of the top speed: the lowest speed of a dip
+LOADS = 2  # rounds of the load
+
+
+@dataclass(frozen=True, eq=False)
+class Estimated:
+    """A fit, and the covariance of its coefficients with all that it leaves open."""
+
+    fit: Fit
+    V: np.ndarray
+    notes: tuple[str, ...] = ()
+
+
+def estimate(ground: Ground) -> Estimated | None:
+    """The fit of a record; None where there is no window."""
+    made = _first(ground)
+    for _ in range(LOADS):
+        if made is None or not any(use.loaded for use in ground.uses):
+            break
+        ground = with_load(ground, made)
+        made = _first(ground)
+    if made is None:
+        return None
+    choices, doubts = _shaped(ground, made)
+    made = choices[-1].fit
+    choices, doubts, notes = _late_or_not(ground, choices, doubts)
+    made = choices[-1].fit
+    V = interval(ground.source, ground.widths, made, choices, doubts, ground.travel)
+    return Estimated(made, V, tuple(notes))
+
+
+def _first(ground: Ground) -> Fit | None:
+    """The terms at the best width; those that depend on a load once there is one."""
+    loaded = [t for use in ground.uses if use.loaded for t in use.terms]
+    known = any(np.any(p.load) for p in ground.tracks)
+    terms = [t for t in ground.terms if known or t not in loaded]
+    return best_width(ground.source, ground.widths, terms, ground.setting)
+
+
+def _shaped(ground: Ground, made: Fit) -> tuple[list[Chosen], list[Fit]]:
+    """The fit with what friction does near rest, and a fit that may as well be right."""
+    source, setting, doubts = ground.source, made.setting, []
+    if not ground.is_map:
+        terms = [*made.terms, *shapes_near_rest(ground.speed, made.half_width)]
+        made = fit(source, made.half_width, terms, setting, made.delay) or made
+    choices = [Chosen(made)]
+    if not ground.is_map and turns_often(ground.tracks, setting.rest):
+        choices.append(with_turning(source, made, ground.speed))
+        made = choices[-1].fit
+    slowest = 0.5 * np.quantile(np.abs(made.windows.w), 0.02) if ground.is_map else 0.0
+    lowest = max(setting.rest, float(slowest), SLOWEST * ground.speed)
+    choices.append(with_dip(source, made, ground.speed, lowest))
+    made = choices[-1].fit
+    if made.names[-1] == "dip" and made.p[len(made.names) - 1] < 0:
+        # no law has a negative dip: the fit without it counts as well
+        doubts += [fit(source, made.half_width, made.terms[:-1], setting, made.delay)]
+    return choices, [f for f in doubts if f is not None]
+
+
+def _late_or_not(
+    ground: Ground, choices: list[Chosen], doubts: list[Fit]
+) -> tuple[list[Chosen], list[Fit], list[str]]:
+    """A large delay against none: friction that turns over slowly looks like a delay.
+
+    The more likely one is taken; where the other is not clearly less likely, the interval covers
+    both.
+    """
+    late = choices[-1].fit
+    dt = late.windows.dt
+    if abs(late.delay) <= max(LATE_SAMPLES * dt, LATE_SECONDS) or not ground.setting.delay_prior:
+        return choices, doubts, []
+    prompt = replace(ground, setting=replace(ground.setting, delay_prior=NO_DELAY * dt))
+    plain = [t for t in late.terms if t in ground.terms]
+    first = fit(prompt.source, late.half_width, plain, prompt.setting)
+    if first is None:
+        return choices, doubts, []
+    others, more = _shaped(prompt, first)
+    other = others[-1].fit
+    if late.score > other.score + CLEARLY:
+        note = (
+            f"u seems to be logged {abs(late.delay) * 1e3:.1f} ms "
+            f"{'late' if late.delay < 0 else 'early'}: the balance shifts it by that time."
+        )
+        return choices, doubts, [note]
+    note = (
+        f"u seems shifted by {late.delay * 1e3:.0f} ms, but friction that turns over slowly "
+        "explains the record as well: the shift is not used."
+    )
+    return others, [*more, late], [note]

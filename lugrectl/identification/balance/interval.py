@@ -1,0 +1,69 @@
+"""The covariance of the answer: beyond the blocks of one fit, what other fits would have said."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .channels import quantum
+from .constants import ENCODER_ERROR, RATIO_OF_NEIGHBOURS, REST_TO_TRY, SCALE_ERROR
+from .fit import Fit, Setting, fit
+from .setup import Travel
+from .shapes import Chosen, difference, spread
+from .windows import Source
+
+
+def interval(
+    source: Source,
+    widths: Sequence[float],
+    made: Fit,
+    choices: Sequence[Chosen],
+    doubts: Sequence[Fit],
+    travel: Travel,
+) -> np.ndarray:
+    """V + sum of (p - p')(p - p)' over other widths, another limit of rest, other shapes, and
+
+    what no clock, scale or encoder is better than.
+    """
+    V = made.V.copy()
+    for other in _neighbours(source, widths, made):
+        gap = difference(made, other, made)
+        V += np.outer(gap, gap)
+    for choice in choices:
+        if choice.anchor is not None:
+            V += spread(made, choice.anchor, choice.others)
+    for other in doubts:
+        gap = difference(made, other, made)
+        V += np.outer(gap, gap)
+    return V + np.diag((_scale_error(source, travel) * _sizes(made)) ** 2)
+
+
+def _neighbours(source: Source, widths: Sequence[float], made: Fit) -> list[Fit]:
+    """The fits at the next wider and narrower windows and with another limit of rest."""
+    i, setting = list(widths).index(made.half_width), made.setting
+    others = {(widths[min(i + 1, len(widths) - 1)], 1.0), (widths[max(i - 1, 0)], 1.0)}
+    others |= {(made.half_width, REST_TO_TRY)} if setting.rest else set()
+    fits = []
+    for width, factor in others - {(made.half_width, 1.0)}:
+        own = Setting(factor * setting.rest, setting.delay_prior, setting.held)
+        other = fit(source, width, made.terms, own, made.delay, rounds=2)
+        if other is not None and other.merit < RATIO_OF_NEIGHBOURS * made.merit:
+            fits.append(other)
+    return fits
+
+
+def _scale_error(source: Source, travel: Travel) -> float:
+    """Relative error of clock, scale and encoder."""
+    theta = source.tracks[0].theta
+    if theta is None or not travel.span:
+        return SCALE_ERROR
+    return float(np.hypot(SCALE_ERROR, ENCODER_ERROR * quantum(theta) / min(travel.span, 1.0)))
+
+
+def _sizes(made: Fit) -> np.ndarray:
+    """What a relative error of scale changes: a value by itself, a constant by Fc."""
+    sizes = made.p.copy()
+    if "constant_torque" in made.names:
+        sizes[made.names.index("constant_torque")] = made.value("Fc")
+    return sizes
