@@ -320,7 +320,7 @@ class Diagnosis(Fitted):
                 "record": self.record.summary() if self.record else None,
                 "messages": list(self.messages),
                 "reason": self.reason,
-                "plain": self.plain.plain() if self.plain else None,
+                "plain": self.plain.summary() if self.plain else None,
                 "budget": None,
                 "comparison": None,
                 "detectable": None,

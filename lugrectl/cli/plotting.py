@@ -24,12 +24,11 @@ def plot(a: Namespace) -> int:
     """Print the plain answer and draw it, into a file or on the screen."""
     from ..diagnosis.plain import plain_answer
     from ..report import plain_text
-    from ..report.log_plot import ReadLog
 
     kind = None if a.out is None else _format(a.out)
     logs, model = _read(a)
-    balance, stretches = plain_answer(logs, model)
-    written = _drawn(ReadLog(stretches, balance, model.motion, balance.notes), a.out, kind)
+    balance = plain_answer(logs, model)
+    written = _drawn(balance, a.out, kind)
     print_out(balance.to_json() if a.json else plain_text(balance))
     print(f"lugrectl: {written}", file=sys.stderr)
     return 0
@@ -56,7 +55,7 @@ def _format(out: str) -> str:
     return kind
 
 
-def _drawn(log: Any, out: str | None, kind: str | None) -> str:
+def _drawn(balance: Any, out: str | None, kind: str | None) -> str:
     """Draw; returns what there is to say about it."""
     import matplotlib
 
@@ -64,11 +63,9 @@ def _drawn(log: Any, out: str | None, kind: str | None) -> str:
         matplotlib.use("agg")
     import matplotlib.pyplot as plt
 
-    from ..report.log_plot import plot as draw
-
     if out is None and matplotlib.get_backend().lower() == "agg":
         return f"{NO_SCREEN}."
-    figure = draw(log)[0].figure
+    figure = balance.plot()[0].figure
     if out is None:
         plt.show()
         return "shown."

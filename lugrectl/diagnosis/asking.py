@@ -37,7 +37,7 @@ class Asked:
     def plain(self) -> Balance:
         """The torque balance of the logs as they were recorded."""
         logs = [log.log if isinstance(log, Record) else log for log in self.logs]
-        return plain_answer([log for log in logs if log is not None], self.model)[0]
+        return plain_answer([log for log in logs if log is not None], self.model)
 
     def records(self) -> Record | list[Record]:
         """The logs on uniform time: one record, or a list; Refused where one has no motion."""

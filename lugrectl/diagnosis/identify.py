@@ -72,7 +72,7 @@ class Identification(Fitted):
                 | {"stated": self.model.statements()},
                 "record": self.record.summary() if self.record else None,
                 "messages": list(self.messages),
-                "plain": self.plain.plain() if self.plain else None,
+                "plain": self.plain.summary() if self.plain else None,
                 "provenance": self.provenance.summary() if self.provenance else None,
             }
         )

@@ -9,25 +9,32 @@ from typing import TYPE_CHECKING, Any
 from ..errors import Refused
 from ..identification.balance import Balance, balance
 from ..model import Model
-from ..record import Log, Record, Stretch, stretches
+from ..record import Log, Record, stretches
 from ..results import Diagnosis
 
 if TYPE_CHECKING:
     from .asking import Asked
 
-NOTHING = "Nothing is certain from this log: see the notes."
+LEVELS = ("J", "Fc", "Fv")
+TAKEN = "{} is taken as declared, {:.6g} {}: this log does not determine it alone."
 
 
-def plain_answer(logs: Sequence[Log], model: Model) -> tuple[Balance, list[Stretch]]:
-    """The balance of runs of one drive, and the stretches that it was computed from.
+def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
+    """The balance of runs of one drive; its notes say first how the logs were read.
 
-    The notes of the balance say first how the logs were read.
+    Values that the model holds are known. So is a declared value that the log does not determine
+    alone: with Fc declared, one direction is enough for the rest.
     """
     parts, noticed = stretches(logs)
-    found = balance(parts, model)
+    fixed = {k: v for k, v in model.known().items() if k in model.held()}
+    found = balance(parts, model, fixed)
+    known = {k: v for k, v in model.known().items() if k in LEVELS and k in found.uncertain}
+    taken = [TAKEN.format(k, v, model.unit(k)) for k, v in known.items()]
+    if known:
+        found = balance(parts, model, fixed | known)
     said = [message for log in logs for message in log.messages]
-    notes = tuple(dict.fromkeys([*said, *noticed, *found.notes]))
-    return replace(found, notes=notes), parts
+    notes = tuple(dict.fromkeys([*said, *noticed, *found.notes, *taken]))
+    return replace(found, notes=notes, stretches=tuple(parts), motion=model.motion)
 
 
 def refusal(

@@ -63,8 +63,8 @@ def panels(log: ReadLog) -> list[tuple[str, Callable[[Axes], Any]]]:
             made.append((f"{role} as it was recorded.", partial(signal, log, role=role)))
     if log.balance.curve:
         made.append(("Friction over speed, with 95 % bars.", partial(curve, log)))
-    if len(log.balance.windows):
-        made.append(("Torque in windows, and the plain torque balance.", partial(fit, log)))
+    if log.balance.residual is not None:
+        made.append(("What the plain torque balance leaves.", partial(fit, log)))
     if log.notes:
         made.append(("What was noticed.", partial(remarks, log)))
     return made
@@ -103,21 +103,24 @@ def curve(log: ReadLog, ax: Axes) -> Axes:
 
 @drawn
 def fit(log: ReadLog, ax: Axes) -> Axes:
-    """Mean torque in windows and that of the balance, over time."""
-    shifts = dict(zip([one.run for one in log.stretches], log.starts(), strict=False))
-    windows = log.balance.windows
+    """What the plain balance leaves of the torque, in windows over time."""
+    windows = log.balance.residual
+    assert windows is not None
+    shifts: dict[int, float] = {}
+    for one, shift in zip(log.stretches, log.starts(), strict=True):
+        shifts.setdefault(one.run, shift)
     t = windows.t + np.array([shifts.get(int(run), 0.0) for run in windows.run])
-    factor, unit = readable([float(np.abs(windows.torque).max())], unit_for("N m", log.motion))
-    for y, colour, size, label in (
-        (windows.torque, MEASURED, 3.0, "recorded"),
-        (windows.fitted, FITTED, 1.4, "plain balance"),
+    factor, unit = readable([float(np.abs(windows.value).max())], unit_for("N m", log.motion))
+    for which, colour, label in (
+        (windows.sliding, FITTED, "sliding"),
+        (~windows.sliding, LEFT_OUT, "near rest"),
     ):
-        ax.plot(t, factor * y, ".", ms=size, color=colour, label=label, rasterized=True)
-    ax.set(xlabel="t [s]", ylabel=f"mean torque [{unit}]")
-    ax.legend(loc="upper right", ncols=2, fontsize="small")
-    left = log.balance.left
-    return _titled(ax, f"Plain fit leaves {number(100.0 * left, 2)} % of the RMS torque"
-                   if left is not None else "Plain fit")  # fmt: skip
+        y = factor * windows.value[which]
+        ax.plot(t[which], y, ".", ms=2.0, color=colour, label=label, rasterized=True)
+    ax.set(xlabel="t [s]", ylabel=f"residual torque [{unit}]")
+    ax.legend(loc="upper right", ncols=2, fontsize="small", markerscale=3.0)
+    return _titled(ax, f"Plain fit: leaves {number(100.0 * (log.balance.left or 0.0), 2)} % of "
+                   "the RMS torque")  # fmt: skip
 
 
 @drawn

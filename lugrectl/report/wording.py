@@ -262,7 +262,7 @@ def plain(d: Any) -> Section | None:
     balance = _get(d, "plain")
     if balance is None:
         return None
-    found = balance.plain()
+    found = balance.summary()
     rows = []
     for key, one in found["parameters"].items():
         estimate = Estimate(one["value"], one["unit"], one["ci95"])

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from ...display import Row, estimated
+from ...outputs import Result, library
+from ...record.stretch import Stretch
 from ...results import Estimate
 
 
@@ -43,8 +46,8 @@ class Residual:
     sliding: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
-class Balance:
+@dataclass(frozen=True, eq=False, repr=False)
+class Balance(Result):
     """The plain answer of a torque balance.
 
     Attributes
@@ -63,6 +66,8 @@ class Balance:
         All parameters, certain or not, and their joint covariance.
     is_map : bool
         True if the runs keep one speed each.
+    stretches : tuple of Stretch
+        The samples that it was computed from.
     """
 
     parameters: Mapping[str, Estimate] = field(default_factory=dict)
@@ -77,14 +82,16 @@ class Balance:
     is_map: bool = False
     half_width: float | None = None
     residual: Residual | None = None
+    stretches: tuple[Stretch, ...] = ()
+    motion: str = "rotary"
 
     def values(self) -> dict[str, float]:
         """The best value of every parameter, certain or not: start values for a finer fit."""
         both = {**self.uncertain, **self.parameters}
         return {k: both[k].value for k in self.names if k in both}
 
-    def plain(self) -> dict[str, Any]:
-        """The answer as plain Python values, as it stands in the JSON."""
+    def summary(self) -> dict[str, Any]:
+        """The answer as plain Python values, as under "plain" in the JSON document."""
         return {
             "parameters": {k: _estimate(e) for k, e in self.parameters.items()},
             "combinations": [_combination(c) for c in self.combinations],
@@ -92,6 +99,32 @@ class Balance:
             "left": _number(self.left),
             "seconds": _number(self.seconds),
         }
+
+    def to_frame(self) -> Any:
+        """A DataFrame of the certain parameters: value, low, high, unit."""
+        rows = {
+            k: {"value": e.value, "low": ends[0], "high": ends[1], "unit": e.unit}
+            for k, e in self.parameters.items()
+            if (ends := e.ci95 or (None, None))
+        }
+        return library("pandas").DataFrame.from_dict(rows, orient="index")
+
+    def plot(self) -> Any:
+        """Draw the log as it was read, the friction curve and the fit; returns the Axes."""
+        from ...report.log_plot import ReadLog, plot
+
+        return plot(ReadLog(self.stretches, self, self.motion, self.notes))
+
+    def _title(self) -> str:
+        return "Plain torque balance"
+
+    def _rows(self) -> Iterable[Row]:
+        rows = [estimated(k, e) for k, e in self.parameters.items()]
+        for c in self.combinations:
+            rows.append(estimated(c.text, Estimate(c.value, c.unit, c.ci95)))
+        if self.left is not None:
+            rows.append(Row("left", f"{100.0 * self.left:.2g} %", "", "of the RMS torque"))
+        return [*rows, Row("notes", len(self.notes))] if self.notes else rows
 
 
 def _number(value: float | None) -> float | None:
