@@ -1,6 +1,6 @@
 """The terms of the balance: one column each.
 
-    u(t - T) = J a + Fc sign(w) + Fv w + constant + gravity(theta) + declared effects + residual
+u(t - T) = J a + Fc sign(w) + Fv w + constant + gravity(theta) + declared effects + residual
 """
 
 from __future__ import annotations

@@ -96,7 +96,9 @@ class Source:
         far = max(abs(delay) + track.dt, abs(self.sensors.lag)) / track.dt
         edge = int(np.ceil(half)) + 3 + EDGE_STEP * int(np.ceil(far / EDGE_STEP))
         step = max(int(half * STEP), sum(map(len, self.tracks)) // MOST_WINDOWS, 1)
-        at, motion = self._once(("at", i, half, edge), lambda: self._motion(track, half, edge, step))
+        at, motion = self._once(
+            ("at", i, half, edge), lambda: self._motion(track, half, edge, step)
+        )
         if not len(at):
             return None
         k0 = weights(half, 0)
