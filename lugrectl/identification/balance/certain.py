@@ -60,7 +60,7 @@ def _among(
         c = np.where(np.abs(e) < SMALL_PART, 0.0, e) * rms
         if not 1 < np.count_nonzero(c) <= MOST_PARTS:
             continue
-        first = min(np.flatnonzero(c), key=lambda i: TORQUES_FIRST.index(names[i]))
+        first = min(_parts(c), key=lambda i: TORQUES_FIRST.index(names[i]))
         c = _simple(c / c[first], own)
         value = float(c @ made.p[list(at)])
         half = quantile * float(np.sqrt(max(c @ own @ c, 0.0)))
@@ -73,6 +73,10 @@ def _among(
     return found
 
 
+def _parts(c: np.ndarray) -> list[int]:
+    return [int(i) for i in np.flatnonzero(c)]
+
+
 def _simple(c: np.ndarray, V: np.ndarray) -> np.ndarray:
     """Coefficients near 1 or -1 as such, where that costs little certainty."""
     simple = np.where(np.abs(np.abs(c) - 1) < SNAP, np.sign(c), c)
@@ -82,7 +86,7 @@ def _simple(c: np.ndarray, V: np.ndarray) -> np.ndarray:
 def _text(c: np.ndarray, names: Sequence[str], first: int) -> tuple[str, str]:
     """ "Fc + 10.5 Fv - constant_torque", and what to record to separate its parts."""
     parts, wants = [], []
-    for i in sorted(np.flatnonzero(c), key=lambda i: i != first):
+    for i in sorted(_parts(c), key=lambda i: i != first):
         factor = "" if abs(abs(c[i]) - 1) < 2e-3 else f"{abs(c[i]):.3g} "
         parts.append(f"{'-' if c[i] < 0 else '+'} {factor}{SPOKEN.get(names[i], names[i])}")
         wants += [SEPARATE[names[i]]] if names[i] in SEPARATE else []

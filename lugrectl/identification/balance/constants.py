@@ -18,6 +18,10 @@ MOSTLY_AT_REST = 0.5  # a window with more rest than this gives no mean
 SLIDING = 0.2  # windows with less rest than this set the scale of the residual
 PASSES = 40  # of the reweighted fit, at most
 
+# A dead torque channel
+DEAD = 1e-4  # torque below this share of the largest is none
+DEAD_SHARE = 0.01  # fewer windows with torque than this share: nothing to balance
+
 # Noise
 LATTICE = 0.8  # a channel with more different values than this share is not quantised
 TOP_OF_SPECTRUM = (0.3, 0.48)  # frequencies where only noise is left, times the rate

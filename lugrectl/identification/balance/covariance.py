@@ -65,7 +65,7 @@ def covariance(problem: Problem, fit: Solution, chunks: Sequence[Blocks]) -> np.
     score = score + np.outer(W / W.sum(), fit.N @ fit.p - fit.c)
     V = None
     for block in chunks:
-        own = _without_each(problem.X, W, score, fit.A, block)
+        own = _without_each(problem.X, W, score, fit, block)
         V = own if V is None else _wider(V, own)
     assert V is not None
     V = V + inverse @ np.diag(fit.P) @ inverse
@@ -73,19 +73,22 @@ def covariance(problem: Problem, fit: Solution, chunks: Sequence[Blocks]) -> np.
 
 
 def _without_each(
-    X: np.ndarray, W: np.ndarray, score: np.ndarray, A: np.ndarray, block: Blocks
+    X: np.ndarray, W: np.ndarray, score: np.ndarray, fit: Solution, block: Blocks
 ) -> np.ndarray:
-    """Jackknife: sum over blocks b of d_b d_b', d_b = (A - X_b' W X_b)^-1 score_b.
+    """Jackknife: sum over blocks b of d_b d_b', d_b = (A - X_b' W X_b + N_b)^-1 score_b.
 
-    Where a block carries almost all that is known of a direction, leaving it out leaves
-    nothing; the share that it carries is bounded.
+    N_b is the share of a block in N. Where a block carries almost all that is known of a
+    direction, leaving it out leaves nothing; the share that it carries is bounded.
     """
     order = np.argsort(block, kind="stable")
     first = np.flatnonzero(np.append(True, np.diff(block[order]) > 0))
     rows = np.split(X[order] * np.sqrt(W[order, None]), first[1:])
     sums = np.add.reduceat(score[order], first)
-    root = np.linalg.inv(np.linalg.cholesky(A))  # root A root' = 1
-    Q = np.array([(x @ root.T).T @ (x @ root.T) for x in rows])
+    root = np.linalg.inv(np.linalg.cholesky(fit.A))  # root A root' = 1
+    weight = np.add.reduceat(W[order], first) / W.sum()
+    N = root @ fit.N @ root.T
+    turned = [x @ root.T for x in rows]
+    Q = np.array([x.T @ x for x in turned]) - weight[:, None, None] * N
     share, E = np.linalg.eigh(Q)
     gain = 1 / (1 - np.clip(share, 0, MOST_LEVERAGE))
     along = np.einsum("bij,bi->bj", E, sums @ root.T) * gain

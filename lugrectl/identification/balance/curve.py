@@ -16,10 +16,9 @@ def curve(made: Fit) -> tuple[CurvePoint, ...]:
     d, m = made.windows, len(made.terms)
     friction = np.array([term.friction for term in made.terms])
     torque = made.r + d.X[:, friction] @ made.p[:m][friction]
+    columns = {"Fc": np.sign(d.w), "Fv": d.w, "constant_torque": 1.0}
     for key, value in made.setting.held:
-        torque = (
-            torque + {"Fc": np.sign(d.w), "Fv": d.w, "constant_torque": 1.0}.get(key, 0) * value
-        )
+        torque = torque + columns.get(key, 0.0) * value
     points = []
     for side in (-1, 1):
         at = np.flatnonzero((side * d.w > 0) & (d.rest < RESTS))

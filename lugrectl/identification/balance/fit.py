@@ -81,7 +81,7 @@ def fit(
     made = None
     for _ in range(rounds):
         windows = source.windows(half_width, terms, setting.rest, delay)
-        if windows is None or not np.any(windows.y):
+        if windows is None or windows.is_dead():
             return made
         made = replace(regress(windows, terms, setting, delay), half_width=half_width)
         step, delay = made.delay - delay, made.delay

@@ -106,10 +106,8 @@ def solve(problem: Problem, weights: np.ndarray) -> Solution:
         new = np.linalg.solve(A, X.T @ (W * y) - c)
         r = y - X @ new
         s = _scale(r[slides], least)
-        change = np.abs(new - p)
-        settled = abs(s / s2 - 1) < 1e-3 and np.all(
-            change <= 1e-6 * abs(new) + 1e-9 * problem.prior
-        )
+        close = np.abs(new - p) <= 1e-6 * np.abs(new) + 1e-9 * problem.prior
+        settled = abs(s / s2 - 1) < 1e-3 and np.all(close)
         p, s2, t = new, s, (STUDENT + 1) / (STUDENT + r**2 / (s + open_torque))
         if settled and i > 2:
             break

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .constants import FEWEST_SAMPLES, MOST_WINDOWS, STEP, WINDOWS_PER_TERM
+from .constants import DEAD, DEAD_SHARE, FEWEST_SAMPLES, MOST_WINDOWS, STEP, WINDOWS_PER_TERM
 from .kernels import means, weights
 from .motion import Means, Sensors, window_means
 from .terms import Term
@@ -40,6 +40,8 @@ class Windows:
         Standard deviation of the noise in w and a.
     noise_u : ndarray (n, 4)
         Variance of the noise in both columns of du, its covariance with y, variance in y.
+    dt, largest : float
+        Usual sample time, and the largest torque of the record.
     """
 
     y: np.ndarray
@@ -55,6 +57,12 @@ class Windows:
     noise_a: np.ndarray
     noise_u: np.ndarray
     dt: float
+    largest: float
+
+    def is_dead(self) -> bool:
+        """True if the torque is 0 in all but a few windows, and none of it is held."""
+        largest = max(np.abs(self.y).max(), self.largest)
+        return bool(np.mean(np.abs(self.y) > DEAD * largest) < DEAD_SHARE)
 
     def only(self, columns: Iterable[int]) -> Windows:
         """The same windows with some of the columns."""
@@ -85,7 +93,9 @@ class Source:
         joined = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
         if len(joined["y"]) <= WINDOWS_PER_TERM * len(terms):
             return None
-        return Windows(**joined, dt=float(np.median([p.dt for p in self.tracks])))
+        dt = float(np.median([p.dt for p in self.tracks]))
+        largest = max(float(np.abs(p.u).max()) for p in self.tracks)
+        return Windows(**joined, dt=dt, largest=largest)
 
     def _part(
         self, i: int, half_width: float, terms: Sequence[Term], rest: float, delay: float
@@ -96,9 +106,8 @@ class Source:
         far = max(abs(delay) + track.dt, abs(self.sensors.lag)) / track.dt
         edge = int(np.ceil(half)) + 3 + EDGE_STEP * int(np.ceil(far / EDGE_STEP))
         step = max(int(half * STEP), sum(map(len, self.tracks)) // MOST_WINDOWS, 1)
-        at, motion = self._once(
-            ("at", i, half, edge), lambda: self._motion(track, half, edge, step)
-        )
+        place = ("at", i, half, edge)
+        at, motion = self._once(place, lambda: self._motion(track, half, edge, step))
         if not len(at):
             return None
         k0 = weights(half, 0)
@@ -138,8 +147,9 @@ class Source:
 
     def _samples(self, term: Term, i: int) -> np.ndarray:
         """A column at every sample."""
-        assert term.column is not None
-        return self._once((term.column, i), lambda: term.column(self.tracks[i]))
+        column = term.column
+        assert column is not None
+        return self._once((column, i), lambda: column(self.tracks[i]))
 
     def _once(self, key, make):
         if key not in self._kept:
