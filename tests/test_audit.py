@@ -241,6 +241,31 @@ def test_millimetres_on_a_linear_drive():
     assert "mm/s" in said(seen)
 
 
+@pytest.mark.parametrize("offset", [0.3, -0.2])
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_a_speed_that_is_off_by_a_constant_is_said_and_not_used(offset, noise):
+    rng = np.random.default_rng(0)
+    seen = audit(replace(PLAIN, w=PLAIN.w + offset + noise * rng.standard_normal(8000)))
+    (sentence,) = seen.messages
+    assert seen.w is None and f"too {'high' if offset > 0 else 'low'}" in sentence
+    assert float(sentence.split()[2]) == pytest.approx(abs(offset), rel=0.1)
+
+
+@pytest.mark.parametrize("speed", [0.5, -3.0, 40.0])
+def test_a_speed_beside_an_angle_is_compared_only_where_it_varies(speed):
+    rng = np.random.default_rng(4)
+    t = np.arange(1500) * 2e-3
+    w = speed + 2e-3 * rng.standard_normal(1500)
+    theta = np.round(speed * t / 1e-4) * 1e-4
+    u = np.full(1500, 0.2 * np.sign(speed)) + 1e-3 * rng.standard_normal(1500)
+    seen = audit(Record(t, u, w, theta, source="steady"))
+    assert seen.messages == () and seen.w is not None
+    constant = audit(Record(t, np.full(1500, 0.2), w, theta))
+    assert constant.messages == ()
+    wrong = audit(Record(t, u, 30 / np.pi * w, theta))
+    assert "in fact in rpm" in said(wrong)
+
+
 def test_the_sign_follows_the_position():
     seen = audit(replace(PLAIN, w=-PLAIN.w))
     np.testing.assert_array_equal(seen.w, PLAIN.w)
@@ -273,10 +298,10 @@ def test_an_unrelated_w_is_ignored():
 
 
 @settings(max_examples=15)
-@given(st.floats(0.98, 1.02), st.floats(0, 0.5), st.floats(-0.3, 0.3))
-def test_small_errors_noise_and_offset_of_w_are_left_alone(factor, noise, offset):
+@given(st.floats(0.98, 1.02), st.floats(0, 0.5))
+def test_small_errors_and_noise_of_w_are_left_alone(factor, noise):
     rng = np.random.default_rng(0)
-    w = factor * PLAIN.w + noise * np.std(PLAIN.w) * rng.standard_normal(PLAIN.samples) + offset
+    w = factor * PLAIN.w + noise * np.std(PLAIN.w) * rng.standard_normal(PLAIN.samples)
     seen = audit(replace(PLAIN, w=w))
     assert seen.messages == () and seen.w is not None
 
@@ -344,10 +369,23 @@ def test_motion_within_the_sensor_is_refused():
         audit(replace(PLAIN, w=noise, theta=None))
 
 
-def test_saturated_torque_is_said():
+def test_a_torque_at_the_end_of_its_register_is_left_out():
+    """The machine moved with more than the log says."""
     limit = float(np.quantile(PLAIN.u, 0.9))
     seen = audit(replace(PLAIN, u=np.minimum(PLAIN.u, limit)))
-    assert len(seen.messages) == 1 and "saturates" in said(seen) and f"{limit:.6g}" in said(seen)
+    assert "end of its register" in said(seen) and f"{limit:.6g}" in said(seen)
+    assert seen.samples < 0.92 * PLAIN.samples and seen.u.max() < limit
+
+
+def test_a_drive_at_its_limit_is_said_and_left():
+    """The machine moved with what the log says."""
+    u, w = np.clip(PLAIN.u, -0.5, 0.5), np.zeros(8000)
+    for k in range(1, 8000):
+        friction = 0.2 * math.tanh(w[k - 1] / 0.1) + 0.02 * w[k - 1]
+        w[k] = w[k - 1] + 1e-3 / 2e-3 * (u[k - 1] - friction)
+    limited = Record(PLAIN.t, u, w, np.cumsum(w) * 1e-3, dt=1e-3)
+    seen = audit(limited)
+    assert "saturates" in said(seen) and seen.samples == 8000
     levels = np.where(np.sin(7 * PLAIN.t) > 0, 0.6, -0.6)
     assert "saturates" not in said(audit(replace(PLAIN, u=levels)))
 
@@ -355,7 +393,7 @@ def test_saturated_torque_is_said():
 def test_sentences_are_sentences(tmp_path):
     wrong = replace(PLAIN, w=-PLAIN.w / RPM, u=-np.minimum(PLAIN.u, 0.5), theta=PLAIN.theta % TURN)
     seen = audit(wrong)
-    assert len(seen.messages) == 5
+    assert len(seen.messages) == 5, seen.messages
     for sentence in seen.messages:
         assert sentence.endswith(".") and "\n" not in sentence and len(sentence) < 200
         assert sentence.split()[0] in ("u", "w", "theta")

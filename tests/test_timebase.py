@@ -1,10 +1,12 @@
 """Uniform time: what is filled, merged, resampled or cut, and what is refused."""
 
+import re
+
 import numpy as np
 import pytest
 
 from lugrectl.errors import Refused
-from lugrectl.record import Record, consistent, read_record
+from lugrectl.record import Record, consistent, long_enough_to_judge, read_record
 from lugrectl.tracing.data import prepare
 
 from .logs import cell, csv, machine, refused
@@ -25,27 +27,40 @@ def test_time_starts_where_it_starts(tmp_path):
     assert record.t[0] == 0.5 and record.samples == 2500
 
 
-@pytest.mark.parametrize("keep", [slice(3), slice(199), slice(0, 900)])
-def test_too_short(tmp_path, keep):
-    refused(Refused, csv(tmp_path, keep=keep), "too short", "run.csv")
+def test_fewer_than_a_dozen_rows_show_no_motion(tmp_path):
+    refused(Refused, csv(tmp_path, keep=slice(11)), "too short", "run.csv", "11 rows")
 
 
-def test_time_backwards(tmp_path):
+@pytest.mark.parametrize("keep", [slice(1000, 1199), slice(0, 900)])
+def test_a_short_record_is_read_but_not_judged(tmp_path, keep):
+    record = read_record(csv(tmp_path, keep=keep))
+    assert record.samples == keep.stop - keep.start and record.messages == ()
+    with pytest.raises(Refused, match="too short to compare models on it"):
+        long_enough_to_judge(record)
+    assert long_enough_to_judge(read_record(csv(tmp_path))) is None
+
+
+def test_a_row_out_of_order_is_left_out(tmp_path):
     def swap(lines):
         lines[400], lines[401] = lines[401], lines[400]
         return lines
 
-    refused(Refused, csv(tmp_path, change=swap), "backwards", "line 402")
+    record = read_record(csv(tmp_path, change=swap))
+    assert record.samples == 3000 and record.dropped == 1 and record.gaps == ()
+    assert any("line 402" in m and "left out" in m for m in record.messages)
     commented = csv(tmp_path, change=lambda x: [*swap(x)[:9], "# remark", *x[9:]])
-    refused(Refused, commented, "line 403")
+    assert any("line 403" in m for m in read_record(commented).messages)
 
 
 def test_wrong_time_unit(tmp_path):
-    path = csv(tmp_path, "t [ms],u,w,theta")
-    refused(Refused, path, "1e+06 Hz", "--units t=")
+    fast = read_record(csv(tmp_path, "t [ms],u,w,theta"))
     log = machine()
     np.savez(tmp_path / "a.npz", **(log | {"t": 1e3 * log["t"]}))
-    refused(Refused, tmp_path / "a.npz", "1 Hz", "--units t=ms")
+    slow = read_record(tmp_path / "a.npz")
+    for record, rate in ((fast, "1e+06 Hz"), (slow, "1 Hz")):
+        assert any(f"rate of {rate}" in m and "--units t=ms" in m for m in record.messages)
+        with pytest.raises(Refused, match=f"{re.escape(rate)}.*--units t=ms"):
+            long_enough_to_judge(record)
     assert read_record(tmp_path / "a.npz", units="t=ms").rate == 1000.0
 
 
@@ -65,23 +80,28 @@ def test_isolated_missing_samples_are_filled(tmp_path, mark):
 
 
 @pytest.mark.parametrize("column", [0, 1, 2, 3])
-def test_runs_of_nan_are_refused(tmp_path, column):
+def test_a_record_is_cut_where_numbers_are_missing_for_longer(tmp_path, column):
     def hole(lines):
         for line in range(500, 510):
             lines = cell(line, column, "nan")(lines)
         return lines
 
+    record = read_record(csv(tmp_path, change=hole))
     role = ("t", "u", "w", "theta")[column]
-    refused(Refused, csv(tmp_path, change=hole), role, "10 samples", "line 500")
+    assert record.gaps == (498,) and record.samples == 2990
+    assert any(m.startswith(role) and "10 rows" in m for m in record.messages)
+    assert column == 0 or any("from line 500 on" in m for m in record.messages)
 
 
-def test_many_scattered_nan_are_refused(tmp_path):
+def test_many_scattered_missing_samples_are_filled_and_said(tmp_path):
     def holes(lines):
         for line in range(5, 3000, 50):
             lines = cell(line, 1, "")(lines)
         return lines
 
-    refused(Refused, csv(tmp_path, change=holes), "u", "60 samples")
+    record = read_record(csv(tmp_path, change=holes))
+    assert record.samples == 3000 and record.dropped == 60 and record.gaps == ()
+    assert any(m.startswith("u is missing in 60 samples") for m in record.messages)
 
 
 def test_missing_optional_channel_is_left_out(tmp_path):
@@ -125,12 +145,23 @@ def test_longer_losses_are_gaps(tmp_path):
     assert record.dropped == 5  # the stretch 1260..1264 is too short to be of use
 
 
-def test_too_many_lost_rows_are_refused(tmp_path):
+def test_many_lost_rows_are_filled_between_exact_stamps(tmp_path):
     lost = np.random.default_rng(5).choice(np.arange(10, 2990, 4), 75, replace=False)
     keep = np.setdiff1d(np.arange(3000), lost)
-    refused(Refused, csv(tmp_path, keep=keep), "75 of 3000")
+    record = read_record(csv(tmp_path, keep=keep))
+    assert record.samples == 3000 and record.dropped == 75
+    assert any(m.startswith("75 samples missing between the stamps") for m in record.messages)
+    np.testing.assert_allclose(record.theta, machine()["theta"], atol=3e-5)
+
+
+def test_pieces_too_short_to_judge_are_read(tmp_path):
     scraps = np.flatnonzero(np.arange(3000) % 200 < 150)
-    refused(Refused, csv(tmp_path, keep=scraps), "too short", "between lost samples")
+    record = read_record(csv(tmp_path, keep=scraps))
+    assert len(record.gaps) == 14 and record.samples == len(scraps)
+    with pytest.raises(Refused, match="in its longest piece"):
+        long_enough_to_judge(record)
+    specks = np.flatnonzero(np.arange(3000) % 200 < 8)
+    refused(Refused, csv(tmp_path, keep=specks), "too short", "in one piece")
 
 
 def test_jitter_is_resampled_without_delay(tmp_path):
@@ -227,8 +258,9 @@ def test_a_record_of_arrays_is_brought_to_uniform_time_like_a_file(tmp_path, how
     np.savez(tmp_path / "a.npz", **log)
     record = Record(**log)
     if how == "backwards":
-        with pytest.raises(Refused, match="backwards at sample 300"):
-            consistent(record)
+        made, read = consistent(record), read_record(tmp_path / "a.npz")
+        assert made.gaps == read.gaps == (300,) and (np.diff(made.t) > 0).all()
+        assert any("starts again at row 300" in m for m in made.messages)
         return
     made, read = consistent(record), read_record(tmp_path / "a.npz")
     for role, values in read.channels().items():
@@ -248,12 +280,14 @@ def test_stamps_rounded_too_coarsely(tmp_path):
     np.testing.assert_array_equal(record.u, values["u"])
 
 
-def test_irregular_beyond_repair(tmp_path):
+def test_irregular_stamps_are_read_as_they_are(tmp_path):
     rng = np.random.default_rng(4)
-    log = machine()
     t = np.cumsum(rng.exponential(1e-3, 3000))
-    np.savez(tmp_path / "a.npz", **(log | {"t": t}))
-    refused(Refused, tmp_path / "a.npz", "irregular", "sample")
+    np.savez(tmp_path / "a.npz", t=t, u=np.sin(9 * t), theta=np.sin(7 * t))
+    record = read_record(tmp_path / "a.npz")
+    assert any("jitters" in m and "RMS" in m for m in record.messages)
+    assert record.dt == pytest.approx(1e-3, rel=0.05)
+    np.testing.assert_allclose(record.theta, np.sin(7 * record.t), atol=1e-6)
 
 
 def test_stamps_in_single_precision_are_a_grid(tmp_path):

@@ -7,20 +7,22 @@ from dataclasses import replace
 from typing import Any
 
 from ..errors import InputError
-from .audit import audit, fitting_speed
+from .audit import audit
 from .log import Log, read_log
 from .options import parse_pairs
 from .samples import Record
 from .stretch import Stretch
 from .stretches import stretches
-from .timebase import uniform
+from .timebase import long_enough_to_judge, uniform
 from .usable import usable
+from .velocity import fitting_speed
 
 __all__ = [
     "Log",
     "Record",
     "Stretch",
     "consistent",
+    "long_enough_to_judge",
     "parse_pairs",
     "read_log",
     "read_record",

@@ -6,47 +6,33 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from ..errors import Refused
 from .samples import Record
-from .units import UNITS, Unit, si_unit
+from .slow import BAND, BLOCKS, long_enough, longest, low_passed
+from .units import si_unit
+from .velocity import fitting_speed
 
-_BAND = 30.0  # Hz; the motion below this frequency is compared
 _SLOW_BAND = 5.0  # Hz
-_CLOSE = 0.02  # a ratio this close to that of two units means that these were mixed up
-_SAME = 0.9  # share of a channel's power that the other's derivative must explain
-_OFF = 0.03  # a ratio this far from 1 is reported
-_LAG = 1.5  # samples
-_BLOCKS = 20
 _SURE = 8.0  # standard errors
+_STEADY = 0.1  # least change of a speed, as a share of it, by which signals can be compared
 
 
 def audit(record: Record, labels: Mapping[str, str | None] | None = None) -> Record:
     """Check a record: correct the faults that have one possible cause, report the others.
 
-    Wrapped angles are unwrapped. ``w`` in another unit or of the opposite sign than d theta/dt
-    is converted, and ignored if it does not fit d theta/dt at all. A torque of the wrong sign
-    is inverted. A lag of ``w`` and a saturated ``u`` are reported. ``labels`` are the units by
-    role that the file or the user stated (None: not stated); they decide which of two channels
-    has the wrong unit.
+    ``w`` in another unit or of the opposite sign than d theta/dt is converted, and ignored if it
+    does not fit d theta/dt at all or has an offset. A torque of the wrong sign is inverted. A lag
+    of ``w`` and a saturated ``u`` are reported. ``labels`` are the units by role that the file or
+    the user stated (None: not stated); they decide which of two channels has the wrong unit.
 
-    Raises Refused when ``u`` or the motion is constant or only noise.
+    Raises Refused when ``u`` or the motion is constant or only noise. A constant torque at a
+    steady speed is a point of a friction curve.
     """
     _alive(record)
     record = fitting_speed(record, labels)
     record = _torque_sign(record)
     return _saturation(record)
-
-
-def fitting_speed(record: Record, labels: Mapping[str, str | None] | None = None) -> Record:
-    """The record on uniform time, with theta unwrapped and w consistent with d theta/dt.
-
-    ``labels`` as for :func:`audit`. theta in rad, w in rad/s (m, m/s on a linear axis); the
-    record's messages report each change. A w that does not fit d theta/dt is left out. Raises
-    Refused if the time cannot be repaired.
-    """
-    return _velocity(record, labels or {})
 
 
 # ---- dead channels ------------------------------------------------------------------
@@ -57,6 +43,8 @@ def _alive(record: Record) -> None:
     for role, meaning in what.items():
         values = getattr(record, role)
         if values is not None and np.ptp(values) <= 1e-9 * np.abs(values).max(initial=0.0):
+            if role != "theta" and values[0] != 0 and _is_steady(record):
+                continue
             raise Refused(
                 f"{record.source}: {role} is constant ({values[0]:.6g}): {meaning}.",
                 "Record a motion that starts, stops and reverses, with its torque.",
@@ -74,6 +62,19 @@ def _alive(record: Record) -> None:
         )
 
 
+def _is_steady(record: Record) -> bool:
+    """Whether the drive keeps one speed."""
+    parts = np.array_split(np.arange(record.samples), 8)
+    if record.theta is not None:
+        ends = record.theta[[part[0] for part in parts]]
+        means = np.diff(np.r_[ends, record.theta[-1]])
+        means = means / np.diff([*(part[0] for part in parts), record.samples - 1])
+    else:
+        assert record.w is not None
+        means = np.array([record.w[part].mean() for part in parts])
+    return bool(np.ptp(means) < _STEADY * abs(means.mean()))
+
+
 def _is_noise(values: np.ndarray) -> bool:
     """Whether values are uncorrelated from sample to sample, about zero."""
     spread = np.std(values)
@@ -82,143 +83,6 @@ def _is_noise(values: np.ndarray) -> bool:
     return bool(
         abs(lag1) < 5 / np.sqrt(len(x)) and abs(values.mean()) < 5 * spread / np.sqrt(len(x))
     )
-
-
-# ---- w against d theta/dt -----------------------------------------------------------
-
-
-def _longest(record: Record) -> Record:
-    part = max(record.segments(), key=lambda s: s.stop - s.start)
-    return record.slice(part.start, part.stop)
-
-
-def _low_passed(
-    record: Record, *signals: np.ndarray, band: float = _BAND, keep_ends: bool = False
-) -> list[np.ndarray]:
-    """Return low-pass filtered signals (the band of the motion), without their ends."""
-    edge, end = _edge(record, band)
-    sos = butter(3, edge, fs=record.rate, output="sos")
-    cut = 0 if keep_ends else end
-    return [sosfiltfilt(sos, signal)[cut : len(signal) - cut] for signal in signals]
-
-
-def _edge(record: Record, band: float) -> tuple[float, int]:
-    """The cut-off frequency, Hz, and the number of samples that the filter spoils at each end."""
-    edge = min(band, record.rate / 20)
-    return edge, int(record.rate / edge)
-
-
-def _long_enough(record: Record, band: float = _BAND) -> bool:
-    """Whether the longest stretch, without its ends, is long enough for slow signals."""
-    part = _longest(record)
-    return len(part.u) > 2 * (_edge(part, band)[1] + _BLOCKS)
-
-
-def _regression(target: np.ndarray, source: np.ndarray, dt: float) -> tuple[float, float]:
-    """Fit target = g (source + T d source/dt) + ...; return g and T."""
-    first = np.gradient(source, dt)
-    terms = np.column_stack([source, first, np.gradient(first, dt), np.ones_like(source)])
-    size = np.linalg.norm(terms, axis=0)
-    found = np.linalg.lstsq(terms / size, target, rcond=None)[0] / size
-    return float(found[0]), float(found[1] / found[0]) if found[0] else 0.0
-
-
-def _velocity(record: Record, labels: Mapping[str, str | None]) -> Record:
-    """Compare w with d theta/dt.
-
-    Noise in the regressor biases a fitted ratio towards zero, so the two regressions, w on
-    d theta/dt and d theta/dt on w, bracket the true ratio. With few swings of the motion it is
-    less certain.
-    """
-    if record.w is None or record.theta is None or not _long_enough(record):
-        return record
-    if np.ptp(record.w) == 0 or np.ptp(record.theta) == 0:
-        return record
-    slope, (ratio, lead), (inverse, lag) = _both_ways(record)
-    agreement = ratio * inverse
-    if agreement < 0.25:
-        swapped = replace(record, theta=record.w, w=record.theta)
-        if _derives(swapped):
-            return swapped.with_messages("theta is d w/dt: the two were exchanged.")
-        return _ignored(record, f"has little in common with it (R2 = {max(agreement, 0.0):.2f})")
-    swings = 1 + np.count_nonzero(np.diff(np.sign(slope - slope.mean())))
-    margin = _OFF + 3 * np.sqrt(max(1 - agreement, 0.0) / swings)
-    low, high = sorted((abs(ratio), abs(1 / inverse)))
-    middle = float(np.sqrt(ratio / inverse)) * np.sign(ratio)
-    if low <= 1 + margin and high >= 1 - margin:
-        factor, record = np.sign(ratio), _turned(record) if ratio < 0 else record
-    else:
-        factor, record = _converted(record, labels, float(middle))
-    if factor and min(lag, -lead) > _LAG * record.dt:
-        record = record.with_messages(
-            f"w lags theta by {1e3 * lag:.3g} ms, as a filtered velocity does: not changed."
-        )
-    return record
-
-
-def _both_ways(record: Record) -> tuple[np.ndarray, tuple[float, float], tuple[float, float]]:
-    """d theta/dt, the regression of w on it, and that of it on w."""
-    part = _longest(record)
-    assert part.w is not None and part.theta is not None
-    w, slope = _low_passed(part, part.w, np.gradient(part.theta, part.dt))
-    return slope, _regression(w, slope, part.dt), _regression(slope, w, part.dt)
-
-
-def _derives(record: Record) -> bool:
-    """Whether w is d theta/dt, in the same unit."""
-    _, (ratio, _), (inverse, _) = _both_ways(record)
-    return ratio * inverse > _SAME and abs(np.sqrt(ratio / inverse) - 1.0) < _OFF
-
-
-def _ignored(record: Record, why: str) -> Record:
-    return replace(record, w=None).with_messages(
-        f"w is not d theta/dt but {why}: w is ignored and the velocity is computed from theta."
-    )
-
-
-def _turned(record: Record) -> Record:
-    assert record.w is not None
-    return replace(record, w=-record.w).with_messages(
-        "w has the opposite sign of d theta/dt: its sign was changed."
-    )
-
-
-def _mistakes(
-    record: Record, labels: Mapping[str, str | None]
-) -> list[tuple[float, str, Unit, Unit]]:
-    """Return (ratio of w to d theta/dt, role, unit assumed, unit meant) of each mix-up of units.
-
-    A channel without a stated unit is suspected first, then one stated in SI: another unit is
-    stated on purpose, SI often by habit.
-    """
-    found = []
-    for role in ("w", "theta"):
-        label = labels.get(role)
-        taken = UNITS[label or si_unit(role, record.motion)]
-        order = 0 if label is None else 1 if taken.factor == 1 else 2
-        for meant in UNITS.values():
-            if (meant.quantity, meant.motion) == (taken.quantity, record.motion):
-                ratio = taken.factor / meant.factor
-                found.append((order, ratio if role == "w" else 1 / ratio, role, taken, meant))
-    found = [row for row in found if row[3] is not row[4] and row[3].quantity != "raw"]
-    return [row[1:] for row in sorted(found, key=lambda row: row[0])]
-
-
-def _converted(
-    record: Record, labels: Mapping[str, str | None], ratio: float
-) -> tuple[float, Record]:
-    """Return the record with the wrong unit corrected, or without w."""
-    for expected, role, taken, meant in _mistakes(record, labels):
-        if abs(abs(ratio) / expected - 1) > _CLOSE:
-            continue
-        values = getattr(record, role) * (meant.factor / taken.factor)
-        stated = "stated" if labels.get(role) else "taken"
-        record = replace(record, **{role: values}).with_messages(
-            f"{role} is {stated} in {taken.name} but in fact in {meant.name} "
-            f"(w is {abs(ratio):.4g} times d theta/dt): converted."
-        )
-        return 1.0, _turned(record) if ratio < 0 else record
-    return 0.0, _ignored(record, f"{ratio:.4g} times it")
 
 
 # ---- sign of the torque -------------------------------------------------------------
@@ -237,18 +101,18 @@ class TorqueFit:
     r2: float
 
 
-def torque_fit(record: Record, band: float = _BAND) -> TorqueFit | None:
+def torque_fit(record: Record, band: float = BAND) -> TorqueFit | None:
     """Fit the balance to the longest stretch, up to ``band`` Hz; None without motion, or if the
     stretch is too short.
 
     The terms include the angle, for a spring, and on a rotary drive its sin and cos, for a
     gravity load.
     """
-    if not _long_enough(record, band):
+    if not long_enough(record, band):
         return None
-    part = _longest(record)
+    part = longest(record)
     angle, speed = _motion(part)
-    (slow,) = _low_passed(part, speed, band=band, keep_ends=True)
+    (slow,) = low_passed(part, speed, band=band, keep_ends=True)
     still = 0.02 * np.std(slow)
     if not still > 0:
         return None
@@ -261,7 +125,7 @@ def torque_fit(record: Record, band: float = _BAND) -> TorqueFit | None:
     terms.append(angle - angle.mean())
     if part.motion == "rotary":
         terms += [np.sin(angle), np.cos(angle)]
-    u, *terms = _low_passed(part, part.u, *terms, band=band)
+    u, *terms = low_passed(part, part.u, *terms, band=band)
     return _jackknife(np.column_stack(terms), u)
 
 
@@ -276,7 +140,7 @@ def _motion(record: Record) -> tuple[np.ndarray, np.ndarray]:
 
 def _jackknife(terms: np.ndarray, u: np.ndarray) -> TorqueFit | None:
     size = np.linalg.norm(terms, axis=0)
-    blocks = np.array_split(np.arange(len(u)), _BLOCKS)
+    blocks = np.array_split(np.arange(len(u)), BLOCKS)
     grams = np.array([terms[b].T @ terms[b] for b in blocks]) / np.outer(size, size)
     sides = np.array([terms[b].T @ u[b] for b in blocks]) / size
     power = np.array([(terms[:, 1] * terms[:, 1]).sum(), (terms[:, 1] * terms[:, 2]).sum()])
@@ -303,6 +167,8 @@ def _torque_sign(record: Record) -> Record:
     fitted inertia decides. Above a resonance between motor and sensor a correct torque looks
     inverted: the inverted balance must hold in the whole motion and in its slow part alone.
     """
+    if _is_steady(record):
+        return record  # nothing accelerates
     fit, slow = torque_fit(record), torque_fit(record, _SLOW_BAND)
     if fit is None or slow is None:
         return record

@@ -14,6 +14,10 @@ _EXACT = 0.01  # stamps this close to the grid (in steps) count as on it
 _JITTER = 0.2  # steps that vary by more hide missing rows
 _BESIDE = 25  # rows on either side of a gap that show whether time was lost
 _WILD = 200  # most rows in a row whose stamps are wrong while the rows around them go on
+_RATES = (5.0, 5e5)  # Hz; outside, the unit of time may be wrong
+UNIT_OF_T = (
+    "if t is not in the stated or assumed unit, give its unit, e.g. --units t=ms (or s, us)."
+)
 _TICKS = (1.0, 1e-3, 1e-6, 1e-7, 1e-9)  # s, of timers that count up to a power of two
 _CLOCKS = (60.0, 3600.0, 43200.0, 86400.0)  # s, after which a clock on the wall starts again
 
@@ -28,6 +32,13 @@ def put_in_time(log: Stamped) -> None:
     _merge_doubles(log)
     _gaps(log)
     _jitter(log)
+    _say_rate(log)
+
+
+def _say_rate(log: Stamped) -> None:
+    steps = np.diff(log.t)[~log.new[1:]]
+    if len(steps) and steps.max() > 0 and not plausible(typical_step(steps)):
+        log.say(f"t gives a sampling rate of {1 / typical_step(steps):.6g} Hz: {UNIT_OF_T}")
 
 
 def _without_time(log: Stamped) -> None:
@@ -156,6 +167,11 @@ def typical_step(steps: np.ndarray) -> float:
     if dt > 0 and np.quantile(np.abs(steps / dt - np.maximum(np.rint(steps / dt), 1)), 0.99) < 0.2:
         return dt
     return float(np.mean(steps))
+
+
+def plausible(dt: float) -> bool:
+    """Whether this is the step in s of a servo log."""
+    return _RATES[0] <= 1 / dt < _RATES[1]
 
 
 def nice(dt: float) -> float:

@@ -157,7 +157,8 @@ def _period(theta: np.ndarray, found: Jumps, motion: str) -> tuple[float, np.nda
         period = float(np.median(sizes))
         fits = np.abs(sizes - period) <= margin
         spans = np.nanmax(theta) - np.nanmin(theta) <= 1.02 * period + margin.max()
-        if spans and fits.all() and found.steady.all() and period > 20 * margin.max():
+        stays = np.all(found.a[1:] - found.b[:-1] >= 3)
+        if spans and stays and fits.all() and found.steady.all() and period > 20 * margin.max():
             best, is_wrap = period, fits
     return best, is_wrap
 

@@ -51,7 +51,11 @@ class Stamped:
     @classmethod
     def of(cls, log: Log) -> Stamped:
         """All rows of a log."""
-        made = cls(log.source, log.motion, log.t, dict(log.channels), log.where, log.labels)
+        finite = {
+            role: np.where(np.isinf(x), np.nan, x) if np.isinf(x).any() else x
+            for role, x in log.channels.items()
+        }
+        made = cls(log.source, log.motion, log.t, finite, log.where, log.labels)
         made.recorded = log.channels
         made.rows = np.arange(len(log.t))
         made.new = np.isin(made.rows, (0, *log.cuts))

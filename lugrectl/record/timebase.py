@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import Refused
-from .clock import FEWEST, multiples, nice, typical_step
+from .clock import FEWEST, UNIT_OF_T, multiples, nice, plausible, typical_step
 from .resampling import HELD, between, held_mean, speed
 from .samples import Record
 from .stamped import Stamped, count, runs
@@ -15,6 +15,7 @@ from .stamped import Stamped, count, runs
 _FILL = 3  # longest run of missing samples that is filled
 _FILL_SHARE = 0.01  # of the samples: more missing ones of an optional channel are not filled
 _EXACT = 0.01  # stamps this close to the grid (in dt) count as on it
+_TO_JUDGE = 200, 1.0  # samples and s in one piece that the comparison of models needs
 
 
 def uniform(log: Stamped) -> Record:
@@ -107,7 +108,7 @@ def _filled(role: str, values: np.ndarray, lost: np.ndarray) -> np.ndarray:
 
 def _regular(log: Stamped) -> Record:
     parts = _long_parts(log, log.parts())
-    _enough(log, max(p.stop - p.start for p in parts), "" if len(parts) == 1 else " in one piece")
+    _enough(log, max(p.stop - p.start for p in parts), " in one piece" if log.new.sum() > 1 else "")
     steps = np.diff(log.t)
     inside = np.concatenate([np.arange(p.start, p.stop - 1) for p in parts])
     dt = typical_step(steps[inside])
@@ -200,3 +201,26 @@ def _onward(times: list[np.ndarray], dt: float) -> np.ndarray:
         end = made[-1][-1]
         made.append(t if t[0] > end else t - t[0] + end + max(1.0, 10 * dt))
     return np.concatenate(made)
+
+
+def long_enough_to_judge(record: Record) -> None:
+    """Raise Refused for a record that is too short or too slow to compare models on.
+
+    The torque balance needs less: it answers beside the refusal.
+    """
+    parts = record.segments()
+    most = max(p.stop - p.start for p in parts)
+    samples, seconds = _TO_JUDGE
+    if not plausible(record.dt):
+        raise Refused(
+            f"{record.source}: t gives a sampling rate of {record.rate:.6g} Hz, at which models "
+            f"of friction cannot be compared; {UNIT_OF_T}",
+            "Record at 100 Hz or more.",
+        )
+    if most < samples or most * record.dt < seconds - record.dt / 2:
+        whole = "" if len(parts) == 1 else " in its longest piece"
+        raise Refused(
+            f"{record.source} is too short to compare models on it: {most * record.dt:.4g} s and "
+            f"{most} samples{whole}; at least {seconds:g} s and {samples} samples are needed.",
+            "Record 20 s or more without loss.",
+        )

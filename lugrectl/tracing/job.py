@@ -9,7 +9,7 @@ from typing import Any
 
 from ..engine.load import compiler
 from ..model import Model
-from ..record import Record, consistent
+from ..record import Record, consistent, long_enough_to_judge
 from ..results import Estimate
 from ..spec import unit_for
 from .agreeing import agreeing, settled_on
@@ -97,6 +97,8 @@ def begin(
     refuse_dead([*records, *apart])
     records = tuple(map(consistent, records))  # a record made of arrays was not checked yet
     every = [*records, *map(consistent, apart)]
+    for one in every:
+        long_enough_to_judge(one)
     data = prepare(every)
     held_out = sum(r.samples for r in records) if apart else None
     parts = split(
