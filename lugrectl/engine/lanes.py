@@ -149,9 +149,9 @@ class Lanes:
         -----
         L-stable Rosenbrock steps of order 4. A step ends where a state reaches zero whose own
         rate contains its sign (see :mod:`lugrectl.engine.relay`); other kinks are not located. A
-        condition on time is weighted by its share of the step. At the default rtol a result, as a function of
-        the parameters, has noise of about 1e-7 of its range: finite differences need much larger
-        steps.
+        condition on time is weighted by its share of the step. At the default rtol a result, as a
+        function of the parameters, has noise of about 1e-7 of its range: finite differences need
+        much larger steps.
         """
         given = self.arguments(
             x0, start, length, u, p, dt=dt, substeps=substeps, t0=t0, series=series, y=y, seen=seen,

@@ -194,11 +194,10 @@ def _has_sign(rate: Node, x: Node) -> bool:
 def _relay(program: Program, rates: Sequence[Node], place: int, places: Sequence[int]) -> Relay:
     graph, x = program.graph, program.x
     others = {graph.symbol(f"side{j}").index: _sign(x[j]) for j in places if j != place}
+    others[x[place].index] = graph.constant(0.0)
     own = graph.symbol(f"side{place}").index
-    up, down = (
-        rename([rates[place]], others | {x[place].index: graph.constant(0.0), own: graph.constant(v)})[0]
-        for v in (1.0, -1.0)
-    )  # fmt: skip
+    sides = [others | {own: graph.constant(way)} for way in (1.0, -1.0)]
+    up, down = (rename([rates[place]], to)[0] for to in sides)
     still = {node.value for node in (*program.u, *program.p)}
     still |= {node.value for node, rate in zip(x, program.xdot, strict=True) if rate is x[place]}
     return Relay(place, up, down, not symbols_in([up, down]) <= still)

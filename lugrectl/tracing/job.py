@@ -235,10 +235,14 @@ def estimates(fitted: Fitted) -> dict[str, Estimate]:
 
 
 def score(job: Job, final: Fitted) -> dict[str, Any]:
-    """The three errors of the JSON format, and under "judged" what they were computed from."""
-    models, data, parts = _models(job, final), job.data, job.parts
+    """The three errors of the JSON format, and under "judged" what they were computed from.
+
+    They are errors against the log as it was recorded, also if the fit used a corrected torque.
+    """
+    base, final = _on_recorded(job.base, job), _on_recorded(final, job)
+    models, data, parts = _models(job, base, final), job.data, job.parts
     judged = {
-        name: judge(*found, parts.test, job.base.noise) if found else None
+        name: judge(*found, parts.test, base.noise) if found else None
         for name, found in models.items()
     }
     error = {
@@ -256,10 +260,9 @@ def score(job: Job, final: Fitted) -> dict[str, Any]:
             "judged": judged}  # fmt: skip
 
 
-def _models(job: Job, final: Fitted) -> _Models:
+def _models(job: Job, base: Fitted, final: Fitted) -> _Models:
     """Predictor, values and noise of the declared, refitted and augmented model."""
-    base, given = job.base, job.declared.values()
-    declared = None
+    declared, given = None, job.declared.values()
     if None not in given.values():
         known = job.declared.known() | alike(base.predictor.data)
         noise, _ = tune(base.predictor, known, base.where, base.noise)
@@ -269,6 +272,14 @@ def _models(job: Job, final: Fitted) -> _Models:
         "refitted": (base.predictor, base.values, base.noise),
         "augmented": (final.predictor, final.values, final.noise),
     }
+
+
+def _on_recorded(fitted: Fitted, job: Job) -> Fitted:
+    """The same values with the torque as it was recorded; the noise follows it."""
+    if job.recorded is None:
+        return fitted
+    data = fitted.predictor.data.moved(job.recorded.u, 0.0)
+    return tuned(replace(fitted, predictor=fitted.predictor.on(data)))
 
 
 def _free_error(job: Job, models: _Models) -> dict[str, Any]:

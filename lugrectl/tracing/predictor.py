@@ -49,7 +49,7 @@ class Predictor:
         self.levels = tuple(n for n in LEVELS if n == "J" or n in model.friction.values)
         self.core = replace(model, effects=tuple(traced))
         block = assemble(self.core, levels=("torque", *self.levels), sensed=True)
-        values = self.core.known()
+        values: dict[str, Any] = self.core.known()
         system: Any = block.system(**values)
         smoothing = [f"plant.{k}" for k, v in values.items() if _only_smooths(k, v)]
         self.lanes = Lanes(system, outputs=["theta_m", "w_m"], sharp=smoothing)

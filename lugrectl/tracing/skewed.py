@@ -88,8 +88,9 @@ class Skew:
     """``lag`` in s at which two channels agree best; negative: the effect precedes its cause.
 
     ``gain`` is the share of the disagreement that the shift removes, beyond what the opposite shift
-    removes; ``t`` is its mean over blocks of time divided by the standard error; ``inertial`` is the RMS of the accelerating torque
-    relative to that of all torque, negative if the estimated inertia is.
+    removes; ``t`` is its mean over blocks of time divided by the standard error. ``inertial`` is
+    the RMS of the accelerating torque relative to that of all torque, negative if the estimated
+    inertia is.
     """
 
     lag: float
