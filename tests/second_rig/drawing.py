@@ -9,6 +9,16 @@ from .machines import Rig, between, draw_control, draw_delay, draw_machine, draw
 from .motion_facts import facts, leftover, nominal, simulate, sound
 from .motions import draw_motion
 
+# the channel without which an effect would not be in the log
+NEEDS = {
+    "velocity sensor lag": "w",
+    "encoder eccentricity": "theta",
+    "input delay": "command",
+    "actuator lag": "command",
+    "saturation": "command",
+    "dead zone": "command",
+}
+
 
 def base(rng, kind: str):
     """A rig with a sound plain motion: rig, references, noise seed, columns, level."""
@@ -117,12 +127,18 @@ def _draw_effect(seed: int, name: str | None):
         if at is None:
             continue
         small = small_things(rng, rig, c, set(at(0.1)) | {"rand_f"})
-        found = strong_enough(rig, refs, noise, nom, at, small, between(rng, 0.03, 0.4), share(rig, o, nom))  # fmt: skip
+        quiet = with_values(rig, *small.values())
+        before = share(quiet, simulate(quiet, refs, noise), nom)
+        if not before < 0.03:
+            continue
+        wanted = between(rng, 0.03, 0.4)
+        found = strong_enough(rig, refs, noise, nom, at, small, wanted, before)
         if found is not None:
             break
     rig, o, given, size = found
-    log, about = write(rng, rig, o, level, "real", need_w=name == "velocity sensor lag")
+    log, about = write(rng, rig, o, level, "real", need=NEEDS.get(name, ""))
     truth = truth_of(rig, motion, nom, level, about, small)
+    truth["left_over"] = share(rig, o, nom)
     truth["effect"] = {"name": name, "values": given, "share": size, "listed": name in CLEAR}
     return log, truth, rig, o, (refs, noise)
 

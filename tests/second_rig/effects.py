@@ -142,7 +142,12 @@ def resonance(rng, rig, c):
 
 
 def backlash(rng, rig, c):
-    J, Fc, part, dry = rig.values["J"], rig.values["Fc"], rng.uniform(0.2, 0.7), rng.uniform(0.05, 0.3)  # fmt: skip
+    J, Fc, part, dry = (
+        rig.values["J"],
+        rig.values["Fc"],
+        rng.uniform(0.2, 0.7),
+        rng.uniform(0.05, 0.3),
+    )
     k = part * J * (2 * np.pi * between(rng, 30, 80)) ** 2
     cc = 2 * rng.uniform(0.1, 0.4) * np.sqrt(k * J * part)
     size = min(c["span"], 0.3 * c["w_rms"])

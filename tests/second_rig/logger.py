@@ -7,10 +7,11 @@ from .machines import Rig, between
 from .motion_facts import lagged
 
 
-def torque(rng, rig: Rig, o: dict, level: float, rows):
+def torque(rng, rig: Rig, o: dict, level: float, rows, need: str):
     """The torque channel, and how late it is against the torque that acts."""
     Tc, Ts = rig.Tc, 1.0 / rig.fs
     kind = str(rng.choice(["command", "current", "mean current"], p=[0.4, 0.35, 0.25]))
+    kind = "command" if need == "command" else kind
     moved = int(rng.choice([0, 0, 1, 2, 3])) if kind != "command" else 0
     about = {"source": kind, "offset": 0.0, "noise": 0.0}
     if kind == "command":
@@ -65,14 +66,14 @@ def angle(rng, rig: Rig, o: dict, rows):
     return x, about
 
 
-def write(rng, rig: Rig, o: dict, level: float, kind: str, need_w: bool = False):
-    """The log and what is hidden in its channels."""
+def write(rng, rig: Rig, o: dict, level: float, kind: str, need: str = ""):
+    """The log and what is hidden in its channels; `need` is one that must be there."""
     rows = np.arange(0, o["w"].size, rig.every)
     log = {"t": rows * rig.Tc}
-    log["u"], about_u = torque(rng, rig, o, level, rows)
+    log["u"], about_u = torque(rng, rig, o, level, rows, need)
     about = {"u": about_u}
     which = str(rng.choice(["theta", "w", "both"], p=[0.3, 0.15, 0.55]))
-    if need_w and which == "theta":
+    if need in ("w", "theta") and need != which:
         which = "both"
     if which != "w":
         log["theta"], about["theta"] = angle(rng, rig, o, rows)

@@ -164,7 +164,9 @@ def by_torque(rng, rig: Rig, t, v):
     if kind == "torque sines":
         u = sines(rng, t, 1e3 * top, 1e6 * top, top * 1.2)
     elif kind == "torque steps":
-        u = holds(rng, n, Tc, lambda: rng.choice([-1, 0, 1, 1, -1]) * rng.uniform(0.4, 1) * top, 0.3, 2.5)  # fmt: skip
+        u = holds(
+            rng, n, Tc, lambda: rng.choice([-1, 0, 1, 1, -1]) * rng.uniform(0.4, 1) * top, 0.3, 2.5
+        )
     else:
         chip = max(coast * rng.uniform(0.1, 0.5), 3 * Tc)
         bits = rng.choice([-1.0, 1.0], int(t[-1] / chip) + 2)
