@@ -33,17 +33,24 @@ def torque(rng, rig: Rig, o: dict, level: float, rows, need: str):
     return x, {**about, "late": late + moved * Ts, "averaged": Tc * rig.every * (late > 0)}
 
 
+def filter_delay(tau: float, Tc: float) -> float:
+    """How late a slow signal leaves a sampled first-order filter."""
+    keep = np.exp(-Tc / tau) if tau > 0 else 0.0
+    return float(Tc * keep / (1 - keep))
+
+
 def speed(rng, rig: Rig, o: dict, rows):
     """The speed channel: of the firmware, or of a tacho beside it."""
     s, Ts = rig.sensor, 1.0 / rig.fs
     lag = rig.values.get("w_lag", 0.0)
     if rng.random() < 0.7 or s["kind"] == TACHO:
         source = ("difference of counts", "time between edges", "tacho")[int(s["kind"])]
-        late = s.get("tau", 0.0) + (0.5 * rig.Tc if s["kind"] < TACHO else 0.0)
+        late = filter_delay(s.get("tau", 0.0), rig.Tc)
+        late += 0.5 * rig.Tc if s["kind"] < TACHO else 0.0
         x = o["w_read"]
     else:
-        source, late = "tacho", between(rng, 0.1, 1.5) * Ts
-        x = lagged(o["w"], late, rig.Tc)
+        source, tau = "tacho", between(rng, 0.1, 1.5) * Ts
+        x, late = lagged(o["w"], tau, rig.Tc), filter_delay(tau, rig.Tc)
         x = x + rig.wmax * between(rng, 2e-4, 3e-3) * rng.standard_normal(x.size)
     return lagged(x, lag, rig.Tc)[rows], {"source": source, "late": late}
 
