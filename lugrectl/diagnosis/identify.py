@@ -29,6 +29,7 @@ from ..steady.points import is_map
 from ..traces import traces
 from ..tracing.far import at_bounds, far_off
 from ..tracing.job import begin, compared, estimates, noted, on_everything, score
+from ..tracing.optima import other_optima
 
 
 @dataclass(frozen=True, repr=False)
@@ -103,6 +104,7 @@ def identify(
     job = begin(record, model, holdout, horizon, report)
     whole = on_everything(job.base, job)
     job = noted(compared(job, whole), *at_bounds(whole), *far_off(whole, model))
+    job = noted(job, *other_optima(whole))
     scored = score(job, job.base)
     error = scored["error"]
     return Identification(
