@@ -49,7 +49,7 @@ TRACING = [
     {"search"},
     {"hanging"},
     {"rest", "agreeing", "held_out"},
-    {"start"},
+    {"start", "optima"},
     {"job"},
     {"choice"},
     {"kept"},

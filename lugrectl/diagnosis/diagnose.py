@@ -48,6 +48,7 @@ from ..tracing.job import (
     unidentified,
 )
 from ..tracing.late import halfway
+from ..tracing.optima import other_optima
 from ..tracing.rest import signals_of_the_rest
 from ..tracing.structure import colour
 from ..tracing.surprise import beyond_doubt, misled, openings, surprising, undated, when
@@ -176,7 +177,7 @@ def _finer(asked: Asked, horizon: float, seed: int, report: Progress) -> Diagnos
     carried = (CARRIED.format(*(100 * x for x in found.carried)),) if found.carried else ()
     job = noted(job, *flat, *many, *carried, *statements(whole), *openings(found.final))
     verdict, depends = _verdict(found)
-    job = noted(job, *at_bounds(whole), *far_off(whole, model))
+    job = noted(job, *at_bounds(whole), *far_off(whole, model), *other_optima(whole))
     fitted = estimates(whole)
     effects = [Finding.of(s.trial.key, s.trial.name, fitted, s.tied) for s in found.steps]
     table = _table(found.final, job, depends, seed) if verdict == "unexplained" else None

@@ -32,6 +32,7 @@ from ..steady.points import is_map
 from ..traces import traces
 from ..tracing.far import at_bounds, far_off
 from ..tracing.job import begin, compared, estimates, noted, on_everything, score
+from ..tracing.optima import other_optima
 from .asking import Asked
 from .plain import with_plain
 
@@ -147,6 +148,7 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
     job = begin(record, model, holdout, horizon, report)
     whole = on_everything(job.base, job)
     job = noted(compared(job, whole), *at_bounds(whole), *far_off(whole, model))
+    job = noted(job, *other_optima(whole))
     scored = score(job, job.base)
     error = scored["error"]
     return Identification(

@@ -106,9 +106,9 @@ class Fitted:
             if c.kind != "angle":
                 ends = c.back(ends[0], self.values), c.back(ends[1], self.values)
             made[c.key] = ends
-        theirs = [other.intervals() for other in self.others]
+        theirs = [(other.values, other.intervals()) for other in self.others]
         for key, (low, high) in made.items():
-            every = [one[key] for one in theirs if key in one]
+            every = [ends.get(key, (own[key], own[key])) for own, ends in theirs]
             made[key] = min([low, *(a for a, _ in every)]), max([high, *(b for _, b in every)])
         return made
 

@@ -20,7 +20,7 @@ from .data import Data, prepare
 from .dated import dated
 from .doubts import refuse_dead, refuse_unfit
 from .evaluate import free_run, judge
-from .fit import Fitted, again, fit, refitted, tuned
+from .fit import Fitted, fit, refitted, tuned
 from .late import LAG
 from .likelihood import tune
 from .noise import Noise
@@ -213,7 +213,7 @@ def on_everything(fitted: Fitted, job: Job) -> Fitted:
     where = windows(job.data.runs, train.burn, train.length)
     where = spread(where, MOST, ENOUGH_OF_MANY)
     opened = [k for k, v in job.declared.values().items() if v is None]
-    whole = surest(again(replace(fitted, where=where)), fitted, opened)
+    whole = surest(fitted, where, opened)
     there = tuned(replace(fitted, values=whole.values))
     return whole if there.total > fitted.total - GIVEN_UP else fitted
 

@@ -15,18 +15,20 @@ import numpy as np
 from scipy.stats import chi2
 
 from .beside import beside
-from .coordinates import inside
-from .fit import ANYWHERE, Fitted, fit
+from .coordinates import Coordinate, inside
+from .fit import Fitted, again, fit
 from .likelihood import loglik, whitened
-from .windows import spread
+from .windows import Windows, spread
 
 SPEEDS = np.geomspace(3e-4, 0.1, 9)  # vs as a share of the largest speed
 EXCESSES = (0.05, 0.1, 0.2, 0.35, 0.6, 1.0)  # of Fs over Fc, relative
 ENOUGH, LEAST = 12_000, 12  # counted samples on which starts are compared, and least windows
 TRIED = 3  # best starts that are followed
-SHORT = 10  # steps of a fit from each
+SHORT = 8  # steps of a fit from each
 NOISIER = 1.5  # times the noise before: above, another maximum may be better
 WIDE = 0.3  # standard deviation of a logarithm, above which the likelihood is no parabola
+BEYOND = (1.5, 1.1)  # half-widths at which Fs and vs are then held: that may be as likely
+FURTHER = 2  # other maxima that are looked at
 CLOSE = 0.02  # gain in log-likelihood of two steps that ends the last fit
 MOST = 0.05  # probability outside the region of values that are as likely
 
@@ -36,26 +38,27 @@ OTHER = (
 )
 
 
-def surest(whole: Fitted, before: Fitted, opened: Collection[str]) -> Fitted:
-    """The best fit to the windows of ``whole`` from several starts, with others as likely.
+def surest(before: Fitted, where: Windows, opened: Collection[str]) -> Fitted:
+    """The best fit to other windows from several starts, with others as likely.
 
-    ``before`` is a fit to a part of the windows. Its noise is held at first: under a larger one
-    the observer compensates wrong values. Starts over the decades of vs and Fs follow where the
-    noise has grown or the fit hardly determines them. ``opened`` are the undeclared values, about
-    which no prior is known.
+    ``before`` is a fit to a part of them. Its noise is held at first: under a larger one the
+    observer compensates wrong values. Starts over the decades of vs and Fs follow where the noise
+    has grown or the fit hardly determines them. ``opened`` are the undeclared values, about which
+    no prior is known.
     """
-    if whole.noise.uneven:
-        return whole
-    start = replace(before, where=whole.where)
-    held = _from(before.values, start=start, opened=opened)
-    best = max(held, whole, key=lambda f: f.total)
-    tried = [held, whole]
+    start = replace(before, where=where)
+    if before.noise.uneven:
+        return again(start)
+    best = _from(before.values, start=start, opened=opened)
+    tried = [best]
     if _uncertain(best, before):
-        tried += beside(partial(_from, start=start, opened=opened), starts(start))
+        tried += [again(start), *beside(partial(_from, start=start, opened=opened), starts(start))]
         best = max(tried, key=lambda f: f.total)
-    best = _from(best.values, start=replace(start, noise=best.noise), opened=opened, most=0)
-    others = _distinct(best, [f for f in tried if _as_likely(best, f)])
-    return replace(best, others=tuple(others))
+    best, likely = _ended(best, start, opened), [f for f in tried if _as_likely(best, f)]
+    further = [_ended(f, start, opened) for f in _distinct(best, likely)[:FURTHER]]
+    best = max([best, *further], key=lambda f: f.total)
+    others = [f for f in [*further, *_probed(best)] if _as_likely(best, f)]
+    return replace(best, others=tuple(_distinct(best, others)))
 
 
 def starts(found: Fitted) -> list[dict[str, float]]:
@@ -82,34 +85,76 @@ def starts(found: Fitted) -> list[dict[str, float]]:
 def other_optima(fitted: Fitted) -> list[str]:
     """A sentence for each other maximum that is as likely."""
     made, own = [], replace(fitted, others=()).intervals()
-    for other in fitted.others:
+    for other in (o for o in fitted.others if len(o.free) == len(fitted.free)):
         keys = [c.key for c in fitted.free if not _within(own, other, c.key)]
         shown = ", ".join(f"{k} = {other.values[k]:.3g}" for k in keys)
         made.append(OTHER.format(max(fitted.total - other.total, 0.0), shown))
     return made
 
 
-def _from(
-    values: dict[str, float],
-    *,
-    start: Fitted,
-    opened: Collection[str],
-    most: int = SHORT,
-) -> Fitted:
-    """The fit from some values; to the end if ``most`` is 0, else with the noise held at first."""
-    free = [c.key for c in start.free] + list(start.instants)
-    anchor = start.anchor | {k: values[k] for k in opened if k in values}
-    options = {"most": most, "hold": True} if most else {"settled": CLOSE}
-    return fit(start.predictor, values, free, start.where, start.noise, anchor=anchor, **options)
+def _from(values: dict[str, float], *, start: Fitted, opened: Collection[str]) -> Fitted:
+    """A fit from some values, with the noise held at first."""
+    free, anchor = _keys(start), start.anchor | {k: values[k] for k in opened if k in values}
+    return fit(
+        start.predictor, values, free, start.where, start.noise,
+        anchor=anchor, most=SHORT, hold=True,
+    )  # fmt: skip
+
+
+def _ended(found: Fitted, start: Fitted, opened: Collection[str]) -> Fitted:
+    """The same fit, continued until hardly anything is gained."""
+    anchor = start.anchor | {k: found.values[k] for k in opened if k in found.values}
+    return fit(
+        found.predictor, found.values, _keys(found), found.where, found.noise,
+        anchor=anchor, settled=CLOSE,
+    )  # fmt: skip
+
+
+def _keys(found: Fitted) -> list[str]:
+    return [c.key for c in found.free] + list(found.instants)
+
+
+def _probed(best: Fitted) -> list[Fitted]:
+    """Fits with Fs, or vs, held beyond its interval: where the likelihood is no parabola, they
+    may be as likely."""
+    ends, made = best.intervals(), []
+    for c in _shapes(best):
+        low, high = ends.get(c.key, (0.0, 0.0))
+        for end in (low, high) if c.key == "vs" else (high,):
+            for far in BEYOND[: 1 if c.key == "vs" else 2] if end > 0.0 else ():
+                other = _with_held(best, c, end, far)
+                made += [other]
+                if _as_likely(best, other):
+                    break
+    return made
+
+
+def _with_held(best: Fitted, c: Coordinate, end: float, far: float) -> Fitted:
+    """The fit with one value held, ``far`` times as far from the best as an end of its interval."""
+    x = c.into(best.values)
+    at = c.back(x + far * (c.into(best.values | {c.key: end}) - x), best.values)
+    free = [k for k in _keys(best) if k != c.key]
+    return fit(
+        best.predictor, best.values | {c.key: at}, free, best.where, best.noise,
+        anchor=best.anchor | {c.key: at}, most=SHORT, rough=True,
+    )  # fmt: skip
+
+
+def _shapes(found: Fitted) -> list[Coordinate]:
+    """The coordinates of Fs and vs, where the fit hardly determines them."""
+    sizes = np.sqrt(np.diag(found.covariance()))
+    return [
+        c
+        for c, s in zip(found.free, sizes, strict=True)
+        if c.key in ("Fs", "vs") and c.kind in ("log", "excess") and s > WIDE
+    ]
 
 
 def _uncertain(best: Fitted, before: Fitted) -> bool:
     """True if the noise has grown, or the fit hardly determines Fs or vs."""
     if best.noise.jump > NOISIER * before.noise.jump:
         return True
-    spread_ = np.sqrt(np.diag(best.covariance()))
-    shape = [s for c, s in zip(best.free, spread_, strict=True) if c.key in ("Fs", "vs")]
-    return any(WIDE < s < ANYWHERE**0.5 or not np.isfinite(s) for s in shape)
+    return bool(_shapes(best))
 
 
 def _as_likely(best: Fitted, other: Fitted) -> bool:
