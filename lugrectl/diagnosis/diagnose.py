@@ -159,7 +159,8 @@ def _finer(asked: Asked, horizon: float, seed: int, report: Progress) -> Diagnos
     holdout = asked.holdout()
     if not isinstance(record, Record) and is_map(record):
         return diagnose_map(record, model, holdout=holdout, seed=seed, progress=report)
-    answer = _answered(partial(begin, record, model, holdout, horizon, report), report)
+    start = partial(begin, record, model, holdout, horizon, report, plain=asked.plain.values())
+    answer = _answered(start, report)
     job, found, new = answer.job, answer.found, answer.unforeseen
     if len(new):
         hidden = signals_of_the_rest(found.final, found.base)

@@ -145,7 +145,7 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
     holdout = asked.holdout()
     if not isinstance(record, Record) and is_map(record):
         return _map_identified(begin_map(record, model, holdout, report), model)
-    job = begin(record, model, holdout, horizon, report)
+    job = begin(record, model, holdout, horizon, report, plain=asked.plain.values())
     whole = on_everything(job.base, job)
     job = noted(compared(job, whole), *at_bounds(whole), *far_off(whole, model))
     job = noted(job, *other_optima(whole))

@@ -64,7 +64,8 @@ class Data:
     motion that all records have. ``w`` is a recorded speed that is not fitted, only used to compute
     errors; it lags by ``late`` s. ``ahead`` is the time by which the torque was shifted earlier, s.
     ``zeros`` are the shifts of theta by run with which effects that repeat ``order`` times per 2 pi
-    of it (rotary: once) agree; empty if theta is as recorded.
+    of it (rotary: once) agree; empty if theta is as recorded. ``plain`` are the values of the
+    plain torque balance, from which fits start.
     """
 
     t: np.ndarray
@@ -88,6 +89,7 @@ class Data:
     ahead: float = 0.0
     zeros: Mapping[int, float] = field(default_factory=dict)
     order: float = 1.0
+    plain: Mapping[str, float] = field(default_factory=dict, repr=False)
 
     def with_torque(self, u: np.ndarray) -> Data:
         """The same motion with a smoothed torque."""

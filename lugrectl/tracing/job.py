@@ -85,12 +85,14 @@ def begin(
     lead: float = GAP,
     halfway: bool = False,
     uneven: bool = False,
+    plain: Mapping[str, float] | None = None,
 ) -> Job:
     """Split the records and refit the declared model on the training part.
 
     ``turned`` exchanges training and held-out blocks of one record. ``lead`` is the time in s
     before each fitted part that only serves to find the state. A w that is ``halfway`` between
     samples is treated as a difference of positions; one on ``uneven`` stamps is not fitted.
+    ``plain`` are the values of the plain torque balance, from which the fit starts.
     """
     records = (record,) if isinstance(record, Record) else tuple(record)
     apart = (holdout,) if isinstance(holdout, Record) else ()
@@ -99,7 +101,7 @@ def begin(
     every = [*records, *map(consistent, apart)]
     for one in every:
         long_enough_to_judge(one)
-    data = prepare(every)
+    data = replace(prepare(every), plain=plain or {})
     held_out = sum(r.samples for r in records) if apart else None
     parts = split(
         data, horizon, last=holdout == "last", held_out=held_out, turned=turned, lead=lead
@@ -117,7 +119,8 @@ def begin(
     start = model
     if opened and alone is None and not filtering and lateness(data):
         # beside theta, a w that lags strongly biases the undeclared values
-        by_theta = replace(prepare([replace(r, w=None) for r in every]), differing=data.differing)
+        by_theta = prepare([replace(r, w=None) for r in every])
+        by_theta = replace(by_theta, differing=data.differing, plain=data.plain)
         known = fitting(model, by_theta).values
         start = model.with_values({k: known[k] for k in opened})
     base = fitting(start, data)

@@ -53,11 +53,11 @@ def on_theta_alone(
     stamps, w is not fitted.
     """
     if halfway or differenced(data):
-        summed = replace(prepare([_summed(r) for r in records]), w=data.y[:, 1])
+        summed = replace(prepare([_summed(r) for r in records]), w=data.y[:, 1], plain=data.plain)
         return summed, DIFFERENCED.format("lateness" if halfway else "noise")
     if not (uneven or repeats(data)):
         return None
-    alone = prepare([replace(r, w=None) for r in records])
+    alone = replace(prepare([replace(r, w=None) for r in records]), plain=data.plain)
     return replace(alone, w=data.y[:, 1], late=lateness(data)), UNEVEN if uneven else REPEATED
 
 

@@ -21,11 +21,10 @@ from .predictor import Predictor
 from .proof import loud
 from .score import Score
 from .screening import lightened, screen
-from .series import resisting
 from .windows import Windows
 
 DEFLECTIONS = (1e-5, 1e-4, 1e-3, 1e-2)  # Fc / sigma0 as a share of the largest speed, in s
-REGRESSED = {"J", "Fc", "Fv"}
+BALANCED = {"J", "Fc", "Fv"}
 # least values as parts of the torque's std (Fv at top speed, J at the std of the acceleration):
 # a fit stays near its start, so none is near zero
 LEAST = {"J": 0.01, "Fc": 1e-3, "Fv": 0.05}
@@ -52,9 +51,8 @@ def holding(model: Model, data: Data) -> Model:
 def completed(model: Model, data: Data, train: Windows) -> Model:
     """The model with an initial value for every undeclared one.
 
-    Inertia, Coulomb and viscous friction come from a regression of the torque on the motion
-    (over the training windows); presliding and Stribeck values from a coarse search; a declared
-    effect without values from the score test.
+    Inertia, Coulomb and viscous friction come from the plain torque balance; presliding and
+    Stribeck values from a coarse search; a declared effect without values from the score test.
 
     Raises
     ------
@@ -65,7 +63,7 @@ def completed(model: Model, data: Data, train: Windows) -> Model:
         return model
     known = [part for part in model.effects if None not in part.values.values()]
     core = replace(model, effects=tuple(known))
-    core = core.with_values(core.kept(_regressed(core, data, train)))
+    core = core.with_values(core.kept(_balanced(core, data)))
     core = _searched(core, data, train, model)
     for part in model.effects:
         core = _with_effect(core, part, data, train) if part not in known else core
@@ -75,7 +73,7 @@ def completed(model: Model, data: Data, train: Windows) -> Model:
 def settled(base: Fitted, declared: Model) -> Fitted:
     """The fit of the declared model, or a better one from a restart.
 
-    Behaviour around rest causes poor local maxima. The values of a regression, and a higher
+    Behaviour around rest causes poor local maxima. The values of the plain balance, and a higher
     friction, usually start from a better basin; so do the other points of the coarse search, for
     undeclared values.
     """
@@ -142,12 +140,12 @@ def _unbound(found: Fitted, opened: Sequence[str]) -> Fitted:
 
 
 def _elsewhere(base: Fitted) -> list[dict[str, float]]:
-    """Other plant values: from a regression, and with higher and lower friction."""
+    """Other plant values: from the plain balance, and with higher and lower friction."""
     predictor = base.predictor
     starts = [base.anchor | _scaled_friction(base.anchor, r) for r in (1.25, 0.8)]
-    loose = (REGRESSED & set(base.anchor)) - predictor.model.held()
+    loose = (BALANCED & set(base.anchor)) - predictor.model.held()
     opened = predictor.model.with_values(dict.fromkeys(loose))
-    found = _regressed(opened, predictor.data, base.where)
+    found = _balanced(opened, predictor.data)
     level = base.anchor.get("Fc", 0.0)
     friction = _scaled_friction(base.anchor, found.get("Fc", level) / level) if level else {}
     return [base.anchor | friction | {k: v for k, v in found.items() if k in base.anchor}, *starts]
@@ -183,34 +181,18 @@ def _scaled_friction(values: Mapping[str, float], ratio: float) -> dict[str, flo
     return {k: values[k] * ratio for k in ("Fc", "Fs") if k in values}
 
 
-def _regressed(model: Model, data: Data, train: Windows) -> dict[str, float]:
-    """Undeclared values of inertia, Coulomb and viscous friction, by least squares.
+def _balanced(model: Model, data: Data) -> dict[str, float]:
+    """Undeclared values of inertia, Coulomb and viscous friction, from the plain torque balance.
 
-    A negative inertia, due to break-away and a noisy acceleration, is replaced by a small one.
+    What it does not know, or has no sign of, starts at a small value.
     """
-    at, log = train.counted.ravel(), data.log
-    torque, columns, names = log.u[at] - log.load[at], [], []
-    for part in model.effects:
-        if part.block.acts == ("torque",) and not part.block.states:
-            own = {k: v for k, v in part.values.items() if v is not None}
-            torque -= resisting(part.block, log, own, {})[at]
-    slow = 0.02 * float(np.max(np.abs(log.w[at])))
-    shapes = {"J": log.a[at], "Fv": log.w[at], "Fc": np.tanh(log.w[at] / slow)}
-    values = model.values()
-    for name, shape in shapes.items():
-        if values.get(name, 0.0) is not None:
-            torque -= (values.get(name) or 0.0) * shape
-        else:
-            names.append(name)
-            columns.append(shape)
-    if not names:
-        return {}
-    A = np.column_stack([*columns, np.ones(len(at))])
-    found = dict(zip(names, np.linalg.lstsq(A, torque, rcond=None)[0], strict=False))
-    least = {k: float(np.std(log.u[at])) * part for k, part in LEAST.items()}
+    log = data.log
+    size = float(np.std(log.u))
+    least = {k: size * part for k, part in LEAST.items()}
     least["Fv"] /= float(np.max(np.abs(log.w)))
-    least["J"] /= float(np.std(log.a[at]))
-    return {k: max(v, least.get(k, v)) for k, v in found.items()}
+    least["J"] /= float(np.std(log.a))
+    opened = [k for k in LEAST if k in model.values() and model.values()[k] is None]
+    return {k: max(data.plain.get(k, 0.0), least[k]) for k in opened}
 
 
 def _searched(core: Model, data: Data, train: Windows, asked: Model) -> Model:
