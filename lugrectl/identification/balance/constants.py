@@ -16,11 +16,16 @@ FLOOR_OF_FRICTION = 1e-4  # no balance is closer than this share of the friction
 FLOOR_OF_NOISE = 0.3  # nor than this share of the variance of the noise of u
 MOSTLY_AT_REST = 0.5  # a window with more rest than this gives no mean
 SLIDING = 0.2  # windows with less rest than this set the scale of the residual
-PASSES = 40  # of the reweighted fit, at most
+PASSES = 16  # of the reweighted fit, at most
+PASSES_NEARBY = 8  # from the weights of a fit nearby
+ROBUST_PASSES = 4  # the first ones, whose scale is that of the median
+SETTLED = 0.01  # a step of this many standard deviations, or less, is the last
 
 # A dead torque channel
 DEAD = 1e-4  # torque below this share of the largest is none
 DEAD_SHARE = 0.01  # fewer windows with torque than this share: nothing to balance
+
+COASTING = 0.5  # share of J a that friction leaves, at most, when a drive coasts
 
 # Noise
 LATTICE = 0.8  # a channel with more different values than this share is not quantised

@@ -89,11 +89,18 @@ def _without_each(
     N = root @ fit.N @ root.T
     turned = [x @ root.T for x in rows]
     Q = np.array([x.T @ x for x in turned]) - weight[:, None, None] * N
+    d = _without_one(Q, sums @ root.T) @ root
+    return d.T @ d * (len(first) - 1) / len(first)
+
+
+def _without_one(Q: np.ndarray, score: np.ndarray) -> np.ndarray:
+    """(1 - Q_b)^-1 score_b, with the eigenvalues of Q_b bounded."""
+    if np.linalg.norm(Q, axis=(1, 2)).max() < MOST_LEVERAGE:  # no eigenvalue is near the bound
+        return np.linalg.solve(np.eye(Q.shape[1]) - Q, score[:, :, None])[:, :, 0]
     share, E = np.linalg.eigh(Q)
     gain = 1 / (1 - np.clip(share, 0, MOST_LEVERAGE))
-    along = np.einsum("bij,bi->bj", E, sums @ root.T) * gain
-    d = np.einsum("bij,bj->bi", E, along) @ root
-    return d.T @ d * (len(first) - 1) / len(first)
+    along = np.einsum("bij,bi->bj", E, score) * gain
+    return np.einsum("bij,bj->bi", E, along)
 
 
 def _wider(V: np.ndarray, other: np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ DELAY = "input_delay"
 LEVELS = {"Fc": np.sign, "Fv": lambda w: w}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class EffectColumn:
     """The torque of an effect at given values; on a level, that of the level it changes."""
 

@@ -9,8 +9,9 @@ from dataclasses import replace
 from ...model import Model
 from ...record.stretch import Stretch
 from .answer import answer
+from .coasting import UNIT_INERTIA, coasting
 from .estimate import estimate
-from .record_of import Ground, Unanswerable, ground_of
+from .record_of import Ground, ground_of
 from .result import Balance
 
 
@@ -40,12 +41,22 @@ def balance(
         What cannot be answered is left out, and a note says why.
     """
     began = time.perf_counter()
-    ground = ground_of(stretches, model, _held(model, held))
-    if isinstance(ground, Unanswerable):
-        made = Balance(notes=ground.notes)
-    else:
-        made = _answered(ground)
+    known = _held(model, held)
+    made = _of(stretches, model, known)
     return replace(made, seconds=time.perf_counter() - began)
+
+
+def _of(stretches: Sequence[Stretch], model: Model, held: Mapping[str, float]) -> Balance:
+    ground = ground_of(stretches, model, held)
+    if isinstance(ground, Ground):
+        return _answered(ground)
+    if ground.torque == 0.0:
+        per_inertia = ground_of(stretches, model, {**held, **UNIT_INERTIA})
+        if isinstance(per_inertia, Ground) and not per_inertia.is_map:
+            found = coasting(_answered(per_inertia), model.motion)
+            if found is not None:
+                return found
+    return Balance(notes=ground.notes)
 
 
 def _answered(ground: Ground) -> Balance:

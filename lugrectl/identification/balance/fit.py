@@ -104,7 +104,7 @@ def regress(
     """
     problem, rms = _problem(windows, terms, setting, delay)
     if near is None:
-        first = solve(problem, np.ones(len(windows.y)))
+        first = solve(problem)
         chunks = blocks(windows.piece, windows.run, first.r * np.sqrt(first.t))
     else:
         first, chunks = near.solution, near.chunks[:1]

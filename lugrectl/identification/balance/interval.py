@@ -22,9 +22,9 @@ def interval(
     doubts: Sequence[Fit],
     travel: Travel,
 ) -> np.ndarray:
-    """V + sum of (p - p')(p - p)' over other widths, another limit of rest, other shapes, and
+    """V + sum of (p - p')(p - p')' over fits that might as well be right, and the scale error.
 
-    what no clock, scale or encoder is better than.
+    These are the fits at other widths, with another limit of rest and with other shapes.
     """
     V = made.V.copy()
     for other in _neighbours(source, widths, made):

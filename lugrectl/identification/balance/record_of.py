@@ -30,9 +30,10 @@ from .windows import Source
 
 @dataclass(frozen=True)
 class Unanswerable:
-    """A record without an answer, and why."""
+    """A record without an answer, and why; ``torque`` is that of a dead channel."""
 
     notes: tuple[str, ...]
+    torque: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +76,9 @@ def ground_of(
         return Unanswerable(tuple(notes))
     still = steady(tracks, sensors)
     dead = _dead(tracks, still is not None, held)
-    if dead:
-        return Unanswerable((*notes, dead))
+    if dead is not None:
+        sentence = f"u is {dead:.4g} in every row: the torque channel is dead."
+        return Unanswerable((*notes, sentence), dead)
     tracks, speed, noise = with_speed(still or tracks, sensors)
     if not speed > 0:
         return Unanswerable((*notes, "nothing moves."))
@@ -86,13 +88,13 @@ def ground_of(
     return _map(tracks, model, held, sensors, comparison, notes, speed)
 
 
-def _dead(tracks: Sequence[Track], is_map: bool, held: Mapping[str, float]) -> str | None:
-    """A sentence if u has one value throughout and nothing else is known of the torque."""
-    first = tracks[0].u[tracks[0].ok][0]
+def _dead(tracks: Sequence[Track], is_map: bool, held: Mapping[str, float]) -> float | None:
+    """The torque, if it has one value throughout and nothing else is known of the torque."""
+    first = float(tracks[0].u[tracks[0].ok][0])
     same = all(np.all(p.u[p.ok] == first) for p in tracks)
     if not same or held.get("J") or (is_map and first != 0):
         return None
-    return f"u is {first:.4g} in every row: the torque channel is dead."
+    return first
 
 
 def _moving(

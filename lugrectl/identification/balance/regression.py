@@ -22,6 +22,9 @@ from .constants import (
     MOSTLY_AT_REST,
     NOT_NOISE,
     PASSES,
+    PASSES_NEARBY,
+    ROBUST_PASSES,
+    SETTLED,
     SLIDING,
     STUDENT,
 )
@@ -87,8 +90,8 @@ class Solution:
     c: np.ndarray
 
 
-def solve(problem: Problem, weights: np.ndarray) -> Solution:
-    """The fit, starting from Student weights (ones, or those of a fit nearby)."""
+def solve(problem: Problem, weights: np.ndarray | None = None) -> Solution:
+    """The fit, starting from the Student weights of a fit nearby, or from ones."""
     problem = _believable(problem)
     y, X, rest = problem.y, problem.X, problem.rest
     size = float(np.mean(y**2))
@@ -96,8 +99,9 @@ def solve(problem: Problem, weights: np.ndarray) -> Solution:
     least = FLOOR_OF_NOISE * problem.noise_y + (FLOOR_OF_FRICTION * problem.level) ** 2
     slides = rest < SLIDING
     slides = slides if slides.sum() > 5 * X.shape[1] else np.ones(len(y), bool)
-    p, s2, t = np.zeros(X.shape[1]), float(np.var(y)) + 1e-300, weights
-    for i in range(PASSES):
+    p, s2 = np.zeros(X.shape[1]), float(np.var(y)) + 1e-300
+    t, passes = (np.ones(len(y)), PASSES) if weights is None else (weights, PASSES_NEARBY)
+    for i in range(passes):
         W = t / (s2 + open_torque)
         H = X.T @ (W[:, None] * X)
         P = 1 / problem.prior**2 + 1e-12 * np.diag(H)
@@ -105,9 +109,9 @@ def solve(problem: Problem, weights: np.ndarray) -> Solution:
         A = H - N + np.diag(P)
         new = np.linalg.solve(A, X.T @ (W * y) - c)
         r = y - X @ new
-        s = _scale(r[slides], least)
-        close = np.abs(new - p) <= 1e-6 * np.abs(new) + 1e-9 * problem.prior
-        settled = abs(s / s2 - 1) < 1e-3 and np.all(close)
+        s = _scale(r[slides], s2, least, robust=i < ROBUST_PASSES)
+        step = new - p
+        settled = abs(s / s2 - 1) < SETTLED and step @ A @ step < SETTLED**2
         p, s2, t = new, s, (STUDENT + 1) / (STUDENT + r**2 / (s + open_torque))
         if settled and i > 2:
             break
@@ -148,10 +152,16 @@ def _noise(problem: Problem, total: float, H: np.ndarray, P: np.ndarray) -> tupl
     return N, N @ ratio
 
 
-def _scale(r: np.ndarray, least: float) -> float:
-    """Variance of the Student density: from the median, then one step of its likelihood."""
-    s = max((MAD * float(np.median(np.abs(r)))) ** 2, least) + 1e-300
-    return max(float(np.mean((STUDENT + 1) / (STUDENT + r**2 / s) * r**2)), least) + 1e-300
+def _scale(r: np.ndarray, s2: float, least: float, robust: bool) -> float:
+    """Variance of the Student density: from the median at first, then a step of its likelihood.
+
+    The step is that of expectation and maximisation with an expanded scale,
+    s^2 = sum w r^2 / sum w with w = (nu + 1) / (nu + r^2 / s^2), which never lowers the likelihood.
+    """
+    if robust:
+        return max((MAD * float(np.median(np.abs(r)))) ** 2, least) + 1e-300
+    w = (STUDENT + 1) / (STUDENT + r**2 / s2)
+    return max(float(np.sum(w * r**2) / np.sum(w)), least) + 1e-300
 
 
 def log_density(solution: Solution) -> float:
