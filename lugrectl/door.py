@@ -129,7 +129,11 @@ def as_record(given: Any, motion: str | None = None, what: str = "record") -> Re
 
 
 def as_records(given: Any, motion: str | None = None) -> Record | list[Record]:
-    """One record, or several where a list is given."""
+    """One record, or several where a list is given; a folder stands for the logs in it."""
+    if is_file(given) and os.path.isdir(given):
+        from .workers import files_of
+
+        given = files_of(given)
     if is_record(given) or not isinstance(given, Iterable):
         return as_record(given, motion)
     found = [as_record(one, motion, "each record") for one in given]

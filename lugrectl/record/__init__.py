@@ -13,6 +13,7 @@ from ..provenance import SourceFile
 from .audit import audit
 from .log import Log, read_log
 from .options import parse_pairs
+from .pooling import pooled
 from .samples import Record
 from .stretch import Stretch
 from .stretches import stretches
@@ -27,6 +28,7 @@ __all__ = [
     "consistent",
     "long_enough_to_judge",
     "parse_pairs",
+    "pooled",
     "read_log",
     "read_record",
     "stretches",

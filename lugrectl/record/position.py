@@ -123,7 +123,7 @@ def _turns(role: str, theta: np.ndarray, label: str | None) -> tuple[np.ndarray,
             continue
         result = theta.copy()
         result[good] = factor * np.unwrap(values, period=period)
-        said = f"{role} jumps by {period:.4g} {_times(np.count_nonzero(found))}: unwrapped"
+        said = f"{role} jumps by {period:.4g} {_times(int(found.sum()))}: unwrapped"
         if factor != 1.0:
             stated = f"stated in {label}" if label else "without a unit"
             said += f", and converted from deg ({stated}, but a turn is 360)"
