@@ -146,6 +146,10 @@ def as_log(given: Any, motion: str | None = None, what: str = "record") -> Log |
 
 def as_logs(given: Any, motion: str | None = None) -> tuple[tuple[Log | Record, ...], bool]:
     """The logs that are meant, and whether a list of them was given."""
+    if is_file(given) and os.path.isdir(given):  # a folder stands for the logs in it
+        from .workers import files_of
+
+        given = files_of(given)
     if is_record(given) or not isinstance(given, Iterable):
         return (as_log(given, motion),), False
     found = tuple(as_log(one, motion, "each record") for one in given)

@@ -157,17 +157,13 @@ def test_runs_that_speed_up_are_no_map():
 def test_what_cannot_answer_is_refused():
     _, runs, model, _ = case("none", 21)
     forward = [r for r in runs if np.mean(r.w) > 0.0]
-    with pytest.raises(Refused, match="one direction"):
-        lg.diagnose(forward, model)
+    assert "one direction" in lg.diagnose(forward, model).reason
     same = [replace(r, w=r.w * 5.0 / abs(np.mean(r.w))) for r in runs]
-    with pytest.raises(Refused, match="one speed"):
-        lg.diagnose(same, model)
-    with pytest.raises(Refused, match="opposes") as no:
-        lg.diagnose([replace(r, u=-r.u) for r in runs], model)
-    assert "u=-1" in no.value.experiment
+    assert "one speed" in lg.diagnose(same, model).reason
+    turned = lg.diagnose([replace(r, u=-r.u) for r in runs], model)
+    assert "opposes" in turned.reason and "u=-1" in turned.experiment
     ways = [sorted(way, key=lambda r: np.mean(r.w))[:2] for way in (forward, runs)]
-    with pytest.raises(Refused, match="too few"):
-        lg.diagnose([*ways[0], *ways[1]], model)
+    assert "too few" in lg.diagnose([*ways[0], *ways[1]], model).reason
 
 
 def test_a_linear_axis_has_its_own_units():

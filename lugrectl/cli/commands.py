@@ -151,16 +151,10 @@ def _read_all(a: Namespace, model: Model) -> tuple[list[Log], Any]:
 
 
 def files(names: Sequence[str]) -> list[str]:
-    """The named files; patterns that the shell did not expand (on Windows: all) are expanded."""
+    """The named files, those of a folder, and those of a pattern that the shell did not expand."""
     from ..workers import files_of
 
-    folder = next((name for name in names if Path(name).is_dir()), None)
-    if folder is not None:
-        raise InputError(
-            f"{folder} is a folder: name the records of one drive, or use diagnose --each to "
-            "diagnose every record in it separately."
-        )
-    return [str(path) for name in names for path in files_of(name, folders=False)]
+    return [str(path) for name in names for path in files_of(name)]
 
 
 def _read(name: str, a: Namespace, model: Model) -> Log:

@@ -10,6 +10,7 @@ from ..errors import InputError
 from .audit import audit
 from .log import Log, read_log
 from .options import parse_pairs
+from .pooling import pooled
 from .samples import Record
 from .stretch import Stretch
 from .stretches import stretches
@@ -24,6 +25,7 @@ __all__ = [
     "consistent",
     "long_enough_to_judge",
     "parse_pairs",
+    "pooled",
     "read_log",
     "read_record",
     "record_of",

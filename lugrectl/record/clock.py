@@ -115,7 +115,7 @@ def _back(log: Stamped) -> None:
         else:
             log.new[k + 1] = True
             log.say(
-                f"Time starts again at {log.place(k + 1)} (from {log.t[k]:.9g} s to "
+                f"Time starts again at {log.place(int(k) + 1)} (from {log.t[k]:.9g} s to "
                 f"{log.t[k + 1]:.9g} s): the parts are treated separately."
             )
     log.t = t + shift
@@ -269,7 +269,7 @@ def _say_gaps(log: Stamped) -> None:
     dt = usual_step(log.t)
     gaps = [(jump, a) for jump, a in jumps if jump > 1.5 * dt]
     if gaps:
-        lost = round(sum(jump - dt for jump, _ in gaps) / dt)
+        lost = round(sum(float(jump) - dt for jump, _ in gaps) / dt)
         log.say(
             f"About {lost} samples are lost in {count(len(gaps), 'gap')}, the first at "
             f"t = {log.t[gaps[0][1].stop - 1]:.6g} s; the parts are treated separately."

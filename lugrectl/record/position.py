@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .bad_samples import OFF, leave_out
 from .clock import usual_step
 from .outliers import distances, limits, resolution
 from .stamped import Stamped, count
@@ -13,6 +14,7 @@ from .stuck import leave_out_stuck
 
 _TURNS = 16  # most turns after which a counter wraps (57 turns would look like 360 deg)
 _TURN = 2 * np.pi
+_BRIEF = 4  # rows that may be off together
 _BITS = (8, 10, 12, 14, 15, 16, 18, 20, 24, 31, 32)  # of counters
 
 
@@ -123,7 +125,7 @@ def _turns(role: str, theta: np.ndarray, label: str | None) -> tuple[np.ndarray,
             continue
         result = theta.copy()
         result[good] = factor * np.unwrap(values, period=period)
-        said = f"{role} jumps by {period:.4g} {_times(np.count_nonzero(found))}: unwrapped"
+        said = f"{role} jumps by {period:.4g} {_times(int(found.sum()))}: unwrapped"
         if factor != 1.0:
             stated = f"stated in {label}" if label else "without a unit"
             said += f", and converted from deg ({stated}, but a turn is 360)"
@@ -167,20 +169,35 @@ def _period(theta: np.ndarray, found: Jumps, motion: str) -> tuple[float, np.nda
 
 
 def make_continuous(log: Stamped) -> None:
-    """Unwrap positions, leave out where one stands still by mistake, and begin a new part
-    where one jumps for another reason."""
+    """Unwrap positions, leave out what jumps away and back or stands still by mistake, and begin
+    a new part where a position jumps for another reason."""
     for role in ("theta", "theta_load"):
         if role in log.channels:
             x, label = log.channels[role], log.labels.get(role)
             log.channels[role], said = unwrapped(role, x, label, log.t, log.motion)
             log.say(*said)
-    theta = log.position
-    if theta is None:
-        return
-    found = jumps(log.t, theta)
-    if len(found) and leave_out_stuck(log, found.a, found.b):
-        found = jumps(log.t, log.channels["theta"])
-    _cut(log, found)
+    for role in ("theta", "w"):
+        if role in log.channels:
+            _leave_out_excursions(log, role)
+            found = jumps(log.t, log.channels[role])
+            if len(found):
+                leave_out_stuck(log, role, found.a, found.b)
+    if "theta" in log.channels:
+        _cut(log, jumps(log.t, log.channels["theta"]))
+
+
+def _leave_out_excursions(log: Stamped, role: str) -> None:
+    """Leave out rows between a jump and the jump back: a few, or any that keep one value."""
+    x = log.channels[role]
+    found, bad = jumps(log.t, x), np.zeros(len(x), bool)
+    for i in range(len(found) - 1):
+        there, back = found.size[i], found.size[i + 1]
+        rows = slice(int(found.b[i]), int(found.a[i + 1]) + 1)
+        returns = abs(there + back) <= 0.3 * abs(there) + 2 * found.margin[i : i + 2].sum()
+        one = bool((x[rows] == x[rows.start]).all())
+        if there * back < 0 and (one or returns and rows.stop - rows.start <= _BRIEF):
+            bad[rows] = True
+    leave_out(log, role, bad, OFF)
 
 
 def _cut(log: Stamped, found: Jumps) -> None:

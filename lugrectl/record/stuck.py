@@ -1,4 +1,4 @@
-"""Positions that stand still in the log while the drive goes on, or before there is a signal."""
+"""Motion that stands still in the log while the drive goes on, or before there is a signal."""
 
 from __future__ import annotations
 
@@ -7,29 +7,37 @@ import numpy as np
 from .stamped import Stamped, count
 
 _FEWEST = 3  # equal samples in a row that may be a stuck sensor
+_LONG = 20  # the same of a speed, whose noise never stops
 
 
-def leave_out_stuck(log: Stamped, a: np.ndarray, b: np.ndarray) -> bool:
-    """Leave out runs of one position that end or begin at a jump, from row a to row b.
+def leave_out_stuck(log: Stamped, role: str, a: np.ndarray, b: np.ndarray) -> None:
+    """Leave out runs of one value that end or begin at a jump, from row a to row b.
 
-    A drive comes to rest gradually: a position that stops at once, or that stands still together
-    with all other channels, was not read. True if samples were left out.
+    A drive comes to rest gradually: a position that stops at once, a speed that loses its noise,
+    or a channel that stands still together with all others, was not read.
     """
-    x = log.channels["theta"]
+    x = log.channels[role]
     bad = np.zeros(len(x), bool)
     for before, after in zip(a, b, strict=True):
         for start, stop in (_same(x, int(before), -1), _same(x, int(after), 1)):
             if stop - start >= _FEWEST and (
-                _at_once(x, start, stop, int(before)) or _all_stand(log, start, stop)
+                _at_once(x, start, stop, int(before))
+                or _all_stand(log, start, stop)
+                or role == "w"
+                and _without_noise(x, start, stop)
             ):
                 bad[start:stop] = True
-    if not bad.any():
-        return False
-    _say(log, bad)
-    x = x.copy()
-    x[bad] = np.nan
-    log.channels["theta"] = x
-    return True
+    if bad.any():
+        _say(log, role, bad)
+        x = x.copy()
+        x[bad] = np.nan
+        log.channels[role] = x
+
+
+def _without_noise(x: np.ndarray, start: int, stop: int) -> bool:
+    """Whether a run is long where other samples all differ from the one before."""
+    others = np.diff(np.r_[x[:start], x[stop:]])
+    return stop - start >= _LONG and bool(np.mean(others == 0) < 0.05)
 
 
 def _same(x: np.ndarray, row: int, way: int) -> tuple[int, int]:
@@ -59,9 +67,9 @@ def _all_stand(log: Stamped, start: int, stop: int) -> bool:
     return all(bool((part == part[0]).all()) for part in parts)
 
 
-def _say(log: Stamped, bad: np.ndarray) -> None:
+def _say(log: Stamped, role: str, bad: np.ndarray) -> None:
     rows = np.flatnonzero(bad)
     log.say(
-        f"theta stands at {log.value('theta', rows[0])} for {count(len(rows), 'row')} from "
+        f"{role} stands at {log.value(role, rows[0])} for {count(len(rows), 'row')} from "
         f"{log.place(rows[0])} on and then jumps: these rows are left out."
     )

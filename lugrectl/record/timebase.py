@@ -187,6 +187,7 @@ def _joined(log: Stamped, pieces: list[_Piece], dt: float, filled: int) -> Recor
         motion=log.motion,
         source=log.source,
         file=None,
+        log=None,
         dropped=log.dropped + filled,
         messages=tuple(said),
         gaps=gaps,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from .bad_samples import leave_out_bad_samples
 from .clock import put_in_time
 from .held import keep_renewed
@@ -18,9 +20,25 @@ def usable(log: Log) -> Stamped:
     begins where time or position do not go on. Nothing is filled in or resampled.
     """
     made = Stamped.of(log)
+    _without_empty(made)
     put_in_time(made)
     leave_out_bad_samples(made)
     make_continuous(made)
     keep_renewed(made)
     leave_out_untrue_torque(made)
     return made
+
+
+def _without_empty(log: Stamped) -> None:
+    """Leave out a load of zeros, and a motion signal that holds next to no number."""
+    for role in ("d", "theta_load"):
+        if role in log.channels and not log.channels[role].any():
+            del log.channels[role]
+            log.say(f"{role} is 0 in every row: left out.")
+    for role, other in (("w", "theta"), ("theta", "w")):
+        if not {role, other} <= set(log.channels):
+            continue
+        shares = {r: float(np.isfinite(log.channels[r]).mean()) for r in (role, other)}
+        if shares[role] < 0.5 * shares[other]:
+            del log.channels[role]
+            log.say(f"{role} has a number in {100 * shares[role]:.2g} % of the rows: left out.")

@@ -9,7 +9,7 @@ from typing import Any
 
 from ..engine.load import compiler
 from ..model import Model
-from ..record import Record, consistent, long_enough_to_judge
+from ..record import Record, consistent, long_enough_to_judge, pooled
 from ..results import Estimate
 from ..spec import unit_for
 from .agreeing import agreeing, settled_on
@@ -97,8 +97,9 @@ def begin(
     records = (record,) if isinstance(record, Record) else tuple(record)
     apart = (holdout,) if isinstance(holdout, Record) else ()
     refuse_dead([*records, *apart])
-    records = tuple(map(consistent, records))  # a record made of arrays was not checked yet
-    every = [*records, *map(consistent, apart)]
+    checked = map(consistent, (*records, *apart))  # a record made of arrays was not checked yet
+    every = pooled([*checked])
+    records = every[: len(records)]
     for one in every:
         long_enough_to_judge(one)
     data = replace(prepare(every), plain=plain or {})
