@@ -11,8 +11,8 @@ import lugrectl as lg
 from lugrectl.cli import main
 from lugrectl.errors import InputError
 from lugrectl.friction_map import begin_map, estimates_of, messages_of
-from lugrectl.steady.curve import refit
 from lugrectl.stated import Stated
+from lugrectl.steady.curve import refit
 from lugrectl.tracing.beliefs import Prior, known
 from lugrectl.tracing.coordinates import coordinates, free_keys, inside, rates
 
