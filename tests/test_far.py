@@ -25,14 +25,24 @@ def said(half: float = 0.01, **factors: float) -> str:
     return " ".join(far_off(SimpleNamespace(values=values, intervals=lambda: ends), model()))
 
 
-@pytest.mark.parametrize("factor, way", [(1.5, "50 % above"), (0.7, "30 % below")])
-def test_a_value_far_off_is_said_with_its_unit(factor, way):
-    assert f"J is {way} the declared 0.1 kg m2" in said(J=factor)
+@pytest.mark.parametrize("factor", [1.5, 0.7, 1.03])
+def test_a_value_left_beyond_its_interval_is_said_with_both_values(factor):
+    sentence = said(J=factor)
+    assert f"J is {0.1 * factor:.3f}"[:9] in sentence and "declared 0.1 kg m2" in sentence
+    assert sentence.count("declared") == 2 and sentence.endswith(".")
 
 
-def test_what_the_record_does_not_tell_or_is_near_is_not_said():
-    assert said(Fc=1.15, J=0.9) == ""
+def test_what_the_interval_contains_or_the_model_holds_is_not_said():
     assert said(half=0.4, Fc=1.3) == ""
+    values = model().values() | {"J": 0.2}
+    found = SimpleNamespace(values=values, intervals=lambda: {"J": (0.19, 0.21)})
+    assert "J is 0.2" in far_off(found, model())[0] and far_off(found, model().fix("J")) == []
+
+
+def test_an_angle_that_is_a_full_turn_away_is_the_same():
+    whole = model().with_effect("gravity", {"amplitude": 0.2, "phase": 3.1})
+    found = SimpleNamespace(values={}, intervals=lambda: {"gravity.phase": (-3.25, -3.1)})
+    assert far_off(found, whole) == []
 
 
 def test_a_higher_level_may_be_a_dead_zone():

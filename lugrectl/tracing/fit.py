@@ -327,7 +327,8 @@ class _Climb:
     def linearised(self, values: Values, noise: Noise) -> _Linear:
         r, A = slopes(self.predictor, values, self.coords, self.where, noise, graph=self.graph)
         A, r = weighed(r, A, noise)
-        return _Linear(*information(A.reshape(*A.shape[:2], -1), r.reshape(len(r), -1)))
+        r = r.reshape(len(r), -1)
+        return _Linear(*information(A.reshape(*A.shape[:2], r.shape[1]), r))
 
 
 def _move(H, gradient, damping, coords, values) -> dict[str, float]:
