@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lugrectl import identify, read_model, read_record
+from lugrectl import diagnose, identify, read_model, read_record
 from lugrectl.errors import Refused
 from lugrectl.record import Record
 from lugrectl.tracing.balance import balance, cells

@@ -10,7 +10,7 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.cli import main
-from lugrectl.errors import InputError, Refused
+from lugrectl.errors import InputError
 from lugrectl.model import model_from_dict
 from lugrectl.report import text
 from lugrectl.steady.points import is_map, points
