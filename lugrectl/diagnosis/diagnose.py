@@ -55,6 +55,7 @@ from ..tracing.surprise import beyond_doubt, misled, openings, surprising, undat
 from ..tracing.tabulate import tabulate
 from ..tracing.witness import statements
 from .asking import Asked
+from .floor import hold
 from .plain import refusal, with_plain
 
 TURNED = (
@@ -170,6 +171,8 @@ def _finer(asked: Asked, horizon: float, seed: int, report: Progress) -> Diagnos
     found = behind_a_filter(found)
     report(0.85, "errors on held-out samples")
     scored = score(job, found.final)
+    shown = traces(job, found.final, scored["judged"])
+    hold(job.data, shown, asked.plain)
     report(0.92, "parameters and intervals")
     whole = found.final if len(new) else known or on_everything(found.final, job)
     job = compared(job, answer.own or whole)
@@ -196,7 +199,7 @@ def _finer(asked: Asked, horizon: float, seed: int, report: Progress) -> Diagnos
         record=job.records[0],
         messages=job.messages,
         ranking=found.ranking,
-        traces=traces(job, found.final, scored["judged"]),
+        traces=shown,
         table=table,
     )
 

@@ -7,55 +7,60 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.signal import oaconvolve
 
+from ..errors import Refused
 from ..identification.balance import Balance
-from ..tracing.fit import Fitted
+from ..results import Traces
+from ..tracing.data import Data
 
 MORE = 1.05  # times what the plain balance leaves; a finer fit that leaves more has failed ...
 POINTS = 0.003  # ... if it is also this share of the RMS torque more
 FAILED = (
-    "The fit by simulation failed: in the same windows it leaves {:.1f} % of the RMS torque, the "
+    "the fit by simulation failed: in the same windows it leaves {:.1f} % of the RMS torque, the "
     "plain torque balance {:.1f} %."
 )
 
 
-def failure(fitted: Fitted, plain: Balance) -> str | None:
-    """What to say where a fit leaves more of the torque than the plain balance; None if it holds.
+def hold(data: Data, traces: Traces, plain: Balance) -> None:
+    """Raise Refused where the augmented model leaves more of the torque than the plain balance.
 
     Both are RMS of the residual torque, averaged over the windows of the balance in which the
     drive slides, as a share of the RMS torque there.
     """
-    left = share_left(fitted, plain)
-    if left is None or plain.left is None or left <= MORE * plain.left + POINTS:
-        return None
-    return FAILED.format(100.0 * left, 100.0 * plain.left)
+    left = share_left(data, traces.residual["augmented"], plain)
+    if left is not None and plain.left is not None and left > MORE * plain.left + POINTS:
+        raise Refused(FAILED.format(100.0 * left, 100.0 * plain.left))
 
 
-def share_left(fitted: Fitted, plain: Balance) -> float | None:
-    """Share of the RMS torque that a fit leaves in the windows of the balance."""
-    windows, half = plain.residual, plain.half_width
-    if windows is None or not half or not plain.left:
+def share_left(data: Data, residual: np.ndarray, plain: Balance) -> float | None:
+    """Share of the RMS torque that a residual torque (N,) is in the windows of the balance.
+
+    Windows with a sample of which nothing is known (NaN) are left out. None if none remains.
+    """
+    if plain.residual is None or not plain.half_width or not plain.left:
         return None
-    squares, balanced, count = 0.0, 0.0, 0
-    for mine, theirs in _means(fitted, plain):
+    squares = balanced = 0.0
+    for mine, theirs in _means(data, residual, plain):
         squares, balanced = squares + float(mine @ mine), balanced + float(theirs @ theirs)
-        count += len(mine)
-    return plain.left * float(np.sqrt(squares / balanced)) if count and balanced else None
+    return plain.left * float(np.sqrt(squares / balanced)) if balanced else None
 
 
-def _means(fitted: Fitted, plain: Balance) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """For each stretch of the data: the residual of the fit, and of the balance, in windows."""
-    data, windows, half = fitted.predictor.data, plain.residual, plain.half_width or 0.0
+def _means(
+    data: Data, residual: np.ndarray, plain: Balance
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """For each stretch: the residual and that of the balance in the windows, N m."""
+    windows, half = plain.residual, plain.half_width or 0.0
     assert windows is not None
-    J, a = fitted.values["J"], data.log.a
-    rest = fitted.predictor.torque(fitted.values, built_up=True) - J * a
     bump = _bump(half / data.dt)
     for begin, end in data.runs:
-        t = data.log.t[begin:end]
+        t, known = data.t[begin:end], np.isfinite(residual[begin:end])
         at = windows.sliding & (windows.run == data.run[begin])
         at &= (windows.t > t[0] + half) & (windows.t < t[-1] - half)
-        if at.any() and end - begin > len(bump):
-            mean = oaconvolve(rest[begin:end], bump, "same")
-            yield np.interp(windows.t[at], t, mean), windows.value[at]
+        if not at.any() or end - begin <= len(bump):
+            continue
+        mean = oaconvolve(np.where(known, residual[begin:end], 0.0), bump, "same")
+        whole = oaconvolve(known.astype(float), bump, "same") > 1.0 - 1e-6
+        usable = np.interp(windows.t[at], t, whole.astype(float)) > 0.999
+        yield np.interp(windows.t[at], t, mean)[usable], windows.value[at][usable]
 
 
 def _bump(half: float) -> np.ndarray:

@@ -34,6 +34,7 @@ from ..tracing.far import at_bounds, far_off
 from ..tracing.job import begin, compared, estimates, noted, on_everything, score
 from ..tracing.optima import other_optima
 from .asking import Asked
+from .floor import hold
 from .plain import with_plain
 
 ONLY_PLAIN = "The values are those of the torque balance alone, without errors of a simulation: {}"
@@ -150,6 +151,8 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
     job = noted(compared(job, whole), *at_bounds(whole), *far_off(whole, model))
     job = noted(job, *other_optima(whole))
     scored = score(job, job.base)
+    shown = traces(job, job.base, scored["judged"])
+    hold(job.data, shown, asked.plain)
     error = scored["error"]
     return Identification(
         estimates=estimates(whole),
@@ -158,7 +161,7 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
         record=job.records[0],
         messages=job.messages,
         declared=model,
-        traces=traces(job, job.base, scored["judged"]),
+        traces=shown,
     )
 
 
