@@ -9,7 +9,7 @@ import numpy as np
 
 from .constants import BLOCK_MEMORIES, CELL, LARGEST_DELAY, SCALE_OF_SHAPES, WIDE
 from .covariance import Blocks, blocks, covariance
-from .regression import Problem, Solution, log_density, solve
+from .regression import Problem, Solution, log_density, solve, weights_near
 from .terms import Term
 from .windows import Source, Windows
 
@@ -76,14 +76,18 @@ def fit(
     setting: Setting,
     delay: float = 0.0,
     rounds: int = ROUNDS,
+    start: np.ndarray | None = None,
 ) -> Fit | None:
-    """The terms on windows of one width; the delay of u by Gauss-Newton. None: too few windows."""
+    """The terms on windows of one width; the delay of u by Gauss-Newton. None: too few windows.
+
+    ``start`` holds coefficients to start from, so that the fit stays with their explanation.
+    """
     made = None
     for _ in range(rounds):
         windows = source.windows(half_width, terms, setting.rest, delay)
         if windows is None or windows.is_dead():
             return made
-        made = replace(regress(windows, terms, setting, delay), half_width=half_width)
+        made = replace(regress(windows, terms, setting, delay, start=start), half_width=half_width)
         step, delay = made.delay - delay, made.delay
         if abs(step) < 0.02 * windows.dt:
             break
@@ -96,6 +100,7 @@ def regress(
     setting: Setting,
     delay: float,
     near: Fit | None = None,
+    start: np.ndarray | None = None,
 ) -> Fit:
     """The terms, whose columns are those of ``windows``, at one delay.
 
@@ -104,7 +109,7 @@ def regress(
     """
     problem, rms = _problem(windows, terms, setting, delay)
     if near is None:
-        first = solve(problem)
+        first = solve(problem, None if start is None else weights_near(problem, start))
         chunks = blocks(windows.piece, windows.run, first.r * np.sqrt(first.t))
     else:
         first, chunks = near.solution, near.chunks[:1]
