@@ -51,7 +51,8 @@ def _first(ground: Ground) -> Fit | None:
     loaded = [t for use in ground.uses if use.loaded for t in use.terms]
     known = any(np.any(p.load) for p in ground.tracks)
     terms = [t for t in ground.terms if known or t not in loaded]
-    return best_width(ground.source, ground.widths, terms, ground.setting)
+    widths = ground.widths[-1:] if ground.is_map else ground.widths
+    return best_width(ground.source, widths, terms, ground.setting)
 
 
 def _shaped(ground: Ground, made: Fit) -> tuple[list[Chosen], list[Fit]]:
