@@ -7,9 +7,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .constants import BLOCK_MEMORIES, CELL, LARGEST_DELAY, SCALE_OF_SHAPES, WIDE
+from .constants import (
+    BLOCK_MEMORIES,
+    LARGEST_DELAY,
+    SCALE_OF_SHAPES,
+    SLIDING,
+    SPREAD,
+    WIDE,
+    WINDOWS_FOR_NOISE,
+)
 from .covariance import Blocks, blocks, covariance
-from .regression import Problem, Solution, log_density, solve, weights_near
+from .regression import MAD, Problem, Solution, log_density, solve, weights_near
 from .terms import Term
 from .windows import Source, Windows
 
@@ -109,6 +117,7 @@ def regress(
     """
     problem, rms = _problem(windows, terms, setting, delay)
     if near is None:
+        problem = _without_signal(problem)
         first = solve(problem, None if start is None else weights_near(problem, start))
         chunks = blocks(windows.piece, windows.run, first.r * np.sqrt(first.t))
     else:
@@ -134,6 +143,28 @@ def regress(
         merit=_merit(last, V, terms, rms / torque),
         score=_score(last, terms, setting),
         delay=_delay(last.p, terms, setting),
+    )
+
+
+def _without_signal(problem: Problem) -> Problem:
+    """The problem with no more noise of u than a first fit leaves.
+
+    The noise of u is read off the top of its spectrum. A command that jumps at random has its own
+    power there; the balance then leaves less than that "noise".
+    """
+    n, m = problem.X.shape
+    if n < WINDOWS_FOR_NOISE * m or not problem.noise_y:
+        return problem
+    free = replace(
+        problem, noise_y=0.0, noise=problem.noise * problem.own, shared=0 * problem.shared
+    )
+    r = solve(free).r[problem.rest < SLIDING]
+    share = (MAD * float(np.median(np.abs(r)))) ** 2 / problem.noise_y if len(r) else 1.0
+    if share > 1:
+        return problem
+    noise = np.where(problem.own, problem.noise, share * problem.noise)
+    return replace(
+        problem, noise=noise, shared=share * problem.shared, noise_y=share * problem.noise_y
     )
 
 
@@ -192,7 +223,7 @@ def _prior(
     wide = WIDE * _torque(windows) / rms
     prior = [w if t.share is None else t.share * level for w, t in zip(wide, terms, strict=False)]
     if setting.delay_prior:
-        of_u = np.array([setting.delay_prior, CELL])
+        of_u = np.array([setting.delay_prior, SPREAD])
         prior = [*prior, *(of_u / np.sqrt(overlap))]
     return np.array(prior)
 

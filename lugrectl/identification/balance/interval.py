@@ -45,12 +45,20 @@ def _beyond_chance(gap: np.ndarray, V: np.ndarray, other: np.ndarray) -> np.ndar
     Of two estimates of the same data the better one is uncorrelated with their difference, whose
     covariance is then V' - V. Each component keeps what its square has beyond that.
     """
-    root = np.linalg.cholesky(V + 1e-12 * np.diag(np.diag(V)))
-    inner = np.linalg.solve(root, np.linalg.solve(root, other).T)
+    root, back = _square_root(V)
+    inner = back @ other @ back.T
     share, E = np.linalg.eigh((inner + inner.T) / 2)
-    along = E.T @ np.linalg.solve(root, gap)
+    along = E.T @ (back @ gap)
     chance = np.maximum(share - 1, 0) / np.maximum(along**2, 1e-300)
     return root @ E @ (along * np.sqrt(np.maximum(1 - chance, 0)))
+
+
+def _square_root(V: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """R and its inverse, with R R' = V up to rounding."""
+    s = np.sqrt(np.maximum(np.diag(V), 1e-300))
+    size, E = np.linalg.eigh(V / np.outer(s, s))
+    size = np.sqrt(np.maximum(size, 1e-12))
+    return s[:, None] * E * size, (E / size).T / s
 
 
 def _neighbours(source: Source, widths: Sequence[float], made: Fit) -> list[Fit]:
