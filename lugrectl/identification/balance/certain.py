@@ -54,9 +54,9 @@ def _among(
     rms = made.rms[list(at)]
     own = V[np.ix_(at, at)]
     names = [made.names[i] for i in at]
-    variance, E = np.linalg.eigh(own * np.outer(rms, rms))
+    _, E = np.linalg.eigh(own * np.outer(rms, rms))
     found = []
-    for size, e in zip(variance, E.T, strict=True):
+    for e in E.T:
         c = np.where(np.abs(e) < SMALL_PART, 0.0, e) * rms
         if not 1 < np.count_nonzero(c) <= MOST_PARTS:
             continue
@@ -64,7 +64,7 @@ def _among(
         c = _simple(c / c[first], own)
         value = float(c @ made.p[list(at)])
         half = quantile * float(np.sqrt(max(c @ own @ c, 0.0)))
-        share = quantile * float(np.sqrt(max(size, 0.0))) / made.torque
+        share = half / float(np.linalg.norm(c / rms)) / made.torque
         if share > SHARE_OF_TORQUE and half > SHARE_OF_VALUE * abs(value):
             continue
         text, wants = _text(c, names, first)

@@ -31,6 +31,7 @@ COASTING = 0.5  # share of J a that friction leaves, at most, when a drive coast
 LATTICE = 0.8  # a channel with more different values than this share is not quantised
 TOP_OF_SPECTRUM = (0.3, 0.48)  # frequencies where only noise is left, times the rate
 NO_NOISE = 1e-12  # a standard deviation is never taken below this
+WINDOWS_FOR_NOISE = 10.0  # windows for each term from which a residual bounds the noise of u
 NOT_NOISE = 0.1  # more than this share of u is no noise: u is faster than the log
 MOST_OF_A_TERM = 0.8  # noise takes at most this share off the information of a term
 MOST_OF_A_DERIVATIVE = 0.5  # the same for the derivatives of u
@@ -55,7 +56,7 @@ TOP_SPEED = 0.95  # quantile of |w| that is called the top speed
 
 # Priors
 WIDE = 30.0  # standard deviation of a term, in units of the RMS torque
-CELL = 1.0 / 24.0  # half the variance of a mean over one sample, in samples squared
+SPREAD = 1.0 / 12.0  # of the spread of u beyond the hold, samples squared: a mean over one is 1/24
 DELAY_SAMPLES = 3.0  # standard deviation of the delay of u: so many samples,
 DELAY_SECONDS = 5e-3  # but no more than this (or one sample), s
 LARGEST_DELAY = 0.2  # s
@@ -65,6 +66,8 @@ SCALE_OF_SHAPES = 0.1  # friction counts at least this share of the torque for t
 TURNS = (((0.0, 3e-3), 0.7), ((3e-3, 3e-2), 0.5))  # distances in speed times half-width
 DIPS = ((0.003, 0.3), (0.008, 0.2), (0.02, 0.2), (0.05, 0.1))  # speeds in top speeds
 REST_TORQUE = 1.0  # torque at rest, with the direction of the motion before or after
+
+COST_OF_SHAPES = 1.2  # another width is tried if they raise the expected error by this factor
 
 # Choice of a friction shape
 CLEARLY = 15.0  # nats by which a shape must be more likely to be taken
@@ -108,6 +111,6 @@ BINS = 12  # of speed in each direction
 LEAST_OF_BIN = 8  # windows
 
 # A large delay
-LATE_SAMPLES = 3.0  # above so many samples
+LATE_SAMPLES = 1.0  # above so many samples
 LATE_SECONDS = 0.02  # and so many seconds it is compared with none
 NO_DELAY = 1e-3  # samples: width of the prior of a delay that is to be none

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .constants import CLEARLY, LATE_SAMPLES, LATE_SECONDS, NO_DELAY
+from .constants import CLEARLY, COST_OF_SHAPES, LATE_SAMPLES, LATE_SECONDS, NO_DELAY
 from .fit import Fit, fit
 from .interval import interval
 from .load import with_load
@@ -51,15 +51,15 @@ def _first(ground: Ground) -> Fit | None:
     loaded = [t for use in ground.uses if use.loaded for t in use.terms]
     known = any(np.any(p.load) for p in ground.tracks)
     terms = [t for t in ground.terms if known or t not in loaded]
-    return best_width(ground.source, ground.widths, terms, ground.setting)
+    widths = ground.widths[-1:] if ground.is_map else ground.widths
+    return best_width(ground.source, widths, terms, ground.setting)
 
 
 def _shaped(ground: Ground, made: Fit) -> tuple[list[Chosen], list[Fit]]:
     """The fit with what friction does near rest, and a fit that may as well be right."""
     source, setting, doubts = ground.source, made.setting, []
     if not ground.is_map:
-        terms = [*made.terms, *shapes_near_rest(ground.speed, made.half_width)]
-        made = fit(source, made.half_width, terms, setting, made.delay) or made
+        made = _with_shapes(ground, made)
     choices = [Chosen(made)]
     if not ground.is_map and turns_often(ground.tracks, setting.rest):
         choices.append(with_turning(source, made, ground.speed))
@@ -72,6 +72,20 @@ def _shaped(ground: Ground, made: Fit) -> tuple[list[Chosen], list[Fit]]:
         # no law has a negative dip: the fit without it counts as well
         doubts += [fit(source, made.half_width, made.terms[:-1], setting, made.delay)]
     return choices, [f for f in doubts if f is not None]
+
+
+def _with_shapes(ground: Ground, made: Fit) -> Fit:
+    """The fit with what friction may do near rest, at another width where that costs too much."""
+
+    def shaped(half_width: float) -> Fit | None:
+        terms = [*made.terms, *shapes_near_rest(ground.speed, half_width)]
+        return fit(ground.source, half_width, terms, made.setting, made.delay)
+
+    own = shaped(made.half_width)
+    if own is not None and own.merit < COST_OF_SHAPES * made.merit:
+        return own
+    others = [shaped(width) for width in ground.widths if width != made.half_width]
+    return min((f for f in (own, *others) if f), key=lambda f: f.merit, default=made)
 
 
 def _late_or_not(

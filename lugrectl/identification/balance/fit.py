@@ -7,9 +7,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .constants import BLOCK_MEMORIES, CELL, LARGEST_DELAY, SCALE_OF_SHAPES, WIDE
+from .constants import (
+    BLOCK_MEMORIES,
+    LARGEST_DELAY,
+    SCALE_OF_SHAPES,
+    SLIDING,
+    SPREAD,
+    WIDE,
+    WINDOWS_FOR_NOISE,
+)
 from .covariance import Blocks, blocks, covariance
-from .regression import Problem, Solution, log_density, solve
+from .regression import MAD, Problem, Solution, log_density, solve, weights_near
 from .terms import Term
 from .windows import Source, Windows
 
@@ -76,14 +84,18 @@ def fit(
     setting: Setting,
     delay: float = 0.0,
     rounds: int = ROUNDS,
+    start: np.ndarray | None = None,
 ) -> Fit | None:
-    """The terms on windows of one width; the delay of u by Gauss-Newton. None: too few windows."""
+    """The terms on windows of one width; the delay of u by Gauss-Newton. None: too few windows.
+
+    ``start`` holds coefficients to start from, so that the fit stays with their explanation.
+    """
     made = None
     for _ in range(rounds):
         windows = source.windows(half_width, terms, setting.rest, delay)
         if windows is None or windows.is_dead():
             return made
-        made = replace(regress(windows, terms, setting, delay), half_width=half_width)
+        made = replace(regress(windows, terms, setting, delay, start=start), half_width=half_width)
         step, delay = made.delay - delay, made.delay
         if abs(step) < 0.02 * windows.dt:
             break
@@ -96,6 +108,7 @@ def regress(
     setting: Setting,
     delay: float,
     near: Fit | None = None,
+    start: np.ndarray | None = None,
 ) -> Fit:
     """The terms, whose columns are those of ``windows``, at one delay.
 
@@ -104,7 +117,8 @@ def regress(
     """
     problem, rms = _problem(windows, terms, setting, delay)
     if near is None:
-        first = solve(problem)
+        problem = _without_signal(problem)
+        first = solve(problem, None if start is None else weights_near(problem, start))
         chunks = blocks(windows.piece, windows.run, first.r * np.sqrt(first.t))
     else:
         first, chunks = near.solution, near.chunks[:1]
@@ -129,6 +143,28 @@ def regress(
         merit=_merit(last, V, terms, rms / torque),
         score=_score(last, terms, setting),
         delay=_delay(last.p, terms, setting),
+    )
+
+
+def _without_signal(problem: Problem) -> Problem:
+    """The problem with no more noise of u than a first fit leaves.
+
+    The noise of u is read off the top of its spectrum. A command that jumps at random has its own
+    power there; the balance then leaves less than that "noise".
+    """
+    n, m = problem.X.shape
+    if n < WINDOWS_FOR_NOISE * m or not problem.noise_y:
+        return problem
+    free = replace(
+        problem, noise_y=0.0, noise=problem.noise * problem.own, shared=0 * problem.shared
+    )
+    r = solve(free).r[problem.rest < SLIDING]
+    share = (MAD * float(np.median(np.abs(r)))) ** 2 / problem.noise_y if len(r) else 1.0
+    if share > 1:
+        return problem
+    noise = np.where(problem.own, problem.noise, share * problem.noise)
+    return replace(
+        problem, noise=noise, shared=share * problem.shared, noise_y=share * problem.noise_y
     )
 
 
@@ -187,7 +223,7 @@ def _prior(
     wide = WIDE * _torque(windows) / rms
     prior = [w if t.share is None else t.share * level for w, t in zip(wide, terms, strict=False)]
     if setting.delay_prior:
-        of_u = np.array([setting.delay_prior, CELL])
+        of_u = np.array([setting.delay_prior, SPREAD])
         prior = [*prior, *(of_u / np.sqrt(overlap))]
     return np.array(prior)
 

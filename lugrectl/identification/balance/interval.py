@@ -28,7 +28,7 @@ def interval(
     """
     V = made.V.copy()
     for other in _neighbours(source, widths, made):
-        gap = difference(made, other, made)
+        gap = _beyond_chance(difference(made, other, made), made.V, other.V)
         V += np.outer(gap, gap)
     for choice in choices:
         if choice.anchor is not None:
@@ -39,6 +39,28 @@ def interval(
     return V + np.diag((_scale_error(source, travel) * _sizes(made)) ** 2)
 
 
+def _beyond_chance(gap: np.ndarray, V: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """The difference of two fits of one record, without what the worse one has by chance.
+
+    Of two estimates of the same data the better one is uncorrelated with their difference, whose
+    covariance is then V' - V. Each component keeps what its square has beyond that.
+    """
+    root, back = _square_root(V)
+    inner = back @ other @ back.T
+    share, E = np.linalg.eigh((inner + inner.T) / 2)
+    along = E.T @ (back @ gap)
+    chance = np.maximum(share - 1, 0) / np.maximum(along**2, 1e-300)
+    return root @ E @ (along * np.sqrt(np.maximum(1 - chance, 0)))
+
+
+def _square_root(V: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """R and its inverse, with R R' = V up to rounding."""
+    s = np.sqrt(np.maximum(np.diag(V), 1e-300))
+    size, E = np.linalg.eigh(V / np.outer(s, s))
+    size = np.sqrt(np.maximum(size, 1e-12))
+    return s[:, None] * E * size, (E / size).T / s
+
+
 def _neighbours(source: Source, widths: Sequence[float], made: Fit) -> list[Fit]:
     """The fits at the next wider and narrower windows and with another limit of rest."""
     i, setting = list(widths).index(made.half_width), made.setting
@@ -47,7 +69,7 @@ def _neighbours(source: Source, widths: Sequence[float], made: Fit) -> list[Fit]
     fits = []
     for width, factor in others - {(made.half_width, 1.0)}:
         own = Setting(factor * setting.rest, setting.delay_prior, setting.held)
-        other = fit(source, width, made.terms, own, made.delay, rounds=2)
+        other = fit(source, width, made.terms, own, made.delay, rounds=2, start=made.p)
         if other is not None and other.merit < RATIO_OF_NEIGHBOURS * made.merit:
             fits.append(other)
     return fits

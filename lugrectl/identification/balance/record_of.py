@@ -134,8 +134,8 @@ def _map(
     gravity = turns_enough(model, travel, True)
     width = width_of_map(tracks, travel, speed, gravity)
     return _with_terms(
-        evenly(tracks, width), model, held, sensors, comparison, notes, speed, travel, [width],
-        (0.0, 0.0), True,
+        evenly(tracks, width), model, held, sensors, comparison, notes, speed, travel,
+        [width / 2, width], (0.0, 0.0), True,
     )  # fmt: skip
 
 

@@ -118,6 +118,13 @@ def solve(problem: Problem, weights: np.ndarray | None = None) -> Solution:
     return Solution(p, r, t, s2, s2 + open_torque, H, A, N, P, c)
 
 
+def weights_near(problem: Problem, p: np.ndarray) -> np.ndarray:
+    """Student weights of the residual of given coefficients."""
+    r = problem.y - problem.X @ p
+    s2 = (MAD * float(np.median(np.abs(r)))) ** 2 + 1e-300
+    return (STUDENT + 1) / (STUDENT + r**2 / (s2 + (problem.level * problem.rest) ** 2))
+
+
 def _believable(problem: Problem) -> Problem:
     """Without noise of u where it would be a large part of u: then u is faster than the log."""
     if problem.noise_y <= NOT_NOISE * np.mean(problem.y**2):
