@@ -30,15 +30,19 @@ def leave_out(log: Stamped, role: str, bad: np.ndarray, why: str, many: str = ""
     log.channels[role] = values
 
 
-def leave_out_bad_samples(log: Stamped) -> None:
-    """Find the samples of torque and motion that cannot be values of their channel."""
+def leave_out_huge(log: Stamped) -> None:
+    """Leave out numbers that no sensor gives."""
     for role in log.required:
         leave_out(log, role, huge(log.channels[role]), NO_SENSOR, "a number that no sensor gives")
-        good = np.isfinite(log.channels[role])
-        if good.sum() < 16:
-            continue
-        _codes(log, role, good)
-        _outliers(log, role)
+
+
+def leave_out_bad_samples(log: Stamped, *roles: str) -> None:
+    """Leave out the codes and the single outliers in these channels."""
+    for role in roles:
+        good = np.isfinite(log.channels.get(role, np.empty(0)))
+        if good.sum() >= 16:
+            _codes(log, role, good)
+            _outliers(log, role)
 
 
 def _codes(log: Stamped, role: str, good: np.ndarray) -> None:
