@@ -63,6 +63,11 @@ def _outliers(log: Stamped, role: str) -> None:
     x = log.channels[role]
     good = np.isfinite(x)
     bad = outliers(role, log.t, bridged(x, ~good)) & good
-    if role == "w":  # the difference of a position over lost rows is as many times too large
-        bad[1:] &= np.diff(log.t) < 1.5 * usual_step(log.t)
-    leave_out(log, role, bad, OFF)
+    leave_out(log, role, bad & ~over_loss(log, role), OFF)
+
+
+def over_loss(log: Stamped, role: str) -> np.ndarray:
+    """Where a speed may be the difference of a position over lost rows, as many times too large."""
+    if role != "w":
+        return np.zeros(len(log.t), bool)
+    return np.diff(log.t, prepend=log.t[0]) > 1.5 * usual_step(log.t)

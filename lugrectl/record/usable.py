@@ -8,7 +8,7 @@ from .bad_samples import leave_out_bad_samples, leave_out_huge
 from .clock import put_in_time
 from .held import keep_renewed
 from .log import Log
-from .position import make_continuous
+from .position import make_continuous, unwrap_positions
 from .stamped import Stamped
 from .torque import leave_out_untrue_torque, unwrap_torque
 
@@ -23,6 +23,7 @@ def usable(log: Log) -> Stamped:
     _without_empty(made)
     put_in_time(made)
     leave_out_huge(made)
+    unwrap_positions(made)
     leave_out_bad_samples(made, "theta", "w")
     make_continuous(made)
     unwrap_torque(made)  # its wraps would look like bad samples
