@@ -124,15 +124,14 @@ def test_a_gap_ends_a_stretch():
 def test_a_run_without_numbers_in_one_channel_is_not_ok_there(role, missing):
     log = columns("u", "theta")
     log[role][3000 : 3000 + missing] = np.nan
-    found, _ = seen(log)
+    found, said = seen(log)
     (s,) = found
     assert len(s.t) == 6000 and not s.ok[3000 : 3000 + missing].any()
     assert s.ok.sum() == 6000 - missing
     record = read_record(log)
     assert record.gaps == (3000,) and record.samples == 6000 - missing
-    assert record.messages == (
-        f"{role} has no number in {missing} rows from row 3000 on: the record is cut there.",
-    )
+    sentence = f"{role} has no number in {missing} rows from row 3000 on: the record is cut there."
+    assert said == [sentence] and record.messages == (sentence,)
 
 
 def test_a_slow_log_is_read_and_its_rate_is_said():

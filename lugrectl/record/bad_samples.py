@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from .clock import usual_step
+from .clock import FILL, usual_step
 from .codes import code
 from .outliers import bridged, huge, outliers
-from .stamped import Stamped, count
+from .resampling import HELD
+from .stamped import Stamped, count, runs
 
 ONE = "{role} at {place} is {value}, {why}: left out."
 MANY = "{role} is {why} in {rows}, first at {place} ({value}): left out."
@@ -28,6 +29,23 @@ def leave_out(log: Stamped, role: str, bad: np.ndarray, why: str, many: str = ""
     values = log.channels[role].copy()
     values[bad] = np.nan
     log.channels[role] = values
+
+
+def say_missing(log: Stamped) -> None:
+    """Say where the log itself holds no number."""
+    for role in log.required:
+        missing = ~np.isfinite(log.channels[role])
+        short = sum(n for _, n in runs(missing) if n <= FILL)
+        how = "held" if role in HELD else "interpolated"
+        if short:
+            log.say(f"{role} is missing in {count(short, 'sample')}: filled in ({how}).")
+        for start, length in [(a, n) for a, n in runs(missing) if n > FILL][:1]:
+            total = int(missing.sum()) - short
+            many = f", {total} in all" if total > length else ""
+            log.say(
+                f"{role} has no number in {count(length, 'row')} from {log.place(start)} on{many}: "
+                "the record is cut there."
+            )
 
 
 def leave_out_huge(log: Stamped) -> None:

@@ -9,7 +9,7 @@ from .resampling import HELD
 from .stamped import Stamped, count
 
 FEWEST = 12  # rows in one piece; fewer show no motion
-_FILL = 3  # most rows missing in a row that do not make a gap
+FILL = 3  # most rows missing in a row that do not make a gap
 _EXACT = 0.01  # stamps this close to the grid (in steps) count as on it
 _JITTER = 0.2  # steps that vary by more hide missing rows
 _BESIDE = 25  # rows on either side of a gap that show whether time was lost
@@ -238,9 +238,9 @@ def _gaps(log: Stamped) -> None:
         if len(t) < 2:
             continue
         dt = typical_step(np.diff(t))
-        for k in np.flatnonzero(np.diff(t) > (_FILL + 1.5) * dt):
+        for k in np.flatnonzero(np.diff(t) > (FILL + 1.5) * dt):
             missing = _missing(t, int(k), dt)
-            if missing > _FILL + 0.5:
+            if missing > FILL + 0.5:
                 log.new[part.start + k + 1] = True
     scraps = np.zeros(len(log.t), bool)
     for part in log.parts():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .bad_samples import leave_out_bad_samples, leave_out_huge
+from .bad_samples import leave_out_bad_samples, leave_out_huge, say_missing
 from .clock import put_in_time
 from .held import keep_renewed
 from .log import Log
@@ -22,6 +22,7 @@ def usable(log: Log) -> Stamped:
     made = Stamped.of(log)
     _without_empty(made)
     put_in_time(made)
+    say_missing(made)
     leave_out_huge(made)
     unwrap_positions(made)
     leave_out_bad_samples(made, "theta", "w")
