@@ -64,14 +64,14 @@ def _alive(record: Record) -> None:
 
 def _is_steady(record: Record) -> bool:
     """Whether the drive keeps one speed."""
-    parts = np.array_split(np.arange(record.samples), 8)
+    edges = np.linspace(0, record.samples - 1, 9).astype(int)
+    if record.samples < 18:
+        return False
     if record.theta is not None:
-        ends = record.theta[[part[0] for part in parts]]
-        means = np.diff(np.r_[ends, record.theta[-1]])
-        means = means / np.diff([*(part[0] for part in parts), record.samples - 1])
+        means = np.diff(record.theta[edges]) / np.diff(edges)
     else:
         assert record.w is not None
-        means = np.array([record.w[part].mean() for part in parts])
+        means = np.array([part.mean() for part in np.split(record.w, edges[1:-1])])
     return bool(np.ptp(means) < _STEADY * abs(means.mean()))
 
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from .clock import usual_step
+from .clock import FILL, usual_step
 from .codes import code
 from .outliers import bridged, huge, outliers
-from .stamped import Stamped, count
+from .resampling import HELD
+from .stamped import Stamped, count, runs
 
 ONE = "{role} at {place} is {value}, {why}: left out."
 MANY = "{role} is {why} in {rows}, first at {place} ({value}): left out."
@@ -30,15 +31,36 @@ def leave_out(log: Stamped, role: str, bad: np.ndarray, why: str, many: str = ""
     log.channels[role] = values
 
 
-def leave_out_bad_samples(log: Stamped) -> None:
-    """Find the samples of torque and motion that cannot be values of their channel."""
+def say_missing(log: Stamped) -> None:
+    """Say where the log itself holds no number."""
+    for role in log.required:
+        missing = ~np.isfinite(log.channels[role])
+        short = sum(n for _, n in runs(missing) if n <= FILL)
+        how = "held" if role in HELD else "interpolated"
+        if short:
+            log.say(f"{role} is missing in {count(short, 'sample')}: filled in ({how}).")
+        for start, length in [(a, n) for a, n in runs(missing) if n > FILL][:1]:
+            total = int(missing.sum()) - short
+            many = f", {total} in all" if total > length else ""
+            log.say(
+                f"{role} has no number in {count(length, 'row')} from {log.place(start)} on{many}: "
+                "the record is cut there."
+            )
+
+
+def leave_out_huge(log: Stamped) -> None:
+    """Leave out numbers that no sensor gives."""
     for role in log.required:
         leave_out(log, role, huge(log.channels[role]), NO_SENSOR, "a number that no sensor gives")
-        good = np.isfinite(log.channels[role])
-        if good.sum() < 16:
-            continue
-        _codes(log, role, good)
-        _outliers(log, role)
+
+
+def leave_out_bad_samples(log: Stamped, *roles: str) -> None:
+    """Leave out the codes and the single outliers in these channels."""
+    for role in roles:
+        good = np.isfinite(log.channels.get(role, np.empty(0)))
+        if good.sum() >= 16:
+            _codes(log, role, good)
+            _outliers(log, role)
 
 
 def _codes(log: Stamped, role: str, good: np.ndarray) -> None:
@@ -59,6 +81,11 @@ def _outliers(log: Stamped, role: str) -> None:
     x = log.channels[role]
     good = np.isfinite(x)
     bad = outliers(role, log.t, bridged(x, ~good)) & good
-    if role == "w":  # the difference of a position over lost rows is as many times too large
-        bad[1:] &= np.diff(log.t) < 1.5 * usual_step(log.t)
-    leave_out(log, role, bad, OFF)
+    leave_out(log, role, bad & ~over_loss(log, role), OFF)
+
+
+def over_loss(log: Stamped, role: str) -> np.ndarray:
+    """Where a speed may be the difference of a position over lost rows, as many times too large."""
+    if role != "w":
+        return np.zeros(len(log.t), bool)
+    return np.diff(log.t, prepend=log.t[0]) > 1.5 * usual_step(log.t)

@@ -9,7 +9,7 @@ from .resampling import HELD
 from .stamped import Stamped, count
 
 FEWEST = 12  # rows in one piece; fewer show no motion
-_FILL = 3  # most rows missing in a row that do not make a gap
+FILL = 3  # most rows missing in a row that do not make a gap
 _EXACT = 0.01  # stamps this close to the grid (in steps) count as on it
 _JITTER = 0.2  # steps that vary by more hide missing rows
 _BESIDE = 25  # rows on either side of a gap that show whether time was lost
@@ -142,12 +142,14 @@ def _goes_on(log: Stamped, k: int) -> bool:
     x = np.cumsum(w) if theta is None and w is not None else theta
     if x is None:
         return False
-    steps = np.diff(x[max(k - 10, 0) : k + 12])
-    own, usual = x[k + 1] - x[k], np.median(steps)
-    near = np.abs(steps - usual)
+    before, after = np.diff(x[max(k - 10, 0) : k + 1]), np.diff(x[k + 1 : k + 12])
+    if not len(before) or not len(after):
+        return False
+    own, sides = x[k + 1] - x[k], (np.median(before), np.median(after))
+    usual = float(np.mean(sides))
     if not np.isfinite(usual) or usual == 0:
         return False  # at rest nothing shows
-    return bool(abs(own - usual) <= 0.5 * abs(usual) + 2 * np.median(near))
+    return bool(max(abs(own - usual), abs(sides[0] - sides[1])) <= 0.3 * abs(usual))
 
 
 # ---- the step -----------------------------------------------------------------------
@@ -203,7 +205,7 @@ def _rounded(t: np.ndarray) -> bool:
         return False
     grid, since = np.arange(len(t)), t - t[0]
     error = since - np.polyval(np.polyfit(grid, since, 1), grid)
-    return bool(np.abs(error).max() < 0.55 * spread)
+    return bool(np.abs(error).max() < 0.7 * spread)
 
 
 def _merge_doubles(log: Stamped) -> None:
@@ -236,9 +238,9 @@ def _gaps(log: Stamped) -> None:
         if len(t) < 2:
             continue
         dt = typical_step(np.diff(t))
-        for k in np.flatnonzero(np.diff(t) > (_FILL + 1.5) * dt):
+        for k in np.flatnonzero(np.diff(t) > (FILL + 1.5) * dt):
             missing = _missing(t, int(k), dt)
-            if missing > _FILL + 0.5:
+            if missing > FILL + 0.5:
                 log.new[part.start + k + 1] = True
     scraps = np.zeros(len(log.t), bool)
     for part in log.parts():

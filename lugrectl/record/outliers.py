@@ -36,7 +36,7 @@ def bridged(x: np.ndarray, bad: np.ndarray) -> np.ndarray:
 def quantum(x: np.ndarray) -> float:
     """The step of the lattice that the values of a channel (N,) lie on; 0 if there is none."""
     values = np.unique(x[:: max(1, len(x) // 20_000)])
-    if len(values) < 3 or len(values) > 0.8 * min(len(x), 20_000):
+    if len(values) < 3:
         return 0.0
     steps = np.diff(values)
     steps = steps[steps > 1e-9 * np.ptp(values)]
@@ -59,15 +59,33 @@ def outliers(role: str, t: np.ndarray, x: np.ndarray) -> np.ndarray:
 
     Such a sample lies outside the middle of its neighbours and off the cubic through four of
     them, in rows and in stamps ``t`` (s), by far more than other samples near it or anywhere in
-    the channel; it does not go on from the rows on either side.
+    the channel; it does not go on from the rows on either side. In the motion, up to four in a
+    row may be so.
     """
     if len(x) < 16 or np.ptp(x) == 0:
         return np.zeros(len(x), bool)
     far = distances(t, x)
     low, high = np.quantile(x, [0.01, 0.99])
-    bad = far > limits(role, x) + 3 * np.quantile(far, _RARE)
-    ends = [0, len(x) - 1]  # neighbours on one side only: a start or a stop may look like this
-    bad[ends] &= far[ends] > high - low
+    limit = limits(role, x) + 3 * np.quantile(far, _RARE)
+    bad = far > limit
+    if role == "u":  # the first torque and the last have neighbours on one side only
+        ends = [0, len(x) - 1]
+        bad[ends] &= far[ends] > high - low
+        return bad  # a torque may be a pulse of a few rows
+    return bad | _brief(x, limit)
+
+
+def _brief(x: np.ndarray, limit: np.ndarray) -> np.ndarray:
+    """Where two to four samples in a row lie beyond those on either side, all the same way."""
+    bad = np.zeros(len(x), bool)
+    for rows in (2, 3, 4):
+        inside = np.lib.stride_tricks.sliding_window_view(x[1:-1], rows)
+        before, after = x[: len(inside)], x[rows + 1 :]
+        above = inside.min(1) - np.maximum(before, after)
+        below = np.minimum(before, after) - inside.max(1)
+        found = np.flatnonzero(np.maximum(above, below) > limit[1 : len(inside) + 1]) + 1
+        for row in found:
+            bad[row : row + rows] = True
     return bad
 
 
@@ -82,8 +100,9 @@ def distances(t: np.ndarray, x: np.ndarray) -> np.ndarray:
     far = np.fmin(_outside(x, low, high), np.fmin(_off_cubic(x), _off_cubic_in_time(t, x)))
     far[2:] = np.fmin(far[2:], _outside(x[2:], x[1:-1], 2 * x[1:-1] - x[:-2]))
     far[:-2] = np.fmin(far[:-2], _outside(x[:-2], x[1:-1], 2 * x[1:-1] - x[2:]))
-    for end, then, after in ((0, 1, 2), (-1, -2, -3)):
-        far[end] = _outside(x[end], x[then], 2 * x[then] - x[after])
+    for end, then, after, last in ((0, 1, 2, 3), (-1, -2, -3, -4)):
+        near = _outside(x[end], x[then], 2 * x[then] - x[after])
+        far[end] = min(near, _outside(x[end], x[after], 3 * x[after] - 2 * x[last]))
         far[then] = _outside(x[then], x[end], x[after])
     return far
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .bad_samples import OFF, leave_out
+from .bad_samples import OFF, leave_out, over_loss
 from .clock import usual_step
-from .outliers import distances, limits, resolution
+from .outliers import distances, limits, quantum, resolution
 from .stamped import Stamped, count
 from .stuck import leave_out_stuck
 
@@ -95,40 +95,61 @@ def unwrapped(
     all its jumps are of one size and span its whole range while the motion goes on. Jumps by 360
     mean that degrees were read as radians: the angle is then converted, too. NaN is skipped.
     """
-    if motion == "rotary":
-        made, said = _turns(role, theta, label)
-        if said:
-            return made, said
     found = jumps(np.arange(len(theta)) if t is None else t, theta)
-    period, is_wrap = _period(theta, found, motion)
+    lasting = _lasting(found)
+    period, is_wrap = _period(theta, found, lasting, motion)
     if not period:
-        return theta, []
+        either = len(found) == 0 or bool(lasting.any())
+        return _many_wraps(role, theta, label, motion) if either else (theta, [])
+    factor = np.pi / 180 if motion == "rotary" and abs(period - 360) < 1e-6 else 1.0
     moved = np.zeros(len(theta))
     np.add.at(moved, found.b[is_wrap], -period * np.rint(found.size[is_wrap] / period))
-    said = f"{role} jumps by {period:.6g} {_times(int(is_wrap.sum()))}: unwrapped."
-    return theta + np.cumsum(moved), [said]
+    said = f"{role} jumps by {period:.6g} {_times(int(is_wrap.sum()))}: unwrapped"
+    if factor != 1.0:
+        said += _converted(label)
+    return factor * (theta + np.cumsum(moved)), [said + "."]
+
+
+def _lasting(found: Jumps) -> np.ndarray:
+    """Which jumps are not taken back within a few rows."""
+    made = np.ones(len(found), bool)
+    for i in range(len(found) - 1):
+        near = found.b[i + 1] - found.a[i] <= _BRIEF + 1
+        if near and found.size[i] * found.size[i + 1] < 0:
+            made[i : i + 2] = False
+    return made
+
+
+def _converted(label: str | None) -> str:
+    stated = f"stated in {label}" if label else "without a unit"
+    return f", and converted from deg ({stated}, but a turn is 360)"
 
 
 def _times(number: int) -> str:
     return "once" if number == 1 else f"{number} times"
 
 
-def _turns(role: str, theta: np.ndarray, label: str | None) -> tuple[np.ndarray, list[str]]:
-    """Wraps by whole turns of an angle that stays within them."""
+def _many_wraps(
+    role: str, theta: np.ndarray, label: str | None, motion: str
+) -> tuple[np.ndarray, list[str]]:
+    """Wraps of a position that stays within its period, however often it wraps."""
     good = np.flatnonzero(np.isfinite(theta))
     values = theta[good]
     travel = float(np.ptp(values)) if values.size else 0.0
-    for turn, most, factor in ((_TURN, _TURNS, 1.0), (360.0, 1, np.pi / 180)):
-        period = turn * min(max(1, round(travel / turn)), most)
+    periods = [2.0**bits * quantum(values) for bits in _BITS] if values.size else []
+    tries = [(period, 1.0) for period in periods if travel < period < 1.1 * travel]
+    if motion == "rotary":
+        whole = _TURN * min(max(1, round(travel / _TURN)), _TURNS)
+        tries = [(whole, 1.0), (360.0, np.pi / 180), *tries]
+    for period, factor in tries:
         found = _whole_turns(values, period)
         if not found.any():
             continue
         result = theta.copy()
         result[good] = factor * np.unwrap(values, period=period)
-        said = f"{role} jumps by {period:.4g} {_times(int(found.sum()))}: unwrapped"
+        said = f"{role} jumps by {period:.6g} {_times(int(found.sum()))}: unwrapped"
         if factor != 1.0:
-            stated = f"stated in {label}" if label else "without a unit"
-            said += f", and converted from deg ({stated}, but a turn is 360)"
+            said += _converted(label)
         return result, [said + "."]
     return theta, []
 
@@ -144,38 +165,50 @@ def _whole_turns(values: np.ndarray, period: float) -> np.ndarray:
     return found if np.all(after <= 2 * usual + 0.01 * period) else np.zeros(0, bool)
 
 
-def _period(theta: np.ndarray, found: Jumps, motion: str) -> tuple[float, np.ndarray]:
+def _period(
+    theta: np.ndarray, found: Jumps, lasting: np.ndarray, motion: str
+) -> tuple[float, np.ndarray]:
     """The period of a register or of whole turns, and which jumps are its wraps; 0 for none."""
     sizes, margin = np.abs(found.size), found.margin
-    known = [_TURN * n for n in range(1, _TURNS + 1)] if motion == "rotary" else []
-    known += [2.0**bits * found.resolution for bits in _BITS] if found.resolution else []
-    best, is_wrap = 0.0, np.zeros(len(found), bool)
-    for period in known:
-        close = margin + 1e-4 * period
-        fits = (np.abs(sizes - period) <= close) & (period > 20 * margin)
-        if fits.sum() > is_wrap.sum():
-            best, is_wrap = float(period), fits
-    if not best and len(found):
-        period = float(np.median(sizes))
-        fits = np.abs(sizes - period) <= margin
-        spans = np.nanmax(theta) - np.nanmin(theta) <= 1.02 * period + margin.max()
-        stays = np.all(found.a[1:] - found.b[:-1] >= 3)
-        if spans and stays and fits.all() and found.steady.all() and period > 20 * margin.max():
-            best, is_wrap = period, fits
-    return best, is_wrap
+    none = np.zeros(len(found), bool)
+    if not lasting.any():
+        return 0.0, none
+    alike = [lasting & (np.abs(sizes - size) <= margin) for size in sizes[lasting]]
+    is_wrap = max(alike, key=lambda fits: int(fits.sum()))
+    period = float(np.median(sizes[is_wrap]))
+    error = 2 * found.resolution + float(np.median(margin[is_wrap])) / np.sqrt(is_wrap.sum())
+    if period < 20 * float(np.median(margin[is_wrap])):
+        return 0.0, none
+    known = _known(quantum(theta[np.isfinite(theta)]), motion)
+    nearest = min(known, key=lambda size: abs(size - period), default=0.0)
+    if abs(nearest - period) <= error:
+        return float(nearest), is_wrap
+    spans = np.nanmax(theta) - np.nanmin(theta) <= 1.02 * period + float(margin[is_wrap].max())
+    goes_on = found.steady[is_wrap].mean() > 0.6
+    return (period, is_wrap) if spans and goes_on and is_wrap[lasting].all() else (0.0, none)
+
+
+def _known(step: float, motion: str) -> list[float]:
+    """Whole turns, and the spans of counters whose step is known."""
+    turns = [_TURN * n for n in range(1, _TURNS + 1)] + [360.0] if motion == "rotary" else []
+    return turns + [2.0**bits * step for bits in _BITS if step]
 
 
 # ---- jumps that are no wraps --------------------------------------------------------
 
 
-def make_continuous(log: Stamped) -> None:
-    """Unwrap positions, leave out what jumps away and back or stands still by mistake, and begin
-    a new part where a position jumps for another reason."""
+def unwrap_positions(log: Stamped) -> None:
+    """Unwrap the positions of a log."""
     for role in ("theta", "theta_load"):
         if role in log.channels:
             x, label = log.channels[role], log.labels.get(role)
             log.channels[role], said = unwrapped(role, x, label, log.t, log.motion)
             log.say(*said)
+
+
+def make_continuous(log: Stamped) -> None:
+    """Leave out what jumps away and back or stands still by mistake, and begin a new part where a
+    position jumps for another reason."""
     for role in ("theta", "w"):
         if role in log.channels:
             _leave_out_excursions(log, role)
@@ -197,7 +230,7 @@ def _leave_out_excursions(log: Stamped, role: str) -> None:
         one = bool((x[rows] == x[rows.start]).all())
         if there * back < 0 and (one or returns and rows.stop - rows.start <= _BRIEF):
             bad[rows] = True
-    leave_out(log, role, bad, OFF)
+    leave_out(log, role, bad & ~over_loss(log, role), OFF)
 
 
 def _cut(log: Stamped, found: Jumps) -> None:

@@ -46,7 +46,6 @@ class Stamped:
     dropped: int = 0
     said: list[str] = field(default_factory=list)
     steps: dict[str, float] = field(default_factory=dict)
-    recorded: dict[str, np.ndarray] = field(default_factory=dict)  # all rows of the log
 
     @classmethod
     def of(cls, log: Log) -> Stamped:
@@ -56,7 +55,6 @@ class Stamped:
             for role, x in log.channels.items()
         }
         made = cls(log.source, log.motion, log.t, finite, log.where, log.labels)
-        made.recorded = log.channels
         made.rows = np.arange(len(log.t))
         made.new = np.isin(made.rows, (0, *log.cuts))
         made.steps = smallest_steps(made.channels)
@@ -77,10 +75,6 @@ class Stamped:
         self.t, self.rows = self.t[mask], self.rows[mask]
         self.new = np.diff(part, prepend=part[0] - 1 if len(part) else 0) > 0
         self.channels = {role: values[mask] for role, values in self.channels.items()}
-
-    def missing(self, role: str) -> np.ndarray:
-        """Where the log holds no number for a channel."""
-        return ~np.isfinite(self.recorded[role][self.rows])
 
     def place(self, row: int) -> str:
         """'line 2102' or 'row 2100' of one of these rows."""

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import Refused
-from .clock import FEWEST, UNIT_OF_T, multiples, nice, plausible, typical_step
+from .clock import FEWEST, FILL, UNIT_OF_T, multiples, nice, plausible, typical_step
 from .resampling import HELD, between, held_mean, speed
 from .samples import Record
 from .stamped import Stamped, count, runs
 
-_FILL = 3  # longest run of missing samples that is filled
 _FILL_SHARE = 0.01  # of the samples: more missing ones of an optional channel are not filled
 _EXACT = 0.01  # stamps this close to the grid (in dt) count as on it
 _TO_JUDGE = 200, 1.0  # samples and s in one piece that the comparison of models needs
@@ -47,11 +46,9 @@ def _fill_missing(log: Stamped) -> None:
     _optional(log)
     lost = {role: ~np.isfinite(log.channels[role]) for role in log.required}
     long = np.zeros(len(log.t), bool)
-    for role, where in lost.items():
-        gaps = [(a, n) for a, n in runs(where) if n > _FILL]
-        for a, n in gaps:
-            long[a : a + n] = True
-        _say_missing(log, role, where)
+    for where in lost.values():
+        for a, n in runs(where):
+            long[a : a + n] |= n > FILL
     affected = np.zeros(len(log.t), bool)
     for role, where in lost.items():
         affected |= where
@@ -62,22 +59,6 @@ def _fill_missing(log: Stamped) -> None:
         log.new |= np.r_[False, long[:-1]] & ~long
         log.keep(~long)
         _enough(log, len(log.t))
-
-
-def _say_missing(log: Stamped, role: str, lost: np.ndarray) -> None:
-    """What the file does not hold; samples left out as bad were said before."""
-    missing = lost & log.missing(role)
-    short = sum(n for _, n in runs(missing) if n <= _FILL)
-    how = "held" if role in HELD else "interpolated"
-    if short:
-        log.say(f"{role} is missing in {count(short, 'sample')}: filled in ({how}).")
-    for start, length in [(a, n) for a, n in runs(missing) if n > _FILL][:1]:
-        total = int(missing.sum()) - short
-        many = f", {total} in all" if total > length else ""
-        log.say(
-            f"{role} has no number in {count(length, 'row')} from {log.place(start)} on{many}: "
-            "the record is cut there."
-        )
 
 
 def _optional(log: Stamped) -> None:
@@ -95,7 +76,7 @@ def _optional(log: Stamped) -> None:
 
 def _isolated(lost: np.ndarray) -> bool:
     longest = max((length for _, length in runs(lost)), default=0)
-    return longest <= _FILL and lost.mean() < _FILL_SHARE
+    return longest <= FILL and lost.mean() < _FILL_SHARE
 
 
 def _filled(role: str, values: np.ndarray, lost: np.ndarray) -> np.ndarray:

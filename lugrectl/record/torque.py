@@ -20,23 +20,19 @@ _AT_LIMIT = 2  # the same on the end of the channel's range
 _MOST = 0.6  # of the rows: a torque that stands longer is held on purpose
 _FAR = 10.0  # times the usual error of the balance, to call a torque untrue
 _SHARE = 0.02  # the same as a share of the torque
+_TURNS = 2  # spans of a register that a torque may be beyond it
+_ROUNDS = 8  # of the assignment of spans
 _SEGMENTS = 4000  # between jumps of a register; with more, its jumps are noise
-
-
-def leave_out_untrue_torque(log: Stamped) -> None:
-    """Leave out torques that the motion contradicts; undo the wraps of a register."""
-    u = log.channels["u"]
-    if not np.isfinite(u).any() or len(log.required) < 2:
-        return
-    _unwrap_register(log)
-    _leave_out_flat(log)
 
 
 # ---- readings that stand still ------------------------------------------------------
 
 
-def _leave_out_flat(log: Stamped) -> None:
+def leave_out_untrue_torque(log: Stamped) -> None:
+    """Leave out torques that stand at one value while the motion needs another."""
     u = log.channels["u"]
+    if not np.isfinite(u).any() or len(log.required) < 2:
+        return
     low, high = np.nanmin(u), np.nanmax(u)
     same = np.r_[False, np.diff(u) == 0]
     flat = [(a - 1, n + 1) for a, n in runs(same)]
@@ -46,7 +42,7 @@ def _leave_out_flat(log: Stamped) -> None:
         if sum(n for a, n in limit if u[a] == end) < 5 * usual:
             limit = [(a, n) for a, n in limit if u[a] != end]
     stuck = [(a, n) for a, n in flat if n >= _LONG and u[a] not in (low, high)]
-    stuck = [(a, n) for a, n in stuck if n >= 5 * usual and _jumps(u, a, n)]
+    stuck = [(a, n) for a, n in stuck if n >= 5 * usual]
     if not limit and not stuck:
         return
     unknown = _rows(len(u), [*limit, *stuck])
@@ -71,14 +67,6 @@ def _usual(flat: Sequence[tuple[int, int]], rows: int) -> float:
     for a, n in flat:
         lengths[a : a + n] = n
     return float(np.median(lengths))
-
-
-def _jumps(u: np.ndarray, a: int, n: int) -> bool:
-    """Whether a run of one value begins or ends with a step like no other near it."""
-    before, after = np.abs(np.diff(u[max(a - 12, 0) : a + 1])), np.abs(np.diff(u[a + n - 1 :][:13]))
-    own = max(before[-1:].max(initial=0.0), after[:1].max(initial=0.0))
-    others = max(np.nanmax(before[:-1], initial=0.0), np.nanmax(after[1:], initial=0.0))
-    return bool(own > 3 * others)
 
 
 def _rows(number: int, found: Sequence[tuple[int, int]]) -> np.ndarray:
@@ -126,7 +114,7 @@ def _stuck(
     """Leave out runs of one value that the motion contradicts."""
     for a, n in found:
         judged = missing[a : a + n][fit.moving[a : a + n]]
-        if len(judged) < max(5, 0.3 * n) or not abs(np.median(judged)) > least:
+        if n < fit.width or len(judged) < 5 or not abs(np.median(judged)) > least:
             continue
         log.say(
             f"u stands at {log.value('u', a)} for {count(n, 'row')} from {log.place(a)} on while "
@@ -145,20 +133,27 @@ def _without(log: Stamped, bad: np.ndarray) -> None:
 # ---- registers that wrap ------------------------------------------------------------
 
 
-def _unwrap_register(log: Stamped) -> None:
-    """Add the multiples of the register's span that bring u to what the motion needs."""
+def unwrap_torque(log: Stamped) -> None:
+    """Add the multiples of a register's span that bring u to what the motion needs."""
     u = log.channels["u"]
-    span = _span(u)
-    edges = np.flatnonzero(np.abs(np.diff(np.nan_to_num(u))) > span / 2) + 1 if span else []
+    span = _span(u) if np.isfinite(u).any() and len(log.required) > 1 else 0.0
+    steps = np.abs(np.diff(np.nan_to_num(u)))
+    if not span or not (steps > span / 2).any():
+        return
+    # a jump of the torque that wraps may come out as a smaller one
+    edges = np.flatnonzero(steps > max(span / 16, 10 * np.median(steps))) + 1
     if not 0 < len(edges) < _SEGMENTS:
         return
     segments = [slice(int(a), int(b)) for a, b in zip([0, *edges], [*edges, len(u)], strict=True)]
     fit = needed(log)
     if fit is None:
         return
-    turns = np.zeros(len(segments), int)
-    for _ in range(3):
+    turns = _nearest(fit, u, segments, span)
+    for _ in range(_ROUNDS):
+        before = turns
         turns = _assigned(fit, u, segments, turns, span)
+        if (turns == before).all():
+            break
     turns -= turns[int(np.argmax([s.stop - s.start for s in segments]))]
     moved = _shifted(u, segments, turns, span)
     changed = moved != np.nan_to_num(u)
@@ -173,14 +168,14 @@ def _unwrap_register(log: Stamped) -> None:
 
 
 def _span(u: np.ndarray) -> float:
-    """The span of the register if u lies on a lattice that fills it; 0 otherwise."""
+    """The span of the register of a power of two steps that the values of u fill; 0 for none."""
     good = u[np.isfinite(u)]
     step = quantum(good)
     if not step:
         return 0.0
     span = float(np.ptp(good)) + step
     power = step * 2.0 ** np.rint(np.log2(span / step))
-    return float(power) if abs(power - span) < 0.02 * span else span
+    return float(power) if -1e-6 * span < power - span < 0.02 * span else 0.0
 
 
 def _shifted(
@@ -192,6 +187,22 @@ def _shifted(
     return made
 
 
+def _nearest(fit: Needed, u: np.ndarray, segments: Sequence[slice], span: float) -> np.ndarray:
+    """For each segment the multiple that brings it next to what the motion needs about it."""
+    made, values = np.zeros(len(segments), int), np.nan_to_num(u)
+    missing = fit.torque - values
+    known = [i for i, part in enumerate(segments) if np.isfinite(missing[part]).any()]
+    for i in known:
+        made[i] = np.rint(np.nanmedian(missing[segments[i]]) / span)
+    for i in range(known[0] - 1, -1, -1):  # beyond the windows: the smallest jump
+        end, then = values[segments[i].stop - 1], values[segments[i].stop]
+        made[i] = made[i + 1] + np.rint((then - end) / span)
+    for i in range(known[-1] + 1, len(segments)):
+        end, then = values[segments[i].start - 1], values[segments[i].start]
+        made[i] = made[i - 1] + np.rint((end - then) / span)
+    return made
+
+
 def _assigned(
     fit: Needed, u: np.ndarray, segments: Sequence[slice], turns: np.ndarray, span: float
 ) -> np.ndarray:
@@ -199,7 +210,7 @@ def _assigned(
     made, reach = turns.copy(), fit.width
     missing = fit.missing(_shifted(u, segments, turns, span))
     for i, part in enumerate(segments):
-        if part.stop - part.start > 10 * reach:
+        if not np.isfinite(fit.torque[part]).any():
             continue
         a, b = max(part.start - 2 * reach, 0), min(part.stop + 2 * reach, len(u))
         mine = np.zeros(b - a)
@@ -212,6 +223,8 @@ def _assigned(
         tries = range(-2, 3)
         costs = [np.abs(near[good] - n * share[good]).sum() for n in tries]
         n = tries[int(np.argmin(costs))]
+        if abs(made[i] + n) > _TURNS or min(costs) > 0.9 * costs[2]:
+            continue
         made[i] += n
         missing[a:b] = near - n * share
     return made

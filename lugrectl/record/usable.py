@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from .bad_samples import leave_out_bad_samples
+from .bad_samples import leave_out_bad_samples, leave_out_huge, say_missing
 from .clock import put_in_time
 from .held import keep_renewed
 from .log import Log
-from .position import make_continuous
+from .position import make_continuous, unwrap_positions
 from .stamped import Stamped
-from .torque import leave_out_untrue_torque
+from .torque import leave_out_untrue_torque, unwrap_torque
 
 
 def usable(log: Log) -> Stamped:
@@ -22,8 +22,13 @@ def usable(log: Log) -> Stamped:
     made = Stamped.of(log)
     _without_empty(made)
     put_in_time(made)
-    leave_out_bad_samples(made)
+    say_missing(made)
+    leave_out_huge(made)
+    unwrap_positions(made)
+    leave_out_bad_samples(made, "theta", "w")
     make_continuous(made)
+    unwrap_torque(made)  # its wraps would look like bad samples
+    leave_out_bad_samples(made, "u")
     keep_renewed(made)
     leave_out_untrue_torque(made)
     return made
