@@ -12,8 +12,8 @@ from .rosenbrock import Equations, step
 
 _LOOP = """
 @fast
-def run(x_start, start, length, u, stride, series, p, y, seen, gain, correct, t0, dt, substeps,
-        rtol, floor, y_hat, x_end, first, last):
+def run(x_start, start, length, u, stride, series, p, y, seen, gain, correct, dull, half, t0, dt,
+        substeps, rtol, floor, y_hat, x_end, first, last):
     for lane in {lanes}:
 {unpack}
         own, begins, view, zero = series[lane], start[lane], seen[lane], t0[lane]
@@ -173,12 +173,22 @@ def fixed_step(program: Program, switching: Relays) -> tuple[list[Node], list[No
 
 
 def correction(outputs: Sequence[str], states: Sequence[str], kind: str) -> list[str]:
-    """x += gain (y - y_hat), without the outputs that were not measured (nan)."""
+    """x += gain e, e = y - y_hat, without the outputs that were not measured (nan).
+
+    What e has within ``half`` is reduced by the part ``dull``.
+    """
+    scalar = kind == "scalar"
+    drop = "0.0 if c{0} != c{0} else c{0}" if scalar else "np.where(np.isnan(c{0}), 0.0, c{0})"
+    clip = (
+        "max(-half[{0}], min(half[{0}], c{0}))"
+        if scalar
+        else "np.clip(c{0}, -half[{0}], half[{0}])"
+    )
     lines = []
     for o, code in enumerate(outputs):
-        drop = "0.0 if c{0} != c{0} else c{0}"
-        drop = drop if kind == "scalar" else "np.where(np.isnan(c{0}), 0.0, c{0})"
         lines += [f"c{o} = y[view, k, {o}] - {code}", f"c{o} = " + drop.format(o)]
+        less = f"c{o} = c{o} - dull[k, {o}] * {clip.format(o)}"
+        lines += ["if len(dull) > 0:", f"    {less}"]
     for i, name in enumerate(states):
         gains = " + ".join(f"gain[lane, {i}, {o}] * c{o}" for o in range(len(outputs)))
         lines += [f"{name} = {name} + {gains}"] if gains else []

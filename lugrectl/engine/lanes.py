@@ -20,6 +20,8 @@ from .relay import sharpened
 from .trace import trace
 from .wide_code import is_wide, wide_code
 
+Rounding = tuple[np.ndarray, np.ndarray]
+
 LEAST_WIDE = 4  # from this many lanes on a block is faster than one lane after another
 
 
@@ -93,6 +95,7 @@ class Lanes:
         y: np.ndarray | None = None,
         seen: np.ndarray | None = None,
         gain: np.ndarray | None = None,
+        rounding: Rounding | None = None,
         per_substep: bool = False,
         rtol: float = 1e-4,
         floor: np.ndarray | float = 0.0,
@@ -126,6 +129,9 @@ class Lanes:
             The measured set that each lane uses (default 0).
         gain : (n, ny) or (L, n, ny)
             Correction gain.
+        rounding : tuple of (N, ny) and (ny,) arrays
+            Part of a correction to leave out, and the size of ``y - output`` up to which it is
+            left out: samples that repeat one rounded value count as one.
         rtol : float
             A substep whose estimated error exceeds this part of the largest value that the
             state has had in the lane is divided (a crossing of zero speed under static
@@ -155,7 +161,7 @@ class Lanes:
         """
         given = self.arguments(
             x0, start, length, u, p, dt=dt, substeps=substeps, t0=t0, series=series, y=y, seen=seen,
-            gain=gain, per_substep=per_substep, rtol=rtol, floor=floor,
+            gain=gain, rounding=rounding, per_substep=per_substep, rtol=rtol, floor=floor,
         )  # fmt: skip
         count = len(given[0])
         y_hat = np.empty((count, length, len(self.outputs)))
@@ -181,6 +187,7 @@ class Lanes:
         y: np.ndarray | None,
         seen: np.ndarray | None,
         gain: np.ndarray | None,
+        rounding: Rounding | None,
         per_substep: bool,
         rtol: float,
         floor: np.ndarray | float,
@@ -195,7 +202,10 @@ class Lanes:
         seen = _indices(0 if seen is None else seen, count, max(len(y) - 1, 0), "seen")
         if len(p) != count:
             raise InputError(f"p has {len(p)} rows for {count} lanes.")
+        ny = len(self.outputs)
+        dull, half = (np.empty((0, ny)), np.zeros(ny)) if rounding is None else rounding
         fixed = (x0, start, int(length), u, stride, series, p, y, seen, gain, gain.size > 0)
+        fixed = (*fixed, _plain(dull), _plain(half))
         clock = _plain(np.broadcast_to(np.asarray(t0, dtype=float), (count,)))
         least = _plain(np.broadcast_to(np.asarray(floor, dtype=float), (len(self.states),)))
         return (*fixed, clock, float(dt), int(substeps), float(rtol), least)

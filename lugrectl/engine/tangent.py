@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
-from .lanes import Lanes
+from .lanes import Lanes, Rounding
 from .load import load
 from .tangent_code import tangent_code
 
@@ -71,6 +71,7 @@ class Tangent:
         y: np.ndarray | None = None,
         seen: np.ndarray | None = None,
         gain: np.ndarray | None = None,
+        rounding: Rounding | None = None,
         rtol: float = 1e-6,
         floor: np.ndarray | float = 0.0,
         dx0: np.ndarray | None = None,
@@ -99,7 +100,7 @@ class Tangent:
         columns, moved = tuple(self.lanes.parameters if wrt is None else wrt), dict(du or {})
         given = self.lanes.arguments(
             x0, start, length, u, p, dt=dt, substeps=substeps, t0=t0, series=series, y=y, seen=seen,
-            gain=gain, per_substep=False, rtol=rtol, floor=floor,
+            gain=gain, rounding=rounding, per_substep=False, rtol=rtol, floor=floor,
         )  # fmt: skip
         (many, n), ny, q = given[0].shape, len(self.lanes.outputs), len(columns)
         y_hat, x, dx = np.empty((many, length, ny)), np.empty((many, n)), np.zeros((many, n, q))

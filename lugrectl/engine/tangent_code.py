@@ -20,9 +20,9 @@ import numpy as np
 
 
 @fast
-def run(x_start, start, length, u, stride, series, p, y, seen, gain, correct, t0, dt, substeps,
-        rtol, floor, rows, by, y_rows, y_by, edges, target, source, push, dseen, y_hat, dy, x_end,
-        S, first, last):
+def run(x_start, start, length, u, stride, series, p, y, seen, gain, correct, dull, half, t0, dt,
+        substeps, rtol, floor, rows, by, y_rows, y_by, edges, target, source, push, dseen, y_hat,
+        dy, x_end, S, first, last):
     q = S.shape[2]
     P, b, d = np.zeros(({n}, {n})), np.empty(len(rows)), np.empty(len(y_rows))
     for lane in range(first, last):
@@ -134,14 +134,20 @@ def _times(to: str, matrix: Rows, codes: Iterator[str]) -> list[str]:
 
 
 def _correct(states: Sequence[str], ny: int) -> list[str]:
-    """x += gain (y - y_hat), S += gain (dy - dy_hat), without outputs not measured (nan)."""
+    """x += gain e, S += gain (dy - dy_hat) as in :func:`lugrectl.engine.lane_code.correction`."""
     lines: list[str] = []
     for o in range(ny):
         lines += [f"m{o} = y[view, k, {o}] - y_hat[lane, j, {o}]"]
         lines += [f"k{o} = 1.0 if m{o} == m{o} else 0.0", f"m{o} = m{o} if k{o} > 0.0 else 0.0"]
+        lines += [
+            "if len(dull) > 0:",
+            f"    k{o} = k{o} * (1.0 - dull[k, {o}]) if abs(m{o}) < half[{o}] else k{o}",
+            f"    m{o} = m{o} - dull[k, {o}] * max(-half[{o}], min(half[{o}], m{o}))",
+        ]
     for i, x in enumerate(states):
         lines += [f"g{i}_{o} = gain[lane, {i}, {o}] * k{o}" for o in range(ny)]
-        lines.append(f"{x} = {' + '.join([x, *(f'g{i}_{o} * m{o}' for o in range(ny))])}")
+        terms = [x, *(f"gain[lane, {i}, {o}] * m{o}" for o in range(ny))]
+        lines.append(f"{x} = {' + '.join(terms)}")
     inner = [f"r{o} = slope[{o}, c]" for o in range(ny)]
     inner += ["if len(dseen):", *(f"    r{o} -= dseen[lane, j, {o}, c]" for o in range(ny))]
     for i in range(len(states)):

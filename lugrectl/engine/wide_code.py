@@ -19,8 +19,8 @@ import numpy as np
 
 
 @fast
-def run(x_start, start, length, u, stride, series, p, y, seen, gain, correct, t0, dt, substeps,
-        rtol, floor, y_hat, x_end, first, last):
+def run(x_start, start, length, u, stride, series, p, y, seen, gain, correct, dull, half, t0, dt,
+        substeps, rtol, floor, y_hat, x_end, first, last):
     whole = dt / substeps
     lane_at, sample_at = np.zeros({width}, int), np.zeros({width}, int)
     turn_at = np.zeros({width}, int)

@@ -102,9 +102,10 @@ def stuck(records: Sequence[Record], data: Data, at: Cells, remarks: list[str]) 
         return
     _, slides = moving(data, at)
     fit = balance(data, at, ~np.any([held for *_, held in found], axis=0))
+    alive = fit is not None and _in_one(fit, balance(data, at))
     for value, flagged, clipped, held in found:
         which = held & slides
-        if fit is None or not which.any():
+        if fit is None or not which.any() or (alive and not clipped):
             continue
         missing = fit.torque(data, at.only(which)) - value
         rms, share = float(np.sqrt(np.mean(missing**2))), float(which.sum() / slides.sum())
@@ -121,6 +122,14 @@ def stuck(records: Sequence[Record], data: Data, at: Cells, remarks: list[str]) 
             reason = f"{noticed}: the torque channel is {kind} there."
             raise Refused(reason, f"{cure} and record again, or cut that part out.")
         remarks.append(f"{noticed}: the torque channel may be {kind} there.")
+
+
+def _in_one(fit: Balance, whole: Balance | None) -> bool:
+    """Whether one balance also describes the samples that ``fit`` leaves out: a drive that coasts
+    takes no torque, and slows down by its friction."""
+    if whole is None:
+        return False
+    return whole.left < max(3.0 * fit.left, RELEVANT * float(np.std(whole.u)))
 
 
 def _values_held(data: Data) -> Iterator[tuple[float, np.ndarray, bool]]:

@@ -127,6 +127,16 @@ class Data:
         each = [_lengths(c, count) for c, count in zip(self.y.T, self.counts, strict=True)]
         return np.minimum(1.0, np.array(self.repeats) / np.column_stack(each))
 
+    @cached_property
+    def rounding(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """For samples that repeat a count: the part of a correction by them to leave out, (N, 2),
+        and half a count of each sensor, (2,): up to there it may be one and the same rounding.
+
+        A larger deviation is real. None if no sample repeats a count.
+        """
+        dull = 1.0 - self.weight
+        return (dull, 0.5 * np.array(self.counts)) if dull.any() else None
+
     @property
     def signal(self) -> str:
         """The channel on which errors are computed: w, or theta if only that was recorded."""

@@ -194,6 +194,7 @@ class Predictor:
             y=(np.array(seen) if sensed else self.data.y) if corrected else None,
             seen=np.repeat(index, n) if sensed and corrected else None,
             gain=np.repeat(np.array(gains), n, axis=0) if corrected else None,
+            rounding=self.data.rounding if corrected else None,
             floor=self.floor,
         )
         y = y[:, where.burn :].reshape(sets, n, where.length, 2)

@@ -116,6 +116,7 @@ def _from_graph(
         t0=data.t[where.start] - where.start * data.dt,
         y=y,
         gain=gain,
+        rounding=data.rounding,
         rtol=RTOL,
         floor=predictor.floor,
         dx0=np.moveaxis(x0[1:] - x0[0], 0, -1) / step,
