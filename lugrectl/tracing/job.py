@@ -24,7 +24,7 @@ from .fit import Fitted, fit, refitted, tuned
 from .late import LAG
 from .likelihood import tune
 from .noise import Noise
-from .optima import surest
+from .optima import surest, with_others
 from .predictor import Predictor
 from .repeated import on_theta_alone
 from .runs import MOST_RUNS, alike, repeating, statements
@@ -212,7 +212,7 @@ def on_everything(fitted: Fitted, job: Job) -> Fitted:
     windows.
     """
     if not job.parts.in_sample:
-        return fitted
+        return with_others(fitted)
     train = job.parts.train
     where = windows(job.data.runs, train.burn, train.length)
     where = spread(where, MOST, ENOUGH_OF_MANY)

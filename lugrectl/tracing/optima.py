@@ -27,7 +27,7 @@ TRIED = 3  # best starts that are followed
 SHORT = 8  # steps of a fit from each
 NOISIER = 1.5  # times the noise before: above, another maximum may be better
 WIDE = 0.3  # standard deviation of a logarithm, above which the likelihood is no parabola
-BEYOND = (1.5, 1.1)  # half-widths at which Fs and vs are then held: that may be as likely
+BEYOND = (1.5, 2.25)  # half-widths at which Fs and vs are then held: that may be as likely
 FURTHER = 2  # other maxima that are looked at
 CLOSE = 0.02  # gain in log-likelihood of two steps that ends the last fit
 MOST = 0.05  # probability outside the region of values that are as likely
@@ -59,6 +59,14 @@ def surest(before: Fitted, where: Windows, opened: Collection[str]) -> Fitted:
     best = max([best, *further], key=lambda f: f.total)
     others = [f for f in [*further, *_probed(best)] if _as_likely(best, f)]
     return replace(best, others=tuple(_distinct(best, others)))
+
+
+def with_others(found: Fitted) -> Fitted:
+    """The same fit with values beside it that are as likely."""
+    if found.noise.uneven:
+        return found
+    others = [f for f in _probed(found) if _as_likely(found, f)]
+    return replace(found, others=tuple(_distinct(found, others)))
 
 
 def starts(found: Fitted) -> list[dict[str, float]]:
@@ -121,11 +129,19 @@ def _probed(best: Fitted) -> list[Fitted]:
     for c in _shapes(best):
         low, high = ends.get(c.key, (0.0, 0.0))
         for end in (low, high) if c.key == "vs" else (high,):
-            for far in BEYOND[: 1 if c.key == "vs" else 2] if end > 0.0 else ():
-                other = _with_held(best, c, end, far)
-                made += [other]
-                if _as_likely(best, other):
-                    break
+            made += _outward(best, c, end) if end > 0.0 else []
+    return made
+
+
+def _outward(best: Fitted, c: Coordinate, end: float) -> list[Fitted]:
+    """Fits with one value held ever farther from the best, up to where they are less likely."""
+    made: list[Fitted] = []
+    for far in BEYOND[: 1 if c.key == "vs" else None]:
+        other = _with_held(best, c, end, far)
+        if not _as_likely(best, other):
+            middle = 0.5 * (far + far / BEYOND[0])
+            return [*made, _with_held(best, c, end, middle)] if c.key == "Fs" else made
+        made.append(other)
     return made
 
 
