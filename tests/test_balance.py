@@ -46,9 +46,9 @@ def test_a_held_torque_has_no_delay_and_little_is_left(plain):
 
 
 def test_the_answer_is_plain_python_without_nan(plain):
-    text = json.dumps(plain.plain(), allow_nan=False)
+    text = json.dumps(plain.summary(), allow_nan=False)
     assert set(json.loads(text)) == {"parameters", "combinations", "curve", "left", "seconds"}
-    assert plain.plain()["parameters"]["J"]["unit"] == "kg m2"
+    assert plain.summary()["parameters"]["J"]["unit"] == "kg m2"
 
 
 def test_the_curve_has_both_directions_and_the_friction_of_the_drive(plain):

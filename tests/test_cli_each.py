@@ -141,7 +141,6 @@ def _raises(*_):
         ("left --each --units nonsense", "nonsense"),
         ("left --each --out left", "summary.csv"),
         ("left --each --out model.toml", "not a folder"),
-        ("left", "--each"),
     ],
 )
 def test_wrong_usage_is_a_sentence_and_no_work(files, job, capsys, line, word):

@@ -172,7 +172,7 @@ def _finer(asked: Asked, horizon: float, seed: int, report: Progress) -> Diagnos
     report(0.85, "errors on held-out samples")
     scored = score(job, found.final)
     shown = traces(job, found.final, scored["judged"])
-    hold(job.data, shown, asked.plain)
+    hold(job.data, shown, asked)
     report(0.92, "parameters and intervals")
     whole = found.final if len(new) else known or on_everything(found.final, job)
     job = compared(job, answer.own or whole)

@@ -152,7 +152,7 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
     job = noted(job, *other_optima(whole))
     scored = score(job, job.base)
     shown = traces(job, job.base, scored["judged"])
-    hold(job.data, shown, asked.plain)
+    hold(job.data, shown, asked)
     error = scored["error"]
     return Identification(
         estimates=estimates(whole),
