@@ -9,6 +9,7 @@ from .fit import Fit
 from .result import CurvePoint
 
 RESTS, ROUNDS = 0.05, 10
+ONE_WAY = 0.95  # mean of sign(w) in a window without a reversal
 
 
 def curve(made: Fit) -> tuple[CurvePoint, ...]:
@@ -19,9 +20,10 @@ def curve(made: Fit) -> tuple[CurvePoint, ...]:
     columns = {"Fc": np.sign(d.w), "Fv": d.w, "constant_torque": 1.0}
     for key, value in made.setting.held:
         torque = torque + columns.get(key, 0.0) * value
+    whole = np.abs(d.X[:, made.names.index("Fc")]) > ONE_WAY if "Fc" in made.names else True
     points = []
     for side in (-1, 1):
-        at = np.flatnonzero((side * d.w > 0) & (d.rest < RESTS))
+        at = np.flatnonzero((side * d.w > 0) & (d.rest < RESTS) & whole)
         at = at[np.argsort(d.w[at])]
         if len(at) < LEAST_OF_BIN:
             continue
