@@ -143,7 +143,6 @@ def _raises(*_):
         ("left --each --units nonsense", "nonsense"),
         ("left --each --out left", "summary.csv"),
         ("left --each --out model.toml", "not a folder"),
-        ("left", "--each"),
     ],
 )
 def test_wrong_usage_is_a_sentence_and_no_work(files, job, capsys, line, word):
@@ -164,6 +163,10 @@ def test_a_model_in_the_way_of_a_report_is_spared(files, job, capsys):
 def test_patterns_that_the_shell_left_are_expanded(files, job, capsys):
     assert run(capsys, "r*/*.csv --each")[1].startswith("2 logs")
     assert run(capsys, "right/a*.csv")[0] == 0 and len(job.calls) == 3
+
+
+def test_a_folder_stands_for_the_runs_of_one_drive_in_it(files, job, capsys):
+    assert run(capsys, "left")[0] == 0 and len(job.calls) == 1
 
 
 def test_jobs_are_as_many_as_processors_or_logs(files, capsys, monkeypatch):
