@@ -163,6 +163,10 @@ def test_patterns_that_the_shell_left_are_expanded(files, job, capsys):
     assert run(capsys, "right/a*.csv")[0] == 0 and len(job.calls) == 3
 
 
+def test_a_folder_stands_for_the_runs_of_one_drive_in_it(files, job, capsys):
+    assert run(capsys, "left")[0] == 0 and len(job.calls) == 1
+
+
 def test_jobs_are_as_many_as_processors_or_logs(files, capsys, monkeypatch):
     from lugrectl import fleet
 
