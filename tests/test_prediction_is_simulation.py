@@ -6,6 +6,7 @@ each stop found by bisection.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import copysign, exp
 
 import numpy as np
@@ -18,6 +19,7 @@ from lugrectl.engine.tangent import Tangent
 from lugrectl.model import model_from_dict
 from lugrectl.record import Record
 from lugrectl.tracing.data import prepare
+from lugrectl.tracing.doubts import refuse_unfit
 from lugrectl.tracing.evaluate import restarted
 from lugrectl.tracing.likelihood import tune
 from lugrectl.tracing.predictor import Predictor
@@ -179,6 +181,15 @@ def test_the_error_of_the_true_model_after_sharp_reversals_is_the_encoders_round
     assert np.sqrt(np.mean(error**2)) < count
 
 
+def test_torque_steps_with_zeros_between_are_no_dead_channel():
+    t = np.arange(8000) * 1e-3
+    u = 0.15 * levels(t, [2.0, 0, -2.0, 0, 1.4, 0, -1.4, 0], 0.5)
+    count = 2.0 * np.pi / 16384
+    theta = np.floor(drive("coulomb", u, 1e-3)[:, 0] / count) * count
+    record = Record(t=t, u=u, theta=theta)
+    assert refuse_unfit([record], model_of("coulomb"), prepare([record])) == ()
+
+
 @pytest.mark.parametrize("law", ["coulomb", "stribeck"])
 def test_the_correction_by_the_log_leaves_an_exact_prediction_alone(law):
     """Windows start on the move, at a reversal and at rest."""
@@ -242,3 +253,18 @@ def test_a_declared_width_of_the_sign_stays_as_wide_as_it_is():
     y, _ = block.run([model.known()], whole, block.data.noise, corrected=False, x0=rest)
     assert motion[-1, 1] > 0.1
     assert np.abs(y[0, 0] - motion).max() < 1e-4
+
+
+def test_a_rest_leaves_the_state_where_the_model_stopped_within_half_a_count():
+    """One rounded position, repeated through a rest, is one measurement of it."""
+    t = np.arange(2000) * 1e-3
+    u = pulses(t) * LAWS["coulomb"]["Fc"]
+    motion, count = drive("coulomb", u, 1e-3), 2.0 * np.pi / 4096
+    data = prepare([Record(t=t, u=u, theta=np.round(motion[:, 0] / count) * count)])
+    block = Predictor(model_of("coulomb"), data)
+    noise = replace(data.noise, jump=0.1)
+    whole = Windows(np.array([0]), 0, len(t))
+    y, _ = block.run([block.model.known()], whole, noise, x0=np.zeros((1, 2)))
+    resting = np.flatnonzero((motion[1:] == motion[:-1]).all(axis=1))
+    error = np.abs(y[0, 0, resting, 0] - motion[resting, 0])
+    assert len(resting) > 300 and error.max() < 0.2 * count
