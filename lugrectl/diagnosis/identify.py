@@ -27,7 +27,7 @@ from ..results import Estimate, FrictionMap, Traces
 from ..steady.curve import refit
 from ..steady.points import is_map
 from ..traces import traces
-from ..tracing.far import at_bounds, far_off
+from ..tracing.far import against_held, at_bounds, far_off
 from ..tracing.job import begin, compared, estimates, noted, on_everything, score
 from ..tracing.optima import other_optima
 
@@ -104,7 +104,7 @@ def identify(
     job = begin(record, model, holdout, horizon, report)
     whole = on_everything(job.base, job)
     job = noted(compared(job, whole), *at_bounds(whole), *far_off(whole, model))
-    job = noted(job, *other_optima(whole))
+    job = noted(job, *against_held(whole), *other_optima(whole))
     scored = score(job, job.base)
     error = scored["error"]
     return Identification(
