@@ -147,13 +147,15 @@ def test_held_values_are_not_fitted_and_are_reported_without_interval(log):
     assert said["parameters"]["J"]["held"] is True and said["model"]["plant"] == {"J": 2.2e-3}
     assert said["model"]["stated"] == {"J": {"fixed": True}}
     assert "held" in str(found) and found.model.held() == {"J"}
-    assert not any("J is" in m for m in found.messages)
+    said = [m for m in found.messages if "contradicts held values" in m]
+    assert len(said) == 1 and "J is held at 0.0022, but would be 0.00" in said[0]
 
 
 def test_everything_may_be_held(log):
     found = fitted(log, **{k: held(v) for k, v in TRUE.items()})
     assert {k: found.model.values()[k] for k in TRUE} == TRUE
     assert found.error["refitted"] == pytest.approx(found.error["declared"], rel=1e-6)
+    assert not any("held" in m for m in found.messages)
 
 
 def test_bounds_bound_and_a_value_at_its_bound_is_said(log):

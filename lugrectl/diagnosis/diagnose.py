@@ -29,7 +29,7 @@ from ..tracing.explain import (
     likely,
     without_effects,
 )
-from ..tracing.far import at_bounds, far_off
+from ..tracing.far import against_held, at_bounds, far_off
 from ..tracing.fit import Fitted
 from ..tracing.hanging import signals_of
 from ..tracing.held_out import adapted, with_its_own
@@ -181,7 +181,8 @@ def _finer(asked: Asked, horizon: float, seed: int, report: Progress) -> Diagnos
     carried = (CARRIED.format(*(100 * x for x in found.carried)),) if found.carried else ()
     job = noted(job, *flat, *many, *carried, *statements(whole), *openings(found.final))
     verdict, depends = _verdict(found)
-    job = noted(job, *at_bounds(whole), *far_off(whole, model), *other_optima(whole))
+    job = noted(job, *at_bounds(whole), *far_off(whole, model))
+    job = noted(job, *against_held(whole), *other_optima(whole))
     fitted = estimates(whole)
     effects = [Finding.of(s.trial.key, s.trial.name, fitted, s.tied) for s in found.steps]
     table = _table(found.final, job, depends, seed) if verdict == "unexplained" else None

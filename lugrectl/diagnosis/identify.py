@@ -30,7 +30,7 @@ from ..results import Estimate, FrictionMap, Traces
 from ..steady.curve import refit
 from ..steady.points import is_map
 from ..traces import traces
-from ..tracing.far import at_bounds, far_off
+from ..tracing.far import against_held, at_bounds, far_off
 from ..tracing.job import begin, compared, estimates, noted, on_everything, score
 from ..tracing.optima import other_optima
 from .asking import Asked
@@ -149,7 +149,7 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
     job = begin(record, model, holdout, horizon, report, plain=asked.plain.values())
     whole = on_everything(job.base, job)
     job = noted(compared(job, whole), *at_bounds(whole), *far_off(whole, model))
-    job = noted(job, *other_optima(whole))
+    job = noted(job, *against_held(whole), *other_optima(whole))
     scored = score(job, job.base)
     shown = traces(job, job.base, scored["judged"])
     hold(job.data, shown, asked)

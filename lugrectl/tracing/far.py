@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Protocol
 
@@ -11,7 +12,8 @@ import numpy as np
 
 from ..display import with_interval
 from ..model import Model
-from .fit import Fitted
+from .coordinates import is_instant
+from .fit import Fitted, fit
 
 FAR = 0.2  # of the declared value, from which a change may have the causes below
 ALIKE = 0.05  # relative spread within which factors count as equal
@@ -19,6 +21,10 @@ SCALED = ("J", "Fc", "Fv")  # among the values that a wrong scale of the torque 
 MOVED = "{} is {} [{}, {}], declared {:.6g}"
 LEFT = "The record moves declared values beyond their 95 % intervals: {}."
 AT_BOUND = "{} lies at its declared {} = {:.6g}: without it the fit would go farther."
+HELD_AT = "{} is held at {:.4g}, but would be {:.4g}{} if it alone were fitted, too"
+CONTRADICTS = "The record contradicts held values: {}."
+CONTRADICTED = 20.0  # gain in log-likelihood by one more value, from which this is said
+STEPS = 12  # of the fit of such a value
 SCALE = (
     "all by the factor {:.3g}: if the declared values are right, the scale of u is wrong (torque "
     "constant, gear ratio)"
@@ -65,6 +71,30 @@ def at_bounds(fitted: Fitted) -> list[str]:
         ends = {"min": c.stuck(value, -1.0), "max": c.stuck(value, 1.0)}
         made += [AT_BOUND.format(c.key, end, value) for end, at in ends.items() if at]
     return made
+
+
+def against_held(fitted: Fitted) -> list[str]:
+    """A sentence on held values that the record contradicts: each alone is fitted as well."""
+    predictor, said = fitted.predictor, []
+    model, declared = predictor.model, predictor.declarations()
+    if fitted.noise.uneven:
+        return []
+    for key in sorted(model.held() & {k for k, p in declared.items() if p.fitted}):
+        if declared[key].choices or is_instant(declared[key]):
+            continue
+        loose = {k: one for k, one in model.stated.items() if k != key}
+        free = [*(c.key for c in fitted.free), *fitted.instants, key]
+        freed = fit(
+            predictor.like(replace(model, stated=loose), predictor.dose), fitted.values, free,
+            fitted.where, fitted.noise, anchor=fitted.anchor, most=STEPS, rough=True,
+        )  # fmt: skip
+        ends = freed.intervals().get(key)
+        held, value = fitted.values[key], freed.values[key]
+        clear = ends is not None and not ends[0] <= held <= ends[1]
+        if clear and freed.total > fitted.total + CONTRADICTED:
+            unit = model.unit(key)
+            said.append(HELD_AT.format(key, held, value, "" if unit == "1" else f" {unit}"))
+    return [CONTRADICTS.format("; ".join(said))] if said else []
 
 
 def _moved(key: str, value: float, ends: tuple[float, float], declared: Model) -> str:
