@@ -18,16 +18,16 @@ from .checks import as_path, shown
 from .door import is_file, is_record
 from .errors import InputError
 from .model import Model
+from .record.readers import SUFFIXES
 from .spec import REGISTRY, members
 
-SUFFIXES = (".csv", ".mat", ".npz", ".parquet")
 _THREADS = ("OMP_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS", *BLAS)
 
 
 def record_files(logs: Iterable[Any]) -> list[Any]:
     """The logs with folders and patterns replaced by the files they stand for, each file once.
 
-    A folder stands for its .csv, .mat, .npz and .parquet files, axis2 before axis10; a pattern
+    A folder stands for its files of SUFFIXES, axis2 before axis10; a pattern
     (``*``, ``?``, ``**``) for what it matches, unless a file has that very name.
 
     Raises InputError for a folder without such files and for a pattern without match.

@@ -14,7 +14,8 @@ import numpy as np
 from ..checks import array, real, shown
 from ..errors import InputError
 from .columns import fits_role
-from .textfile import Table, split_unit
+from .names import split_unit
+from .table import Table
 
 FORMS = "a path, a pandas DataFrame, a dict of arrays or a Record"
 

@@ -2,38 +2,17 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from ..errors import InputError
-from .textfile import Table, split_unit
+from .names import fitting, split_unit, usual_names, usual_unit
+from .table import Table
 from .units import ROLES, did_you_mean
 
-# Usual names of columns, lower case, with the unit that the name alone implies.
-USUAL_NAMES: dict[str, dict[str, str | None]] = {
-    "t": dict.fromkeys(("time", "zeit", "seconds"), None),
-    "u": {
-        **dict.fromkeys(("torque", "force", "tau", "moment", "effort", "trq"), None),
-        **{"current": "A", "iq": "A", "voltage": "V", "vir": "V"},
-    },
-    "w": dict.fromkeys(
-        ("speed", "velocity", "vel", "omega", "qd", "dq", "dtheta", "theta_dot"), None
-    ),
-    "theta": dict.fromkeys(
-        ("position", "pos", "angle", "q", "qm", "phi", "displacement", "x"), None
-    ),
-    "r": {},
-    "d": {},
-    "temperature": {"temp": None},
-    "theta_load": {},
-}
-# Words that may be part of a column's name without changing its meaning.
-_NEUTRAL = frozenset(
-    "actual value averaged average avg mean measured meas motor joint shaft axis drive "
-    "feedback raw filtered signal act applied".split()
-)
 _WORDS = {"t": "time", "u": "torque", "w": "velocity", "theta": "position"}
 
 
@@ -54,15 +33,19 @@ def choose_columns(
         if taken[choice.index] > 1:
             raise InputError(f"--columns: column '{named[role]}' is given to more than one role.")
     doubtful: dict[str, list[int]] = {}
+    said: list[str] = []
     for role in (r for r in ROLES if r not in named):
         free = [i for i in range(len(table.names)) if i not in taken]
-        fits, implied = _fitting(table.names, role, free)
+        fits, implied = fitting(table.plain, role, free)
+        if len(fits) > 1 and _same(table, fits):
+            said.append(f"{_among(table, role, fits)}; they hold the same values.")
+            fits = fits[:1]
         if len(fits) == 1:
             choices[role] = Choice(role, fits[0], implied)
         elif fits:
             doubtful[role] = fits
     _complete(table, choices, doubtful, need_time)
-    said = _usual_said(table, choices, named)
+    said += _usual_said(table, choices, named)
     said += [f"{_among(table, role, fits)}; it was left out." for role, fits in doubtful.items()]
     if not {"w", "theta"} & set(named):  # no note if the user named one
         said += _unused_said(table, choices, doubtful)
@@ -72,43 +55,30 @@ def choose_columns(
 def _named(table: Table, role: str, name: str) -> Choice:
     wanted = {name, split_unit(name)[0]}
     fits = [i for i, column in enumerate(table.names) if column in wanted]
+    fits = fits or [i for i, column in enumerate(table.plain) if column == name]
+    if not fits and name.isdecimal() and 1 <= int(name) <= len(table.names):
+        fits = [int(name) - 1]
     if len(fits) != 1:
         problem = "occurs twice in" if fits else "is not in"
         raise InputError(
             f"Column '{name}' for {role} {problem} {table.source}"
-            f"{'' if fits else did_you_mean(name, table.names)}; its columns are {_list(table)}."
+            f"{'' if fits else did_you_mean(name, table.names)}; its columns are {table.listed()}."
         )
-    return Choice(role, fits[0], USUAL_NAMES[role].get(table.names[fits[0]].lower()))
+    return Choice(role, fits[0], usual_unit(role, table.plain[fits[0]]))
 
 
 def fits_role(names: Sequence[str], role: str) -> bool:
     """True if a column of these names may be the role."""
-    return bool(_fitting(names, role, range(len(names)))[0])
+    return bool(fitting(names, role, range(len(names)))[0])
 
 
-def _fitting(names: Sequence[str], role: str, free: Sequence[int]) -> tuple[list[int], str | None]:
-    """Return the columns that may be the role, best match only, and their implied unit."""
-    own = [i for i in free if names[i] == role]
-    if not own and len(role) > 1:
-        own = [i for i in free if names[i].lower() == role]
-    if not own and role in ("u", "w"):
-        own = [i for i in free if names[i] == role.upper()]
-    if own:
-        return own, None
-    usual = USUAL_NAMES[role]
-    exact = [i for i in free if names[i].lower() in usual]
-    if exact:
-        return exact, usual[names[exact[0]].lower()]
-    loose = {i: _key(names[i], usual) for i in free}
-    fits = [i for i, key in loose.items() if key is not None]
-    return fits, usual[loose[fits[0]] or ""] if fits else None
-
-
-def _key(name: str, usual: Mapping[str, str | None]) -> str | None:
-    """Return the usual name in, say, 'Torque actual value averaged'; None with unknown words."""
-    words = set(re.split(r"[\W_]+", name.lower())) - {""}
-    rest = words - _NEUTRAL
-    return next(iter(rest)) if len(rest) == 1 and rest <= set(usual) else None
+def _same(table: Table, fits: Sequence[int]) -> bool:
+    """Whether columns that may be one role hold the same values."""
+    try:
+        first, *others = table.load(list(fits))[0]
+    except InputError:
+        return False
+    return all(np.array_equal(first, other, equal_nan=True) for other in others)
 
 
 def _complete(
@@ -128,21 +98,37 @@ def _complete(
         else:
             words = " or ".join(f"{r} ({_WORDS[r]})" for r in roles)
             start = f"{table.source} has no column for {words}"
-            known = (name for r in roles for name in (r, *USUAL_NAMES[r]) if len(name) > 2)
+            known = (name for r in roles for name in (r, *usual_names(r)) if len(name) > 2)
             near = next(filter(None, (did_you_mean(name, table.names) for name in known)), "")
+        if not choices and not doubtful:
+            raise InputError(_nothing_known(table, need_time))
         raise InputError(
-            f"{start}; its columns are {_list(table)}{near}: name the column with "
+            f"{start}; its columns are {table.listed()}{near}: name the column with "
             f"--columns {role}=NAME{', or give --rate HZ' if role == 't' else ''}."
+            f"{' ' * bool(table.hint)}{table.hint}"
         )
 
 
+def _nothing_known(table: Table, need_time: bool) -> str:
+    """A sentence for a table whose names say nothing, with the option that names its columns."""
+    roles = ["t", "u", "theta"] if need_time else ["u", "theta"]
+    pairs = ",".join(f"{r}={n}" for r, n in zip(roles, table.names, strict=False))
+    start = (
+        f"{table.source}: its columns are {table.listed()}, which say nothing of torque and motion"
+        if table.headed
+        else f"{table.source} has no header (its numbers begin in {table.where(0)})"
+    )
+    how = "name them" if table.headed else "give the numbers of its columns, counted from 1"
+    return f'{start}: {how}, for instance --columns "{pairs}".' + (
+        f" {table.hint}" if table.hint else ""
+    )
+
+
 def _among(table: Table, role: str, fits: list[int]) -> str:
-    names = ", ".join(f"'{table.names[i]}'" for i in fits)
+    alike = {table.names[i] for i in fits}
+    twice = len(alike) < len(fits)
+    names = ", ".join(f"'{table.names[i]}'" + f" ({i + 1})" * twice for i in fits)
     return f"{role} could be any of the columns {names} of {table.source}"
-
-
-def _list(table: Table) -> str:
-    return ", ".join(f"'{name}'" for name in table.names)
 
 
 def _usual_said(table: Table, choices: Mapping[str, Choice], named: Mapping[str, str]) -> list[str]:

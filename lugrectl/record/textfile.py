@@ -5,33 +5,24 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import InputError
+from .cells import DECIMAL_COMMAS, is_missing, is_number, number, without_commas
+from .names import split_unit as split_unit
+from .stamps import is_stamp, seconds
+from .table import Columns, epoch_said, epoch_unit, heads, joined_stamps, time_columns
+from .table import Table as Table
 from .units import parse_unit
 
 _SNIFF = 400  # lines read to find the delimiter, the header and the first row
-_MISSING = {"", "nan", "na", "n/a", "null", "none", "-"}
-_DECIMAL_COMMAS = "Decimal commas were read as decimal points."
-
-
-@dataclass(frozen=True)
-class Table:
-    """Named columns of a file, read only on request.
-
-    ``load(indices)`` returns the float64 columns of these indices and notes on how they were
-    read; ``where(row)`` describes the place of a row in the file.
-    """
-
-    source: str
-    names: tuple[str, ...]
-    units: tuple[str | None, ...]
-    load: Callable[[Sequence[int]], tuple[list[np.ndarray], list[str]]]
-    where: Callable[[int], str]
+_STEADY = 10  # rows of numbers in a row that begin the data
+_COMMENTS = ("#", "%", "//")
+_BLANKS = " "  # the delimiter that stands for any number of blanks
 
 
 @dataclass(frozen=True)
@@ -40,31 +31,37 @@ class _Layout:
     width: int
     first: int  # index of the first row of numbers
     names: tuple[str, ...]
+    plain: tuple[str, ...]
     units: tuple[str | None, ...]
-
-
-def split_unit(header: str) -> tuple[str, str | None]:
-    """Split 'name [unit]' or 'name (unit)' into name and unit (None if there is none)."""
-    match = re.fullmatch(r"(.*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))", header.strip())
-    if match is None:
-        return header.strip(), None
-    return match[1], (match[2] or match[3] or "").strip() or None
+    stamped: frozenset[int]  # columns of dates and times of day
+    epoch: dict[int, str]  # columns of seconds since 1970 and their unit
+    headed: bool
 
 
 def read_text(path: Path) -> Table:
-    lines = _decode(path)
-    layout = _layout(path.name, lines)
+    return lines_table(path.name, _decode(path))
 
-    def load(indices: Sequence[int]) -> tuple[list[np.ndarray], list[str]]:
-        fast = _load_fast(lines, layout, indices)
-        return fast or _load_slow(path.name, lines, layout, indices)
 
-    return Table(
-        path.name,
-        layout.names,
-        layout.units,
-        load,
-        lambda row: _where(lines, layout.first, row),
+def lines_table(source: str, lines: list[str]) -> Table:
+    """The table in the lines of a text."""
+    layout = _layout(source, lines)
+
+    def load(indices: Sequence[int]) -> Columns:
+        exact = layout.stamped | set(layout.epoch)
+        fast = None if exact & set(indices) else _load_fast(lines, layout, indices)
+        made, said = fast or _load_slow(source, lines, layout, indices)
+        return made, said + epoch_said(layout.names, layout.epoch, indices)
+
+    return joined_stamps(
+        Table(
+            source,
+            layout.names,
+            layout.units,
+            load,
+            lambda row: _where(lines, layout.first, row),
+            layout.plain,
+            headed=layout.headed,
+        )
     )
 
 
@@ -72,6 +69,10 @@ def _decode(path: Path) -> list[str]:
     data = path.read_bytes()
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         text = data.decode("utf-16", errors="replace")
+    elif b"\0" in data[:2000] and not any(data[1:2000:2]):
+        text = data.decode("utf-16-le", errors="replace")
+    elif b"\0" in data[:2000] and not any(data[0:2000:2]):
+        text = data.decode("utf-16-be", errors="replace")
     elif b"\0" in data:
         raise InputError(f"{path.name} is neither text nor a MAT, NPZ or Parquet file.")
     else:
@@ -83,6 +84,10 @@ def _decode(path: Path) -> list[str]:
 
 
 def _cells(line: str, delimiter: str) -> list[str]:
+    if delimiter == _BLANKS:
+        return line.split()
+    if delimiter == "|":
+        line = line.strip().strip("|")
     if '"' not in line:
         return [cell.strip() for cell in line.split(delimiter)] if line else []
     try:
@@ -92,26 +97,7 @@ def _cells(line: str, delimiter: str) -> list[str]:
 
 
 def _is_comment(line: str) -> bool:
-    return not line.strip() or line.lstrip().startswith("#")
-
-
-def _number(cell: str) -> float:
-    """Return the number in a cell, nan for a missing one; raise ValueError for text."""
-    cell = cell.strip()
-    if cell.lower() in _MISSING:
-        return np.nan
-    if "_" in cell:
-        raise ValueError(cell)
-    if "," in cell and "." not in cell:
-        cell = cell.replace(",", ".")
-    return float(cell)
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        return not np.isnan(_number(cell))
-    except ValueError:
-        return False
+    return not line.strip() or line.lstrip().startswith(_COMMENTS)
 
 
 def _layout(source: str, lines: list[str]) -> _Layout:
@@ -119,19 +105,28 @@ def _layout(source: str, lines: list[str]) -> _Layout:
     if not sniffed:
         raise InputError(f"{source} is empty: it has no line of data.")
     delimiter, width, tail = _delimiter(source, sniffed)
-    numeric = [2 * sum(_is_number(row[c]) for row in tail) > len(tail) for c in range(width)]
+    numeric = [_is_numeric([row[c] for row in tail]) for c in range(width)]
     rows = [(i, _cells(line, delimiter)) for i, line in sniffed]
     likes = [_like_data(cells, numeric) for _, cells in rows]
+    runs = ((0.89, _STEADY), (0.6, 6))  # some preambles hold rows of numbers, too
     start = next(
-        (k for k in range(len(rows)) if likes[k] and np.mean(likes[k : k + 6]) > 0.6),
+        (
+            k
+            for share, length in runs
+            for k in range(len(rows))
+            if likes[k] and np.mean(likes[k : k + length]) > share
+        ),
         -1,
     )
     if start < 0:
         raise InputError(f"{source} has no row of numbers in its first {_SNIFF} lines.")
-    heads = _headers(source, lines, rows, start, delimiter)
-    names, units = _name_columns(heads[0], heads[1])
+    found = _headers(lines, rows, start, delimiter, width)
+    headed = found is not None
+    names, plain, units = _name_columns(*(found or (list(map(str, range(1, width + 1))), None)))
+    if not headed:
+        plain = ("",) * width
     if len(names) == width - 1 and not any(row[-1] for row in tail):
-        names, units = (*names, ""), (*units, None)
+        names, plain, units = (*names, ""), (*plain, ""), (*units, None)
     if len(names) != width:
         hint = (
             "if these are decimal commas, separate the columns by semicolons"
@@ -142,18 +137,52 @@ def _layout(source: str, lines: list[str]) -> _Layout:
             f"{source}: line {rows[start][0] + 1} has {width} cells but the header names "
             f"{len(names)}; {hint}."
         )
-    return _Layout(delimiter, width, rows[start][0], names, units)
+    return _described(_Layout(delimiter, width, rows[start][0], names, plain, units,
+                              frozenset(), {}, headed), tail)  # fmt: skip
+
+
+def _is_numeric(cells: Sequence[str]) -> bool:
+    present = [cell for cell in cells if not is_missing(cell)]
+    return 2 * sum(map(is_number, present)) > len(present)
+
+
+def _described(layout: _Layout, tail: list[list[str]]) -> _Layout:
+    """The layout with its columns of stamps and of seconds since 1970."""
+    columns = list(zip(*tail, strict=True))
+    stamped = {c for c, cells in enumerate(columns) if sum(map(is_stamp, cells)) > len(cells) / 2}
+    units = tuple("s" if c in stamped else unit for c, unit in enumerate(layout.units))
+    plain = tuple(p or "time" * (c in stamped) for c, p in enumerate(layout.plain))
+    names = tuple(n or plain[c] for c, n in enumerate(layout.names))
+    epoch = {}
+    for c in time_columns(plain, units):
+        present = [number(x) for x in columns[c] if is_number(x)]
+        unit = epoch_unit(present[0], present[-1]) if present else None
+        if unit is not None:
+            epoch[c] = unit
+    units = tuple(epoch.get(c, unit) for c, unit in enumerate(units))
+    return replace(
+        layout, names=names, plain=plain, units=units, stamped=frozenset(stamped), epoch=epoch
+    )
 
 
 def _delimiter(source: str, sniffed: list[tuple[int, str]]) -> tuple[str, int, list[list[str]]]:
     """Return the delimiter, the usual number of cells, and the last rows of that many."""
     tail = [line for _, line in sniffed[-max(3, len(sniffed) // 4) :]]
-    for delimiter in "\t;,":
+    best: tuple[float, str, int, list[list[str]]] | None = None
+    for delimiter in "\t;|," + _BLANKS:
         rows = [_cells(line, delimiter) for line in tail]
         width = Counter(map(len, rows)).most_common(1)[0][0]
-        if width >= 2:
-            return delimiter, width, [row for row in rows if len(row) == width]
-    if any(_is_number(_cells(line, ";")[0]) for line in tail if _cells(line, ";")):
+        if width < 2:
+            continue
+        rows = [row for row in rows if len(row) == width]
+        share = float(np.mean([_is_numeric(cells) for cells in zip(*rows, strict=True)]))
+        if delimiter == _BLANKS and share < 0.5:  # words of a text
+            continue
+        if best is None or share > best[0]:
+            best = share, delimiter, width, rows
+    if best is not None:
+        return best[1:]
+    if any(is_number(_cells(line, ";")[0]) for line in tail if _cells(line, ";")):
         raise InputError(
             f"{source} has one column; a record needs u and one of w, theta "
             "in columns separated by comma, semicolon or tab."
@@ -162,54 +191,101 @@ def _delimiter(source: str, sniffed: list[tuple[int, str]]) -> tuple[str, int, l
 
 
 def _like_data(cells: list[str], numeric: list[bool]) -> bool:
-    if len(cells) != len(numeric) or not any(map(_is_number, cells)):
+    if len(cells) != len(numeric) or not any(map(is_number, cells)):
         return False
-    wrong = sum(n and not _is_number(c) and c != "" for c, n in zip(cells, numeric, strict=True))
+    wrong = sum(n and not is_number(c) and c != "" for c, n in zip(cells, numeric, strict=True))
     return wrong <= max(1, len(cells) // 4)
 
 
 def _headers(
-    source: str,
     lines: list[str],
     rows: list[tuple[int, list[str]]],
     start: int,
     delimiter: str,
-) -> tuple[list[str], list[str] | None]:
-    """Return the cells of the header and of the line of units under it, if there is one."""
+    width: int,
+) -> tuple[list[str], list[str] | None] | None:
+    """Return the cells of the header and of the line of units, if there is one.
+
+    None if the file has no header.
+    """
     first = rows[start][0]
     if start == 0:
-        remarks = [line.lstrip(" \t#") for line in lines[:first] if line.strip()]
-        cells = _cells(remarks[-1], delimiter) if remarks else []
-        if len(cells) < 2 or len(cells) != len(rows[0][1]):
-            raise InputError(
-                f"{source} has no header: write the names of the columns, for instance "
-                f"t{delimiter}u{delimiter}theta, above the numbers of line {first + 1}."
-            )
-        return cells, None
-    last = rows[start - 1][1]
+        remarks = [line.lstrip(" \t#%/") for line in lines[:first] if line.strip()]
+        for remark in reversed(remarks):
+            cells = _header_cells(remark, delimiter, width)
+            if len(cells) == width and not any(map(is_number, cells)):
+                return cells, None
+        return None
+    keyed = _keyed([row for _, row in rows[:start]], width)
+    if keyed is not None:
+        return keyed
+    last = _header_cells(lines[rows[start - 1][0]], delimiter, width)
     known = [parse_unit(cell.strip("[]()")) for cell in last if cell]
-    if start > 1 and any(known) and len(rows[start - 2][1]) == len(last):
-        return rows[start - 2][1], last
-    return last, None
+    if start > 1 and any(known):
+        above = _header_cells(lines[rows[start - 2][0]], delimiter, width)
+        if len(above) == len(last):
+            return above, last
+    return last, _preamble_units([row for _, row in rows[: start - 1]], last)
+
+
+def _header_cells(line: str, delimiter: str, width: int) -> list[str]:
+    """The names in a header, whose units may hold blanks."""
+    if delimiter != _BLANKS:
+        return _cells(line, delimiter)
+    line = line.strip()
+    for split in (
+        line.split(),
+        re.findall(r"[^\s\[(]+(?:\s*(?:\[[^\]]*\]|\([^)]*\)))?", line),
+        re.split(r"\s{2,}|\t", line),
+        [cell.strip() for cell in re.split(r"[,;|]", line)],
+    ):
+        if len(split) == width:
+            return split
+    return line.split()
+
+
+def _keyed(rows: list[list[str]], width: int) -> tuple[list[str], list[str] | None] | None:
+    """A header of key and value by turns, as automation scopes write it: a time per channel."""
+    found = {}
+    for row in rows:
+        if len(row) == width and width % 2 == 0 and row[0] and len(set(row[::2])) == 1:
+            found[row[0]] = row[1::2]
+    if "Name" not in found:
+        return None
+    key = next((key for key in found if "time" in key.lower()), "")
+    time = split_unit(key)[1] or "ms"
+    below = next((found[key] for key in found if key.lower().startswith("unit")), [""] * width)
+    names = [name for value in found["Name"] for name in (f"{value}.time", value)]
+    return names, [unit for value in below for unit in (time, value)]
+
+
+def _preamble_units(rows: list[list[str]], header: list[str]) -> list[str] | None:
+    """Units in a line of the preamble whose first cell is a word such as Y_Unit_Label."""
+    for row in rows:
+        cells = row[1:]
+        if len(row) == len(header) and "unit" in row[0].lower() and any(cells):
+            if all(parse_unit(cell) for cell in cells if cell):
+                return ["", *cells]
+    return None
 
 
 def _name_columns(
-    heads: list[str], unit_line: list[str] | None
-) -> tuple[tuple[str, ...], tuple[str | None, ...]]:
-    pairs = [split_unit(head) for head in heads]
+    headers: list[str], unit_line: list[str] | None
+) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str | None, ...]]:
+    found = heads(headers)
     if unit_line is not None:
         below = [cell.strip("[]() ") or None for cell in unit_line]
-        pairs = [(name, unit or b) for (name, unit), b in zip(pairs, below, strict=True)]
-    while pairs and pairs[-1] == ("", None):
-        pairs.pop()
-    if not pairs:
-        return (), ()
-    name, unit = pairs[0]
+        found = [(n, p, unit or b) for (n, p, unit), b in zip(found, below, strict=True)]
+    while found and found[-1][0] == "" and found[-1][2] is None:
+        found.pop()
+    if not found:
+        return (), (), ()
+    name, _, unit = found[0]
     known = parse_unit(unit) if unit else None
     if not name and known is not None and known.quantity == "time":
-        pairs[0] = ("time", unit)  # some recorders leave the first name empty
-    names, units = zip(*pairs, strict=True)
-    return names, units
+        found[0] = ("time", "time", unit)  # some recorders leave the first name empty
+    names, plain, units = zip(*found, strict=True)
+    return names, plain, units
 
 
 def _load_fast(
@@ -217,14 +293,17 @@ def _load_fast(
 ) -> tuple[list[np.ndarray], list[str]] | None:
     """Read the columns at C speed; None if cells must be read one by one."""
     text, said = "\n".join(lines[layout.first :]), []
-    if "#" in text:
+    if any(mark in text for mark in _COMMENTS):
         text = "\n".join(line for line in lines[layout.first :] if not _is_comment(line))
     text = text.replace('"', "")  # a delimiter between quotes shows in the count below
     if layout.delimiter != "," and "," in text:
         if "." in text:
             return None
-        text, said = text.replace(",", "."), [_DECIMAL_COMMAS]
+        text, said = text.replace(",", "."), [DECIMAL_COMMAS]
     data = _parsed(text.split("\n"), layout, indices)
+    if layout.delimiter == _BLANKS:
+        whole = data is not None and len(text.split()) == len(data) * layout.width
+        return (list(np.ascontiguousarray(data.T)), said) if data is not None and whole else None
     if data is None:  # perhaps only because of empty cells
         gap = re.escape(layout.delimiter)
         text = re.sub(rf"(?<={gap})(?={gap}|$)|^(?={gap})", "nan", text, flags=re.MULTILINE)
@@ -236,61 +315,74 @@ def _load_fast(
 
 def _parsed(body: list[str], layout: _Layout, indices: Sequence[int]) -> np.ndarray | None:
     try:
-        return np.loadtxt(body, delimiter=layout.delimiter, usecols=indices, comments=None, ndmin=2)
+        between = None if layout.delimiter == _BLANKS else layout.delimiter
+        return np.loadtxt(body, delimiter=between, usecols=indices, comments=None, ndmin=2)
     except ValueError:
         return None
 
 
 def _load_slow(
     source: str, lines: list[str], layout: _Layout, indices: Sequence[int]
-) -> tuple[list[np.ndarray], list[str]]:
+) -> Columns:
     """Read cell by cell: an empty cell is a missing sample, other text raises InputError."""
     said: list[str] = []
-    rows: list[list[float]] = []
-    points = commas = False
-    body = lines[layout.first :]
-    last = max(k for k, line in enumerate(body) if not _is_comment(line))
-    for k, line in enumerate(body[: last + 1]):
+    rows: list[tuple[int, list[str]]] = []
+    last = max(k for k, line in enumerate(lines) if line.strip()) - layout.first
+    for k, line in enumerate(lines[layout.first :]):
         if _is_comment(line):
             continue
-        number = layout.first + k + 1
+        line_number = layout.first + k + 1
         cells = _cells(line, layout.delimiter)
         if len(cells) < layout.width and k == last and rows:
-            said.append(f"The last line ({number}) is cut off and was left out.")
+            said.append(f"The last line ({line_number}) is cut off and was left out.")
             continue
         if len(cells) != layout.width:
             raise InputError(
-                f"{source}: line {number} has {len(cells)} cells, "
+                f"{source}: line {line_number} has {len(cells)} cells, "
                 f"the header names {layout.width} columns."
             )
-        used = [cells[i] for i in indices]
-        rows.append(_row(source, number, used, [layout.names[i] for i in indices]))
-        points = points or any("." in cell for cell in used)
-        commas = commas or any("," in cell for cell in used)
-        if points and commas:
-            raise InputError(
-                f"{source}: line {number} mixes decimal points and decimal commas; use one."
-            )
-    if commas:
-        said.insert(0, _DECIMAL_COMMAS)
-    return list(np.array(rows, dtype=np.float64).T), said
+        rows.append((line_number, [cells[i] for i in indices]))
+    numbers = [row[0] for row in rows]
+    cleaned, commas = without_commas(source, rows)
+    columns = []
+    for i, cells in zip(indices, zip(*cleaned, strict=True), strict=True):
+        columns.append(_column(source, layout, i, numbers, cells))
+    return columns, [*commas, *said]
 
 
-def _row(source: str, number: int, cells: list[str], names: list[str]) -> list[float]:
+def _column(
+    source: str, layout: _Layout, i: int, numbers: list[int], cells: Sequence[str]
+) -> np.ndarray:
+    try:
+        if i in layout.stamped:
+            return seconds(cells)
+        if layout.epoch.get(i) == "ns":  # no float64 holds them to the nanosecond
+            whole = np.array(cells, dtype=np.int64)
+            return (whole - whole[0]).astype(np.float64)
+    except ValueError as error:
+        if i in layout.stamped:
+            _not_a_number(source, layout, i, numbers, cells, int(error.args[0]))
     try:
         if not any("_" in cell for cell in cells):
-            return [float(cell) for cell in cells]
+            return np.array(list(map(float, cells)))
     except ValueError:
         pass
-    values = []
-    for cell, name in zip(cells, names, strict=True):
+    values = np.empty(len(cells))
+    for k, cell in enumerate(cells):
         try:
-            values.append(_number(cell))
+            values[k] = number(cell)
         except ValueError:
-            raise InputError(
-                f"{source}: line {number}, column '{name}': '{cell}' is not a number."
-            ) from None
+            _not_a_number(source, layout, i, numbers, cells, k)
     return values
+
+
+def _not_a_number(
+    source: str, layout: _Layout, i: int, numbers: list[int], cells: Sequence[str], k: int
+) -> None:
+    raise InputError(
+        f"{source}: line {numbers[k]}, column '{layout.names[i]}': '{cells[k]}' is not a "
+        f"{'date or time of day' if i in layout.stamped else 'number'}."
+    ) from None
 
 
 def _where(lines: list[str], first: int, row: int) -> str:

@@ -1,0 +1,51 @@
+"""Run as a script: reads an HDF5 or Parquet file and writes its arrays to standard output.
+
+It imports nothing of the package. A library that a damaged file brings down ends this process
+only.
+"""
+
+import pickle
+import sys
+
+import numpy as np
+
+
+def hdf(path):
+    """The numeric arrays of an HDF5 file, by path with dots."""
+    import h5py  # pyright: ignore[reportMissingImports]
+
+    arrays = {}
+
+    def keep(name, item):
+        if not isinstance(item, h5py.Dataset) or "#refs#" in name:
+            return
+        if item.attrs.get("MATLAB_class") in (b"char", "char"):
+            return
+        if item.dtype.kind in "fiub" or item.dtype.names:
+            arrays[name.replace("/", ".")] = np.asarray(item[()])
+
+    with h5py.File(path, "r") as file:
+        file.visititems(keep)
+    return arrays
+
+
+def parquet(path):
+    """The columns of a Parquet file."""
+    import pyarrow.parquet as library  # pyright: ignore[reportMissingImports]
+
+    table = library.read_table(path)
+    found = {}
+    for name, column in zip(table.column_names, table.columns, strict=True):
+        values = column.to_numpy()
+        if values.dtype == object:
+            values = list(values)
+        found[name] = values
+    return found
+
+
+if __name__ == "__main__":
+    try:
+        answer = True, {"hdf": hdf, "parquet": parquet}[sys.argv[1]](sys.argv[2])
+    except BaseException as error:  # a damaged file raises any kind
+        answer = False, " ".join(f"{error}".split())[:200] or type(error).__name__
+    sys.stdout.buffer.write(pickle.dumps(answer))

@@ -1,0 +1,156 @@
+"""MAT files up to version 7, read with every length checked: no damage ends the process."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8"} | {
+    12: "i8", 13: "u8", 16: "u1", 17: "u2", 18: "u4"}  # fmt: skip
+_MATRIX, _COMPRESSED = 14, 15
+_CELL, _STRUCT, _OBJECT, _CHAR, _OPAQUE = 1, 2, 3, 4, 17
+_DEPTH = 30
+
+
+class Damaged(ValueError):
+    """The bytes are no MAT file; the text says what is wrong."""
+
+
+class Opaque:
+    """An object that only MATLAB can read, such as a timeseries or a table."""
+
+
+def read_mat(data: bytes) -> dict[str, Any]:
+    """Variables by name: arrays (transposed as in MATLAB), dicts of structs, lists of cells.
+
+    Raises Damaged.
+    """
+    try:
+        if data[126:128] in (b"IM", b"MI"):
+            return _version5(data)
+        return _version4(data)
+    except (struct.error, zlib.error, IndexError, ValueError, OverflowError, MemoryError,
+            RecursionError) as error:  # fmt: skip
+        raise Damaged(str(error) or type(error).__name__) from None
+
+
+def _version5(data: bytes) -> dict[str, Any]:
+    order = "<" if data[126:128] == b"IM" else ">"
+    found = {}
+    for kind, payload in _elements(data[128:], order):
+        if kind == _COMPRESSED:
+            inner = zlib.decompress(payload)
+            kind, payload = next(_elements(inner, order), (0, b""))
+        if kind != _MATRIX:
+            raise Damaged(f"an element of type {kind} where a variable belongs")
+        name, value = _matrix(payload, order, _DEPTH)
+        if name and not name.startswith("__"):
+            found[name] = value
+    return found
+
+
+def _elements(data: bytes, order: str) -> Iterator[tuple[int, bytes]]:
+    at = 0
+    while at + 8 <= len(data):
+        kind, size = struct.unpack_from(order + "II", data, at)
+        start, padded = at + 8, True
+        if kind >> 16:  # a small element, in the tag itself
+            size, kind, start, padded = kind >> 16, kind & 0xFFFF, at + 4, False
+            if size > 4:
+                raise Damaged("an element is longer than its place")
+        if start + size > len(data):
+            raise Damaged("an element is longer than the file")
+        yield kind, data[start : start + size]
+        at = (start + size if kind == _COMPRESSED else start + -(-size // 8) * 8) if padded else (
+            at + 8)  # fmt: skip
+
+
+def _matrix(data: bytes, order: str, depth: int) -> tuple[str, Any]:
+    if not data:
+        return "", np.empty(0)
+    if depth == 0:
+        raise Damaged("structs lie too deep")
+    parts = list(_elements(data, order))
+    (flags,) = struct.unpack_from(order + "I", parts[0][1])
+    kind = flags & 0xFF
+    if kind == _OPAQUE:
+        return _text(parts[1][1]), Opaque()
+    dims = [int(n) for n in _numbers(parts[1], order)]
+    name = _text(parts[2][1])
+    many = 1
+    for n in dims:
+        if n < 0:
+            raise Damaged("a dimension below 0")
+        many *= n
+    rest = parts[3:]
+    if kind == _CELL:
+        return name, [_matrix(_payload(p), order, depth - 1)[1] for p in rest[:many]]
+    if kind in (_STRUCT, _OBJECT):
+        rest = rest[1:] if kind == _OBJECT else rest
+        return name, _structs(rest, many, order, depth)
+    if kind == _CHAR:
+        return name, _numbers(rest[0], order).astype("u4").tobytes().decode("utf-32-le", "replace")
+    if not 6 <= kind <= 15:  # sparse, a function
+        return name, None
+    values = _numbers(rest[0], order) if rest else np.empty(0)
+    if values.size != many:
+        raise Damaged(f"{name} has {values.size} numbers in place of {many}")
+    return name, None if flags & 0x800 else values.reshape(dims, order="F")
+
+
+def _payload(part: tuple[int, bytes]) -> bytes:
+    if part[0] != _MATRIX:
+        raise Damaged(f"an element of type {part[0]} where a matrix belongs")
+    return part[1]
+
+
+def _structs(rest: list[tuple[int, bytes]], many: int, order: str, depth: int) -> Any:
+    (length,) = struct.unpack_from(order + "i", rest[0][1])
+    names = rest[1][1]
+    if length <= 0:
+        raise Damaged("a struct without names")
+    fields = [_text(names[i : i + length]) for i in range(0, len(names), length)]
+    values = [_matrix(_payload(part), order, depth - 1)[1] for part in rest[2:]]
+    if len(values) != many * len(fields):
+        raise Damaged("a struct that is not complete")
+    made = [
+        dict(zip(fields, values[k * len(fields) : (k + 1) * len(fields)], strict=True))
+        for k in range(many)
+    ]
+    return made[0] if many == 1 else made
+
+
+def _numbers(part: tuple[int, bytes], order: str) -> np.ndarray:
+    kind, data = part
+    if kind not in _TYPES:
+        raise Damaged(f"numbers of an unknown type, {kind}")
+    return np.frombuffer(data, dtype=order + _TYPES[kind]).astype(_TYPES[kind])
+
+
+def _text(data: bytes) -> str:
+    return data.split(b"\0")[0].decode("latin-1")
+
+
+def _version4(data: bytes) -> dict[str, Any]:
+    found, at = {}, 0
+    order = "<" if data[:4] and struct.unpack_from("<i", data)[0] in range(0, 5000) else ">"
+    while at < len(data):
+        kind, rows, columns, imaginary, length = struct.unpack_from(order + "5i", data, at)
+        code = kind // 10 % 10
+        if not (0 <= kind < 5000 and 0 < length < 256 and rows >= 0 and columns >= 0 and code < 6):
+            raise Damaged("it has no header of a MAT file")
+        dtype = np.dtype(order + ("f8", "f4", "i4", "i2", "u2", "u1")[code])
+        at += 20
+        name, at = _text(data[at : at + length]), at + length
+        size = rows * columns * dtype.itemsize
+        if at + size > len(data):
+            raise Damaged("a variable is longer than the file")
+        values = np.frombuffer(data[at : at + size], dtype).reshape((rows, columns), order="F")
+        at += size * (2 if imaginary else 1)
+        if kind % 10 == 0 and not imaginary:
+            found[name] = values.astype(dtype.newbyteorder("="))
+    return found

@@ -1,0 +1,195 @@
+"""What the name of a column says: its unit, and the role that its words usually stand for."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+
+from .units import ROLES, UNITS, Unit, fits, parse_unit
+
+# Usual names by role, lower case, first choice first, with the unit that the name alone implies.
+_USUAL: dict[str, tuple[dict[str, str | None], ...]] = {
+    "t": (
+        dict.fromkeys(("time", "zeit", "seconds", "secs"), None),
+        dict.fromkeys(("timestamp", "stamp", "datetime", "clock", "elapsed"), None),
+        dict.fromkeys(("x_value", "x value", "date time", "date/time", "date"), None),
+    ),
+    "u": (
+        dict.fromkeys(("torque", "force", "tau", "moment", "effort", "trq", "drehmoment"), None),
+        dict.fromkeys(("current", "iq", "i_q"), "A"),
+        dict.fromkeys(("voltage", "vir"), "V"),
+    ),
+    "w": (
+        dict.fromkeys(("speed", "velocity", "vel", "omega", "qd", "dq", "dtheta"), None)
+        | dict.fromkeys(("theta_dot", "thetadot", "drehzahl"), None),
+        {"rpm": "rpm"},
+    ),
+    "theta": (
+        dict.fromkeys(("position", "pos", "angle", "q", "qm", "phi", "displacement", "x"), None)
+        | dict.fromkeys(("winkel",), None),
+    ),
+    "r": (),
+    "d": (),
+    "temperature": ({"temp": None},),
+    "theta_load": (),
+}
+# Words that may be part of a column's name without changing its meaning.
+_NEUTRAL = frozenset(
+    "actual value values averaged average avg mean measured meas motor joint shaft axis drive "
+    "feedback raw filtered signal signals act applied estimate estimated est encoder sensor "
+    "angular present data m state states field".split()
+)
+_OF_TIME = frozenset("elapsed relative local system log".split())
+_DEMANDED = frozenset(
+    "command commanded cmd reference ref desired des target setpoint set goal demand error err "
+    "limit max min std offset".split()
+)
+_ANGLES = frozenset("theta q qm phi angle winkel".split())  # never in metres: theta_m is measured
+_PART, _FAR = 5, 10  # a name in a path fits less well than the name itself; a demand, still less
+_LENGTHS = frozenset("x displacement".split())  # the only names that _m gives metres to
+
+
+def usual_unit(role: str, name: str) -> str | None:
+    """The unit that a usual name alone implies: A for a current."""
+    return next((names[name.lower()] for names in _USUAL[role] if name.lower() in names), None)
+
+
+def usual_names(role: str) -> list[str]:
+    """The usual names of a role."""
+    return [name for names in _USUAL[role] for name in names]
+
+
+def split_unit(header: str) -> tuple[str, str | None]:
+    """Split 'name [unit]' or 'name (unit)' into name and unit (None if there is none).
+
+    A number in brackets right behind the name is an index, position[0]; words such as (measured)
+    belong to the name.
+    """
+    header = header.strip()
+    match = re.fullmatch(r"(.*?)(\s*)(?:\[([^\[\]]*)\]|\(([^()]*)\)|<([^<>]*)>)", header)
+    if match is None:
+        return header, None
+    unit = (match[3] or match[4] or match[5] or "").strip()
+    if unit.isdigit() and not match[2]:
+        return header, None
+    if unit and parse_unit(unit) is None and set(_words(unit)) <= _NEUTRAL | _DEMANDED:
+        return header, None
+    return match[1], unit or None
+
+
+def unit_in_name(name: str) -> tuple[str, str | None]:
+    """Split torque_mNm, 'angle, deg', 'n / rpm' or speedRpm into plain name and unit.
+
+    What is behind the name counts as a unit only if a channel of that name can be in it.
+    """
+    for plain, text in _endings(name):
+        roles = [role for role in ROLES if rank(plain, role) is not None]
+        for unit in _meant(text):
+            if any(fits(role, unit) for role in roles) and not _measured(plain, text):
+                return plain, unit.name
+    return name, None
+
+
+def _endings(name: str) -> Iterator[tuple[str, str]]:
+    """The ways to split a name in two, the longest ending first."""
+    for at in re.finditer(r"\s*[,/|]\s*|[_\s-]+|(?<=[a-z])(?=[A-Z])", name):
+        if 0 < at.start() and at.end() < len(name):
+            yield name[: at.start()], name[at.end() :]
+
+
+def _meant(text: str) -> list[Unit]:
+    """The unit that is written, or those that differ from the text in upper and lower case."""
+    unit = parse_unit(text)
+    if unit is not None:
+        return [unit]
+    bare = re.sub(r"[\s_]", "", text).lower()
+    return [u for u in UNITS.values() if len(bare) > 1 and u.name.replace(" ", "").lower() == bare]
+
+
+def _measured(plain: str, text: str) -> bool:
+    """Whether the ending m of a name stands for 'measured' or 'motor'."""
+    return text == "m" and plain.lower() not in _LENGTHS
+
+
+def fitting(plain: Sequence[str], role: str, free: Sequence[int]) -> tuple[list[int], str | None]:
+    """Return the columns that may be the role, best match only, and the unit they imply."""
+    ranks = {i: r for i in free if (r := rank(plain[i], role)) is not None}
+    if not ranks:
+        return [], None
+    best = min(r[0] for r in ranks.values())
+    fits_best = [i for i, r in ranks.items() if r[0] == best]
+    return fits_best, ranks[fits_best[0]][1]
+
+
+def rank(name: str, role: str) -> tuple[tuple[int, int], str | None] | None:
+    """How well a name fits a role, smaller is better, and the unit it implies; None if not."""
+    whole = _rank_plain(name, role)
+    if whole is not None:
+        return whole
+    found = _segments(name)
+    if not found or found == [name]:
+        return None
+    demanded = bool({word for part in found for word in _words(part)} & _DEMANDED)
+    leaf = _rank_plain(found[-1], role)
+    if leaf is None or (demanded and role != "u"):
+        return None
+    (tier, how), implied = leaf
+    return (tier, how + (_FAR if demanded else _PART)), implied
+
+
+def _rank_plain(name: str, role: str) -> tuple[tuple[int, int], str | None] | None:
+    lower = name.lower()
+    if name == role:
+        return (-1, 0), None
+    if len(role) > 1 and lower == role:
+        return (-1, 1), None
+    if role in ("u", "w") and name == role.upper():
+        return (-1, 2), None
+    key = _key(name, _NEUTRAL | (_OF_TIME if role == "t" else frozenset()))
+    for tier, names in enumerate(_USUAL[role]):
+        if lower in names:
+            return (tier, 0), names[lower]
+        if key is not None and key in names:
+            return (tier, 1), names[key]
+    return ((0, 1), None) if len(role) > 1 and key == role else None
+
+
+def _key(name: str, neutral: frozenset[str]) -> str | None:
+    """Return the only word that counts in, say, 'Torque actual value averaged'."""
+    rest = set(_words(name)) - neutral
+    return next(iter(rest)) if len(rest) == 1 else None
+
+
+def _words(name: str) -> list[str]:
+    """The words of a name in lower case; camelCase is split, numbers are left out."""
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
+    words = re.split(r"[\W_]+", spaced.lower())
+    words = [re.sub(r"\d+$", "", word) for word in words]
+    return [word for word in words if word]
+
+
+def _segments(name: str) -> list[str]:
+    """The parts of a path such as /joint_states/elbow/position or log.x[2], the last that counts.
+
+    Endings that say nothing (data, values) and indices are left out.
+    """
+    parts = [part for part in re.split(r"[/.:]+|\[[^\]]*\]", name.strip("%_ ")) if part.strip()]
+    parts = [re.sub(r"(?<=[a-z])\d+$", "", part.strip()) for part in parts]
+    while len(parts) > 1 and not set(_words(parts[-1])) - _NEUTRAL:
+        parts.pop()
+    return parts
+
+
+def stamp_pair(names: Sequence[str]) -> Mapping[str, tuple[int, int, float]]:
+    """Times in two columns, whole seconds and their rest: name -> (seconds, rest, unit in s)."""
+    places = {name: i for i, name in enumerate(names)}
+    found = {}
+    for name, i in places.items():
+        match = re.fullmatch(r"(.*?)(sec|secs|seconds)", name)
+        if match is None:
+            continue
+        for ending, unit in (("nanosec", 1e-9), ("nsec", 1e-9), ("nsecs", 1e-9), ("usec", 1e-6)):
+            rest = places.get(match[1] + ending)
+            if rest is not None and rest != i:
+                found[match[1].strip("._/ ") or "stamp"] = (i, rest, unit)
+    return found
