@@ -24,8 +24,9 @@ FAILED = (
 def hold(data: Data, traces: Traces, asked: Asked) -> None:
     """Raise Refused where the augmented model leaves more of the torque than the plain balance.
 
-    A model of which the user holds or bounds values may: nothing is said of it. Both are RMS of the residual torque, averaged over the windows of the balance in which the
-    drive slides, as a share of the RMS torque there.
+    A model of which the user holds or bounds values may: nothing is said of it. Both are RMS of
+    the residual torque, averaged over the windows of the balance in which the drive slides, as a
+    share of the RMS torque there.
     """
     plain = asked.plain
     if asked.model.statements():
