@@ -16,9 +16,11 @@ from ..provenance import SourceFile
 from .arrays import FORMS, is_table, table_of
 from .audit import audit, consistent, unwrapped
 from .columns import Choice, choose_columns
-from .readers import read_table
+from .angles import check_angles
+from .readers import read_stdin, read_table
 from .samples import Record
-from .textfile import Table
+from .streams import merged
+from .table import Table
 from .timebase import Stamped, uniform
 from .units import ROLES, Unit, did_you_mean, role_unit, si_unit
 
@@ -57,17 +59,17 @@ def read_record(
     rate: float | None = None,
     motion: str | None = None,
 ) -> Record:
-    """Read a measured log (CSV, MAT, NPZ; MAT v7.3 and Parquet with the extra ``files``).
+    """Read a measured log (text, JSON, MAT, NPY, NPZ; with the extra ``files`` HDF5, Parquet, Excel).
 
     Parameters
     ----------
-    path : a path; or the columns themselves: a dict of arrays or a pandas DataFrame, whose names
+    path : a path, "-" for standard input; or the columns themselves: a dict of arrays or a pandas DataFrame, whose names
         may carry units as in a file, ``w [rpm]``. If no column is t, the index of a DataFrame is
         taken for it where it holds times or is named t or time. A Record is returned unchanged.
     columns : role -> name of the column, for columns not named by their role.
     units : role -> unit, in place of the unit in the header; without any unit, SI is assumed.
     scale : role -> factor on the raw value, before the unit; needed for A, V, % and counts.
-    rate : sampling rate in Hz, needed when there is no t; t is used when both are given.
+    rate : sampling rate in Hz, needed when there is no t; a column of t is then not used.
     motion : "rotary" or "linear", taken from the units when not given.
 
     Each of the first three may be a text such as "t=time,u=torque".
@@ -81,25 +83,63 @@ def read_record(
         return _as_it_is(path, columns=columns, units=units, scale=scale, rate=rate)
     named, stated = _pairs(columns, "columns"), _pairs(units, "units")
     factors = _factors(scale)
-    rate = None if rate is None else positive(rate, "rate", "Hz")
+    rate = None if rate is None else _rate(rate, named)
     if not (isinstance(path, (str, os.PathLike)) or is_table(path)):
         raise InputError(f"record must be {FORMS}, not {shown(path)}.")
-    file = None if is_table(path) else SourceFile.of(as_path(path, "record"))
-    table = table_of(path, named) if is_table(path) else read_table(as_path(path, "record"))
+    table, file = _opened(path, named)
     choices, said = choose_columns(table, named, need_time=rate is None)
+    choices, said = _without_time(table, choices, said) if rate else (choices, said)
     _check_used(table.source, choices, stated, factors)
     found = {c.role: _unit(table, c, stated, factors) for c in choices}
     drive = _motion(table.source, found, motion)
     raw, more = table.load([c.index for c in choices])
     if not len(raw[0]):
         raise InputError(f"{table.source} holds column names but no data.")
-    said = [*more, *said]
+    raw, merging = merged([c.role for c in choices], raw)
+    said = [*more, *said, *merging]
     channels = {}
     for choice, values in zip(choices, raw, strict=True):
         said += _remarks(table, choice, values, found, factors, drive)
         channels[choice.role] = _si(values, found[choice.role], factors.get(choice.role))
     labels = {role: unit.name if unit else None for role, unit in found.items()}
+    if drive == "rotary":
+        unstated = {role for role, unit in found.items() if unit is None and role not in factors}
+        check_angles(table.source, channels, rate, unstated)
     return replace(_assembled(table, channels, labels, rate, drive, said), file=file)
+
+
+def _opened(path: Any, named: Mapping[str, str]) -> tuple[Table, SourceFile | None]:
+    """The table of a file, of standard input ("-") or in memory, and the file."""
+    if is_table(path):
+        return table_of(path, named), None
+    if isinstance(path, (str, os.PathLike)) and os.fspath(path) == "-":
+        table, data = read_stdin()
+        return table, SourceFile.of_bytes("stdin", data)
+    path = as_path(path, "record")
+    return read_table(path), SourceFile.of(path)
+
+
+def _rate(given: Any, named: Mapping[str, str]) -> float:
+    """The sampling rate, Hz; InputError where it looks like the step in s."""
+    rate = positive(given, "rate", "Hz")
+    if rate < 0.5:
+        raise InputError(
+            f"--rate is in Hz; {rate:g} looks like the step in s: give --rate {1 / rate:.6g}."
+        )
+    if "t" in named:
+        raise InputError("--rate and --columns t=NAME exclude each other: give one of them.")
+    return rate
+
+
+def _without_time(
+    table: Table, choices: list[Choice], said: list[str]
+) -> tuple[list[Choice], list[str]]:
+    """The columns without that of t: the given rate takes its place."""
+    time = next((table.names[c.index] for c in choices if c.role == "t"), None)
+    if time is None:
+        return choices, said
+    note = f"The given rate was used in place of the column '{time}'."
+    return [c for c in choices if c.role != "t"], [*said, note]
 
 
 def _as_it_is(record: Record, **options: Any) -> Record:
@@ -132,11 +172,6 @@ def _assembled(
                 said = [*said, *more]
     required = tuple(role for role in ("u", "w", "theta") if role in channels)
     record = uniform(Stamped(table.source, t, channels, table.where), required, motion)
-    if rate is not None and "t" in labels and abs(record.rate / rate - 1) > 0.01:
-        said = [
-            *said,
-            f"The given rate, {rate:g} Hz, disagrees with t ({record.rate:.6g} Hz); t was used.",
-        ]
     return audit(replace(record, messages=(*said, *record.messages)), labels)
 
 
@@ -253,7 +288,14 @@ def _remarks(
         return []
     values = values[np.isfinite(values)]
     assumed = si_unit(role, motion)
-    if values.size and np.ptp(values) >= 100 and not np.any(values % 1):
+    whole = bool(values.size) and np.ptp(values) >= 100 and not np.any(values % 1)
+    if role == "theta" and whole:
+        raise InputError(
+            f"{table.source}, column '{name}': theta has no unit and holds whole numbers only, as "
+            "encoder counts do: give --scale theta=FACTOR (SI value per count) or --units "
+            "theta=UNIT."
+        )
+    if whole:
         return [
             f"{role} has no unit and holds whole numbers only: {assumed} was assumed; if these "
             f"are counts or another unit, give --scale {role}=FACTOR or --units {role}=UNIT."
