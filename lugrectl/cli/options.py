@@ -97,15 +97,16 @@ def _logs(command: argparse.ArgumentParser) -> None:
         "records",
         nargs="+",
         metavar="RECORD",
-        help="CSV, MAT, NPZ or Parquet file; several files are runs of one drive",
+        help="text (CSV and the like), JSON, MAT, NPY, NPZ, HDF5, Parquet or Excel file, or - for "
+        "standard input; several files are runs of one drive",
     )
     for name, example, what in (
-        ("columns", "t=time,u=torque", "names of the columns"),
+        ("columns", "t=time,u=torque", "names of the columns, or their numbers from 1"),
         ("units", "theta=deg", "units of the columns, in place of those in the header"),
         ("scale", "u=35.15", "factors on raw values"),
     ):
         add(f"--{name}", action="append", metavar=example, help=what)
-    add("--rate", type=_positive, metavar="HZ", help="sampling rate of a record without t")
+    add("--rate", type=_positive, metavar="HZ", help="sampling rate; a column t is then not used")
 
 
 def _records(command: argparse.ArgumentParser) -> None:

@@ -42,20 +42,21 @@ def read_record(
     rate: float | None = None,
     motion: str | None = None,
 ) -> Record:
-    """Read a measured log (CSV, MAT, NPZ; MAT v7.3 and Parquet with the extra ``files``).
+    """Read a measured log: text, JSON, MAT, NPY, NPZ; with ``files`` HDF5, Parquet, Excel.
 
     Bad samples are found first and left out; the record's messages name them. ``record.log``
     keeps the rows as they were recorded.
 
     Parameters
     ----------
-    path : a path; or the columns themselves: a dict of arrays or a pandas DataFrame, whose names
-        may carry units as in a file, ``w [rpm]``. If no column is t, the index of a DataFrame is
-        taken for it where it holds times or is named t or time. A Record is returned unchanged.
+    path : a path, "-" for standard input, or a Log; or the columns themselves: a dict of arrays
+        or a pandas DataFrame, whose names may carry units as in a file, ``w [rpm]``. If no column
+        is t, the index of a DataFrame is taken for it where it holds times or is named t or time.
+        A Record is returned unchanged.
     columns : role -> name of the column, for columns not named by their role.
     units : role -> unit, in place of the unit in the header; without any unit, SI is assumed.
     scale : role -> factor on the raw value, before the unit; needed for A, V, % and counts.
-    rate : sampling rate in Hz, needed when there is no t; t is used when both are given.
+    rate : sampling rate in Hz, needed when there is no t; a column of t is then not used.
     motion : "rotary" or "linear", taken from the units when not given.
 
     Each of the first three may be a text such as "t=time,u=torque".
@@ -70,12 +71,7 @@ def read_record(
     if isinstance(path, Log):
         return record_of(path)
     log = read_log(path, columns=columns, units=units, scale=scale, rate=rate, motion=motion)
-    record = record_of(log)
-    if rate is not None and "t" in log.labels and abs(record.rate / rate - 1) > 0.01:
-        record = record.with_messages(
-            f"The given rate, {rate:g} Hz, disagrees with t ({record.rate:.6g} Hz); t was used."
-        )
-    return record
+    return record_of(log)
 
 
 def record_of(log: Log | Record) -> Record:

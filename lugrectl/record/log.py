@@ -12,12 +12,14 @@ import numpy as np
 from ..checks import as_path, positive, shown
 from ..errors import InputError
 from ..provenance import SourceFile
+from .angles import check_angles
 from .arrays import FORMS, is_table, table_of
 from .columns import Choice, choose_columns
 from .options import check_used, factors, texts
 from .places import Places, TableRows
-from .readers import read_table
-from .textfile import Table
+from .readers import read_stdin, read_table
+from .streams import merged
+from .table import Table
 from .units import Unit, role_unit, si_unit
 
 _FAST = {"rotary": 400.0, "linear": 20.0}  # rad/s, m/s: above, a w without unit may not be in SI
@@ -71,29 +73,67 @@ def read_log(
     Raises InputError if the file or an argument cannot be read or understood.
     """
     named, stated, scaled = texts(columns, "columns"), texts(units, "units"), factors(scale)
-    rate = None if rate is None else positive(rate, "rate", "Hz")
+    rate = None if rate is None else _rate(rate, named)
     if not (isinstance(path, (str, os.PathLike)) or is_table(path)):
         raise InputError(f"record must be {FORMS}, not {shown(path)}.")
-    table = table_of(path, named) if is_table(path) else read_table(as_path(path, "record"))
+    table, file = _opened(path, named)
     choices, said = choose_columns(table, named, need_time=rate is None)
+    choices, said = _without_time(table, choices, said) if rate else (choices, said)
     check_used(table.source, [c.role for c in choices], units=stated, scale=scaled)
     found = {c.role: _unit(table, c, stated, scaled) for c in choices}
     drive = _motion(table.source, found, motion)
     raw, more = table.load([c.index for c in choices])
     if not len(raw[0]):
         raise InputError(f"{table.source} holds column names but no data.")
-    said = [*more, *said]
+    raw, merging = merged([c.role for c in choices], raw)
+    said = [*more, *said, *merging]
     channels = {}
     for choice, values in zip(choices, raw, strict=True):
         said += _remarks(table, choice, values, found, scaled, drive)
         channels[choice.role] = _si(values, found[choice.role], scaled.get(choice.role))
+    if drive == "rotary":
+        unstated = {role for role, unit in found.items() if unit is None and role not in scaled}
+        check_angles(table.source, channels, rate, unstated)
     t = channels.pop("t", None)
     if t is None:
         t = np.arange(len(raw[0])) / float(rate or 1.0)
     labels = {role: unit.name if unit else None for role, unit in found.items()}
     where = Places(table.where, len(t))
-    file = None if is_table(path) else SourceFile.of(as_path(path, "record"))
     return Log(table.source, t, channels, where, labels, drive, tuple(said), file=file)
+
+
+def _opened(path: Any, named: Mapping[str, str]) -> tuple[Table, SourceFile | None]:
+    """The table of a file, of standard input ("-") or in memory, and the file."""
+    if is_table(path):
+        return table_of(path, named), None
+    if isinstance(path, (str, os.PathLike)) and os.fspath(path) == "-":
+        table, data = read_stdin()
+        return table, SourceFile.of_bytes("stdin", data)
+    path = as_path(path, "record")
+    return read_table(path), SourceFile.of(path)
+
+
+def _rate(given: Any, named: Mapping[str, str]) -> float:
+    """The sampling rate, Hz; InputError where it looks like the step in s."""
+    rate = positive(given, "rate", "Hz")
+    if rate < 0.5:
+        raise InputError(
+            f"--rate is in Hz; {rate:g} looks like the step in s: give --rate {1 / rate:.6g}."
+        )
+    if "t" in named:
+        raise InputError("--rate and --columns t=NAME exclude each other: give one of them.")
+    return rate
+
+
+def _without_time(
+    table: Table, choices: list[Choice], said: list[str]
+) -> tuple[list[Choice], list[str]]:
+    """The columns without that of t: the given rate takes its place."""
+    time = next((table.names[c.index] for c in choices if c.role == "t"), None)
+    if time is None:
+        return choices, said
+    note = f"The given rate was used in place of the column '{time}'."
+    return [c for c in choices if c.role != "t"], [*said, note]
 
 
 def _si(values: np.ndarray, unit: Unit | None, factor: float | None) -> np.ndarray:
@@ -153,7 +193,14 @@ def _remarks(
         return []
     values = values[np.isfinite(values)]
     assumed = si_unit(role, motion)
-    if values.size and np.ptp(values) >= 100 and not np.any(values % 1):
+    whole = bool(values.size) and np.ptp(values) >= 100 and not np.any(values % 1)
+    if role == "theta" and whole:
+        raise InputError(
+            f"{table.source}, column '{name}': theta has no unit and holds whole numbers only, as "
+            "encoder counts do: give --scale theta=FACTOR (SI value per count) or --units "
+            "theta=UNIT."
+        )
+    if whole:
         return [
             f"{role} has no unit and holds whole numbers only: {assumed} was assumed; if these "
             f"are counts or another unit, give --scale {role}=FACTOR or --units {role}=UNIT."

@@ -175,7 +175,8 @@ def _delimiter(source: str, sniffed: list[tuple[int, str]]) -> tuple[str, int, l
         if width < 2:
             continue
         rows = [row for row in rows if len(row) == width]
-        share = float(np.mean([_is_numeric(cells) for cells in zip(*rows, strict=True)]))
+        filled = [cells for cells in zip(*rows, strict=True) if any(cells)]
+        share = float(np.mean([_is_numeric(cells) for cells in filled]))
         if delimiter == _BLANKS and share < 0.5:  # words of a text
             continue
         if best is None or share > best[0]:
@@ -388,8 +389,8 @@ def _not_a_number(
 def _where(lines: list[str], first: int, row: int) -> str:
     """Return 'line n' for the row-th row of numbers (from 0)."""
     count = -1
-    for number, line in enumerate(lines[first:], start=first + 1):
+    for place, line in enumerate(lines[first:], start=first + 1):
         count += not _is_comment(line)
         if count == row:
-            return f"line {number}"
+            return f"line {place}"
     return f"row {row + 1}"

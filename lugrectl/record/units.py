@@ -183,9 +183,10 @@ def role_unit(role: str, text: str, *, scaled: bool, where: str) -> Unit:
             f"{where}: {role} cannot be in {unit.name}; known for {role}: {', '.join(names)}."
         )
     if unit.quantity == "raw" and not scaled:
+        how = _HOW.get((role, unit.name), "")
         raise InputError(
             f"{where}: {role} is in {unit.name}, which needs its factor to SI: "
-            f"give --scale {role}=FACTOR (SI value per {unit.name}{_HOW.get((role, unit.name), '')})."
+            f"give --scale {role}=FACTOR (SI value per {unit.name}{how})."
         )
     return unit
 
