@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from .choice_of_terms import Travel
 from .constants import FEWEST_SAMPLES, SHARE_STEADY, STEADY
 from .motion import Sensors, window_means
-from .setup import Travel
 from .track import Track
 
 WINDOW = 0.2  # s
