@@ -24,7 +24,8 @@ def steady(tracks: Sequence[Track], sensors: Sensors) -> list[Track] | None:
     for track in tracks:
         n = len(track)
         half = float(max(min(n // 8, int(WINDOW / track.dt)), 4))
-        at = track.centres(int(half) + 2 + n // 20, int(half / 2))
+        late = int(abs(sensors.lag) / track.dt) + 1
+        at = track.centres(int(half) + 2 + late + n // 20, int(half / 2))
         if len(at) < 3:
             continue
         m = window_means(track, half, at, sensors)
