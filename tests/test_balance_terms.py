@@ -119,3 +119,26 @@ def test_runs_at_steady_speed_are_a_map():
     for key, truth in (("Fc", FC), ("Fv", FV), ("constant_torque", 0.02)):
         assert inside(found.parameters[key], truth), key
     assert found.parameters["Fc"].value == pytest.approx(FC, rel=0.02)
+
+
+def test_an_asymmetry_of_friction_is_a_ratio():
+    log = recorded(8.0, load=lambda q, w: 0.012)
+    found = balance([log], lg.Model.of(effects="coulomb_asymmetry"))
+    assert found.parameters["coulomb_asymmetry.ratio"].value == pytest.approx(0.1, rel=0.05)
+    assert "constant_torque" not in found.parameters
+    both = balance([log], lg.Model.of(effects=["coulomb_asymmetry", "constant_torque"]))
+    assert both.parameters["constant_torque.torque"].value == pytest.approx(0.012, rel=0.05)
+    assert any("one term of the balance" in note for note in both.notes)
+
+
+def test_a_declared_delay_is_fitted_and_a_held_one_is_used():
+    log = recorded(8.0)
+    late = stretch(np.roll(log.u, -4)[10:-10], log.dt, log.theta[10:-10])
+    model = lg.Model.of(effects=[{"name": "input_delay", "delay": 0.008}])
+    early = stretch(np.roll(log.u, 4)[10:-10], log.dt, log.theta[10:-10])
+    fitted = balance([late], model)
+    assert fitted.parameters["input_delay.delay"].value == pytest.approx(0.008, abs=3e-4)
+    held = balance([late], model, held={"input_delay.delay": 0.008})
+    assert "u_delay" not in held.parameters
+    assert held.parameters["J"].value == pytest.approx(J, rel=0.01)
+    assert balance([early], model).values()["u_delay"] < 0

@@ -12,7 +12,7 @@ from .constants import CONFIDENCE, SHARE_OF_TORQUE
 from .curve import curve
 from .estimate import Estimated
 from .fit import Fit
-from .record_of import Ground
+from .ground import Ground
 from .result import Balance, Combination, Residual
 from .small_angle import open_constant
 from .verdicts import contradictions, left_of, one_direction

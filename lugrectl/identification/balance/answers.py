@@ -53,14 +53,23 @@ def answers(made: Fit, model: Model, uses: Sequence[Use]) -> list[Answer]:
     found += _wave(made, "gravity", "sin", "cos", "phase", unit_for("N m", model.motion))
     if made.setting.delay_prior:
         found += _delay(made, model)
+    for part in model.effects:
+        if part.block.name == "constant_torque":
+            unit = unit_for(UNITS["constant_torque"], model.motion)
+            found.append(_own(made, "constant_torque", unit, f"{part.key}.torque"))
     for use in uses:
         found += _declared(made, use, model)
-    asymmetry = [part for part in model.effects if part.block.name == "coulomb_asymmetry"]
-    for part in asymmetry:
-        found.append(_ratio(made, f"{part.key}.ratio", "constant_torque", "Fc"))
-    if asymmetry and not any(part.block.name == "constant_torque" for part in model.effects):
-        found = [a for a in found if a is None or a.key != "constant_torque"]
-    return [a for a in found if a is not None]
+    return _asymmetric(found, made, model)
+
+
+def _asymmetric(found: list[Answer | None], made: Fit, model: Model) -> list[Answer]:
+    """An asymmetry of Coulomb friction is a constant torque while the drive moves."""
+    parts = {part.block.name: part for part in model.effects}
+    asymmetry = parts.get("coulomb_asymmetry")
+    if asymmetry is None or "constant_torque" in parts:
+        return [a for a in found if a is not None]
+    ratio = _ratio(made, f"{asymmetry.key}.ratio", "constant_torque", "Fc")
+    return [a for a in (*found, ratio) if a is not None and a.key != "constant_torque"]
 
 
 def _unit_vector(made: Fit, i: int) -> np.ndarray:

@@ -52,6 +52,7 @@ def shared_noise(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
     one, other = (np.concatenate([np.diff(p[i], DIFFERENCE) for p in pairs]) for i in (0, 1))
     if len(one) < 4 * SEGMENT or not (one.any() and other.any()):
         return 0.0
-    f, c = coherence(one, other, nperseg=SEGMENT)
+    with np.errstate(divide="ignore", invalid="ignore"):  # no power at all at a frequency
+        f, c = coherence(one, other, nperseg=SEGMENT)
     top = (f > TOP_OF_SPECTRUM[0]) & (f < TOP_OF_SPECTRUM[1])
     return float(np.nan_to_num(np.median(c[top])))

@@ -61,6 +61,11 @@ def uses_of(
 ) -> tuple[list[Use], list[str]]:
     """The declared effects that are terms, and one sentence for each that is not."""
     uses, notes = [], []
+    if {"constant_torque", "coulomb_asymmetry"} <= {part.block.name for part in model.effects}:
+        notes.append(
+            "coulomb_asymmetry and constant_torque are one term of the balance: they differ at "
+            "rest only. It is given as constant_torque."
+        )
     for part in model.effects:
         if part.block.name in ("constant_torque", "gravity", "coulomb_asymmetry", DELAY):
             continue  # terms that the balance has anyway

@@ -8,10 +8,10 @@ import numpy as np
 
 from .constants import CLEARLY, COST_OF_SHAPES, LATE_SAMPLES, LATE_SECONDS, NO_DELAY
 from .fit import Fit, fit
+from .ground import Ground
 from .interval import interval
 from .load import with_load
 from .near_rest import shapes_near_rest
-from .record_of import Ground
 from .search import best_width
 from .shapes import Chosen, turns_often, with_dip, with_turning
 

@@ -28,11 +28,15 @@ ROUNDS = 3
 
 @dataclass(frozen=True)
 class Setting:
-    """How to fit: rest below so many rad/s, width of the prior of the delay in s (0: none)."""
+    """How to fit: rest below so many rad/s, width of the prior of the delay in s.
+
+    With a prior of 0 the delay is not fitted, but is ``delay``.
+    """
 
     rest: float
     delay_prior: float
     held: tuple[tuple[str, float], ...] = ()
+    delay: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +95,7 @@ def fit(
     ``start`` holds coefficients to start from, so that the fit stays with their explanation.
     """
     made = None
+    delay = delay if setting.delay_prior else setting.delay
     for _ in range(rounds):
         windows = source.windows(half_width, terms, setting.rest, delay)
         if windows is None or windows.is_dead():
@@ -255,5 +260,5 @@ def _score(last: Solution, terms: Sequence[Term], setting: Setting) -> float:
 
 def _delay(p: np.ndarray, terms: Sequence[Term], setting: Setting) -> float:
     if not setting.delay_prior:
-        return 0.0
+        return setting.delay
     return float(np.clip(p[len(terms)], -LARGEST_DELAY, LARGEST_DELAY))

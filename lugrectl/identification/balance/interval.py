@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from .channels import quantum
+from .choice_of_terms import Travel
 from .constants import ENCODER_ERROR, RATIO_OF_NEIGHBOURS, REST_TO_TRY, SCALE_ERROR
-from .fit import Fit, Setting, fit
-from .setup import Travel
+from .fit import Fit, fit
 from .shapes import Chosen, difference, spread
 from .windows import Source
 
@@ -68,7 +69,7 @@ def _neighbours(source: Source, widths: Sequence[float], made: Fit) -> list[Fit]
     others |= {(made.half_width, REST_TO_TRY)} if setting.rest else set()
     fits = []
     for width, factor in others - {(made.half_width, 1.0)}:
-        own = Setting(factor * setting.rest, setting.delay_prior, setting.held)
+        own = replace(setting, rest=factor * setting.rest)
         other = fit(source, width, made.terms, own, made.delay, rounds=2, start=made.p)
         if other is not None and other.merit < RATIO_OF_NEIGHBOURS * made.merit:
             fits.append(other)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from .fit import Fit
-from .record_of import Ground
+from .ground import Ground
 from .track import Track
 from .windows import Source
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from .choice_of_terms import Travel
 from .constants import FEWEST_SAMPLES, SHARE_STEADY, STEADY
 from .motion import Sensors, window_means
-from .setup import Travel
 from .track import Track
 
 WINDOW = 0.2  # s
@@ -24,7 +24,8 @@ def steady(tracks: Sequence[Track], sensors: Sensors) -> list[Track] | None:
     for track in tracks:
         n = len(track)
         half = float(max(min(n // 8, int(WINDOW / track.dt)), 4))
-        at = track.centres(int(half) + 2 + n // 20, int(half / 2))
+        late = int(abs(sensors.lag) / track.dt) + 1
+        at = track.centres(int(half) + 2 + late + n // 20, int(half / 2))
         if len(at) < 3:
             continue
         m = window_means(track, half, at, sensors)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...model import Model
 from ...record.stretch import Stretch
+from .choice_of_terms import Travel, plain_terms, travel_of, turns_enough, widths_of
 from .constants import (
     DECLARED_DELAY,
     DELAY_SAMPLES,
@@ -21,7 +22,6 @@ from .fit import Setting
 from .motion import Sensors, with_speed
 from .near_rest import with_rest
 from .reconcile import Comparison, sensors_of
-from .setup import Travel, plain_terms, travel_of, turns_enough, widths_of
 from .steady import as_points, evenly, steady, width_of_map
 from .terms import Term
 from .track import Track, tracks_of
@@ -62,15 +62,36 @@ class Ground:
         return self.source.sensors
 
 
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """The tracks with their speed, and what was noticed of the channels."""
+
+    tracks: list[Track]
+    sensors: Sensors
+    comparison: Comparison | None
+    notes: tuple[str, ...]
+    speed: float
+    noise: float
+    is_map: bool
+
+
 def ground_of(
     stretches: Sequence[Stretch], model: Model, held: Mapping[str, float]
 ) -> Ground | Unanswerable:
     """The record prepared for a fit."""
     tracks = tracks_of(stretches)
     if not tracks:
-        return Unanswerable(("no stretch of the record has 12 good samples.",))
+        return Unanswerable(("no stretch of the record has more than 12 good samples.",))
     if tracks[0].theta is None and tracks[0].w is None:
         return Unanswerable(("the runs have no motion signal in common: theta or w.",))
+    seen = _seen(tracks, held)
+    if isinstance(seen, Unanswerable):
+        return seen
+    return _map(seen, model, held) if seen.is_map else _moving(seen, model, held)
+
+
+def _seen(tracks: list[Track], held: Mapping[str, float]) -> Seen | Unanswerable:
+    """What the channels show, before any fit."""
     sensors, comparison, notes = sensors_of(tracks)
     if tracks[0].theta is None and not sensors.use_w:
         return Unanswerable(tuple(notes))
@@ -82,10 +103,12 @@ def ground_of(
     tracks, speed, noise = with_speed(still or tracks, sensors)
     if not speed > 0:
         return Unanswerable((*notes, "nothing moves."))
-    if still is None:
-        return _moving(tracks, model, held, sensors, comparison, notes, speed, noise)
-    notes = [*notes, "the runs are at steady speed and are read as a map, which does not show J."]
-    return _map(tracks, model, held, sensors, comparison, notes, speed)
+    if still is not None:
+        notes = [
+            *notes,
+            "the runs keep one speed each: they are a map, which does not show J.",
+        ]
+    return Seen(tracks, sensors, comparison, tuple(notes), speed, noise, still is not None)
 
 
 def _dead(tracks: Sequence[Track], is_map: bool, held: Mapping[str, float]) -> float | None:
@@ -97,78 +120,54 @@ def _dead(tracks: Sequence[Track], is_map: bool, held: Mapping[str, float]) -> f
     return first
 
 
-def _moving(
-    tracks: list[Track],
-    model: Model,
-    held: Mapping[str, float],
-    sensors: Sensors,
-    comparison: Comparison | None,
-    notes: list[str],
-    speed: float,
-    noise: float,
-) -> Ground:
-    rest = max(REST_IN_NOISE * noise, REST_IN_SPEED * speed)
-    tracks = with_rest(tracks, rest)
-    travel = travel_of(tracks, across=False)
-    dt = float(np.median([p.dt for p in tracks]))
-    prior = min(DELAY_SAMPLES * dt, max(DELAY_SECONDS, dt))
-    if any(part.block.name == DELAY for part in model.effects):
-        prior = DECLARED_DELAY
-    return _with_terms(
-        tracks, model, held, sensors, comparison, notes, speed, travel, widths_of(tracks),
-        (rest, prior), False,
-    )  # fmt: skip
+def _moving(seen: Seen, model: Model, held: Mapping[str, float]) -> Ground:
+    """Runs whose speed changes: J and a delay of u are fitted."""
+    rest = max(REST_IN_NOISE * seen.noise, REST_IN_SPEED * seen.speed)
+    seen = replace(seen, tracks=with_rest(seen.tracks, rest))
+    dt = float(np.median([p.dt for p in seen.tracks]))
+    prior, delay = min(DELAY_SAMPLES * dt, max(DELAY_SECONDS, dt)), 0.0
+    for part in model.effects:
+        if part.block.name == DELAY:
+            known = held.get(f"{part.key}.delay")
+            prior, delay = (DECLARED_DELAY, 0.0) if known is None else (0.0, known)
+    travel = travel_of(seen.tracks, across=False)
+    setting = Setting(rest, prior, delay=delay)
+    return _with_terms(seen, model, held, travel, widths_of(seen.tracks), setting)
 
 
-def _map(
-    tracks: list[Track],
-    model: Model,
-    held: Mapping[str, float],
-    sensors: Sensors,
-    comparison: Comparison | None,
-    notes: list[str],
-    speed: float,
-) -> Ground:
-    tracks = with_rest(as_points(tracks), 0.0)
+def _map(seen: Seen, model: Model, held: Mapping[str, float]) -> Ground:
+    """Runs at one speed each."""
+    tracks = with_rest(as_points(seen.tracks), 0.0)
     travel = travel_of(tracks, across=True)
-    gravity = turns_enough(model, travel, True)
-    width = width_of_map(tracks, travel, speed, gravity)
-    return _with_terms(
-        evenly(tracks, width), model, held, sensors, comparison, notes, speed, travel,
-        [width / 2, width], (0.0, 0.0), True,
-    )  # fmt: skip
+    width = width_of_map(tracks, travel, seen.speed, turns_enough(model, travel, True))
+    seen = replace(seen, tracks=evenly(tracks, width))
+    return _with_terms(seen, model, held, travel, [width / 2, width], Setting(0.0, 0.0))
 
 
 def _with_terms(
-    tracks: list[Track],
+    seen: Seen,
     model: Model,
     held: Mapping[str, float],
-    sensors: Sensors,
-    comparison: Comparison | None,
-    notes: list[str],
-    speed: float,
     travel: Travel,
     widths: list[float],
-    limits: tuple[float, float],
-    is_map: bool,
+    setting: Setting,
 ) -> Ground:
-    uses, unused = uses_of(model, tracks, held, travel.middle)
-    terms = plain_terms(model, travel, is_map)
+    uses, unused = uses_of(model, seen.tracks, held, travel.middle)
+    terms = plain_terms(model, travel, seen.is_map)
     terms += [term for use in uses for term in use.terms]
     known = held_terms(held, uses, terms)
-    setting = Setting(*limits, held=tuple((term.key, value) for term, value in known))
-    loads = [replace(p, load=np.zeros(len(p))) for p in tracks]
+    tracks = [replace(p, load=np.zeros(len(p))) for p in seen.tracks]
     return Ground(
         model=model,
-        source=Source(loads, sensors, known),
+        source=Source(tracks, seen.sensors, known),
         terms=tuple(t for t in terms if all(t is not k for k, _ in known)),
         uses=tuple(uses),
         held=held,
         widths=tuple(widths),
-        setting=setting,
-        speed=speed,
+        setting=replace(setting, held=tuple((term.key, value) for term, value in known)),
+        speed=seen.speed,
         travel=travel,
-        is_map=is_map,
-        comparison=comparison,
-        notes=(*notes, *unused),
+        is_map=seen.is_map,
+        comparison=seen.comparison,
+        notes=(*seen.notes, *unused),
     )
