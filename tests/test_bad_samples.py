@@ -231,3 +231,32 @@ def test_a_log_keeps_what_was_recorded():
     np.testing.assert_array_equal(made.channels["u"], log["u"])
     np.testing.assert_array_equal(made.channels["theta"], log["theta"])
     assert made.where(10) == "row 10" and made.messages == () and made.motion == "rotary"
+
+
+def test_a_short_torque_that_the_motion_shows_is_no_outlier():
+    """One row of a hammer's size; the speed changes by as much as it should."""
+    rng = np.random.default_rng(5)
+    t = np.arange(4000) * 2e-3
+    u = 0.3 * np.sin(2 * np.pi * 0.7 * t) + 0.002 * rng.standard_normal(4000)
+    u[[1200, 2500]] += [3.0, -2.5]
+    w, theta = np.zeros(4000), np.zeros(4000)
+    for k in range(1, 4000):
+        friction = 0.1 * np.tanh(w[k - 1] / 0.05) + 0.02 * w[k - 1]
+        w[k] = w[k - 1] + 2e-3 / 0.004 * (u[k - 1] - friction)
+        theta[k] = theta[k - 1] + 2e-3 * w[k]
+    assert seen({"t": t, "u": u, "theta": np.round(theta / 1e-4) * 1e-4})[1] == []
+    u[3000] = 3.0  # this one moved nothing
+    (sentence,) = seen({"t": t, "u": u, "theta": np.round(theta / 1e-4) * 1e-4})[1]
+    assert sentence == "u at row 3000 is 3 N m, far off its neighbours: left out."
+
+
+@pytest.mark.parametrize("rate", [200.0, 60.0])
+def test_a_start_within_a_row_is_no_jump_where_two_signals_agree(rate):
+    """A light motor that is kicked and stops at once, logged slowly."""
+    t = np.arange(0, 8, 1 / rate)
+    w = np.where((t > 2.0) & (t < 2.0 + 1.5 / rate), 4.0, 0.0)
+    w += np.where((t > 5.0) & (t < 5.0 + 3.5 / rate), -3.0, 0.0)
+    theta = np.round(np.cumsum(w) / rate / 7e-4) * 7e-4
+    u = np.where(w != 0, 0.05 * np.sign(w), 0.0)
+    found, said = seen({"t": t, "u": u, "w": w, "theta": 716 + theta})
+    assert not any("left out" in s or "no motion" in s for s in said) and len(found) == 1

@@ -6,6 +6,7 @@ import numpy as np
 
 from .clock import FILL, usual_step
 from .codes import code
+from .needed import needed
 from .outliers import bridged, huge, outliers
 from .resampling import HELD
 from .stamped import Stamped, count, runs
@@ -81,7 +82,44 @@ def _outliers(log: Stamped, role: str) -> None:
     x = log.channels[role]
     good = np.isfinite(x)
     bad = outliers(role, log.t, bridged(x, ~good)) & good
-    leave_out(log, role, bad & ~over_loss(log, role), OFF)
+    bad &= ~over_loss(log, role) & ~confirmed(log, role)
+    if role == "u" and bad.any():
+        bad &= ~_felt(log, bad)
+    leave_out(log, role, bad, OFF)
+
+
+def _felt(log: Stamped, bad: np.ndarray) -> np.ndarray:
+    """Where the motion shows the torque of these rows: a short one that the drive did apply."""
+    fit, felt = needed(log, bad), np.zeros(len(bad), bool)
+    if fit is None:
+        return felt
+    u = np.nan_to_num(log.channels["u"])
+    with_it, without = np.abs(fit.missing(u)), np.abs(fit.missing(bridged(u, bad)))
+    for row in np.flatnonzero(bad):
+        near = slice(max(row - fit.width, 0), row + fit.width + 1)
+        costs = np.nansum(with_it[near]), np.nansum(without[near])
+        covered = np.isfinite(with_it[near]).sum() > fit.width
+        felt[row] = covered and costs[0] < 0.8 * costs[1]
+    return felt
+
+
+def confirmed(log: Stamped, role: str) -> np.ndarray:
+    """Where theta and w agree that the drive moves this fast, however rare that is."""
+    made = np.zeros(len(log.t), bool)
+    if role not in ("theta", "w") or not {"theta", "w"} <= set(log.channels):
+        return made
+    theta, w = log.channels["theta"], log.channels["w"]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        slope = np.diff(theta) / np.diff(log.t)
+        if role == "w":
+            made[1:] |= np.abs(w[1:] - slope) < 0.5 * np.abs(w[1:])
+            made[:-1] |= np.abs(w[:-1] - slope) < 0.5 * np.abs(w[:-1])
+            return made
+        fastest = np.where(np.abs(w[1:]) > np.abs(w[:-1]), w[1:], w[:-1])
+        alike = (slope / fastest > 0.3) & (slope / fastest < 3)
+    made[1:] |= alike
+    made[:-1] |= alike
+    return made
 
 
 def over_loss(log: Stamped, role: str) -> np.ndarray:

@@ -291,6 +291,6 @@ def _jitter(log: Stamped) -> None:
             worst, rms, step = max(worst, np.abs(off).max()), max(rms, np.std(off)), dt
     if worst:
         log.say(
-            f"t jitters by up to {100 * worst / step:.2g} % of its step of {step:.6g} s "
+            f"t jitters by up to {100 * worst / step:.3g} % of its step of {step:.6g} s "
             f"({rms:.2g} s RMS): resampled to an even step (u held, motion interpolated)."
         )

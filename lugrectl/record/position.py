@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .bad_samples import OFF, leave_out, over_loss
+from .bad_samples import OFF, confirmed, leave_out, over_loss
 from .clock import usual_step
 from .outliers import distances, limits, quantum, resolution
 from .stamped import Stamped, count
@@ -35,6 +35,11 @@ class Jumps:
 
     def __len__(self) -> int:
         return len(self.a)
+
+    def only(self, which: np.ndarray) -> Jumps:
+        """Some of them."""
+        kept = (x[which] for x in (self.a, self.b, self.size, self.steady, self.pace))
+        return Jumps(*kept, self.resolution)
 
     @property
     def margin(self) -> np.ndarray:
@@ -213,10 +218,11 @@ def make_continuous(log: Stamped) -> None:
         if role in log.channels:
             _leave_out_excursions(log, role)
             found = jumps(log.t, log.channels[role])
-            if len(found):
-                leave_out_stuck(log, role, found.a, found.b)
+            found = found.only(~confirmed(log, role)[found.b])
+            leave_out_stuck(log, role, found.a, found.b)
     if "theta" in log.channels:
-        _cut(log, jumps(log.t, log.channels["theta"]))
+        found = jumps(log.t, log.channels["theta"])
+        _cut(log, found.only(~confirmed(log, "theta")[found.b]))
 
 
 def _leave_out_excursions(log: Stamped, role: str) -> None:
@@ -228,9 +234,10 @@ def _leave_out_excursions(log: Stamped, role: str) -> None:
         rows = slice(int(found.b[i]), int(found.a[i + 1]) + 1)
         returns = abs(there + back) <= 0.3 * abs(there) + 2 * found.margin[i : i + 2].sum()
         one = bool((x[rows] == x[rows.start]).all())
-        if there * back < 0 and (one or returns and rows.stop - rows.start <= _BRIEF):
+        brief = returns and rows.stop - rows.start <= _BRIEF
+        if there * back < 0 and (brief or one and (returns or role == "theta")):
             bad[rows] = True
-    leave_out(log, role, bad & ~over_loss(log, role), OFF)
+    leave_out(log, role, bad & ~over_loss(log, role) & ~confirmed(log, role), OFF)
 
 
 def _cut(log: Stamped, found: Jumps) -> None:

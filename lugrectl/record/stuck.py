@@ -20,6 +20,8 @@ def leave_out_stuck(log: Stamped, role: str, a: np.ndarray, b: np.ndarray) -> No
     bad = np.zeros(len(x), bool)
     for before, after in zip(a, b, strict=True):
         for start, stop in (_same(x, int(before), -1), _same(x, int(after), 1)):
+            if role == "w" and x[start] == 0:
+                continue  # a drive at rest may start within a row
             if stop - start >= _FEWEST and (
                 _at_once(x, start, stop, int(before))
                 or _all_stand(log, start, stop)

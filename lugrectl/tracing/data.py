@@ -292,6 +292,7 @@ def _log(t, u, d, y, dt, motion, runs, noise) -> Log:
 def _jump(y: np.ndarray, dt: float, theta_noise: float, w_noise: float) -> float:
     """Typical size of dw/dt, over a smoothing window that is long enough to show it."""
     seen, n = np.isfinite(w_noise), max(5, int(round(0.02 / dt)))
+    n = min(n, len(y) // 3)  # a short piece between gaps
     w = y[:, 1] if seen else np.gradient(y[:, 0], dt)
     rough = w_noise if seen else theta_noise / dt
     usual = max(float(np.std(_slope(w, n, dt))), rough / (n * dt))
