@@ -21,7 +21,7 @@ from .tracing.evaluate import rms
 from .tracing.far import far_off
 from .tracing.hanging import signals_of
 from .tracing.job import Progress, unidentified
-from .tracing.start import holding
+from .tracing.start import holding, lifted
 
 EVERY = 3  # one of three speeds is held out
 FINE = 400  # speeds at which the curves are drawn
@@ -135,10 +135,11 @@ def begin_map(
             "Record at least three speeds in each direction, or give a run with --holdout.",
         )
     progress(0.1, "fitting the declared friction")
-    starts = started(model, at)
+    begun = lifted(model)
+    starts = started(begun, at)
     full = holding(model.with_values(starts[0]), laid(at, model.motion))
     fixed = {k: v for k, v in full.known().items() if not full.declarations()[k].fitted}
-    base = fit(full, at, [start | fixed for start in starts], model.known() | fixed)
+    base = fit(full, at, [start | fixed for start in starts], begun.known() | fixed)
     apart = (holdout,) if isinstance(holdout, Record) else ()
     return Fits((*records, *apart), whole, held_out, base, model, aside)
 

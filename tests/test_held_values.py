@@ -254,6 +254,14 @@ def runs_at_steady_speed():
     return made
 
 
+def test_a_map_with_stiction_declared_below_friction_is_answered():
+    model = lg.Model.of(friction="stribeck", Fc=0.2, Fs=0.15, Fv=0.02, vs=0.5)
+    found = lg.identify(runs_at_steady_speed(), model)
+    values = found.model.values()
+    assert values["Fs"] >= values["Fc"] and values["Fc"] == pytest.approx(0.2, rel=0.1)
+    assert any("Fs = 0.15 is below Fc" in m for m in found.messages)
+
+
 def test_a_map_of_runs_at_steady_speed_honours_them_too():
     model = lg.Model.of(friction="coulomb", Fc=held(0.21), Fv={"value": 0.03, "min": 0.022})
     fits = begin_map(runs_at_steady_speed(), model, None, lambda *_: None)
