@@ -105,7 +105,9 @@ def _records(command: argparse.ArgumentParser) -> None:
         ("scale", "u=35.15", "factors on raw values"),
     ):
         add(f"--{name}", action="append", metavar=example, help=what)
-    add("--rate", type=_positive, metavar="HZ", help="sampling rate; a column of t is then not used")
+    add(
+        "--rate", type=_positive, metavar="HZ", help="sampling rate; a column of t is then not used"
+    )
     add("--seed", type=_seed, default=0, metavar="N", help="seed of random numbers (default: 0)")
 
 

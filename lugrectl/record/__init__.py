@@ -13,10 +13,10 @@ import numpy as np
 from ..checks import as_path, positive, shown
 from ..errors import InputError
 from ..provenance import SourceFile
+from .angles import check_angles
 from .arrays import FORMS, is_table, table_of
 from .audit import audit, consistent, unwrapped
 from .columns import Choice, choose_columns
-from .angles import check_angles
 from .readers import read_stdin, read_table
 from .samples import Record
 from .streams import merged
