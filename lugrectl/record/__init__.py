@@ -59,7 +59,7 @@ def read_record(
     rate: float | None = None,
     motion: str | None = None,
 ) -> Record:
-    """Read a measured log (text, JSON, MAT, NPY, NPZ; with the extra ``files`` HDF5, Parquet, Excel).
+    """Read a measured log: text, JSON, MAT, NPY, NPZ; HDF5, Parquet, Excel with extra ``files``.
 
     Parameters
     ----------
