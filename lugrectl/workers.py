@@ -18,9 +18,10 @@ from .checks import as_path, shown
 from .door import is_file, is_record
 from .errors import InputError
 from .model import Model
-from .record.readers import SUFFIXES
+from .record.readers import SUFFIXES, read_table
 from .spec import REGISTRY, members
 
+_LOOSE = (".txt", ".dat", ".json")  # in a folder such files are logs only if they hold a table
 _THREADS = ("OMP_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS", *BLAS)
 
 
@@ -66,9 +67,27 @@ def files_of(name: str | Path, folders: bool = True) -> list[Path]:
     return [file for match in matches for file in files_of(match, folders)]
 
 
+def passed_over(logs: Iterable[Any]) -> list[Path]:
+    """The files in the named folders that no log is read from, without hidden ones."""
+    folders = [Path(log) for log in logs if is_file(log) and Path(log).is_dir()]
+    files = [p for folder in folders for p in folder.iterdir() if p.is_file()]
+    left = [p for p in files if not (p.name.startswith(".") or _is_record(p))]
+    return sorted(left, key=_natural)
+
+
 def _is_record(path: Path) -> bool:
     hidden = path.name.startswith(".")
-    return path.suffix.lower() in SUFFIXES and not hidden and path.is_file()
+    if path.suffix.lower() not in SUFFIXES or hidden or not path.is_file():
+        return False
+    return path.suffix.lower() not in _LOOSE or _holds_table(path)
+
+
+def _holds_table(path: Path) -> bool:
+    try:
+        read_table(path)
+    except InputError:
+        return False
+    return True
 
 
 def _natural(path: Path) -> list[Any]:

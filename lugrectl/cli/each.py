@@ -26,7 +26,7 @@ def each(a: Namespace) -> int:
     from ..model_file import read_model
     from ..record import parse_pairs
     from ..report import content
-    from ..workers import record_files
+    from ..workers import passed_over, record_files
 
     if a.holdout not in (None, "last"):
         raise InputError(
@@ -62,7 +62,7 @@ def each(a: Namespace) -> int:
         print_out(fleet.to_json() if a.json else str(fleet))
     if where:
         print(where, file=sys.stderr if a.json else sys.stdout)
-    _tell(fleet, a.json)
+    _tell(fleet, a.json, passed_over(a.records))
     return INTERRUPTED if fleet.unfinished else fleet.exit_code
 
 
@@ -129,7 +129,7 @@ class Store:
                 )
 
 
-def _tell(fleet: Fleet, as_json: bool) -> None:
+def _tell(fleet: Fleet, as_json: bool, left: Sequence[Path]) -> None:
     """Print to stderr why the work ended early, and what the table on stdout does not show."""
     said = []
     without = [o for o in fleet.outcomes if o.exit_code]
@@ -145,5 +145,7 @@ def _tell(fleet: Fleet, as_json: bool) -> None:
     if fleet.unfinished:
         total = len(fleet.outcomes) + len(fleet.unfinished)
         said.append(f"interrupted: {len(fleet.outcomes)} of {total} logs done.")
+    if left:
+        said.append(f"passed over, as no logs: {', '.join(path.name for path in left)}.")
     for sentence in said:
         print(f"lugrectl: {sentence}", file=sys.stderr)

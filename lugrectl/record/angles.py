@@ -10,6 +10,7 @@ from ..errors import InputError
 
 _FASTEST = 1e4  # rad/s, 95 000 rpm: no drive that is logged by position turns faster
 _CELLS = 100  # least number of encoder steps that show their size
+_SPAN = 2000  # least range, in encoder steps: a grid of another size drifts out of step over it
 _SHARP = 0.9  # coherence with a grid, 1 for a grid without rounding
 _TURN = {"rad": 2 * np.pi, "deg": 360.0, "rev": 1.0}
 _PER_SECOND = {"rad": "rad/s", "deg": "deg/s", "rev": "rev/s"}
@@ -74,9 +75,7 @@ def encoder_unit(theta: np.ndarray) -> tuple[str, int] | None:
     values = np.unique(theta[np.isfinite(theta)])
     if len(values) < _CELLS:
         return None
-    grids = {
-        unit: n for unit, turn in _TURN.items() if (n := _grid(values, turn)) is not None
-    }
+    grids = {unit: n for unit, turn in _TURN.items() if (n := _grid(values, turn)) is not None}
     if "rad" in grids or not grids:
         return None
     unit = max(grids, key=lambda unit: _TURN[unit] / grids[unit])
@@ -86,13 +85,11 @@ def encoder_unit(theta: np.ndarray) -> tuple[str, int] | None:
 def _grid(values: np.ndarray, turn: float) -> int | None:
     """The steps per turn of the coarsest usual encoder on whose grid the values lie."""
     steps = np.diff(values)
-    typical = float(np.median(steps[steps > 0.25 * np.median(steps)]))
+    least = float(np.quantile(steps[steps > 1e-3 * np.median(steps)], 0.02))
     for n in sorted({2**m for m in range(6, 25)} | {4 * lines for lines in _LINES}):
         size = turn / n
-        if not 0.2 < typical / size < 4.5 or _written(size):
-            continue
-        cells = len(np.unique(np.rint((values - values[0]) / size)))
-        if cells < _CELLS:
+        enough = _SPAN if n & (n - 1) else _SPAN / 4  # the more candidates, the more chance hits
+        if not 0.5 < least / size < 4.5 or _written(size) or np.ptp(values) < enough * size:
             continue
         if abs(np.mean(np.exp(2j * np.pi * values / size))) > _SHARP:
             return n

@@ -15,7 +15,7 @@ from ..checks import array, real, shown
 from ..errors import InputError
 from .columns import fits_role
 from .names import split_unit
-from .table import Table
+from .table import Table, heads
 
 FORMS = "a path, a pandas DataFrame, a dict of arrays or a Record"
 
@@ -46,10 +46,10 @@ def table_of(given: Any, named: Mapping[str, str]) -> Table:
         columns += _index(given, [split_unit(name)[0] for name, _ in columns], named)
     if not columns:
         raise InputError(f"{source} has no columns.")
-    heads = [split_unit(name) for name, _ in columns]
+    described = heads([name for name, _ in columns])
     units = [
         "s" if _is_dated(values) else unit
-        for (_, unit), (_, values) in zip(heads, columns, strict=True)
+        for (_, _, unit), (_, values) in zip(described, columns, strict=True)
     ]
 
     def load(indices: Sequence[int]) -> tuple[list[np.ndarray], list[str]]:
@@ -60,8 +60,8 @@ def table_of(given: Any, named: Mapping[str, str]) -> Table:
             raise InputError(f"{source}: the columns differ in length ({sizes}).")
         return chosen, []
 
-    names = tuple(name for name, _ in heads)
-    return Table(source, names, tuple(units), load, lambda row: f"sample {row + 1}")
+    names, plain = (tuple(head[k] for head in described) for k in (0, 1))
+    return Table(source, names, tuple(units), load, lambda row: f"sample {row + 1}", plain)
 
 
 def _columns(given: Any) -> list[tuple[str, Any]]:

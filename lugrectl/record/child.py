@@ -33,7 +33,7 @@ def parquet(path):
     """The columns of a Parquet file."""
     import pyarrow.parquet as library  # pyright: ignore[reportMissingImports]
 
-    table = library.read_table(path)
+    table = library.read_table(path, page_checksum_verification=True)
     found = {}
     for name, column in zip(table.column_names, table.columns, strict=True):
         values = column.to_numpy()

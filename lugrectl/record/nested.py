@@ -43,7 +43,10 @@ def _flat(name: str, value: Any, label: str, depth: int) -> Iterator[tuple[str, 
     if isinstance(value, dict):
         yield from _of_dict(name, value, depth)
         return
-    if isinstance(value, (list, tuple)) or getattr(getattr(value, "dtype", None), "kind", "") == "O":
+    if (
+        isinstance(value, (list, tuple))
+        or getattr(getattr(value, "dtype", None), "kind", "") == "O"
+    ):
         yield from _of_list(name, list(np.ravel(value)) if hasattr(value, "dtype") else value,
                             label, depth)  # fmt: skip
         return

@@ -77,9 +77,7 @@ def joined_stamps(table: Table) -> Table:
         every = [*wanted, *(i for seconds, rest, _ in more for i in (seconds, rest))]
         got, said = table.load(list(dict.fromkeys(every)))
         by = dict(zip(dict.fromkeys(every), got, strict=True))
-        return [
-            by[i] if i < many else _together(by, *places[i - many]) for i in indices
-        ], said
+        return [by[i] if i < many else _together(by, *places[i - many]) for i in indices], said
 
     names = [name for name in pairs if name not in table.names]
     if len(names) < len(pairs):

@@ -322,9 +322,7 @@ def _parsed(body: list[str], layout: _Layout, indices: Sequence[int]) -> np.ndar
         return None
 
 
-def _load_slow(
-    source: str, lines: list[str], layout: _Layout, indices: Sequence[int]
-) -> Columns:
+def _load_slow(source: str, lines: list[str], layout: _Layout, indices: Sequence[int]) -> Columns:
     """Read cell by cell: an empty cell is a missing sample, other text raises InputError."""
     said: list[str] = []
     rows: list[tuple[int, list[str]]] = []
