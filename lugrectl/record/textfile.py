@@ -84,6 +84,13 @@ def _decode(path: Path) -> list[str]:
 
 
 def _cells(line: str, delimiter: str) -> list[str]:
+    cells = _split(line, delimiter)
+    if cells and delimiter in ";,\t":  # a delimiter of another kind at the end of the line
+        cells[-1] = cells[-1].rstrip(",; ")
+    return cells
+
+
+def _split(line: str, delimiter: str) -> list[str]:
     if delimiter == _BLANKS:
         return line.split()
     if delimiter == "|":
@@ -221,6 +228,8 @@ def _headers(
     if keyed is not None:
         return keyed
     last = _header_cells(lines[rows[start - 1][0]], delimiter, width)
+    if all(is_missing(cell) or is_number(cell) for cell in last):
+        return None
     known = [parse_unit(cell.strip("[]()")) for cell in last if cell]
     if start > 1 and any(known):
         above = _header_cells(lines[rows[start - 2][0]], delimiter, width)
