@@ -228,9 +228,9 @@ def _headers(
         ):
             return fit[-2], fit[-1]
         return (fit[-1], None) if fit else None
-    keyed = keyed([row for _, row in rows[:start]], width)
-    if keyed is not None:
-        return keyed
+    by_turns = keyed([row for _, row in rows[:start]], width)
+    if by_turns is not None:
+        return by_turns
     last = _header_cells(lines[rows[start - 1][0]], delimiter, width)
     if all(is_missing(cell) or is_number(cell) for cell in last):
         return None
