@@ -182,6 +182,13 @@ def test_blanks_and_pipes_separate_columns(tmp_path, delimiter, mark):
     same(read_record(write(tmp_path / "a.txt", table(head, T, THETA, U, delimiter=delimiter))))
 
 
+def test_names_and_units_in_two_comments(tmp_path):
+    before = "%Date:,today\r\n%stamp,torque,position\r\n"
+    text = table("%[ms],[N m],[turns]", 1e3 * T, U, THETA / TURN, before=before, after=";")
+    path = write(tmp_path / "a.csv", text)
+    same(read_record(path))
+
+
 def test_units_with_blanks_in_a_header_of_blanks(tmp_path):
     path = write(
         tmp_path / "a.dat", table("t [s]  u [N m]  theta [rad]", T, U, THETA, delimiter="  ")

@@ -53,7 +53,8 @@ def read_record(
         or a pandas DataFrame, whose names may carry units as in a file, ``w [rpm]``. If no column
         is t, the index of a DataFrame is taken for it where it holds times or is named t or time.
         A Record is returned unchanged.
-    columns : role -> name of the column, for columns not named by their role.
+    columns : role -> name of the column, or its number from 1, for columns not named by their
+        role; ``rec.x[2]`` is the second column of the matrix x in the struct rec.
     units : role -> unit, in place of the unit in the header; without any unit, SI is assumed.
     scale : role -> factor on the raw value, before the unit; needed for A, V, % and counts.
     rate : sampling rate in Hz, needed when there is no t; a column of t is then not used.

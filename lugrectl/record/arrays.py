@@ -60,7 +60,7 @@ def table_of(given: Any, named: Mapping[str, str]) -> Table:
             raise InputError(f"{source}: the columns differ in length ({sizes}).")
         return chosen, []
 
-    names, plain = (tuple(head[k] for head in described) for k in (0, 1))
+    names, plain = tuple(name for name, _, _ in described), tuple(p for _, p, _ in described)
     return Table(source, names, tuple(units), load, lambda row: f"sample {row + 1}", plain)
 
 

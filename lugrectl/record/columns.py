@@ -112,7 +112,9 @@ def _complete(
 def _nothing_known(table: Table, need_time: bool) -> str:
     """A sentence for a table whose names say nothing, with the option that names its columns."""
     roles = ["t", "u", "theta"] if need_time else ["u", "theta"]
-    pairs = ",".join(f"{r}={n}" for r, n in zip(roles, table.names, strict=False))
+    clear = all(table.names) and len(set(table.names)) == len(table.names)
+    names = table.names if clear else [str(i + 1) for i in range(len(table.names))]
+    pairs = ",".join(f"{r}={n}" for r, n in zip(roles, names, strict=False))
     start = (
         f"{table.source}: its columns are {table.listed()}, which say nothing of torque and motion"
         if table.headed

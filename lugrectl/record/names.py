@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 from .units import ROLES, UNITS, Unit, fits, parse_unit
 
 # Usual names by role, lower case, first choice first, with the unit that the name alone implies.
-_USUAL: dict[str, tuple[dict[str, str | None], ...]] = {
+_USUAL: dict[str, tuple[dict[Any, Any], ...]] = {
     "t": (
         dict.fromkeys(("time", "zeit", "seconds", "secs"), None),
         dict.fromkeys(("timestamp", "stamp", "datetime", "clock", "elapsed"), None),

@@ -63,10 +63,10 @@ def _below(name: str, field: Any) -> str:
 
 
 def _of_dict(name: str, value: dict[Any, Any], depth: int) -> Iterator[Any]:
-    split = value.get("columns"), value.get("data")
-    if all(isinstance(part, list) for part in split) and split[1]:  # pandas, orient="split"
-        rows = [row for row in split[1] if isinstance(row, list) and len(row) == len(split[0])]
-        for i, column in enumerate(split[0]):
+    columns, data = value.get("columns"), value.get("data")
+    if isinstance(columns, list) and isinstance(data, list) and data:  # pandas, orient="split"
+        rows = [row for row in data if isinstance(row, list) and len(row) == len(columns)]
+        for i, column in enumerate(columns):
             yield from _flat(_below(name, column), [row[i] for row in rows], "", depth - 1)
         return
     keys = [str(key) for key in value]

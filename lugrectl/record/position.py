@@ -38,8 +38,10 @@ class Jumps:
 
     def only(self, which: np.ndarray) -> Jumps:
         """Some of them."""
-        kept = (x[which] for x in (self.a, self.b, self.size, self.steady, self.pace))
-        return Jumps(*kept, self.resolution)
+        a, b, size, steady, pace = (
+            x[which] for x in (self.a, self.b, self.size, self.steady, self.pace)
+        )
+        return Jumps(a, b, size, steady, pace, self.resolution)
 
     @property
     def margin(self) -> np.ndarray:

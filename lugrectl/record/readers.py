@@ -32,7 +32,8 @@ _OTHERS = (
     (b"\x89PNG", "an image"), (b"\xff\xd8\xff", "an image"), (b"GIF8", "an image"),
     (b"BM", "an image"), (b"II*\0", "an image"), (b"%PDF", "a PDF document"),
     (b"\xd0\xcf\x11\xe0", "an old Excel or Word file; save it as .xlsx or CSV"),
-    (b"SQLite format 3", "a database"), (b"7z\xbc\xaf", "an archive; unpack it first"),
+    (b"SQLite format 3", "a database, as a ROS 2 bag is; export its topics as CSV"),
+    (b"7z\xbc\xaf", "an archive; unpack it first"),
     (b"Rar!", "an archive; unpack it first"), (b"\x7fELF", "a program"),
     (b"\x89MCAP", "an MCAP file; export its topics as CSV, for instance with PlotJuggler"),
 )  # fmt: skip
@@ -62,7 +63,7 @@ def read_table(path: str | Path) -> Table:
 def _reader(path: Path, head: bytes) -> Callable[[Path], Table]:
     for start, what in _OTHERS:
         if head.startswith(start) and (start != b"BM" or b"\0" in head):
-            raise InputError(f"{path.name} is {what}, not a log of torque and motion.")
+            raise InputError(f"{path.name} is no log that can be read: it is {what}.")
     if head.startswith(b"\x1f\x8b"):
         return _read_gzip
     if head.startswith(b"MATLAB 7.3") or head.startswith(b"\x89HDF"):

@@ -14,6 +14,7 @@ import numpy as np
 from ..errors import InputError
 from .cells import DECIMAL_COMMAS, is_missing, is_number, number, without_commas
 from .names import split_unit as split_unit
+from .preambles import keyed, preamble_units
 from .stamps import is_stamp, seconds
 from .table import Columns, epoch_said, epoch_unit, heads, joined_stamps, time_columns
 from .table import Table as Table
@@ -84,6 +85,13 @@ def _decode(path: Path) -> list[str]:
 
 
 def _cells(line: str, delimiter: str) -> list[str]:
+    cells = _split(line, delimiter)
+    if cells and delimiter in ";,\t":  # a delimiter of another kind at the end of the line
+        cells[-1] = cells[-1].rstrip(",; ")
+    return cells
+
+
+def _split(line: str, delimiter: str) -> list[str]:
     if delimiter == _BLANKS:
         return line.split()
     if delimiter == "|":
@@ -212,21 +220,26 @@ def _headers(
     first = rows[start][0]
     if start == 0:
         remarks = [line.lstrip(" \t#%/") for line in lines[:first] if line.strip()]
-        for remark in reversed(remarks):
-            cells = _header_cells(remark, delimiter, width)
-            if len(cells) == width and not any(map(is_number, cells)):
-                return cells, None
-        return None
-    keyed = _keyed([row for _, row in rows[:start]], width)
-    if keyed is not None:
-        return keyed
+        rows_of_names = [_header_cells(remark, delimiter, width) for remark in remarks]
+        fit = [c for c in rows_of_names if len(c) == width and not any(map(is_number, c))]
+        if (
+            len(fit) > 1
+            and 2 * sum(parse_unit(c.strip("[]()")) is not None for c in fit[-1]) > width
+        ):
+            return fit[-2], fit[-1]
+        return (fit[-1], None) if fit else None
+    by_turns = keyed([row for _, row in rows[:start]], width)
+    if by_turns is not None:
+        return by_turns
     last = _header_cells(lines[rows[start - 1][0]], delimiter, width)
+    if all(is_missing(cell) or is_number(cell) for cell in last):
+        return None
     known = [parse_unit(cell.strip("[]()")) for cell in last if cell]
     if start > 1 and any(known):
         above = _header_cells(lines[rows[start - 2][0]], delimiter, width)
         if len(above) == len(last):
             return above, last
-    return last, _preamble_units([row for _, row in rows[: start - 1]], last)
+    return last, preamble_units([row for _, row in rows[: start - 1]], last)
 
 
 def _header_cells(line: str, delimiter: str, width: int) -> list[str]:
@@ -243,31 +256,6 @@ def _header_cells(line: str, delimiter: str, width: int) -> list[str]:
         if len(split) == width:
             return split
     return line.split()
-
-
-def _keyed(rows: list[list[str]], width: int) -> tuple[list[str], list[str] | None] | None:
-    """A header of key and value by turns, as automation scopes write it: a time per channel."""
-    found = {}
-    for row in rows:
-        if len(row) == width and width % 2 == 0 and row[0] and len(set(row[::2])) == 1:
-            found[row[0]] = row[1::2]
-    if "Name" not in found:
-        return None
-    key = next((key for key in found if "time" in key.lower()), "")
-    time = split_unit(key)[1] or "ms"
-    below = next((found[key] for key in found if key.lower().startswith("unit")), [""] * width)
-    names = [name for value in found["Name"] for name in (f"{value}.time", value)]
-    return names, [unit for value in below for unit in (time, value)]
-
-
-def _preamble_units(rows: list[list[str]], header: list[str]) -> list[str] | None:
-    """Units in a line of the preamble whose first cell is a word such as Y_Unit_Label."""
-    for row in rows:
-        cells = row[1:]
-        if len(row) == len(header) and "unit" in row[0].lower() and any(cells):
-            if all(parse_unit(cell) for cell in cells if cell):
-                return ["", *cells]
-    return None
 
 
 def _name_columns(
