@@ -8,7 +8,7 @@ from scipy import stats
 from ...results import Estimate
 from .answers import Answer, answers
 from .certain import combinations, is_certain
-from .constants import CONFIDENCE, SHARE_OF_TORQUE
+from .constants import CONFIDENCE, SHARE_OF_TORQUE, SLIDES
 from .curve import curve
 from .estimate import Estimated
 from .fit import Fit
@@ -17,7 +17,6 @@ from .result import Balance, Combination, Residual
 from .small_angle import open_constant
 from .verdicts import contradictions, left_of, one_direction
 
-SLIDES = 0.1
 TWO_SIDED = 0.5 + CONFIDENCE / 2
 
 
@@ -30,8 +29,8 @@ def answer(ground: Ground, found: Estimated) -> Balance:
     own = answers(made, ground.model, ground.uses)
     estimates = {a.key: a.estimate(V, quantile) for a in own}
     left = left_of(made)
-    doubts = contradictions(made, estimates, V, quantile, left, ground.sensors.noise["u"])
-    notes += [*more, *doubts.notes]
+    against = contradictions(made, estimates, V, quantile, left, ground.sensors.noise["u"])
+    notes += [*more, *against.notes]
     if one_direction(made) and not {"Fc", "constant_torque"} & {*ground.held}:
         notes.append("the motion goes in one direction: to separate Fc from a constant torque, "
                      "record the other direction.")  # fmt: skip
@@ -39,11 +38,11 @@ def answer(ground: Ground, found: Estimated) -> Balance:
         a.key
         for a in own
         if is_certain(a, a.half(V, quantile), made.torque)
-        and a.key not in doubts.refused
-        and not doubts.all_refused
+        and a.key not in against.refused
+        and not against.all_refused
     }
     sums: list[Combination] = []
-    if not doubts.all_refused:
+    if not against.all_refused:
         unsure = [n for n in made.names if n not in sure and not _wave_sure(n, sure)]
         sums = combinations(made, V, quantile, unsure, ground.model.motion)
         if mixed is not None:
