@@ -41,12 +41,8 @@ def answer(ground: Ground, found: Estimated) -> Balance:
         and a.key not in against.refused
         and not against.all_refused
     }
-    sums: list[Combination] = []
-    if not against.all_refused:
-        unsure = [n for n in made.names if n not in sure and not _wave_sure(n, sure)]
-        sums = combinations(made, V, quantile, unsure, ground.model.motion)
-        if mixed is not None:
-            sums = [c for c in sums if "constant_torque" not in c.text] + [mixed]
+    notes += _late(estimates.get("u_delay"), made.windows.dt) if "u_delay" in sure else []
+    sums = [] if against.all_refused else _sums(ground, made, V, quantile, sure, mixed)
     tach, tach_V = _tachometer(ground)
     estimates |= tach
     sure |= {*tach}
@@ -63,6 +59,34 @@ def answer(ground: Ground, found: Estimated) -> Balance:
         half_width=made.half_width,
         residual=_residual(made),
     )
+
+
+def _sums(
+    ground: Ground,
+    made: Fit,
+    V: np.ndarray,
+    quantile: float,
+    sure: set[str],
+    mixed: Combination | None,
+) -> list[Combination]:
+    """What is certain of the terms that are not."""
+    unsure = [n for n in made.names if n not in sure and not _wave_sure(n, sure)]
+    sums = combinations(made, V, quantile, unsure, ground.model.motion)
+    if mixed is None:
+        return sums
+    return [*(c for c in sums if "constant_torque" not in c.text), mixed]
+
+
+def _late(delay: Estimate | None, dt: float) -> list[str]:
+    """A sentence on a delay of more than a sample that is no chance."""
+    if delay is None or delay.ci95 is None:
+        return []
+    low, high = sorted(abs(x) * 1e3 for x in delay.ci95)
+    if delay.ci95[0] <= 0 <= delay.ci95[1] or abs(delay.value) < dt:
+        return []
+    side = "late" if delay.value < 0 else "early"
+    size = f"{abs(delay.value) * 1e3:.3g} ms {side} [{low:.3g}, {high:.3g}]"
+    return [f"u comes {size}, compared with the motion: the balance shifts it by that time."]
 
 
 def _counted(made: Fit) -> int:

@@ -113,11 +113,7 @@ def _late_or_not(
     others, more = _shaped(prompt, first)
     other = others[-1].fit
     if late.score > other.score + CLEARLY:
-        note = (
-            f"u seems to be logged {abs(late.delay) * 1e3:.1f} ms "
-            f"{'late' if late.delay < 0 else 'early'}: the balance shifts it by that time."
-        )
-        return choices, rivals, [note]
+        return choices, rivals, []
     note = (
         f"u seems shifted by {late.delay * 1e3:.0f} ms, but friction that turns over slowly "
         "explains the record as well: the shift is not used."
