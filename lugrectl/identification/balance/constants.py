@@ -7,7 +7,7 @@ WIDTHS = (0.012, 0.02, 0.03, 0.045, 0.07, 0.11, 0.17, 0.26)  # half-widths to ch
 STEP = 1.0 / 3.0  # distance of two windows, in half-widths
 FEWEST_SAMPLES = 5.0  # samples in a half-width, at least
 LONGEST_SHARE = 1.0 / 6.0  # of the longest stretch that a half-width may take
-MOST_WINDOWS = 20_000  # a longer log is read at wider steps
+MOST_WINDOWS = 15_000  # a longer log is read at wider steps
 WINDOWS_PER_TERM = 1.5  # fewer windows than this for each term cannot be fitted
 
 # Residual
