@@ -120,3 +120,13 @@ def test_a_speed_with_gain_and_offset_is_noticed(log):
     assert found.parameters["w_offset"].value == pytest.approx(0.4, abs=0.01)
     assert any("1.08 times" in note for note in found.notes)
     assert inside(found.parameters["Fc"], FC)
+
+
+def test_a_late_torque_is_said_with_its_time(log):
+    found = balance([stretch(np.roll(log.u, 5)[20:-20], log.dt, log.theta[20:-20])], MODEL)
+    note = [n for n in found.notes if n.startswith("u comes")]
+    assert note and "10 ms late" in note[0]
+
+
+def test_a_sound_record_has_no_notes(plain):
+    assert plain.notes == ()

@@ -8,7 +8,7 @@ from scipy import stats
 from ...results import Estimate
 from .answers import Answer, answers
 from .certain import combinations, is_certain
-from .constants import CONFIDENCE, SHARE_OF_TORQUE
+from .constants import CONFIDENCE, SHARE_OF_TORQUE, SLIDES
 from .curve import curve
 from .estimate import Estimated
 from .fit import Fit
@@ -17,7 +17,6 @@ from .result import Balance, Combination, Residual
 from .small_angle import open_constant
 from .verdicts import contradictions, left_of, one_direction
 
-SLIDES = 0.1
 TWO_SIDED = 0.5 + CONFIDENCE / 2
 
 
@@ -30,8 +29,8 @@ def answer(ground: Ground, found: Estimated) -> Balance:
     own = answers(made, ground.model, ground.uses)
     estimates = {a.key: a.estimate(V, quantile) for a in own}
     left = left_of(made)
-    doubts = contradictions(made, estimates, V, quantile, left, ground.sensors.noise["u"])
-    notes += [*more, *doubts.notes]
+    against = contradictions(made, estimates, V, quantile, left, ground.sensors.noise["u"])
+    notes += [*more, *against.notes]
     if one_direction(made) and not {"Fc", "constant_torque"} & {*ground.held}:
         notes.append("the motion goes in one direction: to separate Fc from a constant torque, "
                      "record the other direction.")  # fmt: skip
@@ -39,15 +38,11 @@ def answer(ground: Ground, found: Estimated) -> Balance:
         a.key
         for a in own
         if is_certain(a, a.half(V, quantile), made.torque)
-        and a.key not in doubts.refused
-        and not doubts.all_refused
+        and a.key not in against.refused
+        and not against.all_refused
     }
-    sums: list[Combination] = []
-    if not doubts.all_refused:
-        unsure = [n for n in made.names if n not in sure and not _wave_sure(n, sure)]
-        sums = combinations(made, V, quantile, unsure, ground.model.motion)
-        if mixed is not None:
-            sums = [c for c in sums if "constant_torque" not in c.text] + [mixed]
+    notes += _late(estimates.get("u_delay"), made.windows.dt) if "u_delay" in sure else []
+    sums = [] if against.all_refused else _sums(ground, made, V, quantile, sure, mixed)
     tach, tach_V = _tachometer(ground)
     estimates |= tach
     sure |= {*tach}
@@ -64,6 +59,34 @@ def answer(ground: Ground, found: Estimated) -> Balance:
         half_width=made.half_width,
         residual=_residual(made),
     )
+
+
+def _sums(
+    ground: Ground,
+    made: Fit,
+    V: np.ndarray,
+    quantile: float,
+    sure: set[str],
+    mixed: Combination | None,
+) -> list[Combination]:
+    """What is certain of the terms that are not."""
+    unsure = [n for n in made.names if n not in sure and not _wave_sure(n, sure)]
+    sums = combinations(made, V, quantile, unsure, ground.model.motion)
+    if mixed is None:
+        return sums
+    return [*(c for c in sums if "constant_torque" not in c.text), mixed]
+
+
+def _late(delay: Estimate | None, dt: float) -> list[str]:
+    """A sentence on a delay of more than a sample that is no chance."""
+    if delay is None or delay.ci95 is None:
+        return []
+    low, high = sorted(abs(x) * 1e3 for x in delay.ci95)
+    if delay.ci95[0] <= 0 <= delay.ci95[1] or abs(delay.value) < dt:
+        return []
+    side = "late" if delay.value < 0 else "early"
+    size = f"{abs(delay.value) * 1e3:.3g} ms {side} [{low:.3g}, {high:.3g}]"
+    return [f"u comes {size}, compared with the motion: the balance shifts it by that time."]
 
 
 def _counted(made: Fit) -> int:

@@ -8,7 +8,13 @@ import numpy as np
 
 from ...spec import unit_for
 from .answers import UNITS, Answer
-from .constants import MOST_PARTS, SHARE_OF_TORQUE, SHARE_OF_VALUE, SMALL_PART
+from .constants import (
+    MOST_PARTS,
+    SHARE_OF_TORQUE,
+    SHARE_OF_VALUE,
+    SMALL_PART,
+    SNAP,
+)
 from .fit import Fit
 from .result import Combination
 
@@ -24,7 +30,6 @@ SEPARATE = {
     "gravity.cos": "other angles",
     "slope": "other angles",
 }
-SNAP = 0.05
 
 
 def is_certain(a: Answer, half: float, torque: float) -> bool:

@@ -6,16 +6,19 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .constants import LATTICE, NO_NOISE, TOP_OF_SPECTRUM
-
-SEGMENT = 256
-MANY = 20_000
-DIFFERENCE = 4
+from .constants import (
+    DIFFERENCE,
+    LATTICE,
+    MANY_VALUES,
+    NO_NOISE,
+    SEGMENT,
+    TOP_OF_SPECTRUM,
+)
 
 
 def quantum(x: np.ndarray) -> float:
     """The step of the lattice on which the values lie; 0 if they lie on none."""
-    x = x[:: max(1, len(x) // MANY)]
+    x = x[:: max(1, len(x) // MANY_VALUES)]
     values = np.unique(x)
     steps = np.diff(values)
     steps = steps[steps > 1e-11 * np.sum(steps)]

@@ -7,7 +7,7 @@ WIDTHS = (0.012, 0.02, 0.03, 0.045, 0.07, 0.11, 0.17, 0.26)  # half-widths to ch
 STEP = 1.0 / 3.0  # distance of two windows, in half-widths
 FEWEST_SAMPLES = 5.0  # samples in a half-width, at least
 LONGEST_SHARE = 1.0 / 6.0  # of the longest stretch that a half-width may take
-MOST_WINDOWS = 20_000  # a longer log is read at wider steps
+MOST_WINDOWS = 15_000  # a longer log is read at wider steps
 WINDOWS_PER_TERM = 1.5  # fewer windows than this for each term cannot be fitted
 
 # Residual
@@ -114,3 +114,32 @@ LEAST_OF_BIN = 8  # windows
 LATE_SAMPLES = 1.0  # above so many samples
 LATE_SECONDS = 0.02  # and so many seconds it is compared with none
 NO_DELAY = 1e-3  # samples: width of the prior of a delay that is to be none
+
+# Smaller choices
+DENSE = 6  # windows closer than this many samples are found by a convolution
+SEGMENT = 256  # length of a segment of the spectrum, samples
+MANY_VALUES = 20_000  # values that are looked at for a lattice
+DIFFERENCE = 4  # order of the difference that keeps slow motion out of the spectrum
+SHORTEST = 12  # good samples that a stretch must have more of
+ROUNDS_OF_LAG = 3  # rounds of the lag of w
+PASSES_OF_GAIN = 15  # passes of its robust fit
+GROUPS = 20  # blocks of its covariance
+EDGE_STEP = 8  # samples by which the edge grows with the delay, so that most delays share windows
+MAD = 1.4826  # standard deviation of a normal density, in medians of the absolute value
+HUGE = 1e4  # variance of a window mostly at rest, in mean squares of the torque
+ROUNDS_OF_DELAY = 3  # rounds of the delay of u
+LITTLE = 0.1  # friction below this share of the torque is hardly any
+SLIDES = 0.1  # a window with less rest than this shows sliding
+STEADY_WINDOW = 0.2  # half-width of the windows in which a speed must be steady, s
+PARTS_TURNING = 12.0  # windows in a run of a map where the angle changes,
+PARTS_MANY = 2.2  # of many runs,
+PARTS_FEW = 5.0  # and of few
+MANY_RUNS = 8  # more runs than this are many
+TURN = 0.7  # rad that a half-width may turn where the angle changes
+RESTS = 0.05  # a window of the curve has less rest than this
+ROUNDS_OF_MEAN = 10  # passes of the robust mean of a bin
+ONE_WAY = 0.95  # mean of sign(w) in a window without a reversal
+LEAST_COLUMN = 0.05  # a shape that is nowhere larger than this is not tried
+SNAP = 0.05  # a factor this close to 1 is written as 1
+SLOWEST_DIP = 1e-6  # lowest speed of a dip, as a share of the top speed
+ROUNDS_OF_LOAD = 2  # rounds of the load on which friction depends

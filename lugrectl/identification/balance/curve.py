@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from .constants import BINS, LEAST_OF_BIN, STUDENT
+from .constants import (
+    BINS,
+    LEAST_OF_BIN,
+    ONE_WAY,
+    RESTS,
+    ROUNDS_OF_MEAN,
+    STUDENT,
+)
 from .fit import Fit
 from .result import CurvePoint
-
-RESTS, ROUNDS = 0.05, 10
-ONE_WAY = 0.95  # mean of sign(w) in a window without a reversal
 
 
 def curve(made: Fit) -> tuple[CurvePoint, ...]:
@@ -35,7 +39,7 @@ def curve(made: Fit) -> tuple[CurvePoint, ...]:
 def _point(w: np.ndarray, torque: np.ndarray, block: np.ndarray, size: float) -> CurvePoint:
     mean = float(np.median(torque))
     scale = 1.4826 * float(np.median(np.abs(torque - mean))) + 1e-12 * size
-    for _ in range(ROUNDS):
+    for _ in range(ROUNDS_OF_MEAN):
         weight = (STUDENT + 1) / (STUDENT + ((torque - mean) / scale) ** 2)
         mean = float(np.average(torque, weights=weight))
     half = 2 * scale / np.sqrt(max(len(np.unique(block)), 2))

@@ -6,7 +6,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .constants import CLEARLY, COST_OF_SHAPES, LATE_SAMPLES, LATE_SECONDS, NO_DELAY
+from .constants import (
+    CLEARLY,
+    COST_OF_SHAPES,
+    LATE_SAMPLES,
+    LATE_SECONDS,
+    NO_DELAY,
+    ROUNDS_OF_LOAD,
+    SLOWEST_DIP,
+)
 from .fit import Fit, fit
 from .ground import Ground
 from .interval import interval
@@ -14,9 +22,6 @@ from .load import with_load
 from .near_rest import shapes_near_rest
 from .search import best_width
 from .shapes import Chosen, turns_often, with_dip, with_turning
-
-SLOWEST = 1e-6  # of the top speed: the lowest speed of a dip
-LOADS = 2  # rounds of the load
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,18 +36,18 @@ class Estimated:
 def estimate(ground: Ground) -> Estimated | None:
     """The fit of a record; None where there is no window."""
     made = _first(ground)
-    for _ in range(LOADS):
+    for _ in range(ROUNDS_OF_LOAD):
         if made is None or not any(use.loaded for use in ground.uses):
             break
         ground = with_load(ground, made)
         made = _first(ground)
     if made is None:
         return None
-    choices, doubts = _shaped(ground, made)
+    choices, rivals = _shaped(ground, made)
     made = choices[-1].fit
-    choices, doubts, notes = _late_or_not(ground, choices, doubts)
+    choices, rivals, notes = _late_or_not(ground, choices, rivals)
     made = choices[-1].fit
-    V = interval(ground.source, ground.widths, made, choices, doubts, ground.travel)
+    V = interval(ground.source, ground.widths, made, choices, rivals, ground.travel)
     return Estimated(made, V, tuple(notes))
 
 
@@ -57,7 +62,7 @@ def _first(ground: Ground) -> Fit | None:
 
 def _shaped(ground: Ground, made: Fit) -> tuple[list[Chosen], list[Fit]]:
     """The fit with what friction does near rest, and a fit that may as well be right."""
-    source, setting, doubts = ground.source, made.setting, []
+    source, setting, rivals = ground.source, made.setting, []
     if not ground.is_map:
         made = _with_shapes(ground, made)
     choices = [Chosen(made)]
@@ -65,13 +70,13 @@ def _shaped(ground: Ground, made: Fit) -> tuple[list[Chosen], list[Fit]]:
         choices.append(with_turning(source, made, ground.speed))
         made = choices[-1].fit
     slowest = 0.5 * np.quantile(np.abs(made.windows.w), 0.02) if ground.is_map else 0.0
-    lowest = max(setting.rest, float(slowest), SLOWEST * ground.speed)
+    lowest = max(setting.rest, float(slowest), SLOWEST_DIP * ground.speed)
     choices.append(with_dip(source, made, ground.speed, lowest))
     made = choices[-1].fit
     if made.names[-1] == "dip" and made.p[len(made.names) - 1] < 0:
         # no law has a negative dip: the fit without it counts as well
-        doubts += [fit(source, made.half_width, made.terms[:-1], setting, made.delay)]
-    return choices, [f for f in doubts if f is not None]
+        rivals += [fit(source, made.half_width, made.terms[:-1], setting, made.delay)]
+    return choices, [f for f in rivals if f is not None]
 
 
 def _with_shapes(ground: Ground, made: Fit) -> Fit:
@@ -89,7 +94,7 @@ def _with_shapes(ground: Ground, made: Fit) -> Fit:
 
 
 def _late_or_not(
-    ground: Ground, choices: list[Chosen], doubts: list[Fit]
+    ground: Ground, choices: list[Chosen], rivals: list[Fit]
 ) -> tuple[list[Chosen], list[Fit], list[str]]:
     """A large delay against none: friction that turns over slowly looks like a delay.
 
@@ -99,20 +104,16 @@ def _late_or_not(
     late = choices[-1].fit
     dt = late.windows.dt
     if abs(late.delay) <= max(LATE_SAMPLES * dt, LATE_SECONDS) or not ground.setting.delay_prior:
-        return choices, doubts, []
+        return choices, rivals, []
     prompt = replace(ground, setting=replace(ground.setting, delay_prior=NO_DELAY * dt))
     plain = [t for t in late.terms if t in ground.terms]
     first = fit(prompt.source, late.half_width, plain, prompt.setting)
     if first is None:
-        return choices, doubts, []
+        return choices, rivals, []
     others, more = _shaped(prompt, first)
     other = others[-1].fit
     if late.score > other.score + CLEARLY:
-        note = (
-            f"u seems to be logged {abs(late.delay) * 1e3:.1f} ms "
-            f"{'late' if late.delay < 0 else 'early'}: the balance shifts it by that time."
-        )
-        return choices, doubts, [note]
+        return choices, rivals, []
     note = (
         f"u seems shifted by {late.delay * 1e3:.0f} ms, but friction that turns over slowly "
         "explains the record as well: the shift is not used."

@@ -16,6 +16,11 @@ from .estimate import estimate
 from .ground import Ground, ground_of
 from .result import Balance
 
+SINGULAR = (
+    "the terms of the balance cannot be separated on this record: its torque or its motion hardly "
+    "changes."
+)
+
 
 def balance(
     stretches: Sequence[Stretch],
@@ -45,7 +50,10 @@ def balance(
     began = time.perf_counter()
     known = _held(model, held)
     with np.errstate(all="ignore"):  # a record without noise divides by nearly 0
-        made = _of(stretches, model, known)
+        try:
+            made = _of(stretches, model, known)
+        except np.linalg.LinAlgError:
+            made = Balance(notes=(SINGULAR,))
     return replace(made, seconds=time.perf_counter() - began)
 
 

@@ -10,6 +10,8 @@ import numpy as np
 from .constants import (
     BLOCK_MEMORIES,
     LARGEST_DELAY,
+    MAD,
+    ROUNDS_OF_DELAY,
     SCALE_OF_SHAPES,
     SLIDING,
     SPREAD,
@@ -17,13 +19,12 @@ from .constants import (
     WINDOWS_FOR_NOISE,
 )
 from .covariance import Blocks, blocks, covariance
-from .regression import MAD, Problem, Solution, log_density, solve, weights_near
+from .regression import Problem, Solution, log_density, solve, weights_near
 from .terms import Term
 from .windows import Source, Windows
 
 DERIVATIVES = 2
 MAIN = ("J", "Fc", "Fv")
-ROUNDS = 3
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,7 @@ def fit(
     terms: Sequence[Term],
     setting: Setting,
     delay: float = 0.0,
-    rounds: int = ROUNDS,
+    rounds: int = ROUNDS_OF_DELAY,
     start: np.ndarray | None = None,
 ) -> Fit | None:
     """The terms on windows of one width; the delay of u by Gauss-Newton. None: too few windows.

@@ -20,7 +20,7 @@ def interval(
     widths: Sequence[float],
     made: Fit,
     choices: Sequence[Chosen],
-    doubts: Sequence[Fit],
+    rivals: Sequence[Fit],
     travel: Travel,
 ) -> np.ndarray:
     """V + sum of (p - p')(p - p')' over fits that might as well be right, and the scale error.
@@ -34,7 +34,7 @@ def interval(
     for choice in choices:
         if choice.anchor is not None:
             V += spread(made, choice.anchor, choice.others)
-    for other in doubts:
+    for other in rivals:
         gap = difference(made, other, made)
         V += np.outer(gap, gap)
     return V + np.diag((_scale_error(source, travel) * _sizes(made)) ** 2)

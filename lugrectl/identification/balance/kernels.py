@@ -13,11 +13,12 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.polynomial import Polynomial
 
+from .constants import DENSE
+
 _BUMP = (1 - Polynomial([0, 0, 1])) ** 4
 BUMP = _BUMP / (_BUMP.integ()(1) - _BUMP.integ()(-1))
 _AREA = BUMP.integ()
 FACTORIAL = (1.0, 1.0, 2.0)
-DENSE = 6  # a convolution is faster when windows are closer than this many samples
 
 
 def weights(half_width: float, order: int, shift: float = 0.0, cell: bool = False) -> np.ndarray:

@@ -10,21 +10,22 @@ import numpy as np
 from .channels import shared_noise, white_noise
 from .constants import (
     COMPARED,
+    GROUPS,
     LARGEST_LAG,
     NOTICED_GAIN,
     NOTICED_LAG,
     ONE_SOURCE,
+    PASSES_OF_GAIN,
     PRIOR_GAIN,
     PRIOR_LAG,
     PRIOR_OFFSET,
+    ROUNDS_OF_LAG,
     STUDENT,
     UNRELATED,
 )
 from .kernels import means, weights
 from .motion import Sensors
 from .track import Track
-
-ROUNDS, PASSES, GROUPS = 3, 15, 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +54,7 @@ def _reconciled(
     What does not fit counts as noise of w, so that a worse w has little weight.
     """
     found = spread = None
-    for _ in range(ROUNDS):
+    for _ in range(ROUNDS_OF_LAG):
         rows = _rows(tracks, sensors.lag)
         if rows is None:
             return sensors, None, []
@@ -95,7 +96,7 @@ def _robust(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     prior = np.diag(0.05 * size / np.array([PRIOR_GAIN, PRIOR_LAG, PRIOR_OFFSET * size]))
     r, c, s = y - D[:, 0], np.array([1.0, 0.0, 0.0]), 0.0
     weight = np.ones(len(y))
-    for _ in range(PASSES):
+    for _ in range(PASSES_OF_GAIN):
         s = 1.4826 * float(np.median(np.abs(r))) + 1e-12 * size
         weight = (STUDENT + 1) / (STUDENT + (r / s) ** 2)
         A = np.r_[D * weight[:, None] ** 0.5, prior]

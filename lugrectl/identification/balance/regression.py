@@ -17,6 +17,8 @@ import numpy as np
 from .constants import (
     FLOOR_OF_FRICTION,
     FLOOR_OF_NOISE,
+    HUGE,
+    MAD,
     MOST_OF_A_DERIVATIVE,
     MOST_OF_A_TERM,
     MOSTLY_AT_REST,
@@ -28,9 +30,6 @@ from .constants import (
     SLIDING,
     STUDENT,
 )
-
-MAD = 1.4826
-HUGE = 1e4
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +120,7 @@ def solve(problem: Problem, weights: np.ndarray | None = None) -> Solution:
 def weights_near(problem: Problem, p: np.ndarray) -> np.ndarray:
     """Student weights of the residual of given coefficients."""
     r = problem.y - problem.X @ p
-    s2 = (MAD * float(np.median(np.abs(r)))) ** 2 + 1e-300
+    s2 = (MAD * np.median(np.abs(r))) ** 2 + 1e-300
     return (STUDENT + 1) / (STUDENT + r**2 / (s2 + (problem.level * problem.rest) ** 2))
 
 
@@ -166,7 +165,7 @@ def _scale(r: np.ndarray, s2: float, least: float, robust: bool) -> float:
     s^2 = sum w r^2 / sum w with w = (nu + 1) / (nu + r^2 / s^2), which never lowers the likelihood.
     """
     if robust:
-        return max((MAD * float(np.median(np.abs(r)))) ** 2, least) + 1e-300
+        return max((MAD * np.median(np.abs(r))) ** 2, least) + 1e-300
     w = (STUDENT + 1) / (STUDENT + r**2 / s2)
     return max(float(np.sum(w * r**2) / np.sum(w)), least) + 1e-300
 

@@ -11,6 +11,7 @@ from .constants import (
     CLEARLY,
     DIP_SPEEDS,
     FEWEST_TURNS,
+    LEAST_COLUMN,
     RISE,
     SIGNIFICANT,
     TURN_DISTANCES,
@@ -20,8 +21,6 @@ from .near_rest import Bristle, Dip
 from .terms import Term
 from .track import Track
 from .windows import Source
-
-LEAST_COLUMN = 0.05
 
 
 @dataclass(frozen=True, eq=False)

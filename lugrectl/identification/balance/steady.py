@@ -8,14 +8,19 @@ from dataclasses import replace
 import numpy as np
 
 from .choice_of_terms import Travel
-from .constants import FEWEST_SAMPLES, SHARE_STEADY, STEADY
+from .constants import (
+    FEWEST_SAMPLES,
+    MANY_RUNS,
+    PARTS_FEW,
+    PARTS_MANY,
+    PARTS_TURNING,
+    SHARE_STEADY,
+    STEADY,
+    STEADY_WINDOW,
+    TURN,
+)
 from .motion import Sensors, window_means
 from .track import Track
-
-WINDOW = 0.2  # s
-FINE, COARSE, FEW = 12.0, 2.2, 5.0  # windows of a run: where the angle changes, of many, of few
-MANY_RUNS = 8
-TURN = 0.7  # rad in a half-width at most, where the angle changes
 
 
 def steady(tracks: Sequence[Track], sensors: Sensors) -> list[Track] | None:
@@ -23,7 +28,7 @@ def steady(tracks: Sequence[Track], sensors: Sensors) -> list[Track] | None:
     found = []
     for track in tracks:
         n = len(track)
-        half = float(max(min(n // 8, int(WINDOW / track.dt)), 4))
+        half = float(max(min(n // 8, int(STEADY_WINDOW / track.dt)), 4))
         late = int(abs(sensors.lag) / track.dt) + 1
         at = track.centres(int(half) + 2 + late + n // 20, int(half / 2))
         if len(at) < 3:
@@ -46,7 +51,7 @@ def as_points(tracks: Sequence[Track]) -> list[Track]:
 
 def width_of_map(tracks: Sequence[Track], travel: Travel, speed: float, gravity: bool) -> float:
     """Half-width in s: as long as the runs, unless the angle changes along them."""
-    parts = FINE if gravity else COARSE if len(tracks) > MANY_RUNS else FEW
+    parts = PARTS_TURNING if gravity else PARTS_MANY if len(tracks) > MANY_RUNS else PARTS_FEW
     shortest = min(p.duration for p in tracks)
     dt = float(np.median([p.dt for p in tracks]))
     turning = TURN / speed if travel.span > 1 else np.inf

@@ -8,9 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...record.stretch import Stretch
+from .constants import SHORTEST
 from .kernels import wholly
-
-SHORTEST = 12  # samples
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,12 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...results import Estimate
-from .constants import ALL_LEFT, SHARE_OF_TORQUE
+from .constants import (
+    ALL_LEFT,
+    LITTLE,
+    SHARE_OF_TORQUE,
+    SLIDES,
+)
 from .fit import Fit
 
 MAIN = ("J", "Fc", "Fv")
-LITTLE = 0.1  # of the torque: friction below this is hardly any
-RESTS = 0.1
 
 
 @dataclass(frozen=True)
@@ -110,7 +113,7 @@ def _loss(made: Fit, V: np.ndarray, quantile: float) -> float:
 
 def left_of(made: Fit) -> float | None:
     """RMS of the residual as a share of the RMS torque, over sliding windows."""
-    slides = made.windows.rest < RESTS
+    slides = made.windows.rest < SLIDES
     if slides.sum() <= 5:
         return None
     size = np.sqrt(np.mean(made.windows.u[slides] ** 2)) or made.torque
@@ -119,5 +122,5 @@ def left_of(made: Fit) -> float | None:
 
 def one_direction(made: Fit) -> bool:
     """Whether the sliding windows all go one way."""
-    w = made.windows.w[made.windows.rest < RESTS]
+    w = made.windows.w[made.windows.rest < SLIDES]
     return not (np.any(w > 0) and np.any(w < 0))

@@ -7,13 +7,19 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .constants import DEAD, DEAD_SHARE, FEWEST_SAMPLES, MOST_WINDOWS, STEP, WINDOWS_PER_TERM
+from .constants import (
+    DEAD,
+    DEAD_SHARE,
+    EDGE_STEP,
+    FEWEST_SAMPLES,
+    MOST_WINDOWS,
+    STEP,
+    WINDOWS_PER_TERM,
+)
 from .kernels import means, weights
 from .motion import Means, Sensors, window_means
 from .terms import Term
 from .track import Track
-
-EDGE_STEP = 8  # samples: a small change of the delay keeps the windows
 
 
 @dataclass(frozen=True, eq=False)
