@@ -84,6 +84,22 @@ def test_stamps_of_a_host_are_used_as_they_are_and_their_jitter_is_said():
     assert record.dt == pytest.approx(2e-3, rel=1e-3) and record.gaps == ()
 
 
+@pytest.mark.parametrize("roles", [("u", "theta"), ("u", "w")])
+def test_even_samples_that_were_stamped_late_keep_an_even_clock(roles):
+    rng = np.random.default_rng(8)
+    log = columns(*roles, counts=1_000_000)
+    if "w" in roles:
+        log["w"] = np.gradient(sound(counts=1_000_000)["theta"], 2e-3)
+    log["t"] = np.maximum.accumulate(log["t"] + rng.exponential(8e-4, 6000)) + 1e-7 * log["t"]
+    found, said = seen(log)
+    assert any("even clock was used" in s for s in said)
+    s = found[0]
+    assert np.std(s.t - (s.t[0] + s.dt * np.arange(len(s.t)))) < 1e-9
+    true = log[roles[1]][: len(s.t)]
+    off = getattr(s, roles[1]) - true
+    assert np.std(off) < 0.03 * np.std(true)
+
+
 def test_stamps_rounded_to_more_than_a_row_are_an_even_grid():
     log = columns("u", "theta")
     log["t"] = np.floor(log["t"] / 0.01) * 0.01

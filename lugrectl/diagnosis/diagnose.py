@@ -111,7 +111,8 @@ def diagnose(
     Parameters
     ----------
     record : path, DataFrame, dict of arrays or Record, or a list of them
-        One run, or several of the same sampling rate. Up to eight runs may differ in the offset
+        One run, or several; a folder stands for the runs in it. Rates that differ by a little are
+        brought together. Up to eight runs may differ in the offset
         of the torque, in friction (by a factor) and, if no declared effect depends on theta, in
         the zero of theta. These differences are fitted relative to the first run and reported
         in ``messages``. Four or more runs at a steady speed each, of any rates, are one friction

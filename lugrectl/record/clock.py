@@ -279,7 +279,7 @@ def _say_gaps(log: Stamped) -> None:
 
 
 def _jitter(log: Stamped) -> None:
-    """Say how much the stamps jitter; take the count of rows where only the stamping jitters."""
+    """Say how much the stamps jitter."""
     worst, rms, step = 0.0, 0.0, 0.0
     for part in log.parts():
         steps = np.diff(log.t[part])

@@ -97,7 +97,7 @@ def distances(t: np.ndarray, x: np.ndarray) -> np.ndarray:
     beside = np.array([1, 1, 1, 0, 1, 1, 1], bool)
     low = ndimage.rank_filter(x, 2, footprint=beside, mode="mirror")
     high = ndimage.rank_filter(x, 3, footprint=beside, mode="mirror")
-    far = np.fmin(_outside(x, low, high), np.fmin(_off_cubic(x), _off_cubic_in_time(t, x)))
+    far = np.fmin(_outside(x, low, high), np.fmin(_off_cubic(x), off_cubic_in_time(t, x)))
     far[2:] = np.fmin(far[2:], _outside(x[2:], x[1:-1], 2 * x[1:-1] - x[:-2]))
     far[:-2] = np.fmin(far[:-2], _outside(x[:-2], x[1:-1], 2 * x[1:-1] - x[2:]))
     for end, then, after, last in ((0, 1, 2, 3), (-1, -2, -3, -4)):
@@ -118,7 +118,7 @@ def _off_cubic(x: np.ndarray) -> np.ndarray:
     return np.abs(x + ndimage.convolve1d(x, weights, mode="mirror"))
 
 
-def _off_cubic_in_time(t: np.ndarray, x: np.ndarray) -> np.ndarray:
+def off_cubic_in_time(t: np.ndarray, x: np.ndarray) -> np.ndarray:
     """The same with the recorded stamps; nan where they do not allow it."""
     made = np.full(len(x), np.nan)
     beside = [sliding(t, k) - t[2:-2] for k in (0, 1, 3, 4)]

@@ -38,10 +38,8 @@ class Jumps:
 
     def only(self, which: np.ndarray) -> Jumps:
         """Some of them."""
-        a, b, size, steady, pace = (
-            x[which] for x in (self.a, self.b, self.size, self.steady, self.pace)
-        )
-        return Jumps(a, b, size, steady, pace, self.resolution)
+        a, b, size = self.a[which], self.b[which], self.size[which]
+        return Jumps(a, b, size, self.steady[which], self.pace[which], self.resolution)
 
     @property
     def margin(self) -> np.ndarray:

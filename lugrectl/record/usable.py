@@ -6,6 +6,7 @@ import numpy as np
 
 from .bad_samples import leave_out_bad_samples, leave_out_huge, say_missing
 from .clock import put_in_time
+from .evenness import use_true_times
 from .held import keep_renewed
 from .log import Log
 from .position import make_continuous, unwrap_positions
@@ -25,6 +26,7 @@ def usable(log: Log) -> Stamped:
     say_missing(made)
     leave_out_huge(made)
     unwrap_positions(made)
+    use_true_times(made)
     leave_out_bad_samples(made, "theta", "w")
     make_continuous(made)
     unwrap_torque(made)  # its wraps would look like bad samples
