@@ -11,8 +11,6 @@ import importlib.util
 import sys
 from pathlib import Path
 
-import numpy as np
-
 OTHER_NAMES = {
     "offset": "constant_torque",
     "gravity": "gravity.amplitude",
@@ -26,23 +24,14 @@ def answer(log: dict, damaged: bool = False) -> dict:
     from lugrectl.model import model_from_dict
 
     model = model_from_dict({"plant": {}, "friction": {"model": "lugre"}}, "drawn drive")
-    pieces, notes = read(log) if damaged else whole(log)
-    plain = balance(pieces, model).to_dict()
-    found = {name: (p["value"], *p["ci95"]) for name, p in plain["parameters"].items()}
-    return found | {"notes": notes + list(plain.get("notes", []))}
-
-
-def whole(log: dict) -> tuple[list, list[str]]:
-    """A sound log is one stretch as it is."""
-    from lugrectl.record.stretch import Stretch
-
-    t, theta, w = log["t"], log.get("theta"), log.get("w")
-    dt = (t[-1] - t[0]) / (len(t) - 1)
-    return [Stretch(0, dt, t, log["u"], theta, w, np.ones(len(t), bool))], []
+    pieces, notes = read(log)
+    plain = balance(pieces, model)
+    found = {name: (e.value, *e.ci95) for name, e in plain.parameters.items()}
+    return found | {"notes": [*notes, *plain.notes]}
 
 
 def read(log: dict) -> tuple[list, list[str]]:
-    """A damaged one goes through the package's search for bad rows."""
+    """The log as the package reads it: bad rows are searched for first."""
     from lugrectl.record.log import Log
     from lugrectl.record.stretches import stretches
 

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .. import second_rig
 from . import DAMAGES, KINDS, damage, draw
 from .answers import answer, answer_of_file
 
@@ -51,9 +52,22 @@ def compare(found: dict, truth: dict) -> dict:
     return out
 
 
-def score(seed: int, kind: str, hurt: str | None, say) -> dict | None:
+def second(seed: int, kind: str) -> tuple[dict, dict]:
+    """A drive of the second rig, its truth in the names of the first."""
+    log, known = second_rig.draw(seed, "plain" if kind == "clean" else "real")
+    truth = {name: known[name] for name in ("J", "Fc", "Fv")}
+    size, phase = known["gravity"]
+    if size > 0.1 * known["Fc"]:
+        truth |= {"gravity.amplitude": size, "gravity.phase": phase}
+    truth["constant_torque"] = known["const"] + known["u_offset"]
+    machine = {"Fc": known["Fc"], "law": known["friction"]}
+    truth["about"] = {"machine": machine, "dt": 1.0 / known["fs"], "task": known["motion"]}
+    return log, truth
+
+
+def score(seed: int, kind: str, hurt: str | None, say, drawn=draw) -> dict | None:
     """One drive: its comparison and the CPU seconds; None where the damage does not apply."""
-    log, truth = draw(seed, kind)
+    log, truth = drawn(seed, kind)
     if hurt:
         try:
             log = damage(log, hurt, seed)
@@ -122,6 +136,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.drives_drawn.score")
     parser.add_argument("--seeds", default="0:20", help="from:to, the last one left out")
     parser.add_argument("--kind", default="clean", choices=KINDS)
+    parser.add_argument("--rig", default="first", choices=("first", "second"))
     parser.add_argument("--damage", choices=[*DAMAGES, "all"], help="hurt each log in this way")
     parser.add_argument("--out", type=Path, help="a line of JSON for each drive")
     parser.add_argument("--prototype", type=Path, help="a file whose balance(log) answers instead")
@@ -130,17 +145,19 @@ def main(arguments: list[str] | None = None) -> None:
     say = answer_of_file(given.prototype) if given.prototype else answer
     kinds = list(DAMAGES) if given.damage == "all" else [given.damage]
     seeds = range(*(int(x) for x in given.seeds.split(":")))
+    drawn = second if given.rig == "second" else draw
     rows = []
     for hurt in kinds:
-        some = [score(seed, given.kind, hurt, say) for seed in seeds]
+        some = [score(seed, given.kind, hurt, say, drawn) for seed in seeds]
         some = [row for row in some if row]
         rows += some
         if len(kinds) > 1:
             print(f"--- {hurt}\n{table(some) if some else 'no log has such a column'}", flush=True)
     if given.out:
         given.out.write_text("".join(json.dumps(row) + "\n" for row in rows))
-    print(f"{given.kind}, seeds {given.seeds}, damage {given.damage}; errors in % (a constant")
-    print("torque: of Fc; a phase: of a radian; a delay: of a row); intervals of 95 %")
+    print(f"{given.rig} rig, {given.kind}, seeds {given.seeds}, damage {given.damage}.")
+    print("Errors in % (a constant torque: of Fc; a phase: of a radian; a delay: of a row);")
+    print("intervals of 95 %")
     print(table(rows))
     if given.misses:
         print(misses(rows))
