@@ -1,64 +1,99 @@
-"""A small drive under a speed controller, for damaged logs; it shares nothing with the package."""
+"""Shared by the tests of blocks and effects: signals, strengths, models, pure plants, a log."""
 
-import functools
-import math
+from types import SimpleNamespace
 
+import control as ct
 import numpy as np
 
-from lugrectl.record import read_log, stretches
+from lugrectl import loops as _loops  # noqa: F401  fills the registry
+from lugrectl.blocks.plant import assemble
+from lugrectl.model import model_from_dict
+from lugrectl.spec import members
+
+EFFECTS = members("effect")
+LAWS = members("friction")
+J = 0.002
 
 
-@functools.cache
-def sound(seed=1, n=6000, rate=500.0, counts=8192, size=6.0):
-    """t, u, w, theta of a mass with friction that starts, stops and reverses; read-only.
-
-    PI control of the speed from the encoder's steps, J = 0.0022, Fc = 0.22, Fv = 0.012.
-    """
+def arguments(made, shape, seed=0):
+    """Random signals and states; z-like states stay small, as the bristles do."""
     rng = np.random.default_rng(seed)
-    t, h, step = np.arange(n) / rate, 1.0 / rate / 10, 2 * math.pi / counts
-    want = sum(
-        0.3 * size * rng.uniform(0.5, 1) * np.sin(2 * np.pi * (f * t + rng.uniform()))
-        for f in (0.23, 0.61, 1.37)
-    )
-    k = 0
-    while k < n:
-        hold = int(rng.uniform(0.3, 0.9) * rate)
-        want[k : k + hold] += rng.choice([0.0, 1.0, -1.0, 0.5]) * size * rng.uniform(0.3, 1.0)
-        k += hold
-    u, w, theta = np.zeros(n), np.zeros(n), np.zeros(n)
-    speed = angle = slow = total = last = 0.0
-    for i in range(n):
-        now = math.floor(angle / step) * step
-        slow += 0.3 * ((now - last) * rate - slow)
-        last = now
-        error = want[i] - slow
-        total = min(max(total + 1.2 * error / rate, -1.0), 1.0)
-        u[i] = min(max(0.08 * error + total, -1.2), 1.2)
-        w[i], theta[i] = speed, now
-        for _ in range(10):
-            speed += h / 0.0022 * (u[i] - 0.22 * math.tanh(speed / 0.02) - 0.012 * speed)
-            angle += h * speed
-    w += 0.01 * rng.standard_normal(n)
-    made = {"t": t, "u": np.round(u, 5), "w": np.round(w, 5), "theta": theta}
-    for x in made.values():
-        x.flags.writeable = False
-    return made
+    time = [rng.uniform(0.0, 5.0, shape)] if made.timed else []
+    size = {
+        s: 1e-3 if s.startswith(("z", "presliding")) else 1.0 for s in made.inputs + made.states
+    }
+    return time + [size[s] * rng.normal(size=shape) for s in made.inputs + made.states]
 
 
-def columns(*roles, **options):
-    """Copies of these channels and t."""
-    return {role: sound(**options)[role].copy() for role in ("t", *roles)}
+def strong(made, seed=0):
+    """Parameter values away from the defaults, inside their bounds."""
+    rng = np.random.default_rng(seed)
+    values = {}
+    for key, p in made.parameters.items():
+        middle = p.value if np.isfinite(p.value) else 0.3
+        low, high = max(p.low, middle - 0.5 * abs(middle) - 0.1), middle * 1.5 + 0.1
+        values[key] = rng.uniform(low, min(p.high, max(high, low)))
+        if p.choices:
+            values[key] = float(rng.choice(p.choices))
+    if made.kind == "effect" and made.gain == "Fs":
+        values["Fs"] = 0.6  # above any Fc
+    return values
 
 
-def seen(log, **options):
-    """Stretches and sentences of a log given as columns."""
-    return stretches([read_log(log, **options)])
+def own(made, values):
+    """Those values that are not borrowed from the plant."""
+    return {k: v for k, v in values.items() if k in made.own}
 
 
-def marked(found, t):
-    """The rows of stamps t that the stretches call not ok, or that they do not cover."""
-    good = np.zeros(len(t), bool)
-    for s in found:
-        at = np.searchsorted(s.t, t - 1e-6).clip(0, len(s.t) - 1)
-        good |= (np.abs(s.t[at] - t) < 1e-6) & s.ok[at]
-    return np.flatnonzero(~good)
+def law_for(made):
+    """The friction law that an effect is meant for."""
+    return {"stribeck": "coulomb", "presliding": "stribeck"}.get(made.name, "lugre")
+
+
+def model_of(law, J=0.0022, **values):
+    """A model with the law's default parameters and nothing else."""
+    friction = {k: p.value for k, p in LAWS[law].parameters.items() if p.fitted} | values
+    return model_from_dict({"plant": {"J": J}, "friction": {"model": law, **friction}}, law)
+
+
+def plant_of(model, **options):
+    """The plant's pure function with all values filled in: arguments t, inputs, states."""
+    made = assemble(model, **options)
+    values = {k: v for k, v in model.values().items() if k in made.parameters}
+
+    def rates(*signals):
+        return made(*signals, **values)
+
+    return made, rates
+
+
+def log(motion="rotary", length=20.0, dt=1e-3):
+    """A smooth motion with rests, as the hints of effects see it."""
+    t = np.arange(0.0, length, dt)
+    w = 3.0 * np.clip(np.sin(2.0 * np.pi * 0.3 * t) * 1.5, -1.0, 1.0) ** 3
+    w[np.abs(w) < 0.05] = 0.0
+    a = np.gradient(w, dt)
+    u = 0.0022 * a + 0.285 * np.sign(w) + 0.018 * w
+    theta, load = np.cumsum(w) * dt, 0.1 * np.sin(t)
+    return SimpleNamespace(t=t, theta=theta, w=w, a=a, u=u, load=load, dt=dt, motion=motion)
+
+
+def free(J=J):
+    """A drive without friction."""
+    return model_of("viscous", J, Fv=0.0)
+
+
+def run(system, t, u=0.0, x0=0.0):
+    inputs = np.zeros((system.ninputs, len(t)))
+    inputs[0] = u
+    return ct.input_output_response(
+        system, t, inputs, x0, solve_ivp_method="LSODA",
+        solve_ivp_kwargs={"rtol": 1e-10, "atol": 1e-13, "max_step": 1e-3},
+    )  # fmt: skip
+
+
+def states(system, **values):
+    x = np.zeros(system.nstates)
+    for name, value in values.items():
+        x[system.state_labels.index(name)] = value
+    return x

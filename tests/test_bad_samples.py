@@ -5,7 +5,7 @@ import pytest
 
 from lugrectl.record import read_log, read_record
 
-from .drives import columns, marked, seen, sound
+from .damaged_drive import columns, marked, seen, sound
 from .logs import rows, write
 
 U_W = [("u", "theta"), ("u", "w"), ("u", "w", "theta")]

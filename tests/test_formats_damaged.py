@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from lugrectl.errors import InputError, Refused
+from lugrectl.errors import InputError
 from lugrectl.record import read_record, readers
 from lugrectl.record.matfile import Damaged, read_mat
 from lugrectl.record.nested import columns_of
@@ -150,7 +150,3 @@ def test_counts_without_unit_ask_for_their_factor(tmp_path):
     with pytest.raises(InputError, match="--scale theta=FACTOR"):
         read_record(log)
     assert read_record(log, scale={"theta": 2 * np.pi / 8192}).samples == 3000
-
-
-def test_refusals_stay_refusals(tmp_path):
-    refused(Refused, csv(tmp_path, keep=slice(50)), "too short")

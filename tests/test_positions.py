@@ -5,9 +5,10 @@ import pickle
 import numpy as np
 import pytest
 
+from lugrectl.diagnosis.asking import Asked
 from lugrectl.record import Record, pooled, read_log, read_record
 
-from .drives import columns, seen, sound
+from .damaged_drive import columns, seen, sound
 
 
 def same_motion(found, true, atol=1e-6):
@@ -131,10 +132,8 @@ def test_a_channel_that_one_run_lacks_is_left_out_of_all_and_said_once():
 
 
 def test_a_folder_stands_for_the_runs_in_it(tmp_path):
-    from lugrectl import door
-
     for k in (10, 2, 1):
         np.savez(tmp_path / f"run{k}.npz", **columns("u", "theta", seed=1))
     (tmp_path / "model.toml").write_text("")
-    records = door.as_records(tmp_path)
+    records = Asked.of(tmp_path, {}).records()
     assert [r.source for r in records] == ["run1.npz", "run2.npz", "run10.npz"]

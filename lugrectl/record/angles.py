@@ -9,6 +9,7 @@ import numpy as np
 from ..errors import InputError
 
 _FASTEST = 1e4  # rad/s, 95 000 rpm: no drive that is logged by position turns faster
+_MARK = 1e30  # what is larger is a mark of a missing value
 _CELLS = 100  # least number of encoder steps that show their size
 _SPAN = 2000  # least range, in encoder steps: a grid of another size drifts out of step over it
 _SHARP = 0.9  # coherence with a grid, 1 for a grid without rounding
@@ -31,6 +32,7 @@ def check_angles(
     after 1; by a speed that no drive has; or, beside a w without a unit, by the ratio of the two.
     A w that contradicts theta in one unit only is left to the audit, which converts it.
     """
+    channels = {k: np.where(np.abs(x) < _MARK, x, np.nan) for k, x in channels.items()}
     theta = channels.get("theta")
     if theta is None or "theta" not in unstated or len(theta) < _CELLS:
         return

@@ -14,6 +14,7 @@ from .stuck import leave_out_stuck
 
 _TURNS = 16  # most turns after which a counter wraps (57 turns would look like 360 deg)
 _TURN = 2 * np.pi
+_SMALL = 0.2  # of the period, largest step of a motion that shows its wraps
 _BRIEF = 4  # rows that may be off together
 _BITS = (8, 10, 12, 14, 15, 16, 18, 20, 24, 31, 32)  # of counters
 
@@ -167,6 +168,8 @@ def _whole_turns(values: np.ndarray, period: float) -> np.ndarray:
         return np.zeros(0, bool)
     after = np.abs(np.abs(steps[found]) - period)
     usual = np.abs(steps[~found]).max(initial=0.0)
+    if usual > _SMALL * period:  # a wrap and a fast motion cannot be told apart
+        return np.zeros(0, bool)
     return found if np.all(after <= 2 * usual + 0.01 * period) else np.zeros(0, bool)
 
 
