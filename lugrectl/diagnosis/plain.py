@@ -20,7 +20,7 @@ TAKEN = "{} is taken as declared, {:.6g} {}: this log does not determine it alon
 
 
 def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
-    """The balance of runs of one drive; its notes say first how the logs were read.
+    """The balance of runs of one drive, with what was noticed when the logs were read.
 
     Values that the model holds are known. So is a declared value that the log does not determine
     alone: with Fc declared, one direction is enough for the rest.
@@ -33,15 +33,20 @@ def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
     if known:
         found = balance(parts, model, fixed | known)
     said = [message for log in logs for message in log.messages]
-    notes = tuple(dict.fromkeys([*said, *noticed, *found.notes, *taken]))
-    return replace(found, notes=notes, stretches=tuple(parts), motion=model.motion)
+    return replace(
+        found,
+        notes=tuple(dict.fromkeys([*found.notes, *taken])),
+        reading=tuple(dict.fromkeys([*said, *noticed])),
+        stretches=tuple(parts),
+        motion=model.motion,
+    )
 
 
 def refusal(
     no: Refused, model: Model, records: Sequence[Record], plain: Balance | None = None
 ) -> Diagnosis:
     """The diagnosis "refused" with its reason; ``records`` are those that could be read."""
-    notes = plain.notes if plain is not None else ()
+    notes = (*plain.reading, *plain.notes) if plain is not None else ()
     said = [message for record in records for message in record.messages]
     return Diagnosis(
         "refused",
@@ -55,6 +60,6 @@ def refusal(
 
 
 def with_plain(result: Any, asked: Asked) -> Any:
-    """A result with the plain answer beside it, and what only that noticed."""
-    new = [note for note in asked.plain.notes if note not in result.messages]
+    """A result with the plain answer beside it, and what was noticed when the logs were read."""
+    new = [note for note in asked.plain.reading if note not in result.messages]
     return replace(result, plain=asked.plain, messages=(*result.messages, *new))

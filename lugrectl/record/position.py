@@ -168,7 +168,7 @@ def _whole_turns(values: np.ndarray, period: float) -> np.ndarray:
         return np.zeros(0, bool)
     after = np.abs(np.abs(steps[found]) - period)
     usual = np.abs(steps[~found]).max(initial=0.0)
-    if usual > _SMALL * period:  # a wrap and a fast motion cannot be told apart
+    if usual > _SMALL * period:  # a wrap looks like a fast motion
         return np.zeros(0, bool)
     return found if np.all(after <= 2 * usual + 0.01 * period) else np.zeros(0, bool)
 

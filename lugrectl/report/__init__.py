@@ -33,7 +33,7 @@ def text(d: Any) -> str:
 
 def plain_text(balance: Any) -> str:
     """The plain torque balance alone, with what was noticed, in 80 columns."""
-    d = SimpleNamespace(plain=balance, messages=balance.notes)
+    d = SimpleNamespace(plain=balance, messages=balance.reading)
     return "\n\n".join(_section_text(part) for part in sections(d)) + "\n"
 
 

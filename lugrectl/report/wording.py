@@ -269,6 +269,10 @@ def plain(d: Any) -> Section | None:
         rows.append((key, *_with_interval(estimate), one["unit"]))
     grid = Grid(("parameter", "value", "95 % interval", "unit"), "lrrl", tuple(rows))
     lines = [_left(found["left"]), *map(_together, found["combinations"])]
+    if _get(d, "effects", ()) or _get(d, "depends_on"):
+        lines.append("What is missing from the model is missing here too, and biases these values.")
+    else:
+        lines += [_sentence(note) for note in balance.notes]
     return Section(PLAIN, tuple(filter(None, lines)), grid if rows else None)
 
 

@@ -60,8 +60,8 @@ class Balance(Result):
         Friction torque over speed, in both directions.
     left : float or None
         RMS of the residual as a share of the RMS torque.
-    notes : tuple of str
-        What was noticed, in sentences.
+    notes, reading : tuple of str
+        What the balance noticed, and how the logs were read, in sentences.
     names, covariance : tuple of str, ndarray
         All parameters, certain or not, and their joint covariance.
     is_map : bool
@@ -84,6 +84,7 @@ class Balance(Result):
     residual: Residual | None = None
     stretches: tuple[Stretch, ...] = ()
     motion: str = "rotary"
+    reading: tuple[str, ...] = ()
 
     def values(self) -> dict[str, float]:
         """The best value of every parameter, certain or not: start values for a finer fit."""
@@ -113,7 +114,7 @@ class Balance(Result):
         """Draw the log as it was read, the friction curve and the fit; returns the Axes."""
         from ...report.log_plot import ReadLog, plot
 
-        return plot(ReadLog(self.stretches, self, self.motion, self.notes))
+        return plot(ReadLog(self.stretches, self, self.motion, (*self.reading, *self.notes)))
 
     def _title(self) -> str:
         return "Plain torque balance"
@@ -124,7 +125,8 @@ class Balance(Result):
             rows.append(estimated(c.text, Estimate(c.value, c.unit, c.ci95)))
         if self.left is not None:
             rows.append(Row("left", f"{100.0 * self.left:.2g} %", "", "of the RMS torque"))
-        return [*rows, Row("notes", len(self.notes))] if self.notes else rows
+        notes = len(self.reading) + len(self.notes)
+        return [*rows, Row("notes", notes)] if notes else rows
 
 
 def _number(value: float | None) -> float | None:
