@@ -20,6 +20,7 @@ from .answers import answer, answer_of_file
 
 SCORED = ("J", "Fc", "Fv", "constant_torque", "gravity.amplitude", "gravity.phase", "delay")
 SCORED += ("u_delay",)
+RESULTS = Path(__file__).parents[2] / "notebooks" / "results" / "plain.json"
 DAMAGED_RIGHT = {"J": 3.0, "Fc": 3.0, "Fv": 5.0}  # %, of a log that was damaged
 
 
@@ -111,6 +112,28 @@ def table(rows: list[dict]) -> str:
     return "\n".join(lines)
 
 
+def summary(rows: list[dict]) -> dict:
+    """The figures of :func:`table` for J, Fc and Fv as plain numbers."""
+    made = {"drives": len(rows), "cpu": float(np.median([r["cpu"] for r in rows]))}
+    for name in DAMAGED_RIGHT:
+        given = [v for r in rows if (v := r["values"].get(name))]
+        made[name] = {
+            "given": len(given),
+            "known": sum(name in r["values"] for r in rows),
+            "inside": float(np.mean([v["inside"] for v in given])),
+            "error": float(np.median([abs(v["error"]) for v in given])),
+            "half": float(np.median([v["half"] for v in given])),
+        }
+    return made
+
+
+def keep(path: Path, key: str, commit: str, rows: list[dict]) -> None:
+    """Put a summary into a file of results, beside those of other runs."""
+    known = json.loads(path.read_text()) if path.exists() else {}
+    known[key] = {"commit": commit} | summary(rows)
+    path.write_text(json.dumps(known, indent=1) + "\n")
+
+
 def right(name: str, value: dict | None) -> bool:
     """Close to the truth, or inside an interval of at most 20 %; a value not given is not."""
     if value is None:
@@ -139,6 +162,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--rig", default="first", choices=("first", "second"))
     parser.add_argument("--damage", choices=[*DAMAGES, "all"], help="hurt each log in this way")
     parser.add_argument("--out", type=Path, help="a line of JSON for each drive")
+    parser.add_argument("--keep", metavar="COMMIT", help=f"put the summary into {RESULTS.name}")
     parser.add_argument("--prototype", type=Path, help="a file whose balance(log) answers instead")
     parser.add_argument("--misses", action="store_true", help="name each value that is outside")
     given = parser.parse_args(arguments)
@@ -153,6 +177,8 @@ def main(arguments: list[str] | None = None) -> None:
         rows += some
         if len(kinds) > 1:
             print(f"--- {hurt}\n{table(some) if some else 'no log has such a column'}", flush=True)
+    if given.keep:
+        keep(RESULTS, f"{given.rig} rig, {given.kind}, seeds {given.seeds}", given.keep, rows)
     if given.out:
         given.out.write_text("".join(json.dumps(row) + "\n" for row in rows))
     print(f"{given.rig} rig, {given.kind}, seeds {given.seeds}, damage {given.damage}.")
