@@ -23,6 +23,7 @@ _HOMES = {
     "catalogue": "controllers effects laws observers",
     "compensating": "Compensation compensate",
     "design": "Certificate Design PAPER certify design_gains excitation natural_decay",
+    "diagnosis.asking": "balance",
     "diagnosis.diagnose": "diagnose",
     "ensemble": "Sweep sweep sweep_chunks",
     "errors": "InputError Refused",
@@ -91,6 +92,7 @@ if TYPE_CHECKING:
         excitation,
         natural_decay,
     )
+    from .diagnosis.asking import balance  # noqa: F401
     from .diagnosis.diagnose import diagnose  # noqa: F401
     from .diagnosis.identify import identify  # noqa: F401
     from .ensemble import Sweep, sweep, sweep_chunks  # noqa: F401

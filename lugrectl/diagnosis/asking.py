@@ -48,3 +48,22 @@ class Asked:
     def holdout(self) -> str | Record | None:
         """None, "last" or a record of its own."""
         return as_holdout(self.held_out, self.seen, self.model.motion)
+
+
+def balance(record: Any, model: Any = None) -> Balance:
+    """The plain torque balance of a log, as it stands beside every diagnosis; in a second.
+
+    Parameters
+    ----------
+    record : path, DataFrame, dict of arrays or Record, or a list of them
+        The runs of one drive.
+    model : Model, Parameters, dict or path
+        The declared model: its effects are further terms, its held values are known. None:
+        nothing is known.
+
+    Raises
+    ------
+    InputError
+        When an argument cannot be meant, or a file cannot be read or understood.
+    """
+    return Asked.of(record, {} if model is None else model).plain
