@@ -55,7 +55,7 @@ from ..tracing.surprise import beyond_doubt, misled, openings, surprising, undat
 from ..tracing.tabulate import tabulate
 from ..tracing.witness import statements
 from .asking import Asked
-from .floor import hold
+from .floor import failure
 from .plain import refusal, with_plain
 
 TURNED = (
@@ -173,18 +173,22 @@ def _finer(asked: Asked, horizon: float, seed: int, report: Progress) -> Diagnos
     report(0.85, "errors on held-out samples")
     scored = score(job, found.final)
     shown = traces(job, found.final, scored["judged"])
-    hold(job.data, shown, asked)
+    failed = failure(job.data, shown, asked)
+    if failed and not found.unexplained:
+        raise Refused(failed)  # else what it says, that something is missing, stands all the same
     report(0.92, "parameters and intervals")
     whole = found.final if len(new) else known or on_everything(found.final, job)
     job = compared(job, answer.own or whole)
     flat = unidentified(whole.flat(), "this record")
-    many = (MANY,) if whole.noise.uneven else ()
+    many = (MANY,) if whole.noise.uneven else (failed,) if failed else ()
     carried = (CARRIED.format(*(100 * x for x in found.carried)),) if found.carried else ()
     job = noted(job, *flat, *many, *carried, *statements(whole), *openings(found.final))
     verdict, depends = _verdict(found)
     job = noted(job, *at_bounds(whole), *far_off(whole, model))
     job = noted(job, *against_held(whole), *other_optima(whole))
     fitted = estimates(whole)
+    if failed:  # curvature at a bad fit says nothing about its errors
+        fitted = {k: replace(e, ci95=None) for k, e in fitted.items()}
     effects = [Finding.of(s.trial.key, s.trial.name, fitted, s.tied) for s in found.steps]
     table = _table(found.final, job, depends, seed) if verdict == "unexplained" else None
     return Diagnosis(

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.signal import oaconvolve
 
-from ..errors import Refused
 from ..identification.balance import Balance
 from ..results import Traces
 from ..tracing.data import Data
@@ -16,13 +15,13 @@ from .asking import Asked
 MORE = 1.05  # times what the plain balance leaves; a finer fit that leaves more has failed ...
 POINTS = 0.003  # ... if it is also this share of the RMS torque more
 FAILED = (
-    "the fit by simulation failed: in the same windows it leaves {:.1f} % of the RMS torque, the "
+    "The fit by simulation failed: in the same windows it leaves {:.1f} % of the RMS torque, the "
     "plain torque balance {:.1f} %."
 )
 
 
-def hold(data: Data, traces: Traces, asked: Asked) -> None:
-    """Raise Refused where the augmented model leaves more of the torque than the plain balance.
+def failure(data: Data, traces: Traces, asked: Asked) -> str | None:
+    """What to say where the augmented model leaves more of the torque than the plain balance.
 
     A model of which the user holds or bounds values may: nothing is said of it. Both are RMS of
     the residual torque, averaged over the windows of the balance in which the drive slides, as a
@@ -30,10 +29,11 @@ def hold(data: Data, traces: Traces, asked: Asked) -> None:
     """
     plain = asked.plain
     if asked.model.statements():
-        return
+        return None
     left = share_left(data, traces.residual["augmented"], plain)
-    if left is not None and plain.left is not None and left > MORE * plain.left + POINTS:
-        raise Refused(FAILED.format(100.0 * left, 100.0 * plain.left))
+    if left is None or plain.left is None or left <= MORE * plain.left + POINTS:
+        return None
+    return FAILED.format(100.0 * left, 100.0 * plain.left)
 
 
 def share_left(data: Data, residual: np.ndarray, plain: Balance) -> float | None:

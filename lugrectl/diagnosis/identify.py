@@ -34,7 +34,7 @@ from ..tracing.far import against_held, at_bounds, far_off
 from ..tracing.job import begin, compared, estimates, noted, on_everything, score
 from ..tracing.optima import other_optima
 from .asking import Asked
-from .floor import hold
+from .floor import failure
 from .plain import with_plain
 
 ONLY_PLAIN = "The values are those of the torque balance alone, without errors of a simulation: {}"
@@ -152,7 +152,9 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
     job = noted(job, *against_held(whole), *other_optima(whole))
     scored = score(job, job.base)
     shown = traces(job, job.base, scored["judged"])
-    hold(job.data, shown, asked)
+    failed = failure(job.data, shown, asked)
+    if failed:
+        raise Refused(failed)
     error = scored["error"]
     return Identification(
         estimates=estimates(whole),
