@@ -102,14 +102,17 @@ def unwrapped(
     label: str | None = None,
     t: np.ndarray | None = None,
     motion: str = "rotary",
+    found: Jumps | None = None,
 ) -> tuple[np.ndarray, list[str]]:
     """Return a position without wraps, and a sentence if there were any.
 
     A position wraps by whole turns, by a power of two of its own steps, or by any period where
     all its jumps are of one size and span its whole range while the motion goes on. Jumps by 360
     mean that degrees were read as radians: the angle is then converted, too. NaN is skipped.
+    ``found`` are the jumps of the position where they are known already.
     """
-    found = jumps(np.arange(len(theta)) if t is None else t, theta)
+    if found is None:
+        found = jumps(np.arange(len(theta)) if t is None else t, theta)
     lasting = _lasting(found)
     period, is_wrap = _period(theta, found, lasting, motion)
     if not period:
@@ -216,7 +219,9 @@ def unwrap_positions(log: Stamped) -> None:
     for role in ("theta", "theta_load"):
         if role in log.channels:
             x, label = log.channels[role], log.labels.get(role)
-            log.channels[role], said = unwrapped(role, x, label, log.t, log.motion)
+            log.channels[role], said = unwrapped(
+                role, x, label, log.t, log.motion, _jumps(log, role)
+            )
             log.say(*said)
 
 
