@@ -65,7 +65,7 @@ class Log:
     def checksum(self) -> tuple[object, ...]:
         """What changes with the rows, their units or their parts."""
         rows = {"t": self.t, **self.channels}
-        sums = tuple((role, crc32(np.ascontiguousarray(x))) for role, x in rows.items())
+        sums = tuple((role, crc32(np.ascontiguousarray(x).data)) for role, x in rows.items())
         stated = tuple(sorted(self.labels.items()))
         return self.source, self.motion, stated, self.cuts, id(self.where), sums
 

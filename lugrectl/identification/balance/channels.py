@@ -42,7 +42,7 @@ def white_noise(parts: Sequence[np.ndarray]) -> float:
     if len(d) < 64:
         return max(rounding, NO_NOISE)
     f, (power,) = _spectra(min(SEGMENT, len(d)), [(d, d)])
-    power = power.real
+    power = np.real(power)
     top = (f > TOP_OF_SPECTRUM[0]) & (f < TOP_OF_SPECTRUM[1])
     level = np.median(power[top] / (2 * np.sin(np.pi * f[top])) ** (2 * DIFFERENCE)) / 2
     return float(max(np.sqrt(level), rounding, NO_NOISE))
@@ -55,7 +55,7 @@ def shared_noise(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
         return 0.0
     with np.errstate(divide="ignore", invalid="ignore"):  # no power at all at a frequency
         f, (both, own, its) = _spectra(SEGMENT, [(one, other), (one, one), (other, other)])
-        c = np.abs(both) ** 2 / own.real / its.real
+        c = np.abs(both) ** 2 / np.real(own) / np.real(its)
     top = (f > TOP_OF_SPECTRUM[0]) & (f < TOP_OF_SPECTRUM[1])
     return float(np.nan_to_num(np.median(c[top])))
 
