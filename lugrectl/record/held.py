@@ -19,6 +19,9 @@ def renewed_every(x: np.ndarray) -> tuple[int, int]:
     at = good[1:][np.diff(x[good]) != 0]
     if len(at) < _FEWEST:
         return 1, 0
+    # each change off the beat spoils two distances at most
+    if np.count_nonzero(np.diff(at) == 1) > 2 * (1 - _SURE) * len(at) + 1:
+        return 1, 0
     for every in range(_MOST, 1, -1):
         shares = np.bincount(at % every, minlength=every) / len(at)
         if shares.max() >= _SURE and len(at) >= max(_FEWEST, 0.1 * len(x) / every):

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 
@@ -23,6 +24,17 @@ from .table import Table
 from .units import Unit, role_unit, si_unit
 
 _FAST = {"rotary": 400.0, "linear": 20.0}  # rad/s, m/s: above, a w without unit may not be in SI
+
+
+class Kept:
+    """What was computed from the rows of a log, with their checksum; it is not pickled."""
+
+    def __init__(self) -> None:
+        self.checksum: object = None
+        self.value: Any = None
+
+    def __reduce__(self) -> tuple[type[Kept], tuple[()]]:
+        return Kept, ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +60,14 @@ class Log:
     cuts: tuple[int, ...] = ()
     of: int = 0
     file: SourceFile | None = None
+    kept: Kept = field(default_factory=Kept, repr=False, compare=False)
+
+    def checksum(self) -> tuple[object, ...]:
+        """What changes with the rows, their units or their parts."""
+        rows = {"t": self.t, **self.channels}
+        sums = tuple((role, crc32(np.ascontiguousarray(x).data)) for role, x in rows.items())
+        stated = tuple(sorted(self.labels.items()))
+        return self.source, self.motion, stated, self.cuts, id(self.where), sums
 
 
 def log_of_arrays(

@@ -58,18 +58,27 @@ def jumps(t: np.ndarray, x: np.ndarray) -> Jumps:
     elapsed = np.maximum(np.diff(t[good]) / dt, 1.0)
     speed = np.diff(values) / elapsed
     far = distances(np.arange(len(speed), dtype=float), speed)
-    limit = limits("theta", speed) + 6 * resolution(values) + 3 * np.quantile(far, 0.97)
+    quiet = resolution(values)
+    limit = limits("theta", speed) + 6 * quiet + 3 * np.quantile(far, 0.97)
     at = np.flatnonzero(far > limit)
     calm = speed.copy()
     calm[at] = np.nan
     before, after = _medians(calm, at)
     usual = np.nan_to_num(np.where(np.isfinite(before), before, after))
     usual = np.where(np.isfinite(after) & np.isfinite(before), (before + after) / 2, usual)
-    quiet = resolution(values)
     steady = np.abs(before - after) <= 0.3 * np.abs(usual) + quiet
     steady &= np.abs(usual) > max(0.5 * quiet, 1e-9 * np.ptp(values))
     size = np.diff(values)[at] - usual * elapsed[at]
     return Jumps(good[at], good[at + 1], size, steady, np.abs(usual), quiet)
+
+
+def _jumps(log: Stamped, role: str) -> Jumps:
+    """The jumps of a channel; searched for again only where it or its stamps have changed."""
+    t, x = log.t, log.channels[role]
+    known = log.known.get(role)
+    if known is None or known[0] is not t or known[1] is not x:
+        known = log.known[role] = (t, x, jumps(t, x))
+    return known[2]
 
 
 def _medians(x: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -94,14 +103,17 @@ def unwrapped(
     label: str | None = None,
     t: np.ndarray | None = None,
     motion: str = "rotary",
+    found: Jumps | None = None,
 ) -> tuple[np.ndarray, list[str]]:
     """Return a position without wraps, and a sentence if there were any.
 
     A position wraps by whole turns, by a power of two of its own steps, or by any period where
     all its jumps are of one size and span its whole range while the motion goes on. Jumps by 360
     mean that degrees were read as radians: the angle is then converted, too. NaN is skipped.
+    ``found`` are the jumps of the position where they are known already.
     """
-    found = jumps(np.arange(len(theta)) if t is None else t, theta)
+    if found is None:
+        found = jumps(np.arange(len(theta)) if t is None else t, theta)
     lasting = _lasting(found)
     period, is_wrap = _period(theta, found, lasting, motion)
     if not period:
@@ -210,7 +222,9 @@ def unwrap_positions(log: Stamped) -> None:
     for role in ("theta", "theta_load"):
         if role in log.channels:
             x, label = log.channels[role], log.labels.get(role)
-            log.channels[role], said = unwrapped(role, x, label, log.t, log.motion)
+            log.channels[role], said = unwrapped(
+                role, x, label, log.t, log.motion, _jumps(log, role)
+            )
             log.say(*said)
 
 
@@ -220,18 +234,18 @@ def make_continuous(log: Stamped) -> None:
     for role in ("theta", "w"):
         if role in log.channels:
             _leave_out_excursions(log, role)
-            found = jumps(log.t, log.channels[role])
+            found = _jumps(log, role)
             found = found.only(~confirmed(log, role)[found.b])
             leave_out_stuck(log, role, found.a, found.b)
     if "theta" in log.channels:
-        found = jumps(log.t, log.channels["theta"])
+        found = _jumps(log, "theta")
         _cut(log, found.only(~confirmed(log, "theta")[found.b]))
 
 
 def _leave_out_excursions(log: Stamped, role: str) -> None:
     """Leave out rows between a jump and the jump back: a few, or any that keep one value."""
     x = log.channels[role]
-    found, bad = jumps(log.t, x), np.zeros(len(x), bool)
+    found, bad = _jumps(log, role), np.zeros(len(x), bool)
     for i in range(len(found) - 1):
         there, back = found.size[i], found.size[i + 1]
         rows = slice(int(found.b[i]), int(found.a[i + 1]) + 1)

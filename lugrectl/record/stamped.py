@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +33,8 @@ class Stamped:
 
     ``rows`` are their places in the log; ``new`` marks the first row of each part that does not
     continue the one before. ``said`` are sentences, ``steps`` the smallest recorded steps of the
-    motion by role.
+    motion by role. ``known`` holds what was found in a channel, with the arrays it was found in:
+    a step replaces an array that it changes, and never writes into it.
     """
 
     source: str
@@ -46,6 +48,7 @@ class Stamped:
     dropped: int = 0
     said: list[str] = field(default_factory=list)
     steps: dict[str, float] = field(default_factory=dict)
+    known: dict[str, tuple[np.ndarray, np.ndarray, Any]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, log: Log) -> Stamped:
@@ -59,6 +62,19 @@ class Stamped:
         made.new = np.isin(made.rows, (0, *log.cuts))
         made.steps = smallest_steps(made.channels)
         return made
+
+    def copy(self) -> Stamped:
+        """The same rows; a change of the copy leaves these as they are."""
+        return replace(
+            self,
+            channels={role: x.copy() for role, x in self.channels.items()},
+            t=self.t.copy(),
+            rows=self.rows.copy(),
+            new=self.new.copy(),
+            said=[*self.said],
+            steps={**self.steps},
+            known={},
+        )
 
     @property
     def required(self) -> list[str]:

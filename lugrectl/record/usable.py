@@ -18,8 +18,18 @@ def usable(log: Log) -> Stamped:
     """The rows of a log that can be used, each finding as a sentence.
 
     Stamps are put in order, bad samples become nan, wrapped positions are unwrapped, and a part
-    begins where time or position do not go on. Nothing is filled in or resampled.
+    begins where time or position do not go on. Nothing is filled in or resampled. The result is
+    kept with the log, since the plain answer and the finer fit both need it; the caller gets its
+    own copy.
     """
+    checksum = log.checksum()
+    if log.kept.checksum != checksum:
+        log.kept.value = _found(log)
+        log.kept.checksum = checksum
+    return log.kept.value.copy()
+
+
+def _found(log: Log) -> Stamped:
     made = Stamped.of(log)
     _without_empty(made)
     put_in_time(made)

@@ -82,15 +82,20 @@ def _without_each(
     """
     order = np.argsort(block, kind="stable")
     first = np.flatnonzero(np.append(True, np.diff(block[order]) > 0))
-    rows = np.split(X[order] * np.sqrt(W[order, None]), first[1:])
     sums = np.add.reduceat(score[order], first)
     root = np.linalg.inv(np.linalg.cholesky(fit.A))  # root A root' = 1
     weight = np.add.reduceat(W[order], first) / W.sum()
     N = root @ fit.N @ root.T
-    turned = [x @ root.T for x in rows]
-    Q = np.array([x.T @ x for x in turned]) - weight[:, None, None] * N
+    turned = (X[order] * np.sqrt(W[order, None])) @ root.T
+    Q = np.array([x.T @ x for x in _split(turned, first)]) - weight[:, None, None] * N
     d = _without_one(Q, sums @ root.T) @ root
     return d.T @ d * (len(first) - 1) / len(first)
+
+
+def _split(rows: np.ndarray, first: np.ndarray) -> list[np.ndarray]:
+    """The rows of each block, as views."""
+    edges = [*first.tolist(), len(rows)]
+    return [rows[a:b] for a, b in zip(edges, edges[1:], strict=False)]
 
 
 def _without_one(Q: np.ndarray, score: np.ndarray) -> np.ndarray:

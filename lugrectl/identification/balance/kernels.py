@@ -18,6 +18,7 @@ from .constants import DENSE
 _BUMP = (1 - Polynomial([0, 0, 1])) ** 4
 BUMP = _BUMP / (_BUMP.integ()(1) - _BUMP.integ()(-1))
 _AREA = BUMP.integ()
+IN_CACHE = 32_000  # samples of windows that are weighted at a time
 FACTORIAL = (1.0, 1.0, 2.0)
 
 
@@ -67,7 +68,10 @@ def means(x: np.ndarray, k: np.ndarray, at: np.ndarray) -> np.ndarray:
 
         middle = x[len(x) // 2]  # which keeps rounding small for a large offset
         return oaconvolve(x - middle, k[::-1], "same")[at] + middle * k.sum()
-    return sliding_window_view(x, len(k))[at - len(k) // 2] @ k
+    windows, first = sliding_window_view(x, len(k)), at - len(k) // 2
+    size = max(IN_CACHE // len(k), 1)  # a copy of all windows at once would not stay in the cache
+    parts = [windows[first[i : i + size]] @ k for i in range(0, len(first), size)]
+    return np.concatenate(parts) if parts else np.zeros(0)
 
 
 def wholly(ok: np.ndarray, reach: int, at: np.ndarray) -> np.ndarray:

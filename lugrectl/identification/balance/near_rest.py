@@ -11,6 +11,8 @@ from .constants import DIPS, REST_TORQUE, TURNS
 from .terms import Term
 from .track import Track
 
+TURNED = 40.0  # distances after which exp(-x) no longer changes a sum with 1
+
 
 @dataclass(frozen=True)
 class Bristle:
@@ -24,16 +26,14 @@ class Bristle:
     def __call__(self, track: Track) -> np.ndarray:
         if not self.distance:
             return np.sign(track.speed)
-        v = np.where(np.abs(track.speed) > track.still, track.speed, 0.0)
-        path, side = np.cumsum(np.abs(v)) * track.dt, np.sign(v)
-        z, last = np.zeros(len(v)), 0.0
-        moving = np.flatnonzero(side)
-        if not len(moving):
-            return z
-        first = moving[np.append(True, side[moving[1:]] != side[moving[:-1]])]
-        for a, b in zip(first, np.append(first[1:], len(v)), strict=True):
-            gone = path[a:b] - (path[a - 1] if a else 0.0)
-            z[a:b] = side[a] + (last - side[a]) * np.exp(-gone / self.distance)
+        path, first, sides = track.strokes
+        z, last = np.zeros(len(path)), 0.0
+        for a, b, side in zip(first, np.append(first[1:], len(path)), sides, strict=True):
+            start = path[a - 1] if a else 0.0
+            end = a + int(np.searchsorted(path[a:b], start + TURNED * self.distance))
+            z[end:b] = side
+            gone = path[a:end] - start
+            z[a:end] = side + (last - side) * np.exp(-gone / self.distance)
             last = z[b - 1]
         return z
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -43,6 +44,19 @@ class Track:
     @property
     def duration(self) -> float:
         return len(self.u) * self.dt
+
+    @cached_property
+    def strokes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The path (N,), and the first sample and the direction of each stroke between reversals.
+
+        Speeds that are noise count as rest.
+        """
+        v = np.where(np.abs(self.speed) > self.still, self.speed, 0.0)
+        path, side = np.cumsum(np.abs(v)) * self.dt, np.sign(v)
+        moving = np.flatnonzero(side)
+        turns = side[moving[1:]] != side[moving[:-1]]
+        first = moving[np.append(True, turns)] if len(moving) else moving
+        return path, first, side[first]
 
     def centres(self, reach: int, step: int) -> np.ndarray:
         """Samples ``step`` apart around which ``reach`` samples on each side are good."""
