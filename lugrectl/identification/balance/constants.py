@@ -143,3 +143,14 @@ LEAST_COLUMN = 0.05  # a shape that is nowhere larger than this is not tried
 SNAP = 0.05  # a factor this close to 1 is written as 1
 SLOWEST_DIP = 1e-6  # lowest speed of a dip, as a share of the top speed
 ROUNDS_OF_LOAD = 2  # rounds of the load on which friction depends
+
+# Runs compared
+MOST_RUNS_COMPARED = 20  # more runs are not compared one by one
+SPREADS = 2.0  # standard deviations that two runs may differ by chance
+ALIKE = 0.03  # and this share beyond that
+ANOTHER_FRICTION = 0.1  # friction that differs by less is not said
+
+# A speed without a position
+OFFSETS = (0.25, 25)  # offsets of w tried: up to this share of the top speed, how many
+OFFSET_STEP = 1e-3  # half the step of the derivative with the offset, in top speeds
+ROUNDS_OF_OFFSET = 6  # rounds of Gauss and Newton

@@ -35,12 +35,12 @@ class Estimated:
 
 def estimate(ground: Ground) -> Estimated | None:
     """The fit of a record; None where there is no window."""
-    made = _first(ground)
+    made = first_fit(ground)
     for _ in range(ROUNDS_OF_LOAD):
         if made is None or not any(use.loaded for use in ground.uses):
             break
         ground = with_load(ground, made)
-        made = _first(ground)
+        made = first_fit(ground)
     if made is None:
         return None
     choices, rivals = _shaped(ground, made)
@@ -51,7 +51,7 @@ def estimate(ground: Ground) -> Estimated | None:
     return Estimated(made, V, tuple(notes))
 
 
-def _first(ground: Ground) -> Fit | None:
+def first_fit(ground: Ground) -> Fit | None:
     """The terms at the best width; those that depend on a load once there is one."""
     loaded = [t for use in ground.uses if use.loaded for t in use.terms]
     known = any(np.any(p.load) for p in ground.tracks)
