@@ -151,6 +151,6 @@ ALIKE = 0.03  # and this share beyond that
 ANOTHER_FRICTION = 0.1  # friction that differs by less is not said
 
 # A speed without a position
-OFFSETS = (0.25, 25)  # offsets of w tried: up to this share of the top speed, how many
-OFFSET_STEP = 1e-3  # half the step of the derivative with the offset, in top speeds
+MOST_OFFSET = 0.25  # largest offset of w tried, as a share of the top speed
+OFFSETS = 41  # how many are tried
 ROUNDS_OF_OFFSET = 6  # rounds of Gauss and Newton
