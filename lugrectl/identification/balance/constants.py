@@ -153,4 +153,6 @@ ANOTHER_FRICTION = 0.1  # friction that differs by less is not said
 # A speed without a position
 MOST_OFFSET = 0.25  # largest offset of w tried, as a share of the top speed
 OFFSETS = 41  # how many are tried
+WHOLLY = 0.98  # a window with more rest than this is one of rest
+STANDING = 0.01  # share of windows in which the drive stands at 0: then w has no offset
 ROUNDS_OF_OFFSET = 6  # rounds of Gauss and Newton

@@ -17,12 +17,16 @@ from .constants import (
     REST_IN_SPEED,
     ROUNDS_OF_OFFSET,
     SETTLED,
+    SLIDING,
+    STANDING,
+    WHOLLY,
 )
 from .estimate import first_fit
 from .fit import Fit, fit, regress
 from .ground import Ground
 from .motion import with_speed
 from .near_rest import with_rest
+from .regression import densities
 from .terms import Term
 from .track import Track
 from .windows import Source
@@ -58,13 +62,40 @@ def with_offset(ground: Ground) -> Ground:
     if ground.is_map or ground.tracks[0].theta is not None:
         return ground
     plain = first_fit(ground)
-    if plain is None or "Fc" not in plain.names:
+    if plain is None or not {"J", "Fc"} <= {*plain.names} or _stands(plain):
         return ground
     start = _likely(ground, plain)
     found, made = _refined(ground, plain, start)
-    if made is None or made.score < plain.score + CLEARLY:
+    if made is None or _gain(made, plain) < CLEARLY:
         return ground
     return found
+
+
+def _stands(made: Fit) -> bool:
+    """Whether the drive is seen to stand where w is 0: then w has no offset."""
+    d = made.windows
+    a = np.abs(d.X[:, made.names.index("J")])
+    still = (d.rest > WHOLLY) & (a <= 2 * d.noise_a)
+    return bool(np.count_nonzero(still) > STANDING * len(still))
+
+
+def _gain(made: Fit, plain: Fit) -> float:
+    """By how much the first fit is more likely, over the windows in which the drive moves.
+
+    Windows at rest have an open torque: a fit without rest is not more likely for that.
+    """
+    one, other = (_by_window(f) for f in (made, plain))
+    both = [k for k in one if k in other and max(one[k][1], other[k][1]) < SLIDING]
+    gain = sum(one[k][0] - other[k][0] for k in both)
+    J, before = (abs(f.value("J", 1.0)) + 1e-300 for f in (made, plain))
+    return gain + len(both) * float(np.log(J / before))
+
+
+def _by_window(made: Fit) -> dict[tuple[int, float], tuple[float, float]]:
+    """Log density and share of rest by piece and time."""
+    d = made.windows
+    rows = zip(d.piece, d.t, densities(made.solution), d.rest, strict=True)
+    return {(int(piece), float(t)): (float(p), float(rest)) for piece, t, p, rest in rows}
 
 
 def _likely(ground: Ground, plain: Fit) -> float:
