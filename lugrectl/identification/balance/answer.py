@@ -13,8 +13,8 @@ from .curve import curve
 from .estimate import Estimated
 from .fit import Fit
 from .ground import Ground
-from .result import Balance, Combination, Residual
 from .offset import KEY as OFFSET
+from .result import Balance, Combination, Residual
 from .small_angle import open_constant
 from .verdicts import contradictions, left_of, one_direction
 

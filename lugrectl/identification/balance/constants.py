@@ -113,6 +113,7 @@ LEAST_OF_BIN = 8  # windows
 # A large delay
 LATE_SAMPLES = 1.0  # above so many samples
 LATE_SECONDS = 0.02  # and so many seconds it is compared with none
+FEWEST_CHANGES = 4  # independent changes of u without which inertia looks like a delay
 NO_DELAY = 1e-3  # samples: width of the prior of a delay that is to be none
 
 # Smaller choices

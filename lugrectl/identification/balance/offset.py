@@ -1,6 +1,6 @@
 """The offset of a speed that was logged alone: friction turns over where the motion stands still.
 
-    u = ... + Fc sign(w - w0) + Fv (w - w0),    w0 by Gauss and Newton
+u = ... + Fc sign(w - w0) + Fv (w - w0),    w0 by Gauss and Newton
 """
 
 from __future__ import annotations
