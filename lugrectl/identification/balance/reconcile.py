@@ -129,4 +129,8 @@ def _said(sensors: Sensors, found: Comparison | None) -> list[str]:
     if abs(sensors.lag) > max(NOTICED_LAG, least[2]):
         side = "behind" if sensors.lag > 0 else "ahead of"
         said.append(f"w is {abs(sensors.lag) * 1e3:.2f} ms {side} dtheta/dt: shifted by that time.")
+    offset = sensors.gain * sensors.offset
+    if found is not None and abs(offset) > max(least[1], sensors.noise["w"]):
+        side = "high" if offset > 0 else "low"
+        said.append(f"w is {abs(offset):.3g} too {side} (beside dtheta/dt): it is subtracted.")
     return said
