@@ -78,6 +78,7 @@ CHANCE = (
     "confidence region. Record more starts and reversals, which determine these parameters."
 )
 NEW = "The held-out samples show a torque that the fitted samples do not show: at {}."
+SAME_UNITS = "Give all runs in one unit and sign, or leave out the run that differs."
 AT_ODDS = 0.5  # least autocorrelation of the innovations of both theta and w
 LIMIT = 270.0  # s that the search for what is missing may take
 EARLY = 0.05  # s, lead-in if something happens at the start of the record and never again
@@ -146,8 +147,10 @@ def diagnose(
     horizon, seed = judged_by(horizon, seed)
     limit, report = positive(time_limit, "time_limit", "seconds"), reporter(progress)
     report(0.0, "torque balance")
-    asked.plain  # noqa: B018  the plain answer first: it stands whatever follows
+    unlike = asked.plain.unlike  # the plain answer first: it stands whatever follows
     try:
+        if unlike:
+            raise Refused(" ".join(unlike), SAME_UNITS)
         with within(limit):
             found = _finer(asked, horizon, seed, report)
     except Refused as no:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ..errors import Refused
-from ..identification.balance import Balance, balance
+from ..identification.balance import Balance, balance, unlike
 from ..model import Model
 from ..record import Log, Record, stretches
 from ..results import Diagnosis
@@ -18,14 +18,20 @@ if TYPE_CHECKING:
 LEVELS = ("J", "Fc", "Fv")
 TAKEN = "{} is taken as declared, {:.6g} {}: this log does not determine it alone."
 
+OTHERS = "The plain answer is that of the other runs."
+
 
 def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
     """The balance of runs of one drive, with what was noticed when the logs were read.
 
     Values that the model holds are known. So is a declared value that the log does not determine
-    alone: with Fc declared, one direction is enough for the rest.
+    alone: with Fc declared, one direction is enough for the rest. A run in another unit or sign
+    than the others is left out.
     """
     parts, noticed = stretches(logs)
+    runs = unlike(parts, model, [log.source for log in logs])
+    parts = [part for part in parts if part.run not in runs.left_out]
+    noticed = [*runs.said, *([OTHERS] if runs.said else []), *runs.notes, *noticed]
     fixed = {k: v for k, v in model.known().items() if k in model.held()}
     found = balance(parts, model, fixed)
     known = {k: v for k, v in model.known().items() if k in LEVELS and k in found.uncertain}
@@ -39,6 +45,7 @@ def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
         reading=tuple(dict.fromkeys([*said, *noticed])),
         stretches=tuple(parts),
         motion=model.motion,
+        unlike=runs.said,
     )
 
 

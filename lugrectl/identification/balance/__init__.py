@@ -5,7 +5,8 @@
 in means over windows, by a robust regression. :func:`balance` is the door.
 """
 
+from .alike import unlike
 from .face import balance
 from .result import Balance, Combination, CurvePoint, Residual
 
-__all__ = ["Balance", "Combination", "CurvePoint", "Residual", "balance"]
+__all__ = ["Balance", "Combination", "CurvePoint", "Residual", "balance", "unlike"]

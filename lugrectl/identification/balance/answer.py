@@ -13,6 +13,7 @@ from .curve import curve
 from .estimate import Estimated
 from .fit import Fit
 from .ground import Ground
+from .offset import KEY as OFFSET
 from .result import Balance, Combination, Residual
 from .small_angle import open_constant
 from .verdicts import contradictions, left_of, one_direction
@@ -26,7 +27,7 @@ def answer(ground: Ground, found: Estimated) -> Balance:
     quantile = float(stats.t.ppf(TWO_SIDED, max(made.blocks - _counted(made), 2)))
     notes = [*ground.notes, *found.notes]
     V, mixed, more = _small_angle(ground, made, V, quantile)
-    own = answers(made, ground.model, ground.uses)
+    own = [*answers(made, ground.model, ground.uses), *_offset(ground, made)]
     estimates = {a.key: a.estimate(V, quantile) for a in own}
     left = left_of(made)
     against = contradictions(made, estimates, V, quantile, left, ground.sensors.noise["u"])
@@ -42,6 +43,7 @@ def answer(ground: Ground, found: Estimated) -> Balance:
         and not against.all_refused
     }
     notes += _late(estimates.get("u_delay"), made.windows.dt) if "u_delay" in sure else []
+    notes += _shifted(estimates[OFFSET]) if OFFSET in sure else []
     sums = [] if against.all_refused else _sums(ground, made, V, quantile, sure, mixed)
     tach, tach_V = _tachometer(ground)
     estimates |= tach
@@ -75,6 +77,24 @@ def _sums(
     if mixed is None:
         return sums
     return [*(c for c in sums if "constant_torque" not in c.text), mixed]
+
+
+def _offset(ground: Ground, made: Fit) -> list[Answer]:
+    """The offset of a speed that was logged alone, where it is a term."""
+    if OFFSET not in made.names:
+        return []
+    i = made.names.index(OFFSET)
+    value = float(ground.sensors.offset + made.p[i])
+    unit = "m/s" if ground.model.motion == "linear" else "rad/s"
+    return [Answer(OFFSET, value, np.eye(len(made.p))[i], unit, made.rms[i])]
+
+
+def _shifted(offset: Estimate) -> list[str]:
+    side = "high" if offset.value > 0 else "low"
+    return [
+        f"w is {abs(offset.value):.3g} {offset.unit} too {side}: friction turns over at that "
+        "speed. The balance subtracts it."
+    ]
 
 
 def _late(delay: Estimate | None, dt: float) -> list[str]:

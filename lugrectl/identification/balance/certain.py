@@ -72,6 +72,8 @@ def _among(
         share = half / float(np.linalg.norm(c / rms)) / made.torque
         if share > SHARE_OF_TORQUE and half > SHARE_OF_VALUE * abs(value):
             continue
+        if half > abs(value) and half * rms[first] > SHARE_OF_TORQUE * made.torque:
+            continue  # neither its size nor its sign is known
         text, wants = _text(c, names, first)
         unit = unit_for(UNITS.get(names[first], "N m"), motion)
         found.append(Combination(text, value, unit, (value - half, value + half), wants))

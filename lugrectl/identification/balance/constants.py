@@ -113,6 +113,7 @@ LEAST_OF_BIN = 8  # windows
 # A large delay
 LATE_SAMPLES = 1.0  # above so many samples
 LATE_SECONDS = 0.02  # and so many seconds it is compared with none
+FEWEST_CHANGES = 4  # independent changes of u without which inertia looks like a delay
 NO_DELAY = 1e-3  # samples: width of the prior of a delay that is to be none
 
 # Smaller choices
@@ -143,3 +144,16 @@ LEAST_COLUMN = 0.05  # a shape that is nowhere larger than this is not tried
 SNAP = 0.05  # a factor this close to 1 is written as 1
 SLOWEST_DIP = 1e-6  # lowest speed of a dip, as a share of the top speed
 ROUNDS_OF_LOAD = 2  # rounds of the load on which friction depends
+
+# Runs compared
+MOST_RUNS_COMPARED = 20  # more runs are not compared one by one
+SPREADS = 2.0  # standard deviations that two runs may differ by chance
+ALIKE = 0.03  # and this share beyond that
+ANOTHER_FRICTION = 0.1  # friction that differs by less is not said
+
+# A speed without a position
+MOST_OFFSET = 0.25  # largest offset of w tried, as a share of the top speed
+OFFSETS = 41  # how many are tried
+WHOLLY = 0.98  # a window with more rest than this is one of rest
+STANDING = 0.01  # share of windows in which the drive stands at 0: then w has no offset
+ROUNDS_OF_OFFSET = 6  # rounds of Gauss and Newton

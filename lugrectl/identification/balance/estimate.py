@@ -9,13 +9,14 @@ import numpy as np
 from .constants import (
     CLEARLY,
     COST_OF_SHAPES,
+    FEWEST_CHANGES,
     LATE_SAMPLES,
     LATE_SECONDS,
     NO_DELAY,
     ROUNDS_OF_LOAD,
     SLOWEST_DIP,
 )
-from .fit import Fit, fit
+from .fit import Fit, fit, independent
 from .ground import Ground
 from .interval import interval
 from .load import with_load
@@ -35,12 +36,12 @@ class Estimated:
 
 def estimate(ground: Ground) -> Estimated | None:
     """The fit of a record; None where there is no window."""
-    made = _first(ground)
+    made = first_fit(ground)
     for _ in range(ROUNDS_OF_LOAD):
         if made is None or not any(use.loaded for use in ground.uses):
             break
         ground = with_load(ground, made)
-        made = _first(ground)
+        made = first_fit(ground)
     if made is None:
         return None
     choices, rivals = _shaped(ground, made)
@@ -51,7 +52,7 @@ def estimate(ground: Ground) -> Estimated | None:
     return Estimated(made, V, tuple(notes))
 
 
-def _first(ground: Ground) -> Fit | None:
+def first_fit(ground: Ground) -> Fit | None:
     """The terms at the best width; those that depend on a load once there is one."""
     loaded = [t for use in ground.uses if use.loaded for t in use.terms]
     known = any(np.any(p.load) for p in ground.tracks)
@@ -98,8 +99,8 @@ def _late_or_not(
 ) -> tuple[list[Chosen], list[Fit], list[str]]:
     """A large delay against none: friction that turns over slowly looks like a delay.
 
-    The more likely one is taken; where the other is not clearly less likely, the interval covers
-    both.
+    The more likely one is taken; where the other is not clearly less likely, or the torque
+    hardly changes, the interval covers both.
     """
     late = choices[-1].fit
     dt = late.windows.dt
@@ -113,9 +114,20 @@ def _late_or_not(
     others, more = _shaped(prompt, first)
     other = others[-1].fit
     if late.score > other.score + CLEARLY:
-        return choices, rivals, []
+        return choices, rivals if _follows(late) else [*rivals, other], []
     note = (
         f"u seems shifted by {late.delay * 1e3:.0f} ms, but friction that turns over slowly "
         "explains the record as well: the shift is not used."
     )
     return others, [*more, late], [note]
+
+
+def _follows(made: Fit) -> bool:
+    """Whether the torque changes often enough to distinguish a delay from inertia.
+
+    The independent changes are (sum q)^2 / sum q^2 over windows, with q the squared rate of u, by
+    the windows for each independent one.
+    """
+    power = made.windows.du[:, 0] ** 2
+    changes = float(power.sum() ** 2 / np.sum(power**2)) / independent(made)
+    return changes > FEWEST_CHANGES

@@ -14,6 +14,7 @@ from .answer import answer
 from .coasting import UNIT_INERTIA, coasting
 from .estimate import estimate
 from .ground import Ground, ground_of
+from .offset import with_offset
 from .result import Balance
 
 SINGULAR = (
@@ -71,6 +72,7 @@ def _of(stretches: Sequence[Stretch], model: Model, held: Mapping[str, float]) -
 
 
 def _answered(ground: Ground) -> Balance:
+    ground = with_offset(ground)
     found = estimate(ground)
     if found is None:
         reason = "too few samples between gaps for one window, or u is 0 in all of them."

@@ -20,6 +20,7 @@ from .constants import (
     PRIOR_LAG,
     PRIOR_OFFSET,
     ROUNDS_OF_LAG,
+    SIGNIFICANT,
     STUDENT,
     UNRELATED,
 )
@@ -68,7 +69,7 @@ def _reconciled(
     one = shared_noise([(p.theta, p.w) for p in tracks if p.theta is not None and p.w is not None])
     noise = sensors.noise | {"w": sensors.noise["w"] * _excess(tracks[-1], sensors, spread or 0.0)}
     sensors = replace(sensors, noise=noise, one_source=one > ONE_SOURCE)
-    return sensors, found, _said(sensors)
+    return sensors, found, _said(sensors, found)
 
 
 def _rows(tracks: Sequence[Track], lag: float) -> np.ndarray | None:
@@ -118,11 +119,18 @@ def _excess(track: Track, sensors: Sensors, spread: float) -> float:
     return max(1.0, float(spread / np.hypot(own, other)) / 1.3)
 
 
-def _said(sensors: Sensors) -> list[str]:
-    said = []
+def _said(sensors: Sensors, found: Comparison | None) -> list[str]:
+    """What w is beside dtheta/dt, where it is no chance."""
+    said, least = [], np.zeros(3)
+    if found is not None:
+        least = SIGNIFICANT * np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
     if abs(sensors.gain - 1) > NOTICED_GAIN:
         said.append(f"w is {sensors.gain:.4g} times dtheta/dt: the balance uses w divided by that.")
-    if abs(sensors.lag) > NOTICED_LAG:
+    if abs(sensors.lag) > max(NOTICED_LAG, least[2]):
         side = "behind" if sensors.lag > 0 else "ahead of"
         said.append(f"w is {abs(sensors.lag) * 1e3:.2f} ms {side} dtheta/dt: shifted by that time.")
+    offset = sensors.gain * sensors.offset
+    if found is not None and abs(offset) > max(least[1], sensors.noise["w"]):
+        side = "high" if offset > 0 else "low"
+        said.append(f"w is {abs(offset):.3g} too {side} (beside dtheta/dt): it is subtracted.")
     return said

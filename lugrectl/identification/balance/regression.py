@@ -172,10 +172,14 @@ def _scale(r: np.ndarray, s2: float, least: float, robust: bool) -> float:
 
 def log_density(solution: Solution) -> float:
     """Log of the density of the residual."""
+    return float(np.sum(densities(solution)))
+
+
+def densities(solution: Solution) -> np.ndarray:
+    """Log of the density of the residual in each window (n,)."""
     from scipy.special import gammaln  # slow to import
 
     nu = STUDENT
     one = gammaln((nu + 1) / 2) - gammaln(nu / 2) - 0.5 * np.log(nu * np.pi)
     v = solution.variance
-    each = one - 0.5 * np.log(v) - (nu + 1) / 2 * np.log1p(solution.r**2 / (nu * v))
-    return float(np.sum(each))
+    return one - 0.5 * np.log(v) - (nu + 1) / 2 * np.log1p(solution.r**2 / (nu * v))

@@ -68,6 +68,8 @@ class Balance(Result):
         True if the runs keep one speed each.
     stretches : tuple of Stretch
         The samples that it was computed from.
+    unlike : tuple of str
+        A sentence for each run in another unit or sign than the others. These runs are left out.
     """
 
     parameters: Mapping[str, Estimate] = field(default_factory=dict)
@@ -85,6 +87,7 @@ class Balance(Result):
     stretches: tuple[Stretch, ...] = ()
     motion: str = "rotary"
     reading: tuple[str, ...] = ()
+    unlike: tuple[str, ...] = ()
 
     def values(self) -> dict[str, float]:
         """The best value of every parameter, certain or not: start values for a finer fit."""
