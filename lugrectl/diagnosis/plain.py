@@ -11,6 +11,7 @@ from ..identification.balance import Balance, balance
 from ..model import Model
 from ..record import Log, Record, stretches
 from ..results import Diagnosis
+from .said_once import said_once
 
 if TYPE_CHECKING:
     from .asking import Asked
@@ -32,9 +33,15 @@ def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
     taken = [TAKEN.format(k, v, model.unit(k)) for k, v in known.items()]
     if known:
         found = balance(parts, model, fixed | known)
-    said = [message for log in logs for message in log.messages]
+    said = _reading(logs)
     notes = tuple(dict.fromkeys([*said, *noticed, *found.notes, *taken]))
     return replace(found, notes=notes, stretches=tuple(parts), motion=model.motion)
+
+
+def _reading(logs: Sequence[Log]) -> list[str]:
+    """How the logs were read; what is not so in all of them, with the name of the log."""
+    common = set(logs[0].messages).intersection(*(log.messages for log in logs))
+    return [m if m in common else f"{log.source}: {m}" for log in logs for m in log.messages]
 
 
 def refusal(
@@ -49,12 +56,12 @@ def refusal(
         experiment=no.experiment,
         declared=model,
         record=records[0] if records else None,
-        messages=tuple(dict.fromkeys([*said, *notes])),
+        messages=said_once(said, notes),
         plain=plain,
     )
 
 
 def with_plain(result: Any, asked: Asked) -> Any:
     """A result with the plain answer beside it, and what only that noticed."""
-    new = [note for note in asked.plain.notes if note not in result.messages]
-    return replace(result, plain=asked.plain, messages=(*result.messages, *new))
+    messages = said_once(result.messages, asked.plain.notes)
+    return replace(result, plain=asked.plain, messages=messages)
