@@ -11,6 +11,7 @@ from ..identification.balance import Balance
 from ..model import Model
 from ..record import Log, Record, record_of
 from .plain import plain_answer
+from .shifted import in_time
 
 
 @dataclass(frozen=True)
@@ -40,11 +41,15 @@ class Asked:
         return plain_answer([log for log in logs if log is not None], self.model)
 
     def records(self) -> Record | list[Record]:
-        """The logs on uniform time: one record, or a list; Refused where one has no motion."""
+        """The logs on uniform time: one record, or a list.
+
+        A torque that was logged late is beside its motion again. Refused where one has no motion.
+        """
         for log in self.logs[len(self.seen) :]:
-            self.seen.append(record_of(log))
+            self.seen.append(in_time(record_of(log), self.plain))
         return self.seen if self.several else self.seen[0]
 
     def holdout(self) -> str | Record | None:
         """None, "last" or a record of its own."""
-        return as_holdout(self.held_out, self.seen, self.model.motion)
+        made = as_holdout(self.held_out, self.seen, self.model.motion)
+        return in_time(made, self.plain) if isinstance(made, Record) else made

@@ -86,7 +86,7 @@ def _late(delay: Estimate | None, dt: float) -> list[str]:
         return []
     side = "late" if delay.value < 0 else "early"
     size = f"{abs(delay.value) * 1e3:.3g} ms {side} [{low:.3g}, {high:.3g}]"
-    return [f"u comes {size}, compared with the motion: the balance shifts it by that time."]
+    return [f"u comes {size}, compared with the motion: it is shifted by that time."]
 
 
 def _counted(made: Fit) -> int:
