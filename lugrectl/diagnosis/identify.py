@@ -140,7 +140,7 @@ def _plainly(asked: Asked, no: Refused) -> Identification:
         error=None,
         model=model.with_values({k: e.value for k, e in known.items()}),
         record=asked.seen[0] if asked.seen else None,
-        messages=(*said, ONLY_PLAIN.format(no)),
+        messages=(*model.remarks(), *said, ONLY_PLAIN.format(no)),
         declared=model,
     )
 

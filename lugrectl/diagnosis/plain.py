@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -29,13 +30,20 @@ def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
     parts, noticed = stretches(logs)
     fixed = {k: v for k, v in model.known().items() if k in model.held()}
     found = balance(parts, model, fixed)
-    known = {k: v for k, v in model.known().items() if k in LEVELS and k in found.uncertain}
+    known = {k: v for k, v in model.known().items() if k in LEVELS and _open(k, found)}
     taken = [TAKEN.format(k, v, model.unit(k)) for k, v in known.items()]
     if known:
         found = balance(parts, model, fixed | known)
     said = _reading(logs)
     notes = tuple(dict.fromkeys([*said, *noticed, *found.notes, *taken]))
     return replace(found, notes=notes, stretches=tuple(parts), motion=model.motion)
+
+
+def _open(key: str, found: Balance) -> bool:
+    """Whether a log shows a value together with others only."""
+    sums = (re.findall(r"[A-Za-z_]\w*", c.text) for c in found.combinations)
+    alone = key in found.parameters
+    return key in found.uncertain or not alone and any(key in names for names in sums)
 
 
 def _reading(logs: Sequence[Log]) -> list[str]:

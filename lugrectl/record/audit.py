@@ -39,7 +39,11 @@ def audit(record: Record, labels: Mapping[str, str | None] | None = None) -> Rec
 
 
 def _alive(record: Record) -> None:
-    what = {"u": "dead torque channel", "w": "nothing moves", "theta": "nothing moves"}
+    what = {
+        "u": "dead torque channel, or a drive that coasts",
+        "w": "nothing moves",
+        "theta": "nothing moves",
+    }
     for role, meaning in what.items():
         values = getattr(record, role)
         if values is not None and np.ptp(values) <= 1e-9 * np.abs(values).max(initial=0.0):

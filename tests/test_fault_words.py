@@ -1,4 +1,4 @@
-"""What the fit by simulation and the plain answer both notice is said once."""
+"""What is noticed in a log is said once, truly, and names what was left out."""
 
 import json
 from dataclasses import replace
@@ -118,3 +118,36 @@ def test_an_early_or_uncertain_or_short_delay_shifts_nothing(value, ends):
         Asked.of(columns(), {}).plain, parameters={"u_delay": Estimate(value, "s", ends)}
     )
     assert in_time(record, plain) is record
+
+
+def coasting():
+    """Two runs of J dw/dt = -Fc sign(w) - Fv w from 30 and -45 rad/s, u = 0 throughout."""
+    runs, dt = [], 1e-3
+    for start in (30.0, -45.0):
+        w = np.empty(1500)
+        w[0] = abs(start)
+        for k in range(1499):
+            w[k + 1] = max(w[k] - dt * (0.12 + 0.006 * w[k]) / 0.004, 0.0)
+        noise = 0.02 * np.random.default_rng(3).standard_normal(1500)
+        t = np.arange(1500) * dt
+        runs.append({"t": t, "u": 0 * t, "w": np.sign(start) * w + noise})
+    return runs
+
+
+def test_a_declared_inertia_gives_the_friction_of_a_drive_that_coasts():
+    plain = Asked.of(coasting(), {"plant": {"J": 0.004}, "friction": {"model": "coulomb"}}).plain
+    assert plain.parameters["Fc"].value == pytest.approx(0.12, rel=0.02)
+    assert plain.parameters["Fv"].value == pytest.approx(0.006, rel=0.02)
+    assert (
+        "J is taken as declared, 0.004 kg m2: this log does not determine it alone." in plain.notes
+    )
+    assert not any("give J" in note for note in plain.notes)
+
+
+def test_without_it_the_ratios_are_certain_and_no_channel_is_called_dead_alone():
+    found = identify(coasting(), {"friction": {"model": "coulomb"}})
+    assert {c.text: c.value for c in found.plain.combinations}["Fc / J"] == pytest.approx(
+        30, rel=0.02
+    )
+    (reason,) = (m for m in found.messages if "dead torque channel" in m)
+    assert reason.endswith("or a drive that coasts.")
