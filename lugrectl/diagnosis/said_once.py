@@ -15,8 +15,9 @@ ALIKE = (
     (r"w is not d theta/dt but \S+ times it: w is ignored", r"w is \S+ times dtheta/dt"),
     (r"The torque column lags the motion by ", r"u comes \S+ ms late"),
     (r"u stays at exactly ", r"u stays at the end of its register"),
-    (r"\d+ runs at steady speed were taken as one map", r"the runs keep one speed each"),
 )
+# the same, but the words of the fit say more and are kept
+FULLER = ((r"\d+ runs at steady speed were taken as one map", r"the runs keep one speed each"),)
 
 
 def said_once(said: Sequence[str], notes: Sequence[str]) -> tuple[str, ...]:
@@ -25,12 +26,11 @@ def said_once(said: Sequence[str], notes: Sequence[str]) -> tuple[str, ...]:
     A sentence on one of several logs stands with the name of that log only.
     """
     bare = {note.split(": ", 1)[1] for note in notes if ": " in note}
-    kept = [s for s in said if s not in bare and not any(_same(s, note) for note in notes)]
-    return tuple(dict.fromkeys([*kept, *notes]))
+    kept = [s for s in said if s not in bare and not any(_same(ALIKE, s, n) for n in notes)]
+    new = [n for n in notes if not any(_same(FULLER, s, n) for s in said)]
+    return tuple(dict.fromkeys([*kept, *new]))
 
 
-def _same(sentence: str, note: str) -> bool:
-    """Whether the two say the same in different words."""
-    if sentence == note:
-        return False
-    return any(re.search(mine, sentence) and re.search(its, note) for mine, its in ALIKE)
+def _same(pairs: Sequence[tuple[str, str]], sentence: str, note: str) -> bool:
+    """Whether a sentence of the fit and a note of the plain answer are one of these pairs."""
+    return any(re.search(mine, sentence) and re.search(its, note) for mine, its in pairs)
