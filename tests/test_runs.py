@@ -29,7 +29,9 @@ def test_offset_and_friction_of_a_run_are_found(runs):
     first, second, model = runs
     found = identify([first, second], model)
     (said,) = [m for m in found.messages if "between run 2 and run 1" in m]
-    assert float(said.split("offset ")[1].split(" N m")[0]) == pytest.approx(0.011, abs=0.001)  # 0.4 % of Fc
+    assert float(said.split("offset ")[1].split(" N m")[0]) == pytest.approx(
+        0.011, abs=0.001
+    )  # 0.4 % of Fc
     assert 2.0 < float(said.split("friction ")[1].split(" %")[0]) < 6.0
     alone = identify(first, model)
     for k in ("J", "Fc", "Fv"):
@@ -55,7 +57,9 @@ def test_a_run_that_is_held_out_may_differ_too(runs):
     result = diagnose(first, model, holdout=offset)
     assert result.verdict == "adequate"
     (said,) = [m for m in result.messages if "between run 2 and run 1" in m]
-    assert float(said.split("offset ")[1].split(" N m")[0]) == pytest.approx(0.011, abs=0.001)  # 0.4 % of Fc
+    assert float(said.split("offset ")[1].split(" N m")[0]) == pytest.approx(
+        0.011, abs=0.001
+    )  # 0.4 % of Fc
     pushed = replace(offset, u=offset.u + 0.05 * np.sin(2.0 * offset.t))
     assert diagnose(first, model, holdout=pushed).verdict == "unexplained"
 

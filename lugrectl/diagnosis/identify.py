@@ -38,6 +38,7 @@ from .floor import failure
 from .plain import with_plain
 
 ONLY_PLAIN = "The values are those of the torque balance alone, without errors of a simulation: {}"
+OF_CHANNELS = frozenset(("u_delay", "w_gain", "w_offset", "w_lag", "drift"))
 
 
 @dataclass(frozen=True, repr=False)
@@ -123,21 +124,30 @@ def identify(
 
 
 def _plainly(asked: Asked, no: Refused) -> Identification:
-    """What the torque balance knows where the finer fit is refused; Refused if that is nothing."""
+    """What the torque balance knows where the finer fit is refused.
+
+    Refused if it knows nothing of the drive; how its sensors behave is no answer.
+    """
     plain, model = asked.plain, asked.model
-    if not (plain.parameters or plain.combinations):
+    if not (plain.parameters.keys() - OF_CHANNELS or plain.combinations):
         no.plain = plain
         raise no
-    known = {k: e for k, e in plain.parameters.items() if k in model.declarations()}
-    said = asked.seen[0].messages if asked.seen else ()
+    declared = {k: e for k, e in plain.parameters.items() if k in model.declarations()}
+    known = {k: e for k, e in declared.items() if _possible(k, e.value)}
+    said = asked.seen[0].messages if asked.seen and not asked.several else ()
     return Identification(
         estimates=known,
         error=None,
         model=model.with_values({k: e.value for k, e in known.items()}),
         record=asked.seen[0] if asked.seen else None,
-        messages=(*said, ONLY_PLAIN.format(no)),
+        messages=(*model.remarks(), *said, ONLY_PLAIN.format(no)),
         declared=model,
     )
+
+
+def _possible(key: str, value: float) -> bool:
+    """Whether a drive may have this value, however wide its interval: no inertia is negative."""
+    return value > 0 if key == "J" else value >= 0 or key not in ("Fc", "Fv")
 
 
 def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:

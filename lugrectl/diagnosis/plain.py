@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -11,6 +12,7 @@ from ..identification.balance import Balance, balance, unlike
 from ..model import Model
 from ..record import Log, Record, stretches
 from ..results import Diagnosis
+from .said_once import said_once
 
 if TYPE_CHECKING:
     from .asking import Asked
@@ -34,19 +36,31 @@ def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
     noticed = [*runs.said, *([OTHERS] if runs.said else []), *runs.notes, *noticed]
     fixed = {k: v for k, v in model.known().items() if k in model.held()}
     found = balance(parts, model, fixed)
-    known = {k: v for k, v in model.known().items() if k in LEVELS and k in found.uncertain}
+    known = {k: v for k, v in model.known().items() if k in LEVELS and _open(k, found)}
     taken = [TAKEN.format(k, v, model.unit(k)) for k, v in known.items()]
     if known:
         found = balance(parts, model, fixed | known)
-    said = [message for log in logs for message in log.messages]
     return replace(
         found,
         notes=tuple(dict.fromkeys([*found.notes, *taken])),
-        reading=tuple(dict.fromkeys([*said, *noticed])),
+        reading=tuple(dict.fromkeys([*_reading(logs), *noticed])),
         stretches=tuple(parts),
         motion=model.motion,
         unlike=runs.said,
     )
+
+
+def _open(key: str, found: Balance) -> bool:
+    """Whether a log shows a value together with others only."""
+    sums = (re.findall(r"[A-Za-z_]\w*", c.text) for c in found.combinations)
+    alone = key in found.parameters
+    return key in found.uncertain or not alone and any(key in names for names in sums)
+
+
+def _reading(logs: Sequence[Log]) -> list[str]:
+    """How the logs were read; what is not so in all of them, with the name of the log."""
+    common = set(logs[0].messages).intersection(*(log.messages for log in logs))
+    return [m if m in common else f"{log.source}: {m}" for log in logs for m in log.messages]
 
 
 def refusal(
@@ -61,12 +75,12 @@ def refusal(
         experiment=no.experiment,
         declared=model,
         record=records[0] if records else None,
-        messages=tuple(dict.fromkeys([*said, *notes])),
+        messages=said_once(said, notes),
         plain=plain,
     )
 
 
 def with_plain(result: Any, asked: Asked) -> Any:
     """A result with the plain answer beside it, and what was noticed when the logs were read."""
-    new = [note for note in asked.plain.reading if note not in result.messages]
-    return replace(result, plain=asked.plain, messages=(*result.messages, *new))
+    messages = said_once(result.messages, asked.plain.reading)
+    return replace(result, plain=asked.plain, messages=messages)

@@ -21,6 +21,7 @@ _EXPONENT = r"(?:[eEdD][+-]?\d+)?"
 # Numbers with commas: of groups of thousands, or of decimals.
 _ENGLISH = re.compile(rf"[+-]?(?:[1-9]\d{{0,2}}(?:,\d{{3}})+|\d*)(?:\.\d*)?{_EXPONENT}")
 _GERMAN = re.compile(rf"[+-]?(?:[1-9]\d{{0,2}}(?:\.\d{{3}})+|\d*)(?:,\d*)?{_EXPONENT}")
+_TYPED_OVER = re.compile(rf"[+-]?\d+(?:\.\d*)?{_EXPONENT}[\s,;(]+[A-Za-z].*")
 FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")
 
 
@@ -50,6 +51,11 @@ def _with_point(cell: str) -> str:
     if _ENGLISH.fullmatch(cell):
         return cell.replace(",", "")
     return cell.replace(".", "").replace(",", ".") if _GERMAN.fullmatch(cell) else cell
+
+
+def with_remark(cell: str) -> bool:
+    """Whether a cell was typed over by hand: a number and words beside it, "-1200, was -8.9"."""
+    return bool(_TYPED_OVER.fullmatch(cell.strip()))
 
 
 def is_number(cell: str) -> bool:
@@ -104,4 +110,4 @@ def _mixed(source: str, rows: Sequence[tuple[int, list[str]]]) -> list[str]:
             raise InputError(
                 f"{source}: line {line} mixes decimal points and decimal commas; use one."
             )
-    return [DECIMAL_COMMAS]
+    return [DECIMAL_COMMAS] if commas else []

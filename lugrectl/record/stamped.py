@@ -60,7 +60,6 @@ class Stamped:
         made = cls(log.source, log.motion, log.t, finite, log.where, log.labels)
         made.rows = np.arange(len(log.t))
         made.new = np.isin(made.rows, (0, *log.cuts))
-        made.steps = smallest_steps(made.channels)
         return made
 
     def copy(self) -> Stamped:

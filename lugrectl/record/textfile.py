@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from .cells import DECIMAL_COMMAS, is_missing, is_number, number, without_commas
+from .cells import DECIMAL_COMMAS, is_missing, is_number, number, with_remark, without_commas
 from .names import split_unit as split_unit
 from .preambles import keyed, preamble_units
 from .stamps import is_stamp, seconds
@@ -311,7 +311,10 @@ def _parsed(body: list[str], layout: _Layout, indices: Sequence[int]) -> np.ndar
 
 
 def _load_slow(source: str, lines: list[str], layout: _Layout, indices: Sequence[int]) -> Columns:
-    """Read cell by cell: an empty cell is a missing sample, other text raises InputError."""
+    """Read cell by cell: an empty cell is a missing sample, and so is one that was typed over.
+
+    Other text raises InputError.
+    """
     said: list[str] = []
     rows: list[tuple[int, list[str]]] = []
     last = max(k for k, line in enumerate(lines) if line.strip()) - layout.first
@@ -329,16 +332,21 @@ def _load_slow(source: str, lines: list[str], layout: _Layout, indices: Sequence
                 f"the header names {layout.width} columns."
             )
         rows.append((line_number, [cells[i] for i in indices]))
-    numbers = [row[0] for row in rows]
+    lines_of = [row[0] for row in rows]
     cleaned, commas = without_commas(source, rows)
     columns = []
     for i, cells in zip(indices, zip(*cleaned, strict=True), strict=True):
-        columns.append(_column(source, layout, i, numbers, cells))
+        columns.append(_column(source, layout, i, lines_of, cells, said))
     return columns, [*commas, *said]
 
 
 def _column(
-    source: str, layout: _Layout, i: int, numbers: list[int], cells: Sequence[str]
+    source: str,
+    layout: _Layout,
+    i: int,
+    lines_of: list[int],
+    cells: Sequence[str],
+    said: list[str],
 ) -> np.ndarray:
     try:
         if i in layout.stamped:
@@ -348,26 +356,29 @@ def _column(
             return (whole - whole[0]).astype(np.float64)
     except ValueError as error:
         if i in layout.stamped:
-            _not_a_number(source, layout, i, numbers, cells, int(error.args[0]))
+            _not_a_number(source, layout, i, lines_of, cells, int(error.args[0]))
     try:
         if not any("_" in cell for cell in cells):
             return np.array(list(map(float, cells)))
     except ValueError:
         pass
-    values = np.empty(len(cells))
+    values = np.full(len(cells), np.nan)
     for k, cell in enumerate(cells):
         try:
             values[k] = number(cell)
         except ValueError:
-            _not_a_number(source, layout, i, numbers, cells, k)
+            if not with_remark(cell):
+                _not_a_number(source, layout, i, lines_of, cells, k)
+            place = f"line {lines_of[k]}, column '{layout.names[i]}'"
+            said.append(f"The cell in {place} was typed over: '{cell}' is left out.")
     return values
 
 
 def _not_a_number(
-    source: str, layout: _Layout, i: int, numbers: list[int], cells: Sequence[str], k: int
+    source: str, layout: _Layout, i: int, lines_of: list[int], cells: Sequence[str], k: int
 ) -> None:
     raise InputError(
-        f"{source}: line {numbers[k]}, column '{layout.names[i]}': '{cells[k]}' is not a "
+        f"{source}: line {lines_of[k]}, column '{layout.names[i]}': '{cells[k]}' is not a "
         f"{'date or time of day' if i in layout.stamped else 'number'}."
     ) from None
 

@@ -10,7 +10,7 @@ from .evenness import use_true_times
 from .held import keep_renewed
 from .log import Log
 from .position import make_continuous, unwrap_positions
-from .stamped import Stamped
+from .stamped import Stamped, smallest_steps
 from .torque import leave_out_untrue_torque, unwrap_torque
 
 
@@ -39,6 +39,7 @@ def _found(log: Log) -> Stamped:
     use_true_times(made)
     leave_out_bad_samples(made, "theta", "w")
     make_continuous(made)
+    made.steps = smallest_steps(made.channels)  # a bad sample would hide them
     unwrap_torque(made)  # its wraps would look like bad samples
     leave_out_bad_samples(made, "u")
     keep_renewed(made)

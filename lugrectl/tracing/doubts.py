@@ -72,7 +72,8 @@ def refuse_unfit(records: Sequence[Record], model: Model, data: Data) -> tuple[s
 
 def refuse_dead(records: Sequence[Record]) -> None:
     """Refuse channels that are constant over all records; needs no ``Data``."""
-    what = {"u": "dead torque channel", "w": "nothing moves", "theta": "nothing moves"}
+    dead = "dead torque channel, or a drive that coasts"
+    what = {"u": dead, "w": "nothing moves", "theta": "nothing moves"}
     for role, meaning in what.items():
         given = [r.channels()[role] for r in records if role in r.channels()]
         low, high = min(map(np.min, given), default=0.0), max(map(np.max, given), default=1.0)

@@ -122,8 +122,8 @@ def refuse_unidentified_inertia(base: Fitted, declared: Model, where: str) -> No
     low, high = base.intervals().get("J", (0.0, np.inf))
     if high - low > J:
         raise Refused(
-            f"{where}: the record hardly determines the inertia: {J:.3g} {unit} fits best, but "
-            f"any value from {low:.3g} to {high:.3g} {unit} fits about as well.",
+            f"{where}: the fit by simulation hardly determines the inertia: {J:.3g} {unit} fits "
+            f"best, but {_range(low, high, unit)} fits about as well.",
             "Record a motion with clear acceleration in both directions, or declare J.",
         )
 
@@ -241,3 +241,12 @@ def _with_effect(core: Model, part, data: Data, train: Windows) -> Model:
     found = {k: start[f"{trials[0].key}.{k}"] for k in part.values}
     given = {k: v for k, v in part.values.items() if v is not None}
     return core.with_effect(part.block.name, found | given)
+
+
+def _range(low: float, high: float, unit: str) -> str:
+    """'any value', or the values between two bounds in words."""
+    if low > 0 and np.isfinite(high):
+        return f"any value from {low:.3g} to {high:.3g} {unit}"
+    if np.isfinite(high):
+        return f"any value up to {high:.3g} {unit}"
+    return f"any value above {low:.3g} {unit}" if low > 0 else "any other value"

@@ -104,9 +104,14 @@ def _late(delay: Estimate | None, dt: float) -> list[str]:
     low, high = sorted(abs(x) * 1e3 for x in delay.ci95)
     if delay.ci95[0] <= 0 <= delay.ci95[1] or abs(delay.value) < dt:
         return []
-    side = "late" if delay.value < 0 else "early"
-    size = f"{abs(delay.value) * 1e3:.3g} ms {side} [{low:.3g}, {high:.3g}]"
-    return [f"u comes {size}, compared with the motion: the balance shifts it by that time."]
+    size = f"{abs(delay.value) * 1e3:.3g} ms {{}} [{low:.3g}, {high:.3g}]"
+    if delay.value < 0:
+        return [
+            f"u comes {size.format('late')}, compared with the motion: the balance shifts it by "
+            "that time."
+        ]
+    how = "as after a delay in the drive or with a late sensor"
+    return [f"u comes {size.format('early')}, {how}: the balance shifts it by that time."]
 
 
 def _counted(made: Fit) -> int:

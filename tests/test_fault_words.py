@@ -1,0 +1,155 @@
+"""What is noticed in a log is said once, truly, and names what was left out."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lugrectl import InputError, Refused, identify, read_record
+from lugrectl.cli import main
+from lugrectl.diagnosis.asking import Asked
+from lugrectl.diagnosis.said_once import said_once
+from lugrectl.diagnosis.shifted import in_time
+from lugrectl.record.cells import with_remark
+from lugrectl.results import Estimate
+
+from .test_fault_kinds import columns, late, put, with_w, write
+
+LATE = "w is 8.00 ms behind dtheta/dt: shifted by that time."
+
+
+@pytest.mark.parametrize(
+    ("sentence", "note"),
+    [
+        ("w lags theta by 8.1 ms, as a filtered velocity does: not changed.", LATE),
+        ("w is not d theta/dt but 0.85 times it: w is ignored and so on.", LATE),
+        ("t is repeated in 3 rows.", "first.csv: t is repeated in 3 rows."),
+    ],
+)
+def test_one_of_two_sentences_that_say_the_same_is_left(sentence, note):
+    assert said_once([sentence, "other"], [note]) == ("other", note)
+
+
+def test_the_sentence_that_says_more_is_left():
+    of_fit = "12 runs at steady speed were taken as one map; they do not identify J, sigma0."
+    note = "the runs keep one speed each: they are a map, which does not show J."
+    assert said_once([of_fit], [note, LATE]) == (of_fit, LATE)
+
+
+def test_sentences_on_other_things_stay():
+    said = ("w is 0.1 rad/s too high: w is ignored.", "w has the opposite sign of d theta/dt.")
+    assert said_once(said, [LATE]) == (*said, LATE)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [late(9), with_w(lambda w: np.r_[w[:1].repeat(4), w[:-4]]), put("theta", 900, 1e30)],
+)
+def test_no_sentence_of_the_json_comes_twice(tmp_path, capsys, change):
+    path = write(tmp_path, change(columns()))
+    (tmp_path / "m.toml").write_text('name = "drive"\n[plant]\n[friction]\nmodel = "coulomb"\n')
+    main(["identify", str(path), "--model", str(tmp_path / "m.toml"), "--json"])
+    messages = json.loads(capsys.readouterr().out)["messages"]
+    assert len(set(messages)) == len(messages)
+    assert sum("behind dtheta/dt" in m or "lags theta" in m for m in messages) <= 1
+    assert not any("steps of the sensor" in m for m in messages)
+
+
+def test_a_log_that_shows_its_sensors_only_is_refused():
+    """Noise in place of the torque: how late the speed is says nothing of the drive."""
+    log = columns("w")
+    log["u"] = 0.3 * np.random.default_rng(1).standard_normal(len(log["t"]))
+    with pytest.raises(Refused) as no:
+        identify(log, {})
+    assert no.value.plain is not None and "J" not in no.value.plain.parameters
+
+
+@pytest.mark.parametrize("cell", ["-1200,,was -8.9", "3.5 (typed)", "0; see note", "1e3 error"])
+def test_a_number_with_words_beside_it_was_typed_over(cell):
+    assert with_remark(cell)
+
+
+@pytest.mark.parametrize("cell", ["abc", "1.2.3", "12_3", "3.5", "1,000", "2024-03-09"])
+def test_other_cells_were_not(cell):
+    assert not with_remark(cell)
+
+
+def test_other_text_in_a_cell_is_an_error(tmp_path):
+    log = columns()
+    path = write(tmp_path, log | {"u": ["12_3", *(f"{x:.9g}" for x in log["u"][1:])]})
+    with pytest.raises(InputError, match="line 2, column 'u': '12_3' is not a number"):
+        read_record(path)
+
+
+def test_a_few_rows_that_rise_are_not_called_noise():
+    rows = np.arange(13.0)
+    with pytest.raises(Refused) as no:
+        identify({"t": 0.02 * rows, "u": 0.2 + 0.1 * rows, "w": 0.06 + 0.9 * rows}, {})
+    assert "noise" not in str(no.value) and "too short" in str(no.value)
+
+
+def test_the_fit_sees_a_late_torque_beside_its_motion(tmp_path):
+    path = write(tmp_path, late(9)(columns()))
+    asked = Asked.of(path, {})
+    record, sound = asked.records(), columns()
+    assert record.samples == len(sound["t"]) - 9
+    np.testing.assert_allclose(record.u, sound["u"][:-9], atol=1e-9)
+    np.testing.assert_allclose(record.theta, sound["theta"][:-9], atol=1e-6)
+
+
+def test_each_piece_of_a_record_is_shifted_by_itself():
+    log = columns()
+    record = Asked.of(log, {}).records()
+    cut = replace(record, gaps=(1500, 1505))
+    plain = replace(
+        Asked.of(log, {}).plain, parameters={"u_delay": Estimate(-0.0081, "s", (-0.0083, -0.0079))}
+    )
+    moved = in_time(cut, plain)
+    assert moved.gaps == (1496,) and moved.samples == record.samples - 5 - 8
+    np.testing.assert_array_equal(moved.u[1496:], record.u[1509:])
+    np.testing.assert_array_equal(moved.theta[1496:], record.theta[1505:-4])
+
+
+@pytest.mark.parametrize(
+    "value, ends", [(0.009, (0.008, 0.01)), (-0.009, (-0.02, 0.002)), (-1e-3, (-2e-3, -5e-4))]
+)
+def test_an_early_or_uncertain_or_short_delay_shifts_nothing(value, ends):
+    record = Asked.of(columns(), {}).records()
+    plain = replace(
+        Asked.of(columns(), {}).plain, parameters={"u_delay": Estimate(value, "s", ends)}
+    )
+    assert in_time(record, plain) is record
+
+
+def coasting():
+    """Two runs of J dw/dt = -Fc sign(w) - Fv w from 30 and -45 rad/s, u = 0 throughout."""
+    runs, dt = [], 1e-3
+    for start in (30.0, -45.0):
+        w = np.empty(1500)
+        w[0] = abs(start)
+        for k in range(1499):
+            w[k + 1] = max(w[k] - dt * (0.12 + 0.006 * w[k]) / 0.004, 0.0)
+        noise = 0.02 * np.random.default_rng(3).standard_normal(1500)
+        t = np.arange(1500) * dt
+        runs.append({"t": t, "u": 0 * t, "w": np.sign(start) * w + noise})
+    return runs
+
+
+def test_a_declared_inertia_gives_the_friction_of_a_drive_that_coasts():
+    plain = Asked.of(coasting(), {"plant": {"J": 0.004}, "friction": {"model": "coulomb"}}).plain
+    assert plain.parameters["Fc"].value == pytest.approx(0.12, rel=0.02)
+    assert plain.parameters["Fv"].value == pytest.approx(0.006, rel=0.02)
+    assert (
+        "J is taken as declared, 0.004 kg m2: this log does not determine it alone." in plain.notes
+    )
+    assert not any("give J" in note for note in plain.notes)
+
+
+def test_without_it_the_ratios_are_certain_and_no_channel_is_called_dead_alone():
+    found = identify(coasting(), {"friction": {"model": "coulomb"}})
+    assert {c.text: c.value for c in found.plain.combinations}["Fc / J"] == pytest.approx(
+        30, rel=0.02
+    )
+    (reason,) = (m for m in found.messages if "dead torque channel" in m)
+    assert reason.endswith("or a drive that coasts.")
