@@ -1,7 +1,6 @@
 """What is noticed in a log is said once, truly, and names what was left out."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,9 +9,7 @@ from lugrectl import InputError, Refused, identify, read_record
 from lugrectl.cli import main
 from lugrectl.diagnosis.asking import Asked
 from lugrectl.diagnosis.said_once import said_once
-from lugrectl.diagnosis.shifted import in_time
 from lugrectl.record.cells import with_remark
-from lugrectl.results import Estimate
 
 from .test_fault_kinds import columns, late, put, with_w, write
 
@@ -87,39 +84,6 @@ def test_a_few_rows_that_rise_are_not_called_noise():
     with pytest.raises(Refused) as no:
         identify({"t": 0.02 * rows, "u": 0.2 + 0.1 * rows, "w": 0.06 + 0.9 * rows}, {})
     assert "noise" not in str(no.value) and "too short" in str(no.value)
-
-
-def test_the_fit_sees_a_late_torque_beside_its_motion(tmp_path):
-    path = write(tmp_path, late(9)(columns()))
-    asked = Asked.of(path, {})
-    record, sound = asked.records(), columns()
-    assert record.samples == len(sound["t"]) - 9
-    np.testing.assert_allclose(record.u, sound["u"][:-9], atol=1e-9)
-    np.testing.assert_allclose(record.theta, sound["theta"][:-9], atol=1e-6)
-
-
-def test_each_piece_of_a_record_is_shifted_by_itself():
-    log = columns()
-    record = Asked.of(log, {}).records()
-    cut = replace(record, gaps=(1500, 1505))
-    plain = replace(
-        Asked.of(log, {}).plain, parameters={"u_delay": Estimate(-0.0081, "s", (-0.0083, -0.0079))}
-    )
-    moved = in_time(cut, plain)
-    assert moved.gaps == (1496,) and moved.samples == record.samples - 5 - 8
-    np.testing.assert_array_equal(moved.u[1496:], record.u[1509:])
-    np.testing.assert_array_equal(moved.theta[1496:], record.theta[1505:-4])
-
-
-@pytest.mark.parametrize(
-    "value, ends", [(0.009, (0.008, 0.01)), (-0.009, (-0.02, 0.002)), (-1e-3, (-2e-3, -5e-4))]
-)
-def test_an_early_or_uncertain_or_short_delay_shifts_nothing(value, ends):
-    record = Asked.of(columns(), {}).records()
-    plain = replace(
-        Asked.of(columns(), {}).plain, parameters={"u_delay": Estimate(value, "s", ends)}
-    )
-    assert in_time(record, plain) is record
 
 
 def coasting():
