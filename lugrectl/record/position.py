@@ -14,7 +14,7 @@ from .stuck import leave_out_stuck
 
 _TURNS = 16  # most turns after which a counter wraps (57 turns would look like 360 deg)
 _TURN = 2 * np.pi
-_SMALL = 0.2  # of the period, largest step of a motion that shows its wraps
+_SMALL = 1 / 3  # of the period, largest step beside which a wrap (above two thirds) is plain
 _BRIEF = 4  # rows that may be off together
 _BITS = (8, 10, 12, 14, 15, 16, 18, 20, 24, 31, 32)  # of counters
 
