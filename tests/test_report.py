@@ -109,7 +109,7 @@ def test_names_are_listed_as_in_a_sentence():
 def test_readable_units_change_no_value(values, unit):
     factor, shown = wording.readable(values, unit)
     assert {1.0: "", 1e3: "m", 1e6: "u"}[factor] + unit == shown
-    assert factor == 1.0 or max(values) * factor >= 0.1 or max(values) < 1e-7
+    assert factor == 1.0 or max(values) * factor >= 0.1 or max(values) <= 1e-7
 
 
 # --- HTML --------------------------------------------------------------------------------
