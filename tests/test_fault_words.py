@@ -30,7 +30,7 @@ def test_one_of_two_sentences_that_say_the_same_is_left(sentence, note):
 
 def test_the_sentence_that_says_more_is_left():
     of_fit = "12 runs at steady speed were taken as one map; they do not identify J, sigma0."
-    note = "the runs keep one speed each: they are a map, which does not show J."
+    note = "The runs keep one speed each: they are a map, which does not show J."
     assert said_once([of_fit], [note, LATE]) == (of_fit, LATE)
 
 

@@ -17,7 +17,7 @@ ALIKE = (
     (r"u stays at exactly ", r"u stays at the end of its register"),
 )
 # the same, but the words of the fit say more and are kept
-FULLER = ((r"\d+ runs at steady speed were taken as one map", r"the runs keep one speed each"),)
+FULLER = ((r"\d+ runs at steady speed were taken as one map", r"The runs keep one speed each"),)
 
 
 def said_once(said: Sequence[str], notes: Sequence[str]) -> tuple[str, ...]:

@@ -33,7 +33,7 @@ def answer(ground: Ground, found: Estimated) -> Balance:
     against = contradictions(made, estimates, V, quantile, left, ground.sensors.noise["u"])
     notes += [*more, *against.notes]
     if one_direction(made) and not {"Fc", "constant_torque"} & {*ground.held}:
-        notes.append("the motion goes in one direction: to separate Fc from a constant torque, "
+        notes.append("The motion goes in one direction: to separate Fc from a constant torque, "
                      "record the other direction.")  # fmt: skip
     sure = {
         a.key
@@ -138,7 +138,7 @@ def _small_angle(
     wider = V.copy()
     wider[k, k] += room
     note = (
-        f"the position changes by {ground.travel.span:.2g} rad only: a constant torque and "
+        f"The position changes by {ground.travel.span:.2g} rad only: a constant torque and "
         "gravity cannot be separated, but their sum is certain."
     )
     value = float(made.p[k])

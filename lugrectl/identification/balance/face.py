@@ -18,7 +18,7 @@ from .offset import with_offset
 from .result import Balance
 
 SINGULAR = (
-    "the terms of the balance cannot be separated on this record: its torque or its motion hardly "
+    "The terms of the balance cannot be separated on this record: its torque or its motion hardly "
     "changes."
 )
 
@@ -75,7 +75,7 @@ def _answered(ground: Ground) -> Balance:
     ground = with_offset(ground)
     found = estimate(ground)
     if found is None:
-        reason = "too few samples between gaps for one window, or u is 0 in all of them."
+        reason = "Too few samples between gaps for one window, or u is 0 in all of them."
         return Balance(notes=(*ground.notes, reason), is_map=ground.is_map)
     return answer(ground, found)
 

@@ -81,7 +81,7 @@ def ground_of(
     """The record prepared for a fit."""
     tracks = tracks_of(stretches)
     if not tracks:
-        return Unanswerable(("no stretch of the record has more than 12 good samples.",))
+        return Unanswerable(("No stretch of the record has more than 12 good samples.",))
     if tracks[0].theta is None and tracks[0].w is None:
         return Unanswerable(("the runs have no motion signal in common: theta or w.",))
     seen = _seen(tracks, held)
@@ -106,7 +106,7 @@ def _seen(tracks: list[Track], held: Mapping[str, float]) -> Seen | Unanswerable
     if still is not None:
         notes = [
             *notes,
-            "the runs keep one speed each: they are a map, which does not show J.",
+            "The runs keep one speed each: they are a map, which does not show J.",
         ]
     return Seen(tracks, sensors, comparison, tuple(notes), speed, noise, still is not None)
 

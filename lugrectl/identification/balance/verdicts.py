@@ -64,7 +64,7 @@ def _signs(
     hardly = high.get("Fc", 0.0) < LITTLE * made.torque
     if idle and hardly and loss < SHARE_OF_TORQUE * made.torque * np.mean(np.abs(w)):
         return _nothing(
-            "impossible: the inertia comes out negative and there is no friction. u follows the "
+            "Impossible: the inertia comes out negative and there is no friction. u follows the "
             "motion (the log of a controller, a hand or another axis that moves it), or has the "
             "wrong sign."
         )
@@ -73,7 +73,7 @@ def _signs(
     refused |= {k for k in below if high[k] < 0}
     if high.get("J", 1.0) < 0:
         notes.append(
-            "the inertia comes out negative: its torque is not in u (was it subtracted before?)."
+            "The inertia comes out negative: its torque is not in u (was it subtracted before?)."
         )
     elif loss < 0 and np.mean(made.windows.u * w) < 0:
         notes.append(
