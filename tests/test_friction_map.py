@@ -13,6 +13,7 @@ from lugrectl.cli import main
 from lugrectl.errors import InputError
 from lugrectl.model import model_from_dict
 from lugrectl.report import text
+from lugrectl.report.log_plot import drawings
 from lugrectl.steady.points import is_map, points
 from lugrectl.steady.swing import swings
 from tests.blind import maps
@@ -179,7 +180,9 @@ def test_plots_and_pages_show_the_map():
     labels = [ax.get_xlabel() for ax in found.plot()]
     assert labels.count("w [rad/s]") == 2
     page = found._repr_html_()
-    assert page.count("<svg") >= 3 and "Mean torque of the held-out runs" in str(found)
+    assert page.count("<svg") == 3 + len(
+        drawings(found.plain)
+    ) and "Mean torque of the held-out runs" in str(found)
     document = json.loads(found.to_json())
     assert len(document["map"]["w"]) == len(document["map"]["held_out"]) == len(found.map.w)
     assert document["error"]["signal"] == "u"

@@ -15,15 +15,12 @@ J, FC, FV = 0.0022, 0.22, 0.012
 def moved(seconds=6.0, dt=2e-3, offset=0.0, seed=1):
     """An independent drive with Coulomb and viscous friction; ``offset`` is its mean speed."""
     t = np.arange(0.0, seconds, dt)
-    w = offset + 3.0 * np.sin(3.0 * t) + 1.5 * np.sin(7.3 * t + 1.0)
-    a = 9.0 * np.cos(3.0 * t) + 10.95 * np.cos(7.3 * t + 1.0)
     theta = offset * t - np.cos(3.0 * t) - 1.5 / 7.3 * np.cos(7.3 * t + 1.0)
     middle = t + dt / 2  # the torque is held over the sample that follows
     w_mid = offset + 3.0 * np.sin(3.0 * middle) + 1.5 * np.sin(7.3 * middle + 1.0)
     a_mid = 9.0 * np.cos(3.0 * middle) + 10.95 * np.cos(7.3 * middle + 1.0)
     u = J * a_mid + FC * np.sign(w_mid) + FV * w_mid
     noise = np.random.default_rng(seed).normal(0.0, 2e-5, len(t))
-    assert len(a) == len(w)
     return {"t": t, "u": u, "theta": theta + noise}
 
 

@@ -16,6 +16,7 @@ from lugrectl.errors import InputError
 from lugrectl.fleet import Outcome
 from lugrectl.model_file import read_model
 from lugrectl.outputs import ParameterTable
+from lugrectl.report.log_plot import drawings
 from lugrectl.results import Estimate
 
 from .made_up import bare, diagnosis
@@ -189,7 +190,7 @@ def test_an_identification_prints_declared_beside_fitted(found):
 def test_an_identification_draws_measured_and_simulated(found):
     axes = found["identified"].plot()
     assert axes[0].get_ylabel() == "w [rad/s]" and axes[0].get_title(loc="left")
-    log = found["identified"].plain.plot()
+    log = drawings(found["identified"].plain)
     assert found["identified"]._repr_html_().count("<figure>") == len(axes) + len(log)
 
 

@@ -53,6 +53,11 @@ class Asked:
 def balance(record: Any, model: Any = None) -> Balance:
     """The plain torque balance of a log, as it stands beside every diagnosis; in a second.
 
+        u(t - T) = J dw/dt + Fc sign(w) + Fv w + constant + gravity(theta) + effects + residual
+
+    in means over windows, by a robust regression: see :mod:`lugrectl.identification.balance`.
+    An effect that is neither declared nor a term biases the values beyond their intervals.
+
     Parameters
     ----------
     record : path, DataFrame, dict of arrays or Record, or a list of them
@@ -60,6 +65,12 @@ def balance(record: Any, model: Any = None) -> Balance:
     model : Model, Parameters, dict or path
         The declared model: its effects are further terms, its held values are known. None:
         nothing is known.
+
+    Returns
+    -------
+    Balance
+        ``parameters`` with 95 % intervals, SI (J in kg m2, Fc in N m, Fv in N m s/rad, u_delay in
+        s; on a linear axis kg, N, N s/m, s), the sums that are certain, the friction curve.
 
     Raises
     ------

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.signal import oaconvolve
 
 from ..identification.balance import Balance
+from ..identification.balance.kernels import weights
 from ..results import Traces
 from ..tracing.data import Data
 from .asking import Asked
@@ -55,7 +56,7 @@ def _means(
     """For each stretch: the residual and that of the balance in the windows, N m."""
     windows, half = plain.residual, plain.half_width or 0.0
     assert windows is not None
-    bump = _bump(half / data.dt)
+    bump = weights(half / data.dt, 0)
     for begin, end in data.runs:
         t, known = data.t[begin:end], np.isfinite(residual[begin:end])
         at = windows.sliding & (windows.run == data.run[begin])
@@ -66,10 +67,3 @@ def _means(
         whole = oaconvolve(known.astype(float), bump, "same") > 1.0 - 1e-6
         usable = np.interp(windows.t[at], t, whole.astype(float)) > 0.999
         yield np.interp(windows.t[at], t, mean)[usable], windows.value[at][usable]
-
-
-def _bump(half: float) -> np.ndarray:
-    """Weights (1 - s^2)^4 over -half..half samples, of sum 1."""
-    s = np.arange(-int(half), int(half) + 1) / max(half, 1.0)
-    made = (1.0 - np.clip(s, -1.0, 1.0) ** 2) ** 4
-    return made / made.sum()

@@ -67,7 +67,7 @@ def refusal(
     no: Refused, model: Model, records: Sequence[Record], plain: Balance | None = None
 ) -> Diagnosis:
     """The diagnosis "refused" with its reason; ``records`` are those that could be read."""
-    notes = (*plain.reading, *plain.notes) if plain is not None else ()
+    notes = plain.said if plain is not None else ()
     said = [message for record in records for message in record.messages]
     return Diagnosis(
         "refused",

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -22,95 +21,90 @@ if TYPE_CHECKING:
     from ..record.stretch import Stretch
 
 MEASURED, FITTED, LEFT_OUT = "#3b4450", COLOURS["after"], "#e9b44c"
+NOTICED = "What was noticed."
 _BINS = 1500  # of time over which a long signal is drawn as a band from least to greatest value
 _LINES = 14  # of remarks beside the plots
 _COLUMNS = 78  # of a line of remarks
 
 
-@dataclass(frozen=True)
-class ReadLog:
-    """What there is to draw of a log: its stretches, the plain answer, what was noticed."""
-
-    stretches: Sequence[Stretch]
-    balance: Balance
-    motion: str
-    notes: tuple[str, ...] = ()
-
-    def starts(self) -> list[float]:
-        """What is added to the time of each stretch, so that runs follow one another."""
-        made, shift, last, run = [], 0.0, 0.0, None
-        for one in self.stretches:
-            if run is not None and one.run != run:
-                shift = last - float(one.t[0])
-            made.append(shift if run is not None else 0.0)
-            run, last = one.run, shift + float(one.t[-1])
-        return made
-
-
-def plot(log: ReadLog) -> list[Axes]:
-    """All panels in one new figure of pyplot; returns their Axes."""
-    return on_pyplot([panel for _, panel in panels(log)], columns=2)
-
-
-def panels(log: ReadLog) -> list[tuple[str, Callable[[Axes], Any]]]:
-    """Caption and panel of each plot that there is something for."""
-    some = log.stretches[0] if log.stretches else None
-    if some is None:
-        return [("What was noticed.", partial(remarks, log))] if log.notes else []
-    made = [("Torque as it was recorded; shaded: left out.", partial(signal, log, role="u"))]
-    for role in ("w", "theta"):
-        if getattr(some, role) is not None:
-            made.append((f"{role} as it was recorded.", partial(signal, log, role=role)))
-    if log.balance.curve:
-        made.append(("Friction over speed, with 95 % bars.", partial(curve, log)))
-    if log.balance.residual is not None:
-        made.append(("What the plain torque balance leaves.", partial(fit, log)))
-    if log.notes:
-        made.append(("What was noticed.", partial(remarks, log)))
+def starts(balance: Balance) -> list[float]:
+    """What is added to the time of each stretch, so that runs follow one another."""
+    made, shift, last, run = [], 0.0, 0.0, None
+    for one in balance.stretches:
+        if run is not None and one.run != run:
+            shift = last - float(one.t[0])
+        made.append(shift if run is not None else 0.0)
+        run, last = one.run, shift + float(one.t[-1])
     return made
 
 
-def drawings(log: ReadLog) -> list[tuple[str, str]]:
-    """Caption and inline SVG of each panel."""
-    made = panels(log)
+def plot(balance: Balance) -> list[Axes]:
+    """All panels in one new figure of pyplot; returns their Axes."""
+    return on_pyplot([panel for _, panel in panels(balance)], columns=2)
+
+
+def panels(balance: Balance) -> list[tuple[str, Callable[[Axes], Any]]]:
+    """Caption and panel of each plot that there is something for."""
+    noticed = (NOTICED, partial(remarks, balance))
+    some = balance.stretches[0] if balance.stretches else None
+    if some is None:
+        return [noticed] if balance.said else []
+    made = [("Torque as it was recorded; shaded: left out.", partial(signal, balance, role="u"))]
+    for role in ("w", "theta"):
+        if getattr(some, role) is not None:
+            made.append((f"{role} as it was recorded.", partial(signal, balance, role=role)))
+    if balance.curve:
+        made.append(("Friction over speed, with 95 % bars.", partial(curve, balance)))
+    if balance.residual is not None:
+        made.append(("What the plain torque balance leaves.", partial(fit, balance)))
+    if balance.said:
+        made.append(noticed)
+    return made
+
+
+def drawings(balance: Balance) -> list[tuple[str, str]]:
+    """Caption and inline SVG of each panel but the remarks, which a report has as text."""
+    made = [panel for panel in panels(balance) if panel[0] != NOTICED]
     return [(caption, inline_svg(panel, f"log-{i}")) for i, (caption, panel) in enumerate(made)]
 
 
 @drawn
-def signal(log: ReadLog, ax: Axes, role: str = "u") -> Axes:
+def signal(balance: Balance, ax: Axes, role: str = "u") -> Axes:
     """A channel over time; a long one as the band between its least and greatest values."""
-    for one, shift in zip(log.stretches, log.starts(), strict=True):
+    for one, shift in zip(balance.stretches, starts(balance), strict=True):
         t, low, high = envelope(one.t + shift, getattr(one, role))
         ax.fill_between(t, low, high, color=MEASURED, lw=0.6, rasterized=True)
         for a, b in left_out(one):
             ax.axvspan(one.t[a] + shift, one.t[b - 1] + shift, color=LEFT_OUT, alpha=0.5, lw=0)
-    ax.set(xlabel="t [s]", ylabel=f"{role} [{_unit(role, log.motion)}]")
+    ax.set(xlabel="t [s]", ylabel=f"{role} [{_unit(role, balance.motion)}]")
     return _titled(ax, {"u": "Torque", "w": "Speed", "theta": "Angle"}[role] + " as recorded")
 
 
 @drawn
-def curve(log: ReadLog, ax: Axes) -> Axes:
+def curve(balance: Balance, ax: Axes) -> Axes:
     """Friction torque in bins of speed, both directions."""
-    points = log.balance.curve
+    points = balance.curve
     w, torque = (np.array([getattr(p, k) for p in points]) for k in ("w", "torque"))
-    factor, unit = readable([float(np.abs(torque).max(initial=0.0))], unit_for("N m", log.motion))
+    factor, unit = readable(
+        [float(np.abs(torque).max(initial=0.0))], unit_for("N m", balance.motion)
+    )
     bars = np.array([p.ci95 for p in points])
     sides = np.abs(bars - torque[:, None]).T
     ax.errorbar(w, factor * torque, factor * sides, fmt="o", ms=4, lw=1.0, color=FITTED)
-    ax.set(xlabel=f"w [{unit_for('rad/s', log.motion)}]", ylabel=f"friction [{unit}]")
+    ax.set(xlabel=f"w [{unit_for('rad/s', balance.motion)}]", ylabel=f"friction [{unit}]")
     return _titled(ax, "Friction over speed")
 
 
 @drawn
-def fit(log: ReadLog, ax: Axes) -> Axes:
+def fit(balance: Balance, ax: Axes) -> Axes:
     """What the plain balance leaves of the torque, in windows over time."""
-    windows = log.balance.residual
+    windows = balance.residual
     assert windows is not None
     shifts: dict[int, float] = {}
-    for one, shift in zip(log.stretches, log.starts(), strict=True):
+    for one, shift in zip(balance.stretches, starts(balance), strict=True):
         shifts.setdefault(one.run, shift)
     t = windows.t + np.array([shifts.get(int(run), 0.0) for run in windows.run])
-    factor, unit = readable([float(np.abs(windows.value).max())], unit_for("N m", log.motion))
+    factor, unit = readable([float(np.abs(windows.value).max())], unit_for("N m", balance.motion))
     for which, colour, label in (
         (windows.sliding, FITTED, "sliding"),
         (~windows.sliding, LEFT_OUT, "near rest"),
@@ -119,14 +113,14 @@ def fit(log: ReadLog, ax: Axes) -> Axes:
         ax.plot(t[which], y, ".", ms=2.0, color=colour, label=label, rasterized=True)
     ax.set(xlabel="t [s]", ylabel=f"residual torque [{unit}]")
     ax.legend(loc="upper right", ncols=2, fontsize="small", markerscale=3.0)
-    return _titled(ax, f"Plain fit: leaves {number(100.0 * (log.balance.left or 0.0), 2)} % of "
+    return _titled(ax, f"Plain fit: leaves {number(100.0 * (balance.left or 0.0), 2)} % of "
                    "the RMS torque")  # fmt: skip
 
 
 @drawn
-def remarks(log: ReadLog, ax: Axes) -> Axes:
+def remarks(balance: Balance, ax: Axes) -> Axes:
     """What was noticed while the log was read, as text."""
-    lines = [line for note in log.notes for line in _bullet(note)]
+    lines = [line for note in balance.said for line in _bullet(note)]
     if len(lines) > _LINES:
         lines = [*lines[: _LINES - 1], "  ..."]
     ax.axis("off")

@@ -115,14 +115,13 @@ def _figure(caption: str, svg: str) -> str:
 
 def _log(d: Any) -> str:
     """The log as it was read and the plain balance, side by side where there is room."""
-    from .log_plot import ReadLog, drawings
+    from .log_plot import drawings
 
     balance = getattr(d, "plain", None)
     if balance is None or not balance.stretches:
         return ""
-    motion = next((x.motion for x in (d.declared, d.record) if x is not None), "rotary")
-    made = drawings(ReadLog(balance.stretches, balance, motion))
-    return '<div class="log">\n' + "\n".join(_figure(*one) for one in made) + "\n</div>"
+    made = "\n".join(_figure(*one) for one in drawings(balance))
+    return f'<div class="log">\n{made}\n</div>'
 
 
 def _model_html(d: Any) -> str:

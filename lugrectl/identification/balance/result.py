@@ -89,6 +89,11 @@ class Balance(Result):
     reading: tuple[str, ...] = ()
     unlike: tuple[str, ...] = ()
 
+    @property
+    def said(self) -> tuple[str, ...]:
+        """All sentences: how the logs were read, and what the balance noticed."""
+        return (*self.reading, *self.notes)
+
     def values(self) -> dict[str, float]:
         """The best value of every parameter, certain or not: start values for a finer fit."""
         both = {**self.uncertain, **self.parameters}
@@ -115,9 +120,9 @@ class Balance(Result):
 
     def plot(self) -> Any:
         """Draw the log as it was read, the friction curve and the fit; returns the Axes."""
-        from ...report.log_plot import ReadLog, plot
+        from ...report.log_plot import plot
 
-        return plot(ReadLog(self.stretches, self, self.motion, (*self.reading, *self.notes)))
+        return plot(self)
 
     def _title(self) -> str:
         return "Plain torque balance"
@@ -128,8 +133,7 @@ class Balance(Result):
             rows.append(estimated(c.text, Estimate(c.value, c.unit, c.ci95)))
         if self.left is not None:
             rows.append(Row("left", f"{100.0 * self.left:.2g} %", "", "of the RMS torque"))
-        notes = len(self.reading) + len(self.notes)
-        return [*rows, Row("notes", notes)] if notes else rows
+        return [*rows, Row("notes", len(self.said))] if self.said else rows
 
 
 def _number(value: float | None) -> float | None:
