@@ -1,0 +1,1 @@
+"""Drives as machines are: one effect to name beside a background that is always there."""
