@@ -40,7 +40,7 @@ class Case:
     ``effect``: the one to be named, ``none``, or a name outside the catalogue.
     ``signals``: for an effect outside the catalogue, sets of signals that are right answers.
     ``background``: names that may stand beside it and are not wrong.
-    ``values``: true parameters by the contract's names (``J``, ``Fc``, ``Fv``, ``effect.parameter``).
+    ``values``: true parameters by name (``J``, ``Fc``, ``Fv``, ``effect.parameter``).
     ``hidden``, ``friction``: RMS torque of the effect (0 where it is none) and of friction, N m.
     ``alike``: other names that explain this record as well, found with the generator's own physics.
     """
