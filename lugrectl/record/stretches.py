@@ -48,7 +48,14 @@ def _stretch(run: int, rows: Stamped, part: slice) -> Stretch | None:
         return None
     used = slice(int(sound[0]), int(sound[-1]) + 1)
     cut = {role: x[used] for role, x in made.items()}
-    return Stretch(run, dt, grid[used], cut["u"], cut.get("theta"), cut.get("w"), ok[used])
+    theta, w = cut.get("theta"), cut.get("w")
+    return Stretch(run, dt, grid[used], cut["u"], theta, w, ok[used], _jitter(t, dt))
+
+
+def _jitter(t: np.ndarray, dt: float) -> float:
+    """RMS distance of the stamps from the nearest instants of the even grid, in steps."""
+    off = (t - t[0]) / dt
+    return float(np.sqrt(np.mean((off - np.round(off)) ** 2)))
 
 
 def _near(grid: np.ndarray, t: np.ndarray, dt: float) -> np.ndarray:

@@ -20,7 +20,8 @@ class Track:
     ``age`` runs from -1/2 at the start of the first run to 1/2 at the end of the last one.
     ``still`` is a speed below which the direction is noise. ``stopping`` and ``starting`` are,
     where the drive rests, the direction of the motion before and after, elsewhere 0. ``load`` is
-    the load torque, for friction that depends on it. ``most`` limits the number of windows.
+    the load torque, for friction that depends on it. ``most`` limits the number of windows,
+    ``jitter`` is that of the stamps, in steps.
     """
 
     run: int
@@ -37,6 +38,7 @@ class Track:
     starting: np.ndarray = field(default_factory=lambda: np.zeros(0))
     load: np.ndarray = field(default_factory=lambda: np.zeros(1))
     most: int | None = None
+    jitter: float = 0.0
 
     def __len__(self) -> int:
         return len(self.u)
@@ -81,7 +83,7 @@ def tracks_of(stretches: Sequence[Stretch]) -> list[Track]:
         filled = {k: _filled(getattr(s, k), ok) if both[k] else None for k in both}
         age = (start + s.t - s.t[0]) / starts[-1] - 0.5
         u = _filled(s.u, ok)
-        made.append(Track(s.run, float(s.dt), s.t, u, filled["theta"], filled["w"], ok, age))
+        made.append(Track(s.run, float(s.dt), s.t, u, filled["theta"], filled["w"], ok, age, jitter=s.jitter))
     return made
 
 

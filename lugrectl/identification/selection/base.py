@@ -1,0 +1,317 @@
+"""The declared model in the table: inertia, friction, lateness of u, what is in it already."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from .law import FORCES, NAMES, SMEAR, VISCOUS, Law, Laws
+from .motion import Motion
+from .numbers import BLOCK, TIMING
+from .regression import Scale, Solution, solve
+from .rows import Rows
+from .score import Blocks, left_out, seen
+
+WIDE = 30.0  # all torque times this: the prior of what a record does not say
+LEVELS = slice(2, 2 + len(NAMES))  # columns of friction, after inertia and lateness
+LAW = ("Fc", "dip", "Fv")  # what the declared law has of them
+LEAST_FRICTION = 0.05  # friction counts as this share of the torque at least
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """What all rows of the table share: the motion, its windows and blocks, what is declared."""
+
+    motion: Motion
+    rows: Rows
+    laws: Laws
+    blocks: Blocks
+    declared: Mapping[str, float]
+    J: tuple[float, float] | None
+    sure: bool
+
+    @property
+    def lateness(self) -> float:
+        """The torque may be late or early by this for nothing, s: half a hold, a current loop."""
+        return 0.5 * self.motion.dt + TIMING
+
+    def mean(self, x: np.ndarray) -> np.ndarray:
+        """Samples (n,) or (n, k) in the windows."""
+        return self.rows.K @ x
+
+    @cached_property
+    def acceleration(self) -> np.ndarray:
+        """Acceleration at the samples, as stiff as that of the windows."""
+        from .motion import bend
+
+        return np.concatenate([bend(self.motion.path[p], self.motion.dt) for p in self.motion.pieces])
+
+    @classmethod
+    def of(
+        cls,
+        motion: Motion,
+        rows: Rows,
+        declared: Mapping[str, float],
+        J: tuple[float, float] | None,
+        sure: bool,
+    ) -> Record:
+        laws = Laws(motion, declared, 3 * rows.rough + 1e-12)
+        blocks = Blocks.of(rows.t, motion.t[-1], BLOCK)
+        return cls(motion, rows, laws, blocks, declared, J, sure)
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """Terms in the windows, with the precision of their prior and their bounds."""
+
+    X: np.ndarray
+    prior: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+    def __add__(self, other: Columns) -> Columns:
+        joined = (np.concatenate([a, b], axis=-1) for a, b in zip(self._all, other._all, strict=True))
+        return Columns(*joined)
+
+    @property
+    def _all(self) -> tuple[np.ndarray, ...]:
+        return self.X, self.prior, self.low, self.high
+
+    @classmethod
+    def free(cls, X: np.ndarray, low: float = -np.inf, high: float = np.inf) -> Columns:
+        """Terms whose coefficients have bounds but no prior."""
+        k = X.shape[1]
+        return cls(X, np.zeros(k), np.full(k, low), np.full(k, high))
+
+
+@dataclass(frozen=True)
+class View:
+    """How the rows of the table are looked at.
+
+    ``scale`` of the residual, ``weights`` of the windows under the richest description and its
+    inertia ``J``. ``quick``: densities of the fit to all, without leaving blocks out.
+    """
+
+    scale: Scale
+    weights: np.ndarray | None = None
+    J: float | None = None
+    quick: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Base:
+    """A model against which contenders are judged.
+
+    ``inside`` are the names of the effects in it, ``u`` the torque that reaches the drive,
+    ``weight`` the torque of its gravity (n,), 0 without.
+    """
+
+    record: Record
+    law: Law
+    columns: Columns
+    u: np.ndarray
+    view: View
+    inside: tuple[str, ...] = ()
+    gravity: bool = False
+    friction: float | None = None
+    gap: Mapping[str, float] = field(default_factory=dict)
+
+    @cached_property
+    def y(self) -> np.ndarray:
+        return self.record.mean(self.u)
+
+    @cached_property
+    def made(self) -> Solution:
+        c = self.columns
+        return solve(c.X, self.y, c.prior, c.low, c.high, self.view.scale)
+
+    @cached_property
+    def J(self) -> float:
+        size = float(np.sqrt(np.mean(self.record.rows.a**2))) + 1e-300
+        return max(float(self.made.b[0]), 1e-9 * self.view.scale.sigma / size)
+
+    @property
+    def richest(self) -> float:
+        """Inertia of the richest description, which sets the scale of the motion's noise."""
+        quick = self.view.quick or self.view.J is None
+        return self.J if quick else float(self.view.J or self.J)
+
+    @cached_property
+    def score(self) -> np.ndarray:
+        return self.judged(self.made, self.columns, self.J)
+
+    def judged(self, made: Solution, c: Columns, J: float) -> np.ndarray:
+        """The log density of each block, (blocks,)."""
+        record, factor = self.record, 1.0
+        if record.sure:
+            factor = max(1.0, self.richest / max(J, 1e-3 * self.richest))
+        if self.view.quick:
+            free = c.prior[made.free]
+            moment = np.sum(c.X[:, made.free] ** 2, axis=0) / self.view.scale.sigma**2
+            cost = np.sum(free < 1e-3 * moment) / len(record.blocks)
+            return seen(made, record.blocks, factor) - cost
+        return left_out(made, c.X, c.prior, self.view.scale, record.blocks, factor)
+
+    # ------------------------------------------------------------------ its friction
+    def _of(self, names: tuple[str, ...]) -> np.ndarray:
+        return self.law.part(self.made.b[LEVELS], names)
+
+    @cached_property
+    def coulomb(self) -> np.ndarray:
+        """Torque that scales with the level of friction, (n,)."""
+        return self._of(FORCES)
+
+    @cached_property
+    def viscous(self) -> np.ndarray:
+        return self._of(VISCOUS)
+
+    @cached_property
+    def friction_rms(self) -> float:
+        """RMS friction torque in the windows."""
+        if self.friction is not None:
+            return self.friction
+        mean = self.record.mean(self.coulomb + self.viscous)
+        return max(rms(mean), LEAST_FRICTION * rms(self.y))
+
+    @cached_property
+    def level(self) -> np.ndarray:
+        """Level of Coulomb friction over the speed, (n,)."""
+        b, w = self.made.b[LEVELS], np.abs(self.record.motion.w)
+        known = self.record.declared
+        if known.get("Fs") and known.get("Fc") and known.get("vs"):
+            scale = max(b[0], 0.3 * rms(self.coulomb))
+            bell = np.exp(-((w / known["vs"]) ** 2))
+            return scale * (1 + (known["Fs"] / known["Fc"] - 1) * bell)
+        vs, tail = self.law.vs, self.record.laws.tail(self.law.vs)
+        own = b[0] + b[1] * np.exp(-((w / vs) ** 2)) + b[2] * np.exp(-w / (1.5 * vs))
+        return own + b[3] * np.exp(-w / tail)
+
+    @cached_property
+    def weight(self) -> np.ndarray:
+        """Torque of its gravity (n,); 0 without."""
+        m = self.record.motion
+        if not self.gravity:
+            return np.zeros(len(m))
+        i = 2 + len(NAMES)
+        return self.made.b[i] * np.sin(m.theta) + self.made.b[i + 1] * np.cos(m.theta)
+
+    @cached_property
+    def left(self) -> float:
+        """What it leaves, as a share of friction; outliers count little."""
+        r = np.abs(self.made.r * self.view.scale.sigma)
+        return rms(np.minimum(r, 5 * np.median(r))) / self.friction_rms
+
+    # ------------------------------------------------------------------ screening
+    @cached_property
+    def roots(self) -> np.ndarray:
+        """Square roots of the weights of the windows."""
+        own = self.view.weights
+        return np.sqrt(self.made.weight if own is None else own)
+
+    @cached_property
+    def basis(self) -> np.ndarray:
+        """Orthonormal columns that span its free terms, weighted."""
+        return np.linalg.qr(self.columns.X[:, self.made.free] * self.roots[:, None])[0]
+
+    @cached_property
+    def residual(self) -> np.ndarray:
+        y = self.y * self.roots
+        return y - self.basis @ (self.basis.T @ y)
+
+    def gains(self, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What each column would take off half the sum of squares, and its coefficient."""
+        W = self._beside(C)
+        c, n = W.T @ self.residual, np.sum(W * W, axis=0) + 1e-300
+        return c**2 / n / self.view.scale.sigma**2, c / n
+
+    def gains_of_pairs(self, C: np.ndarray) -> np.ndarray:
+        """The same for neighbouring columns together, (k/2,)."""
+        W = self._beside(C)
+        c, n = W.T @ self.residual, np.sum(W * W, axis=0) + 1e-300
+        a, b, na, nb = c[::2], c[1::2], n[::2], n[1::2]
+        x = np.sum(W[:, ::2] * W[:, 1::2], axis=0)
+        det = np.maximum(na * nb - x * x, 1e-9 * na * nb)
+        return (a * a * nb - 2 * a * b * x + b * b * na) / det / self.view.scale.sigma**2
+
+    def _beside(self, C: np.ndarray) -> np.ndarray:
+        W = C * self.roots[:, None]
+        return W - self.basis @ (self.basis.T @ W)
+
+    # ------------------------------------------------------------------ other views of it
+    def seen_as(self, view: View) -> Base:
+        return replace(self, view=view)
+
+
+def rms(x: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.square(x))))
+
+
+def settled(
+    record: Record,
+    view: View | None = None,
+    gravity: bool = False,
+    beside: Columns | None = None,
+    u: np.ndarray | None = None,
+) -> Base:
+    """The declared model at its most likely presliding distance and Stribeck speed.
+
+    ``beside``: with the terms of the likeliest effect in the model while these are chosen; ``u``:
+    with its torque. The base that is returned has neither.
+    """
+    m = record.motion
+    own = m.u if u is None else u
+    y, best = record.mean(own), None
+    shared = _shared(record, gravity)
+    late = record.mean(m.slope(own))
+    for x0 in record.laws.distances():
+        for vs in record.laws.speeds():
+            law = record.laws.law(float(x0), float(vs))
+            columns = _columns(record, law, late, shared, rms(y))
+            scale = _scale(columns, y, record) if view is None else view.scale
+            view = View(scale) if view is None else view
+            c = columns if beside is None else columns + beside
+            made = solve(c.X, y, c.prior, c.low, c.high, scale, rounds=3)
+            likely = -float(np.sum(np.log1p(made.r**2 / 4)))
+            if best is None or likely > best[0]:
+                best = likely, law
+    assert best is not None and view is not None
+    law = best[1]
+    late = record.mean(m.slope(m.u))
+    columns = _columns(record, law, late, shared, rms(record.mean(m.u)))
+    return Base(record, law, columns, m.u, view, gravity=gravity)
+
+
+def _shared(record: Record, gravity: bool) -> np.ndarray:
+    """Terms that do not depend on the law: gravity, an offset for each run after the first."""
+    m = record.motion
+    weight = [np.sin(m.theta), np.cos(m.theta)] if gravity else []
+    offsets = [(m.run == r).astype(float) for r in np.unique(m.run)[1:]]
+    if not weight and not offsets:
+        return np.zeros((len(record.rows), 0))
+    return record.mean(np.column_stack([*weight, *offsets]))
+
+
+def _columns(
+    record: Record, law: Law, late: np.ndarray, shared: np.ndarray, torque: float
+) -> Columns:
+    X = np.column_stack([record.rows.a, late, record.mean(law.shapes), shared])
+    k = X.shape[1]
+    prior = np.mean(X**2, axis=0) / (WIDE * torque + 1e-300) ** 2
+    prior[0], prior[1] = 0.0, 0.1 / min(record.lateness, 1.0) ** 2
+    low, high = np.full(k, -np.inf), np.full(k, np.inf)
+    low[LEVELS] = 0.0
+    low[2 + NAMES.index(SMEAR[1])] = -np.inf
+    if record.motion.one_way:
+        low[2] = -np.inf  # one direction only: Coulomb friction and an offset are one term
+    low[0], high[0] = record.J or (0.0, np.inf)
+    low[1], high[1] = -record.lateness, record.lateness
+    return Columns(X, prior, low, high)
+
+
+def _scale(c: Columns, y: np.ndarray, record: Record) -> Scale:
+    b = np.linalg.lstsq(c.X, y, rcond=None)[0]
+    sigma = 1.4826 * float(np.median(np.abs(y - c.X @ b)))
+    return Scale(max(sigma, 1e-12 * rms(y) + 1e-300), float(np.mean(record.rows.shake**2)))

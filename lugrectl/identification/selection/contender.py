@@ -1,0 +1,175 @@
+"""A row of the table: the base with one more explanation, all of it settled again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from .base import LEVELS, Base, Columns, rms
+from .law import NAMES
+from .regression import Solution, solve
+from .score import paired
+
+OTHER_J = (0.5, 2.0)  # inertia beside an effect as large as all friction, over that without it
+IMITATES = 0.6  # of the inertia: an unknown torque of u that leaves less has taken it away
+
+
+@dataclass(frozen=True, eq=False)
+class Contender:
+    """A base with an effect, or an unknown torque of the signals ``depends_on``.
+
+    ``values`` are those of the effect's parameters that were searched, ``own`` the number of its
+    columns, the last ones. ``u`` is the torque that reaches the drive, where it changes that.
+    ``blocks`` are the scores of the blocks, ``torque`` (m,) what the base cannot imitate of it,
+    ``share`` its RMS over that of friction.
+    """
+
+    name: str
+    values: Mapping[str, float]
+    base: Base
+    columns: Columns
+    made: Solution
+    own: int
+    u: np.ndarray | None
+    depends_on: frozenset[str]
+    blocks: np.ndarray
+    torque: np.ndarray
+    J: float
+
+    @property
+    def coefficients(self) -> np.ndarray:
+        """Those of its own columns."""
+        return self.made.b[len(self.made.b) - self.own :]
+
+    @property
+    def its(self) -> Columns:
+        """Its own columns."""
+        c, k = self.columns, len(self.made.b) - self.own
+        return Columns(c.X[:, k:], c.prior[k:], c.low[k:], c.high[k:])
+
+    @cached_property
+    def share(self) -> float:
+        return rms(self.torque) / self.base.friction_rms
+
+    @cached_property
+    def gain(self) -> float:
+        """Nats by which it predicts the blocks better than the base."""
+        return float(np.sum(self.blocks - self.base.score))
+
+    def above(self, other: Contender | Base) -> tuple[float, float]:
+        """By how much it is better, and the standard error of that."""
+        theirs = other.blocks if isinstance(other, Contender) else other.score
+        return paired(self.blocks, theirs)
+
+    def joined(self) -> Base:
+        """The base with this explanation in it."""
+        base = self.base
+        return replace(
+            base,
+            columns=self.columns,
+            u=base.u if self.u is None else self.u,
+            friction=base.friction_rms,
+            inside=(*base.inside, self.name),
+        )
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What a contender is made from.
+
+    ``columns`` are its own; ``u`` its torque; ``cost`` the logarithm of the number of places that
+    were searched. ``timed``: it is a time, so that the base's lateness of u is not free beside it.
+    ``instead``: columns of the base that it replaces. ``inertial``: it changes the inertia by the
+    last coefficient times ``inertia`` and is not held to the plain answer's.
+    """
+
+    name: str
+    values: Mapping[str, float]
+    columns: Columns | None = None
+    u: np.ndarray | None = None
+    cost: float = 0.0
+    timed: bool = False
+    instead: Sequence[int] = ()
+    inertial: bool = False
+    depends_on: frozenset[str] = frozenset()
+
+
+def enter(base: Base, entry: Entry) -> Contender:
+    """The row of the table for an entry."""
+    record, columns = base.record, _beside(base, entry)
+    y = base.y if entry.u is None else record.mean(entry.u)
+    made = solve(
+        columns.X, y, columns.prior, columns.low, columns.high, base.view.scale, base.roots**2
+    )
+    own = 0 if entry.columns is None else entry.columns.X.shape[1]
+    J = float(made.b[0])
+    if entry.inertial:  # the whole inertia counts
+        a = record.rows.a
+        J += float(made.b[-1] * (columns.X[:, -1] @ a) / (a @ a))
+    blocks = base.judged(made, columns, J) - entry.cost / len(record.blocks)
+    torque = _torque(base, entry, columns, made, own)
+    found = Contender(
+        name=entry.name,
+        values=dict(entry.values),
+        base=base,
+        columns=columns,
+        made=made,
+        own=own,
+        u=entry.u,
+        depends_on=entry.depends_on,
+        blocks=blocks,
+        torque=torque,
+        J=J,
+    )
+    return replace(found, blocks=base.score - 1e-9) if _unidentified(found) else found
+
+
+def _beside(base: Base, entry: Entry) -> Columns:
+    c = base.columns
+    X = c.X
+    if entry.u is not None or len(entry.instead):
+        X = X.copy()
+    if entry.u is not None:
+        m = base.record.motion
+        X[:, 1] = base.record.mean(m.slope(entry.u)) * (1e-9 if entry.timed else 1.0)
+    X[:, list(entry.instead)] = 0.0
+    low, high = c.low, c.high
+    if entry.inertial and base.record.J is not None:
+        low, high = low.copy(), high.copy()
+        low[0], high[0] = 0.0, np.inf
+    made = Columns(X, c.prior, low, high)
+    return made if entry.columns is None else made + entry.columns
+
+
+def _torque(
+    base: Base, entry: Entry, columns: Columns, made: Solution, own: int
+) -> np.ndarray:
+    """Its torque in the windows, without what the declared model can imitate of it.
+
+    A named effect is compared with the declared law, an unknown torque also with what was left
+    open of that law.
+    """
+    k = columns.X.shape[1] - own
+    torque = columns.X[:, k:] @ made.b[k:]
+    if entry.u is not None:
+        torque = torque + base.record.mean(base.u - entry.u)
+        if entry.timed:
+            torque = torque - base.columns.X[:, 1] * base.made.b[1]
+    if entry.depends_on:
+        kept = [0, *range(2, base.columns.X.shape[1])]
+    else:
+        law = [LEVELS.start + NAMES.index(name) for name in ("Fc", "dip", "Fv", "sigma1")]
+        kept = [0, *law, *range(LEVELS.stop, base.columns.X.shape[1])]
+    B = base.columns.X[:, [i for i in kept if base.made.free[i]]]
+    return torque - B @ np.linalg.lstsq(B, torque, rcond=None)[0]
+
+
+def _unidentified(c: Contender) -> bool:
+    """More torque than all friction and another inertia: what such a term does is not known."""
+    ratio = c.J / c.base.J
+    if c.share > 1 and c.name != "gravity" and not OTHER_J[0] < ratio < OTHER_J[1]:
+        return True
+    return "u" in c.depends_on and ratio < IMITATES

@@ -1,0 +1,85 @@
+"""The door: compare(stretches, model, plain)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...model import Model
+from ...record.stretch import Stretch
+from ..balance import Balance
+from ..balance.reconcile import sensors_of
+from ..balance.track import tracks_of
+from .base import Record
+from .motion import Motion, motion_of
+from .numbers import HELD, LEAST
+from .result import Comparison
+from .rows import Width, quick, rows_of, usable, widths
+from .verdict import decide
+
+
+def compare(
+    stretches: Sequence[Stretch], model: Model, plain: Balance, least: float = LEAST
+) -> Comparison:
+    """What is missing from a declared model, by one comparison."""
+    began = time.perf_counter()
+    with np.errstate(all="ignore"):
+        found = decide(record_of(stretches, model, plain), least)
+    return Comparison(
+        verdict=found.verdict,
+        effects=tuple(c.name for c in found.effects),
+        alternatives=tuple(c.name for c in found.alternatives),
+        depends_on=tuple(sorted(found.depends_on)),
+        seconds=time.perf_counter() - began,
+        decision=found,
+    )
+
+
+def record_of(stretches: Sequence[Stretch], model: Model, plain: Balance) -> Record:
+    """Motion, windows and blocks of a record."""
+    tracks = tracks_of(stretches)
+    sensors, _, _ = sensors_of(tracks)
+    motion = motion_of(tracks, sensors, model.motion)
+    declared = {k: v for k, v in model.known().items() if "." not in k}
+    J, sure = _inertia(plain, declared)
+    h, sure = _width(motion, declared, J, sure)
+    held = None if declared.get("J") else J
+    return Record.of(motion, rows_of(motion, h), declared, held, sure)
+
+
+def _inertia(plain: Balance, declared: dict[str, float]) -> tuple[tuple[float, float] | None, bool]:
+    """The inertia of the plain answer, widened, and whether it is known at all."""
+    known = plain.parameters.get("J") or plain.uncertain.get("J")
+    if known is None or known.ci95 is None:
+        return None, bool(declared.get("J"))
+    half = max(0.5 * (known.ci95[1] - known.ci95[0]), HELD * abs(known.value))
+    sure = known.value > 0 and half < 0.5 * known.value
+    if known.value > 0 and half < 0.3 * known.value:
+        return (known.value - half, known.value + half), True
+    return None, sure or bool(declared.get("J"))
+
+
+def _width(
+    m: Motion, declared: dict[str, float], J: tuple[float, float] | None, sure: bool
+) -> tuple[float, bool]:
+    """The narrowest windows in which noise is small and the inertia is that of wider ones."""
+    known = declared.get("J")
+    tried: list[Width] = []
+    for h in widths(m):
+        one = quick(m, h, known, declared.get("Fc"))
+        if one is not None:
+            tried.append(one)
+            if known and usable(one, declared=True):
+                return h, sure
+    if not tried:
+        return widths(m)[0], False
+    if known:
+        return min(tried, key=lambda w: max(w.noisy, w.lost / 0.05)).h, sure
+    good = [w for w in tried if usable(w, declared=False)]
+    if J is not None:
+        middle, half = 0.5 * (J[0] + J[1]), 0.5 * (J[1] - J[0])
+        near = [w for w in good if abs(w.J - middle) < half + 0.1 * middle]
+        return (near or [min(tried, key=lambda w: abs(w.J - middle))])[0].h, sure
+    return (good or [min(tried, key=lambda w: max(w.noisy, w.lost / 0.05))])[0].h, False

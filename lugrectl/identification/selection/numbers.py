@@ -1,0 +1,19 @@
+"""The numbers on which the comparison depends, each with its meaning."""
+
+from __future__ import annotations
+
+ALPHA = 0.01  # chance of naming something on a record where nothing is missing
+LEAST = 0.015  # of RMS friction torque: the smallest torque that matters
+FREEDOM = 4.0  # of the Student density of a window: reversals are outliers by nature
+BLOCK = 0.3  # s, the piece of a record that is left out and predicted
+UNKNOWN = 2.0  # an unknown torque must be so many times `least`: it is free in its shape
+REST = 0.3  # share of the named effect that an unknown torque beside it makes "unexplained"
+SECOND = 0.25  # share of the first effect from which a second one is named
+TIMING = 5e-4  # s that a torque may be early or late beyond half a sample, without an effect
+NOISE = 0.03  # of friction: the noise of J a in a window
+LOST = 0.05  # of J that noise of the acceleration may take
+HELD = 0.02  # half-width within which a certain J of the plain answer is held, at least
+SOFTER = 1e-2  # stiffness of the motion that friction is made from, over that of the acceleration
+STILL = 0.004  # of the top speed: below it the drive rests
+TAIL = 0.15  # of the top speed: the longest Stribeck curve; a longer one bends like a drag
+WIDTHS = (0.01, 0.012, 0.0145, 0.0174, 0.021, 0.025, 0.03, 0.036, 0.05, 0.07, 0.1, 0.14, 0.19, 0.26)

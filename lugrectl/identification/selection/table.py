@@ -1,0 +1,125 @@
+"""The table: what the base leaves, explained by each effect and by an unknown torque."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from . import search, unknown
+from .base import Base, Columns, rms, settled
+from .base import Record as Seen
+from .base import View
+from .contender import Contender, enter
+from .numbers import FREEDOM
+from .regression import Scale, solve
+
+SETTLE = 20.0  # nats from which the base is settled beside the likeliest effect
+USED = 2.0  # nats from which an explanation is a part of the richest description
+RICH = 0.3  # of friction: prior of a named effect in it
+HELD = 0.03  # of the inertia: prior of it there, or what imitates u would take it away
+MAD = 1.38  # sigma of a Student density of 4 degrees of freedom, in medians of the absolute value
+MOST_LEVERAGE = 0.95
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """A base, the named contenders and the unknown torques, each the best of its name."""
+
+    base: Base
+    named: tuple[Contender, ...]
+    unknown: tuple[Contender, ...]
+
+    @property
+    def rows(self) -> list[Contender]:
+        return sorted([*self.named, *self.unknown], key=lambda c: -c.gain)
+
+
+def tabulate(base: Base) -> Table:
+    """All contenders against one base."""
+    named = best_of(enter(base, e) for e in search.entries(base))
+    free = best_of(enter(base, e) for e in unknown.entries(base))
+    return Table(base, tuple(named), tuple(free))
+
+
+def best_of(contenders: Iterable[Contender]) -> list[Contender]:
+    """The best of each name, the best first."""
+    best: dict[str, Contender] = {}
+    for c in contenders:
+        if c.name not in best or c.gain > best[c.name].gain:
+            best[c.name] = c
+    return sorted(best.values(), key=lambda c: -c.gain)
+
+
+def with_gap(base: Base, table: Table) -> Base:
+    """The base that knows where the gap is, so that it is not searched again."""
+    gaps = [c.values for c in table.named if c.name == "backlash"]
+    return replace(base, gap=gaps[0]) if gaps else base
+
+
+def decided(record: Seen, gravity: bool = False) -> Table:
+    """The table of a record, with the scale of its richest description.
+
+    A first, quick table finds presliding and Stribeck speed beside the likeliest effect, and the
+    noise; a second one decides.
+    """
+    base = settled(record, gravity=gravity)
+    first = tabulate(base)
+    base = with_gap(base, first)
+    top = first.named[0] if first.named else None
+    if top is not None and top.gain > SETTLE:
+        again = settled(record, base.view, gravity, top.its if top.own else None, top.u)
+        base = replace(again, gap=base.gap)
+    return tabulate(base.seen_as(richest(base, first)))
+
+
+def richest(base: Base, table: Table) -> View:
+    """Scale of the noise and weights of the windows, with everything in the model at once.
+
+    Each term has its prior. The inertia stays near that of the base: else what imitates u would
+    take it away, and the noise with it.
+    """
+    own, record = base.columns, base.record
+    parts = [_with_prior(c, base) for c in table.named if c.gain > USED and c.share > 0.002]
+    parts += [c.its for c in table.unknown if c.gain > USED]
+    c = own
+    for part in parts:
+        c = c + part
+    X, y = c.X, base.y - base.J * c.X[:, 0]
+    prior, low, high = c.prior.copy(), c.low.copy(), c.high.copy()
+    prior[0], low[0], high[0] = 1 / (HELD * base.J) ** 2, -np.inf, np.inf
+    k = own.X.shape[1]
+    low[k:], high[k:] = -np.inf, np.inf
+    scale = base.view.scale
+    made = solve(X, y, prior, low, high, scale, rounds=4)
+    e = made.r * scale.sigma
+    spread = MAD * float(np.median(np.abs(e)))
+    sigma = spread * float(np.sqrt(1 + min(0.5, X.shape[1] / len(e))))
+    weight = (FREEDOM + 1) / (FREEDOM + (e / max(sigma, 1e-300)) ** 2)
+    sigma = max(sigma, MAD * float(np.median(np.abs(e) / _room(X, weight, prior, sigma))))
+    sigma = max(sigma, 1e-9 * rms(base.y))
+    weight = (FREEDOM + 1) / (FREEDOM + (e / sigma) ** 2)
+    J = max(float(made.b[0]) + base.J, 0.5 * base.J)
+    return View(Scale(sigma, scale.noise), weight, J, quick=False)
+
+
+def _room(X: np.ndarray, weight: np.ndarray, prior: np.ndarray, sigma: float) -> np.ndarray:
+    """What a fit to all leaves of a row, over what a fit without the row would leave."""
+    G = X.T @ (X * weight[:, None])
+    own = np.diag(G).copy()
+    G[np.diag_indices(len(G))] += prior * sigma**2 + 1e-10 * own + 1e-300
+    lever = np.einsum("ij,ij->i", X, np.linalg.solve(G, X.T).T) * weight
+    return np.maximum(1 - lever, 1 - MOST_LEVERAGE)
+
+
+def _with_prior(c: Contender, base: Base) -> Columns:
+    """The columns of a named effect, or what its torque takes off u, with a wide prior."""
+    own = c.its
+    X = own.X if c.own else base.record.mean(base.u - (base.u if c.u is None else c.u))[:, None]
+    k = X.shape[1]
+    prior = np.mean(X**2, axis=0) / (RICH * base.friction_rms) ** 2
+    return Columns(X, prior, np.full(k, -np.inf), np.full(k, np.inf))
+
+
+__all__ = ["Table", "best_of", "decided", "tabulate", "with_gap"]

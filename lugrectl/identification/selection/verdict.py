@@ -1,0 +1,164 @@
+"""The verdict: set algebra on the table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from .base import Base, Record
+from .contender import Contender
+from .numbers import LEAST, REST, SECOND, UNKNOWN
+from .score import paired
+from .table import Table, decided, tabulate
+
+ALIKE = 2.33  # paired standard errors within which two models explain equally well
+ALIKE_ASYMMETRY = 3.0  # the same for an asymmetry, whose shape depends on the Stribeck curve
+NOTHING = 2.6  # the same between the best of about thirty and nothing
+PART = 0.3  # of the gain of the best, below which another is not as good
+KNOWN_TIME = 0.33  # of `least` for a delay that is 1 ms or more beyond what is free
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """What the table says.
+
+    ``alternatives`` explain the record as well as the first of ``effects``.
+    """
+
+    verdict: str
+    effects: tuple[Contender, ...] = ()
+    alternatives: tuple[Contender, ...] = ()
+    depends_on: frozenset[str] = frozenset()
+    table: Table | None = None
+    beside: Table | None = None
+    gravity: Contender | None = None
+    messages: tuple[str, ...] = field(default=())
+
+
+def decide(record: Record, least: float = LEAST) -> Decision:
+    """From the record to the verdict."""
+    table = decided(record)
+    heavy, also = _weight(record, table)
+    if heavy is not None:
+        table = decided(record, gravity=True)
+    found = _of(record, table, least)
+    return replace(found, gravity=heavy) if heavy is None else _with_weight(found, heavy, also)
+
+
+def _of(record: Record, table: Table, least: float) -> Decision:
+    base = table.base
+    many = float(np.log(max(len(table.named), 1))) + 2
+
+    def proven(c: Contender, over: Base) -> bool:
+        d, se = c.above(over)
+        return d > many and d > NOTHING * se
+
+    def floor(c: Contender) -> float:
+        late = c.name in ("input_delay", "actuator_lag")
+        free = record.lateness + 1e-3
+        return KNOWN_TIME * least if late and max(c.values.values()) > free else least
+
+    good = [c for c in table.named
+            if proven(c, base) and c.share > floor(c) and c.share > 0.25 * base.left]  # fmt: skip
+    free = [c for c in table.unknown if proven(c, base) and c.share > UNKNOWN * least]
+    if not record.sure:
+        good = []
+    if not good:
+        if not free:
+            return Decision("adequate", table=table)
+        return Decision("unexplained", depends_on=free[0].depends_on, table=table)
+    best = good[0]
+    also = tuple(c for c in good[1:] if _as_good(c, best))[:3]
+    verdict = "ambiguous" if also else "found"
+    found = Decision(verdict, (best,), also, table=table)
+    return _what_is_left(found, best, free, least, many)
+
+
+def _as_good(c: Contender, best: Contender) -> bool:
+    d, se = best.above(c)
+    pair = (best.name, c.name) == ("constant_torque", "coulomb_asymmetry")
+    z = ALIKE_ASYMMETRY if pair else ALIKE
+    return c.gain > PART * best.gain and (d < z * se or d < 3)
+
+
+def _what_is_left(
+    found: Decision, best: Contender, free: list[Contender], least: float, many: float
+) -> Decision:
+    """The table again with the best effect in the base: an unknown torque or a second effect."""
+    beside = tabulate(best.joined())
+    over = beside.base
+
+    def proven(c: Contender) -> bool:
+        d, se = c.above(over)
+        return d > many and d > NOTHING * se
+
+    rest = [c for c in beside.unknown if proven(c)]
+    more = [c for c in beside.named if proven(c) and c.name != best.name]
+    second = more[0] if more else None
+    odd = _odd(best, second, rest, free, least)
+    found = replace(found, beside=beside)
+    if odd is not None:
+        far = _far(best, rest, free, least)
+        kept = () if far else found.effects
+        return replace(found, verdict="unexplained", effects=kept, alternatives=(),
+                       depends_on=odd.depends_on)  # fmt: skip
+    if found.verdict == "found" and second is not None:
+        large = second.share > max(UNKNOWN * least, SECOND * best.share)
+        if large and second.gain > 0.15 * best.gain:
+            return replace(found, effects=(best, second))
+    return found
+
+
+def _odd(
+    best: Contender,
+    second: Contender | None,
+    rest: list[Contender],
+    free: list[Contender],
+    least: float,
+) -> Contender | None:
+    """An unknown torque without which the named effects are not the answer."""
+    odd = None
+    large = next((c for c in rest if c.share > max(UNKNOWN * least, REST * best.share)), None)
+    if large is not None and large.gain > REST * best.gain:
+        d, se = paired(large.blocks, second.blocks) if second else (large.gain, 1.0)
+        if d > ALIKE * se:
+            odd = free[0] if free else large
+    if free and second is not None:  # it does alone what two named effects do together
+        d, se = free[0].above(best)
+        both = free[0].gain > 0.9 * (best.gain + second.gain)
+        if d > max(ALIKE * se, REST * best.gain) and both:
+            odd = free[0]
+    return free[0] if _far(best, rest, free, least) else odd
+
+
+def _far(
+    best: Contender, rest: list[Contender], free: list[Contender], least: float
+) -> bool:
+    """Whether nothing that has a name comes near an unknown torque."""
+    stays = any(c.share > UNKNOWN * least for c in rest)
+    if not (free and stays and free[0].gain > 1.5 * best.gain):
+        return False
+    d, se = free[0].above(best)
+    return d > ALIKE * se
+
+
+def _weight(record: Record, table: Table) -> tuple[Contender | None, tuple[str, ...]]:
+    """Gravity so large that nothing else can be seen before it is in the model."""
+    g = next((c for c in table.named if c.name == "gravity"), None)
+    if g is None or not table.named or record.motion.span < 0.8 or not record.sure:
+        return None, ()
+    top = table.named[0]
+    if g.gain < 20 or g.share < 0.3 or g.gain < 0.5 * top.gain:
+        return None, ()
+    also = [c for c in table.named if c.name in ("constant_torque", "return_spring")]
+    close = tuple(c.name for c in also if c.gain > 0.97 * g.gain or _as_good(c, g))
+    return g, close
+
+
+def _with_weight(found: Decision, heavy: Contender, also: tuple[str, ...]) -> Decision:
+    assert found.table is not None
+    alone = not found.effects and not found.depends_on
+    if not alone:
+        return replace(found, gravity=heavy, effects=(heavy, *found.effects))
+    return replace(found, verdict="ambiguous" if also else "found", effects=(heavy,), gravity=heavy)
