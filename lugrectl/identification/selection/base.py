@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.sparse import csr_matrix, diags
 
+from ...model import Part
+from .declared import TURNING, applied, terms
 from .law import FORCES, NAMES, SMEAR, VISCOUS, Law, Laws
-from .motion import Motion
+from .motion import Motion, bend
 from .numbers import BLOCK, TIMING
 from .regression import Scale, Solution, solve
 from .rows import Rows
@@ -18,6 +21,7 @@ from .score import Blocks, left_out, seen
 WIDE = 30.0  # all torque times this: the prior of what a record does not say
 LEVELS = slice(2, 2 + len(NAMES))  # columns of friction, after inertia and lateness
 LAW = ("Fc", "dip", "Fv")  # what the declared law has of them
+SCREENED = 4  # samples in the half-width of a window that a screening uses
 LEAST_FRICTION = 0.05  # friction counts as this share of the torque at least
 
 
@@ -32,6 +36,8 @@ class Record:
     declared: Mapping[str, float]
     J: tuple[float, float] | None
     sure: bool
+    heavy: bool = False
+    parts: Sequence[Part] = ()
 
     @property
     def lateness(self) -> float:
@@ -43,11 +49,34 @@ class Record:
         return self.rows.K @ x
 
     @cached_property
+    def u(self) -> np.ndarray:
+        """The torque behind the declared effects on the input, (n,)."""
+        return applied(self.parts, self.motion)
+
+    @property
+    def turning(self) -> bool:
+        """Whether gravity is declared."""
+        return any(p.block.name == TURNING for p in self.parts)
+
+    @cached_property
     def acceleration(self) -> np.ndarray:
         """Acceleration at the samples, as stiff as that of the windows."""
-        from .motion import bend
+        m = self.motion
+        return np.concatenate([bend(m.path[p], m.dt) for p in m.pieces])
 
-        return np.concatenate([bend(self.motion.path[p], self.motion.dt) for p in self.motion.pieces])
+    @cached_property
+    def fewer(self) -> int:
+        """Every so many samples are enough to compute the mean of a term that is screened."""
+        return max(1, int(self.rows.wide / SCREENED / self.motion.dt))
+
+    @cached_property
+    def few(self) -> tuple[csr_matrix, csr_matrix]:
+        """The operators to the windows from these samples only."""
+        made = []
+        for k in (self.rows.K, self.rows.narrow):
+            some = csr_matrix(k[:, :: self.fewer])
+            made.append(diags(1.0 / np.asarray(some.sum(axis=1)).ravel()) @ some)
+        return made[0], made[1]
 
     @classmethod
     def of(
@@ -57,10 +86,12 @@ class Record:
         declared: Mapping[str, float],
         J: tuple[float, float] | None,
         sure: bool,
+        heavy: bool,
+        parts: Sequence[Part],
     ) -> Record:
         laws = Laws(motion, declared, 3 * rows.rough + 1e-12)
         blocks = Blocks.of(rows.t, motion.t[-1], BLOCK)
-        return cls(motion, rows, laws, blocks, declared, J, sure)
+        return cls(motion, rows, laws, blocks, declared, J, sure, heavy, parts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,7 +293,8 @@ def settled(
     with its torque. The base that is returned has neither.
     """
     m = record.motion
-    own = m.u if u is None else u
+    gravity = gravity or record.turning
+    own = record.u if u is None else u
     y, best = record.mean(own), None
     shared = _shared(record, gravity)
     late = record.mean(m.slope(own))
@@ -279,9 +311,9 @@ def settled(
                 best = likely, law
     assert best is not None and view is not None
     law = best[1]
-    late = record.mean(m.slope(m.u))
-    columns = _columns(record, law, late, shared, rms(record.mean(m.u)))
-    return Base(record, law, columns, m.u, view, gravity=gravity)
+    late = record.mean(m.slope(record.u))
+    columns = _columns(record, law, late, shared, rms(record.mean(record.u)))
+    return Base(record, law, columns, record.u, view, gravity=gravity)
 
 
 def _shared(record: Record, gravity: bool) -> np.ndarray:
@@ -297,7 +329,10 @@ def _shared(record: Record, gravity: bool) -> np.ndarray:
 def _columns(
     record: Record, law: Law, late: np.ndarray, shared: np.ndarray, torque: float
 ) -> Columns:
-    X = np.column_stack([record.rows.a, late, record.mean(law.shapes), shared])
+    more = terms(record.parts, law, record.motion, record.motion.load)
+    own = record.mean(np.column_stack([law.shapes, *more]))
+    k = len(NAMES)
+    X = np.column_stack([record.rows.a, late, own[:, :k], shared, own[:, k:]])
     k = X.shape[1]
     prior = np.mean(X**2, axis=0) / (WIDE * torque + 1e-300) ** 2
     prior[0], prior[1] = 0.0, 0.1 / min(record.lateness, 1.0) ** 2

@@ -14,7 +14,7 @@ from ..balance.reconcile import sensors_of
 from ..balance.track import tracks_of
 from .base import Record
 from .motion import Motion, motion_of
-from .numbers import HELD, LEAST
+from .numbers import HELD, LEAST, LOST
 from .result import Comparison
 from .rows import Width, quick, rows_of, usable, widths
 from .verdict import decide
@@ -44,9 +44,9 @@ def record_of(stretches: Sequence[Stretch], model: Model, plain: Balance) -> Rec
     motion = motion_of(tracks, sensors, model.motion)
     declared = {k: v for k, v in model.known().items() if "." not in k}
     J, sure = _inertia(plain, declared)
-    h, sure = _width(motion, declared, J, sure)
+    width, sure = _width(motion, declared, J, sure)
     held = None if declared.get("J") else J
-    return Record.of(motion, rows_of(motion, h), declared, held, sure)
+    return Record.of(motion, rows_of(motion, width.h), declared, held, sure, width.heavy, model.effects)
 
 
 def _inertia(plain: Balance, declared: dict[str, float]) -> tuple[tuple[float, float] | None, bool]:
@@ -63,7 +63,7 @@ def _inertia(plain: Balance, declared: dict[str, float]) -> tuple[tuple[float, f
 
 def _width(
     m: Motion, declared: dict[str, float], J: tuple[float, float] | None, sure: bool
-) -> tuple[float, bool]:
+) -> tuple[Width, bool]:
     """The narrowest windows in which noise is small and the inertia is that of wider ones."""
     known = declared.get("J")
     tried: list[Width] = []
@@ -72,14 +72,13 @@ def _width(
         if one is not None:
             tried.append(one)
             if known and usable(one, declared=True):
-                return h, sure
+                return one, sure
     if not tried:
-        return widths(m)[0], False
-    if known:
-        return min(tried, key=lambda w: max(w.noisy, w.lost / 0.05)).h, sure
+        return Width(widths(m)[0], np.nan, np.nan, 1.0, np.inf, 1.0, False, 0.0), False
+    least = min(tried, key=lambda w: max(w.noisy, w.lost / LOST))
     good = [w for w in tried if usable(w, declared=False)]
-    if J is not None:
-        middle, half = 0.5 * (J[0] + J[1]), 0.5 * (J[1] - J[0])
-        near = [w for w in good if abs(w.J - middle) < half + 0.1 * middle]
-        return (near or [min(tried, key=lambda w: abs(w.J - middle))])[0].h, sure
-    return (good or [min(tried, key=lambda w: max(w.noisy, w.lost / 0.05))])[0].h, False
+    if known or J is None:
+        return (good or [least])[0], sure and bool(known)
+    middle, half = 0.5 * (J[0] + J[1]), 0.5 * (J[1] - J[0])
+    near = [w for w in good if abs(w.J - middle) < half + 0.1 * middle]
+    return (near or [min(tried, key=lambda w: abs(w.J - middle))])[0], sure

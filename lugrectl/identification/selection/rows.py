@@ -26,7 +26,8 @@ class Rows:
 
     ``K`` (m, n) takes samples to rows through the smoothing, ``narrow`` those that come from the
     smooth motion already. ``a`` is the acceleration, ``shake`` its noise in one draw, ``t`` the
-    times; ``rough`` is the noise of the speed in a row. Rows near rest are left out: there
+    times; ``rough`` is the noise of the speed in a row, ``wide`` the half-width of K in s where it
+    has half its height. Rows near rest are left out: there
     friction may be anything.
     """
 
@@ -39,6 +40,7 @@ class Rows:
     a: np.ndarray
     shake: np.ndarray
     rough: float
+    wide: float
 
     def __len__(self) -> int:
         return len(self.at)
@@ -101,7 +103,10 @@ def rows_of(m: Motion, h: float) -> Rows:
     limit = max(STILL * m.top, 3 * rough, 0.5 * m.count / h)
     moving = (K @ slow > limit) & (K @ (slow < STILL * m.top).astype(float) < AT_REST)
     K, narrow, at = K[moving], narrow[moving], at[moving]
-    return Rows(h, K, narrow, at, step * m.dt, m.t[at], narrow @ a, narrow @ m.shake, rough)
+    half_height = 0.5 * m.dt * np.count_nonzero(wide > 0.5 * wide.max())
+    return Rows(
+        h, K, narrow, at, step * m.dt, m.t[at], narrow @ a, narrow @ m.shake, rough, half_height
+    )
 
 
 def _centres(m: Motion, reach: int, step: int) -> np.ndarray:

@@ -10,7 +10,8 @@ from scipy.optimize import minimize
 from ...spec import Block, members
 from .base import Base, Columns
 from .contender import Entry
-from .effects import column, columns, outputs, searched, spanned
+from .declared import through
+from .effects import column, columns, searched, spanned
 from .law import NAMES
 from .springs import springs
 
@@ -96,7 +97,7 @@ def _over_grid(base: Base, block: Block, key: str) -> Iterator[Entry]:
     if not len(grid):
         return
     pair = spanned(block) is not None
-    made = [columns(base, block, {key: float(x)}).X for x in grid]
+    made = [columns(base, block, {key: float(x)}, screening=True).X for x in grid]
     C = np.concatenate(made, axis=1)
     gains = base.gains_of_pairs(C) if pair else base.gains(C)[0]
     kept = block.own[key].whole and base.record.motion.motion != "linear"
@@ -130,7 +131,7 @@ def _polished(
     step = float(np.min(np.diff(grid)[max(i - 1, 0) : i + 1]))
 
     def gain(x: float) -> float:
-        C = columns(base, block, {key: x}).X
+        C = columns(base, block, {key: x}, screening=True).X
         return float(base.gains_of_pairs(C)[0] if pair else base.gains(C)[0][0])
 
     return float(simplex(lambda p: gain(p[0]), [grid[i]], [0.3 * step], POLISH)[0])
@@ -208,12 +209,9 @@ def _of_torques(base: Base, key: str, timed: bool, neutral: float) -> np.ndarray
 def applied(base: Base, block: Block, values: dict[str, float]) -> np.ndarray:
     """The torque behind an effect on the input, stretch by stretch."""
     m = base.record.motion
-    if block.exact is None:
-        return np.asarray(outputs(base, block, values)[0])
     if block.gain == "delay":
         return _late(base, values["delay"])
-    exact = block.exact
-    return np.concatenate([exact(base.u[p], m.dt, **values) for p in m.pieces])
+    return through(block, values, base.u, m)
 
 
 def _late(base: Base, delay: float) -> np.ndarray:

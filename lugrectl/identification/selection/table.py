@@ -21,6 +21,11 @@ RICH = 0.3  # of friction: prior of a named effect in it
 HELD = 0.03  # of the inertia: prior of it there, or what imitates u would take it away
 MAD = 1.38  # sigma of a Student density of 4 degrees of freedom, in medians of the absolute value
 MOST_LEVERAGE = 0.95
+TURNED = 0.8  # rad of travel from which gravity is looked for first
+HEAVY = 0.3  # of friction: gravity that hides what else is missing
+ALIKE = 2.33  # paired standard errors within which two models explain equally well
+ALIKE_ASYMMETRY = 3.0  # the same for an asymmetry, whose shape depends on the Stribeck curve
+PART = 0.3  # of the gain of the best, below which another is not as good
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,20 +63,49 @@ def with_gap(base: Base, table: Table) -> Base:
     return replace(base, gap=gaps[0]) if gaps else base
 
 
-def decided(record: Seen, gravity: bool = False) -> Table:
+def decided(record: Seen) -> tuple[Table, Contender | None, tuple[str, ...]]:
     """The table of a record, with the scale of its richest description.
 
     A first, quick table finds presliding and Stribeck speed beside the likeliest effect, and the
-    noise; a second one decides.
+    noise; a second one decides. Gravity so large that nothing else can be seen before it is in the
+    model joins the base: it is returned, with what explains the record as well.
     """
-    base = settled(record, gravity=gravity)
+    base = settled(record)
     first = tabulate(base)
     base = with_gap(base, first)
+    heavy, also = weight(first)
+    gravity = heavy is not None
+    if gravity:
+        base = replace(settled(record, base.view, True), gap=base.gap)
+        first = tabulate(base)
     top = first.named[0] if first.named else None
     if top is not None and top.gain > SETTLE:
         again = settled(record, base.view, gravity, top.its if top.own else None, top.u)
         base = replace(again, gap=base.gap)
-    return tabulate(base.seen_as(richest(base, first)))
+    return tabulate(base.seen_as(richest(base, first))), heavy, also
+
+
+def weight(table: Table) -> tuple[Contender | None, tuple[str, ...]]:
+    """Gravity that hides everything else, and what explains the record as well."""
+    record = table.base.record
+    g = next((c for c in table.named if c.name == "gravity"), None)
+    if g is None or record.motion.span < TURNED or not record.sure:
+        return None, ()
+    top = table.named[0]
+    heavy = record.heavy or (g.share > HEAVY and g.gain > 0.5 * top.gain)
+    if not heavy or g.gain < SETTLE:
+        return None, ()
+    also = [c for c in table.named if c.name in ("constant_torque", "return_spring")]
+    close = tuple(c.name for c in also if c.gain > 0.97 * g.gain or as_good(c, g))
+    return g, close
+
+
+def as_good(c: Contender, best: Contender) -> bool:
+    """Whether the record does not distinguish a contender from the best one."""
+    d, se = best.above(c)
+    pair = (best.name, c.name) == ("constant_torque", "coulomb_asymmetry")
+    z = ALIKE_ASYMMETRY if pair else ALIKE
+    return c.gain > PART * best.gain and (d < z * se or d < 3)
 
 
 def richest(base: Base, table: Table) -> View:

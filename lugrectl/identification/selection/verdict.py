@@ -10,12 +10,9 @@ from .base import Base, Record
 from .contender import Contender
 from .numbers import LEAST, REST, SECOND, UNKNOWN
 from .score import paired
-from .table import Table, decided, tabulate
+from .table import ALIKE, Table, as_good, decided, tabulate
 
-ALIKE = 2.33  # paired standard errors within which two models explain equally well
-ALIKE_ASYMMETRY = 3.0  # the same for an asymmetry, whose shape depends on the Stribeck curve
 NOTHING = 2.6  # the same between the best of about thirty and nothing
-PART = 0.3  # of the gain of the best, below which another is not as good
 KNOWN_TIME = 0.33  # of `least` for a delay that is 1 ms or more beyond what is free
 
 
@@ -38,10 +35,7 @@ class Decision:
 
 def decide(record: Record, least: float = LEAST) -> Decision:
     """From the record to the verdict."""
-    table = decided(record)
-    heavy, also = _weight(record, table)
-    if heavy is not None:
-        table = decided(record, gravity=True)
+    table, heavy, also = decided(record)
     found = _of(record, table, least)
     return replace(found, gravity=heavy) if heavy is None else _with_weight(found, heavy, also)
 
@@ -69,17 +63,10 @@ def _of(record: Record, table: Table, least: float) -> Decision:
             return Decision("adequate", table=table)
         return Decision("unexplained", depends_on=free[0].depends_on, table=table)
     best = good[0]
-    also = tuple(c for c in good[1:] if _as_good(c, best))[:3]
+    also = tuple(c for c in good[1:] if as_good(c, best))[:3]
     verdict = "ambiguous" if also else "found"
     found = Decision(verdict, (best,), also, table=table)
     return _what_is_left(found, best, free, least, many)
-
-
-def _as_good(c: Contender, best: Contender) -> bool:
-    d, se = best.above(c)
-    pair = (best.name, c.name) == ("constant_torque", "coulomb_asymmetry")
-    z = ALIKE_ASYMMETRY if pair else ALIKE
-    return c.gain > PART * best.gain and (d < z * se or d < 3)
 
 
 def _what_is_left(
@@ -141,19 +128,6 @@ def _far(
         return False
     d, se = free[0].above(best)
     return d > ALIKE * se
-
-
-def _weight(record: Record, table: Table) -> tuple[Contender | None, tuple[str, ...]]:
-    """Gravity so large that nothing else can be seen before it is in the model."""
-    g = next((c for c in table.named if c.name == "gravity"), None)
-    if g is None or not table.named or record.motion.span < 0.8 or not record.sure:
-        return None, ()
-    top = table.named[0]
-    if g.gain < 20 or g.share < 0.3 or g.gain < 0.5 * top.gain:
-        return None, ()
-    also = [c for c in table.named if c.name in ("constant_torque", "return_spring")]
-    close = tuple(c.name for c in also if c.gain > 0.97 * g.gain or _as_good(c, g))
-    return g, close
 
 
 def _with_weight(found: Decision, heavy: Contender, also: tuple[str, ...]) -> Decision:
