@@ -137,7 +137,8 @@ class Base:
     """A model against which contenders are judged.
 
     ``inside`` are the names of the effects in it, ``u`` the torque that reaches the drive,
-    ``weight`` the torque of its gravity (n,), 0 without.
+    ``weight`` the torque of its gravity (n,), 0 without,
+    ``known`` the frequency, damping and gap of loads that were searched before.
     """
 
     record: Record
@@ -148,7 +149,7 @@ class Base:
     inside: tuple[str, ...] = ()
     gravity: bool = False
     friction: float | None = None
-    gap: Mapping[str, float] = field(default_factory=dict)
+    known: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     @cached_property
     def y(self) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...model import Part
 from ...spec import Block
-from .driven import torque_of_unit_load
+from .driven import torques
 from .law import Law
 from .motion import Motion
 
@@ -68,12 +68,9 @@ def _one(
 def _driven(part: Part, m: Motion) -> list[np.ndarray]:
     """A declared load behind a spring or a gap."""
     v = _values(part)
-    load = v.get("load_inertia", 0.0)
-    if load <= 0.0 or v.get("stiffness", 0.0) <= 0.0:
+    if v.get("load_inertia", 0.0) <= 0.0 or v.get("stiffness", 0.0) <= 0.0:
         return []
-    omega = float(np.sqrt(v["stiffness"] / load))
-    damping = v.get("damping", 0.0) / (2 * load * omega)
-    return [torque_of_unit_load(m, part.block, omega / (2 * np.pi), damping, v.get("gap", 0.0))]
+    return [torques(part.block, m.path, m.dt, [v])[0]]
 
 
 def _values(part: Part) -> dict[str, float]:

@@ -1,83 +1,85 @@
-"""Loads behind a spring or a gap, driven by the measured motion."""
+"""Loads behind a spring or a gap: their frequency, damping and gap are searched."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import product
 
 import numpy as np
 
 from ...spec import Block
 from .base import Base, Columns
 from .contender import Entry
-from .driven import torque_of_unit_load
+from .driven import of_unit_load, torques
 
 SLOWEST, FASTEST = 4.0, 60.0  # Hz of a load on its spring
-DAMPINGS = (0.03, 0.1, 0.3)
+FREQUENCIES, DAMPINGS = 22, (0.03, 0.1, 0.3)
 GAP_FREQUENCIES, GAP_DAMPING = (45.0, 80.0, 140.0), 0.3
 GAPS = 90  # a gap that is 5 % off loses most of what it explains
-NEAR = (0.96, 1.0, 1.04)  # of a gap that is known already
 EDGE = 0.84  # of the slowest: below, it is an inertia that falls with frequency and no spring
-CRITICAL = 0.95  # damping ratio
-STEPS = (0.08, 0.3, 0.03)  # of the simplex, in logarithms
-MOST_EVALUATIONS = 40
+CRITICAL, FASTEST_AT_ALL = 0.95, 400.0  # damping ratio, Hz
+ZOOMS = (1.0, 0.4, 0.16)  # rounds of the polish: their steps over the first ones
+STEPS = (0.1, 0.4)  # of frequency and damping, in logarithms
+AT_ONCE = 4_000_000  # samples of loads that are kept at a time
+
+Shape = tuple[float, ...]  # frequency, damping ratio, gap if there is one
 
 
 def springs(base: Base, block: Block) -> Iterator[Entry]:
-    """The most likely frequency, damping and gap of an inertia of 1 behind it."""
-    gapped = "gap" in block.own
-    if "load_inertia" not in block.own or base.record.motion.dt > 0.02:
+    """The most likely frequency, damping and gap of an inertia behind a spring."""
+    if {"load_inertia", "stiffness", "damping"} - {*block.own} or base.record.motion.dt > 0.02:
         return
-    found = _gap(base, block) if gapped else _spring(base, block)
-    if found is None:
+    grid, steps = _places(base, block)
+    known = base.known.get(block.name)
+    shapes = grid if known is None else [known]
+    best = _best(base, block, shapes)
+    for zoom in ZOOMS[1 if known else 0 :]:
+        if best is None:
+            return
+        best = _best(base, block, _around(best, [zoom * s for s in steps]))
+    if best is None or best[0] < EDGE * SLOWEST or best[1] > CRITICAL:
         return
-    (f, damping, gap), places = found
-    if f < EDGE * SLOWEST or damping > CRITICAL:
-        return
-    made = Columns.free(_column(base, block, f, damping, gap)[:, None], 0.0)
-    values = {"frequency": f, "damping_ratio": damping, "gap": gap}
-    yield Entry(block.name, values, made, cost=float(np.log(places)), inertial=True)
+    made = Columns.free(_columns(base, block, [best]), 0.0)
+    values = dict(zip(("frequency", "damping_ratio", "gap"), best, strict=False))
+    yield Entry(block.name, values, made, cost=float(np.log(len(grid))), inertial=True)
 
 
-def _column(base: Base, block: Block, f: float, damping: float, gap: float) -> np.ndarray:
-    load = torque_of_unit_load(base.record.motion, block, f, damping, gap)
-    return base.record.rows.narrow @ load
+def _places(base: Base, block: Block) -> tuple[list[Shape], list[float]]:
+    """All shapes to try, and their distances in logarithms."""
+    m = base.record.motion
+    if "gap" not in block.own:
+        top = min(FASTEST, 0.3 / m.dt)
+        frequencies = np.geomspace(SLOWEST, top, FREQUENCIES).tolist()
+        return list(product(frequencies, DAMPINGS)), list(STEPS)
+    reach = min(float(np.ptp(m.theta)), 2 * np.pi)
+    gaps = 2 * np.geomspace(max(m.count, 4e-4 * reach), 0.04 * reach, GAPS)
+    near = 0.6 * float(np.log(gaps[1] / gaps[0]))
+    return list(product(GAP_FREQUENCIES, [GAP_DAMPING], gaps.tolist())), [*STEPS, near]
 
 
-def _gain(base: Base, block: Block, f: float, damping: float, gap: float) -> float:
-    if not 0.8 * SLOWEST < f < 400 or damping > 1:
-        return -1.0
-    gains, b = base.gains(_column(base, block, f, damping, gap)[:, None])
-    return float(gains[0]) if b[0] > 0 else -1.0
+def _around(shape: Shape, steps: Sequence[float]) -> list[Shape]:
+    """The shape and its neighbours, a step in the logarithm of each of its values."""
+    turns = product(*[(-s, 0.0, s) for s in steps])
+    return [tuple(float(x * np.exp(d)) for x, d in zip(shape, t, strict=True)) for t in turns]
 
 
-def _spring(base: Base, block: Block) -> tuple[tuple[float, float, float], int] | None:
-    from .search import simplex
-
-    top = min(FASTEST, 0.3 / base.record.motion.dt)
-    grid = [(float(f), z) for f in np.geomspace(SLOWEST, top, 22) for z in DAMPINGS]
-    gains = [_gain(base, block, f, z, 0.0) for f, z in grid]
-    if max(gains) < 0:
+def _best(base: Base, block: Block, shapes: Sequence[Shape]) -> Shape | None:
+    """The shape that explains most; None if an inertia above 0 explains nothing."""
+    shapes = [s for s in shapes if 0.8 * SLOWEST < s[0] < FASTEST_AT_ALL and s[1] <= 1.0]
+    if not shapes:
         return None
-    start = np.log(grid[int(np.argmax(gains))])
-    x = simplex(lambda p: _gain(base, block, *np.exp(p), 0.0), start, STEPS[:2], MOST_EVALUATIONS)
-    f, z = np.exp(x).tolist()
-    return (f, z, 0.0), len(grid)
+    gains, b = base.gains(_columns(base, block, shapes))
+    gains = np.where(b > 0, gains, -1.0)
+    i = int(np.argmax(gains))
+    return shapes[i] if gains[i] > 0 else None
 
 
-def _gap(base: Base, block: Block) -> tuple[tuple[float, float, float], int] | None:
-    from .search import simplex
-
-    m, known = base.record.motion, base.gap
-    if known:
-        grid = [(known["frequency"], known["damping_ratio"], known["gap"] * x) for x in NEAR]
-    else:
-        reach = min(float(np.ptp(m.theta)), 2 * np.pi)
-        gaps = 2 * np.geomspace(max(m.count, 4e-4 * reach), 0.04 * reach, GAPS)
-        grid = [(f, GAP_DAMPING, float(g)) for f in GAP_FREQUENCIES for g in gaps]
-    gains = [_gain(base, block, *one) for one in grid]
-    if max(gains) < 0:
-        return None
-    start = np.log(grid[int(np.argmax(gains))])
-    x = simplex(lambda p: _gain(base, block, *np.exp(p)), start, STEPS, MOST_EVALUATIONS)
-    f, z, gap = np.exp(x).tolist()
-    return (f, z, gap), len(GAP_FREQUENCIES) * GAPS
+def _columns(base: Base, block: Block, shapes: Sequence[Shape]) -> np.ndarray:
+    """The torques of loads of 1 kg m2 in the windows, (m, shapes)."""
+    m, narrow = base.record.motion, base.record.rows.narrow
+    many = max(1, AT_ONCE // len(m))
+    made = []
+    for i in range(0, len(shapes), many):
+        sets = [of_unit_load(*shape) for shape in shapes[i : i + many]]
+        made.append(narrow @ torques(block, m.path, m.dt, sets).T)
+    return np.concatenate(made, axis=1)

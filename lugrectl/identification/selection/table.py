@@ -57,10 +57,10 @@ def best_of(contenders: Iterable[Contender]) -> list[Contender]:
     return sorted(best.values(), key=lambda c: -c.gain)
 
 
-def with_gap(base: Base, table: Table) -> Base:
-    """The base that knows where the gap is, so that it is not searched again."""
-    gaps = [c.values for c in table.named if c.name == "backlash"]
-    return replace(base, gap=gaps[0]) if gaps else base
+def with_known(base: Base, table: Table) -> Base:
+    """The base that knows the shapes of loads behind springs: they are searched once."""
+    loads = {c.name: tuple(c.values.values()) for c in table.named if "damping_ratio" in c.values}
+    return replace(base, known=loads)
 
 
 def decided(record: Seen) -> tuple[Table, Contender | None, tuple[str, ...]]:
@@ -72,16 +72,16 @@ def decided(record: Seen) -> tuple[Table, Contender | None, tuple[str, ...]]:
     """
     base = settled(record)
     first = tabulate(base)
-    base = with_gap(base, first)
+    base = with_known(base, first)
     heavy, also = weight(first)
     gravity = heavy is not None
     if gravity:
-        base = replace(settled(record, base.view, True), gap=base.gap)
+        base = replace(settled(record, base.view, True), known=base.known)
         first = tabulate(base)
     top = first.named[0] if first.named else None
     if top is not None and top.gain > SETTLE:
         again = settled(record, base.view, gravity, top.its if top.own else None, top.u)
-        base = replace(again, gap=base.gap)
+        base = replace(again, known=base.known)
     return tabulate(base.seen_as(richest(base, first))), heavy, also
 
 
@@ -156,4 +156,4 @@ def _with_prior(c: Contender, base: Base) -> Columns:
     return Columns(X, prior, np.full(k, -np.inf), np.full(k, np.inf))
 
 
-__all__ = ["Table", "best_of", "decided", "tabulate", "with_gap"]
+__all__ = ["Table", "best_of", "decided", "tabulate", "with_known"]
