@@ -6,7 +6,7 @@ A sin(phi) f(x, pi/2). What else it has is searched.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,8 @@ import numpy as np
 from ...spec import Block
 from .base import Base, Columns
 from .motion import bend
+
+AT_ONCE = 4_000_000  # numbers that a screening keeps at a time
 
 
 def searched(block: Block) -> list[str]:
@@ -49,58 +51,99 @@ def columns(
     return made
 
 
+def over(base: Base, block: Block, key: str, grid: np.ndarray) -> np.ndarray:
+    """The columns of an effect for each value of a parameter, for screening: from fewer samples.
+
+    Those of one value are neighbours: (m, values) or, with a phase, (m, 2 values).
+    """
+    samples = len(base.record.motion) // base.record.fewer
+    many = max(1, AT_ONCE // samples)
+    parts = [grid[i : i + many] for i in range(0, len(grid), many)]
+    return np.concatenate([_over(base, block, key, part) for part in parts], axis=1)
+
+
+def _over(base: Base, block: Block, key: str, grid: np.ndarray) -> np.ndarray:
+    free = spanned(block)
+    span = (None,) if free is None else block.own[free].span or ()
+    made = []
+    for x in span:
+        own: dict[str, Any] = {block.gain: 1.0, key: grid[None, :]}
+        own |= {} if free is None else {free: x}
+        made.append(column(base, block, own, screening=True))
+    return np.stack(made, axis=2).reshape(len(made[0]), -1)
+
+
 def column(
-    base: Base, block: Block, values: Mapping[str, float], screening: bool = False
+    base: Base, block: Block, values: Mapping[str, Any], screening: bool = False
 ) -> np.ndarray:
     """The torque of an effect in the windows (m,), on the resisting side.
 
-    ``screening``: from fewer samples.
+    ``screening``: from fewer samples. A value of shape (1, k) gives (m, k).
     """
+    made = _column(base, block, values, screening)
+    wide = any(np.ndim(v) for v in values.values())
+    return made if wide else made[:, 0]
+
+
+def _column(
+    base: Base, block: Block, values: Mapping[str, Any], screening: bool = False
+) -> np.ndarray:
     m, record = base.record.motion, base.record
     every = slice(None, None, record.fewer if screening else None)
     K, narrow = record.few if screening else (record.rows.K, record.rows.narrow)
     out = outputs(base, block, values, every)
     if "sensor" in block.acts:  # the true motion is the measured one without the error
-        error = out[block.fresh.index("theta_m")] - m.theta
-        bent = np.concatenate([bend(error[p], m.dt) for p in m.pieces])
+        error = out[block.fresh.index("theta_m")] - m.theta[:, None]
+        bent = np.concatenate([bend(error[p, 0], m.dt) for p in m.pieces])[:, None]
         return -base.J * (narrow @ bent)
     torque, inertial = [], []
     seen: set[int] = set()
     for act, change in block.deeds(out):
         if act == "input":
-            torque.append(base.u[every] - change)
+            torque.append(base.u[every, None] - change)
         elif act == "torque":
             torque.append(change)
         elif act == "J":
-            inertial.append(base.J * change * record.acceleration[every])
+            inertial.append(base.J * change * record.acceleration[every, None])
         elif act == "Fv":
-            torque.append(change * base.viscous[every])
+            torque.append(change * base.viscous[every, None])
         elif id(change) not in seen:  # the levels of Coulomb and static friction move together
             seen.add(id(change))
             torque.append(_on_level(base, block, act, change, every))
-    made = K @ sum(torque) if torque else 0.0
-    return made + narrow @ sum(inertial) if inertial else np.asarray(made)
+    made = [K @ _whole(torque)] if torque else []
+    made += [narrow @ _whole(inertial)] if inertial else []
+    return made[0] + made[1] if len(made) > 1 else made[0]
+
+
+def _whole(parts: Sequence[np.ndarray]) -> np.ndarray:
+    """The sum of the parts, in an order in memory that suits the means."""
+    total = parts[0]
+    for part in parts[1:]:
+        total = total + part
+    return np.ascontiguousarray(total)
 
 
 def _on_level(base: Base, block: Block, act: str, change: np.ndarray, every: slice) -> np.ndarray:
     if act.startswith("+"):
-        return change * base.law.z[every]
+        return change * base.law.z[every, None]
     if block.abrupt:  # it jumps with the direction, and the bristle follows
-        return base.record.laws.asymmetric(base.law.x0)[every] * base.level[every]
-    return change * base.coulomb[every]
+        return (base.record.laws.asymmetric(base.law.x0) * base.level)[every, None]
+    return change * base.coulomb[every, None]
 
 
 def outputs(
-    base: Base, block: Block, values: Mapping[str, float], every: slice = slice(None)
-) -> list[Any]:
-    """What a block without states puts out along the motion, each (n,)."""
+    base: Base, block: Block, values: Mapping[str, Any], every: slice = slice(None)
+) -> list[np.ndarray]:
+    """What a block without states puts out along the motion, each (n, k) for values (1, k)."""
     m = base.record.motion
     signals = {"t": m.t, "theta": m.theta, "w": m.w, "u": base.u, "load": base.weight}
     names = ("t", *block.inputs) if block.timed else block.inputs
     shared = {k: base.J for k, p in block.parameters.items() if p.shared and k == "J"}
-    made = block(*(signals[name][every] for name in names), **shared, **values)
+    made = block(*(signals[name][every, None] for name in names), **shared, **values)
     size = len(m.t[every])
     kept: dict[int, np.ndarray] = {}
     for o in made:
-        kept.setdefault(id(o), np.broadcast_to(np.asarray(o, float), size))
+        x = np.asarray(o, float)
+        wide = x.shape[1] if x.ndim == 2 else 1
+        kept.setdefault(id(o), np.broadcast_to(x, (size, wide)))
     return [kept[id(o)] for o in made]

@@ -11,7 +11,7 @@ from ...spec import Block, members
 from .base import Base, Columns
 from .contender import Entry
 from .declared import through
-from .effects import column, columns, searched, spanned
+from .effects import column, columns, over, searched, spanned
 from .law import NAMES
 from .springs import springs
 
@@ -97,8 +97,7 @@ def _over_grid(base: Base, block: Block, key: str) -> Iterator[Entry]:
     if not len(grid):
         return
     pair = spanned(block) is not None
-    made = [columns(base, block, {key: float(x)}, screening=True).X for x in grid]
-    C = np.concatenate(made, axis=1)
+    C = over(base, block, key, grid)
     gains = base.gains_of_pairs(C) if pair else base.gains(C)[0]
     kept = block.own[key].whole and base.record.motion.motion != "linear"
     for i in np.argsort(gains)[::-1][: WAYS if kept else 1]:
