@@ -61,7 +61,7 @@ def harmonic(g: np.random.Generator, theta: np.ndarray, m: Machine, low: int = 2
     """A whole order that passes several periods and that the log's rate can show."""
     travel = max(float(np.ptp(theta)), 1e-9)
     least = max(low, int(np.ceil(2.5 * 2 * np.pi / travel)))
-    most = int(min(60, max(least, 2 * np.pi * RATE / m.every / 8 / m.top)))
+    most = int(min(60, max(least, 2 * np.pi * min(RATE / m.every / 8, 40) / m.top)))
     return int(round(log_uniform(g, least, max(most, least) + 0.4)))
 
 

@@ -238,7 +238,7 @@ def _case(seed: int, kind: str, drawn: Drawn, run, g: np.random.Generator) -> Ca
         if kind == "effect":
             values[f"{drawn.name}.{key}"] = float(value)
     model = declare(m, g)
-    others: frozenset[str] = frozenset()
+    others, seen = frozenset(), 0.0
     if kind in ("effect", "unknown"):
         seen, others = alike(drawn, run, torque)
         if seen < 0.02 * _friction(run):
@@ -255,7 +255,7 @@ def _case(seed: int, kind: str, drawn: Drawn, run, g: np.random.Generator) -> Ca
         _rms(torque),
         _friction(run),
         others,
-        {"machine": m.few, "law": m.law, "share": _rms(torque) / _friction(run)},
+        {"machine": m.few, "law": m.law, "seen": seen / _friction(run)},
     )
 
 

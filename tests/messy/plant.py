@@ -78,9 +78,9 @@ def simulate(
     z = np.zeros(len(shares))
     queue = np.zeros(ROOM)
     quantum = 2 * np.pi / count
-    theta, w = ref[0], 0.0
+    theta, w = 0.0, 0.0
     if mode != TORQUE:
-        w = dref[0]
+        theta, w = ref[0], dref[0]
     angle, speed = theta, w  # of the load
     seen = np.floor((theta + size * np.sin(phase[0] * theta + phase[1])) / quantum) * quantum
     estimate, integral, acting, u = w, 0.0, 0.0, 0.0
