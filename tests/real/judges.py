@@ -1,0 +1,149 @@
+"""Judges: what answers a row. Each is called with the logs (path, options) and the declared model.
+
+A judge may return an ``Answer``, a dict of its fields, or an object with the attributes of a
+``Diagnosis``; :func:`answer_of` understands all three.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .score import Answer, Estimate
+
+Logs = Sequence[tuple[Path, Mapping[str, Any]]]
+Judge = Callable[[Logs, Mapping[str, Any]], Any]
+CHANNELS = ("u", "theta", "w")
+LEAD = {"lugrectl": "diagnosed", "selection": "selected"}
+
+
+def judge_named(name: str, prototype: str | None = None) -> Judge:
+    """The judge of a name: "lugrectl", "selection", "prototype" or "MODULE:FUNCTION"."""
+    if name == "prototype":
+        if prototype is None:
+            raise SystemExit("--judge prototype needs --prototype DIR, the folder of its modules.")
+        sys.path.insert(0, prototype)
+        return of_prototype
+    if name in LEAD:
+        return globals()[LEAD[name]]
+    module, colon, function = name.partition(":")
+    if not colon:
+        raise SystemExit(f"--judge: {name} is neither a known judge nor MODULE:FUNCTION.")
+    return getattr(importlib.import_module(module), function)
+
+
+def diagnosed(logs: Logs, model: Mapping[str, Any]) -> Any:
+    """The package's diagnosis."""
+    import lugrectl as lg
+    from lugrectl.errors import Refused
+
+    motion = model.get("motion")
+    try:
+        records = [lg.read_record(path, motion=motion, **options) for path, options in logs]
+    except Refused as refusal:
+        return Answer("refused", reason=str(refusal))
+    return lg.diagnose(records if len(records) > 1 else records[0], dict(model))
+
+
+def selected(logs: Logs, model: Mapping[str, Any]) -> Any:
+    """The package's comparison of models alone, where the installed version has one."""
+    from lugrectl.door import as_model
+    from lugrectl.record import read_log, stretches
+
+    module = importlib.import_module("lugrectl.identification.selection")
+    read = [read_log(path, motion=model.get("motion"), **options) for path, options in logs]
+    return module.selection(stretches(read)[0], as_model(dict(model)))
+
+
+def of_prototype(logs: Logs, model: Mapping[str, Any]) -> Answer:
+    """The research prototype, on the rows as they were recorded."""
+    compare: Any = importlib.import_module("comparison_prototype").compare
+    said = compare([arrays(path, model, options) for path, options in logs], flat(model))
+    budget, found = said["budget"], said["parameters"]
+    values: dict[str, Estimate] = {
+        f"{effect}.{key}": (float(v), None, None)
+        for effect, (pairs, _) in found.items()
+        for key, v in pairs.items()
+    }
+    if budget.get("sure"):  # else its number for J is not meant
+        values["J"] = (float(budget["J"]), None, None)
+    if budget.get("w_lag"):
+        values["w_lag"] = (float(budget["w_lag"]), None, None)
+    names = (tuple(said[k]) for k in ("effects", "alternatives", "depends_on"))
+    reason = " ".join(said["notes"])
+    return Answer(said["verdict"], *names, parameters=values, reason=reason)
+
+
+def arrays(path: Path, model: Mapping[str, Any], options: Mapping[str, Any]) -> dict[str, Any]:
+    """The columns of a log in SI units; rows in which a number is missing are left out."""
+    from lugrectl.record import read_log
+
+    log = read_log(path, motion=model.get("motion"), **options)
+    columns = {"t": log.t, **{k: log.channels[k] for k in CHANNELS if k in log.channels}}
+    whole = np.all([np.isfinite(x) for x in columns.values()], axis=0)
+    return {k: x[whole] for k, x in columns.items()}
+
+
+def flat(model: Mapping[str, Any]) -> dict[str, Any]:
+    """The declared values by name, and the amplitude of a declared gravity."""
+    law = {k: v for k, v in model.get("friction", {}).items() if k != "model"}
+    loads = [e for e in model.get("effects", []) if e["name"] == "gravity"]
+    more = {"gravity": loads[0].get("amplitude", 0.0)} if loads else {}
+    return {**model.get("plant", {}), **law, **more, "motion": model.get("motion", "rotary")}
+
+
+def answer_of(said: Any) -> Answer:
+    """What a judge returned, as an Answer."""
+    if isinstance(said, Answer):
+        return said
+    if isinstance(said, Mapping):
+        lists = {k: tuple(said.get(k, ())) for k in ("effects", "alternatives", "depends_on")}
+        more = {k: said[k] for k in ("parameters", "left", "reason") if said.get(k) is not None}
+        return Answer(said["verdict"], **lists, **more)
+    others = [name for e in said.effects for name in _others(e)]
+    others += [_name(a) for a in getattr(said, "alternatives", ())]
+    return Answer(
+        said.verdict,
+        tuple(_name(e) for e in said.effects),
+        tuple(dict.fromkeys(others)),
+        tuple(getattr(said, "depends_on", ()) or ()),
+        values_of(said),
+        left_of(said),
+        reason=getattr(said, "reason", None) or "",
+    )
+
+
+def _name(effect: Any) -> str:
+    return effect if isinstance(effect, str) else effect.name
+
+
+def _others(effect: Any) -> list[str]:
+    return [] if isinstance(effect, str) else [_name(a) for a in effect.alternatives]
+
+
+def values_of(said: Any) -> dict[str, Estimate]:
+    """Certain values of the balance, its sums, and over them those of the finer fit."""
+    plain = getattr(said, "plain", None)
+    made: dict[str, Estimate] = {}
+    if plain is not None:
+        made |= {k: _triple(e) for k, e in plain.parameters.items()}
+        made |= {c.text: _triple(c) for c in plain.combinations}
+    finer = getattr(said, "estimates", {})
+    return made | {k: _triple(e) for k, e in finer.items() if not e.held}
+
+
+def _triple(e: Any) -> Estimate:
+    low, high = e.ci95 or (None, None)
+    return e.value, low, high
+
+
+def left_of(said: Any) -> float | None:
+    """Share of RMS torque that remains: of the answer itself, or of the balance beside it."""
+    own = getattr(said, "left", None)
+    plain = getattr(said, "plain", None)
+    return own if own is not None else plain.left if plain is not None else None

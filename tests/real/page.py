@@ -1,0 +1,95 @@
+"""Lines for the screen, and the file in which results are kept."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .row import Row
+from .score import Answer, Score, total
+
+Line = tuple[Row, Answer, Score]
+WIDTH = 26  # of the names
+
+
+def line(row: Row, answer: Answer, score: Score) -> str:
+    """One line: right or not, verdict, names, J, what is left, seconds, what is wrong."""
+    mark = "right" if score.right else "named" if score.named else "WRONG"
+    J = answer.parameters.get("J")
+    left = "" if answer.left is None else f"left {100 * answer.left:.1f} %"
+    parts = [
+        f"{row.name:{WIDTH}s} {mark:5s}",
+        f"{answer.verdict}: {called(answer)}" if called(answer) else answer.verdict,
+        "" if J is None else f"J {J[0]:.4g}",
+        left,
+        f"{answer.seconds:.1f} s",
+        "; ".join(score.why),
+    ]
+    return " | ".join(filter(None, parts))
+
+
+def called(answer: Answer) -> str:
+    """The names, with alternatives and signals."""
+    names = ", ".join(answer.effects)
+    others = f" (or {', '.join(answer.alternatives)})" if answer.alternatives else ""
+    signals = f" on {', '.join(answer.depends_on)}" if answer.verdict == "unexplained" else ""
+    return f"{names}{others}{signals}".strip()
+
+
+def totals(lines: Sequence[Line]) -> dict[str, dict[str, Any]]:
+    """Counts and seconds by group."""
+    made = {}
+    for group in dict.fromkeys(row.group for row, *_ in lines):
+        own = [(answer, score) for row, answer, score in lines if row.group == group]
+        seconds = [answer.seconds for answer, _ in own if np.isfinite(answer.seconds)]
+        times = {"median_s": float(np.median(seconds)), "worst_s": max(seconds)} if seconds else {}
+        made[group] = total([score for _, score in own]) | times
+    return made
+
+
+def closing(lines: Sequence[Line]) -> str:
+    """A line for each group."""
+    said = "{}: {named} of {rows} named right, {right} of {rows} with values and residual"
+    time = "; {median_s:.1f} s median, {worst_s:.1f} s worst"
+    made = totals(lines)
+    return "\n".join(
+        (said + (time if "median_s" in of else "")).format(group, **of)
+        for group, of in made.items()
+    )
+
+
+def commit() -> str | None:
+    """The commit of the package that was judged, None outside a checkout."""
+    command = ["git", "rev-parse", "--short", "HEAD"]
+    try:
+        done = subprocess.run(command, cwd=Path(__file__).parent, capture_output=True, text=True)
+    except OSError:
+        return None
+    return done.stdout.strip() or None
+
+
+def kept(lines: Sequence[Line]) -> dict[str, Any]:
+    """Results of one judge as plain values."""
+    rows = {row.name: _row(row, answer, score) for row, answer, score in lines}
+    return {"commit": commit(), "total": totals(lines), "rows": rows}
+
+
+def _row(row: Row, answer: Answer, score: Score) -> dict[str, Any]:
+    said = {k: v for k, v in asdict(answer).items() if v not in ((), {}, "", None)}
+    said["seconds"] = round(answer.seconds, 2) if np.isfinite(answer.seconds) else None
+    return {"group": row.group, "named": score.named, "right": score.right, "why": score.why} | said
+
+
+def keep(path: Path, judge: str, what: str, made: Mapping[str, Any]) -> None:
+    """Put results under ``what`` (rows, held_out) of a judge; other judges stay as they are."""
+    data = json.loads(path.read_text()) if path.exists() else {}
+    data[judge] = {**data.get(judge, {}), **made} if what else dict(made)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    text = json.dumps(data, indent=1, default=float, allow_nan=False)
+    path.write_text(text + "\n")

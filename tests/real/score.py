@@ -1,0 +1,113 @@
+"""Whether an answer is right: pure rules on a row and an answer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+from .row import Row, Value, Way
+
+MOST = 3  # causes that an ambiguous answer may list
+MORE_LEFT = 0.01  # share of RMS torque that may be left beyond the fit by hand
+Estimate = tuple[float, float | None, float | None]  # value, 95 % interval where there is one
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a judge says of a row.
+
+    ``verdict``: as in the package, or "crash" or "timeout". ``effects`` are names, the likeliest
+    first; ``alternatives`` explain as well. ``parameters``: name -> (value, low, high).
+    ``left``: share of RMS torque that remains. ``reason``: of a refusal.
+    """
+
+    verdict: str
+    effects: tuple[str, ...] = ()
+    alternatives: tuple[str, ...] = ()
+    depends_on: tuple[str, ...] = ()
+    parameters: dict[str, Estimate] = field(default_factory=dict)
+    left: float | None = None
+    seconds: float = float("nan")
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Score:
+    """``named``: verdict and names are right. ``right``: values and residual as well."""
+
+    named: bool
+    right: bool
+    why: tuple[str, ...] = ()
+
+
+def score(row: Row, answer: Answer) -> Score:
+    """The score of an answer, with one phrase for each thing that is not right."""
+    if answer.verdict in ("crash", "timeout"):
+        return Score(False, False, (f"no answer: {answer.reason or answer.verdict}",))
+    tried = [(*wrong_names(w, answer), *wrong_values(w.values, answer)) for w in row.right]
+    names = min(tried, key=len)
+    values = wrong_values(row.values, answer) if answer.verdict != "refused" else ()
+    more = (*values, *too_much_left(row, answer))
+    return Score(not names, not names and not more, (*names, *more))
+
+
+def wrong_names(one: Way, answer: Answer) -> tuple[str, ...]:
+    """What of the verdict and the names does not fit this way."""
+    said = (*answer.effects, *answer.alternatives)
+    allowed = one.beside.union(*one.names)
+    wrong = []
+    if answer.verdict not in one.verdicts:
+        wrong.append(f"verdict {answer.verdict}, not {' or '.join(sorted(one.verdicts))}")
+    for group in one.names:
+        if not group & set(said):
+            wrong.append(f"{' or '.join(sorted(group))} is not named")
+    wrong += [f"{name} is wrong" for name in answer.effects if name not in allowed]
+    if len(answer.alternatives) >= MOST:
+        wrong.append(f"more than {MOST} causes")
+    if one.depends_on and not one.depends_on & set(answer.depends_on):
+        wrong.append(f"does not depend on {' or '.join(sorted(one.depends_on))}")
+    wrong += [f"{key} cannot be known" for key in one.absent if key in answer.parameters]
+    wrong += [f"'{t}' is no reason" for t in one.not_because if t in answer.reason.lower()]
+    return tuple(wrong)
+
+
+def wrong_values(values: Iterable[Value], answer: Answer) -> tuple[str, ...]:
+    """One phrase for each value outside its range, and for each that is needed and not given."""
+    return tuple(phrase for v in values if (phrase := _wrong(v, answer)))
+
+
+def _wrong(v: Value, answer: Answer) -> str:
+    given = [(name, answer.parameters[name]) for name in v.names if name in answer.parameters]
+    if not given:
+        return f"{v.names[0]} is not given" if v.needed or v.covering else ""
+    if any(_fits(v, estimate) for _, estimate in given):
+        return ""
+    name, (best, low, high) = given[0]
+    ends = f" [{low:.4g}, {high:.4g}]" if low is not None and high is not None else ""
+    return f"{name} {best:.4g}{ends}, not {v.low:.4g} to {v.high:.4g}"
+
+
+def _fits(v: Value, estimate: Estimate) -> bool:
+    """Whether the value lies in the range, or its interval reaches into it."""
+    best, low, high = estimate
+    if v.covering:
+        return low is not None and high is not None and low <= v.low and v.high <= high
+    if v.low <= best <= v.high:
+        return True
+    return low is not None and high is not None and low <= v.high and v.low <= high
+
+
+def too_much_left(row: Row, answer: Answer) -> tuple[str, ...]:
+    """Whether more is left than the fit by hand leaves, by more than a point."""
+    if row.left is None or answer.left is None or answer.left <= row.left + MORE_LEFT:
+        return ()
+    return (f"{100 * answer.left:.1f} % left, by hand {100 * row.left:.1f} %",)
+
+
+def total(scores: Sequence[Score]) -> dict[str, int]:
+    """Counts over rows."""
+    return {
+        "rows": len(scores),
+        "named": sum(s.named for s in scores),
+        "right": sum(s.right for s in scores),
+    }
