@@ -74,24 +74,28 @@ class Job:
         return (*self.declared.remarks(), *noticed, *self.doubts, *moved, *smoothed)
 
 
-def begin(
+@dataclass(frozen=True)
+class Prepared:
+    """Records prepared for fitting and judging, before any fit."""
+
+    records: tuple[Record, ...]
+    every: tuple[Record, ...]
+    model: Model
+    data: Data
+    parts: Split
+    doubts: tuple[str, ...]
+    on_theta: bool
+
+
+def prepared(
     record: Record | Sequence[Record],
     model: Model,
     holdout: str | Record | None,
     horizon: float,
-    report: Progress,
-    *,
-    turned: bool = False,
-    lead: float = GAP,
-    halfway: bool = False,
-    uneven: bool = False,
     plain: Mapping[str, float] | None = None,
-) -> Job:
-    """Split the records and refit the declared model on the training part.
+) -> Prepared:
+    """The records split into training and held-out samples; Refused where they cannot be judged.
 
-    ``turned`` exchanges training and held-out blocks of one record. ``lead`` is the time in s
-    before each fitted part that only serves to find the state. A w that is ``halfway`` between
-    samples is treated as a difference of positions; one on ``uneven`` stamps is not fitted.
     ``plain`` are the values of the plain torque balance, from which the fit starts.
     """
     records = (record,) if isinstance(record, Record) else tuple(record)
@@ -104,28 +108,33 @@ def begin(
         long_enough_to_judge(one)
     data = replace(prepare(every), plain=plain or {})
     held_out = sum(r.samples for r in records) if apart else None
-    parts = split(
-        data, horizon, last=holdout == "last", held_out=held_out, turned=turned, lead=lead
-    )
+    parts = split(data, horizon, last=holdout == "last", held_out=held_out)
     doubts = refuse_unfit(every, model, data)
     filtering = any(part.block.name == LAG for part in model.effects)
-    alone = None if filtering else on_theta_alone(every, data, halfway=halfway, uneven=uneven)
+    alone = None if filtering else on_theta_alone(every, data)
     if alone is not None:
         data, doubts = alone[0], (*doubts, alone[1])
-    model = holding(model, data)
     if 1 < len(records) <= MOST_RUNS:
         data = replace(data, differing=tuple(range(1, len(records))))
+    model = holding(model, data)
+    return Prepared(records, tuple(every), model, data, parts, tuple(doubts), alone is not None)
+
+
+def begin(asked: Prepared, report: Progress) -> Job:
+    """The declared model refitted to the training samples."""
+    records, model, data, parts = asked.records, asked.model, asked.data, asked.parts
+    filtering = any(part.block.name == LAG for part in model.effects)
     opened = [k for k, v in model.values().items() if v is None]
-    fitting = partial(_declared, train=parts.train, where=named(every), report=report)
+    fitting = partial(_declared, train=parts.train, where=named(asked.every), report=report)
     start = model
-    if opened and alone is None and not filtering and lateness(data):
+    if opened and not asked.on_theta and not filtering and lateness(data):
         # beside theta, a w that lags strongly biases the undeclared values
-        by_theta = prepare([replace(r, w=None) for r in every])
+        by_theta = prepare([replace(r, w=None) for r in asked.every])
         by_theta = replace(by_theta, differing=data.differing, plain=data.plain)
         known = fitting(model, by_theta).values
         start = model.with_values({k: known[k] for k in opened})
     base = fitting(start, data)
-    job = Job(records, model, data, parts, base, doubts)
+    job = Job(records, model, data, parts, base, asked.doubts)
     for other in (dated, calmed):
         better = other(job.base)
         job = job if better is None else on_torque(job, better, report)

@@ -10,6 +10,7 @@ over the same windows of the same log, scored by the density of each block under
 """
 
 from .face import compare
-from .result import Comparison, Share
+from .numbers import ALPHA, LEAST
+from .result import Compared, Comparison, Detectable, Named, Share
 
-__all__ = ["Comparison", "Share", "compare"]
+__all__ = ["ALPHA", "LEAST", "Compared", "Comparison", "Detectable", "Named", "Share", "compare"]
