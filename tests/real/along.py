@@ -80,30 +80,27 @@ def _acceleration(
 ) -> np.ndarray:
     """dw/dt of the plant at each sample, its other states carried along."""
     block, values = assemble(model), model.known()
-    x = np.zeros(len(block.states) - 2)
-    _place_loads(block.states[2:], x, theta[0], w[0])
-    outputs, dw, dt = len(block.outputs), np.empty(len(t)), t[1] - t[0]
+    x, dw, dt = _begin(model, u[0], theta[0], w[0]), np.empty(len(t)), t[1] - t[0]
 
-    def rates(k: int, state: np.ndarray) -> tuple[float, np.ndarray]:
+    def rates(k: int, state: np.ndarray) -> np.ndarray:
+        """dw/dt and the rates of the states; the outputs F and w come first."""
         made: Any = block(t[k], u[k], 0.0, theta[k], w[k], *state, **values)
-        flat = np.array([float(v) for v in made])
-        fresh = len(flat) - len(state) - 2
-        assert fresh <= outputs
-        return flat[fresh + 1], flat[fresh + 2 :]
+        return np.array([float(v) for v in made[2:]])
 
     for k in range(len(t)):
-        dw[k], slope = rates(k, x)
-        x = x + dt * slope * _shares(lambda s, k=k: rates(k, s)[1], x, slope, dt)
+        dw[k], *slope = rates(k, x)
+        slope = np.array(slope)
+        x = x + dt * slope * _shares(lambda s, k=k: rates(k, s)[1:], x, slope, dt)
     return dw
 
 
-def _place_loads(names: tuple[str, ...], x: np.ndarray, theta: float, w: float) -> None:
-    """A load behind a spring starts where the motor is, at its speed."""
-    for i, name in enumerate(names):
-        if name.endswith("theta_l"):
-            x[i] = theta
-        elif name.endswith("w_l"):
-            x[i] = w
+def _begin(model: Model, u: float, theta: float, w: float) -> np.ndarray:
+    """The states beside theta and w at the first sample, as their blocks say."""
+    signals = {"u": u, "theta": theta, "w": w}
+    blocks = [model.friction.block, *(part.block for part in model.effects)]
+    inside = [block for block in blocks if "sensor" not in block.acts]
+    texts = [text for block in inside for text in block.start[: len(block.states)]]
+    return np.array([signals[x] if x in signals else float(x) for x in texts])
 
 
 def _shares(rate: Any, x: np.ndarray, slope: np.ndarray, dt: float) -> np.ndarray:

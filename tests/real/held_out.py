@@ -103,7 +103,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         cells = [percent(made["readme"]), *(percent(made["models"][m]) for m in models)]
         print(f"{split.name:{WIDTH}s} " + " ".join(f"{c:>14s}" for c in cells), flush=True)
     if args.keep:
-        keep(args.keep, "held_out", "", {"commit": commit(), "sets": kept})
+        keep(args.keep, "held_out", {"commit": commit(), "sets": kept})
     return 0
 
 

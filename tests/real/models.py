@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from .along import balanced, residual
 from .motion import Motion, Run
@@ -17,6 +16,15 @@ from .sets import Cut, Split
 
 Residual = Callable[[Run], np.ndarray]
 BUMP = 2 * np.pi * 5 / 60  # rad/s, width of the low-speed bump of the worm drive's fit by hand
+LIFTED = 0.49 * 0.1**2, 0.49 * 9.81 * 0.1  # kg m2, N m: the pendulum of the hobby servo
+
+
+def load(m: Motion) -> np.ndarray:
+    """|torque of the lifted pendulum| sign(w), its inertia and weight as its README has them."""
+    inertia, weight = LIFTED
+    return np.abs(inertia * m.a + weight * np.sin(m.angle())) * np.sign(m.w)
+
+
 COLUMNS: Mapping[str, Callable[[Motion], np.ndarray]] = {
     "a": lambda m: m.a,
     "w": lambda m: m.w,
@@ -26,6 +34,7 @@ COLUMNS: Mapping[str, Callable[[Motion], np.ndarray]] = {
     "1": lambda m: np.ones_like(m.w),
     "sin": lambda m: np.sin(m.angle()),
     "cos": lambda m: np.cos(m.angle()),
+    "load": load,
     "bump+": lambda m: np.exp(-((m.w / BUMP) ** 2)) * (m.w > 0),
     "bump-": lambda m: np.exp(-((m.w / BUMP) ** 2)) * (m.w < 0),
 }
@@ -37,38 +46,10 @@ def plain(train: Sequence[Run], split: Split, cut: Cut) -> Residual:
 
 
 def hand(train: Sequence[Run], split: Split, cut: Cut) -> Residual:
-    """Least squares on the columns of the README. "load" is |load| sign(w), the load being the
-    inertia and weight of the fit itself."""
-    linear = [name for name in split.columns if name != "load"]
-    b = _least_squares(train, linear, cut.shift)
-    if "load" not in split.columns:
-        return lambda run: run.motion.late(cut.shift) - _design(run.motion, linear) @ b
-    both = _with_load(train, linear, cut.shift, b)
-    return lambda run: run.motion.late(cut.shift) - _loaded(run.motion, linear, both)
-
-
-def _with_load(
-    train: Sequence[Run], names: Sequence[str], shift: float, start: np.ndarray
-) -> np.ndarray:
-    """The coefficients and that of the load, by least squares; inertia and weight enter twice."""
-    scale = np.abs(start) + 1e-9
-
-    def missed(x: np.ndarray) -> np.ndarray:
-        made = np.append(x[:-1] * scale, x[-1])
-        parts = [
-            (r.motion.late(shift) - _loaded(r.motion, names, made))[r.motion.use] for r in train
-        ]
-        return np.concatenate(parts)
-
-    found = least_squares(missed, np.append(start / scale, 0.1)).x
-    return np.append(found[:-1] * scale, found[-1])
-
-
-def _loaded(m: Motion, names: Sequence[str], b: np.ndarray) -> np.ndarray:
-    """The torque of the columns, and b[-1] |inertia and weight| sign(w)."""
-    X = _design(m, names)
-    load = X @ np.where(np.isin(names, ("a", "sin", "cos")), b[:-1], 0.0)
-    return X @ b[:-1] + b[-1] * np.abs(load) * np.sign(m.w)
+    """Least squares on the columns of the README."""
+    names, shift = split.columns, cut.shift
+    b = _least_squares(train, names, shift)
+    return lambda run: run.motion.late(shift) - _design(run.motion, names) @ b
 
 
 def _design(m: Motion, names: Sequence[str]) -> np.ndarray:

@@ -86,10 +86,9 @@ def _row(row: Row, answer: Answer, score: Score) -> dict[str, Any]:
     return {"group": row.group, "named": score.named, "right": score.right, "why": score.why} | said
 
 
-def keep(path: Path, judge: str, what: str, made: Mapping[str, Any]) -> None:
-    """Put results under ``what`` (rows, held_out) of a judge; other judges stay as they are."""
+def keep(path: Path, judge: str, made: Mapping[str, Any]) -> None:
+    """Write the results of a judge into a file; those of other judges stay as they are."""
     data = json.loads(path.read_text()) if path.exists() else {}
-    data[judge] = {**data.get(judge, {}), **made} if what else dict(made)
+    data[judge] = dict(made)
     path.parent.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(data, indent=1, default=float, allow_nan=False)
-    path.write_text(text + "\n")
+    path.write_text(json.dumps(data, indent=1, default=float, allow_nan=False) + "\n")

@@ -18,7 +18,7 @@ from .screws import FIRST_RUNS, OPTIONS, THIRD_RUNS
 ROTARY: Mapping[str, Any] = {"motion": "rotary"}
 BASIC = ("a", "w", "sign", "1")
 SWUNG = (*BASIC, "sin", "cos")
-LOADED = (*SWUNG, "load")
+LOADED = (*BASIC, "sin", "load")
 
 
 @dataclass(frozen=True)
