@@ -17,7 +17,7 @@ import numpy as np
 
 from .__main__ import DATA, RESULTS, THREADS
 from .judges import CHANNELS
-from .models import MODELS
+from .models import MODELS, StandIn
 from .motion import Motion, Run, motion_of, rms
 from .page import WIDTH, commit, keep
 from .row import Source
@@ -68,6 +68,8 @@ def errors(split: Split, data: Path, models: Sequence[str]) -> dict[str, Any]:
 def _of_cut(model: Any, split: Split, cut: Cut, read: Any) -> tuple[np.ndarray, np.ndarray]:
     """Residual and torque on the samples that count of the unseen runs."""
     of, unseen = model(read(cut.train), split, cut), read(cut.unseen)
+    if isinstance(of, StandIn):
+        print(f"{split.name}: the diagnosis has no model; the balance stands in", file=sys.stderr)
     residual = np.concatenate([of(run)[run.motion.use] for run in unseen])
     return residual, np.concatenate([run.motion.u[run.motion.use] for run in unseen])
 

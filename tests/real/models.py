@@ -7,6 +7,7 @@ unit of u, over all samples.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,6 +17,8 @@ from .sets import Cut, Split
 
 Residual = Callable[[Run], np.ndarray]
 BUMP = 2 * np.pi * 5 / 60  # rad/s, width of the low-speed bump of the worm drive's fit by hand
+
+
 LIFTED = 0.49 * 0.1**2, 0.49 * 9.81 * 0.1  # kg m2, N m: the pendulum of the hobby servo
 
 
@@ -38,6 +41,16 @@ COLUMNS: Mapping[str, Callable[[Motion], np.ndarray]] = {
     "bump+": lambda m: np.exp(-((m.w / BUMP) ** 2)) * (m.w > 0),
     "bump-": lambda m: np.exp(-((m.w / BUMP) ** 2)) * (m.w < 0),
 }
+
+
+@dataclass(frozen=True)
+class StandIn:
+    """The residual of another model, where a diagnosis has no model of its own."""
+
+    of: Residual
+
+    def __call__(self, run: Run) -> np.ndarray:
+        return self.of(run)
 
 
 def plain(train: Sequence[Run], split: Split, cut: Cut) -> Residual:
@@ -88,7 +101,7 @@ def ours(train: Sequence[Run], split: Split, cut: Cut) -> Residual:
         curve = result.map.curves["augmented"]
         return lambda run: run.motion.u - np.interp(run.motion.w, result.map.at, curve)
     if result.model is None or None in result.model.values().values():
-        return plain(train, split, cut)
+        return StandIn(plain(train, split, cut))
     return lambda run: residual(result.model, run)
 
 

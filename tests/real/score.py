@@ -18,7 +18,8 @@ class Answer:
 
     ``verdict``: as in the package, or "crash" or "timeout". ``effects`` are names, the likeliest
     first; ``alternatives`` explain as well. ``parameters``: name -> (value, low, high).
-    ``left``: share of RMS torque that remains. ``reason``: of a refusal.
+    ``left``: share of RMS torque that remains. ``seconds`` and ``cpu``: after all imports.
+    ``reason``: of a refusal.
     """
 
     verdict: str
@@ -28,6 +29,7 @@ class Answer:
     parameters: dict[str, Estimate] = field(default_factory=dict)
     left: float | None = None
     seconds: float = float("nan")
+    cpu: float = float("nan")
     reason: str = ""
 
 
