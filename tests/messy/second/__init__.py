@@ -15,7 +15,7 @@ from . import alike as same
 from . import effects as fx
 from . import kernel as k
 from . import motion, recorder
-from .machine import Machine, machine, steer
+from .machine import Machine, machine, spindle, steer
 
 KINDS = ("effect", "none", "unknown", "sound")
 RATES = (100.0, 200.0, 250.0, 500.0, 1000.0, 2000.0)
@@ -94,8 +94,8 @@ def _stage(rng: Generator, name: str) -> tuple | None:
         m.P["grav_phase"] = float(rng.uniform(-np.pi, np.pi))
     mode = _mode(rng, m, name)
     steer(rng, m, mode)
-    f_log = _rate(rng, m, 500.0 if slow else 0.0)
     moves = _motion(rng, mode, name)
+    f_log = _rate(rng, m, 500.0 if slow or moves == "pulses" else 0.0)
     ref = motion.reference(rng, m, moves, rng.uniform(10, 45))
     out = simulate(m, ref, np.zeros(ref.shape[1]))
     if not _sensible(m, out, mode):
@@ -191,38 +191,49 @@ def _drawn(rng: Generator, seed: int, kind: str) -> Case | None:
 
 def _sound(rng: Generator, seed: int) -> Case | None:
     """A sound drive: every other seed with a coloured disturbance, else an exact log."""
-    noisy = seed % 2 == 0
-    kind = str(rng.choice(["direct", "geared"])) if not noisy else ""
-    m = machine(rng, kind=kind)
+    m = machine(rng, exact=seed % 2 == 1)
     m.P["grav"] = m.P["grav_phase"] = 0.0
-    mode = _mode(rng, m, "none") if noisy else str(rng.choice(["open", "open", "pd", "cascade"]))
-    steer(rng, m, mode)
-    if noisy:
-        moves = _motion(rng, mode, "none")
-    else:
-        m.P.update(q=0.0, uq=0.0)
-        moves = {"open": "pulses"}.get(mode, str(rng.choice(["scan", "scan", "staircase"])))
-    ref = motion.reference(rng, m, moves, rng.uniform(10, 45))
-    w0 = 0.0
-    if not noisy and mode == "open" and seed % 3 == 0:  # coast-down: fast at first, no torque
-        ref[3] *= np.arange(ref.shape[1]) > 0.4 * ref.shape[1]
-        w0, moves = float(m.wmax * rng.choice([-1, 1])), "coast-down"
-    n = ref.shape[1]
-    plain = simulate(m, ref, np.zeros(n), w0=w0)
-    if not np.isfinite(plain).all():
+    made = _coloured(rng, m) if seed % 2 == 0 else _exact(rng, m)
+    if made is None:
         return None
-    about = {"machine": m.type, "law": m.friction, "mode": mode, "motion": moves, "m": m}
-    f_log = _rate(rng, m, 0.0)
-    if not noisy:
-        log, more = recorder.exact(m, plain, max(f_log, 500.0))
-    else:
-        x, about["memory"] = fx.coloured(rng, n, m.fs)
-        about["disturbance"] = rng.uniform(0.01, 0.08)
-        plain = simulate(m, ref, x * about["disturbance"] * fx.rms(plain[:, k.F0]))
-        log, more = recorder.record(rng, m, plain, f_log, False)
-    if noisy and not _sensible(m, plain, mode) or np.abs(plain[:, k.W]).max() > 4 * m.wmax:
-        return None
-    about |= more | {"true": plain}
+    log, about, out = made
+    about |= {"machine": m.type, "law": m.friction, "m": m, "true": out}
     spared = frozenset({"sublinear_viscous"} if m.friction == "grease" else ())
     return Case(seed, "sound", log, recorder.declare(rng, m), "none", recorder.truth(m), (),
-                spared, 0.0, fx.rms(plain[:, k.F0]), frozenset(), about)  # fmt: skip
+                spared, 0.0, fx.rms(out[:, k.F0]), frozenset(), about)  # fmt: skip
+
+
+def _coloured(rng: Generator, m: Machine) -> tuple | None:
+    """A usual log under a random torque of 1-8 % of friction with some memory."""
+    mode = _mode(rng, m, "none")
+    steer(rng, m, mode)
+    moves = _motion(rng, mode, "none")
+    f_log = _rate(rng, m, 500.0 if moves == "pulses" else 0.0)
+    ref = motion.reference(rng, m, moves, rng.uniform(10, 45))
+    x, memory = fx.coloured(rng, ref.shape[1], m.fs)
+    plain, size = simulate(m, ref, 0.0 * x), rng.uniform(0.01, 0.08)
+    out = simulate(m, ref, x * size * fx.rms(plain[:, k.F0]))
+    if not _sensible(m, out, mode):
+        return None
+    log, about = recorder.record(rng, m, out, f_log, False)
+    return log, about | {"mode": mode, "motion": moves, "memory": memory, "disturbance": size}, out
+
+
+def _exact(rng: Generator, m: Machine) -> tuple | None:
+    """Ideal sensors at the rate of the loop: pulses, steps, a coast-down, slow scans."""
+    moves = str(rng.choice(["pulses", "coast-down", "scan", "staircase"]))
+    mode = "open" if moves in ("pulses", "coast-down") else str(rng.choice(["pd", "cascade"]))
+    seconds, coast, w0 = rng.uniform(10, 45), 0.0, 0.0
+    if moves == "coast-down":  # fast at first, no torque; pulses once it is slow
+        coast = seconds * rng.uniform(0.2, 0.6)
+        spindle(m, coast)
+        w0 = float(m.wmax * rng.choice([-1, 1]))
+    steer(rng, m, mode)
+    m.P.update(q=0.0, uq=0.0)
+    ref = motion.reference(rng, m, "pulses" if mode == "open" else moves, seconds)
+    ref[3, : int(coast * m.fs)] = 0.0
+    out = simulate(m, ref, np.zeros(ref.shape[1]), w0=w0)
+    if not np.isfinite(out).all() or np.abs(out[:, k.W]).max() > 4 * m.wmax:
+        return None
+    log, about = recorder.exact(m, out, m.fs)
+    return log, about | {"mode": mode, "motion": moves}, out

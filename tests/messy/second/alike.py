@@ -85,13 +85,14 @@ def _periods(s: Scene) -> np.ndarray:
     dt, n = s.step / s.m.fs, s.y.size
     size = np.abs(np.fft.rfft(s.y * np.hanning(n), 4 * n))
     f = np.fft.rfftfreq(4 * n, dt)
-    size[f < 0.5 / (n * dt)] = 0.0
+    size[f < 1.0 / (n * dt)] = 0.0  # a full period, else it is an offset or a drift
     peaks = []
     for _ in range(5):
         i = int(np.argmax(size))
         peaks.append(f[i])
         size[max(0, i - 8) : i + 9] = 0.0
     f = np.add.outer(peaks, np.linspace(-0.5, 0.5, 11) / (n * dt)).ravel()
+    f = np.maximum(f, 1.0 / (n * dt))
     angle = 2 * np.pi * f * s.t[:, None]
     return np.stack([np.sin(angle), np.cos(angle)], axis=-1)
 
@@ -173,7 +174,7 @@ def remaining(s: Scene, name: str) -> float:
     if name in ("input_delay", "actuator_lag"):
         return _held(s, _late(s, name == "actuator_lag"))
     if name == "actuator_dead_zone":
-        h = np.geomspace(0.004, 1.0, 60) * np.abs(u).max()
+        h = np.geomspace(0.01, 0.6, 60) * rms(s.x[:, k.F0])  # wider: it would stand for friction
         return _held(s, np.clip(u[:, None], -h, h))
     if name == "load_dependent_friction":
         load = np.abs(s.m.P["grav"] * np.sin(th + s.m.P["grav_phase"]))

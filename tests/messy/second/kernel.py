@@ -107,14 +107,14 @@ def _move(P, z, K, share, w, level, h):
 
 @njit(cache=True)
 def _bristle(P, z, K, share, w, level):
-    """Bristle torque with its damping, N m."""
+    """Bristle torque with its damping, N m; elements that slip lose theirs at speed."""
     f = 0.0
     for i in range(z.size):
         zmax = share[i] * level / K[i]
         if P[RELAX] > 0.5:
             zdot = w - abs(w) * z[i] / zmax
         else:
-            zdot = w if abs(z[i]) < zmax else 0.0
+            zdot = w / (1.0 + (w / P[VS]) ** 2) if abs(z[i]) < zmax else 0.0
         f += K[i] * z[i] + P[S1] * share[i] * zdot
     return f
 

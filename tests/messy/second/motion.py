@@ -114,6 +114,7 @@ def pulses(rng: Generator, m: Machine, n: int) -> np.ndarray:
     while k < n:
         level = fs * rng.uniform(1.15, 1.3 + j * m.amax / fs)
         hold = min(rng.uniform(0.4, 1.0) * m.wmax * j / (level - 0.9 * m.P["Fc"]), 1.5)
+        hold = max(hold, 0.03)
         stop = k + int(hold * m.fs) + 1
         u[k:stop] = side * level
         k = stop + int(rng.choice([0.05, 0.4, 0.8]) * rng.uniform(0.5, 1.0) * m.fs)
