@@ -23,6 +23,8 @@ RANGE = (0.03, 0.25)  # RMS torque of the effect over RMS friction torque
 SEEN = 0.025  # of it, what the declared structure cannot absorb
 POSITIONED = ("return_spring", "hard_stop", "load_dependent_friction", "gravity", "constant_torque",
               "detent", "rubbing_spot")  # fmt: skip
+ACTUATOR = ("input_delay", "actuator_lag", "actuator_dead_zone", "torque_constant_ripple")
+ANGLE = POSITIONED + ("torque_ripple", "position_dependent_friction", "torque_constant_ripple")
 
 __all__ = ["KINDS", "draw", "simulate"]
 
@@ -63,14 +65,15 @@ def _mode(rng: Generator, m: Machine, name: str) -> str:
     """A control structure that suits machine and effect."""
     if m.type == "hobby" or m.P["grav"] or name in POSITIONED or m.type == "screw":
         return str(rng.choice(["cascade", "pd"], p=[0.3, 0.7] if m.type == "hobby" else [0.7, 0.3]))
-    return str(rng.choice(["cascade", "pd", "velocity", "open"], p=[0.35, 0.2, 0.25, 0.2]))
+    return str(rng.choice(["cascade", "pd", "velocity", "open"], p=[0.25, 0.15, 0.35, 0.25]))
 
 
 def _motion(rng: Generator, mode: str, name: str) -> str:
     names = {"velocity": motion.SPEED, "open": motion.TORQUE}.get(mode, motion.BOUND)
     if name in fx.LIVELY or name in ("viscous_asymmetry", "quadratic_drag"):
         names = tuple(x for x in names if x not in ("scan", "staircase"))
-    return str(rng.choice(names))
+    p = np.array([motion.OFTEN.get(x, 1.0) for x in names])
+    return str(rng.choice(names, p=p / p.sum()))
 
 
 def _sensible(m: Machine, out: np.ndarray, mode: str) -> bool:
@@ -81,7 +84,11 @@ def _sensible(m: Machine, out: np.ndarray, mode: str) -> bool:
     moving = np.mean(w > 0.02 * m.wmax)
     pinned = np.mean(u > 0.99 * m.P["umax"])
     bound = mode in ("cascade", "pd")
-    return moving > 0.3 and pinned < 0.03 and not (bound and np.ptp(out[:, k.TH]) > 3.5 * m.stroke)
+    return (
+        moving > (0.12 if mode == "open" else 0.3)
+        and pinned < 0.03
+        and not (bound and np.ptp(out[:, k.TH]) > 3.5 * m.stroke)
+    )
 
 
 def _stage(rng: Generator, name: str) -> tuple | None:
@@ -89,7 +96,9 @@ def _stage(rng: Generator, name: str) -> tuple | None:
     slow = 0.01 if name in ("input_delay", "actuator_lag") else 0.0
     m = machine(rng, name in fx.LIVELY, slow)
     m.P["grav"] = m.P["grav_phase"] = 0.0
-    if name == "load_dependent_friction" or (rng.random() < 0.25 and name not in ("gravity", "return_spring")):
+    if name == "load_dependent_friction" or (
+        rng.random() < 0.25 and name not in ("gravity", "return_spring")
+    ):
         m.P["grav"] = m.P["Fc"] * rng.uniform(0.3, 1.2)
         m.P["grav_phase"] = float(rng.uniform(-np.pi, np.pi))
     mode = _mode(rng, m, name)
@@ -103,7 +112,9 @@ def _stage(rng: Generator, name: str) -> tuple | None:
     return m, ref, out, f_log, mode, moves
 
 
-def _with(rng: Generator, name: str, m: Machine, ref: np.ndarray, out: np.ndarray, f_log: float) -> tuple | None:
+def _with(
+    rng: Generator, name: str, m: Machine, ref: np.ndarray, out: np.ndarray, f_log: float
+) -> tuple | None:
     """Motion with the effect in the stated range, and its numbers."""
     n, code = ref.shape[1], fx.code_of(name)
     dist = fx.bursts(rng, n, m.fs) if name == "bursts" else np.zeros(n)
@@ -168,7 +179,9 @@ def _drawn(rng: Generator, seed: int, kind: str) -> Case | None:
     friction, hidden = fx.rms(out[:, k.F0]), 0.0 if name == "none" else _hidden(name, out)
     if name != "none" and not RANGE[0] <= hidden / friction <= RANGE[1]:
         return None
-    log, about = recorder.record(rng, m, out, f_log, name in EFFECTS[9:12] or name == EFFECTS[19])
+    log, about = recorder.record(
+        rng, m, out, f_log, name in ACTUATOR, name in ANGLE or bool(m.P["grav"])
+    )
     about |= {"machine": m.type, "law": m.friction, "mode": mode, "motion": moves, "m": m}
     names: frozenset[str] = frozenset()
     if name != "none":
@@ -177,7 +190,7 @@ def _drawn(rng: Generator, seed: int, kind: str) -> Case | None:
         if about["seen"] < SEEN:
             return None
         noise = same.noise_floor(m, f_log, about["u_noise"], log["t"][-1])
-        names, about["leaves"] = same.alike(s, name, noise)
+        names, about["leaves"] = same.alike(s, name, noise, same.hold_error(s, log))
         if kind == "unknown" and min(about["leaves"].values()) < 0.6 * fx.rms(s.y):
             return None
     if m.friction == "grease":
@@ -215,7 +228,7 @@ def _coloured(rng: Generator, m: Machine) -> tuple | None:
     out = simulate(m, ref, x * size * fx.rms(plain[:, k.F0]))
     if not _sensible(m, out, mode):
         return None
-    log, about = recorder.record(rng, m, out, f_log, False)
+    log, about = recorder.record(rng, m, out, f_log, False, False)
     return log, about | {"mode": mode, "motion": moves, "memory": memory, "disturbance": size}, out
 
 

@@ -224,7 +224,9 @@ def run(P, K, share, ref, dist, code, e, fs, nsub, w_start):
                 out[k, RE] = r + (fb - fb0) + visc * (v - 1.0) * wa + (mass - P[J]) * acc
                 if code == 9 or code == 10 or code == 11 or code == 19:
                     out[k, RE] += out[k, UCMD] - ua - bgu
-                out[k, BG] = bg + bgu + fb0 * (1.0 - _bump(P, w) / base) + visc * wa * (1 - 1 / warm)
+                out[k, BG] = (
+                    bg + bgu + fb0 * (1.0 - _bump(P, w) / base) + visc * wa * (1 - 1 / warm)
+                )
             w = w_new
             th += 0.5 * h * w
             _move(P, z, K, share, w, level, 0.5 * h)

@@ -40,7 +40,9 @@ TYPES = {
 }
 
 
-def _friction(rng: Generator, fc: float, wmax: float, damping: float) -> tuple[str, dict, np.ndarray]:
+def _friction(
+    rng: Generator, fc: float, wmax: float, damping: float
+) -> tuple[str, dict, np.ndarray]:
     """Law, its numbers and the shares of its bristles."""
     law = str(rng.choice(["lugre", "slip", "static", "grease"], p=[0.4, 0.2, 0.2, 0.2]))
     plain = law == "static" and rng.random() < 0.4
@@ -64,7 +66,9 @@ def _friction(rng: Generator, fc: float, wmax: float, damping: float) -> tuple[s
     return law, p, share
 
 
-def machine(rng: Generator, lively: bool = False, slow_loop: float = 0.0, exact: bool = False) -> Machine:
+def machine(
+    rng: Generator, lively: bool = False, slow_loop: float = 0.0, exact: bool = False
+) -> Machine:
     """Draw one; ``lively``: torque of inertia above friction; ``slow_loop``: dead time to bear, s.
 
     ``exact``: a bare motor whose loop is no faster than a log.
@@ -77,7 +81,9 @@ def machine(rng: Generator, lively: bool = False, slow_loop: float = 0.0, exact:
     wmax = min(wmax, 0.7 * amax)
     s0 = fc / zc
     law, p, share = _friction(rng, fc, wmax, 2 * rng.uniform(0.1, 0.7) * np.sqrt(s0 * j))
-    stiff = s0 * share * np.sort(rng.uniform(0.4, 2.5, share.size))[::-1] if share.size > 1 else None
+    stiff = (
+        s0 * share * np.sort(rng.uniform(0.4, 2.5, share.size))[::-1] if share.size > 1 else None
+    )
     fs = float(rng.choice([1000, 2000] if exact else [1000, 2000, 4000, 8000]))
     m = Machine(name, law, p, np.array([s0]) if stiff is None else stiff, share, wmax, amax,
                 0.0, log_uniform(rng, *counts), fs, 1)  # fmt: skip
