@@ -25,6 +25,11 @@ POSITIONED = ("return_spring", "hard_stop", "load_dependent_friction", "gravity"
               "detent", "rubbing_spot")  # fmt: skip
 ACTUATOR = ("input_delay", "actuator_lag", "actuator_dead_zone", "torque_constant_ripple")
 ANGLE = POSITIONED + ("torque_ripple", "position_dependent_friction", "torque_constant_ripple")
+BESIDE = {  # what the declared law says only nearly, of each true one
+    "grease": frozenset({"sublinear_viscous"}),
+    "static": frozenset({"presliding"}),
+    "slip": frozenset({"presliding"}),
+}
 
 __all__ = ["KINDS", "draw", "simulate"]
 
@@ -193,8 +198,7 @@ def _drawn(rng: Generator, seed: int, kind: str) -> Case | None:
         names, about["leaves"] = same.alike(s, name, noise, same.hold_error(s, log))
         if kind == "unknown" and min(about["leaves"].values()) < 0.6 * fx.rms(s.y):
             return None
-    if m.friction == "grease":
-        background.add("sublinear_viscous")
+    background |= BESIDE.get(m.friction, frozenset())
     about["true"] = out
     values = recorder.truth(m) | _numbers(name, e, m, f_log)
     signals = fx.DEPENDS[seed % 4] if kind == "unknown" else ()
@@ -211,7 +215,7 @@ def _sound(rng: Generator, seed: int) -> Case | None:
         return None
     log, about, out = made
     about |= {"machine": m.type, "law": m.friction, "m": m, "true": out}
-    spared = frozenset({"sublinear_viscous"} if m.friction == "grease" else ())
+    spared = BESIDE.get(m.friction, frozenset())
     return Case(seed, "sound", log, recorder.declare(rng, m), "none", recorder.truth(m), (),
                 spared, 0.0, fx.rms(out[:, k.F0]), frozenset(), about)  # fmt: skip
 

@@ -99,8 +99,9 @@ def machine(
 def spindle(m: Machine, seconds: float) -> None:
     """Ease all friction so that the drive coasts for about ``seconds``."""
     factor = m.wmax * m.P["J"] / m.P["Fc"] / seconds
-    for name in ("Fc", "Fs", "Fv", "sigma1"):
+    for name in ("Fc", "Fs", "Fv"):
         m.P[name] *= factor
+    m.P["sigma1"] *= np.sqrt(factor)  # the same damping ratio at rest
     m.stiffness = m.stiffness * factor
     m.amax = max(m.amax * min(1.0, factor), 2.0 * m.P["Fs"] / m.P["J"])
 
