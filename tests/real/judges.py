@@ -28,8 +28,12 @@ def judge_named(name: str, prototype: str | None = None) -> Judge:
         if prototype is None:
             raise SystemExit("--judge prototype needs --prototype DIR, the folder of its modules.")
         sys.path.insert(0, prototype)
+        importlib.import_module("comparison_prototype")  # before the clock runs
         return of_prototype
     if name in LEAD:
+        import lugrectl
+
+        _ = lugrectl.read_record, lugrectl.diagnose
         return globals()[LEAD[name]]
     module, colon, function = name.partition(":")
     if not colon:
