@@ -144,9 +144,7 @@ def _finer(asked: Asked, horizon: float, seed: int, least: float, report: Progre
         return _only_compared(ready, found, model, str(no))
 
 
-def _fitted(
-    job: Job, found: Comparison, asked: Asked, seed: int, report: Progress
-) -> Diagnosis:
+def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progress) -> Diagnosis:
     """The answer with values, intervals and errors from the predictions of the fitted model."""
     report(0.4, "fitting the model with what is missing")
     won = with_effects(job, found, report)

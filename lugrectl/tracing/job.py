@@ -29,7 +29,7 @@ from .predictor import Predictor
 from .repeated import on_theta_alone
 from .runs import MOST_RUNS, alike, repeating, statements
 from .skewed import lateness
-from .split import ENOUGH_OF_MANY, GAP, MOST, Split, split
+from .split import ENOUGH_OF_MANY, MOST, Split, split
 from .start import completed, holding, lifted, refuse_unidentified_inertia, settled
 from .windows import Windows, spread, windows
 

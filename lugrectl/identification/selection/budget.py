@@ -70,9 +70,7 @@ def _covariance(base: Base) -> np.ndarray:
     return V
 
 
-def _share(
-    base: Base, V: np.ndarray, name: str, at: list[int], signals: tuple[str, ...]
-) -> Share:
+def _share(base: Base, V: np.ndarray, name: str, at: list[int], signals: tuple[str, ...]) -> Share:
     X, b = base.columns.X[:, at], base.made.b[at]
     torque = X @ b
     size = rms(torque)

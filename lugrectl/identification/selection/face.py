@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-
 from dataclasses import replace
 
 import numpy as np
@@ -92,7 +91,9 @@ def record_of(stretches: Sequence[Stretch], model: Model, plain: Balance) -> Rec
     J, sure = _inertia(plain, declared)
     width, sure = _width(motion, declared, J, sure)
     held = None if declared.get("J") else J
-    return Record.of(motion, rows_of(motion, width.h), declared, held, sure, width.heavy, model.effects)
+    return Record.of(
+        motion, rows_of(motion, width.h), declared, held, sure, width.heavy, model.effects
+    )
 
 
 def _inertia(plain: Balance, declared: dict[str, float]) -> tuple[tuple[float, float] | None, bool]:

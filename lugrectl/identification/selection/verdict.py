@@ -130,9 +130,7 @@ def _odd(
     return free[0] if _far(best, rest, free, least) else odd
 
 
-def _far(
-    best: Contender, rest: list[Contender], free: list[Contender], least: float
-) -> bool:
+def _far(best: Contender, rest: list[Contender], free: list[Contender], least: float) -> bool:
     """Whether nothing that has a name comes near an unknown torque."""
     stays = any(c.share > UNKNOWN * least for c in rest)
     if not (free and stays and free[0].gain > 1.5 * best.gain):
