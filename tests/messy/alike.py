@@ -45,8 +45,9 @@ class _Fit:
 
     def __init__(self, drawn: Any, run: dict[str, np.ndarray], torque: np.ndarray) -> None:
         m, name = drawn.machine, drawn.name
-        self.step = max(len(torque) // POINTS, 1)
         self.run = run
+        moving = np.flatnonzero(np.abs(run["w"]) > m.vs)  # at rest friction may be anything
+        self.kept = moving[:: max(len(moving) // POINTS, 1)]
         self.theta, self.w, self.a, self.t = (self.cut(run[k]) for k in ("theta", "w", "a", "t"))
         bristle, viscous = run["bristle"], run["viscous"]
         if name == "thermal_drift":
@@ -67,7 +68,7 @@ class _Fit:
 
     def cut(self, x: np.ndarray) -> np.ndarray:
         """A signal at the instants of the fit."""
-        return x[:: self.step]
+        return x[self.kept]
 
     def free(self, x: np.ndarray) -> np.ndarray:
         """What the base does not absorb."""
@@ -132,10 +133,10 @@ def _in_time(f: _Fit) -> Iterator[tuple[str, list[np.ndarray]]]:
     for t0 in np.linspace(0.1, 0.9, 33) * end:
         yield "friction_step", [f.s * (t >= t0)]
         yield "inertia_step", [f.a * (t >= t0)]
-    power = np.abs(np.fft.rfft(f.target * np.hanning(len(t)), 4 * len(t)))
-    power[:8] = 0  # two periods at least
+    hertz = np.arange(2, 200, 0.5) / end  # two periods at least
+    power = np.abs(np.exp(-2j * np.pi * hertz[:, None] * t[::3]) @ f.target[::3])
     for i in np.argsort(power)[-8:]:
-        phase = 2 * np.pi * i / (4 * len(t)) * np.arange(len(t))
+        phase = 2 * np.pi * hertz[i] * t
         yield "periodic_disturbance", [np.sin(phase), np.cos(phase)]
 
 

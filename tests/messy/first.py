@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from .alike import alike
 from .case import EFFECTS, Case
@@ -25,6 +26,7 @@ BACKGROUND = LAW | {
 }
 CODES = {"effect": 1, "none": 2, "unknown": 3, "sound": 4}
 LEAST, MOST = 0.03, 0.25  # RMS torque of the effect over that of friction
+SEEN = 0.03  # the least of it that the declared structure leaves unexplained
 
 
 class Silly(Exception):
@@ -219,9 +221,25 @@ def named(out: np.ndarray, drawn: Drawn) -> dict[str, np.ndarray]:
         moves = np.mean(np.abs(w) > 0.02 * drawn.machine.top)
         if moves < 0.1 or np.max(np.abs(w)) > 10 * drawn.machine.top:
             raise Silly
-    elif _rms(w - aim) > 0.4 * _rms(aim) or np.max(np.abs(w)) > 2.5 * np.max(np.abs(aim)):
+    elif (
+        _loud(run) > 0.35
+        or _rms(w - aim) > 0.4 * _rms(aim)
+        or np.max(np.abs(w)) > 2.5 * np.max(np.abs(aim))
+    ):
         raise Silly
     return run
+
+
+def _touches(torque: np.ndarray) -> int:
+    """How often the drive runs into the stop."""
+    beyond = np.abs(torque) > 0.1 * np.max(np.abs(torque))
+    return int(np.sum(np.diff(beyond.astype(int)) > 0))
+
+
+def _loud(run: dict[str, np.ndarray]) -> float:
+    """RMS of the command above some 30 Hz over friction: with more, people lower the gains."""
+    smooth = uniform_filter1d(run["command"], int(0.02 * RATE))
+    return _rms(run["command"] - smooth) / _friction(run)
 
 
 def _case(seed: int, kind: str, drawn: Drawn, run, g: np.random.Generator) -> Case:
@@ -241,7 +259,7 @@ def _case(seed: int, kind: str, drawn: Drawn, run, g: np.random.Generator) -> Ca
     others, seen = frozenset(), 0.0
     if kind in ("effect", "unknown"):
         seen, others = alike(drawn, run, torque)
-        if seen < 0.02 * _friction(run):
+        if seen < SEEN * _friction(run) or (drawn.name == "hard_stop" and _touches(torque) < 4):
             raise Silly
     return Case(
         seed,

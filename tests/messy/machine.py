@@ -107,8 +107,8 @@ def draw_machine(g: np.random.Generator, effect: str) -> Machine:
 def _bandwidth(g, effect: str, ratio: float, quantum: float, tacho: bool) -> float:
     """Bandwidth of the velocity loop that neither shouts at the encoder nor swings."""
     want = log_uniform(g, 25.0, 250.0)
-    if not tacho:  # J stiff * quantum * 4 stiff stays below half of friction
-        want = min(want, float(np.sqrt(ratio / (8 * quantum))))
+    if not tacho:  # J stiff * quantum * 4 stiff stays below a quarter of friction
+        want = min(want, float(np.sqrt(ratio / (16 * quantum))))
     if effect in ("input_delay", "actuator_lag", "elastic_coupling", "backlash"):
         want = min(want, log_uniform(g, 20.0, 45.0))
     return max(want, 12.0)
