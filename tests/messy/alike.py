@@ -28,11 +28,18 @@ ON_FRICTION = {
 }
 
 
-def alike(drawn: Any, run: dict[str, np.ndarray], torque: np.ndarray) -> tuple[float, frozenset]:
-    """RMS torque that the declared structure cannot absorb, and the names that fit as well."""
+def alike(
+    drawn: Any, run: dict[str, np.ndarray], torque: np.ndarray, dull: float = 0.0
+) -> tuple[float, frozenset[str]]:
+    """RMS torque that the declared structure cannot absorb, and the names that fit as well.
+
+    Below ``dull`` N m no names are searched for.
+    """
     m = drawn.machine
     seen_by = _Fit(drawn, run, torque)
     seen = _rms(seen_by.target)
+    if seen < dull:
+        return seen, frozenset()
     limit = LIKE * min(seen_by.level, seen)
     least: dict[str, float] = {}
     for name, columns in _candidates(drawn, m, seen_by):
