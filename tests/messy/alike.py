@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import bilinear, lfilter
 
-from .effects import hidden
+from .effects import held, hidden
 from .machine import Machine
 from .plant import RATE, njit
 
@@ -125,7 +125,7 @@ def _candidates(drawn: Any, m: Machine, f: _Fit) -> Iterator[tuple[str, list[np.
         yield "position_dependent_friction", [s * x for x in waves]
         yield "torque_constant_ripple", [u * x for x in waves]
     yield from _in_time(f)
-    yield from _in_command(f)
+    yield from _in_command(m, f)
     for q in np.linspace(0.4, 0.98, 25):  # touched all the time it is a spring
         yield "hard_stop", [np.maximum(theta - np.quantile(theta, q), 0)]
         yield "hard_stop", [np.minimum(theta - np.quantile(theta, 1 - q), 0)]
@@ -147,13 +147,15 @@ def _in_time(f: _Fit) -> Iterator[tuple[str, list[np.ndarray]]]:
         yield "periodic_disturbance", [np.sin(phase), np.cos(phase)]
 
 
-def _in_command(f: _Fit) -> Iterator[tuple[str, list[np.ndarray]]]:
+def _in_command(m: Machine, f: _Fit) -> Iterator[tuple[str, list[np.ndarray]]]:
     u = f.run["command"]
-    for late in (1e-3, 2e-3, 3e-3, 4e-3, 5e-3, 6e-3, 8e-3, 10e-3):
+    logged = held(m, u)
+    for beyond in (1e-3, 2e-3, 3e-3, 4e-3, 5e-3, 6e-3, 8e-3, 10e-3):
+        late = beyond + 0.5 * m.every / RATE
         n = int(late * RATE)
-        yield "input_delay", [f.cut(u - np.concatenate([np.full(n, u[0]), u[:-n]]))]
+        yield "input_delay", [f.cut(logged - np.concatenate([np.full(n, u[0]), u[:-n]]))]
         keep = np.exp(-1 / (RATE * late))
-        yield "actuator_lag", [f.cut(u - lfilter([1 - keep], [1, -keep], u))]
+        yield "actuator_lag", [f.cut(logged - lfilter([1 - keep], [1, -keep], u))]
     for width in np.geomspace(0.02, 0.5, 8) * np.quantile(np.abs(u), 0.9):
         yield "actuator_dead_zone", [f.cut(np.clip(u, -width, width))]
 

@@ -255,9 +255,10 @@ def _case(seed: int, kind: str, drawn: Drawn, run, g: np.random.Generator) -> Ca
     if m.power == 1.0:
         grown = float(np.mean(1 + drawn.warm[0] * (1 - np.exp(-run["t"] / drawn.warm[1]))))
         values |= {"Fc": m.Fc * grown, "Fv": m.Fv * grown}
-    for key, value in drawn.parameters.items():
-        if kind == "effect":
-            values[f"{drawn.name}.{key}"] = float(value)
+    if kind == "effect":
+        values |= {f"{drawn.name}.{key}": float(v) for key, v in drawn.parameters.items()}
+    if m.every > 4:  # a lag as a log of few samples shows it is a shorter one
+        values.pop("actuator_lag.time_constant", None)
     model = declare(m, g)
     others, seen = frozenset(), 0.0
     if kind in ("effect", "unknown"):
