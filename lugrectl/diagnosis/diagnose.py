@@ -21,10 +21,10 @@ from ..results import Candidate, Diagnosis, Estimate, Finding, Table
 from ..spec import members
 from ..steady.points import is_map
 from ..traces import traces
+from ..tracing.applicable import signals_of
 from ..tracing.evaluate import missing_torque
 from ..tracing.far import against_held, at_bounds, far_off
 from ..tracing.fit import Fitted
-from ..tracing.hanging import signals_of
 from ..tracing.held_out import adapted
 from ..tracing.job import (
     Job,
