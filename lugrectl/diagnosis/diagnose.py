@@ -135,7 +135,7 @@ def _finer(asked: Asked, horizon: float, seed: int, least: float, report: Progre
     holdout = asked.holdout()
     if not isinstance(record, Record) and is_map(record):
         return diagnose_map(record, model, holdout=holdout, seed=seed, progress=report)
-    ready = prepared(record, model, holdout, horizon, asked.plain.values())
+    ready = prepared(record, model, holdout, horizon, asked.starts())
     report(0.05, "comparing explanations")
     found = compare(asked.plain.stretches, model, asked.plain, least)
     try:

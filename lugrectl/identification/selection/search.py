@@ -30,8 +30,12 @@ def entries(base: Base) -> Iterator[Entry]:
     for name, block in members("effect").items():
         if name in (*MISSING_LAW, *KINEMATIC) or name in base.inside:
             continue
-        if _pointless(base, block):
-            continue
+        yield from entries_of(base, block)
+
+
+def entries_of(base: Base, block: Block) -> Iterator[Entry]:
+    """Those of one effect; none if this record cannot show it."""
+    if not _pointless(base, block):
         yield from _of(base, block)
 
 
