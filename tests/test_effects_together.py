@@ -10,8 +10,8 @@ from lugrectl.tracing.data import prepare
 from lugrectl.tracing.predictor import Predictor
 from tests.rig import make
 
+from .cases import record_of
 from .drives import EFFECTS, model_of, own, strong
-from .test_tracing import record_of
 
 STATELESS = [m for m in EFFECTS.values() if not m.states and m.exact is None]
 PLANT = [m for m in STATELESS if "sensor" not in m.acts]

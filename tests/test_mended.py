@@ -10,8 +10,7 @@ from tests.blind.plan import Task
 from tests.blind.work import case_of, write
 from tests.rig import exported, sample
 
-from .test_blind import verdict
-from .test_tracing import model_of, record_of
+from .cases import model_of, record_of, verdict
 
 
 @pytest.mark.slow

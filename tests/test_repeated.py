@@ -20,8 +20,7 @@ from tests.blind.plan import Task
 from tests.blind.work import case_of
 from tests.rig import exported, make, sample
 
-from .test_blind import verdict
-from .test_tracing import model_of, record_of
+from .cases import model_of, record_of, verdict
 
 SMOOTHED = "w smoothed"
 

@@ -7,7 +7,7 @@ from lugrectl import diagnose
 from lugrectl.tracing.structure import ROW, repeated, uneven
 from tests.rig import sample
 
-from .test_tracing import model_of, record_of
+from .cases import model_of, record_of
 
 RNG = np.random.default_rng(8)
 WHITE = RNG.normal(size=(12, 400, 2))

@@ -113,7 +113,7 @@ def richest(base: Base, table: Table) -> View:
     Each term has its prior. The inertia stays near that of the base: else what imitates u would
     take it away, and the noise with it.
     """
-    own, record = base.columns, base.record
+    own = base.columns
     parts = [_with_prior(c, base) for c in table.named if c.gain > USED and c.share > 0.002]
     parts += [c.its for c in table.unknown if c.gain > USED]
     c = own
