@@ -111,23 +111,6 @@ def test_a_prediction_that_is_no_number_is_as_wrong_as_can_be(job):
     assert np.all(found < base.loglik)
 
 
-def test_an_effect_along_the_log_is_the_effect_in_the_plant(plain):
-    """The series form, used in the search, and the block inside the plant predict nearly the same:
-    a series holds the sign of w over a sample, the plant reverses inside it."""
-    model = model_of(plain)
-    values = {"amplitude": 0.05, "harmonic": 7.0, "phase": 0.4}
-    ripple = model.with_effect("torque_ripple", values)
-    asymmetric = ripple.with_effect("coulomb_asymmetry", {"ratio": 0.1})
-    data = prepare([record_of(plain)])
-    where = split(data, 1.0).train
-    inside, outside = Predictor(asymmetric, data), Predictor(asymmetric, data, inside=0)
-    a, _ = inside.run([asymmetric.known()], where, data.noise)
-    b, _ = outside.run([asymmetric.known()], where, data.noise)
-    bare, _ = Predictor(model, data).run([model.known()], where, data.noise)
-    effect = np.std(a - bare, axis=(0, 1, 2))
-    assert np.all(np.std(a - b, axis=(0, 1, 2)) < 0.025 * effect)
-
-
 def test_missing_values_are_identified(plain):
     tree = plain.model | {"plant": {}, "friction": {"model": "lugre"}}
     found = identify(record_of(plain), model_from_dict(tree, "case"))
