@@ -51,7 +51,7 @@ WORSE = (
 )
 NO_FIT = "Values are those of the comparison of torques, without errors of a simulation: {}"
 SAME_UNITS = "Give all runs in one unit and sign, or leave out the run that differs."
-LIMIT = 270.0  # s that the search for what is missing may take
+LIMIT = 270.0  # s that the fit may take
 
 
 @shows_progress
@@ -98,7 +98,7 @@ def diagnose(
     seed : int
         Seed of the random numbers, which only the error of the residual table uses.
     time_limit : float
-        Seconds after which the search stops itself; the plain answer stands all the same.
+        Seconds after which the fit stops itself; the comparison and the plain answer stand.
     progress : callable, True, False or None
         ``progress(fraction, what)``, or whether to show a bar. None: in Jupyter only.
 
@@ -122,14 +122,15 @@ def diagnose(
     try:
         if unlike:
             raise Refused(" ".join(unlike), SAME_UNITS)
-        with within(limit):
-            found = _finer(asked, horizon, seed, least, report)
+        found = _finer(asked, horizon, seed, least, limit, report)
     except Refused as no:
         return refusal(no, asked.model, asked.seen, asked.plain)
     return with_plain(found, asked)
 
 
-def _finer(asked: Asked, horizon: float, seed: int, least: float, report: Progress) -> Diagnosis:
+def _finer(
+    asked: Asked, horizon: float, seed: int, least: float, limit: float, report: Progress
+) -> Diagnosis:
     """The answer by comparison; Refused where the record cannot give it."""
     record, model = asked.records(), asked.model
     holdout = asked.holdout()
@@ -139,9 +140,10 @@ def _finer(asked: Asked, horizon: float, seed: int, least: float, report: Progre
     report(0.05, "comparing explanations")
     found = compare(asked.plain.stretches, model, asked.plain, least)
     try:
-        return _fitted(begin(ready, report), found, asked, seed, report)
+        with within(limit):
+            return _fitted(begin(ready, report), found, asked, seed, report)
     except Refused as no:  # the comparison needs no simulation
-        return _only_compared(ready, found, model, str(no))
+        return _only_compared(ready, found, model, f"{no} {no.experiment or ''}".rstrip())
 
 
 def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progress) -> Diagnosis:
