@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from ...spec import Block, members
-from .base import Base, Columns
+from .base import OFFSET, TURN, Base, Columns
 from .contender import Entry
 from .declared import through
 from .effects import column, columns, over, searched, spanned
@@ -23,6 +23,7 @@ TIMES = (3e-4, 0.05, 14)  # delays and lags to try beyond the free ones: from, t
 SOONEST, LATEST = 0.04, 0.96  # of the record, for a change in time
 MISSING_LAW = ("stribeck", "presliding", "sublinear_viscous", "dwell_stiction")
 KINEMATIC = ("velocity_sensor_lag",)
+INSTEAD = {"constant_torque": OFFSET, "coulomb_asymmetry": OFFSET, "gravity": TURN}  # of what every drive has
 
 
 def entries(base: Base) -> Iterator[Entry]:
@@ -69,7 +70,7 @@ def _of(base: Base, block: Block) -> Iterator[Entry]:
 
 def _linear(base: Base, block: Block) -> Iterator[Entry]:
     made = columns(base, block, {})
-    entry = Entry(block.name, {}, made)
+    entry = Entry(block.name, {}, made, instead=INSTEAD.get(block.name, ()))
     if block.name == "return_spring":
         from .contender import enter
 

@@ -47,18 +47,21 @@ def _bases(base: Base) -> dict[tuple[str, ...], list[np.ndarray]]:
     x, v = (m.theta - m.theta.min()) / span, 0.5 + 0.5 * np.clip(m.w / (m.top + 1e-300), -1, 1)
     speed = m.w / (m.top + 1e-300)
     turns = span > TURNS and m.motion != "linear"
-    place = _waves(m.theta, 12) if turns else spline(x, 16)
+    places = [_waves(m.theta, 12), spline(x, 16)] if turns else [spline(x, 16)]
     coarse = _waves(m.theta, 6) if turns else spline(x, 8)
     torque = np.abs(u)
     largest = max(float(np.quantile(torque, 0.995)), 0.1 * float(torque.max()))
     of_u = spline(0.5 + 0.5 * np.clip(u / largest, -1, 1), 12)
     of_u = of_u[:, np.mean(of_u > 0.05, axis=0) > RARE]
     return {
-        ("theta",): [place, spline(x, 16)] if turns else [place],
+        ("theta",): places,
         ("w",): [spline(np.abs(speed), 16) * np.sign(m.w)[:, None]],
         ("t",): [spline(late, 24)],
         ("u",): [_apart(of_u, u)],
-        ("theta", "w"): [z[:, None] * place, _products(spline(v, 6), coarse)],
+        ("theta", "w"): [
+            *(z[:, None] * p for p in places),
+            _products(spline(v, 6), coarse),
+        ],
         ("t", "w"): [_products(spline(late, 10), np.column_stack([z, speed]))],
         ("t", "u"): [_apart(u[:, None] * spline(late, 10), u)],
         ("theta", "u"): [_apart(u[:, None] * coarse, u)],
