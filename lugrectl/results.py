@@ -21,6 +21,7 @@ from .spec import members, unit_for
 if TYPE_CHECKING:
     from .compensating import Compensation
     from .identification.balance import Balance
+    from .identification.selection import Comparison
 
 VERDICTS = ("adequate", "found", "ambiguous", "unexplained", "refused")
 
@@ -295,6 +296,7 @@ class Diagnosis(Fitted):
     map: FrictionMap | None = None
     provenance: Provenance | None = None
     plain: Balance | None = None
+    comparison: Comparison | None = None
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as in the JSON document; never NaN or Infinity."""
@@ -321,9 +323,7 @@ class Diagnosis(Fitted):
                 "messages": list(self.messages),
                 "reason": self.reason,
                 "plain": self.plain.summary() if self.plain else None,
-                "budget": None,
-                "comparison": None,
-                "detectable": None,
+                **_compared(self.comparison),
                 "provenance": self.provenance.summary() if self.provenance else None,
             }
         )
@@ -346,3 +346,15 @@ class Diagnosis(Fitted):
         if self.depends_on:
             rows.append(Row("depends on", ", ".join(self.depends_on)))
         return [*rows, *self._error_rows(("refitted", "augmented")), *self._last_rows()]
+
+
+def _compared(found: Comparison | None) -> dict[str, Any]:
+    """The keys of the JSON format that the comparison fills."""
+    if found is None:
+        return {"budget": None, "comparison": None, "detectable": None}
+    limits = [limit.summary() for limit in found.detectable]
+    return {
+        "budget": [share.summary() for share in found.budget],
+        "comparison": [row.summary() for row in found.rows],
+        "detectable": limits if found.verdict == "adequate" else None,
+    }

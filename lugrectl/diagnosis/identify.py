@@ -31,7 +31,15 @@ from ..steady.curve import refit
 from ..steady.points import is_map
 from ..traces import traces
 from ..tracing.far import against_held, at_bounds, far_off
-from ..tracing.job import begin, compared, estimates, noted, on_everything, score
+from ..tracing.job import (
+    begin,
+    compared,
+    estimates,
+    noted,
+    on_everything,
+    prepared,
+    score,
+)
 from ..tracing.optima import other_optima
 from .asking import Asked
 from .floor import failure
@@ -156,7 +164,7 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
     holdout = asked.holdout()
     if not isinstance(record, Record) and is_map(record):
         return _map_identified(begin_map(record, model, holdout, report), model)
-    job = begin(record, model, holdout, horizon, report, plain=asked.plain.values())
+    job = begin(prepared(record, model, holdout, horizon, asked.starts()), report)
     whole = on_everything(job.base, job)
     job = noted(compared(job, whole), *at_bounds(whole), *far_off(whole, model))
     job = noted(job, *against_held(whole), *other_optima(whole))

@@ -132,7 +132,8 @@ def _two_mass(name: str, m: Machine, g: np.random.Generator) -> dict:
     if name == "backlash":
         own *= 1.5
     stiffness = own**2 * m.J * load / (m.J + load)
-    damping = 2 * g.uniform(0.02, 0.08) * own * m.J * load / (m.J + load)
+    loss = g.uniform(0.1, 0.35) if name == "backlash" else g.uniform(0.02, 0.08)
+    damping = 2 * loss * own * m.J * load / (m.J + load)
     out = {"load_inertia": load, "stiffness": stiffness, "damping": damping}
     if name == "backlash":
         out["gap"] = log_uniform(g, 0.005, 0.06) * max(1.0, m.top**2 / m.pull)

@@ -120,8 +120,8 @@ def table(case: Case) -> Answer:
     found = compare(plain.stretches, asked.model, plain)
     return Answer(
         found.verdict,
-        tuple(found.effects),
-        tuple(found.alternatives),
+        tuple(e.name for e in found.effects),
+        tuple(e.name for e in found.alternatives),
         frozenset(found.depends_on),
         {k: e.ci95 for k, e in plain.parameters.items() if e.ci95},
         time.process_time() - start,

@@ -40,9 +40,10 @@ def answered(row: Row, data: Path, judge: str, prototype: str | None = None) -> 
     """The answer of a judge in this process, with the seconds that it took after imports."""
     function = judge_named(judge, prototype)
     logs = [(data / source.file, source.options) for source in row.sources]
-    began = time.perf_counter()
+    began, cpu = time.perf_counter(), time.process_time()
     answer = answer_of(function(logs, row.model))
-    return replace(answer, seconds=time.perf_counter() - began)
+    seconds = time.perf_counter() - began
+    return replace(answer, seconds=seconds, cpu=time.process_time() - cpu)
 
 
 def _work(pipe: Connection, *given: Any) -> None:

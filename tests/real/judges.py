@@ -28,8 +28,12 @@ def judge_named(name: str, prototype: str | None = None) -> Judge:
         if prototype is None:
             raise SystemExit("--judge prototype needs --prototype DIR, the folder of its modules.")
         sys.path.insert(0, prototype)
+        importlib.import_module("comparison_prototype")  # before the clock runs
         return of_prototype
     if name in LEAD:
+        import lugrectl
+
+        _ = lugrectl.read_record, lugrectl.diagnose
         return globals()[LEAD[name]]
     module, colon, function = name.partition(":")
     if not colon:
@@ -50,14 +54,34 @@ def diagnosed(logs: Logs, model: Mapping[str, Any]) -> Any:
     return lg.diagnose(records if len(records) > 1 else records[0], dict(model))
 
 
-def selected(logs: Logs, model: Mapping[str, Any]) -> Any:
-    """The package's comparison of models alone, where the installed version has one."""
-    from lugrectl.door import as_model
-    from lugrectl.record import read_log, stretches
+def selected(logs: Logs, model: Mapping[str, Any]) -> Answer:
+    """The package's comparison of models alone, beside the plain answer."""
+    import time
 
-    module = importlib.import_module("lugrectl.identification.selection")
+    from lugrectl.diagnosis.asking import Asked
+    from lugrectl.identification.selection import compare
+    from lugrectl.record import read_log
+
+    began = time.process_time()
     read = [read_log(path, motion=model.get("motion"), **options) for path, options in logs]
-    return module.selection(stretches(read)[0], as_model(dict(model)))
+    asked = Asked.of(read, dict(model))
+    plain = asked.plain
+    if not plain.names:
+        return Answer("refused", reason=" ".join(plain.said))
+    found = compare(plain.stretches, asked.model, plain)
+    values: dict[str, Estimate] = {
+        k: (e.value, *(e.ci95 or (None, None))) for k, e in plain.parameters.items()
+    }
+    for effect in found.effects:
+        values |= {f"{effect.name}.{k}": (float(v), None, None) for k, v in effect.values.items()}
+    return Answer(
+        found.verdict,
+        tuple(e.name for e in found.effects),
+        tuple(e.name for e in found.alternatives),
+        found.depends_on,
+        values,
+        seconds=time.process_time() - began,
+    )
 
 
 def of_prototype(logs: Logs, model: Mapping[str, Any]) -> Answer:

@@ -28,7 +28,7 @@ def line(row: Row, answer: Answer, score: Score) -> str:
         f"{answer.verdict}: {called(answer)}" if called(answer) else answer.verdict,
         "" if J is None else f"J {J[0]:.4g}",
         left,
-        f"{answer.seconds:.1f} s",
+        f"{answer.seconds:.1f} s, CPU {answer.cpu:.1f} s",
         "; ".join(score.why),
     ]
     return " | ".join(filter(None, parts))
@@ -47,8 +47,8 @@ def totals(lines: Sequence[Line]) -> dict[str, dict[str, Any]]:
     made = {}
     for group in dict.fromkeys(row.group for row, *_ in lines):
         own = [(answer, score) for row, answer, score in lines if row.group == group]
-        seconds = [answer.seconds for answer, _ in own if np.isfinite(answer.seconds)]
-        times = {"median_s": float(np.median(seconds)), "worst_s": max(seconds)} if seconds else {}
+        cpu = [answer.cpu for answer, _ in own if np.isfinite(answer.cpu)]
+        times = {"median_cpu": float(np.median(cpu)), "worst_cpu": max(cpu)} if cpu else {}
         made[group] = total([score for _, score in own]) | times
     return made
 
@@ -56,10 +56,10 @@ def totals(lines: Sequence[Line]) -> dict[str, dict[str, Any]]:
 def closing(lines: Sequence[Line]) -> str:
     """A line for each group."""
     said = "{}: {named} of {rows} named right, {right} of {rows} with values and residual"
-    time = "; {median_s:.1f} s median, {worst_s:.1f} s worst"
+    time = "; CPU {median_cpu:.1f} s median, {worst_cpu:.1f} s worst"
     made = totals(lines)
     return "\n".join(
-        (said + (time if "median_s" in of else "")).format(group, **of)
+        (said + (time if "median_cpu" in of else "")).format(group, **of)
         for group, of in made.items()
     )
 
@@ -82,14 +82,14 @@ def kept(lines: Sequence[Line]) -> dict[str, Any]:
 
 def _row(row: Row, answer: Answer, score: Score) -> dict[str, Any]:
     said = {k: v for k, v in asdict(answer).items() if v not in ((), {}, "", None)}
-    said["seconds"] = round(answer.seconds, 2) if np.isfinite(answer.seconds) else None
+    for key in ("seconds", "cpu"):
+        said[key] = round(said[key], 2) if np.isfinite(said[key]) else None
     return {"group": row.group, "named": score.named, "right": score.right, "why": score.why} | said
 
 
-def keep(path: Path, judge: str, what: str, made: Mapping[str, Any]) -> None:
-    """Put results under ``what`` (rows, held_out) of a judge; other judges stay as they are."""
+def keep(path: Path, judge: str, made: Mapping[str, Any]) -> None:
+    """Write the results of a judge into a file; those of other judges stay as they are."""
     data = json.loads(path.read_text()) if path.exists() else {}
-    data[judge] = {**data.get(judge, {}), **made} if what else dict(made)
+    data[judge] = dict(made)
     path.parent.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(data, indent=1, default=float, allow_nan=False)
-    path.write_text(text + "\n")
+    path.write_text(json.dumps(data, indent=1, default=float, allow_nan=False) + "\n")

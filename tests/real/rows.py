@@ -142,7 +142,7 @@ def bam() -> list[Row]:
 VOLT = {"scale": {"u": 1.0}}
 RAW = {
     "columns": {"t": "1", "u": "2", "theta": "3", "w": "4"},
-    "units": {"theta": "rev", "w": "rev/s"},
+    "units": {"t": "s", "theta": "rev", "w": "rev/s"},  # its header says "8Hz" of t
     "scale": {"t": 1 / 8000, "u": 1.0},
 }
 PLAIN = (way("adequate"), way("found", LATE))

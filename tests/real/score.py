@@ -18,7 +18,8 @@ class Answer:
 
     ``verdict``: as in the package, or "crash" or "timeout". ``effects`` are names, the likeliest
     first; ``alternatives`` explain as well. ``parameters``: name -> (value, low, high).
-    ``left``: share of RMS torque that remains. ``reason``: of a refusal.
+    ``left``: share of RMS torque that remains. ``seconds`` and ``cpu``: after all imports.
+    ``reason``: of a refusal.
     """
 
     verdict: str
@@ -28,6 +29,7 @@ class Answer:
     parameters: dict[str, Estimate] = field(default_factory=dict)
     left: float | None = None
     seconds: float = float("nan")
+    cpu: float = float("nan")
     reason: str = ""
 
 
@@ -45,7 +47,7 @@ def score(row: Row, answer: Answer) -> Score:
     if answer.verdict in ("crash", "timeout"):
         return Score(False, False, (f"no answer: {answer.reason or answer.verdict}",))
     tried = [(*wrong_names(w, answer), *wrong_values(w.values, answer)) for w in row.right]
-    names = min(tried, key=len)
+    names = () if () in tried else tried[0]  # the first way is the usual one
     values = wrong_values(row.values, answer) if answer.verdict != "refused" else ()
     more = (*values, *too_much_left(row, answer))
     return Score(not names, not names and not more, (*names, *more))

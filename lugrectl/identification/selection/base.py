@@ -108,7 +108,9 @@ class Columns:
     high: np.ndarray
 
     def __add__(self, other: Columns) -> Columns:
-        joined = (np.concatenate([a, b], axis=-1) for a, b in zip(self._all, other._all, strict=True))
+        joined = (
+            np.concatenate([a, b], axis=-1) for a, b in zip(self._all, other._all, strict=True)
+        )
         return Columns(*joined)
 
     @property

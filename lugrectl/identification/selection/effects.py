@@ -20,9 +20,7 @@ AT_ONCE = 4_000_000  # numbers that a screening keeps at a time
 
 def searched(block: Block) -> list[str]:
     """The parameters in which the effect is not linear."""
-    return [
-        k for k, p in block.own.items() if k != block.gain and p.fitted and p.span is None
-    ]
+    return [k for k, p in block.own.items() if k != block.gain and p.fitted and p.span is None]
 
 
 def spanned(block: Block) -> str | None:

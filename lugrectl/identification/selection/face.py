@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,28 +14,72 @@ from ..balance import Balance
 from ..balance.reconcile import sensors_of
 from ..balance.track import tracks_of
 from .base import Record
+from .budget import budget, detectable
+from .contender import Contender
 from .motion import Motion, motion_of
 from .numbers import HELD, LEAST, LOST
-from .result import Comparison
+from .result import Compared, Comparison, Named
 from .rows import Width, quick, rows_of, usable, widths
-from .verdict import decide
+from .table import Table
+from .values import levels_of, values_of
+from .verdict import Decision, decide
 
 
 def compare(
     stretches: Sequence[Stretch], model: Model, plain: Balance, least: float = LEAST
 ) -> Comparison:
-    """What is missing from a declared model, by one comparison."""
+    """What is missing from a declared model, by one comparison.
+
+    Parameters
+    ----------
+    stretches : sequence of Stretch
+        The samples of one drive, from one log or several.
+    model : Model
+        The declared model.
+    plain : Balance
+        The plain answer of the same samples.
+    least : float
+        The smallest torque that matters, as a share of RMS friction torque.
+    """
     began = time.perf_counter()
-    with np.errstate(all="ignore"):
+    with np.errstate(all="ignore"):  # a record without noise divides by nearly 0
         found = decide(record_of(stretches, model, plain), least)
+        made = _result(found, model, least)
+    return replace(made, seconds=time.perf_counter() - began)
+
+
+def _result(found: Decision, model: Model, least: float) -> Comparison:
+    table, base = found.table, found.last
+    assert table is not None
+    inside = [c for c in found.effects if c is not found.gravity]
+    adequate = found.verdict == "adequate"
     return Comparison(
         verdict=found.verdict,
-        effects=tuple(c.name for c in found.effects),
-        alternatives=tuple(c.name for c in found.alternatives),
+        effects=tuple(_named(c, model) for c in found.effects),
+        alternatives=tuple(_named(c, model) for c in found.alternatives),
         depends_on=tuple(sorted(found.depends_on)),
-        seconds=time.perf_counter() - began,
-        decision=found,
+        rows=tuple(_rows(table)),
+        budget=tuple(budget(base, inside, found.unknown)),
+        detectable=tuple(detectable(table, least)) if adequate else (),
+        messages=found.messages,
+        plant=levels_of(base),
+        least=least,
     )
+
+
+def _named(c: Contender, model: Model) -> Named:
+    return Named(c.name, values_of(c, model), c.share)
+
+
+def _rows(table: Table) -> list[Compared]:
+    """The declared model and all contenders, the best first."""
+    base = table.base
+    own = int(base.made.free.sum())
+    rows = [Compared("declared", 0.0, 0.0, 0.0, own)]
+    for c in table.rows:
+        gain, se = c.above(base)
+        rows.append(Compared(c.name, gain, se, c.share, int(c.made.free.sum())))
+    return rows
 
 
 def record_of(stretches: Sequence[Stretch], model: Model, plain: Balance) -> Record:
@@ -46,7 +91,9 @@ def record_of(stretches: Sequence[Stretch], model: Model, plain: Balance) -> Rec
     J, sure = _inertia(plain, declared)
     width, sure = _width(motion, declared, J, sure)
     held = None if declared.get("J") else J
-    return Record.of(motion, rows_of(motion, width.h), declared, held, sure, width.heavy, model.effects)
+    return Record.of(
+        motion, rows_of(motion, width.h), declared, held, sure, width.heavy, model.effects
+    )
 
 
 def _inertia(plain: Balance, declared: dict[str, float]) -> tuple[tuple[float, float] | None, bool]:

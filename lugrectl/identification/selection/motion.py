@@ -264,9 +264,7 @@ class _Smoothing:
     v_theta: float
     v_w: float
 
-    def as_noise_asks(
-        self, theta: np.ndarray, w: np.ndarray | None
-    ) -> tuple[float, np.ndarray]:
+    def as_noise_asks(self, theta: np.ndarray, w: np.ndarray | None) -> tuple[float, np.ndarray]:
         """From stiff to soft, until the residual is the noise."""
         x, lam = theta, STIFFNESSES[-1]
         for lam in STIFFNESSES:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 ALPHA = 0.01  # chance of naming something on a record where nothing is missing
+POWER = 0.8  # chance that an effect as large as the detection limit is seen
 LEAST = 0.015  # of RMS friction torque: the smallest torque that matters
 FREEDOM = 4.0  # of the Student density of a window: reversals are outliers by nature
 BLOCK = 0.3  # s, the piece of a record that is left out and predicted

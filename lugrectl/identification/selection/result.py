@@ -1,27 +1,87 @@
-"""The result of a comparison."""
+"""The result of a comparison: verdict, table, budget, limits."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 
 @dataclass(frozen=True)
 class Share:
-    """Where a part of the torque goes."""
+    """Where a part of the torque goes.
+
+    ``rms`` in N m, ``share`` of the RMS friction torque with its 95 % interval, ``signals`` on
+    which it depends.
+    """
 
     term: str
     rms: float
+    share: float
+    ci95: tuple[float, float] | None
+    signals: tuple[str, ...]
+
+    def summary(self) -> dict[str, Any]:
+        own = {"term": self.term, "rms": self.rms, "share": self.share}
+        return own | {"ci95": self.ci95 and list(self.ci95), "signals": list(self.signals)}
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A row of the table: how much better it predicts left-out blocks than the declared model.
+
+    ``elpd``: log predictive density relative to it, nats, with its paired standard error ``se``.
+    ``torque``: RMS of what it adds, as a share of friction. ``parameters``: its free ones.
+    """
+
+    model: str
+    elpd: float
+    se: float
+    torque: float
+    parameters: int
+
+    def summary(self) -> dict[str, Any]:
+        keys = ("model", "elpd", "se", "torque", "parameters")
+        return {k: getattr(self, k) for k in keys}
+
+
+@dataclass(frozen=True)
+class Detectable:
+    """The smallest share of friction at which an effect would have been seen."""
+
+    name: str
+    share: float
+
+    def summary(self) -> dict[str, Any]:
+        return {"name": self.name, "share": self.share}
+
+
+@dataclass(frozen=True)
+class Named:
+    """An effect that the table names, with values to start a fit from."""
+
+    name: str
+    values: Mapping[str, float]
     share: float
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """What the table says of a record."""
+    """What the table says of a record.
+
+    ``effects`` are named, the largest first; ``alternatives`` explain the record as well as the
+    first of them. ``depends_on`` are the signals of an unknown torque. ``plant`` are inertia and
+    friction beside the effects, as start values.
+    """
 
     verdict: str
-    effects: tuple[str, ...] = ()
-    alternatives: tuple[str, ...] = ()
+    effects: tuple[Named, ...] = ()
+    alternatives: tuple[Named, ...] = ()
     depends_on: tuple[str, ...] = ()
-    rows: tuple = ()
+    rows: tuple[Compared, ...] = ()
+    budget: tuple[Share, ...] = ()
+    detectable: tuple[Detectable, ...] = ()
+    messages: tuple[str, ...] = ()
+    plant: Mapping[str, float] = field(default_factory=dict)
+    least: float = 0.0
     seconds: float = 0.0
-    decision: object = None

@@ -55,6 +55,16 @@ def left_out(
 ) -> np.ndarray:
     """The log density of each block under the fit without it, (blocks,)."""
     out = np.zeros(len(blocks))
+    Z, moved = X[:, made.free], moves(made, X, prior, scale, blocks)
+    for (i, k), d in zip(blocks.full, moved, strict=True):
+        out[i] = density(made.r[k] - Z[k] @ d / scale.sigma, factor).sum()
+    return out
+
+
+def moves(
+    made: Solution, X: np.ndarray, prior: np.ndarray, scale: Scale, blocks: Blocks
+) -> np.ndarray:
+    """How the free coefficients move when a block is left out, (full blocks, free)."""
     on, r = made.free, made.r
     Z = X[:, on]
     ZW = Z * (made.weight / scale.sigma**2)[:, None]
@@ -63,16 +73,13 @@ def left_out(
     own = np.diag(H).copy()
     floor = own.max() * (own < 1e-24 * own.max())
     H[np.diag_indices(len(H))] += prior[on] + 1e-9 * own + floor
-    full = blocks.full
-    rest = np.stack([H - Z[k].T @ ZW[k] for _, k in full])
-    slopes = np.stack([Z[k].T @ pull[k] for _, k in full])
+    parts = [k for _, k in blocks.full]
+    rest = np.stack([H - Z[k].T @ ZW[k] for k in parts])
+    slopes = np.stack([Z[k].T @ pull[k] for k in parts])
     try:
-        moved = -np.linalg.solve(rest, slopes[:, :, None])[:, :, 0]
+        return -np.linalg.solve(rest, slopes[:, :, None])[:, :, 0]
     except np.linalg.LinAlgError:
-        moved = np.zeros_like(slopes)
-    for (i, k), d in zip(full, moved, strict=True):
-        out[i] = density(r[k] - Z[k] @ d / scale.sigma, factor).sum()
-    return out
+        return np.zeros_like(slopes)
 
 
 def seen(made: Solution, blocks: Blocks, factor: float) -> np.ndarray:

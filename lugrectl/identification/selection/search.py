@@ -31,8 +31,12 @@ def entries(base: Base) -> Iterator[Entry]:
     for name, block in members("effect").items():
         if name in (*MISSING_LAW, *KINEMATIC) or name in base.inside:
             continue
-        if _pointless(base, block):
-            continue
+        yield from entries_of(base, block)
+
+
+def entries_of(base: Base, block: Block) -> Iterator[Entry]:
+    """Those of one effect; none if this record cannot show it."""
+    if not _pointless(base, block):
         yield from _of(base, block)
 
 
@@ -125,9 +129,7 @@ def _grid(base: Base, block: Block, key: str) -> np.ndarray:
     return grid
 
 
-def _polished(
-    base: Base, block: Block, key: str, grid: np.ndarray, i: int, pair: bool
-) -> float:
+def _polished(base: Base, block: Block, key: str, grid: np.ndarray, i: int, pair: bool) -> float:
     step = float(np.min(np.diff(grid)[max(i - 1, 0) : i + 1]))
 
     def gain(x: float) -> float:
@@ -219,7 +221,9 @@ def _late(base: Base, delay: float) -> np.ndarray:
     from scipy.ndimage import shift  # slow to import
 
     m = base.record.motion
-    return np.concatenate([shift(base.u[p], delay / m.dt, order=3, mode="nearest") for p in m.pieces])
+    return np.concatenate(
+        [shift(base.u[p], delay / m.dt, order=3, mode="nearest") for p in m.pieces]
+    )
 
 
 def _golden(f: Callable[[float], float], low: float, high: float, rounds: int = 8) -> float:
@@ -235,7 +239,9 @@ def _stop(base: Base, block: Block) -> Entry:
     th, span = m.theta, float(np.ptp(m.theta))
     inner = np.quantile(th, [0.3, 0.7])
     deep = span * np.linspace(0.02, 0.35, 15)
-    tails = np.quantile(th, np.concatenate([np.linspace(0.003, 0.3, 20), np.linspace(0.7, 0.997, 20)]))
+    tails = np.quantile(
+        th, np.concatenate([np.linspace(0.003, 0.3, 20), np.linspace(0.7, 0.997, 20)])
+    )
     at = np.unique(np.concatenate([tails, th.min() + deep, th.max() - deep]))
     at = at[(at <= inner[0]) | (at >= inner[1])]
 

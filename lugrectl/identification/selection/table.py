@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from . import search, unknown
-from .base import Base, Columns, rms, settled
+from .base import Base, Columns, View, rms, settled
 from .base import Record as Seen
-from .base import View
 from .contender import Contender, enter
 from .numbers import FREEDOM
 from .regression import Scale, solve

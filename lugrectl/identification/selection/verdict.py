@@ -20,7 +20,8 @@ KNOWN_TIME = 0.33  # of `least` for a delay that is 1 ms or more beyond what is 
 class Decision:
     """What the table says.
 
-    ``alternatives`` explain the record as well as the first of ``effects``.
+    ``alternatives`` explain the record as well as the first of ``effects``. ``beside`` is the table
+    with that one in the base; ``gravity`` joined the base before the first.
     """
 
     verdict: str
@@ -30,7 +31,16 @@ class Decision:
     table: Table | None = None
     beside: Table | None = None
     gravity: Contender | None = None
+    unknown: Contender | None = None
     messages: tuple[str, ...] = field(default=())
+
+    @property
+    def last(self) -> Base:
+        """The base with all effects in it that are named."""
+        assert self.table is not None
+        base = self.table.base if self.beside is None else self.beside.base
+        second = [c for c in self.effects if c.base is base and self.beside is not None]
+        return second[0].joined() if second else base
 
 
 def decide(record: Record, least: float = LEAST) -> Decision:
@@ -61,7 +71,8 @@ def _of(record: Record, table: Table, least: float) -> Decision:
     if not good:
         if not free:
             return Decision("adequate", table=table)
-        return Decision("unexplained", depends_on=free[0].depends_on, table=table)
+        signals = free[0].depends_on
+        return Decision("unexplained", depends_on=signals, table=table, unknown=free[0])
     best = good[0]
     also = tuple(c for c in good[1:] if as_good(c, best))[:3]
     verdict = "ambiguous" if also else "found"
@@ -89,7 +100,7 @@ def _what_is_left(
         far = _far(best, rest, free, least)
         kept = () if far else found.effects
         return replace(found, verdict="unexplained", effects=kept, alternatives=(),
-                       depends_on=odd.depends_on)  # fmt: skip
+                       depends_on=odd.depends_on, unknown=odd)  # fmt: skip
     if found.verdict == "found" and second is not None:
         large = second.share > max(UNKNOWN * least, SECOND * best.share)
         if large and second.gain > 0.15 * best.gain:
@@ -119,9 +130,7 @@ def _odd(
     return free[0] if _far(best, rest, free, least) else odd
 
 
-def _far(
-    best: Contender, rest: list[Contender], free: list[Contender], least: float
-) -> bool:
+def _far(best: Contender, rest: list[Contender], free: list[Contender], least: float) -> bool:
     """Whether nothing that has a name comes near an unknown torque."""
     stays = any(c.share > UNKNOWN * least for c in rest)
     if not (free and stays and free[0].gain > 1.5 * best.gain):

@@ -15,7 +15,7 @@ from . import alike as same
 from . import effects as fx
 from . import kernel as k
 from . import motion, recorder
-from .machine import Machine, machine, steer
+from .machine import Machine, machine, spindle, steer
 
 KINDS = ("effect", "none", "unknown", "sound")
 RATES = (100.0, 200.0, 250.0, 500.0, 1000.0, 2000.0)
@@ -23,6 +23,13 @@ RANGE = (0.03, 0.25)  # RMS torque of the effect over RMS friction torque
 SEEN = 0.025  # of it, what the declared structure cannot absorb
 POSITIONED = ("return_spring", "hard_stop", "load_dependent_friction", "gravity", "constant_torque",
               "detent", "rubbing_spot")  # fmt: skip
+ACTUATOR = ("input_delay", "actuator_lag", "actuator_dead_zone", "torque_constant_ripple")
+ANGLE = POSITIONED + ("torque_ripple", "position_dependent_friction", "torque_constant_ripple")
+BESIDE = {  # what the declared law says only nearly, of each true one
+    "grease": frozenset({"sublinear_viscous"}),
+    "static": frozenset({"presliding"}),
+    "slip": frozenset({"presliding"}),
+}
 
 __all__ = ["KINDS", "draw", "simulate"]
 
@@ -63,14 +70,15 @@ def _mode(rng: Generator, m: Machine, name: str) -> str:
     """A control structure that suits machine and effect."""
     if m.type == "hobby" or m.P["grav"] or name in POSITIONED or m.type == "screw":
         return str(rng.choice(["cascade", "pd"], p=[0.3, 0.7] if m.type == "hobby" else [0.7, 0.3]))
-    return str(rng.choice(["cascade", "pd", "velocity", "open"], p=[0.35, 0.2, 0.25, 0.2]))
+    return str(rng.choice(["cascade", "pd", "velocity", "open"], p=[0.25, 0.15, 0.35, 0.25]))
 
 
 def _motion(rng: Generator, mode: str, name: str) -> str:
     names = {"velocity": motion.SPEED, "open": motion.TORQUE}.get(mode, motion.BOUND)
     if name in fx.LIVELY or name in ("viscous_asymmetry", "quadratic_drag"):
         names = tuple(x for x in names if x not in ("scan", "staircase"))
-    return str(rng.choice(names))
+    p = np.array([motion.OFTEN.get(x, 1.0) for x in names])
+    return str(rng.choice(names, p=p / p.sum()))
 
 
 def _sensible(m: Machine, out: np.ndarray, mode: str) -> bool:
@@ -81,7 +89,11 @@ def _sensible(m: Machine, out: np.ndarray, mode: str) -> bool:
     moving = np.mean(w > 0.02 * m.wmax)
     pinned = np.mean(u > 0.99 * m.P["umax"])
     bound = mode in ("cascade", "pd")
-    return moving > 0.3 and pinned < 0.03 and not (bound and np.ptp(out[:, k.TH]) > 3.5 * m.stroke)
+    return (
+        moving > (0.12 if mode == "open" else 0.3)
+        and pinned < 0.03
+        and not (bound and np.ptp(out[:, k.TH]) > 3.5 * m.stroke)
+    )
 
 
 def _stage(rng: Generator, name: str) -> tuple | None:
@@ -89,13 +101,15 @@ def _stage(rng: Generator, name: str) -> tuple | None:
     slow = 0.01 if name in ("input_delay", "actuator_lag") else 0.0
     m = machine(rng, name in fx.LIVELY, slow)
     m.P["grav"] = m.P["grav_phase"] = 0.0
-    if name == "load_dependent_friction" or (rng.random() < 0.25 and name not in ("gravity", "return_spring")):
+    if name == "load_dependent_friction" or (
+        rng.random() < 0.25 and name not in ("gravity", "return_spring")
+    ):
         m.P["grav"] = m.P["Fc"] * rng.uniform(0.3, 1.2)
         m.P["grav_phase"] = float(rng.uniform(-np.pi, np.pi))
     mode = _mode(rng, m, name)
     steer(rng, m, mode)
-    f_log = _rate(rng, m, 500.0 if slow else 0.0)
     moves = _motion(rng, mode, name)
+    f_log = _rate(rng, m, 500.0 if slow or moves == "pulses" else 0.0)
     ref = motion.reference(rng, m, moves, rng.uniform(10, 45))
     out = simulate(m, ref, np.zeros(ref.shape[1]))
     if not _sensible(m, out, mode):
@@ -103,7 +117,9 @@ def _stage(rng: Generator, name: str) -> tuple | None:
     return m, ref, out, f_log, mode, moves
 
 
-def _with(rng: Generator, name: str, m: Machine, ref: np.ndarray, out: np.ndarray, f_log: float) -> tuple | None:
+def _with(
+    rng: Generator, name: str, m: Machine, ref: np.ndarray, out: np.ndarray, f_log: float
+) -> tuple | None:
     """Motion with the effect in the stated range, and its numbers."""
     n, code = ref.shape[1], fx.code_of(name)
     dist = fx.bursts(rng, n, m.fs) if name == "bursts" else np.zeros(n)
@@ -168,7 +184,9 @@ def _drawn(rng: Generator, seed: int, kind: str) -> Case | None:
     friction, hidden = fx.rms(out[:, k.F0]), 0.0 if name == "none" else _hidden(name, out)
     if name != "none" and not RANGE[0] <= hidden / friction <= RANGE[1]:
         return None
-    log, about = recorder.record(rng, m, out, f_log, name in EFFECTS[9:12] or name == EFFECTS[19])
+    log, about = recorder.record(
+        rng, m, out, f_log, name in ACTUATOR, name in ANGLE or bool(m.P["grav"])
+    )
     about |= {"machine": m.type, "law": m.friction, "mode": mode, "motion": moves, "m": m}
     names: frozenset[str] = frozenset()
     if name != "none":
@@ -177,11 +195,10 @@ def _drawn(rng: Generator, seed: int, kind: str) -> Case | None:
         if about["seen"] < SEEN:
             return None
         noise = same.noise_floor(m, f_log, about["u_noise"], log["t"][-1])
-        names, about["leaves"] = same.alike(s, name, noise)
+        names, about["leaves"] = same.alike(s, name, noise, same.hold_error(s, log))
         if kind == "unknown" and min(about["leaves"].values()) < 0.6 * fx.rms(s.y):
             return None
-    if m.friction == "grease":
-        background.add("sublinear_viscous")
+    background |= BESIDE.get(m.friction, frozenset())
     about["true"] = out
     values = recorder.truth(m) | _numbers(name, e, m, f_log)
     signals = fx.DEPENDS[seed % 4] if kind == "unknown" else ()
@@ -191,38 +208,49 @@ def _drawn(rng: Generator, seed: int, kind: str) -> Case | None:
 
 def _sound(rng: Generator, seed: int) -> Case | None:
     """A sound drive: every other seed with a coloured disturbance, else an exact log."""
-    noisy = seed % 2 == 0
-    kind = str(rng.choice(["direct", "geared"])) if not noisy else ""
-    m = machine(rng, kind=kind)
+    m = machine(rng, exact=seed % 2 == 1)
     m.P["grav"] = m.P["grav_phase"] = 0.0
-    mode = _mode(rng, m, "none") if noisy else str(rng.choice(["open", "open", "pd", "cascade"]))
-    steer(rng, m, mode)
-    if noisy:
-        moves = _motion(rng, mode, "none")
-    else:
-        m.P.update(q=0.0, uq=0.0)
-        moves = {"open": "pulses"}.get(mode, str(rng.choice(["scan", "scan", "staircase"])))
-    ref = motion.reference(rng, m, moves, rng.uniform(10, 45))
-    w0 = 0.0
-    if not noisy and mode == "open" and seed % 3 == 0:  # coast-down: fast at first, no torque
-        ref[3] *= np.arange(ref.shape[1]) > 0.4 * ref.shape[1]
-        w0, moves = float(m.wmax * rng.choice([-1, 1])), "coast-down"
-    n = ref.shape[1]
-    plain = simulate(m, ref, np.zeros(n), w0=w0)
-    if not np.isfinite(plain).all():
+    made = _coloured(rng, m) if seed % 2 == 0 else _exact(rng, m)
+    if made is None:
         return None
-    about = {"machine": m.type, "law": m.friction, "mode": mode, "motion": moves, "m": m}
-    f_log = _rate(rng, m, 0.0)
-    if not noisy:
-        log, more = recorder.exact(m, plain, max(f_log, 500.0))
-    else:
-        x, about["memory"] = fx.coloured(rng, n, m.fs)
-        about["disturbance"] = rng.uniform(0.01, 0.08)
-        plain = simulate(m, ref, x * about["disturbance"] * fx.rms(plain[:, k.F0]))
-        log, more = recorder.record(rng, m, plain, f_log, False)
-    if noisy and not _sensible(m, plain, mode) or np.abs(plain[:, k.W]).max() > 4 * m.wmax:
-        return None
-    about |= more | {"true": plain}
-    spared = frozenset({"sublinear_viscous"} if m.friction == "grease" else ())
+    log, about, out = made
+    about |= {"machine": m.type, "law": m.friction, "m": m, "true": out}
+    spared = BESIDE.get(m.friction, frozenset())
     return Case(seed, "sound", log, recorder.declare(rng, m), "none", recorder.truth(m), (),
-                spared, 0.0, fx.rms(plain[:, k.F0]), frozenset(), about)  # fmt: skip
+                spared, 0.0, fx.rms(out[:, k.F0]), frozenset(), about)  # fmt: skip
+
+
+def _coloured(rng: Generator, m: Machine) -> tuple | None:
+    """A usual log under a random torque of 1-8 % of friction with some memory."""
+    mode = _mode(rng, m, "none")
+    steer(rng, m, mode)
+    moves = _motion(rng, mode, "none")
+    f_log = _rate(rng, m, 500.0 if moves == "pulses" else 0.0)
+    ref = motion.reference(rng, m, moves, rng.uniform(10, 45))
+    x, memory = fx.coloured(rng, ref.shape[1], m.fs)
+    plain, size = simulate(m, ref, 0.0 * x), rng.uniform(0.01, 0.08)
+    out = simulate(m, ref, x * size * fx.rms(plain[:, k.F0]))
+    if not _sensible(m, out, mode):
+        return None
+    log, about = recorder.record(rng, m, out, f_log, False, False)
+    return log, about | {"mode": mode, "motion": moves, "memory": memory, "disturbance": size}, out
+
+
+def _exact(rng: Generator, m: Machine) -> tuple | None:
+    """Ideal sensors at the rate of the loop: pulses, steps, a coast-down, slow scans."""
+    moves = str(rng.choice(["pulses", "coast-down", "scan", "staircase"]))
+    mode = "open" if moves in ("pulses", "coast-down") else str(rng.choice(["pd", "cascade"]))
+    seconds, coast, w0 = rng.uniform(10, 45), 0.0, 0.0
+    if moves == "coast-down":  # fast at first, no torque; pulses once it is slow
+        coast = seconds * rng.uniform(0.2, 0.6)
+        spindle(m, coast)
+        w0 = float(m.wmax * rng.choice([-1, 1]))
+    steer(rng, m, mode)
+    m.P.update(q=0.0, uq=0.0)
+    ref = motion.reference(rng, m, "pulses" if mode == "open" else moves, seconds)
+    ref[3, : int(coast * m.fs)] = 0.0
+    out = simulate(m, ref, np.zeros(ref.shape[1]), w0=w0)
+    if not np.isfinite(out).all() or np.abs(out[:, k.W]).max() > 4 * m.wmax:
+        return None
+    log, about = recorder.exact(m, out, m.fs)
+    return log, about | {"mode": mode, "motion": moves}, out

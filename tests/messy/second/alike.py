@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
 
 from ..case import EFFECTS
@@ -44,7 +45,12 @@ def scene(m: Machine, out: np.ndarray) -> Scene:
     t = (np.arange(len(x)) * step + 0.5 / m.nsub) / m.fs
     theta = x[:, k.TH] + x[:, k.W] * 0.5 / (m.fs * m.nsub)
     w, p = x[:, k.W], m.P
-    columns = [x[:, k.ACC], x[:, k.FB], w, np.tanh(w / (0.1 * p["vs"])) * np.exp(-((w / p["vs"]) ** 2))]
+    columns = [
+        x[:, k.ACC],
+        x[:, k.FB],
+        w,
+        np.tanh(w / (0.1 * p["vs"])) * np.exp(-((w / p["vs"]) ** 2)),
+    ]
     if p["power"] != 1.0:
         columns.append(x[:, k.F0] - x[:, k.FB])
     if p["grav"]:
@@ -56,14 +62,15 @@ def scene(m: Machine, out: np.ndarray) -> Scene:
     return s
 
 
-def left(s: Scene, families: np.ndarray) -> float:
-    """RMS of what the best of ``families`` (n, m, 1 or 2) leaves, free coefficients."""
+def left(s: Scene, families: np.ndarray, positive: bool = False) -> float:
+    """RMS of what the best of ``families`` (n, m, 1 or 2) leaves; coefficients free or positive."""
     n, m, size = families.shape
     c = s.free(families.reshape(n, m * size)).reshape(n, m, size)
     g = np.einsum("nmi,n->mi", c, s.y)
     a = np.einsum("nmi,nmj->mij", c, c)
     raw = np.einsum("nmi,nmi->m", families, families)
     a = a + 1e-9 * raw[:, None, None] * np.eye(size) + 1e-300 * np.eye(size)
+    g = np.maximum(g, 0.0) if positive else g
     gain = np.einsum("mi,mi->m", g, np.linalg.solve(a, g[..., None])[..., 0])
     return float(np.sqrt(max(0.0, s.y @ s.y - gain.max()) / n))
 
@@ -85,13 +92,14 @@ def _periods(s: Scene) -> np.ndarray:
     dt, n = s.step / s.m.fs, s.y.size
     size = np.abs(np.fft.rfft(s.y * np.hanning(n), 4 * n))
     f = np.fft.rfftfreq(4 * n, dt)
-    size[f < 0.5 / (n * dt)] = 0.0
+    size[f < 1.0 / (n * dt)] = 0.0  # a full period, else it is an offset or a drift
     peaks = []
     for _ in range(5):
         i = int(np.argmax(size))
         peaks.append(f[i])
         size[max(0, i - 8) : i + 9] = 0.0
     f = np.add.outer(peaks, np.linspace(-0.5, 0.5, 11) / (n * dt)).ravel()
+    f = np.maximum(f, 1.0 / (n * dt))
     angle = 2 * np.pi * f * s.t[:, None]
     return np.stack([np.sin(angle), np.cos(angle)], axis=-1)
 
@@ -162,8 +170,18 @@ def _stops(s: Scene) -> np.ndarray:
     lo, hi = s.theta.min(), s.theta.max()
     at = lo + (hi - lo) * np.linspace(0.02, 0.98, 49)
     up = np.maximum(0.0, s.theta[:, None] - at)
-    down = np.maximum(0.0, at - s.theta[:, None])
+    down = np.minimum(0.0, s.theta[:, None] - at)
     return np.concatenate([up, down], axis=1)[..., None]
+
+
+def _springs(s: Scene) -> np.ndarray:
+    """Springs at rest within the travel or half of it beyond: farther ones are constant torques."""
+    lo, hi = s.theta.min(), s.theta.max()
+    return (s.theta[:, None] - (lo + (hi - lo) * np.linspace(-0.5, 1.5, 61)))[..., None]
+
+
+POSITIVE = ("quadratic_drag", "return_spring", "hard_stop", "elastic_coupling", "backlash",
+            "load_dependent_friction")  # fmt: skip
 
 
 def remaining(s: Scene, name: str) -> float:
@@ -173,11 +191,11 @@ def remaining(s: Scene, name: str) -> float:
     if name in ("input_delay", "actuator_lag"):
         return _held(s, _late(s, name == "actuator_lag"))
     if name == "actuator_dead_zone":
-        h = np.geomspace(0.004, 1.0, 60) * np.abs(u).max()
+        h = np.geomspace(0.01, 0.6, 60) * rms(s.x[:, k.F0])  # wider: it would stand for friction
         return _held(s, np.clip(u[:, None], -h, h))
     if name == "load_dependent_friction":
         load = np.abs(s.m.P["grav"] * np.sin(th + s.m.P["grav_phase"]))
-        return left(s, _one(fb * load)) if s.m.P["grav"] else rms(s.y)
+        return left(s, _one(fb * load), True) if s.m.P["grav"] else rms(s.y)
     if name == "thermal_drift":
         grown = 1 - np.exp(-s.t[:, None] / np.geomspace(0.3, 300, 40))
         return left(s, (s.x[:, k.F0][:, None] * grown)[..., None])
@@ -189,7 +207,7 @@ def remaining(s: Scene, name: str) -> float:
         "coulomb_asymmetry": lambda: _one(fb * np.sign(w)),
         "viscous_asymmetry": lambda: _one((s.x[:, k.F0] - fb) * np.sign(w)),
         "quadratic_drag": lambda: _one(w * np.abs(w)),
-        "return_spring": lambda: _one(th - th.mean(), one),
+        "return_spring": lambda: _springs(s),
         "hard_stop": lambda: _stops(s),
         "elastic_coupling": lambda: _elastic(s),
         "backlash": lambda: _backlash(s),
@@ -198,7 +216,7 @@ def remaining(s: Scene, name: str) -> float:
         "periodic_disturbance": lambda: _periods(s),
         "torque_constant_ripple": lambda: _rounds(s, u, 1),
     }
-    return left(s, families[name]())
+    return left(s, families[name](), name in POSITIVE)
 
 
 def noise_floor(m: Machine, f_log: float, sigma: float, seconds: float) -> float:
@@ -212,9 +230,25 @@ def noise_floor(m: Machine, f_log: float, sigma: float, seconds: float) -> float
     return float(np.hypot(m.P["J"] * acc, sigma / np.sqrt(n)) * np.sqrt(12 * window / seconds))
 
 
-def alike(s: Scene, truth: str, noise: float) -> tuple[frozenset[str], dict[str, float]]:
+def hold_error(s: Scene, log: dict[str, np.ndarray]) -> float:
+    """RMS torque by which the logged u, held from row to row, misses the true one, N m.
+
+    Averaged over 20 ms and without a constant shift in time, which a log may well have.
+    """
+    row = np.clip(np.searchsorted(log["t"], s.t, side="right") - 1, 0, None)
+    true = s.x[:, k.UCMD]
+    d = log["u"][row] - true
+    d = np.clip(d, *np.quantile(d, [0.005, 0.995]))  # outliers are no hold error
+    d = uniform_filter1d(d, max(1, int(0.02 * s.m.fs / s.step)))
+    rate = np.gradient(uniform_filter1d(true, 5))
+    return rms(s.free(d - rate * (rate @ d) / (rate @ rate)))
+
+
+def alike(
+    s: Scene, truth: str, noise: float, hold: float
+) -> tuple[frozenset[str], dict[str, float]]:
     """Effects that leave no more than half of the background or the noise, and what each leaves."""
-    whole, background = rms(s.y), rms(s.free(s.x[:, k.BG]))
+    whole, background = rms(s.y), np.hypot(rms(s.free(s.x[:, k.BG])), hold)
     least = min(max(0.5 * background, noise), 0.5 * whole)
     skip = {truth} | (set() if truth == "elastic_coupling" else {"backlash"})
     rest = {x: remaining(s, x) for x in EFFECTS if x not in skip}

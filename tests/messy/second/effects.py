@@ -125,7 +125,11 @@ def others(rng: Generator, name: str, m: Machine, out: np.ndarray, f_log: float)
         centre = top * rng.uniform(0.3, 0.6)
         return [centre, centre * rng.uniform(0.15, 0.3), 0.02 * top]
     if name == "rubbing_spot":
-        return [float(mid + span * rng.uniform(-0.25, 0.25)), span * rng.uniform(0.04, 0.1), 0.01 * m.wmax]
+        return [
+            float(mid + span * rng.uniform(-0.25, 0.25)),
+            span * rng.uniform(0.04, 0.1),
+            0.01 * m.wmax,
+        ]
     return []
 
 

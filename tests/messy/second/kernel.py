@@ -107,14 +107,14 @@ def _move(P, z, K, share, w, level, h):
 
 @njit(cache=True)
 def _bristle(P, z, K, share, w, level):
-    """Bristle torque with its damping, N m."""
+    """Bristle torque with its damping, N m; elements that slip lose theirs at speed."""
     f = 0.0
     for i in range(z.size):
         zmax = share[i] * level / K[i]
         if P[RELAX] > 0.5:
             zdot = w - abs(w) * z[i] / zmax
         else:
-            zdot = w if abs(z[i]) < zmax else 0.0
+            zdot = w / (1.0 + (w / P[VS]) ** 2) if abs(z[i]) < zmax else 0.0
         f += K[i] * z[i] + P[S1] * share[i] * zdot
     return f
 
@@ -224,7 +224,9 @@ def run(P, K, share, ref, dist, code, e, fs, nsub, w_start):
                 out[k, RE] = r + (fb - fb0) + visc * (v - 1.0) * wa + (mass - P[J]) * acc
                 if code == 9 or code == 10 or code == 11 or code == 19:
                     out[k, RE] += out[k, UCMD] - ua - bgu
-                out[k, BG] = bg + bgu + fb0 * (1.0 - _bump(P, w) / base) + visc * wa * (1 - 1 / warm)
+                out[k, BG] = (
+                    bg + bgu + fb0 * (1.0 - _bump(P, w) / base) + visc * wa * (1 - 1 / warm)
+                )
             w = w_new
             th += 0.5 * h * w
             _move(P, z, K, share, w, level, 0.5 * h)

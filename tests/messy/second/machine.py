@@ -40,7 +40,9 @@ TYPES = {
 }
 
 
-def _friction(rng: Generator, fc: float, wmax: float, damping: float) -> tuple[str, dict, np.ndarray]:
+def _friction(
+    rng: Generator, fc: float, wmax: float, damping: float
+) -> tuple[str, dict, np.ndarray]:
     """Law, its numbers and the shares of its bristles."""
     law = str(rng.choice(["lugre", "slip", "static", "grease"], p=[0.4, 0.2, 0.2, 0.2]))
     plain = law == "static" and rng.random() < 0.4
@@ -64,9 +66,14 @@ def _friction(rng: Generator, fc: float, wmax: float, damping: float) -> tuple[s
     return law, p, share
 
 
-def machine(rng: Generator, lively: bool = False, slow_loop: float = 0.0, kind: str = "") -> Machine:
-    """Draw one; ``lively``: torque of inertia above friction; ``slow_loop``: dead time to bear, s."""
-    name = kind or str(rng.choice(list(TYPES), p=[0.3, 0.3, 0.2, 0.2]))
+def machine(
+    rng: Generator, lively: bool = False, slow_loop: float = 0.0, exact: bool = False
+) -> Machine:
+    """Draw one; ``lively``: torque of inertia above friction; ``slow_loop``: dead time to bear, s.
+
+    ``exact``: a bare motor whose loop is no faster than a log.
+    """
+    name = str(rng.choice(list(TYPES), p=[0.5, 0.5, 0, 0] if exact else [0.3, 0.3, 0.2, 0.2]))
     inertia, decel, speed, stroke, counts, yielding = TYPES[name]
     j, ratio, wmax = (log_uniform(rng, *x) for x in (inertia, decel, speed))
     zc, fc = log_uniform(rng, *yielding), j * ratio
@@ -74,8 +81,10 @@ def machine(rng: Generator, lively: bool = False, slow_loop: float = 0.0, kind: 
     wmax = min(wmax, 0.7 * amax)
     s0 = fc / zc
     law, p, share = _friction(rng, fc, wmax, 2 * rng.uniform(0.1, 0.7) * np.sqrt(s0 * j))
-    stiff = s0 * share * np.sort(rng.uniform(0.4, 2.5, share.size))[::-1] if share.size > 1 else None
-    fs = float(rng.choice([1000, 2000, 4000, 8000]))
+    stiff = (
+        s0 * share * np.sort(rng.uniform(0.4, 2.5, share.size))[::-1] if share.size > 1 else None
+    )
+    fs = float(rng.choice([1000, 2000] if exact else [1000, 2000, 4000, 8000]))
     m = Machine(name, law, p, np.array([s0]) if stiff is None else stiff, share, wmax, amax,
                 0.0, log_uniform(rng, *counts), fs, 1)  # fmt: skip
     m.stroke = float(np.clip(wmax * rng.uniform(0.3, 1.6), *stroke))
@@ -85,6 +94,16 @@ def machine(rng: Generator, lively: bool = False, slow_loop: float = 0.0, kind: 
     m.nsub = int(max(2 if fs > 2000 else 4, np.ceil(wn / fs / 0.08)))
     _loop(rng, m, slow_loop)
     return m
+
+
+def spindle(m: Machine, seconds: float) -> None:
+    """Ease all friction so that the drive coasts for about ``seconds``."""
+    factor = m.wmax * m.P["J"] / m.P["Fc"] / seconds
+    for name in ("Fc", "Fs", "Fv"):
+        m.P[name] *= factor
+    m.P["sigma1"] *= np.sqrt(factor)  # the same damping ratio at rest
+    m.stiffness = m.stiffness * factor
+    m.amax = max(m.amax * min(1.0, factor), 2.0 * m.P["Fs"] / m.P["J"])
 
 
 def _loop(rng: Generator, m: Machine, dead: float) -> None:

@@ -11,6 +11,8 @@ BOUND = ("trapezoid", "sine", "chirp", "multisine", "scan")
 SPEED = ("sine", "multisine", "staircase", "chirp")
 TORQUE = ("pulses", "torque_sine", "torque_multisine")
 
+OFTEN = {"trapezoid": 3.0, "staircase": 2.0, "sine": 1.5}  # how often beside the others
+
 
 def _smooth(x: np.ndarray, n: int) -> np.ndarray:
     if n < 2:
@@ -34,7 +36,9 @@ def trapezoid(rng: Generator, m: Machine, n: int) -> np.ndarray:
         target = rng.uniform(-m.stroke, m.stroke)
         if abs(target - x) < 0.2 * m.stroke:
             continue
-        leg = _move(target - x, m.wmax * rng.uniform(0.25, 1), m.amax * rng.uniform(0.5, 1), 1 / m.fs)
+        leg = _move(
+            target - x, m.wmax * rng.uniform(0.25, 1), m.amax * rng.uniform(0.5, 1), 1 / m.fs
+        )
         rest = np.zeros(int(rng.choice([0.0, 0.1, 0.4]) * rng.random() * m.fs))
         x, size = x + leg.sum() / m.fs, size + leg.size + rest.size
         parts += [leg, rest]
@@ -85,7 +89,9 @@ def staircase(rng: Generator, m: Machine, n: int) -> np.ndarray:
         goal = m.wmax * rng.choice([0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0])
         goal *= 1.0 if one_way else rng.choice([-1, 1])
         ramp = max(2, int(abs(goal - now) / m.amax * rng.uniform(1.2, 3) * m.fs))
-        leg = np.concatenate([np.linspace(now, goal, ramp), np.full(int(rng.uniform(0.4, 1.8) * m.fs), goal)])
+        leg = np.concatenate(
+            [np.linspace(now, goal, ramp), np.full(int(rng.uniform(0.4, 1.8) * m.fs), goal)]
+        )
         w[k : k + leg.size] = leg[: n - k]
         now, k = goal, k + leg.size
     return _smooth(w, int(0.01 * m.fs))
@@ -114,6 +120,7 @@ def pulses(rng: Generator, m: Machine, n: int) -> np.ndarray:
     while k < n:
         level = fs * rng.uniform(1.15, 1.3 + j * m.amax / fs)
         hold = min(rng.uniform(0.4, 1.0) * m.wmax * j / (level - 0.9 * m.P["Fc"]), 1.5)
+        hold = max(hold, 0.03)
         stop = k + int(hold * m.fs) + 1
         u[k:stop] = side * level
         k = stop + int(rng.choice([0.05, 0.4, 0.8]) * rng.uniform(0.5, 1.0) * m.fs)

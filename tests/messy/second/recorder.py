@@ -24,7 +24,9 @@ def _rows(rng: Generator, m: Machine, n: int, f_log: float) -> tuple[np.ndarray,
     if rng.random() < 0.6:
         return rows, rows / m.fs, "even"
     if step >= 4:  # the logging task comes late now and then
-        late = np.minimum(rng.integers(0, step // 2, rows.size), rng.integers(0, step // 2 + 1, rows.size))
+        late = np.minimum(
+            rng.integers(0, step // 2, rows.size), rng.integers(0, step // 2 + 1, rows.size)
+        )
         rows = np.minimum(rows + late, n - 1)
         return rows, np.round(rows / m.fs, 5), "late rows"
     noise = rng.uniform(-0.12, 0.12, rows.size) / f_log
@@ -43,7 +45,9 @@ def _current(rng: Generator, m: Machine, u: np.ndarray, filtered: bool, about: d
     return u
 
 
-def _speed(rng: Generator, m: Machine, out: np.ndarray, theta: np.ndarray, about: dict) -> np.ndarray | None:
+def _speed(
+    rng: Generator, m: Machine, out: np.ndarray, theta: np.ndarray, about: dict
+) -> np.ndarray | None:
     """The speed column, one value per tick, or None."""
     kind = str(rng.choice(["absent", "tacho", "difference"], p=[0.4, 0.25, 0.35]))
     about["speed"] = kind
@@ -58,8 +62,13 @@ def _speed(rng: Generator, m: Machine, out: np.ndarray, theta: np.ndarray, about
     return _low_pass(raw, log_uniform(rng, 1e-3, 8e-3), m.fs)
 
 
-def record(rng: Generator, m: Machine, out: np.ndarray, f_log: float, actuator: bool) -> tuple[dict, dict]:
-    """The log as arrays, and what was done to it; ``actuator``: u must not be filtered."""
+def record(
+    rng: Generator, m: Machine, out: np.ndarray, f_log: float, actuator: bool, angle: bool
+) -> tuple[dict, dict]:
+    """The log as arrays, and what was done to it.
+
+    ``actuator``: u must not be filtered; ``angle``: the position must be there.
+    """
     about: dict[str, Any] = {"rate": f_log}
     rows, t, about["stamps"] = _rows(rng, m, len(out), f_log)
     q = 2 * np.pi / m.counts
@@ -83,7 +92,7 @@ def record(rng: Generator, m: Machine, out: np.ndarray, f_log: float, actuator: 
     log = {"t": t, "u": u, "theta": theta[rows]}
     if w is not None:
         log["w"] = w[rows]
-        if about["speed"] == "tacho" and rng.random() < 0.4:
+        if about["speed"] == "tacho" and rng.random() < 0.5 and not angle:
             del log["theta"]
     _outliers(rng, log, about)
     return log, about
@@ -96,7 +105,9 @@ def _outliers(rng: Generator, log: dict, about: dict) -> None:
         return
     name = str(rng.choice([x for x in log if x != "t"]))
     rows = rng.choice(log["t"].size - 20, int(rng.integers(1, 6)), replace=False) + 10
-    log[name][rows] += np.ptp(log[name]) * rng.uniform(0.4, 2.0, rows.size) * rng.choice([-1, 1], rows.size)
+    log[name][rows] += (
+        np.ptp(log[name]) * rng.uniform(0.4, 2.0, rows.size) * rng.choice([-1, 1], rows.size)
+    )
     about.update(outliers=rows.size, outlier_channel=name, outlier_rows=rows)
 
 
@@ -104,7 +115,13 @@ def exact(m: Machine, out: np.ndarray, f_log: float) -> tuple[dict, dict]:
     """The log of ideal sensors."""
     rows = np.arange(0, len(out), int(round(m.fs / f_log)))
     log = {"t": rows / m.fs, "u": out[rows, k.UCMD], "theta": out[rows, k.TH], "w": out[rows, k.W]}
-    return log, {"rate": f_log, "torque": "command", "speed": "exact", "stamps": "even", "u_noise": 0.0}
+    return log, {
+        "rate": f_log,
+        "torque": "command",
+        "speed": "exact",
+        "stamps": "even",
+        "u_noise": 0.0,
+    }
 
 
 def truth(m: Machine) -> dict[str, float]:
@@ -149,4 +166,10 @@ def declare(rng: Generator, m: Machine) -> dict[str, Any]:
         phase = p["grav_phase"] + rng.uniform(-0.1, 0.1)
         effects = [{"name": "gravity", "amplitude": off(p["grav"]), "phase": float(phase)}]
     title = f"{m.type} drive"
-    return {"name": title, "motion": "rotary", "plant": {"J": off(p["J"])}, "friction": friction, "effects": effects}
+    return {
+        "name": title,
+        "motion": "rotary",
+        "plant": {"J": off(p["J"])},
+        "friction": friction,
+        "effects": effects,
+    }

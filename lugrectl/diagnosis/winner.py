@@ -1,0 +1,72 @@
+"""The fit of the one model that won: values, intervals and errors come from its predictions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from ..identification.selection import Comparison, Named
+from ..model import Model
+from ..tracing.beside import beside
+from ..tracing.coordinates import free_keys
+from ..tracing.fit import Fitted, fit
+from ..tracing.job import Job, Progress, on_torque
+from ..tracing.predictor import Predictor
+
+TIMES = {"input_delay", "actuator_lag"}
+SHORT = 8  # steps of a fit from each start
+
+
+@dataclass(frozen=True)
+class Winner:
+    """The fitted model with the named effects, and their keys in it."""
+
+    job: Job
+    fit: Fitted
+    keys: tuple[str, ...]
+
+
+def with_effects(job: Job, found: Comparison, report: Progress) -> Winner:
+    """The model with the effects that the comparison names, fitted to the training samples.
+
+    From the values of the comparison, and from the refitted model with them; the better one counts.
+    A torque that was shifted or denoised is used as recorded where a time is named.
+    """
+    if job.recorded is not None and TIMES & {e.name for e in found.effects}:
+        job = on_torque(job, job.recorded, report)
+    if not found.effects:
+        return Winner(job, job.base, ())
+    model, keys, values = _model(job.base.predictor.model, found.effects)
+    predictor = Predictor(model, job.base.predictor.data)
+    free, base = free_keys(predictor), job.base
+    plant = {k: v for k, v in found.plant.items() if k in base.values and v > 0}
+    starts = [base.values | values, base.values | _raised(base.values, plant) | values]
+
+    def begun(start: Mapping[str, float]) -> Fitted:
+        anchor = base.anchor | values
+        return fit(predictor, start, free, base.where, base.noise, anchor=anchor, most=SHORT,
+                   rough=True)  # fmt: skip
+
+    best = max(beside(begun, starts), key=lambda f: f.total)
+    final = fit(predictor, best.values, free, base.where, best.noise, anchor=best.anchor)
+    return Winner(job, final, keys)
+
+
+def _model(
+    model: Model, effects: Sequence[Named]
+) -> tuple[Model, tuple[str, ...], dict[str, float]]:
+    keys, values = [], {}
+    for effect in effects:
+        model = model.with_effect(effect.name, effect.values)
+        part = model.effects[-1]
+        keys.append(part.key)
+        values |= {f"{part.key}.{k}": float(v) for k, v in part.values.items() if v is not None}
+    return model, tuple(keys), values
+
+
+def _raised(values: Mapping[str, float], plant: Mapping[str, float]) -> dict[str, float]:
+    """The plant's values beside the effects; static friction keeps its ratio to Coulomb's."""
+    made = dict(plant)
+    if "Fs" in values and values.get("Fc") and "Fc" in plant:
+        made["Fs"] = values["Fs"] * plant["Fc"] / values["Fc"]
+    return made

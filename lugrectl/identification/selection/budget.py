@@ -1,0 +1,124 @@
+"""The torque budget: where the torque of a record goes, and the smallest effect it would show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from scipy import stats
+
+from ...spec import REGISTRY
+from .base import LEVELS, Base, rms
+from .contender import Contender
+from .law import FORCES, NAMES, SMEAR, VISCOUS
+from .numbers import ALPHA, POWER
+from .result import Detectable, Share
+from .score import moves
+from .table import Table
+
+TWO_SIDED = 0.975
+
+
+def budget(base: Base, parts: Sequence[Contender], unknown: Contender | None) -> list[Share]:
+    """Each term with its RMS in the windows, as a share of friction, largest first.
+
+    ``parts`` are the named effects in ``base``, in the order in which they joined; ``unknown`` is
+    an unknown torque beside them.
+    """
+    V = _covariance(base)
+    made = [_share(base, V, name, at, signals) for name, at, signals in _terms(base, parts)]
+    made += [_of_torque(base, c) for c in parts if not c.own]
+    if unknown is not None:
+        signals = tuple(sorted(unknown.depends_on))
+        made.append(_plainly(base, "unknown torque", unknown.torque, signals))
+    made.sort(key=lambda s: -s.rms)
+    left = base.made.r * base.view.scale.sigma
+    return [*made, _plainly(base, "left", left, ()), _noise(base)]
+
+
+def _terms(
+    base: Base, parts: Sequence[Contender]
+) -> Iterator[tuple[str, list[int], tuple[str, ...]]]:
+    """The columns of each term of the base, and the signals on which its torque depends."""
+    at = {name: LEVELS.start + i for i, name in enumerate(NAMES)}
+    yield "inertia", [0], ("a",)
+    yield "coulomb", [at[k] for k in (*FORCES, *SMEAR)], ("w",)
+    yield "viscous", [at[k] for k in VISCOUS], ("w",)
+    if base.gravity:
+        yield "gravity", [LEVELS.stop, LEVELS.stop + 1], ("theta",)
+    end = base.columns.X.shape[1]
+    for c in reversed(parts):
+        if c.own:
+            yield c.name, [*range(end - c.own, end)], _signals(c.name)
+            end -= c.own
+
+
+def _signals(name: str) -> tuple[str, ...]:
+    block = REGISTRY["effect", name]
+    level = {"Fc", "Fs", "Fv", "+Fc"} & set(block.acts)
+    own = [k for k in ("t", *block.inputs) if k != "t" or block.timed]
+    return tuple(dict.fromkeys([*own, *(["w"] if level else [])]))
+
+
+def _covariance(base: Base) -> np.ndarray:
+    """Of the coefficients, from how they move when a block is left out; 0 where held."""
+    c, made = base.columns, base.made
+    d = moves(made, c.X, c.prior, base.view.scale, base.record.blocks)
+    V = np.zeros((len(made.b), len(made.b)))
+    d = d - d.mean(axis=0)
+    V[np.ix_(made.free, made.free)] = (len(d) - 1) / len(d) * d.T @ d
+    return V
+
+
+def _share(base: Base, V: np.ndarray, name: str, at: list[int], signals: tuple[str, ...]) -> Share:
+    X, b = base.columns.X[:, at], base.made.b[at]
+    torque = X @ b
+    size = rms(torque)
+    slope = X.T @ torque / (len(torque) * max(size, 1e-300))
+    half = stats.norm.ppf(TWO_SIDED) * float(np.sqrt(max(slope @ V[np.ix_(at, at)] @ slope, 0.0)))
+    ends = max(size - half, 0.0), size + half
+    friction = base.friction_rms
+    return Share(name, size, size / friction, (ends[0] / friction, ends[1] / friction), signals)
+
+
+def _of_torque(base: Base, c: Contender) -> Share:
+    return _plainly(base, c.name, c.torque, ("u",))
+
+
+def _plainly(base: Base, name: str, torque: np.ndarray, signals: tuple[str, ...]) -> Share:
+    return Share(name, rms(torque), rms(torque) / base.friction_rms, None, signals)
+
+
+def _noise(base: Base) -> Share:
+    """What the noise of the sensors makes of J a in the windows."""
+    size = base.J * rms(base.record.rows.shake)
+    return Share("noise", size, size / base.friction_rms, None, ())
+
+
+def detectable(table: Table, least: float) -> list[Detectable]:
+    """The smallest share of friction at which each effect would have been seen, 80 % power.
+
+    (z_alpha/K + z_0.8) standard errors of its strength, with K contenders; at least ``least``,
+    below which nothing is named.
+    """
+    many = max(len(table.named), 1)
+    z = float(stats.norm.ppf(1 - ALPHA / many / 2) + stats.norm.ppf(POWER))
+    found = [Detectable(c.name, max(least, z * _error(c))) for c in table.named]
+    return sorted(found, key=lambda d: d.share)
+
+
+def _error(c: Contender) -> float:
+    """Standard error of its strength, as a share of friction."""
+    base = c.base
+    if not c.own:  # its torque is known as well as the windows allow
+        return base.view.scale.sigma / np.sqrt(len(base.y)) / base.friction_rms
+    columns, made = c.columns, c.made
+    d = moves(made, columns.X, columns.prior, base.view.scale, base.record.blocks)
+    own = d[:, -int(made.free[-c.own :].sum()) or len(made.b) :]
+    if not made.free[-c.own :].any():
+        return base.view.scale.sigma / np.sqrt(len(base.y)) / base.friction_rms
+    X = c.its.X[:, made.free[-c.own :]]
+    B = base.columns.X[:, base.made.free]
+    X = X - B @ np.linalg.lstsq(B, X, rcond=None)[0]
+    spread = (own - own.mean(axis=0)) @ X.T  # of the torque, for each block left out
+    return float(np.sqrt(np.sum(np.mean(spread**2, axis=1)))) / base.friction_rms

@@ -1,0 +1,60 @@
+"""The parameters of a contender in the terms of its block: start values for a fit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...model import Model
+from ...spec import REGISTRY, Block
+from .base import LEVELS, Base
+from .contender import Contender
+from .driven import of_unit_load
+from .effects import spanned
+from .law import NAMES
+
+
+def values_of(c: Contender, model: Model) -> dict[str, float]:
+    """All parameters of a named effect, within the bounds of their declaration."""
+    block = REGISTRY["effect", c.name]
+    found = _own(c, block)
+    whole = {k: p.value for k, p in block.own.items()} | found
+    return {k: float(np.clip(v, block.own[k].low, block.own[k].high)) for k, v in whole.items()}
+
+
+def _own(c: Contender, block: Block) -> dict[str, float]:
+    if "damping_ratio" in c.values:
+        return _load(c, block)
+    if c.u is not None:
+        return _of_torque(c, block)
+    free, b = spanned(block), c.coefficients
+    found = {k: v for k, v in c.values.items() if k in block.own}
+    if free is None:
+        return found | {block.gain: float(b[0])}
+    if block.own[free].angle:
+        size, angle = float(np.hypot(*b)), float(np.arctan2(b[1], b[0]))
+        return found | {block.gain: size, free: angle}
+    middle = float(np.mean(c.base.record.motion.theta))
+    return found | {block.gain: float(b[0]), free: middle + float(b[1] / b[0])}
+
+
+def _of_torque(c: Contender, block: Block) -> dict[str, float]:
+    """A delay counts beyond the hold of u, which is half a sample on average."""
+    found = {k: v for k, v in c.values.items() if k in block.own}
+    if block.own[block.gain].unit != "s":
+        return found
+    dt = c.base.record.motion.dt
+    return {k: max(v - 0.5 * dt, 0.1 * dt) for k, v in found.items()}
+
+
+def _load(c: Contender, block: Block) -> dict[str, float]:
+    inertia = float(c.coefficients[0])
+    frequency, damping = c.values["frequency"], c.values["damping_ratio"]
+    unit = of_unit_load(frequency, damping, c.values.get("gap"))
+    scaled = ("load_inertia", "stiffness", "damping")
+    return {k: v * inertia if k in scaled else v for k, v in unit.items() if k in block.own}
+
+
+def levels_of(base: Base) -> dict[str, float]:
+    """Inertia and friction of a base: start values for the plant."""
+    b = dict(zip(NAMES, base.made.b[LEVELS].tolist(), strict=True))
+    return {"J": base.J, "Fc": b["Fc"], "Fv": b["Fv"]}
