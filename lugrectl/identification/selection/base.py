@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_matrix, diags
@@ -38,6 +39,14 @@ class Record:
     sure: bool
     heavy: bool = False
     parts: Sequence[Part] = ()
+    _kept: dict[Hashable, tuple[object, Any]] = field(default_factory=dict, repr=False)
+
+    def once(self, key: Hashable, of: object, make: Callable[[], Any]) -> Any:
+        """What ``make`` returns, kept for the tables that follow while ``of`` is the same object."""
+        found = self._kept.get(key)
+        if found is None or found[0] is not of:
+            found = self._kept[key] = (of, make())
+        return found[1]
 
     @property
     def lateness(self) -> float:
@@ -77,6 +86,12 @@ class Record:
             some = csr_matrix(k[:, :: self.fewer])
             made.append(diags(1.0 / np.asarray(some.sum(axis=1)).ravel()) @ some)
         return made[0], made[1]
+
+    @cached_property
+    def single(self) -> tuple[csr_matrix, csr_matrix]:
+        """The same in single precision."""
+        K, narrow = self.few
+        return K.astype(np.float32), narrow.astype(np.float32)
 
     @classmethod
     def of(
@@ -301,19 +316,18 @@ def settled(
     late = record.mean(m.slope(own))
     for x0 in record.laws.distances():
         for vs in record.laws.speeds():
-            law = record.laws.law(float(x0), float(vs))
-            columns = _columns(record, law, late, shared, rms(y))
+            columns = _columns(record, float(x0), float(vs), late, shared, rms(y))
             scale = _scale(columns, y, record) if view is None else view.scale
             view = View(scale) if view is None else view
             c = columns if beside is None else columns + beside
             made = solve(c.X, y, c.prior, c.low, c.high, scale, rounds=3)
             likely = -float(np.sum(np.log1p(made.r**2 / 4)))
             if best is None or likely > best[0]:
-                best = likely, law
+                best = likely, (float(x0), float(vs))
     assert best is not None and view is not None
-    law = best[1]
-    late = record.mean(m.slope(record.u))
-    columns = _columns(record, law, late, shared, rms(record.mean(record.u)))
+    at, late = best[1], record.mean(m.slope(record.u))
+    columns = _columns(record, *at, late, shared, rms(record.mean(record.u)))
+    law = record.once(("chosen", *at), None, lambda: record.laws.law(*at))
     return Base(record, law, columns, record.u, view, gravity=gravity)
 
 
@@ -327,11 +341,17 @@ def _shared(record: Record, gravity: bool) -> np.ndarray:
     return record.mean(np.column_stack([*weight, *offsets]))
 
 
-def _columns(
-    record: Record, law: Law, late: np.ndarray, shared: np.ndarray, torque: float
-) -> Columns:
+def _of_law(record: Record, x0: float, vs: float) -> np.ndarray:
+    """The shapes of friction and the declared effects in the windows."""
+    law = record.laws.law(x0, vs)
     more = terms(record.parts, law, record.motion, record.motion.load)
-    own = record.mean(np.column_stack([law.shapes, *more]))
+    return record.mean(np.column_stack([law.shapes, *more]))
+
+
+def _columns(
+    record: Record, x0: float, vs: float, late: np.ndarray, shared: np.ndarray, torque: float
+) -> Columns:
+    own = record.once(("law", x0, vs), None, lambda: _of_law(record, x0, vs))
     k = len(NAMES)
     X = np.column_stack([record.rows.a, late, own[:, :k], shared, own[:, k:]])
     k = X.shape[1]
