@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_matrix, diags
@@ -42,6 +43,14 @@ class Record:
     sure: bool
     heavy: bool = False
     parts: Sequence[Part] = ()
+    _kept: dict[Hashable, tuple[object, Any]] = field(default_factory=dict, repr=False)
+
+    def once(self, key: Hashable, of: object, make: Callable[[], Any]) -> Any:
+        """What ``make`` returns, kept for the tables that follow while ``of`` is the same object."""
+        found = self._kept.get(key)
+        if found is None or found[0] is not of:
+            found = self._kept[key] = (of, make())
+        return found[1]
 
     @property
     def lateness(self) -> float:
@@ -81,6 +90,12 @@ class Record:
             some = csr_matrix(k[:, :: self.fewer])
             made.append(diags(1.0 / np.asarray(some.sum(axis=1)).ravel()) @ some)
         return made[0], made[1]
+
+    @cached_property
+    def single(self) -> tuple[csr_matrix, csr_matrix]:
+        """The same in single precision."""
+        K, narrow = self.few
+        return K.astype(np.float32), narrow.astype(np.float32)
 
     @classmethod
     def of(
@@ -313,17 +328,16 @@ def settled(
     view = view or View(scale)
     for x0 in record.laws.distances():
         for vs in record.laws.speeds():
-            law = record.laws.law(float(x0), float(vs))
-            columns = _columns(record, law, late, shared, rms(y), size)
+            columns = _columns(record, (float(x0), float(vs)), late, shared, rms(y), size)
             c = columns if beside is None else columns + beside
             made = solve(c.X, y, c.prior, c.low, c.high, view.scale, rounds=3)
             likely = -float(np.sum(np.log1p(made.r**2 / 4)))
             if best is None or likely > best[0]:
-                best = likely, law
+                best = likely, (float(x0), float(vs))
     assert best is not None
-    law = best[1]
-    late = record.mean(m.slope(record.u))
-    columns = _columns(record, law, late, shared, rms(record.mean(record.u)), size)
+    at, late = best[1], record.mean(m.slope(record.u))
+    columns = _columns(record, at, late, shared, rms(record.mean(record.u)), size)
+    law = record.once(("chosen", *at), None, lambda: record.laws.law(*at))
     return Base(record, law, columns, record.u, view, gravity=gravity)
 
 
@@ -339,17 +353,24 @@ def _shared(record: Record, gravity: bool) -> np.ndarray:
     return record.mean(np.column_stack([*slight, *(wave if gravity else []), *offsets]))
 
 
+def _of_law(record: Record, x0: float, vs: float) -> np.ndarray:
+    """The shapes of friction and the declared effects in the windows."""
+    law = record.laws.law(x0, vs)
+    more = terms(record.parts, law, record.motion, record.motion.load)
+    return record.mean(np.column_stack([law.shapes, *more]))
+
+
 def _columns(
     record: Record,
-    law: Law,
+    at: tuple[float, float],
     late: np.ndarray,
     shared: np.ndarray,
     torque: float,
     friction: float = np.inf,
 ) -> Columns:
-    """All terms of the base; those that every drive has are small beside ``friction``."""
-    more = terms(record.parts, law, record.motion, record.motion.load)
-    own = record.mean(np.column_stack([law.shapes, *more]))
+    """The base at a presliding distance and Stribeck speed; what every drive has is small beside
+    ``friction``."""
+    own = record.once(("law", *at), None, lambda: _of_law(record, *at))
     k = len(NAMES)
     X = np.column_stack([record.rows.a, late, own[:, :k], shared, own[:, k:]])
     k = X.shape[1]
@@ -370,9 +391,8 @@ def _sizes(
     record: Record, y: np.ndarray, late: np.ndarray, shared: np.ndarray
 ) -> tuple[Scale, float]:
     """Scale of the residual and RMS friction torque, roughly: beside the first law."""
-    laws = record.laws
-    law = laws.law(float(laws.distances()[0]), float(laws.speeds()[0]))
-    X = _columns(record, law, late, shared, rms(y)).X
+    first = float(record.laws.distances()[0]), float(record.laws.speeds()[0])
+    X = _columns(record, first, late, shared, rms(y)).X
     b = np.linalg.lstsq(X, y, rcond=None)[0]
     sigma = 1.4826 * float(np.median(np.abs(y - X @ b)))
     friction = rms(X[:, LEVELS] @ b[LEVELS])
