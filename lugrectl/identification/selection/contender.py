@@ -24,7 +24,7 @@ class Contender:
     ``values`` are those of the effect's parameters that were searched, ``own`` the number of its
     columns, the last ones. ``u`` is the torque that reaches the drive, where it changes that.
     ``blocks`` are the scores of the blocks, ``torque`` (m,) what the base cannot imitate of it,
-    ``share`` its RMS over that of friction.
+    ``share`` its RMS over that of friction, ``whole`` that of all of its torque.
     """
 
     name: str
@@ -37,6 +37,7 @@ class Contender:
     depends_on: frozenset[str]
     blocks: np.ndarray
     torque: np.ndarray
+    whole: float
     J: float
 
     @property
@@ -110,7 +111,7 @@ def enter(base: Base, entry: Entry) -> Contender:
         a = record.rows.a
         J += float(made.b[-1] * (columns.X[:, -1] @ a) / (a @ a))
     blocks = base.judged(made, columns, J) - entry.cost / len(record.blocks)
-    torque = _torque(base, entry, columns, made, own)
+    whole, torque = _torque(base, entry, columns, made, own)
     found = Contender(
         name=entry.name,
         values=dict(entry.values),
@@ -122,6 +123,7 @@ def enter(base: Base, entry: Entry) -> Contender:
         depends_on=entry.depends_on,
         blocks=blocks,
         torque=torque,
+        whole=rms(whole) / base.friction_rms,
         J=J,
     )
     return replace(found, blocks=base.score - 1e-9) if _unidentified(found) else found
@@ -144,8 +146,10 @@ def _beside(base: Base, entry: Entry) -> Columns:
     return made if entry.columns is None else made + entry.columns
 
 
-def _torque(base: Base, entry: Entry, columns: Columns, made: Solution, own: int) -> np.ndarray:
-    """Its torque in the windows, without what the declared model can imitate of it.
+def _torque(
+    base: Base, entry: Entry, columns: Columns, made: Solution, own: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Its torque in the windows, and this without what the declared model can imitate of it.
 
     A named effect is compared with the declared law, an unknown torque also with what was left
     open of that law and with what every drive has.
@@ -162,7 +166,7 @@ def _torque(base: Base, entry: Entry, columns: Columns, made: Solution, own: int
         law = [LEVELS.start + NAMES.index(name) for name in ("Fc", "dip", "Fv", "sigma1")]
         kept = [0, *law, *range(WEIGHT, base.columns.X.shape[1])]
     B = base.columns.X[:, [i for i in kept if base.made.free[i]]]
-    return torque - B @ np.linalg.lstsq(B, torque, rcond=None)[0]
+    return torque, torque - B @ np.linalg.lstsq(B, torque, rcond=None)[0]
 
 
 def _unidentified(c: Contender) -> bool:
