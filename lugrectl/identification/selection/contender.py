@@ -14,6 +14,7 @@ from .regression import Solution, solve
 from .score import paired
 
 OTHER_J = (0.5, 2.0)  # inertia beside an effect as large as all friction, over that without it
+ALONE = 0.1  # of a named torque must be beyond the declared law, which imitates the rest
 IMITATES = 0.6  # of the inertia: an unknown torque of u that leaves less has taken it away
 
 
@@ -39,6 +40,7 @@ class Contender:
     torque: np.ndarray
     whole: float
     J: float
+    inertial: bool = False
 
     @property
     def coefficients(self) -> np.ndarray:
@@ -125,6 +127,7 @@ def enter(base: Base, entry: Entry) -> Contender:
         torque=torque,
         whole=rms(whole) / base.friction_rms,
         J=J,
+        inertial=entry.inertial,
     )
     return replace(found, blocks=base.score - 1e-9) if _unidentified(found) else found
 
@@ -170,8 +173,13 @@ def _torque(
 
 
 def _unidentified(c: Contender) -> bool:
-    """More torque than all friction and another inertia: what such a term does is not known."""
+    """What such a term does is not known.
+
+    The law imitates nearly all of it; or it has more torque than all friction and another inertia.
+    """
     ratio = c.J / c.base.J
+    if not c.depends_on and not c.inertial and c.share < ALONE * c.whole:
+        return True
     if c.share > 1 and c.name != "gravity" and not OTHER_J[0] < ratio < OTHER_J[1]:
         return True
     return "u" in c.depends_on and ratio < IMITATES

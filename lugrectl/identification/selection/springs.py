@@ -17,6 +17,7 @@ FREQUENCIES, DAMPINGS = 22, (0.03, 0.1, 0.3)
 GAP_FREQUENCIES, GAP_DAMPING = (45.0, 80.0, 140.0), 0.3
 SOFT_FREQUENCIES, SOFT_DAMPING = (5.0, 7.5, 11.0, 17.0, 26.0), 0.2
 GAPS = 90  # behind a hard spring a gap that is 5 % off loses most of what it explains
+SOFTEST_HARD = 35.0  # Hz: below, a spring behind a gap is a soft one
 SOFT = 3  # every so many gaps are enough behind a soft one
 EDGE = 0.84  # of the slowest: below, it is an inertia that falls with frequency and no spring
 CRITICAL, FASTEST_AT_ALL = 0.95, 400.0  # damping ratio, Hz
@@ -34,8 +35,8 @@ def springs(base: Base, block: Block) -> Iterator[Entry]:
     grid, steps = _places(base, block)
     known = base.known.get(block.name)
     best = _best(base, block, grid) if known is None else known
-    if best and len(best) > 2 and best[0] < GAP_FREQUENCIES[0] / 1.3:
-        steps = [*STEPS, SOFT * steps[-1]]
+    soft = "gap" in block.own and best is not None and best[0] < SOFTEST_HARD
+    steps = [*STEPS, SOFT * steps[-1]] if soft else steps
     for zoom in ZOOMS[2 if known else 0 :]:
         if best is None:
             return
