@@ -20,6 +20,7 @@ from ..friction_map import (
     messages_of,
 )
 from ..identification.balance import Balance
+from ..joint import Joint, Residuals
 from ..model import Model
 from ..outputs import Fitted
 from ..outputs import plain as jsonable
@@ -35,9 +36,11 @@ from ..tracing.job import (
     begin,
     compared,
     estimates,
+    joint,
     noted,
     on_everything,
     prepared,
+    residuals,
     score,
 )
 from ..tracing.optima import other_optima
@@ -67,6 +70,8 @@ class Identification(Fitted):
     map: FrictionMap | None = None
     provenance: Provenance | None = None
     plain: Balance | None = None
+    joint: Joint | None = None
+    residuals: Residuals | None = None
     verdict: ClassVar[str] = "identified"  # for reports and plots: nothing was added
     effects: ClassVar[tuple[()]] = ()
     depends_on: ClassVar[tuple[()]] = ()
@@ -84,6 +89,8 @@ class Identification(Fitted):
                 "record": self.record.summary() if self.record else None,
                 "messages": list(self.messages),
                 "plain": self.plain.summary() if self.plain else None,
+                "covariance": self.joint.summary() if self.joint else None,
+                "residuals": self.residuals.summary() if self.residuals else None,
                 "provenance": self.provenance.summary() if self.provenance else None,
             }
         )
@@ -182,6 +189,8 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
         messages=job.messages,
         declared=model,
         traces=shown,
+        joint=joint(whole),
+        residuals=residuals(whole),
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from .base import Base, Record
 from .contender import Contender
-from .numbers import LEAST, REST, SECOND, UNKNOWN
+from .numbers import ALPHA, LEAST, REST, SECOND, UNKNOWN
 from .score import paired
 from .table import ALIKE, Table, as_good, decided, tabulate
 
@@ -43,7 +43,7 @@ class Decision:
         return second[0].joined() if second else base
 
 
-def decide(record: Record, least: float = LEAST) -> Decision:
+def decide(record: Record, least: float = LEAST, alpha: float = ALPHA) -> Decision:
     """From the record to the verdict."""
     table, heavy, also = decided(record)
     found = _of(record, table, least)
