@@ -20,8 +20,8 @@ from .coordinates import free_keys
 from .data import Data, prepare
 from .dated import dated
 from .doubts import refuse_dead, refuse_unfit
-from .evaluate import free_run, judge
-from .fit import Fitted, fit, tuned
+from .evaluate import Judged, free_run, judge, sensed_torque
+from .fit import Fitted, fit, identified_covariance, tuned
 from .late import LAG
 from .likelihood import tune
 from .noise import Noise

@@ -46,7 +46,7 @@ class Record:
     _kept: dict[Hashable, tuple[object, Any]] = field(default_factory=dict, repr=False)
 
     def once(self, key: Hashable, of: object, make: Callable[[], Any]) -> Any:
-        """What ``make`` returns, kept for the tables that follow while ``of`` is the same object."""
+        """What ``make`` returns, kept for later tables while ``of`` is the same object."""
         found = self._kept.get(key)
         if found is None or found[0] is not of:
             found = self._kept[key] = (of, make())
