@@ -142,9 +142,10 @@ def _finer(
     holdout = asked.holdout()
     if not isinstance(record, Record) and is_map(record):
         return diagnose_map(record, model, holdout=holdout, seed=seed, progress=report)
-    ready = prepared(record, model, holdout, horizon, asked.starts())
     report(0.05, "comparing explanations")
+    ready = prepared(record, model, holdout, horizon)
     found = compare(asked.plain.stretches, model, asked.plain, *limits)
+    ready = ready.from_values(asked.starts(found.alone))
     try:
         return _fitted(begin(ready, report), found, asked, seed, report)
     except Refused as no:  # the comparison needs no simulation

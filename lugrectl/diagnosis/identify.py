@@ -20,6 +20,7 @@ from ..friction_map import (
     messages_of,
 )
 from ..identification.balance import Balance
+from ..identification.selection import levels
 from ..joint import Joint, Residuals
 from ..model import Model
 from ..outputs import Fitted
@@ -171,7 +172,9 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
     holdout = asked.holdout()
     if not isinstance(record, Record) and is_map(record):
         return _map_identified(begin_map(record, model, holdout, report), model)
-    job = begin(prepared(record, model, holdout, horizon, asked.starts()), report)
+    ready = prepared(record, model, holdout, horizon)
+    friction = levels(asked.plain.stretches, model, asked.plain)
+    job = begin(ready.from_values(asked.starts(friction)), report)
     whole = on_everything(job.base, job)
     job = noted(compared(job, whole), *at_bounds(whole), *far_off(whole, model))
     job = noted(job, *against_held(whole), *other_optima(whole))

@@ -80,18 +80,18 @@ class Prepared:
     doubts: tuple[str, ...]
     on_theta: bool
 
+    def from_values(self, plain: Mapping[str, float]) -> Prepared:
+        """The same with values from which fits start."""
+        return replace(self, data=replace(self.data, plain=plain))
+
 
 def prepared(
     record: Record | Sequence[Record],
     model: Model,
     holdout: str | Record | None,
     horizon: float,
-    plain: Mapping[str, float] | None = None,
 ) -> Prepared:
-    """The records split into training and held-out samples; Refused where they cannot be judged.
-
-    ``plain`` are the values of the plain torque balance, from which the fit starts.
-    """
+    """The records split into training and held-out samples; Refused where they cannot be judged."""
     records = (record,) if isinstance(record, Record) else tuple(record)
     apart = (holdout,) if isinstance(holdout, Record) else ()
     refuse_dead([*records, *apart])
@@ -100,7 +100,7 @@ def prepared(
     records = every[: len(records)]
     for one in every:
         long_enough_to_judge(one)
-    data = replace(prepare(every), plain=plain or {})
+    data = prepare(every)
     held_out = sum(r.samples for r in records) if apart else None
     parts = split(data, horizon, last=holdout == "last", held_out=held_out)
     doubts = refuse_unfit(every, model, data)

@@ -13,7 +13,7 @@ from ...record.stretch import Stretch
 from ..balance import Balance
 from ..balance.reconcile import sensors_of
 from ..balance.track import tracks_of
-from .base import Record
+from .base import Record, settled
 from .budget import budget, detectable
 from .contender import Contender
 from .motion import Motion, motion_of
@@ -54,6 +54,12 @@ def compare(
     return replace(made, seconds=time.perf_counter() - began)
 
 
+def levels(stretches: Sequence[Stretch], model: Model, plain: Balance) -> dict[str, float]:
+    """Inertia and friction of the declared model on a record: start values for a fit."""
+    with np.errstate(all="ignore"):
+        return levels_of(settled(record_of(stretches, model, plain)))
+
+
 def _result(found: Decision, model: Model, least: float) -> Comparison:
     table, base = found.table, found.last
     assert table is not None
@@ -69,6 +75,7 @@ def _result(found: Decision, model: Model, least: float) -> Comparison:
         detectable=tuple(detectable(table, least)) if adequate else (),
         messages=found.messages,
         plant=levels_of(base),
+        alone=levels_of(table.base),
         least=least,
     )
 
