@@ -268,6 +268,22 @@ class Base:
         y = self.y * self.roots
         return y - self.basis @ (self.basis.T @ y)
 
+    @cached_property
+    def open(self) -> np.ndarray:
+        """Orthonormal columns that span its free terms but the lateness of u."""
+        return self._span([0, *range(2, self.columns.X.shape[1])])
+
+    @cached_property
+    def law_alone(self) -> np.ndarray:
+        """The same of the declared law, without what else is open of friction."""
+        law = [LEVELS.start + NAMES.index(name) for name in ("Fc", "dip", "Fv", "sigma1")]
+        return self._span([0, *law, *range(LEVELS.stop, self.columns.X.shape[1])])
+
+    def _span(self, kept: list[int]) -> np.ndarray:
+        B = self.columns.X[:, [i for i in kept if self.made.free[i]]]
+        U, s, _ = np.linalg.svd(B, full_matrices=False)
+        return U[:, s > np.finfo(float).eps * max(B.shape) * s.max(initial=0.0)]
+
     def gains(self, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What each column would take off half the sum of squares, and its coefficient."""
         W = self._beside(C)
@@ -311,7 +327,7 @@ def settled(
     m = record.motion
     gravity = gravity or record.turning
     own = record.u if u is None else u
-    y, best = record.mean(own), None
+    y, best, near = record.mean(own), None, None
     shared = _shared(record, gravity)
     late = record.mean(m.slope(own))
     for x0 in record.laws.distances():
@@ -320,7 +336,8 @@ def settled(
             scale = _scale(columns, y, record) if view is None else view.scale
             view = View(scale) if view is None else view
             c = columns if beside is None else columns + beside
-            made = solve(c.X, y, c.prior, c.low, c.high, scale, rounds=3)
+            made = solve(c.X, y, c.prior, c.low, c.high, scale, rounds=3, near=near)
+            near = made.state
             likely = -float(np.sum(np.log1p(made.r**2 / 4)))
             if best is None or likely > best[0]:
                 best = likely, (float(x0), float(vs))
