@@ -16,6 +16,7 @@ import numpy as np
 from ...engine.emit import Emitter, indent
 from ...engine.graph import Graph
 from ...engine.load import compiler, load
+from ...engine.native import has_wide
 from ...spec import Block
 
 FINEST = 0.25  # rad of the load's own oscillation in one step
@@ -71,7 +72,7 @@ def torques(
     ringing = np.sqrt([one["stiffness"] / one["load_inertia"] for one in sets])
     steps = (ringing * dt / FINEST).astype(np.int64) + 1
     v = np.diff(path, append=path[-1]) / dt
-    made_by = compiler() or "numpy"
+    made_by = _made_by()
     if made_by == "numpy":  # a loop in Python takes as long for all as for one
         steps[:] = steps.max()
     order = np.argsort(steps, kind="stable")
@@ -92,13 +93,19 @@ def of_unit_load(frequency: float, damping: float, gap: float | None = None) -> 
     return values if gap is None else values | {"gap": gap}
 
 
+def _made_by() -> str:
+    """What computes the loop: "even" (C, several loads at once), "c", "numba", else "numpy"."""
+    made_by = compiler() or "numpy"
+    return "even" if made_by == "c" and has_wide() else made_by
+
+
 @cache
 def _compiled(function: Callable[..., Any], keys: tuple[str, ...], made_by: str) -> Any:
     graph = Graph()
     signals = [graph.symbol(name) for name in ("w", "twist", "w_load")]
     values = {k: graph.symbol(k) for k in keys}
     torque, _, rate = function(*signals, **values)
-    emitter = Emitter("array" if made_by == "numpy" else "scalar", fixed=keys)
+    emitter = Emitter({"numpy": "array", "even": "wide"}.get(made_by, "scalar"), fixed=keys)
     torque, rate = emitter.write([torque, rate])
     code = {"torque": torque, "rate": rate}
     if made_by == "numpy":
