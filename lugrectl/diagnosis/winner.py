@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from ..beside import beside
 from ..identification.selection import Comparison, Named
 from ..model import Model
-from ..tracing.beside import beside
 from ..tracing.coordinates import free_keys
 from ..tracing.fit import Fitted, fit
 from ..tracing.job import Job, Progress, on_torque

@@ -8,11 +8,11 @@ from itertools import product
 
 import numpy as np
 
+from ..beside import beside
 from ..blocks.friction import EPS
 from ..errors import Refused
 from ..model import Model, Part
 from ..spec import unit_for
-from .beside import beside
 from .data import Data, thinned
 from .fit import QUIETER, Fitted, again, fit, tuned
 from .likelihood import whitened

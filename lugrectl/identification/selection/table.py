@@ -8,8 +8,8 @@ from functools import partial
 
 import numpy as np
 
+from ...beside import beside
 from ...spec import Block
-from ...tracing.beside import beside
 from . import search, unknown
 from .base import Base, Columns, View, rms, settled
 from .base import Record as Seen
