@@ -83,6 +83,7 @@ FORGOTTEN = 0.1  # correlation at which the memory of the residual ends
 LONGEST_MEMORY = 400  # windows
 FEWEST_BLOCKS = 15  # blocks that a record is cut into, about
 LEAST_BLOCK = 6  # windows
+COHERENT_BLOCKS = 16  # parts of the range of speed, torque or position whose misfit may be one
 MOST_LEVERAGE = 0.98  # a block that carries more of a direction than this counts as this
 FEWEST_RUNS = 8  # so many runs are blocks of their own as well
 RATIO_OF_NEIGHBOURS = 4.0  # another width counts if its expected error is at most so many times

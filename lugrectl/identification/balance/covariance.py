@@ -8,6 +8,7 @@ import numpy as np
 
 from .constants import (
     BLOCK_MEMORIES,
+    COHERENT_BLOCKS,
     FEWEST_BLOCKS,
     FEWEST_RUNS,
     FORGOTTEN,
@@ -32,6 +33,21 @@ def blocks(piece: np.ndarray, run: np.ndarray, r: np.ndarray) -> list[Blocks]:
     if FEWEST_RUNS <= runs.max() + 1 < made[0].max() + 1:
         made.append(runs)
     return made
+
+
+def coherent(variables: Sequence[np.ndarray]) -> list[Blocks]:
+    """Blocks of windows with nearly the same value of a variable: speed, torque, position.
+
+    A misfit that depends on such a variable comes again each time, however far apart in time.
+    """
+    found = []
+    for x in variables:
+        count = min(COHERENT_BLOCKS, len(x) // LEAST_BLOCK)
+        if count > 1 and np.ptp(x) > 0:
+            block = np.empty(len(x), int)
+            block[np.argsort(x, kind="stable")] = np.arange(len(x)) * count // len(x)
+            found.append(block)
+    return found
 
 
 def _memory(r: np.ndarray) -> int:

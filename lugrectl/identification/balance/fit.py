@@ -18,7 +18,7 @@ from .constants import (
     WIDE,
     WINDOWS_FOR_NOISE,
 )
-from .covariance import Blocks, blocks, covariance
+from .covariance import Blocks, blocks, coherent, covariance
 from .regression import Problem, Solution, log_density, solve, weights_near
 from .terms import Term
 from .windows import Source, Windows
@@ -61,6 +61,7 @@ class Fit:
     rms: np.ndarray
     merit: float
     score: float
+    problem: Problem
     delay: float = 0.0
 
     @property
@@ -148,8 +149,21 @@ def regress(
         rms=rms[: len(terms)],
         merit=_merit(last, V, terms, rms / torque),
         score=_score(last, terms, setting),
+        problem=problem,
         delay=_delay(last.p, terms, setting),
     )
+
+
+def wide_covariance(made: Fit) -> np.ndarray:
+    """The covariance of a fit whose misfit may depend on speed, torque, acceleration or position.
+
+    The residual is then one error for all windows with the same value, not one for each.
+    """
+    d = made.windows
+    variables = [d.w, d.u, d.theta, np.mod(d.theta, 2 * np.pi)]
+    if "J" in made.names:
+        variables.append(d.X[:, made.names.index("J")])
+    return covariance(made.problem, made.solution, [*made.chunks, *coherent(variables)])
 
 
 def _without_signal(problem: Problem) -> Problem:

@@ -40,8 +40,8 @@ class Windows:
         Share of the weight at which the drive rests.
     piece, run : ndarray (n,)
         Stretch and run of each window.
-    t, w : ndarray (n,)
-        Time and mean speed.
+    t, w, theta : ndarray (n,)
+        Time, mean speed, and the position in the middle (0 without one).
     noise_w, noise_a : ndarray (n,)
         Standard deviation of the noise in w and a.
     noise_u : ndarray (n, 4)
@@ -59,6 +59,7 @@ class Windows:
     run: np.ndarray
     t: np.ndarray
     w: np.ndarray
+    theta: np.ndarray
     noise_w: np.ndarray
     noise_a: np.ndarray
     noise_u: np.ndarray
@@ -140,6 +141,7 @@ class Source:
             "run": np.full(len(at), track.run),
             "t": track.t[at],
             "w": motion.w,
+            "theta": np.zeros(len(at)) if track.theta is None else track.theta[at],
             "noise_w": motion.noise_w * one,
             "noise_a": motion.noise_a * one,
             "noise_u": noise * u["noise"] * one[:, None],
