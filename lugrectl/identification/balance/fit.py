@@ -163,7 +163,7 @@ def wide_covariance(made: Fit) -> np.ndarray:
     variables = [d.w, d.u, d.theta, np.mod(d.theta, 2 * np.pi)]
     if "J" in made.names:
         variables.append(d.X[:, made.names.index("J")])
-    return covariance(made.problem, made.solution, [*made.chunks, *coherent(variables)])
+    return covariance(made.problem, made.solution, made.chunks, coherent(variables))
 
 
 def _without_signal(problem: Problem) -> Problem:
