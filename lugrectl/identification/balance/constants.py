@@ -103,6 +103,8 @@ ALL_LEFT = 0.7  # share of the torque above which nothing is explained
 TURNED = 2.0  # rad of travel within a stretch from which gravity is a term
 TURNED_IN_MAP = 0.3  # the same over the runs of a map
 
+STEEP = 6.5  # tangent of 95 % of a right angle, by 1.96: gravity beside its slope, any phase alike
+
 # Steady speed
 SHARE_STEADY = 0.8  # share of the samples at steady speed that makes a map
 STEADY = 0.1  # spread of a steady speed, as a share of the speed

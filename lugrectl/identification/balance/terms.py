@@ -67,7 +67,7 @@ class Wave:
 
 @dataclass(frozen=True)
 class Slope:
-    """theta - middle: what gravity has over a short travel."""
+    """theta - middle: a torque that rises along a linear axis."""
 
     middle: float
 
@@ -77,14 +77,25 @@ class Slope:
 
 
 @dataclass(frozen=True)
-class Bend:
-    """(theta - middle)^2 / 2: what distinguishes gravity from a constant over a short travel."""
+class Sine:
+    """sin(theta - middle): the slope of gravity over a small angle."""
 
     middle: float
 
     def __call__(self, track: Track) -> np.ndarray:
         assert track.theta is not None
-        return (track.theta - self.middle) ** 2 / 2
+        return np.sin(track.theta - self.middle)
+
+
+@dataclass(frozen=True)
+class Bend:
+    """cos(theta - middle) - 1: what distinguishes gravity from a constant over a small angle."""
+
+    middle: float
+
+    def __call__(self, track: Track) -> np.ndarray:
+        assert track.theta is not None
+        return np.cos(track.theta - self.middle) - 1
 
 
 INERTIA = Term("J", None)
