@@ -67,6 +67,15 @@ TURNS = (((0.0, 3e-3), 0.7), ((3e-3, 3e-2), 0.5))  # distances in speed times ha
 DIPS = ((0.003, 0.3), (0.008, 0.2), (0.02, 0.2), (0.05, 0.1))  # speeds in top speeds
 REST_TORQUE = 1.0  # torque at rest, with the direction of the motion before or after
 
+# What friction may do beside the terms, usual sizes
+LOADED = 5e-3  # rise with the load, per N m
+SLOW_TURN = 0.01  # part that turns over slowly after a reversal, in Fc,
+SLOW_TURNS = (0.03, 0.3)  # and its distances, in travels
+PASSES_OF_SIZE = 12  # passes of the size that a machine has of these
+
+# An encoder off its centre
+ECCENTRIC = 5e-4  # rad, once in a turn
+
 COST_OF_SHAPES = 1.2  # another width is tried if they raise the expected error by this factor
 
 # Choice of a friction shape

@@ -132,7 +132,7 @@ def regress(
     overlap = _overlap(len(windows.y), int(chunks[0][-1]) + 1)
     torque = _torque(windows)
     level = _level(first.p, terms, setting, SCALE_OF_SHAPES * torque)
-    prior = _prior(windows, terms, setting, level, overlap, rms)
+    prior = _prior(windows, terms, setting, (level, _inertia(first.p, terms, setting)), overlap, rms)
     problem = replace(problem, level=level, prior=prior)
     last = solve(problem, first.t)
     V = covariance(problem, last, chunks)
@@ -210,7 +210,7 @@ def _problem(windows: Windows, terms: Sequence[Term], setting: Setting, delay: f
     problem = Problem(
         y=y,
         X=X,
-        prior=_prior(windows, terms, setting, level, 1.0, rms),
+        prior=_prior(windows, terms, setting, (level, _inertia(rough, terms, setting)), 1.0, rms),
         level=level,
         rest=windows.rest,
         noise=np.array([*noise, *u[:fitted]]),
@@ -228,20 +228,29 @@ def _level(p: np.ndarray, terms: Sequence[Term], setting: Setting, least: float)
     return max(abs(float(p[names.index("Fc")] if "Fc" in names else held)), least)
 
 
+def _inertia(p: np.ndarray, terms: Sequence[Term], setting: Setting) -> float:
+    """The size of J."""
+    names = [term.key for term in terms]
+    J = p[names.index("J")] if "J" in names else dict(setting.held).get("J", 0.0)
+    return abs(float(J)) + 1e-300
+
+
 def _prior(
     windows: Windows,
     terms: Sequence[Term],
     setting: Setting,
-    level: float,
+    sizes: tuple[float, float],
     overlap: float,
     rms: np.ndarray,
 ) -> np.ndarray:
-    """Standard deviations: wide for terms, shares of Fc near rest, a few samples for u.
+    """Standard deviations: wide for terms, shares of Fc or J (``sizes``), a few samples for u.
 
     Windows overlap, so X' W X counts the data ``overlap`` times; priors of u count as often.
     """
     wide = WIDE * _torque(windows) / rms
-    prior = [w if t.share is None else t.share * level for w, t in zip(wide, terms, strict=False)]
+    prior = [
+        w if t.share is None else t.share * sizes[t.bent] for w, t in zip(wide, terms, strict=False)
+    ]
     if setting.delay_prior:
         of_u = np.array([setting.delay_prior, SPREAD])
         prior = [*prior, *(of_u / np.sqrt(overlap))]

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .constants import ECCENTRIC
 from .track import Track
 
 Column = Callable[[Track], np.ndarray]
@@ -31,12 +32,15 @@ class Term:
         Fc. Such a term carries an uncertainty and is no answer.
     friction : bool
         Whether its torque belongs to the friction curve.
+    bent : bool
+        Its column is the second derivative of the torque, and ``share`` one of J.
     """
 
     key: str
     column: Column | None
     share: float | None = None
     friction: bool = False
+    bent: bool = False
 
 
 def sliding(track: Track) -> np.ndarray:
@@ -103,4 +107,8 @@ COULOMB = Term("Fc", sliding, friction=True)
 VISCOUS = Term("Fv", None, friction=True)
 OFFSET = Term("constant_torque", constant, friction=True)
 DRIFT = Term("drift", warming)
+# An encoder off its centre by e shows theta + e sin(theta + phase): J times the second derivative
+ECCENTRICITY = tuple(
+    Term(f"eccentric {f.__name__}", Wave(f), share=ECCENTRIC, bent=True) for f in (np.sin, np.cos)
+)
 GRAVITY = (Term("gravity.sin", Wave(np.sin)), Term("gravity.cos", Wave(np.cos)))
