@@ -2,7 +2,7 @@
 
 With columns Z of such effects, the fit p and its residual r, weights W and A of the regression,
 
-    z = (S + P / q^2)^-1 Z' W r,    S = Z' W Z - B' A^-1 B,    B = X' W Z,    C = A^-1 B,
+    z = (S + 1 / q^2)^-1 Z' W r,    B = X' W Z,    C = A^-1 B,    S = Z' W Z - B' (X' W X + P)^-1 B,
 
 and p is off by C z. The record itself says how large these effects are on this machine: q is the
 most likely factor of their usual sizes, by expectation and maximisation.
@@ -28,8 +28,10 @@ def allowance(source: Source, made: Fit) -> np.ndarray:
         return np.zeros_like(made.V)
     fit, X = made.solution, made.problem.X
     W = (fit.t / fit.variance)[:, None]
-    C = np.linalg.solve(fit.A, X.T @ (W * Z))
-    S = (Z.T @ (W * Z) - (X.T @ (W * Z)).T @ C) / independent(made)
+    B = X.T @ (W * Z)
+    C = np.linalg.solve(fit.A, B)
+    S = Z.T @ (W * Z) - B.T @ np.linalg.solve(fit.H + np.diag(fit.P), B)
+    S = (S + S.T) / 2 / independent(made)
     score = Z.T @ (W[:, 0] * fit.r) / independent(made)
     square, mean = np.eye(len(score)), 1.0
     for _ in range(PASSES_OF_SIZE):
