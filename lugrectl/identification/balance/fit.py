@@ -268,11 +268,15 @@ def independent(made: Fit) -> float:
 
 
 def _merit(last: Solution, V: np.ndarray, terms: Sequence[Term], share: np.ndarray) -> float:
-    """Expected error of J, Fc and Fv: their spread, and the share that noise takes off them."""
+    """Expected error of J, Fc and Fv: their spread, and the share that noise takes off them.
+
+    None of them is below 0: a negative one is wrong by its size at least.
+    """
     at = [i for i, term in enumerate(terms) if term.key in MAIN]
-    lost = (np.diag(last.N) / np.diag(last.A))[at] * last.p[at] * share[at]
+    p = last.p[at] * share[at]
+    lost = (np.diag(last.N) / np.diag(last.A))[at] * p
     spread = np.minimum(np.sqrt(np.diag(V)[at]) * share[at], 1.0)
-    return float(np.sqrt(np.sum(spread**2 + lost**2)))
+    return float(np.sqrt(np.sum(spread**2 + lost**2 + np.minimum(p, 0) ** 2)))
 
 
 def _score(last: Solution, terms: Sequence[Term], setting: Setting) -> float:

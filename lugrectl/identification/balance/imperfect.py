@@ -1,10 +1,11 @@
 """What the friction of every machine may have beside the terms: too little to be a term of its own.
 
-With columns Z of such effects, the fit p and its residual r, weights W and A of the regression,
+With columns Z of such effects, Z* what the terms X cannot explain of them, and the weights W, the
+residual r and the matrix A of the regression,
 
-    z = (S + 1 / q^2)^-1 Z' W r,    B = X' W Z,    C = A^-1 B,    S = Z' W Z - B' (X' W X + P)^-1 B,
+    z = (Z*' W Z* + 1 / q^2)^-1 Z*' W r,    C = A^-1 X' W Z,
 
-and p is off by C z. The record itself says how large these effects are on this machine: q is the
+and the fit is off by C z. The record itself says how large these effects are on this machine: q is the
 most likely factor of their usual sizes, by expectation and maximisation.
 """
 
@@ -30,9 +31,9 @@ def allowance(source: Source, made: Fit) -> np.ndarray:
     W = (fit.t / fit.variance)[:, None]
     B = X.T @ (W * Z)
     C = np.linalg.solve(fit.A, B)
-    S = Z.T @ (W * Z) - B.T @ np.linalg.solve(fit.H + np.diag(fit.P), B)
-    S = (S + S.T) / 2 / independent(made)
-    score = Z.T @ (W[:, 0] * fit.r) / independent(made)
+    own = Z - X @ np.linalg.solve(X.T @ (W * X) + np.diag(fit.P), B)
+    S = own.T @ (W * own) / independent(made)
+    score = own.T @ (W[:, 0] * fit.r) / independent(made)
     square, mean = np.eye(len(score)), 1.0
     for _ in range(PASSES_OF_SIZE):
         spread = np.linalg.inv(S + np.eye(len(score)) / mean)
