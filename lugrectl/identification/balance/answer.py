@@ -8,7 +8,7 @@ from scipy import stats
 from ...results import Estimate
 from .answers import Answer, answers
 from .certain import combinations, is_certain
-from .constants import CONFIDENCE, SHARE_OF_TORQUE, SHARE_OF_VALUE, SLIDES
+from .constants import COHERENT_BLOCKS, CONFIDENCE, SHARE_OF_TORQUE, SHARE_OF_VALUE, SLIDES
 from .curve import curve
 from .estimate import Estimated
 from .fit import Fit
@@ -24,7 +24,7 @@ TWO_SIDED = 0.5 + CONFIDENCE / 2
 def answer(ground: Ground, found: Estimated) -> Balance:
     """What is certain, what is not, and what was noticed."""
     made, V = separated(found.fit, found.V)
-    quantile = float(stats.t.ppf(TWO_SIDED, max(made.blocks - _counted(made), 2)))
+    quantile = float(stats.t.ppf(TWO_SIDED, _freedom(made)))
     notes = [*ground.notes, *found.notes]
     own = [*answers(made, ground.model, ground.uses), *_offset(ground, made)]
     estimates = {a.key: a.estimate(V, quantile) for a in own}
@@ -115,9 +115,10 @@ def _late(delay: Estimate | None, dt: float) -> list[str]:
     return [f"u comes {size.format('early')}, {how}: the balance shifts it by that time."]
 
 
-def _counted(made: Fit) -> int:
-    """Terms that the blocks have to determine."""
-    return sum(term.share is None for term in made.terms)
+def _freedom(made: Fit) -> int:
+    """Degrees of freedom: blocks in time beyond the terms, or parts of the range if fewer."""
+    terms = sum(term.share is None for term in made.terms)
+    return max(min(made.blocks - terms, COHERENT_BLOCKS - 1), 2)
 
 
 def _wave_sure(name: str, sure: set[str]) -> bool:

@@ -120,7 +120,9 @@ def _split(rows: np.ndarray, first: np.ndarray) -> list[np.ndarray]:
 
 def _without_one(Q: np.ndarray, score: np.ndarray, power: float) -> np.ndarray:
     """(1 - Q_b)^-power score_b, with the eigenvalues of Q_b bounded."""
-    if power == 1 and np.linalg.norm(Q, axis=(1, 2)).max() < MOST_LEVERAGE:  # no eigenvalue is near the bound
+    if (
+        power == 1 and np.linalg.norm(Q, axis=(1, 2)).max() < MOST_LEVERAGE
+    ):  # no eigenvalue is near the bound
         return np.linalg.solve(np.eye(Q.shape[1]) - Q, score[:, :, None])[:, :, 0]
     share, E = np.linalg.eigh(Q)
     gain = (1 - np.clip(share, 0, MOST_LEVERAGE)) ** -power

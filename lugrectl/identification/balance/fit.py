@@ -132,7 +132,9 @@ def regress(
     overlap = _overlap(len(windows.y), int(chunks[0][-1]) + 1)
     torque = _torque(windows)
     level = _level(first.p, terms, setting, SCALE_OF_SHAPES * torque)
-    prior = _prior(windows, terms, setting, (level, _inertia(first.p, terms, setting)), overlap, rms)
+    prior = _prior(
+        windows, terms, setting, (level, _inertia(first.p, terms, setting)), overlap, rms
+    )
     problem = replace(problem, level=level, prior=prior)
     last = solve(problem, first.t)
     V = covariance(problem, last, chunks)

@@ -125,7 +125,9 @@ class Source:
             if term.column is None:
                 return motion.a if term.key == "J" else motion.w
             key = (term.column, term.bent, i, half, edge)
-            return self._once(key, lambda: means(self._samples(term, i), k2 if term.bent else k0, at))
+            return self._once(
+                key, lambda: means(self._samples(term, i), k2 if term.bent else k0, at)
+            )
 
         X = np.column_stack([column(term) for term in terms])
         slow = np.asarray(np.abs(track.speed) < rest, float)
