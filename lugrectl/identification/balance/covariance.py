@@ -94,19 +94,22 @@ def covariance(
 def _without_each(
     X: np.ndarray, W: np.ndarray, score: np.ndarray, fit: Solution, block: Blocks, power: float
 ) -> np.ndarray:
-    """Sum over blocks b of d_b d_b', d_b = (1 - Q_b)^-power score_b with A = 1 and Q_b = X_b' W X_b - N_b.
+    """Sum over blocks b of d_b d_b', d_b = (1 - Q_b)^-power score_b, Q_b = X_b' W X_b - N_b.
 
-    N_b is the share of a block in N. A power of 1 is the jackknife, 1/2 is unbiased for errors
-    that are independent. Where a block carries almost all that is known of a
-    direction, leaving it out leaves nothing; the share that it carries is bounded.
+    That is in coordinates with A = 1; N_b is the share of a block in N. A power of 1 is the
+    jackknife, 1/2 is unbiased for errors that are independent. Where a block carries almost all
+    that is known of a direction, leaving it out leaves nothing; the share that it carries is
+    bounded.
     """
-    order = np.argsort(block, kind="stable")
-    first = np.flatnonzero(np.append(True, np.diff(block[order]) > 0))
-    sums = np.add.reduceat(score[order], first)
+    if np.any(np.diff(block) < 0):
+        order = np.argsort(block, kind="stable")
+        X, W, score, block = X[order], W[order], score[order], block[order]
+    first = np.flatnonzero(np.append(True, np.diff(block) > 0))
+    sums = np.add.reduceat(score, first)
     root = np.linalg.inv(np.linalg.cholesky(fit.A))  # root A root' = 1
-    weight = np.add.reduceat(W[order], first) / W.sum()
+    weight = np.add.reduceat(W, first) / W.sum()
     N = root @ fit.N @ root.T
-    turned = (X[order] * np.sqrt(W[order, None])) @ root.T
+    turned = (X * np.sqrt(W)[:, None]) @ root.T
     Q = np.array([x.T @ x for x in _split(turned, first)]) - weight[:, None, None] * N
     d = _without_one(Q, sums @ root.T, power) @ root
     return d.T @ d * (len(first) - 1) / len(first)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -44,9 +45,8 @@ class Setting:
 class Fit:
     """Coefficients ``p`` of the terms, then delay and spread of u where they were fitted.
 
-    ``merit`` is the expected error of J, Fc and Fv as a share of the torque, ``score`` the log
-    density of the motion given the torque, ``torque`` the RMS of the torque, ``rms`` that of
-    every column, ``blocks`` the number of blocks.
+    ``score`` is the log density of the motion given the torque, ``torque`` the RMS of the torque,
+    ``rms`` that of every column, ``blocks`` the number of blocks.
     """
 
     terms: tuple[Term, ...]
@@ -54,15 +54,23 @@ class Fit:
     half_width: float
     setting: Setting
     p: np.ndarray
-    V: np.ndarray
     solution: Solution
     chunks: list[Blocks]
     torque: float
     rms: np.ndarray
-    merit: float
     score: float
     problem: Problem
     delay: float = 0.0
+
+    @cached_property
+    def V(self) -> np.ndarray:
+        """The covariance of the coefficients; most fits that are compared never need theirs."""
+        return covariance(self.problem, self.solution, self.chunks)
+
+    @cached_property
+    def merit(self) -> float:
+        """The expected error of J, Fc and Fv as a share of the torque."""
+        return _merit(self.solution, self.V, self.terms, self.rms / self.torque)
 
     @property
     def names(self) -> list[str]:
@@ -137,19 +145,16 @@ def regress(
     )
     problem = replace(problem, level=level, prior=prior)
     last = solve(problem, first.t)
-    V = covariance(problem, last, chunks)
     return Fit(
         terms=tuple(terms),
         windows=windows,
         half_width=0.0,
         setting=setting,
         p=last.p,
-        V=V,
         solution=last,
         chunks=chunks,
         torque=torque,
         rms=rms[: len(terms)],
-        merit=_merit(last, V, terms, rms / torque),
         score=_score(last, terms, setting),
         problem=problem,
         delay=_delay(last.p, terms, setting),

@@ -5,8 +5,8 @@ residual r and the matrix A of the regression,
 
     z = (Z*' W Z* + 1 / q^2)^-1 Z*' W r,    C = A^-1 X' W Z,
 
-and the fit is off by C z. The record itself says how large these effects are on this machine: q is the
-most likely factor of their usual sizes, by expectation and maximisation.
+and the fit is off by C z. The record itself says how large these effects are on this machine: q is
+the most likely factor of their usual sizes, by expectation and maximisation.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def allowance(source: Source, made: Fit) -> np.ndarray:
 
 
 def _columns(source: Source, made: Fit) -> np.ndarray | None:
-    """Friction that rises with the load, and friction that turns over slowly, each of usual size."""
+    """Friction that rises with the load, or turns over slowly, of usual size (n, effects)."""
     if "Fc" not in made.names:
         return None
     travel = max(float(np.ptp(np.cumsum(p.speed)) * p.dt) for p in source.tracks)
