@@ -53,10 +53,10 @@ def coherent(variables: Sequence[np.ndarray]) -> list[Blocks]:
 def _memory(r: np.ndarray) -> int:
     """Windows after which the residual has forgotten itself."""
     x, n = r - r.mean(), len(r)
-    lags = range(1, max(min(n // 4, LONGEST_MEMORY), 2))
-    c = np.array([np.mean(x[: n - i] * x[i:]) for i in lags]) / (np.mean(x**2) + 1e-300)
-    forgotten = c < FORGOTTEN
-    return int(forgotten.argmax()) + 1 if forgotten.any() else len(c)
+    least = FORGOTTEN * (x @ x / n + 1e-300)
+    longest = max(min(n // 4, LONGEST_MEMORY), 2) - 1
+    lags = range(1, longest + 1)
+    return next((i for i in lags if x[: n - i] @ x[i:] < least * (n - i)), longest)
 
 
 def _cut(piece: np.ndarray, size: int) -> Blocks:
