@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from ..beside import beside
 from ..blocks.effects.actuator import held_late
 from ..errors import Refused
-from .beside import beside
 from .data import Data
 from .fit import Fitted, refitted
 from .proof import gained, share

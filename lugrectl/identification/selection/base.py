@@ -46,7 +46,7 @@ class Record:
     _kept: dict[Hashable, tuple[object, Any]] = field(default_factory=dict, repr=False)
 
     def once(self, key: Hashable, of: object, make: Callable[[], Any]) -> Any:
-        """What ``make`` returns, kept for the tables that follow while ``of`` is the same object."""
+        """What ``make`` returns, kept for later tables while ``of`` is the same object."""
         found = self._kept.get(key)
         if found is None or found[0] is not of:
             found = self._kept[key] = (of, make())
@@ -278,6 +278,22 @@ class Base:
         y = (self.y - self.columns.X @ held) * self.roots
         return y - self.basis @ (self.basis.T @ y)
 
+    @cached_property
+    def open(self) -> np.ndarray:
+        """Orthonormal columns that span its free terms but the lateness of u."""
+        return self._span([0, *range(2, self.columns.X.shape[1])])
+
+    @cached_property
+    def law_alone(self) -> np.ndarray:
+        """The same of the declared law, without what else is open of friction."""
+        law = [LEVELS.start + NAMES.index(name) for name in ("Fc", "dip", "Fv", "sigma1")]
+        return self._span([0, *law, *range(WEIGHT, self.columns.X.shape[1])])
+
+    def _span(self, kept: list[int]) -> np.ndarray:
+        B = self.columns.X[:, [i for i in kept if self.made.free[i]]]
+        U, s, _ = np.linalg.svd(B, full_matrices=False)
+        return U[:, s > np.finfo(float).eps * max(B.shape) * s.max(initial=0.0)]
+
     def gains(self, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What each column would take off half the sum of squares, and its coefficient."""
         W = self._beside(C)
@@ -328,7 +344,7 @@ def settled(
     m = record.motion
     gravity = gravity or record.turning
     own = record.u if u is None else u
-    y, best = record.mean(own), None
+    y, best, near = record.mean(own), None, None
     shared = _shared(record, gravity)
     late = record.mean(m.slope(own))
     scale, size = _sizes(record, y, late, shared)
@@ -337,7 +353,8 @@ def settled(
         for vs in record.laws.speeds():
             columns = _columns(record, (float(x0), float(vs)), late, shared, rms(y), size)
             c = columns if beside is None else columns + beside
-            made = solve(c.X, y, c.prior, c.low, c.high, view.scale, rounds=3)
+            made = solve(c.X, y, c.prior, c.low, c.high, view.scale, rounds=3, near=near)
+            near = made.state
             likely = -float(np.sum(np.log1p(made.r**2 / 4)))
             if best is None or likely > best[0]:
                 best = likely, (float(x0), float(vs))

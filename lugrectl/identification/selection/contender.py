@@ -8,8 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .base import LEVELS, WEIGHT, Base, Columns, rms
-from .law import NAMES
+from .base import Base, Columns, rms
 from .regression import Solution, solve
 from .score import paired
 
@@ -105,8 +104,9 @@ def enter(base: Base, entry: Entry) -> Contender:
     record, columns = base.record, _beside(base, entry)
     y = base.y if entry.u is None else record.mean(entry.u)
     made = solve(
-        columns.X, y, columns.prior, columns.low, columns.high, base.view.scale, base.roots**2
-    )
+        columns.X, y, columns.prior, columns.low, columns.high, base.view.scale, base.roots**2,
+        near=base.made.state,
+    )  # fmt: skip
     own = 0 if entry.columns is None else entry.columns.X.shape[1]
     J = float(made.b[0])
     if entry.inertial:  # the whole inertia counts
@@ -163,13 +163,8 @@ def _torque(
         torque = torque + base.record.mean(base.u - entry.u)
         if entry.timed:
             torque = torque - base.columns.X[:, 1] * base.made.b[1]
-    if entry.depends_on:
-        kept = [0, *range(2, base.columns.X.shape[1])]
-    else:
-        law = [LEVELS.start + NAMES.index(name) for name in ("Fc", "dip", "Fv", "sigma1")]
-        kept = [0, *law, *range(WEIGHT, base.columns.X.shape[1])]
-    B = base.columns.X[:, [i for i in kept if base.made.free[i]]]
-    return torque, torque - B @ np.linalg.lstsq(B, torque, rcond=None)[0]
+    Q = base.open if entry.depends_on else base.law_alone
+    return torque, torque - Q @ (Q.T @ torque)
 
 
 def _unidentified(c: Contender) -> bool:

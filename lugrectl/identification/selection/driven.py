@@ -21,7 +21,8 @@ from ...spec import Block
 
 FINEST = 0.25  # rad of the load's own oscillation in one step
 
-# loads of one number of steps are innermost: a processor computes several of them at once
+# the loads are innermost: a processor computes one while it waits for another. Products and sums
+# are rounded one by one: a load in a gap is chaotic, and a machine must not decide on its values
 _LOOP = """
 @fast
 def run(v, dt, steps, first, p, load_at, twist_at, out):
@@ -71,7 +72,7 @@ def torques(
     ringing = np.sqrt([one["stiffness"] / one["load_inertia"] for one in sets])
     steps = (ringing * dt / FINEST).astype(np.int64) + 1
     v = np.diff(path, append=path[-1]) / dt
-    made_by = loop_backend()
+    made_by = _made_by()
     if made_by == "numpy":  # a loop in Python takes as long for all as for one
         steps[:] = steps.max()
     order = np.argsort(steps, kind="stable")
@@ -95,10 +96,10 @@ def of_unit_load(frequency: float, damping: float, gap: float | None = None) -> 
     return values if gap is None else values | {"gap": gap}
 
 
-def loop_backend() -> str:
-    """What computes the loop: "wide", "c", "numba" or, without a compiler, "numpy"."""
-    made_by = compiler()
-    return "wide" if made_by == "c" and has_wide() else made_by or "numpy"
+def _made_by() -> str:
+    """What computes the loop: "even" (C, several loads at once), "c", "numba", else "numpy"."""
+    made_by = compiler() or "numpy"
+    return "even" if made_by == "c" and has_wide() else made_by
 
 
 @cache
@@ -107,8 +108,7 @@ def _compiled(function: Callable[..., Any], keys: tuple[str, ...], made_by: str)
     signals = [graph.symbol(name) for name in ("w", "twist", "w_load")]
     values = {k: graph.symbol(k) for k in keys}
     torque, _, rate = function(*signals, **values)
-    kind = {"numpy": "array", "wide": "wide"}.get(made_by, "scalar")
-    emitter = Emitter(kind, fixed=keys)
+    emitter = Emitter({"numpy": "array", "even": "wide"}.get(made_by, "scalar"), fixed=keys)
     torque, rate = emitter.write([torque, rate])
     code = {"torque": torque, "rate": rate}
     if made_by == "numpy":

@@ -160,7 +160,9 @@ def _on_level(base: Base, block: Block, act: str, change: np.ndarray, view: _Sam
     if act.startswith("+"):
         return change * view.of(base.law.z)
     if block.abrupt:  # it jumps with the direction, and the bristle follows
-        return view.of(base.record.laws.asymmetric(base.law.x0) * base.level)
+        laws, law = base.record.laws, base.law
+        follows = base.record.once("asymmetric", law, lambda: laws.asymmetric(law.x0))
+        return view.of(follows * base.level)
     return change * view.of(base.coulomb)
 
 

@@ -13,11 +13,11 @@ from ...record.stretch import Stretch
 from ..balance import Balance
 from ..balance.reconcile import sensors_of
 from ..balance.track import tracks_of
-from .base import Record
+from .base import Record, settled
 from .budget import budget, detectable
 from .contender import Contender
 from .motion import Motion, motion_of
-from .numbers import HELD, LEAST, LOST
+from .numbers import ALPHA, HELD, LEAST, LOST
 from .result import Compared, Comparison, Named
 from .rows import Width, quick, rows_of, usable, widths
 from .table import Table
@@ -26,7 +26,11 @@ from .verdict import Decision, decide
 
 
 def compare(
-    stretches: Sequence[Stretch], model: Model, plain: Balance, least: float = LEAST
+    stretches: Sequence[Stretch],
+    model: Model,
+    plain: Balance,
+    least: float = LEAST,
+    alpha: float = ALPHA,
 ) -> Comparison:
     """What is missing from a declared model, by one comparison.
 
@@ -40,12 +44,20 @@ def compare(
         The plain answer of the same samples.
     least : float
         The smallest torque that matters, as a share of RMS friction torque.
+    alpha : float
+        Chance of naming something on a record on which nothing is missing.
     """
     began = time.perf_counter()
     with np.errstate(all="ignore"):  # a record without noise divides by nearly 0
-        found = decide(record_of(stretches, model, plain), least)
+        found = decide(record_of(stretches, model, plain), least, alpha)
         made = _result(found, model, least)
     return replace(made, seconds=time.perf_counter() - began)
+
+
+def levels(stretches: Sequence[Stretch], model: Model, plain: Balance) -> dict[str, float]:
+    """Inertia and friction of the declared model on a record: start values for a fit."""
+    with np.errstate(all="ignore"):
+        return levels_of(settled(record_of(stretches, model, plain)))
 
 
 def _result(found: Decision, model: Model, least: float) -> Comparison:
@@ -63,6 +75,7 @@ def _result(found: Decision, model: Model, least: float) -> Comparison:
         detectable=tuple(detectable(table, least)) if adequate else (),
         messages=found.messages,
         plant=levels_of(base),
+        alone=levels_of(table.base),
         least=least,
     )
 

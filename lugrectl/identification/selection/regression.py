@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg.lapack import dposv
 
 from .numbers import FREEDOM
 
@@ -26,12 +27,17 @@ class Scale:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Coefficients b, residuals r over sigma, which of b are free, Student weights."""
+    """Coefficients b, residuals r over sigma, where b is at its bounds, Student weights."""
 
     b: np.ndarray
     r: np.ndarray
-    free: np.ndarray
+    state: np.ndarray
     weight: np.ndarray
+
+    @property
+    def free(self) -> np.ndarray:
+        """Which of b are at no bound."""
+        return self.state == 0
 
 
 def solve(
@@ -43,17 +49,23 @@ def solve(
     scale: Scale,
     weight: np.ndarray | None = None,
     rounds: int = 5,
+    near: np.ndarray | None = None,
 ) -> Solution:
-    """The coefficients; ``prior`` are precisions, ``weight`` those of a fit nearby."""
+    """The coefficients; ``prior`` are precisions, ``weight`` and ``near`` are the weights and the
+    states of the first columns of a fit nearby."""
     w = np.ones(len(y)) if weight is None else weight
     b = r = np.zeros(0)
     state = np.zeros(X.shape[1], int)
+    if near is not None:
+        state[: len(near)] = near
+        bound = np.where(state < 0, low, high)
+        state[~np.isfinite(bound)] = 0
     for _ in range(rounds):
         G, g = normal(X, y, prior, scale, w)
         b, state = bounded(G, g, low, high, state)
         r = (y - X @ b) / scale.sigma
         w = (FREEDOM + 1) / (FREEDOM + r * r)
-    return Solution(b, r, state == 0, w)
+    return Solution(b, r, state, w)
 
 
 def normal(
@@ -108,10 +120,16 @@ def bounded(
 def _between(G: np.ndarray, g: np.ndarray, bound: np.ndarray, state: np.ndarray) -> np.ndarray:
     """The best b whose columns are at their bounds where ``state`` says so."""
     if not state.any():
-        return np.linalg.solve(G, g)
+        return _solved(G, g)
     on, held = np.flatnonzero(state == 0), np.flatnonzero(state)
     b = np.zeros(len(g))
     b[held] = bound[held]
     rows = G[on]
-    b[on] = np.linalg.solve(rows[:, on], g[on] - rows[:, held] @ b[held])
+    b[on] = _solved(rows[:, on], g[on] - rows[:, held] @ b[held])
     return b
+
+
+def _solved(G: np.ndarray, g: np.ndarray) -> np.ndarray:
+    """By Cholesky; noise taken off a moment may leave no positive definite matrix."""
+    _, b, failed = dposv(G, g)
+    return np.linalg.solve(G, g) if failed else b

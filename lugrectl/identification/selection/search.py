@@ -31,18 +31,13 @@ INSTEAD = {
 }  # of what every drive has
 
 
-def entries(base: Base) -> Iterator[Entry]:
-    """One entry or a few for each effect that the record may show."""
-    for name, block in members("effect").items():
-        if name in (*MISSING_LAW, *KINEMATIC) or name in base.inside:
-            continue
-        yield from entries_of(base, block)
-
-
-def entries_of(base: Base, block: Block) -> Iterator[Entry]:
-    """Those of one effect; none if this record cannot show it."""
-    if not _pointless(base, block):
-        yield from _of(base, block)
+def shown(base: Base) -> list[Block]:
+    """The effects that the record may show."""
+    return [
+        block
+        for name, block in members("effect").items()
+        if name not in (*MISSING_LAW, *KINEMATIC, *base.inside) and not _pointless(base, block)
+    ]
 
 
 def _pointless(base: Base, block: Block) -> bool:
@@ -59,7 +54,8 @@ def _pointless(base: Base, block: Block) -> bool:
     return block.name == "gravity" and (base.gravity or turned)
 
 
-def _of(base: Base, block: Block) -> Iterator[Entry]:
+def entries(base: Base, block: Block) -> Iterator[Entry]:
+    """An entry or a few for an effect."""
     free = searched(block)
     if block.states and "input" not in block.acts:
         yield from springs(base, block)

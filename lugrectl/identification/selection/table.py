@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
+from ...beside import beside
+from ...spec import Block
 from . import search, unknown
 from .base import Base, Columns, View, rms, settled
 from .base import Record as Seen
-from .contender import Contender, enter
+from .contender import Contender, Entry, enter
 from .numbers import FREEDOM
 from .regression import Scale, solve
 
@@ -42,9 +45,23 @@ class Table:
 
 def tabulate(base: Base) -> Table:
     """All contenders against one base."""
-    named = best_of(enter(base, e) for e in search.entries(base))
-    free = best_of(enter(base, e) for e in unknown.entries(base))
-    return Table(base, tuple(named), tuple(free))
+
+    def named(block: Block) -> list[Contender]:
+        with np.errstate(all="ignore"):  # each thread has its own
+            return [enter(base, e) for e in search.entries(base, block)]
+
+    def free(entry: Entry) -> list[Contender]:
+        with np.errstate(all="ignore"):
+            return [enter(base, entry)]
+
+    works = [partial(named, block) for block in search.shown(base)]
+    works += [partial(free, entry) for entry in unknown.entries(base)]
+    found = best_of(c for made in beside(lambda work: work(), works) for c in made)
+    return Table(
+        base,
+        tuple(c for c in found if not c.depends_on),
+        tuple(c for c in found if c.depends_on),
+    )
 
 
 def best_of(contenders: Iterable[Contender]) -> list[Contender]:

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from statistics import NormalDist
 
 import numpy as np
 
 from ...spec import REGISTRY
 from .base import Base, Record
 from .contender import Contender, enter
-from .numbers import LEAST, REST, SECOND, UNKNOWN
+from .numbers import ALPHA, LEAST, REST, SECOND, UNKNOWN
 from .score import paired
-from .search import entries_of
+from .search import entries
 from .table import ALIKE, Table, as_good, best_of, decided, tabulate
 
-NOTHING = 2.6  # the same between the best of about thirty and nothing
+MORE = 2.0  # nats beyond the logarithm of the number of contenders
 STIFFLY = 1.35  # times the declared inertia, from which a load may turn with the motor
 MOST_ALTERNATIVES = 3
 MOST_BESIDE = 3  # other effects beside which two explanations are compared again
@@ -55,10 +57,24 @@ class Decision:
         return second[0].joined() if second else base
 
 
-def decide(record: Record, least: float = LEAST) -> Decision:
+@dataclass(frozen=True)
+class Bars:
+    """The least share of friction that matters, and standard errors that chance does not reach."""
+
+    least: float
+    z: float
+
+    def proven(self, table: Table, contenders: Sequence[Contender]) -> list[Contender]:
+        """Those better than the base by more than the choice among so many may give."""
+        bar = float(np.log(max(len(table.named), 1))) + MORE
+        above = [(c, *c.above(table.base)) for c in contenders]
+        return [c for c, d, se in above if d > bar and d > self.z * se]
+
+
+def decide(record: Record, least: float = LEAST, alpha: float = ALPHA) -> Decision:
     """From the record to the verdict."""
     table, heavy, also = decided(record)
-    found = _of(record, table, least)
+    found = _of(record, table, Bars(least, NormalDist().inv_cdf(1 - 0.5 * alpha)))
     if heavy is not None:
         return _with_weight(found, heavy, also)
     if not record.sure:
@@ -66,27 +82,21 @@ def decide(record: Record, least: float = LEAST) -> Decision:
     return _with_load(found) if found.verdict == "adequate" else found
 
 
-def _of(record: Record, table: Table, least: float) -> Decision:
-    good = [c for c in table.named if proven(c, table) and c.share > _floor(c, least)]
+def _of(record: Record, table: Table, bars: Bars) -> Decision:
+    good = [c for c in bars.proven(table, table.named) if c.share > _floor(c, bars.least)]
     good = [c for c in good if c.share > 0.25 * table.base.left] if record.sure else []
-    free = [c for c in table.unknown if proven(c, table) and c.share > UNKNOWN * least]
+    free = [c for c in bars.proven(table, table.unknown) if c.share > UNKNOWN * bars.least]
     if not good:
         return _nameless(table, free)
     close = (good[0], *(c for c in good[1:] if as_good(c, good[0])))[: 1 + MOST_ALTERNATIVES]
     beside = tabulate(close[0].joined())
     if len(close) > 1:
-        close = _again(table, beside, close)
+        close = _again(table, bars.proven(beside, beside.named), close)
         if close[0] is not good[0]:
             beside = tabulate(close[0].joined())
     verdict = "ambiguous" if len(close) > 1 else "found"
     found = Decision(verdict, close[:1], close[1:], table=table, beside=beside)
-    return _what_is_left(found, free, least)
-
-
-def proven(c: Contender, table: Table) -> bool:
-    """Whether it is better than the base by more than the choice among so many may give."""
-    d, se = c.above(table.base)
-    return d > np.log(max(len(table.named), 1)) + 2 and d > NOTHING * se
+    return _what_is_left(found, free, bars)
 
 
 def _floor(c: Contender, least: float) -> float:
@@ -103,30 +113,32 @@ def _nameless(table: Table, free: list[Contender]) -> Decision:
     return Decision("unexplained", depends_on=signals, table=table, unknown=free[0])
 
 
-def _again(table: Table, beside: Table, close: tuple[Contender, ...]) -> tuple[Contender, ...]:
+def _again(
+    table: Table, beside: Sequence[Contender], close: tuple[Contender, ...]
+) -> tuple[Contender, ...]:
     """Those that explain equally well, compared once more beside what else the record shows.
 
     A torque that none of them has is an error in all blocks, and differences drown in it.
     """
     own = {c.name: c for c in close}
-    more = [c for c in beside.named if proven(c, beside) and c.own and c.name not in own]
+    more = [c for c in beside if c.own and c.name not in own]
     if not more:
         return close
     base = table.base.beside([c.its for c in more[:MOST_BESIDE]])
-    made = (enter(base, e) for name in own for e in entries_of(base, REGISTRY["effect", name]))
+    made = (enter(base, e) for name in own for e in entries(base, REGISTRY["effect", name]))
     again = best_of(made)
     kept = [c.name for c in again if c is again[0] or as_good(c, again[0])]
     return tuple(own[name] for name in kept) or close
 
 
-def _what_is_left(found: Decision, free: list[Contender], least: float) -> Decision:
+def _what_is_left(found: Decision, free: list[Contender], bars: Bars) -> Decision:
     """An unknown torque or a second effect beside the best one."""
     best, beside = found.effects[0], found.beside
     assert beside is not None
-    more = (c for c in beside.named if proven(c, beside) and c.name != best.name)
-    likeliest = next(more, None)
+    more = bars.proven(beside, [c for c in beside.named if c.name != best.name])
+    likeliest, least = more[0] if more else None, bars.least
     second = likeliest if likeliest and _large(likeliest, best, least) else None
-    rest = [c for c in beside.unknown if proven(c, beside)]
+    rest = bars.proven(beside, beside.unknown)
     odd = (
         _beyond(best, likeliest, rest, free, least)
         or _at_once(best, second, free)
