@@ -9,11 +9,11 @@ from functools import cached_property
 import numpy as np
 
 from .base import Base, Columns, rms
+from .numbers import ALONE
 from .regression import Solution, solve
 from .score import paired
 
 OTHER_J = (0.5, 2.0)  # inertia beside an effect as large as all friction, over that without it
-ALONE = 0.1  # of a named torque must be beyond the declared law, which imitates the rest
 IMITATES = 0.6  # of the inertia: an unknown torque of u that leaves less has taken it away
 
 

@@ -44,7 +44,8 @@ def springs(base: Base, block: Block) -> Iterator[Entry]:
     if best is None or best[0] < EDGE * SLOWEST or best[1] > CRITICAL:
         return
     made = Columns.free(_columns(base, block, [best]), 0.0)
-    values = dict(zip(("frequency", "damping_ratio", "gap"), best, strict=False))
+    names = ("frequency", "damping_ratio", "gap")
+    values: dict[str, float] = dict(zip(names, best, strict=False))
     yield Entry(block.name, values, made, cost=float(np.log(len(grid))), inertial=True)
 
 

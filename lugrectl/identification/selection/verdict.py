@@ -9,21 +9,33 @@ from statistics import NormalDist
 import numpy as np
 
 from ...spec import REGISTRY
-from .base import Base, Record
+from .base import Base, Record, rms
 from .contender import Contender, enter
-from .numbers import ALPHA, LEAST, REST, SECOND, UNKNOWN
+from .numbers import (
+    ALPHA,
+    FAR,
+    FOREIGN,
+    KNOWN_TIME,
+    LEAST,
+    MORE,
+    REST,
+    SECOND,
+    SECOND_GAIN,
+    SEEN,
+    STIFFLY,
+    TOGETHER,
+    UNKNOWN,
+)
 from .score import paired
 from .search import entries
 from .table import ALIKE, Table, as_good, best_of, decided, tabulate
 
-MORE = 2.0  # nats beyond the logarithm of the number of contenders
-STIFFLY = 1.35  # times the declared inertia, from which a load may turn with the motor
 MOST_ALTERNATIVES = 3
 MOST_BESIDE = 3  # other effects beside which two explanations are compared again
-KNOWN_TIME = 0.33  # of `least` for a delay that is 1 ms or more beyond what is free
 
 
 UNSURE = "The record does not determine the inertia, so no effect is named."
+UNRELATED = "More than half of the torque has nothing to do with the motion."
 LOADED = (
     "The inertia is {:.2g} times the declared one: a load behind a coupling that is too stiff to "
     "be seen, or a wrong declared value."
@@ -78,15 +90,15 @@ def decide(record: Record, least: float = LEAST, alpha: float = ALPHA) -> Decisi
     if heavy is not None:
         return _with_weight(found, heavy, also)
     if not record.sure:
-        return replace(found, messages=(UNSURE,))
+        return replace(found, messages=(UNSURE, *found.messages))
     return _with_load(found) if found.verdict == "adequate" else found
 
 
 def _of(record: Record, table: Table, bars: Bars) -> Decision:
     good = [c for c in bars.proven(table, table.named) if c.share > _floor(c, bars.least)]
-    good = [c for c in good if c.share > 0.25 * table.base.left] if record.sure else []
+    good = [c for c in good if c.share > SEEN * table.base.left] if record.sure else []
     free = [c for c in bars.proven(table, table.unknown) if c.share > UNKNOWN * bars.least]
-    if not good:
+    if not good or _foreign(table):
         return _nameless(table, free)
     close = (good[0], *(c for c in good[1:] if as_good(c, good[0])))[: 1 + MOST_ALTERNATIVES]
     beside = tabulate(close[0].joined())
@@ -107,10 +119,20 @@ def _floor(c: Contender, least: float) -> float:
 
 
 def _nameless(table: Table, free: list[Contender]) -> Decision:
-    if not free:
+    foreign = _foreign(table)
+    if not (free or foreign):
         return Decision("adequate", table=table)
-    signals = free[0].depends_on
-    return Decision("unexplained", depends_on=signals, table=table, unknown=free[0])
+    first = free[0] if free else None
+    signals = first.depends_on if first else frozenset[str]()
+    said = (UNRELATED,) if foreign else ()
+    return Decision("unexplained", (), (), signals, table, unknown=first, messages=said)
+
+
+def _foreign(table: Table) -> bool:
+    """Whether every row leaves most of the torque."""
+    base = table.base
+    left = min(rms(c.made.r) for c in (base, *table.rows)) * base.view.scale.sigma
+    return left > FOREIGN * rms(base.y)
 
 
 def _again(
@@ -155,7 +177,7 @@ def _what_is_left(found: Decision, free: list[Contender], bars: Bars) -> Decisio
 
 def _large(c: Contender, best: Contender, least: float) -> bool:
     """Whether a second effect is large enough to be named."""
-    return c.share > max(UNKNOWN * least, SECOND * best.share) and c.gain > 0.15 * best.gain
+    return c.share > max(UNKNOWN * least, SECOND * best.share) and c.gain > SECOND_GAIN * best.gain
 
 
 def _beyond(
@@ -178,7 +200,7 @@ def _at_once(best: Contender, second: Contender | None, free: list[Contender]) -
     if not free or second is None:
         return None
     d, se = free[0].above(best)
-    both = free[0].gain > 0.9 * (best.gain + second.gain)
+    both = free[0].gain > TOGETHER * (best.gain + second.gain)
     return free[0] if both and d > max(ALIKE * se, REST * best.gain) else None
 
 
@@ -192,7 +214,7 @@ def _nothing_near(
 
 def _far(best: Contender, free: list[Contender]) -> bool:
     """Whether nothing that has a name comes near an unknown torque."""
-    if not (free and free[0].gain > 1.5 * best.gain):
+    if not (free and free[0].gain > FAR * best.gain):
         return False
     d, se = free[0].above(best)
     return d > ALIKE * se
