@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from ...spec import Block, members
-from .base import OFFSET, TURN, Base, Columns
+from .base import OFFSET, TURN, Base, Columns, rms
 from .contender import Entry
 from .declared import through
 from .effects import column, columns, over, searched, spanned
@@ -89,12 +89,26 @@ def _linear(base: Base, block: Block) -> Iterator[Entry]:
 
 
 def _of_load(base: Base, block: Block) -> Iterator[Entry]:
-    """The load is the weight, alone and with the torque of the inertia."""
-    m = base.record.motion
-    for load in (base.weight, base.weight + base.J * m.a):
+    """The load is the weight, fitted or as declared, alone and with the torque of the inertia.
+
+    A fitted weight is not zero at the right place where the travel is small: there an offset is
+    a part of it.
+    """
+    a, weights = base.record.motion.a, [base.weight, *_declared_weight(base)]
+    loads = [load for weight in weights for load in (weight, weight + base.J * a)]
+    for load in loads:
         out = block(load, **{block.gain: 1.0})[0]
         made = base.record.mean(out * base.law.z)[:, None]
-        yield Entry(block.name, {}, Columns.free(made, 0.0), cost=float(np.log(2)))
+        yield Entry(block.name, {}, Columns.free(made, 0.0), cost=float(np.log(len(loads))))
+
+
+def _declared_weight(base: Base) -> list[np.ndarray]:
+    """Its size as fitted, its phase as declared, if it is."""
+    m, size = base.record.motion, rms(base.weight)
+    parts = [p.values for p in base.record.parts if p.block.name == "gravity"]
+    phases = [p.get("phase") for p in parts]
+    waves = [np.sin(m.theta + phase) for phase in phases if phase is not None]
+    return [size / (rms(wave) + 1e-300) * wave for wave in waves]
 
 
 def _over_grid(base: Base, block: Block, key: str) -> Iterator[Entry]:
