@@ -230,11 +230,11 @@ def joint(fitted: Fitted) -> Joint:
 
 
 def residuals(fitted: Fitted) -> Residuals:
-    """The tests of what the one-step predictions of a fit leave."""
-    data = fitted.predictor.data
-    e = fitted.innovations[..., data.channel]
-    u = data.u[fitted.where.counted].reshape(e.shape)
-    return residuals_of(data.signal, e, u)
+    """The tests of what the one-step predictions of a fit leave, of w where it is fitted."""
+    channel = int(fitted.noise.recorded()[-1])
+    e = fitted.innovations[..., channel]
+    u = fitted.predictor.data.u[fitted.where.counted].reshape(e.shape)
+    return residuals_of(("theta", "w")[channel], e, u)
 
 
 def score(job: Job, final: Fitted) -> dict[str, Any]:
