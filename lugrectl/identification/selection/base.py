@@ -42,7 +42,7 @@ class Record:
     _kept: dict[Hashable, tuple[object, Any]] = field(default_factory=dict, repr=False)
 
     def once(self, key: Hashable, of: object, make: Callable[[], Any]) -> Any:
-        """What ``make`` returns, kept for the tables that follow while ``of`` is the same object."""
+        """What ``make`` returns, kept for later tables while ``of`` is the same object."""
         found = self._kept.get(key)
         if found is None or found[0] is not of:
             found = self._kept[key] = (of, make())
@@ -119,7 +119,9 @@ class Columns:
     high: np.ndarray
 
     def __add__(self, other: Columns) -> Columns:
-        joined = (np.concatenate([a, b], axis=-1) for a, b in zip(self._all, other._all, strict=True))
+        joined = (
+            np.concatenate([a, b], axis=-1) for a, b in zip(self._all, other._all, strict=True)
+        )
         return Columns(*joined)
 
     @property

@@ -144,9 +144,7 @@ def _beside(base: Base, entry: Entry) -> Columns:
     return made if entry.columns is None else made + entry.columns
 
 
-def _torque(
-    base: Base, entry: Entry, columns: Columns, made: Solution, own: int
-) -> np.ndarray:
+def _torque(base: Base, entry: Entry, columns: Columns, made: Solution, own: int) -> np.ndarray:
     """Its torque in the windows, without what the declared model can imitate of it.
 
     A named effect is compared with the declared law, an unknown torque also with what was left

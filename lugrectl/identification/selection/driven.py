@@ -77,7 +77,10 @@ def torques(
         steps[:] = steps.max()
     order = np.argsort(steps, kind="stable")
     p = np.array([[float(sets[i][k]) for i in order] for k in block.parameters])
-    run, out = _compiled(block.function, tuple(block.parameters), made_by), np.empty((len(v), len(sets)))
+    run, out = (
+        _compiled(block.function, tuple(block.parameters), made_by),
+        np.empty((len(v), len(sets))),
+    )
     first = 0
     for many, lanes in zip(*np.unique(steps, return_counts=True), strict=True):
         some, room = np.ascontiguousarray(p[:, first : first + lanes]), np.empty((2, lanes))

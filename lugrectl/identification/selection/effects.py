@@ -23,9 +23,7 @@ FAR = 1e4  # rad from which single precision is too coarse for the highest order
 
 def searched(block: Block) -> list[str]:
     """The parameters in which the effect is not linear."""
-    return [
-        k for k, p in block.own.items() if k != block.gain and p.fitted and p.span is None
-    ]
+    return [k for k, p in block.own.items() if k != block.gain and p.fitted and p.span is None]
 
 
 def spanned(block: Block) -> str | None:
@@ -60,11 +58,15 @@ def over(base: Base, block: Block, key: str, grid: np.ndarray) -> np.ndarray:
     They are in single precision. Those of one value are neighbours: (m, values) or, with a phase,
     (m, 2 values).
     """
+
+    def make() -> np.ndarray:
+        return _over(base, block, key, grid)
+
     if set(block.acts) <= {"torque"} and not {"u", "load"} & {*block.inputs}:
-        return base.record.once(("over", block.name, key), None, lambda: _over(base, block, key, grid))
+        return base.record.once(("over", block.name, key), None, make)
     if set(block.acts) <= {"input"}:
-        return base.record.once(("over", block.name, key), base.u, lambda: _over(base, block, key, grid))
-    return _over(base, block, key, grid)
+        return base.record.once(("over", block.name, key), base.u, make)
+    return make()
 
 
 def _over(base: Base, block: Block, key: str, grid: np.ndarray) -> np.ndarray:
@@ -118,9 +120,7 @@ def _fewer(base: Base, single: bool = False) -> _Samples:
     return _Samples(every, *record.few, float)
 
 
-def _column(
-    base: Base, block: Block, values: Mapping[str, Any], view: _Samples
-) -> np.ndarray:
+def _column(base: Base, block: Block, values: Mapping[str, Any], view: _Samples) -> np.ndarray:
     """The same (m, k) for a value of shape (1, k)."""
     m, record = base.record.motion, base.record
     if "sensor" in block.acts:  # the true motion is the measured one without the error
@@ -156,9 +156,7 @@ def _whole(parts: Sequence[np.ndarray]) -> np.ndarray:
     return np.ascontiguousarray(total)
 
 
-def _on_level(
-    base: Base, block: Block, act: str, change: np.ndarray, view: _Samples
-) -> np.ndarray:
+def _on_level(base: Base, block: Block, act: str, change: np.ndarray, view: _Samples) -> np.ndarray:
     if act.startswith("+"):
         return change * view.of(base.law.z)
     if block.abrupt:  # it jumps with the direction, and the bristle follows

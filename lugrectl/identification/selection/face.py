@@ -47,7 +47,9 @@ def record_of(stretches: Sequence[Stretch], model: Model, plain: Balance) -> Rec
     width, sure = _width(motion, declared, J, sure)
     held = None if declared.get("J") else J
     motion = motion.part(_share(motion, width.h))
-    return Record.of(motion, rows_of(motion, width.h), declared, held, sure, width.heavy, model.effects)
+    return Record.of(
+        motion, rows_of(motion, width.h), declared, held, sure, width.heavy, model.effects
+    )
 
 
 def _share(m: Motion, h: float) -> float:

@@ -29,6 +29,7 @@ UNEVEN = 0.02  # RMS jitter of stamps, in steps, from which they are not even
 OUTLIER = 25.0  # squares beyond this count as this
 FINE = 1e-3  # s between the instants at which friction is computed
 MOST_FINE = 10
+SHORTEST = 9  # samples of a piece
 PARTS = 20  # pieces of a long motion
 FADED = 4e-3  # of the largest value: where an impulse response ends
 
@@ -104,7 +105,8 @@ class Motion:
         for p in self.pieces:
             many = int(np.ceil(PARTS * (p.stop - p.start) / len(self)))
             edges = np.linspace(p.start, p.stop, many + 1).astype(int).tolist()
-            kept += [np.arange(a, a + max(9, int(share * (b - a)))) for a, b in pairwise(edges) if b - a > 9]
+            each = [(a, b) for a, b in pairwise(edges) if b - a > SHORTEST]
+            kept += [np.arange(a, a + max(SHORTEST, int(share * (b - a)))) for a, b in each]
         at, ends = np.concatenate(kept), np.cumsum([0, *(len(k) for k in kept)]).tolist()
         pieces = tuple(slice(a, b) for a, b in pairwise(ends))
         own = {k: getattr(self, k)[at] for k in ("run", "t", "ok", "u", "theta", "w", "shake")}
@@ -283,9 +285,7 @@ class _Smoothing:
     v_theta: float
     v_w: float
 
-    def as_noise_asks(
-        self, theta: np.ndarray, w: np.ndarray | None
-    ) -> tuple[float, np.ndarray]:
+    def as_noise_asks(self, theta: np.ndarray, w: np.ndarray | None) -> tuple[float, np.ndarray]:
         """From stiff to soft, until the residual is the noise."""
         x, lam = theta, STIFFNESSES[-1]
         for lam in STIFFNESSES:

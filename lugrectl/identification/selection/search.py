@@ -125,9 +125,7 @@ def _grid(base: Base, block: Block, key: str) -> np.ndarray:
     return grid
 
 
-def _polished(
-    base: Base, block: Block, key: str, grid: np.ndarray, i: int, pair: bool
-) -> float:
+def _polished(base: Base, block: Block, key: str, grid: np.ndarray, i: int, pair: bool) -> float:
     step = float(np.min(np.diff(grid)[max(i - 1, 0) : i + 1]))
 
     def gain(x: float) -> float:
@@ -255,7 +253,9 @@ def _stop(base: Base, block: Block) -> Entry:
     th, span = m.theta, float(np.ptp(m.theta))
     inner = np.quantile(th, [0.3, 0.7])
     deep = span * np.linspace(0.02, 0.35, 15)
-    tails = np.quantile(th, np.concatenate([np.linspace(0.003, 0.3, 20), np.linspace(0.7, 0.997, 20)]))
+    tails = np.quantile(
+        th, np.concatenate([np.linspace(0.003, 0.3, 20), np.linspace(0.7, 0.997, 20)])
+    )
     at = np.unique(np.concatenate([tails, th.min() + deep, th.max() - deep]))
     at = at[(at <= inner[0]) | (at >= inner[1])]
 

@@ -8,12 +8,11 @@ from functools import partial
 
 import numpy as np
 
+from ...engine.beside import beside
 from ...spec import Block
-from ...tracing.beside import beside
 from . import search, unknown
-from .base import Base, Columns, rms, settled
+from .base import Base, Columns, View, rms, settled
 from .base import Record as Seen
-from .base import View
 from .contender import Contender, Entry, enter
 from .numbers import FREEDOM
 from .regression import Scale, solve
@@ -131,7 +130,7 @@ def richest(base: Base, table: Table) -> View:
     Each term has its prior. The inertia stays near that of the base: else what imitates u would
     take it away, and the noise with it.
     """
-    own, record = base.columns, base.record
+    own = base.columns
     parts = [_with_prior(c, base) for c in table.named if c.gain > USED and c.share > 0.002]
     parts += [c.its for c in table.unknown if c.gain > USED]
     c = own
