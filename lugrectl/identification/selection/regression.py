@@ -6,15 +6,18 @@ of the acceleration (the first column) is taken off its moment.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from scipy.linalg.lapack import dposv
+from scipy.linalg import get_lapack_funcs
 
 from .numbers import FREEDOM
 
 MOST_NOISE = 0.3  # of the moment of the acceleration that noise may take
 ROUNDS = 40  # of the active set
+_POSV: Callable[..., Any] = get_lapack_funcs(("posv",), dtype=np.float64)[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,5 +137,5 @@ def _solved(G: np.ndarray, g: np.ndarray) -> np.ndarray:
     """By Cholesky; noise taken off a moment may leave no positive definite matrix."""
     if not len(g):
         return g
-    _, b, failed = dposv(G, g)
+    _, b, failed = _POSV(G, g)
     return np.linalg.solve(G, g) if failed else b
