@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from ..beside import beside
+from ..engine.beside import beside
 from ..blocks.effects.actuator import held_late
 from ..errors import Refused
 from .data import Data

@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 
-from ..beside import beside
+from ..engine.beside import beside
 from ..blocks.friction import EPS
 from ..errors import Refused
 from ..model import Model, Part

@@ -95,7 +95,7 @@ class Record:
     def single(self) -> tuple[csr_matrix, csr_matrix]:
         """The same in single precision."""
         K, narrow = self.few
-        return K.astype(np.float32), narrow.astype(np.float32)
+        return csr_matrix(K, dtype=np.float32), csr_matrix(narrow, dtype=np.float32)
 
     @classmethod
     def of(

@@ -17,9 +17,9 @@ from .base import Record, settled
 from .budget import budget, detectable
 from .contender import Contender
 from .motion import Motion, motion_of
-from .numbers import ALPHA, HELD, LEAST, LOST
+from .numbers import ALPHA, HELD, LEAST, LOST, MOST_ROWS, MOST_SAMPLES
 from .result import Compared, Comparison, Named
-from .rows import Width, quick, rows_of, usable, widths
+from .rows import Width, quick, rows_of, spacing, usable, widths
 from .table import Table
 from .values import levels_of, values_of
 from .verdict import Decision, decide
@@ -104,9 +104,15 @@ def record_of(stretches: Sequence[Stretch], model: Model, plain: Balance) -> Rec
     J, sure = _inertia(plain, declared)
     width, sure = _width(motion, declared, J, sure)
     held = None if declared.get("J") else J
+    motion = motion.part(_share(motion, width.h))
     return Record.of(
         motion, rows_of(motion, width.h), declared, held, sure, width.heavy, model.effects
     )
+
+
+def _share(m: Motion, h: float) -> float:
+    """Share of a long motion that says enough."""
+    return min(1.0, MOST_SAMPLES / len(m), MOST_ROWS * spacing(m, h) / len(m))
 
 
 def _inertia(plain: Balance, declared: dict[str, float]) -> tuple[tuple[float, float] | None, bool]:

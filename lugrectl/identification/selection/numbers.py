@@ -17,4 +17,5 @@ HELD = 0.02  # half-width within which a certain J of the plain answer is held, 
 SOFTER = 1e-2  # stiffness of the motion that friction is made from, over that of the acceleration
 STILL = 0.004  # of the top speed: below it the drive rests
 TAIL = 0.15  # of the top speed: the longest Stribeck curve; a longer one bends like a drag
+MOST_ROWS, MOST_SAMPLES = 15_000, 250_000  # of a longer record, pieces all over it are compared
 WIDTHS = (0.01, 0.012, 0.0145, 0.0174, 0.021, 0.025, 0.03, 0.036, 0.05, 0.07, 0.1, 0.14, 0.19, 0.26)

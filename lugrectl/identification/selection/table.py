@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from ...beside import beside
+from ...engine.beside import beside
 from ...spec import Block
 from . import search, unknown
 from .base import Base, Columns, View, rms, settled
