@@ -317,6 +317,13 @@ class Base:
     def seen_as(self, view: View) -> Base:
         return replace(self, view=view)
 
+    def beside(self, more: Sequence[Columns]) -> Base:
+        """The same with more terms in it."""
+        c = self.columns
+        for part in more:
+            c = c + part
+        return replace(self, columns=c, friction=self.friction_rms)
+
 
 def rms(x: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(x))))

@@ -108,8 +108,7 @@ def weight(table: Table) -> tuple[Contender | None, tuple[str, ...]]:
     if g is None or record.motion.span < TURNED or not record.sure:
         return None, ()
     top = table.named[0]
-    heavy = record.heavy or (g.share > HEAVY and g.gain > 0.5 * top.gain)
-    if not heavy or g.gain < SETTLE:
+    if g.share < HEAVY or g.gain < SETTLE or not (record.heavy or g.gain > 0.5 * top.gain):
         return None, ()
     also = [c for c in table.named if c.name in ("constant_torque", "return_spring")]
     close = tuple(c.name for c in also if c.gain > 0.97 * g.gain or as_good(c, g))
