@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .base import LEVELS, Base, Columns, rms
+from .base import LEVELS, WEIGHT, Base, Columns, rms
 from .law import NAMES
 from .regression import Solution, solve
 from .score import paired
@@ -148,7 +148,7 @@ def _torque(base: Base, entry: Entry, columns: Columns, made: Solution, own: int
     """Its torque in the windows, without what the declared model can imitate of it.
 
     A named effect is compared with the declared law, an unknown torque also with what was left
-    open of that law.
+    open of that law and with what every drive has.
     """
     k = columns.X.shape[1] - own
     torque = columns.X[:, k:] @ made.b[k:]
@@ -160,7 +160,7 @@ def _torque(base: Base, entry: Entry, columns: Columns, made: Solution, own: int
         kept = [0, *range(2, base.columns.X.shape[1])]
     else:
         law = [LEVELS.start + NAMES.index(name) for name in ("Fc", "dip", "Fv", "sigma1")]
-        kept = [0, *law, *range(LEVELS.stop, base.columns.X.shape[1])]
+        kept = [0, *law, *range(WEIGHT, base.columns.X.shape[1])]
     B = base.columns.X[:, [i for i in kept if base.made.free[i]]]
     return torque - B @ np.linalg.lstsq(B, torque, rcond=None)[0]
 

@@ -81,5 +81,5 @@ def _columns(base: Base, block: Block, shapes: Sequence[Shape]) -> np.ndarray:
     made = []
     for i in range(0, len(shapes), many):
         sets = [of_unit_load(*shape) for shape in shapes[i : i + many]]
-        made.append(narrow @ torques(block, m.path, m.dt, sets).T)
+        made.append(narrow @ torques(block, m.path, m.dt, sets))
     return np.concatenate(made, axis=1)
