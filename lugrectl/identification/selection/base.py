@@ -32,7 +32,10 @@ LEAST_FRICTION = 0.05  # friction counts as this share of the torque at least
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """What all rows of the table share: the motion, its windows and blocks, what is declared."""
+    """What all rows of the table share: the motion, its windows and blocks, what is declared.
+
+    ``has`` are the parameters of the declared friction law, with a value or not.
+    """
 
     motion: Motion
     rows: Rows
@@ -43,6 +46,7 @@ class Record:
     sure: bool
     heavy: bool = False
     parts: Sequence[Part] = ()
+    has: frozenset[str] = frozenset()
     _kept: dict[Hashable, tuple[object, Any]] = field(default_factory=dict, repr=False)
 
     def once(self, key: Hashable, of: object, make: Callable[[], Any]) -> Any:
@@ -107,10 +111,11 @@ class Record:
         sure: bool,
         heavy: bool,
         parts: Sequence[Part],
+        has: frozenset[str] = frozenset(),
     ) -> Record:
         laws = Laws(motion, declared, 3 * rows.rough + 1e-12)
         blocks = Blocks.of(rows.t, motion.t[-1], BLOCK)
-        return cls(motion, rows, laws, blocks, declared, J, sure, heavy, parts)
+        return cls(motion, rows, laws, blocks, declared, J, sure, heavy, parts, has)
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,7 +24,7 @@ class Contender:
     ``values`` are those of the effect's parameters that were searched, ``own`` the number of its
     columns, the last ones. ``u`` is the torque that reaches the drive, where it changes that.
     ``blocks`` are the scores of the blocks, ``torque`` (m,) what the base cannot imitate of it,
-    ``share`` its RMS over that of friction.
+    ``share`` its RMS over that of friction. ``entry`` is what it was made from.
     """
 
     name: str
@@ -38,6 +38,7 @@ class Contender:
     blocks: np.ndarray
     torque: np.ndarray
     J: float
+    entry: Entry
 
     @property
     def coefficients(self) -> np.ndarray:
@@ -123,6 +124,7 @@ def enter(base: Base, entry: Entry) -> Contender:
         blocks=blocks,
         torque=torque,
         J=J,
+        entry=entry,
     )
     return replace(found, blocks=base.score - 1e-9) if _unidentified(found) else found
 

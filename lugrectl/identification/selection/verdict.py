@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from . import laws_as_rows, rounds
 from .base import Base, Record
 from .contender import Contender
 from .numbers import LEAST, REST, SECOND, UNKNOWN
@@ -38,16 +39,31 @@ class Decision:
     def last(self) -> Base:
         """The base with all effects in it that are named."""
         assert self.table is not None
-        base = self.table.base if self.beside is None else self.beside.base
-        second = [c for c in self.effects if c.base is base and self.beside is not None]
-        return second[0].joined() if second else base
+        return self.table.base if self.beside is None else self.beside.base
 
 
 def decide(record: Record, least: float = LEAST) -> Decision:
     """From the record to the verdict."""
     table, heavy, also = decided(record)
     found = _of(record, table, least)
-    return replace(found, gravity=heavy) if heavy is None else _with_weight(found, heavy, also)
+    found = found if heavy is None else _with_weight(found, heavy, also)
+    return _with_law(found, least)
+
+
+def _with_law(found: Decision, least: float) -> Decision:
+    """With the parts of friction that the declared law lacks and the record needs."""
+    assert found.table is not None
+    record = found.table.base.record
+    if found.verdict not in ("adequate", "found", "ambiguous") or not record.sure:
+        return found
+    many = float(np.log(len(laws_as_rows.PARTS))) + 2
+    parts = []
+    for c in laws_as_rows.rows(found.last):
+        d, se = c.above(c.base)
+        if d > many and d > NOTHING * se and c.share > least:
+            parts.append(c)
+    verdict = "found" if parts and found.verdict == "adequate" else found.verdict
+    return replace(found, verdict=verdict, effects=(*found.effects, *parts))
 
 
 def _of(record: Record, table: Table, least: float) -> Decision:
@@ -104,8 +120,28 @@ def _what_is_left(
     if found.verdict == "found" and second is not None:
         large = second.share > max(UNKNOWN * least, SECOND * best.share)
         if large and second.gain > 0.15 * best.gain:
-            return replace(found, effects=(best, second))
+            return _several(found, best, second, least, many)
     return found
+
+
+def _several(
+    found: Decision, best: Contender, second: Contender, least: float, many: float
+) -> Decision:
+    """All effects of the record, each the best beside the others."""
+
+    def fits(c: Contender, over: Base) -> bool:
+        d, se = c.above(over)
+        large = c.share > max(UNKNOWN * least, SECOND * best.share)
+        return large and d > many and d > NOTHING * se
+
+    assert found.table is not None
+    start = found.table.base
+    effects, _ = rounds.all_of([best, second], fits)
+    effects, also = rounds.exchanged(start, effects, fits)
+    effects = rounds.chained(start, effects)
+    table = Table(effects[-1].joined(), (), ())
+    verdict = "ambiguous" if also else "found"
+    return replace(found, verdict=verdict, effects=tuple(effects), alternatives=also, beside=table)
 
 
 def _odd(
