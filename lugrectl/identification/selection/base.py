@@ -164,6 +164,7 @@ class Base:
 
     ``inside`` are the names of the effects in it, ``u`` the torque that reaches the drive,
     ``weight`` the torque of its gravity (n,), 0 without,
+    ``levels`` those of friction, where they are not its own,
     ``known`` the frequency, damping and gap of loads that were searched before.
     """
 
@@ -175,6 +176,7 @@ class Base:
     inside: tuple[str, ...] = ()
     gravity: bool = False
     friction: float | None = None
+    levels: np.ndarray | None = None
     known: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     @cached_property
@@ -215,7 +217,8 @@ class Base:
 
     # ------------------------------------------------------------------ its friction
     def _of(self, names: tuple[str, ...]) -> np.ndarray:
-        return self.law.part(self.made.b[LEVELS], names)
+        own = self.made.b[LEVELS] if self.levels is None else self.levels
+        return self.law.part(own, names)
 
     @cached_property
     def coulomb(self) -> np.ndarray:
@@ -237,7 +240,8 @@ class Base:
     @cached_property
     def level(self) -> np.ndarray:
         """Level of Coulomb friction over the speed, (n,)."""
-        b, w = self.made.b[LEVELS], np.abs(self.record.motion.w)
+        b = self.made.b[LEVELS] if self.levels is None else self.levels
+        w = np.abs(self.record.motion.w)
         known = self.record.declared
         if known.get("Fs") and known.get("Fc") and known.get("vs"):
             scale = max(b[0], 0.3 * rms(self.coulomb))
