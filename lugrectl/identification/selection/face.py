@@ -90,7 +90,7 @@ def _rows(table: Table) -> list[Compared]:
     own = int(base.made.free.sum())
     rows = [Compared("declared", 0.0, 0.0, 0.0, own)]
     for c in table.rows:
-        gain, se = c.above(base)
+        gain, se = c.above(c.base)
         rows.append(Compared(c.name, gain, se, c.share, int(c.made.free.sum())))
     return rows
 
@@ -105,8 +105,9 @@ def record_of(stretches: Sequence[Stretch], model: Model, plain: Balance) -> Rec
     width, sure = _width(motion, declared, J, sure)
     held = None if declared.get("J") else J
     motion = motion.part(_share(motion, width.h))
+    has = frozenset(model.friction.block.own)
     return Record.of(
-        motion, rows_of(motion, width.h), declared, held, sure, width.heavy, model.effects
+        motion, rows_of(motion, width.h), declared, held, sure, width.heavy, model.effects, has
     )
 
 

@@ -9,6 +9,7 @@ from statistics import NormalDist
 import numpy as np
 
 from ...spec import REGISTRY
+from . import laws_as_rows, rounds
 from .base import Base, Record
 from .contender import Contender, enter
 from .numbers import ALPHA, LEAST, REST, SECOND, UNKNOWN
@@ -74,12 +75,27 @@ class Bars:
 def decide(record: Record, least: float = LEAST, alpha: float = ALPHA) -> Decision:
     """From the record to the verdict."""
     table, heavy, also = decided(record)
-    found = _of(record, table, Bars(least, NormalDist().inv_cdf(1 - 0.5 * alpha)))
-    if heavy is not None:
-        return _with_weight(found, heavy, also)
-    if not record.sure:
+    bars = Bars(least, NormalDist().inv_cdf(1 - 0.5 * alpha))
+    found = _of(record, table, bars)
+    if not record.sure and heavy is None:
         return replace(found, messages=(UNSURE,))
-    return _with_load(found) if found.verdict == "adequate" else found
+    found = found if heavy is None else _with_weight(found, heavy, also)
+    found = _with_load(found) if found.verdict == "adequate" else found
+    return _with_law(found, bars) if record.sure else found
+
+
+def _with_law(found: Decision, bars: Bars) -> Decision:
+    """With the parts of friction that the declared law lacks and the record needs."""
+    if found.verdict not in ("adequate", "found", "ambiguous"):
+        return found
+    least = float(np.log(len(laws_as_rows.PARTS))) + MORE
+    parts = []
+    for c in laws_as_rows.rows(found.last):
+        d, se = c.above(c.base)
+        if d > least and d > bars.z * se and c.share > bars.least:
+            parts.append(c)
+    verdict = "found" if parts and found.verdict == "adequate" else found.verdict
+    return replace(found, verdict=verdict, effects=(*found.effects, *parts))
 
 
 def _of(record: Record, table: Table, bars: Bars) -> Decision:
@@ -149,8 +165,24 @@ def _what_is_left(found: Decision, free: list[Contender], bars: Bars) -> Decisio
         return replace(found, verdict="unexplained", effects=kept, alternatives=(),
                        depends_on=odd.depends_on, unknown=odd)  # fmt: skip
     if found.verdict == "found" and second is not None:
-        return replace(found, effects=(best, second))
+        return _several(found, best, second, bars)
     return found
+
+
+def _several(found: Decision, best: Contender, second: Contender, bars: Bars) -> Decision:
+    """All effects of the record, each the best beside the others."""
+
+    def fits(c: Contender, table: Table) -> bool:
+        return bool(bars.proven(table, [c])) and _large(c, best, bars.least)
+
+    assert found.table is not None
+    start = found.table.base
+    effects, _ = rounds.all_of([best, second], fits)
+    effects, also = rounds.exchanged(start, effects, fits)
+    effects = rounds.chained(start, effects)
+    table = Table(effects[-1].joined(), (), ())
+    verdict = "ambiguous" if also else "found"
+    return replace(found, verdict=verdict, effects=tuple(effects), alternatives=also, beside=table)
 
 
 def _large(c: Contender, best: Contender, least: float) -> bool:
