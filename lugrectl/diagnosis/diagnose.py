@@ -138,6 +138,8 @@ def _finer(asked: Asked, horizon: float, seed: int, least: float, report: Progre
     ready = prepared(record, model, holdout, horizon, asked.plain.values())
     report(0.05, "comparing explanations")
     found = compare(asked.plain.stretches, model, asked.plain, least)
+    if found.verdict == "refused":
+        raise Refused(" ".join(found.messages))
     try:
         return _fitted(begin(ready, report), found, asked, seed, report)
     except Refused as no:  # the comparison needs no simulation

@@ -83,7 +83,11 @@ def tracks_of(stretches: Sequence[Stretch]) -> list[Track]:
         filled = {k: _filled(getattr(s, k), ok) if both[k] else None for k in both}
         age = (start + s.t - s.t[0]) / starts[-1] - 0.5
         u = _filled(s.u, ok)
-        made.append(Track(s.run, float(s.dt), s.t, u, filled["theta"], filled["w"], ok, age, jitter=s.jitter))
+        made.append(
+            Track(
+                s.run, float(s.dt), s.t, u, filled["theta"], filled["w"], ok, age, jitter=s.jitter
+            )
+        )
     return made
 
 

@@ -6,13 +6,18 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .base import Base, Record
+from ..balance import UNRELATED
+from .base import Base, Record, rms
 from .contender import Contender
-from .numbers import LEAST, REST, SECOND, UNKNOWN
+from .numbers import HALF, LEAST, REST, SECOND, UNKNOWN
 from .score import paired
 from .table import ALIKE, Table, as_good, decided, tabulate
 
 NOTHING = 2.6  # the same between the best of about thirty and nothing
+NOT_DETERMINED = (
+    "This record does not determine the inertia: no effect is named. Record moves that accelerate "
+    "harder, or declare J."
+)
 KNOWN_TIME = 0.33  # of `least` for a delay that is 1 ms or more beyond what is free
 
 
@@ -70,7 +75,7 @@ def _of(record: Record, table: Table, least: float) -> Decision:
         good = []
     if not good:
         if not free:
-            return Decision("adequate", table=table)
+            return _nothing(record, table)
         signals = free[0].depends_on
         return Decision("unexplained", depends_on=signals, table=table, unknown=free[0])
     best = good[0]
@@ -78,6 +83,16 @@ def _of(record: Record, table: Table, least: float) -> Decision:
     verdict = "ambiguous" if also else "found"
     found = Decision(verdict, (best,), also, table=table)
     return _what_is_left(found, best, free, least, many)
+
+
+def _nothing(record: Record, table: Table) -> Decision:
+    """Nothing is proven: the model is adequate, or the record could not have shown it."""
+    base = table.base
+    left = rms(base.made.r) * base.view.scale.sigma / max(rms(base.y), 1e-300)
+    if left > HALF:
+        return Decision("refused", table=table, messages=(UNRELATED.format(left),))
+    said = () if record.sure else (NOT_DETERMINED,)
+    return Decision("adequate", table=table, messages=said)
 
 
 def _what_is_left(
