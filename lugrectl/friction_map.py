@@ -17,9 +17,9 @@ from .steady.choice import choose, is_static, left_over, started
 from .steady.curve import Curve, fit, refit
 from .steady.points import Points, is_steady, laid, points, refuse_narrow
 from .steady.swing import Swing, finding_of, sentence, swings
+from .tracing.applicable import signals_of
 from .tracing.evaluate import rms
 from .tracing.far import far_off
-from .tracing.hanging import signals_of
 from .tracing.job import Progress, unidentified
 from .tracing.start import holding, lifted
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from ..door import as_holdout, as_logs, as_model
 from ..identification.balance import Balance
+from ..identification.selection import completed
 from ..model import Model
 from ..record import Log, Record, record_of
 from .plain import plain_answer
@@ -38,6 +39,11 @@ class Asked:
         """The torque balance of the logs as they were recorded."""
         logs = [log.log if isinstance(log, Record) else log for log in self.logs]
         return plain_answer([log for log in logs if log is not None], self.model)
+
+    def starts(self) -> dict[str, float]:
+        """Values from which a fit starts: of the plain answer, of effects declared without."""
+        plain = self.plain
+        return plain.values() | completed(plain.stretches, self.model, plain)
 
     def records(self) -> Record | list[Record]:
         """The logs on uniform time: one record, or a list; Refused where one has no motion."""

@@ -21,10 +21,10 @@ from ..results import Candidate, Diagnosis, Estimate, Finding, Table
 from ..spec import members
 from ..steady.points import is_map
 from ..traces import traces
+from ..tracing.applicable import signals_of
 from ..tracing.evaluate import missing_torque
 from ..tracing.far import against_held, at_bounds, far_off
 from ..tracing.fit import Fitted
-from ..tracing.hanging import signals_of
 from ..tracing.held_out import adapted
 from ..tracing.job import (
     Job,
@@ -135,7 +135,7 @@ def _finer(asked: Asked, horizon: float, seed: int, least: float, report: Progre
     holdout = asked.holdout()
     if not isinstance(record, Record) and is_map(record):
         return diagnose_map(record, model, holdout=holdout, seed=seed, progress=report)
-    ready = prepared(record, model, holdout, horizon, asked.plain.values())
+    ready = prepared(record, model, holdout, horizon, asked.starts())
     report(0.05, "comparing explanations")
     found = compare(asked.plain.stretches, model, asked.plain, least)
     if found.verdict == "refused":

@@ -164,7 +164,7 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
     holdout = asked.holdout()
     if not isinstance(record, Record) and is_map(record):
         return _map_identified(begin_map(record, model, holdout, report), model)
-    job = begin(prepared(record, model, holdout, horizon, asked.plain.values()), report)
+    job = begin(prepared(record, model, holdout, horizon, asked.starts()), report)
     whole = on_everything(job.base, job)
     job = noted(compared(job, whole), *at_bounds(whole), *far_off(whole, model))
     job = noted(job, *against_held(whole), *other_optima(whole))

@@ -10,19 +10,19 @@ import numpy as np
 from scipy.stats import f as fisher
 from scipy.stats import norm, rankdata
 
+from ..identification.selection import LEAST
 from ..model import Model
 from ..results import Candidate
 from ..spec import Block, members
-from ..tracing.choice import worth_trying
+from ..tracing.applicable import worth_trying
 from ..tracing.coordinates import typical
-from ..tracing.proof import LEAST_SIZE
-from ..tracing.screening import STEPS
 from .curve import Curve, fit
 from .points import Points, laid
 
 CHANCE = 0.01  # probability that any effect is named although nothing is missing
 ALIKE = 4.0  # misfit, in variances, within which two models explain a map equally well
 MOST_EFFECTS = 3
+STEPS = 30.0  # size of a test step, in typical steps
 DRAWS, CHANCE_LEFT = 999, 0.01  # permutations of the residuals, and the level of their test
 
 Named = tuple[str, Curve]
@@ -94,7 +94,7 @@ def is_static(made: Block) -> bool:
 
 
 def _worth(curve: Curve) -> bool:
-    return curve.size(curve.model.effects[-1].key) > LEAST_SIZE
+    return curve.size(curve.model.effects[-1].key) > LEAST
 
 
 def by_chance(before: Curve, after: Curve) -> float:
@@ -127,7 +127,7 @@ def left_over(curve: Curve, seed: int) -> bool:
     drawn = [_alike(sizes, [draw.permutation(e[o]) for o in order]) for _ in range(DRAWS)]
     rare = (1 + np.sum(np.array(drawn) >= seen, axis=0)) / (DRAWS + 1)
     size = float(np.std(curve.residual)) / float(np.std(curve.at.u))
-    return bool(min(rare) <= 0.5 * CHANCE_LEFT and size > LEAST_SIZE)
+    return bool(min(rare) <= 0.5 * CHANCE_LEFT and size > LEAST)
 
 
 def _alike(sizes: Sequence[np.ndarray], ways: Sequence[np.ndarray]) -> tuple[float, float]:

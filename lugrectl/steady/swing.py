@@ -11,7 +11,7 @@ from scipy import signal, stats
 from ..record import Record
 from ..results import Candidate, Estimate, Finding
 from ..spec import Block, members, unit_for
-from ..tracing.choice import worth_trying
+from ..tracing.applicable import worth_trying
 from ..tracing.evaluate import rms
 from .curve import Curve
 from .points import angle, torque, turns

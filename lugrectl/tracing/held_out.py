@@ -11,8 +11,8 @@ import numpy as np
 from ..model import Model
 from .data import Data
 from .fit import Fitted, fit
+from .likelihood import whitened_by_parts
 from .runs import MOST_RUNS, alike, knows_places, orders, repeating
-from .score import whitened_by_parts
 from .windows import Windows
 
 SETTLED = 5  # the first fifth of a lead-in does not count
@@ -90,5 +90,5 @@ def _placed(found: Fitted, key: str, where: Windows) -> dict[str, float]:
     widest = np.pi * unit / (often[0] if len(set(often)) == 1 else 1.0)
     count = min(FINEST, int(PER_PERIOD * max(often) * widest / (np.pi * unit)) + 1)
     sets = [{**found.values, key: float(p)} for p in np.linspace(-widest, widest, count)]
-    white = whitened_by_parts(found.predictor, sets, replace(found, where=where))
+    white = whitened_by_parts(found.predictor, sets, where, found.noise)
     return sets[int(np.argmin(np.sum(np.abs(white), axis=(1, 2, 3))))]

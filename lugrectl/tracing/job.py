@@ -12,15 +12,13 @@ from ..model import Model
 from ..record import Record, consistent, long_enough_to_judge, pooled
 from ..results import Estimate
 from ..spec import unit_for
-from .agreeing import agreeing, settled_on
 from .balance import named
-from .calm import CALM, calmed
 from .coordinates import free_keys
 from .data import Data, prepare
 from .dated import dated
 from .doubts import refuse_dead, refuse_unfit
 from .evaluate import free_run, judge
-from .fit import Fitted, fit, refitted, tuned
+from .fit import Fitted, fit, tuned
 from .late import LAG
 from .likelihood import tune
 from .noise import Noise
@@ -36,11 +34,6 @@ from .windows import Windows, spread, windows
 SLOWLY = "first guess (slow: there is neither a C compiler nor numba; install lugrectl[fast])"
 UNIDENTIFIED = "{} cannot be identified separately from {}; only a combination is determined."
 UNIDENTIFIED_ALONE = "{} cannot be identified from {}; its value is one choice among many."
-SMOOTHED = (
-    "u is noisy from sample to sample and was denoised as far as possible. J may be estimated too "
-    "large, and a lag or an elastic coupling may be due to the noise: log the commanded torque."
-)
-
 DATED = (
     "The torque column lags the motion by {0:.2g} ms (usual when it is logged as a sample or as "
     "the mean of the previous interval). It was shifted {0:.2g} ms earlier."
@@ -63,15 +56,13 @@ class Job:
     base: Fitted
     doubts: tuple[str, ...] = ()
     recorded: Data | None = None  # before its torque was corrected
-    only: tuple[str, ...] = ()  # effects to try, where not all
 
     @property
     def messages(self) -> tuple[str, ...]:
         """What was noticed about the model and the records."""
-        smoothed = (SMOOTHED,) if self.data.smoothed else ()
         moved = (DATED.format(1e3 * self.data.ahead),) if self.data.ahead else ()
         noticed = (m for r in self.records for m in r.messages)
-        return (*self.declared.remarks(), *noticed, *self.doubts, *moved, *smoothed)
+        return (*self.declared.remarks(), *noticed, *self.doubts, *moved)
 
 
 @dataclass(frozen=True)
@@ -135,10 +126,8 @@ def begin(asked: Prepared, report: Progress) -> Job:
         start = model.with_values({k: known[k] for k in opened})
     base = fitting(start, data)
     job = Job(records, model, data, parts, base, asked.doubts)
-    for other in (dated, calmed):
-        better = other(job.base)
-        job = job if better is None else on_torque(job, better, report)
-    return job
+    moved = dated(job.base)
+    return job if moved is None else on_torque(job, moved, report)
 
 
 def _declared(model: Model, data: Data, train: Windows, where: str, report: Progress) -> Fitted:
@@ -151,18 +140,6 @@ def _declared(model: Model, data: Data, train: Windows, where: str, report: Prog
     base = settled(fit(predictor, values, free_keys(predictor), train, data.noise), model)
     refuse_unidentified_inertia(base, model, where)
     return base
-
-
-def on_places(job: Job, report: Progress) -> Job | None:
-    """The same job with theta of its runs shifted until they agree; None if that gains nothing."""
-    if job.data.run[-1] == 0:
-        return None
-    report(0.1, "comparing the runs")
-    data = agreeing(job.base, job.parts.test)
-    if data is None:
-        return None
-    recorded = job.recorded and job.recorded.aligned(data.zeros, data.order)
-    return replace(job, data=data, base=settled_on(job.base, data), recorded=recorded)
 
 
 def compared(job: Job, fitted: Fitted) -> Job:
@@ -184,22 +161,8 @@ def noted(job: Job, *messages: str) -> Job:
     return replace(job, doubts=(*job.doubts, *messages))
 
 
-def another_torque(found: Fitted, timed: bool, recorded: Data | None) -> Data | None:
-    """Data with another torque to use now that more effects are known, or None.
-
-    The torque is shifted, or denoised unless the only question is its delay (``timed``). If that
-    was done already: the ``recorded`` torque, or one shifted by another time.
-    """
-    if recorded is None:
-        return dated(found) or (None if timed else calmed(found))
-    back = refitted(found, recorded)
-    moved = dated(back) if found.predictor.data.ahead else None
-    best = back if moved is None else refitted(back, moved)
-    return best.predictor.data if best.total > found.total + CALM else None
-
-
 def on_torque(job: Job, data: Data, report: Progress) -> Job:
-    """The same job with a shifted or denoised torque, or with the recorded one again."""
+    """The same job with a shifted torque, or with the recorded one again."""
     changed = data is not job.recorded
     report(0.1, f"refitting with the {'corrected' if changed else 'recorded'} torque")
     base, values = job.base, job.base.anchor

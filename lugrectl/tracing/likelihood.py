@@ -13,6 +13,7 @@ from .windows import Windows
 
 SHORT_LOOK = 0.5  # natural log units: a half-width that three points cover well enough
 FARTHEST = 20.0  # the same: limit of the logarithm of the noise in rad/s2
+LARGEST = 2_000_000  # counted samples in one call
 WORST = 1e100  # innovation of a model that diverges; its square can still be added up
 
 
@@ -126,3 +127,12 @@ def _vertex(seen: Mapping[float, np.ndarray], center: float, step: float) -> flo
         return center
     bend, slope, _ = np.polyfit(x, y - y.max(), 2)
     return center if bend >= 0.0 else center + float(np.clip(-0.5 * slope / bend, -step, step))
+
+
+def whitened_by_parts(
+    predictor: Predictor, sets: Sequence[Values], where: Windows, noise: Noise
+) -> np.ndarray:
+    """Whitened innovations, in calls that limit the memory."""
+    most = max(1, LARGEST // max(1, where.counted.size, len(predictor.data.t) // 2))
+    parts = [sets[i : i + most] for i in range(0, len(sets), most)]
+    return np.concatenate([whitened(predictor, part, where, noise) for part in parts])

@@ -10,18 +10,15 @@ import numpy as np
 
 from ..blocks.friction import EPS
 from ..errors import Refused
-from ..model import Model
+from ..model import Model, Part
 from ..spec import unit_for
 from .beside import beside
-from .coordinates import free_keys
-from .data import Data
+from .data import Data, thinned
 from .fit import QUIETER, Fitted, again, fit, tuned
 from .likelihood import whitened
 from .predictor import Predictor
 from .proof import loud
-from .score import Score
-from .screening import lightened, screen
-from .windows import Windows
+from .windows import Windows, coarser, spread
 
 DEFLECTIONS = (1e-5, 1e-4, 1e-3, 1e-2)  # Fc / sigma0 as a share of the largest speed, in s
 BALANCED = {"J", "Fc", "Fv"}
@@ -34,6 +31,8 @@ ROUNDS = 5  # of fits, each from the values of the previous one
 BETTER = 3.0  # least gain in log-likelihood that counts as an improvement
 TURNS = (0.5 * np.pi, np.pi, -0.5 * np.pi)  # rad, changes of a declared phase
 EXCESS = 1.05  # start of Fs over Fc, where the declared one is below
+ENOUGH, MANY_WINDOWS = 40_000, 24  # counted samples and windows on which starts are compared
+COARSE = 2e-3  # s, longest sampling interval there
 STRIBECK_SPEEDS = (1e-3, 5e-3, 2e-2)  # vs as a share of the largest speed
 
 
@@ -52,7 +51,8 @@ def completed(model: Model, data: Data, train: Windows) -> Model:
     """The model with an initial value for every undeclared one.
 
     Inertia, Coulomb and viscous friction come from the plain torque balance; presliding and
-    Stribeck values from a coarse search; a declared effect without values from the score test.
+    Stribeck values from a coarse search; a declared effect without values from the comparison
+    of torques.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def completed(model: Model, data: Data, train: Windows) -> Model:
     core = core.with_values(core.kept(_balanced(core, data)))
     core = _searched(core, data, train, model)
     for part in model.effects:
-        core = _with_effect(core, part, data, train) if part not in known else core
+        core = _with_effect(core, part, data) if part not in known else core
     return core
 
 
@@ -227,20 +227,29 @@ def _ordered(values: Mapping, missing: dict[str, float]) -> dict[str, float]:
     return missing
 
 
-def _with_effect(core: Model, part, data: Data, train: Windows) -> Model:
-    predictor = Predictor(core, data)
-    base = fit(predictor, core.known(), free_keys(predictor), train, data.noise, most=8)
-    trials = screen(Score(base), [part.block.name])
-    if not trials:
+def _with_effect(core: Model, part: Part, data: Data) -> Model:
+    """The model with a declared effect without values, as the comparison of torques found it."""
+    found = {k: data.plain.get(f"{part.key}.{k}", v) for k, v in part.values.items()}
+    missing = [k for k, v in found.items() if v is None]
+    if missing:
         raise Refused(
             f"The declared effect {part.block.name} cannot be identified from the record: no value "
             "within its bounds fits.",
             "Give its values in the model file, or leave the effect out.",
         )
-    start = trials[0].values
-    found = {k: start[f"{trials[0].key}.{k}"] for k in part.values}
-    given = {k: v for k, v in part.values.items() if v is not None}
-    return core.with_effect(part.block.name, found | given)
+    return core.with_effect(part.block.name, found)
+
+
+def lightened(base: Fitted) -> Fitted:
+    """The base model on as few samples as are needed to compare starts."""
+    data = base.predictor.data
+    every = max(1, int(COARSE / data.dt + 1e-9))
+    where = base.where if every == 1 else coarser(base.where, data.runs, every)
+    where = spread(where, ENOUGH, MANY_WINDOWS)
+    if every == 1 and where is base.where:
+        return base
+    predictor = base.predictor.on(thinned(data, every)) if every > 1 else base.predictor
+    return tuned(replace(base, predictor=predictor, where=where))
 
 
 def _range(low: float, high: float, unit: str) -> str:

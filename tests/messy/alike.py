@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import bilinear, lfilter
 
-from .effects import hidden
+from .effects import held, hidden
 from .machine import Machine
 from .plant import RATE, njit
 
@@ -28,11 +28,18 @@ ON_FRICTION = {
 }
 
 
-def alike(drawn: Any, run: dict[str, np.ndarray], torque: np.ndarray) -> tuple[float, frozenset]:
-    """RMS torque that the declared structure cannot absorb, and the names that fit as well."""
+def alike(
+    drawn: Any, run: dict[str, np.ndarray], torque: np.ndarray, dull: float = 0.0
+) -> tuple[float, frozenset[str]]:
+    """RMS torque that the declared structure cannot absorb, and the names that fit as well.
+
+    Below ``dull`` N m no names are searched for.
+    """
     m = drawn.machine
     seen_by = _Fit(drawn, run, torque)
     seen = _rms(seen_by.target)
+    if seen < dull:
+        return seen, frozenset()
     limit = LIKE * min(seen_by.level, seen)
     least: dict[str, float] = {}
     for name, columns in _candidates(drawn, m, seen_by):
@@ -45,8 +52,9 @@ class _Fit:
 
     def __init__(self, drawn: Any, run: dict[str, np.ndarray], torque: np.ndarray) -> None:
         m, name = drawn.machine, drawn.name
-        self.step = max(len(torque) // POINTS, 1)
         self.run = run
+        moving = np.flatnonzero(np.abs(run["w"]) > m.vs)  # at rest friction may be anything
+        self.kept = moving[:: max(len(moving) // POINTS, 1)]
         self.theta, self.w, self.a, self.t = (self.cut(run[k]) for k in ("theta", "w", "a", "t"))
         bristle, viscous = run["bristle"], run["viscous"]
         if name == "thermal_drift":
@@ -67,7 +75,7 @@ class _Fit:
 
     def cut(self, x: np.ndarray) -> np.ndarray:
         """A signal at the instants of the fit."""
-        return x[:: self.step]
+        return x[self.kept]
 
     def free(self, x: np.ndarray) -> np.ndarray:
         """What the base does not absorb."""
@@ -117,7 +125,7 @@ def _candidates(drawn: Any, m: Machine, f: _Fit) -> Iterator[tuple[str, list[np.
         yield "position_dependent_friction", [s * x for x in waves]
         yield "torque_constant_ripple", [u * x for x in waves]
     yield from _in_time(f)
-    yield from _in_command(f)
+    yield from _in_command(m, f)
     for q in np.linspace(0.4, 0.98, 25):  # touched all the time it is a spring
         yield "hard_stop", [np.maximum(theta - np.quantile(theta, q), 0)]
         yield "hard_stop", [np.minimum(theta - np.quantile(theta, 1 - q), 0)]
@@ -132,20 +140,22 @@ def _in_time(f: _Fit) -> Iterator[tuple[str, list[np.ndarray]]]:
     for t0 in np.linspace(0.1, 0.9, 33) * end:
         yield "friction_step", [f.s * (t >= t0)]
         yield "inertia_step", [f.a * (t >= t0)]
-    power = np.abs(np.fft.rfft(f.target * np.hanning(len(t)), 4 * len(t)))
-    power[:8] = 0  # two periods at least
+    hertz = np.arange(2, 200, 0.5) / end  # two periods at least
+    power = np.abs(np.exp(-2j * np.pi * hertz[:, None] * t[::3]) @ f.target[::3])
     for i in np.argsort(power)[-8:]:
-        phase = 2 * np.pi * i / (4 * len(t)) * np.arange(len(t))
+        phase = 2 * np.pi * hertz[i] * t
         yield "periodic_disturbance", [np.sin(phase), np.cos(phase)]
 
 
-def _in_command(f: _Fit) -> Iterator[tuple[str, list[np.ndarray]]]:
+def _in_command(m: Machine, f: _Fit) -> Iterator[tuple[str, list[np.ndarray]]]:
     u = f.run["command"]
-    for late in (1e-3, 2e-3, 3e-3, 4e-3, 5e-3, 6e-3, 8e-3, 10e-3):
+    logged = held(m, u)
+    for beyond in (1e-3, 2e-3, 3e-3, 4e-3, 5e-3, 6e-3, 8e-3, 10e-3):
+        late = beyond + 0.5 * m.every / RATE
         n = int(late * RATE)
-        yield "input_delay", [f.cut(u - np.concatenate([np.full(n, u[0]), u[:-n]]))]
+        yield "input_delay", [f.cut(logged - np.concatenate([np.full(n, u[0]), u[:-n]]))]
         keep = np.exp(-1 / (RATE * late))
-        yield "actuator_lag", [f.cut(u - lfilter([1 - keep], [1, -keep], u))]
+        yield "actuator_lag", [f.cut(logged - lfilter([1 - keep], [1, -keep], u))]
     for width in np.geomspace(0.02, 0.5, 8) * np.quantile(np.abs(u), 0.9):
         yield "actuator_dead_zone", [f.cut(np.clip(u, -width, width))]
 

@@ -100,7 +100,7 @@ def plan(name: str, m: Machine, g: np.random.Generator, motion, fric: float, sha
         case "input_delay":
             return {"delay": g.uniform(2e-3, 8e-3)}
         case "actuator_lag":
-            return {"time_constant": g.uniform(2e-3, 8e-3)}
+            return {"time_constant": g.uniform(2e-3, 8e-3) + 0.5 * m.every / RATE}
         case "actuator_dead_zone":
             return {"half_width": goal}
         case "return_spring":
@@ -132,7 +132,8 @@ def _two_mass(name: str, m: Machine, g: np.random.Generator) -> dict:
     if name == "backlash":
         own *= 1.5
     stiffness = own**2 * m.J * load / (m.J + load)
-    damping = 2 * g.uniform(0.02, 0.08) * own * m.J * load / (m.J + load)
+    loss = g.uniform(0.1, 0.35) if name == "backlash" else g.uniform(0.02, 0.08)
+    damping = 2 * loss * own * m.J * load / (m.J + load)
     out = {"load_inertia": load, "stiffness": stiffness, "damping": damping}
     if name == "backlash":
         out["gap"] = log_uniform(g, 0.005, 0.06) * max(1.0, m.top**2 / m.pull)
@@ -277,7 +278,15 @@ def hidden(name: str, p: dict, m: Machine, run: dict[str, np.ndarray]) -> np.nda
             return p["scale"] * p["wave"]
         case "none":
             return np.zeros_like(t)
-    return run["command"] - run["acting"]  # what happens between command and torque
+    if name == "actuator_dead_zone" or name == "torque_constant_ripple":
+        return run["command"] - run["acting"]
+    return held(m, run["command"]) - run["acting"]
+
+
+def held(m: Machine, u: np.ndarray) -> np.ndarray:
+    """The command as its log, held from sample to sample, gives it: half a sample late."""
+    n = m.every // 2
+    return np.concatenate([np.full(n, u[0]), u[:-n]])
 
 
 def _part(torque: np.ndarray, grown: np.ndarray) -> np.ndarray:

@@ -59,7 +59,7 @@ def draw_machine(g: np.random.Generator, effect: str) -> Machine:
     j = log_uniform(g, 1e-5, 1.0)
     ratio = log_uniform(g, 6.0, 150.0)
     fc = j * ratio
-    pull = ratio * log_uniform(g, 0.7, 4.0)
+    pull = ratio * log_uniform(g, 1.0, 5.0)
     top = pull * log_uniform(g, 0.12, 0.6)
     fs = fc * g.uniform(1.02, 1.5)
     power = 1.0 if effect == "viscous_asymmetry" else float(g.choice([1.0, 1.0, 0.85, 0.8]))
@@ -91,7 +91,7 @@ def draw_machine(g: np.random.Generator, effect: str) -> Machine:
         pull=pull,
         counts=counts,
         w=w,
-        tacho=top * log_uniform(g, 0.001, 0.008),
+        tacho=top * log_uniform(g, 0.001, 0.004),
         smooth=max(4 * stiff, log_uniform(g, 150, 1000)),
         u=u,
         current=(
@@ -107,8 +107,8 @@ def draw_machine(g: np.random.Generator, effect: str) -> Machine:
 def _bandwidth(g, effect: str, ratio: float, quantum: float, tacho: bool) -> float:
     """Bandwidth of the velocity loop that neither shouts at the encoder nor swings."""
     want = log_uniform(g, 25.0, 250.0)
-    if not tacho:  # J stiff * quantum * 4 stiff stays below half of friction
-        want = min(want, float(np.sqrt(ratio / (8 * quantum))))
+    if not tacho:  # J stiff * quantum * 4 stiff stays below an eighth of friction
+        want = min(want, float(np.sqrt(ratio / (32 * quantum))))
     if effect in ("input_delay", "actuator_lag", "elastic_coupling", "backlash"):
         want = min(want, log_uniform(g, 20.0, 45.0))
     return max(want, 12.0)

@@ -21,7 +21,7 @@ def reference(m: Machine, g: np.random.Generator, kind: str, duration: float, qu
         v = _velocity(m, g, kind, n)
     width = max(int(g.uniform(0.02, 0.08) / quick * RATE), 8)
     v = uniform_filter1d(uniform_filter1d(v, width), width)
-    v -= v[0]
+    v *= np.minimum(np.arange(n) / (0.3 * RATE), 1)  # from rest
     return np.cumsum(v) / RATE, v, np.gradient(v) * RATE
 
 
@@ -46,7 +46,7 @@ def _moves(m: Machine, g: np.random.Generator, n: int) -> np.ndarray:
         pieces += [
             _trapezoid(target - place, m.top * g.uniform(0.3, 1), m.pull * g.uniform(0.5, 1))
         ]
-        pieces += [np.zeros(int(g.uniform(0.02, 0.5) * RATE))]
+        pieces += [np.zeros(int(g.uniform(0.02, 0.3) * RATE))]
         place, total = target, sum(len(p) for p in pieces)
     return np.concatenate(pieces)[:n]
 
@@ -68,7 +68,7 @@ def _jogs(m: Machine, g: np.random.Generator, n: int) -> np.ndarray:
         ramp = max(int(abs(target - speed) / (m.pull * g.uniform(0.4, 1)) * RATE), 8)
         pieces += [
             np.linspace(speed, target, ramp),
-            np.full(int(g.uniform(0.3, 1.5) * RATE), target),
+            np.full(int(g.uniform(0.2, 1.0) * RATE), target),
         ]
         speed, total = target, sum(len(p) for p in pieces)
     return np.concatenate(pieces)[:n]
@@ -76,7 +76,7 @@ def _jogs(m: Machine, g: np.random.Generator, n: int) -> np.ndarray:
 
 def _sweep(m: Machine, g: np.random.Generator, n: int) -> np.ndarray:
     """Slow ramps of velocity through zero and back, growing from pass to pass."""
-    period = g.uniform(2.0, 5.0)
+    period = g.uniform(0.9, 3.5)
     t = np.arange(n) / RATE
     grow = 0.15 + 0.85 * t / t[-1]
     phase = t / period % 1
@@ -84,10 +84,10 @@ def _sweep(m: Machine, g: np.random.Generator, n: int) -> np.ndarray:
 
 
 def _multisine(m: Machine, g: np.random.Generator, n: int) -> np.ndarray:
-    """Four to eight sines between 0.1 and 4 Hz at random phases."""
+    """Four to eight sines between 0.2 and 4 Hz at random phases."""
     t = np.arange(n) / RATE
     number = int(g.integers(4, 9))
-    hertz = np.exp(g.uniform(np.log(0.1), np.log(4.0), number))
+    hertz = np.exp(g.uniform(np.log(0.2), np.log(4.0), number))
     gain = hertz ** -g.uniform(0.3, 0.8)
     v = sum(
         a * np.sin(2 * np.pi * f * t + p)
@@ -99,7 +99,7 @@ def _multisine(m: Machine, g: np.random.Generator, n: int) -> np.ndarray:
 def _chirp(m: Machine, g: np.random.Generator, n: int) -> np.ndarray:
     """A sine whose frequency grows to a few hertz and whose amplitude stays within the torque."""
     t = np.arange(n) / RATE
-    low, high = g.uniform(0.1, 0.3), g.uniform(2.0, 6.0)
+    low, high = g.uniform(0.15, 0.5), g.uniform(2.0, 6.0)
     rate = np.log(high / low) / t[-1]
     hertz = low * np.exp(rate * t)
     phase = 2 * np.pi * low * (np.exp(rate * t) - 1) / rate

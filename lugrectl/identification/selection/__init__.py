@@ -9,8 +9,19 @@ over the same windows of the same log, scored by the density of each block under
 :func:`compare` is the door.
 """
 
+from .completing import completed
 from .face import compare
 from .numbers import ALPHA, LEAST
 from .result import Compared, Comparison, Detectable, Named, Share
 
-__all__ = ["ALPHA", "LEAST", "Compared", "Comparison", "Detectable", "Named", "Share", "compare"]
+__all__ = [
+    "ALPHA",
+    "LEAST",
+    "Compared",
+    "Comparison",
+    "Detectable",
+    "Named",
+    "Share",
+    "compare",
+    "completed",
+]

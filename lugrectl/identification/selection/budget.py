@@ -8,7 +8,7 @@ import numpy as np
 from scipy import stats
 
 from ...spec import REGISTRY
-from .base import LEVELS, Base, rms
+from .base import LEVELS, SLIGHT, WEIGHT, Base, rms
 from .contender import Contender
 from .law import FORCES, NAMES, SMEAR, VISCOUS
 from .numbers import ALPHA, POWER
@@ -44,8 +44,9 @@ def _terms(
     yield "inertia", [0], ("a",)
     yield "coulomb", [at[k] for k in (*FORCES, *SMEAR)], ("w",)
     yield "viscous", [at[k] for k in VISCOUS], ("w",)
+    yield "offset and unbalance", SLIGHT, ("theta",)
     if base.gravity:
-        yield "gravity", [LEVELS.stop, LEVELS.stop + 1], ("theta",)
+        yield "gravity", [WEIGHT, WEIGHT + 1], ("theta",)
     end = base.columns.X.shape[1]
     for c in reversed(parts):
         if c.own:

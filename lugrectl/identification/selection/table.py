@@ -91,8 +91,7 @@ def weight(table: Table) -> tuple[Contender | None, tuple[str, ...]]:
     if g is None or record.motion.span < TURNED or not record.sure:
         return None, ()
     top = table.named[0]
-    heavy = record.heavy or (g.share > HEAVY and g.gain > 0.5 * top.gain)
-    if not heavy or g.gain < SETTLE:
+    if g.share < HEAVY or g.gain < SETTLE or not (record.heavy or g.gain > 0.5 * top.gain):
         return None, ()
     also = [c for c in table.named if c.name in ("constant_torque", "return_spring")]
     close = tuple(c.name for c in also if c.gain > 0.97 * g.gain or as_good(c, g))
@@ -113,7 +112,7 @@ def richest(base: Base, table: Table) -> View:
     Each term has its prior. The inertia stays near that of the base: else what imitates u would
     take it away, and the noise with it.
     """
-    own, record = base.columns, base.record
+    own = base.columns
     parts = [_with_prior(c, base) for c in table.named if c.gain > USED and c.share > 0.002]
     parts += [c.its for c in table.unknown if c.gain > USED]
     c = own
