@@ -143,8 +143,10 @@ def _finer(
     if not isinstance(record, Record) and is_map(record):
         return diagnose_map(record, model, holdout=holdout, seed=seed, progress=report)
     report(0.05, "comparing explanations")
-    ready = prepared(record, model, holdout, horizon)
     found = compare(asked.plain.stretches, model, asked.plain, *limits)
+    if found.verdict == "refused":
+        raise Refused(" ".join(found.messages))
+    ready = prepared(record, model, holdout, horizon)
     ready = ready.from_values(asked.starts(found.alone))
     try:
         return _fitted(begin(ready, report), found, asked, seed, report)

@@ -34,6 +34,9 @@ def compare(
 ) -> Comparison:
     """What is missing from a declared model, by one comparison.
 
+    The verdict is "refused", with the reason as its message, where the torque has nothing to do
+    with the motion, or follows it.
+
     Parameters
     ----------
     stretches : sequence of Stretch
@@ -47,6 +50,8 @@ def compare(
     alpha : float
         Chance of naming something on a record on which nothing is missing.
     """
+    if plain.refused:
+        return Comparison("refused", messages=(plain.refused,), least=least)
     began = time.perf_counter()
     with np.errstate(all="ignore"):  # a record without noise divides by nearly 0
         found = decide(record_of(stretches, model, plain), least, alpha)

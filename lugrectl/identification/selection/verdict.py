@@ -9,10 +9,11 @@ from statistics import NormalDist
 import numpy as np
 
 from ...spec import REGISTRY
+from ..balance import UNRELATED
 from . import laws_as_rows, rounds
-from .base import Base, Record
+from .base import Base, Record, rms
 from .contender import Contender, enter
-from .numbers import ALPHA, LEAST, REST, SECOND, UNKNOWN
+from .numbers import ALPHA, HALF, LEAST, REST, SECOND, UNKNOWN
 from .score import paired
 from .search import entries
 from .table import ALIKE, Table, as_good, best_of, decided, tabulate
@@ -77,7 +78,7 @@ def decide(record: Record, least: float = LEAST, alpha: float = ALPHA) -> Decisi
     table, heavy, also = decided(record)
     bars = Bars(least, NormalDist().inv_cdf(1 - 0.5 * alpha))
     found = _of(record, table, bars)
-    if not record.sure and heavy is None:
+    if not record.sure and heavy is None and found.verdict != "refused":
         return replace(found, messages=(UNSURE,))
     found = found if heavy is None else _with_weight(found, heavy, also)
     found = _with_load(found) if found.verdict == "adequate" else found
@@ -123,6 +124,10 @@ def _floor(c: Contender, least: float) -> float:
 
 
 def _nameless(table: Table, free: list[Contender]) -> Decision:
+    base = table.base
+    left = rms(base.made.r) * base.view.scale.sigma / max(rms(base.y), 1e-300)
+    if not free and left > HALF:  # an effect as large as all friction could not have been seen
+        return Decision("refused", table=table, messages=(UNRELATED.format(left),))
     if not free:
         return Decision("adequate", table=table)
     signals = free[0].depends_on
