@@ -61,7 +61,15 @@ class Fitted:
         return self.noise.jump * self.values["J"]
 
     @property
-    def information(self) -> np.ndarray:
+    def identified_covariance(found: Fitted) -> np.ndarray:
+    """Covariance of the coordinates that the record identifies, 0 for the others, (coords,
+    coords)."""
+    C = found.covariance()
+    known = np.diag(C) < ANYWHERE
+    return np.where(np.outer(known, known), C, 0.0)
+
+
+def information(self) -> np.ndarray:
         return self.parts.sum(0)
 
     def covariance(self) -> np.ndarray:
