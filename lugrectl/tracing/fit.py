@@ -61,15 +61,7 @@ class Fitted:
         return self.noise.jump * self.values["J"]
 
     @property
-    def identified_covariance(found: Fitted) -> np.ndarray:
-    """Covariance of the coordinates that the record identifies, 0 for the others, (coords,
-    coords)."""
-    C = found.covariance()
-    known = np.diag(C) < ANYWHERE
-    return np.where(np.outer(known, known), C, 0.0)
-
-
-def information(self) -> np.ndarray:
+    def information(self) -> np.ndarray:
         return self.parts.sum(0)
 
     def covariance(self) -> np.ndarray:
@@ -234,6 +226,14 @@ def refitted(found: Fitted, data: Data) -> Fitted:
         found.predictor.on(data), found.values, free, found.where, found.noise,
         anchor=found.anchor, most=8, rough=True,
     )  # fmt: skip
+
+
+def identified_covariance(found: Fitted) -> np.ndarray:
+    """Covariance of the coordinates that the record identifies, 0 for the others, (coords,
+    coords)."""
+    C = found.covariance()
+    known = np.diag(C) < ANYWHERE
+    return np.where(np.outer(known, known), C, 0.0)
 
 
 def information(A: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
