@@ -24,8 +24,8 @@ def within(seconds: float) -> Iterator[None]:
         yield
     except OutOfTime:
         raise OutOfTime(
-            f"the search for what is missing was stopped after {seconds:g} s.",
-            "Give it more time with --time-limit, or a shorter part of the record",
+            f"the fit was stopped after {seconds:g} s.",
+            "Give it more time with --time-limit, or a shorter part of the record.",
         ) from None
     finally:
         _END.reset(token)

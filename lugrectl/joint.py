@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 LAGS = 25
+TINY = 1e-150  # its square is still above 0
 BOUND = 2.576  # standard deviations of a 99 % bound
 
 
@@ -145,7 +146,7 @@ def residuals_of(signal: str, e: np.ndarray, u: np.ndarray) -> Residuals:
     lags = np.arange(min(LAGS, e.shape[1] - 1) + 1)
     e = e - e.mean()
     du = np.diff(u, axis=1, prepend=u[:, :1])  # a held torque repeats itself
-    size, other = float(np.sqrt(np.mean(e**2))) + 1e-300, float(np.sqrt(np.mean(du**2))) + 1e-300
-    own = [float(np.mean(e[:, k:] * e[:, : e.shape[1] - k])) / size**2 for k in lags]
-    with_u = [float(np.mean(e[:, k:] * du[:, : e.shape[1] - k])) / size / other for k in lags]
+    e, du = (x / max(float(np.sqrt(np.mean(x**2))), TINY) for x in (e, du))
+    own = [float(np.mean(e[:, k:] * e[:, : e.shape[1] - k])) for k in lags]
+    with_u = [float(np.mean(e[:, k:] * du[:, : e.shape[1] - k])) for k in lags]
     return Residuals(signal, lags, np.array(own), np.array(with_u), BOUND / float(np.sqrt(e.size)))

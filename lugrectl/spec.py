@@ -103,8 +103,6 @@ class Block(Shown):
     start: tuple[str, ...] = ()
     load: bool = False
     abrupt: bool = False
-    box: Callable[..., Any] | None = field(default=None, compare=False)
-    hidden: Callable[..., tuple[float, ...]] | None = field(default=None, compare=False)
     home: str = field(default="", compare=False)
     source: str = field(default="", compare=False)
 
@@ -267,8 +265,6 @@ def block(
     start: str = "",
     load: bool = False,
     abrupt: bool = False,
-    box: Callable[..., Any] | None = None,
-    hidden: Callable[..., tuple[float, ...]] | None = None,
     source: str = "",
 ) -> Callable[[Callable[..., Any]], Block]:
     """Declare a function as a block of a kind and enter it in the registry.
@@ -293,23 +289,17 @@ def block(
         ``exact(u, dt, **values)`` of an input effect on a held input: the mean of its output
         over each cell.
     tries : callable
-        ``tries(log, values)``: complete sets of its parameters to try on a log, if a linear step
-        from the neutral value cannot find them. ``values`` holds the plant's parameters; a set
-        may contain plant parameters too, which are then changed with it.
+        ``tries(log, values)``: complete sets of its parameters to try on a friction map (runs at
+        steady speed), if a linear step from the neutral value cannot find them. ``values`` holds
+        the plant's parameters; a set may contain plant parameters too, which are then changed
+        with it.
     start : str
         For each state the input to which it is equal in equilibrium, or 0; default all 0.
     load : bool
         True for a torque effect that is a load: load-dependent friction includes it.
     abrupt : bool
-        True if the torque jumps with the sign of w. At rest that sign is only noise, so the
-        diagnosis simulates the effect inside the plant from the start.
-    box : callable
-        ``box(log, values)`` of an effect whose likelihood has several local maxima, because the
-        motion does not show one of its states for a while: the region to search. Windows in
-        which that state was wrong may then be noisier than the others.
-    hidden : callable
-        ``hidden(values)`` of such an effect: how far each of its states, in its unit, may be
-        from its value by ``start``.
+        True if the torque jumps with the sign of w. The diagnosis lets it build up like the
+        friction of the bristles.
     source : str
         Where the equation comes from: paper, year, number of the equation.
 
@@ -341,8 +331,6 @@ def block(
             start=tuple(start.split()) or ("0",) * len(made.states),
             load=load,
             abrupt=abrupt,
-            box=box,
-            hidden=hidden,
             source=source,
         )
         known = _known(kind, made.home).get(made.name)

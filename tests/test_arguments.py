@@ -276,11 +276,11 @@ def test_diagnosis_and_identification_work_on_what_was_meant(work, run, tmp_path
 
     home, name = import_module(f"lugrectl.{work}"), work.split(".")[1]
 
-    def begin(record, model, holdout, horizon, report, **options):
+    def prepared(record, model, holdout, horizon, starts):
         assert same(record, RECORD) and model == MODEL and horizon == 0.5
         raise lg.Refused("far enough")
 
-    monkeypatch.setattr(home, "begin", begin)
+    monkeypatch.setattr(home, "prepared", prepared)
     lg.write_model(MODEL, tmp_path / "m.toml")
     for model in (tmp_path / "m.toml", str(tmp_path / "m.toml"), P, MODEL):
         named = replace(lg.Model.of(model), name=MODEL.name)

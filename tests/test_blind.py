@@ -8,7 +8,7 @@ import pytest
 from lugrectl import diagnose
 from tests.rig import make, sample
 
-from .test_tracing import model_of, record_of
+from .cases import record_of, verdict
 
 NAMES = [
     "constant_torque",
@@ -23,11 +23,6 @@ NAMES = [
     "friction_step",
 ]
 SHORT = {"rate": 500.0, "duration": 20.0}
-
-
-def verdict(case):
-    result = diagnose(record_of(case), model_of(case))
-    return result, [f.name for f in result.effects]
 
 
 def close(result, case):

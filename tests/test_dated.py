@@ -9,10 +9,10 @@ from scipy.signal import butter, lfilter
 from lugrectl import diagnose
 from lugrectl.errors import Refused
 from lugrectl.tracing.dated import ahead, dated
-from lugrectl.tracing.job import another_torque, begin, on_torque
+from lugrectl.tracing.job import on_torque
 from tests.rig import exported, make, sample
 
-from .test_tracing import model_of, quiet, record_of
+from .cases import begun, model_of, quiet, record_of, verdict
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def before(u, samples):
 
 
 def started(record, case):
-    return begin(record, model_of(case), None, 1.0, quiet)
+    return begun(record, model_of(case))
 
 
 def test_moving_ahead_undoes_being_late(record, case):
@@ -82,11 +82,13 @@ def test_a_later_torque_is_refused(record, case, late):
         started(replace(record, u=late(record.u, record.dt)), case)
 
 
-def test_a_torque_moved_in_vain_is_taken_as_it_was_recorded(record, case):
+def test_a_torque_that_was_shifted_can_be_used_as_it_was_recorded(record, case):
     job = started(record, case)
     moved = on_torque(job, ahead(job.data, 0.5), quiet)
     assert moved.recorded is job.data
-    assert another_torque(moved.base, False, moved.recorded) is job.data
+    back = on_torque(moved, moved.recorded, quiet)
+    assert back.data is job.data and back.recorded is None
+    assert back.base.total > moved.base.total
 
 
 def test_an_effect_is_no_lateness():
@@ -100,6 +102,6 @@ def test_an_effect_is_no_lateness():
 def test_a_torque_moved_too_far_is_moved_back():
     """Without its bristles the drive seemed a sample late, where half a sample is right."""
     case = exported(sample("presliding", 129200), "u half a sample late")
-    result = diagnose(record_of(case), model_of(case))
-    assert [e.name for e in result.effects] == ["presliding"]
+    result, names = verdict(case)
+    assert names == ["presliding"]
     assert any("1 ms late" in message for message in result.messages)

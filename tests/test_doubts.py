@@ -16,8 +16,8 @@ from tests.blind.plan import Task
 from tests.blind.work import case_of
 from tests.rig import make, sample
 
+from .cases import model_of, record_of
 from .logs import DATA, measured
-from .test_tracing import model_of, record_of
 
 RATE, N = 500.0, 8000
 

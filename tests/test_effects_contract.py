@@ -247,13 +247,6 @@ def test_borrowed_values_are_nowhere_declared(made):
             model_from_dict({"effects": [text]}, "here")
 
 
-@each(lambda made: made.hidden is not None)
-def test_hidden_states_have_a_reach_even_without_a_strength(made):
-    reach = made.hidden(made.defaults())
-    assert len(reach) == len(made.states) and made.box is not None
-    assert np.all(np.isfinite(reach)) and np.all(np.array(reach) > 0.0)
-
-
 @pytest.mark.parametrize("motion", ["rotary", "linear"])
 @every_effect
 def test_hints_lie_inside_the_bounds(made, motion):

@@ -1,39 +1,45 @@
-"""Where a moment in time is placed."""
+"""Where an instant in time is placed."""
 
 import numpy as np
 import pytest
 
-from lugrectl.tracing.job import begin
+from lugrectl.model import model_from_dict
+from lugrectl.tracing.data import prepare
 from lugrectl.tracing.likelihood import whitened
 from lugrectl.tracing.moments import _between, place
-from lugrectl.tracing.score import Score
-from lugrectl.tracing.screening import screen
+from lugrectl.tracing.predictor import Predictor
+from lugrectl.tracing.split import split
 from lugrectl.tracing.windows import windows
 
+from .cases import record_of
 from .rig import make
-from .test_tracing import model_of, quiet, record_of
 
 
 @pytest.fixture(scope="module")
 def stepped():
-    """A model with a step of friction that was only just found, and the key of its moment."""
+    """The true model with a step of friction, its values, and the data's noise."""
     case = make("friction_step", machine="servo", excitation="rich", seed=3, duration=16.0)
-    base = begin(record_of(case), model_of(case), None, 1.0, quiet).base
-    (trial,) = screen(Score(base), ["friction_step"])
-    return trial.fitted, trial.values, f"{trial.key}.time"
+    plant = case.truth["plant"]
+    friction = {"model": "lugre", **{k: v for k, v in plant.items() if k != "J"}}
+    true = model_from_dict({"plant": {"J": plant["J"]}, "friction": friction}, "truth")
+    model = true.with_effect("friction_step", case.truth["parameters"])
+    data = prepare([record_of(case)])
+    return Predictor(model, data), model.known(), split(data, 1.0).train, case.truth["parameters"]
 
 
 def test_the_windows_elsewhere_do_not_matter(stepped):
-    fitted, values, key = stepped
-    center, (low, high) = place(fitted.predictor, values, key, fitted.where, fitted.noise)
+    predictor, values, where, truth = stepped
+    key, noise = "friction_step.time", predictor.data.noise
+    center, (low, high) = place(predictor, values, key, where, noise)
+    assert low - 0.02 < truth["time"] < high + 0.02
     sides = np.array([low - 0.02, low + 1e-3, center, high - 1e-3, high + 0.02])
     sets = [values | {key: float(time)} for time in sides]
-    white = whitened(fitted.predictor, sets, fitted.where, fitted.noise)
+    white = whitened(predictor, sets, where, noise)
     before, *inside, after = -0.5 * np.sum(white**2, axis=(1, 2, 3))
     assert max(inside) - min(inside) < 1.92 < max(inside) - max(before, after)
 
 
-def test_windows_around_a_moment():
+def test_windows_around_an_instant():
     where, t = windows([(0, 400)], 20, 60), np.arange(400) * 0.01
     assert len(where.start) == 6
     assert np.array_equal(_between(where, t, 0.9, 0.9).start, [60])

@@ -63,11 +63,12 @@ def test_nothing_certain_is_refused(one_way, capsys):
     assert document["verdict"] == "refused" and not document["plain"]["parameters"]
 
 
-def test_the_search_stops_itself_and_the_plain_answer_stands():
+def test_the_fit_stops_itself_and_what_was_compared_stands():
     log = moved(seconds=20.0)
     d = lg.diagnose(log, lg.Model.of(friction="coulomb"), time_limit=1e-3)
-    assert d.verdict == "refused" and "stopped after 0.001 s" in d.reason
-    assert "--time-limit" in d.experiment
+    assert d.verdict == "adequate" and d.error is None
+    said = " ".join(d.messages)
+    assert "the fit was stopped after 0.001 s. Give it more time with --time-limit" in said
     low, high = d.plain.parameters["Fc"].ci95
     assert low <= FC <= high
 

@@ -1,4 +1,4 @@
-"""The model along a log: where it starts, and how its friction builds up."""
+"""The model along a log: where it starts, and what its levels are."""
 
 import numpy as np
 import pytest
@@ -27,12 +27,6 @@ def held(u):
     return prepare([Record(t=T, u=np.full(len(T), u), w=noise[0], theta=noise[1])])
 
 
-def turning():
-    w = 0.5 * np.sin(2.0 * np.pi * T)
-    theta = -0.5 / (2.0 * np.pi) * np.cos(2.0 * np.pi * T)
-    return prepare([Record(t=T, u=np.sign(w), w=w, theta=theta)])
-
-
 @pytest.mark.parametrize(
     "name, own",
     [
@@ -50,18 +44,6 @@ def test_a_drive_that_more_stiction_holds_starts_held(name, own):
 
     assert torque(model_with(name, own)) == pytest.approx(u, rel=1e-3)
     assert torque(model_with(None, {})) == pytest.approx(FRICTION["Fs"])
-
-
-def test_friction_builds_up_to_the_levels_that_effects_make():
-    data = turning()
-
-    def torque(model):
-        return Predictor(model, data).torque(model.known(), built_up=True)
-
-    stepped = torque(model_with("friction_step", {"ratio": 1.0, "time": -1.0}))
-    twice = torque(model_with("", {}, 2))
-    np.testing.assert_allclose(stepped, twice, rtol=1e-9, atol=1e-12)
-    assert np.std(twice - torque(model_with("", {}))) > 0.1 * FRICTION["Fc"]
 
 
 def test_parameters_become_inputs():

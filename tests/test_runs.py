@@ -9,7 +9,7 @@ from lugrectl import diagnose, identify
 from lugrectl.tracing.job import unidentified
 from tests.rig import make
 
-from .test_tracing import model_of, record_of
+from .cases import model_of, record_of
 
 
 @pytest.fixture(scope="module")

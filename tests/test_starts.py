@@ -7,9 +7,10 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.tracing.fit import Fitted, again
-from lugrectl.tracing.job import begin
 from lugrectl.tracing.optima import other_optima, starts, surest
 from lugrectl.tracing.windows import windows
+
+from .cases import begun
 
 TRUE = {"J": 2.2e-3, "sigma0": 300.0, "sigma1": 0.6, "Fc": 0.22, "Fs": 0.3, "Fv": 0.012, "vs": 0.02}
 STEP = 2.0 * np.pi / 8192  # rad, of the encoder
@@ -43,13 +44,9 @@ def drive(seed: int = 77, seconds: float = 12.0) -> dict[str, np.ndarray]:
     return {"t": np.arange(n) * DT, "u": u, "theta": np.round(angle / STEP) * STEP}
 
 
-def quiet(*_) -> None:
-    pass
-
-
 @pytest.fixture(scope="module")
 def base() -> Fitted:
-    return begin(lg.read_record(drive()), lg.Model.of(TRUE), None, 1.0, quiet).base
+    return begun(lg.read_record(drive()), lg.Model.of(TRUE)).base
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +89,7 @@ def test_starts_keep_what_is_held_or_bounded(base):
     model = lg.Model.of(
         {**TRUE, "vs": {"value": 0.02, "fixed": True}, "Fs": {"value": 0.3, "max": 0.31}}
     )
-    job = begin(lg.read_record(drive(seconds=4.0)), model, "last", 0.3, quiet)
+    job = begun(lg.read_record(drive(seconds=4.0)), model, "last", 0.3)
     few = starts(job.base)
     assert few and {v["vs"] for v in few} == {0.02} and all(v["Fs"] <= 0.31 for v in few)
     held = lg.Model.of(TRUE).fix("vs", "Fs")
@@ -171,6 +168,6 @@ def test_the_number_of_threads_changes_nothing(base, monkeypatch):
 @pytest.mark.parametrize("declared", [0.2, 0.22, 0.1])
 def test_stiction_declared_below_friction_is_a_start_and_the_run_goes_on(declared):
     model = lg.Model.of({**TRUE, "Fs": declared})
-    job = begin(lg.read_record(drive(seconds=4.0)), model, "last", 0.3, quiet)
+    job = begun(lg.read_record(drive(seconds=4.0)), model, "last", 0.3)
     assert job.base.values["Fs"] >= job.base.values["Fc"]
     assert any("is below Fc" in m for m in job.messages) == (declared < TRUE["Fc"])

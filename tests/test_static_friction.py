@@ -2,22 +2,17 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from lugrectl import diagnose
 from lugrectl.blocks.friction import EPS
 from lugrectl.model import model_from_dict
 from lugrectl.tracing.data import prepare
-from lugrectl.tracing.fit import fit
-from lugrectl.tracing.predictor import Predictor
-from lugrectl.tracing.proof import proven
-from lugrectl.tracing.split import split
 from lugrectl.tracing.start import holding
 
 from .blind.plan import Task
 from .blind.work import case_of
-from .test_tracing import model_of, record_of
+from .cases import model_of, record_of
 
 
 def case(name: str, seed: int):
@@ -48,7 +43,7 @@ def test_a_creep_of_the_users_own_and_one_that_is_small_stay():
 
 
 @pytest.mark.slow
-def test_a_slow_axis_that_rests_lacks_the_stribeck_effect_and_nothing_else():
+def test_only_the_stribeck_effect_is_missing_from_a_slow_axis_that_rests():
     """With a creep of 0.1 mm/s the fit needed 34 times the true stiction to hold the axis."""
     made, _, model = case("stribeck", 99010)
     found = diagnose(record_of(made), model)
@@ -59,30 +54,3 @@ def test_a_slow_axis_that_rests_lacks_the_stribeck_effect_and_nothing_else():
     )
     assert found.error["augmented"] < 0.1 * found.error["refitted"]
     assert eps_of(found.model) < 1e-6
-
-
-def fitted_with_bristles(name: str, seed: int):
-    """The declared structure with true friction, and with bristles beside it, both refitted."""
-    made, data, model = case(name, seed)
-    where = split(data, 1.0).train
-    truth = made.truth["plant"]
-    level = {"Fs": truth["Fs"], "vs": truth["vs"]}
-    friction = {"model": "stribeck", "Fc": truth["Fc"], "Fv": truth["Fv"], **level}
-    given = {"plant": {"J": truth["J"]}, "friction": friction, "motion": model.motion}
-    static = holding(model_from_dict(given, "static"), data)
-    soft = static.with_effect("presliding", {k: truth[k] for k in ("sigma0", "sigma1")})
-    free = ["J", "Fc", "Fs"]
-    plain, rubs = (Predictor(m, data) for m in (static, soft))
-    before = fit(plain, static.known(), free, where, data.noise)
-    own = [f"presliding.{k}" for k in ("sigma0", "sigma1")]
-    return before, fit(rubs, soft.known(), [*free, *own], where, data.noise, anchor=before.values)
-
-
-@pytest.mark.parametrize(("name", "seed", "shown"), [("presliding", 99013, True),
-                                                     ("stribeck", 99019, False)])  # fmt: skip
-def test_bristles_are_proven_where_their_stiffness_shows(name, seed, shown):
-    before, after = fitted_with_bristles(name, seed)
-    gain = after.loglik.sum() - before.loglik.sum()
-    assert gain > 100.0  # either way they help through reversals
-    assert np.isfinite(after.values["presliding.sigma0"])
-    assert proven(before, before, after, "presliding") is shown

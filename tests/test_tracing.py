@@ -14,31 +14,16 @@ from lugrectl.results import VERDICTS
 from lugrectl.tracing.coordinates import Coordinate, coordinates, free_keys
 from lugrectl.tracing.data import prepare
 from lugrectl.tracing.fit import fit
-from lugrectl.tracing.job import begin
-from lugrectl.tracing.likelihood import WORST, compared, loglik, whitened
+from lugrectl.tracing.likelihood import WORST, compared, loglik, whitened, whitened_by_parts
 from lugrectl.tracing.predictor import Predictor
 from lugrectl.tracing.proof import friction_size
-from lugrectl.tracing.score import whitened_by_parts
 from lugrectl.tracing.split import GAP, split
 from lugrectl.tracing.start import _turned
 from tests.blind.plan import Task
 from tests.blind.work import case_of
 from tests.rig import make
 
-
-def quiet(fraction, what):
-    pass
-
-
-def record_of(case):
-    c = {k: v for k, v in case.columns.items() if k != "t"}
-    t = case.columns["t"]
-    motion = case.model["motion"]
-    return Record(t=t, dt=(t[-1] - t[0]) / (len(t) - 1), motion=motion, **c)
-
-
-def model_of(case):
-    return model_from_dict(case.model, "case")
+from .cases import begun, model_of, record_of
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +33,7 @@ def plain():
 
 @pytest.fixture(scope="module")
 def job(plain):
-    return begin(record_of(plain), model_of(plain), None, 1.0, quiet)
+    return begun(record_of(plain), model_of(plain))
 
 
 @given(st.floats(9.0, 60.0), st.sampled_from([100.0, 333.0, 1000.0]), st.floats(0.3, 3.0))
@@ -106,7 +91,7 @@ def test_likelihood_is_highest_at_the_fit(job):
 def test_no_loud_observer_hides_the_true_values(seed, hard, form):
     """One that follows a counter at rest; one that makes up for bristles twice too soft."""
     case = case_of(Task("none", (), "normal", seed, hard=hard, form=form))
-    base = begin(record_of(case), model_of(case), None, 1.0, quiet).base
+    base = begun(record_of(case), model_of(case)).base
     for key in ("J", "sigma0", "Fc", "Fs", "Fv", "vs"):
         true = case.truth["plant"][key]
         assert base.values[key] == pytest.approx(true, rel=0.06), key
@@ -124,23 +109,6 @@ def test_a_prediction_that_is_no_number_is_as_wrong_as_can_be(job):
         white = whitened(predictor, [values], base.where, base.noise)
         found = loglik(predictor, white[0], base.noise, values, base.where)
     assert np.all(found < base.loglik)
-
-
-def test_an_effect_along_the_log_is_the_effect_in_the_plant(plain):
-    """The series form, used in the search, and the block inside the plant predict nearly the same:
-    a series holds the sign of w over a sample, the plant reverses inside it."""
-    model = model_of(plain)
-    values = {"amplitude": 0.05, "harmonic": 7.0, "phase": 0.4}
-    ripple = model.with_effect("torque_ripple", values)
-    asymmetric = ripple.with_effect("coulomb_asymmetry", {"ratio": 0.1})
-    data = prepare([record_of(plain)])
-    where = split(data, 1.0).train
-    inside, outside = Predictor(asymmetric, data), Predictor(asymmetric, data, inside=0)
-    a, _ = inside.run([asymmetric.known()], where, data.noise)
-    b, _ = outside.run([asymmetric.known()], where, data.noise)
-    bare, _ = Predictor(model, data).run([model.known()], where, data.noise)
-    effect = np.std(a - bare, axis=(0, 1, 2))
-    assert np.all(np.std(a - b, axis=(0, 1, 2)) < 0.025 * effect)
 
 
 def test_missing_values_are_identified(plain):
@@ -204,7 +172,7 @@ def test_a_separate_run_can_be_held_out():
 
 
 def test_a_short_record_at_a_low_rate_is_answered():
-    """A quarter of a second would be fewer samples than innovations are foretold from."""
+    """A quarter of a second would be fewer samples than a model of the noise needs."""
     case = make("none", machine="servo", excitation="moves", seed=1, rate=50.0, duration=6.0)
     assert diagnose(record_of(case), model_of(case)).verdict == "adequate"
 
@@ -230,7 +198,7 @@ def test_a_phase_that_was_declared_wrong_is_turned(plain):
     record, model = record_of(plain), model_of(plain)
     pushed = replace(record, u=record.u + 0.1 * np.sin(record.theta + 0.4))
     model = model.with_effect("gravity", {"amplitude": 0.1, "phase": 0.4})
-    right = begin(pushed, model, None, 1.0, quiet).base
+    right = begun(pushed, model).base
     assert _turned(right) == []
     (turned,) = _turned(replace(right, anchor=right.anchor | {"gravity.phase": 2.3}))
     assert abs(turned["gravity.phase"] - 0.4) < 0.8
@@ -253,6 +221,8 @@ def test_the_last_block_takes_what_is_left_of_a_run():
 
 def test_parts_of_a_call_give_what_the_whole_gives(job, monkeypatch):
     sets = [job.base.values | {"J": job.base.values["J"] * f} for f in (0.9, 1.0, 1.1, 1.2, 1.3)]
-    whole = whitened_by_parts(job.base.predictor, sets, job.base)
-    monkeypatch.setattr("lugrectl.tracing.score.LONGEST", 2 * len(job.data.t))
-    assert np.array_equal(whitened_by_parts(job.base.predictor, sets, job.base), whole)
+    base = job.base
+    whole = whitened_by_parts(base.predictor, sets, base.where, base.noise)
+    monkeypatch.setattr("lugrectl.tracing.likelihood.LARGEST", 2 * base.where.counted.size)
+    parts = whitened_by_parts(base.predictor, sets, base.where, base.noise)
+    assert np.array_equal(parts, whole)

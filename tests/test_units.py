@@ -1,4 +1,4 @@
-"""The answer does not hang on the units, nor on which way is called forward."""
+"""The answer does not depend on the units, nor on which way is called forward."""
 
 from dataclasses import replace
 
@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from lugrectl import diagnose
-from lugrectl.tracing.job import begin
-from lugrectl.tracing.score import Score
-from lugrectl.tracing.screening import screen
+from lugrectl.diagnosis.asking import Asked
+from lugrectl.identification.selection import compare
 from tests.rig import make
 
-from .test_tracing import model_of, quiet, record_of
+from .cases import model_of, record_of
 
 POWERS = {  # of torque and of length
     "J": (1, -1), "Fc": (1, 0), "Fs": (1, 0), "Fv": (1, -1), "vs": (0, 1), "sigma0": (1, -1),
@@ -63,11 +62,12 @@ def test_a_ripple_is_found_in_any_units(bumpy, torque, length):
             assert result.effects[0].parameters[name].value == pytest.approx(true, rel=0.02)
 
 
-def test_periods_of_a_micrometre_are_tried(bumpy):
+def test_periods_of_a_micrometre_are_found(bumpy):
     """On a travel of a hundred of them."""
     case = in_units(bumpy, 1.0, 1e-4 / np.ptp(bumpy.columns["theta"]))
-    job = begin(record_of(case), model_of(case), None, 1.0, quiet)
-    (trial,) = screen(Score(job.base), ["torque_ripple"])
-    assert trial.values["torque_ripple.harmonic"] == pytest.approx(
-        case.truth["parameters"]["harmonic"], rel=0.02
-    )
+    asked = Asked.of(record_of(case), model_of(case))
+    found = compare(asked.plain.stretches, asked.model, asked.plain)
+    (ripple,) = found.effects
+    assert ripple.name == "torque_ripple"
+    harmonic = case.truth["parameters"]["harmonic"]
+    assert ripple.values["harmonic"] == pytest.approx(harmonic, rel=0.02)

@@ -84,11 +84,3 @@ def test_an_inertia_far_above_the_declared_one_may_be_a_load_on_a_stiff_coupling
         "backlash",
     }
     assert "1.6 times the declared one" in found.messages[0]
-
-
-def test_a_torque_of_another_drive_is_unexplained(tmp_path, motion):
-    t = motion[0]
-    other = sum(0.4 * np.sin(2 * np.pi * f * t**1.1 + f) for f in (1.7, 3.1, 5.9))
-    found = judged(tmp_path, motion, other)
-    assert (found.verdict, names(found)) == ("unexplained", [])
-    assert "nothing to do with the motion" in found.messages[0]

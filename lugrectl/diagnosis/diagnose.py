@@ -53,7 +53,7 @@ WORSE = (
 )
 NO_FIT = "Values are those of the comparison of torques, without errors of a simulation: {}"
 SAME_UNITS = "Give all runs in one unit and sign, or leave out the run that differs."
-LIMIT = 270.0  # s that the search for what is missing may take
+LIMIT = 270.0  # s that the fit may take
 
 
 @shows_progress
@@ -102,7 +102,7 @@ def diagnose(
     alpha : float
         Chance of naming something on a record on which nothing is missing.
     time_limit : float
-        Seconds after which the search stops itself; the plain answer stands all the same.
+        Seconds after which the fit stops itself; the comparison and the plain answer stand.
     progress : callable, True, False or None
         ``progress(fraction, what)``, or whether to show a bar. None: in Jupyter only.
 
@@ -127,15 +127,19 @@ def diagnose(
     try:
         if unlike:
             raise Refused(" ".join(unlike), SAME_UNITS)
-        with within(limit):
-            found = _finer(asked, horizon, seed, limits, report)
+        found = _finer(asked, horizon, seed, limits, limit, report)
     except Refused as no:
         return refusal(no, asked.model, asked.seen, asked.plain)
     return with_plain(found, asked)
 
 
 def _finer(
-    asked: Asked, horizon: float, seed: int, limits: tuple[float, float], report: Progress
+    asked: Asked,
+    horizon: float,
+    seed: int,
+    limits: tuple[float, float],
+    limit: float,
+    report: Progress,
 ) -> Diagnosis:
     """The answer by comparison; Refused where the record cannot give it."""
     record, model = asked.records(), asked.model
@@ -143,13 +147,16 @@ def _finer(
     if not isinstance(record, Record) and is_map(record):
         return diagnose_map(record, model, holdout=holdout, seed=seed, progress=report)
     report(0.05, "comparing explanations")
-    ready = prepared(record, model, holdout, horizon)
     found = compare(asked.plain.stretches, model, asked.plain, *limits)
+    if found.verdict == "refused":
+        raise Refused(" ".join(found.messages))
+    ready = prepared(record, model, holdout, horizon)
     ready = ready.from_values(asked.starts(found.alone))
     try:
-        return _fitted(begin(ready, report), found, asked, seed, report)
+        with within(limit):
+            return _fitted(begin(ready, report), found, asked, seed, report)
     except Refused as no:  # the comparison needs no simulation
-        return _only_compared(ready, found, model, str(no))
+        return _only_compared(ready, found, model, f"{no} {no.experiment or ''}".rstrip())
 
 
 def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progress) -> Diagnosis:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from ..beside import beside
+from ..engine.beside import beside
 from ..identification.selection import Comparison, Named
 from ..model import Model
 from ..tracing.coordinates import free_keys

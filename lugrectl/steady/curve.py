@@ -19,7 +19,6 @@ from ..tracing.coordinates import Coordinate, coordinates, free_keys, inside
 from ..tracing.evaluate import rms
 from ..tracing.fit import flat, inverse
 from ..tracing.predictor import Predictor, Values
-from ..tracing.proof import off
 from .points import Points, laid
 
 ROUNDS = 6  # of weights and values in turn, at most
@@ -111,7 +110,10 @@ class Curve:
 
     def size(self, key: str) -> float:
         """RMS torque of an effect at the points, over that of friction."""
-        change = self.predictor.torque(off(self.model, self.values, key)) - self.residual
+        block = self.model.part(key).block
+        off = block.parameters[block.gain].neutral or 0.0
+        without = {**self.values, f"{key}.{block.gain}": off}
+        change = self.predictor.torque(without) - self.residual
         return rms(change) / rms(self.predictor.friction(self.values))
 
 

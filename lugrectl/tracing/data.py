@@ -62,7 +62,7 @@ class Data:
     their values change after ``repeats`` samples. ``run`` (N,) numbers the records from 0; those in
     ``differing`` may differ a little from the first. ``others`` are channels beside torque and
     motion that all records have. ``w`` is a recorded speed that is not fitted, only used to compute
-    errors; it lags by ``late`` s. ``ahead`` is the time by which the torque was shifted earlier, s.
+    errors. ``ahead`` is the time by which the torque was shifted earlier, s.
     ``zeros`` are the shifts of theta by run with which effects that repeat ``order`` times per 2 pi
     of it (rotary: once) agree; empty if theta is as recorded. ``plain`` are the values of the
     plain torque balance, from which fits start.
@@ -83,17 +83,11 @@ class Data:
     counts: tuple[float, ...] = (0.0, 0.0)
     repeats: tuple[float, ...] = (1.0, 1.0)
     differing: tuple[int, ...] = ()
-    smoothed: bool = False
     w: np.ndarray | None = field(default=None, repr=False)
-    late: float = 0.0
     ahead: float = 0.0
     zeros: Mapping[int, float] = field(default_factory=dict)
     order: float = 1.0
     plain: Mapping[str, float] = field(default_factory=dict, repr=False)
-
-    def with_torque(self, u: np.ndarray) -> Data:
-        """The same motion with a smoothed torque."""
-        return replace(self._under(u), smoothed=True)
 
     def moved(self, u: np.ndarray, ahead: float) -> Data:
         """The same motion with a torque that was logged ``ahead`` s late."""

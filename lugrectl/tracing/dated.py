@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from ..beside import beside
 from ..blocks.effects.actuator import held_late
+from ..engine.beside import beside
 from ..errors import Refused
 from .data import Data
 from .fit import Fitted, refitted

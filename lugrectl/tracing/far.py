@@ -77,15 +77,13 @@ def against_held(fitted: Fitted) -> list[str]:
     """A sentence on held values that the record contradicts: each alone is fitted as well."""
     predictor, said = fitted.predictor, []
     model, declared = predictor.model, predictor.declarations()
-    if fitted.noise.uneven:
-        return []
     for key in sorted(model.held() & {k for k, p in declared.items() if p.fitted}):
         if declared[key].choices or is_instant(declared[key]):
             continue
         loose = {k: one for k, one in model.stated.items() if k != key}
         free = [*(c.key for c in fitted.free), *fitted.instants, key]
         freed = fit(
-            predictor.like(replace(model, stated=loose), predictor.dose), fitted.values, free,
+            predictor.like(replace(model, stated=loose)), fitted.values, free,
             fitted.where, fitted.noise, anchor=fitted.anchor, most=STEPS, rough=True,
         )  # fmt: skip
         ends = freed.intervals().get(key)

@@ -12,7 +12,7 @@ from scipy import stats
 from .beliefs import Prior, known, stated_cost, weak
 from .coordinates import Coordinate, coordinates, free_keys, inside, is_instant
 from .data import Data
-from .likelihood import excess, loglik, tune, whitened
+from .likelihood import loglik, tune, whitened
 from .moments import placed
 from .noise import Noise
 from .predictor import Predictor, Values
@@ -22,7 +22,6 @@ from .windows import Windows
 FLAT = 1e-8  # of the scaled information, below which a direction is not identified
 ANYWHERE = 1e50  # how far an unidentified coordinate may move
 PART = 0.1  # component of a direction, from which a parameter belongs to it
-NOISY = 2.0  # times the expected power: above, a hidden state was missed in the window
 QUIETER = (0.1, 0.01)  # times the noise, for the start of a fit with many local maxima
 SETTLED = 0.3  # gain in log-likelihood of two steps, below which a fit ends
 NOISE_STEPS = (1.0, 0.6, 0.25, 1.5)  # factors tried at each step of a fit
@@ -60,11 +59,6 @@ class Fitted:
     def torque_noise(self) -> float:
         """Standard deviation of the torque that the model does not predict, per sample."""
         return self.noise.jump * self.values["J"]
-
-    @property
-    def quiet(self) -> np.ndarray:
-        """The innovations of the windows whose power is not much above the expected one."""
-        return self.innovations[excess(self.innovations, self.noise) < NOISY]
 
     @property
     def information(self) -> np.ndarray:
@@ -242,23 +236,6 @@ def identified_covariance(found: Fitted) -> np.ndarray:
     return np.where(np.outer(known, known), C, 0.0)
 
 
-def drawn(found: Fitted, C: np.ndarray, count: int, seed: int = 0) -> list[dict[str, float]]:
-    """Random sets of values around those found, with covariance C; none if it is not finite."""
-    if not np.all(np.isfinite(C)):
-        return []
-    values, axes = np.linalg.eigh(C)
-    draws = np.random.default_rng(seed).normal(size=(count, len(C)))
-    steps = (draws * np.sqrt(np.maximum(values, 0.0))) @ axes.T
-    return [moved(found.values, found.free, step) for step in steps]
-
-
-def weighed(r: np.ndarray, A: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
-    """A as (windows, coords, length, channels) and r, both of :func:`slopes`, weighted by the
-    noise that each window may have."""
-    weight = excess(r, noise)[:, None, None] ** -0.5
-    return (weight * A).swapaxes(0, 1), weight * r
-
-
 def information(A: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A A' and the score A r of samples, A (..., coords, n) and r (..., n)."""
     return A @ A.swapaxes(-1, -2), (A @ r[..., None])[..., 0]
@@ -326,8 +303,7 @@ class _Climb:
 
     def linearised(self, values: Values, noise: Noise) -> _Linear:
         r, A = slopes(self.predictor, values, self.coords, self.where, noise, graph=self.graph)
-        A, r = weighed(r, A, noise)
-        r = r.reshape(len(r), -1)
+        A, r = A.swapaxes(0, 1), r.reshape(len(r), -1)
         return _Linear(*information(A.reshape(*A.shape[:2], r.shape[1]), r))
 
 

@@ -39,16 +39,6 @@ def adapted(fitted: Fitted, test: Windows, declared: Model) -> Fitted:
     return _refitted(found, own, lead)
 
 
-def with_its_own(fitted: Fitted, test: Windows) -> Fitted | None:
-    """The same with an offset and a friction of their own for held-out runs, fitted to all their
-    windows; None if no run is held out."""
-    runs = _held_out(fitted, test)
-    if not runs:
-        return None
-    apart = _apart(fitted, fitted.predictor.data, runs)
-    return _refitted(apart, _own(apart, runs), test)
-
-
 def _held_out(fitted: Fitted, test: Windows) -> list[int]:
     """The runs held out as a whole; never the first, which is the reference."""
     run = fitted.predictor.data.run

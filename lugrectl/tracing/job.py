@@ -22,7 +22,6 @@ from .dated import dated
 from .doubts import refuse_dead, refuse_unfit
 from .evaluate import Judged, free_run, judge, sensed_torque
 from .fit import Fitted, fit, identified_covariance, tuned
-from .late import LAG
 from .likelihood import tune
 from .noise import Noise
 from .optima import surest, with_others
@@ -42,6 +41,7 @@ DATED = (
     "the mean of the previous interval). It was shifted {0:.2g} ms earlier."
 )
 
+LAG = "velocity_sensor_lag"
 GIVEN_UP = 100.0  # log-likelihood that a fit to all samples may lose on the first windows
 
 Progress = Callable[[float, str], None]
@@ -198,13 +198,9 @@ def on_everything(fitted: Fitted, job: Job) -> Fitted:
 
 
 def estimates(fitted: Fitted) -> dict[str, Estimate]:
-    """Every fitted parameter with unit and 95 % interval, and the held ones.
-
-    No intervals if the likelihood has many local maxima: its curvature at one says nothing about
-    the others.
-    """
+    """Every fitted parameter with unit and 95 % interval, and the held ones."""
     model = fitted.predictor.model
-    intervals = {} if fitted.noise.uneven else fitted.intervals()
+    intervals = fitted.intervals()
     declared, held = model.declarations(), model.held()
     return {
         k: Estimate(v, model.unit(k), intervals.get(k), held=k in held)
@@ -230,11 +226,11 @@ def joint(fitted: Fitted) -> Joint:
 
 
 def residuals(fitted: Fitted) -> Residuals:
-    """The tests of what the one-step predictions of a fit leave."""
-    data = fitted.predictor.data
-    e = fitted.innovations[..., data.channel]
-    u = data.u[fitted.where.counted].reshape(e.shape)
-    return residuals_of(data.signal, e, u)
+    """The tests of what the one-step predictions of a fit leave, of w where it is fitted."""
+    channel = int(fitted.noise.recorded()[-1])
+    e = fitted.innovations[..., channel]
+    u = fitted.predictor.data.u[fitted.where.counted].reshape(e.shape)
+    return residuals_of(("theta", "w")[channel], e, u)
 
 
 def score(job: Job, final: Fitted) -> dict[str, Any]:

@@ -22,16 +22,12 @@ def whitened(
     sets: Sequence[Values],
     where: Windows,
     noise: Noise | Sequence[Noise],
-    *,
-    torque: np.ndarray | None = None,
-    x0: np.ndarray | None = None,
 ) -> np.ndarray:
     """Innovations scaled to unit covariance for a correct model, (sets, windows, length, 2).
 
-    Repeated encoder counts are down-weighted. ``torque`` (sets, N) is added on the resisting
-    side; ``x0`` (sets * windows, states) are the initial states.
+    Repeated encoder counts are down-weighted.
     """
-    y, _ = predictor.run(sets, where, noise, torque=torque, x0=x0)
+    y, _ = predictor.run(sets, where, noise)
     e = compared(predictor.data.y[where.counted], y)
     root = np.sqrt(predictor.data.weight[where.counted])
     noises = [noise] * len(sets) if isinstance(noise, Noise) else noise
@@ -58,26 +54,9 @@ def loglik(
     them at rest is no merit of a model.
     """
     _, S = predictor.filter(noise, values)
-    power, count = _power(white, noise)
-    more = _allowed(power, noise)
-    size = count * (power / more + np.log(more))
+    size = np.sum(white**2, axis=(1, 2))
     new = np.sum(predictor.data.weight[where.counted], axis=1)
     return -0.5 * size - new @ np.log(np.diag(np.linalg.cholesky(S)))
-
-
-def excess(white: np.ndarray, noise: Noise) -> np.ndarray:
-    """Most likely factor by which the innovations of each window exceed their expected power."""
-    return _allowed(_power(white, noise)[0], noise)
-
-
-def _power(white: np.ndarray, noise: Noise) -> tuple[np.ndarray, int]:
-    """Mean square of each window's innovations, and their number."""
-    count = white.shape[1] * len(noise.recorded())
-    return np.sum(white**2, axis=(1, 2)) / count, count
-
-
-def _allowed(power: np.ndarray, noise: Noise) -> np.ndarray:
-    return np.maximum(power, 1.0) if noise.uneven else np.ones(len(power))
 
 
 def tune(

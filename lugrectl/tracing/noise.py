@@ -48,14 +48,11 @@ class Noise:
 
     ``jump``: noise of dw/dt, independent from sample to sample (rad/s2), that is the torque's
     noise over J. ``theta`` (rad) and ``w`` (rad/s): noise of the sensors, nan where not recorded.
-    ``uneven``: these are lower limits; a window may be noisier, if a state that the motion does
-    not show was missed in it.
     """
 
     jump: float
     theta: float
     w: float
-    uneven: bool = False
 
     def channels(self) -> np.ndarray:
         """True for those of theta, w that were recorded."""

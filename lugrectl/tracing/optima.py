@@ -14,7 +14,7 @@ from itertools import product
 import numpy as np
 from scipy.stats import chi2
 
-from ..beside import beside
+from ..engine.beside import beside
 from .coordinates import Coordinate, inside
 from .fit import Fitted, again, fit
 from .likelihood import loglik, whitened
@@ -47,8 +47,6 @@ def surest(before: Fitted, where: Windows, opened: Collection[str]) -> Fitted:
     no prior is known.
     """
     start = replace(before, where=where)
-    if before.noise.uneven:
-        return again(start)
     best = _from(before.values, start=start, opened=opened)
     tried = [best]
     if _uncertain(best, before):
@@ -63,8 +61,6 @@ def surest(before: Fitted, where: Windows, opened: Collection[str]) -> Fitted:
 
 def with_others(found: Fitted) -> Fitted:
     """The same fit with values beside it that are as likely."""
-    if found.noise.uneven:
-        return found
     others = [f for f in _probed(found) if _as_likely(found, f)]
     return replace(found, others=tuple(_distinct(found, others)))
 

@@ -27,7 +27,6 @@ from .runs import PHASE, differences, displaced, repeating
 from .series import UNDOING, Fed, Memory, Values, depends_on_plant, feed, run_alone, run_as
 from .windows import Windows
 
-TORQUE = 2  # column of the input series: applied torque, load, torque, levels
 LEVELS = ("J", "Fc", "Fs", "Fv")
 STEP = 2e-3  # s, longest integration step; the engine divides it where necessary
 RESTING = 0.1  # of the largest speed: scale of the step errors of a drive at rest
@@ -36,14 +35,12 @@ RESTING = 0.1  # of the largest speed: scale of the step errors of a drive at re
 class Predictor:
     """A model structure on some data: input series, innovations, simulations for any values.
 
-    The first ``inside`` effects are part of the traced plant. The others, and those that act only
-    on the command, are evaluated along the log and fed in as series. So a candidate needs no new
-    engine, and effects on the command act in the model's order.
+    Effects that act only on the command are evaluated along the log and fed in as series, in the
+    model's order. The others are part of the traced plant.
     """
 
-    def __init__(self, model: Model, data: Data, inside: int | None = None) -> None:
-        count = len(model.effects) if inside is None else inside
-        traced = [p for p in model.effects[:count] if stage(p.block) != COMMAND]
+    def __init__(self, model: Model, data: Data) -> None:
+        traced = [p for p in model.effects if stage(p.block) != COMMAND]
         self.model, self.data = model, data
         self.inside = frozenset(p.key for p in traced)
         self.levels = tuple(n for n in LEVELS if n == "J" or n in model.friction.values)
@@ -55,12 +52,11 @@ class Predictor:
         self.lanes = Lanes(system, outputs=["theta_m", "w_m"], sharp=smoothing)
         self.keys = [name.split(".", 1)[1] for name in self.lanes.parameters]
         self.substeps = max(1, int(np.ceil(data.dt / STEP - 1e-9)))
-        self.dose: dict[str, float] = {}
 
-    def like(self, model: Model, dose: dict[str, float] | None = None) -> Predictor:
-        """The same traced plant with other effects outside it; ``dose`` scales outputs, by key."""
+    def like(self, model: Model) -> Predictor:
+        """The same traced plant with a model that states other bounds."""
         other = copy(self)
-        other.model, other.dose = model, dose or {}
+        other.model = model
         return other
 
     def on(self, data: Data) -> Predictor:
@@ -96,27 +92,22 @@ class Predictor:
     def fed(self, values: Values, memory: Memory | None = None) -> Fed:
         """The series that the effects outside the plant feed into it along the log."""
         outside = {p.key for p in self.outside}
-        return feed(self.model, outside, values, self.data, self.levels, memory, self.dose)
+        return feed(self.model, outside, values, self.data, self.levels, memory)
 
-    def everything(self, values: Values) -> Fed:
-        """The same for all effects, inside the plant or not."""
-        keys = {p.key for p in self.model.effects}
-        return feed(self.model, keys, values, self.data, self.levels)
-
-    def torque(self, values: Values, *, built_up: bool = False) -> np.ndarray:
+    def torque(self, values: Values) -> np.ndarray:
         """Net torque on the plant along the log with all its effects (N,).
 
         An effect on a level counts as the torque that it removes, one on a sensor as the torque
-        that would look the same. ``built_up``: with presliding friction, not the steady one.
+        that would look the same.
         """
-        log, fed = self.data.log, self.everything(values)
+        log, every = self.data.log, {p.key for p in self.model.effects}
+        fed = feed(self.model, every, values, self.data, self.levels)
         plant = _leveled(values, fed)
         inertia = (plant["J"] - values["J"]) * log.a
         apparent = 0.0
         if fed.error is not None:
             apparent = values["J"] * np.gradient(fed.error[:, 1], log.dt)
-        friction = self._rubbing(plant) if built_up else self.friction(plant)
-        return fed.u - fed.load - fed.torque - inertia - friction + apparent
+        return fed.u - fed.load - fed.torque - inertia - self.friction(plant) + apparent
 
     def friction(self, values: Mapping[str, Any]) -> np.ndarray:
         """The friction law's steady torque along the log, without effects (N,)."""
@@ -124,25 +115,6 @@ class Predictor:
         stiction, vs = values.get("Fs", level), values.get("vs", 1.0)
         w, eps = self.data.log.w, values.get("eps", EPS.value)
         return stribeck(w, Fc=level, Fs=stiction, Fv=viscous, vs=vs, eps=eps)[0]
-
-    def _rubbing(self, plant: Mapping[str, Any]) -> np.ndarray:
-        """The friction law's torque along the log with its states, at levels ``plant`` (N,)."""
-        law, log = self.model.friction.block, self.data.log
-        if not law.states:
-            return self.friction(plant)
-        levels = tuple(k for k in law.own if k in self.levels)
-        signals = log.signals | {k: plant[k] for k in levels}
-        own = {k: plant[k] for k in law.own if k not in levels}
-        return run_alone(law.with_inputs(levels), log, signals, [own])[0, :, 0]
-
-    def weights(self, values: Values) -> dict[str, np.ndarray]:
-        """Torque along the log (N,) for one unit of the output of an effect on a level."""
-        rest = self.friction(values)
-        made = {"J": values["J"] * self.data.log.a}
-        for name in self.levels[1:]:
-            made[name] = self.friction(dict(values) | {name: 2.0 * values[name]}) - rest
-            made[f"+{name}"] = made[name] / max(values[name], 1e-12)
-        return made
 
     def run(
         self,
@@ -152,13 +124,11 @@ class Predictor:
         *,
         corrected: bool = True,
         x0: np.ndarray | None = None,
-        torque: np.ndarray | None = None,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Predicted theta, w over the counted samples of each window, for each set of values.
 
         They are sensor outputs, including effects on the sensors. ``noise`` may differ from set to
-        set. Without ``corrected`` it is a simulation without Kalman correction. ``torque``
-        (sets, N) is added on the resisting side.
+        set. Without ``corrected`` it is a simulation without Kalman correction.
 
         Returns
         -------
@@ -169,10 +139,6 @@ class Predictor:
         check_time()
         sets, n = len(values), len(where.start)
         series, errors, index = self.distinct(values)
-        if torque is not None:
-            series, errors = series[index], [errors[i] for i in index]
-            series[..., TORQUE] += torque
-            index = np.arange(sets)
         p = np.array([[v[k] for k in self.keys] for v in values])
         start = np.tile(where.start, sets)
         if x0 is None:
@@ -275,7 +241,7 @@ class Predictor:
         """States (sets, starts, states) at the start of each window.
 
         Taken from the smoothed motion; z from the torque balance, states of effects from their
-        run along the log, hidden states from ``where.hidden``.
+        run along the log.
         """
         log, dt, names, start = self.data.log, self.data.dt, self.lanes.states, where.start
         x0 = np.zeros((len(values), len(start), len(names)))
@@ -291,28 +257,7 @@ class Predictor:
             F = self._bristle_torques(values, start, ran)
             sigma0 = np.array([[max(v["sigma0"], 1e-12)] for v in values])
             x0[..., names.index("z")] = F / sigma0
-        given = [i for i, s in enumerate(start) if s in where.hidden]
-        if given:
-            parts = np.array([where.hidden[s] for s in start[given]])
-            x0[:, given] = [
-                self.placed(x, v, parts) for x, v in zip(x0[:, given], values, strict=True)
-            ]
         return x0
-
-    def placed(self, x0: np.ndarray, values: Values, parts: np.ndarray) -> np.ndarray:
-        """States (starts, states) with the hidden ones displaced from their usual start by
-        ``parts`` (starts, hidden) of their reach."""
-        made, names = x0.copy(), self.lanes.states
-        resting = {"0": np.zeros(len(x0)), "theta": x0[:, 0], "w": x0[:, 1]}
-        for part in self.core.effects:
-            block = part.block
-            if block.hidden is None:
-                continue
-            reach = block.hidden({k: values[f"{part.key}.{k}"] for k in block.own})
-            own = Placed(f"{part.key}.", block).states
-            for name, start, far, at in zip(own, block.start, reach, parts.T, strict=True):
-                made[:, names.index(name)] = resting[start] + far * at
-        return made
 
     def _motion(self, values: Values, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """theta and w without the sensors that are inside the plant, in mid-interval."""

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..model import Model
 from .fit import Fitted
-from .predictor import Values
 
 LOUD = 0.01  # of friction: the unpredicted torque per sample
 
@@ -20,12 +18,6 @@ def gained(before: Fitted, after: Fitted) -> float:
 def share(before: Fitted, after: Fitted) -> float:
     """Part of the unpredicted power of the acceleration that the newer model explains."""
     return max(0.0, 1.0 - (after.noise.jump / before.noise.jump) ** 2)
-
-
-def off(model: Model, values: Values, key: str) -> dict[str, float]:
-    """The values with one effect switched off."""
-    block = model.part(key).block
-    return {**values, f"{key}.{block.gain}": block.parameters[block.gain].neutral or 0.0}
 
 
 def friction_size(fitted: Fitted) -> float:

@@ -11,7 +11,6 @@ from scipy.signal import coherence, welch
 from ..record import Record
 from .data import Data, prepare
 from .noise import NORMAL_MAD, sensor_noise
-from .skewed import lateness
 
 SEGMENT = 256  # samples of one segment of a spectrum
 LEAST_SEGMENTS = 4
@@ -32,33 +31,25 @@ REPEATED = (
     "w is the derivative of theta, as both have the same noise. The model was fitted to theta "
     "alone; errors are computed on w."
 )
-UNEVEN = (
-    "The time stamps are uneven, and w does not agree with theta on them. The model was fitted to "
-    "theta alone; errors are computed on w."
-)
 DIFFERENCED = (
-    "By its {}, w is a difference of positions from sample to sample. The model was fitted to that "
-    "position; errors are computed on w."
+    "By its noise, w is a difference of positions from sample to sample. The model was fitted to "
+    "that position; errors are computed on w."
 )
 
 
-def on_theta_alone(
-    records: Sequence[Record], data: Data, *, halfway: bool = False, uneven: bool = False
-) -> tuple[Data, str] | None:
+def on_theta_alone(records: Sequence[Record], data: Data) -> tuple[Data, str] | None:
     """Data for a fit to the position alone and a message, if w is no independent measurement.
 
     The noise of such a w is that of the position, coloured by a filter; as noise of a sensor it
-    would look like a torque. None if w is a sensor. A w that was found to be ``halfway`` between
-    samples is a difference, whatever its noise. If the noise of w comes from ``uneven`` time
-    stamps, w is not fitted.
+    would look like a torque. None if w is a sensor.
     """
-    if halfway or differenced(data):
+    if differenced(data):
         summed = replace(prepare([_summed(r) for r in records]), w=data.y[:, 1], plain=data.plain)
-        return summed, DIFFERENCED.format("lateness" if halfway else "noise")
-    if not (uneven or repeats(data)):
+        return summed, DIFFERENCED
+    if not repeats(data):
         return None
     alone = replace(prepare([replace(r, w=None) for r in records]), plain=data.plain)
-    return replace(alone, w=data.y[:, 1], late=lateness(data)), UNEVEN if uneven else REPEATED
+    return replace(alone, w=data.y[:, 1]), REPEATED
 
 
 def _summed(record: Record) -> Record:

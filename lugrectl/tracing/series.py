@@ -49,17 +49,13 @@ def feed(
     data: Data,
     levels: Sequence[str],
     memory: Memory | None = None,
-    dose: Mapping[str, float] | None = None,
 ) -> Fed:
-    """The effects with the keys ``outside`` along the log, in the order of the physics.
-
-    ``dose`` is the factor on the output of an effect, by key, if it is not 1.
-    """
+    """The effects with the keys ``outside`` along the log, in the order of the physics."""
     log, zero = data.log, np.zeros(len(data.u))
     sensors = [p for p in model.effects if p.key in outside and "sensor" in p.block.acts]
     shift = displaced(model, data, values)
     agreeing = log if shift is None else replace(log, theta=log.theta + shift)
-    signals, error = _behind_sensors(sensors, values, agreeing, dose or {})
+    signals, error = _behind_sensors(sensors, values, agreeing)
     if shift is not None:
         error = (0.0 if error is None else error) - np.outer(shift, [1.0, 0.0])
     load, torque = data.d, zero
@@ -80,11 +76,9 @@ def feed(
             plain = stage(block) == LEVEL
             own |= borrowed(block, values if plain else _changed(values, whole, zero))
         out = _outputs(part, signals, own, values, log, memory)
-        part_of = (dose or {}).get(part.key, 1.0)
         for act, change in block.deeds(out):
-            change = part_of * (change - signals["u"] if act == "input" else change)
             if act == "input":
-                signals["u"] = signals["u"] + change
+                signals["u"] = change
             elif block.load:
                 signals["load"] = signals["load"] + change
                 load = load + change if fed else load
@@ -112,7 +106,7 @@ def _changed(values: Values, x: Mapping[str, np.ndarray], zero: np.ndarray) -> d
 
 
 def _behind_sensors(
-    parts: Sequence[Part], values: Values, log: Log, dose: Mapping[str, float]
+    parts: Sequence[Part], values: Values, log: Log
 ) -> tuple[dict[str, Any], np.ndarray | None]:
     """The true signals from which these sensors measure the log, and the sensor error at the
     samples.
@@ -133,7 +127,7 @@ def _behind_sensors(
             out = dict(zip(part.block.fresh, _outputs(part, signals, own, values, log, None),
                            strict=True))  # fmt: skip
             said = np.column_stack([out["theta_m"], out["w_m"]])
-            error = dose.get(part.key, 1.0) * (said - (measured - error))
+            error = said - (measured - error)
             change, before = abs(float(np.sum(error)) - before), float(np.sum(error))
             if change < 1e-12:
                 break
@@ -190,27 +184,6 @@ def _read(block: Block, signals: Mapping[str, Any]) -> list[Any]:
 def run_as(part: Part, values: Values) -> tuple:
     """Key of an effect with states in the memory."""
     return (part.key, *Placed(f"{part.key}.", part.block).arguments(values).values())
-
-
-def resisting(block: Block, log: Log, values: Values, weights: Mapping[str, Any]) -> np.ndarray:
-    """A stateless effect as a torque on the resisting side; ``values`` may be columns.
-
-    ``weights`` are, by act, the torque along the log for one unit of its output. For a sensor
-    effect, which is no torque, the error of theta is returned.
-    """
-    signals = log.signals
-    made = block(*_read(block, signals), **values)
-    if "sensor" in block.acts:
-        return made[block.fresh.index("theta_m")] - log.theta
-    total: Any = 0.0
-    for act, out in block.deeds(made):
-        if act == "input":
-            total = total + log.u - out
-        elif act == "torque":
-            total = total + out
-        else:
-            total = total + out * weights.get(act, 0.0)
-    return total
 
 
 _engines: dict[Any, Lanes] = {}

@@ -8,13 +8,12 @@ from dataclasses import dataclass
 from ..engine.load import compiler
 from ..errors import Refused
 from .data import Data
-from .structure import ORDER
 from .windows import Windows, spread, windows
 
 BLOCK = 2.0  # s, least length of a held-out block
 GAP = 0.25  # s, between training and held-out samples; also the observer's lead-in
 WINDOWS = (1.0, 0.5, 0.25)  # s, possible lengths of a training window (counted samples)
-FEWEST = 2 * ORDER + 1  # samples of such a window: twice the past that predicts an innovation
+FEWEST = 25  # samples of such a window, at least
 ENOUGH = 8  # windows: the longest length that gives as many is used
 LEAST = 4  # training windows; a record with fewer is refused
 MOST = 200_000  # counted samples to fit on; from a longer record, windows spread over it
@@ -37,19 +36,15 @@ def split(
     *,
     last: bool = False,
     held_out: int | None = None,
-    turned: bool = False,
-    lead: float = GAP,
 ) -> Split:
     """Hold out every other block, the last half, or all runs from sample ``held_out`` on.
-
-    ``turned`` exchanges training and held-out blocks; ``lead`` is the lead-in, s.
 
     Raises
     ------
     Refused
         If the record is too short for both parts.
     """
-    gap = max(2, round(lead / data.dt))
+    gap = max(2, round(GAP / data.dt))
     span = max(1, round(horizon / data.dt))
     if held_out is not None:
         train = [(a, b) for a, b in data.runs if b <= held_out]
@@ -57,8 +52,7 @@ def split(
     elif last:
         train, test = _halves(data.runs)
     else:
-        even, odd = _alternate(data.runs, gap, span, data.dt)
-        train, test = (odd, even) if turned else (even, odd)
+        train, test = _alternate(data.runs, gap, span, data.dt)
     possible = WINDOWS if compiler() else WINDOWS[-1:]  # NumPy is slow per step, not per window
     lengths = [max(FEWEST, round(length / data.dt)) for length in possible]
     cuts = [windows(train, gap, length) for length in lengths]

@@ -8,8 +8,8 @@ from itertools import product
 
 import numpy as np
 
-from ..beside import beside
 from ..blocks.friction import EPS
+from ..engine.beside import beside
 from ..errors import Refused
 from ..model import Model, Part
 from ..spec import unit_for

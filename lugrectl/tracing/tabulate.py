@@ -13,12 +13,13 @@ from ..results import Table
 from ..spec import unit_for
 from .data import Log
 from .shapes import around, hats, turn, wraps
-from .structure import CELL, FOLDS
 
 KNOWN = (("theta",), ("theta", "w"), ("w",), ("t",), ("t", "w"), ("u",))
 Names = tuple[str, ...]
 # for a torque constant that changes: most of the torque has the sign of the speed
 INSTEAD: dict[Names, Names] = {("t", "u"): ("t", "w")}
+CELL = 0.01  # s over which the residual torque is averaged
+FOLDS = 4
 SIZES = (12, 24, 48, 96)  # points of a table
 STIFFNESS = tuple(10.0 ** np.arange(-9.0, 1.0))  # weights of the curvature that are tested
 BLOCKS = 120  # of windows, at most

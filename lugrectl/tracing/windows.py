@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 
 @dataclass(frozen=True)
 class Windows:
-    """Stretches of equal length: each starts at ``start`` and counts after ``burn`` samples.
-
-    ``hidden``: initial values, at some of the starts, of states that the motion does not show, as
-    parts of their reach.
-    """
+    """Stretches of equal length: each starts at ``start`` and counts after ``burn`` samples."""
 
     start: np.ndarray
     burn: int
     length: int
-    hidden: Mapping[int, np.ndarray] = field(default_factory=dict)
 
     @property
     def counted(self) -> np.ndarray:

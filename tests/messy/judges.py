@@ -16,7 +16,7 @@ Judge = Callable[[Case], Answer]
 
 
 def judge_of(text: str, prototype: str | None = None) -> Judge:
-    """``lugrectl``, ``table``, ``prototype`` (with the folder of its file), or ``MODULE:FUNCTION``."""
+    """``lugrectl``, ``table``, ``MODULE:FUNCTION`` or ``prototype`` (which needs its folder)."""
     if text == "lugrectl":
         return lugrectl
     if text == "table":

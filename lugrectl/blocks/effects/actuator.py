@@ -43,7 +43,6 @@ def held_lagging(u: np.ndarray, dt: float, time_constant: float) -> np.ndarray:
     confused="actuator_lag velocity_sensor_lag elastic_coupling",
     experiment="record a torque chirp: the phase lag of a delay grows linearly with frequency",
     exact=held_late,
-    tries=hints.delays,
 )
 def input_delay(u, p1, p2, delay: Any = P(0.0, "s", 0.0, 0.2, neutral=0.0)):
     """u(t - T).
@@ -66,7 +65,6 @@ def input_delay(u, p1, p2, delay: Any = P(0.0, "s", 0.0, 0.2, neutral=0.0)):
     confused="input_delay velocity_sensor_lag",
     experiment="record a torque chirp to well above 1/tau, and log the measured current",
     exact=held_lagging,
-    tries=hints.lags,
 )
 def actuator_lag(u, lagged, time_constant: Any = P(0.0, "s", 0.0, 10.0, neutral=0.0)):
     """tau du'/dt + u' = u.
@@ -84,7 +82,6 @@ def actuator_lag(u, lagged, time_constant: Any = P(0.0, "s", 0.0, 10.0, neutral=
     acts="input",
     confused="quadratic_drag sublinear_viscous",
     experiment="record the same move at increasing torques, up to the highest",
-    tries=hints.limits,
 )
 def actuator_saturation(u, limit: Any = P(np.inf, "N m", 0.0, neutral=np.inf)):
     """u' = clip(u, -limit, limit).
@@ -102,7 +99,6 @@ def actuator_saturation(u, limit: Any = P(np.inf, "N m", 0.0, neutral=np.inf)):
     confused="coulomb_asymmetry backlash stribeck",
     experiment="speed up and brake at torques just above friction: the loss follows the sign of "
     "the torque, not of the speed",
-    tries=hints.half_widths,
 )
 def actuator_dead_zone(u, half_width: Any = P(0.0, "N m", 0.0, neutral=0.0)):
     """u' = u - clip(u, -half_width, half_width).

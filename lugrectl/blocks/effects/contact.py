@@ -65,7 +65,6 @@ def sublinear_viscous(
     confused="stribeck thermal_drift",
     experiment="break away after rests of 0.01 s, 0.1 s, 1 s and 10 s and compare the peaks",
     source="Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30(7), 1994, section 2",
-    tries=hints.dwells,
 )
 def dwell_stiction(
     w,
@@ -117,7 +116,6 @@ def stribeck(w, Fs=P(0.0, "N m", 0.0, neutral=0.0), vs: Any = VS, Fc: Any = SHAR
     acts="torque",
     confused="stribeck backlash elastic_coupling coulomb_asymmetry",
     experiment="record small slow moves of several sizes that reverse before they break away",
-    tries=hints.bristles,
 )
 def presliding(
     w,

@@ -89,7 +89,6 @@ def _load_side(w: Any, twist: Any, w_load: Any, load_inertia: Any, gap: Any, k: 
     acts="torque",
     confused="input_delay velocity_sensor_lag backlash presliding",
     experiment="record a torque chirp through the resonance, with an encoder on the load if any",
-    tries=hints.couplings,
 )
 def elastic_coupling(
     w, twist, w_load, load_inertia=LOAD, stiffness: Any = STIFFNESS, damping: Any = DAMPING
@@ -112,9 +111,6 @@ def elastic_coupling(
     acts="torque",
     confused="elastic_coupling presliding actuator_dead_zone",
     experiment="reverse slowly and fast at several amplitudes: the gap is a fixed angle",
-    tries=hints.gaps,
-    box=hints.gap_box,
-    hidden=hints.in_the_gap,
 )
 def backlash(
     w,

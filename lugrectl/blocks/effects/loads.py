@@ -99,7 +99,6 @@ def return_spring(
     acts="torque",
     confused="return_spring gravity",
     experiment="move slowly into the end of the travel and back, twice",
-    tries=hints.stops,
 )
 def hard_stop(
     theta,

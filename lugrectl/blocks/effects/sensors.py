@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from ...spec import P, block
-from . import hints
 from .loads import PHASE
 
 
@@ -19,7 +18,6 @@ from .loads import PHASE
     acts="sensor",
     confused="input_delay actuator_lag elastic_coupling",
     experiment="also record the raw position and differentiate it: the lag is between the two",
-    tries=hints.lags,
 )
 def velocity_sensor_lag(w, theta, lagged, time_constant: Any = P(0.0, "s", 0.0, 10.0, neutral=0.0)):
     """tau dw_m/dt + w_m = w.

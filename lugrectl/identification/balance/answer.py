@@ -61,6 +61,7 @@ def answer(ground: Ground, found: Estimated) -> Balance:
         is_map=ground.is_map,
         half_width=made.half_width,
         residual=_residual(made),
+        refused=against.notes[0] if against.impossible else "",
     )
 
 

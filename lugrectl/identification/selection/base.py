@@ -32,7 +32,10 @@ LEAST_FRICTION = 0.05  # friction counts as this share of the torque at least
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """What all rows of the table share: the motion, its windows and blocks, what is declared."""
+    """What all rows of the table share: the motion, its windows and blocks, what is declared.
+
+    ``has`` are the parameters of the declared friction law, with a value or not.
+    """
 
     motion: Motion
     rows: Rows
@@ -43,6 +46,7 @@ class Record:
     sure: bool
     heavy: bool = False
     parts: Sequence[Part] = ()
+    has: frozenset[str] = frozenset()
     _kept: dict[Hashable, tuple[object, Any]] = field(default_factory=dict, repr=False)
 
     def once(self, key: Hashable, of: object, make: Callable[[], Any]) -> Any:
@@ -95,7 +99,7 @@ class Record:
     def single(self) -> tuple[csr_matrix, csr_matrix]:
         """The same in single precision."""
         K, narrow = self.few
-        return K.astype(np.float32), narrow.astype(np.float32)
+        return csr_matrix(K, dtype=np.float32), csr_matrix(narrow, dtype=np.float32)
 
     @classmethod
     def of(
@@ -107,10 +111,11 @@ class Record:
         sure: bool,
         heavy: bool,
         parts: Sequence[Part],
+        has: frozenset[str] = frozenset(),
     ) -> Record:
         laws = Laws(motion, declared, 3 * rows.rough + 1e-12)
         blocks = Blocks.of(rows.t, motion.t[-1], BLOCK)
-        return cls(motion, rows, laws, blocks, declared, J, sure, heavy, parts)
+        return cls(motion, rows, laws, blocks, declared, J, sure, heavy, parts, has)
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,6 +164,7 @@ class Base:
 
     ``inside`` are the names of the effects in it, ``u`` the torque that reaches the drive,
     ``weight`` the torque of its gravity (n,), 0 without,
+    ``levels`` those of friction, where they are not its own,
     ``known`` the frequency, damping and gap of loads that were searched before.
     """
 
@@ -170,6 +176,7 @@ class Base:
     inside: tuple[str, ...] = ()
     gravity: bool = False
     friction: float | None = None
+    levels: np.ndarray | None = None
     known: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     @cached_property
@@ -210,7 +217,8 @@ class Base:
 
     # ------------------------------------------------------------------ its friction
     def _of(self, names: tuple[str, ...]) -> np.ndarray:
-        return self.law.part(self.made.b[LEVELS], names)
+        own = self.made.b[LEVELS] if self.levels is None else self.levels
+        return self.law.part(own, names)
 
     @cached_property
     def coulomb(self) -> np.ndarray:
@@ -232,7 +240,8 @@ class Base:
     @cached_property
     def level(self) -> np.ndarray:
         """Level of Coulomb friction over the speed, (n,)."""
-        b, w = self.made.b[LEVELS], np.abs(self.record.motion.w)
+        b = self.made.b[LEVELS] if self.levels is None else self.levels
+        w = np.abs(self.record.motion.w)
         known = self.record.declared
         if known.get("Fs") and known.get("Fc") and known.get("vs"):
             scale = max(b[0], 0.3 * rms(self.coulomb))

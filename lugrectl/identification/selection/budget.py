@@ -83,7 +83,7 @@ def _share(base: Base, V: np.ndarray, name: str, at: list[int], signals: tuple[s
 
 
 def _of_torque(base: Base, c: Contender) -> Share:
-    return _plainly(base, c.name, c.torque, ("u",))
+    return _plainly(base, c.name, c.torque, _signals(c.name))
 
 
 def _plainly(base: Base, name: str, torque: np.ndarray, signals: tuple[str, ...]) -> Share:

@@ -18,7 +18,7 @@ from .values import values_of
 
 
 def completed(stretches: Sequence[Stretch], model: Model, plain: Balance) -> dict[str, float]:
-    """The values that declared effects lack, by key; none where nothing explains anything."""
+    """The values of declared effects that the model leaves open, by key; {} if none fits."""
     found: dict[str, float] = {}
     for part in model.effects:
         if None in part.values.values():

@@ -24,7 +24,8 @@ class Contender:
     ``values`` are those of the effect's parameters that were searched, ``own`` the number of its
     columns, the last ones. ``u`` is the torque that reaches the drive, where it changes that.
     ``blocks`` are the scores of the blocks, ``torque`` (m,) what the base cannot imitate of it,
-    ``share`` its RMS over that of friction, ``whole`` that of all of its torque.
+    ``share`` its RMS over that of friction, ``whole`` that of all of its torque. ``entry`` is what
+    it was made from.
     """
 
     name: str
@@ -39,7 +40,7 @@ class Contender:
     torque: np.ndarray
     whole: float
     J: float
-    inertial: bool = False
+    entry: Entry
 
     @property
     def coefficients(self) -> np.ndarray:
@@ -127,7 +128,7 @@ def enter(base: Base, entry: Entry) -> Contender:
         torque=torque,
         whole=rms(whole) / base.friction_rms,
         J=J,
-        inertial=entry.inertial,
+        entry=entry,
     )
     return replace(found, blocks=base.score - 1e-9) if _unidentified(found) else found
 
@@ -173,7 +174,7 @@ def _unidentified(c: Contender) -> bool:
     The law imitates nearly all of it; or it has more torque than all friction and another inertia.
     """
     ratio = c.J / c.base.J
-    if not c.depends_on and not c.inertial and c.share < ALONE * c.whole:
+    if not c.depends_on and not c.entry.inertial and c.share < ALONE * c.whole:
         return True
     if c.share > 1 and c.name != "gravity" and not OTHER_J[0] < ratio < OTHER_J[1]:
         return True

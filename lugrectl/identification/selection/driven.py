@@ -48,19 +48,19 @@ def run(v, dt, steps, first, p, load_at, twist_at, out):
 _LANES = """
 def run(v, dt, steps, first, p, w_load, twist, out):
     h = dt / steps
+    half = 0.5 * h
     {names}, = p
     w_load = np.full(p.shape[1], v[0])
     twist = np.zeros(p.shape[1])
 {head}
-    for k in range(len(v)):
-        w = v[k]
+    for k, w in enumerate(v.tolist()):
         total = 0.0
         for j in range(steps):
-            twist = twist + 0.5 * h * (w - w_load)
+            twist = twist + half * (w - w_load)
 {body}
             total = total + {torque}
             w_load = w_load + h * ({rate})
-            twist = twist + 0.5 * h * (w - w_load)
+            twist = twist + half * (w - w_load)
         out[k] = total / steps
 """
 

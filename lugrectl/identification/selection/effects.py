@@ -58,15 +58,15 @@ def over(base: Base, block: Block, key: str, grid: np.ndarray) -> np.ndarray:
     They are in single precision. Those of one value are neighbours: (m, values) or, with a phase,
     (m, 2 values).
     """
+
+    def make() -> np.ndarray:
+        return _over(base, block, key, grid)
+
     if set(block.acts) <= {"torque"} and not {"u", "load"} & {*block.inputs}:
-        return base.record.once(
-            ("over", block.name, key), None, lambda: _over(base, block, key, grid)
-        )
+        return base.record.once(("over", block.name, key), None, make)
     if set(block.acts) <= {"input"}:
-        return base.record.once(
-            ("over", block.name, key), base.u, lambda: _over(base, block, key, grid)
-        )
-    return _over(base, block, key, grid)
+        return base.record.once(("over", block.name, key), base.u, make)
+    return make()
 
 
 def _over(base: Base, block: Block, key: str, grid: np.ndarray) -> np.ndarray:
@@ -82,7 +82,7 @@ def _part(base: Base, block: Block, key: str, grid: np.ndarray) -> np.ndarray:
     made = []
     for x in span:
         own: dict[str, Any] = {block.gain: 1.0, key: grid[None, :].astype(view.kind)}
-        own |= {} if free is None else {free: float(x)}
+        own |= {} if free is None or x is None else {free: float(x)}
         made.append(_column(base, block, own, view))
     return np.stack(made, axis=2).reshape(len(made[0]), -1)
 
@@ -127,7 +127,7 @@ def _column(base: Base, block: Block, values: Mapping[str, Any], view: _Samples)
         out = outputs(base, block, values)
         error = out[block.fresh.index("theta_m")] - m.theta[:, None]
         bent = np.concatenate([bend(error[p, 0], m.dt) for p in m.pieces])[:, None]
-        return -base.J * (record.rows.narrow @ bent)
+        return np.asarray(record.rows.narrow @ bent) * -base.J
     out = outputs(base, block, values, view)
     torque, inertial = [], []
     seen: set[int] = set()

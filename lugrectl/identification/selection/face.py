@@ -17,9 +17,9 @@ from .base import Record, settled
 from .budget import budget, detectable
 from .contender import Contender
 from .motion import Motion, motion_of
-from .numbers import ALPHA, HELD, LEAST, LOST
+from .numbers import ALPHA, HELD, LEAST, LOST, MOST_ROWS, MOST_SAMPLES
 from .result import Compared, Comparison, Named
-from .rows import Width, quick, rows_of, usable, widths
+from .rows import Width, quick, rows_of, spacing, usable, widths
 from .table import Table
 from .values import levels_of, values_of
 from .verdict import Decision, decide
@@ -34,6 +34,9 @@ def compare(
 ) -> Comparison:
     """What is missing from a declared model, by one comparison.
 
+    The verdict is "refused", with the reason as its message, where the torque has nothing to do
+    with the motion, or follows it.
+
     Parameters
     ----------
     stretches : sequence of Stretch
@@ -47,6 +50,8 @@ def compare(
     alpha : float
         Chance of naming something on a record on which nothing is missing.
     """
+    if plain.refused:
+        return Comparison("refused", messages=(plain.refused,), least=least)
     began = time.perf_counter()
     with np.errstate(all="ignore"):  # a record without noise divides by nearly 0
         found = decide(record_of(stretches, model, plain), least, alpha)
@@ -90,7 +95,7 @@ def _rows(table: Table) -> list[Compared]:
     own = int(base.made.free.sum())
     rows = [Compared("declared", 0.0, 0.0, 0.0, own)]
     for c in table.rows:
-        gain, se = c.above(base)
+        gain, se = c.above(c.base)
         rows.append(Compared(c.name, gain, se, c.share, int(c.made.free.sum())))
     return rows
 
@@ -104,9 +109,16 @@ def record_of(stretches: Sequence[Stretch], model: Model, plain: Balance) -> Rec
     J, sure = _inertia(plain, declared)
     width, sure = _width(motion, declared, J, sure)
     held = None if declared.get("J") else J
+    motion = motion.part(_share(motion, width.h))
+    has = frozenset(model.friction.block.own)
     return Record.of(
-        motion, rows_of(motion, width.h), declared, held, sure, width.heavy, model.effects
+        motion, rows_of(motion, width.h), declared, held, sure, width.heavy, model.effects, has
     )
+
+
+def _share(m: Motion, h: float) -> float:
+    """Share of a long motion that says enough."""
+    return min(1.0, MOST_SAMPLES / len(m), MOST_ROWS * spacing(m, h) / len(m))
 
 
 def _inertia(plain: Balance, declared: dict[str, float]) -> tuple[tuple[float, float] | None, bool]:

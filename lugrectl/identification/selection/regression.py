@@ -6,15 +6,18 @@ of the acceleration (the first column) is taken off its moment.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from scipy.linalg.lapack import dposv
+from scipy.linalg import get_lapack_funcs
 
 from .numbers import FREEDOM
 
 MOST_NOISE = 0.3  # of the moment of the acceleration that noise may take
 ROUNDS = 40  # of the active set
+_POSV: Callable[..., Any] = get_lapack_funcs(("posv",), dtype=np.float64)[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,9 +95,11 @@ def bounded(
     """The b within its bounds that minimises b'Gb/2 - g'b, and where it is at them.
 
     ``state`` is -1 at the low bound, 1 at the high one, 0 between: at the beginning that of a
-    problem nearby. A column enters or leaves the bounds one at a time, until none has to.
+    problem nearby. One column at a time goes to a bound or leaves it, until none has to. None
+    leaves twice: if that ends too early, it begins again with all between.
     """
     size = np.sqrt(np.maximum(np.diag(G), 1e-300))
+    begun = state is not None and state.any()
     state = np.zeros(len(g), int) if state is None else state.copy()
     again = np.zeros(len(g), bool)
     near = 1e-9 * np.abs(g / size).max()
@@ -109,10 +114,9 @@ def bounded(
         if not state.any():
             break
         pull = (g - G @ b) / size * -state  # towards the inside
-        pull[again] = 0.0
-        i = int(pull.argmax())
-        if pull[i] <= near:
-            break
+        i = int(np.where(again, 0.0, pull).argmax())
+        if again[i] or pull[i] <= near:
+            return bounded(G, g, low, high) if begun and pull.max() > near else (b, state)
         state[i], again[i] = 0, True
     return b, state
 
@@ -131,5 +135,7 @@ def _between(G: np.ndarray, g: np.ndarray, bound: np.ndarray, state: np.ndarray)
 
 def _solved(G: np.ndarray, g: np.ndarray) -> np.ndarray:
     """By Cholesky; noise taken off a moment may leave no positive definite matrix."""
-    _, b, failed = dposv(G, g)
+    if not len(g):
+        return g
+    _, b, failed = _POSV(G, g)
     return np.linalg.solve(G, g) if failed else b

@@ -41,7 +41,7 @@ class Blocks:
 
     @cached_property
     def places(self) -> np.ndarray:
-        """The rows of each full block, (blocks, most rows); beyond its end the last row + 1."""
+        """The rows of each full block, (full blocks, most rows); m beyond its end."""
         first, many = self.cuts[self.full], np.diff(self.cuts)[self.full]
         each = np.arange(many.max(initial=0))
         return np.where(each < many[:, None], first[:, None] + each, self.cuts[-1])

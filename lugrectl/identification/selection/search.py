@@ -256,7 +256,8 @@ def _shifted(c: np.ndarray, by: float) -> np.ndarray:
     weights = ((1 - s) ** 3, 4 - 6 * s**2 + 3 * s**3, 1 + 3 * s + 3 * s**2 - 3 * s**3, s**3)
     held = np.pad(c, max(whole, 0) + 2, mode="edge")
     first = EDGE + max(whole, 0) + 2 - whole - 2
-    return sum(k / 6 * held[first + i : first + i + n] for i, k in enumerate(weights))
+    parts = [k / 6 * held[first + i : first + i + n] for i, k in enumerate(weights)]
+    return parts[0] + parts[1] + parts[2] + parts[3]
 
 
 def _golden(f: Callable[[float], float], low: float, high: float, rounds: int = 8) -> float:

@@ -82,11 +82,12 @@ def _best(base: Base, block: Block, shapes: Sequence[Shape]) -> Shape | None:
 
 
 def _columns(base: Base, block: Block, shapes: Sequence[Shape]) -> np.ndarray:
-    """The torques of loads of 1 kg m2 in the windows, (m, shapes)."""
+    """The torques of loads of 1 kg m2 in the windows, (m, shapes), each computed once."""
+    kept: dict[Shape, np.ndarray] = base.record.once(("loads", block.name), None, dict)
     m, narrow = base.record.motion, base.record.rows.narrow
-    many = max(1, AT_ONCE // len(m))
-    made = []
-    for i in range(0, len(shapes), many):
-        sets = [of_unit_load(*shape) for shape in shapes[i : i + many]]
-        made.append(narrow @ torques(block, m.path, m.dt, sets))
-    return np.concatenate(made, axis=1)
+    new, many = [s for s in shapes if s not in kept], max(1, AT_ONCE // len(m))
+    for i in range(0, len(new), many):
+        part = new[i : i + many]
+        made = narrow @ torques(block, m.path, m.dt, [of_unit_load(*s) for s in part])
+        kept.update(zip(part, np.ascontiguousarray(made.T), strict=True))
+    return np.stack([kept[s] for s in shapes], axis=1)

@@ -8,12 +8,13 @@ from functools import partial
 
 import numpy as np
 
-from ...beside import beside
+from ...engine.beside import beside
 from ...spec import Block
 from . import search, unknown
 from .base import Base, Columns, View, rms, settled
 from .base import Record as Seen
 from .contender import Contender, Entry, enter
+from .levelled import levelled
 from .numbers import FREEDOM
 from .regression import Scale, solve
 
@@ -48,7 +49,8 @@ def tabulate(base: Base) -> Table:
 
     def named(block: Block) -> list[Contender]:
         with np.errstate(all="ignore"):  # each thread has its own
-            return [enter(base, e) for e in search.entries(base, block)]
+            best = best_of(enter(base, e) for e in search.entries(base, block))
+            return [levelled(c) for c in best]
 
     def free(entry: Entry) -> list[Contender]:
         with np.errstate(all="ignore"):

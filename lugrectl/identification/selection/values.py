@@ -24,6 +24,8 @@ def values_of(c: Contender, model: Model) -> dict[str, float]:
 def _own(c: Contender, block: Block) -> dict[str, float]:
     if "damping_ratio" in c.values:
         return _load(c, block)
+    if not c.own and c.u is None:
+        return {k: v for k, v in c.values.items() if k in block.own}
     if c.u is not None:
         return _of_torque(c, block)
     free, b = spanned(block), c.coefficients

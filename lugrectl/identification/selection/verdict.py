@@ -9,12 +9,14 @@ from statistics import NormalDist
 import numpy as np
 
 from ...spec import REGISTRY
+from ..balance import UNRELATED
+from . import laws_as_rows, rounds
 from .base import Base, Record, rms
 from .contender import Contender, enter
 from .numbers import (
     ALPHA,
     FAR,
-    FOREIGN,
+    HALF,
     KNOWN_TIME,
     LEAST,
     MORE,
@@ -35,7 +37,6 @@ MOST_BESIDE = 3  # other effects beside which two explanations are compared agai
 
 
 UNSURE = "The record does not determine the inertia, so no effect is named."
-UNRELATED = "More than half of the torque has nothing to do with the motion."
 LOADED = (
     "The inertia is {:.2g} times the declared one: a load behind a coupling that is too stiff to "
     "be seen, or a wrong declared value."
@@ -86,19 +87,34 @@ class Bars:
 def decide(record: Record, least: float = LEAST, alpha: float = ALPHA) -> Decision:
     """From the record to the verdict."""
     table, heavy, also = decided(record)
-    found = _of(record, table, Bars(least, NormalDist().inv_cdf(1 - 0.5 * alpha)))
-    if heavy is not None:
-        return _with_weight(found, heavy, also)
-    if not record.sure:
-        return replace(found, messages=(UNSURE, *found.messages))
-    return _with_load(found) if found.verdict == "adequate" else found
+    bars = Bars(least, NormalDist().inv_cdf(1 - 0.5 * alpha))
+    found = _of(record, table, bars)
+    if not record.sure and heavy is None and found.verdict != "refused":
+        return replace(found, messages=(UNSURE,))
+    found = found if heavy is None else _with_weight(found, heavy, also)
+    found = _with_load(found) if found.verdict == "adequate" else found
+    return _with_law(found, bars) if record.sure else found
+
+
+def _with_law(found: Decision, bars: Bars) -> Decision:
+    """With the parts of friction that the declared law lacks and the record needs."""
+    if found.verdict not in ("adequate", "found", "ambiguous"):
+        return found
+    least = float(np.log(len(laws_as_rows.PARTS))) + MORE
+    parts = []
+    for c in laws_as_rows.rows(found.last):
+        d, se = c.above(c.base)
+        if d > least and d > bars.z * se and c.share > bars.least:
+            parts.append(c)
+    verdict = "found" if parts and found.verdict == "adequate" else found.verdict
+    return replace(found, verdict=verdict, effects=(*found.effects, *parts))
 
 
 def _of(record: Record, table: Table, bars: Bars) -> Decision:
     good = [c for c in bars.proven(table, table.named) if c.share > _floor(c, bars.least)]
     good = [c for c in good if c.share > SEEN * table.base.left] if record.sure else []
     free = [c for c in bars.proven(table, table.unknown) if c.share > UNKNOWN * bars.least]
-    if not good or _foreign(table):
+    if not good:
         return _nameless(table, free)
     close = (good[0], *(c for c in good[1:] if as_good(c, good[0])))[: 1 + MOST_ALTERNATIVES]
     beside = tabulate(close[0].joined())
@@ -119,20 +135,14 @@ def _floor(c: Contender, least: float) -> float:
 
 
 def _nameless(table: Table, free: list[Contender]) -> Decision:
-    foreign = _foreign(table)
-    if not (free or foreign):
-        return Decision("adequate", table=table)
-    first = free[0] if free else None
-    signals = first.depends_on if first else frozenset[str]()
-    said = (UNRELATED,) if foreign else ()
-    return Decision("unexplained", (), (), signals, table, unknown=first, messages=said)
-
-
-def _foreign(table: Table) -> bool:
-    """Whether every row leaves most of the torque."""
     base = table.base
-    left = min(rms(c.made.r) for c in (base, *table.rows)) * base.view.scale.sigma
-    return left > FOREIGN * rms(base.y)
+    left = rms(base.made.r) * base.view.scale.sigma / max(rms(base.y), 1e-300)
+    if not free and left > HALF:  # an effect as large as all friction could not have been seen
+        return Decision("refused", table=table, messages=(UNRELATED.format(left),))
+    if not free:
+        return Decision("adequate", table=table)
+    signals = free[0].depends_on
+    return Decision("unexplained", depends_on=signals, table=table, unknown=free[0])
 
 
 def _again(
@@ -171,8 +181,24 @@ def _what_is_left(found: Decision, free: list[Contender], bars: Bars) -> Decisio
         return replace(found, verdict="unexplained", effects=kept, alternatives=(),
                        depends_on=odd.depends_on, unknown=odd)  # fmt: skip
     if found.verdict == "found" and second is not None:
-        return replace(found, effects=(best, second))
+        return _several(found, best, second, bars)
     return found
+
+
+def _several(found: Decision, best: Contender, second: Contender, bars: Bars) -> Decision:
+    """All effects of the record, each the best beside the others."""
+
+    def fits(c: Contender, table: Table) -> bool:
+        return bool(bars.proven(table, [c])) and _large(c, best, bars.least)
+
+    assert found.table is not None
+    start = found.table.base
+    effects, _ = rounds.all_of([best, second], fits)
+    effects, also = rounds.exchanged(start, effects, fits)
+    effects = rounds.chained(start, effects)
+    table = Table(effects[-1].joined(), (), ())
+    verdict = "ambiguous" if also else "found"
+    return replace(found, verdict=verdict, effects=tuple(effects), alternatives=also, beside=table)
 
 
 def _large(c: Contender, best: Contender, least: float) -> bool:
