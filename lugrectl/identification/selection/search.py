@@ -93,12 +93,17 @@ def _linear(base: Base, block: Block) -> Iterator[Entry]:
 
 
 def _of_load(base: Base, block: Block) -> Iterator[Entry]:
-    """The load is the weight, alone and with the torque of the inertia."""
+    """The load is the weight, alone and with the torque of the inertia.
+
+    Friction under the torque of the inertia is part of what opposes an acceleration: the plain
+    answer, which has no such friction, counts it as inertia.
+    """
     m = base.record.motion
-    for load in (base.weight, base.weight + base.J * m.a):
+    for load, inertial in ((base.weight, False), (base.weight + base.J * m.a, True)):
         out = block(load, **{block.gain: 1.0})[0]
         made = base.record.mean(out * base.law.z)[:, None]
-        yield Entry(block.name, {}, Columns.free(made, 0.0), cost=float(np.log(2)))
+        own = Columns.free(made, 0.0)
+        yield Entry(block.name, {}, own, cost=float(np.log(2)), inertial=inertial)
 
 
 def _over_grid(base: Base, block: Block, key: str) -> Iterator[Entry]:
