@@ -14,7 +14,7 @@ from .regression import Solution, solve
 from .score import paired
 
 OTHER_J = (0.5, 2.0)  # inertia beside an effect as large as all friction, over that without it
-IMITATES = 0.6  # of the inertia: an unknown torque of u that leaves less has taken it away
+IMITATES = 0.6  # of the inertia: an unknown torque of u that changes it by more stands for it
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,4 +178,4 @@ def _unidentified(c: Contender) -> bool:
         return True
     if c.share > 1 and c.name != "gravity" and not OTHER_J[0] < ratio < OTHER_J[1]:
         return True
-    return "u" in c.depends_on and ratio < IMITATES
+    return "u" in c.depends_on and not IMITATES < ratio < 1 / IMITATES

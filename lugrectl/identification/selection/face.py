@@ -152,5 +152,5 @@ def _width(
     if known or J is None:
         return (good or [least])[0], sure and bool(known)
     middle, half = 0.5 * (J[0] + J[1]), 0.5 * (J[1] - J[0])
-    near = [w for w in good if abs(w.J - middle) < half + 0.1 * middle]
+    near = [w for w in good if abs(w.J - middle) < half + w.se]
     return (near or [min(tried, key=lambda w: abs(w.J - middle))])[0], sure

@@ -92,14 +92,16 @@ def _of_load(base: Base, block: Block) -> Iterator[Entry]:
     """The load is the weight, fitted or as declared, alone and with the torque of the inertia.
 
     A fitted weight is not zero at the right place where the travel is small: there an offset is
-    a part of it.
+    a part of it. Friction under the torque of the inertia is part of what opposes an acceleration:
+    the plain answer, which has no such friction, counts it as inertia.
     """
     a, weights = base.record.motion.a, [base.weight, *_declared_weight(base)]
-    loads = [load for weight in weights for load in (weight, weight + base.J * a)]
-    for load in loads:
+    loads = [(load, part > 0) for w in weights for part, load in enumerate((w, w + base.J * a))]
+    for load, inertial in loads:
         out = block(load, **{block.gain: 1.0})[0]
-        made = base.record.mean(out * base.law.z)[:, None]
-        yield Entry(block.name, {}, Columns.free(made, 0.0), cost=float(np.log(len(loads))))
+        own = Columns.free(base.record.mean(out * base.law.z)[:, None], 0.0)
+        cost = float(np.log(len(loads)))
+        yield Entry(block.name, {}, own, cost=cost, inertial=inertial)
 
 
 def _declared_weight(base: Base) -> list[np.ndarray]:
