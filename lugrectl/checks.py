@@ -69,6 +69,14 @@ def positive(value: Any, name: str, unit: str = "") -> float:
     return made
 
 
+def share(value: Any, name: str) -> float:
+    """A number between 0 and 1, both excluded."""
+    found = positive(value, name)
+    if found >= 1.0:
+        raise InputError(f"{name} is {found:g}; give a share below 1, such as 0.01.")
+    return found
+
+
 def whole(value: Any, name: str, least: int = 0) -> int:
     """A whole number from ``least`` on; InputError names the argument."""
     made = real(value)

@@ -61,7 +61,8 @@ def diagnose_map(
     by the error of the mean and by a scatter from run to run. An effect that depends on speed
     alone, or on nothing, is added if the misfit falls by more than chance allows (F test, 1 % for
     all candidates together) and if its torque is above the least size. The ripple of the torque
-    over the angle is reported as well. Such runs do not identify inertia and presliding.
+    over the angle is reported as well, and named where it is the largest part. Such runs do not
+    identify inertia and presliding.
 
     Held out are one of three speeds in either direction, the last half of every run, or a run.
     ``error`` is the RMS of measured minus modelled mean torque there, N m or N: there is no motion
@@ -96,15 +97,16 @@ def diagnose_map(
     errors = errors_of(fits, choice.final)
     values = estimates_of(whole)
     found = [Finding.of(step.key, step.name, values, step.tied) for step in choice.steps]
-    found += [finding_of(swing[0], whole)] if swing else []
+    largest = bool(swing) and _largest(swing[0], whole, [step.key for step in choice.steps])
+    found += [finding_of(swing[0], whole)] if largest else []
     names = [step.name for step in choice.steps]
-    signals = dict.fromkeys([*signals_of(names), *(["theta"] if swing else []), *(["w"] * missing)])
-    verdict = _verdict(found, bool(swing), missing)
+    signals = dict.fromkeys([*signals_of(names), *(["theta"] * largest), *(["w"] * missing)])
+    verdict = _verdict(found, largest, missing)
     return Diagnosis(
         verdict=verdict,
         effects=tuple(found),
         depends_on=tuple(s for s in signals if s != "t"),
-        experiment=_experiment(verdict, found, bool(swing)),
+        experiment=_experiment(verdict, found, largest),
         error=errors,
         free_error={k: errors[k] for k in _FREE} | {"in_sample": False},
         torque_error={k: errors[k] for k in _TORQUE},
@@ -220,6 +222,15 @@ def messages_of(fits: Fits, whole: Curve) -> tuple[str, ...]:
     ends += far_off(whole, fits.declared)
     flat = unidentified(whole.flat(), "these runs")
     return tuple(dict.fromkeys([*fits.declared.remarks(), *noticed, said, *ends, *flat]))
+
+
+def _largest(swing: Swing, whole: Curve, keys: Sequence[str]) -> bool:
+    """Whether the ripple is the largest part of what is missing: names are of that part.
+
+    A smaller one is reported with its size; its phase, and with that its name, is not known.
+    """
+    ripple = swing.amplitude / np.sqrt(2.0) / rms(whole.predictor.friction(whole.values))
+    return bool(ripple > max((whole.size(key) for key in keys), default=0.0))
 
 
 def _verdict(found: Sequence[Finding], swinging: bool, missing: bool) -> str:

@@ -16,6 +16,7 @@ from .display import Grid, Row, Shown, grid_html, grid_text, number, with_interv
 from .errors import InputError
 
 if TYPE_CHECKING:
+    from .joint import Joint, Residuals
     from .model import Model
     from .record import Record
     from .results import Estimate
@@ -153,6 +154,22 @@ class Fitted(Result):
     error: Mapping[str, Any] | None
     record: Record | None
     messages: tuple[str, ...]
+    joint: Joint | None
+    residuals: Residuals | None
+
+    @property
+    def covariance(self) -> Joint:
+        """The joint covariance of the fitted parameters: ``.matrix``, ``.names``, ``.to_frame()``.
+
+        Raises InputError where nothing was fitted.
+        """
+        if self.joint is None:
+            raise InputError("this result has no fit, and so no covariance of its parameters.")
+        return self.joint
+
+    def sample(self, n: int, seed: int | None = None) -> dict[str, np.ndarray]:
+        """n random sets of the fitted parameters, drawn together: name -> (n,)."""
+        return self.covariance.sample(n, seed)
 
     @property
     def parameters(self) -> ParameterTable:
@@ -174,7 +191,7 @@ class Fitted(Result):
         return write(self, folder)
 
     def plot(self, ax: Any = None) -> Any:
-        """Draw what there is: motion, error, residual, ranking, in a figure that shows itself.
+        """Draw what there is: motion, error, residual, budget, in a figure that shows itself.
 
         Returns an array of Axes, one for each panel; a single one where there is one panel. Into
         a given ``ax`` the first panel is drawn, measured and simulated motion where there is any,

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from .compensating import Compensation
     from .identification.balance import Balance
     from .identification.selection import Comparison
+    from .joint import Joint, Residuals
 
 VERDICTS = ("adequate", "found", "ambiguous", "unexplained", "refused")
 
@@ -297,6 +298,8 @@ class Diagnosis(Fitted):
     provenance: Provenance | None = None
     plain: Balance | None = None
     comparison: Comparison | None = None
+    joint: Joint | None = None
+    residuals: Residuals | None = None
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as in the JSON document; never NaN or Infinity."""
@@ -324,6 +327,8 @@ class Diagnosis(Fitted):
                 "reason": self.reason,
                 "plain": self.plain.summary() if self.plain else None,
                 **_compared(self.comparison),
+                "covariance": self.joint.summary() if self.joint else None,
+                "residuals": self.residuals.summary() if self.residuals else None,
                 "provenance": self.provenance.summary() if self.provenance else None,
             }
         )

@@ -7,7 +7,7 @@ import threading
 import pytest
 
 from lugrectl.engine.load import compiler, threads
-from lugrectl.tracing.beside import beside
+from lugrectl.engine.beside import beside
 
 
 def test_results_come_in_the_order_of_the_items():

@@ -127,12 +127,18 @@ def _answered(work: Any, a: Namespace, model: Model) -> Any:
 
     logs, holdout = _read_all(a, model)
     options = {"holdout": holdout, "horizon": a.horizon, "seed": a.seed}
-    options |= {"time_limit": limit} if (limit := getattr(a, "time_limit", None)) else {}
+    options |= chosen(a)
     try:
         with Bar(sys.stderr) as bar:
             return work(logs[0] if len(logs) == 1 else logs, model, progress=bar, **options)
     except Refused as no:
         return refusal(no, model, [], no.plain)
+
+
+def chosen(a: Namespace) -> dict[str, float]:
+    """The options of the search that were given."""
+    given = {k: getattr(a, k, None) for k in ("time_limit", "least", "alpha")}
+    return {k: v for k, v in given.items() if v is not None}
 
 
 def _read_all(a: Namespace, model: Model) -> tuple[list[Log], Any]:

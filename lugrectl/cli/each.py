@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
-from .commands import fixed, print_out, reading
+from .commands import chosen, fixed, print_out, reading
 from .progress import Bar
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def each(a: Namespace) -> int:
             command=a.typed,
             holdout=a.holdout,
             horizon=a.horizon,
-            time_limit=a.time_limit,
+            **chosen(a),
             seed=a.seed,
             **how,
         )

@@ -46,6 +46,18 @@ def parser() -> argparse.ArgumentParser:
         "stands all the same",
     )
     diagnose.add_argument(
+        "--least",
+        type=_share,
+        metavar="SHARE",
+        help="smallest torque that matters, as a share of RMS friction torque (default: 0.015)",
+    )
+    diagnose.add_argument(
+        "--alpha",
+        type=_share,
+        metavar="P",
+        help="chance of naming something where nothing is missing (default: 0.01)",
+    )
+    diagnose.add_argument(
         "--compensate",
         choices=("velocity", "position"),
         help="also close this control loop in simulation: friction compensation with the "
@@ -251,6 +263,14 @@ def _finite(text: str) -> float:
         value = math.nan
     if not math.isfinite(value):
         raise argparse.ArgumentTypeError(f"'{text}' is not a finite number")
+    return value
+
+
+def _share(text: str) -> float:
+    """A number between 0 and 1."""
+    value = _positive(text)
+    if value >= 1.0:
+        raise argparse.ArgumentTypeError(f"{text} is not below 1; give a share such as 0.015.")
     return value
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -40,10 +41,12 @@ class Asked:
         logs = [log.log if isinstance(log, Record) else log for log in self.logs]
         return plain_answer([log for log in logs if log is not None], self.model)
 
-    def starts(self) -> dict[str, float]:
-        """Values from which a fit starts: of the plain answer, of effects declared without."""
+    def starts(self, friction: Mapping[str, float]) -> dict[str, float]:
+        """Values from which a fit starts: of the plain answer, of effects declared without values,
+        and inertia and friction as the comparison has them."""
         plain = self.plain
-        return plain.values() | completed(plain.stretches, self.model, plain)
+        lacking = completed(plain.stretches, self.model, plain)
+        return plain.values() | friction | lacking
 
     def records(self) -> Record | list[Record]:
         """The logs on uniform time: one record, or a list; Refused where one has no motion."""

@@ -7,12 +7,12 @@ from dataclasses import replace
 from typing import Any
 
 from ..blas import one_blas_thread
-from ..checks import positive
+from ..checks import positive, share
 from ..deadline import within
 from ..door import judged_by
 from ..errors import Refused
 from ..friction_map import diagnose_map
-from ..identification.selection import LEAST, Comparison, Named, compare
+from ..identification.selection import ALPHA, LEAST, Comparison, Named, compare
 from ..model import Model
 from ..progress import Progress, Wanted, reporter, shows_progress
 from ..provenance import stamped
@@ -32,9 +32,11 @@ from ..tracing.job import (
     begin,
     compared,
     estimates,
+    joint,
     noted,
     on_everything,
     prepared,
+    residuals,
     score,
     unidentified,
 )
@@ -65,20 +67,18 @@ def diagnose(
     horizon: float = 1.0,
     seed: int = 0,
     least: float = LEAST,
+    alpha: float = ALPHA,
     time_limit: float = LIMIT,
     progress: Wanted = None,
 ) -> Diagnosis:
     """Find the physical effect that is missing from a declared model, from a log.
 
-    The declared model is refitted by the likelihood of its one-step predictions, so that a
-    wrong parameter is not reported as a missing effect. Each effect of the catalogue is tried
-    together with a refit, and accepted when the gain is significant over the training windows.
-    Errors are those of simulations from the recorded torque alone, on samples that no fit has
-    used. An effect that these samples contradict is not named, or the verdict is "unexplained".
-    For a single record the final parameters are fitted to all samples, after the errors were
-    computed. A speed that is only the difference of the position is not fitted. A torque that
-    was logged up to one sample late is shifted, and noise on it is removed; ``messages`` reports
-    each of these steps.
+    Whatever may be missing is a row of one table: each effect of the catalogue, and an unknown
+    torque over some signals, beside the declared model with free values. A row counts by how well
+    it predicts parts of the log that its fit has not seen. The model that wins is then fitted by
+    its one-step predictions, for values and intervals. Errors are those of simulations from the
+    recorded torque alone, on held-out samples that no fit has used; they decide nothing. For a
+    single record the final parameters are fitted to all samples, after the errors were computed.
 
     Parameters
     ----------
@@ -97,6 +97,10 @@ def diagnose(
         Time between restarts of the simulation, s.
     seed : int
         Seed of the random numbers, which only the error of the residual table uses.
+    least : float
+        The smallest torque that matters, as a share of RMS friction torque.
+    alpha : float
+        Chance of naming something on a record on which nothing is missing.
     time_limit : float
         Seconds after which the fit stops itself; the comparison and the plain answer stand.
     progress : callable, True, False or None
@@ -117,28 +121,37 @@ def diagnose(
     asked = Asked.of(record, model, holdout)
     horizon, seed = judged_by(horizon, seed)
     limit, report = positive(time_limit, "time_limit", "seconds"), reporter(progress)
+    limits = share(least, "least"), share(alpha, "alpha")
     report(0.0, "torque balance")
     unlike = asked.plain.unlike  # the plain answer first: it stands whatever follows
     try:
         if unlike:
             raise Refused(" ".join(unlike), SAME_UNITS)
-        found = _finer(asked, horizon, seed, least, limit, report)
+        found = _finer(asked, horizon, seed, limits, limit, report)
     except Refused as no:
         return refusal(no, asked.model, asked.seen, asked.plain)
     return with_plain(found, asked)
 
 
 def _finer(
-    asked: Asked, horizon: float, seed: int, least: float, limit: float, report: Progress
+    asked: Asked,
+    horizon: float,
+    seed: int,
+    limits: tuple[float, float],
+    limit: float,
+    report: Progress,
 ) -> Diagnosis:
     """The answer by comparison; Refused where the record cannot give it."""
     record, model = asked.records(), asked.model
     holdout = asked.holdout()
     if not isinstance(record, Record) and is_map(record):
         return diagnose_map(record, model, holdout=holdout, seed=seed, progress=report)
-    ready = prepared(record, model, holdout, horizon, asked.starts())
     report(0.05, "comparing explanations")
-    found = compare(asked.plain.stretches, model, asked.plain, least)
+    found = compare(asked.plain.stretches, model, asked.plain, *limits)
+    if found.verdict == "refused":
+        raise Refused(" ".join(found.messages))
+    ready = prepared(record, model, holdout, horizon)
+    ready = ready.from_values(asked.starts(found.alone))
     try:
         with within(limit):
             return _fitted(begin(ready, report), found, asked, seed, report)
@@ -187,6 +200,8 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
         traces=shown,
         table=_table(final, job, found, seed),
         comparison=found,
+        joint=joint(whole),
+        residuals=residuals(whole),
     )
 
 

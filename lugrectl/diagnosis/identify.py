@@ -20,6 +20,8 @@ from ..friction_map import (
     messages_of,
 )
 from ..identification.balance import Balance
+from ..identification.selection import levels
+from ..joint import Joint, Residuals
 from ..model import Model
 from ..outputs import Fitted
 from ..outputs import plain as jsonable
@@ -35,9 +37,11 @@ from ..tracing.job import (
     begin,
     compared,
     estimates,
+    joint,
     noted,
     on_everything,
     prepared,
+    residuals,
     score,
 )
 from ..tracing.optima import other_optima
@@ -67,6 +71,8 @@ class Identification(Fitted):
     map: FrictionMap | None = None
     provenance: Provenance | None = None
     plain: Balance | None = None
+    joint: Joint | None = None
+    residuals: Residuals | None = None
     verdict: ClassVar[str] = "identified"  # for reports and plots: nothing was added
     effects: ClassVar[tuple[()]] = ()
     depends_on: ClassVar[tuple[()]] = ()
@@ -84,6 +90,8 @@ class Identification(Fitted):
                 "record": self.record.summary() if self.record else None,
                 "messages": list(self.messages),
                 "plain": self.plain.summary() if self.plain else None,
+                "covariance": self.joint.summary() if self.joint else None,
+                "residuals": self.residuals.summary() if self.residuals else None,
                 "provenance": self.provenance.summary() if self.provenance else None,
             }
         )
@@ -164,7 +172,9 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
     holdout = asked.holdout()
     if not isinstance(record, Record) and is_map(record):
         return _map_identified(begin_map(record, model, holdout, report), model)
-    job = begin(prepared(record, model, holdout, horizon, asked.starts()), report)
+    ready = prepared(record, model, holdout, horizon)
+    friction = levels(asked.plain.stretches, model, asked.plain)
+    job = begin(ready.from_values(asked.starts(friction)), report)
     whole = on_everything(job.base, job)
     job = noted(compared(job, whole), *at_bounds(whole), *far_off(whole, model))
     job = noted(job, *against_held(whole), *other_optima(whole))
@@ -182,6 +192,8 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
         messages=job.messages,
         declared=model,
         traces=shown,
+        joint=joint(whole),
+        residuals=residuals(whole),
     )
 
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from ..engine.beside import beside
 from ..identification.selection import Comparison, Named
 from ..model import Model
-from ..tracing.beside import beside
 from ..tracing.coordinates import free_keys
 from ..tracing.fit import Fitted, fit
 from ..tracing.job import Job, Progress, on_torque
 from ..tracing.predictor import Predictor
+from ..tracing.start import quieter
 
 TIMES = {"input_delay", "actuator_lag"}
 SHORT = 8  # steps of a fit from each start
@@ -35,12 +36,13 @@ def with_effects(job: Job, found: Comparison, report: Progress) -> Winner:
     if job.recorded is not None and TIMES & {e.name for e in found.effects}:
         job = on_torque(job, job.recorded, report)
     if not found.effects:
-        return Winner(job, job.base, ())
+        base = quieter(job.base) if found.verdict == "adequate" else job.base
+        return Winner(replace(job, base=base), base, ())
     model, keys, values = _model(job.base.predictor.model, found.effects)
     predictor = Predictor(model, job.base.predictor.data)
     free, base = free_keys(predictor), job.base
     plant = {k: v for k, v in found.plant.items() if k in base.values and v > 0}
-    starts = [base.values | values, base.values | _raised(base.values, plant) | values]
+    starts = [base.values | values, base.values | plant | values]
 
     def begun(start: Mapping[str, float]) -> Fitted:
         anchor = base.anchor | values
@@ -49,7 +51,7 @@ def with_effects(job: Job, found: Comparison, report: Progress) -> Winner:
 
     best = max(beside(begun, starts), key=lambda f: f.total)
     final = fit(predictor, best.values, free, base.where, best.noise, anchor=best.anchor)
-    return Winner(job, final, keys)
+    return Winner(job, quieter(final), keys)
 
 
 def _model(
@@ -62,11 +64,3 @@ def _model(
         keys.append(part.key)
         values |= {f"{part.key}.{k}": float(v) for k, v in part.values.items() if v is not None}
     return model, tuple(keys), values
-
-
-def _raised(values: Mapping[str, float], plant: Mapping[str, float]) -> dict[str, float]:
-    """The plant's values beside the effects; static friction keeps its ratio to Coulomb's."""
-    made = dict(plant)
-    if "Fs" in values and values.get("Fc") and "Fc" in plant:
-        made["Fs"] = values["Fs"] * plant["Fc"] / values["Fc"]
-    return made

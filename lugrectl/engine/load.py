@@ -30,6 +30,7 @@ HEADERS: Mapping[str, str] = {
     "numpy": ARRAY_HEADER + "\n\ndef fast(function):\n    return function\n",
     "c": "",
     "wide": "",
+    "even": "",
 }
 
 _LOADING, _THREAD = threading.RLock(), threading.local()
@@ -62,15 +63,14 @@ def load(source: str, backend: str) -> ModuleType:
         Function definitions, decorated by ``fast``, or by ``small`` if only these call them.
     backend : str
         "numba", "python" (the same text, not compiled), "numpy", or, for the one function
-        ``run``, "c" or "wide": C that computes several turns of its innermost loops at once.
+        ``run``, "c" or "wide": C that computes several turns of its innermost loops at once;
+        "even" is "wide" with the values of "c", to the last digit.
     """
     text = HEADERS[backend] + "\n\n" + source
     name = f"lugrectl_{backend}_{hashlib.sha256(text.encode()).hexdigest()[:20]}"
     with _LOADING:  # another thread must not see a partly loaded module
         if name not in sys.modules:
-            make = {"numba": _from_file, "c": _native, "wide": partial(_native, wide=True)}.get(
-                backend, _direct
-            )
+            make = _MAKERS.get(backend, _direct)
             sys.modules[name] = make(text, name)
         return sys.modules[name]
 
@@ -81,9 +81,9 @@ def _direct(text: str, name: str) -> ModuleType:
     return module
 
 
-def _native(text: str, name: str, *, wide: bool = False) -> ModuleType:
+def _native(text: str, name: str, *, wide: bool = False, fused: bool = True) -> ModuleType:
     module = ModuleType(name)
-    module.__dict__["run"] = Native(text, wide=wide)
+    module.__dict__["run"] = Native(text, wide=wide, fused=fused)
     return module
 
 
@@ -98,6 +98,14 @@ def _from_file(text: str, name: str) -> ModuleType:
     sys.modules[name] = module
     spec.loader.exec_module(module)
     return module
+
+
+_MAKERS = {
+    "numba": _from_file,
+    "c": _native,
+    "wide": partial(_native, wide=True),
+    "even": partial(_native, wide=True, fused=False),
+}
 
 
 def threads() -> int:

@@ -51,17 +51,21 @@ class Native:
         One function of floats, whole numbers and arrays in C order, as :func:`c_code` reads it.
     wide : bool
         Whether to vectorise its innermost loops; needs :func:`has_wide`.
+    fused : bool
+        Whether a wide loop may round a product and a sum once: values then depend on the machine.
     """
 
-    def __init__(self, source: str, *, wide: bool = False) -> None:
-        self.source, self.wide = source, wide
+    def __init__(self, source: str, *, wide: bool = False, fused: bool = True) -> None:
+        self.source, self.flags = source, _FLAGS
+        if wide:
+            self.flags = _WIDE if fused else (*_WIDE, "-ffp-contract=off")
         self._lock, self._made = threading.Lock(), dict[tuple[Kind, ...], Any]()
 
     def __call__(self, *arguments: Any) -> None:
         kinds = tuple(_kind(i, a) for i, a in enumerate(arguments))
         with self._lock:
             if kinds not in self._made:
-                self._made[kinds] = _compiled(self.source, kinds, self.wide)
+                self._made[kinds] = _compiled(self.source, kinds, self.flags)
         self._made[kinds](*(part for a in arguments for part in _passed(a)))
 
 
@@ -106,11 +110,11 @@ def _passed(value: Any) -> list[Any]:
     return [ctypes.c_double(value) if isinstance(value, float) else ctypes.c_int64(value)]
 
 
-def _compiled(source: str, kinds: tuple[Kind, ...], wide: bool) -> Any:
-    if not wide:
-        return _loaded(c_code(source, kinds), _FLAGS)
+def _compiled(source: str, kinds: tuple[Kind, ...], flags: tuple[str, ...]) -> Any:
+    if flags is _FLAGS:
+        return _loaded(c_code(source, kinds), flags)
     declared = [_KNOWN.format(name, ", double" * (name == "pow")) for name in LIBRARY]
-    return _loaded(c_code(source, kinds, "\n".join(declared)), _WIDE)
+    return _loaded(c_code(source, kinds, "\n".join(declared)), flags)
 
 
 def _loaded(text: str, flags: tuple[str, ...]) -> Any:

@@ -22,6 +22,7 @@ from .readers import read_stdin, read_table
 from .streams import merged
 from .table import Table
 from .units import Unit, role_unit, si_unit
+from .unsigned import signed
 
 _FAST = {"rotary": 400.0, "linear": 20.0}  # rad/s, m/s: above, a w without unit may not be in SI
 
@@ -108,7 +109,9 @@ def read_log(
     raw, merging = merged([c.role for c in choices], raw)
     said = [*more, *said, *merging]
     channels = {}
-    for choice, values in zip(choices, raw, strict=True):
+    for choice, column in zip(choices, raw, strict=True):
+        values, more = signed(choice.role, column)
+        said += more
         said += _remarks(table, choice, values, found, scaled, drive)
         channels[choice.role] = _si(values, found[choice.role], scaled.get(choice.role))
     if drive == "rotary":

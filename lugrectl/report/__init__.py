@@ -13,7 +13,8 @@ from ..errors import InputError
 from ..model_file import model_toml
 from .atomic import nearest, write_together
 from .page import fragment, html
-from .wording import Section, headline, sections
+from .section import Section
+from .wording import headline, sections
 
 __all__ = ["check_folder", "fragment", "html", "plain_text", "text", "write"]
 

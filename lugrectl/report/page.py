@@ -7,7 +7,8 @@ from typing import Any
 
 from ..display import grid_html as _grid_html
 from ..model_file import model_toml
-from .wording import Section, headline, sections
+from .section import Section
+from .wording import headline, sections
 
 _STYLE = """
 .lugrectl { font: 16px/1.5 system-ui, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif;

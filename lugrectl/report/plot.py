@@ -10,10 +10,10 @@ import numpy as np
 
 from ..errors import InputError
 from ..spec import unit_for
-from . import closing, mapped
+from . import closing, compared, mapped
 from .canvas import drawn, inline_svg, on_pyplot
 from .views import Residual, binned, motion_of, residual, rms_over_time, simulated, stretch
-from .wording import number, readable
+from .wording import readable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 MEASURED, BEFORE, AFTER, QUIET = "#3b4450", "#d1622b", "#1f6fb4", "#b9c2cd"
 _POINTS = 2500  # largest number of points drawn of a scatter or a line
 _DOTS: dict[str, Any] = {"ms": 2.5, "alpha": 0.25, "mew": 0, "rasterized": True}
-_BARS = 10  # largest number of candidates in the ranking
 
 
 @drawn
@@ -87,43 +86,11 @@ def torque(d: Any, ax: Axes) -> Axes:
     return ax
 
 
-@drawn
-def ranking(d: Any, ax: Axes) -> Axes:
-    """Gain in log-likelihood of the added effects and of the best other candidates."""
-    if not d.ranking:
-        raise InputError("this diagnosis holds no ranking to plot.")
-    chosen = {f.name for f in d.effects}
-    others = {c.name for f in d.effects for c in f.alternatives}
-    tried = sorted(d.ranking, key=lambda c: -np.nan_to_num(c.score, nan=-np.inf))
-    room = _BARS - sum(c.name in chosen for c in tried)
-    quiet = [c for c in tried if c.name not in chosen][: max(room, 0)]
-    tried = [c for c in tried if c.name in chosen or c in quiet]
-    colors = [AFTER if c.name in chosen else MEASURED if c.name in others else QUIET for c in tried]
-    scores = np.nan_to_num([c.score for c in tried], posinf=0.0, neginf=0.0)
-    ax.barh(range(len(tried)), scores, color=colors, height=0.7)
-    positive = scores[scores > 0]
-    if len(positive) and positive.max() > 30 * max(positive.min(), 1.0):
-        ax.set_xscale("symlog", linthresh=max(1.0, positive.max() * 1e-4))
-    ax.set_yticks(range(len(tried)), [c.name for c in tried])
-    ax.invert_yaxis()
-    ax.grid(False, axis="y")
-    for i, c in enumerate(tried):
-        ax.annotate(
-            _score(c.score) + (f"  ({100 * c.share:.0f} %)" if c.share > 0.0 else ""),
-            (max(float(scores[i]), 0.0), i),
-            xytext=(4, 0),
-            textcoords="offset points",
-            va="center",
-            fontsize="small",
-        )
-    what = "torque" if unit_for("N m", motion_of(d)) == "N m" else "force"
-    ax.set_xlabel(f"gain in log-likelihood (share of the residual {what}'s power)")
-    ax.margins(x=0.32)
-    ax.set_title("Candidates tried")
-    return ax
-
-
 PANELS: dict[str, tuple[Callable[..., Any], str]] = {
+    "budget": (
+        compared.bars,
+        "Where the torque goes, RMS as a share of friction: blue what is missing from the model.",
+    ),
     "motion": (
         motion,
         "Measured and simulated motion over the two held-out seconds where the refitted model has "
@@ -148,11 +115,6 @@ PANELS: dict[str, tuple[Callable[..., Any], str]] = {
         lambda d, ax: closing.tracking(d.compensation, ax),
         "Tracking error of the simulated loop: motion minus reference.",
     ),
-    "ranking": (
-        ranking,
-        "Gain in log-likelihood of each candidate over the refitted model, on the training "
-        "samples. Blue: added to the model. Dark (if any): an alternative named above.",
-    ),
 }
 
 
@@ -163,10 +125,11 @@ def available(d: Any) -> list[str]:
     names = (
         ["motion", "error"] if simulated(getattr(d, "traces", None), "refitted") is not None else []
     )
+    found = getattr(d, "comparison", None)
+    names = ["budget", *names] if found is not None and found.budget else names
     names += ["map", "missed"] if getattr(d, "map", None) is not None else []
     names += ["torque"] if getattr(d, "traces", None) is not None and residual(d) else []
     names += ["table"] if getattr(d, "table", None) is not None else []
-    names += ["ranking"] if getattr(d, "ranking", ()) else []
     made = getattr(d, "compensation", None)
     return names + (["tracking"] if made is not None and made.runs else [])
 
@@ -219,12 +182,6 @@ def _limits(values: np.ndarray, cut: float) -> tuple[float, float]:
     finite = values[np.isfinite(values)]
     low, high = np.percentile(finite, [cut, 100.0 - cut])
     return (low, high) if high > low else (low - 0.5, high + 0.5)
-
-
-def _score(value: float) -> str:
-    if abs(value) < 0.005:
-        return "0"
-    return f"{value:,.0f}" if abs(value) >= 100 else number(value, 2)
 
 
 def _some(n: int) -> np.ndarray:

@@ -4,26 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from ..display import NONE, Grid, number
 from ..display import with_interval as _with_interval
 from ..results import Estimate
 from ..spec import members
+from . import compared
+from .section import Section
 
 _SMALL = {"rad": "rad", "m": "m", "rad/s": "rad/s", "m/s": "m/s", "N m": "N m", "N": "N"}
-
-
-@dataclass(frozen=True)
-class Section:
-    """A titled part of a report: paragraphs, then a table, then a footnote."""
-
-    title: str
-    lines: tuple[str, ...] = ()
-    grid: Grid | None = None
-    footnote: str = ""
-    formula: bool = False
 
 
 def equation(name: str) -> str:
@@ -41,7 +31,7 @@ def headline(d: Any) -> tuple[str, str]:
     """The verdict with what it names, and one sentence that says what it means."""
     verdict, names = _get(d, "verdict"), listed([f.name for f in _get(d, "effects", ())])
     if verdict == "adequate":
-        return "adequate", "No missing effect was detected."
+        return "adequate", f"No missing effect was detected.{compared.limits_in_words(d)}"
     if verdict == "found":
         are = _plural(names, "is", "are")
         return f"found: {names}", f"{names} {are} missing from the model: the record shows it."
@@ -87,8 +77,10 @@ _TITLES = {"found": "Missing effect", "unexplained": "Partial explanation"}
 
 def sections(d: Any) -> list[Section]:
     """Everything below the headline, in reading order; parts without content are left out."""
-    parts = [_effect(d, finding) for finding in _get(d, "effects", ())]
-    parts += [_depends(d), _table(d), _experiment(d), errors(d), _parameters(d), plain(d)]
+    parts = [compared.budget(d)]
+    parts += [_effect(d, finding) for finding in _get(d, "effects", ())]
+    parts += [_depends(d), _table(d), compared.limits(d), _experiment(d), errors(d)]
+    parts += [compared.table(d), _parameters(d), plain(d)]
     parts += [_compensation(d), _record(d), _notes(d)]
     return [part for part in parts if part is not None]
 

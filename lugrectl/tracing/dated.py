@@ -8,8 +8,8 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from ..blocks.effects.actuator import held_late
+from ..engine.beside import beside
 from ..errors import Refused
-from .beside import beside
 from .data import Data
 from .fit import Fitted, refitted
 from .proof import gained, share

@@ -57,6 +57,13 @@ def missing_torque(
     return -values["J"] / predictor.data.dt * (e @ K[1])
 
 
+def sensed_torque(predictor: Predictor, values: Values, noise: Noise) -> float:
+    """RMS that the noise of the sensors alone gives the residual torque, N m."""
+    K, _ = predictor.filter(noise, values)
+    sensors = np.nan_to_num([noise.theta, noise.w])
+    return float(values["J"] / predictor.data.dt * np.linalg.norm(K[1, :2] * sensors))
+
+
 def free_run(
     predictor: Predictor, values: Values, noise: Noise, runs: Sequence[tuple[int, int]]
 ) -> float:

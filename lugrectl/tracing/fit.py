@@ -228,6 +228,14 @@ def refitted(found: Fitted, data: Data) -> Fitted:
     )  # fmt: skip
 
 
+def identified_covariance(found: Fitted) -> np.ndarray:
+    """Covariance of the coordinates that the record identifies, 0 for the others, (coords,
+    coords)."""
+    C = found.covariance()
+    known = np.diag(C) < ANYWHERE
+    return np.where(np.outer(known, known), C, 0.0)
+
+
 def information(A: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A A' and the score A r of samples, A (..., coords, n) and r (..., n)."""
     return A @ A.swapaxes(-1, -2), (A @ r[..., None])[..., 0]

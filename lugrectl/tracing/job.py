@@ -7,7 +7,10 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from ..engine.load import compiler
+from ..joint import Joint, Residuals, residuals_of
 from ..model import Model
 from ..record import Record, consistent, long_enough_to_judge, pooled
 from ..results import Estimate
@@ -17,8 +20,8 @@ from .coordinates import free_keys
 from .data import Data, prepare
 from .dated import dated
 from .doubts import refuse_dead, refuse_unfit
-from .evaluate import free_run, judge
-from .fit import Fitted, fit, tuned
+from .evaluate import Judged, free_run, judge, sensed_torque
+from .fit import Fitted, fit, identified_covariance, tuned
 from .likelihood import tune
 from .noise import Noise
 from .optima import surest, with_others
@@ -77,18 +80,18 @@ class Prepared:
     doubts: tuple[str, ...]
     on_theta: bool
 
+    def from_values(self, plain: Mapping[str, float]) -> Prepared:
+        """The same with values from which fits start."""
+        return replace(self, data=replace(self.data, plain=plain))
+
 
 def prepared(
     record: Record | Sequence[Record],
     model: Model,
     holdout: str | Record | None,
     horizon: float,
-    plain: Mapping[str, float] | None = None,
 ) -> Prepared:
-    """The records split into training and held-out samples; Refused where they cannot be judged.
-
-    ``plain`` are the values of the plain torque balance, from which the fit starts.
-    """
+    """The records split into training and held-out samples; Refused where they cannot be judged."""
     records = (record,) if isinstance(record, Record) else tuple(record)
     apart = (holdout,) if isinstance(holdout, Record) else ()
     refuse_dead([*records, *apart])
@@ -97,7 +100,7 @@ def prepared(
     records = every[: len(records)]
     for one in every:
         long_enough_to_judge(one)
-    data = replace(prepare(every), plain=plain or {})
+    data = prepare(every)
     held_out = sum(r.samples for r in records) if apart else None
     parts = split(data, horizon, last=holdout == "last", held_out=held_out)
     doubts = refuse_unfit(every, model, data)
@@ -206,6 +209,30 @@ def estimates(fitted: Fitted) -> dict[str, Estimate]:
     }
 
 
+def joint(fitted: Fitted) -> Joint:
+    """The joint distribution of the free parameters: their covariance in SI units."""
+    C, values, coords = identified_covariance(fitted), fitted.values, fitted.free
+    slope = []
+    for c in coords:  # of the value over its coordinate
+        x = c.into(values)
+        ahead = c.back(x + c.step, values) - values[c.key]
+        slope.append(
+            ahead / c.step if ahead else (values[c.key] - c.back(x - c.step, values)) / c.step
+        )
+    D = np.array(slope)
+    found = np.array([values[c.key] for c in coords])
+    positive = np.array([c.kind in ("log", "excess") for c in coords]) & (found > 0)
+    return Joint(tuple(c.key for c in coords), found, C * np.outer(D, D), positive)
+
+
+def residuals(fitted: Fitted) -> Residuals:
+    """The tests of what the one-step predictions of a fit leave, of w where it is fitted."""
+    channel = int(fitted.noise.recorded()[-1])
+    e = fitted.innovations[..., channel]
+    u = fitted.predictor.data.u[fitted.where.counted].reshape(e.shape)
+    return residuals_of(("theta", "w")[channel], e, u)
+
+
 def score(job: Job, final: Fitted) -> dict[str, Any]:
     """The three errors of the JSON format, and under "judged" what they were computed from.
 
@@ -224,12 +251,20 @@ def score(job: Job, final: Fitted) -> dict[str, Any]:
         "horizon": parts.test.length * data.dt,
         **{k: j.error if j else None for k, j in judged.items()},
         "noise_floor": float(data.floor),
+        "fit": _fit(data.measured[parts.test.counted], judged),
     }
     torque = {k: j.torque if j else None for k, j in judged.items()}
+    torque["noise_floor"] = sensed_torque(final.predictor, final.values, base.noise)
     unit = unit_for("N m", data.motion)
     free = _free_error(job, models)
     return {"error": error, "free_error": free, "torque_error": {"unit": unit, **torque},
             "judged": judged}  # fmt: skip
+
+
+def _fit(measured: np.ndarray, judged: Mapping[str, Judged | None]) -> dict[str, float | None]:
+    """How much of the motion a model simulates, in %: 100 (1 - RMS error / spread), NRMSE."""
+    spread = max(float(np.std(measured)), 1e-300)
+    return {k: 100.0 * (1.0 - j.error / spread) if j else None for k, j in judged.items()}
 
 
 def _models(job: Job, base: Fitted, final: Fitted) -> _Models:

@@ -14,7 +14,7 @@ from itertools import product
 import numpy as np
 from scipy.stats import chi2
 
-from .beside import beside
+from ..engine.beside import beside
 from .coordinates import Coordinate, inside
 from .fit import Fitted, again, fit
 from .likelihood import loglik, whitened

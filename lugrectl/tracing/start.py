@@ -9,10 +9,10 @@ from itertools import product
 import numpy as np
 
 from ..blocks.friction import EPS
+from ..engine.beside import beside
 from ..errors import Refused
 from ..model import Model, Part
 from ..spec import unit_for
-from .beside import beside
 from .data import Data, thinned
 from .fit import QUIETER, Fitted, again, fit, tuned
 from .likelihood import whitened
@@ -21,7 +21,7 @@ from .proof import loud
 from .windows import Windows, coarser, spread
 
 DEFLECTIONS = (1e-5, 1e-4, 1e-3, 1e-2)  # Fc / sigma0 as a share of the largest speed, in s
-BALANCED = {"J", "Fc", "Fv"}
+BALANCED = ("J", "Fc", "Fv", "Fs", "vs", "sigma0")
 # least values as parts of the torque's std (Fv at top speed, J at the std of the acceleration):
 # a fit stays near its start, so none is near zero
 LEAST = {"J": 0.01, "Fc": 1e-3, "Fv": 0.05}
@@ -73,22 +73,26 @@ def completed(model: Model, data: Data, train: Windows) -> Model:
 def settled(base: Fitted, declared: Model) -> Fitted:
     """The fit of the declared model, or a better one from a restart.
 
-    Behaviour around rest causes poor local maxima. The values of the plain balance, and a higher
-    friction, usually start from a better basin; so do the other points of the coarse search, for
+    Behaviour around rest causes poor local maxima. The friction that the comparison of torques
+    finds usually starts from a better basin; so do the other points of the coarse search, for
     undeclared values.
     """
     opened = [k for k, v in declared.values().items() if v is None]
     base = _unbound(base, opened)
     light = lightened(base)
-    free = [c.key for c in base.free] + list(base.instants)
     guesses = _guesses(declared, base.anchor, base.predictor.data)
-    elsewhere = (*_elsewhere(base), *_turned(light), *_looser(base))
+    elsewhere = (_balanced_start(base), *_turned(light))
     believed = [(values, base.anchor) for values in elsewhere]
     guessed = [(base.anchor | guess, base.anchor | guess) for guess in guesses]
-    starts = [(*start, 1.0) for start in (*believed, *guessed)]
-    if loud(base):
-        starts += [(base.values | base.anchor, base.anchor, quiet) for quiet in QUIETER]
-        starts += [(base.values, base.anchor, QUIETER[0])]
+    better = restarted(base, light, [(*start, 1.0) for start in (*believed, *guessed)])
+    return max(base, _unbound(better, opened), key=lambda f: f.total)
+
+
+def restarted(
+    base: Fitted, light: Fitted, starts: Sequence[tuple[dict[str, float], dict[str, float], float]]
+) -> Fitted:
+    """The fit, or the best one from other values, anchors and shares of the noise."""
+    free = [c.key for c in base.free] + list(base.instants)
 
     def begun(start: tuple[dict[str, float], dict[str, float], float]) -> Fitted:
         values, anchor, quiet = start
@@ -100,10 +104,18 @@ def settled(base: Fitted, declared: Model) -> Fitted:
     best = max([light, *beside(begun, starts)], key=lambda f: f.total)
     if best.total < light.total + BETTER:
         return base
-    other = fit(
-        base.predictor, best.values, free, base.where, best.noise, anchor=best.anchor
-    )  # fmt: skip
-    return max(base, _unbound(other, opened), key=lambda f: f.total)
+    return fit(base.predictor, best.values, free, base.where, best.noise, anchor=best.anchor)
+
+
+def quieter(found: Fitted) -> Fitted:
+    """The fit, or a better one from starts under less noise, where the observer supplies torque.
+
+    Under a large noise the observer compensates wrong values of Fs and vs.
+    """
+    if not loud(found):
+        return found
+    starts = [(found.values, found.anchor, quiet) for quiet in QUIETER]
+    return max(found, restarted(found, lightened(found), starts), key=lambda f: f.total)
 
 
 def lifted(model: Model) -> Model:
@@ -139,23 +151,12 @@ def _unbound(found: Fitted, opened: Sequence[str]) -> Fitted:
     return found
 
 
-def _elsewhere(base: Fitted) -> list[dict[str, float]]:
-    """Other plant values: from the plain balance, and with higher and lower friction."""
-    predictor = base.predictor
-    starts = [base.anchor | _scaled_friction(base.anchor, r) for r in (1.25, 0.8)]
-    loose = (BALANCED & set(base.anchor)) - predictor.model.held()
-    opened = predictor.model.with_values(dict.fromkeys(loose))
-    found = _balanced(opened, predictor.data)
-    level = base.anchor.get("Fc", 0.0)
-    friction = _scaled_friction(base.anchor, found.get("Fc", level) / level) if level else {}
-    return [base.anchor | friction | {k: v for k, v in found.items() if k in base.anchor}, *starts]
-
-
-def _looser(base: Fitted) -> list[dict[str, float]]:
-    """The fitted values with stiffer bristles, less damped ones, and a wider Stribeck curve."""
-    factors = {"sigma0": 2.0, "sigma1": 0.5, "vs": 2.0}
-    found = base.values
-    return [found | {k: found[k] * r} for k, r in factors.items() if k in found]
+def _balanced_start(base: Fitted) -> dict[str, float]:
+    """The values of the plain balance and of the comparison, where they know them."""
+    held = base.predictor.model.held()
+    known = base.predictor.data.plain
+    found = {k: known[k] for k in BALANCED if k in base.anchor and known.get(k, 0.0) > 0.0}
+    return base.anchor | {k: v for k, v in found.items() if k not in held}
 
 
 def _turned(light: Fitted) -> list[dict[str, float]]:
@@ -175,10 +176,6 @@ def _turned(light: Fitted) -> list[dict[str, float]]:
         others = [tuned(replace(light, values=values)) for values in sets]
         best = max([best, *others], key=lambda f: f.total)
     return [best.values] if best.total > believed.total + BETTER else []
-
-
-def _scaled_friction(values: Mapping[str, float], ratio: float) -> dict[str, float]:
-    return {k: values[k] * ratio for k in ("Fc", "Fs") if k in values}
 
 
 def _balanced(model: Model, data: Data) -> dict[str, float]:

@@ -16,7 +16,7 @@ from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from pathlib import Path
 
-from . import page, work
+from . import page, table, work
 from .plan import STRENGTHS, Task, tasks
 
 ROUND = 50  # records for each process before it is replaced: compiled code is never given back
@@ -41,6 +41,9 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--no-exact", action="store_true", help="leave the true model out: quicker")
     p.add_argument("--limit", type=int, default=1800, help="most seconds for a record")
     p.add_argument("--out", type=Path, default=Path(tempfile.gettempdir()) / "lugrectl-blind")
+    p.add_argument("--judge", choices=["diagnose", "table"], default="diagnose",
+                   help="table: the comparison alone, in seconds")  # fmt: skip
+    p.add_argument("--cache", type=Path, help="folder that keeps the records drawn for the table")
     p.add_argument("--retry", action="store_true", help="do again what crashed")
     p.add_argument("--summary", type=Path, metavar="FILE", help="print a results file, run nothing")
     p.add_argument("--markdown", action="store_true", help="print the block for the README only")
@@ -133,7 +136,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     plan = planned(args)
     todo = [t for t in plan if t.key not in done]
     print(f"{len(plan)} records, {len(todo)} to do, results in {path}", file=sys.stderr)
-    do = partial(work.line, exact=not args.no_exact, trees=args.trees, limit=args.limit)
+    do = _judge(args)
     with path.open("a") as file:
         for i, line in enumerate(run(todo, do, args.jobs), 1):
             file.write(json.dumps(line) + "\n")
@@ -145,6 +148,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(page.text(lines), end="\n\n")
     print(page.markdown(lines))
     return 0
+
+
+def _judge(args: argparse.Namespace) -> Callable[[Task], dict]:
+    if args.judge == "table":
+        return partial(table.line, cache=args.cache)
+    return partial(work.line, exact=not args.no_exact, trees=args.trees, limit=args.limit)
 
 
 def _said(line: dict) -> str:

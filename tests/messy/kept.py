@@ -33,8 +33,13 @@ def save(case: Case, path: Path) -> None:
     said |= {k: sorted(getattr(case, k)) for k in ("background", "alike")}
     said["signals"] = [sorted(s) for s in case.signals]
     with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
-        np.savez_compressed(file, said=np.array(json.dumps(said, default=float)), **case.record)  # pyright: ignore
+        np.savez_compressed(file, said=np.array(json.dumps(said, default=_plain)), **case.record)  # pyright: ignore
     Path(file.name).replace(path)
+
+
+def _plain(value: object) -> object:
+    """A number as such; what else a generator says about a case as text."""
+    return value.item() if isinstance(value, np.generic) else str(value)
 
 
 def load(path: Path) -> Case:

@@ -80,6 +80,7 @@ def selected(logs: Logs, model: Mapping[str, Any]) -> Answer:
         tuple(e.name for e in found.alternatives),
         found.depends_on,
         values,
+        reason=" ".join(found.messages),
         seconds=time.process_time() - began,
     )
 

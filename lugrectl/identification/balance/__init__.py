@@ -8,5 +8,6 @@ in means over windows, by a robust regression. :func:`balance` is the door.
 from .alike import unlike
 from .face import balance
 from .result import Balance, Combination, CurvePoint, Residual
+from .verdicts import UNRELATED
 
-__all__ = ["Balance", "Combination", "CurvePoint", "Residual", "balance", "unlike"]
+__all__ = ["UNRELATED", "Balance", "Combination", "CurvePoint", "Residual", "balance", "unlike"]

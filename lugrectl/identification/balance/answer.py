@@ -8,14 +8,14 @@ from scipy import stats
 from ...results import Estimate
 from .answers import Answer, answers
 from .certain import combinations, is_certain
-from .constants import CONFIDENCE, SHARE_OF_TORQUE, SLIDES
+from .constants import COHERENT_BLOCKS, CONFIDENCE, SHARE_OF_TORQUE, SHARE_OF_VALUE, SLIDES
 from .curve import curve
 from .estimate import Estimated
 from .fit import Fit
 from .ground import Ground
 from .offset import KEY as OFFSET
 from .result import Balance, Combination, Residual
-from .small_angle import open_constant
+from .small_angle import BEND, CONSTANT, separated
 from .verdicts import contradictions, left_of, one_direction
 
 TWO_SIDED = 0.5 + CONFIDENCE / 2
@@ -23,15 +23,14 @@ TWO_SIDED = 0.5 + CONFIDENCE / 2
 
 def answer(ground: Ground, found: Estimated) -> Balance:
     """What is certain, what is not, and what was noticed."""
-    made, V = found.fit, found.V
-    quantile = float(stats.t.ppf(TWO_SIDED, max(made.blocks - _counted(made), 2)))
+    made, V = separated(found.fit, found.V)
+    quantile = float(stats.t.ppf(TWO_SIDED, _freedom(made)))
     notes = [*ground.notes, *found.notes]
-    V, mixed, more = _small_angle(ground, made, V, quantile)
     own = [*answers(made, ground.model, ground.uses), *_offset(ground, made)]
     estimates = {a.key: a.estimate(V, quantile) for a in own}
     left = left_of(made)
     against = contradictions(made, estimates, V, quantile, left, ground.sensors.noise["u"])
-    notes += [*more, *against.notes]
+    notes += against.notes
     if one_direction(made) and not {"Fc", "constant_torque"} & {*ground.held}:
         notes.append("The motion goes in one direction: to separate Fc from a constant torque, "
                      "record the other direction.")  # fmt: skip
@@ -44,6 +43,8 @@ def answer(ground: Ground, found: Estimated) -> Balance:
     }
     notes += _late(estimates.get("u_delay"), made.windows.dt) if "u_delay" in sure else []
     notes += _shifted(estimates[OFFSET]) if OFFSET in sure else []
+    mixed, more = _mixed(ground, made, V, quantile, sure) if not against.all_refused else (None, [])
+    notes += more
     sums = [] if against.all_refused else _sums(ground, made, V, quantile, sure, mixed)
     tach, tach_V = _tachometer(ground)
     estimates |= tach
@@ -60,6 +61,7 @@ def answer(ground: Ground, found: Estimated) -> Balance:
         is_map=ground.is_map,
         half_width=made.half_width,
         residual=_residual(made),
+        refused=against.notes[0] if against.impossible else "",
     )
 
 
@@ -114,39 +116,34 @@ def _late(delay: Estimate | None, dt: float) -> list[str]:
     return [f"u comes {size.format('early')}, {how}: the balance shifts it by that time."]
 
 
-def _counted(made: Fit) -> int:
-    """Terms that the blocks have to determine."""
-    return sum(term.share is None for term in made.terms)
+def _freedom(made: Fit) -> int:
+    """Degrees of freedom: blocks in time beyond the terms, or parts of the range if fewer."""
+    terms = sum(term.share is None for term in made.terms)
+    return max(min(made.blocks - terms, COHERENT_BLOCKS - 1), 2)
 
 
 def _wave_sure(name: str, sure: set[str]) -> bool:
     return name in ("gravity.sin", "gravity.cos") and "gravity.amplitude" in sure
 
 
-def _small_angle(
-    ground: Ground, made: Fit, V: np.ndarray, quantile: float
-) -> tuple[np.ndarray, Combination | None, list[str]]:
+def _mixed(
+    ground: Ground, made: Fit, V: np.ndarray, quantile: float, sure: set[str]
+) -> tuple[Combination | None, list[str]]:
     """Gravity beside a constant torque, over an angle too small to separate them."""
-    rotary = ground.model.motion != "linear" and not ground.is_map
-    if "slope" not in made.names or "constant_torque" not in made.names or not rotary:
-        return V, None, []
-    k = made.names.index("constant_torque")
-    room = open_constant(ground.source, made)
-    own = quantile * float(np.sqrt(V[k, k]))
-    if quantile * np.sqrt(room) <= max(SHARE_OF_TORQUE * made.torque, own):
-        return V, None, []
-    wider = V.copy()
-    wider[k, k] += room
+    if BEND not in made.names or CONSTANT not in made.names or CONSTANT in sure:
+        return None, []
+    sum_of = np.zeros(len(made.p))
+    sum_of[[made.names.index(CONSTANT), made.names.index(BEND)]] = 1.0
+    value, half = float(sum_of @ made.p), quantile * float(np.sqrt(sum_of @ V @ sum_of))
+    if half >= max(SHARE_OF_TORQUE * made.torque, SHARE_OF_VALUE * abs(value)):
+        return None, []
     note = (
         f"The position changes by {ground.travel.span:.2g} rad only: a constant torque and "
         "gravity cannot be separated, but their sum is certain."
     )
-    value = float(made.p[k])
-    if own >= max(SHARE_OF_TORQUE * made.torque, 0.25 * abs(value)):
-        return wider, None, []
     text = f"constant_torque + gravity at {ground.travel.middle:.3g} rad"
-    both = (value - own, value + own)
-    return wider, Combination(text, value, "N m", both, "record other angles"), [note]
+    both = (value - half, value + half)
+    return Combination(text, value, "N m", both, "record other angles"), [note]
 
 
 def _tachometer(ground: Ground) -> tuple[dict[str, Estimate], np.ndarray]:

@@ -15,7 +15,7 @@ from .constants import (
     TURNED_IN_MAP,
     WIDTHS,
 )
-from .terms import COULOMB, DRIFT, GRAVITY, INERTIA, OFFSET, VISCOUS, Slope, Term
+from .terms import COULOMB, DRIFT, GRAVITY, INERTIA, OFFSET, VISCOUS, Bend, Sine, Slope, Term
 from .track import Track
 
 
@@ -43,8 +43,10 @@ def plain_terms(model: Model, travel: Travel, is_map: bool) -> list[Term]:
     if turns_enough(model, travel, is_map):
         return [*terms, *GRAVITY]
     spring = any(part.block.name == "return_spring" for part in model.effects)
-    if travel.span > 0 and not spring:
+    if travel.span > 0 and not spring and model.motion == "linear":
         terms.append(Term("slope", Slope(travel.middle)))
+    elif travel.span > 0 and not spring:
+        terms += [Term("slope", Sine(travel.middle)), Term("bend", Bend(travel.middle))]
     return terms
 
 

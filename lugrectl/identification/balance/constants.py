@@ -67,6 +67,15 @@ TURNS = (((0.0, 3e-3), 0.7), ((3e-3, 3e-2), 0.5))  # distances in speed times ha
 DIPS = ((0.003, 0.3), (0.008, 0.2), (0.02, 0.2), (0.05, 0.1))  # speeds in top speeds
 REST_TORQUE = 1.0  # torque at rest, with the direction of the motion before or after
 
+# What friction may do beside the terms, usual sizes
+LOADED = 5e-3  # rise with the load, per N m
+SLOW_TURN = 0.01  # part that turns over slowly after a reversal, in Fc,
+SLOW_TURNS = (0.03, 0.3)  # and its distances, in travels
+PASSES_OF_SIZE = 12  # passes of the size that a machine has of these
+
+# An encoder off its centre
+ECCENTRIC = 5e-4  # rad, once in a turn
+
 COST_OF_SHAPES = 1.2  # another width is tried if they raise the expected error by this factor
 
 # Choice of a friction shape
@@ -83,6 +92,7 @@ FORGOTTEN = 0.1  # correlation at which the memory of the residual ends
 LONGEST_MEMORY = 400  # windows
 FEWEST_BLOCKS = 15  # blocks that a record is cut into, about
 LEAST_BLOCK = 6  # windows
+COHERENT_BLOCKS = 16  # parts of the range of speed, torque or position whose misfit may be one
 MOST_LEVERAGE = 0.98  # a block that carries more of a direction than this counts as this
 FEWEST_RUNS = 8  # so many runs are blocks of their own as well
 RATIO_OF_NEIGHBOURS = 4.0  # another width counts if its expected error is at most so many times
@@ -101,6 +111,8 @@ ALL_LEFT = 0.7  # share of the torque above which nothing is explained
 # Gravity
 TURNED = 2.0  # rad of travel within a stretch from which gravity is a term
 TURNED_IN_MAP = 0.3  # the same over the runs of a map
+
+STEEP = 6.5  # tangent of 95 % of a right angle, by 1.96: gravity beside its slope, any phase alike
 
 # Steady speed
 SHARE_STEADY = 0.8  # share of the samples at steady speed that makes a map

@@ -8,6 +8,7 @@ import numpy as np
 
 from .constants import (
     BLOCK_MEMORIES,
+    COHERENT_BLOCKS,
     FEWEST_BLOCKS,
     FEWEST_RUNS,
     FORGOTTEN,
@@ -34,13 +35,28 @@ def blocks(piece: np.ndarray, run: np.ndarray, r: np.ndarray) -> list[Blocks]:
     return made
 
 
+def coherent(variables: Sequence[np.ndarray]) -> list[Blocks]:
+    """Blocks of windows with nearly the same value of a variable: speed, torque, position.
+
+    A misfit that depends on such a variable comes again each time, however far apart in time.
+    """
+    found = []
+    for x in variables:
+        count = min(COHERENT_BLOCKS, len(x) // LEAST_BLOCK)
+        if count > 1 and np.ptp(x) > 0:
+            block = np.empty(len(x), int)
+            block[np.argsort(x, kind="stable")] = np.arange(len(x)) * count // len(x)
+            found.append(block)
+    return found
+
+
 def _memory(r: np.ndarray) -> int:
     """Windows after which the residual has forgotten itself."""
     x, n = r - r.mean(), len(r)
-    lags = range(1, max(min(n // 4, LONGEST_MEMORY), 2))
-    c = np.array([np.mean(x[: n - i] * x[i:]) for i in lags]) / (np.mean(x**2) + 1e-300)
-    forgotten = c < FORGOTTEN
-    return int(forgotten.argmax()) + 1 if forgotten.any() else len(c)
+    least = FORGOTTEN * (x @ x / n + 1e-300)
+    longest = max(min(n // 4, LONGEST_MEMORY), 2) - 1
+    lags = range(1, longest + 1)
+    return next((i for i in lags if x[: n - i] @ x[i:] < least * (n - i)), longest)
 
 
 def _cut(piece: np.ndarray, size: int) -> Blocks:
@@ -54,41 +70,48 @@ def _cut(piece: np.ndarray, size: int) -> Blocks:
     return block
 
 
-def covariance(problem: Problem, fit: Solution, chunks: Sequence[Blocks]) -> np.ndarray:
+def covariance(
+    problem: Problem, fit: Solution, chunks: Sequence[Blocks], alike: Sequence[Blocks] = ()
+) -> np.ndarray:
     """(m, m): blocks, what only the prior says, and directions that only noise determines.
 
-    The widest covariance counts in every direction: V + positive part of (V' - V).
+    The widest covariance counts in every direction: V + positive part of (V' - V). ``alike`` are
+    the blocks of :func:`coherent`.
     """
     W = fit.t / fit.variance
     inverse = np.linalg.inv(fit.A)
     score = problem.X * (W * fit.r)[:, None]
     score = score + np.outer(W / W.sum(), fit.N @ fit.p - fit.c)
     V = None
-    for block in chunks:
-        own = _without_each(problem.X, W, score, fit, block)
-        V = own if V is None else _wider(V, own)
+    for block, power in [(b, 1.0) for b in chunks] + [(b, 0.5) for b in alike]:
+        own = _without_each(problem.X, W, score, fit, block, power)
+        V = own if V is None else _wider(V, own, np.diag(inverse))
     assert V is not None
     V = V + inverse @ np.diag(fit.P) @ inverse
     return V + _only_noise(problem, fit, W.sum())
 
 
 def _without_each(
-    X: np.ndarray, W: np.ndarray, score: np.ndarray, fit: Solution, block: Blocks
+    X: np.ndarray, W: np.ndarray, score: np.ndarray, fit: Solution, block: Blocks, power: float
 ) -> np.ndarray:
-    """Jackknife: sum over blocks b of d_b d_b', d_b = (A - X_b' W X_b + N_b)^-1 score_b.
+    """Sum over blocks b of d_b d_b', d_b = (1 - Q_b)^-power score_b, Q_b = X_b' W X_b - N_b.
 
-    N_b is the share of a block in N. Where a block carries almost all that is known of a
-    direction, leaving it out leaves nothing; the share that it carries is bounded.
+    That is in coordinates with A = 1; N_b is the share of a block in N. A power of 1 is the
+    jackknife, 1/2 is unbiased for errors that are independent. Where a block carries almost all
+    that is known of a direction, leaving it out leaves nothing; the share that it carries is
+    bounded.
     """
-    order = np.argsort(block, kind="stable")
-    first = np.flatnonzero(np.append(True, np.diff(block[order]) > 0))
-    sums = np.add.reduceat(score[order], first)
+    if np.any(np.diff(block) < 0):
+        order = np.argsort(block, kind="stable")
+        X, W, score, block = X[order], W[order], score[order], block[order]
+    first = np.flatnonzero(np.append(True, np.diff(block) > 0))
+    sums = np.add.reduceat(score, first)
     root = np.linalg.inv(np.linalg.cholesky(fit.A))  # root A root' = 1
-    weight = np.add.reduceat(W[order], first) / W.sum()
+    weight = np.add.reduceat(W, first) / W.sum()
     N = root @ fit.N @ root.T
-    turned = (X[order] * np.sqrt(W[order, None])) @ root.T
+    turned = (X * np.sqrt(W)[:, None]) @ root.T
     Q = np.array([x.T @ x for x in _split(turned, first)]) - weight[:, None, None] * N
-    d = _without_one(Q, sums @ root.T) @ root
+    d = _without_one(Q, sums @ root.T, power) @ root
     return d.T @ d * (len(first) - 1) / len(first)
 
 
@@ -98,18 +121,21 @@ def _split(rows: np.ndarray, first: np.ndarray) -> list[np.ndarray]:
     return [rows[a:b] for a, b in zip(edges, edges[1:], strict=False)]
 
 
-def _without_one(Q: np.ndarray, score: np.ndarray) -> np.ndarray:
-    """(1 - Q_b)^-1 score_b, with the eigenvalues of Q_b bounded."""
-    if np.linalg.norm(Q, axis=(1, 2)).max() < MOST_LEVERAGE:  # no eigenvalue is near the bound
+def _without_one(Q: np.ndarray, score: np.ndarray, power: float) -> np.ndarray:
+    """(1 - Q_b)^-power score_b, with the eigenvalues of Q_b bounded."""
+    if (
+        power == 1 and np.linalg.norm(Q, axis=(1, 2)).max() < MOST_LEVERAGE
+    ):  # no eigenvalue is near the bound
         return np.linalg.solve(np.eye(Q.shape[1]) - Q, score[:, :, None])[:, :, 0]
     share, E = np.linalg.eigh(Q)
-    gain = 1 / (1 - np.clip(share, 0, MOST_LEVERAGE))
+    gain = (1 - np.clip(share, 0, MOST_LEVERAGE)) ** -power
     along = np.einsum("bij,bi->bj", E, score) * gain
     return np.einsum("bij,bj->bi", E, along)
 
 
-def _wider(V: np.ndarray, other: np.ndarray) -> np.ndarray:
-    s = np.sqrt(np.maximum(np.diag(V), 1e-300))
+def _wider(V: np.ndarray, other: np.ndarray, usual: np.ndarray) -> np.ndarray:
+    """V + positive part of (other - V); ``usual`` are variances, for terms of which V knows all."""
+    s = np.sqrt(np.maximum(np.diag(V), 1e-12 * usual))
     share, E = np.linalg.eigh((other - V) / np.outer(s, s))
     return V + np.outer(s, s) * ((E * np.maximum(share, 0)) @ E.T)
 

@@ -23,6 +23,7 @@ from .load import with_load
 from .near_rest import shapes_near_rest
 from .search import best_width
 from .shapes import Chosen, turns_often, with_dip, with_turning
+from .terms import ECCENTRICITY
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +85,8 @@ def _with_shapes(ground: Ground, made: Fit) -> Fit:
     """The fit with what friction may do near rest, at another width where that costs too much."""
 
     def shaped(half_width: float) -> Fit | None:
-        terms = [*made.terms, *shapes_near_rest(ground.speed, half_width)]
+        eccentric = ECCENTRICITY if {"J", "gravity.sin"} <= {*made.names} else ()
+        terms = [*made.terms, *eccentric, *shapes_near_rest(ground.speed, half_width)]
         return fit(ground.source, half_width, terms, made.setting, made.delay)
 
     own = shaped(made.half_width)

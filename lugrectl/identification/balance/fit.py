@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from .constants import (
     WIDE,
     WINDOWS_FOR_NOISE,
 )
-from .covariance import Blocks, blocks, covariance
+from .covariance import Blocks, blocks, coherent, covariance
 from .regression import Problem, Solution, log_density, solve, weights_near
 from .terms import Term
 from .windows import Source, Windows
@@ -44,9 +45,8 @@ class Setting:
 class Fit:
     """Coefficients ``p`` of the terms, then delay and spread of u where they were fitted.
 
-    ``merit`` is the expected error of J, Fc and Fv as a share of the torque, ``score`` the log
-    density of the motion given the torque, ``torque`` the RMS of the torque, ``rms`` that of
-    every column, ``blocks`` the number of blocks.
+    ``score`` is the log density of the motion given the torque, ``torque`` the RMS of the torque,
+    ``rms`` that of every column, ``blocks`` the number of blocks.
     """
 
     terms: tuple[Term, ...]
@@ -54,14 +54,23 @@ class Fit:
     half_width: float
     setting: Setting
     p: np.ndarray
-    V: np.ndarray
     solution: Solution
     chunks: list[Blocks]
     torque: float
     rms: np.ndarray
-    merit: float
     score: float
+    problem: Problem
     delay: float = 0.0
+
+    @cached_property
+    def V(self) -> np.ndarray:
+        """The covariance of the coefficients; most fits that are compared never need theirs."""
+        return covariance(self.problem, self.solution, self.chunks)
+
+    @cached_property
+    def merit(self) -> float:
+        """The expected error of J, Fc and Fv as a share of the torque."""
+        return _merit(self.solution, self.V, self.terms, self.rms / self.torque)
 
     @property
     def names(self) -> list[str]:
@@ -131,25 +140,37 @@ def regress(
     overlap = _overlap(len(windows.y), int(chunks[0][-1]) + 1)
     torque = _torque(windows)
     level = _level(first.p, terms, setting, SCALE_OF_SHAPES * torque)
-    prior = _prior(windows, terms, setting, level, overlap, rms)
+    prior = _prior(
+        windows, terms, setting, (level, _inertia(first.p, terms, setting)), overlap, rms
+    )
     problem = replace(problem, level=level, prior=prior)
     last = solve(problem, first.t)
-    V = covariance(problem, last, chunks)
     return Fit(
         terms=tuple(terms),
         windows=windows,
         half_width=0.0,
         setting=setting,
         p=last.p,
-        V=V,
         solution=last,
         chunks=chunks,
         torque=torque,
         rms=rms[: len(terms)],
-        merit=_merit(last, V, terms, rms / torque),
         score=_score(last, terms, setting),
+        problem=problem,
         delay=_delay(last.p, terms, setting),
     )
+
+
+def wide_covariance(made: Fit) -> np.ndarray:
+    """The covariance of a fit whose misfit may depend on speed, torque, acceleration or position.
+
+    The residual is then one error for all windows with the same value, not one for each.
+    """
+    d = made.windows
+    variables = [d.w, d.u, d.theta, np.mod(d.theta, 2 * np.pi)]
+    if "J" in made.names:
+        variables.append(d.X[:, made.names.index("J")])
+    return covariance(made.problem, made.solution, made.chunks, coherent(variables))
 
 
 def _without_signal(problem: Problem) -> Problem:
@@ -196,7 +217,7 @@ def _problem(windows: Windows, terms: Sequence[Term], setting: Setting, delay: f
     problem = Problem(
         y=y,
         X=X,
-        prior=_prior(windows, terms, setting, level, 1.0, rms),
+        prior=_prior(windows, terms, setting, (level, _inertia(rough, terms, setting)), 1.0, rms),
         level=level,
         rest=windows.rest,
         noise=np.array([*noise, *u[:fitted]]),
@@ -214,20 +235,29 @@ def _level(p: np.ndarray, terms: Sequence[Term], setting: Setting, least: float)
     return max(abs(float(p[names.index("Fc")] if "Fc" in names else held)), least)
 
 
+def _inertia(p: np.ndarray, terms: Sequence[Term], setting: Setting) -> float:
+    """The size of J."""
+    names = [term.key for term in terms]
+    J = p[names.index("J")] if "J" in names else dict(setting.held).get("J", 0.0)
+    return abs(float(J)) + 1e-300
+
+
 def _prior(
     windows: Windows,
     terms: Sequence[Term],
     setting: Setting,
-    level: float,
+    sizes: tuple[float, float],
     overlap: float,
     rms: np.ndarray,
 ) -> np.ndarray:
-    """Standard deviations: wide for terms, shares of Fc near rest, a few samples for u.
+    """Standard deviations: wide for terms, shares of Fc or J (``sizes``), a few samples for u.
 
     Windows overlap, so X' W X counts the data ``overlap`` times; priors of u count as often.
     """
     wide = WIDE * _torque(windows) / rms
-    prior = [w if t.share is None else t.share * level for w, t in zip(wide, terms, strict=False)]
+    prior = [
+        w if t.share is None else t.share * sizes[t.bent] for w, t in zip(wide, terms, strict=False)
+    ]
     if setting.delay_prior:
         of_u = np.array([setting.delay_prior, SPREAD])
         prior = [*prior, *(of_u / np.sqrt(overlap))]
@@ -245,11 +275,15 @@ def independent(made: Fit) -> float:
 
 
 def _merit(last: Solution, V: np.ndarray, terms: Sequence[Term], share: np.ndarray) -> float:
-    """Expected error of J, Fc and Fv: their spread, and the share that noise takes off them."""
+    """Expected error of J, Fc and Fv: their spread, and the share that noise takes off them.
+
+    None of them is below 0: a negative one is wrong by its size at least.
+    """
     at = [i for i, term in enumerate(terms) if term.key in MAIN]
-    lost = (np.diag(last.N) / np.diag(last.A))[at] * last.p[at] * share[at]
+    p = last.p[at] * share[at]
+    lost = (np.diag(last.N) / np.diag(last.A))[at] * p
     spread = np.minimum(np.sqrt(np.diag(V)[at]) * share[at], 1.0)
-    return float(np.sqrt(np.sum(spread**2 + lost**2)))
+    return float(np.sqrt(np.sum(spread**2 + lost**2 + np.minimum(p, 0) ** 2)))
 
 
 def _score(last: Solution, terms: Sequence[Term], setting: Setting) -> float:

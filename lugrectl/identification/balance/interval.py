@@ -10,7 +10,8 @@ import numpy as np
 from .channels import quantum
 from .choice_of_terms import Travel
 from .constants import ENCODER_ERROR, RATIO_OF_NEIGHBOURS, REST_TO_TRY, SCALE_ERROR
-from .fit import Fit, fit
+from .fit import Fit, fit, wide_covariance
+from .imperfect import allowance
 from .shapes import Chosen, difference, spread
 from .windows import Source
 
@@ -27,7 +28,7 @@ def interval(
 
     These are the fits at other widths, with another limit of rest and with other shapes.
     """
-    V = made.V.copy()
+    V = wide_covariance(made) + allowance(source, made)
     for other in _neighbours(source, widths, made):
         gap = _beyond_chance(difference(made, other, made), made.V, other.V)
         V += np.outer(gap, gap)

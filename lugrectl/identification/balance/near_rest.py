@@ -51,13 +51,15 @@ class Between:
 
 @dataclass(frozen=True)
 class Dip:
-    """sign(w) exp(-(|w|/speed)^power): friction that falls with speed (Stribeck)."""
+    """sign(w) exp(-(|w|/speed)^power), power 1 or 2: friction that falls with speed (Stribeck)."""
 
     speed: float
     power: int
 
     def __call__(self, track: Track) -> np.ndarray:
-        return np.sign(track.speed) * np.exp(-(np.abs(track.speed / self.speed) ** self.power))
+        x = np.abs(track.speed / self.speed).astype(np.float32)  # six digits, in half the time
+        x = np.minimum(x if self.power == 1 else x * x, TURNED)
+        return np.sign(track.speed) * np.exp(-x)
 
 
 def stopping(track: Track) -> np.ndarray:

@@ -148,13 +148,15 @@ def _noise(problem: Problem, total: float, H: np.ndarray, P: np.ndarray) -> tupl
     """
     most = np.where(problem.own, 1.0, MOST_OF_A_DERIVATIVE)
     noise = np.minimum(problem.noise * total, most * np.diag(H))
+    ratio = problem.shared / np.where(problem.noise > 0, problem.noise, 1.0)
+    if noise @ np.diag(np.linalg.inv(H + np.diag(P))) < MOST_OF_A_TERM:  # above the largest share
+        return np.diag(noise), noise * ratio
     root = np.linalg.cholesky(H + np.diag(P))
     share, E = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, np.diag(noise)).T))
     N = np.diag(noise)
     if share[-1] > MOST_OF_A_TERM:
         E = root @ E
         N = (E * np.minimum(share, MOST_OF_A_TERM)) @ E.T
-    ratio = problem.shared / np.where(problem.noise > 0, problem.noise, 1.0)
     return N, N @ ratio
 
 

@@ -68,6 +68,8 @@ class Balance(Result):
         True if the runs keep one speed each.
     stretches : tuple of Stretch
         The samples that it was computed from.
+    refused : str
+        Why nothing can be learnt of the drive; empty where something can.
     unlike : tuple of str
         A sentence for each run in another unit or sign than the others. These runs are left out.
     """
@@ -88,6 +90,7 @@ class Balance(Result):
     motion: str = "rotary"
     reading: tuple[str, ...] = ()
     unlike: tuple[str, ...] = ()
+    refused: str = ""
 
     @property
     def said(self) -> tuple[str, ...]:

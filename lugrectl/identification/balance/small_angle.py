@@ -1,36 +1,34 @@
-"""Gravity and a constant torque over a small angle."""
+"""Gravity and a constant torque over a small angle.
+
+There gravity is A sin(theta + phi) = b cos(x) + a sin(x), x = theta - middle. Its slope a is seen
+early, its part b in the constant only by how the torque bends.
+"""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from .constants import BLOCK_MEMORIES
+from .constants import STEEP
 from .fit import Fit
-from .terms import Bend, Slope, Term
-from .windows import Source
+
+CONSTANT, SLOPE, BEND = "constant_torque", "slope", "bend"
 
 
-def open_constant(source: Source, made: Fit) -> float:
-    """Variance of that part of the constant torque which gravity may take.
+def separated(made: Fit, V: np.ndarray) -> tuple[Fit, np.ndarray]:
+    """The fit, and its covariance, with gravity's part in the constant taken off the constant.
 
-    Over a small angle gravity is a constant with a slope; what distinguishes them is the bend,
-    (theta - middle)^2 / 2. With the information I on the bend, beside all terms,
-
-        variance = p^2 / (1 + I p^2),
-
-    where p is the constant torque.
+    The fit has (constant + b) and the bend b (cos(x) - 1). With any phase alike, b / a is the
+    tangent of an even angle: ``b`` has the prior STEEP^2 (a^2 + var a). Without the prior, a record
+    in which no bend can be seen would know nothing of a constant torque that no gravity disturbs.
     """
-    slope = next((term.column for term in made.terms if isinstance(term.column, Slope)), None)
-    constant = made.value("constant_torque")
-    if slope is None or not constant:
-        return 0.0
-    terms = [*made.terms, Term("bend", Bend(slope.middle))]
-    windows = source.windows(made.half_width, terms, made.setting.rest, made.delay)
-    if windows is None:
-        return constant**2
-    W = 1 / np.sqrt(np.median(made.r**2) + (windows.rest * made.torque) ** 2 + 1e-300)
-    others, bend = windows.X[:, :-1] * W[:, None], windows.X[:, -1] * W
-    c = np.linalg.lstsq(others, bend, rcond=1e-9)[0]
-    information = float(np.sum((bend - others @ c) ** 2))
-    information *= BLOCK_MEMORIES[0] * made.blocks / len(bend)
-    return constant**2 / (1 + information * constant**2)
+    if not {CONSTANT, SLOPE, BEND} <= {*made.names}:
+        return made, V
+    k, a, b = (made.names.index(key) for key in (CONSTANT, SLOPE, BEND))
+    prior = STEEP**2 * (made.p[a] ** 2 + V[a, a])
+    gain = V[:, b] / (V[b, b] + prior)
+    p, V = made.p - gain * made.p[b], V - np.outer(gain, V[b])
+    change = np.eye(len(p))
+    change[k, b] = -1.0
+    return replace(made, p=change @ p), change @ V @ change.T

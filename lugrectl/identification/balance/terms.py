@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .constants import ECCENTRIC
 from .track import Track
 
 Column = Callable[[Track], np.ndarray]
@@ -31,12 +32,15 @@ class Term:
         Fc. Such a term carries an uncertainty and is no answer.
     friction : bool
         Whether its torque belongs to the friction curve.
+    bent : bool
+        Its column is the second derivative of the torque, and ``share`` one of J.
     """
 
     key: str
     column: Column | None
     share: float | None = None
     friction: bool = False
+    bent: bool = False
 
 
 def sliding(track: Track) -> np.ndarray:
@@ -67,7 +71,7 @@ class Wave:
 
 @dataclass(frozen=True)
 class Slope:
-    """theta - middle: what gravity has over a short travel."""
+    """theta - middle: a torque that rises along a linear axis."""
 
     middle: float
 
@@ -77,14 +81,25 @@ class Slope:
 
 
 @dataclass(frozen=True)
-class Bend:
-    """(theta - middle)^2 / 2: what distinguishes gravity from a constant over a short travel."""
+class Sine:
+    """sin(theta - middle): the slope of gravity over a small angle."""
 
     middle: float
 
     def __call__(self, track: Track) -> np.ndarray:
         assert track.theta is not None
-        return (track.theta - self.middle) ** 2 / 2
+        return np.sin(track.theta - self.middle)
+
+
+@dataclass(frozen=True)
+class Bend:
+    """cos(theta - middle) - 1: what distinguishes gravity from a constant over a small angle."""
+
+    middle: float
+
+    def __call__(self, track: Track) -> np.ndarray:
+        assert track.theta is not None
+        return np.cos(track.theta - self.middle) - 1
 
 
 INERTIA = Term("J", None)
@@ -92,4 +107,8 @@ COULOMB = Term("Fc", sliding, friction=True)
 VISCOUS = Term("Fv", None, friction=True)
 OFFSET = Term("constant_torque", constant, friction=True)
 DRIFT = Term("drift", warming)
+# An encoder off its centre by e shows theta + e sin(theta + phase): J times the second derivative
+ECCENTRICITY = tuple(
+    Term(f"eccentric {f.__name__}", Wave(f), share=ECCENTRIC, bent=True) for f in (np.sin, np.cos)
+)
 GRAVITY = (Term("gravity.sin", Wave(np.sin)), Term("gravity.cos", Wave(np.cos)))

@@ -17,15 +17,23 @@ from .constants import (
 from .fit import Fit
 
 MAIN = ("J", "Fc", "Fv")
+UNRELATED = (
+    "{:.0%} of u remains unexplained: the motion shows next to nothing of it. u changes faster "
+    "than the log, or is not the torque of this axis."
+)
 
 
 @dataclass(frozen=True)
 class Contradictions:
-    """Parameters that physics does not allow, whether nothing is certain, and sentences."""
+    """Parameters that physics does not allow, whether nothing is certain, and sentences.
+
+    ``impossible``: no term that is missing makes it possible.
+    """
 
     refused: frozenset[str] = frozenset()
     all_refused: bool = False
     notes: tuple[str, ...] = ()
+    impossible: bool = False
 
 
 def contradictions(
@@ -38,10 +46,7 @@ def contradictions(
 ) -> Contradictions:
     """Compare the intervals with what an inertia with friction can do."""
     if left is not None and left > ALL_LEFT:
-        return _nothing(
-            f"{left:.0%} of u remains unexplained: the motion shows next to nothing of it. "
-            "u changes faster than the log, or is not the torque of this axis."
-        )
+        return Contradictions(all_refused=True, notes=(UNRELATED.format(left),))
     if "J" not in made.names and noise_u > made.torque and not dict(made.setting.held).get("J"):
         return _nothing(
             f"u changes by {noise_u:.3g} from sample to sample, more than its mean effect "
@@ -84,7 +89,7 @@ def _signs(
 
 
 def _nothing(note: str) -> Contradictions:
-    return Contradictions(all_refused=True, notes=(note,))
+    return Contradictions(all_refused=True, notes=(note,), impossible=True)
 
 
 def _high(e: Estimate) -> float:

@@ -40,14 +40,14 @@ class Windows:
         Share of the weight at which the drive rests.
     piece, run : ndarray (n,)
         Stretch and run of each window.
-    t, w : ndarray (n,)
-        Time and mean speed.
+    t, w, theta : ndarray (n,)
+        Time, mean speed, and the position in the middle (0 without one).
     noise_w, noise_a : ndarray (n,)
         Standard deviation of the noise in w and a.
     noise_u : ndarray (n, 4)
         Variance of the noise in both columns of du, its covariance with y, variance in y.
-    dt, largest : float
-        Usual sample time, and the largest torque of the record.
+    dt, largest, delay : float
+        Usual sample time, the largest torque of the record, and the delay by which u was shifted.
     """
 
     y: np.ndarray
@@ -59,11 +59,13 @@ class Windows:
     run: np.ndarray
     t: np.ndarray
     w: np.ndarray
+    theta: np.ndarray
     noise_w: np.ndarray
     noise_a: np.ndarray
     noise_u: np.ndarray
     dt: float
     largest: float
+    delay: float
 
     def is_dead(self) -> bool:
         """True if the torque is 0 in all but a few windows, and none of it is held."""
@@ -101,7 +103,7 @@ class Source:
             return None
         dt = float(np.median([p.dt for p in self.tracks]))
         largest = max(float(np.abs(p.u).max()) for p in self.tracks)
-        return Windows(**joined, dt=dt, largest=largest)
+        return Windows(**joined, dt=dt, largest=largest, delay=delay)
 
     def _part(
         self, i: int, half_width: float, terms: Sequence[Term], rest: float, delay: float
@@ -117,12 +119,15 @@ class Source:
         if not len(at):
             return None
         k0 = weights(half, 0)
+        k2 = weights(half, 2) / track.dt**2
 
         def column(term: Term) -> np.ndarray:
             if term.column is None:
                 return motion.a if term.key == "J" else motion.w
-            key = (term.column, i, half, edge)
-            return self._once(key, lambda: means(self._samples(term, i), k0, at))
+            key = (term.column, term.bent, i, half, edge)
+            return self._once(
+                key, lambda: means(self._samples(term, i), k2 if term.bent else k0, at)
+            )
 
         X = np.column_stack([column(term) for term in terms])
         slow = np.asarray(np.abs(track.speed) < rest, float)
@@ -140,6 +145,7 @@ class Source:
             "run": np.full(len(at), track.run),
             "t": track.t[at],
             "w": motion.w,
+            "theta": np.zeros(len(at)) if track.theta is None else track.theta[at],
             "noise_w": motion.noise_w * one,
             "noise_a": motion.noise_a * one,
             "noise_u": noise * u["noise"] * one[:, None],

@@ -10,7 +10,7 @@ over the same windows of the same log, scored by the density of each block under
 """
 
 from .completing import completed
-from .face import compare
+from .face import compare, levels
 from .numbers import ALPHA, LEAST
 from .result import Compared, Comparison, Detectable, Named, Share
 
@@ -24,4 +24,5 @@ __all__ = [
     "Share",
     "compare",
     "completed",
+    "levels",
 ]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_matrix, diags
@@ -13,13 +14,17 @@ from ...model import Part
 from .declared import TURNING, applied, terms
 from .law import FORCES, NAMES, SMEAR, VISCOUS, Law, Laws
 from .motion import Motion, bend
-from .numbers import BLOCK, TIMING
+from .numbers import BLOCK, LEAST, TIMING
 from .regression import Scale, Solution, solve
 from .rows import Rows
 from .score import Blocks, left_out, seen
 
 WIDE = 30.0  # all torque times this: the prior of what a record does not say
 LEVELS = slice(2, 2 + len(NAMES))  # columns of friction, after inertia and lateness
+OFFSET = [LEVELS.stop]  # what every drive has of an offset, and of a wave a turn
+TURN = [LEVELS.stop + 1, LEVELS.stop + 2]
+SLIGHT = [*OFFSET, *TURN]
+WEIGHT = LEVELS.stop + len(SLIGHT)  # the first column of gravity, if it has one
 LAW = ("Fc", "dip", "Fv")  # what the declared law has of them
 SCREENED = 4  # samples in the half-width of a window that a screening uses
 LEAST_FRICTION = 0.05  # friction counts as this share of the torque at least
@@ -27,7 +32,10 @@ LEAST_FRICTION = 0.05  # friction counts as this share of the torque at least
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """What all rows of the table share: the motion, its windows and blocks, what is declared."""
+    """What all rows of the table share: the motion, its windows and blocks, what is declared.
+
+    ``has`` are the parameters of the declared friction law, with a value or not.
+    """
 
     motion: Motion
     rows: Rows
@@ -38,6 +46,15 @@ class Record:
     sure: bool
     heavy: bool = False
     parts: Sequence[Part] = ()
+    has: frozenset[str] = frozenset()
+    _kept: dict[Hashable, tuple[object, Any]] = field(default_factory=dict, repr=False)
+
+    def once(self, key: Hashable, of: object, make: Callable[[], Any]) -> Any:
+        """What ``make`` returns, kept for later tables while ``of`` is the same object."""
+        found = self._kept.get(key)
+        if found is None or found[0] is not of:
+            found = self._kept[key] = (of, make())
+        return found[1]
 
     @property
     def lateness(self) -> float:
@@ -78,6 +95,12 @@ class Record:
             made.append(diags(1.0 / np.asarray(some.sum(axis=1)).ravel()) @ some)
         return made[0], made[1]
 
+    @cached_property
+    def single(self) -> tuple[csr_matrix, csr_matrix]:
+        """The same in single precision."""
+        K, narrow = self.few
+        return csr_matrix(K, dtype=np.float32), csr_matrix(narrow, dtype=np.float32)
+
     @classmethod
     def of(
         cls,
@@ -88,10 +111,11 @@ class Record:
         sure: bool,
         heavy: bool,
         parts: Sequence[Part],
+        has: frozenset[str] = frozenset(),
     ) -> Record:
         laws = Laws(motion, declared, 3 * rows.rough + 1e-12)
         blocks = Blocks.of(rows.t, motion.t[-1], BLOCK)
-        return cls(motion, rows, laws, blocks, declared, J, sure, heavy, parts)
+        return cls(motion, rows, laws, blocks, declared, J, sure, heavy, parts, has)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,6 +164,7 @@ class Base:
 
     ``inside`` are the names of the effects in it, ``u`` the torque that reaches the drive,
     ``weight`` the torque of its gravity (n,), 0 without,
+    ``levels`` those of friction, where they are not its own,
     ``known`` the frequency, damping and gap of loads that were searched before.
     """
 
@@ -151,6 +176,7 @@ class Base:
     inside: tuple[str, ...] = ()
     gravity: bool = False
     friction: float | None = None
+    levels: np.ndarray | None = None
     known: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     @cached_property
@@ -191,7 +217,8 @@ class Base:
 
     # ------------------------------------------------------------------ its friction
     def _of(self, names: tuple[str, ...]) -> np.ndarray:
-        return self.law.part(self.made.b[LEVELS], names)
+        own = self.made.b[LEVELS] if self.levels is None else self.levels
+        return self.law.part(own, names)
 
     @cached_property
     def coulomb(self) -> np.ndarray:
@@ -213,7 +240,8 @@ class Base:
     @cached_property
     def level(self) -> np.ndarray:
         """Level of Coulomb friction over the speed, (n,)."""
-        b, w = self.made.b[LEVELS], np.abs(self.record.motion.w)
+        b = self.made.b[LEVELS] if self.levels is None else self.levels
+        w = np.abs(self.record.motion.w)
         known = self.record.declared
         if known.get("Fs") and known.get("Fc") and known.get("vs"):
             scale = max(b[0], 0.3 * rms(self.coulomb))
@@ -229,8 +257,8 @@ class Base:
         m = self.record.motion
         if not self.gravity:
             return np.zeros(len(m))
-        i = 2 + len(NAMES)
-        return self.made.b[i] * np.sin(m.theta) + self.made.b[i + 1] * np.cos(m.theta)
+        b = self.made.b[WEIGHT : WEIGHT + 2]
+        return b[0] * np.sin(m.theta) + b[1] * np.cos(m.theta)
 
     @cached_property
     def left(self) -> float:
@@ -248,12 +276,32 @@ class Base:
     @cached_property
     def basis(self) -> np.ndarray:
         """Orthonormal columns that span its free terms, weighted."""
-        return np.linalg.qr(self.columns.X[:, self.made.free] * self.roots[:, None])[0]
+        X = self.columns.X
+        free = self.made.free & np.any(X != 0, axis=0)
+        return np.linalg.qr(X[:, free] * self.roots[:, None])[0]
 
     @cached_property
     def residual(self) -> np.ndarray:
-        y = self.y * self.roots
+        """What its free terms leave, weighted; those at a bound stay there."""
+        held = np.where(self.made.free, 0.0, self.made.b)
+        y = (self.y - self.columns.X @ held) * self.roots
         return y - self.basis @ (self.basis.T @ y)
+
+    @cached_property
+    def open(self) -> np.ndarray:
+        """Orthonormal columns that span its free terms but the lateness of u."""
+        return self._span([0, *range(2, self.columns.X.shape[1])])
+
+    @cached_property
+    def law_alone(self) -> np.ndarray:
+        """The same of the declared law, without what else is open of friction."""
+        law = [LEVELS.start + NAMES.index(name) for name in ("Fc", "dip", "Fv", "sigma1")]
+        return self._span([0, *law, *range(WEIGHT, self.columns.X.shape[1])])
+
+    def _span(self, kept: list[int]) -> np.ndarray:
+        B = self.columns.X[:, [i for i in kept if self.made.free[i]]]
+        U, s, _ = np.linalg.svd(B, full_matrices=False)
+        return U[:, s > np.finfo(float).eps * max(B.shape) * s.max(initial=0.0)]
 
     def gains(self, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What each column would take off half the sum of squares, and its coefficient."""
@@ -278,6 +326,13 @@ class Base:
     def seen_as(self, view: View) -> Base:
         return replace(self, view=view)
 
+    def beside(self, more: Sequence[Columns]) -> Base:
+        """The same with more terms in it."""
+        c = self.columns
+        for part in more:
+            c = c + part
+        return replace(self, columns=c, friction=self.friction_rms)
+
 
 def rms(x: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(x))))
@@ -298,42 +353,57 @@ def settled(
     m = record.motion
     gravity = gravity or record.turning
     own = record.u if u is None else u
-    y, best = record.mean(own), None
+    y, best, near = record.mean(own), None, None
     shared = _shared(record, gravity)
     late = record.mean(m.slope(own))
+    scale, size = _sizes(record, y, late, shared)
+    view = view or View(scale)
     for x0 in record.laws.distances():
         for vs in record.laws.speeds():
-            law = record.laws.law(float(x0), float(vs))
-            columns = _columns(record, law, late, shared, rms(y))
-            scale = _scale(columns, y, record) if view is None else view.scale
-            view = View(scale) if view is None else view
+            columns = _columns(record, (float(x0), float(vs)), late, shared, rms(y), size)
             c = columns if beside is None else columns + beside
-            made = solve(c.X, y, c.prior, c.low, c.high, scale, rounds=3)
+            made = solve(c.X, y, c.prior, c.low, c.high, view.scale, rounds=3, near=near)
+            near = made.state
             likely = -float(np.sum(np.log1p(made.r**2 / 4)))
             if best is None or likely > best[0]:
-                best = likely, law
-    assert best is not None and view is not None
-    law = best[1]
-    late = record.mean(m.slope(record.u))
-    columns = _columns(record, law, late, shared, rms(record.mean(record.u)))
+                best = likely, (float(x0), float(vs))
+    assert best is not None
+    at, late = best[1], record.mean(m.slope(record.u))
+    columns = _columns(record, at, late, shared, rms(record.mean(record.u)), size)
+    law = record.once(("chosen", *at), None, lambda: record.laws.law(*at))
     return Base(record, law, columns, record.u, view, gravity=gravity)
 
 
 def _shared(record: Record, gravity: bool) -> np.ndarray:
-    """Terms that do not depend on the law: gravity, an offset for each run after the first."""
+    """Terms that do not depend on the law: what every drive has of an offset and of a wave a turn,
+    gravity, an offset for each run after the first."""
     m = record.motion
-    weight = [np.sin(m.theta), np.cos(m.theta)] if gravity else []
+    wave = [np.sin(m.theta), np.cos(m.theta)]
+    zero = np.zeros(len(m))
+    slight = [zero if m.one_way else zero + 1.0]
+    slight += [zero, zero] if gravity or m.motion == "linear" else wave
     offsets = [(m.run == r).astype(float) for r in np.unique(m.run)[1:]]
-    if not weight and not offsets:
-        return np.zeros((len(record.rows), 0))
-    return record.mean(np.column_stack([*weight, *offsets]))
+    return record.mean(np.column_stack([*slight, *(wave if gravity else []), *offsets]))
+
+
+def _of_law(record: Record, x0: float, vs: float) -> np.ndarray:
+    """The shapes of friction and the declared effects in the windows."""
+    law = record.laws.law(x0, vs)
+    more = terms(record.parts, law, record.motion, record.motion.load)
+    return record.mean(np.column_stack([law.shapes, *more]))
 
 
 def _columns(
-    record: Record, law: Law, late: np.ndarray, shared: np.ndarray, torque: float
+    record: Record,
+    at: tuple[float, float],
+    late: np.ndarray,
+    shared: np.ndarray,
+    torque: float,
+    friction: float = np.inf,
 ) -> Columns:
-    more = terms(record.parts, law, record.motion, record.motion.load)
-    own = record.mean(np.column_stack([law.shapes, *more]))
+    """The base at a presliding distance and Stribeck speed; what every drive has is small beside
+    ``friction``."""
+    own = record.once(("law", *at), None, lambda: _of_law(record, *at))
     k = len(NAMES)
     X = np.column_stack([record.rows.a, late, own[:, :k], shared, own[:, k:]])
     k = X.shape[1]
@@ -346,10 +416,18 @@ def _columns(
         low[2] = -np.inf  # one direction only: Coulomb friction and an offset are one term
     low[0], high[0] = record.J or (0.0, np.inf)
     low[1], high[1] = -record.lateness, record.lateness
+    low[SLIGHT], high[SLIGHT] = -LEAST * friction, LEAST * friction
     return Columns(X, prior, low, high)
 
 
-def _scale(c: Columns, y: np.ndarray, record: Record) -> Scale:
-    b = np.linalg.lstsq(c.X, y, rcond=None)[0]
-    sigma = 1.4826 * float(np.median(np.abs(y - c.X @ b)))
-    return Scale(max(sigma, 1e-12 * rms(y) + 1e-300), float(np.mean(record.rows.shake**2)))
+def _sizes(
+    record: Record, y: np.ndarray, late: np.ndarray, shared: np.ndarray
+) -> tuple[Scale, float]:
+    """Scale of the residual and RMS friction torque, roughly: beside the first law."""
+    first = float(record.laws.distances()[0]), float(record.laws.speeds()[0])
+    X = _columns(record, first, late, shared, rms(y)).X
+    b = np.linalg.lstsq(X, y, rcond=None)[0]
+    sigma = 1.4826 * float(np.median(np.abs(y - X @ b)))
+    friction = rms(X[:, LEVELS] @ b[LEVELS])
+    scale = Scale(max(sigma, 1e-12 * rms(y) + 1e-300), float(np.mean(record.rows.shake**2)))
+    return scale, max(friction, LEAST_FRICTION * rms(y))

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import stats
 
 from ...spec import REGISTRY
-from .base import LEVELS, Base, rms
+from .base import LEVELS, SLIGHT, WEIGHT, Base, rms
 from .contender import Contender
 from .law import FORCES, NAMES, SMEAR, VISCOUS
 from .numbers import ALPHA, POWER
@@ -44,8 +44,9 @@ def _terms(
     yield "inertia", [0], ("a",)
     yield "coulomb", [at[k] for k in (*FORCES, *SMEAR)], ("w",)
     yield "viscous", [at[k] for k in VISCOUS], ("w",)
+    yield "offset and unbalance", SLIGHT, ("theta",)
     if base.gravity:
-        yield "gravity", [LEVELS.stop, LEVELS.stop + 1], ("theta",)
+        yield "gravity", [WEIGHT, WEIGHT + 1], ("theta",)
     end = base.columns.X.shape[1]
     for c in reversed(parts):
         if c.own:
@@ -82,7 +83,7 @@ def _share(base: Base, V: np.ndarray, name: str, at: list[int], signals: tuple[s
 
 
 def _of_torque(base: Base, c: Contender) -> Share:
-    return _plainly(base, c.name, c.torque, ("u",))
+    return _plainly(base, c.name, c.torque, _signals(c.name))
 
 
 def _plainly(base: Base, name: str, torque: np.ndarray, signals: tuple[str, ...]) -> Share:

@@ -13,7 +13,7 @@ from ..balance import Balance
 from .base import settled
 from .contender import Contender, enter
 from .face import record_of
-from .search import entries_of
+from .search import entries
 from .values import values_of
 
 
@@ -30,7 +30,7 @@ def completed(stretches: Sequence[Stretch], model: Model, plain: Balance) -> dic
 def _of(part: Part, stretches: Sequence[Stretch], model: Model, plain: Balance) -> dict[str, float]:
     others = tuple(p for p in model.effects if p is not part and None not in p.values.values())
     base = settled(record_of(stretches, replace(model, effects=others), plain))
-    tried = [enter(base, entry) for entry in entries_of(base, part.block)]
+    tried = [enter(base, entry) for entry in entries(base, part.block)]
     best: Contender | None = max(tried, key=lambda c: c.gain, default=None)
     if best is None:
         return {}

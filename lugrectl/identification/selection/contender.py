@@ -8,13 +8,13 @@ from functools import cached_property
 
 import numpy as np
 
-from .base import LEVELS, Base, Columns, rms
-from .law import NAMES
+from .base import Base, Columns, rms
+from .numbers import ALONE
 from .regression import Solution, solve
 from .score import paired
 
 OTHER_J = (0.5, 2.0)  # inertia beside an effect as large as all friction, over that without it
-IMITATES = 0.6  # of the inertia: an unknown torque of u that leaves less has taken it away
+IMITATES = 0.6  # of the inertia: an unknown torque of u that changes it by more stands for it
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +24,8 @@ class Contender:
     ``values`` are those of the effect's parameters that were searched, ``own`` the number of its
     columns, the last ones. ``u`` is the torque that reaches the drive, where it changes that.
     ``blocks`` are the scores of the blocks, ``torque`` (m,) what the base cannot imitate of it,
-    ``share`` its RMS over that of friction.
+    ``share`` its RMS over that of friction, ``whole`` that of all of its torque. ``entry`` is what
+    it was made from.
     """
 
     name: str
@@ -37,7 +38,9 @@ class Contender:
     depends_on: frozenset[str]
     blocks: np.ndarray
     torque: np.ndarray
+    whole: float
     J: float
+    entry: Entry
 
     @property
     def coefficients(self) -> np.ndarray:
@@ -102,15 +105,16 @@ def enter(base: Base, entry: Entry) -> Contender:
     record, columns = base.record, _beside(base, entry)
     y = base.y if entry.u is None else record.mean(entry.u)
     made = solve(
-        columns.X, y, columns.prior, columns.low, columns.high, base.view.scale, base.roots**2
-    )
+        columns.X, y, columns.prior, columns.low, columns.high, base.view.scale, base.roots**2,
+        near=base.made.state,
+    )  # fmt: skip
     own = 0 if entry.columns is None else entry.columns.X.shape[1]
     J = float(made.b[0])
     if entry.inertial:  # the whole inertia counts
         a = record.rows.a
         J += float(made.b[-1] * (columns.X[:, -1] @ a) / (a @ a))
     blocks = base.judged(made, columns, J) - entry.cost / len(record.blocks)
-    torque = _torque(base, entry, columns, made, own)
+    whole, torque = _torque(base, entry, columns, made, own)
     found = Contender(
         name=entry.name,
         values=dict(entry.values),
@@ -122,7 +126,9 @@ def enter(base: Base, entry: Entry) -> Contender:
         depends_on=entry.depends_on,
         blocks=blocks,
         torque=torque,
+        whole=rms(whole) / base.friction_rms,
         J=J,
+        entry=entry,
     )
     return replace(found, blocks=base.score - 1e-9) if _unidentified(found) else found
 
@@ -144,11 +150,13 @@ def _beside(base: Base, entry: Entry) -> Columns:
     return made if entry.columns is None else made + entry.columns
 
 
-def _torque(base: Base, entry: Entry, columns: Columns, made: Solution, own: int) -> np.ndarray:
-    """Its torque in the windows, without what the declared model can imitate of it.
+def _torque(
+    base: Base, entry: Entry, columns: Columns, made: Solution, own: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Its torque in the windows, and this without what the declared model can imitate of it.
 
     A named effect is compared with the declared law, an unknown torque also with what was left
-    open of that law.
+    open of that law and with what every drive has.
     """
     k = columns.X.shape[1] - own
     torque = columns.X[:, k:] @ made.b[k:]
@@ -156,18 +164,18 @@ def _torque(base: Base, entry: Entry, columns: Columns, made: Solution, own: int
         torque = torque + base.record.mean(base.u - entry.u)
         if entry.timed:
             torque = torque - base.columns.X[:, 1] * base.made.b[1]
-    if entry.depends_on:
-        kept = [0, *range(2, base.columns.X.shape[1])]
-    else:
-        law = [LEVELS.start + NAMES.index(name) for name in ("Fc", "dip", "Fv", "sigma1")]
-        kept = [0, *law, *range(LEVELS.stop, base.columns.X.shape[1])]
-    B = base.columns.X[:, [i for i in kept if base.made.free[i]]]
-    return torque - B @ np.linalg.lstsq(B, torque, rcond=None)[0]
+    Q = base.open if entry.depends_on else base.law_alone
+    return torque, torque - Q @ (Q.T @ torque)
 
 
 def _unidentified(c: Contender) -> bool:
-    """More torque than all friction and another inertia: what such a term does is not known."""
+    """What such a term does is not known.
+
+    The law imitates nearly all of it; or it has more torque than all friction and another inertia.
+    """
     ratio = c.J / c.base.J
+    if not c.depends_on and not c.entry.inertial and c.share < ALONE * c.whole:
+        return True
     if c.share > 1 and c.name != "gravity" and not OTHER_J[0] < ratio < OTHER_J[1]:
         return True
-    return "u" in c.depends_on and ratio < IMITATES
+    return "u" in c.depends_on and not IMITATES < ratio < 1 / IMITATES

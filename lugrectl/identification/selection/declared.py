@@ -70,7 +70,7 @@ def _driven(part: Part, m: Motion) -> list[np.ndarray]:
     v = _values(part)
     if v.get("load_inertia", 0.0) <= 0.0 or v.get("stiffness", 0.0) <= 0.0:
         return []
-    return [torques(part.block, m.path, m.dt, [v])[0]]
+    return [torques(part.block, m.path, m.dt, [v])[:, 0]]
 
 
 def _values(part: Part) -> dict[str, float]:

@@ -7,15 +7,18 @@ A sin(phi) f(x, pi/2). What else it has is searched.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from ...spec import Block
 from .base import Base, Columns
 from .motion import bend
 
-AT_ONCE = 4_000_000  # numbers that a screening keeps at a time
+AT_ONCE = 1_000_000  # numbers that a screening keeps at a time
+FAR = 1e4  # rad from which single precision is too coarse for the highest orders
 
 
 def searched(block: Block) -> list[str]:
@@ -52,23 +55,50 @@ def columns(
 def over(base: Base, block: Block, key: str, grid: np.ndarray) -> np.ndarray:
     """The columns of an effect for each value of a parameter, for screening: from fewer samples.
 
-    Those of one value are neighbours: (m, values) or, with a phase, (m, 2 values).
+    They are in single precision. Those of one value are neighbours: (m, values) or, with a phase,
+    (m, 2 values).
     """
-    samples = len(base.record.motion) // base.record.fewer
-    many = max(1, AT_ONCE // samples)
-    parts = [grid[i : i + many] for i in range(0, len(grid), many)]
-    return np.concatenate([_over(base, block, key, part) for part in parts], axis=1)
+
+    def make() -> np.ndarray:
+        return _over(base, block, key, grid)
+
+    if set(block.acts) <= {"torque"} and not {"u", "load"} & {*block.inputs}:
+        return base.record.once(("over", block.name, key), None, make)
+    if set(block.acts) <= {"input"}:
+        return base.record.once(("over", block.name, key), base.u, make)
+    return make()
 
 
 def _over(base: Base, block: Block, key: str, grid: np.ndarray) -> np.ndarray:
-    free = spanned(block)
+    samples = len(base.record.motion) // base.record.fewer
+    many = max(1, AT_ONCE // samples)
+    parts = [grid[i : i + many] for i in range(0, len(grid), many)]
+    return np.concatenate([_part(base, block, key, part) for part in parts], axis=1)
+
+
+def _part(base: Base, block: Block, key: str, grid: np.ndarray) -> np.ndarray:
+    free, view = spanned(block), _fewer(base, single=True)
     span = (None,) if free is None else block.own[free].span or ()
     made = []
     for x in span:
-        own: dict[str, Any] = {block.gain: 1.0, key: grid[None, :]}
-        own |= {} if free is None else {free: x}
-        made.append(column(base, block, own, screening=True))
+        own: dict[str, Any] = {block.gain: 1.0, key: grid[None, :].astype(view.kind)}
+        own |= {} if free is None or x is None else {free: float(x)}
+        made.append(_column(base, block, own, view))
     return np.stack(made, axis=2).reshape(len(made[0]), -1)
+
+
+@dataclass(frozen=True, eq=False)
+class _Samples:
+    """Samples at which an effect is computed, and the operators that take them to the windows."""
+
+    every: slice
+    K: csr_matrix
+    narrow: csr_matrix
+    kind: type
+
+    def of(self, x: np.ndarray) -> np.ndarray:
+        """A signal (n,) as a column."""
+        return x[self.every, None].astype(self.kind, copy=False)
 
 
 def column(
@@ -76,40 +106,45 @@ def column(
 ) -> np.ndarray:
     """The torque of an effect in the windows (m,), on the resisting side.
 
-    ``screening``: from fewer samples. A value of shape (1, k) gives (m, k).
+    ``screening``: from fewer samples.
     """
-    made = _column(base, block, values, screening)
-    wide = any(np.ndim(v) for v in values.values())
-    return made if wide else made[:, 0]
+    record = base.record
+    whole = _Samples(slice(None), record.rows.K, record.rows.narrow, float)
+    return _column(base, block, values, _fewer(base) if screening else whole)[:, 0]
 
 
-def _column(
-    base: Base, block: Block, values: Mapping[str, Any], screening: bool = False
-) -> np.ndarray:
+def _fewer(base: Base, single: bool = False) -> _Samples:
+    record, every = base.record, slice(None, None, base.record.fewer)
+    if single and np.abs(record.motion.theta).max() < FAR:
+        return _Samples(every, *record.single, np.float32)
+    return _Samples(every, *record.few, float)
+
+
+def _column(base: Base, block: Block, values: Mapping[str, Any], view: _Samples) -> np.ndarray:
+    """The same (m, k) for a value of shape (1, k)."""
     m, record = base.record.motion, base.record
-    every = slice(None, None, record.fewer if screening else None)
-    K, narrow = record.few if screening else (record.rows.K, record.rows.narrow)
-    out = outputs(base, block, values, every)
     if "sensor" in block.acts:  # the true motion is the measured one without the error
+        out = outputs(base, block, values)
         error = out[block.fresh.index("theta_m")] - m.theta[:, None]
         bent = np.concatenate([bend(error[p, 0], m.dt) for p in m.pieces])[:, None]
-        return -base.J * (narrow @ bent)
+        return np.asarray(record.rows.narrow @ bent) * -base.J
+    out = outputs(base, block, values, view)
     torque, inertial = [], []
     seen: set[int] = set()
     for act, change in block.deeds(out):
         if act == "input":
-            torque.append(base.u[every, None] - change)
+            torque.append(view.of(base.u) - change)
         elif act == "torque":
             torque.append(change)
         elif act == "J":
-            inertial.append(base.J * change * record.acceleration[every, None])
+            inertial.append(change * view.of(base.J * record.acceleration))
         elif act == "Fv":
-            torque.append(change * base.viscous[every, None])
+            torque.append(change * view.of(base.viscous))
         elif id(change) not in seen:  # the levels of Coulomb and static friction move together
             seen.add(id(change))
-            torque.append(_on_level(base, block, act, change, every))
-    made = [K @ _whole(torque)] if torque else []
-    made += [narrow @ _whole(inertial)] if inertial else []
+            torque.append(_on_level(base, block, act, change, view))
+    made = [view.K @ _whole(torque)] if torque else []
+    made += [view.narrow @ _whole(inertial)] if inertial else []
     return made[0] + made[1] if len(made) > 1 else made[0]
 
 
@@ -121,27 +156,30 @@ def _whole(parts: Sequence[np.ndarray]) -> np.ndarray:
     return np.ascontiguousarray(total)
 
 
-def _on_level(base: Base, block: Block, act: str, change: np.ndarray, every: slice) -> np.ndarray:
+def _on_level(base: Base, block: Block, act: str, change: np.ndarray, view: _Samples) -> np.ndarray:
     if act.startswith("+"):
-        return change * base.law.z[every, None]
+        return change * view.of(base.law.z)
     if block.abrupt:  # it jumps with the direction, and the bristle follows
-        return (base.record.laws.asymmetric(base.law.x0) * base.level)[every, None]
-    return change * base.coulomb[every, None]
+        laws, law = base.record.laws, base.law
+        follows = base.record.once("asymmetric", law, lambda: laws.asymmetric(law.x0))
+        return view.of(follows * base.level)
+    return change * view.of(base.coulomb)
 
 
 def outputs(
-    base: Base, block: Block, values: Mapping[str, Any], every: slice = slice(None)
+    base: Base, block: Block, values: Mapping[str, Any], view: _Samples | None = None
 ) -> list[np.ndarray]:
     """What a block without states puts out along the motion, each (n, k) for values (1, k)."""
     m = base.record.motion
+    view = view or _Samples(slice(None), base.record.rows.K, base.record.rows.narrow, float)
     signals = {"t": m.t, "theta": m.theta, "w": m.w, "u": base.u, "load": base.weight}
     names = ("t", *block.inputs) if block.timed else block.inputs
     shared = {k: base.J for k, p in block.parameters.items() if p.shared and k == "J"}
-    made = block(*(signals[name][every, None] for name in names), **shared, **values)
-    size = len(m.t[every])
+    made = block(*(view.of(signals[name]) for name in names), **shared, **values)
+    size = len(m.t[view.every])
     kept: dict[int, np.ndarray] = {}
     for o in made:
-        x = np.asarray(o, float)
+        x = np.asarray(o)
         wide = x.shape[1] if x.ndim == 2 else 1
         kept.setdefault(id(o), np.broadcast_to(x, (size, wide)))
     return [kept[id(o)] for o in made]

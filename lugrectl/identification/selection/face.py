@@ -13,22 +13,29 @@ from ...record.stretch import Stretch
 from ..balance import Balance
 from ..balance.reconcile import sensors_of
 from ..balance.track import tracks_of
-from .base import Record
+from .base import Record, settled
 from .budget import budget, detectable
 from .contender import Contender
 from .motion import Motion, motion_of
-from .numbers import HELD, LEAST, LOST
+from .numbers import ALPHA, HELD, LEAST, LOST, MOST_ROWS, MOST_SAMPLES
 from .result import Compared, Comparison, Named
-from .rows import Width, quick, rows_of, usable, widths
+from .rows import Width, quick, rows_of, spacing, usable, widths
 from .table import Table
 from .values import levels_of, values_of
 from .verdict import Decision, decide
 
 
 def compare(
-    stretches: Sequence[Stretch], model: Model, plain: Balance, least: float = LEAST
+    stretches: Sequence[Stretch],
+    model: Model,
+    plain: Balance,
+    least: float = LEAST,
+    alpha: float = ALPHA,
 ) -> Comparison:
     """What is missing from a declared model, by one comparison.
+
+    The verdict is "refused", with the reason as its message, where the torque has nothing to do
+    with the motion, or follows it.
 
     Parameters
     ----------
@@ -40,12 +47,22 @@ def compare(
         The plain answer of the same samples.
     least : float
         The smallest torque that matters, as a share of RMS friction torque.
+    alpha : float
+        Chance of naming something on a record on which nothing is missing.
     """
+    if plain.refused:
+        return Comparison("refused", messages=(plain.refused,), least=least)
     began = time.perf_counter()
     with np.errstate(all="ignore"):  # a record without noise divides by nearly 0
-        found = decide(record_of(stretches, model, plain), least)
+        found = decide(record_of(stretches, model, plain), least, alpha)
         made = _result(found, model, least)
     return replace(made, seconds=time.perf_counter() - began)
+
+
+def levels(stretches: Sequence[Stretch], model: Model, plain: Balance) -> dict[str, float]:
+    """Inertia and friction of the declared model on a record: start values for a fit."""
+    with np.errstate(all="ignore"):
+        return levels_of(settled(record_of(stretches, model, plain)))
 
 
 def _result(found: Decision, model: Model, least: float) -> Comparison:
@@ -63,6 +80,7 @@ def _result(found: Decision, model: Model, least: float) -> Comparison:
         detectable=tuple(detectable(table, least)) if adequate else (),
         messages=found.messages,
         plant=levels_of(base),
+        alone=levels_of(table.base),
         least=least,
     )
 
@@ -77,7 +95,7 @@ def _rows(table: Table) -> list[Compared]:
     own = int(base.made.free.sum())
     rows = [Compared("declared", 0.0, 0.0, 0.0, own)]
     for c in table.rows:
-        gain, se = c.above(base)
+        gain, se = c.above(c.base)
         rows.append(Compared(c.name, gain, se, c.share, int(c.made.free.sum())))
     return rows
 
@@ -91,9 +109,16 @@ def record_of(stretches: Sequence[Stretch], model: Model, plain: Balance) -> Rec
     J, sure = _inertia(plain, declared)
     width, sure = _width(motion, declared, J, sure)
     held = None if declared.get("J") else J
+    motion = motion.part(_share(motion, width.h))
+    has = frozenset(model.friction.block.own)
     return Record.of(
-        motion, rows_of(motion, width.h), declared, held, sure, width.heavy, model.effects
+        motion, rows_of(motion, width.h), declared, held, sure, width.heavy, model.effects, has
     )
+
+
+def _share(m: Motion, h: float) -> float:
+    """Share of a long motion that says enough."""
+    return min(1.0, MOST_SAMPLES / len(m), MOST_ROWS * spacing(m, h) / len(m))
 
 
 def _inertia(plain: Balance, declared: dict[str, float]) -> tuple[tuple[float, float] | None, bool]:
@@ -127,5 +152,5 @@ def _width(
     if known or J is None:
         return (good or [least])[0], sure and bool(known)
     middle, half = 0.5 * (J[0] + J[1]), 0.5 * (J[1] - J[0])
-    near = [w for w in good if abs(w.J - middle) < half + 0.1 * middle]
+    near = [w for w in good if abs(w.J - middle) < half + w.se]
     return (near or [min(tried, key=lambda w: abs(w.J - middle))])[0], sure

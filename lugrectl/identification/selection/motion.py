@@ -9,7 +9,7 @@ terms are sent through the same filter S, so that both sides of the balance lose
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -29,6 +29,8 @@ UNEVEN = 0.02  # RMS jitter of stamps, in steps, from which they are not even
 OUTLIER = 25.0  # squares beyond this count as this
 FINE = 1e-3  # s between the instants at which friction is computed
 MOST_FINE = 10
+SHORTEST = 9  # samples of a piece
+PARTS = 20  # pieces of a long motion
 FADED = 4e-3  # of the largest value: where an impulse response ends
 
 
@@ -94,6 +96,23 @@ class Motion:
     def slope(self, x: np.ndarray) -> np.ndarray:
         """dx/dt (n, ...), stretch by stretch."""
         return np.concatenate([slope(x[p], self.dt) for p in self.pieces])
+
+    def part(self, share: float) -> Motion:
+        """That share of the motion, in PARTS pieces over all its duration; times stay."""
+        if share >= 1.0:
+            return self
+        kept = []
+        for p in self.pieces:
+            many = int(np.ceil(PARTS * (p.stop - p.start) / len(self)))
+            edges = np.linspace(p.start, p.stop, many + 1).astype(int).tolist()
+            each = [(a, b) for a, b in pairwise(edges) if b - a > SHORTEST]
+            kept += [np.arange(a, a + max(SHORTEST, int(share * (b - a)))) for a, b in each]
+        at, ends = np.concatenate(kept), np.cumsum([0, *(len(k) for k in kept)]).tolist()
+        pieces = tuple(slice(a, b) for a, b in pairwise(ends))
+        own = {k: getattr(self, k)[at] for k in ("run", "t", "ok", "u", "theta", "w", "shake")}
+        measured = tuple(None if x is None else x[at] for x in self.measured)
+        path = _joined([self.path[k] for k in kept])
+        return replace(self, pieces=pieces, measured=measured, path=path, **own)
 
     @cached_property
     def fine(self) -> Fine:
@@ -187,10 +206,6 @@ def motion_of(tracks: Sequence[Track], sensors: Sensors, kind: str) -> Motion:
     smoothing = _Smoothing(dt, pieces, joined["ok"], v_theta, v_w)
     lam, stiff = smoothing.as_noise_asks(theta_or, w)
     soft = smoothing.solve(theta_or, w, lam * SOFTER) if lam > SOFTER else stiff
-    path, last = [], float(stiff[0])
-    for p in pieces:
-        path.append(stiff[p] - stiff[p.start] + last)
-        last = float(path[-1][-1])
     return Motion(
         dt=dt,
         pieces=pieces,
@@ -200,7 +215,7 @@ def motion_of(tracks: Sequence[Track], sensors: Sensors, kind: str) -> Motion:
         u=joined["u"],
         theta=soft,
         w=np.concatenate([slope(soft[p], dt) for p in pieces]),
-        path=np.concatenate(path),
+        path=_joined([stiff[p] for p in pieces]),
         pulse=smoothing.pulse(lam),
         shake=smoothing.shake(lam, w is not None),
         measured=(theta, w),
@@ -211,12 +226,18 @@ def motion_of(tracks: Sequence[Track], sensors: Sensors, kind: str) -> Motion:
     )
 
 
+def _joined(paths: Sequence[np.ndarray]) -> np.ndarray:
+    """One path, each piece of it from where the last one ended."""
+    made = [paths[0]]
+    for x in paths[1:]:
+        made.append(x - x[0] + made[-1][-1])
+    return np.concatenate(made)
+
+
 def _on(track: Track, dt: float) -> Track:
     """The stretch on steps of ``dt``, where its own step differs."""
     if abs(track.dt / dt - 1.0) < 1e-3:
         return track
-    from dataclasses import replace
-
     own = np.arange(len(track)) * track.dt
     at = np.arange(0.0, own[-1], dt)
     moved = {k: np.interp(at, own, getattr(track, k)) for k in ("u", "age")}

@@ -71,7 +71,7 @@ class Comparison:
 
     ``effects`` are named, the largest first; ``alternatives`` explain the record as well as the
     first of them. ``depends_on`` are the signals of an unknown torque. ``plant`` are inertia and
-    friction beside the effects, as start values.
+    friction beside the effects, ``alone`` those of the declared model without them: start values.
     """
 
     verdict: str
@@ -83,5 +83,6 @@ class Comparison:
     detectable: tuple[Detectable, ...] = ()
     messages: tuple[str, ...] = ()
     plant: Mapping[str, float] = field(default_factory=dict)
+    alone: Mapping[str, float] = field(default_factory=dict)
     least: float = 0.0
     seconds: float = 0.0

@@ -83,13 +83,18 @@ def widths(m: Motion) -> list[float]:
     return [h for h in WIDTHS if h >= 3 * m.dt and 8 * h < longest] or [3 * m.dt]
 
 
+def spacing(m: Motion, h: float) -> int:
+    """Samples between two rows."""
+    spread = 3.53 / _half_response(m.pulse) if len(m.pulse) > 3 else 0.0
+    return max(1, int(APART * max(2, round(h / m.dt), 0.8 * spread)))
+
+
 def rows_of(m: Motion, h: float) -> Rows:
     """The rows of half-width ``h``, through the smoothing."""
     half = max(2, round(h / m.dt))
     phi = bump(half)
     wide = np.convolve(phi, m.pulse) if len(m.pulse) > 3 else phi
-    spread = 3.53 / _half_response(m.pulse) if len(m.pulse) > 3 else 0.0
-    step = max(1, int(APART * max(half, 0.8 * spread)))
+    step = spacing(m, h)
     at = _centres(m, len(wide) // 2 + 2, step)
     if len(at) < FEWEST:  # a short record is not smoothed on both sides
         wide, step = phi, max(1, int(APART * half))

@@ -8,6 +8,7 @@ residual counts over the inertia: what imitates u takes the inertia away and gai
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -33,11 +34,25 @@ class Blocks:
     def __len__(self) -> int:
         return len(self.cuts) - 1
 
-    @property
-    def full(self) -> list[tuple[int, slice]]:
+    @cached_property
+    def full(self) -> np.ndarray:
         """The blocks that have rows."""
-        ends = zip(self.cuts[:-1].tolist(), self.cuts[1:].tolist(), strict=True)
-        return [(i, slice(a, b)) for i, (a, b) in enumerate(ends) if b > a]
+        return np.flatnonzero(np.diff(self.cuts))
+
+    @cached_property
+    def places(self) -> np.ndarray:
+        """The rows of each full block, (full blocks, most rows); m beyond its end."""
+        first, many = self.cuts[self.full], np.diff(self.cuts)[self.full]
+        each = np.arange(many.max(initial=0))
+        return np.where(each < many[:, None], first[:, None] + each, self.cuts[-1])
+
+    def apart(self, x: np.ndarray) -> np.ndarray:
+        """Rows (m, ...) block by block, (full blocks, most rows, ...), with 0 in place of none."""
+        return np.concatenate([x, np.zeros((1, *x.shape[1:]))])[self.places]
+
+    def sums(self, x: np.ndarray) -> np.ndarray:
+        """The sum over each block (blocks,), 0 of none."""
+        return np.add.reduceat(np.append(x, 0.0), self.cuts[:-1]) * (np.diff(self.cuts) > 0)
 
 
 def density(r: np.ndarray, factor: float = 1.0) -> np.ndarray:
@@ -54,11 +69,10 @@ def left_out(
     factor: float,
 ) -> np.ndarray:
     """The log density of each block under the fit without it, (blocks,)."""
-    out = np.zeros(len(blocks))
     Z, moved = X[:, made.free], moves(made, X, prior, scale, blocks)
-    for (i, k), d in zip(blocks.full, moved, strict=True):
-        out[i] = density(made.r[k] - Z[k] @ d / scale.sigma, factor).sum()
-    return out
+    each_row = np.repeat(moved, np.diff(blocks.cuts)[blocks.full], axis=0)
+    change = np.einsum("ij,ij->i", Z, each_row) / scale.sigma
+    return blocks.sums(density(made.r - change, factor))
 
 
 def moves(
@@ -66,26 +80,23 @@ def moves(
 ) -> np.ndarray:
     """How the free coefficients move when a block is left out, (full blocks, free)."""
     on, r = made.free, made.r
-    Z = X[:, on]
-    ZW = Z * (made.weight / scale.sigma**2)[:, None]
-    pull = (FREEDOM + 1) * r / (FREEDOM + r * r) / scale.sigma
-    H = Z.T @ ZW
-    own = np.diag(H).copy()
-    floor = own.max() * (own < 1e-24 * own.max())
-    H[np.diag_indices(len(H))] += prior[on] + 1e-9 * own + floor
-    parts = [k for _, k in blocks.full]
-    rest = np.stack([H - Z[k].T @ ZW[k] for k in parts])
-    slopes = np.stack([Z[k].T @ pull[k] for k in parts])
+    Z, pull = X[:, on], (FREEDOM + 1) * r / (FREEDOM + r * r) / scale.sigma
+    each = blocks.apart(Z * (np.sqrt(made.weight) / scale.sigma)[:, None])
+    own = each.transpose(0, 2, 1) @ each
+    H = own.sum(axis=0)
+    size = np.diag(H).copy()
+    floor = size.max() * (size < 1e-24 * size.max())
+    H[np.diag_indices(len(H))] += prior[on] + 1e-9 * size + floor
+    slopes = np.add.reduceat(Z * pull[:, None], blocks.cuts[blocks.full])
     try:
-        return -np.linalg.solve(rest, slopes[:, :, None])[:, :, 0]
+        return -np.linalg.solve(H - own, slopes[:, :, None])[:, :, 0]
     except np.linalg.LinAlgError:
         return np.zeros_like(slopes)
 
 
 def seen(made: Solution, blocks: Blocks, factor: float) -> np.ndarray:
     """The log density of each block under the fit to all, (blocks,): for screening."""
-    each = density(made.r, factor)
-    return np.add.reduceat(np.append(each, 0.0), blocks.cuts[:-1]) * (np.diff(blocks.cuts) > 0)
+    return blocks.sums(density(made.r, factor))
 
 
 def paired(a: np.ndarray, b: np.ndarray) -> tuple[float, float]:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from ...spec import Block, members
-from .base import Base, Columns
+from .base import OFFSET, TURN, Base, Columns, rms
 from .contender import Entry
 from .declared import through
 from .effects import column, columns, over, searched, spanned
@@ -20,23 +20,24 @@ POLISH = 20  # evaluations
 PASSED = 6.0  # rad of an order within a window: beyond, nothing of it is left
 FEW = 4.0  # rad of an order within the travel, at least
 TIMES = (3e-4, 0.05, 14)  # delays and lags to try beyond the free ones: from, to (s), how many
+EDGE = 12  # samples beyond the ends of a stretch that a spline through it knows
 SOONEST, LATEST = 0.04, 0.96  # of the record, for a change in time
 MISSING_LAW = ("stribeck", "presliding", "sublinear_viscous", "dwell_stiction")
 KINEMATIC = ("velocity_sensor_lag",)
+INSTEAD = {
+    "constant_torque": OFFSET,
+    "coulomb_asymmetry": OFFSET,
+    "gravity": TURN,
+}  # of what every drive has
 
 
-def entries(base: Base) -> Iterator[Entry]:
-    """One entry or a few for each effect that the record may show."""
-    for name, block in members("effect").items():
-        if name in (*MISSING_LAW, *KINEMATIC) or name in base.inside:
-            continue
-        yield from entries_of(base, block)
-
-
-def entries_of(base: Base, block: Block) -> Iterator[Entry]:
-    """Those of one effect; none if this record cannot show it."""
-    if not _pointless(base, block):
-        yield from _of(base, block)
+def shown(base: Base) -> list[Block]:
+    """The effects that the record may show."""
+    return [
+        block
+        for name, block in members("effect").items()
+        if name not in (*MISSING_LAW, *KINEMATIC, *base.inside) and not _pointless(base, block)
+    ]
 
 
 def _pointless(base: Base, block: Block) -> bool:
@@ -53,7 +54,8 @@ def _pointless(base: Base, block: Block) -> bool:
     return block.name == "gravity" and (base.gravity or turned)
 
 
-def _of(base: Base, block: Block) -> Iterator[Entry]:
+def entries(base: Base, block: Block) -> Iterator[Entry]:
+    """An entry or a few for an effect."""
     free = searched(block)
     if block.states and "input" not in block.acts:
         yield from springs(base, block)
@@ -73,7 +75,7 @@ def _of(base: Base, block: Block) -> Iterator[Entry]:
 
 def _linear(base: Base, block: Block) -> Iterator[Entry]:
     made = columns(base, block, {})
-    entry = Entry(block.name, {}, made)
+    entry = Entry(block.name, {}, made, instead=INSTEAD.get(block.name, ()))
     if block.name == "return_spring":
         from .contender import enter
 
@@ -87,12 +89,28 @@ def _linear(base: Base, block: Block) -> Iterator[Entry]:
 
 
 def _of_load(base: Base, block: Block) -> Iterator[Entry]:
-    """The load is the weight, alone and with the torque of the inertia."""
-    m = base.record.motion
-    for load in (base.weight, base.weight + base.J * m.a):
+    """The load is the weight, fitted or as declared, alone and with the torque of the inertia.
+
+    A fitted weight is not zero at the right place where the travel is small: there an offset is
+    a part of it. Friction under the torque of the inertia is part of what opposes an acceleration:
+    the plain answer, which has no such friction, counts it as inertia.
+    """
+    a, weights = base.record.motion.a, [base.weight, *_declared_weight(base)]
+    loads = [(load, part > 0) for w in weights for part, load in enumerate((w, w + base.J * a))]
+    for load, inertial in loads:
         out = block(load, **{block.gain: 1.0})[0]
-        made = base.record.mean(out * base.law.z)[:, None]
-        yield Entry(block.name, {}, Columns.free(made, 0.0), cost=float(np.log(2)))
+        own = Columns.free(base.record.mean(out * base.law.z)[:, None], 0.0)
+        cost = float(np.log(len(loads)))
+        yield Entry(block.name, {}, own, cost=cost, inertial=inertial)
+
+
+def _declared_weight(base: Base) -> list[np.ndarray]:
+    """Its size as fitted, its phase as declared, if it is."""
+    m, size = base.record.motion, rms(base.weight)
+    parts = [p.values for p in base.record.parts if p.block.name == "gravity"]
+    phases = [p.get("phase") for p in parts]
+    waves = [np.sin(m.theta + phase) for phase in phases if phase is not None]
+    return [size / (rms(wave) + 1e-300) * wave for wave in waves]
 
 
 def _over_grid(base: Base, block: Block, key: str) -> Iterator[Entry]:
@@ -188,12 +206,16 @@ def _of_torque(base: Base, block: Block) -> Entry:
     def torque(x: float) -> np.ndarray:
         return applied(base, block, {key: x})
 
-    def likeness(x: float) -> float:
-        y = base.record.mean(torque(x)) * base.roots
+    def mean(x: float) -> np.ndarray:
+        return base.record.mean(torque(x))
+
+    def likeness(x: float, searched: bool = True) -> float:
+        y = mean(x) if searched else base.record.once((block.name, x), base.u, lambda: mean(x))
+        y = y * base.roots
         y = y - Q @ (Q.T @ y)
         return float((y @ a) ** 2 / (y @ y + 1e-300))
 
-    i = int(np.argmax([likeness(float(x)) for x in grid]))
+    i = int(np.argmax([likeness(float(x), searched=False) for x in grid]))
     value = _golden(likeness, grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)])
     return Entry(block.name, {key: value}, u=torque(value), cost=float(np.log(8)), timed=timed)
 
@@ -217,12 +239,27 @@ def applied(base: Base, block: Block, values: dict[str, float]) -> np.ndarray:
 
 def _late(base: Base, delay: float) -> np.ndarray:
     """u(t - delay) with a cubic between the samples."""
-    from scipy.ndimage import shift  # slow to import
-
     m = base.record.motion
-    return np.concatenate(
-        [shift(base.u[p], delay / m.dt, order=3, mode="nearest") for p in m.pieces]
-    )
+    parts = base.record.once("splines of u", base.u, lambda: [_spline(base.u[p]) for p in m.pieces])
+    return np.concatenate([_shifted(part, delay / m.dt) for part in parts])
+
+
+def _spline(x: np.ndarray) -> np.ndarray:
+    """Coefficients of the cubic spline through x, with EDGE more on each side."""
+    from scipy.ndimage import spline_filter1d  # slow to import
+
+    return spline_filter1d(np.pad(x, EDGE, mode="edge"), 3, mode="nearest")
+
+
+def _shifted(c: np.ndarray, by: float) -> np.ndarray:
+    """The spline ``by`` samples later, the first and last value held."""
+    n, whole = len(c) - 2 * EDGE, int(np.floor(by))
+    s = 1.0 - (by - whole)  # after the earlier of the samples in the middle
+    weights = ((1 - s) ** 3, 4 - 6 * s**2 + 3 * s**3, 1 + 3 * s + 3 * s**2 - 3 * s**3, s**3)
+    held = np.pad(c, max(whole, 0) + 2, mode="edge")
+    first = EDGE + max(whole, 0) + 2 - whole - 2
+    parts = [k / 6 * held[first + i : first + i + n] for i, k in enumerate(weights)]
+    return parts[0] + parts[1] + parts[2] + parts[3]
 
 
 def _golden(f: Callable[[float], float], low: float, high: float, rounds: int = 8) -> float:

@@ -15,10 +15,13 @@ from .driven import of_unit_load, torques
 SLOWEST, FASTEST = 4.0, 60.0  # Hz of a load on its spring
 FREQUENCIES, DAMPINGS = 22, (0.03, 0.1, 0.3)
 GAP_FREQUENCIES, GAP_DAMPING = (45.0, 80.0, 140.0), 0.3
-GAPS = 90  # a gap that is 5 % off loses most of what it explains
+SOFT_FREQUENCIES, SOFT_DAMPING = (5.0, 7.5, 11.0, 17.0, 26.0), 0.2
+GAPS = 90  # behind a hard spring a gap that is 5 % off loses most of what it explains
+SOFTEST_HARD = 35.0  # Hz: below, a spring behind a gap is a soft one
+SOFT = 3  # every so many gaps are enough behind a soft one
 EDGE = 0.84  # of the slowest: below, it is an inertia that falls with frequency and no spring
 CRITICAL, FASTEST_AT_ALL = 0.95, 400.0  # damping ratio, Hz
-ZOOMS = (1.0, 0.4, 0.16)  # rounds of the polish: their steps over the first ones
+ZOOMS = (1.0, 1.0, 0.4, 0.16)  # rounds of the polish: their steps over the first ones
 STEPS = (0.1, 0.4)  # of frequency and damping, in logarithms
 AT_ONCE = 4_000_000  # samples of loads that are kept at a time
 
@@ -31,16 +34,18 @@ def springs(base: Base, block: Block) -> Iterator[Entry]:
         return
     grid, steps = _places(base, block)
     known = base.known.get(block.name)
-    shapes = grid if known is None else [known]
-    best = _best(base, block, shapes)
-    for zoom in ZOOMS[1 if known else 0 :]:
+    best = _best(base, block, grid) if known is None else known
+    soft = "gap" in block.own and best is not None and best[0] < SOFTEST_HARD
+    steps = [*STEPS, SOFT * steps[-1]] if soft else steps
+    for zoom in ZOOMS[2 if known else 0 :]:
         if best is None:
             return
         best = _best(base, block, _around(best, [zoom * s for s in steps]))
     if best is None or best[0] < EDGE * SLOWEST or best[1] > CRITICAL:
         return
     made = Columns.free(_columns(base, block, [best]), 0.0)
-    values = dict(zip(("frequency", "damping_ratio", "gap"), best, strict=False))
+    names = ("frequency", "damping_ratio", "gap")
+    values: dict[str, float] = dict(zip(names, best, strict=False))
     yield Entry(block.name, values, made, cost=float(np.log(len(grid))), inertial=True)
 
 
@@ -54,7 +59,9 @@ def _places(base: Base, block: Block) -> tuple[list[Shape], list[float]]:
     reach = min(float(np.ptp(m.theta)), 2 * np.pi)
     gaps = 2 * np.geomspace(max(m.count, 4e-4 * reach), 0.04 * reach, GAPS)
     near = 0.6 * float(np.log(gaps[1] / gaps[0]))
-    return list(product(GAP_FREQUENCIES, [GAP_DAMPING], gaps.tolist())), [*STEPS, near]
+    hard = product(GAP_FREQUENCIES, [GAP_DAMPING], gaps.tolist())
+    soft = product(SOFT_FREQUENCIES, [SOFT_DAMPING], gaps[::SOFT].tolist())
+    return [*hard, *soft], [*STEPS, near]
 
 
 def _around(shape: Shape, steps: Sequence[float]) -> list[Shape]:
@@ -75,11 +82,12 @@ def _best(base: Base, block: Block, shapes: Sequence[Shape]) -> Shape | None:
 
 
 def _columns(base: Base, block: Block, shapes: Sequence[Shape]) -> np.ndarray:
-    """The torques of loads of 1 kg m2 in the windows, (m, shapes)."""
+    """The torques of loads of 1 kg m2 in the windows, (m, shapes), each computed once."""
+    kept: dict[Shape, np.ndarray] = base.record.once(("loads", block.name), None, dict)
     m, narrow = base.record.motion, base.record.rows.narrow
-    many = max(1, AT_ONCE // len(m))
-    made = []
-    for i in range(0, len(shapes), many):
-        sets = [of_unit_load(*shape) for shape in shapes[i : i + many]]
-        made.append(narrow @ torques(block, m.path, m.dt, sets).T)
-    return np.concatenate(made, axis=1)
+    new, many = [s for s in shapes if s not in kept], max(1, AT_ONCE // len(m))
+    for i in range(0, len(new), many):
+        part = new[i : i + many]
+        made = narrow @ torques(block, m.path, m.dt, [of_unit_load(*s) for s in part])
+        kept.update(zip(part, np.ascontiguousarray(made.T), strict=True))
+    return np.stack([kept[s] for s in shapes], axis=1)

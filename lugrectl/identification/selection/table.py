@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
+from ...engine.beside import beside
+from ...spec import Block
 from . import search, unknown
 from .base import Base, Columns, View, rms, settled
 from .base import Record as Seen
-from .contender import Contender, enter
+from .contender import Contender, Entry, enter
+from .levelled import levelled
 from .numbers import FREEDOM
 from .regression import Scale, solve
 
@@ -42,9 +46,24 @@ class Table:
 
 def tabulate(base: Base) -> Table:
     """All contenders against one base."""
-    named = best_of(enter(base, e) for e in search.entries(base))
-    free = best_of(enter(base, e) for e in unknown.entries(base))
-    return Table(base, tuple(named), tuple(free))
+
+    def named(block: Block) -> list[Contender]:
+        with np.errstate(all="ignore"):  # each thread has its own
+            best = best_of(enter(base, e) for e in search.entries(base, block))
+            return [levelled(c) for c in best]
+
+    def free(entry: Entry) -> list[Contender]:
+        with np.errstate(all="ignore"):
+            return [enter(base, entry)]
+
+    works = [partial(named, block) for block in search.shown(base)]
+    works += [partial(free, entry) for entry in unknown.entries(base)]
+    found = best_of(c for made in beside(lambda work: work(), works) for c in made)
+    return Table(
+        base,
+        tuple(c for c in found if not c.depends_on),
+        tuple(c for c in found if c.depends_on),
+    )
 
 
 def best_of(contenders: Iterable[Contender]) -> list[Contender]:
@@ -91,8 +110,7 @@ def weight(table: Table) -> tuple[Contender | None, tuple[str, ...]]:
     if g is None or record.motion.span < TURNED or not record.sure:
         return None, ()
     top = table.named[0]
-    heavy = record.heavy or (g.share > HEAVY and g.gain > 0.5 * top.gain)
-    if not heavy or g.gain < SETTLE:
+    if g.share < HEAVY or g.gain < SETTLE or not (record.heavy or g.gain > 0.5 * top.gain):
         return None, ()
     also = [c for c in table.named if c.name in ("constant_torque", "return_spring")]
     close = tuple(c.name for c in also if c.gain > 0.97 * g.gain or as_good(c, g))

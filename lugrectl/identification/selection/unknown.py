@@ -23,8 +23,7 @@ def entries(base: Base) -> Iterator[Entry]:
     """An entry for each set of signals and width of the prior."""
     size = base.friction_rms
     for signals, bases in _bases(base).items():
-        for samples in bases:
-            C = base.record.mean(samples)
+        for C in bases:
             own = np.sqrt(np.mean(C**2, axis=0))
             own = np.maximum(own, 1e-3 * rms(own) + 1e-300)
             for amplitude in AMPLITUDES if not base.view.quick else (0.1,):
@@ -40,28 +39,64 @@ def entries(base: Base) -> Iterator[Entry]:
                 )
 
 
-def _bases(base: Base) -> dict[tuple[str, ...], list[np.ndarray]]:
-    """Columns (n, k) for each set of signals; more than one way for a position that turns."""
-    m, u, z = base.record.motion, base.u, base.law.z
-    span, late = float(np.ptp(m.theta)) + 1e-12, m.t / m.t[-1]
-    x, v = (m.theta - m.theta.min()) / span, 0.5 + 0.5 * np.clip(m.w / (m.top + 1e-300), -1, 1)
-    speed = m.w / (m.top + 1e-300)
-    turns = span > TURNS and m.motion != "linear"
-    place = _waves(m.theta, 12) if turns else spline(x, 16)
-    coarse = _waves(m.theta, 6) if turns else spline(x, 8)
+Surfaces = dict[tuple[str, ...], list[np.ndarray]]
+
+
+def _bases(base: Base) -> Surfaces:
+    """Columns (m, k) for each set of signals; more than one way for a position that turns."""
+    record = base.record
+    return {
+        **record.once("unknown of motion", None, lambda: _in_windows(base, _of_motion(base))),
+        **record.once("unknown of torque", base.u, lambda: _in_windows(base, _of_torque(base))),
+        **record.once("unknown of law", base.law, lambda: _in_windows(base, _of_law(base))),
+    }
+
+
+def _in_windows(base: Base, surfaces: Surfaces) -> Surfaces:
+    return {k: [base.record.mean(x) for x in v] for k, v in surfaces.items()}
+
+
+def _place(base: Base) -> tuple[np.ndarray, list[np.ndarray], np.ndarray]:
+    """The place in [0, 1], and fine and coarse functions of it."""
+    m = base.record.motion
+    span = float(np.ptp(m.theta)) + 1e-12
+    x = (m.theta - m.theta.min()) / span
+    if span > TURNS and m.motion != "linear":
+        return x, [_waves(m.theta, 12), spline(x, 16)], _waves(m.theta, 6)
+    return x, [spline(x, 16)], spline(x, 8)
+
+
+def _of_motion(base: Base) -> Surfaces:
+    m = base.record.motion
+    speed = np.abs(m.w / (m.top + 1e-300))
+    return {
+        ("theta",): _place(base)[1],
+        ("w",): [spline(speed, 16) * np.sign(m.w)[:, None]],
+        ("t",): [spline(m.t / m.t[-1], 24)],
+    }
+
+
+def _of_torque(base: Base) -> Surfaces:
+    m, u = base.record.motion, base.u
     torque = np.abs(u)
     largest = max(float(np.quantile(torque, 0.995)), 0.1 * float(torque.max()))
     of_u = spline(0.5 + 0.5 * np.clip(u / largest, -1, 1), 12)
     of_u = of_u[:, np.mean(of_u > 0.05, axis=0) > RARE]
     return {
-        ("theta",): [place, spline(x, 16)] if turns else [place],
-        ("w",): [spline(np.abs(speed), 16) * np.sign(m.w)[:, None]],
-        ("t",): [spline(late, 24)],
         ("u",): [_apart(of_u, u)],
-        ("theta", "w"): [z[:, None] * place, _products(spline(v, 6), coarse)],
-        ("t", "w"): [_products(spline(late, 10), np.column_stack([z, speed]))],
-        ("t", "u"): [_apart(u[:, None] * spline(late, 10), u)],
-        ("theta", "u"): [_apart(u[:, None] * coarse, u)],
+        ("t", "u"): [_apart(u[:, None] * spline(m.t / m.t[-1], 10), u)],
+        ("theta", "u"): [_apart(u[:, None] * _place(base)[2], u)],
+    }
+
+
+def _of_law(base: Base) -> Surfaces:
+    m, z = base.record.motion, base.law.z
+    _, places, coarse = _place(base)
+    v, speed = 0.5 + 0.5 * np.clip(m.w / (m.top + 1e-300), -1, 1), m.w / (m.top + 1e-300)
+    late = spline(m.t / m.t[-1], 10)
+    return {
+        ("theta", "w"): [*(z[:, None] * x for x in places), _products(spline(v, 6), coarse)],
+        ("t", "w"): [_products(late, np.column_stack([z, speed]))],
     }
 
 

@@ -10,7 +10,7 @@ from .base import LEVELS, Base
 from .contender import Contender
 from .driven import of_unit_load
 from .effects import spanned
-from .law import NAMES
+from .law import FORCES, NAMES
 
 
 def values_of(c: Contender, model: Model) -> dict[str, float]:
@@ -24,6 +24,8 @@ def values_of(c: Contender, model: Model) -> dict[str, float]:
 def _own(c: Contender, block: Block) -> dict[str, float]:
     if "damping_ratio" in c.values:
         return _load(c, block)
+    if not c.own and c.u is None:
+        return {k: v for k, v in c.values.items() if k in block.own}
     if c.u is not None:
         return _of_torque(c, block)
     free, b = spanned(block), c.coefficients
@@ -57,4 +59,8 @@ def _load(c: Contender, block: Block) -> dict[str, float]:
 def levels_of(base: Base) -> dict[str, float]:
     """Inertia and friction of a base: start values for the plant."""
     b = dict(zip(NAMES, base.made.b[LEVELS].tolist(), strict=True))
-    return {"J": base.J, "Fc": b["Fc"], "Fv": b["Fv"]}
+    static = sum(b[k] for k in FORCES)
+    found = {"J": base.J, "Fc": b["Fc"], "Fv": b["Fv"], "vs": base.law.vs}
+    if static > b["Fc"] > 0:
+        found["Fs"] = static
+    return found | {"sigma0": b["Fc"] / base.law.x0}

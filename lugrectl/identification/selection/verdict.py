@@ -2,18 +2,45 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from statistics import NormalDist
 
 import numpy as np
 
-from .base import Base, Record
-from .contender import Contender
-from .numbers import LEAST, REST, SECOND, UNKNOWN
+from ...spec import REGISTRY
+from ..balance import UNRELATED
+from . import laws_as_rows, rounds
+from .base import Base, Record, rms
+from .contender import Contender, enter
+from .numbers import (
+    ALPHA,
+    FAR,
+    HALF,
+    KNOWN_TIME,
+    LEAST,
+    MORE,
+    REST,
+    SECOND,
+    SECOND_GAIN,
+    SEEN,
+    STIFFLY,
+    TOGETHER,
+    UNKNOWN,
+)
 from .score import paired
-from .table import ALIKE, Table, as_good, decided, tabulate
+from .search import entries
+from .table import ALIKE, Table, as_good, best_of, decided, tabulate
 
-NOTHING = 2.6  # the same between the best of about thirty and nothing
-KNOWN_TIME = 0.33  # of `least` for a delay that is 1 ms or more beyond what is free
+MOST_ALTERNATIVES = 3
+MOST_BESIDE = 3  # other effects beside which two explanations are compared again
+
+
+UNSURE = "The record does not determine the inertia, so no effect is named."
+LOADED = (
+    "The inertia is {:.2g} times the declared one: a load behind a coupling that is too stiff to "
+    "be seen, or a wrong declared value."
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,100 +70,192 @@ class Decision:
         return second[0].joined() if second else base
 
 
-def decide(record: Record, least: float = LEAST) -> Decision:
+@dataclass(frozen=True)
+class Bars:
+    """The least share of friction that matters, and standard errors that chance does not reach."""
+
+    least: float
+    z: float
+
+    def proven(self, table: Table, contenders: Sequence[Contender]) -> list[Contender]:
+        """Those better than the base by more than the choice among so many may give."""
+        bar = float(np.log(max(len(table.named), 1))) + MORE
+        above = [(c, *c.above(table.base)) for c in contenders]
+        return [c for c, d, se in above if d > bar and d > self.z * se]
+
+
+def decide(record: Record, least: float = LEAST, alpha: float = ALPHA) -> Decision:
     """From the record to the verdict."""
     table, heavy, also = decided(record)
-    found = _of(record, table, least)
-    return replace(found, gravity=heavy) if heavy is None else _with_weight(found, heavy, also)
+    bars = Bars(least, NormalDist().inv_cdf(1 - 0.5 * alpha))
+    found = _of(record, table, bars)
+    if not record.sure and heavy is None and found.verdict != "refused":
+        return replace(found, messages=(UNSURE,))
+    found = found if heavy is None else _with_weight(found, heavy, also)
+    found = _with_load(found) if found.verdict == "adequate" else found
+    return _with_law(found, bars) if record.sure else found
 
 
-def _of(record: Record, table: Table, least: float) -> Decision:
-    base = table.base
-    many = float(np.log(max(len(table.named), 1))) + 2
+def _with_law(found: Decision, bars: Bars) -> Decision:
+    """With the parts of friction that the declared law lacks and the record needs."""
+    if found.verdict not in ("adequate", "found", "ambiguous"):
+        return found
+    least = float(np.log(len(laws_as_rows.PARTS))) + MORE
+    parts = []
+    for c in laws_as_rows.rows(found.last):
+        d, se = c.above(c.base)
+        if d > least and d > bars.z * se and c.share > bars.least:
+            parts.append(c)
+    verdict = "found" if parts and found.verdict == "adequate" else found.verdict
+    return replace(found, verdict=verdict, effects=(*found.effects, *parts))
 
-    def proven(c: Contender, over: Base) -> bool:
-        d, se = c.above(over)
-        return d > many and d > NOTHING * se
 
-    def floor(c: Contender) -> float:
-        late = c.name in ("input_delay", "actuator_lag")
-        free = record.lateness + 1e-3
-        return KNOWN_TIME * least if late and max(c.values.values()) > free else least
-
-    good = [c for c in table.named
-            if proven(c, base) and c.share > floor(c) and c.share > 0.25 * base.left]  # fmt: skip
-    free = [c for c in table.unknown if proven(c, base) and c.share > UNKNOWN * least]
-    if not record.sure:
-        good = []
+def _of(record: Record, table: Table, bars: Bars) -> Decision:
+    good = [c for c in bars.proven(table, table.named) if c.share > _floor(c, bars.least)]
+    good = [c for c in good if c.share > SEEN * table.base.left] if record.sure else []
+    free = [c for c in bars.proven(table, table.unknown) if c.share > UNKNOWN * bars.least]
     if not good:
-        if not free:
-            return Decision("adequate", table=table)
-        signals = free[0].depends_on
-        return Decision("unexplained", depends_on=signals, table=table, unknown=free[0])
-    best = good[0]
-    also = tuple(c for c in good[1:] if as_good(c, best))[:3]
-    verdict = "ambiguous" if also else "found"
-    found = Decision(verdict, (best,), also, table=table)
-    return _what_is_left(found, best, free, least, many)
+        return _nameless(table, free)
+    close = (good[0], *(c for c in good[1:] if as_good(c, good[0])))[: 1 + MOST_ALTERNATIVES]
+    beside = tabulate(close[0].joined())
+    if len(close) > 1:
+        close = _again(table, bars.proven(beside, beside.named), close)
+        if close[0] is not good[0]:
+            beside = tabulate(close[0].joined())
+    verdict = "ambiguous" if len(close) > 1 else "found"
+    found = Decision(verdict, close[:1], close[1:], table=table, beside=beside)
+    return _what_is_left(found, free, bars)
 
 
-def _what_is_left(
-    found: Decision, best: Contender, free: list[Contender], least: float, many: float
-) -> Decision:
-    """The table again with the best effect in the base: an unknown torque or a second effect."""
-    beside = tabulate(best.joined())
-    over = beside.base
+def _floor(c: Contender, least: float) -> float:
+    """The smallest share of friction at which it is named."""
+    late = c.name in ("input_delay", "actuator_lag")
+    known = late and max(c.values.values()) > c.base.record.lateness + 1e-3
+    return KNOWN_TIME * least if known else least
 
-    def proven(c: Contender) -> bool:
-        d, se = c.above(over)
-        return d > many and d > NOTHING * se
 
-    rest = [c for c in beside.unknown if proven(c)]
-    more = [c for c in beside.named if proven(c) and c.name != best.name]
-    second = more[0] if more else None
-    odd = _odd(best, second, rest, free, least)
-    found = replace(found, beside=beside)
+def _nameless(table: Table, free: list[Contender]) -> Decision:
+    base = table.base
+    left = rms(base.made.r) * base.view.scale.sigma / max(rms(base.y), 1e-300)
+    if not free and left > HALF:  # an effect as large as all friction could not have been seen
+        return Decision("refused", table=table, messages=(UNRELATED.format(left),))
+    if not free:
+        return Decision("adequate", table=table)
+    signals = free[0].depends_on
+    return Decision("unexplained", depends_on=signals, table=table, unknown=free[0])
+
+
+def _again(
+    table: Table, beside: Sequence[Contender], close: tuple[Contender, ...]
+) -> tuple[Contender, ...]:
+    """Those that explain equally well, compared once more beside what else the record shows.
+
+    A torque that none of them has is an error in all blocks, and differences drown in it.
+    """
+    own = {c.name: c for c in close}
+    more = [c for c in beside if c.own and c.name not in own]
+    if not more:
+        return close
+    base = table.base.beside([c.its for c in more[:MOST_BESIDE]])
+    made = (enter(base, e) for name in own for e in entries(base, REGISTRY["effect", name]))
+    again = best_of(made)
+    kept = [c.name for c in again if c is again[0] or as_good(c, again[0])]
+    return tuple(own[name] for name in kept) or close
+
+
+def _what_is_left(found: Decision, free: list[Contender], bars: Bars) -> Decision:
+    """An unknown torque or a second effect beside the best one."""
+    best, beside = found.effects[0], found.beside
+    assert beside is not None
+    more = bars.proven(beside, [c for c in beside.named if c.name != best.name])
+    likeliest, least = more[0] if more else None, bars.least
+    second = likeliest if likeliest and _large(likeliest, best, least) else None
+    rest = bars.proven(beside, beside.unknown)
+    odd = (
+        _beyond(best, likeliest, rest, free, least)
+        or _at_once(best, second, free)
+        or _nothing_near(best, rest, free, least)
+    )
     if odd is not None:
-        far = _far(best, rest, free, least)
-        kept = () if far else found.effects
+        kept = () if _far(best, free) else found.effects
         return replace(found, verdict="unexplained", effects=kept, alternatives=(),
                        depends_on=odd.depends_on, unknown=odd)  # fmt: skip
     if found.verdict == "found" and second is not None:
-        large = second.share > max(UNKNOWN * least, SECOND * best.share)
-        if large and second.gain > 0.15 * best.gain:
-            return replace(found, effects=(best, second))
+        return _several(found, best, second, bars)
     return found
 
 
-def _odd(
+def _several(found: Decision, best: Contender, second: Contender, bars: Bars) -> Decision:
+    """All effects of the record, each the best beside the others."""
+
+    def fits(c: Contender, table: Table) -> bool:
+        return bool(bars.proven(table, [c])) and _large(c, best, bars.least)
+
+    assert found.table is not None
+    start = found.table.base
+    effects, _ = rounds.all_of([best, second], fits)
+    effects, also = rounds.exchanged(start, effects, fits)
+    effects = rounds.chained(start, effects)
+    table = Table(effects[-1].joined(), (), ())
+    verdict = "ambiguous" if also else "found"
+    return replace(found, verdict=verdict, effects=tuple(effects), alternatives=also, beside=table)
+
+
+def _large(c: Contender, best: Contender, least: float) -> bool:
+    """Whether a second effect is large enough to be named."""
+    return c.share > max(UNKNOWN * least, SECOND * best.share) and c.gain > SECOND_GAIN * best.gain
+
+
+def _beyond(
     best: Contender,
-    second: Contender | None,
+    likeliest: Contender | None,
     rest: list[Contender],
     free: list[Contender],
     least: float,
 ) -> Contender | None:
-    """An unknown torque without which the named effects are not the answer."""
-    odd = None
-    large = next((c for c in rest if c.share > max(UNKNOWN * least, REST * best.share)), None)
-    if large is not None and large.gain > REST * best.gain:
-        d, se = paired(large.blocks, second.blocks) if second else (large.gain, 1.0)
-        if d > ALIKE * se:
-            odd = free[0] if free else large
-    if free and second is not None:  # it does alone what two named effects do together
-        d, se = free[0].above(best)
-        both = free[0].gain > 0.9 * (best.gain + second.gain)
-        if d > max(ALIKE * se, REST * best.gain) and both:
-            odd = free[0]
-    return free[0] if _far(best, rest, free, least) else odd
+    """An unknown torque that stays beside the best effect, and that no other effect is."""
+    large = next((c for c in rest if c.share > max(least, REST * best.share)), None)
+    if large is None or large.gain < REST * best.gain:
+        return None
+    d, se = paired(large.blocks, likeliest.blocks) if likeliest else (large.gain, 1.0)
+    return None if d < ALIKE * se else free[0] if free else large
 
 
-def _far(best: Contender, rest: list[Contender], free: list[Contender], least: float) -> bool:
-    """Whether nothing that has a name comes near an unknown torque."""
+def _at_once(best: Contender, second: Contender | None, free: list[Contender]) -> Contender | None:
+    """An unknown torque that does alone what two named effects do together."""
+    if not free or second is None:
+        return None
+    d, se = free[0].above(best)
+    both = free[0].gain > TOGETHER * (best.gain + second.gain)
+    return free[0] if both and d > max(ALIKE * se, REST * best.gain) else None
+
+
+def _nothing_near(
+    best: Contender, rest: list[Contender], free: list[Contender], least: float
+) -> Contender | None:
+    """An unknown torque that nothing with a name comes near."""
     stays = any(c.share > UNKNOWN * least for c in rest)
-    if not (free and stays and free[0].gain > 1.5 * best.gain):
+    return free[0] if stays and _far(best, free) else None
+
+
+def _far(best: Contender, free: list[Contender]) -> bool:
+    """Whether nothing that has a name comes near an unknown torque."""
+    if not (free and free[0].gain > FAR * best.gain):
         return False
     d, se = free[0].above(best)
     return d > ALIKE * se
+
+
+def _with_load(found: Decision) -> Decision:
+    """A load that turns with the motor is seen as its inertia only."""
+    assert found.table is not None
+    base = found.table.base
+    ratio = base.J / (base.record.declared.get("J") or np.inf)
+    close = [c for c in found.table.named if c.name in ("elastic_coupling", "backlash")]
+    if ratio < STIFFLY or not close:
+        return found
+    return replace(found, verdict="ambiguous", effects=tuple(close[:1]),
+                   alternatives=tuple(close[1:]), messages=(LOADED.format(ratio),))  # fmt: skip
 
 
 def _with_weight(found: Decision, heavy: Contender, also: tuple[str, ...]) -> Decision:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
-from ..engine.load import alone, compiler, threads
+from .load import alone, compiler, threads
 
 Item = TypeVar("Item")
 Made = TypeVar("Made")

@@ -1,0 +1,138 @@
+"""Friction laws as rows of the table: what the record needs and the declared law lacks.
+
+All shapes of friction stay in the base while effects are judged. Here one part of them at a time is
+taken out again, the presliding distance and the Stribeck speed chosen anew without it; if left-out
+blocks are then predicted worse, the part is needed. Where the declared law has no such part, it is
+named as an effect: ``stribeck``, ``presliding``, ``sublinear_viscous``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .base import LEVELS, Base, rms
+from .contender import Contender, Entry
+from .law import FORCES, NAMES, Law
+
+RIGID = 1e-3  # of the shortest presliding distance: no bristles to see
+EXPONENTS = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8)  # of grease
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of friction: the effect that it is, its shapes, the parameter that declares it."""
+
+    name: str
+    shapes: tuple[str, ...]
+    parameter: str
+
+
+PARTS = (
+    Part("stribeck", FORCES[1:], "Fs"),
+    Part("presliding", ("sigma1",), "sigma0"),
+    Part("sublinear_viscous", ("grease", "slow Fv"), "exponent"),
+)
+
+
+def rows(base: Base) -> Iterator[Contender]:
+    """A row for each part that the declared law lacks; its base is the one without the part."""
+    for part in PARTS:
+        if part.parameter not in base.record.has:
+            yield _row(base, part)
+
+
+def of_law(base: Base, parameters: Collection[str]) -> Base:
+    """The base with the parts of friction only that a law of these parameters has."""
+    return without(base, [part for part in PARTS if part.parameter not in parameters])
+
+
+def without(base: Base, parts: Sequence[Part]) -> Base:
+    """The base without some parts of friction, settled again."""
+    laws = base.record.laws
+    gone = [NAMES.index(k) for part in parts for k in part.shapes]
+    rigid = any(part.name == "presliding" for part in parts)
+    distances = [RIGID * laws.distances()[0]] if rigid else laws.distances()
+    tried = [_at(base, float(x0), float(vs), gone) for x0 in distances for vs in laws.speeds()]
+    best = max(tried, key=_likely)
+    at = best.law.x0, best.law.vs
+    return replace(best, law=base.record.once(("chosen", *at), None, lambda: laws.law(*at)))
+
+
+def _at(base: Base, x0: float, vs: float, gone: Sequence[int]) -> Base:
+    """The base at another presliding distance and Stribeck speed, without some shapes."""
+    record = base.record
+    means = record.once(("shapes", x0, vs), None, lambda: _means(base, x0, vs))
+    X = base.columns.X.copy()
+    X[:, LEVELS] = means
+    X[:, [LEVELS.start + i for i in gone]] = 0.0
+    law = Law(x0, vs, base.law.shapes)  # its samples do not matter to the fit
+    columns = replace(base.columns, X=X)
+    return replace(base, law=law, columns=columns, friction=base.friction_rms)
+
+
+def _means(base: Base, x0: float, vs: float) -> np.ndarray:
+    return base.record.mean(base.record.laws.law(x0, vs).shapes)
+
+
+def _likely(base: Base) -> float:
+    return -float(np.sum(np.log1p(base.made.r**2 / 4)))
+
+
+def _row(base: Base, part: Part) -> Contender:
+    """What the part brings to a base that has none of it."""
+    less = without(base, [part])
+    whole = without(base, [])
+    whole = max([base, whole], key=_likely)
+    values: dict[str, float] = {}
+    if part.name == "sublinear_viscous":
+        whole, values["exponent"] = _greased(less)
+    torque = whole.columns.X @ whole.made.b - less.columns.X @ less.made.b
+    values |= _values(whole, part)
+    return Contender(
+        name=part.name,
+        values=values,
+        base=less,
+        columns=whole.columns,
+        made=whole.made,
+        own=0,
+        u=None,
+        depends_on=frozenset(),
+        blocks=whole.score,
+        torque=torque,
+        J=whole.J,
+        whole=rms(torque) / less.friction_rms,
+        entry=Entry(part.name, values),
+    )
+
+
+def _greased(less: Base) -> tuple[Base, float]:
+    """The likeliest exponent of a viscous torque that grows slower than speed."""
+    w, at = less.record.motion.w, LEVELS.start + NAMES.index("grease")
+    tried = []
+    for n in EXPONENTS:
+        X = less.columns.X.copy()
+        X[:, at] = less.record.mean(np.sign(w) * np.abs(w) ** n)
+        tried.append((replace(less, columns=replace(less.columns, X=X)), n))
+    return max(tried, key=lambda one: _likely(one[0]))
+
+
+def _values(whole: Base, part: Part) -> dict[str, float]:
+    """Start values of the part, as its block has them."""
+    b = dict(zip(NAMES, whole.made.b[LEVELS].tolist(), strict=True))
+    if part.name == "stribeck":
+        return {"Fs": b["Fc"] + sum(b[k] for k in FORCES[1:]), "vs": whole.law.vs}
+    if part.name == "presliding":
+        level = b["Fc"] + sum(b[k] for k in FORCES[1:])
+        return {"sigma0": level / whole.law.x0, "sigma1": b["sigma1"]}
+    return {"coefficient": b["grease"]}
+
+
+def is_row(c: Contender) -> bool:
+    """Whether it is a part of friction, which the base has in any case."""
+    return not c.own and c.u is None
+
+
+__all__ = ["PARTS", "Part", "is_row", "of_law", "rows", "without"]

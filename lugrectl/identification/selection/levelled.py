@@ -1,0 +1,38 @@
+"""Effects on the level of friction, in the friction that is there beside them.
+
+Such an effect multiplies the level of friction. The base without it has another level, bent
+towards what the effect does; so its columns are made again from the fit with it in.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...spec import REGISTRY
+from .base import LEVELS, Base
+from .contender import Contender, enter
+from .effects import columns
+
+LEVEL = {"Fc", "Fs", "Fv"}
+TIMES = 2
+
+
+def levelled(c: Contender) -> Contender:
+    """The contender in its own friction, where that explains more."""
+    block = REGISTRY["effect", c.name]
+    if not LEVEL & set(block.acts) or not c.own or not np.isfinite(c.gain):
+        return c
+    for _ in range(TIMES):
+        again = enter(c.base, replace(c.entry, columns=columns(_beside(c), block, c.values)))
+        if not again.gain > c.gain:
+            break
+        c = again
+    return c
+
+
+def _beside(c: Contender) -> Base:
+    """The base with the levels of friction that the contender finds."""
+    base = c.base
+    return replace(base, levels=c.made.b[LEVELS], friction=base.friction_rms)

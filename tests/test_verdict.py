@@ -1,0 +1,86 @@
+"""What the table of explanations says of records whose truth is known."""
+
+import numpy as np
+import pytest
+
+from lugrectl.diagnosis.asking import Asked
+from lugrectl.identification.selection import compare
+from lugrectl.identification.selection.driven import torques
+from lugrectl.spec import REGISTRY
+
+J, FC, FV, VS, DT = 1e-3, 0.1, 0.002, 0.05, 2e-3
+MODEL = f"""
+motion = "rotary"
+[plant]
+J = {J}
+[friction]
+model = "stribeck"
+Fc = {FC}
+Fs = {1.05 * FC}
+Fv = {FV}
+vs = {VS}
+"""
+
+
+@pytest.fixture(scope="module")
+def motion():
+    """Fast and slow turns to and fro, 16 s at 500 Hz."""
+    t = np.arange(0.0, 16.0, DT)
+    waves = [(0.31, 14.0, 0.4), (0.9, 3.0, 1.3), (2.3, 0.8, 2.2), (4.7, 0.15, 0.1)]
+    theta, w, a = np.zeros((3, len(t)))
+    for hertz, size, phase in waves:
+        k = 2 * np.pi * hertz
+        theta += size * np.sin(k * t + phase)
+        w += size * k * np.cos(k * t + phase)
+        a -= size * k**2 * np.sin(k * t + phase)
+    return t, theta, w, a
+
+
+def judged(tmp_path, motion, more):
+    """The comparison of a drive that has ``more`` torque than its model."""
+    t, theta, w, a = motion
+    rng = np.random.default_rng(3)
+    u = J * a + FC * np.tanh(w / 0.02) + FV * w + more + 2e-3 * FC * rng.standard_normal(len(t))
+    count = 2 * np.pi / 20_000
+    path = tmp_path / "model.toml"
+    path.write_text(MODEL)
+    asked = Asked.of({"t": t, "u": u, "theta": np.floor(theta / count) * count}, path)
+    return compare(asked.plain.stretches, asked.model, asked.plain)
+
+
+def names(found):
+    return [effect.name for effect in found.effects]
+
+
+def test_an_offset_and_an_unbalance_that_do_not_matter_hide_no_other_effect(tmp_path, motion):
+    t, theta, w, _ = motion
+    slight = 0.012 * FC * (1.0 + np.sin(theta + 0.7))
+    step = 0.06 * FC * np.tanh(w / 0.02) * (t > 9.0)
+    found = judged(tmp_path, motion, slight + step)
+    assert (found.verdict, names(found)) == ("found", ["friction_step"])
+
+
+def test_an_offset_that_matters_is_named_beside_its_own_small_part_in_the_base(tmp_path, motion):
+    found = judged(tmp_path, motion, np.full(len(motion[0]), 0.05 * FC))
+    causes = {*names(found), *(other.name for other in found.alternatives)}
+    assert "constant_torque" in causes <= {"constant_torque", "coulomb_asymmetry"}
+    assert found.effects[0].share == pytest.approx(0.05, rel=0.4)
+
+
+def test_a_load_behind_a_gap_and_a_soft_spring_is_found(tmp_path, motion):
+    block, omega = REGISTRY["effect", "backlash"], 2 * np.pi * 9.0
+    load = {"load_inertia": 0.6 * J, "stiffness": 0.6 * J * omega**2, "gap": 0.08}
+    load["damping"] = 2 * 0.15 * omega * 0.6 * J
+    torque = torques(block, motion[1], DT, [load]).ravel()
+    found = judged(tmp_path, motion, torque)
+    assert (found.verdict, names(found)) == ("found", ["backlash"])
+
+
+def test_an_inertia_far_above_the_declared_one_may_be_a_load_on_a_stiff_coupling(tmp_path, motion):
+    found = judged(tmp_path, motion, 0.6 * J * motion[3])
+    assert found.verdict == "ambiguous"
+    assert {*names(found), *(c.name for c in found.alternatives)} <= {
+        "elastic_coupling",
+        "backlash",
+    }
+    assert "1.6 times the declared one" in found.messages[0]
