@@ -14,7 +14,7 @@ from .errors import InputError
 from .outputs import Result, library
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    pass
 
 LAGS = 25
 TINY = 1e-150  # its square is still above 0
@@ -125,7 +125,7 @@ class Residuals(Result):
         columns = {k: getattr(self, k) for k in ("autocorrelation", "cross")}
         return library("pandas").DataFrame(columns, index=self.lags)
 
-    def plot(self, ax: Axes | None = None) -> Any:
+    def plot(self, ax: Any = None) -> Any:
         """Draw both correlations with their bound, into ``ax`` or a new figure."""
         from .report.tests_of_residuals import correlations
 

@@ -17,7 +17,7 @@ STOREYS = [
     | {"arguments", "jobs", "functions", "pickling", "control_pickling", "unit_names", "stated"},
     {"blocks", "model", "model_file", "catalogue", "door"},
     {"loops", "engine", "linear", "record", "design", "sampling"},
-    {"simulation", "results", "mixed", "blocklist", "bristles", "ensemble"},
+    {"simulation", "results", "joint", "mixed", "blocklist", "bristles", "ensemble"},
     {"identification"},
     {"tracing"},
     {"steady"},
@@ -28,7 +28,7 @@ STOREYS = [
     {"cli", "__main__", "demo"},
 ]
 TRACING = [
-    {"noise", "beside", "windows", "applicable"},
+    {"noise", "windows", "applicable"},
     {"data"},
     {"balance"},
     {"channel", "skewed", "shapes", "runs"},
@@ -48,10 +48,11 @@ SELECTION = [
     {"declared"},
     {"base"},
     {"contender", "effects"},
-    {"springs", "unknown", "values"},
+    {"springs", "unknown", "values", "levelled", "laws_as_rows"},
     {"search"},
     {"table"},
-    {"verdict", "budget"},
+    {"rounds", "budget"},
+    {"verdict"},
     {"face"},
     {"completing"},
 ]

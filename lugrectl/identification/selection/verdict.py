@@ -97,7 +97,7 @@ def decide(record: Record, least: float = LEAST, alpha: float = ALPHA) -> Decisi
 
 
 def _with_law(found: Decision, bars: Bars) -> Decision:
-    """With the parts of friction that the declared law lacks and the record needs."""
+    """With the parts of friction that the record needs and the declared law does not have."""
     if found.verdict not in ("adequate", "found", "ambiguous"):
         return found
     least = float(np.log(len(laws_as_rows.PARTS))) + MORE
