@@ -149,20 +149,20 @@ def _beside(base: Base, entry: Entry) -> Columns:
 def _torque(base: Base, entry: Entry, columns: Columns, made: Solution, own: int) -> np.ndarray:
     """Its torque in the windows, without what the declared model can imitate of it.
 
-    A named effect is compared with the declared law, an unknown torque also with what was left
-    open of that law and with what every drive has.
+    A named effect is compared with the declared law. An unknown torque is what the fit with it
+    predicts beyond the fit of the base: what is open of the law, and held at its bounds, can turn
+    against it otherwise.
     """
+    if entry.depends_on:
+        return columns.X @ made.b - base.columns.X @ base.made.b
     k = columns.X.shape[1] - own
     torque = columns.X[:, k:] @ made.b[k:]
     if entry.u is not None:
         torque = torque + base.record.mean(base.u - entry.u)
         if entry.timed:
             torque = torque - base.columns.X[:, 1] * base.made.b[1]
-    if entry.depends_on:
-        kept = [0, *range(2, base.columns.X.shape[1])]
-    else:
-        law = [LEVELS.start + NAMES.index(name) for name in ("Fc", "dip", "Fv", "sigma1")]
-        kept = [0, *law, *range(WEIGHT, base.columns.X.shape[1])]
+    law = [LEVELS.start + NAMES.index(name) for name in ("Fc", "dip", "Fv", "sigma1")]
+    kept = [0, *law, *range(WEIGHT, base.columns.X.shape[1])]
     B = base.columns.X[:, [i for i in kept if base.made.free[i]]]
     return torque - B @ np.linalg.lstsq(B, torque, rcond=None)[0]
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from . import laws_as_rows, rounds
+from . import late_speed, laws_as_rows, rounds
 from .base import Base, Record
 from .contender import Contender
 from .numbers import LEAST, REST, SECOND, UNKNOWN
@@ -51,7 +51,7 @@ def decide(record: Record, least: float = LEAST) -> Decision:
 
 
 def _with_law(found: Decision, least: float) -> Decision:
-    """With the parts of friction that the declared law lacks and the record needs."""
+    """With what no other row shows: parts of friction that the law lacks, a late speed."""
     assert found.table is not None
     record = found.table.base.record
     if found.verdict not in ("adequate", "found", "ambiguous") or not record.sure:
@@ -62,8 +62,15 @@ def _with_law(found: Decision, least: float) -> Decision:
         d, se = c.above(c.base)
         if d > many and d > NOTHING * se and c.share > least:
             parts.append(c)
+    parts += _late(found, least)
     verdict = "found" if parts and found.verdict == "adequate" else found.verdict
     return replace(found, verdict=verdict, effects=(*found.effects, *parts))
+
+
+def _late(found: Decision, least: float) -> list[Contender]:
+    """A speed that lags the position by more than friction's least torque."""
+    c = late_speed.row(found.last)
+    return [c] if c is not None and late_speed.sure(c) and c.share > least else []
 
 
 def _of(record: Record, table: Table, least: float) -> Decision:
