@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .base import LEVELS, WEIGHT, Base, Columns, rms
+from .base import LEVELS, WEIGHT, Base, Columns, Record, rms
 from .law import NAMES
 from .regression import Solution, solve
 from .score import paired
@@ -68,6 +68,8 @@ class Contender:
     def joined(self) -> Base:
         """The base with this explanation in it."""
         base = self.base
+        if self.entry.moved is not None:
+            base = base.moved(self.entry.moved)
         return replace(
             base,
             columns=self.columns,
@@ -84,7 +86,8 @@ class Entry:
     ``columns`` are its own; ``u`` its torque; ``cost`` the logarithm of the number of places that
     were searched. ``timed``: it is a time, so that the base's lateness of u is not free beside it.
     ``instead``: columns of the base that it replaces. ``inertial``: it changes the inertia by the
-    last coefficient times ``inertia`` and is not held to the plain answer's.
+    last coefficient times ``inertia`` and is not held to the plain answer's. ``moved``: the record
+    along another motion, in which the whole base is seen.
     """
 
     name: str
@@ -96,11 +99,13 @@ class Entry:
     instead: Sequence[int] = ()
     inertial: bool = False
     depends_on: frozenset[str] = frozenset()
+    moved: Record | None = None
 
 
 def enter(base: Base, entry: Entry) -> Contender:
     """The row of the table for an entry."""
-    record, columns = base.record, _beside(base, entry)
+    own_base = base if entry.moved is None else base.moved(entry.moved)
+    record, columns = base.record, _beside(own_base, entry)
     y = base.y if entry.u is None else record.mean(entry.u)
     made = solve(
         columns.X, y, columns.prior, columns.low, columns.high, base.view.scale, base.roots**2
@@ -153,7 +158,7 @@ def _torque(base: Base, entry: Entry, columns: Columns, made: Solution, own: int
     predicts beyond the fit of the base: what is open of the law, and held at its bounds, can turn
     against it otherwise.
     """
-    if entry.depends_on:
+    if entry.depends_on or entry.moved is not None:
         return columns.X @ made.b - base.columns.X @ base.made.b
     k = columns.X.shape[1] - own
     torque = columns.X[:, k:] @ made.b[k:]

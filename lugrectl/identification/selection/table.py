@@ -11,6 +11,7 @@ from . import search, unknown
 from .base import Base, Columns, View, rms, settled
 from .base import Record as Seen
 from .contender import Contender, enter
+from .eccentric import corrected
 from .levelled import levelled
 from .numbers import FREEDOM
 from .regression import Scale, solve
@@ -43,7 +44,9 @@ class Table:
 
 def tabulate(base: Base) -> Table:
     """All contenders against one base."""
-    named = best_of(levelled(c) for c in best_of(enter(base, e) for e in search.entries(base)))
+    named = best_of(
+        corrected(levelled(c)) for c in best_of(enter(base, e) for e in search.entries(base))
+    )
     free = best_of(enter(base, e) for e in unknown.entries(base))
     return Table(base, tuple(named), tuple(free))
 
