@@ -119,22 +119,29 @@ def _what_is_left(
     second = more[0] if more else None
     odd = _odd(best, second, rest, free, least)
     found = replace(found, beside=beside)
+    if second is not None:
+        large = second.share > max(UNKNOWN * least, SECOND * best.share)
+        if large and second.gain > 0.15 * best.gain:
+            several, odd = _several(found, best, second, free, least, many)
+            if odd is None:
+                return several
     if odd is not None:
         far = _far(best, rest, free, least)
         kept = () if far else found.effects
         return replace(found, verdict="unexplained", effects=kept, alternatives=(),
                        depends_on=odd.depends_on, unknown=odd)  # fmt: skip
-    if found.verdict == "found" and second is not None:
-        large = second.share > max(UNKNOWN * least, SECOND * best.share)
-        if large and second.gain > 0.15 * best.gain:
-            return _several(found, best, second, least, many)
     return found
 
 
 def _several(
-    found: Decision, best: Contender, second: Contender, least: float, many: float
-) -> Decision:
-    """All effects of the record, each the best beside the others."""
+    found: Decision,
+    best: Contender,
+    second: Contender,
+    free: list[Contender],
+    least: float,
+    many: float,
+) -> tuple[Decision, Contender | None]:
+    """All effects of the record, each the best beside the others; an unknown torque instead."""
 
     def fits(c: Contender, over: Base) -> bool:
         d, se = c.above(over)
@@ -146,9 +153,20 @@ def _several(
     effects, _ = rounds.all_of([best, second], fits)
     effects, also = rounds.exchanged(start, effects, fits)
     effects = rounds.chained(start, effects)
-    table = Table(effects[-1].joined(), (), ())
+    table = tabulate(effects[-1].joined())
     verdict = "ambiguous" if also else "found"
-    return replace(found, verdict=verdict, effects=tuple(effects), alternatives=also, beside=table)
+    made = replace(found, verdict=verdict, effects=tuple(effects), alternatives=also, beside=table)
+    last, most = effects[-1], max(effects, key=lambda c: c.share)
+    rest = [c for c in table.unknown if fits(c, table.base) and c.share > REST * most.share]
+    if rest and rest[0].gain > REST * most.gain:
+        return made, free[0] if free else rest[0]
+    if free:  # it does alone what the named effects do together
+        d, se = paired(last.blocks, free[0].blocks)
+        over, error = free[0].above(best)
+        alone = free[0].gain > 0.9 * float(np.sum(last.blocks - start.score))
+        if alone and not d > ALIKE * se and over > max(ALIKE * error, REST * best.gain):
+            return made, free[0]
+    return made, None
 
 
 def _odd(
