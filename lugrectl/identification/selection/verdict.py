@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from . import late_speed, laws_as_rows, rounds
+from . import late_speed, laws_as_rows, limits, rounds
 from .base import Base, Record
 from .contender import Contender
 from .numbers import LEAST, REST, SECOND, UNKNOWN
@@ -47,7 +47,7 @@ def decide(record: Record, least: float = LEAST) -> Decision:
     table, heavy, also = decided(record)
     found = _of(record, table, least)
     found = found if heavy is None else _with_weight(found, heavy, also)
-    return _with_law(found, least)
+    return replace(_with_law(found, least), messages=limits.unseen(record))
 
 
 def _with_law(found: Decision, least: float) -> Decision:
