@@ -34,7 +34,8 @@ LEAST_FRICTION = 0.05  # friction counts as this share of the torque at least
 class Record:
     """What all rows of the table share: the motion, its windows and blocks, what is declared.
 
-    ``has`` are the parameters of the declared friction law, with a value or not.
+    ``has`` are the parameters of the declared friction law, with a value or not, ``lag``
+    that of a speed with a sensor of its own behind dtheta/dt and its standard error, s.
     """
 
     motion: Motion
@@ -47,6 +48,7 @@ class Record:
     heavy: bool = False
     parts: Sequence[Part] = ()
     has: frozenset[str] = frozenset()
+    lag: tuple[float, float] | None = None
     _kept: dict[Hashable, tuple[object, Any]] = field(default_factory=dict, repr=False)
 
     def once(self, key: Hashable, of: object, make: Callable[[], Any]) -> Any:
@@ -112,10 +114,11 @@ class Record:
         heavy: bool,
         parts: Sequence[Part],
         has: frozenset[str] = frozenset(),
+        lag: tuple[float, float] | None = None,
     ) -> Record:
         laws = Laws(motion, declared, 3 * rows.rough + 1e-12)
         blocks = Blocks.of(rows.t, motion.t[-1], BLOCK)
-        return cls(motion, rows, laws, blocks, declared, J, sure, heavy, parts, has)
+        return cls(motion, rows, laws, blocks, declared, J, sure, heavy, parts, has, lag)
 
 
 @dataclass(frozen=True, eq=False)
@@ -332,6 +335,17 @@ class Base:
         for part in more:
             c = c + part
         return replace(self, columns=c, friction=self.friction_rms)
+
+    def moved(self, record: Record) -> Base:
+        """Along another motion; the columns of effects that are in it stay as they are."""
+        X = self.columns.X.copy()
+        law = record.laws.law(self.law.x0, self.law.vs)
+        shared = _shared(record, self.gravity)
+        X[:, 0] = record.rows.a
+        X[:, LEVELS] = record.mean(law.shapes)
+        X[:, LEVELS.stop : LEVELS.stop + shared.shape[1]] = shared
+        columns = replace(self.columns, X=X)
+        return replace(self, record=record, law=law, columns=columns, friction=self.friction_rms)
 
 
 def rms(x: np.ndarray) -> float:

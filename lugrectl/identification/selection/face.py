@@ -103,7 +103,7 @@ def _rows(table: Table) -> list[Compared]:
 def record_of(stretches: Sequence[Stretch], model: Model, plain: Balance) -> Record:
     """Motion, windows and blocks of a record."""
     tracks = tracks_of(stretches)
-    sensors, _, _ = sensors_of(tracks)
+    sensors, speeds, _ = sensors_of(tracks)
     motion = motion_of(tracks, sensors, model.motion)
     declared = {k: v for k, v in model.known().items() if "." not in k}
     J, sure = _inertia(plain, declared)
@@ -111,9 +111,11 @@ def record_of(stretches: Sequence[Stretch], model: Model, plain: Balance) -> Rec
     held = None if declared.get("J") else J
     motion = motion.part(_share(motion, width.h))
     has = frozenset(model.friction.block.own)
-    return Record.of(
-        motion, rows_of(motion, width.h), declared, held, sure, width.heavy, model.effects, has
-    )
+    lag = None
+    if speeds is not None and not sensors.one_source:
+        lag = float(speeds.values[2]), float(np.sqrt(speeds.covariance[2, 2]))
+    rows = rows_of(motion, width.h)
+    return Record.of(motion, rows, declared, held, sure, width.heavy, model.effects, has, lag)
 
 
 def _share(m: Motion, h: float) -> float:

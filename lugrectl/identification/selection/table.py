@@ -14,6 +14,7 @@ from . import search, unknown
 from .base import Base, Columns, View, rms, settled
 from .base import Record as Seen
 from .contender import Contender, Entry, enter
+from .eccentric import corrected
 from .levelled import levelled
 from .numbers import FREEDOM
 from .regression import Scale, solve
@@ -50,7 +51,7 @@ def tabulate(base: Base) -> Table:
     def named(block: Block) -> list[Contender]:
         with np.errstate(all="ignore"):  # each thread has its own
             best = best_of(enter(base, e) for e in search.entries(base, block))
-            return [levelled(c) for c in best]
+            return [corrected(levelled(c)) for c in best]
 
     def free(entry: Entry) -> list[Contender]:
         with np.errstate(all="ignore"):
