@@ -47,6 +47,7 @@ SELECTION = [
     {"rows", "law", "score"},
     {"declared"},
     {"base"},
+    {"settling"},
     {"contender", "effects"},
     {"springs", "unknown", "values"},
     {"search"},

@@ -13,13 +13,14 @@ from ...record.stretch import Stretch
 from ..balance import Balance
 from ..balance.reconcile import sensors_of
 from ..balance.track import tracks_of
-from .base import Record, settled
+from .base import Record
 from .budget import budget, detectable
 from .contender import Contender
 from .motion import Motion, motion_of
 from .numbers import ALPHA, HELD, LEAST, LOST, MOST_ROWS, MOST_SAMPLES
 from .result import Compared, Comparison, Named
 from .rows import Width, quick, rows_of, spacing, usable, widths
+from .settling import settled
 from .table import Table
 from .values import levels_of, values_of
 from .verdict import Decision, decide
