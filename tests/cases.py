@@ -27,8 +27,13 @@ def model_of(case: Case) -> Model:
     return model_from_dict(case.model, "case")
 
 
-def begun(record: Record, model: Model, holdout: str | None = None, horizon: float = 1.0) -> Job:
-    """The declared model refitted to the training samples of a record."""
+def begun(
+    record: Record | list[Record],
+    model: Model,
+    holdout: str | Record | None = None,
+    horizon: float = 1.0,
+) -> Job:
+    """The declared model refitted to the training samples of a record, or of several."""
     asked = Asked.of(record, model)
     return begin(prepared(record, model, holdout, horizon, asked.starts()), quiet)
 

@@ -115,7 +115,7 @@ def laid(at: Points, motion: str) -> Data:
     noise = Noise(1.0, np.nan, 1.0)
     y = np.column_stack([nan, at.w])
     run = np.arange(n, dtype=np.int16)
-    return Data(count, at.u, zero, y, 1.0, motion, (), noise, log, run, {})
+    return Data(count, at.u, zero, y, 1.0, motion, (), noise, log, run)
 
 
 def refuse_narrow(at: Points, motion: str, levels: bool, where: str) -> None:

@@ -14,7 +14,6 @@ from ..record.samples import smallest_step
 from .noise import Noise, repeating, sensor_noise, smooth
 
 STEPPED = 3.0  # times the acceleration over 20 ms: above, it is due to an encoder's steps
-OTHERS = ("temperature", "theta_load")
 
 
 @dataclass(frozen=True)
@@ -60,9 +59,8 @@ class Data:
     ``noise`` holds the noise of the sensors, larger than their ``own`` where samples repeat each
     other, and as its jump the typical dw/dt. ``counts`` are the smallest steps of the sensors;
     their values change after ``repeats`` samples. ``run`` (N,) numbers the records from 0; those in
-    ``differing`` may differ a little from the first. ``others`` are channels beside torque and
-    motion that all records have. ``w`` is a recorded speed that is not fitted, only used to compute
-    errors. ``ahead`` is the time by which the torque was shifted earlier, s.
+    ``differing`` may differ a little from the first. ``w`` is a recorded speed that is not fitted,
+    only used to compute errors. ``ahead`` is the time by which the torque was shifted earlier, s.
     ``zeros`` are the shifts of theta by run with which effects that repeat ``order`` times per 2 pi
     of it (rotary: once) agree; empty if theta is as recorded. ``plain`` are the values of the
     plain torque balance, from which fits start.
@@ -78,7 +76,6 @@ class Data:
     noise: Noise
     log: Log = field(repr=False)
     run: np.ndarray = field(repr=False)
-    others: Mapping[str, np.ndarray] = field(repr=False)
     own: tuple[float, ...] = (np.nan, np.nan)
     counts: tuple[float, ...] = (0.0, 0.0)
     repeats: tuple[float, ...] = (1.0, 1.0)
@@ -183,7 +180,7 @@ def prepare(records: Sequence[Record]) -> Data:
     log = _log(t, u, d, y, first.dt, first.motion, tuple(runs), noise)
     run = np.repeat(np.arange(len(records), dtype=np.int16), [r.samples for r in records])
     return Data(
-        t, u, d, y, first.dt, first.motion, tuple(runs), noise, log, run, _others(records), own,
+        t, u, d, y, first.dt, first.motion, tuple(runs), noise, log, run, own,
         tuple(max(step, smallest_step(c)) for c, step in zip(y.T, steps, strict=True)), repeats,
     )  # fmt: skip
 
@@ -202,8 +199,8 @@ def thinned(data: Data, every: int) -> Data:
     mean = {k: getattr(data.log, k)[cells].mean(1) for k in ("t", "theta", "w", "a")}
     log = replace(data.log, **mean, u=u, load=d, dt=dt, runs=runs)
     t, y, run = data.t[index], data.y[index], data.run[index]
-    others, w = _others_at(data, index), None if data.w is None else data.w[index]
-    return replace(data, t=t, u=u, d=d, y=y, dt=dt, runs=runs, log=log, run=run, others=others, w=w)
+    w = None if data.w is None else data.w[index]
+    return replace(data, t=t, u=u, d=d, y=y, dt=dt, runs=runs, log=log, run=run, w=w)
 
 
 def picked(data: Data, index: np.ndarray) -> Data:
@@ -213,18 +210,8 @@ def picked(data: Data, index: np.ndarray) -> Data:
     return replace(
         data, t=data.t[index], u=data.u[index], d=data.d[index], y=data.y[index], runs=(),
         run=data.run[index], log=replace(log, **alone, runs=()),
-        others=_others_at(data, index), w=None if data.w is None else data.w[index],
+        w=None if data.w is None else data.w[index],
     )  # fmt: skip
-
-
-def _others_at(data: Data, index: np.ndarray) -> dict[str, np.ndarray]:
-    return {name: values[index] for name, values in data.others.items()}
-
-
-def _others(records: Sequence[Record]) -> dict[str, np.ndarray]:
-    columns = {name: [getattr(r, name) for r in records] for name in OTHERS}
-    whole = {name: c for name, c in columns.items() if all(part is not None for part in c)}
-    return {name: np.concatenate(parts) for name, parts in whole.items()}
 
 
 def _alike(records: Sequence[Record]) -> None:
