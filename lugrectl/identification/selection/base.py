@@ -336,17 +336,6 @@ class Base:
             c = c + part
         return replace(self, columns=c, friction=self.friction_rms)
 
-    def moved(self, record: Record) -> Base:
-        """Along another motion; the columns of effects that are in it stay as they are."""
-        X = self.columns.X.copy()
-        law = record.laws.law(self.law.x0, self.law.vs)
-        shared = _shared(record, self.gravity)
-        X[:, 0] = record.rows.a
-        X[:, LEVELS] = record.mean(law.shapes)
-        X[:, LEVELS.stop : LEVELS.stop + shared.shape[1]] = shared
-        columns = replace(self.columns, X=X)
-        return replace(self, record=record, law=law, columns=columns, friction=self.friction_rms)
-
 
 def rms(x: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(x))))

@@ -12,6 +12,7 @@ from .base import Base, Columns, Record, rms
 from .numbers import ALONE
 from .regression import Solution, solve
 from .score import paired
+from .settling import along
 
 OTHER_J = (0.5, 2.0)  # inertia beside an effect as large as all friction, over that without it
 IMITATES = 0.6  # of the inertia: an unknown torque of u that changes it by more stands for it
@@ -106,7 +107,7 @@ class Entry:
 
 def enter(base: Base, entry: Entry) -> Contender:
     """The row of the table for an entry."""
-    own_base = base if entry.moved is None else base.moved(entry.moved)
+    own_base = base if entry.moved is None else along(base, entry.moved)
     record, columns = base.record, _beside(own_base, entry)
     y = base.y if entry.u is None else record.mean(entry.u)
     made = solve(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from .base import LEAST_FRICTION, LEVELS, SLIGHT, WIDE, Base, Columns, Record, View, rms
@@ -45,6 +47,18 @@ def settled(
     columns = _columns(record, at, late, shared, rms(record.mean(record.u)), size)
     law = record.once(("chosen", *at), None, lambda: record.laws.law(*at))
     return Base(record, law, columns, record.u, view, gravity=gravity)
+
+
+def along(base: Base, record: Record) -> Base:
+    """A base along another motion; the columns of effects that are in it stay as they are."""
+    X = base.columns.X.copy()
+    law = record.laws.law(base.law.x0, base.law.vs)
+    shared = _shared(record, base.gravity)
+    X[:, 0] = record.rows.a
+    X[:, LEVELS] = record.mean(law.shapes)
+    X[:, LEVELS.stop : LEVELS.stop + shared.shape[1]] = shared
+    columns = replace(base.columns, X=X)
+    return replace(base, record=record, law=law, columns=columns, friction=base.friction_rms)
 
 
 def _shared(record: Record, gravity: bool) -> np.ndarray:
