@@ -72,7 +72,7 @@ class Contender:
         """The base with this explanation in it."""
         base = self.base
         if self.entry.moved is not None:
-            base = base.moved(self.entry.moved)
+            base = along(base, self.entry.moved)
         return replace(
             base,
             columns=self.columns,

@@ -36,7 +36,7 @@ def corrected(c: Contender) -> Contender:
             break
         values = {block.gain: abs(place), free: float(np.angle(place))}
         record = moved(c.base.record, block, values)
-        own = c.base.moved(record)
+        own = along(c.base, record)
         entry = replace(c.entry, values=values, columns=columns(own, block, {}), moved=record)
         again = enter(c.base, entry)
         if not again.gain > c.gain:
