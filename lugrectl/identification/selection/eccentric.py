@@ -17,6 +17,7 @@ from .contender import Contender, enter
 from .effects import columns, spanned
 from .law import Laws
 from .motion import Motion, bend, slope
+from .settling import along
 
 TIMES = 4
 WITHIN = 6  # fixed-point rounds: an amplitude of 0.5 is then exact to 2 %
