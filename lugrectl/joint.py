@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,9 +12,6 @@ from .checks import whole
 from .display import Row
 from .errors import InputError
 from .outputs import Result, library
-
-if TYPE_CHECKING:
-    pass
 
 LAGS = 25
 TINY = 1e-150  # its square is still above 0

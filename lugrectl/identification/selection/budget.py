@@ -68,7 +68,7 @@ def _covariance(base: Base) -> np.ndarray:
     V = np.zeros((len(made.b), len(made.b)))
     d = d - d.mean(axis=0)
     free = np.flatnonzero(made.free)
-    V[np.ix_(free, free)] = (len(d) - 1) / len(d) * d.T @ d
+    V[free[:, None], free] = (len(d) - 1) / len(d) * d.T @ d
     return V
 
 

@@ -10,10 +10,10 @@ import numpy as np
 from ...model import Model, Part
 from ...record.stretch import Stretch
 from ..balance import Balance
-from .base import settled
 from .contender import Contender, enter
 from .face import record_of
 from .search import entries
+from .settling import settled
 from .values import values_of
 
 

@@ -8,10 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
-from .base import Base, Columns, rms
+from .base import Base, Columns, Record, rms
 from .numbers import ALONE
 from .regression import Solution, solve
 from .score import paired
+from .settling import along
 
 OTHER_J = (0.5, 2.0)  # inertia beside an effect as large as all friction, over that without it
 IMITATES = 0.6  # of the inertia: an unknown torque of u that changes it by more stands for it
@@ -70,6 +71,8 @@ class Contender:
     def joined(self) -> Base:
         """The base with this explanation in it."""
         base = self.base
+        if self.entry.moved is not None:
+            base = along(base, self.entry.moved)
         return replace(
             base,
             columns=self.columns,
@@ -86,7 +89,8 @@ class Entry:
     ``columns`` are its own; ``u`` its torque; ``cost`` the logarithm of the number of places that
     were searched. ``timed``: it is a time, so that the base's lateness of u is not free beside it.
     ``instead``: columns of the base that it replaces. ``inertial``: it changes the inertia by the
-    last coefficient times ``inertia`` and is not held to the plain answer's.
+    last coefficient times ``inertia`` and is not held to the plain answer's. ``moved``: the record
+    along another motion, in which the whole base is seen.
     """
 
     name: str
@@ -98,11 +102,13 @@ class Entry:
     instead: Sequence[int] = ()
     inertial: bool = False
     depends_on: frozenset[str] = frozenset()
+    moved: Record | None = None
 
 
 def enter(base: Base, entry: Entry) -> Contender:
     """The row of the table for an entry."""
-    record, columns = base.record, _beside(base, entry)
+    own_base = base if entry.moved is None else along(base, entry.moved)
+    record, columns = base.record, _beside(own_base, entry)
     y = base.y if entry.u is None else record.mean(entry.u)
     made = solve(
         columns.X, y, columns.prior, columns.low, columns.high, base.view.scale, base.roots**2,
@@ -155,16 +161,20 @@ def _torque(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Its torque in the windows, and this without what the declared model can imitate of it.
 
-    A named effect is compared with the declared law, an unknown torque also with what was left
-    open of that law and with what every drive has.
+    A named effect is compared with the declared law. An unknown torque is what the fit with it
+    predicts beyond the fit of the base: what is open of the law, and held at its bounds, can turn
+    against it otherwise.
     """
+    if entry.depends_on or entry.moved is not None:
+        added = columns.X @ made.b - base.columns.X @ base.made.b
+        return added, added
     k = columns.X.shape[1] - own
     torque = columns.X[:, k:] @ made.b[k:]
     if entry.u is not None:
         torque = torque + base.record.mean(base.u - entry.u)
         if entry.timed:
             torque = torque - base.columns.X[:, 1] * base.made.b[1]
-    Q = base.open if entry.depends_on else base.law_alone
+    Q = base.law_alone
     return torque, torque - Q @ (Q.T @ torque)
 
 

@@ -13,13 +13,14 @@ from ...record.stretch import Stretch
 from ..balance import Balance
 from ..balance.reconcile import sensors_of
 from ..balance.track import tracks_of
-from .base import Record, settled
+from .base import Record
 from .budget import budget, detectable
 from .contender import Contender
 from .motion import Motion, motion_of
 from .numbers import ALPHA, HELD, LEAST, LOST, MOST_ROWS, MOST_SAMPLES
 from .result import Compared, Comparison, Named
 from .rows import Width, quick, rows_of, spacing, usable, widths
+from .settling import settled
 from .table import Table
 from .values import levels_of, values_of
 from .verdict import Decision, decide
@@ -103,7 +104,7 @@ def _rows(table: Table) -> list[Compared]:
 def record_of(stretches: Sequence[Stretch], model: Model, plain: Balance) -> Record:
     """Motion, windows and blocks of a record."""
     tracks = tracks_of(stretches)
-    sensors, _, _ = sensors_of(tracks)
+    sensors, speeds, _ = sensors_of(tracks)
     motion = motion_of(tracks, sensors, model.motion)
     declared = {k: v for k, v in model.known().items() if "." not in k}
     J, sure = _inertia(plain, declared)
@@ -111,9 +112,11 @@ def record_of(stretches: Sequence[Stretch], model: Model, plain: Balance) -> Rec
     held = None if declared.get("J") else J
     motion = motion.part(_share(motion, width.h))
     has = frozenset(model.friction.block.own)
-    return Record.of(
-        motion, rows_of(motion, width.h), declared, held, sure, width.heavy, model.effects, has
-    )
+    lag = None
+    if speeds is not None and not sensors.one_source:
+        lag = float(speeds.values[2]), float(np.sqrt(speeds.covariance[2, 2]))
+    rows = rows_of(motion, width.h)
+    return Record.of(motion, rows, declared, held, sure, width.heavy, model.effects, has, lag)
 
 
 def _share(m: Motion, h: float) -> float:

@@ -225,7 +225,28 @@ def _of_torques(base: Base, key: str, timed: bool, neutral: float) -> np.ndarray
     if timed:
         return np.append(1e-5, record.lateness + np.geomspace(*TIMES))
     if np.isinf(neutral):
-        return np.quantile(size, [0.8, 0.85, 0.9, 0.93, 0.95, 0.97, 0.98, 0.99, 0.995, 0.999, 1.0])
+        return np.quantile(
+            size,
+            [
+                0.3,
+                0.4,
+                0.5,
+                0.6,
+                0.7,
+                0.75,
+                0.8,
+                0.85,
+                0.9,
+                0.93,
+                0.95,
+                0.97,
+                0.98,
+                0.99,
+                0.995,
+                0.999,
+                1.0,
+            ],
+        )
     return np.append(0.0, np.geomspace(0.01, 0.6, 12) * np.quantile(size, 0.7))
 
 

@@ -11,12 +11,14 @@ import numpy as np
 from ...engine.beside import beside
 from ...spec import Block
 from . import search, unknown
-from .base import Base, Columns, View, rms, settled
+from .base import Base, Columns, View, rms
 from .base import Record as Seen
 from .contender import Contender, Entry, enter
+from .eccentric import corrected
 from .levelled import levelled
 from .numbers import FREEDOM
 from .regression import Scale, solve
+from .settling import settled
 
 SETTLE = 20.0  # nats from which the base is settled beside the likeliest effect
 USED = 2.0  # nats from which an explanation is a part of the richest description
@@ -50,7 +52,7 @@ def tabulate(base: Base) -> Table:
     def named(block: Block) -> list[Contender]:
         with np.errstate(all="ignore"):  # each thread has its own
             best = best_of(enter(base, e) for e in search.entries(base, block))
-            return [levelled(c) for c in best]
+            return [corrected(levelled(c)) for c in best]
 
     def free(entry: Entry) -> list[Contender]:
         with np.errstate(all="ignore"):

@@ -16,6 +16,7 @@ from .contender import Entry
 
 AMPLITUDES = (0.04, 0.2)  # width of the prior, in friction
 TURNS = 6.5  # rad of travel from which the place is an angle
+FINE = 80  # functions of the place or of time, where it is narrow
 RARE = 0.02  # a column that is 0 on all but this share of the rows is u itself on the others
 
 
@@ -66,13 +67,20 @@ def _place(base: Base) -> tuple[np.ndarray, list[np.ndarray], np.ndarray]:
     return x, [spline(x, 16)], spline(x, 8)
 
 
+def _narrow(base: Base) -> np.ndarray:
+    """Functions of the place as narrow as a bump."""
+    m = base.record.motion
+    x, places, _ = _place(base)
+    return _waves(m.theta, FINE // 2) if len(places) > 1 else spline(x, FINE)
+
+
 def _of_motion(base: Base) -> Surfaces:
     m = base.record.motion
     speed = np.abs(m.w / (m.top + 1e-300))
     return {
-        ("theta",): _place(base)[1],
+        ("theta",): [*_place(base)[1], _narrow(base)],
         ("w",): [spline(speed, 16) * np.sign(m.w)[:, None]],
-        ("t",): [spline(m.t / m.t[-1], 24)],
+        ("t",): [spline(m.t / m.t[-1], n) for n in (24, FINE)],
     }
 
 

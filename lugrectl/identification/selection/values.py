@@ -32,6 +32,8 @@ def _own(c: Contender, block: Block) -> dict[str, float]:
     found = {k: v for k, v in c.values.items() if k in block.own}
     if free is None:
         return found | {block.gain: float(b[0])}
+    if free in found:
+        return found
     if block.own[free].angle:
         size, angle = float(np.hypot(*b)), float(np.arctan2(b[1], b[0]))
         return found | {block.gain: size, free: angle}

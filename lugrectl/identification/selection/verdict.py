@@ -10,7 +10,7 @@ import numpy as np
 
 from ...spec import REGISTRY
 from ..balance import UNRELATED
-from . import laws_as_rows, rounds
+from . import late_speed, laws_as_rows, limits, rounds
 from .base import Base, Record, rms
 from .contender import Contender, enter
 from .numbers import (
@@ -93,11 +93,12 @@ def decide(record: Record, least: float = LEAST, alpha: float = ALPHA) -> Decisi
         return replace(found, messages=(UNSURE,))
     found = found if heavy is None else _with_weight(found, heavy, also)
     found = _with_load(found) if found.verdict == "adequate" else found
-    return _with_law(found, bars) if record.sure else found
+    found = _with_law(found, bars) if record.sure else found
+    return replace(found, messages=(*found.messages, *limits.unseen(record)))
 
 
 def _with_law(found: Decision, bars: Bars) -> Decision:
-    """With the parts of friction that the record needs and the declared law does not have."""
+    """With what no other row shows: parts of friction that the law does not have, a late speed."""
     if found.verdict not in ("adequate", "found", "ambiguous"):
         return found
     least = float(np.log(len(laws_as_rows.PARTS))) + MORE
@@ -106,8 +107,15 @@ def _with_law(found: Decision, bars: Bars) -> Decision:
         d, se = c.above(c.base)
         if d > least and d > bars.z * se and c.share > bars.least:
             parts.append(c)
+    parts += _late(found, bars.least)
     verdict = "found" if parts and found.verdict == "adequate" else found.verdict
     return replace(found, verdict=verdict, effects=(*found.effects, *parts))
+
+
+def _late(found: Decision, least: float) -> list[Contender]:
+    """A speed that lags the position by more than friction's least torque."""
+    c = late_speed.row(found.last)
+    return [c] if c is not None and late_speed.sure(c) and c.share > least else []
 
 
 def _of(record: Record, table: Table, bars: Bars) -> Decision:
@@ -171,22 +179,24 @@ def _what_is_left(found: Decision, free: list[Contender], bars: Bars) -> Decisio
     likeliest, least = more[0] if more else None, bars.least
     second = likeliest if likeliest and _large(likeliest, best, least) else None
     rest = bars.proven(beside, beside.unknown)
-    odd = (
-        _beyond(best, likeliest, rest, free, least)
-        or _at_once(best, second, free)
-        or _nothing_near(best, rest, free, least)
-    )
+    odd = _beyond(best, likeliest, rest, free, least) or _at_once(best, second, free)
+    far = _nothing_near(best, rest, free, least)
+    if far is None and second is not None and (odd is not None or found.verdict == "found"):
+        several, odd = _several(found, best, second, free, bars)
+        if odd is None:
+            return several
+    odd = far or odd
     if odd is not None:
         kept = () if _far(best, free) else found.effects
         return replace(found, verdict="unexplained", effects=kept, alternatives=(),
                        depends_on=odd.depends_on, unknown=odd)  # fmt: skip
-    if found.verdict == "found" and second is not None:
-        return _several(found, best, second, bars)
     return found
 
 
-def _several(found: Decision, best: Contender, second: Contender, bars: Bars) -> Decision:
-    """All effects of the record, each the best beside the others."""
+def _several(
+    found: Decision, best: Contender, second: Contender, free: list[Contender], bars: Bars
+) -> tuple[Decision, Contender | None]:
+    """All effects of the record, each the best beside the others; an unknown torque instead."""
 
     def fits(c: Contender, table: Table) -> bool:
         return bool(bars.proven(table, [c])) and _large(c, best, bars.least)
@@ -196,9 +206,27 @@ def _several(found: Decision, best: Contender, second: Contender, bars: Bars) ->
     effects, _ = rounds.all_of([best, second], fits)
     effects, also = rounds.exchanged(start, effects, fits)
     effects = rounds.chained(start, effects)
-    table = Table(effects[-1].joined(), (), ())
+    table = tabulate(effects[-1].joined())
     verdict = "ambiguous" if also else "found"
-    return replace(found, verdict=verdict, effects=tuple(effects), alternatives=also, beside=table)
+    made = replace(found, verdict=verdict, effects=tuple(effects), alternatives=also, beside=table)
+    return made, _instead(effects, [c for c in table.unknown if fits(c, table)], free, start)
+
+
+def _instead(
+    effects: list[Contender], rest: list[Contender], free: list[Contender], start: Base
+) -> Contender | None:
+    """An unknown torque that stays beside all effects, or does alone what they do together."""
+    last, most = effects[-1], max(effects, key=lambda c: c.share)
+    large = [c for c in rest if c.share > REST * most.share and c.gain > REST * most.gain]
+    if large:
+        return free[0] if free else large[0]
+    if not free:
+        return None
+    d, se = paired(last.blocks, free[0].blocks)
+    over, error = free[0].above(effects[0])
+    alone = free[0].gain > TOGETHER * float(np.sum(last.blocks - start.score))
+    better = over > max(ALIKE * error, REST * effects[0].gain)
+    return free[0] if alone and better and not d > ALIKE * se else None
 
 
 def _large(c: Contender, best: Contender, least: float) -> bool:
