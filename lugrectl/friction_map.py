@@ -61,7 +61,8 @@ def diagnose_map(
     by the error of the mean and by a scatter from run to run. An effect that depends on speed
     alone, or on nothing, is added if the misfit falls by more than chance allows (F test, 1 % for
     all candidates together) and if its torque is above the least size. The ripple of the torque
-    over the angle is reported as well, and named where it is the largest part. Such runs do not identify inertia and presliding.
+    over the angle is reported as well, and named where it is the largest part. Such runs do
+    not identify inertia and presliding.
 
     Held out are one of three speeds in either direction, the last half of every run, or a run.
     ``error`` is the RMS of measured minus modelled mean torque there, N m or N: there is no motion
