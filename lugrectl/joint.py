@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,9 +12,6 @@ from .checks import whole
 from .display import Row
 from .errors import InputError
 from .outputs import Result, library
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 LAGS = 25
 TINY = 1e-150  # its square is still above 0
@@ -125,7 +122,7 @@ class Residuals(Result):
         columns = {k: getattr(self, k) for k in ("autocorrelation", "cross")}
         return library("pandas").DataFrame(columns, index=self.lags)
 
-    def plot(self, ax: Axes | None = None) -> Any:
+    def plot(self, ax: Any = None) -> Any:
         """Draw both correlations with their bound, into ``ax`` or a new figure."""
         from .report.tests_of_residuals import correlations
 

@@ -45,8 +45,8 @@ class Asked:
         """Values from which a fit starts: of the plain answer, of effects declared without values,
         and inertia and friction as the comparison has them."""
         plain = self.plain
-        lacking = completed(plain.stretches, self.model, plain)
-        return plain.values() | friction | lacking
+        left_open = completed(plain.stretches, self.model, plain)
+        return {**plain.values(), **friction, **left_open}
 
     def records(self) -> Record | list[Record]:
         """The logs on uniform time: one record, or a list; Refused where one has no motion."""

@@ -67,7 +67,8 @@ def _covariance(base: Base) -> np.ndarray:
     d = moves(made, c.X, c.prior, base.view.scale, base.record.blocks)
     V = np.zeros((len(made.b), len(made.b)))
     d = d - d.mean(axis=0)
-    V[np.ix_(made.free, made.free)] = (len(d) - 1) / len(d) * d.T @ d
+    free = np.flatnonzero(made.free)
+    V[free[:, None], free] = (len(d) - 1) / len(d) * d.T @ d
     return V
 
 
@@ -77,7 +78,7 @@ def _share(base: Base, V: np.ndarray, name: str, at: list[int], signals: tuple[s
     size = rms(torque)
     slope = X.T @ torque / (len(torque) * max(size, 1e-300))
     half = stats.norm.ppf(TWO_SIDED) * float(np.sqrt(max(slope @ V[np.ix_(at, at)] @ slope, 0.0)))
-    ends = max(size - half, 0.0), size + half
+    ends = float(max(size - half, 0.0)), float(size + half)
     friction = base.friction_rms
     return Share(name, size, size / friction, (ends[0] / friction, ends[1] / friction), signals)
 

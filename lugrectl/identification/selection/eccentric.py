@@ -60,7 +60,7 @@ def moved(record: Record, block: Block, values: dict[str, float]) -> Record:
 
 
 def _start(m: Motion, piece: slice) -> float:
-    """What a stretch of the path lacks to be the place."""
+    """How far a stretch of the path is from the place."""
     return float(np.median(m.theta[piece] - m.path[piece]))
 
 

@@ -1,4 +1,4 @@
-"""Friction laws as rows of the table: what the record needs and the declared law lacks.
+"""Friction laws as rows of the table: what the record needs and the declared law does not have.
 
 All shapes of friction stay in the base while effects are judged. Here one part of them at a time is
 taken out again, the presliding distance and the Stribeck speed chosen anew without it; if left-out
@@ -38,7 +38,7 @@ PARTS = (
 
 
 def rows(base: Base) -> Iterator[Contender]:
-    """A row for each part that the declared law lacks; its base is the one without the part."""
+    """A row for each part that the declared law does not have; its base is the one without it."""
     for part in PARTS:
         if part.parameter not in base.record.has:
             yield _row(base, part)

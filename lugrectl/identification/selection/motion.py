@@ -192,13 +192,14 @@ def motion_of(tracks: Sequence[Track], sensors: Sensors, kind: str) -> Motion:
     joined = {k: np.concatenate([getattr(p, k) for p in tracks]) for k in ("u", "ok")}
     run = np.concatenate([np.full(len(p), p.run) for p in tracks])
     theta, w, filtered = _measured(tracks, sensors)
-    theta_or, v_theta, v_w = theta, sensors.noise.get("theta", 0.0) ** 2, np.inf
+    v_theta, v_w = sensors.noise.get("theta", 0.0) ** 2, np.inf
     if w is not None:
         size = float(np.ptp(w))
         v_w = max(sensors.noise["w"] / abs(sensors.gain), 1e-7 * size) ** 2
         v_w *= 1.0 + (0.5 * min((sensors.lag / dt) ** 2, 50.0) if filtered else 0.0)
     count = 0.0 if theta is None else quantum(theta)
-    if theta is None:
+    theta_or = theta
+    if theta_or is None:
         assert w is not None
         theta_or = np.concatenate([np.cumsum(w[p]) * dt - 0.5 * w[p] * dt for p in pieces])
         v_theta = 50.0 * v_w * dt**2

@@ -156,7 +156,7 @@ def _acceleration(m: Motion, K: csr_matrix, phi: np.ndarray) -> tuple[np.ndarray
     of_theta = m.variance[0] * float(k2 @ k2)
     of_w = m.variance[1] * float(k1 @ k1) if w is not None else np.inf
     of_w = max(of_w, 0.25 * of_theta) if m.filtered else of_w
-    v, a = 1 / (1 / of_theta + 1 / of_w), np.zeros(K.shape[0])
+    v, a = 1 / (1 / of_theta + 1 / of_w), np.zeros(K.get_shape()[0])
     if theta is not None:
         a += v / of_theta * (K @ np.concatenate([[0.0], np.diff(theta, 2), [0.0]])) / m.dt**2
     if w is not None:

@@ -98,7 +98,7 @@ def decide(record: Record, least: float = LEAST, alpha: float = ALPHA) -> Decisi
 
 
 def _with_law(found: Decision, bars: Bars) -> Decision:
-    """With what no other row shows: parts of friction that the law lacks, a late speed."""
+    """With what no other row shows: parts of friction that the law does not have, a late speed."""
     if found.verdict not in ("adequate", "found", "ambiguous"):
         return found
     least = float(np.log(len(laws_as_rows.PARTS))) + MORE
