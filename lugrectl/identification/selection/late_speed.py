@@ -21,8 +21,8 @@ def row(base: Base) -> Contender | None:
         return None
     lag, se = base.record.lag
     m = base.record.motion
-    delayed = np.asarray(base.record.rows.narrow @ m.slope(base.record.acceleration))
-    torque = base.J * lag * delayed
+    jerk = np.asarray(base.record.rows.narrow @ m.slope(base.record.acceleration))
+    torque = base.J * lag * jerk
     gain = 0.5 * (lag / max(se, 1e-12)) ** 2 if lag > 0 else 0.0
     return Contender(
         name=NAME,

@@ -16,7 +16,7 @@ from .contender import Contender, enter
 from .effects import columns
 
 LEVEL = {"Fc", "Fs", "Fv"}
-TIMES = 2
+TIMES = 12
 
 
 def levelled(c: Contender) -> Contender:
