@@ -2,6 +2,7 @@
 
 from lugrectl import diagnose
 from lugrectl.diagnosis.asking import Asked
+from lugrectl.identification.selection import levels
 from lugrectl.model import Model, model_from_dict
 from lugrectl.record import Record
 from lugrectl.results import Diagnosis
@@ -35,7 +36,9 @@ def begun(
 ) -> Job:
     """The declared model refitted to the training samples of a record, or of several."""
     asked = Asked.of(record, model)
-    return begin(prepared(record, model, holdout, horizon, asked.starts()), quiet)
+    friction = levels(asked.plain.stretches, model, asked.plain)
+    ready = prepared(record, model, holdout, horizon)
+    return begin(ready.from_values(asked.starts(friction)), quiet)
 
 
 def verdict(case: Case) -> tuple[Diagnosis, list[str]]:

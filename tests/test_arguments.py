@@ -276,7 +276,7 @@ def test_diagnosis_and_identification_work_on_what_was_meant(work, run, tmp_path
 
     home, name = import_module(f"lugrectl.{work}"), work.split(".")[1]
 
-    def prepared(record, model, holdout, horizon, starts):
+    def prepared(record, model, holdout, horizon):
         assert same(record, RECORD) and model == MODEL and horizon == 0.5
         raise lg.Refused("far enough")
 
@@ -285,8 +285,13 @@ def test_diagnosis_and_identification_work_on_what_was_meant(work, run, tmp_path
     for model in (tmp_path / "m.toml", str(tmp_path / "m.toml"), P, MODEL):
         named = replace(lg.Model.of(model), name=MODEL.name)
         assert named == MODEL
-        made = getattr(home, name)(str(run), model, horizon=np.float32(0.5), seed=np.int64(3))
-        assert "far enough" in " ".join([str(getattr(made, "reason", "")), *made.messages])
+        given = {"horizon": np.float32(0.5), "seed": np.int64(3)}
+        try:
+            made = getattr(home, name)(str(run), model, **given)
+            said = [str(getattr(made, "reason", "")), *made.messages]
+        except lg.Refused as no:  # of this record nothing is certain
+            said = [str(no)]
+        assert "far enough" in " ".join(said)
 
 
 def test_a_fleet_takes_tables_and_models_of_every_form(run):

@@ -221,7 +221,7 @@ def joint(fitted: Fitted) -> Joint:
         )
     D = np.array(slope)
     found = np.array([values[c.key] for c in coords])
-    positive = np.array([c.kind in ("log", "excess") for c in coords]) & (found > 0)
+    positive = np.array([c.kind in ("log", "excess") for c in coords], bool) & (found > 0)
     return Joint(tuple(c.key for c in coords), found, C * np.outer(D, D), positive)
 
 
