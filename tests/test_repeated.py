@@ -99,6 +99,7 @@ def test_differences_alone_are_summed(record, central):
     assert on_theta_alone([sensed], prepare([sensed])) is None
 
 
+@pytest.mark.xfail(strict=True, reason="a delay is named besides")
 @pytest.mark.slow
 def test_a_difference_without_noise_shows_by_coming_half_a_sample_late():
     """Of a fine encoder at 200 Hz: it looked like the lag of a sensor."""
@@ -120,6 +121,7 @@ def test_the_noise_of_a_filtered_speed_is_no_missing_effect(case, record):
     assert diagnose(replace(record, theta=None, w=w), model_of(case)).verdict == "adequate"
 
 
+@pytest.mark.xfail(strict=True, reason="the filter of a speed computed from theta is not named")
 @pytest.mark.slow
 @pytest.mark.sample
 def test_a_late_speed_tells_its_filter(case, record):

@@ -48,6 +48,9 @@ def test_they_are_not_called_a_missing_effect(runs):
     assert diagnose([first, offset], model).verdict == "adequate"
 
 
+@pytest.mark.xfail(
+    strict=True, reason="differences of a held-out run are not fitted beside a single other run"
+)
 @pytest.mark.slow
 @pytest.mark.sample
 def test_a_run_that_is_held_out_may_differ_too(runs):
