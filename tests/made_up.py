@@ -7,6 +7,7 @@ import numpy as np
 
 from lugrectl.diagnosis.plain import refusal
 from lugrectl.errors import Refused
+from lugrectl.identification.selection import Compared, Comparison, Share
 from lugrectl.model import Model, table1
 from lugrectl.record import Record, record_of
 from lugrectl.results import Candidate, Diagnosis, Estimate, Finding, Traces
@@ -91,15 +92,34 @@ def diagnosis(verdict="found", **changes):
             Candidate("constant_torque", math.nan, 0.0),
         ),
         traces=tr,
+        comparison=comparison(verdict),
     )
     if verdict == "refused":
         d = Diagnosis("refused", reason="u is constant.", experiment=d.experiment, record=d.record)
     return replace(d, **changes)
 
 
+def comparison(verdict="found"):
+    """A table of four models with its budget."""
+    shares = (
+        Share("coulomb", 0.26, 0.82, (0.81, 0.83), ("w",)),
+        Share("viscous", 0.09, 0.3, (0.29, 0.31), ("w",)),
+        Share("torque_ripple", 0.034, 0.11, (0.1, 0.12), ("theta",)),
+        Share("left", 0.003, 0.009, None, ()),
+        Share("noise", 0.002, 0.006, None, ()),
+    )
+    rows = (
+        Compared("declared", 0.0, 0.0, 0.0, 9),
+        Compared("torque_ripple", 15321.0, 210.0, 0.11, 11),
+        Compared("unknown(theta)", 14000.0, 230.0, 0.1, 33),
+        Compared("gravity", 3.0, 4.0, 0.01, 11),
+    )
+    return Comparison(verdict, rows=rows, budget=shares)
+
+
 def bare(verdict="found"):
     """Without plots, which take most of the time."""
-    return diagnosis(verdict, traces=None, ranking=())
+    return diagnosis(verdict, traces=None, ranking=(), comparison=None)
 
 
 def answered(answer, record, model):

@@ -196,7 +196,7 @@ def test_a_diagnosis_returns_an_array_of_axes_or_the_only_one():
     axes = diagnosis().plot()
     assert isinstance(axes, np.ndarray) and axes.shape == (4,)
     assert [ax.get_xlabel() for ax in axes[:2]] == ["t [s]", "t [s]"]
-    assert diagnosis(traces=None).plot().get_title(loc="left") == "Candidates tried"
+    assert diagnosis(traces=None).plot().get_title(loc="left") == "Torque budget"
 
 
 def test_an_identification_draws_what_it_simulated():

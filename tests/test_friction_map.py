@@ -180,7 +180,7 @@ def test_plots_and_pages_show_the_map():
     labels = [ax.get_xlabel() for ax in found.plot()]
     assert labels.count("w [rad/s]") == 2
     page = found._repr_html_()
-    assert page.count("<svg") == 3 + len(
+    assert page.count("<svg") == 2 + len(
         drawings(found.plain)
     ) and "Mean torque of the held-out runs" in str(found)
     document = json.loads(found.to_json())

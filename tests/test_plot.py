@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from lugrectl import report
 from lugrectl.errors import InputError
 from lugrectl.model import Model, table1
-from lugrectl.report import plot, views
-from lugrectl.results import Candidate, Diagnosis
+from lugrectl.report import compared, plot, views
+from lugrectl.results import Diagnosis
 from lugrectl.spec import members
 
 from .made_up import PHI, A, N, diagnosis, effect, traces
@@ -37,17 +37,17 @@ def test_nothing_to_plot_is_said():
         assert plot.available(d) == []
         with pytest.raises(InputError, match="nothing to plot"):
             d.plot()
-    for draw in (plot.motion, plot.error, plot.torque, plot.ranking):
+    for draw in (plot.motion, plot.error, plot.torque):
         with pytest.raises(InputError):
             draw(diagnosis("refused"))
 
 
 def test_missing_traces_leave_only_their_own_plot_out():
     tr, nan = traces(), np.full(12000, np.nan)
-    assert plot.available(diagnosis(traces=None)) == ["ranking"]
-    assert plot.available(diagnosis(traces=replace(tr, simulated={}))) == ["torque", "ranking"]
+    assert plot.available(diagnosis(traces=None)) == ["budget"]
+    assert plot.available(diagnosis(traces=replace(tr, simulated={}))) == ["budget", "torque"]
     blank = replace(tr, simulated={"refitted": nan}, residual={"refitted": nan})
-    assert plot.available(diagnosis(traces=blank, ranking=())) == []
+    assert plot.available(diagnosis(traces=blank, comparison=None)) == []
 
 
 def test_the_stretch_shown_is_the_worst_held_out_one():
@@ -134,10 +134,13 @@ def test_a_product_of_two_signals_is_shown_over_one_with_the_sign_of_the_other(p
     assert f"x sign({times})" in ax.get_ylabel()
 
 
-def test_a_candidate_that_was_not_fitted_has_no_share():
-    ranked = (Candidate("gravity", 30.0, 0.4, {}), Candidate("hard_stop", 20.0, 0.0, {}))
-    said = [text.get_text() for text in plot.ranking(replace(diagnosis(), ranking=ranked)).texts]
-    assert said[0].endswith("(40 %)") and "%" not in said[1]
+def test_the_budget_has_a_bar_for_each_term_with_its_share():
+    d = diagnosis()
+    ax = compared.bars(d)
+    names = [label.get_text() for label in ax.get_yticklabels()][::-1]
+    assert names == ["coulomb", "viscous", "torque_ripple", "not explained", "of it sensor noise"]
+    assert [bar.get_width() for bar in ax.patches][::-1][2] == pytest.approx(11.0)
+    assert ax.texts[2].get_text() == "11 %"
 
 
 def test_linear_drives_have_linear_labels():
@@ -168,25 +171,6 @@ def test_every_effect_of_the_catalogue_can_be_reported(name):
     d = diagnosis(effects=(effect(name, **values),))
     assert members("effect")[name].equation.rstrip(".") in report.text(d)
     assert plot.torque(d).get_xlabel()
-
-
-def test_ranking_stays_readable_when_one_dominates():
-    ax = plot.ranking(diagnosis())
-    assert [label.get_text() for label in ax.get_yticklabels()][0] == "torque_ripple"
-    assert ax.get_xscale() == "symlog"
-    even = tuple(Candidate(f"c{i}", 10.0 + i, 0.1) for i in range(30))
-    ax = plot.ranking(diagnosis(ranking=even))
-    assert ax.get_xscale() == "linear" and len(ax.patches) == 10
-
-
-def test_an_effect_added_late_is_among_the_bars():
-    """The ranking is of the first round; what a later round added may stand far below."""
-    others = tuple(Candidate(f"other{i}", 50.0 - i, 0.1) for i in range(15))
-    added = (Candidate("torque_ripple", 41.5, 0.0), Candidate("presliding", 1.0, 0.0))
-    made = diagnosis(ranking=(*others, *added))
-    d = replace(made, effects=(*made.effects, replace(made.effects[0], name="presliding")))
-    names = [label.get_text() for label in plot.ranking(d).get_yticklabels()]
-    assert names == [*(f"other{i}" for i in range(8)), "torque_ripple", "presliding"]
 
 
 def test_small_errors_are_drawn_with_a_prefix():

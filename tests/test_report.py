@@ -48,7 +48,7 @@ def test_text_of_the_other_verdicts():
     assert "depends on theta" in report.text(diagnosis("unexplained")).splitlines()[1]
     assert "u is constant." in report.text(diagnosis("refused"))
     adequate = report.text(diagnosis("adequate"))
-    assert "90 %" not in adequate and "Missing" not in adequate
+    assert "  90 %" not in adequate and "Missing" not in adequate
 
 
 def test_errors_of_a_linear_drive_are_shown_in_millimetres():

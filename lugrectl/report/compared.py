@@ -13,6 +13,7 @@ from .section import Section
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+BUDGET = "Torque budget"
 ROWS = 8  # models of the table that are shown
 LIMITS = 6  # effects whose limit is said in the text
 COLOURS = {"friction": "#5b6675", "effect": "#1f6fb4", "rest": "#b9c2cd"}
@@ -34,7 +35,7 @@ def budget(d: Any) -> Section | None:
     footnote = (
         "Shares are of the RMS friction torque. Terms overlap, so that they do not add up to 100 %."
     )
-    return Section("Torque budget", (), Grid(head, "lrrrl", tuple(rows)), footnote)
+    return Section(BUDGET, (), Grid(head, "lrrrl", tuple(rows)), footnote)
 
 
 def table(d: Any) -> Section | None:
@@ -97,7 +98,7 @@ def bars(d: Any, ax: Axes) -> Axes:
     ax.grid(False, axis="y")
     ax.margins(x=0.15)
     ax.set_xlabel("RMS torque [% of friction]")
-    ax.set_title("Torque budget")
+    ax.set_title(BUDGET)
     return ax
 
 

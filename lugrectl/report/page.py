@@ -7,6 +7,7 @@ from typing import Any
 
 from ..display import grid_html as _grid_html
 from ..model_file import model_toml
+from .compared import BUDGET
 from .section import Section
 from .wording import headline, sections
 
@@ -84,11 +85,14 @@ def _body(d: Any, end: str = "") -> str:
     first = f"<h1>{markup.escape(title)}</h1>\n<p>{markup.escape(meaning)}</p>"
     parts = [f'<div class="verdict {kind}">\n{first}\n</div>', _log(d)]
     figures = _figures(d)
+    budget = figures.pop("budget", "")
     for part in sections(d):
         parts.append(_section_html(part))
+        if part.title == BUDGET:
+            parts.append(budget)
         if part.title == "Error before and after":
-            parts, figures = parts + figures, []
-    parts += [*figures, _model_html(d), end]
+            parts, figures = parts + [*figures.values()], {}
+    parts += [*figures.values(), _model_html(d), end]
     return '<div class="lugrectl">\n' + "\n".join(p for p in parts if p) + "\n</div>"
 
 
@@ -104,10 +108,12 @@ def _section_html(part: Section) -> str:
     return "\n".join(lines)
 
 
-def _figures(d: Any) -> list[str]:
-    from .plot import drawings
+def _figures(d: Any) -> dict[str, str]:
+    """The figures by name, in their order."""
+    from .plot import available, drawings
 
-    return [_figure(caption, svg) for caption, svg in drawings(d)]
+    made = [_figure(caption, svg) for caption, svg in drawings(d)]
+    return dict(zip(available(d), made, strict=True))
 
 
 def _figure(caption: str, svg: str) -> str:

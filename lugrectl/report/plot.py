@@ -126,7 +126,7 @@ def available(d: Any) -> list[str]:
         ["motion", "error"] if simulated(getattr(d, "traces", None), "refitted") is not None else []
     )
     found = getattr(d, "comparison", None)
-    names = ["budget", *names] if found is not None and found.budget else names
+    names += ["budget"] if found is not None and found.budget else []
     names += ["map", "missed"] if getattr(d, "map", None) is not None else []
     names += ["torque"] if getattr(d, "traces", None) is not None and residual(d) else []
     names += ["table"] if getattr(d, "table", None) is not None else []
