@@ -164,7 +164,12 @@ class Block(Shown):
                 within(value, f"{self.name}.{key}", self.parameters[key])
 
     def __call__(self, *signals: Any, **values: Any) -> tuple[Any, ...]:
-        """Outputs that are not states, then the rates; ``t`` is the first argument if used."""
+        """Outputs that are not states, then the rates; ``t`` is the first argument if used.
+
+        A parameter without a value has its default.
+        """
+        if len(values) < len(self.parameters):
+            values = self.defaults() | values
         result = self.function(*signals, **values)
         return result if isinstance(result, tuple) else (result,)
 
