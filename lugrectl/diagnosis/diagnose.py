@@ -17,7 +17,7 @@ from ..model import Model
 from ..progress import Progress, Wanted, reporter, shows_progress
 from ..provenance import stamped
 from ..record import Record
-from ..results import Candidate, Diagnosis, Estimate, Finding, Table
+from ..results import Candidate, Diagnosis, Estimate, Finding, Table, Traces
 from ..spec import members
 from ..steady.points import is_map
 from ..traces import traces
@@ -45,7 +45,7 @@ from ..tracing.tabulate import tabulate
 from .asking import Asked
 from .floor import failure
 from .plain import refusal, with_plain
-from .winner import with_effects
+from .winner import Winner, with_effects
 
 WORSE = (
     "On held-out samples the simulation with the added effect misses the motion by {0:.3g} {2}, "
@@ -163,13 +163,14 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
     """The answer with values, intervals and errors from the predictions of the fitted model."""
     report(0.4, "fitting the model with what is missing")
     won = with_effects(job, found, report)
-    job, final = won.job, adapted(won.fit, won.job.parts.test, job.declared)
     report(0.8, "errors on held-out samples")
-    scored = score(job, final)
-    shown = traces(job, final, scored["judged"])
-    failed = failure(job.data, shown, asked)
+    final, scored, shown, failed = _judged(won, asked)
+    if failed and won.compared is not None:  # its simulation went astray: the values it began with
+        won = won.as_compared()
+        final, scored, shown, _ = _judged(won, asked)
+    job = won.job
     report(0.85, "parameters and intervals")
-    whole = on_everything(final, job)
+    whole = final if failed else on_everything(final, job)
     job = compared(job, whole)
     job = noted(job, *unidentified(whole.flat(), "this record"), *((failed,) if failed else ()))
     job = noted(job, *found.messages, *_worse(scored["error"], found))
@@ -203,6 +204,14 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
         joint=joint(whole),
         residuals=residuals(whole),
     )
+
+
+def _judged(won: Winner, asked: Asked) -> tuple[Fitted, dict[str, Any], Traces, str | None]:
+    """The fit as the held-out runs need it, its errors, its traces, and why it failed if it did."""
+    final = adapted(won.fit, won.job.parts.test, won.job.declared)
+    scored = score(won.job, final)
+    shown = traces(won.job, final, scored["judged"])
+    return final, scored, shown, failure(won.job.data, shown, asked)
 
 
 def _only_compared(ready: Prepared, found: Comparison, model: Model, reason: str) -> Diagnosis:

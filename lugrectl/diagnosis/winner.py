@@ -9,7 +9,7 @@ from ..engine.beside import beside
 from ..identification.selection import Comparison, Named
 from ..model import Model
 from ..tracing.coordinates import free_keys
-from ..tracing.fit import Fitted, fit
+from ..tracing.fit import Fitted, fit, tuned
 from ..tracing.job import Job, Progress, on_torque
 from ..tracing.predictor import Predictor
 from ..tracing.start import quieter
@@ -20,11 +20,22 @@ SHORT = 8  # steps of a fit from each start
 
 @dataclass(frozen=True)
 class Winner:
-    """The fitted model with the named effects, and their keys in it."""
+    """The fitted model with the named effects, and their keys in it.
+
+    ``compared`` are the values of the comparison, from which the fit started.
+    """
 
     job: Job
     fit: Fitted
     keys: tuple[str, ...]
+    compared: Mapping[str, float] | None = None
+
+    def as_compared(self) -> Winner:
+        """The model at the values of the comparison, where a fit by simulation fails."""
+        if self.compared is None:
+            return self
+        values = self.fit.values | self.compared
+        return replace(self, fit=tuned(replace(self.fit, values=values)), compared=None)
 
 
 def with_effects(job: Job, found: Comparison, report: Progress) -> Winner:
@@ -51,7 +62,7 @@ def with_effects(job: Job, found: Comparison, report: Progress) -> Winner:
 
     best = max(beside(begun, starts), key=lambda f: f.total)
     final = fit(predictor, best.values, free, base.where, best.noise, anchor=best.anchor)
-    return Winner(job, quieter(final), keys)
+    return Winner(job, quieter(final), keys, starts[-1])
 
 
 def _model(

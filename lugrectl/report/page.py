@@ -83,13 +83,16 @@ def _body(d: Any, end: str = "") -> str:
     title, meaning = headline(d)
     kind = markup.escape(title.split(":")[0])
     first = f"<h1>{markup.escape(title)}</h1>\n<p>{markup.escape(meaning)}</p>"
-    parts = [f'<div class="verdict {kind}">\n{first}\n</div>', _log(d)]
+    parts, log = [f'<div class="verdict {kind}">\n{first}\n</div>'], [_log(d)]
     figures = _figures(d)
     budget = figures.pop("budget", "")
-    for part in sections(d):
+    made = sections(d)
+    if not made or made[0].title != BUDGET:
+        parts, log = parts + log, []
+    for part in made:
         parts.append(_section_html(part))
         if part.title == BUDGET:
-            parts.append(budget)
+            parts += [budget, *log]
         if part.title == "Error before and after":
             parts, figures = parts + [*figures.values()], {}
     parts += [*figures.values(), _model_html(d), end]
