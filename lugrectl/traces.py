@@ -20,15 +20,21 @@ def traces(job: Job, final: Fitted, judged: Mapping[str, Judged | None]) -> Trac
     held_out = np.zeros(n, dtype=bool)
     held_out[at] = True
     simulated = {k: _placed(n, at, j.simulated) for k, j in judged.items() if j is not None}
-    train = job.parts.train
-    whole = windows(data.runs, train.burn, train.length)
-    residual = {}
-    for name, f in (("refitted", job.base), ("augmented", final)):
-        torque = missing_torque(f.predictor, f.values, whole, job.base.noise)
-        residual[name] = _placed(n, whole.counted, torque)
+    residual = {
+        "refitted": residual_torque(job, job.base),
+        "augmented": residual_torque(job, final),
+    }
     log = data.log
     signals = {"t": log.t, "theta": log.theta, "w": log.w, "u": log.u, "a": log.a}
     return Traces(data.t, data.measured, held_out, simulated, residual, signals)
+
+
+def residual_torque(job: Job, fitted: Fitted) -> np.ndarray:
+    """Torque that a fit leaves, at each sample; nan where there is no lead-in."""
+    train, data = job.parts.train, job.data
+    whole = windows(data.runs, train.burn, train.length)
+    torque = missing_torque(fitted.predictor, fitted.values, whole, job.base.noise)
+    return _placed(len(data.t), whole.counted, torque)
 
 
 def _placed(n: int, at: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -17,10 +17,10 @@ from ..model import Model
 from ..progress import Progress, Wanted, reporter, shows_progress
 from ..provenance import stamped
 from ..record import Record
-from ..results import Candidate, Diagnosis, Estimate, Finding, Table, Traces
+from ..results import Candidate, Diagnosis, Estimate, Finding, Table
 from ..spec import members
 from ..steady.points import is_map
-from ..traces import traces
+from ..traces import residual_torque, traces
 from ..tracing.applicable import signals_of
 from ..tracing.evaluate import missing_torque
 from ..tracing.far import against_held, at_bounds, far_off
@@ -164,13 +164,14 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
     report(0.4, "fitting the model with what is missing")
     won = with_effects(job, found, report)
     report(0.8, "errors on held-out samples")
-    final, scored, shown, failed = _judged(won, asked)
+    whole, failed = _whole(won, asked)
     if failed and won.compared is not None:  # its simulation went astray: the values it began with
         won = won.as_compared()
-        final, scored, shown, _ = _judged(won, asked)
-    job = won.job
+        whole = won.fit
+    job, final = won.job, adapted(won.fit, won.job.parts.test, won.job.declared)
+    scored = score(job, final)
+    shown = traces(job, final, scored["judged"])
     report(0.85, "parameters and intervals")
-    whole = final if failed else on_everything(final, job)
     job = compared(job, whole)
     job = noted(job, *unidentified(whole.flat(), "this record"), *((failed,) if failed else ()))
     job = noted(job, *found.messages, *_worse(scored["error"], found))
@@ -206,12 +207,10 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
     )
 
 
-def _judged(won: Winner, asked: Asked) -> tuple[Fitted, dict[str, Any], Traces, str | None]:
-    """The fit as the held-out runs need it, its errors, its traces, and why it failed if it did."""
-    final = adapted(won.fit, won.job.parts.test, won.job.declared)
-    scored = score(won.job, final)
-    shown = traces(won.job, final, scored["judged"])
-    return final, scored, shown, failure(won.job.data, shown, asked)
+def _whole(won: Winner, asked: Asked) -> tuple[Fitted, str | None]:
+    """The fit to all samples, and why it failed if it did."""
+    whole = on_everything(won.fit, won.job)
+    return whole, failure(won.job.data, residual_torque(won.job, whole), asked)
 
 
 def _only_compared(ready: Prepared, found: Comparison, model: Model, reason: str) -> Diagnosis:

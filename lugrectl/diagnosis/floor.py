@@ -9,7 +9,6 @@ from scipy.signal import oaconvolve
 
 from ..identification.balance import Balance
 from ..identification.balance.kernels import weights
-from ..results import Traces
 from ..tracing.data import Data
 from .asking import Asked
 
@@ -21,9 +20,10 @@ FAILED = (
 )
 
 
-def failure(data: Data, traces: Traces, asked: Asked) -> str | None:
-    """What to say where the augmented model leaves more of the torque than the plain balance.
+def failure(data: Data, residual: np.ndarray, asked: Asked) -> str | None:
+    """What to say where a model leaves more of the torque than the plain balance.
 
+    ``residual`` (N,) is the torque that it leaves, N m.
     A model of which the user holds or bounds values may: nothing is said of it. Both are RMS of
     the residual torque, averaged over the windows of the balance in which the drive slides, as a
     share of the RMS torque there.
@@ -31,7 +31,7 @@ def failure(data: Data, traces: Traces, asked: Asked) -> str | None:
     plain = asked.plain
     if asked.model.statements():
         return None
-    left = share_left(data, traces.residual["augmented"], plain)
+    left = share_left(data, residual, plain)
     if left is None or plain.left is None or left <= MORE * plain.left + POINTS:
         return None
     return FAILED.format(100.0 * left, 100.0 * plain.left)

@@ -31,7 +31,7 @@ from ..record import Record
 from ..results import Estimate, FrictionMap, Traces
 from ..steady.curve import refit
 from ..steady.points import is_map
-from ..traces import traces
+from ..traces import residual_torque, traces
 from ..tracing.far import against_held, at_bounds, far_off
 from ..tracing.job import (
     begin,
@@ -180,7 +180,7 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
     job = noted(job, *against_held(whole), *other_optima(whole))
     scored = score(job, job.base)
     shown = traces(job, job.base, scored["judged"])
-    failed = failure(job.data, shown, asked)
+    failed = failure(job.data, residual_torque(job, whole), asked)
     if failed:
         raise Refused(failed)
     error = scored["error"]
