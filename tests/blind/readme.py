@@ -40,7 +40,21 @@ def right() -> str:
         f"{len(lines)} records of an independent simulator, seeds {min(seeds)} to {max(seeds)} "
         f"(new), {max(x['at'] for x in lines)[:10]}, commit {known[path.name]['commit']}."
     )
-    return f"{table(('what is hidden', 'right'), front.rows(lines))}\n\n{said}\n"
+    rows = [*front.rows(lines), *messy()]
+    return f"{table(('what is hidden', 'right'), rows)}\n\n{said}\n"
+
+
+def messy() -> list[tuple[str, str]]:
+    """How often it is right on drives as machines are, of both generators."""
+    kept = json.loads((RESULTS / "messy.json").read_text())
+    said = {"effect": "messy drive, one effect", "none": "messy drive, nothing missing"}
+    made = []
+    for kind, words in said.items():
+        runs = [run for key, run in kept.items() if key.startswith(f"{kind}/")]
+        count = sum(run["records"] for run in runs)
+        points = sum(run["points"] * run["records"] for run in runs)
+        made.append((words, f"{round(points, 1):g} of {count}"))
+    return made
 
 
 def speed() -> str:
@@ -110,7 +124,7 @@ def picture(path: Path) -> str:
     from matplotlib.figure import Figure
 
     import lugrectl as lg
-    from lugrectl.report import canvas, plot
+    from lugrectl.report import canvas, compared, plot
 
     demo = files("lugrectl") / "demo"
     found = lg.diagnose(str(demo / "record.csv"), str(demo / "model.toml"))
@@ -119,7 +133,7 @@ def picture(path: Path) -> str:
         grid = figure.add_gridspec(2, 2)
         plot.motion(found, figure.add_subplot(grid[0, :]))
         plot.torque(found, figure.add_subplot(grid[1, 0]))
-        plot.ranking(found, figure.add_subplot(grid[1, 1]))
+        compared.bars(found, figure.add_subplot(grid[1, 1]))
         figure.savefig(path, dpi=80, metadata={"Software": None})
     return str(found)
 
