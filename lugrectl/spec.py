@@ -168,7 +168,8 @@ class Block(Shown):
 
         A parameter without a value has its default.
         """
-        if len(values) < len(self.parameters):
+        own = self.timed + len(self.inputs) + len(self.states)
+        if len(signals) == own and len(values) < len(self.parameters):
             values = self.defaults() | values
         result = self.function(*signals, **values)
         return result if isinstance(result, tuple) else (result,)

@@ -46,13 +46,16 @@ def right() -> str:
 
 def messy() -> list[tuple[str, str]]:
     """How often it is right on drives as machines are, of both generators."""
-    kept = json.loads((RESULTS / "messy.json").read_text())
+    path = RESULTS / "messy.json"
+    kept = json.loads(path.read_text()) if path.exists() else {}
     said = {"effect": "messy drive, one effect", "none": "messy drive, nothing missing"}
     made = []
     for kind, words in said.items():
         runs = [run for key, run in kept.items() if key.startswith(f"{kind}/")]
         count = sum(run["records"] for run in runs)
         points = sum(run["points"] * run["records"] for run in runs)
+        if not count:
+            continue
         made.append((words, f"{round(points, 1):g} of {count}"))
     return made
 
