@@ -34,7 +34,7 @@ class Winner:
         """The model at the values of the comparison, where a fit by simulation fails."""
         if self.compared is None:
             return self
-        values = self.fit.values | self.compared
+        values = {**self.fit.values, **self.compared}
         return replace(self, fit=tuned(replace(self.fit, values=values)), compared=None)
 
 
