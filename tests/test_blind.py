@@ -35,7 +35,7 @@ def close(result, case):
 
 NEAR_REST = pytest.mark.xfail(
     strict=True,
-    reason="a constant torque is named: the two differ near rest only, which is left out",
+    reason="a constant torque is named: they differ near rest only, which is left out",
 )
 
 
