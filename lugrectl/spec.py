@@ -134,6 +134,11 @@ class Block(Shown):
         return {k: p for k, p in self.parameters.items() if not p.shared}
 
     @property
+    def reads(self) -> tuple[str, ...]:
+        """The signals that the function takes, in order: t if it is used, then the inputs."""
+        return ("t", *self.inputs) if self.timed else self.inputs
+
+    @property
     def fresh(self) -> tuple[str, ...]:
         """The outputs that are not states; the function returns them before the rates."""
         return tuple(o for o in self.outputs if o not in self.states)
@@ -168,7 +173,7 @@ class Block(Shown):
 
         A parameter without a value has its default.
         """
-        own = self.timed + len(self.inputs) + len(self.states)
+        own = len(self.reads) + len(self.states)
         if len(signals) == own and len(values) < len(self.parameters):
             values = self.defaults() | values
         result = self.function(*signals, **values)

@@ -42,7 +42,7 @@ def parser() -> argparse.ArgumentParser:
         type=_positive,
         default=270.0,
         metavar="S",
-        help="seconds after which the search stops itself (default: 270); the torque balance "
+        help="seconds after which the fit stops itself (default: 270); what was compared before "
         "stands all the same",
     )
     diagnose.add_argument(

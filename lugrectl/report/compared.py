@@ -75,7 +75,9 @@ def limits_in_words(d: Any) -> str:
     if found is None or not found.detectable:
         return ""
     best = found.detectable[0]
-    return f" A {best.name} of {_percent(best.share)} of friction would have been seen."
+    return (
+        f" An effect such as {best.name}, from {_percent(best.share)} of friction on, would show."
+    )
 
 
 @drawn

@@ -42,5 +42,5 @@ def signals_of(names: Sequence[str]) -> tuple[str, ...]:
         block = members("effect")[name]
         levels = {act.removeprefix("+") for act in block.acts}
         friction = "w" if {"Fc", "Fs", "Fv"} & levels else None
-        made += [s for s in ("t" if block.timed else None, *block.inputs, friction) if s]
+        made += [s for s in (*block.reads, friction) if s]
     return tuple(dict.fromkeys(made))

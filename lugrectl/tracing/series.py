@@ -178,7 +178,7 @@ def _is_plain(block: Block, signals: Mapping[str, Any], own: Mapping[str, Any], 
 
 
 def _read(block: Block, signals: Mapping[str, Any]) -> list[Any]:
-    return [signals[name] for name in ((("t",) if block.timed else ()) + block.inputs)]
+    return [signals[name] for name in block.reads]
 
 
 def run_as(part: Part, values: Values) -> tuple:

@@ -30,8 +30,7 @@ class EffectColumn:
 
     def __call__(self, track: Track) -> np.ndarray:
         signals = {"theta": track.theta, "w": track.speed, "load": track.load, "t": track.t}
-        names = ("t", *self.block.inputs) if self.block.timed else self.block.inputs
-        out = self.block(*(signals[name] for name in names), **dict(self.values))[0]
+        out = self.block(*(signals[name] for name in self.block.reads), **dict(self.values))[0]
         out = np.broadcast_to(np.asarray(out, float), len(track))
         return out if self.level is None else out * LEVELS[self.level](track.speed)
 

@@ -7,18 +7,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..bristle import GONE, along
 from .constants import DIPS, REST_TORQUE, TURNS
 from .terms import Term
 from .track import Track
-
-TURNED = 40.0  # distances after which exp(-x) no longer changes a sum with 1
 
 
 @dataclass(frozen=True)
 class Bristle:
     """Coulomb friction that turns over within a distance after a reversal (Dahl).
 
-    z' = (sign(w) - z) |w| / distance, exact between reversals; sign(w) for a distance of 0.
+    As :func:`~lugrectl.identification.bristle.along`; sign(w) for a distance of 0.
     """
 
     distance: float
@@ -26,16 +25,7 @@ class Bristle:
     def __call__(self, track: Track) -> np.ndarray:
         if not self.distance:
             return np.sign(track.speed)
-        path, first, sides = track.strokes
-        z, last = np.zeros(len(path)), 0.0
-        for a, b, side in zip(first, np.append(first[1:], len(path)), sides, strict=True):
-            start = path[a - 1] if a else 0.0
-            end = a + int(np.searchsorted(path[a:b], start + TURNED * self.distance))
-            z[end:b] = side
-            gone = path[a:end] - start
-            z[a:end] = side + (last - side) * np.exp(-gone / self.distance)
-            last = z[b - 1]
-        return z
+        return along(*track.strokes, self.distance)
 
 
 @dataclass(frozen=True)
@@ -58,7 +48,7 @@ class Dip:
 
     def __call__(self, track: Track) -> np.ndarray:
         x = np.abs(track.speed / self.speed).astype(np.float32)  # six digits, in half the time
-        x = np.minimum(x if self.power == 1 else x * x, TURNED)
+        x = np.minimum(x if self.power == 1 else x * x, GONE)
         return np.sign(track.speed) * np.exp(-x)
 
 

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ...record.stretch import Stretch
+from ..bristle import strokes
 from .constants import SHORTEST
 from .kernels import wholly
 
@@ -54,11 +55,8 @@ class Track:
         Speeds that are noise count as rest.
         """
         v = np.where(np.abs(self.speed) > self.still, self.speed, 0.0)
-        path, side = np.cumsum(np.abs(v)) * self.dt, np.sign(v)
-        moving = np.flatnonzero(side)
-        turns = side[moving[1:]] != side[moving[:-1]]
-        first = moving[np.append(True, turns)] if len(moving) else moving
-        return path, first, side[first]
+        path, first, sides = strokes(v)
+        return path * self.dt, first, sides
 
     def centres(self, reach: int, step: int) -> np.ndarray:
         """Samples ``step`` apart around which ``reach`` samples on each side are good."""

@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_matrix, diags
 
+from ...blocks.friction import level
 from ...model import Part
 from .declared import TURNING, applied
 from .law import FORCES, NAMES, VISCOUS, Law, Laws
-from .motion import Motion, bend
+from .motion import Motion
 from .numbers import BLOCK, TIMING
 from .regression import Scale, Solution, solve
-from .rows import Rows
+from .rows import Rows, rms
 from .score import Blocks, left_out, seen
 
 WIDE = 30.0  # all torque times this: the prior of what a record does not say
@@ -25,7 +26,7 @@ OFFSET = [LEVELS.stop]  # what every drive has of an offset, and of a wave a tur
 TURN = [LEVELS.stop + 1, LEVELS.stop + 2]
 SLIGHT = [*OFFSET, *TURN]
 WEIGHT = LEVELS.stop + len(SLIGHT)  # the first column of gravity, if it has one
-LAW = ("Fc", "dip", "Fv")  # what the declared law has of them
+LAW = ("Fc", "dip", "Fv", "sigma1")  # what the declared law has of friction
 SCREENED = 4  # samples in the half-width of a window that a screening uses
 LEAST_FRICTION = 0.05  # friction counts as this share of the torque at least
 
@@ -76,12 +77,6 @@ class Record:
     def turning(self) -> bool:
         """Whether gravity is declared."""
         return any(p.block.name == TURNING for p in self.parts)
-
-    @cached_property
-    def acceleration(self) -> np.ndarray:
-        """Acceleration at the samples, as stiff as that of the windows."""
-        m = self.motion
-        return np.concatenate([bend(m.path[p], m.dt) for p in m.pieces])
 
     @cached_property
     def fewer(self) -> int:
@@ -199,8 +194,7 @@ class Base:
     @property
     def richest(self) -> float:
         """Inertia of the richest description, which sets the scale of the motion's noise."""
-        quick = self.view.quick or self.view.J is None
-        return self.J if quick else float(self.view.J or self.J)
+        return self.J if self.view.quick or self.view.J is None else self.view.J
 
     @cached_property
     def score(self) -> np.ndarray:
@@ -248,11 +242,9 @@ class Base:
         known = self.record.declared
         if known.get("Fs") and known.get("Fc") and known.get("vs"):
             scale = max(b[0], 0.3 * rms(self.coulomb))
-            bell = np.exp(-((w / known["vs"]) ** 2))
-            return scale * (1 + (known["Fs"] / known["Fc"] - 1) * bell)
-        vs, tail = self.law.vs, self.record.laws.tail(self.law.vs)
-        own = b[0] + b[1] * np.exp(-((w / vs) ** 2)) + b[2] * np.exp(-w / (1.5 * vs))
-        return own + b[3] * np.exp(-w / tail)
+            return scale * level(w, 1.0, known["Fs"] / known["Fc"], known["vs"])
+        curves = self.record.laws.curves(w, self.law.vs)
+        return b[0] + sum(c * curve for c, curve in zip(b[1:], curves, strict=False))
 
     @cached_property
     def weight(self) -> np.ndarray:
@@ -298,7 +290,7 @@ class Base:
     @cached_property
     def law_alone(self) -> np.ndarray:
         """The same of the declared law, without what else is open of friction."""
-        law = [LEVELS.start + NAMES.index(name) for name in ("Fc", "dip", "Fv", "sigma1")]
+        law = [LEVELS.start + NAMES.index(name) for name in LAW]
         return self._span([0, *law, *range(WEIGHT, self.columns.X.shape[1])])
 
     def _span(self, kept: list[int]) -> np.ndarray:
@@ -335,7 +327,3 @@ class Base:
         for part in more:
             c = c + part
         return replace(self, columns=c, friction=self.friction_rms)
-
-
-def rms(x: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(np.square(x))))

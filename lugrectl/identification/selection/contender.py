@@ -22,26 +22,39 @@ IMITATES = 0.6  # of the inertia: an unknown torque of u that changes it by more
 class Contender:
     """A base with an effect, or an unknown torque of the signals ``depends_on``.
 
-    ``values`` are those of the effect's parameters that were searched, ``own`` the number of its
-    columns, the last ones. ``u`` is the torque that reaches the drive, where it changes that.
+    ``entry`` is what it was made from, ``own`` the number of its columns, the last ones.
     ``blocks`` are the scores of the blocks, ``torque`` (m,) what the base cannot imitate of it,
-    ``share`` its RMS over that of friction, ``whole`` that of all of its torque. ``entry`` is what
-    it was made from.
+    ``share`` its RMS over that of friction, ``whole`` that of all of its torque.
     """
 
-    name: str
-    values: Mapping[str, float]
+    entry: Entry
     base: Base
     columns: Columns
     made: Solution
     own: int
-    u: np.ndarray | None
-    depends_on: frozenset[str]
     blocks: np.ndarray
     torque: np.ndarray
     whole: float
     J: float
-    entry: Entry
+
+    @property
+    def name(self) -> str:
+        return self.entry.name
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """Those of the effect's parameters that were searched."""
+        return self.entry.values
+
+    @property
+    def u(self) -> np.ndarray | None:
+        """The torque that reaches the drive, where it changes that."""
+        return self.entry.u
+
+    @property
+    def depends_on(self) -> frozenset[str]:
+        """The signals of an unknown torque; empty for an effect."""
+        return self.entry.depends_on
 
     @property
     def coefficients(self) -> np.ndarray:
@@ -89,7 +102,7 @@ class Entry:
     ``columns`` are its own; ``u`` its torque; ``cost`` the logarithm of the number of places that
     were searched. ``timed``: it is a time, so that the base's lateness of u is not free beside it.
     ``instead``: columns of the base that it replaces. ``inertial``: it changes the inertia by the
-    last coefficient times ``inertia`` and is not held to the plain answer's. ``moved``: the record
+    last coefficient and is not held to the plain answer's. ``moved``: the record
     along another motion, in which the whole base is seen.
     """
 
@@ -122,19 +135,15 @@ def enter(base: Base, entry: Entry) -> Contender:
     blocks = base.judged(made, columns, J) - entry.cost / len(record.blocks)
     whole, torque = _torque(base, entry, columns, made, own)
     found = Contender(
-        name=entry.name,
-        values=dict(entry.values),
+        entry=entry,
         base=base,
         columns=columns,
         made=made,
         own=own,
-        u=entry.u,
-        depends_on=entry.depends_on,
         blocks=blocks,
         torque=torque,
         whole=rms(whole) / base.friction_rms,
         J=J,
-        entry=entry,
     )
     return replace(found, blocks=base.score - 1e-9) if _unidentified(found) else found
 

@@ -33,7 +33,7 @@ def through(block: Block, values: Mapping[str, float], u: np.ndarray, m: Motion)
     if exact is not None:
         return np.concatenate([exact(u[p], m.dt, **values) for p in m.pieces])
     signals = {"u": u, "theta": m.theta, "w": m.w, "t": m.t}
-    return np.asarray(block(*(signals[name] for name in block.inputs), **values)[0])
+    return np.asarray(block(*(signals[name] for name in block.reads), **values)[0])
 
 
 def terms(parts: Sequence[Part], law: Law, m: Motion, load: np.ndarray) -> list[np.ndarray]:
@@ -55,9 +55,8 @@ def _one(
     block: Block, values: Mapping[str, float], law: Law, m: Motion, load: np.ndarray
 ) -> np.ndarray:
     signals = {"t": m.t, "theta": m.theta, "w": m.w, "load": load}
-    names = ("t", *block.inputs) if block.timed else block.inputs
     shared = {"J": 1.0} if "J" in block.parameters else {}
-    out = block(*(signals[name] for name in names), **shared, **values)
+    out = block(*(signals[name] for name in block.reads), **shared, **values)
     total = np.zeros(len(m))
     for act, change in block.deeds(out):
         weight = {"torque": 1.0, "Fc": law.z, "+Fc": law.z, "Fv": m.w, "J": m.a}.get(act)

@@ -16,7 +16,7 @@ from .base import Record
 from .contender import Contender, enter
 from .effects import columns, spanned
 from .law import Laws
-from .motion import Motion, bend, slope
+from .motion import Motion
 from .settling import along
 
 TIMES = 4
@@ -52,9 +52,8 @@ def moved(record: Record, block: Block, values: dict[str, float]) -> Record:
     theta = _without(m, m.theta, block, values)
     start = np.concatenate([np.full(p.stop - p.start, _start(m, p)) for p in m.pieces])
     path = _without(m, m.path + start, block, values) - start
-    w = np.concatenate([slope(theta[p], m.dt) for p in m.pieces])
-    motion = replace(m, theta=theta, path=path, w=w)
-    a = rows.narrow @ np.concatenate([bend(path[p], m.dt) for p in m.pieces])
+    motion = replace(m, theta=theta, path=path, w=m.slope(theta))
+    a = rows.narrow @ motion.stiff
     laws = Laws(motion, record.declared, record.laws.rough)
     return replace(record, motion=motion, rows=replace(rows, a=a), laws=laws, _kept={})
 

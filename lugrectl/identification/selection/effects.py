@@ -15,7 +15,6 @@ from scipy.sparse import csr_matrix
 
 from ...spec import Block
 from .base import Base, Columns
-from .motion import bend
 
 AT_ONCE = 1_000_000  # numbers that a screening keeps at a time
 FAR = 1e4  # rad from which single precision is too coarse for the highest orders
@@ -125,9 +124,8 @@ def _column(base: Base, block: Block, values: Mapping[str, Any], view: _Samples)
     m, record = base.record.motion, base.record
     if "sensor" in block.acts:  # the true motion is the measured one without the error
         out = outputs(base, block, values)
-        error = out[block.fresh.index("theta_m")] - m.theta[:, None]
-        bent = np.concatenate([bend(error[p, 0], m.dt) for p in m.pieces])[:, None]
-        return np.asarray(record.rows.narrow @ bent) * -base.J
+        error = out[block.fresh.index("theta_m")][:, 0] - m.theta
+        return np.asarray(record.rows.narrow @ m.bend(error)[:, None]) * -base.J
     out = outputs(base, block, values, view)
     torque, inertial = [], []
     seen: set[int] = set()
@@ -137,7 +135,7 @@ def _column(base: Base, block: Block, values: Mapping[str, Any], view: _Samples)
         elif act == "torque":
             torque.append(change)
         elif act == "J":
-            inertial.append(change * view.of(base.J * record.acceleration))
+            inertial.append(change * view.of(base.J * record.motion.stiff))
         elif act == "Fv":
             torque.append(change * view.of(base.viscous))
         elif id(change) not in seen:  # the levels of Coulomb and static friction move together
@@ -173,9 +171,8 @@ def outputs(
     m = base.record.motion
     view = view or _Samples(slice(None), base.record.rows.K, base.record.rows.narrow, float)
     signals = {"t": m.t, "theta": m.theta, "w": m.w, "u": base.u, "load": base.weight}
-    names = ("t", *block.inputs) if block.timed else block.inputs
     shared = {k: base.J for k, p in block.parameters.items() if p.shared and k == "J"}
-    made = block(*(view.of(signals[name]) for name in names), **shared, **values)
+    made = block(*(view.of(signals[name]) for name in block.reads), **shared, **values)
     size = len(m.t[view.every])
     kept: dict[int, np.ndarray] = {}
     for o in made:

@@ -21,23 +21,19 @@ def row(base: Base) -> Contender | None:
         return None
     lag, se = base.record.lag
     m = base.record.motion
-    jerk = np.asarray(base.record.rows.narrow @ m.slope(base.record.acceleration))
+    jerk = np.asarray(base.record.rows.narrow @ m.slope(base.record.motion.stiff))
     torque = base.J * lag * jerk
     gain = 0.5 * (lag / max(se, 1e-12)) ** 2 if lag > 0 else 0.0
     return Contender(
-        name=NAME,
-        values={"time_constant": lag},
+        entry=Entry(NAME, {"time_constant": lag}),
         base=base,
         columns=base.columns,
         made=base.made,
         own=0,
-        u=None,
-        depends_on=frozenset(),
         blocks=base.score + gain / len(base.score),
         torque=torque,
         J=base.J,
         whole=rms(torque) / base.friction_rms,
-        entry=Entry(NAME, {"time_constant": lag}),
     )
 
 

@@ -16,10 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..bristle import along, strokes
 from .motion import Fine, Motion
 from .numbers import TAIL
 
-GONE = 40.0  # distances after which exp(-x) no longer changes a sum with 1
 BENDS = (0.5, 1.0, 2.0, 4.0, 8.0)  # of the declared presliding distance
 SPEEDS = (0.5, 0.8, 1.2, 2.0, 4.0)  # of the declared Stribeck speed
 FORCES = ("Fc", "dip", "dip 1.5", "dip 5")  # the part that scales with the level of friction
@@ -45,42 +45,6 @@ class Law:
     @property
     def z(self) -> np.ndarray:
         return self.shapes[:, 0]
-
-
-def strokes(dx: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The path, and the first sample and the direction of each stroke between reversals."""
-    path, side = np.cumsum(np.abs(dx)), np.sign(dx)
-    moving = np.flatnonzero(side)
-    if not len(moving):
-        return path, moving, side[:0]
-    turns = side[moving[1:]] != side[moving[:-1]]
-    first = moving[np.append(True, turns)]
-    return path, first, side[first]
-
-
-def bristle(
-    path: np.ndarray,
-    first: np.ndarray,
-    sides: np.ndarray,
-    x0: float,
-    asymmetry: float = 0.0,
-) -> np.ndarray:
-    """The bristle torque for a level of 1, or of 1 + asymmetry sign(w).
-
-    The level G sets both the value towards which it relaxes and, as the stiffness stays, the
-    distance G x0 over which it does.
-    """
-    z, last = np.zeros(len(path)), 0.0
-    ends = np.append(first[1:], len(path))
-    for a, b, side in zip(first.tolist(), ends.tolist(), sides.tolist(), strict=True):
-        level = 1.0 + asymmetry * side
-        reach, limit = level * x0, side * level
-        start = path[a - 1] if a else 0.0
-        end = a + int(np.searchsorted(path[a:b], start + GONE * reach))
-        z[end:b] = limit
-        z[a:end] = limit + (last - limit) * np.exp(-(path[a:end] - start) / reach)
-        last = float(z[b - 1])
-    return z
 
 
 @dataclass(eq=False)
@@ -114,9 +78,9 @@ class Laws:
     def z(self, x0: float, asymmetry: float = 0.0) -> np.ndarray:
         """The bristle at the fine instants."""
         if asymmetry:
-            return bristle(*self._strokes, x0, asymmetry)
+            return along(*self._strokes, x0, asymmetry)
         if x0 not in self._kept:
-            self._kept[x0] = bristle(*self._strokes, x0)
+            self._kept[x0] = along(*self._strokes, x0)
         return self._kept[x0]
 
     def law(self, x0: float, vs: float) -> Law:
@@ -124,17 +88,18 @@ class Laws:
         z, w = self.z(x0), self.fine.w
         slow, v = np.abs(w), self.motion.w
         zs = self.fine.coarse(z)
-        bell = np.exp(-((w / vs) ** 2))
-        dips = [z * bell, z * np.exp(-slow / (1.5 * vs)), z * np.exp(-slow / self.tail(vs))]
-        more = [w * bell, z * np.exp(-((w / self.rough) ** 2))]
+        curves = self.curves(slow, vs)
+        dips = [z * curve for curve in curves]
+        more = [w * curves[0], z * np.exp(-((w / self.rough) ** 2))]
         d1, d2, d3, bent, smear = self.fine.coarse(np.column_stack([*dips, *more])).T
         grease = np.sign(v) * np.abs(v) ** GREASE
         shapes = (zs, d1, d2, d3, v, grease, bent, self.motion.slope(zs), smear)
         return Law(x0, vs, np.column_stack(shapes))
 
-    def tail(self, vs: float) -> float:
-        """Speed of the longest Stribeck curve, rad/s."""
-        return min(5 * vs, max(TAIL * self.motion.top, 1.5 * vs))
+    def curves(self, slow: np.ndarray, vs: float) -> tuple[np.ndarray, ...]:
+        """The three Stribeck curves over |w|, from 1 at rest to 0: of "dip" to "dip 5"."""
+        tail = min(5 * vs, max(TAIL * self.motion.top, 1.5 * vs))
+        return np.exp(-((slow / vs) ** 2)), np.exp(-slow / (1.5 * vs)), np.exp(-slow / tail)
 
     def asymmetric(self, x0: float) -> np.ndarray:
         """What an asymmetry of the level adds to the bristle torque, (n,), for a ratio of 1."""

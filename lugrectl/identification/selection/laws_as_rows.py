@@ -8,7 +8,7 @@ named as an effect: ``stribeck``, ``presliding``, ``sublinear_viscous``.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy as np
 from .base import LEVELS, Base, rms
 from .contender import Contender, Entry
 from .law import FORCES, NAMES, Law
+from .regression import likelihood
 
 RIGID = 1e-3  # of the shortest presliding distance: no bristles to see
 EXPONENTS = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8)  # of grease
@@ -44,11 +45,6 @@ def rows(base: Base) -> Iterator[Contender]:
             yield _row(base, part)
 
 
-def of_law(base: Base, parameters: Collection[str]) -> Base:
-    """The base with the parts of friction only that a law of these parameters has."""
-    return without(base, [part for part in PARTS if part.parameter not in parameters])
-
-
 def without(base: Base, parts: Sequence[Part]) -> Base:
     """The base without some parts of friction, settled again."""
     laws = base.record.laws
@@ -56,7 +52,7 @@ def without(base: Base, parts: Sequence[Part]) -> Base:
     rigid = any(part.name == "presliding" for part in parts)
     distances = [RIGID * laws.distances()[0]] if rigid else laws.distances()
     tried = [_at(base, float(x0), float(vs), gone) for x0 in distances for vs in laws.speeds()]
-    best = max(tried, key=_likely)
+    best = max(tried, key=lambda b: likelihood(b.made.r))
     at = best.law.x0, best.law.vs
     return replace(best, law=base.record.once(("chosen", *at), None, lambda: laws.law(*at)))
 
@@ -77,34 +73,26 @@ def _means(base: Base, x0: float, vs: float) -> np.ndarray:
     return base.record.mean(base.record.laws.law(x0, vs).shapes)
 
 
-def _likely(base: Base) -> float:
-    return -float(np.sum(np.log1p(base.made.r**2 / 4)))
-
-
 def _row(base: Base, part: Part) -> Contender:
     """What the part brings to a base that has none of it."""
     less = without(base, [part])
     whole = without(base, [])
-    whole = max([base, whole], key=_likely)
+    whole = max([base, whole], key=lambda b: likelihood(b.made.r))
     values: dict[str, float] = {}
     if part.name == "sublinear_viscous":
         whole, values["exponent"] = _greased(less)
     torque = whole.columns.X @ whole.made.b - less.columns.X @ less.made.b
     values |= _values(whole, part)
     return Contender(
-        name=part.name,
-        values=values,
+        entry=Entry(part.name, values),
         base=less,
         columns=whole.columns,
         made=whole.made,
         own=0,
-        u=None,
-        depends_on=frozenset(),
         blocks=whole.score,
         torque=torque,
         J=whole.J,
         whole=rms(torque) / less.friction_rms,
-        entry=Entry(part.name, values),
     )
 
 
@@ -116,7 +104,7 @@ def _greased(less: Base) -> tuple[Base, float]:
         X = less.columns.X.copy()
         X[:, at] = less.record.mean(np.sign(w) * np.abs(w) ** n)
         tried.append((replace(less, columns=replace(less.columns, X=X)), n))
-    return max(tried, key=lambda one: _likely(one[0]))
+    return max(tried, key=lambda one: likelihood(one[0].made.r))
 
 
 def _values(whole: Base, part: Part) -> dict[str, float]:
@@ -128,11 +116,3 @@ def _values(whole: Base, part: Part) -> dict[str, float]:
         level = b["Fc"] + sum(b[k] for k in FORCES[1:])
         return {"sigma0": level / whole.law.x0, "sigma1": b["sigma1"]}
     return {"coefficient": b["grease"]}
-
-
-def is_row(c: Contender) -> bool:
-    """Whether it is a part of friction, which the base has in any case."""
-    return not c.own and c.u is None
-
-
-__all__ = ["PARTS", "Part", "is_row", "of_law", "rows", "without"]

@@ -114,6 +114,15 @@ class Motion:
         path = _joined([self.path[k] for k in kept])
         return replace(self, pieces=pieces, measured=measured, path=path, **own)
 
+    def bend(self, x: np.ndarray) -> np.ndarray:
+        """d2x/dt2 (n,), stretch by stretch."""
+        return np.concatenate([bend(x[p], self.dt) for p in self.pieces])
+
+    @cached_property
+    def stiff(self) -> np.ndarray:
+        """Acceleration of the stiffer position, that of the windows, rad/s2."""
+        return self.bend(self.path)
+
     @cached_property
     def fine(self) -> Fine:
         """The motion between the samples: a reversal does not wait for the next sample."""

@@ -67,8 +67,23 @@ def solve(
         G, g = normal(X, y, prior, scale, w)
         b, state = bounded(G, g, low, high, state)
         r = (y - X @ b) / scale.sigma
-        w = (FREEDOM + 1) / (FREEDOM + r * r)
+        w = weights(r)
     return Solution(b, r, state, w)
+
+
+def weights(r: np.ndarray) -> np.ndarray:
+    """Student weights (nu + 1) / (nu + r^2) of residuals in standard deviations."""
+    return (FREEDOM + 1) / (FREEDOM + r * r)
+
+
+def density(r: np.ndarray) -> np.ndarray:
+    """Log of the Student density of residuals in standard deviations, up to a constant."""
+    return -0.5 * (FREEDOM + 1) * np.log1p(r * r / FREEDOM)
+
+
+def likelihood(r: np.ndarray) -> float:
+    """The sum of their log densities."""
+    return float(np.sum(density(r)))
 
 
 def normal(

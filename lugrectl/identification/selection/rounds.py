@@ -18,20 +18,19 @@ SWEEPS = 2  # times that every effect is tried against all others
 Fits = Callable[[Contender, Table], bool]
 
 
-def all_of(first: Sequence[Contender], fits: Fits) -> tuple[list[Contender], Table]:
-    """The effects, with those that further rounds add, and the table beside all of them.
+def all_of(first: Sequence[Contender], fits: Fits) -> list[Contender]:
+    """The effects, with those that further rounds add.
 
     ``fits`` says whether a contender is proven and large enough beside the base of its table.
     """
     effects = list(first)
-    table = tabulate(effects[-1].joined())
     while len(effects) < MOST:
+        table = tabulate(effects[-1].joined())
         new = next((c for c in table.named if fits(c, table)), None)
         if new is None or _better_unknown(new, table):
             break
         effects.append(new)
-        table = tabulate(new.joined())
-    return effects, table
+    return effects
 
 
 def _better_unknown(c: Contender, table: Table) -> bool:
@@ -50,7 +49,8 @@ def exchanged(
     for _ in range(SWEEPS):
         before = [c.name for c in made]
         for i in range(len(made)):
-            table = tabulate(beside(start, [*made[:i], *made[i + 1 :]]))
+            others = chained(start, [*made[:i], *made[i + 1 :]])
+            table = tabulate(others[-1].joined())  # there are two effects at least
             best, alike = _best(made[i], table, fits)
             made[i] = best or made[i]
             also = alike if i == 0 else also
@@ -70,14 +70,6 @@ def _best(
     if mine is not None and as_good(mine, best):
         best = mine
     return best, tuple(c for c in good if c is not best and as_good(c, best))[:3]
-
-
-def beside(start: Base, effects: Sequence[Contender]) -> Base:
-    """The base with these effects in it."""
-    base = start
-    for c in effects:
-        base = enter(base, c.entry).joined() if c.base is not base else c.joined()
-    return base
 
 
 def chained(start: Base, effects: Sequence[Contender]) -> list[Contender]:

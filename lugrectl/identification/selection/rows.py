@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from .motion import Motion, bend
+from .motion import Motion
 from .numbers import LOST, NOISE, STILL, WIDTHS
 
 APART = 0.55  # distance of two rows, in half-widths
@@ -103,14 +103,22 @@ def rows_of(m: Motion, h: float) -> Rows:
     theta, w = m.measured
     noise = np.sqrt(2 * m.variance[0]) / h if theta is not None else np.inf
     rough = min(noise, m.variance[1] ** 0.5) / np.sqrt(half)
-    a = np.concatenate([bend(m.path[p], m.dt) for p in m.pieces])
     slow = np.abs(m.w)
     limit = max(STILL * m.top, 3 * rough, 0.5 * m.count / h)
     moving = (K @ slow > limit) & (K @ (slow < STILL * m.top).astype(float) < AT_REST)
     K, narrow, at = K[moving], narrow[moving], at[moving]
     half_height = 0.5 * m.dt * np.count_nonzero(wide > 0.5 * wide.max())
     return Rows(
-        h, K, narrow, at, step * m.dt, m.t[at], narrow @ a, narrow @ m.shake, rough, half_height
+        h,
+        K,
+        narrow,
+        at,
+        step * m.dt,
+        m.t[at],
+        narrow @ m.stiff,
+        narrow @ m.shake,
+        rough,
+        half_height,
     )
 
 
@@ -187,16 +195,16 @@ def _quick(
     inverse = np.linalg.inv(G)
     ac = [float(np.mean(r[j:] * r[:-j]) / np.mean(r * r)) for j in range(1, 8)]
     memory = 1 + 2 * sum(max(0.0, c) for c in ac)
-    rms, friction = float(np.sqrt(np.mean(y**2))), _rms(Z[:, 1:3] @ b[1:3])
-    friction += 1e-12 * rms
+    torque, friction = rms(y), rms(Z[:, 1:3] @ b[1:3])
+    friction += 1e-12 * torque
     heavy = False
     if turns:
         sure = b[5:] @ np.linalg.solve(inverse[5:, 5:], b[5:]) > 50 * s**2 * memory
-        heavy = bool(_rms(Z[:, 5:] @ b[5:]) > 0.3 * friction and sure)
+        heavy = bool(rms(Z[:, 5:] @ b[5:]) > 0.3 * friction and sure)
     found, level = float(b[0] / size[0]), Fc or max(friction, 0.1 * float(np.std(m.u)))
     allowed = NOISE * level
     if not J:
-        allowed = max(NOISE * level, 0.3 * _rms(r))
+        allowed = max(NOISE * level, 0.3 * rms(r))
     noisy = (J or max(found, 0.0)) * float(np.sqrt(v)) / allowed
     p = b / size
     drag = p[1] * np.mean(np.abs(m.w)) + p[2] * np.mean(m.w**2)
@@ -206,13 +214,14 @@ def _quick(
         se=float(s * np.sqrt(memory * inverse[0, 0]) / size[0]),
         lost=float(v * k.sum() * inverse[0, 0] / size[0] ** 2),
         noisy=float(noisy),
-        left=_rms(r) / max(rms, 1e-300),
+        left=rms(r) / max(torque, 1e-300),
         heavy=heavy,
-        driven=float(drag / (rms * np.mean(np.abs(m.w)) + 1e-300)),
+        driven=float(drag / (torque * np.mean(np.abs(m.w)) + 1e-300)),
     )
 
 
-def _rms(x: np.ndarray) -> float:
+def rms(x: np.ndarray) -> float:
+    """Root mean square."""
     return float(np.sqrt(np.mean(x**2)))
 
 

@@ -12,8 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .numbers import FREEDOM
-from .regression import Scale, Solution
+from .regression import Scale, Solution, density, weights
 
 CLIPS = (3.0, 10.0, 30.0)  # nats at which differences of blocks are cut: how many, not how much
 
@@ -55,11 +54,6 @@ class Blocks:
         return np.add.reduceat(np.append(x, 0.0), self.cuts[:-1]) * (np.diff(self.cuts) > 0)
 
 
-def density(r: np.ndarray, factor: float = 1.0) -> np.ndarray:
-    """Log of the Student density of residuals in standard deviations, up to a constant."""
-    return -0.5 * (FREEDOM + 1) * np.log1p((factor * r) ** 2 / FREEDOM)
-
-
 def left_out(
     made: Solution,
     X: np.ndarray,
@@ -72,7 +66,7 @@ def left_out(
     Z, moved = X[:, made.free], moves(made, X, prior, scale, blocks)
     each_row = np.repeat(moved, np.diff(blocks.cuts)[blocks.full], axis=0)
     change = np.einsum("ij,ij->i", Z, each_row) / scale.sigma
-    return blocks.sums(density(made.r - change, factor))
+    return blocks.sums(density(factor * (made.r - change)))
 
 
 def moves(
@@ -80,7 +74,7 @@ def moves(
 ) -> np.ndarray:
     """How the free coefficients move when a block is left out, (full blocks, free)."""
     on, r = made.free, made.r
-    Z, pull = X[:, on], (FREEDOM + 1) * r / (FREEDOM + r * r) / scale.sigma
+    Z, pull = X[:, on], weights(r) * r / scale.sigma
     each = blocks.apart(Z * (np.sqrt(made.weight) / scale.sigma)[:, None])
     own = each.transpose(0, 2, 1) @ each
     H = own.sum(axis=0)
@@ -96,7 +90,7 @@ def moves(
 
 def seen(made: Solution, blocks: Blocks, factor: float) -> np.ndarray:
     """The log density of each block under the fit to all, (blocks,): for screening."""
-    return blocks.sums(density(made.r, factor))
+    return blocks.sums(density(factor * made.r))
 
 
 def paired(a: np.ndarray, b: np.ndarray) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from .base import LEAST_FRICTION, LEVELS, SLIGHT, WIDE, Base, Columns, Record, V
 from .declared import terms
 from .law import NAMES, SMEAR
 from .numbers import LEAST
-from .regression import Scale, solve
+from .regression import Scale, likelihood, solve
 
 
 def settled(
@@ -39,7 +39,7 @@ def settled(
             c = columns if beside is None else columns + beside
             made = solve(c.X, y, c.prior, c.low, c.high, view.scale, rounds=3, near=near)
             near = made.state
-            likely = -float(np.sum(np.log1p(made.r**2 / 4)))
+            likely = likelihood(made.r)
             if best is None or likely > best[0]:
                 best = likely, (float(x0), float(vs))
     assert best is not None

@@ -11,13 +11,11 @@ import numpy as np
 from ...engine.beside import beside
 from ...spec import Block
 from . import search, unknown
-from .base import Base, Columns, View, rms
-from .base import Record as Seen
+from .base import Base, Columns, Record, View, rms
 from .contender import Contender, Entry, enter
 from .eccentric import corrected
 from .levelled import levelled
-from .numbers import FREEDOM
-from .regression import Scale, solve
+from .regression import Scale, solve, weights
 from .settling import settled
 
 SETTLE = 20.0  # nats from which the base is settled beside the likeliest effect
@@ -83,7 +81,7 @@ def with_known(base: Base, table: Table) -> Base:
     return replace(base, known=loads)
 
 
-def decided(record: Seen) -> tuple[Table, Contender | None, tuple[str, ...]]:
+def decided(record: Record) -> tuple[Table, Contender | None, tuple[str, ...]]:
     """The table of a record, with the scale of its richest description.
 
     A first, quick table finds presliding and Stribeck speed beside the likeliest effect, and the
@@ -149,12 +147,11 @@ def richest(base: Base, table: Table) -> View:
     e = made.r * scale.sigma
     spread = MAD * float(np.median(np.abs(e)))
     sigma = spread * float(np.sqrt(1 + min(0.5, X.shape[1] / len(e))))
-    weight = (FREEDOM + 1) / (FREEDOM + (e / max(sigma, 1e-300)) ** 2)
+    weight = weights(e / max(sigma, 1e-300))
     sigma = max(sigma, MAD * float(np.median(np.abs(e) / _room(X, weight, prior, sigma))))
     sigma = max(sigma, 1e-9 * rms(base.y))
-    weight = (FREEDOM + 1) / (FREEDOM + (e / sigma) ** 2)
     J = max(float(made.b[0]) + base.J, 0.5 * base.J)
-    return View(Scale(sigma, scale.noise), weight, J, quick=False)
+    return View(Scale(sigma, scale.noise), weights(e / sigma), J, quick=False)
 
 
 def _room(X: np.ndarray, weight: np.ndarray, prior: np.ndarray, sigma: float) -> np.ndarray:
@@ -173,6 +170,3 @@ def _with_prior(c: Contender, base: Base) -> Columns:
     k = X.shape[1]
     prior = np.mean(X**2, axis=0) / (RICH * base.friction_rms) ** 2
     return Columns(X, prior, np.full(k, -np.inf), np.full(k, np.inf))
-
-
-__all__ = ["Table", "best_of", "decided", "tabulate", "with_known"]

@@ -203,7 +203,7 @@ def _several(
 
     assert found.table is not None
     start = found.table.base
-    effects, _ = rounds.all_of([best, second], fits)
+    effects = rounds.all_of([best, second], fits)
     effects, also = rounds.exchanged(start, effects, fits)
     effects = rounds.chained(start, effects)
     table = tabulate(effects[-1].joined())

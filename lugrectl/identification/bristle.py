@@ -1,0 +1,50 @@
+"""The bristle along a measured motion: Dahl's law with a given motion, in closed form.
+
+    z' = (G sign(w) - z) |w| / (G x0)
+
+Between two reversals it relaxes exponentially over the path. This is the small-damping limit of
+:func:`lugrectl.blocks.friction.bristle` at a constant level G, in units of that level.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+GONE = 40.0  # distances after which exp(-x) no longer changes a sum with 1
+
+
+def strokes(dx: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The path, and the first sample and the direction of each stroke between reversals.
+
+    ``dx`` (n,) are the steps, or the speeds at even times; the path has their unit. A step of 0
+    is rest.
+    """
+    path, side = np.cumsum(np.abs(dx)), np.sign(dx)
+    moving = np.flatnonzero(side)
+    if not len(moving):
+        return path, moving, side[:0]
+    turns = side[moving[1:]] != side[moving[:-1]]
+    first = moving[np.append(True, turns)]
+    return path, first, side[first]
+
+
+def along(
+    path: np.ndarray, first: np.ndarray, sides: np.ndarray, x0: float, asymmetry: float = 0.0
+) -> np.ndarray:
+    """z (n,) for a level G of 1, or of 1 + asymmetry sign(w), from strokes as :func:`strokes` has
+    them.
+
+    The level is both the value towards which z relaxes and, as the stiffness stays, a factor on the
+    distance x0 (in the unit of the path) over which it does.
+    """
+    z, last = np.zeros(len(path)), 0.0
+    ends = np.append(first[1:], len(path))
+    for a, b, side in zip(first.tolist(), ends.tolist(), sides.tolist(), strict=True):
+        level = 1.0 + asymmetry * side
+        reach, limit = level * x0, side * level
+        start = path[a - 1] if a else 0.0
+        end = a + int(np.searchsorted(path[a:b], start + GONE * reach))
+        z[end:b] = limit
+        z[a:end] = limit + (last - limit) * np.exp(-(path[a:end] - start) / reach)
+        last = float(z[b - 1])
+    return z
