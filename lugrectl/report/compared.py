@@ -17,7 +17,7 @@ BUDGET = "Torque budget"
 ROWS = 8  # models of the table that are shown
 LIMITS = 6  # effects whose limit is said in the text
 COLOURS = {"friction": "#5b6675", "effect": "#1f6fb4", "rest": "#b9c2cd"}
-OWN = ("inertia", "coulomb", "viscous", "gravity")
+OWN = ("inertia", "coulomb", "viscous", "gravity", "offset and unbalance")
 UNNAMED = ("left", "noise")
 
 

@@ -48,7 +48,7 @@ def messy() -> list[tuple[str, str]]:
     """How often it is right on drives as machines are, of both generators."""
     path = RESULTS / "messy.json"
     kept = json.loads(path.read_text()) if path.exists() else {}
-    said = {"effect": "messy drive, one effect", "none": "messy drive, nothing missing"}
+    said = {"effect": "messy: one effect", "none": "messy: nothing missing"}
     made = []
     for kind, words in said.items():
         runs = [run for key, run in kept.items() if key.startswith(f"{kind}/")]
@@ -56,7 +56,7 @@ def messy() -> list[tuple[str, str]]:
         points = sum(run["points"] * run["records"] for run in runs)
         if not count:
             continue
-        made.append((words, f"{round(points, 1):g} of {count}"))
+        made.append((words, f"{round(points, 1):g} points of {count}"))
     return made
 
 
