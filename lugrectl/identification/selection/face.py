@@ -50,6 +50,14 @@ def compare(
         The smallest torque that matters, as a share of RMS friction torque.
     alpha : float
         Chance of naming something on a record on which nothing is missing.
+
+    Returns
+    -------
+    Comparison
+        Verdict, effects with start values (SI), table in nats, budget in N m and as shares of RMS
+        friction torque. The equation is that of the package's docstring; models that explain
+        equally well are kept in the spirit of Hansen, Lunde and Nason, *The model confidence set*,
+        Econometrica 79(2), 2011. Rests are left out: there friction may be anything.
     """
     if plain.refused:
         return Comparison("refused", messages=(plain.refused,), least=least)
