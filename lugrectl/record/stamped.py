@@ -81,6 +81,11 @@ class Stamped:
         return [role for role in REQUIRED if role in self.channels]
 
     @property
+    def used(self) -> list[str]:
+        """The same, and a measured load torque."""
+        return [*self.required, *(["d"] if "d" in self.channels else [])]
+
+    @property
     def position(self) -> np.ndarray | None:
         return self.channels.get("theta")
 

@@ -13,8 +13,9 @@ class Stretch:
 
     ``run`` is the index of the log that it comes from, ``dt`` the step in s. ``t`` (s), ``u``
     (N m or N), ``theta`` (rad or m) and ``w`` (rad/s or m/s) are (M,), theta and w None where
-    not recorded. ``ok`` (M,) is False where a sample is missing, bad or bridged over more than
-    a sample. ``jitter`` is the RMS distance of the stamps from even ones, in steps.
+    not recorded, ``d`` (M,) the measured load torque. ``ok`` (M,) is False where a sample is
+    missing, bad or bridged over more than a sample. ``jitter`` is the RMS distance of the stamps
+    from even ones, in steps.
     """
 
     run: int
@@ -25,3 +26,4 @@ class Stretch:
     w: np.ndarray | None
     ok: np.ndarray
     jitter: float = 0.0
+    d: np.ndarray | None = None

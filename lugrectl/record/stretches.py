@@ -32,7 +32,7 @@ def stretches(logs: Sequence[Log]) -> tuple[list[Stretch], list[str]]:
 def _stretch(run: int, rows: Stamped, part: slice) -> Stretch | None:
     """One part on its own even grid; None without two samples of each channel."""
     t = rows.t[part]
-    values = {role: rows.channels[role][part] for role in rows.required}
+    values = {role: rows.channels[role][part] for role in rows.used}
     if len(t) < FEWEST or any(np.isfinite(x).sum() < FEWEST for x in values.values()):
         return None
     dt = typical_step(np.diff(t))
@@ -49,7 +49,8 @@ def _stretch(run: int, rows: Stamped, part: slice) -> Stretch | None:
     used = slice(int(sound[0]), int(sound[-1]) + 1)
     cut = {role: x[used] for role, x in made.items()}
     theta, w = cut.get("theta"), cut.get("w")
-    return Stretch(run, dt, grid[used], cut["u"], theta, w, ok[used], _jitter(t, dt))
+    jitter = _jitter(t, dt)
+    return Stretch(run, dt, grid[used], cut["u"], theta, w, ok[used], jitter, cut.get("d"))
 
 
 def _jitter(t: np.ndarray, dt: float) -> float:

@@ -48,12 +48,12 @@ def _found(log: Log) -> Stamped:
 
 
 def _without_empty(log: Stamped) -> None:
-    """Leave out a load of zeros, and a motion signal that holds next to no number."""
+    """Leave out a load of zeros, and a signal that holds next to no number."""
     for role in ("d", "theta_load"):
         if role in log.channels and not log.channels[role].any():
             del log.channels[role]
             log.say(f"{role} is 0 in every row: left out.")
-    for role, other in (("w", "theta"), ("theta", "w")):
+    for role, other in (("w", "theta"), ("theta", "w"), ("d", "u")):
         if not {role, other} <= set(log.channels):
             continue
         shares = {r: float(np.isfinite(log.channels[r]).mean()) for r in (role, other)}

@@ -21,8 +21,8 @@ class Track:
     ``age`` runs from -1/2 at the start of the first run to 1/2 at the end of the last one.
     ``still`` is a speed below which the direction is noise. ``stopping`` and ``starting`` are,
     where the drive rests, the direction of the motion before and after, elsewhere 0. ``load`` is
-    the load torque, for friction that depends on it. ``most`` limits the number of windows,
-    ``jitter`` is that of the stamps, in steps.
+    the load torque, for friction that depends on it, ``d`` the measured one, which acts against
+    ``u``. ``most`` limits the number of windows, ``jitter`` is that of the stamps, in steps.
     """
 
     run: int
@@ -40,6 +40,7 @@ class Track:
     load: np.ndarray = field(default_factory=lambda: np.zeros(1))
     most: int | None = None
     jitter: float = 0.0
+    d: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.u)
@@ -70,22 +71,18 @@ class Track:
 def tracks_of(stretches: Sequence[Stretch]) -> list[Track]:
     """The stretches that are long enough, with the channels that all of them have."""
     good = [s for s in stretches if np.count_nonzero(s.ok) > SHORTEST]
-    both = {k: all(getattr(s, k) is not None for s in good) for k in ("theta", "w")}
+    both = {k: all(getattr(s, k) is not None for s in good) for k in ("theta", "w", "d")}
     lengths = [len(s.u) * s.dt for s in good]
     starts = np.append(0.0, np.cumsum(lengths))
     made = []
     for s, start in zip(good, starts[:-1], strict=True):
         ok = np.asarray(s.ok, bool) & np.isfinite(s.u)
-        for k in ("theta", "w"):
+        for k in both:
             ok = ok & (np.isfinite(getattr(s, k)) if both[k] else True)
         filled = {k: _filled(getattr(s, k), ok) if both[k] else None for k in both}
         age = (start + s.t - s.t[0]) / starts[-1] - 0.5
         u = _filled(s.u, ok)
-        made.append(
-            Track(
-                s.run, float(s.dt), s.t, u, filled["theta"], filled["w"], ok, age, jitter=s.jitter
-            )
-        )
+        made.append(Track(s.run, float(s.dt), s.t, u, ok=ok, age=age, jitter=s.jitter, **filled))
     return made
 
 

@@ -180,7 +180,10 @@ def _torque(track: Track, half: float, delay: float, at: np.ndarray) -> Mapping[
     k2 = weights(half, 2, shift)
     du = np.c_[means(track.u, k1, at), means(track.u, k2, at)]
     noise = np.array([k1 @ k1, k2 @ k2, _inner(k0, k2), k0 @ k0])
-    return {"y": means(track.u, k0, at), "du": du, "noise": noise}
+    y = means(track.u, k0, at)
+    if track.d is not None:  # measured, so as late as the motion: not at all
+        y = y - means(track.d, weights(half, 0, -0.5, cell=True), at)
+    return {"y": y, "du": du, "noise": noise}
 
 
 def _inner(k: np.ndarray, other: np.ndarray) -> float:

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_matrix, diags
 
-from ...blocks.friction import level
 from ...model import Part
 from .declared import TURNING, applied
 from .law import FORCES, NAMES, VISCOUS, Law, Laws
@@ -61,12 +60,20 @@ class Record:
 
     @property
     def lateness(self) -> float:
-        """The torque may be late or early by this for nothing, s: half a hold, a current loop."""
-        return 0.5 * self.motion.dt + TIMING
+        """The torque may be late or early by this for nothing, s: half a hold, a current loop.
+
+        A speed that is the only motion may be a difference, half a sample late as well.
+        """
+        alone = self.motion.measured[0] is None
+        return (1.0 if alone else 0.5) * self.motion.dt + TIMING
 
     def mean(self, x: np.ndarray) -> np.ndarray:
         """Samples (n,) or (n, k) in the windows."""
         return self.rows.K @ x
+
+    def driving(self, u: np.ndarray) -> np.ndarray:
+        """What drives the motion in the windows (m,), of the torque u (n,): u less the load."""
+        return self.rows.K @ (u - self.motion.d)
 
     @cached_property
     def u(self) -> np.ndarray:
@@ -179,7 +186,7 @@ class Base:
 
     @cached_property
     def y(self) -> np.ndarray:
-        return self.record.mean(self.u)
+        return self.record.driving(self.u)
 
     @cached_property
     def made(self) -> Solution:
@@ -239,10 +246,6 @@ class Base:
         """Level of Coulomb friction over the speed, (n,)."""
         b = self.made.b[LEVELS] if self.levels is None else self.levels
         w = np.abs(self.record.motion.w)
-        known = self.record.declared
-        if known.get("Fs") and known.get("Fc") and known.get("vs"):
-            scale = max(b[0], 0.3 * rms(self.coulomb))
-            return scale * level(w, 1.0, known["Fs"] / known["Fc"], known["vs"])
         curves = self.record.laws.curves(w, self.law.vs)
         return b[0] + sum(c * curve for c, curve in zip(b[1:], curves, strict=False))
 

@@ -12,7 +12,7 @@ from .base import Base, Columns, Record, rms
 from .numbers import ALONE
 from .regression import Solution, solve
 from .score import paired
-from .settling import along
+from .settling import along, relaid
 
 OTHER_J = (0.5, 2.0)  # inertia beside an effect as large as all friction, over that without it
 IMITATES = 0.6  # of the inertia: an unknown torque of u that changes it by more stands for it
@@ -71,6 +71,12 @@ class Contender:
     def share(self) -> float:
         return rms(self.torque) / self.base.friction_rms
 
+    @property
+    def size(self) -> float:
+        """RMS of all of its torque over that of friction; of what the base cannot imitate, where
+        that is next to nothing of it."""
+        return self.whole if self.share > ALONE * self.whole else self.share
+
     @cached_property
     def gain(self) -> float:
         """Nats by which it predicts the blocks better than the base."""
@@ -83,9 +89,7 @@ class Contender:
 
     def joined(self) -> Base:
         """The base with this explanation in it."""
-        base = self.base
-        if self.entry.moved is not None:
-            base = along(base, self.entry.moved)
+        base = self.entry.seen_from(self.base)
         return replace(
             base,
             columns=self.columns,
@@ -103,7 +107,9 @@ class Entry:
     were searched. ``timed``: it is a time, so that the base's lateness of u is not free beside it.
     ``instead``: columns of the base that it replaces. ``inertial``: it changes the inertia by the
     last coefficient and is not held to the plain answer's. ``moved``: the record
-    along another motion, in which the whole base is seen.
+    along another motion, in which the whole base is seen. ``law``: the presliding distance and the
+    Stribeck speed that are the likeliest beside it. ``by_run``: it has a phase of its own in each
+    run, as many columns for one after the other.
     """
 
     name: str
@@ -116,13 +122,19 @@ class Entry:
     inertial: bool = False
     depends_on: frozenset[str] = frozenset()
     moved: Record | None = None
+    law: tuple[float, float] | None = None
+    by_run: bool = False
+
+    def seen_from(self, base: Base) -> Base:
+        """The base in its motion and its law."""
+        base = base if self.moved is None else along(base, self.moved)
+        return base if self.law is None else relaid(base, self.law)
 
 
 def enter(base: Base, entry: Entry) -> Contender:
     """The row of the table for an entry."""
-    own_base = base if entry.moved is None else along(base, entry.moved)
-    record, columns = base.record, _beside(own_base, entry)
-    y = base.y if entry.u is None else record.mean(entry.u)
+    record, columns = base.record, _beside(entry.seen_from(base), entry)
+    y = base.y if entry.u is None else record.driving(entry.u)
     made = solve(
         columns.X, y, columns.prior, columns.low, columns.high, base.view.scale, base.roots**2,
         near=base.made.state,

@@ -7,7 +7,7 @@ A sin(phi) f(x, pi/2). What else it has is searched.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -49,6 +49,13 @@ def columns(
     made = Columns.free(np.column_stack([first, second]))
     made.low[0], made.high[0] = p.low, p.high
     return made
+
+
+def by_run(base: Base, made: Columns) -> Columns:
+    """The same columns for each run alone: a position may count from another zero in each."""
+    run = base.record.motion.run[base.record.rows.at]
+    parts = [replace(made, X=made.X * (run == r)[:, None]) for r in np.unique(run)]
+    return sum(parts[1:], parts[0])
 
 
 def over(base: Base, block: Block, key: str, grid: np.ndarray) -> np.ndarray:

@@ -92,8 +92,16 @@ def _row(base: Base, part: Part) -> Contender:
         blocks=whole.score,
         torque=torque,
         J=whole.J,
-        whole=rms(torque) / less.friction_rms,
+        whole=rms(_own(whole, part, torque)) / less.friction_rms,
     )
+
+
+def _own(whole: Base, part: Part, torque: np.ndarray) -> np.ndarray:
+    """All of the part's torque; of presliding what no rigid friction imitates."""
+    if part.name == "presliding":
+        return torque
+    at = [LEVELS.start + NAMES.index(k) for k in part.shapes]
+    return whole.columns.X[:, at] @ whole.made.b[at]
 
 
 def _greased(less: Base) -> tuple[Base, float]:

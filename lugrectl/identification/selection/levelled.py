@@ -13,7 +13,7 @@ import numpy as np
 from ...spec import REGISTRY
 from .base import LEVELS, Base
 from .contender import Contender, enter
-from .effects import columns
+from .effects import by_run, columns
 
 LEVEL = {"Fc", "Fs", "Fv"}
 TIMES = 12
@@ -25,7 +25,9 @@ def levelled(c: Contender) -> Contender:
     if not LEVEL & set(block.acts) or not c.own or not np.isfinite(c.gain):
         return c
     for _ in range(TIMES):
-        again = enter(c.base, replace(c.entry, columns=columns(_beside(c), block, c.values)))
+        made = columns(_beside(c), block, c.values)
+        made = by_run(c.base, made) if c.entry.by_run else made
+        again = enter(c.base, replace(c.entry, columns=made))
         if not again.gain > c.gain:
             break
         c = again

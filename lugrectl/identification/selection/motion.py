@@ -42,7 +42,8 @@ class Motion:
     ``path`` is the stiffer position from which the acceleration comes, without jumps between the
     stretches. ``pulse`` is the impulse response of the smoothing, ``shake`` a draw of the noise
     that it leaves in the acceleration. ``measured`` are theta and w as measured, w corrected for
-    lag, gain and offset, None where not recorded or of no use. ``variance`` is their noise.
+    lag, gain and offset, None where not recorded or of no use. ``variance`` is their noise, ``d``
+    the measured load torque, 0 where there is none.
     """
 
     dt: float
@@ -61,6 +62,7 @@ class Motion:
     filtered: bool
     count: float
     motion: str
+    d: np.ndarray
 
     def __len__(self) -> int:
         return len(self.u)
@@ -109,7 +111,7 @@ class Motion:
             kept += [np.arange(a, a + max(SHORTEST, int(share * (b - a)))) for a, b in each]
         at, ends = np.concatenate(kept), np.cumsum([0, *(len(k) for k in kept)]).tolist()
         pieces = tuple(slice(a, b) for a, b in pairwise(ends))
-        own = {k: getattr(self, k)[at] for k in ("run", "t", "ok", "u", "theta", "w", "shake")}
+        own = {k: getattr(self, k)[at] for k in ("run", "t", "ok", "u", "d", "theta", "w", "shake")}
         measured = tuple(None if x is None else x[at] for x in self.measured)
         path = _joined([self.path[k] for k in kept])
         return replace(self, pieces=pieces, measured=measured, path=path, **own)
@@ -233,6 +235,7 @@ def motion_of(tracks: Sequence[Track], sensors: Sensors, kind: str) -> Motion:
         filtered=filtered,
         count=count,
         motion=kind,
+        d=np.concatenate([np.zeros(len(p)) if p.d is None else p.d for p in tracks]),
     )
 
 
@@ -251,7 +254,7 @@ def _on(track: Track, dt: float) -> Track:
     own = np.arange(len(track)) * track.dt
     at = np.arange(0.0, own[-1], dt)
     moved = {k: np.interp(at, own, getattr(track, k)) for k in ("u", "age")}
-    both = {k: getattr(track, k) for k in ("theta", "w")}
+    both = {k: getattr(track, k) for k in ("theta", "w", "d")}
     moved |= {k: None if x is None else np.interp(at, own, x) for k, x in both.items()}
     ok = np.interp(at, own, track.ok.astype(float)) > 0.999
     return replace(track, dt=dt, t=track.t[0] + at, ok=ok, **moved)

@@ -150,7 +150,7 @@ def quick(m: Motion, h: float, J: float | None, Fc: float | None) -> Width | Non
     turns = m.span > 2 and m.motion != "linear"
     place = [np.sin(m.theta), np.cos(m.theta)] if turns else [m.theta - m.theta.mean()]
     terms = [np.tanh(m.w / (0.01 * top)), m.w, np.ones(len(m)), m.slope(m.u), *place]
-    X, y = np.column_stack([a, K @ np.column_stack(terms)]), K @ m.u
+    X, y = np.column_stack([a, K @ np.column_stack(terms)]), K @ (m.u - m.d)
     moving = K @ np.abs(m.w) > 0.01 * top
     if moving.sum() < 3 * X.shape[1]:
         return None

@@ -11,7 +11,7 @@ from ...spec import Block, members
 from .base import OFFSET, TURN, Base, Columns, rms
 from .contender import Entry
 from .declared import through
-from .effects import column, columns, over, searched, spanned
+from .effects import by_run, column, columns, over, searched, spanned
 from .law import NAMES
 from .springs import springs
 
@@ -122,6 +122,8 @@ def _over_grid(base: Base, block: Block, key: str) -> Iterator[Entry]:
     C = over(base, block, key, grid)
     gains = base.gains_of_pairs(C) if pair else base.gains(C)[0]
     kept = block.own[key].whole and base.record.motion.motion != "linear"
+    if kept and pair:
+        yield from _of_each_run(base, block, key, grid, C)
     for i in np.argsort(gains)[::-1][: WAYS if kept else 1]:
         value = float(grid[i])
         if not kept and len(grid) > 2:
@@ -129,6 +131,21 @@ def _over_grid(base: Base, block: Block, key: str) -> Iterator[Entry]:
         entered = columns(base, block, {key: value})
         yield Entry(block.name, {key: value}, entered, cost=float(np.log(len(grid))),
                     inertial="J" in block.acts)  # fmt: skip
+
+
+def _of_each_run(
+    base: Base, block: Block, key: str, grid: np.ndarray, C: np.ndarray
+) -> Iterator[Entry]:
+    """An order with another phase in each run, whose positions need not have one zero."""
+    run = base.record.motion.run[base.record.rows.at]
+    runs = np.unique(run)
+    if len(runs) < 2:
+        return
+    i = int(np.argmax(sum(base.gains_of_pairs(C * (run == r)[:, None]) for r in runs)))
+    made = by_run(base, columns(base, block, {key: float(grid[i])}))
+    cost = float(np.log(2 * len(grid)))
+    yield Entry(block.name, {key: float(grid[i])}, made, cost=cost, inertial="J" in block.acts,
+                by_run=True)  # fmt: skip
 
 
 def _grid(base: Base, block: Block, key: str) -> np.ndarray:
@@ -207,7 +224,7 @@ def _of_torque(base: Base, block: Block) -> Entry:
         return applied(base, block, {key: x})
 
     def mean(x: float) -> np.ndarray:
-        return base.record.mean(torque(x))
+        return base.record.driving(torque(x))
 
     def likeness(x: float, searched: bool = True) -> float:
         y = mean(x) if searched else base.record.once((block.name, x), base.u, lambda: mean(x))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,8 @@ from .declared import terms
 from .law import NAMES, SMEAR
 from .numbers import LEAST
 from .regression import Scale, likelihood, solve
+
+STEPS = (1.4, 1.2, 1.1, 1.05)  # of the presliding distance and the Stribeck speed, after the grid
 
 
 def settled(
@@ -28,25 +31,54 @@ def settled(
     m = record.motion
     gravity = gravity or record.turning
     own = record.u if u is None else u
-    y, best, near = record.mean(own), None, None
+    y, near = record.driving(own), None
     shared = _shared(record, gravity)
     late = record.mean(m.slope(own))
     scale, size = _sizes(record, y, late, shared)
     view = view or View(scale)
-    for x0 in record.laws.distances():
-        for vs in record.laws.speeds():
-            columns = _columns(record, (float(x0), float(vs)), late, shared, rms(y), size)
-            c = columns if beside is None else columns + beside
-            made = solve(c.X, y, c.prior, c.low, c.high, view.scale, rounds=3, near=near)
-            near = made.state
-            likely = likelihood(made.r)
-            if best is None or likely > best[0]:
-                best = likely, (float(x0), float(vs))
-    assert best is not None
-    at, late = best[1], record.mean(m.slope(record.u))
-    columns = _columns(record, at, late, shared, rms(record.mean(record.u)), size)
+
+    def likely(x0: float, vs: float) -> float:
+        nonlocal near
+        columns = _columns(record, (x0, vs), late, shared, rms(y), size)
+        c = columns if beside is None else columns + beside
+        made = solve(c.X, y, c.prior, c.low, c.high, view.scale, rounds=3, near=near)
+        near = made.state
+        return likelihood(made.r)
+
+    grid = [(float(x), float(v)) for x in record.laws.distances() for v in record.laws.speeds()]
+    at = likeliest(likely, grid, STEPS)
+    late = record.mean(m.slope(record.u))
+    columns = _columns(record, at, late, shared, rms(record.driving(record.u)), size)
     law = record.once(("chosen", *at), None, lambda: record.laws.law(*at))
     return Base(record, law, columns, record.u, view, gravity=gravity)
+
+
+def likeliest(
+    likely: Callable[[float, float], float],
+    grid: Sequence[tuple[float, float]],
+    steps: Sequence[float],
+) -> tuple[float, float]:
+    """The best of a grid, then of finer steps around it in either direction."""
+    tried = {at: likely(*at) for at in grid}
+    x0, vs = max(tried, key=lambda one: tried[one])
+    for r in steps:
+        for near in ([(x0, vs / r), (x0, vs * r)], [(x0 / r, vs), (x0 * r, vs)]):
+            tried |= {one: likely(*one) for one in near if one not in tried}
+            x0, vs = max([(x0, vs), *near], key=lambda one: tried[one])
+    return x0, vs
+
+
+def relaid(base: Base, at: tuple[float, float]) -> Base:
+    """A base at another presliding distance and Stribeck speed; its effects stay as they are."""
+    record = base.record
+    own = record.once(("law", *at), None, lambda: _of_law(record, *at))
+    X, k = base.columns.X.copy(), len(NAMES)
+    shared = _shared(record, base.gravity).shape[1]
+    X[:, LEVELS] = own[:, :k]
+    X[:, LEVELS.stop + shared : LEVELS.stop + shared + own.shape[1] - k] = own[:, k:]
+    law = record.once(("chosen", *at), None, lambda: record.laws.law(*at))
+    columns = replace(base.columns, X=X)
+    return replace(base, law=law, columns=columns, friction=base.friction_rms)
 
 
 def along(base: Base, record: Record) -> Base:
@@ -74,10 +106,12 @@ def _shared(record: Record, gravity: bool) -> np.ndarray:
 
 
 def _of_law(record: Record, x0: float, vs: float) -> np.ndarray:
-    """The shapes of friction and the declared effects in the windows."""
-    law = record.laws.law(x0, vs)
-    more = terms(record.parts, law, record.motion, record.motion.load)
-    return record.mean(np.column_stack([law.shapes, *more]))
+    """The shapes of friction, what each further run has more of it (another warmth), and the
+    declared effects, in the windows."""
+    law, m = record.laws.law(x0, vs), record.motion
+    warmth = [(m.run == r) * x for r in np.unique(m.run)[1:] for x in (law.z, m.w)]
+    more = terms(record.parts, law, m, m.load)
+    return record.mean(np.column_stack([law.shapes, *warmth, *more]))
 
 
 def _columns(

@@ -29,6 +29,7 @@ def _own(c: Contender, block: Block) -> dict[str, float]:
     if c.u is not None:
         return _of_torque(c, block)
     free, b = spanned(block), c.coefficients
+    b = b[:2] if c.entry.by_run else b  # of the first run: there the phase counts from
     found = {k: v for k, v in c.values.items() if k in block.own}
     if free is None:
         return found | {block.gain: float(b[0])}

@@ -8,11 +8,11 @@ from statistics import NormalDist
 
 import numpy as np
 
-from ...spec import REGISTRY
 from ..balance import UNRELATED
 from . import late_speed, laws_as_rows, limits, rounds
 from .base import Base, Record, rms
 from .contender import Contender, enter
+from .events import Events, events
 from .numbers import (
     ALPHA,
     FAR,
@@ -28,11 +28,12 @@ from .numbers import (
     TOGETHER,
     UNKNOWN,
 )
+from .own_law import in_its_own_law
 from .score import paired
-from .search import entries
 from .table import ALIKE, Table, as_good, best_of, decided, tabulate
 
 MOST_ALTERNATIVES = 3
+NEAR = 0.8  # of the gain of the best, from which each has its own law before they are compared
 MOST_BESIDE = 3  # other effects beside which two explanations are compared again
 
 
@@ -87,7 +88,7 @@ class Bars:
 def decide(record: Record, least: float = LEAST, alpha: float = ALPHA) -> Decision:
     """From the record to the verdict."""
     table, heavy, also = decided(record)
-    bars = Bars(least, NormalDist().inv_cdf(1 - 0.5 * alpha))
+    bars = Bars(least, NormalDist().inv_cdf(1 - alpha))
     found = _of(record, table, bars)
     if not record.sure and heavy is None and found.verdict != "refused":
         return replace(found, messages=(UNSURE,))
@@ -105,11 +106,26 @@ def _with_law(found: Decision, bars: Bars) -> Decision:
     parts = []
     for c in laws_as_rows.rows(found.last):
         d, se = c.above(c.base)
-        if d > least and d > bars.z * se and c.share > bars.least:
+        if d > least and d > bars.z * se and c.size > bars.least and _seen(c):
             parts.append(c)
     parts += _late(found, bars.least)
     verdict = "found" if parts and found.verdict == "adequate" else found.verdict
     return replace(found, verdict=verdict, effects=(*found.effects, *parts))
+
+
+def _matters(c: Contender, table: Table, least: float) -> bool:
+    """Whether its torque is large enough.
+
+    Where the declared law imitates it so that little is left, that little is its own only if no
+    unknown torque explains more.
+    """
+    best = max((free.gain for free in table.unknown), default=0.0)
+    return c.share > least or (c.size > least and c.gain > best)
+
+
+def _seen(c: Contender) -> bool:
+    """Whether it is not small beside what the base leaves."""
+    return c.share > SEEN * c.base.left
 
 
 def _late(found: Decision, least: float) -> list[Contender]:
@@ -119,11 +135,14 @@ def _late(found: Decision, least: float) -> list[Contender]:
 
 
 def _of(record: Record, table: Table, bars: Bars) -> Decision:
-    good = [c for c in bars.proven(table, table.named) if c.share > _floor(c, bars.least)]
-    good = [c for c in good if c.share > SEEN * table.base.left] if record.sure else []
+    good = [c for c in bars.proven(table, table.named) if _matters(c, table, _floor(c, bars.least))]
+    good = [c for c in good if _seen(c)] if record.sure else []
     free = [c for c in bars.proven(table, table.unknown) if c.share > UNKNOWN * bars.least]
     if not good:
-        return _nameless(table, free)
+        return _nameless(table, free, bars.least)
+    near = [c for c in good if c.gain > NEAR * good[0].gain][: 1 + MOST_ALTERNATIVES]
+    if len(near) > 1:
+        good = sorted([*map(in_its_own_law, near), *good[len(near) :]], key=lambda c: -c.gain)
     close = (good[0], *(c for c in good[1:] if as_good(c, good[0])))[: 1 + MOST_ALTERNATIVES]
     beside = tabulate(close[0].joined())
     if len(close) > 1:
@@ -142,15 +161,28 @@ def _floor(c: Contender, least: float) -> float:
     return KNOWN_TIME * least if known else least
 
 
-def _nameless(table: Table, free: list[Contender]) -> Decision:
+def _nameless(table: Table, free: list[Contender], least: float) -> Decision:
     base = table.base
     left = rms(base.made.r) * base.view.scale.sigma / max(rms(base.y), 1e-300)
     if not free and left > HALF:  # an effect as large as all friction could not have been seen
         return Decision("refused", table=table, messages=(UNRELATED.format(left),))
+    odd = events(base)
+    if not free and odd.share > UNKNOWN * least:
+        return _eventful(Decision("unexplained", table=table), odd)
     if not free:
         return Decision("adequate", table=table)
     signals = free[0].depends_on
     return Decision("unexplained", depends_on=signals, table=table, unknown=free[0])
+
+
+def _eventful(found: Decision, odd: Events) -> Decision:
+    """Unexplained, with when it happens."""
+    assert found.table is not None
+    rows, unit = found.table.unknown, "N" if found.last.record.motion.motion == "linear" else "N m"
+    known = (c.depends_on for c in rows if c.gain > MORE and c.share > REST * odd.share)
+    likely = next(known, frozenset({"t"}))
+    return replace(found, verdict="unexplained", alternatives=(), depends_on=likely,
+                   messages=(*found.messages, odd.sentence(unit)))  # fmt: skip
 
 
 def _again(
@@ -165,8 +197,7 @@ def _again(
     if not more:
         return close
     base = table.base.beside([c.its for c in more[:MOST_BESIDE]])
-    made = (enter(base, e) for name in own for e in entries(base, REGISTRY["effect", name]))
-    again = best_of(made)
+    again = best_of(in_its_own_law(enter(base, c.entry)) for c in close)
     kept = [c.name for c in again if c is again[0] or as_good(c, again[0])]
     return tuple(own[name] for name in kept) or close
 
@@ -181,7 +212,8 @@ def _what_is_left(found: Decision, free: list[Contender], bars: Bars) -> Decisio
     rest = bars.proven(beside, beside.unknown)
     odd = _beyond(best, likeliest, rest, free, least) or _at_once(best, second, free)
     far = _nothing_near(best, rest, free, least)
-    if far is None and second is not None and (odd is not None or found.verdict == "found"):
+    another = second is not None and second.name not in {c.name for c in found.alternatives}
+    if second is not None and (odd is not None or another):
         several, odd = _several(found, best, second, free, bars)
         if odd is None:
             return several
@@ -190,7 +222,10 @@ def _what_is_left(found: Decision, free: list[Contender], bars: Bars) -> Decisio
         kept = () if _far(best, free) else found.effects
         return replace(found, verdict="unexplained", effects=kept, alternatives=(),
                        depends_on=odd.depends_on, unknown=odd)  # fmt: skip
-    return found
+    event = events(beside.base)
+    return (
+        _eventful(found, event) if event.share > max(UNKNOWN * least, REST * best.share) else found
+    )
 
 
 def _several(

@@ -1,0 +1,48 @@
+"""An effect beside the friction law that is the likeliest with it in the model.
+
+The base has the presliding distance and the Stribeck speed that suit the likeliest effect. Where
+another explains nearly as much, these numbers would decide between the two; so each has its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ...spec import REGISTRY
+from .base import LEVELS
+from .contender import Contender, enter
+from .effects import by_run, columns
+from .levelled import LEVEL
+from .regression import likelihood, solve
+from .settling import STEPS, likeliest, relaid
+
+TIMES = 3  # the level of friction beside it moves with the law
+
+
+def in_its_own_law(c: Contender) -> Contender:
+    """The contender beside its own likeliest law, where that explains more."""
+    for _ in range(TIMES):
+        again = _once(c)
+        if not again.gain > c.gain:
+            break
+        c = again
+    return c
+
+
+def _once(c: Contender) -> Contender:
+    base, own = c.base, c.its
+    y = base.y if c.u is None else base.record.driving(c.u)
+
+    def likely(x0: float, vs: float) -> float:
+        beside = relaid(base, (x0, vs)).columns + own
+        made = solve(beside.X, y, beside.prior, beside.low, beside.high, base.view.scale,
+                     base.roots**2, rounds=3, near=c.made.state)  # fmt: skip
+        return likelihood(made.r)
+
+    at = likeliest(likely, [c.entry.law or (base.law.x0, base.law.vs)], STEPS)
+    entry = replace(c.entry, law=at)
+    if LEVEL & set(REGISTRY["effect", c.name].acts) and c.own:
+        levels = replace(relaid(base, at), levels=c.made.b[LEVELS])
+        made = columns(levels, REGISTRY["effect", c.name], c.values)
+        entry = replace(entry, columns=by_run(base, made) if entry.by_run else made)
+    return enter(base, entry)
