@@ -162,7 +162,8 @@ def _finer(
 def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progress) -> Diagnosis:
     """The answer with values, intervals and errors from the predictions of the fitted model."""
     report(0.4, "fitting the model with what is missing")
-    won = with_effects(job, found, report)
+    fitted_ones = () if found.only_inertia else found.effects
+    won = with_effects(job, replace(found, effects=fitted_ones), report)
     report(0.8, "errors on held-out samples")
     whole, failed = _whole(won, asked)
     if failed and won.compared is not None:  # its simulation went astray: the values it began with
@@ -183,8 +184,9 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
     tied = tuple(_candidate(found, a.name) for a in found.alternatives)
     effects = [
         Finding.of(key, e.name, fitted, tied if i == _first(found) else ())
-        for i, (key, e) in enumerate(zip(won.keys, found.effects, strict=True))
+        for i, (key, e) in enumerate(zip(won.keys, fitted_ones, strict=True))
     ]
+    effects = effects or [Finding(e.name, {}, tied) for e in found.effects]
     return Diagnosis(
         verdict=found.verdict,
         effects=tuple(effects),
@@ -217,7 +219,7 @@ def _only_compared(ready: Prepared, found: Comparison, model: Model, reason: str
     """The answer without a fit of predictions: values of the comparison, without errors."""
     tied = tuple(_candidate(found, a.name) for a in found.alternatives)
     effects = [
-        Finding(e.name, _estimates(e), tied if i == _first(found) else ())
+        Finding(e.name, _estimates(e, found), tied if i == _first(found) else ())
         for i, e in enumerate(found.effects)
     ]
     return Diagnosis(
@@ -233,7 +235,10 @@ def _only_compared(ready: Prepared, found: Comparison, model: Model, reason: str
     )
 
 
-def _estimates(effect: Named) -> dict[str, Estimate]:
+def _estimates(effect: Named, found: Comparison) -> dict[str, Estimate]:
+    """Values of the comparison; none of what only the inertia shows."""
+    if found.only_inertia:
+        return {}
     block = members("effect")[effect.name]
     return {k: Estimate(v, block.own[k].unit) for k, v in effect.values.items()}
 

@@ -12,6 +12,7 @@ from scipy.sparse import csr_matrix, diags
 
 from ...model import Part
 from .declared import TURNING, applied
+from .late import shifted, spline
 from .law import FORCES, NAMES, VISCOUS, Law, Laws
 from .motion import Motion
 from .numbers import BLOCK, TIMING
@@ -35,7 +36,8 @@ class Record:
     """What all rows of the table share: the motion, its windows and blocks, what is declared.
 
     ``has`` are the parameters of the declared friction law, with a value or not, ``lag``
-    that of a speed with a sensor of its own behind dtheta/dt and its standard error, s.
+    that of a speed with a sensor of its own behind dtheta/dt and its standard error, s. The torque
+    of its motion is ``shift`` (s) later than recorded.
     """
 
     motion: Motion
@@ -49,6 +51,7 @@ class Record:
     parts: Sequence[Part] = ()
     has: frozenset[str] = frozenset()
     lag: tuple[float, float] | None = None
+    shift: float = 0.0
     _kept: dict[Hashable, tuple[object, Any]] = field(default_factory=dict, repr=False)
 
     def once(self, key: Hashable, of: object, make: Callable[[], Any]) -> Any:
@@ -70,6 +73,19 @@ class Record:
     def mean(self, x: np.ndarray) -> np.ndarray:
         """Samples (n,) or (n, k) in the windows."""
         return self.rows.K @ x
+
+    @property
+    def latest(self) -> float:
+        """By how much the torque of its motion may be later still for nothing, s."""
+        return self.lateness - self.shift
+
+    def later(self, shift: float) -> Record:
+        """The same with the torque later by ``shift``, exactly: a derivative is too coarse."""
+        m = self.motion
+        u = np.concatenate([shifted(spline(m.u[p]), shift / m.dt) for p in m.pieces])
+        motion = replace(m, u=u)
+        laws = Laws(motion, self.declared, self.laws.rough)
+        return replace(self, motion=motion, laws=laws, shift=self.shift + shift, _kept={})
 
     def driving(self, u: np.ndarray) -> np.ndarray:
         """What drives the motion in the windows (m,), of the torque u (n,): u less the load."""

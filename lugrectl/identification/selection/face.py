@@ -77,7 +77,7 @@ def levels(stretches: Sequence[Stretch], model: Model, plain: Balance) -> dict[s
 def _result(found: Decision, model: Model, least: float) -> Comparison:
     table, base = found.table, found.last
     assert table is not None
-    inside = [c for c in found.effects if c is not found.gravity]
+    inside = [c for c in found.effects if c is not found.gravity and not found.only_inertia]
     adequate = found.verdict == "adequate"
     return Comparison(
         verdict=found.verdict,
@@ -91,6 +91,7 @@ def _result(found: Decision, model: Model, least: float) -> Comparison:
         plant=levels_of(base),
         alone=levels_of(table.base),
         least=least,
+        only_inertia=found.only_inertia,
     )
 
 

@@ -17,6 +17,7 @@ from .base import LEVELS, Base, rms
 from .contender import Contender, Entry
 from .law import FORCES, NAMES, Law
 from .regression import likelihood
+from .settling import likeliest
 
 RIGID = 1e-3  # of the shortest presliding distance: no bristles to see
 EXPONENTS = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8)  # of grease
@@ -51,10 +52,13 @@ def without(base: Base, parts: Sequence[Part]) -> Base:
     gone = [NAMES.index(k) for part in parts for k in part.shapes]
     rigid = any(part.name == "presliding" for part in parts)
     distances = [RIGID * laws.distances()[0]] if rigid else laws.distances()
-    tried = [_at(base, float(x0), float(vs), gone) for x0 in distances for vs in laws.speeds()]
-    best = max(tried, key=lambda b: likelihood(b.made.r))
-    at = best.law.x0, best.law.vs
-    return replace(best, law=base.record.once(("chosen", *at), None, lambda: laws.law(*at)))
+
+    def likely(x0: float, vs: float) -> float:
+        return likelihood(_at(base, x0, vs, gone).made.r)
+
+    at = likeliest(likely, [(float(x0), float(vs)) for x0 in distances for vs in laws.speeds()])
+    law = base.record.once(("chosen", *at), None, lambda: laws.law(*at))
+    return replace(_at(base, *at, gone), law=law)
 
 
 def _at(base: Base, x0: float, vs: float, gone: Sequence[int]) -> Base:

@@ -14,7 +14,7 @@ from .contender import Contender, enter
 from .effects import by_run, columns
 from .levelled import LEVEL
 from .regression import likelihood, solve
-from .settling import STEPS, likeliest, relaid
+from .settling import likeliest, relaid
 
 TIMES = 3  # the level of friction beside it moves with the law
 
@@ -39,7 +39,7 @@ def _once(c: Contender) -> Contender:
                      base.roots**2, rounds=3, near=c.made.state)  # fmt: skip
         return likelihood(made.r)
 
-    at = likeliest(likely, [c.entry.law or (base.law.x0, base.law.vs)], STEPS)
+    at = likeliest(likely, [c.entry.law or (base.law.x0, base.law.vs)])
     entry = replace(c.entry, law=at)
     if LEVEL & set(REGISTRY["effect", c.name].acts) and c.own:
         levels = replace(relaid(base, at), levels=c.made.b[LEVELS])

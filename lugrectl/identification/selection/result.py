@@ -72,6 +72,7 @@ class Comparison:
     ``effects`` are named, the largest first; ``alternatives`` explain the record as well as the
     first of them. ``depends_on`` are the signals of an unknown torque. ``plant`` are inertia and
     friction beside the effects, ``alone`` those of the declared model without them: start values.
+    ``only_inertia``: of the effects the record shows no more than the inertia of a load.
     """
 
     verdict: str
@@ -85,4 +86,5 @@ class Comparison:
     plant: Mapping[str, float] = field(default_factory=dict)
     alone: Mapping[str, float] = field(default_factory=dict)
     least: float = 0.0
+    only_inertia: bool = False
     seconds: float = 0.0

@@ -12,6 +12,7 @@ from .base import OFFSET, TURN, Base, Columns, rms
 from .contender import Entry
 from .declared import through
 from .effects import by_run, column, columns, over, searched, spanned
+from .late import shifted, spline
 from .law import NAMES
 from .springs import springs
 
@@ -20,7 +21,6 @@ POLISH = 20  # evaluations
 PASSED = 6.0  # rad of an order within a window: beyond, nothing of it is left
 FEW = 4.0  # rad of an order within the travel, at least
 TIMES = (3e-4, 0.05, 14)  # delays and lags to try beyond the free ones: from, to (s), how many
-EDGE = 12  # samples beyond the ends of a stretch that a spline through it knows
 SOONEST, LATEST = 0.04, 0.96  # of the record, for a change in time
 MISSING_LAW = ("stribeck", "presliding", "sublinear_viscous", "dwell_stiction")
 KINEMATIC = ("velocity_sensor_lag",)
@@ -240,7 +240,7 @@ def _of_torque(base: Base, block: Block) -> Entry:
 def _of_torques(base: Base, key: str, timed: bool, neutral: float) -> np.ndarray:
     size, record = np.abs(base.u), base.record
     if timed:
-        return np.append(1e-5, record.lateness + np.geomspace(*TIMES))
+        return np.append(1e-5, max(record.latest, 0.0) + np.geomspace(*TIMES))
     if np.isinf(neutral):
         return np.quantile(
             size,
@@ -278,26 +278,8 @@ def applied(base: Base, block: Block, values: dict[str, float]) -> np.ndarray:
 def _late(base: Base, delay: float) -> np.ndarray:
     """u(t - delay) with a cubic between the samples."""
     m = base.record.motion
-    parts = base.record.once("splines of u", base.u, lambda: [_spline(base.u[p]) for p in m.pieces])
-    return np.concatenate([_shifted(part, delay / m.dt) for part in parts])
-
-
-def _spline(x: np.ndarray) -> np.ndarray:
-    """Coefficients of the cubic spline through x, with EDGE more on each side."""
-    from scipy.ndimage import spline_filter1d  # slow to import
-
-    return spline_filter1d(np.pad(x, EDGE, mode="edge"), 3, mode="nearest")
-
-
-def _shifted(c: np.ndarray, by: float) -> np.ndarray:
-    """The spline ``by`` samples later, the first and last value held."""
-    n, whole = len(c) - 2 * EDGE, int(np.floor(by))
-    s = 1.0 - (by - whole)  # after the earlier of the samples in the middle
-    weights = ((1 - s) ** 3, 4 - 6 * s**2 + 3 * s**3, 1 + 3 * s + 3 * s**2 - 3 * s**3, s**3)
-    held = np.pad(c, max(whole, 0) + 2, mode="edge")
-    first = EDGE + max(whole, 0) + 2 - whole - 2
-    parts = [k / 6 * held[first + i : first + i + n] for i, k in enumerate(weights)]
-    return parts[0] + parts[1] + parts[2] + parts[3]
+    parts = base.record.once("splines of u", base.u, lambda: [spline(base.u[p]) for p in m.pieces])
+    return np.concatenate([shifted(part, delay / m.dt) for part in parts])
 
 
 def _golden(f: Callable[[float], float], low: float, high: float, rounds: int = 8) -> float:

@@ -46,7 +46,7 @@ def settled(
         return likelihood(made.r)
 
     grid = [(float(x), float(v)) for x in record.laws.distances() for v in record.laws.speeds()]
-    at = likeliest(likely, grid, STEPS)
+    at = likeliest(likely, grid)
     late = record.mean(m.slope(record.u))
     columns = _columns(record, at, late, shared, rms(record.driving(record.u)), size)
     law = record.once(("chosen", *at), None, lambda: record.laws.law(*at))
@@ -56,12 +56,11 @@ def settled(
 def likeliest(
     likely: Callable[[float, float], float],
     grid: Sequence[tuple[float, float]],
-    steps: Sequence[float],
 ) -> tuple[float, float]:
     """The best of a grid, then of finer steps around it in either direction."""
     tried = {at: likely(*at) for at in grid}
     x0, vs = max(tried, key=lambda one: tried[one])
-    for r in steps:
+    for r in STEPS:
         for near in ([(x0, vs / r), (x0, vs * r)], [(x0 / r, vs), (x0 * r, vs)]):
             tried |= {one: likely(*one) for one in near if one not in tried}
             x0, vs = max([(x0, vs), *near], key=lambda one: tried[one])
@@ -136,7 +135,7 @@ def _columns(
     if record.motion.one_way:
         low[2] = -np.inf  # one direction only: Coulomb friction and an offset are one term
     low[0], high[0] = record.J or (0.0, np.inf)
-    low[1], high[1] = -record.lateness, record.lateness
+    low[1], high[1] = -record.lateness - record.shift, record.latest
     low[SLIGHT], high[SLIGHT] = -LEAST * friction, LEAST * friction
     return Columns(X, prior, low, high)
 

@@ -15,6 +15,7 @@ from .base import Base, Columns, Record, View, rms
 from .contender import Contender, Entry, enter
 from .eccentric import corrected
 from .levelled import levelled
+from .numbers import LEAST
 from .regression import Scale, solve, weights
 from .settling import settled
 
@@ -26,6 +27,7 @@ MAD = 1.38  # sigma of a Student density of 4 degrees of freedom, in medians of 
 MOST_LEVERAGE = 0.95
 TURNED = 0.8  # rad of travel from which gravity is looked for first
 HEAVY = 0.3  # of friction: gravity that hides what else is missing
+COARSE = 0.1  # of the least torque: what the shift of a torque may leave
 ALIKE = 2.33  # paired standard errors within which two models explain equally well
 ALIKE_ASYMMETRY = 3.0  # the same for an asymmetry, whose shape depends on the Stribeck curve
 PART = 0.3  # of the gain of the best, below which another is not as good
@@ -88,8 +90,8 @@ def decided(record: Record) -> tuple[Table, Contender | None, tuple[str, ...]]:
     noise; a second one decides. Gravity so large that nothing else can be seen before it is in the
     model joins the base: it is returned, with what explains the record as well.
     """
-    base = settled(record)
-    first = tabulate(base)
+    base = _in_time(settled(record))
+    record, first = base.record, tabulate(base)
     base = with_known(base, first)
     heavy, also = weight(first)
     gravity = heavy is not None
@@ -101,6 +103,19 @@ def decided(record: Record) -> tuple[Table, Contender | None, tuple[str, ...]]:
         again = settled(record, base.view, gravity, top.its if top.own else None, top.u)
         base = replace(again, known=base.known)
     return tabulate(base.seen_as(richest(base, first))), heavy, also
+
+
+def _in_time(base: Base) -> Base:
+    """The base with the torque as late as it found it, where a derivative is too coarse for that.
+
+    What the derivative leaves of a shift s is s^2 u''/2.
+    """
+    record, s = base.record, float(base.made.b[1])
+    m = record.motion
+    left = 0.5 * s * s * rms(record.mean(m.slope(m.slope(m.u))))
+    if left < COARSE * LEAST * base.friction_rms:
+        return base
+    return settled(record.later(s))
 
 
 def weight(table: Table) -> tuple[Contender | None, tuple[str, ...]]:

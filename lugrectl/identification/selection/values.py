@@ -47,8 +47,8 @@ def _of_torque(c: Contender, block: Block) -> dict[str, float]:
     found = {k: v for k, v in c.values.items() if k in block.own}
     if block.own[block.gain].unit != "s":
         return found
-    dt = c.base.record.motion.dt
-    return {k: max(v - 0.5 * dt, 0.1 * dt) for k, v in found.items()}
+    dt, shift = c.base.record.motion.dt, c.base.record.shift
+    return {k: max(v + shift - 0.5 * dt, 0.1 * dt) for k, v in found.items()}
 
 
 def _load(c: Contender, block: Block) -> dict[str, float]:

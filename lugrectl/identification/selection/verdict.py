@@ -32,15 +32,22 @@ from .own_law import in_its_own_law
 from .score import paired
 from .table import ALIKE, Table, as_good, best_of, decided, tabulate
 
+HIDING = 0.015  # s: windows from which on a coupling may resonate unseen
+HALF_RESPONSE = 0.55  # frequency times half-width at which a window halves a wave
 MOST_ALTERNATIVES = 3
 NEAR = 0.8  # of the gain of the best, from which each has its own law before they are compared
 MOST_BESIDE = 3  # other effects beside which two explanations are compared again
 
 
 UNSURE = "The record does not determine the inertia, so no effect is named."
+HEAVIER = (
+    "The inertia is {:.2g} times the declared one: a load that the declared value does not have, "
+    "or a wrong value."
+)
 LOADED = (
-    "The inertia is {:.2g} times the declared one: a load behind a coupling that is too stiff to "
-    "be seen, or a wrong declared value."
+    "The inertia is {:.2g} times the declared one. It may be a load behind a coupling: windows of "
+    "{:.2g} ms, which this record needs, do not show a resonance above about {:.2g} Hz. Or the "
+    "declared value is wrong."
 )
 
 
@@ -49,7 +56,8 @@ class Decision:
     """What the table says.
 
     ``alternatives`` explain the record as well as the first of ``effects``. ``beside`` is the table
-    with that one in the base; ``gravity`` joined the base before the first.
+    with that one in the base; ``gravity`` joined the base before the first. ``only_inertia``: of
+    the effects the record shows no more than the inertia of a load.
     """
 
     verdict: str
@@ -60,6 +68,7 @@ class Decision:
     beside: Table | None = None
     gravity: Contender | None = None
     unknown: Contender | None = None
+    only_inertia: bool = False
     messages: tuple[str, ...] = field(default=())
 
     @property
@@ -93,7 +102,8 @@ def decide(record: Record, least: float = LEAST, alpha: float = ALPHA) -> Decisi
     if not record.sure and heavy is None and found.verdict != "refused":
         return replace(found, messages=(UNSURE,))
     found = found if heavy is None else _with_weight(found, heavy, also)
-    found = _with_load(found) if found.verdict == "adequate" else found
+    small = all(c.share < UNKNOWN * least for c in found.effects)
+    found = _with_load(found) if small and found.verdict != "unexplained" else found
     found = _with_law(found, bars) if record.sure else found
     return replace(found, messages=(*found.messages, *limits.unseen(record)))
 
@@ -157,7 +167,7 @@ def _of(record: Record, table: Table, bars: Bars) -> Decision:
 def _floor(c: Contender, least: float) -> float:
     """The smallest share of friction at which it is named."""
     late = c.name in ("input_delay", "actuator_lag")
-    known = late and max(c.values.values()) > c.base.record.lateness + 1e-3
+    known = late and max(c.values.values()) > c.base.record.latest + 1e-3
     return KNOWN_TIME * least if known else least
 
 
@@ -223,9 +233,7 @@ def _what_is_left(found: Decision, free: list[Contender], bars: Bars) -> Decisio
         return replace(found, verdict="unexplained", effects=kept, alternatives=(),
                        depends_on=odd.depends_on, unknown=odd)  # fmt: skip
     event = events(beside.base)
-    return (
-        _eventful(found, event) if event.share > max(UNKNOWN * least, REST * best.share) else found
-    )
+    return _eventful(found, event) if event.share > max(UNKNOWN * least, best.share) else found
 
 
 def _several(
@@ -310,15 +318,25 @@ def _far(best: Contender, free: list[Contender]) -> bool:
 
 
 def _with_load(found: Decision) -> Decision:
-    """A load that turns with the motor is seen as its inertia only."""
+    """A load that turns with the motor is seen as its inertia only, where windows are wide."""
     assert found.table is not None
-    base = found.table.base
+    base, h = found.table.base, found.table.base.record.rows.h
     ratio = base.J / (base.record.declared.get("J") or np.inf)
     close = [c for c in found.table.named if c.name in ("elastic_coupling", "backlash")]
-    if ratio < STIFFLY or not close:
+    if ratio < STIFFLY:
         return found
-    return replace(found, verdict="ambiguous", effects=tuple(close[:1]),
-                   alternatives=tuple(close[1:]), messages=(LOADED.format(ratio),))  # fmt: skip
+    if h < HIDING or len(close) < 2:
+        return replace(found, messages=(*found.messages, HEAVIER.format(ratio)))
+    said = LOADED.format(ratio, 2e3 * h, HALF_RESPONSE / h)
+    return replace(
+        found,
+        verdict="ambiguous",
+        effects=tuple(close[:1]),
+        alternatives=tuple(close[1:]),
+        beside=None,
+        only_inertia=True,
+        messages=(*found.messages, said),
+    )
 
 
 def _with_weight(found: Decision, heavy: Contender, also: tuple[str, ...]) -> Decision:
