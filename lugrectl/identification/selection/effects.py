@@ -177,7 +177,7 @@ def outputs(
     """What a block without states puts out along the motion, each (n, k) for values (1, k)."""
     m = base.record.motion
     view = view or _Samples(slice(None), base.record.rows.K, base.record.rows.narrow, float)
-    signals = {"t": m.t, "theta": m.theta, "w": m.w, "u": base.u, "load": base.weight}
+    signals = {"t": m.t, "theta": m.theta, "w": m.w, "u": base.u, "load": base.weight + m.d}
     shared = {k: base.J for k, p in block.parameters.items() if p.shared and k == "J"}
     made = block(*(view.of(signals[name]) for name in block.reads), **shared, **values)
     size = len(m.t[view.every])

@@ -34,7 +34,7 @@ class Part:
 
 PARTS = (
     Part("stribeck", FORCES[1:], "Fs"),
-    Part("presliding", ("sigma1",), "sigma0"),
+    Part("presliding", (), "sigma0"),
     Part("sublinear_viscous", ("grease", "slow Fv"), "exponent"),
 )
 

@@ -71,11 +71,6 @@ class Motion:
     def duration(self) -> float:
         return len(self) * self.dt
 
-    @cached_property
-    def load(self) -> np.ndarray:
-        """Nothing is known of a load."""
-        return np.zeros(len(self))
-
     @property
     def runs(self) -> tuple[tuple[int, int], ...]:
         return tuple((p.start, p.stop) for p in self.pieces)

@@ -6,6 +6,7 @@ another explains nearly as much, these numbers would decide between the two; so 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from ...spec import REGISTRY
@@ -16,7 +17,17 @@ from .levelled import LEVEL
 from .regression import likelihood, solve
 from .settling import likeliest, relaid
 
+NEAR = 0.8  # of the gain of the best, from which each has its own law before they are compared
+MOST = 4
 TIMES = 3  # the level of friction beside it moves with the law
+
+
+def each_in_its_own_law(good: Sequence[Contender]) -> list[Contender]:
+    """The contenders, those near the best beside their own laws, the best first."""
+    near = [c for c in good if c.gain > NEAR * good[0].gain][:MOST]
+    if len(near) < 2:
+        return list(good)
+    return sorted([*map(in_its_own_law, near), *good[len(near) :]], key=lambda c: -c.gain)
 
 
 def in_its_own_law(c: Contender) -> Contender:

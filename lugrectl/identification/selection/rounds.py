@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 
 from .base import Base
 from .contender import Contender, enter
+from .own_law import each_in_its_own_law
 from .table import ALIKE, Table, as_good, tabulate
 
 MOST = 4  # effects of one record
@@ -62,7 +63,7 @@ def exchanged(
 def _best(
     own: Contender, table: Table, fits: Fits
 ) -> tuple[Contender | None, tuple[Contender, ...]]:
-    good = [c for c in table.named if fits(c, table)]
+    good = each_in_its_own_law([c for c in table.named if fits(c, table)])
     if not good:
         return None, ()
     mine = next((c for c in good if c.name == own.name), None)

@@ -46,7 +46,7 @@ def _pointless(base: Base, block: Block) -> bool:
     both = {"constant_torque", "coulomb_asymmetry", "viscous_asymmetry"}
     if m.one_way and block.name in both:
         return True
-    if "load" in block.inputs and not np.any(base.weight):
+    if "load" in block.inputs and not (np.any(base.weight) or np.any(m.d)):
         return True
     turned = m.motion == "linear"
     if "sensor" in block.acts and (turned or m.span < 3.0):
@@ -89,14 +89,16 @@ def _linear(base: Base, block: Block) -> Iterator[Entry]:
 
 
 def _of_load(base: Base, block: Block) -> Iterator[Entry]:
-    """The load is the weight, fitted or as declared, alone and with the torque of the inertia.
+    """The load is the weight, fitted or as declared, and a load that was measured, alone and with
+    the torque of the inertia.
 
     A fitted weight is not zero at the right place where the travel is small: there an offset is
     a part of it. Friction under the torque of the inertia is part of what opposes an acceleration:
     the plain answer, which has no such friction, counts it as inertia.
     """
-    a, weights = base.record.motion.a, [base.weight, *_declared_weight(base)]
-    loads = [(load, part > 0) for w in weights for part, load in enumerate((w, w + base.J * a))]
+    m, weights = base.record.motion, [base.weight, *_declared_weight(base)]
+    known = [m.d + w for w in weights if np.any(m.d) or np.any(w)]
+    loads = [(load, part > 0) for w in known for part, load in enumerate((w, w + base.J * m.a))]
     for load, inertial in loads:
         out = block(load, **{block.gain: 1.0})[0]
         own = Columns.free(base.record.mean(out * base.law.z)[:, None], 0.0)

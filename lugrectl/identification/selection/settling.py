@@ -109,7 +109,7 @@ def _of_law(record: Record, x0: float, vs: float) -> np.ndarray:
     declared effects, in the windows."""
     law, m = record.laws.law(x0, vs), record.motion
     warmth = [(m.run == r) * x for r in np.unique(m.run)[1:] for x in (law.z, m.w)]
-    more = terms(record.parts, law, m, m.load)
+    more = terms(record.parts, law, m, m.d)
     return record.mean(np.column_stack([law.shapes, *warmth, *more]))
 
 

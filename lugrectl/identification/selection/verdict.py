@@ -28,14 +28,13 @@ from .numbers import (
     TOGETHER,
     UNKNOWN,
 )
-from .own_law import in_its_own_law
+from .own_law import each_in_its_own_law, in_its_own_law
 from .score import paired
 from .table import ALIKE, Table, as_good, best_of, decided, tabulate
 
 HIDING = 0.015  # s: windows from which on a coupling may resonate unseen
 HALF_RESPONSE = 0.55  # frequency times half-width at which a window halves a wave
 MOST_ALTERNATIVES = 3
-NEAR = 0.8  # of the gain of the best, from which each has its own law before they are compared
 MOST_BESIDE = 3  # other effects beside which two explanations are compared again
 
 
@@ -150,9 +149,7 @@ def _of(record: Record, table: Table, bars: Bars) -> Decision:
     free = [c for c in bars.proven(table, table.unknown) if c.share > UNKNOWN * bars.least]
     if not good:
         return _nameless(table, free, bars.least)
-    near = [c for c in good if c.gain > NEAR * good[0].gain][: 1 + MOST_ALTERNATIVES]
-    if len(near) > 1:
-        good = sorted([*map(in_its_own_law, near), *good[len(near) :]], key=lambda c: -c.gain)
+    good = each_in_its_own_law(good)
     close = (good[0], *(c for c in good[1:] if as_good(c, good[0])))[: 1 + MOST_ALTERNATIVES]
     beside = tabulate(close[0].joined())
     if len(close) > 1:
@@ -274,7 +271,7 @@ def _instead(
 
 def _large(c: Contender, best: Contender, least: float) -> bool:
     """Whether a second effect is large enough to be named."""
-    return c.share > max(UNKNOWN * least, SECOND * best.share) and c.gain > SECOND_GAIN * best.gain
+    return c.size > max(UNKNOWN * least, SECOND * best.size) and c.gain > SECOND_GAIN * best.gain
 
 
 def _beyond(
