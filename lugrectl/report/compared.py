@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
 BUDGET = "Torque budget"
 ROWS = 8  # models of the table that are shown
-LIMITS = 6  # effects whose limit is said in the text
 COLOURS = {"friction": "#5b6675", "effect": "#1f6fb4", "rest": "#b9c2cd"}
 OWN = ("inertia", "coulomb", "viscous", "gravity", "offset and unbalance")
 UNNAMED = ("left", "noise")
@@ -60,12 +59,14 @@ def limits(d: Any) -> Section | None:
     found = _comparison(d)
     if found is None or not found.detectable:
         return None
-    rows = [(limit.name, _percent(limit.share)) for limit in found.detectable]
-    grid = Grid(("effect", "seen from"), "lr", tuple(rows))
+    shown = [limit for limit in found.detectable if limit.share > found.least]
+    best = len(found.detectable) - len(shown)
     line = (
-        "An effect whose RMS torque is at least this share of friction would have been seen with "
-        "a probability of 80 %."
+        f"{best} effects would have been seen from {_percent(found.least)} of friction on, with a "
+        "probability of 80 %; smaller ones are not named."
     )
+    rows = [(limit.name, _seen_from(limit.share)) for limit in shown]
+    grid = Grid(("effect", "seen from"), "lr", tuple(rows)) if rows else None
     return Section("What this record would show", (line,), grid)
 
 
@@ -74,9 +75,9 @@ def limits_in_words(d: Any) -> str:
     found = _comparison(d)
     if found is None or not found.detectable:
         return ""
-    best = found.detectable[0]
+    least = _percent(found.detectable[0].share)
     return (
-        f" An effect such as {best.name}, from {_percent(best.share)} of friction on, would show."
+        f" Most effects would have shown from {least} of friction on; the report lists the others."
     )
 
 
@@ -122,6 +123,11 @@ def _row(row: Any) -> tuple[str, ...]:
 
 def _kind(term: str) -> str:
     return "friction" if term in OWN else "rest" if term in UNNAMED else "effect"
+
+
+def _seen_from(share: float) -> str:
+    """A limit beyond all friction says that the record cannot show the effect."""
+    return _percent(share) if share < 1.0 else "not in this record"
 
 
 def _term(term: str) -> str:

@@ -106,7 +106,7 @@ def _rows(table: Table) -> list[Compared]:
     rows = [Compared("declared", 0.0, 0.0, 0.0, own)]
     for c in table.rows:
         gain, se = c.above(c.base)
-        rows.append(Compared(c.name, gain, se, c.share, int(c.made.free.sum())))
+        rows.append(Compared(c.name, gain, se, c.share, own + c.own + len(c.values)))
     return rows
 
 

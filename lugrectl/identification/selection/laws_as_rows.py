@@ -17,7 +17,7 @@ from .base import LEVELS, Base, rms
 from .contender import Contender, Entry
 from .law import FORCES, NAMES, Law
 from .regression import likelihood
-from .settling import likeliest
+from .settling import columns_at, likeliest, relaid
 
 RIGID = 1e-3  # of the shortest presliding distance: no bristles to see
 EXPONENTS = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8)  # of grease
@@ -54,27 +54,19 @@ def without(base: Base, parts: Sequence[Part]) -> Base:
     distances = [RIGID * laws.distances()[0]] if rigid else laws.distances()
 
     def likely(x0: float, vs: float) -> float:
-        return likelihood(_at(base, x0, vs, gone).made.r)
+        return likelihood(_at(base, (x0, vs), gone).made.r)
 
-    at = likeliest(likely, [(float(x0), float(vs)) for x0 in distances for vs in laws.speeds()])
-    law = base.record.once(("chosen", *at), None, lambda: laws.law(*at))
-    return replace(_at(base, *at, gone), law=law)
+    grid = [(float(x0), float(vs)) for x0 in distances for vs in laws.speeds()]
+    at = likeliest(likely, grid if parts else [(base.law.x0, base.law.vs)])
+    return replace(_at(base, at, gone), law=relaid(base, at).law)
 
 
-def _at(base: Base, x0: float, vs: float, gone: Sequence[int]) -> Base:
+def _at(base: Base, at: tuple[float, float], gone: Sequence[int]) -> Base:
     """The base at another presliding distance and Stribeck speed, without some shapes."""
-    record = base.record
-    means = record.once(("shapes", x0, vs), None, lambda: _means(base, x0, vs))
-    X = base.columns.X.copy()
-    X[:, LEVELS] = means
-    X[:, [LEVELS.start + i for i in gone]] = 0.0
-    law = Law(x0, vs, base.law.shapes)  # its samples do not matter to the fit
-    columns = replace(base.columns, X=X)
+    columns = columns_at(base, at)
+    columns.X[:, [LEVELS.start + i for i in gone]] = 0.0
+    law = Law(*at, base.law.shapes)  # its samples do not matter to the fit
     return replace(base, law=law, columns=columns, friction=base.friction_rms)
-
-
-def _means(base: Base, x0: float, vs: float) -> np.ndarray:
-    return base.record.mean(base.record.laws.law(x0, vs).shapes)
 
 
 def _row(base: Base, part: Part) -> Contender:

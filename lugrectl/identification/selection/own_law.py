@@ -15,7 +15,7 @@ from .contender import Contender, enter
 from .effects import by_run, columns
 from .levelled import LEVEL
 from .regression import likelihood, solve
-from .settling import likeliest, relaid
+from .settling import columns_at, likeliest, relaid
 
 NEAR = 0.8  # of the gain of the best, from which each has its own law before they are compared
 MOST = 4
@@ -45,7 +45,7 @@ def _once(c: Contender) -> Contender:
     y = base.y if c.u is None else base.record.driving(c.u)
 
     def likely(x0: float, vs: float) -> float:
-        beside = relaid(base, (x0, vs)).columns + own
+        beside = columns_at(base, (x0, vs)) + own
         made = solve(beside.X, y, beside.prior, beside.low, beside.high, base.view.scale,
                      base.roots**2, rounds=3, near=c.made.state)  # fmt: skip
         return likelihood(made.r)

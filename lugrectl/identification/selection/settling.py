@@ -67,16 +67,22 @@ def likeliest(
     return x0, vs
 
 
-def relaid(base: Base, at: tuple[float, float]) -> Base:
-    """A base at another presliding distance and Stribeck speed; its effects stay as they are."""
+def columns_at(base: Base, at: tuple[float, float]) -> Columns:
+    """The columns of a base at another presliding distance and Stribeck speed."""
     record = base.record
     own = record.once(("law", *at), None, lambda: _of_law(record, *at))
     X, k = base.columns.X.copy(), len(NAMES)
-    shared = _shared(record, base.gravity).shape[1]
+    after = LEVELS.stop + len(SLIGHT) + 2 * base.gravity + len(np.unique(record.motion.run)) - 1
     X[:, LEVELS] = own[:, :k]
-    X[:, LEVELS.stop + shared : LEVELS.stop + shared + own.shape[1] - k] = own[:, k:]
+    X[:, after : after + own.shape[1] - k] = own[:, k:]
+    return replace(base.columns, X=X)
+
+
+def relaid(base: Base, at: tuple[float, float]) -> Base:
+    """A base at another presliding distance and Stribeck speed; its effects stay as they are."""
+    record = base.record
     law = record.once(("chosen", *at), None, lambda: record.laws.law(*at))
-    columns = replace(base.columns, X=X)
+    columns = columns_at(base, at)
     return replace(base, law=law, columns=columns, friction=base.friction_rms)
 
 
