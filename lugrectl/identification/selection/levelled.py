@@ -10,19 +10,24 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...spec import REGISTRY
+from ...spec import REGISTRY, Block
 from .base import LEVELS, Base
 from .contender import Contender, enter
 from .effects import by_run, columns
 
-LEVEL = {"Fc", "Fs", "Fv"}
+LEVELS_OF_FRICTION = {"Fc", "Fs", "Fv"}
 TIMES = 12
+
+
+def on_level(block: Block) -> bool:
+    """Whether the effect multiplies the level of friction at each instant."""
+    return bool(LEVELS_OF_FRICTION & set(block.acts)) and not block.states
 
 
 def levelled(c: Contender) -> Contender:
     """The contender in its own friction, where that explains more."""
     block = REGISTRY["effect", c.name]
-    if not LEVEL & set(block.acts) or not c.own or not np.isfinite(c.gain):
+    if not on_level(block) or not c.own or not np.isfinite(c.gain):
         return c
     for _ in range(TIMES):
         made = columns(_beside(c), block, c.values)

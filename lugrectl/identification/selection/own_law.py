@@ -13,7 +13,7 @@ from ...spec import REGISTRY
 from .base import LEVELS
 from .contender import Contender, enter
 from .effects import by_run, columns
-from .levelled import LEVEL
+from .levelled import on_level
 from .regression import likelihood, solve
 from .settling import columns_at, likeliest, relaid
 
@@ -52,7 +52,7 @@ def _once(c: Contender) -> Contender:
 
     at = likeliest(likely, [c.entry.law or (base.law.x0, base.law.vs)])
     entry = replace(c.entry, law=at)
-    if LEVEL & set(REGISTRY["effect", c.name].acts) and c.own:
+    if on_level(REGISTRY["effect", c.name]) and c.own:
         levels = replace(relaid(base, at), levels=c.made.b[LEVELS])
         made = columns(levels, REGISTRY["effect", c.name], c.values)
         entry = replace(entry, columns=by_run(base, made) if entry.by_run else made)

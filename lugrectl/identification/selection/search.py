@@ -8,6 +8,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from ...spec import Block, members
+from . import dwelling
 from .base import OFFSET, TURN, Base, Columns, rms
 from .contender import Entry
 from .declared import through
@@ -22,7 +23,7 @@ PASSED = 6.0  # rad of an order within a window: beyond, nothing of it is left
 FEW = 4.0  # rad of an order within the travel, at least
 TIMES = (3e-4, 0.05, 14)  # delays and lags to try beyond the free ones: from, to (s), how many
 SOONEST, LATEST = 0.04, 0.96  # of the record, for a change in time
-MISSING_LAW = ("stribeck", "presliding", "sublinear_viscous", "dwell_stiction")
+MISSING_LAW = ("stribeck", "presliding", "sublinear_viscous")
 KINEMATIC = ("velocity_sensor_lag",)
 INSTEAD = {
     "constant_torque": OFFSET,
@@ -57,7 +58,9 @@ def _pointless(base: Base, block: Block) -> bool:
 def entries(base: Base, block: Block) -> Iterator[Entry]:
     """An entry or a few for an effect."""
     free = searched(block)
-    if block.states and "input" not in block.acts:
+    if block.states and "Fs" in block.acts:
+        yield from dwelling.entries(base, block)
+    elif block.states and "input" not in block.acts:
         yield from springs(base, block)
     elif "input" in block.acts and block.gain in ("delay", "time_constant", "limit", "half_width"):
         yield _of_torque(base, block)

@@ -9,7 +9,7 @@ from statistics import NormalDist
 import numpy as np
 
 from ..balance import UNRELATED
-from . import late_speed, laws_as_rows, limits, rounds
+from . import late_speed, laws_as_rows, rounds
 from .base import Base, Record, rms
 from .contender import Contender, enter
 from .events import Events, events
@@ -104,7 +104,7 @@ def decide(record: Record, least: float = LEAST, alpha: float = ALPHA) -> Decisi
     small = all(c.share < UNKNOWN * least for c in found.effects)
     found = _with_load(found) if small and found.verdict != "unexplained" else found
     found = _with_law(found, bars) if record.sure else found
-    return replace(found, messages=(*found.messages, *limits.unseen(record)))
+    return found
 
 
 def _with_law(found: Decision, bars: Bars) -> Decision:
