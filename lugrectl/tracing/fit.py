@@ -23,8 +23,9 @@ FLAT = 1e-8  # of the scaled information, below which a direction is not identif
 ANYWHERE = 1e50  # how far an unidentified coordinate may move
 PART = 0.1  # component of a direction, from which a parameter belongs to it
 QUIETER = (0.1, 0.01)  # times the noise, for the start of a fit with many local maxima
-SETTLED = 0.3  # gain in log-likelihood of two steps, below which a fit ends
-NOISE_STEPS = (1.0, 0.6, 0.25, 1.5)  # factors tried at each step of a fit
+SETTLED = 0.02  # gain in log-likelihood that a step promises, below which it is the last
+NOISE_STEPS = (1.0, 0.6, 0.25, 1.5)  # factors tried at each step of a fit ...
+QUIET = 0.01  # ... that promises this for each sample; a smaller gain hardly changes the noise
 
 
 @dataclass(frozen=True)
@@ -163,7 +164,6 @@ def fit(
     rough: bool = False,
     quiet: float = 1.0,
     hold: bool = False,
-    settled: float = SETTLED,
 ) -> Fitted:
     """Maximise the likelihood of the predictions over the free values and the noise of dw/dt.
 
@@ -173,7 +173,8 @@ def fit(
     steps hold the noise at that fraction, and so come near to a fit of the simulation error. (Under
     a large noise the observer gain is high and compensates wrong values; then no small change of
     the values and the noise together is better.) With ``hold`` they hold it as given. A fit ends
-    when two steps gain less than ``settled``.
+    with the step that promises hardly any gain, or when two steps in a row do not keep what they
+    promise.
     """
     anchor = dict(values) | dict(anchor or {})
     declared = predictor.declarations()
@@ -184,7 +185,7 @@ def fit(
     place_all = partial(placed, predictor, moments, where)
     # few steps are not worth compiling the derivatives of another plant
     graph = not rough or not predictor.core.effects or is_compiled(predictor)
-    climb = _Climb(predictor, coords, where, Prior.at(coords, anchor), graph, settled)
+    climb = _Climb(predictor, coords, where, Prior.at(coords, anchor), graph)
     if quiet < 1.0 or hold:
         held = replace(noise, jump=quiet * noise.jump)
         values, noise = climb.up(values, held, most, (1.0,))
@@ -258,7 +259,6 @@ class _Climb:
     where: Windows
     prior: Prior
     graph: bool
-    settled: float = SETTLED
 
     def up(
         self, values: Values, noise: Noise, most: int, factors: Sequence[float] = NOISE_STEPS
@@ -267,19 +267,19 @@ class _Climb:
         noise, total = self.judged(current, noise, (1.0,))
         linear, small = self.linearised(current, noise), 0
         for _ in range(most):
-            ahead = self.ahead(linear, current, damping)
-            better, reached = self.judged(ahead, noise, factors)
-            if not reached > total:
-                damping *= 20.0
-                if damping > 1e5:
-                    break
-                continue
-            small = small + 1 if reached - total < self.settled else 0
-            current, noise, total = ahead, better, reached
-            damping = max(0.1 * damping, 1e-8)
-            if small == 2:
+            ahead, promised = self.ahead(linear, current, damping)
+            loud = promised > QUIET * self.where.counted.size
+            better, reached = self.judged(ahead, noise, factors if loud else (1.0,))
+            if reached > total:
+                small = small + 1 if reached - total < SETTLED else 0
+                current, noise, total = ahead, better, reached
+            if promised < SETTLED or small == 2:
                 break
-            linear = self.linearised(current, noise)
+            if total == reached:
+                damping = max(0.1 * damping, 1e-8)
+                linear = self.linearised(current, noise)
+            else:
+                damping *= 20.0
         return current, noise
 
     def judged(self, values: Values, noise: Noise, factors: Sequence[float]) -> tuple[Noise, float]:
@@ -293,13 +293,17 @@ class _Climb:
         best = int(np.argmax(np.nan_to_num(totals, nan=-np.inf)))
         return noises[best], float(totals[best]) - self.prior.cost(values)
 
-    def ahead(self, linear: _Linear, values: Values, damping: float) -> dict[str, float]:
+    def ahead(
+        self, linear: _Linear, values: Values, damping: float
+    ) -> tuple[dict[str, float], float]:
+        """The values after a step, and the gain that the linearised innovations promise."""
         pull, weight = self.prior.pull(values)
         gradient, H = linear.scores.sum(0) + pull, linear.parts.sum(0) + weight
         stuck = [c.stuck(values[c.key], g) for c, g in zip(self.coords, gradient, strict=True)]
         if any(stuck):
             gradient, H = np.where(stuck, 0.0, gradient), H * ~np.logical_or.outer(stuck, stuck)
-        return _move(H, gradient, damping, self.coords, values)
+        dx = _step(H, gradient, damping)
+        return moved(values, self.coords, dx), float(gradient @ dx - 0.5 * dx @ H @ dx)
 
     def linearised(self, values: Values, noise: Noise) -> _Linear:
         r, A = slopes(self.predictor, values, self.coords, self.where, noise, graph=self.graph)
@@ -307,10 +311,10 @@ class _Climb:
         return _Linear(*information(A.reshape(*A.shape[:2], r.shape[1]), r))
 
 
-def _move(H, gradient, damping, coords, values) -> dict[str, float]:
+def _step(H: np.ndarray, gradient: np.ndarray, damping: float) -> np.ndarray:
     scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
     unit = H / np.outer(scale, scale) + damping * np.eye(len(scale))
-    return moved(values, coords, np.linalg.lstsq(unit, gradient / scale, rcond=1e-12)[0] / scale)
+    return np.linalg.lstsq(unit, gradient / scale, rcond=1e-12)[0] / scale
 
 
 def moved(values: Values, coords: Sequence[Coordinate], dx: np.ndarray) -> dict[str, float]:

@@ -29,7 +29,6 @@ NOISIER = 1.5  # times the noise before: above, another maximum may be better
 WIDE = 0.3  # standard deviation of a logarithm, above which the likelihood is no parabola
 BEYOND = (1.5, 2.25)  # half-widths at which Fs and vs are then held: that may be as likely
 FURTHER = 2  # other maxima that are looked at
-CLOSE = 0.02  # gain in log-likelihood of two steps that ends the last fit
 MOST = 0.05  # probability outside the region of values that are as likely
 
 OTHER = (
@@ -110,7 +109,7 @@ def _ended(found: Fitted, start: Fitted, opened: Collection[str]) -> Fitted:
     anchor = start.anchor | {k: found.values[k] for k in opened if k in found.values}
     return fit(
         found.predictor, found.values, _keys(found), found.where, found.noise,
-        anchor=anchor, settled=CLOSE,
+        anchor=anchor,
     )  # fmt: skip
 
 
