@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 
@@ -13,11 +13,12 @@ from ..engine.beside import beside
 from ..errors import Refused
 from ..model import Model, Part
 from ..spec import unit_for
+from .coordinates import coordinates, free_keys, inside
 from .data import Data, thinned
-from .fit import QUIETER, Fitted, again, fit, tuned
-from .likelihood import whitened
+from .fit import Fitted, again, fit
+from .likelihood import tune, whitened
 from .predictor import Predictor
-from .proof import loud
+from .runs import alike
 from .windows import Windows, coarser, spread
 
 DEFLECTIONS = (1e-5, 1e-4, 1e-3, 1e-2)  # Fc / sigma0 as a share of the largest speed, in s
@@ -26,7 +27,6 @@ BALANCED = ("J", "Fc", "Fv", "Fs", "vs", "sigma0")
 # a fit stays near its start, so none is near zero
 LEAST = {"J": 0.01, "Fc": 1e-3, "Fv": 0.05}
 CREEP = 1e-5  # of the largest speed, at which static friction may let a sticking drive creep
-SHORT = 8  # steps of a fit from a restart
 ROUNDS = 5  # of fits, each from the values of the previous one
 BETTER = 3.0  # least gain in log-likelihood that counts as an improvement
 TURNS = (0.5 * np.pi, np.pi, -0.5 * np.pi)  # rad, changes of a declared phase
@@ -70,52 +70,26 @@ def completed(model: Model, data: Data, train: Windows) -> Model:
     return core
 
 
-def settled(base: Fitted, declared: Model) -> Fitted:
-    """The fit of the declared model, or a better one from a restart.
+def begun(predictor: Predictor, train: Windows, declared: Model) -> Fitted:
+    """The fit of the declared model from the most likely of the values that are known beforehand.
 
-    Behaviour around rest causes poor local maxima. The friction that the comparison of torques
-    finds usually starts from a better basin; so do the other points of the coarse search, for
-    undeclared values.
+    These are the declared ones and those that the comparison of torques finds, which are usually in
+    the better basin; the phases of declared effects turned; for undeclared values also the points
+    of the coarse search.
     """
-    opened = [k for k, v in declared.values().items() if v is None]
-    base = _unbound(base, opened)
-    light = lightened(base)
-    guesses = _guesses(declared, base.anchor, base.predictor.data)
-    elsewhere = (_balanced_start(base), *_turned(light))
-    believed = [(values, base.anchor) for values in elsewhere]
-    guessed = [(base.anchor | guess, base.anchor | guess) for guess in guesses]
-    better = restarted(base, light, [(*start, 1.0) for start in (*believed, *guessed)])
-    return max(base, _unbound(better, opened), key=lambda f: f.total)
+    data, opened = predictor.data, [k for k, v in declared.values().items() if v is None]
+    anchor = predictor.model.known() | alike(data)
+    light, where = lightened(predictor, train)
 
+    def seen(values: Mapping[str, float]) -> float:
+        return float(tune(light, values, where, data.noise)[1].sum())
 
-def restarted(
-    base: Fitted, light: Fitted, starts: Sequence[tuple[dict[str, float], dict[str, float], float]]
-) -> Fitted:
-    """The fit, or the best one from other values, anchors and shares of the noise."""
-    free = [c.key for c in base.free] + list(base.instants)
-
-    def begun(start: tuple[dict[str, float], dict[str, float], float]) -> Fitted:
-        values, anchor, quiet = start
-        return fit(
-            light.predictor, values, free, light.where, light.noise,
-            anchor=anchor, most=SHORT, rough=True, quiet=quiet,
-        )  # fmt: skip
-
-    best = max([light, *beside(begun, starts)], key=lambda f: f.total)
-    if best.total < light.total + BETTER:
-        return base
-    return fit(base.predictor, best.values, free, base.where, best.noise, anchor=best.anchor)
-
-
-def quieter(found: Fitted) -> Fitted:
-    """The fit, or a better one from starts under less noise, where the observer supplies torque.
-
-    Under a large noise the observer compensates wrong values of Fs and vs.
-    """
-    if not loud(found):
-        return found
-    starts = [(found.values, found.anchor, quiet) for quiet in QUIETER]
-    return max(found, restarted(found, lightened(found), starts), key=lambda f: f.total)
+    guesses = [anchor | guess for guess in _guesses(declared, anchor, data)]
+    starts = [anchor, _balanced_start(predictor, anchor), *guesses]
+    start = starts[int(np.argmax(beside(seen, starts)))]
+    start = _turned(predictor.model, start, seen)
+    found = fit(predictor, start, free_keys(predictor), train, data.noise, anchor=anchor)
+    return _unbound(found, opened)
 
 
 def lifted(model: Model) -> Model:
@@ -151,31 +125,32 @@ def _unbound(found: Fitted, opened: Sequence[str]) -> Fitted:
     return found
 
 
-def _balanced_start(base: Fitted) -> dict[str, float]:
+def _balanced_start(predictor: Predictor, anchor: Mapping[str, float]) -> dict[str, float]:
     """The values of the plain balance and of the comparison, where they know them."""
-    held = base.predictor.model.held()
-    known = base.predictor.data.plain
-    found = {k: known[k] for k in BALANCED if k in base.anchor and known.get(k, 0.0) > 0.0}
-    return base.anchor | {k: v for k, v in found.items() if k not in held}
+    held, known = predictor.model.held(), predictor.data.plain
+    found = {k: known[k] for k in BALANCED if k in anchor and known.get(k, 0.0) > 0.0}
+    free = coordinates(predictor, [k for k in found if k not in held], anchor)
+    values = dict(anchor) | {k: v for k, v in found.items() if k not in held}
+    return inside(free, values, predictor.model)
 
 
-def _turned(light: Fitted) -> list[dict[str, float]]:
-    """The declared values with the phases of declared effects turned, if that is more likely.
+def _turned(
+    model: Model, start: dict[str, float], seen: Callable[[Mapping[str, float]], float]
+) -> dict[str, float]:
+    """The values with the phases of declared effects turned, where that is more likely.
 
     Angles and times have a different zero in each log.
     """
     angles = [
         f"{part.key}.{name}"
-        for part in light.predictor.model.effects
+        for part in model.effects
         for name, p in part.block.parameters.items()
-        if p.angle and f"{part.key}.{name}" not in light.predictor.model.held()
+        if p.angle and f"{part.key}.{name}" not in model.held()
     ]
-    best = believed = tuned(replace(light, values=light.anchor))
     for key in angles:
-        sets = [best.values | {key: best.values[key] + turn} for turn in TURNS]
-        others = [tuned(replace(light, values=values)) for values in sets]
-        best = max([best, *others], key=lambda f: f.total)
-    return [best.values] if best.total > believed.total + BETTER else []
+        sets = [start, *(start | {key: start[key] + turn} for turn in TURNS)]
+        start = sets[int(np.argmax(beside(seen, sets)))]
+    return start
 
 
 def _balanced(model: Model, data: Data) -> dict[str, float]:
@@ -237,16 +212,14 @@ def _with_effect(core: Model, part: Part, data: Data) -> Model:
     return core.with_effect(part.block.name, found)
 
 
-def lightened(base: Fitted) -> Fitted:
-    """The base model on as few samples as are needed to compare starts."""
-    data = base.predictor.data
+def lightened(predictor: Predictor, train: Windows) -> tuple[Predictor, Windows]:
+    """The same on as few samples as are needed to compare starts."""
+    data = predictor.data
     every = max(1, int(COARSE / data.dt + 1e-9))
-    where = base.where if every == 1 else coarser(base.where, data.runs, every)
-    where = spread(where, ENOUGH, MANY_WINDOWS)
-    if every == 1 and where is base.where:
-        return base
-    predictor = base.predictor.on(thinned(data, every)) if every > 1 else base.predictor
-    return tuned(replace(base, predictor=predictor, where=where))
+    if every > 1:
+        train = coarser(train, data.runs, every)
+        predictor = predictor.on(thinned(data, every))
+    return predictor, spread(train, ENOUGH, MANY_WINDOWS)
 
 
 def _range(low: float, high: float, unit: str) -> str:
