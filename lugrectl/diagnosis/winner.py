@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from ..engine.beside import beside
 from ..identification.selection import Comparison, Named
 from ..model import Model
 from ..tracing.coordinates import free_keys
 from ..tracing.fit import Fitted, fit, tuned
 from ..tracing.job import Job, Progress, as_recorded
-from ..tracing.likelihood import tune
-from ..tracing.noise import Noise
 from ..tracing.predictor import Predictor
-from ..tracing.start import lightened
+from ..tracing.start import likeliest
 
 TIMES = {"input_delay", "actuator_lag"}
 
@@ -42,7 +39,7 @@ class Winner:
 def with_effects(job: Job, found: Comparison, report: Progress) -> Winner:
     """The model with the effects that the comparison names, fitted to the training samples.
 
-    From the values of the comparison, and from the refitted model with them; the better one counts.
+    From the values of the comparison, or from the refitted model with them: the more likely ones.
     A torque that was shifted or denoised is used as recorded where a time is named.
     """
     if TIMES & {e.name for e in found.effects}:
@@ -53,17 +50,10 @@ def with_effects(job: Job, found: Comparison, report: Progress) -> Winner:
     predictor, base = Predictor(model, job.base.predictor.data), job.base
     plant = {k: v for k, v in found.plant.items() if k in base.values and v > 0}
     starts = [base.values | values, base.values | plant | values]
-    light, where = lightened(predictor, base.where)
-
-    def seen(start: Mapping[str, float]) -> tuple[Noise, float]:
-        noise, each = tune(light, start, where, base.noise)
-        return noise, float(each.sum())
-
-    looks = beside(seen, starts)
-    start, (noise, _) = max(zip(starts, looks, strict=True), key=lambda pair: pair[1][1])
+    start = likeliest(predictor, base.where, base.noise, starts)
     free, anchor = free_keys(predictor), base.anchor | values
-    return Winner(job, fit(predictor, start, free, base.where, noise, anchor=anchor), keys,
-                  starts[-1])  # fmt: skip
+    final = fit(predictor, start.values, free, base.where, start.noise, anchor=anchor)
+    return Winner(job, final, keys, starts[-1])
 
 
 def _model(

@@ -52,7 +52,10 @@ def dated(found: Fitted) -> Fitted | None:
     late = _later(left)
     if late is None:
         return None
-    moved = refitted(found, ahead(data, _placed(left, 0.5 * late, 2.0 * late)))
+    best = _placed(left, 0.5 * late, 2.0 * late)
+    if 0.5 * (left(0.0) - left(best)) < LATE:
+        return None
+    moved = refitted(found, ahead(data, best))
     if not _clearly(found, moved):
         return None
     left, late = _left(moved, data), moved.predictor.data.ahead / data.dt

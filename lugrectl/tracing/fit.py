@@ -16,14 +16,14 @@ from .likelihood import loglik, tune, whitened
 from .moments import placed
 from .noise import Noise
 from .predictor import Predictor, Values
-from .slopes import is_compiled, slopes
+from .slopes import slopes
 from .windows import Windows
 
 FLAT = 1e-8  # of the scaled information, below which a direction is not identified
 ANYWHERE = 1e50  # how far an unidentified coordinate may move
 PART = 0.1  # component of a direction, from which a parameter belongs to it
 QUIETER = (0.1, 0.01)  # times the noise, for the start of a fit with many local maxima
-SETTLED = 0.02  # gain in log-likelihood that a step promises, below which it is the last
+SETTLED = 0.1  # gain in log-likelihood that a step promises, below which it is the last
 NOISE_STEPS = (1.0, 0.6, 0.25, 1.5)  # factors tried at each step of a fit ...
 QUIET = 0.01  # ... that promises this for each sample; a smaller gain hardly changes the noise
 
@@ -183,17 +183,17 @@ def fit(
     coords = coordinates(predictor, [k for k in free if k not in moments], anchor)
     values = inside(coords, values, predictor.model)
     place_all = partial(placed, predictor, moments, where)
-    # few steps are not worth compiling the derivatives of another plant
-    graph = not rough or not predictor.core.effects or is_compiled(predictor)
-    climb = _Climb(predictor, coords, where, Prior.at(coords, anchor), graph)
+    climb = _Climb(predictor, coords, where, Prior.at(coords, anchor))
     if quiet < 1.0 or hold:
         held = replace(noise, jump=quiet * noise.jump)
         values, noise = climb.up(values, held, most, (1.0,))
-    noise, _ = tune(predictor, values, where, noise, fine=not rough)
+    noise, _ = tune(predictor, values, where, noise, width=0.5)
     values, _ = place_all(values, noise, edges=False)
     values, noise = climb.up(values, noise, most if not moments else max(1, most // 3))
     for _ in range(2 if moments and most > 3 else 0):
-        values, _ = place_all(values, noise, edges=False)
+        before, (values, _) = values, place_all(values, noise, edges=False)
+        if all(values[k] == before[k] for k in moments):
+            break
         values, noise = climb.up(values, noise, most // 3)
     noise, _ = tune(predictor, values, where, noise, width=0.3)
     values, instants = place_all(values, noise, edges=not rough)
@@ -258,7 +258,6 @@ class _Climb:
     coords: Sequence[Coordinate]
     where: Windows
     prior: Prior
-    graph: bool
 
     def up(
         self, values: Values, noise: Noise, most: int, factors: Sequence[float] = NOISE_STEPS
@@ -306,7 +305,7 @@ class _Climb:
         return moved(values, self.coords, dx), float(gradient @ dx - 0.5 * dx @ H @ dx)
 
     def linearised(self, values: Values, noise: Noise) -> _Linear:
-        r, A = slopes(self.predictor, values, self.coords, self.where, noise, graph=self.graph)
+        r, A = slopes(self.predictor, values, self.coords, self.where, noise)
         A, r = A.swapaxes(0, 1), r.reshape(len(r), -1)
         return _Linear(*information(A.reshape(*A.shape[:2], r.shape[1]), r))
 

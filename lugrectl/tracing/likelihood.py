@@ -12,6 +12,7 @@ from .predictor import Predictor, Values
 from .windows import Windows
 
 SHORT_LOOK = 0.5  # natural log units: a half-width that three points cover well enough
+DIGITS = 6  # of such a logarithm
 FARTHEST = 20.0  # the same: limit of the logarithm of the noise in rad/s2
 LARGEST = 2_000_000  # counted samples in one call
 WORST = 1e100  # innovation of a model that diverges; its square can still be added up
@@ -66,7 +67,6 @@ def tune(
     noise: Noise,
     *,
     width: float = 2.0,
-    fine: bool = True,
 ) -> tuple[Noise, np.ndarray]:
     """The noise of dw/dt that maximises the likelihood, and the log-likelihood of each window.
 
@@ -77,20 +77,22 @@ def tune(
 
     def look(points: Sequence[float]) -> float:
         """The best of these points; the results are kept in ``seen``."""
-        noises = [replace(noise, jump=float(np.exp(x))) for x in points]
-        white = whitened(predictor, [values] * len(noises), where, noises)
-        for x, w, q in zip(points, white, noises, strict=True):
+        points = [round(x, DIGITS) for x in points]
+        new = [x for x in points if x not in seen]
+        noises = [replace(noise, jump=float(np.exp(x))) for x in new]
+        white = whitened(predictor, [values] * len(noises), where, noises) if new else []
+        for x, w, q in zip(new, white, noises, strict=True):
             seen[x] = np.nan_to_num(loglik(predictor, w, q, values, where), nan=-1e300)
         return max(points, key=lambda x: seen[x].sum())
 
     count, center = 5 if width > SHORT_LOOK else 3, float(np.log(noise.jump))
     step = 2.0 * width / (count - 1)
     while True:
-        points = [center + step * (i - count // 2) for i in range(count)]
-        center = look(points)
-        if center not in (points[0], points[-1]) or abs(center) > FARTHEST:
+        middle = center
+        center = look([middle + step * (i - count // 2) for i in range(count)])
+        if abs(center - middle) < (count // 2 - 0.5) * step or abs(center) > FARTHEST:
             break
-    if fine and step > SHORT_LOOK:
+    if step > SHORT_LOOK:
         center, step = _vertex(seen, center, step), 0.25 * step
         center = look([center - step, center, center + step])
     look([_vertex(seen, center, step)])

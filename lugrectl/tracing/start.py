@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from .coordinates import coordinates, free_keys, inside
 from .data import Data, thinned
 from .fit import Fitted, again, fit
 from .likelihood import tune, whitened
+from .noise import Noise
 from .predictor import Predictor
 from .runs import alike
 from .windows import Windows, coarser, spread
@@ -34,6 +36,14 @@ EXCESS = 1.05  # start of Fs over Fc, where the declared one is below
 ENOUGH, MANY_WINDOWS = 40_000, 24  # counted samples and windows on which starts are compared
 COARSE = 2e-3  # s, longest sampling interval there
 STRIBECK_SPEEDS = (1e-3, 5e-3, 2e-2)  # vs as a share of the largest speed
+
+
+class Start(NamedTuple):
+    """Values from which a fit starts, the noise that suits them, and their log-likelihood."""
+
+    values: dict[str, float]
+    noise: Noise
+    total: float
 
 
 def holding(model: Model, data: Data) -> Model:
@@ -79,17 +89,29 @@ def begun(predictor: Predictor, train: Windows, declared: Model) -> Fitted:
     """
     data, opened = predictor.data, [k for k, v in declared.values().items() if v is None]
     anchor = predictor.model.known() | alike(data)
-    light, where = lightened(predictor, train)
-
-    def seen(values: Mapping[str, float]) -> float:
-        return float(tune(light, values, where, data.noise)[1].sum())
-
     guesses = [anchor | guess for guess in _guesses(declared, anchor, data)]
     starts = [anchor, _balanced_start(predictor, anchor), *guesses]
-    start = starts[int(np.argmax(beside(seen, starts)))]
-    start = _turned(predictor.model, start, seen)
-    found = fit(predictor, start, free_keys(predictor), train, data.noise, anchor=anchor)
-    return _unbound(found, opened)
+    start = _turned(predictor, train, likeliest(predictor, train, data.noise, starts))
+    free = free_keys(predictor)
+    return _unbound(fit(predictor, start.values, free, train, start.noise, anchor=anchor), opened)
+
+
+def likeliest(
+    predictor: Predictor, train: Windows, noise: Noise, starts: Iterable[Mapping[str, float]]
+) -> Start:
+    """The most likely of some values, on as few samples as are needed to compare them."""
+    data = predictor.data
+    every = max(1, int(COARSE / data.dt + 1e-9))
+    if every > 1:
+        train = coarser(train, data.runs, every)
+        predictor = predictor.on(thinned(data, every))
+    where = spread(train, ENOUGH, MANY_WINDOWS)
+
+    def looked(values: Mapping[str, float]) -> Start:
+        own, each = tune(predictor, values, where, noise)
+        return Start(dict(values), own, float(each.sum()))
+
+    return max(beside(looked, starts), key=lambda start: start.total)
 
 
 def lifted(model: Model) -> Model:
@@ -134,22 +156,21 @@ def _balanced_start(predictor: Predictor, anchor: Mapping[str, float]) -> dict[s
     return inside(free, values, predictor.model)
 
 
-def _turned(
-    model: Model, start: dict[str, float], seen: Callable[[Mapping[str, float]], float]
-) -> dict[str, float]:
+def _turned(predictor: Predictor, train: Windows, start: Start) -> Start:
     """The values with the phases of declared effects turned, where that is more likely.
 
     Angles and times have a different zero in each log.
     """
+    model, held = predictor.model, predictor.model.held()
     angles = [
         f"{part.key}.{name}"
         for part in model.effects
         for name, p in part.block.parameters.items()
-        if p.angle and f"{part.key}.{name}" not in model.held()
+        if p.angle and f"{part.key}.{name}" not in held
     ]
     for key in angles:
-        sets = [start, *(start | {key: start[key] + turn} for turn in TURNS)]
-        start = sets[int(np.argmax(beside(seen, sets)))]
+        sets = [start.values | {key: start.values[key] + turn} for turn in (0.0, *TURNS)]
+        start = likeliest(predictor, train, start.noise, sets)
     return start
 
 
@@ -210,16 +231,6 @@ def _with_effect(core: Model, part: Part, data: Data) -> Model:
             "Give its values in the model file, or leave the effect out.",
         )
     return core.with_effect(part.block.name, found)
-
-
-def lightened(predictor: Predictor, train: Windows) -> tuple[Predictor, Windows]:
-    """The same on as few samples as are needed to compare starts."""
-    data = predictor.data
-    every = max(1, int(COARSE / data.dt + 1e-9))
-    if every > 1:
-        train = coarser(train, data.runs, every)
-        predictor = predictor.on(thinned(data, every))
-    return predictor, spread(train, ENOUGH, MANY_WINDOWS)
 
 
 def _range(low: float, high: float, unit: str) -> str:
