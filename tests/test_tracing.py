@@ -18,7 +18,7 @@ from lugrectl.tracing.likelihood import WORST, compared, loglik, whitened, white
 from lugrectl.tracing.predictor import Predictor
 from lugrectl.tracing.proof import friction_size
 from lugrectl.tracing.split import GAP, split
-from lugrectl.tracing.start import _turned
+from lugrectl.tracing.start import Start, _turned
 from tests.blind.plan import Task
 from tests.blind.work import case_of
 from tests.rig import make
@@ -198,10 +198,14 @@ def test_a_phase_that_was_declared_wrong_is_turned(plain):
     record, model = record_of(plain), model_of(plain)
     pushed = replace(record, u=record.u + 0.1 * np.sin(record.theta + 0.4))
     model = model.with_effect("gravity", {"amplitude": 0.1, "phase": 0.4})
-    right = begun(pushed, model).base
-    assert _turned(right) == []
-    (turned,) = _turned(replace(right, anchor=right.anchor | {"gravity.phase": 2.3}))
-    assert abs(turned["gravity.phase"] - 0.4) < 0.8
+    base = begun(pushed, model).base
+
+    def turned(phase):
+        start = Start(base.values | {"gravity.phase": phase}, base.noise, 0.0)
+        return _turned(base.predictor, base.where, start).values["gravity.phase"]
+
+    assert turned(0.4) == 0.4
+    assert abs(turned(2.3) - 0.4) < 0.8
 
 
 @given(st.floats(-20.0, 20.0))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -23,6 +24,8 @@ FLAT = 1e-8  # of the scaled information, below which a direction is not identif
 ANYWHERE = 1e50  # how far an unidentified coordinate may move
 PART = 0.1  # component of a direction, from which a parameter belongs to it
 QUIETER = (0.1, 0.01)  # times the noise, for the start of a fit with many local maxima
+ROUNDS = 3  # of noise, change times and steps, at most
+SAME = 1.0  # gain in log-likelihood of a round, below which it is the last
 SETTLED = 0.1  # gain in log-likelihood that a step promises, below which it is the last
 NOISE_STEPS = (1.0, 0.6, 0.25, 1.5)  # factors tried at each step of a fit ...
 QUIET = 0.01  # ... that promises this for each sample; a smaller gain hardly changes the noise
@@ -186,18 +189,20 @@ def fit(
     climb = _Climb(predictor, coords, where, Prior.at(coords, anchor))
     if quiet < 1.0 or hold:
         held = replace(noise, jump=quiet * noise.jump)
-        values, noise = climb.up(values, held, most, (1.0,))
-    noise, _ = tune(predictor, values, where, noise, width=0.5)
-    values, _ = place_all(values, noise, edges=False)
-    values, noise = climb.up(values, noise, most if not moments else max(1, most // 3))
-    for _ in range(2 if moments and most > 3 else 0):
-        before, (values, _) = values, place_all(values, noise, edges=False)
-        if all(values[k] == before[k] for k in moments):
+        values, noise, *_ = climb.up(values, held, most, (1.0,))
+    linear = None
+    for _ in range(ROUNDS):
+        noise, _ = tune(predictor, values, where, noise, width=0.25)
+        values, _ = place_all(values, noise, edges=False)
+        values, noise, linear, gain = climb.up(values, noise, most)
+        if linear is not None and gain < SAME:
             break
-        values, noise = climb.up(values, noise, most // 3)
-    noise, _ = tune(predictor, values, where, noise, width=0.3)
+    else:
+        noise, _ = tune(predictor, values, where, noise, width=0.25)
+        linear = None
     values, instants = place_all(values, noise, edges=not rough)
-    linear = climb.linearised(values, noise)
+    if linear is None or moments:
+        linear = climb.linearised(values, noise)
     white = whitened(predictor, [values], where, noise)[0]
     return Fitted(
         predictor, values, tuple(coords), where, noise,
@@ -249,6 +254,19 @@ class _Linear:
     parts: np.ndarray
     scores: np.ndarray
 
+    def moved(self, dx: np.ndarray) -> _Linear:
+        """The same after a small step."""
+        return replace(self, scores=self.scores - self.parts @ dx)
+
+
+class _Reached(NamedTuple):
+    """Where steps have led: values and noise, the gain on the way, what is linearised there."""
+
+    values: dict[str, float]
+    noise: Noise
+    linear: _Linear | None
+    gain: float
+
 
 @dataclass(frozen=True)
 class _Climb:
@@ -261,25 +279,29 @@ class _Climb:
 
     def up(
         self, values: Values, noise: Noise, most: int, factors: Sequence[float] = NOISE_STEPS
-    ) -> tuple[dict[str, float], Noise]:
+    ) -> _Reached:
         current, damping = dict(values), 1e-3
         noise, total = self.judged(current, noise, (1.0,))
-        linear, small = self.linearised(current, noise), 0
+        first, small = total, 0
+        linear = self.linearised(current, noise)
         for _ in range(most):
-            ahead, promised = self.ahead(linear, current, damping)
+            ahead, promised, dx = self.ahead(linear, current, damping)
             loud = promised > QUIET * self.where.counted.size
             better, reached = self.judged(ahead, noise, factors if loud else (1.0,))
             if reached > total:
                 small = small + 1 if reached - total < SETTLED else 0
                 current, noise, total = ahead, better, reached
-            if promised < SETTLED or small == 2:
+            if promised < SETTLED or promised < SAME and total != reached:
+                linear = linear.moved(dx) if total == reached else linear
                 break
+            if small == 2:
+                return _Reached(current, noise, None, total - first)
             if total == reached:
                 damping = max(0.1 * damping, 1e-8)
                 linear = self.linearised(current, noise)
             else:
-                damping *= 20.0
-        return current, noise
+                damping *= 100.0
+        return _Reached(current, noise, linear, total - first)
 
     def judged(self, values: Values, noise: Noise, factors: Sequence[float]) -> tuple[Noise, float]:
         """The best of some noises for these values, and the sum of log-likelihood and prior."""
@@ -294,15 +316,16 @@ class _Climb:
 
     def ahead(
         self, linear: _Linear, values: Values, damping: float
-    ) -> tuple[dict[str, float], float]:
-        """The values after a step, and the gain that the linearised innovations promise."""
+    ) -> tuple[dict[str, float], float, np.ndarray]:
+        """The values after a step, the gain that the linearised innovations promise, the step."""
         pull, weight = self.prior.pull(values)
         gradient, H = linear.scores.sum(0) + pull, linear.parts.sum(0) + weight
         stuck = [c.stuck(values[c.key], g) for c, g in zip(self.coords, gradient, strict=True)]
         if any(stuck):
             gradient, H = np.where(stuck, 0.0, gradient), H * ~np.logical_or.outer(stuck, stuck)
         dx = _step(H, gradient, damping)
-        return moved(values, self.coords, dx), float(gradient @ dx - 0.5 * dx @ H @ dx)
+        promised = float(gradient @ dx - 0.5 * dx @ H @ dx)
+        return moved(values, self.coords, dx), promised, dx
 
     def linearised(self, values: Values, noise: Noise) -> _Linear:
         r, A = slopes(self.predictor, values, self.coords, self.where, noise)
