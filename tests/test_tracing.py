@@ -16,7 +16,6 @@ from lugrectl.tracing.data import prepare
 from lugrectl.tracing.fit import fit
 from lugrectl.tracing.likelihood import WORST, compared, loglik, whitened, whitened_by_parts
 from lugrectl.tracing.predictor import Predictor
-from lugrectl.tracing.proof import friction_size
 from lugrectl.tracing.split import GAP, split
 from lugrectl.tracing.start import Start, _turned
 from tests.blind.plan import Task
@@ -95,7 +94,8 @@ def test_no_loud_observer_hides_the_true_values(seed, hard, form):
     for key in ("J", "sigma0", "Fc", "Fs", "Fv", "vs"):
         true = case.truth["plant"][key]
         assert base.values[key] == pytest.approx(true, rel=0.06), key
-    assert base.torque_noise < 0.02 * friction_size(base)
+    friction = base.predictor.friction(base.values)[base.where.counted]
+    assert base.torque_noise < 0.02 * np.sqrt(np.mean(friction**2))
 
 
 def test_a_prediction_that_is_no_number_is_as_wrong_as_can_be(job):

@@ -13,7 +13,6 @@ from ..errors import Refused
 from .data import Data
 from .fit import Fitted, again, refitted
 from .likelihood import whitened
-from .proof import gained, share
 from .repeated import filtered
 from .slopes import slopes
 
@@ -105,7 +104,9 @@ def _placed(left: Left, low: float, high: float) -> float:
 
 
 def _clearly(found: Fitted, moved: Fitted) -> bool:
-    return gained(found, moved) > LATE and share(found, moved) > GONE
+    gain = moved.loglik - found.loglik
+    gone = 1.0 - (moved.noise.jump / found.noise.jump) ** 2
+    return bool(gain.sum() - max(gain.max(), 0.0) > LATE and gone > GONE)
 
 
 def ahead(data: Data, samples: float, sharp: float = 0.0) -> Data:

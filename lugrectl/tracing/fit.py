@@ -23,7 +23,6 @@ from .windows import Windows
 FLAT = 1e-8  # of the scaled information, below which a direction is not identified
 ANYWHERE = 1e50  # how far an unidentified coordinate may move
 PART = 0.1  # component of a direction, from which a parameter belongs to it
-QUIETER = (0.1, 0.01)  # times the noise, for the start of a fit with many local maxima
 ROUNDS = 3  # of noise, change times and steps, at most
 SAME = 1.0  # gain in log-likelihood of a round, below which it is the last
 SETTLED = 0.1  # gain in log-likelihood that a step promises, below which it is the last
@@ -165,17 +164,15 @@ def fit(
     anchor: Values | None = None,
     most: int = 30,
     rough: bool = False,
-    quiet: float = 1.0,
     hold: bool = False,
 ) -> Fitted:
     """Maximise the likelihood of the predictions over the free values and the noise of dw/dt.
 
     At most ``most`` Levenberg-Marquardt steps, with the noise adapted in each. ``anchor`` is the
     centre of a weak prior (default: ``values``), which keeps unidentified directions at their
-    declared values. ``rough`` leaves out what only intervals need. With ``quiet`` below 1 the first
-    steps hold the noise at that fraction, and so come near to a fit of the simulation error. (Under
-    a large noise the observer gain is high and compensates wrong values; then no small change of
-    the values and the noise together is better.) With ``hold`` they hold it as given. A fit ends
+    declared values. ``rough`` leaves out what only intervals need. With ``hold`` the first steps
+    hold the noise as given. (Under a large noise the observer gain is high and compensates wrong
+    values; then no small change of the values and the noise together is better.) A fit ends
     with the step that promises hardly any gain, or when two steps in a row do not keep what they
     promise.
     """
@@ -187,9 +184,8 @@ def fit(
     values = inside(coords, values, predictor.model)
     place_all = partial(placed, predictor, moments, where)
     climb = _Climb(predictor, coords, where, Prior.at(coords, anchor))
-    if quiet < 1.0 or hold:
-        held = replace(noise, jump=quiet * noise.jump)
-        values, noise, *_ = climb.up(values, held, most, (1.0,))
+    if hold:
+        values, noise, *_ = climb.up(values, noise, most, (1.0,))
     linear = None
     for _ in range(ROUNDS):
         noise, _ = tune(predictor, values, where, noise, width=0.25)
@@ -211,11 +207,11 @@ def fit(
     )  # fmt: skip
 
 
-def again(found: Fitted, *, most: int = 30, rough: bool = False, quiet: float = 1.0) -> Fitted:
+def again(found: Fitted, *, most: int = 30, rough: bool = False) -> Fitted:
     """Refit everything from the values of a fit, some fields of which may have been replaced."""
     return fit(
         found.predictor, found.values, free_keys(found.predictor), found.where, found.noise,
-        anchor=found.anchor, most=most, rough=rough, quiet=quiet,
+        anchor=found.anchor, most=most, rough=rough,
     )  # fmt: skip
 
 
