@@ -185,6 +185,7 @@ def fit(
     place_all = partial(placed, predictor, moments, where)
     climb = _Climb(predictor, coords, where, Prior.at(coords, anchor))
     if hold:
+        values, _ = place_all(values, noise, edges=False)
         values, noise, *_ = climb.up(values, noise, most, (1.0,))
     linear = None
     for _ in range(ROUNDS):
