@@ -194,4 +194,5 @@ def _along(M: np.ndarray, pushed: np.ndarray, start: np.ndarray) -> np.ndarray:
     b = np.vstack([start, pushed])
     before = np.vstack([np.zeros(2), b[:-1]])
     rest = M - np.trace(M) * np.eye(2)
-    return lfilter([1.0], [1.0, -np.trace(M), np.linalg.det(M)], b + before @ rest.T, axis=0)
+    line = [1.0, -np.trace(M), np.linalg.det(M)]
+    return np.asarray(lfilter([1.0], line, b + before @ rest.T, axis=0))

@@ -1,4 +1,4 @@
-"""Initial values for undeclared parameters, and restarts where declared ones may be far off."""
+"""Initial values of a fit: the most likely of those that are known, and for undeclared ones."""
 
 from __future__ import annotations
 
