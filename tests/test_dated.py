@@ -9,7 +9,7 @@ from scipy.signal import butter, lfilter
 from lugrectl import diagnose
 from lugrectl.errors import Refused
 from lugrectl.tracing.dated import ahead, dated
-from lugrectl.tracing.job import on_torque
+from lugrectl.tracing.job import as_recorded
 from tests.rig import exported, make, sample
 
 from .cases import begun, model_of, quiet, record_of, verdict
@@ -83,12 +83,11 @@ def test_a_later_torque_is_refused(record, case, late):
 
 
 def test_a_torque_that_was_shifted_can_be_used_as_it_was_recorded(record, case):
-    job = started(record, case)
-    moved = on_torque(job, ahead(job.data, 0.5), quiet)
-    assert moved.recorded is job.data
-    back = on_torque(moved, moved.recorded, quiet)
-    assert back.data is job.data and back.recorded is None
-    assert back.base.total > moved.base.total
+    job = started(replace(record, u=before(record.u, 0.5)), case)
+    assert job.data.ahead > 0.0 and job.base.predictor.data is job.data
+    back = as_recorded(job, quiet)
+    assert back.data is job.recorded and back.recorded is None and back.data.ahead == 0.0
+    assert back.base.total < job.base.total
 
 
 def test_an_effect_is_no_lateness():

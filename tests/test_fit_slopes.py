@@ -112,22 +112,6 @@ def test_graph_and_differences_agree(name: str, monkeypatch: pytest.MonkeyPatch)
     assert max(missed.values()) < 0.03, missed
 
 
-def test_fits_take_the_graph_wherever_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A short fit with an effect inside, and one without numba, go by differences alone."""
-    pytest.importorskip("numba")
-    asked: list[bool] = []
-
-    def noted(*given, graph: bool):
-        asked.append(graph)
-        return own.slopes(*given, graph=graph)
-
-    monkeypatch.setattr(fitting, "slopes", noted)
-    for name, rough in [("lugre", True), ("effect inside", True), ("effect inside", False)]:
-        predictor, values, where = rig(name)
-        fitting.fit(predictor, values, ["J"], where, predictor.data.noise, most=1, rough=rough)
-    assert asked[0] and asked[-1] and not all(asked)
-
-
 def test_without_the_graph_all_is_differenced() -> None:
     predictor, values, where = rig("effect outside")
     coords = coordinates(predictor, ["J", "Fc", "Fs", "actuator_dead_zone.half_width"], values)

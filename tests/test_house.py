@@ -37,7 +37,7 @@ TRACING = [
     {"coordinates", "likelihood", "evaluate"},
     {"moments", "slopes", "beliefs"},
     {"fit"},
-    {"far", "proof", "held_out", "optima"},
+    {"far", "held_out", "optima"},
     {"start", "dated"},
     {"job"},
 ]

@@ -16,9 +16,8 @@ from lugrectl.tracing.data import prepare
 from lugrectl.tracing.fit import fit
 from lugrectl.tracing.likelihood import WORST, compared, loglik, whitened, whitened_by_parts
 from lugrectl.tracing.predictor import Predictor
-from lugrectl.tracing.proof import friction_size
 from lugrectl.tracing.split import GAP, split
-from lugrectl.tracing.start import _turned
+from lugrectl.tracing.start import Start, _turned
 from tests.blind.plan import Task
 from tests.blind.work import case_of
 from tests.rig import make
@@ -95,7 +94,8 @@ def test_no_loud_observer_hides_the_true_values(seed, hard, form):
     for key in ("J", "sigma0", "Fc", "Fs", "Fv", "vs"):
         true = case.truth["plant"][key]
         assert base.values[key] == pytest.approx(true, rel=0.06), key
-    assert base.torque_noise < 0.02 * friction_size(base)
+    friction = base.predictor.friction(base.values)[base.where.counted]
+    assert base.torque_noise < 0.02 * np.sqrt(np.mean(friction**2))
 
 
 def test_a_prediction_that_is_no_number_is_as_wrong_as_can_be(job):
@@ -198,10 +198,14 @@ def test_a_phase_that_was_declared_wrong_is_turned(plain):
     record, model = record_of(plain), model_of(plain)
     pushed = replace(record, u=record.u + 0.1 * np.sin(record.theta + 0.4))
     model = model.with_effect("gravity", {"amplitude": 0.1, "phase": 0.4})
-    right = begun(pushed, model).base
-    assert _turned(right) == []
-    (turned,) = _turned(replace(right, anchor=right.anchor | {"gravity.phase": 2.3}))
-    assert abs(turned["gravity.phase"] - 0.4) < 0.8
+    base = begun(pushed, model).base
+
+    def turned(phase):
+        start = Start(base.values | {"gravity.phase": phase}, base.noise, 0.0)
+        return _turned(base.predictor, base.where, start).values["gravity.phase"]
+
+    assert turned(0.4) == 0.4
+    assert abs(turned(2.3) - 0.4) < 0.8
 
 
 @given(st.floats(-20.0, 20.0))

@@ -45,7 +45,7 @@ from ..tracing.tabulate import tabulate
 from .asking import Asked
 from .floor import failure
 from .plain import refusal, with_plain
-from .winner import Winner, with_effects
+from .winner import with_effects
 
 WORSE = (
     "On held-out samples the simulation with the added effect misses the motion by {0:.3g} {2}, "
@@ -165,10 +165,13 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
     fitted_ones = () if found.only_inertia else found.effects
     won = with_effects(job, replace(found, effects=fitted_ones), report)
     report(0.8, "errors on held-out samples")
-    whole, failed = _whole(won, asked)
-    if failed and won.compared is not None:  # its simulation went astray: the values it began with
+    failed = _failure(won.job, won.fit, asked) if won.compared is not None else None
+    if failed:  # its simulation went astray: the values it began with
         won = won.as_compared()
         whole = won.fit
+    else:
+        whole = on_everything(won.fit, won.job)
+        failed = _failure(won.job, whole, asked)
     job, final = won.job, adapted(won.fit, won.job.parts.test, won.job.declared)
     scored = score(job, final)
     shown = traces(job, final, scored["judged"])
@@ -209,10 +212,9 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
     )
 
 
-def _whole(won: Winner, asked: Asked) -> tuple[Fitted, str | None]:
-    """The fit to all samples, and why it failed if it did."""
-    whole = on_everything(won.fit, won.job)
-    return whole, failure(won.job.data, residual_torque(won.job, whole), asked)
+def _failure(job: Job, fitted: Fitted, asked: Asked) -> str | None:
+    """Why a fit has failed, if it has."""
+    return failure(job.data, residual_torque(job, fitted), asked)
 
 
 def _only_compared(ready: Prepared, found: Comparison, model: Model, reason: str) -> Diagnosis:

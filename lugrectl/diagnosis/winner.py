@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from ..engine.beside import beside
 from ..identification.selection import Comparison, Named
 from ..model import Model
 from ..tracing.coordinates import free_keys
 from ..tracing.fit import Fitted, fit, tuned
-from ..tracing.job import Job, Progress, on_torque
+from ..tracing.job import Job, Progress, as_recorded
 from ..tracing.predictor import Predictor
-from ..tracing.start import quieter
+from ..tracing.start import likeliest
 
 TIMES = {"input_delay", "actuator_lag"}
-SHORT = 8  # steps of a fit from each start
 
 
 @dataclass(frozen=True)
@@ -41,28 +39,21 @@ class Winner:
 def with_effects(job: Job, found: Comparison, report: Progress) -> Winner:
     """The model with the effects that the comparison names, fitted to the training samples.
 
-    From the values of the comparison, and from the refitted model with them; the better one counts.
+    From the values of the comparison, or from the refitted model with them: the more likely ones.
     A torque that was shifted or denoised is used as recorded where a time is named.
     """
-    if job.recorded is not None and TIMES & {e.name for e in found.effects}:
-        job = on_torque(job, job.recorded, report)
+    if TIMES & {e.name for e in found.effects}:
+        job = as_recorded(job, report)
     if not found.effects:
-        base = quieter(job.base) if found.verdict == "adequate" else job.base
-        return Winner(replace(job, base=base), base, ())
+        return Winner(job, job.base, ())
     model, keys, values = _model(job.base.predictor.model, found.effects)
-    predictor = Predictor(model, job.base.predictor.data)
-    free, base = free_keys(predictor), job.base
+    predictor, base = Predictor(model, job.base.predictor.data), job.base
     plant = {k: v for k, v in found.plant.items() if k in base.values and v > 0}
     starts = [base.values | values, base.values | plant | values]
-
-    def begun(start: Mapping[str, float]) -> Fitted:
-        anchor = base.anchor | values
-        return fit(predictor, start, free, base.where, base.noise, anchor=anchor, most=SHORT,
-                   rough=True)  # fmt: skip
-
-    best = max(beside(begun, starts), key=lambda f: f.total)
-    final = fit(predictor, best.values, free, base.where, best.noise, anchor=best.anchor)
-    return Winner(job, quieter(final), keys, starts[-1])
+    start = likeliest(predictor, base.where, base.noise, starts)
+    free, anchor = free_keys(predictor), base.anchor | values
+    final = fit(predictor, start.values, free, base.where, start.noise, anchor=anchor)
+    return Winner(job, final, keys, starts[-1])
 
 
 def _model(

@@ -2,34 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
 from ..blocks.effects.actuator import held_late
-from ..engine.beside import beside
 from ..errors import Refused
 from .data import Data
-from .fit import Fitted, refitted
-from .proof import gained, share
+from .fit import Fitted, again, refitted
+from .likelihood import whitened
 from .repeated import filtered
+from .slopes import slopes
 
 LATE = 100.0  # least gain in log-likelihood for a shifted torque, without the best window
 GONE = 0.3  # share of the unpredicted torque that the shift must remove
 FELT = 0.05  # of the torque's change per sample: less unpredicted torque is no delay
-# samples; these remove half of what a delay of 0.2 or more leaves, on a short log of 0.5 or more
-TRIED, FARTHER = (0.3, 0.5, 0.8), (2.0, 4.0, 8.0)
+TRIED = (0.3, 0.6, 1.2, 2.4, 4.8, 9.6)  # samples: a torque that is late is so by the first at least
 FARTHEST = 1.25  # samples: the largest delay of a torque logged as a sample or an earlier mean
 PLACED = 0.02  # samples, accuracy of the delay
 # factors of the second difference: none; what linear interpolation half-way between two samples
 # takes off a sine; and what a logged mean of two samples has taken off as well
 SHARP = (0.0, 0.125, 0.25)
 
+Left = Callable[..., float]  # of samples, and how sharp
 
-def dated(found: Fitted) -> Data | None:
-    """Data with the torque shifted earlier by up to about a sample; None if that is not far more
-    likely.
+
+def dated(found: Fitted) -> Fitted | None:
+    """The fit with the torque shifted earlier by up to about a sample; None if that is not far
+    more likely.
 
     The model expects the torque of the interval after a sample. Often it is logged as its value at
     the sample, or as the mean of the interval before. Half a sample of such delay looks like an
@@ -45,16 +47,21 @@ def dated(found: Fitted) -> Data | None:
     change = float(np.sqrt(np.mean(np.diff(data.u) ** 2)))
     if data.ahead or found.torque_noise < FELT * change or filtered(data):
         return None
-    late = _clearly_later(found, TRIED)
-    if late == TRIED[-1]:
-        late = _clearly_later(found, (*TRIED[-1:], *FARTHER))
+    left = _left(found, data)
+    late = _later(left)
     if late is None:
         return None
-    best = _placed(found, 1.5 * late)
+    best = _placed(left, 0.5 * late, 2.0 * late)
+    if 0.5 * (left(0.0) - left(best)) < LATE:
+        return None
+    moved = refitted(found, ahead(data, best))
+    if not _clearly(found, moved):
+        return None
+    left, late = _left(moved, data), moved.predictor.data.ahead / data.dt
+    best = _placed(left, max(0.0, late - 1.0), late + 1.0)
     if best < FARTHEST:
-        moves = [ahead(data, best, sharp) for sharp in SHARP]
-        fits = beside(lambda moved: refitted(found, moved), moves)
-        return max(fits, key=lambda f: f.total).predictor.data
+        sharp = min(SHARP, key=lambda sharp: left(best, sharp))
+        return again(replace(moved, predictor=moved.predictor.on(ahead(data, best, sharp))))
     raise Refused(
         f"By the fitted model, u lags the motion that it causes by {1e3 * best * data.dt:.2g} ms: "
         "the two were not recorded at the same instants, or u was filtered.",
@@ -62,28 +69,44 @@ def dated(found: Fitted) -> Data | None:
     )
 
 
-def _placed(found: Fitted, farthest: float) -> float:
-    """The delay of u at which the fit is best, in samples."""
-    data = found.predictor.data
+def _left(found: Fitted, data: Data) -> Left:
+    """What innovations leave with the torque of ``data`` shifted, as a sum of squares.
 
-    def cost(samples: float) -> float:
-        return -refitted(found, ahead(data, samples)).total
+    The values of the fit follow the shift to first order.
+    """
+    _, A = slopes(found.predictor, found.values, found.free, found.where, found.noise)
+    Q = np.linalg.qr(A.reshape(len(A), -1).T)[0]
 
-    bounds = (0.0, max(FARTHEST, farthest))
-    best = minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": PLACED})
+    def left(samples: float, sharp: float = 0.0) -> float:
+        moved = found.predictor.on(ahead(data, samples, sharp))
+        r = whitened(moved, [found.values], found.where, found.noise).ravel()
+        taken = Q.T @ r
+        return float(r @ r - taken @ taken)
+
+    return left
+
+
+def _later(left: Left) -> float | None:
+    """The delay of u, in samples and within a factor of two; None if it is not late."""
+    late, least = None, left(0.0)
+    for samples in TRIED:
+        there = left(samples)
+        if not there < least:
+            break
+        late, least = samples, there
+    return late
+
+
+def _placed(left: Left, low: float, high: float) -> float:
+    """The delay of u, in samples, that leaves least."""
+    best = minimize_scalar(left, bounds=(low, high), method="bounded", options={"xatol": PLACED})
     return float(best.x)
 
 
-def _clearly_later(found: Fitted, tried: Sequence[float]) -> float | None:
-    """The best of these delays of u, in samples; None if none is clear."""
-    data = found.predictor.data
-    fits = beside(lambda samples: refitted(found, ahead(data, samples)), tried)
-    clear = [(f.total, n) for n, f in zip(tried, fits, strict=True) if _clearly(found, f)]
-    return max(clear)[1] if clear else None
-
-
 def _clearly(found: Fitted, moved: Fitted) -> bool:
-    return gained(found, moved) > LATE and share(found, moved) > GONE
+    gain = moved.loglik - found.loglik
+    gone = 1.0 - (moved.noise.jump / found.noise.jump) ** 2
+    return bool(gain.sum() - max(gain.max(), 0.0) > LATE and gone > GONE)
 
 
 def ahead(data: Data, samples: float, sharp: float = 0.0) -> Data:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -16,15 +17,17 @@ from .likelihood import loglik, tune, whitened
 from .moments import placed
 from .noise import Noise
 from .predictor import Predictor, Values
-from .slopes import is_compiled, slopes
+from .slopes import slopes
 from .windows import Windows
 
 FLAT = 1e-8  # of the scaled information, below which a direction is not identified
 ANYWHERE = 1e50  # how far an unidentified coordinate may move
 PART = 0.1  # component of a direction, from which a parameter belongs to it
-QUIETER = (0.1, 0.01)  # times the noise, for the start of a fit with many local maxima
-SETTLED = 0.3  # gain in log-likelihood of two steps, below which a fit ends
-NOISE_STEPS = (1.0, 0.6, 0.25, 1.5)  # factors tried at each step of a fit
+ROUNDS = 3  # of noise, change times and steps, at most
+SAME = 1.0  # gain in log-likelihood of a round, below which it is the last
+SETTLED = 0.1  # gain in log-likelihood that a step promises, below which it is the last
+NOISE_STEPS = (1.0, 0.6, 0.25, 1.5)  # factors tried at each step of a fit ...
+QUIET = 0.01  # ... that promises this for each sample; a smaller gain hardly changes the noise
 
 
 @dataclass(frozen=True)
@@ -161,19 +164,17 @@ def fit(
     anchor: Values | None = None,
     most: int = 30,
     rough: bool = False,
-    quiet: float = 1.0,
     hold: bool = False,
-    settled: float = SETTLED,
 ) -> Fitted:
     """Maximise the likelihood of the predictions over the free values and the noise of dw/dt.
 
     At most ``most`` Levenberg-Marquardt steps, with the noise adapted in each. ``anchor`` is the
     centre of a weak prior (default: ``values``), which keeps unidentified directions at their
-    declared values. ``rough`` leaves out what only intervals need. With ``quiet`` below 1 the first
-    steps hold the noise at that fraction, and so come near to a fit of the simulation error. (Under
-    a large noise the observer gain is high and compensates wrong values; then no small change of
-    the values and the noise together is better.) With ``hold`` they hold it as given. A fit ends
-    when two steps gain less than ``settled``.
+    declared values. ``rough`` leaves out what only intervals need. With ``hold`` the first steps
+    hold the noise as given. (Under a large noise the observer gain is high and compensates wrong
+    values; then no small change of the values and the noise together is better.) A fit ends
+    with the step that promises hardly any gain, or when two steps in a row do not keep what they
+    promise.
     """
     anchor = dict(values) | dict(anchor or {})
     declared = predictor.declarations()
@@ -182,21 +183,23 @@ def fit(
     coords = coordinates(predictor, [k for k in free if k not in moments], anchor)
     values = inside(coords, values, predictor.model)
     place_all = partial(placed, predictor, moments, where)
-    # few steps are not worth compiling the derivatives of another plant
-    graph = not rough or not predictor.core.effects or is_compiled(predictor)
-    climb = _Climb(predictor, coords, where, Prior.at(coords, anchor), graph, settled)
-    if quiet < 1.0 or hold:
-        held = replace(noise, jump=quiet * noise.jump)
-        values, noise = climb.up(values, held, most, (1.0,))
-    noise, _ = tune(predictor, values, where, noise, fine=not rough)
-    values, _ = place_all(values, noise, edges=False)
-    values, noise = climb.up(values, noise, most if not moments else max(1, most // 3))
-    for _ in range(2 if moments and most > 3 else 0):
+    climb = _Climb(predictor, coords, where, Prior.at(coords, anchor))
+    if hold:
         values, _ = place_all(values, noise, edges=False)
-        values, noise = climb.up(values, noise, most // 3)
-    noise, _ = tune(predictor, values, where, noise, width=0.3)
+        values, noise, *_ = climb.up(values, noise, most, (1.0,))
+    linear = None
+    for _ in range(ROUNDS):
+        noise, _ = tune(predictor, values, where, noise, width=0.25)
+        values, _ = place_all(values, noise, edges=False)
+        values, noise, linear, gain = climb.up(values, noise, most)
+        if linear is not None and gain < SAME:
+            break
+    else:
+        noise, _ = tune(predictor, values, where, noise, width=0.25)
+        linear = None
     values, instants = place_all(values, noise, edges=not rough)
-    linear = climb.linearised(values, noise)
+    if linear is None or moments:
+        linear = climb.linearised(values, noise)
     white = whitened(predictor, [values], where, noise)[0]
     return Fitted(
         predictor, values, tuple(coords), where, noise,
@@ -205,11 +208,11 @@ def fit(
     )  # fmt: skip
 
 
-def again(found: Fitted, *, most: int = 30, rough: bool = False, quiet: float = 1.0) -> Fitted:
+def again(found: Fitted, *, most: int = 30, rough: bool = False) -> Fitted:
     """Refit everything from the values of a fit, some fields of which may have been replaced."""
     return fit(
         found.predictor, found.values, free_keys(found.predictor), found.where, found.noise,
-        anchor=found.anchor, most=most, rough=rough, quiet=quiet,
+        anchor=found.anchor, most=most, rough=rough,
     )  # fmt: skip
 
 
@@ -248,6 +251,19 @@ class _Linear:
     parts: np.ndarray
     scores: np.ndarray
 
+    def moved(self, dx: np.ndarray) -> _Linear:
+        """The same after a small step."""
+        return replace(self, scores=self.scores - self.parts @ dx)
+
+
+class _Reached(NamedTuple):
+    """Where steps have led: values and noise, the gain on the way, what is linearised there."""
+
+    values: dict[str, float]
+    noise: Noise
+    linear: _Linear | None
+    gain: float
+
 
 @dataclass(frozen=True)
 class _Climb:
@@ -257,30 +273,32 @@ class _Climb:
     coords: Sequence[Coordinate]
     where: Windows
     prior: Prior
-    graph: bool
-    settled: float = SETTLED
 
     def up(
         self, values: Values, noise: Noise, most: int, factors: Sequence[float] = NOISE_STEPS
-    ) -> tuple[dict[str, float], Noise]:
+    ) -> _Reached:
         current, damping = dict(values), 1e-3
         noise, total = self.judged(current, noise, (1.0,))
-        linear, small = self.linearised(current, noise), 0
+        first, small = total, 0
+        linear = self.linearised(current, noise)
         for _ in range(most):
-            ahead = self.ahead(linear, current, damping)
-            better, reached = self.judged(ahead, noise, factors)
-            if not reached > total:
-                damping *= 20.0
-                if damping > 1e5:
-                    break
-                continue
-            small = small + 1 if reached - total < self.settled else 0
-            current, noise, total = ahead, better, reached
-            damping = max(0.1 * damping, 1e-8)
-            if small == 2:
+            ahead, promised, dx = self.ahead(linear, current, damping)
+            loud = promised > QUIET * self.where.counted.size
+            better, reached = self.judged(ahead, noise, factors if loud else (1.0,))
+            if reached > total:
+                small = small + 1 if reached - total < SETTLED else 0
+                current, noise, total = ahead, better, reached
+            if promised < SETTLED or promised < SAME and total != reached:
+                linear = linear.moved(dx) if total == reached else linear
                 break
-            linear = self.linearised(current, noise)
-        return current, noise
+            if small == 2:
+                return _Reached(current, noise, None, total - first)
+            if total == reached:
+                damping = max(0.1 * damping, 1e-8)
+                linear = self.linearised(current, noise)
+            else:
+                damping *= 100.0
+        return _Reached(current, noise, linear, total - first)
 
     def judged(self, values: Values, noise: Noise, factors: Sequence[float]) -> tuple[Noise, float]:
         """The best of some noises for these values, and the sum of log-likelihood and prior."""
@@ -293,24 +311,29 @@ class _Climb:
         best = int(np.argmax(np.nan_to_num(totals, nan=-np.inf)))
         return noises[best], float(totals[best]) - self.prior.cost(values)
 
-    def ahead(self, linear: _Linear, values: Values, damping: float) -> dict[str, float]:
+    def ahead(
+        self, linear: _Linear, values: Values, damping: float
+    ) -> tuple[dict[str, float], float, np.ndarray]:
+        """The values after a step, the gain that the linearised innovations promise, the step."""
         pull, weight = self.prior.pull(values)
         gradient, H = linear.scores.sum(0) + pull, linear.parts.sum(0) + weight
         stuck = [c.stuck(values[c.key], g) for c, g in zip(self.coords, gradient, strict=True)]
         if any(stuck):
             gradient, H = np.where(stuck, 0.0, gradient), H * ~np.logical_or.outer(stuck, stuck)
-        return _move(H, gradient, damping, self.coords, values)
+        dx = _step(H, gradient, damping)
+        promised = float(gradient @ dx - 0.5 * dx @ H @ dx)
+        return moved(values, self.coords, dx), promised, dx
 
     def linearised(self, values: Values, noise: Noise) -> _Linear:
-        r, A = slopes(self.predictor, values, self.coords, self.where, noise, graph=self.graph)
+        r, A = slopes(self.predictor, values, self.coords, self.where, noise)
         A, r = A.swapaxes(0, 1), r.reshape(len(r), -1)
         return _Linear(*information(A.reshape(*A.shape[:2], r.shape[1]), r))
 
 
-def _move(H, gradient, damping, coords, values) -> dict[str, float]:
+def _step(H: np.ndarray, gradient: np.ndarray, damping: float) -> np.ndarray:
     scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
     unit = H / np.outer(scale, scale) + damping * np.eye(len(scale))
-    return moved(values, coords, np.linalg.lstsq(unit, gradient / scale, rcond=1e-12)[0] / scale)
+    return np.linalg.lstsq(unit, gradient / scale, rcond=1e-12)[0] / scale
 
 
 def moved(values: Values, coords: Sequence[Coordinate], dx: np.ndarray) -> dict[str, float]:

@@ -16,12 +16,11 @@ from ..record import Record, consistent, long_enough_to_judge, pooled
 from ..results import Estimate
 from ..spec import unit_for
 from .balance import named
-from .coordinates import free_keys
 from .data import Data, prepare
 from .dated import dated
 from .doubts import refuse_dead, refuse_unfit
 from .evaluate import Judged, free_run, judge, sensed_torque
-from .fit import Fitted, fit, identified_covariance, tuned
+from .fit import Fitted, again, identified_covariance, tuned
 from .likelihood import tune
 from .noise import Noise
 from .optima import surest, with_others
@@ -30,7 +29,7 @@ from .repeated import on_theta_alone
 from .runs import MOST_RUNS, alike, repeating, statements
 from .skewed import lateness
 from .split import ENOUGH_OF_MANY, MOST, Split, split
-from .start import completed, holding, lifted, refuse_unidentified_inertia, settled
+from .start import begun, completed, holding, lifted, refuse_unidentified_inertia
 from .windows import Windows, spread, windows
 
 SLOWLY = "first guess (slow: there is neither a C compiler nor numba; install lugrectl[fast])"
@@ -128,9 +127,11 @@ def begin(asked: Prepared, report: Progress) -> Job:
         known = fitting(model, by_theta).values
         start = model.with_values({k: known[k] for k in opened})
     base = fitting(start, data)
-    job = Job(records, model, data, parts, base, asked.doubts)
-    moved = dated(job.base)
-    return job if moved is None else on_torque(job, moved, report)
+    moved = dated(base)
+    if moved is None:
+        return Job(records, model, data, parts, base, asked.doubts)
+    shifted = moved.predictor.data
+    return Job(records, model, shifted, parts, moved, asked.doubts, recorded=data)
 
 
 def _declared(model: Model, data: Data, train: Windows, where: str, report: Progress) -> Fitted:
@@ -138,9 +139,7 @@ def _declared(model: Model, data: Data, train: Windows, where: str, report: Prog
     report(0.02, "first guess" if compiler() else SLOWLY)
     started = lifted(completed(model, replace(data, differing=()), train))
     report(0.05, "refitting the declared model")
-    predictor = Predictor(started, data)
-    values = started.known() | alike(data)
-    base = settled(fit(predictor, values, free_keys(predictor), train, data.noise), model)
+    base = begun(Predictor(started, data), train, model)
     refuse_unidentified_inertia(base, model, where)
     return base
 
@@ -164,19 +163,13 @@ def noted(job: Job, *messages: str) -> Job:
     return replace(job, doubts=(*job.doubts, *messages))
 
 
-def on_torque(job: Job, data: Data, report: Progress) -> Job:
-    """The same job with a shifted torque, or with the recorded one again."""
-    changed = data is not job.recorded
-    report(0.1, f"refitting with the {'corrected' if changed else 'recorded'} torque")
-    base, values = job.base, job.base.anchor
-    predictor = base.predictor.on(data)
-    free = free_keys(predictor)
-    fits = [
-        fit(predictor, start, free, base.where, base.noise, anchor=values)
-        for start in (base.values, values)
-    ]
-    recorded = (job.recorded or job.data) if changed else None
-    return replace(job, data=data, recorded=recorded, base=max(fits, key=lambda f: f.total))
+def as_recorded(job: Job, report: Progress) -> Job:
+    """The same job with the torque as it was recorded."""
+    if job.recorded is None:
+        return job
+    report(0.1, "refitting with the recorded torque")
+    base = again(replace(job.base, predictor=job.base.predictor.on(job.recorded)))
+    return replace(job, data=job.recorded, recorded=None, base=base)
 
 
 def on_everything(fitted: Fitted, job: Job) -> Fitted:

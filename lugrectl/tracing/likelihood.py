@@ -11,7 +11,9 @@ from .noise import Noise
 from .predictor import Predictor, Values
 from .windows import Windows
 
-SHORT_LOOK = 0.5  # natural log units: a half-width that three points cover well enough
+FOUR = (-1.5, -0.5, 0.5, 1.5)  # points of a grid, in steps
+SHORT_LOOK = 0.5  # natural log units: steps of a grid that a cubic follows well enough
+DIGITS = 6  # of such a logarithm
 FARTHEST = 20.0  # the same: limit of the logarithm of the noise in rad/s2
 LARGEST = 2_000_000  # counted samples in one call
 WORST = 1e100  # innovation of a model that diverges; its square can still be added up
@@ -66,46 +68,46 @@ def tune(
     noise: Noise,
     *,
     width: float = 2.0,
-    fine: bool = True,
 ) -> tuple[Noise, np.ndarray]:
     """The noise of dw/dt that maximises the likelihood, and the log-likelihood of each window.
 
-    ``width`` is the half-width of the first grid, in natural log units. The result is the vertex
-    of a parabola through points one grid step apart, or a quarter of it if ``fine``.
+    ``width`` is the half-width of the first grid of four points, in natural log units. The result
+    is the peak of a cubic through four points at most half a unit apart.
     """
     seen: dict[float, np.ndarray] = {}
 
     def look(points: Sequence[float]) -> float:
         """The best of these points; the results are kept in ``seen``."""
-        noises = [replace(noise, jump=float(np.exp(x))) for x in points]
-        white = whitened(predictor, [values] * len(noises), where, noises)
-        for x, w, q in zip(points, white, noises, strict=True):
+        points = [round(x, DIGITS) for x in points]
+        new = [x for x in points if x not in seen]
+        noises = [replace(noise, jump=float(np.exp(x))) for x in new]
+        white = whitened(predictor, [values] * len(noises), where, noises) if new else []
+        for x, w, q in zip(new, white, noises, strict=True):
             seen[x] = np.nan_to_num(loglik(predictor, w, q, values, where), nan=-1e300)
         return max(points, key=lambda x: seen[x].sum())
 
-    count, center = 5 if width > SHORT_LOOK else 3, float(np.log(noise.jump))
-    step = 2.0 * width / (count - 1)
+    middle, step = float(np.log(noise.jump)), 2.0 * width / 3.0
     while True:
-        points = [center + step * (i - count // 2) for i in range(count)]
-        center = look(points)
-        if center not in (points[0], points[-1]) or abs(center) > FARTHEST:
+        best = look([middle + step * k for k in FOUR])
+        aside = 2 * round(0.5 * (best - middle) / step)
+        if aside and abs(middle) < FARTHEST:
+            middle += aside * step
+        elif step > SHORT_LOOK:
+            middle, step = _peak(seen, middle, step), 0.2 * step
+        else:
             break
-    if fine and step > SHORT_LOOK:
-        center, step = _vertex(seen, center, step), 0.25 * step
-        center = look([center - step, center, center + step])
-    look([_vertex(seen, center, step)])
+    look([_peak(seen, middle, step)])
     best = max(seen, key=lambda x: seen[x].sum())
     return replace(noise, jump=float(np.exp(best))), seen[best]
 
 
-def _vertex(seen: Mapping[float, np.ndarray], center: float, step: float) -> float:
-    """Vertex of the parabola through a point and its neighbours; the point if one is missing."""
-    around = sorted(seen, key=lambda x: abs(x - center))[:3]
-    x, y = np.array(around) - center, np.array([seen[a].sum() for a in around])
-    if np.ptp(x) < 1.9 * step or not np.all(np.isfinite(y)):
-        return center
-    bend, slope, _ = np.polyfit(x, y - y.max(), 2)
-    return center if bend >= 0.0 else center + float(np.clip(-0.5 * slope / bend, -step, step))
+def _peak(seen: Mapping[float, np.ndarray], middle: float, step: float) -> float:
+    """Where the cubic through the four points around ``middle`` is highest between them."""
+    around = sorted(seen, key=lambda x: abs(x - middle))[: len(FOUR)]
+    y = np.array([seen[x].sum() for x in around])
+    cubic = np.polyfit((np.array(around) - middle) / step, y - y.max(), 3)
+    fine = np.linspace(FOUR[0], FOUR[-1], 301)
+    return middle + step * float(fine[np.argmax(np.polyval(cubic, fine))])
 
 
 def whitened_by_parts(

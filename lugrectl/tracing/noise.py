@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import expm
-from scipy.signal import filtfilt
+from scipy.signal import filtfilt, lfilter
 
 from ..record.samples import smallest_step
 
@@ -178,30 +178,21 @@ def smooth(y: np.ndarray, dt: float, noise: Noise) -> np.ndarray:
     A = np.array([[1.0, dt], [0.0, 1.0]])
     C = (np.eye(2) - K * noise.channels()) @ P @ A.T @ np.linalg.inv(P)
     y = np.where(np.isfinite(y), y, 0.0)
-    ahead, filtered = _forward(y, dt, K)
-    return _backward(ahead, filtered, C)
+    start = np.array([y[0, 0], y[0, 1] if noise.channels()[1] else (y[1, 0] - y[0, 0]) / dt])
+    ahead = _along(A @ (np.eye(2) - K), (y @ (A @ K).T)[:-1], start)
+    filtered = ahead + (y - ahead) @ K.T
+    back = filtered[:-1] - ahead[1:] @ C.T
+    return _along(C, back[::-1], filtered[-1])[::-1]
 
 
-def _forward(y: np.ndarray, dt: float, K: np.ndarray) -> tuple[list, list]:
-    (a, b), (c, d) = K.tolist()
-    rows = y.tolist()
-    theta, w = rows[0][0], rows[0][1] if d else (rows[1][0] - rows[0][0]) / dt
-    ahead, filtered = [], []
-    for m0, m1 in rows:
-        ahead.append((theta, w))
-        e0, e1 = m0 - theta, m1 - w
-        theta, w = theta + a * e0 + b * e1, w + c * e0 + d * e1
-        filtered.append((theta, w))
-        theta += dt * w
-    return ahead, filtered
+def _along(M: np.ndarray, pushed: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """The states x_k+1 = M x_k + b_k from x_0 on, (N + 1, 2), for b (N, 2).
 
-
-def _backward(ahead: list, filtered: list, C: np.ndarray) -> np.ndarray:
-    (a, b), (c, d) = C.tolist()
-    theta, w = filtered[-1]
-    out = [(theta, w)]
-    for (f0, f1), (p0, p1) in zip(filtered[-2::-1], ahead[:0:-1], strict=True):
-        e0, e1 = theta - p0, w - p1
-        theta, w = f0 + a * e0 + b * e1, f1 + c * e0 + d * e1
-        out.append((theta, w))
-    return np.array(out[::-1])
+    By the theorem of Cayley and Hamilton, with b_-1 = x_0,
+    x_k+1 = tr(M) x_k - det(M) x_k-1 + b_k + (M - tr(M)) b_k-1: one filter for both states.
+    """
+    b = np.vstack([start, pushed])
+    before = np.vstack([np.zeros(2), b[:-1]])
+    rest = M - np.trace(M) * np.eye(2)
+    line = [1.0, -np.trace(M), np.linalg.det(M)]
+    return np.asarray(lfilter([1.0], line, b + before @ rest.T, axis=0))

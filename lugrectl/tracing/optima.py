@@ -16,20 +16,18 @@ from scipy.stats import chi2
 
 from ..engine.beside import beside
 from .coordinates import Coordinate, inside
-from .fit import Fitted, again, fit
+from .fit import Fitted, fit
 from .likelihood import loglik, whitened
 from .windows import Windows, spread
 
 SPEEDS = np.geomspace(3e-4, 0.1, 9)  # vs as a share of the largest speed
 EXCESSES = (0.05, 0.1, 0.2, 0.35, 0.6, 1.0)  # of Fs over Fc, relative
 ENOUGH, LEAST = 12_000, 12  # counted samples on which starts are compared, and least windows
-TRIED = 3  # best starts that are followed
-SHORT = 8  # steps of a fit from each
+TRIED = 3  # best starts that are followed, at most
+SHORT = 8  # steps of a fit beside the best
 NOISIER = 1.5  # times the noise before: above, another maximum may be better
 WIDE = 0.3  # standard deviation of a logarithm, above which the likelihood is no parabola
 BEYOND = (1.5, 2.25)  # half-widths at which Fs and vs are then held: that may be as likely
-FURTHER = 2  # other maxima that are looked at
-CLOSE = 0.02  # gain in log-likelihood of two steps that ends the last fit
 MOST = 0.05  # probability outside the region of values that are as likely
 
 OTHER = (
@@ -39,23 +37,19 @@ OTHER = (
 
 
 def surest(before: Fitted, where: Windows, opened: Collection[str]) -> Fitted:
-    """The best fit to other windows from several starts, with others as likely.
+    """The best fit to other windows, with others as likely.
 
     ``before`` is a fit to a part of them. Its noise is held at first: under a larger one the
-    observer compensates wrong values. Starts over the decades of vs and Fs follow where the noise
-    has grown or the fit hardly determines them. ``opened`` are the undeclared values, about which
-    no prior is known.
+    observer compensates wrong values. Where the noise has grown or the fit hardly determines vs and
+    Fs, more likely values over the decades of them are followed. ``opened`` are the undeclared
+    values, about which no prior is known.
     """
     start = replace(before, where=where)
-    best = _from(before.values, start=start, opened=opened)
-    tried = [best]
-    if _uncertain(best, before):
-        tried += [again(start), *beside(partial(_from, start=start, opened=opened), starts(start))]
-        best = max(tried, key=lambda f: f.total)
-    best, likely = _ended(best, start, opened), [f for f in tried if _as_likely(best, f)]
-    further = [_ended(f, start, opened) for f in _distinct(best, likely)[:FURTHER]]
-    best = max([best, *further], key=lambda f: f.total)
-    others = [f for f in [*further, *_probed(best)] if _as_likely(best, f)]
+    tried = [_from(before.values, start=start, opened=opened)]
+    if _uncertain(tried[0], before):
+        tried += beside(partial(_from, start=start, opened=opened), starts(tried[0]))
+    best = max(tried, key=lambda f: f.total)
+    others = [f for f in [*tried, *_probed(best)] if f is not best and _as_likely(best, f)]
     return replace(best, others=tuple(_distinct(best, others)))
 
 
@@ -66,7 +60,10 @@ def with_others(found: Fitted) -> Fitted:
 
 
 def starts(found: Fitted) -> list[dict[str, float]]:
-    """The most likely of a grid over vs and Fs, with the other values and the noise as found."""
+    """The most likely of a grid over vs and Fs, with the other values and the noise as found.
+
+    Only those that are more likely than the fit itself.
+    """
     keys = {c.key for c in found.free}
     Fc, vs = found.values.get("Fc"), found.values.get("vs")
     if not {"vs", "Fs"} & keys or not Fc or vs is None:
@@ -76,14 +73,14 @@ def starts(found: Fitted) -> list[dict[str, float]]:
     levels = [Fc * (1.0 + e) for e in EXCESSES] if "Fs" in keys else [found.values["Fs"]]
     pairs = [{"vs": float(v), "Fs": float(F)} for v, F in product(speeds, levels)]
     model, free = found.predictor.model, found.free
-    sets = [inside(free, found.values | pair, model) for pair in pairs]
+    sets = [found.values, *(inside(free, found.values | pair, model) for pair in pairs)]
     where = spread(found.where, ENOUGH, LEAST)
     white = whitened(found.predictor, sets, where, found.noise)
     totals = [
         float(np.nan_to_num(loglik(found.predictor, w, found.noise, v, where).sum(), nan=-np.inf))
         for w, v in zip(white, sets, strict=True)
     ]
-    return [sets[i] for i in np.argsort(totals)[::-1][:TRIED]]
+    return [sets[i] for i in np.argsort(totals)[::-1][:TRIED] if totals[i] > totals[0]]
 
 
 def other_optima(fitted: Fitted) -> list[str]:
@@ -100,17 +97,7 @@ def _from(values: dict[str, float], *, start: Fitted, opened: Collection[str]) -
     """A fit from some values, with the noise held at first."""
     free, anchor = _keys(start), start.anchor | {k: values[k] for k in opened if k in values}
     return fit(
-        start.predictor, values, free, start.where, start.noise,
-        anchor=anchor, most=SHORT, hold=True,
-    )  # fmt: skip
-
-
-def _ended(found: Fitted, start: Fitted, opened: Collection[str]) -> Fitted:
-    """The same fit, continued until hardly anything is gained."""
-    anchor = start.anchor | {k: found.values[k] for k in opened if k in found.values}
-    return fit(
-        found.predictor, found.values, _keys(found), found.where, found.noise,
-        anchor=anchor, settled=CLOSE,
+        start.predictor, values, free, start.where, start.noise, anchor=anchor, hold=True
     )  # fmt: skip
 
 

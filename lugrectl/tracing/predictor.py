@@ -29,6 +29,7 @@ from .windows import Windows
 
 LEVELS = ("J", "Fc", "Fs", "Fv")
 STEP = 2e-3  # s, longest integration step; the engine divides it where necessary
+RUNS = 8  # along the log that are kept: a fit asks again for the last few
 RESTING = 0.1  # of the largest speed: scale of the step errors of a drive at rest
 
 
@@ -52,6 +53,7 @@ class Predictor:
         self.lanes = Lanes(system, outputs=["theta_m", "w_m"], sharp=smoothing)
         self.keys = [name.split(".", 1)[1] for name in self.lanes.parameters]
         self.substeps = max(1, int(np.ceil(data.dt / STEP - 1e-9)))
+        self._runs: Memory = {}
 
     def like(self, model: Model) -> Predictor:
         """The same traced plant with a model that states other bounds."""
@@ -62,7 +64,7 @@ class Predictor:
     def on(self, data: Data) -> Predictor:
         """The same plant on other data."""
         other = copy(self)
-        other.data = data
+        other.data, other._runs = data, {}
         return other
 
     def declarations(self) -> dict[str, P]:
@@ -196,9 +198,15 @@ class Predictor:
         for part in parts:
             if not part.block.states or part.block.exact is not None:
                 continue
-            sets = [Placed(f"{part.key}.", part.block).arguments(v) for v in values]
-            made = run_alone(part.block, log, log.signals, sets)
-            memory |= {run_as(part, v): m for v, m in zip(values, made, strict=True)}
+            sets = {run_as(part, v): v for v in values}
+            new = [key for key in sets if key not in self._runs]
+            memory |= {key: self._runs[key] for key in sets if key not in new}
+            if new:
+                own = [Placed(f"{part.key}.", part.block).arguments(sets[key]) for key in new]
+                made = run_alone(part.block, log, log.signals, own)
+                memory |= dict(zip(new, made, strict=True))
+        runs = self._runs | memory
+        self._runs = {key: runs[key] for key in [*runs][-RUNS:]}
         return memory
 
     def filter(self, noise: Noise, values: Values) -> tuple[np.ndarray, np.ndarray]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from weakref import WeakSet
 
 import numpy as np
 
@@ -71,18 +70,9 @@ def _in_gain(predictor: Predictor) -> set[str]:
     return {f"{p.key}.{k}" for p in parts for k in p.block.own}
 
 
-_COMPILED: WeakSet[Lanes] = WeakSet()
-
-
 @lru_cache(maxsize=8)
 def _tangent(lanes: Lanes) -> Tangent:
-    _COMPILED.add(lanes)
     return Tangent(lanes)
-
-
-def is_compiled(predictor: Predictor) -> bool:
-    """True if the plant's derivatives have been compiled already."""
-    return predictor.lanes in _COMPILED
 
 
 def _from_graph(

@@ -1,10 +1,11 @@
-"""Initial values for undeclared parameters, and restarts where declared ones may be far off."""
+"""Initial values of a fit: the most likely of those that are known, and for undeclared ones."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,11 +14,13 @@ from ..engine.beside import beside
 from ..errors import Refused
 from ..model import Model, Part
 from ..spec import unit_for
+from .coordinates import coordinates, free_keys, inside
 from .data import Data, thinned
-from .fit import QUIETER, Fitted, again, fit, tuned
-from .likelihood import whitened
+from .fit import Fitted, again, fit
+from .likelihood import tune, whitened
+from .noise import Noise
 from .predictor import Predictor
-from .proof import loud
+from .runs import alike
 from .windows import Windows, coarser, spread
 
 DEFLECTIONS = (1e-5, 1e-4, 1e-3, 1e-2)  # Fc / sigma0 as a share of the largest speed, in s
@@ -26,7 +29,6 @@ BALANCED = ("J", "Fc", "Fv", "Fs", "vs", "sigma0")
 # a fit stays near its start, so none is near zero
 LEAST = {"J": 0.01, "Fc": 1e-3, "Fv": 0.05}
 CREEP = 1e-5  # of the largest speed, at which static friction may let a sticking drive creep
-SHORT = 8  # steps of a fit from a restart
 ROUNDS = 5  # of fits, each from the values of the previous one
 BETTER = 3.0  # least gain in log-likelihood that counts as an improvement
 TURNS = (0.5 * np.pi, np.pi, -0.5 * np.pi)  # rad, changes of a declared phase
@@ -34,6 +36,14 @@ EXCESS = 1.05  # start of Fs over Fc, where the declared one is below
 ENOUGH, MANY_WINDOWS = 40_000, 24  # counted samples and windows on which starts are compared
 COARSE = 2e-3  # s, longest sampling interval there
 STRIBECK_SPEEDS = (1e-3, 5e-3, 2e-2)  # vs as a share of the largest speed
+
+
+class Start(NamedTuple):
+    """Values from which a fit starts, the noise that suits them, and their log-likelihood."""
+
+    values: dict[str, float]
+    noise: Noise
+    total: float
 
 
 def holding(model: Model, data: Data) -> Model:
@@ -70,52 +80,38 @@ def completed(model: Model, data: Data, train: Windows) -> Model:
     return core
 
 
-def settled(base: Fitted, declared: Model) -> Fitted:
-    """The fit of the declared model, or a better one from a restart.
+def begun(predictor: Predictor, train: Windows, declared: Model) -> Fitted:
+    """The fit of the declared model from the most likely of the values that are known beforehand.
 
-    Behaviour around rest causes poor local maxima. The friction that the comparison of torques
-    finds usually starts from a better basin; so do the other points of the coarse search, for
-    undeclared values.
+    These are the declared ones and those that the comparison of torques finds, which are usually in
+    the better basin; the phases of declared effects turned; for undeclared values also the points
+    of the coarse search.
     """
-    opened = [k for k, v in declared.values().items() if v is None]
-    base = _unbound(base, opened)
-    light = lightened(base)
-    guesses = _guesses(declared, base.anchor, base.predictor.data)
-    elsewhere = (_balanced_start(base), *_turned(light))
-    believed = [(values, base.anchor) for values in elsewhere]
-    guessed = [(base.anchor | guess, base.anchor | guess) for guess in guesses]
-    better = restarted(base, light, [(*start, 1.0) for start in (*believed, *guessed)])
-    return max(base, _unbound(better, opened), key=lambda f: f.total)
+    data, opened = predictor.data, [k for k, v in declared.values().items() if v is None]
+    anchor = predictor.model.known() | alike(data)
+    guesses = [anchor | guess for guess in _guesses(declared, anchor, data)]
+    starts = [anchor, _balanced_start(predictor, anchor), *guesses]
+    start = _turned(predictor, train, likeliest(predictor, train, data.noise, starts))
+    free = free_keys(predictor)
+    return _unbound(fit(predictor, start.values, free, train, start.noise, anchor=anchor), opened)
 
 
-def restarted(
-    base: Fitted, light: Fitted, starts: Sequence[tuple[dict[str, float], dict[str, float], float]]
-) -> Fitted:
-    """The fit, or the best one from other values, anchors and shares of the noise."""
-    free = [c.key for c in base.free] + list(base.instants)
+def likeliest(
+    predictor: Predictor, train: Windows, noise: Noise, starts: Iterable[Mapping[str, float]]
+) -> Start:
+    """The most likely of some values, on as few samples as are needed to compare them."""
+    data = predictor.data
+    every = max(1, int(COARSE / data.dt + 1e-9))
+    if every > 1:
+        train = coarser(train, data.runs, every)
+        predictor = predictor.on(thinned(data, every))
+    where = spread(train, ENOUGH, MANY_WINDOWS)
 
-    def begun(start: tuple[dict[str, float], dict[str, float], float]) -> Fitted:
-        values, anchor, quiet = start
-        return fit(
-            light.predictor, values, free, light.where, light.noise,
-            anchor=anchor, most=SHORT, rough=True, quiet=quiet,
-        )  # fmt: skip
+    def looked(values: Mapping[str, float]) -> Start:
+        own, each = tune(predictor, values, where, noise)
+        return Start(dict(values), own, float(each.sum()))
 
-    best = max([light, *beside(begun, starts)], key=lambda f: f.total)
-    if best.total < light.total + BETTER:
-        return base
-    return fit(base.predictor, best.values, free, base.where, best.noise, anchor=best.anchor)
-
-
-def quieter(found: Fitted) -> Fitted:
-    """The fit, or a better one from starts under less noise, where the observer supplies torque.
-
-    Under a large noise the observer compensates wrong values of Fs and vs.
-    """
-    if not loud(found):
-        return found
-    starts = [(found.values, found.anchor, quiet) for quiet in QUIETER]
-    return max(found, restarted(found, lightened(found), starts), key=lambda f: f.total)
+    return max(beside(looked, starts), key=lambda start: start.total)
 
 
 def lifted(model: Model) -> Model:
@@ -151,31 +147,31 @@ def _unbound(found: Fitted, opened: Sequence[str]) -> Fitted:
     return found
 
 
-def _balanced_start(base: Fitted) -> dict[str, float]:
+def _balanced_start(predictor: Predictor, anchor: Mapping[str, float]) -> dict[str, float]:
     """The values of the plain balance and of the comparison, where they know them."""
-    held = base.predictor.model.held()
-    known = base.predictor.data.plain
-    found = {k: known[k] for k in BALANCED if k in base.anchor and known.get(k, 0.0) > 0.0}
-    return base.anchor | {k: v for k, v in found.items() if k not in held}
+    held, known = predictor.model.held(), predictor.data.plain
+    found = {k: known[k] for k in BALANCED if k in anchor and known.get(k, 0.0) > 0.0}
+    free = coordinates(predictor, [k for k in found if k not in held], anchor)
+    values = dict(anchor) | {k: v for k, v in found.items() if k not in held}
+    return inside(free, values, predictor.model)
 
 
-def _turned(light: Fitted) -> list[dict[str, float]]:
-    """The declared values with the phases of declared effects turned, if that is more likely.
+def _turned(predictor: Predictor, train: Windows, start: Start) -> Start:
+    """The values with the phases of declared effects turned, where that is more likely.
 
     Angles and times have a different zero in each log.
     """
+    model, held = predictor.model, predictor.model.held()
     angles = [
         f"{part.key}.{name}"
-        for part in light.predictor.model.effects
+        for part in model.effects
         for name, p in part.block.parameters.items()
-        if p.angle and f"{part.key}.{name}" not in light.predictor.model.held()
+        if p.angle and f"{part.key}.{name}" not in held
     ]
-    best = believed = tuned(replace(light, values=light.anchor))
     for key in angles:
-        sets = [best.values | {key: best.values[key] + turn} for turn in TURNS]
-        others = [tuned(replace(light, values=values)) for values in sets]
-        best = max([best, *others], key=lambda f: f.total)
-    return [best.values] if best.total > believed.total + BETTER else []
+        sets = [start.values | {key: start.values[key] + turn} for turn in (0.0, *TURNS)]
+        start = likeliest(predictor, train, start.noise, sets)
+    return start
 
 
 def _balanced(model: Model, data: Data) -> dict[str, float]:
@@ -235,18 +231,6 @@ def _with_effect(core: Model, part: Part, data: Data) -> Model:
             "Give its values in the model file, or leave the effect out.",
         )
     return core.with_effect(part.block.name, found)
-
-
-def lightened(base: Fitted) -> Fitted:
-    """The base model on as few samples as are needed to compare starts."""
-    data = base.predictor.data
-    every = max(1, int(COARSE / data.dt + 1e-9))
-    where = base.where if every == 1 else coarser(base.where, data.runs, every)
-    where = spread(where, ENOUGH, MANY_WINDOWS)
-    if every == 1 and where is base.where:
-        return base
-    predictor = base.predictor.on(thinned(data, every)) if every > 1 else base.predictor
-    return tuned(replace(base, predictor=predictor, where=where))
 
 
 def _range(low: float, high: float, unit: str) -> str:
