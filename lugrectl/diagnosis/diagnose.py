@@ -44,13 +44,14 @@ from ..tracing.optima import other_optima
 from ..tracing.tabulate import tabulate
 from .asking import Asked
 from .floor import failure
-from .plain import refusal, with_plain
+from .plain import refusal, values_for, with_plain
 from .winner import with_effects
 
 WORSE = (
     "On held-out samples the simulation with the added effect misses the motion by {0:.3g} {2}, "
     "without it by {1:.3g}: the comparison of torques stands, its simulation does not gain."
 )
+WITHOUT = "The saved model is the refitted one without it."
 NO_FIT = "Values are those of the comparison of torques, without errors of a simulation: {}"
 SAME_UNITS = "Give all runs in one unit and sign, or leave out the run that differs."
 LIMIT = 270.0  # s that the fit may take
@@ -178,12 +179,20 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
     report(0.85, "parameters and intervals")
     job = compared(job, whole)
     job = noted(job, *unidentified(whole.flat(), "this record"), *((failed,) if failed else ()))
-    job = noted(job, *found.messages, *_worse(scored["error"], found))
+    worse = _worse(scored["error"], found)
+    job = noted(job, *found.messages, *worse)
     job = noted(job, *at_bounds(whole), *far_off(whole, asked.model))
     job = noted(job, *against_held(whole), *other_optima(whole))
     fitted = estimates(whole)
     if failed:  # curvature at a bad fit says nothing about its errors
         fitted = {k: replace(e, ci95=None) for k, e in fitted.items()}
+    model = whole.predictor.model.with_values(whole.values)
+    if (failed or found.events) and not won.keys:  # the robust balance knows them better
+        known = values_for(asked.plain, asked.model)
+        fitted, model = fitted | known, model.with_values({k: e.value for k, e in known.items()})
+    elif failed and worse:
+        model = job.base.predictor.model.with_values(job.base.values)
+        job = noted(job, WITHOUT)
     tied = tuple(_candidate(found, a.name) for a in found.alternatives)
     effects = [
         Finding.of(key, e.name, fitted, tied if i == _first(found) else ())
@@ -194,11 +203,11 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
         verdict=found.verdict,
         effects=tuple(effects),
         depends_on=_signals(found),
-        experiment=_experiment(found.verdict, effects, found.depends_on),
+        experiment=_experiment(found, effects),
         error=scored["error"],
         free_error=scored["free_error"],
         torque_error=scored["torque_error"],
-        model=whole.predictor.model.with_values(whole.values),
+        model=model,
         declared=asked.model,
         estimates=fitted,
         record=job.records[0],
@@ -228,7 +237,7 @@ def _only_compared(ready: Prepared, found: Comparison, model: Model, reason: str
         verdict=found.verdict,
         effects=tuple(effects),
         depends_on=_signals(found),
-        experiment=_experiment(found.verdict, effects, found.depends_on),
+        experiment=_experiment(found, effects),
         declared=model,
         record=ready.records[0],
         messages=(*ready.doubts, *found.messages, NO_FIT.format(reason)),
@@ -279,9 +288,13 @@ def _table(final: Fitted, job: Job, found: Comparison, seed: int) -> Table | Non
         return None
     torque = missing_torque(final.predictor, final.values, final.where, job.base.noise)
     made = tabulate(torque, job.data.log, final.where.counted, found.depends_on, seed=seed)
-    return made if made is not None and made.share95[1] > 0.0 else None
+    return made if made is not None and made.share95[0] > 0.0 else None
 
 
+AGAIN = (
+    "record the same motion again, twice. What returns at the same instants depends on the motion; "
+    "what does not comes from outside, or from the logger"
+)
 _ADVICE = {  # if the residual depends on several of these signals, the first one counts
     "t": "repeat the same run with a cold and a warm drive, and log temperature and load as well",
     "theta": "record slow moves over the same positions, in both directions and at two speeds",
@@ -291,11 +304,12 @@ _ADVICE = {  # if the residual depends on several of these signals, the first on
 }
 
 
-def _experiment(verdict: str, effects: Sequence[Finding], depends: Sequence[str]) -> str | None:
-    if verdict == "ambiguous":
+def _experiment(found: Comparison, effects: Sequence[Finding]) -> str | None:
+    if found.verdict == "ambiguous":
         said = next(finding for finding in effects if finding.alternatives).apart()
         return f"{said[0].upper()}{said[1:]}."
-    if verdict == "unexplained":
-        advice = next((said for k, said in _ADVICE.items() if k in depends), _ADVICE["a"])
+    if found.verdict == "unexplained":
+        known = (said for k, said in _ADVICE.items() if k in found.depends_on)
+        advice = AGAIN if found.events else next(known, _ADVICE["a"])
         return f"To identify the missing effect: {advice}."
     return None

@@ -47,7 +47,7 @@ from ..tracing.job import (
 from ..tracing.optima import other_optima
 from .asking import Asked
 from .floor import failure
-from .plain import with_plain
+from .plain import values_for, with_plain
 
 ONLY_PLAIN = "The values are those of the torque balance alone, without errors of a simulation: {}"
 OF_CHANNELS = frozenset(("u_delay", "w_gain", "w_offset", "w_lag", "drift"))
@@ -148,8 +148,7 @@ def _plainly(asked: Asked, no: Refused) -> Identification:
     if not (plain.parameters.keys() - OF_CHANNELS or plain.combinations):
         no.plain = plain
         raise no
-    declared = {k: e for k, e in plain.parameters.items() if k in model.declarations()}
-    known = {k: e for k, e in declared.items() if _possible(k, e.value)}
+    known = values_for(plain, model)
     said = asked.seen[0].messages if asked.seen and not asked.several else ()
     return Identification(
         estimates=known,
@@ -159,11 +158,6 @@ def _plainly(asked: Asked, no: Refused) -> Identification:
         messages=(*model.remarks(), *said, ONLY_PLAIN.format(no)),
         declared=model,
     )
-
-
-def _possible(key: str, value: float) -> bool:
-    """Whether a drive may have this value, however wide its interval: no inertia is negative."""
-    return value > 0 if key == "J" else value >= 0 or key not in ("Fc", "Fv")
 
 
 def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:

@@ -11,7 +11,7 @@ from ..errors import Refused
 from ..identification.balance import Balance, balance, unlike
 from ..model import Model
 from ..record import Log, Record, stretches
-from ..results import Diagnosis
+from ..results import Diagnosis, Estimate
 from .said_once import said_once
 
 if TYPE_CHECKING:
@@ -48,6 +48,17 @@ def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
         motion=model.motion,
         unlike=runs.said,
     )
+
+
+def values_for(plain: Balance, model: Model) -> dict[str, Estimate]:
+    """The values of the plain answer that a model has, and that a drive may have."""
+    known = {k: e for k, e in plain.parameters.items() if k in model.declarations()}
+    return {k: e for k, e in known.items() if _possible(k, e.value)}
+
+
+def _possible(key: str, value: float) -> bool:
+    """Whether a drive may have this value, however wide its interval: no inertia is negative."""
+    return value > 0 if key == "J" else value >= 0 or key not in ("Fc", "Fv")
 
 
 def _open(key: str, found: Balance) -> bool:

@@ -11,6 +11,7 @@ from ..tracing.coordinates import free_keys
 from ..tracing.fit import Fitted, fit, tuned
 from ..tracing.job import Job, Progress, as_recorded
 from ..tracing.predictor import Predictor
+from ..tracing.runs import alike
 from ..tracing.start import likeliest
 
 TIMES = {"input_delay", "actuator_lag"}
@@ -39,21 +40,34 @@ class Winner:
 def with_effects(job: Job, found: Comparison, report: Progress) -> Winner:
     """The model with the effects that the comparison names, fitted to the training samples.
 
-    From the values of the comparison, or from the refitted model with them: the more likely ones.
-    A torque that was shifted or denoised is used as recorded where a time is named.
+    From the values of the comparison, friction included: that of the refitted model is biased by
+    what is missing. A torque that was shifted or denoised is used as recorded where a time is
+    named.
     """
     if TIMES & {e.name for e in found.effects}:
         job = as_recorded(job, report)
     if not found.effects:
         return Winner(job, job.base, ())
+    job = _aligned(job, found.effects)
     model, keys, values = _model(job.base.predictor.model, found.effects)
     predictor, base = Predictor(model, job.base.predictor.data), job.base
     plant = {k: v for k, v in found.plant.items() if k in base.values and v > 0}
-    starts = [base.values | values, base.values | plant | values]
-    start = likeliest(predictor, base.where, base.noise, starts)
+    known = base.values | plant | values
+    start = likeliest(predictor, base.where, base.noise, [known])
     free, anchor = free_keys(predictor), base.anchor | values
     final = fit(predictor, start.values, free, base.where, start.noise, anchor=anchor)
-    return Winner(job, final, keys, starts[-1])
+    return Winner(job, final, keys, known)
+
+
+def _aligned(job: Job, effects: Sequence[Named]) -> Job:
+    """The same with theta of each run from where effects have one phase in all of them."""
+    effect = next((e for e in effects if e.zeros), None)
+    if effect is None:
+        return job
+    data = job.data.aligned(effect.zeros, float(effect.values["harmonic"]))
+    values = alike(data) | job.base.values
+    base = replace(job.base, predictor=job.base.predictor.on(data), values=values)
+    return replace(job, data=data, base=base)
 
 
 def _model(

@@ -81,8 +81,8 @@ def tracks_of(stretches: Sequence[Stretch]) -> list[Track]:
             ok = ok & (np.isfinite(getattr(s, k)) if both[k] else True)
         filled = {k: _filled(getattr(s, k), ok) if both[k] else None for k in both}
         age = (start + s.t - s.t[0]) / starts[-1] - 0.5
-        u = _filled(s.u, ok)
-        made.append(Track(s.run, float(s.dt), s.t, u, ok=ok, age=age, jitter=s.jitter, **filled))
+        u, theta, w, d = _filled(s.u, ok), filled["theta"], filled["w"], filled["d"]
+        made.append(Track(s.run, float(s.dt), s.t, u, theta, w, ok, age, jitter=s.jitter, d=d))
     return made
 
 

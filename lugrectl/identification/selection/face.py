@@ -22,7 +22,7 @@ from .result import Compared, Comparison, Named
 from .rows import Width, quick, rows_of, spacing, usable, widths
 from .settling import settled
 from .table import Table
-from .values import levels_of, values_of
+from .values import levels_of, values_of, zeros_of
 from .verdict import Decision, decide
 
 
@@ -92,11 +92,12 @@ def _result(found: Decision, model: Model, least: float) -> Comparison:
         alone=levels_of(table.base),
         least=least,
         only_inertia=found.only_inertia,
+        events=found.events,
     )
 
 
 def _named(c: Contender, model: Model) -> Named:
-    return Named(c.name, values_of(c, model), c.share)
+    return Named(c.name, values_of(c, model), c.share, zeros_of(c))
 
 
 def _rows(table: Table) -> list[Compared]:

@@ -58,11 +58,15 @@ class Detectable:
 
 @dataclass(frozen=True)
 class Named:
-    """An effect that the table names, with values to start a fit from."""
+    """An effect that the table names, with values to start a fit from.
+
+    ``zeros`` are the shifts of theta (rad), by run, with which it has one phase in all runs.
+    """
 
     name: str
     values: Mapping[str, float]
     share: float
+    zeros: Mapping[int, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -72,7 +76,8 @@ class Comparison:
     ``effects`` are named, the largest first; ``alternatives`` explain the record as well as the
     first of them. ``depends_on`` are the signals of an unknown torque. ``plant`` are inertia and
     friction beside the effects, ``alone`` those of the declared model without them: start values.
-    ``only_inertia``: of the effects the record shows no more than the inertia of a load.
+    ``only_inertia``: of the effects the record shows no more than the inertia of a load. ``events``
+    are the times (s) of torques that nothing in the table predicts.
     """
 
     verdict: str
@@ -87,4 +92,5 @@ class Comparison:
     alone: Mapping[str, float] = field(default_factory=dict)
     least: float = 0.0
     only_inertia: bool = False
+    events: tuple[float, ...] = ()
     seconds: float = 0.0

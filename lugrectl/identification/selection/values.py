@@ -42,6 +42,17 @@ def _own(c: Contender, block: Block) -> dict[str, float]:
     return found | {block.gain: float(b[0]), free: middle + float(b[1] / b[0])}
 
 
+def zeros_of(c: Contender) -> dict[int, float]:
+    """Shifts of theta, by run, with which an effect has one phase in all runs."""
+    if not c.entry.by_run:
+        return {}
+    order = float(c.values["harmonic"])
+    phases = [float(np.arctan2(b, a)) for a, b in c.coefficients.reshape(-1, 2)]
+    runs = np.unique(c.base.record.motion.run).tolist()
+    turned = [float(np.angle(np.exp(1j * (phase - phases[0])))) for phase in phases]
+    return {int(run): x / order for run, x in zip(runs[1:], turned[1:], strict=True)}
+
+
 def _of_torque(c: Contender, block: Block) -> dict[str, float]:
     """A delay counts beyond the hold of u, which is half a sample on average."""
     found = {k: v for k, v in c.values.items() if k in block.own}

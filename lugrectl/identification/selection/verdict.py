@@ -56,7 +56,8 @@ class Decision:
 
     ``alternatives`` explain the record as well as the first of ``effects``. ``beside`` is the table
     with that one in the base; ``gravity`` joined the base before the first. ``only_inertia``: of
-    the effects the record shows no more than the inertia of a load.
+    the effects the record shows no more than the inertia of a load. ``events`` are the times of
+    torques that nothing predicts.
     """
 
     verdict: str
@@ -68,6 +69,7 @@ class Decision:
     gravity: Contender | None = None
     unknown: Contender | None = None
     only_inertia: bool = False
+    events: tuple[float, ...] = ()
     messages: tuple[str, ...] = field(default=())
 
     @property
@@ -188,8 +190,14 @@ def _eventful(found: Decision, odd: Events) -> Decision:
     rows, unit = found.table.unknown, "N" if found.last.record.motion.motion == "linear" else "N m"
     known = (c.depends_on for c in rows if c.gain > MORE and c.share > REST * odd.share)
     likely = next(known, frozenset({"t"}))
-    return replace(found, verdict="unexplained", alternatives=(), depends_on=likely,
-                   messages=(*found.messages, odd.sentence(unit)))  # fmt: skip
+    return replace(
+        found,
+        verdict="unexplained",
+        alternatives=(),
+        depends_on=likely,
+        events=odd.times,
+        messages=(*found.messages, odd.sentence(unit)),
+    )
 
 
 def _again(
