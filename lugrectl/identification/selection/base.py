@@ -63,12 +63,8 @@ class Record:
 
     @property
     def lateness(self) -> float:
-        """The torque may be late or early by this for nothing, s: half a hold, a current loop.
-
-        A speed that is the only motion may be a difference, half a sample late as well.
-        """
-        alone = self.motion.measured[0] is None
-        return (1.0 if alone else 0.5) * self.motion.dt + TIMING
+        """The torque may be late or early by this for nothing, s: half a hold, a current loop."""
+        return 0.5 * self.motion.dt + TIMING
 
     def mean(self, x: np.ndarray) -> np.ndarray:
         """Samples (n,) or (n, k) in the windows."""

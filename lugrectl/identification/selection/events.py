@@ -18,7 +18,7 @@ SHOWN = 3  # events whose times are given
 SMALL = 0.05  # of the energy of all: a smaller one is not counted
 SAID = (
     "At {} a torque of up to {:.3g} {} acts for {:.2g} s in all that nothing in the comparison "
-    "predicts: it does not return often enough for that."
+    "predicts."
 )
 
 
@@ -30,6 +30,11 @@ class Events:
     times: tuple[float, ...]
     peak: float
     lasts: float
+
+    @property
+    def returns(self) -> bool:
+        """Whether it is more than one incident."""
+        return len(self.times) > 1
 
     def sentence(self, unit: str) -> str:
         """Where and how large they are."""

@@ -8,6 +8,7 @@ from statistics import NormalDist
 
 import numpy as np
 
+from ...spec import unit_for
 from ..balance import UNRELATED
 from . import late_speed, laws_as_rows, rounds
 from .base import Base, Record, rms
@@ -20,6 +21,7 @@ from .numbers import (
     KNOWN_TIME,
     LEAST,
     MORE,
+    MOST,
     REST,
     SECOND,
     SECOND_GAIN,
@@ -114,10 +116,14 @@ def _with_law(found: Decision, bars: Bars) -> Decision:
     if found.verdict not in ("adequate", "found", "ambiguous"):
         return found
     least = float(np.log(len(laws_as_rows.PARTS))) + MORE
+    most = max((c.share for c in found.effects), default=0.0)
     parts = []
     for c in laws_as_rows.rows(found.last):
         d, se = c.above(c.base)
-        if d > least and d > bars.z * se and c.size > bars.least and _seen(c):
+        large = c.share > bars.least or _nearly_all(c, bars.least)
+        if most:  # a second effect, as any other
+            large = c.share > max(UNKNOWN * bars.least, SECOND * most)
+        if d > least and d > bars.z * se and large:
             parts.append(c)
     parts += _late(found, bars.least)
     verdict = "found" if parts and found.verdict == "adequate" else found.verdict
@@ -131,7 +137,13 @@ def _matters(c: Contender, table: Table, least: float) -> bool:
     unknown torque explains more.
     """
     best = max((free.gain for free in table.unknown), default=0.0)
-    return c.share > least or (c.size > least and c.gain > best)
+    return c.share > least or (_nearly_all(c, least) and c.gain > best)
+
+
+def _nearly_all(c: Contender, least: float) -> bool:
+    """Whether its torque is large, and what the law does not imitate of it is most of what the
+    base leaves."""
+    return c.size > least and c.share > MOST * c.base.left
 
 
 def _seen(c: Contender) -> bool:
@@ -176,18 +188,25 @@ def _nameless(table: Table, free: list[Contender], least: float) -> Decision:
     if not free and left > HALF:  # an effect as large as all friction could not have been seen
         return Decision("refused", table=table, messages=(UNRELATED.format(left),))
     odd = events(base)
-    if not free and odd.share > UNKNOWN * least:
+    large = odd.share > UNKNOWN * least and odd.share > base.left
+    if not free and large and odd.returns:
         return _eventful(Decision("unexplained", table=table), odd)
     if not free:
-        return Decision("adequate", table=table)
+        said = (odd.sentence(unit_of(base)),) if large else ()
+        return Decision("adequate", table=table, messages=said, events=odd.times if large else ())
     signals = free[0].depends_on
     return Decision("unexplained", depends_on=signals, table=table, unknown=free[0])
+
+
+def unit_of(base: Base) -> str:
+    """The unit of its torque or force."""
+    return unit_for("N m", base.record.motion.motion)
 
 
 def _eventful(found: Decision, odd: Events) -> Decision:
     """Unexplained, with when it happens."""
     assert found.table is not None
-    rows, unit = found.table.unknown, "N" if found.last.record.motion.motion == "linear" else "N m"
+    rows, unit = found.table.unknown, unit_of(found.table.base)
     known = (c.depends_on for c in rows if c.gain > MORE and c.share > REST * odd.share)
     likely = next(known, frozenset({"t"}))
     return replace(
@@ -238,7 +257,8 @@ def _what_is_left(found: Decision, free: list[Contender], bars: Bars) -> Decisio
         return replace(found, verdict="unexplained", effects=kept, alternatives=(),
                        depends_on=odd.depends_on, unknown=odd)  # fmt: skip
     event = events(beside.base)
-    return _eventful(found, event) if event.share > max(UNKNOWN * least, best.share) else found
+    alone = event.returns and event.share > max(UNKNOWN * least, best.share, beside.base.left)
+    return _eventful(found, event) if alone else found
 
 
 def _several(
