@@ -44,7 +44,7 @@ TRACING = [
 SELECTION = [
     {"numbers", "result", "driven", "late"},
     {"motion", "regression"},
-    {"rows", "law", "score"},
+    {"rows", "law", "score", "rests"},
     {"declared"},
     {"base"},
     {"settling", "events"},

@@ -14,6 +14,7 @@ from .regression import Solution, solve
 from .score import paired
 from .settling import along, relaid
 
+NEIGHBOURS = 3  # blocks in a row that count as one for an unknown torque
 OTHER_J = (0.5, 2.0)  # inertia beside an effect as large as all friction, over that without it
 IMITATES = 0.6  # of the inertia: an unknown torque of u that changes it by more stands for it
 
@@ -83,9 +84,12 @@ class Contender:
         return float(np.sum(self.blocks - self.base.score))
 
     def above(self, other: Contender | Base) -> tuple[float, float]:
-        """By how much it is better, and the standard error of that."""
+        """By how much it is better, and the standard error of that.
+
+        A function of anything follows one incident from block to block: neighbours count together.
+        """
         theirs = other.blocks if isinstance(other, Contender) else other.score
-        return paired(self.blocks, theirs)
+        return paired(self.blocks, theirs, NEIGHBOURS if self.depends_on else 1)
 
     def joined(self) -> Base:
         """The base with this explanation in it."""

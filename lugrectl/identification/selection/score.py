@@ -14,7 +14,6 @@ import numpy as np
 
 from .regression import Scale, Solution, density, weights
 
-TOGETHER = 3  # blocks in a row that count as one
 CLIPS = (3.0, 10.0, 30.0)  # nats at which differences of blocks are cut: how many, not how much
 
 
@@ -94,16 +93,16 @@ def seen(made: Solution, blocks: Blocks, factor: float) -> np.ndarray:
     return blocks.sums(density(factor * made.r))
 
 
-def paired(a: np.ndarray, b: np.ndarray) -> tuple[float, float]:
+def paired(a: np.ndarray, b: np.ndarray, together: int = 1) -> tuple[float, float]:
     """Difference of two scores and its standard error over paired blocks.
 
-    Neighbours count together: what one incident does to some blocks in a row happened once.
+    ``together``: so many blocks in a row count as one.
 
     Differences count as they are or cut at a few nats, whichever is surer: what matters is how
     many blocks show an effect, not how much one of them shows.
     """
     d = a - b
-    d = np.append(d, np.zeros(-len(d) % TOGETHER)).reshape(-1, TOGETHER).sum(axis=1)
+    d = np.append(d, np.zeros(-len(d) % together)).reshape(-1, together).sum(axis=1)
     total = float(d.sum())
     se = float(np.sqrt(len(d)) * d.std(ddof=1)) + 1e-9
     for clip in CLIPS:

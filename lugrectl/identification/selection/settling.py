@@ -12,6 +12,7 @@ from .declared import terms
 from .law import NAMES, SMEAR
 from .numbers import LEAST
 from .regression import Scale, likelihood, solve
+from .rests import peaks, rests_of
 
 STEPS = (1.4, 1.2, 1.1, 1.05)  # of the presliding distance and the Stribeck speed, after the grid
 
@@ -111,12 +112,13 @@ def _shared(record: Record, gravity: bool) -> np.ndarray:
 
 
 def _of_law(record: Record, x0: float, vs: float) -> np.ndarray:
-    """The shapes of friction, what each further run has more of it (another warmth), and the
-    declared effects, in the windows."""
+    """The shapes of friction, what each further run has more of it (another warmth), a peak after
+    each rest, and the declared effects, in the windows."""
     law, m = record.laws.law(x0, vs), record.motion
     warmth = [(m.run == r) * x for r in np.unique(m.run)[1:] for x in (law.z, m.w)]
+    peak = peaks(m, x0, rests_of(m, vs))
     more = terms(record.parts, law, m, m.d)
-    return record.mean(np.column_stack([law.shapes, *warmth, *more]))
+    return record.mean(np.column_stack([law.shapes, *warmth, peak, *more]))
 
 
 def _columns(

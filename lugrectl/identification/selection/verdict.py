@@ -116,13 +116,10 @@ def _with_law(found: Decision, bars: Bars) -> Decision:
     if found.verdict not in ("adequate", "found", "ambiguous"):
         return found
     least = float(np.log(len(laws_as_rows.PARTS))) + MORE
-    most = max((c.share for c in found.effects), default=0.0)
     parts = []
     for c in laws_as_rows.rows(found.last):
         d, se = c.above(c.base)
         large = c.share > bars.least or _nearly_all(c, bars.least)
-        if most:  # a second effect, as any other
-            large = c.share > max(UNKNOWN * bars.least, SECOND * most)
         if d > least and d > bars.z * se and large:
             parts.append(c)
     parts += _late(found, bars.least)
@@ -256,9 +253,7 @@ def _what_is_left(found: Decision, free: list[Contender], bars: Bars) -> Decisio
         kept = () if _far(best, free) else found.effects
         return replace(found, verdict="unexplained", effects=kept, alternatives=(),
                        depends_on=odd.depends_on, unknown=odd)  # fmt: skip
-    event = events(beside.base)
-    alone = event.returns and event.share > max(UNKNOWN * least, best.share, beside.base.left)
-    return _eventful(found, event) if alone else found
+    return found
 
 
 def _several(
