@@ -17,7 +17,7 @@ from .base import Record
 from .budget import budget, detectable
 from .contender import Contender
 from .motion import Motion, motion_of
-from .numbers import ALPHA, HELD, LEAST, LOST, MOST_ROWS, MOST_SAMPLES
+from .numbers import ALPHA, HELD, LEAST, LOST, MOST_ROWS, MOST_SAMPLES, OFF
 from .result import Compared, Comparison, Named
 from .rows import Width, quick, rows_of, spacing, usable, widths
 from .settling import settled
@@ -119,7 +119,7 @@ def record_of(stretches: Sequence[Stretch], model: Model, plain: Balance) -> Rec
     declared = {k: v for k, v in model.known().items() if "." not in k}
     J, sure = _inertia(plain, declared)
     width, sure = _width(motion, declared, J, sure)
-    held = None if declared.get("J") else J
+    held = (declared["J"] / OFF, np.inf) if declared.get("J") else J
     motion = motion.part(_share(motion, width.h))
     has = frozenset(model.friction.block.own)
     lag = None

@@ -23,6 +23,7 @@ TIMING = 5e-4  # s that a torque may be early or late beyond half a sample, with
 NOISE = 0.03  # of friction: the noise of J a in a window
 LOST = 0.05  # of J that noise of the acceleration may take
 HALF = 0.5  # of the torque: a model that leaves more of it says nothing of the drive
+OFF = 3.0  # times a declared inertia is too large, at most: less would be taken for other effects
 HELD = 0.02  # half-width within which a certain J of the plain answer is held, at least
 SOFTER = 1e-2  # stiffness of the motion that friction is made from, over that of the acceleration
 STILL = 0.004  # of the top speed: below it the drive rests

@@ -37,7 +37,7 @@ def rests_of(m: Motion, vs: float) -> list[Rest]:
     still, found = np.asarray(rate) > 0.5, []
     for p in m.pieces:
         edges = np.flatnonzero(np.diff(np.r_[0, still[p].astype(int), 0])) + p.start
-        ends = [*edges[2::2].tolist(), p.stop]
+        ends = [*edges[2::2].tolist(), *([p.stop] if len(edges) else [])]
         for first, end, stop in zip(edges[::2], edges[1::2], ends, strict=True):
             if p.start < first and end < stop:
                 found.append(Rest(slice(int(first), int(end)), slice(int(end), int(stop))))
