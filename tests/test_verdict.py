@@ -93,11 +93,21 @@ def test_it_may_be_a_load_on_a_coupling_where_the_record_shows_no_resonance(tmp_
     assert "do not show a resonance above" in found.messages[0]
 
 
-def test_a_torque_at_one_instant_is_unexplained_and_its_time_is_said(tmp_path, motion):
-    t = motion[0]
-    found = judged(tmp_path, motion, 1.5 * FC * np.exp(-(((t - 7.3) / 0.05) ** 2)))
+def push(t, *at):
+    """A torque for a moment at some instants."""
+    return 1.5 * FC * sum(np.exp(-(((t - x) / 0.05) ** 2)) for x in at)
+
+
+def test_a_torque_at_one_instant_is_said_and_decides_nothing(tmp_path, motion):
+    found = judged(tmp_path, motion, push(motion[0], 7.3))
+    assert found.verdict == "adequate" and len(found.events) == 1
+    assert any("At t = 7.3 s a torque of up to" in said for said in found.messages)
+
+
+def test_a_torque_at_several_instants_is_unexplained_and_their_times_are_said(tmp_path, motion):
+    found = judged(tmp_path, motion, push(motion[0], 3.1, 7.3, 12.2))
     assert (found.verdict, found.depends_on) == ("unexplained", ("t",))
-    assert any("t = 7.3 s" in said for said in found.messages)
+    assert sorted(found.events) == pytest.approx([3.1, 7.3, 12.2], abs=0.1)
 
 
 def test_a_load_that_is_measured_is_not_missing(tmp_path, motion):

@@ -13,7 +13,7 @@ from ..balance import UNRELATED
 from . import late_speed, laws_as_rows, rounds
 from .base import Base, Record, rms
 from .contender import Contender, enter
-from .events import Events, events
+from .events import Events, events, explained
 from .numbers import (
     ALPHA,
     FAR,
@@ -186,6 +186,9 @@ def _nameless(table: Table, free: list[Contender], least: float) -> Decision:
         return Decision("refused", table=table, messages=(UNRELATED.format(left),))
     odd = events(base)
     large = odd.share > UNKNOWN * least and odd.share > base.left
+    cause = _cause(table, odd) if not free and large and odd.returns else None
+    if cause is not None:  # it predicts each from the others
+        return Decision("found", (cause,), table=table, beside=tabulate(cause.joined()))
     if not free and large and odd.returns:
         return _eventful(Decision("unexplained", table=table), odd)
     if not free:
@@ -193,6 +196,13 @@ def _nameless(table: Table, free: list[Contender], least: float) -> Decision:
         return Decision("adequate", table=table, messages=said, events=odd.times if large else ())
     signals = free[0].depends_on
     return Decision("unexplained", depends_on=signals, table=table, unknown=free[0])
+
+
+def _cause(table: Table, odd: Events) -> Contender | None:
+    """The effect that explains all events, if one does."""
+    bar = float(np.log(max(len(table.named), 1))) + MORE
+    able = (c for c in table.named if c.gain > bar and explained(odd, table.base, c.made.r))
+    return next(able, None)
 
 
 def unit_of(base: Base) -> str:
