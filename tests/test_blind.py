@@ -33,16 +33,10 @@ def close(result, case):
         assert abs(found[key].value - true) <= slack, (key, found[key], true)
 
 
-NEAR_REST = pytest.mark.xfail(
-    strict=True,
-    reason="a constant torque is named: they differ near rest only, which is left out",
-)
-
-
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param("coulomb_asymmetry", marks=NEAR_REST),
+        "coulomb_asymmetry",
         "input_delay",
         "periodic_disturbance",
     ],

@@ -42,7 +42,6 @@ def test_a_creep_of_the_users_own_and_one_that_is_small_stay():
     assert holding(lugre, data) is lugre
 
 
-@pytest.mark.xfail(strict=True, reason="the comparison does not see it in this record")
 @pytest.mark.slow
 def test_only_the_stribeck_effect_is_missing_from_a_slow_axis_that_rests():
     """With a creep of 0.1 mm/s the fit needed 34 times the true stiction to hold the axis."""

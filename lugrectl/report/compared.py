@@ -76,9 +76,8 @@ def limits_in_words(d: Any) -> str:
     if found is None or not found.detectable:
         return ""
     least = _percent(found.detectable[0].share)
-    return (
-        f" Most effects would have shown from {least} of friction on; the report lists the others."
-    )
+    said = f" Most effects would have shown from {least} of friction on."
+    return f"{said} One incident is not explained: see the notes." if found.events else said
 
 
 @drawn

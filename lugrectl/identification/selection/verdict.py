@@ -304,7 +304,8 @@ def _instead(
 
 def _large(c: Contender, best: Contender, least: float) -> bool:
     """Whether a second effect is large enough to be named."""
-    return c.size > max(UNKNOWN * least, SECOND * best.size) and c.gain > SECOND_GAIN * best.gain
+    large = c.share > least and c.size > max(UNKNOWN * least, SECOND * best.size)
+    return large and c.gain > SECOND_GAIN * best.gain
 
 
 def _beyond(
