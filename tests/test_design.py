@@ -323,5 +323,6 @@ def test_least_travel_is_that_of_every_window(samples, share):
     each = np.interp(starts + T, fine, travel) - np.interp(starts, fine, travel)
     assert found.beta <= each.min() + 1e-7
     assert found.beta >= each.min() - 2 * t[-1] / 2000
-    assert found.slowest == pytest.approx(speed.min(), abs=1e-4)
+    between = float(np.max(np.abs(np.diff(w)))) / 0.1 * fine[1]  # a zero between two instants
+    assert found.slowest == pytest.approx(speed.min(), abs=between + 1e-9)
     assert excitation(3 * w, t, T).beta == pytest.approx(3 * found.beta, abs=1e-12)

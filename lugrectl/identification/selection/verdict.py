@@ -103,7 +103,7 @@ def decide(record: Record, least: float = LEAST, alpha: float = ALPHA) -> Decisi
     bars = Bars(least, NormalDist().inv_cdf(1 - alpha))
     found = _of(record, table, bars)
     if not record.sure and heavy is None and found.verdict != "refused":
-        return replace(found, messages=(UNSURE,))
+        return replace(found, messages=(UNSURE, *found.messages))
     found = found if heavy is None else _with_weight(found, heavy, also)
     small = all(c.share < UNKNOWN * least for c in found.effects)
     found = _with_load(found) if small and found.verdict != "unexplained" else found
