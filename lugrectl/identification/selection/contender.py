@@ -9,12 +9,11 @@ from functools import cached_property
 import numpy as np
 
 from .base import Base, Columns, Record, rms
-from .numbers import ALONE
+from .numbers import ALONE, NEIGHBOURS
 from .regression import Solution, solve
 from .score import paired
 from .settling import along, relaid
 
-NEIGHBOURS = 3  # blocks in a row that count as one for an unknown torque
 OTHER_J = (0.5, 2.0)  # inertia beside an effect as large as all friction, over that without it
 IMITATES = 0.6  # of the inertia: an unknown torque of u that changes it by more stands for it
 

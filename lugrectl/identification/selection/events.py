@@ -11,12 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from .base import Base, rms
+from .numbers import BEYOND, TAKEN
 
-BEYOND = 5.0  # medians of the residual: an event leaves more
 APART = 0.3  # s between two events
 SHOWN = 3  # events whose times are given
 SMALL = 0.05  # of the energy of all: a smaller one is not counted
-TAKEN = 0.3  # of the torque of the events: an effect that leaves less of it explains them
 SAID = (
     "At {} a torque of up to {:.3g} {} acts for {:.2g} s in all that nothing in the comparison "
     "predicts."

@@ -14,17 +14,17 @@ from .base import LEVELS
 from .contender import Contender, enter
 from .effects import by_run, columns
 from .levelled import on_level
+from .numbers import NEAR
 from .regression import likelihood, solve
 from .settling import columns_at, likeliest, relaid
 
-NEAR = 0.8  # of the gain of the best, from which each has its own law before they are compared
-MOST = 4
+MOST_NEAR = 4
 TIMES = 3  # the level of friction beside it moves with the law
 
 
 def each_in_its_own_law(good: Sequence[Contender]) -> list[Contender]:
     """The contenders, those near the best beside their own laws, the best first."""
-    near = [c for c in good if c.gain > NEAR * good[0].gain][:MOST]
+    near = [c for c in good if c.gain > NEAR * good[0].gain][:MOST_NEAR]
     if len(near) < 2:
         return list(good)
     return sorted([*map(in_its_own_law, near), *good[len(near) :]], key=lambda c: -c.gain)

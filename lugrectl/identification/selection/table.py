@@ -15,7 +15,7 @@ from .base import Base, Columns, Record, View, rms
 from .contender import Contender, Entry, enter
 from .eccentric import corrected
 from .levelled import levelled
-from .numbers import LEAST
+from .numbers import COARSE, LEAST
 from .regression import Scale, solve, weights
 from .settling import settled
 
@@ -27,7 +27,6 @@ MAD = 1.38  # sigma of a Student density of 4 degrees of freedom, in medians of 
 MOST_LEVERAGE = 0.95
 TURNED = 0.8  # rad of travel from which gravity is looked for first
 HEAVY = 0.3  # of friction: gravity that hides what else is missing
-COARSE = 0.1  # of the least torque: what the shift of a torque may leave
 ALIKE = 2.33  # paired standard errors within which two models explain equally well
 ALIKE_ASYMMETRY = 3.0  # the same for an asymmetry, whose shape depends on the Stribeck curve
 PART = 0.3  # of the gain of the best, below which another is not as good

@@ -18,6 +18,8 @@ from .numbers import (
     ALPHA,
     FAR,
     HALF,
+    HALF_RESPONSE,
+    HIDING,
     KNOWN_TIME,
     LEAST,
     MORE,
@@ -34,8 +36,6 @@ from .own_law import each_in_its_own_law, in_its_own_law
 from .score import paired
 from .table import ALIKE, Table, as_good, best_of, decided, tabulate
 
-HIDING = 0.015  # s: windows from which on a coupling may resonate unseen
-HALF_RESPONSE = 0.55  # frequency times half-width at which a window halves a wave
 MOST_ALTERNATIVES = 3
 MOST_BESIDE = 3  # other effects beside which two explanations are compared again
 
@@ -92,9 +92,14 @@ class Bars:
 
     def proven(self, table: Table, contenders: Sequence[Contender]) -> list[Contender]:
         """Those better than the base by more than the choice among so many may give."""
-        bar = float(np.log(max(len(table.named), 1))) + MORE
+        bar = _bar(table.named)
         above = [(c, *c.above(table.base)) for c in contenders]
         return [c for c, d, se in above if d > bar and d > self.z * se]
+
+
+def _bar(choice: Sequence[object]) -> float:
+    """Nats that the best of a choice may gain by chance."""
+    return float(np.log(max(len(choice), 1))) + MORE
 
 
 def decide(record: Record, least: float = LEAST, alpha: float = ALPHA) -> Decision:
@@ -107,15 +112,14 @@ def decide(record: Record, least: float = LEAST, alpha: float = ALPHA) -> Decisi
     found = found if heavy is None else _with_weight(found, heavy, also)
     small = all(c.share < UNKNOWN * least for c in found.effects)
     found = _with_load(found) if small and found.verdict != "unexplained" else found
-    found = _with_law(found, bars) if record.sure else found
-    return found
+    return _with_law(found, bars) if record.sure else found
 
 
 def _with_law(found: Decision, bars: Bars) -> Decision:
     """With what no other row shows: parts of friction that the law does not have, a late speed."""
     if found.verdict not in ("adequate", "found", "ambiguous"):
         return found
-    least = float(np.log(len(laws_as_rows.PARTS))) + MORE
+    least = _bar(laws_as_rows.PARTS)
     parts = []
     for c in laws_as_rows.rows(found.last):
         d, se = c.above(c.base)
@@ -184,23 +188,27 @@ def _nameless(table: Table, free: list[Contender], least: float) -> Decision:
     left = rms(base.made.r) * base.view.scale.sigma / max(rms(base.y), 1e-300)
     if not free and left > HALF:  # an effect as large as all friction could not have been seen
         return Decision("refused", table=table, messages=(UNRELATED.format(left),))
-    odd = events(base)
-    large = odd.share > UNKNOWN * least and odd.share > base.left
-    cause = _cause(table, odd) if not free and large and odd.returns else None
-    if cause is not None:  # it predicts each from the others
-        return Decision("found", (cause,), table=table, beside=tabulate(cause.joined()))
-    if not free and large and odd.returns:
-        return _eventful(Decision("unexplained", table=table), odd)
-    if not free:
-        said = (odd.sentence(unit_of(base)),) if large else ()
-        return Decision("adequate", table=table, messages=said, events=odd.times if large else ())
-    signals = free[0].depends_on
-    return Decision("unexplained", depends_on=signals, table=table, unknown=free[0])
+    if free:
+        return Decision("unexplained", depends_on=free[0].depends_on, table=table, unknown=free[0])
+    return _with_incidents(table, events(base), least)
+
+
+def _with_incidents(table: Table, odd: Events, least: float) -> Decision:
+    """Nothing is named and no torque is unknown, but for what happens at a few instants."""
+    nothing = Decision("adequate", table=table)
+    if not odd.share > max(UNKNOWN * least, table.base.left):
+        return nothing
+    if not odd.returns:
+        return replace(nothing, messages=(odd.sentence(unit_of(table.base)),), events=odd.times)
+    cause = _cause(table, odd)
+    if cause is None:
+        return _eventful(nothing, odd)
+    return Decision("found", (cause,), table=table, beside=tabulate(cause.joined()))
 
 
 def _cause(table: Table, odd: Events) -> Contender | None:
-    """The effect that explains all events, if one does."""
-    bar = float(np.log(max(len(table.named), 1))) + MORE
+    """The effect that explains all events, each predicted from the others, if one does."""
+    bar = _bar(table.named)
     able = (c for c in table.named if c.gain > bar and explained(odd, table.base, c.made.r))
     return next(able, None)
 
