@@ -13,7 +13,6 @@ from ..door import judged_by
 from ..errors import Refused
 from ..friction_map import diagnose_map
 from ..identification.selection import ALPHA, LEAST, Comparison, Named, compare
-from ..model import Model
 from ..progress import Progress, Wanted, reporter, shows_progress
 from ..provenance import stamped
 from ..record import Record
@@ -22,13 +21,13 @@ from ..spec import members
 from ..steady.points import is_map
 from ..traces import residual_torque, traces
 from ..tracing.applicable import signals_of
+from ..tracing.doubts import refuse_dead
 from ..tracing.evaluate import missing_torque
 from ..tracing.far import against_held, at_bounds, far_off
 from ..tracing.fit import Fitted
 from ..tracing.held_out import adapted
 from ..tracing.job import (
     Job,
-    Prepared,
     begin,
     compared,
     estimates,
@@ -147,17 +146,18 @@ def _finer(
     holdout = asked.holdout()
     if not isinstance(record, Record) and is_map(record):
         return diagnose_map(record, model, holdout=holdout, seed=seed, progress=report)
+    refuse_dead([record] if isinstance(record, Record) else record)
     report(0.05, "comparing explanations")
     found = compare(asked.plain.stretches, model, asked.plain, *limits)
     if found.verdict == "refused":
         raise Refused(" ".join(found.messages))
-    ready = prepared(record, model, holdout, horizon)
-    ready = ready.from_values(asked.starts(found.alone))
     try:
+        ready = prepared(record, model, holdout, horizon)
+        ready = ready.from_values(asked.starts(found.alone)).earlier(-found.logged)
         with within(limit):
             return _fitted(begin(ready, report), found, asked, seed, report)
     except Refused as no:  # the comparison needs no simulation
-        return _only_compared(ready, found, model, f"{no} {no.experiment or ''}".rstrip())
+        return _only_compared(asked, found, f"{no} {no.experiment or ''}".rstrip())
 
 
 def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progress) -> Diagnosis:
@@ -226,8 +226,9 @@ def _failure(job: Job, fitted: Fitted, asked: Asked) -> str | None:
     return failure(job.data, residual_torque(job, fitted), asked)
 
 
-def _only_compared(ready: Prepared, found: Comparison, model: Model, reason: str) -> Diagnosis:
+def _only_compared(asked: Asked, found: Comparison, reason: str) -> Diagnosis:
     """The answer without a fit of predictions: values of the comparison, without errors."""
+    noticed = (m for r in asked.seen for m in r.messages)
     tied = tuple(_candidate(found, a.name) for a in found.alternatives)
     effects = [
         Finding(e.name, _estimates(e, found), tied if i == _first(found) else ())
@@ -238,9 +239,9 @@ def _only_compared(ready: Prepared, found: Comparison, model: Model, reason: str
         effects=tuple(effects),
         depends_on=_signals(found),
         experiment=_experiment(found, effects),
-        declared=model,
-        record=ready.records[0],
-        messages=(*ready.doubts, *found.messages, NO_FIT.format(reason)),
+        declared=asked.model,
+        record=asked.seen[0],
+        messages=(*noticed, *found.messages, NO_FIT.format(reason)),
         ranking=_ranking(found),
         comparison=found,
     )

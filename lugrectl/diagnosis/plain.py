@@ -37,9 +37,11 @@ def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
     fixed = {k: v for k, v in model.known().items() if k in model.held()}
     found = balance(parts, model, fixed)
     known = {k: v for k, v in model.known().items() if k in LEVELS and _open(k, found)}
-    taken = [TAKEN.format(k, v, model.unit(k)) for k, v in known.items()]
-    if known:
-        found = balance(parts, model, fixed | known)
+    taken: list[str] = []
+    if known and not found.refused:
+        held = balance(parts, model, fixed | known)
+        if not (held.left or 0.0) > 1.0:  # it explains less than nothing: they contradict the log
+            found, taken = held, [TAKEN.format(k, v, model.unit(k)) for k, v in known.items()]
     return replace(
         found,
         notes=tuple(dict.fromkeys([*found.notes, *taken])),

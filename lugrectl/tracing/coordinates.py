@@ -37,6 +37,13 @@ class Coordinate:
     said: Stated = Stated()
     mean: float = 0.0
 
+    def around(self, start: float) -> Coordinate:
+        """The same with room about a start far from the declared value."""
+        if self.kind not in ("log", "excess") or self.said.bounded or "." in self.key:
+            return self
+        far = REACH.get(self.key, FAR)
+        return replace(self, low=min(self.low, start / far), high=max(self.high, start * far))
+
     def into(self, values: Values) -> float:
         if self.kind == "log":
             return float(np.log(values[self.key]))

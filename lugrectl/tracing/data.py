@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, Refused
 from ..record import Record
 from ..record.samples import smallest_step
 from .noise import Noise, repeating, sensor_noise, smooth
@@ -218,9 +218,9 @@ def _alike(records: Sequence[Record]) -> None:
     first = records[0]
     for r in records[1:]:
         if abs(r.dt / first.dt - 1.0) > 1e-3:
-            raise InputError(
+            raise Refused(
                 f"{r.source} has {r.rate:g} samples per second but {first.source} has "
-                f"{first.rate:g}; give runs of one rate, or four or more at a steady speed each."
+                f"{first.rate:g}: they are not simulated together."
             )
         same = (r.w is None, r.theta is None) == (first.w is None, first.theta is None)
         if r.motion != first.motion or not same:

@@ -181,6 +181,7 @@ def fit(
     moments = [k for k in free if is_instant(declared[k])]
     anchor = predictor.model.kept(anchor)
     coords = coordinates(predictor, [k for k in free if k not in moments], anchor)
+    coords = [c.around(values[c.key]) for c in coords]
     values = inside(coords, values, predictor.model)
     place_all = partial(placed, predictor, moments, where)
     climb = _Climb(predictor, coords, where, Prior.at(coords, anchor))

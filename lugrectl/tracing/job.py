@@ -17,8 +17,7 @@ from ..results import Estimate
 from ..spec import unit_for
 from .balance import named
 from .data import Data, prepare
-from .dated import dated
-from .doubts import refuse_dead, refuse_unfit
+from .dated import ahead, dated
 from .evaluate import Judged, free_run, judge, sensed_torque
 from .fit import Fitted, again, identified_covariance, tuned
 from .likelihood import tune
@@ -78,10 +77,16 @@ class Prepared:
     parts: Split
     doubts: tuple[str, ...]
     on_theta: bool
+    recorded: Data | None = None  # before its torque was moved
 
     def from_values(self, plain: Mapping[str, float]) -> Prepared:
         """The same with values from which fits start."""
         return replace(self, data=replace(self.data, plain=plain))
+
+    def earlier(self, by: float) -> Prepared:
+        """The same with the torque ``by`` s earlier, where it was written down so late."""
+        moved = ahead(self.data, by / self.data.dt) if by > 0.0 else self.data
+        return replace(self, data=moved, recorded=self.data if by > 0.0 else None)
 
 
 def prepared(
@@ -93,7 +98,6 @@ def prepared(
     """The records split into training and held-out samples; Refused where they cannot be judged."""
     records = (record,) if isinstance(record, Record) else tuple(record)
     apart = (holdout,) if isinstance(holdout, Record) else ()
-    refuse_dead([*records, *apart])
     checked = map(consistent, (*records, *apart))  # a record made of arrays was not checked yet
     every = pooled([*checked])
     records = every[: len(records)]
@@ -102,7 +106,7 @@ def prepared(
     data = prepare(every)
     held_out = sum(r.samples for r in records) if apart else None
     parts = split(data, horizon, last=holdout == "last", held_out=held_out)
-    doubts = refuse_unfit(every, model, data)
+    doubts: tuple[str, ...] = ()
     filtering = any(part.block.name == LAG for part in model.effects)
     alone = None if filtering else on_theta_alone(every, data)
     if alone is not None:
@@ -129,7 +133,7 @@ def begin(asked: Prepared, report: Progress) -> Job:
     base = fitting(start, data)
     moved = dated(base)
     if moved is None:
-        return Job(records, model, data, parts, base, asked.doubts)
+        return Job(records, model, data, parts, base, asked.doubts, recorded=asked.recorded)
     shifted = moved.predictor.data
     return Job(records, model, shifted, parts, moved, asked.doubts, recorded=data)
 

@@ -105,7 +105,7 @@ def _likely(ground: Ground, plain: Fit) -> float:
     offsets = ground.speed * np.linspace(-MOST_OFFSET, MOST_OFFSET, OFFSETS)
     shapes = [Term("Fc", Shifted(float(x)), friction=True) for x in offsets]
     windows = ground.source.windows(
-        plain.half_width, [*terms, *shapes], plain.setting.rest, plain.delay
+        plain.half_width, [*terms, *shapes], plain.setting.rest, plain.windows.delay
     )
     if windows is None:
         return 0.0

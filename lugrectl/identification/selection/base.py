@@ -15,7 +15,7 @@ from .declared import TURNING, applied
 from .late import shifted, spline
 from .law import FORCES, NAMES, VISCOUS, Law, Laws
 from .motion import Motion
-from .numbers import BLOCK, TIMING
+from .numbers import APART, BLOCK, TIMING
 from .regression import Scale, Solution, solve
 from .rows import Rows, rms
 from .score import Blocks, left_out, seen
@@ -37,7 +37,8 @@ class Record:
 
     ``has`` are the parameters of the declared friction law, with a value or not, ``lag``
     that of a speed with a sensor of its own behind dtheta/dt and its standard error, s. The torque
-    of its motion is ``shift`` (s) later than recorded.
+    of its motion is ``shift`` (s) later than recorded, ``logged`` (s) of it because it was written
+    down after the motion that it causes.
     """
 
     motion: Motion
@@ -52,6 +53,7 @@ class Record:
     has: frozenset[str] = frozenset()
     lag: tuple[float, float] | None = None
     shift: float = 0.0
+    logged: float = 0.0
     _kept: dict[Hashable, tuple[object, Any]] = field(default_factory=dict, repr=False)
 
     def once(self, key: Hashable, of: object, make: Callable[[], Any]) -> Any:
@@ -73,7 +75,12 @@ class Record:
     @property
     def latest(self) -> float:
         """By how much the torque of its motion may be later still for nothing, s."""
-        return self.lateness - self.shift
+        return self.lateness + self.logged - self.shift
+
+    @property
+    def earliest(self) -> float:
+        """By how much it may be later at least, s."""
+        return -self.lateness + self.logged - self.shift
 
     def later(self, shift: float) -> Record:
         """The same with the torque later by ``shift``, exactly: a derivative is too coarse."""
@@ -131,7 +138,7 @@ class Record:
         lag: tuple[float, float] | None = None,
     ) -> Record:
         laws = Laws(motion, declared, 3 * rows.rough + 1e-12)
-        blocks = Blocks.of(rows.t, motion.t[-1], BLOCK)
+        blocks = Blocks.of(rows.t, motion.t[-1], max(BLOCK, APART * rows.h))
         return cls(motion, rows, laws, blocks, declared, J, sure, heavy, parts, has, lag)
 
 

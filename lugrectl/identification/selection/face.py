@@ -13,7 +13,7 @@ from ...record.stretch import Stretch
 from ..balance import Balance
 from ..balance.reconcile import sensors_of
 from ..balance.track import tracks_of
-from .base import Record
+from .base import WEIGHT, Record
 from .budget import budget, detectable
 from .contender import Contender
 from .motion import Motion, motion_of
@@ -24,6 +24,11 @@ from .settling import settled
 from .table import Table
 from .values import levels_of, values_of, zeros_of
 from .verdict import Decision, decide
+
+SHORT = (
+    "The drive slides for too short a time to compare explanations: {} windows of {:.2g} ms of it, "
+    "of {} that are needed."
+)
 
 
 def compare(
@@ -63,7 +68,11 @@ def compare(
         return Comparison("refused", messages=(plain.refused,), least=least)
     began = time.perf_counter()
     with np.errstate(all="ignore"):  # a record without noise divides by nearly 0
-        found = decide(record_of(stretches, model, plain), least, alpha)
+        record = record_of(stretches, model, plain)
+        if len(record.rows) < WEIGHT:  # fewer than it has terms
+            said = SHORT.format(len(record.rows), 2e3 * record.rows.h, WEIGHT)
+            return Comparison("refused", messages=(said,), least=least)
+        found = decide(record, least, alpha)
         made = _result(found, model, least)
     return replace(made, seconds=time.perf_counter() - began)
 
@@ -93,6 +102,7 @@ def _result(found: Decision, model: Model, least: float) -> Comparison:
         least=least,
         only_inertia=found.only_inertia,
         events=found.events,
+        logged=base.record.logged,
     )
 
 
@@ -126,7 +136,17 @@ def record_of(stretches: Sequence[Stretch], model: Model, plain: Balance) -> Rec
     if speeds is not None and not sensors.one_source:
         lag = float(speeds.values[2]), float(np.sqrt(speeds.covariance[2, 2]))
     rows = rows_of(motion, width.h)
-    return Record.of(motion, rows, declared, held, sure, width.heavy, model.effects, has, lag)
+    made = Record.of(motion, rows, declared, held, sure, width.heavy, model.effects, has, lag)
+    logged = _logged(plain, motion.dt)
+    return replace(made, logged=logged).later(logged) if logged else made
+
+
+def _logged(plain: Balance, dt: float) -> float:
+    """By how much u must be moved, s, where it was written down after the motion that it causes."""
+    delay = plain.parameters.get("u_delay")
+    if delay is None or delay.ci95 is None or delay.ci95[1] > -dt:
+        return 0.0
+    return delay.value
 
 
 def _share(m: Motion, h: float) -> float:

@@ -19,7 +19,7 @@ def shifted(c: np.ndarray, by: float) -> np.ndarray:
     n, whole = len(c) - 2 * EDGE, int(np.floor(by))
     s = 1.0 - (by - whole)  # after the earlier of the samples in the middle
     weights = ((1 - s) ** 3, 4 - 6 * s**2 + 3 * s**3, 1 + 3 * s + 3 * s**2 - 3 * s**3, s**3)
-    held = np.pad(c, max(whole, 0) + 2, mode="edge")
-    first = EDGE + max(whole, 0) + 2 - whole - 2
+    held = np.pad(c, abs(whole) + 2, mode="edge")
+    first = EDGE + abs(whole) - whole
     parts = [k / 6 * held[first + i : first + i + n] for i, k in enumerate(weights)]
     return parts[0] + parts[1] + parts[2] + parts[3]

@@ -8,10 +8,12 @@ residual counts over the inertia: what imitates u takes the inertia away and gai
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
+from scipy.special import ndtri, stdtrit
 
+from .numbers import ALPHA
 from .regression import Scale, Solution, density, weights
 
 CLIPS = (3.0, 10.0, 30.0)  # nats at which differences of blocks are cut: how many, not how much
@@ -103,11 +105,17 @@ def paired(a: np.ndarray, b: np.ndarray, together: int = 1) -> tuple[float, floa
     """
     d = a - b
     d = np.append(d, np.zeros(-len(d) % together)).reshape(-1, together).sum(axis=1)
-    total = float(d.sum())
+    total, seen = float(d.sum()), np.count_nonzero(d)
     se = float(np.sqrt(len(d)) * d.std(ddof=1)) + 1e-9
     for clip in CLIPS:
         cut = np.clip(d, -clip, clip)
         z = float(cut.sum() / (np.sqrt(len(d)) * cut.std(ddof=1) + 1e-9))
         if z * np.sign(total) > abs(total) / se:
             se = abs(total) / abs(z)
-    return total, se
+    return total, se * _widened(seen)
+
+
+@cache
+def _widened(blocks: int) -> float:
+    """How much wider a one-sided interval is for the few blocks from which its error is known."""
+    return float(stdtrit(max(blocks - 1, 1), 1.0 - ALPHA) / ndtri(1.0 - ALPHA))

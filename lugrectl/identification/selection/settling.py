@@ -143,7 +143,7 @@ def _columns(
     if record.motion.one_way:
         low[2] = -np.inf  # one direction only: Coulomb friction and an offset are one term
     low[0], high[0] = record.J or (0.0, np.inf)
-    low[1], high[1] = -record.lateness - record.shift, record.latest
+    low[1], high[1] = record.earliest, record.latest
     low[SLIGHT], high[SLIGHT] = -LEAST * friction, LEAST * friction
     return Columns(X, prior, low, high)
 

@@ -24,6 +24,7 @@ from .numbers import (
     LEAST,
     MORE,
     MOST,
+    OFF,
     REST,
     SECOND,
     SECOND_GAIN,
@@ -41,6 +42,10 @@ MOST_BESIDE = 3  # other effects beside which two explanations are compared agai
 
 
 UNSURE = "The record does not determine the inertia, so no effect is named."
+TOO_HEAVY = (
+    "Torque and acceleration contradict the declared inertia of {:.3g} {}: the log shows less than "
+    "1/{:g} of it. u is not the torque that causes this motion, or J or u is in another unit."
+)
 HEAVIER = (
     "The inertia is {:.2g} times the declared one: a load that the declared value does not have, "
     "or a wrong value."
@@ -107,12 +112,32 @@ def decide(record: Record, least: float = LEAST, alpha: float = ALPHA) -> Decisi
     table, heavy, also = decided(record)
     bars = Bars(least, NormalDist().inv_cdf(1 - alpha))
     found = _of(record, table, bars)
-    if not record.sure and heavy is None and found.verdict != "refused":
-        return replace(found, messages=(UNSURE, *found.messages))
+    if not record.sure and heavy is None:
+        return _against(found) or replace(found, messages=(UNSURE, *found.messages))
     found = found if heavy is None else _with_weight(found, heavy, also)
     small = all(c.share < UNKNOWN * least for c in found.effects)
     found = _with_load(found) if small and found.verdict != "unexplained" else found
-    return _with_law(found, bars) if record.sure else found
+    found = _with_law(found, bars) if record.sure else found
+    return _against(found) or found
+
+
+def _against(found: Decision) -> Decision | None:
+    """A record that contradicts a drive with the declared inertia, whatever else it has."""
+    assert found.table is not None
+    last = found.last if found.unknown is None else found.unknown.joined()
+    declared, record = last.record.declared.get("J"), last.record
+    if declared and record.J and last.J < 1.01 * record.J[0]:
+        unit = unit_for("kg m2", record.motion.motion)
+        said = TOO_HEAVY.format(declared, unit, OFF)
+        return Decision("refused", table=found.table, messages=(said,))
+    if _left(last) > HALF:  # an effect as large as all friction could not have been seen
+        return Decision("refused", table=found.table, messages=(UNRELATED.format(_left(last)),))
+    return None
+
+
+def _left(base: Base) -> float:
+    """What a model leaves, as a share of the torque."""
+    return rms(base.made.r) * base.view.scale.sigma / max(rms(base.y), 1e-300)
 
 
 def _with_law(found: Decision, bars: Bars) -> Decision:
@@ -184,13 +209,9 @@ def _floor(c: Contender, least: float) -> float:
 
 
 def _nameless(table: Table, free: list[Contender], least: float) -> Decision:
-    base = table.base
-    left = rms(base.made.r) * base.view.scale.sigma / max(rms(base.y), 1e-300)
-    if not free and left > HALF:  # an effect as large as all friction could not have been seen
-        return Decision("refused", table=table, messages=(UNRELATED.format(left),))
     if free:
         return Decision("unexplained", depends_on=free[0].depends_on, table=table, unknown=free[0])
-    return _with_incidents(table, events(base), least)
+    return _with_incidents(table, events(table.base), least)
 
 
 def _with_incidents(table: Table, odd: Events, least: float) -> Decision:
