@@ -13,7 +13,7 @@ from functools import cache, cached_property
 import numpy as np
 from scipy.special import ndtri, stdtrit
 
-from .numbers import ALPHA
+from .numbers import ALPHA, TRUSTED
 from .regression import Scale, Solution, density, weights
 
 CLIPS = (3.0, 10.0, 30.0)  # nats at which differences of blocks are cut: how many, not how much
@@ -98,21 +98,36 @@ def seen(made: Solution, blocks: Blocks, factor: float) -> np.ndarray:
 def paired(a: np.ndarray, b: np.ndarray, together: int = 1) -> tuple[float, float]:
     """Difference of two scores and its standard error over paired blocks.
 
-    ``together``: so many blocks in a row count as one.
+    What a law of friction does not have lasts for a stroke, so that neighbouring blocks agree:
+    the error is the largest over blocks, pairs of blocks, fours and so on while TRUSTED remain.
 
     Differences count as they are or cut at a few nats, whichever is surer: what matters is how
     many blocks show an effect, not how much one of them shows.
     """
     d = a - b
-    d = np.append(d, np.zeros(-len(d) % together)).reshape(-1, together).sum(axis=1)
-    total, seen = float(d.sum()), np.count_nonzero(d)
-    se = float(np.sqrt(len(d)) * d.std(ddof=1)) + 1e-9
-    for clip in CLIPS:
-        cut = np.clip(d, -clip, clip)
-        z = float(cut.sum() / (np.sqrt(len(d)) * cut.std(ddof=1) + 1e-9))
-        if z * np.sign(total) > abs(total) / se:
-            se = abs(total) / abs(z)
-    return total, se * _widened(seen)
+    d = d[np.flatnonzero(d)]
+    total = float(d.sum())
+    if not len(d):
+        return 0.0, 1e-9
+    z = max(_sureness(x, together) * np.sign(total) for x in (d, *(np.clip(d, -c, c) for c in CLIPS)))
+    return total, abs(total) / z if z > 0 else _error(d, together)
+
+
+def _sureness(d: np.ndarray, together: int) -> float:
+    """Sum over its standard error."""
+    return float(d.sum()) / _error(d, together)
+
+
+def _error(d: np.ndarray, together: int) -> float:
+    """Standard error of the sum of blocks that follow each other."""
+    most, many = 0.0, together
+    while many == together or len(d) >= TRUSTED * many:
+        sums = np.append(d, np.zeros(-len(d) % many)).reshape(-1, many).sum(axis=1)
+        if len(sums) < 2:
+            break
+        most = max(most, float(np.sqrt(len(sums)) * sums.std(ddof=1)) * _widened(len(sums)))
+        many *= 2
+    return most + 1e-9
 
 
 @cache

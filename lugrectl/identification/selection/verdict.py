@@ -196,6 +196,9 @@ def _of(record: Record, table: Table, bars: Bars) -> Decision:
         close = _again(table, bars.proven(beside, beside.named), close)
         if close[0] is not good[0]:
             beside = tabulate(close[0].joined())
+    open_ = max((c.gain for c in bars.proven(beside, beside.unknown)), default=0.0)
+    more = (c for c in good if c not in close and as_good(c, close[0], open_))
+    close = (*close, *more)[: 1 + MOST_ALTERNATIVES]
     verdict = "ambiguous" if len(close) > 1 else "found"
     found = Decision(verdict, close[:1], close[1:], table=table, beside=beside)
     return _what_is_left(found, free, bars)
