@@ -30,9 +30,7 @@ STOREYS = [
 TRACING = [
     {"noise", "windows", "applicable"},
     {"data"},
-    {"balance"},
-    {"channel", "skewed", "shapes", "runs"},
-    {"doubts", "repeated", "series", "split", "tabulate"},
+    {"shapes", "runs", "repeated", "series", "split", "tabulate"},
     {"predictor"},
     {"coordinates", "likelihood", "evaluate"},
     {"moments", "slopes", "beliefs"},

@@ -19,7 +19,6 @@ from lugrectl.engine.tangent import Tangent
 from lugrectl.model import model_from_dict
 from lugrectl.record import Record
 from lugrectl.tracing.data import prepare
-from lugrectl.tracing.doubts import refuse_unfit
 from lugrectl.tracing.evaluate import restarted
 from lugrectl.tracing.likelihood import tune
 from lugrectl.tracing.predictor import Predictor
@@ -179,15 +178,6 @@ def test_the_error_of_the_true_model_after_sharp_reversals_is_the_encoders_round
     simulation = restarted(block, block.model.known(), noise, where)
     error = data.y[where.counted][..., 0] - simulation
     assert np.sqrt(np.mean(error**2)) < count
-
-
-def test_torque_steps_with_zeros_between_are_no_dead_channel():
-    t = np.arange(8000) * 1e-3
-    u = 0.15 * levels(t, [2.0, 0, -2.0, 0, 1.4, 0, -1.4, 0], 0.5)
-    count = 2.0 * np.pi / 16384
-    theta = np.floor(drive("coulomb", u, 1e-3)[:, 0] / count) * count
-    record = Record(t=t, u=u, theta=theta)
-    assert refuse_unfit([record], model_of("coulomb"), prepare([record])) == ()
 
 
 @pytest.mark.parametrize("law", ["coulomb", "stribeck"])

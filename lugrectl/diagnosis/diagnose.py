@@ -15,13 +15,12 @@ from ..friction_map import diagnose_map
 from ..identification.selection import ALPHA, LEAST, Comparison, Named, compare
 from ..progress import Progress, Wanted, reporter, shows_progress
 from ..provenance import stamped
-from ..record import Record
+from ..record import Record, refuse_dead
 from ..results import Candidate, Diagnosis, Estimate, Finding, Table
 from ..spec import members
 from ..steady.points import is_map
 from ..traces import residual_torque, traces
 from ..tracing.applicable import signals_of
-from ..tracing.doubts import refuse_dead
 from ..tracing.evaluate import missing_torque
 from ..tracing.far import against_held, at_bounds, far_off
 from ..tracing.fit import Fitted

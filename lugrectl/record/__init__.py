@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from ..errors import InputError
-from .audit import audit
+from .audit import audit, named, refuse_dead
 from .log import Log, read_log
 from .options import parse_pairs
 from .pooling import pooled
@@ -24,11 +24,13 @@ __all__ = [
     "Stretch",
     "consistent",
     "long_enough_to_judge",
+    "named",
     "parse_pairs",
     "pooled",
     "read_log",
     "read_record",
     "record_of",
+    "refuse_dead",
     "stretches",
 ]
 

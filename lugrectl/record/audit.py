@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,14 +37,33 @@ def audit(record: Record, labels: Mapping[str, str | None] | None = None) -> Rec
 
 # ---- dead channels ------------------------------------------------------------------
 
+_DEAD = {
+    "u": "dead torque channel, or a drive that coasts",
+    "w": "nothing moves",
+    "theta": "nothing moves",
+}
+
+
+def named(records: Sequence[Record]) -> str:
+    """Subject of a message: the record's source, or the number of records."""
+    return records[0].source if len(records) == 1 else f"{len(records)} records"
+
+
+def refuse_dead(records: Sequence[Record]) -> None:
+    """Refuse channels that are constant over all records."""
+    for role, meaning in _DEAD.items():
+        given = [r.channels()[role] for r in records if role in r.channels()]
+        low, high = min(map(np.min, given), default=0.0), max(map(np.max, given), default=1.0)
+        if high - low <= 1e-9 * max(abs(low), abs(high)):
+            raise Refused(
+                f"{named(records)}: {role} is constant ({low:.6g}): {meaning}.",
+                "Record a motion that starts, stops and reverses at several speeds, with its "
+                "torque.",
+            )
+
 
 def _alive(record: Record) -> None:
-    what = {
-        "u": "dead torque channel, or a drive that coasts",
-        "w": "nothing moves",
-        "theta": "nothing moves",
-    }
-    for role, meaning in what.items():
+    for role, meaning in _DEAD.items():
         values = getattr(record, role)
         if values is not None and np.ptp(values) <= 1e-9 * np.abs(values).max(initial=0.0):
             if role != "theta" and values[0] != 0 and _is_steady(record):

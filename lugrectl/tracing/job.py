@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,10 +11,9 @@ import numpy as np
 from ..engine.load import compiler
 from ..joint import Joint, Residuals, residuals_of
 from ..model import Model
-from ..record import Record, consistent, long_enough_to_judge, pooled
+from ..record import Record, consistent, long_enough_to_judge, named, pooled
 from ..results import Estimate
 from ..spec import unit_for
-from .balance import named
 from .data import Data, prepare
 from .dated import ahead, dated
 from .evaluate import Judged, free_run, judge, sensed_torque
@@ -26,7 +24,6 @@ from .optima import surest, with_others
 from .predictor import Predictor
 from .repeated import on_theta_alone
 from .runs import MOST_RUNS, alike, repeating, statements
-from .skewed import lateness
 from .split import ENOUGH_OF_MANY, MOST, Split, split
 from .start import begun, completed, holding, lifted, refuse_unidentified_inertia
 from .windows import Windows, spread, windows
@@ -76,7 +73,6 @@ class Prepared:
     data: Data
     parts: Split
     doubts: tuple[str, ...]
-    on_theta: bool
     recorded: Data | None = None  # before its torque was moved
 
     def from_values(self, plain: Mapping[str, float]) -> Prepared:
@@ -106,31 +102,19 @@ def prepared(
     data = prepare(every)
     held_out = sum(r.samples for r in records) if apart else None
     parts = split(data, horizon, last=holdout == "last", held_out=held_out)
-    doubts: tuple[str, ...] = ()
     filtering = any(part.block.name == LAG for part in model.effects)
     alone = None if filtering else on_theta_alone(every, data)
-    if alone is not None:
-        data, doubts = alone[0], (*doubts, alone[1])
+    data, doubts = (data, ()) if alone is None else (alone[0], (alone[1],))
     if 1 < len(records) <= MOST_RUNS:
         data = replace(data, differing=tuple(range(1, len(records))))
     model = holding(model, data)
-    return Prepared(records, tuple(every), model, data, parts, tuple(doubts), alone is not None)
+    return Prepared(records, tuple(every), model, data, parts, doubts)
 
 
 def begin(asked: Prepared, report: Progress) -> Job:
     """The declared model refitted to the training samples."""
     records, model, data, parts = asked.records, asked.model, asked.data, asked.parts
-    filtering = any(part.block.name == LAG for part in model.effects)
-    opened = [k for k, v in model.values().items() if v is None]
-    fitting = partial(_declared, train=parts.train, where=named(asked.every), report=report)
-    start = model
-    if opened and not asked.on_theta and not filtering and lateness(data):
-        # beside theta, a w that lags strongly biases the undeclared values
-        by_theta = prepare([replace(r, w=None) for r in asked.every])
-        by_theta = replace(by_theta, differing=data.differing, plain=data.plain)
-        known = fitting(model, by_theta).values
-        start = model.with_values({k: known[k] for k in opened})
-    base = fitting(start, data)
+    base = _declared(model, data, parts.train, named(asked.every), report)
     moved = dated(base)
     if moved is None:
         return Job(records, model, data, parts, base, asked.doubts, recorded=asked.recorded)

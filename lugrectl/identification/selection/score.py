@@ -98,36 +98,35 @@ def seen(made: Solution, blocks: Blocks, factor: float) -> np.ndarray:
 def paired(a: np.ndarray, b: np.ndarray, together: int = 1) -> tuple[float, float]:
     """Difference of two scores and its standard error over paired blocks.
 
-    What a law of friction does not have lasts for a stroke, so that neighbouring blocks agree:
-    the error is the largest over blocks, pairs of blocks, fours and so on while TRUSTED remain.
+    ``together``: so many blocks in a row count as one.
 
     Differences count as they are or cut at a few nats, whichever is surer: what matters is how
     many blocks show an effect, not how much one of them shows.
     """
     d = a - b
-    d = d[np.flatnonzero(d)]
-    total = float(d.sum())
-    if not len(d):
-        return 0.0, 1e-9
-    z = max(_sureness(x, together) * np.sign(total) for x in (d, *(np.clip(d, -c, c) for c in CLIPS)))
-    return total, abs(total) / z if z > 0 else _error(d, together)
+    d = np.append(d, np.zeros(-len(d) % together)).reshape(-1, together).sum(axis=1)
+    total, seen = float(d.sum()), np.count_nonzero(d)
+    se = float(np.sqrt(len(d)) * d.std(ddof=1)) + 1e-9
+    for clip in CLIPS:
+        cut = np.clip(d, -clip, clip)
+        z = float(cut.sum() / (np.sqrt(len(d)) * cut.std(ddof=1) + 1e-9))
+        if z * np.sign(total) > abs(total) / se:
+            se = abs(total) / abs(z)
+    return total, max(se * _widened(seen), _losses(d))
 
 
-def _sureness(d: np.ndarray, together: int) -> float:
-    """Sum over its standard error."""
-    return float(d.sum()) / _error(d, together)
+def _losses(d: np.ndarray) -> float:
+    """What chance gives and takes, from groups of blocks that are predicted worse.
 
-
-def _error(d: np.ndarray, together: int) -> float:
-    """Standard error of the sum of blocks that follow each other."""
-    most, many = 0.0, together
-    while many == together or len(d) >= TRUSTED * many:
+    What a law of friction does not have lasts for a stroke: neighbouring blocks lose together. An
+    effect that acts in a part of the record only gains there and loses nowhere.
+    """
+    most, many = 0.0, 1
+    while len(d) >= TRUSTED * many:
         sums = np.append(d, np.zeros(-len(d) % many)).reshape(-1, many).sum(axis=1)
-        if len(sums) < 2:
-            break
-        most = max(most, float(np.sqrt(len(sums)) * sums.std(ddof=1)) * _widened(len(sums)))
+        most = max(most, float(np.sqrt(2.0 * np.sum(np.minimum(sums, 0.0) ** 2))))
         many *= 2
-    return most + 1e-9
+    return most
 
 
 @cache

@@ -101,6 +101,10 @@ class Bars:
         above = [(c, *c.above(table.base)) for c in contenders]
         return [c for c, d, se in above if d > bar and d > self.z * se]
 
+    def open_in(self, table: Table) -> float:
+        """Nats of what stays unexplained: other models may well differ by as much."""
+        return max((c.gain for c in self.proven(table, table.unknown)), default=0.0)
+
 
 def _bar(choice: Sequence[object]) -> float:
     """Nats that the best of a choice may gain by chance."""
@@ -144,7 +148,9 @@ def _with_law(found: Decision, bars: Bars) -> Decision:
     """With what no other row shows: parts of friction that the law does not have, a late speed."""
     if found.verdict not in ("adequate", "found", "ambiguous"):
         return found
-    least = _bar(laws_as_rows.PARTS)
+    last = found.table if found.beside is None else found.beside
+    assert last is not None
+    least = max(_bar(laws_as_rows.PARTS), bars.open_in(last))
     parts = []
     for c in laws_as_rows.rows(found.last):
         d, se = c.above(c.base)
@@ -196,7 +202,7 @@ def _of(record: Record, table: Table, bars: Bars) -> Decision:
         close = _again(table, bars.proven(beside, beside.named), close)
         if close[0] is not good[0]:
             beside = tabulate(close[0].joined())
-    open_ = max((c.gain for c in bars.proven(beside, beside.unknown)), default=0.0)
+    open_ = bars.open_in(beside)
     more = (c for c in good if c not in close and as_good(c, close[0], open_))
     close = (*close, *more)[: 1 + MOST_ALTERNATIVES]
     verdict = "ambiguous" if len(close) > 1 else "found"
