@@ -56,6 +56,7 @@ SELECTION = [
         "laws_as_rows",
         "late_speed",
         "dwelling",
+        "contradiction",
     },
     {"search", "own_law"},
     {"table"},

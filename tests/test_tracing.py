@@ -177,10 +177,10 @@ def test_a_short_record_at_a_low_rate_is_answered():
     assert diagnose(record_of(case), model_of(case)).verdict == "adequate"
 
 
-def test_too_short_a_record_is_refused(plain):
-    short = record_of(plain).slice(0, 3000)
-    found = diagnose(short, model_of(plain))
-    assert found.verdict == "refused" and "too short" in found.reason
+def test_a_record_too_short_for_a_simulation_is_compared_all_the_same(plain):
+    found = diagnose(record_of(plain).slice(3000, 6000), model_of(plain))
+    assert found.verdict == "adequate" and found.error is None
+    assert "too short to fit the model" in " ".join(found.messages)
 
 
 def test_a_strength_stays_one_that_the_engine_can_take(plain):

@@ -75,7 +75,7 @@ def _answered(ground: Ground) -> Balance:
     ground = with_offset(ground)
     found = estimate(ground)
     if found is None:
-        reason = "Too few samples between gaps for one window, or u is 0 in all of them."
+        reason = "The record is too short for one window of the balance, or u is 0 in all of it."
         return Balance(notes=(*ground.notes, reason), is_map=ground.is_map)
     return answer(ground, found)
 

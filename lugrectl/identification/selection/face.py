@@ -25,6 +25,7 @@ from .table import Table
 from .values import levels_of, values_of, zeros_of
 from .verdict import Decision, decide
 
+NOTHING = "The torque balance determines nothing: the record is too short."
 SHORT = (
     "The drive slides for too short a time to compare explanations: {} windows of {:.2g} ms of it, "
     "of {} that are needed."
@@ -64,8 +65,9 @@ def compare(
         equally well are kept in the spirit of Hansen, Lunde and Nason, *The model confidence set*,
         Econometrica 79(2), 2011. Rests are left out: there friction may be anything.
     """
-    if plain.refused:
-        return Comparison("refused", messages=(plain.refused,), least=least)
+    if plain.refused or not plain.names:
+        said = plain.refused or (plain.notes or (NOTHING,))[-1]
+        return Comparison("refused", messages=(said,), least=least)
     began = time.perf_counter()
     with np.errstate(all="ignore"):  # a record without noise divides by nearly 0
         record = record_of(stretches, model, plain)
@@ -87,7 +89,7 @@ def _result(found: Decision, model: Model, least: float) -> Comparison:
     table, base = found.table, found.last
     assert table is not None
     inside = [c for c in found.effects if c is not found.gravity and not found.only_inertia]
-    adequate = found.verdict == "adequate"
+    seen = found.verdict == "adequate" and base.record.sure
     return Comparison(
         verdict=found.verdict,
         effects=tuple(_named(c, model) for c in found.effects),
@@ -95,7 +97,7 @@ def _result(found: Decision, model: Model, least: float) -> Comparison:
         depends_on=tuple(sorted(found.depends_on)),
         rows=tuple(_rows(table)),
         budget=tuple(budget(base, inside, found.unknown)),
-        detectable=tuple(detectable(table, least)) if adequate else (),
+        detectable=tuple(detectable(table, least)) if seen else (),
         messages=found.messages,
         plant=levels_of(base),
         alone=levels_of(table.base),
@@ -138,7 +140,15 @@ def record_of(stretches: Sequence[Stretch], model: Model, plain: Balance) -> Rec
     rows = rows_of(motion, width.h)
     made = Record.of(motion, rows, declared, held, sure, width.heavy, model.effects, has, lag)
     logged = _logged(plain, motion.dt)
-    return replace(made, logged=logged).later(logged) if logged else made
+    made = replace(made, logged=logged, lighter=_lighter(plain, declared))
+    return made.later(logged) if logged else made
+
+
+def _lighter(plain: Balance, declared: dict[str, float]) -> bool:
+    """Whether the plain answer is sure of an inertia far below the declared one."""
+    known = plain.parameters.get("J") or plain.uncertain.get("J")
+    J = declared.get("J")
+    return bool(J and known and known.ci95 and known.ci95[1] < J / OFF)
 
 
 def _logged(plain: Balance, dt: float) -> float:

@@ -9,22 +9,20 @@ from statistics import NormalDist
 import numpy as np
 
 from ...spec import unit_for
-from ..balance import UNRELATED
 from . import late_speed, laws_as_rows, rounds
-from .base import Base, Record, rms
+from .base import Base, Record
 from .contender import Contender, enter
+from .contradiction import contradiction
 from .events import Events, events, explained
 from .numbers import (
     ALPHA,
     FAR,
-    HALF,
     HALF_RESPONSE,
     HIDING,
     KNOWN_TIME,
     LEAST,
     MORE,
     MOST,
-    OFF,
     REST,
     SECOND,
     SECOND_GAIN,
@@ -42,10 +40,6 @@ MOST_BESIDE = 3  # other effects beside which two explanations are compared agai
 
 
 UNSURE = "The record does not determine the inertia, so no effect is named."
-TOO_HEAVY = (
-    "Torque and acceleration contradict the declared inertia of {:.3g} {}: the log shows less than "
-    "1/{:g} of it. u is not the torque that causes this motion, or J or u is in another unit."
-)
 HEAVIER = (
     "The inertia is {:.2g} times the declared one: a load that the declared value does not have, "
     "or a wrong value."
@@ -117,31 +111,20 @@ def decide(record: Record, least: float = LEAST, alpha: float = ALPHA) -> Decisi
     bars = Bars(least, NormalDist().inv_cdf(1 - alpha))
     found = _of(record, table, bars)
     if not record.sure and heavy is None:
-        return _against(found) or replace(found, messages=(UNSURE, *found.messages))
+        found = replace(found, messages=(UNSURE, *found.messages))
+        return _judged(found)
     found = found if heavy is None else _with_weight(found, heavy, also)
     small = all(c.share < UNKNOWN * least for c in found.effects)
     found = _with_load(found) if small and found.verdict != "unexplained" else found
-    found = _with_law(found, bars) if record.sure else found
-    return _against(found) or found
+    return _judged(_with_law(found, bars) if record.sure else found)
 
 
-def _against(found: Decision) -> Decision | None:
-    """A record that contradicts a drive with the declared inertia, whatever else it has."""
+def _judged(found: Decision) -> Decision:
+    """The decision, if a drive can be as it says."""
     assert found.table is not None
     last = found.last if found.unknown is None else found.unknown.joined()
-    declared, record = last.record.declared.get("J"), last.record
-    if declared and record.J and last.J < 1.01 * record.J[0]:
-        unit = unit_for("kg m2", record.motion.motion)
-        said = TOO_HEAVY.format(declared, unit, OFF)
-        return Decision("refused", table=found.table, messages=(said,))
-    if _left(last) > HALF:  # an effect as large as all friction could not have been seen
-        return Decision("refused", table=found.table, messages=(UNRELATED.format(_left(last)),))
-    return None
-
-
-def _left(base: Base) -> float:
-    """What a model leaves, as a share of the torque."""
-    return rms(base.made.r) * base.view.scale.sigma / max(rms(base.y), 1e-300)
+    said = contradiction(last)
+    return found if said is None else Decision("refused", table=found.table, messages=(said,))
 
 
 def _with_law(found: Decision, bars: Bars) -> Decision:
@@ -202,8 +185,9 @@ def _of(record: Record, table: Table, bars: Bars) -> Decision:
         close = _again(table, bars.proven(beside, beside.named), close)
         if close[0] is not good[0]:
             beside = tabulate(close[0].joined())
-    open_ = bars.open_in(beside)
-    more = (c for c in good if c not in close and as_good(c, close[0], open_))
+    stays = bars.open_in(beside)
+    stays = stays if stays > REST * close[0].gain else 0.0
+    more = (c for c in good if c not in close and as_good(c, close[0], stays))
     close = (*close, *more)[: 1 + MOST_ALTERNATIVES]
     verdict = "ambiguous" if len(close) > 1 else "found"
     found = Decision(verdict, close[:1], close[1:], table=table, beside=beside)
