@@ -21,7 +21,7 @@ TIMES = {"input_delay", "actuator_lag"}
 class Winner:
     """The fitted model with the named effects, and their keys in it.
 
-    ``compared`` are the values of the comparison, from which the fit started.
+    ``compared`` are the values from which the fit started, the effects as the comparison has them.
     """
 
     job: Job
@@ -40,8 +40,8 @@ class Winner:
 def with_effects(job: Job, found: Comparison, report: Progress) -> Winner:
     """The model with the effects that the comparison names, fitted to the training samples.
 
-    From the values of the comparison, friction included: that of the refitted model is biased by
-    what is missing. A torque that was shifted or denoised is used as recorded where a time is
+    From the values of the comparison, with friction as it, the plain answer or the refitted model
+    has it: whichever predicts best. A torque that was shifted or denoised is used as recorded where a time is
     named.
     """
     if TIMES & {e.name for e in found.effects}:
@@ -52,11 +52,12 @@ def with_effects(job: Job, found: Comparison, report: Progress) -> Winner:
     model, keys, values = _model(job.base.predictor.model, found.effects)
     predictor, base = Predictor(model, job.base.predictor.data), job.base
     plant = {k: v for k, v in found.plant.items() if k in base.values and v > 0}
-    known = base.values | plant | values
-    start = likeliest(predictor, base.where, base.noise, [known])
+    balanced = {k: v for k, v in job.data.plain.items() if k in base.values and v > 0}
+    starts = [base.values | own | values for own in (plant, balanced, {})]
+    start = likeliest(predictor, base.where, base.noise, starts)
     free, anchor = free_keys(predictor), base.anchor | values
     final = fit(predictor, start.values, free, base.where, start.noise, anchor=anchor)
-    return Winner(job, final, keys, known)
+    return Winner(job, final, keys, start.values)
 
 
 def _aligned(job: Job, effects: Sequence[Named]) -> Job:

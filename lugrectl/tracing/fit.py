@@ -102,6 +102,8 @@ class Fitted:
             ends = x - half, x + half
             if c.kind != "angle":
                 ends = c.back(ends[0], self.values), c.back(ends[1], self.values)
+            if ends == (c.low, c.high) and not c.said.bounded:
+                continue  # anything that was searched for is as likely
             made[c.key] = ends
         theirs = [(other.values, other.intervals()) for other in self.others]
         for key, (low, high) in made.items():
