@@ -41,7 +41,7 @@ def with_effects(job: Job, found: Comparison, report: Progress) -> Winner:
     """The model with the effects that the comparison names, fitted to the training samples.
 
     From the values of the comparison, with friction as it, the plain answer or the refitted model
-    has it: whichever predicts best. A torque that was shifted or denoised is used as recorded where a time is
+    has it: whichever predicts best. A torque that was moved is used as recorded where a time is
     named.
     """
     if TIMES & {e.name for e in found.effects}:
