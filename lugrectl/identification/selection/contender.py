@@ -11,7 +11,7 @@ import numpy as np
 from .base import Base, Columns, Record, rms
 from .numbers import ALONE, NEIGHBOURS
 from .regression import Solution, solve
-from .score import paired
+from .score import losses, paired
 from .settling import along, relaid
 
 OTHER_J = (0.5, 2.0)  # inertia beside an effect as large as all friction, over that without it
@@ -87,8 +87,11 @@ class Contender:
 
         A function of anything follows one incident from block to block: neighbours count together.
         """
-        theirs = other.blocks if isinstance(other, Contender) else other.score
-        return paired(self.blocks, theirs, NEIGHBOURS if self.depends_on else 1)
+        many = NEIGHBOURS if self.depends_on else 1
+        if isinstance(other, Contender):
+            return paired(self.blocks, other.blocks, many)
+        gain, se = paired(self.blocks, other.score, many)
+        return gain, max(se, losses(self.blocks - other.score))
 
     def joined(self) -> Base:
         """The base with this explanation in it."""

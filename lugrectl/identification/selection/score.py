@@ -112,10 +112,10 @@ def paired(a: np.ndarray, b: np.ndarray, together: int = 1) -> tuple[float, floa
         z = float(cut.sum() / (np.sqrt(len(d)) * cut.std(ddof=1) + 1e-9))
         if z * np.sign(total) > abs(total) / se:
             se = abs(total) / abs(z)
-    return total, max(se * _widened(seen), _losses(d))
+    return total, se * _widened(seen)
 
 
-def _losses(d: np.ndarray) -> float:
+def losses(d: np.ndarray) -> float:
     """What chance gives and takes, from groups of blocks that are predicted worse.
 
     What a law of friction does not have lasts for a stroke: neighbouring blocks lose together. An

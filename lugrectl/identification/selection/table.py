@@ -82,7 +82,7 @@ def with_known(base: Base, table: Table) -> Base:
     return replace(base, known=loads)
 
 
-def decided(record: Record) -> tuple[Table, Contender | None, tuple[str, ...]]:
+def decided(record: Record) -> tuple[Table, Contender | None, tuple[Contender, ...]]:
     """The table of a record, with the scale of its richest description.
 
     A first, quick table finds presliding and Stribeck speed beside the likeliest effect, and the
@@ -117,7 +117,7 @@ def _in_time(base: Base) -> Base:
     return settled(record.later(s))
 
 
-def weight(table: Table) -> tuple[Contender | None, tuple[str, ...]]:
+def weight(table: Table) -> tuple[Contender | None, tuple[Contender, ...]]:
     """Gravity that hides everything else, and what explains the record as well."""
     record = table.base.record
     g = next((c for c in table.named if c.name == "gravity"), None)
@@ -127,7 +127,7 @@ def weight(table: Table) -> tuple[Contender | None, tuple[str, ...]]:
     if g.share < HEAVY or g.gain < SETTLE or not (record.heavy or g.gain > 0.5 * top.gain):
         return None, ()
     also = [c for c in table.named if c.name in ("constant_torque", "return_spring")]
-    close = tuple(c.name for c in also if c.gain > 0.97 * g.gain or as_good(c, g))
+    close = tuple(c for c in also if c.gain > 0.97 * g.gain or as_good(c, g))
     return g, close
 
 

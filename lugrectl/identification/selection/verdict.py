@@ -179,18 +179,18 @@ def _of(record: Record, table: Table, bars: Bars) -> Decision:
     if not good:
         return _nameless(table, free, bars.least)
     good = each_in_its_own_law(good)
-    close = (good[0], *(c for c in good[1:] if as_good(c, good[0])))[: 1 + MOST_ALTERNATIVES]
+    close = [good[0], *(c for c in good[1:] if as_good(c, good[0]))][: 1 + MOST_ALTERNATIVES]
     beside = tabulate(close[0].joined())
     if len(close) > 1:
         close = _again(table, bars.proven(beside, beside.named), close)
         if close[0] is not good[0]:
             beside = tabulate(close[0].joined())
     stays = bars.open_in(beside)
-    stays = stays if stays > REST * close[0].gain else 0.0
-    more = (c for c in good if c not in close and as_good(c, close[0], stays))
-    close = (*close, *more)[: 1 + MOST_ALTERNATIVES]
+    if stays > REST * close[0].gain:
+        close += [c for c in good if c not in close and as_good(c, close[0], stays)]
+    close = close[: 1 + MOST_ALTERNATIVES]
     verdict = "ambiguous" if len(close) > 1 else "found"
-    found = Decision(verdict, close[:1], close[1:], table=table, beside=beside)
+    found = Decision(verdict, (close[0],), tuple(close[1:]), table=table, beside=beside)
     return _what_is_left(found, free, bars)
 
 
@@ -248,9 +248,7 @@ def _eventful(found: Decision, odd: Events) -> Decision:
     )
 
 
-def _again(
-    table: Table, beside: Sequence[Contender], close: tuple[Contender, ...]
-) -> tuple[Contender, ...]:
+def _again(table: Table, beside: Sequence[Contender], close: list[Contender]) -> list[Contender]:
     """Those that explain equally well, compared once more beside what else the record shows.
 
     A torque that none of them has is an error in all blocks, and differences drown in it.
@@ -262,7 +260,7 @@ def _again(
     base = table.base.beside([c.its for c in more[:MOST_BESIDE]])
     again = best_of(in_its_own_law(enter(base, c.entry)) for c in close)
     kept = [c.name for c in again if c is again[0] or as_good(c, again[0])]
-    return tuple(own[name] for name in kept) or close
+    return [own[name] for name in kept] or close
 
 
 def _what_is_left(found: Decision, free: list[Contender], bars: Bars) -> Decision:
@@ -392,9 +390,9 @@ def _with_load(found: Decision) -> Decision:
     )
 
 
-def _with_weight(found: Decision, heavy: Contender, also: tuple[str, ...]) -> Decision:
-    assert found.table is not None
-    alone = not found.effects and not found.depends_on
-    if not alone:
-        return replace(found, gravity=heavy, effects=(heavy, *found.effects))
-    return replace(found, verdict="ambiguous" if also else "found", effects=(heavy,), gravity=heavy)
+def _with_weight(found: Decision, heavy: Contender, also: tuple[Contender, ...]) -> Decision:
+    """With the gravity that joined the base; alone, with what explains the record as well."""
+    made = replace(found, gravity=heavy, effects=(heavy, *found.effects))
+    if found.effects or found.depends_on:
+        return made
+    return replace(made, verdict="ambiguous" if also else "found", alternatives=also)
