@@ -233,16 +233,19 @@ class _Parser(argparse.ArgumentParser):
         if "--model" in message and not hint:
             hint = " (lugrectl model > my.toml writes one to start from)"
         what = message.split(" (choose from")[0] if hint and "choose from" in message else message
-        self.exit(2, f"{self.prog}: error: {what}{hint}; {self.prog} --help shows what there is.\n")
+        said = f"{what.removesuffix('.')}{hint}; {self.prog} --help shows what there is.\n"
+        self.exit(2, f"{self.prog}: error: {said}")
 
     def _meant(self, word: str) -> str:
         """What a word resembles that is no option, and no command, of this parser."""
         known = list(self._option_string_actions)
         if not word.startswith("-"):
             known = [c for a in self._actions if a.dest == "command" for c in a.choices or ()]
-        near = difflib.get_close_matches(word.partition("=")[0], known, 1)
-        typed = word.partition("=")[0]
-        return f" (for {typed}, did you mean {near[0]}?)" if near and typed not in known else ""
+        typed, bare = word.partition("=")[0], {k.lstrip("-"): k for k in known}
+        near = difflib.get_close_matches(typed.lstrip("-"), bare, 1)
+        return (
+            f" (for {typed}, did you mean {bare[near[0]]}?)" if near and typed not in known else ""
+        )
 
 
 class _Version(argparse.Action):

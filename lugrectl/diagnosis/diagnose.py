@@ -39,6 +39,7 @@ from ..tracing.job import (
     unidentified,
 )
 from ..tracing.optima import other_optima
+from ..tracing.start import lifted
 from ..tracing.tabulate import tabulate
 from .asking import Asked
 from .floor import failure
@@ -50,7 +51,7 @@ WORSE = (
     "without it by {1:.3g}: the comparison of torques stands, its simulation does not gain."
 )
 WITHOUT = "The saved model is the refitted one without it."
-NO_FIT = "Values are those of the comparison of torques, without errors of a simulation: {}"
+NO_FIT = "Values are those of the balance of torques, without errors of a simulation: {}"
 SAME_UNITS = "Give all runs in one unit and sign, or leave out the run that differs."
 LIMIT = 270.0  # s that the fit may take
 
@@ -226,8 +227,13 @@ def _failure(job: Job, fitted: Fitted, asked: Asked) -> str | None:
 
 
 def _only_compared(asked: Asked, found: Comparison, reason: str) -> Diagnosis:
-    """The answer without a fit of predictions: values of the comparison, without errors."""
+    """The answer without a fit of predictions: values of the balance and, of the effects, of the
+    comparison; without errors."""
     noticed = (m for r in asked.seen for m in r.messages)
+    known = values_for(asked.plain, asked.model)
+    model = asked.model.with_values({k: e.value for k, e in known.items()})
+    for e in () if found.only_inertia else found.effects:
+        model = model.with_effect(e.name, e.values)
     tied = tuple(_candidate(found, a.name) for a in found.alternatives)
     effects = [
         Finding(e.name, _estimates(e, found), tied if i == _first(found) else ())
@@ -238,7 +244,9 @@ def _only_compared(asked: Asked, found: Comparison, reason: str) -> Diagnosis:
         effects=tuple(effects),
         depends_on=_signals(found),
         experiment=_experiment(found, effects),
+        model=lifted(model),
         declared=asked.model,
+        estimates=known,
         record=asked.seen[0],
         messages=(*noticed, *found.messages, NO_FIT.format(reason)),
         ranking=_ranking(found),

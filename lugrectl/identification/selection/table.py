@@ -131,16 +131,12 @@ def weight(table: Table) -> tuple[Contender | None, tuple[Contender, ...]]:
     return g, close
 
 
-def as_good(c: Contender, best: Contender, open_: float = 0.0) -> bool:
-    """Whether the record does not distinguish a contender from the best one.
-
-    ``open_`` are the nats of what stays unexplained beside the best: what the models do not have
-    may well account for a difference of its size.
-    """
+def as_good(c: Contender, best: Contender) -> bool:
+    """Whether the record does not distinguish a contender from the best one."""
     d, se = best.above(c)
     pair = (best.name, c.name) == ("constant_torque", "coulomb_asymmetry")
     z = ALIKE_ASYMMETRY if pair else ALIKE
-    return c.gain > PART * best.gain and (d < z * se or d < max(3.0, open_))
+    return c.gain > PART * best.gain and (d < z * se or d < 3)
 
 
 def richest(base: Base, table: Table) -> View:

@@ -185,10 +185,6 @@ def _of(record: Record, table: Table, bars: Bars) -> Decision:
         close = _again(table, bars.proven(beside, beside.named), close)
         if close[0] is not good[0]:
             beside = tabulate(close[0].joined())
-    stays = bars.open_in(beside)
-    if stays > REST * close[0].gain:
-        close += [c for c in good if c not in close and as_good(c, close[0], stays)]
-    close = close[: 1 + MOST_ALTERNATIVES]
     verdict = "ambiguous" if len(close) > 1 else "found"
     found = Decision(verdict, (close[0],), tuple(close[1:]), table=table, beside=beside)
     return _what_is_left(found, free, bars)
