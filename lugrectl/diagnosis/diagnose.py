@@ -153,7 +153,7 @@ def _finer(
         raise Refused(" ".join(found.messages))
     try:
         ready = prepared(record, model, holdout, horizon)
-        ready = ready.from_values(asked.starts(found.alone)).earlier(-found.logged)
+        ready = ready.from_values(asked.starts(found.alone)).earlier(asked.plain)
         with within(limit):
             return _fitted(begin(ready, report), found, asked, seed, report)
     except Refused as no:  # the comparison needs no simulation

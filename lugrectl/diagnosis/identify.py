@@ -168,7 +168,7 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
         return _map_identified(begin_map(record, model, holdout, report), model)
     ready = prepared(record, model, holdout, horizon)
     friction = levels(asked.plain.stretches, model, asked.plain)
-    job = begin(ready.from_values(asked.starts(friction)), report)
+    job = begin(ready.from_values(asked.starts(friction)).earlier(asked.plain), report)
     whole = on_everything(job.base, job)
     job = noted(compared(job, whole), *at_bounds(whole), *far_off(whole, model))
     job = noted(job, *against_held(whole), *other_optima(whole))

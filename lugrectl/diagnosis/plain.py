@@ -36,7 +36,8 @@ def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
     noticed = [*runs.said, *([OTHERS] if runs.said else []), *runs.notes, *noticed]
     fixed = {k: v for k, v in model.known().items() if k in model.held()}
     found = balance(parts, model, fixed)
-    known = {k: v for k, v in model.known().items() if k in LEVELS and _open(k, found)}
+    declared = {k: v for k, v in model.known().items() if k in LEVELS}
+    known = {k: v for k, v in declared.items() if _open(k, found) and _may_be(k, v, found)}
     taken: list[str] = []
     if known and not found.refused:
         held = balance(parts, model, fixed | known)
@@ -61,6 +62,12 @@ def values_for(plain: Balance, model: Model) -> dict[str, Estimate]:
 def _possible(key: str, value: float) -> bool:
     """Whether a drive may have this value, however wide its interval: no inertia is negative."""
     return value > 0 if key == "J" else value >= 0 or key not in ("Fc", "Fv")
+
+
+def _may_be(key: str, value: float, found: Balance) -> bool:
+    """Whether a declared value is inside what a log says of it, if it says anything."""
+    said = found.uncertain.get(key)
+    return said is None or said.ci95 is None or said.ci95[0] <= value <= said.ci95[1]
 
 
 def _open(key: str, found: Balance) -> bool:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..engine.load import compiler
+from ..identification.balance import Balance
 from ..joint import Joint, Residuals, residuals_of
 from ..model import Model
 from ..record import Record, consistent, long_enough_to_judge, named, pooled
@@ -32,8 +33,8 @@ SLOWLY = "first guess (slow: there is neither a C compiler nor numba; install lu
 UNIDENTIFIED = "{} cannot be identified separately from {}; only a combination is determined."
 UNIDENTIFIED_ALONE = "{} cannot be identified from {}; its value is one choice among many."
 DATED = (
-    "The torque column lags the motion by {0:.2g} ms (usual when it is logged as a sample or as "
-    "the mean of the previous interval). It was shifted {0:.2g} ms earlier."
+    "The torque column lags the motion by {0:.2g} ms, as the mean of the previous interval or the "
+    "log of another device does. It was shifted {0:.2g} ms earlier."
 )
 
 LAG = "velocity_sensor_lag"
@@ -79,10 +80,12 @@ class Prepared:
         """The same with values from which fits start."""
         return replace(self, data=replace(self.data, plain=plain))
 
-    def earlier(self, by: float) -> Prepared:
-        """The same with the torque ``by`` s earlier, where it was written down so late."""
-        moved = ahead(self.data, by / self.data.dt) if by > 0.0 else self.data
-        return replace(self, data=moved, recorded=self.data if by > 0.0 else None)
+    def earlier(self, plain: Balance) -> Prepared:
+        """The same with the torque earlier, where it was written down late."""
+        by = plain.written_late(self.data.dt)
+        if not by:
+            return self
+        return replace(self, data=ahead(self.data, by / self.data.dt), recorded=self.data)
 
 
 def prepared(

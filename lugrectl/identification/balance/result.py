@@ -102,6 +102,14 @@ class Balance(Result):
         both = {**self.uncertain, **self.parameters}
         return {k: both[k].value for k in self.names if k in both}
 
+    def written_late(self, dt: float) -> float:
+        """By how much u was written down after the motion that it causes, s; 0 where that is not
+        certainly more than a sample of ``dt`` s."""
+        delay = self.parameters.get("u_delay")
+        if delay is None or delay.ci95 is None or delay.ci95[1] > -dt:
+            return 0.0
+        return -delay.value
+
     def summary(self) -> dict[str, Any]:
         """The answer as plain Python values, as under "plain" in the JSON document."""
         return {

@@ -104,7 +104,6 @@ def _result(found: Decision, model: Model, least: float) -> Comparison:
         least=least,
         only_inertia=found.only_inertia,
         events=found.events,
-        logged=base.record.logged,
     )
 
 
@@ -139,9 +138,9 @@ def record_of(stretches: Sequence[Stretch], model: Model, plain: Balance) -> Rec
         lag = float(speeds.values[2]), float(np.sqrt(speeds.covariance[2, 2]))
     rows = rows_of(motion, width.h)
     made = Record.of(motion, rows, declared, held, sure, width.heavy, model.effects, has, lag)
-    logged = _logged(plain, motion.dt)
-    made = replace(made, logged=logged, lighter=_lighter(plain, declared))
-    return made.later(logged) if logged else made
+    logged = plain.written_late(motion.dt)
+    made = replace(made, logged=-logged, lighter=_lighter(plain, declared))
+    return made.later(-logged) if logged else made
 
 
 def _lighter(plain: Balance, declared: dict[str, float]) -> bool:
@@ -149,14 +148,6 @@ def _lighter(plain: Balance, declared: dict[str, float]) -> bool:
     known = plain.parameters.get("J") or plain.uncertain.get("J")
     J = declared.get("J")
     return bool(J and known and known.ci95 and known.ci95[1] < J / OFF)
-
-
-def _logged(plain: Balance, dt: float) -> float:
-    """By how much u must be moved, s, where it was written down after the motion that it causes."""
-    delay = plain.parameters.get("u_delay")
-    if delay is None or delay.ci95 is None or delay.ci95[1] > -dt:
-        return 0.0
-    return delay.value
 
 
 def _share(m: Motion, h: float) -> float:

@@ -77,8 +77,7 @@ class Comparison:
     first of them. ``depends_on`` are the signals of an unknown torque. ``plant`` are inertia and
     friction beside the effects, ``alone`` those of the declared model without them: start values.
     ``only_inertia``: of the effects the record shows no more than the inertia of a load. ``events``
-    are the times (s) of torques that nothing in the table predicts. ``logged``: u was moved by so
-    much (s, below 0), as it was written down after the motion that it causes.
+    are the times (s) of torques that nothing in the table predicts.
     """
 
     verdict: str
@@ -94,5 +93,4 @@ class Comparison:
     least: float = 0.0
     only_inertia: bool = False
     events: tuple[float, ...] = ()
-    logged: float = 0.0
     seconds: float = 0.0
