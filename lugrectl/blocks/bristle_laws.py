@@ -103,10 +103,10 @@ def two_state(
     return bristle_torque(w, z, dz, sigma0, sigma1, Fv), dz, (1.0 - level(w, 0, 1, vs) - lost) / tau
 
 
-@block("friction", out="F", states="y", source=BOUC_WEN)
+@block("friction", out="F", states="z", source=BOUC_WEN)
 def bouc_wen(
     w,
-    y,
+    z,
     sigma0: Any = SIGMA0,
     Fc: Any = FC,
     Fv=FV,
@@ -116,11 +116,13 @@ def bouc_wen(
     """F = Fc y + Fv w, dy/dt = sigma0/Fc (w - |y|^n (beta |w| sign(y) + (1 - beta) w)).
 
     A hysteresis of any roundness: n large bends sharply. beta = 0.5 unloads along a straight line
-    of stiffness sigma0, beta = n = 1 is Dahl. It depends on the distance alone, not on the speed.
-    Passive from w to F for beta >= 0.5, which is the lower bound: the storage Fc^2 y^2/(2 sigma0)
-    loses Fc |w| |y|^(n+1) (beta + (1 - beta) sign(w y)) >= 0. Small nested loops do not close and
-    drift; ``maxwell_slip`` closes them.
+    of stiffness sigma0, beta = n = 1 is Dahl. It depends on the distance alone, not on the speed:
+    no Stribeck peak. The state is z = Fc y/sigma0, a deflection. Passive from w to F for
+    beta >= 0.5, which is the lower bound: the storage sigma0 z^2/2 loses
+    Fc |w| |y|^(n+1) (beta + (1 - beta) sign(w y)) >= 0. Small loops inside a large one do not
+    close, and under a torque that oscillates below Fc the deflection drifts; ``maxwell_slip``
+    closes them.
     """
-    bend = power(y, n - 1.0)
-    grows = w - bend * (beta * np.abs(w) * y + (1.0 - beta) * w * np.abs(y))
-    return Fc * y + Fv * w, sigma0 / Fc * grows
+    y = sigma0 * z / Fc
+    dz = w - power(y, n - 1.0) * (beta * np.abs(w) * y + (1.0 - beta) * w * np.abs(y))
+    return sigma0 * z + Fv * w, dz

@@ -39,6 +39,11 @@ def bristle(w: Any, z: Any, sigma0: Any, Fc: Any, Fs: Any, vs: Any) -> Any:
     return w - sigma0 * np.abs(w) / level(w, Fc, Fs, vs) * z
 
 
+def free_bristle(w: Any, z: Any, sigma0: Any, Fc: Any, Fs: Any, vs: Any, delta: Any) -> Any:
+    """:func:`bristle` with the level of :func:`free_level`."""
+    return w - sigma0 * np.abs(w) / free_level(w, Fc, Fs, vs, delta) * z
+
+
 def bristle_torque(w: Any, z: Any, dz: Any, sigma0: Any, sigma1: Any, Fv: Any) -> Any:
     """F = sigma0 z + sigma1 dz/dt + Fv w (eq. LuGre2)."""
     return sigma0 * z + sigma1 * dz + Fv * w
@@ -101,7 +106,7 @@ def lugre_of_power(w, z, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=V
     h(w) = Fc + (Fs - Fc) exp(-|w/vs|^delta). As :func:`lugre`, which it equals at delta = 2; the
     condition for passivity is the same, because h stays between Fc and Fs.
     """
-    dz = w - sigma0 * np.abs(w) / free_level(w, Fc, Fs, vs, delta) * z
+    dz = free_bristle(w, z, sigma0, Fc, Fs, vs, delta)
     return bristle_torque(w, z, dz, sigma0, sigma1, Fv), dz
 
 
