@@ -94,9 +94,10 @@ def two_state(
     (frictional lag: friction falls late when the drive speeds up). alpha = 0 up to
     |z| = kappa g/sigma0, 1 from g/sigma0 on. The state ``lost`` is the part of Fs - Fc that
     sliding has removed, g = Fs - (Fs - Fc) lost: 0 is a drive at rest for long. Equations derived
-    for this toolkit, because those of the source were not found. tau near 0: elasto-plastic;
-    a lag of well below a sample cannot be identified. Passive from w to F under the condition of
-    the elasto-plastic law, because g stays between Fc and Fs.
+    for this toolkit, because those of the source were not found. With tau near 0 it is the
+    elasto-plastic law with a zone of kappa h(w); a lag well below a sample cannot be identified.
+    Passive from w to F under the condition of the elasto-plastic law, because g stays between Fc
+    and Fs.
     """
     g = Fs - (Fs - Fc) * lost
     dz = elastoplastic_bristle(w, z, sigma0, g, kappa * g / sigma0)

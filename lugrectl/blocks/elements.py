@@ -117,7 +117,8 @@ class MaxwellSlip(Elements):
     k_i, and if it stands beside the list, only the ratio of the k_i counts. By rule
     k_i = 2 (N + 1 - i)/(N (N + 1)) sigma0 and nu_i = 2 i/(N (N + 1)). A fit changes sigma0, Fc and
     Fv and keeps the ratios; it finds the deflections at the start of a stretch from the turning
-    points before it. Passive from w to F: each element stores k_i z_i^2/2 and only loses.
+    points before it. The slip sets in over the last 1e-4 of the limit. Passive from w to F: each
+    element stores k_i z_i^2/2 and only loses.
     """
 
     name = "maxwell_slip"
@@ -152,7 +153,8 @@ class ParallelBristles(Elements):
 
     A smooth relative of the generalised Maxwell-slip law: N bristles side by side, each with its
     share of the level h(w) = Fc + (Fs - Fc) exp(-(w/vs)^2). n near 1 bends softly, n large like
-    Maxwell slip. Small loops inside a large one do not close exactly. A model file gives
+    Maxwell slip. Small loops inside a large one do not close exactly. The generalised law itself
+    needs a mode, stick or slip, for each element; no block can have that. A model file gives
     ``elements`` or the lists ``stiffness`` and ``share``, as for ``maxwell_slip``. Passive from w
     to F: each bristle stores k_i z_i^2/2 and only loses.
     """
