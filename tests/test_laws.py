@@ -147,8 +147,8 @@ def test_what_is_called_passive_never_gives_out_more_than_it_stores(case, seed):
     assert run.y[-1].min() >= -1e-9
 
 
-def test_lugre_of_table_1_gives_out_energy_where_the_condition_fails():
-    """The bound of the docstring is no formality: near z = Fs/sigma0 a fast turn gives power."""
+def test_with_table_1_the_storage_of_lugre_grows_by_more_than_is_taken_in():
+    """Where the condition of the docstring fails: near z = Fs/sigma0, sliding fast."""
     made, values = values_of("lugre")
     assert values["Fv"] < S1 * (FS - FC) / FC
     w, z = 5.0, FS / S0
