@@ -14,6 +14,7 @@ from typing import Any, overload
 
 from .blocks import effects as _effects  # noqa: F401  fills the registry
 from .blocks import friction as _friction  # noqa: F401
+from .blocks.forms import form_keys
 from .blocks.names import also_called, block_named
 from .errors import InputError
 from .outputs import NamedRows, library
@@ -56,7 +57,7 @@ class Entry:
             name=made.name,
             kind=made.kind,
             equation=made.equation.rstrip("."),
-            parameters={k: p for k, p in made.own.items() if p.fitted},
+            parameters={k: p for k, p in {**made.own, **form_keys(made)}.items() if p.fitted},
             inputs=made.inputs,
             outputs=made.outputs,
             source=made.source or " ".join(rest.strip("-\n ").split()),
@@ -114,6 +115,7 @@ class Entry:
         for name, p in self.parameters.items():
             said = f"  {name}: {'no unit' if p.unit == '1' else p.unit}, {_bounds(p)}"
             said += ", a whole number on a rotary drive" if p.whole else ""
+            said += f", {_number(p.value)} unless given" if p.usual else ""
             said += f", no effect at {_number(p.neutral)}" if p.neutral is not None else ""
             lines.append(said)
         return lines

@@ -66,6 +66,8 @@ class P:
         parameter of the effect; used alone, the effect has it as a parameter.
     passed : bool
         True for a position that the motion must cross: the record must show both sides of it.
+    usual : bool
+        True for a value that is held at its default unless the model gives it.
     """
 
     value: float
@@ -81,6 +83,7 @@ class P:
     choices: tuple[float, ...] = ()
     shared: bool = False
     passed: bool = False
+    usual: bool = False
 
 
 @dataclass(frozen=True, repr=False)

@@ -169,9 +169,15 @@ speeds = st.floats(-50.0, 50.0)
 levels = st.floats(0.01, 5.0)
 
 
+EVEN = ("lost",)  # a part of a level, the same for both directions
+
+
 def value(made, w, z, values):
-    """Torque and rates of a friction law at one point."""
-    return made(w, *([z] * len(made.states)), **values)
+    """Torque and rates of a friction law at one point; of an even state the rate by its sign."""
+    even = [s in EVEN for s in made.states]
+    F, *rates = made(w, *(abs(z) if e else z for e in even), **values)
+    side = np.sign(w) or np.sign(z)
+    return F, *(side * r if e else r for e, r in zip(even, rates, strict=True))
 
 
 @st.composite
@@ -179,7 +185,10 @@ def law_and_values(draw, static=False):
     """A law with random positive parameters, Fs >= Fc."""
     laws = [m for m in members("friction").values() if not (static and m.states)]
     made = draw(st.sampled_from(laws))
-    values = {k: p.value * draw(st.floats(0.1, 10.0)) for k, p in made.parameters.items()}
+    values = {
+        k: float(np.clip(p.value * draw(st.floats(0.1, 10.0)), p.low, p.high))
+        for k, p in made.parameters.items()
+    }
     if "Fs" in values:
         values["Fs"] = values["Fc"] * draw(st.floats(1.0, 3.0))
     return made, values
