@@ -45,12 +45,28 @@ def check(
 
 
 def _own(system: Any, t: float, x: Any, u: Any, params: Mapping[str, Any]) -> np.ndarray | None:
-    """The system's rates and outputs; None if python-control finds a NaN inside a loop."""
+    """The system's rates and outputs; None if there are none at this point.
+
+    python-control reports some loops that have an answer as algebraic; these are evaluated
+    block by block.
+    """
     system._update_params(params)
     try:
         with np.errstate(all="ignore"):
             return np.concatenate([system._rhs(t, x, u), system._out(t, x, u)])
-    except (RuntimeError, ArithmeticError):
+    except ArithmeticError:
+        return None
+    except RuntimeError:
+        return _block_by_block(system, t, x, u)
+
+
+def _block_by_block(system: Any, t: float, x: Any, u: Any) -> np.ndarray | None:
+    from .blame import Probe  # it imports the tracer, which imports this module
+
+    probe = Probe(t)
+    try:
+        return np.concatenate([probe.rates(system, x, u), probe.outputs(system, x, u)])
+    except (RuntimeError, ArithmeticError, ValueError):
         return None
 
 
