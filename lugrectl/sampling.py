@@ -46,7 +46,7 @@ def sampled(
         Sample time in s.
     held : list of str, optional
         Inputs that are held between samples, as a drive holds its torque; all others are linear
-        between samples. Default: "u" if there is one.
+        between samples. Default: "u" and "excess" where they exist.
     substep : float, optional
         Longest substep in s where the rates are not affine; default dt/4. Each is as short as an
         error of 1e-6, relative to the largest value of each state in the sample, needs, and ends
@@ -88,7 +88,7 @@ def sampled(
     dt = positive(dt, "dt, the sample time,", "seconds")
     _fits(system)
     labels = list(system.input_labels)
-    keep = [s for s in ("u",) if s in labels] if held is None else names(held, "held")
+    keep = [s for s in ("u", "excess") if s in labels] if held is None else names(held, "held")
     strange = [s for s in keep if s not in labels]
     if strange:
         raise InputError(f"{system.name} has no input {strange[0]}; it has {', '.join(labels)}.")
