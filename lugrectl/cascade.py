@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -106,8 +107,8 @@ def cascade_loop(
     Notes
     -----
     The velocity loop crosses over near kp/J (727 1/s for Table 1), the position loop near kv:
-    keep kv well below ki/kp and that well below kp/J, and kp/J below about 0.5/(lag + delay).
-    The same loop can be wired by hand from the blocks that carry these names.
+    keep kv and ki/kp well below kp/J, and kp/J below about 0.5/(lag + delay). The same loop can
+    be wired by hand from the blocks that carry these names.
     """
     p, believed = loop_models(p, observer_parameters)
     measured = _measured(p, feedback)
@@ -120,7 +121,7 @@ def cascade_loop(
         plant(p, inputs=[motor, "d"]),
         estimate,
         controllers.error("position", inputs=["r", measured]),
-        proportional(kv, **({} if speed_limit is None else {"limit": speed_limit})),
+        proportional(kv, math.inf if speed_limit is None else speed_limit),
         controllers.error("velocity", name="speed_error", inputs=["w_ref", "w"], outputs=["e_w"]),
         _velocity_controller(kp, ki, limit, tracking, torque),
         controllers.compensation(outputs=[torque]),
@@ -174,24 +175,24 @@ def _before_the_drive(given: Any, limit: float | None) -> list[Maker]:
     """The notch and the limit, each made with its input and its output."""
     made: list[Maker] = []
     if given is not None:
-        values = _notch_values(given)
-        made.append(lambda i, o: notch_block(**values, inputs=i, outputs=[o]))
+        made.append(lambda i, o: notch_block(*_notch_values(given), inputs=i, outputs=[o]))
     if limit is not None:
         made.append(lambda i, o: limiter(limit, inputs=i, outputs=[o, "excess"]))
     return made
 
 
-def _notch_values(given: Any) -> dict[str, float]:
-    keys = ("frequency", "damping", "depth")
-    if isinstance(given, Mapping) and "frequency" in given and {*given} <= {*keys}:
-        return dict(given)
-    values = [given] if real(given) is not None else given
+def _notch_values(given: Any) -> tuple[Any, ...]:
+    """Frequency, damping and depth, as far as they are given."""
+    own = {"frequency": None, "damping": 0.5, "depth": 0.1}
+    if isinstance(given, Mapping) and "frequency" in given and {*given} <= {*own}:
+        return tuple({**own, **given}.values())
+    values = (given,) if real(given) is not None else given
     if not isinstance(values, (list, tuple)) or not 1 <= len(values) <= 3:
         raise InputError(
             "notch must be a frequency in Hz, or (frequency, damping, depth), or these by name, "
             f"not {shown(given)}."
         )
-    return dict(zip(keys, values, strict=False))
+    return tuple(values)
 
 
 def _behind_the_drive(lag: float, delay: float) -> list[Maker]:

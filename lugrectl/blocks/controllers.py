@@ -147,7 +147,7 @@ def tracking_time(kp: float, ki: float, tracking: float | None, of: str) -> floa
 
 def _built(
     of: str,
-    gains: dict[str, float],
+    gains: dict[str, Any],
     limit: float | None,
     tracking: float | None,
     names: dict[str, Any],
@@ -155,10 +155,11 @@ def _built(
     """A controller without a limit, with its own, or with one elsewhere in the loop."""
     if limit is None and tracking is None:
         return _FORMS[of][0].system(**names, **gains)
-    more = {"tracking": tracking_time(gains["kp"], gains["ki"], tracking, of)}
+    values = dict(gains)
+    values["tracking"] = tracking_time(gains["kp"], gains["ki"], tracking, of)
     if limit is None:
-        return _FORMS[of][2].system(**names, **gains, **more)
-    return _FORMS[of][1].system(**names, **gains, **more, limit=limit)
+        return _FORMS[of][2].system(**names, **values)
+    return _FORMS[of][1].system(**names, **values, limit=limit)
 
 
 _FORMS = {"pi": (_pi, _pi_limited, _pi_tracked), "pid": (_pid, _pid_limited, _pid_tracked)}

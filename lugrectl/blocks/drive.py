@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     import control as ct
 
 TURN = 2.0 * np.pi
-TORQUE_LIMIT = P(np.inf, "N m", 0.0, neutral=np.inf)
+KV: Any = P(20.0, "1/s")
+SPEED_LIMIT: Any = P(np.inf, "rad/s", 0.0, neutral=np.inf)
+TORQUE_LIMIT: Any = P(np.inf, "N m", 0.0, neutral=np.inf)
 MOST = 10_000  # samples of delay
 
 
@@ -33,7 +35,7 @@ def _limiter(u_cmd, limit=TORQUE_LIMIT):
 
 
 @block("controller", name="proportional", out="w_ref")
-def _proportional(e, kv=P(20.0, "1/s"), limit=P(np.inf, "rad/s", 0.0, neutral=np.inf)):
+def _proportional(e, kv=KV, limit=SPEED_LIMIT):
     """w_ref = clip(kv (-e), -limit, limit)."""
     return np.clip(-kv * e, -limit, limit)
 
