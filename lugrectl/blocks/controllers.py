@@ -61,13 +61,20 @@ def _error(r, y):
 
 @block("controller", name="pi", out="u", states="q", source=f"{PAPER}, section 2")
 def _pi(e, q, kp=KP, ki=KI):
-    """u = kp (-e) + ki q, dq/dt = -e."""
+    """u = kp (-e) + ki q, dq/dt = -e.
+
+    With ``limit=`` u = clip(v, -limit, limit), where v is the output without limit, and
+    dq/dt = -e + (u - v)/(ki T): no wind-up. T is ``tracking``, kp/ki unless given.
+    """
     return action(e, q, kp, ki, 0.0)
 
 
 @block("controller", name="pid", out="u", states="q", source=f"{PAPER}, section 2")
 def _pid(e, w, q, kp=KP_ANGLE, ki=KI_ANGLE, kd=KD, tau=TAU):
-    """u = kp (-e) + ki q - kd w, tau dq/dt = -e - q (tau = 0: dq/dt = -e)."""
+    """u = kp (-e) + ki q - kd w, tau dq/dt = -e - q (tau = 0: dq/dt = -e).
+
+    ``limit=`` and ``tracking=`` as for ``pi``.
+    """
     u, dq = action(e, q, kp, ki, tau)
     return u - kd * w, dq
 
