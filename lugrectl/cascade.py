@@ -15,7 +15,7 @@ from .blocks.observers import Gain
 from .blocks.plant import load_outputs, plant
 from .checks import flag, one_name, real, shown
 from .errors import InputError
-from .loops import OUTPUTS, OWN, loop_models, loop_observer
+from .loops import OUTPUTS, OWN, _models, _observer
 
 if TYPE_CHECKING:
     from .model import Model, Parameters
@@ -110,9 +110,9 @@ def cascade_loop(
     keep kv and ki/kp well below kp/J, and kp/J below about 0.5/(lag + delay). The same loop can
     be wired by hand from the blocks that carry these names.
     """
-    p, believed = loop_models(p, observer_parameters)
+    p, believed = _models(p, observer_parameters)
     measured = _measured(p, feedback)
-    estimate = loop_observer(observer, believed, {"K1": K1, "K2": K2, "k": k}, gains)
+    estimate = _observer(observer, believed, {"K1": K1, "K2": K2, "k": k}, gains)
     before, behind = _before_the_drive(notch, limit), _behind_the_drive(lag, delay)
     torque, shaping = _chain(before, "u_cmd", "u")
     _, actuating = _chain(behind, "u", "u_motor")

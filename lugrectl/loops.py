@@ -100,8 +100,8 @@ def velocity_loop(
     that they use for theta grows until it overflows.
     """
     shared = {"K1": K1, "K2": K2, "k": k}
-    p, believed = loop_models(p, observer_parameters)
-    estimate = loop_observer(observer, believed, shared, gains)
+    p, believed = _models(p, observer_parameters)
+    estimate = _observer(observer, believed, shared, gains)
     sum_of, held = _limited("velocity_loop", kp, ki, limit, tracking)
     inputs, reference = _reference(p, "velocity", prefilter, feedforward, sum_of)
     parts = [plant(p), estimate, controllers.pi(kp, ki, **held), *reference]
@@ -160,21 +160,21 @@ def position_loop(
     kd kp > J ki makes it stable.
     """
     shared = {"K1": K1, "K2": K2, "k": k}
-    p, believed = loop_models(p, observer_parameters)
-    estimate = loop_observer(observer, believed, shared, gains)
+    p, believed = _models(p, observer_parameters)
+    estimate = _observer(observer, believed, shared, gains)
     sum_of, held = _limited("position_loop", kp, ki, limit, tracking)
     inputs, reference = _reference(p, "position", prefilter, feedforward, sum_of)
     parts = [plant(p), estimate, controllers.pid(kp, ki, kd, tau, **held), *reference]
     return _closed(parts, inputs, load, name, limit)
 
 
-def loop_models(p: Any, believed: Any) -> tuple[Model, Model]:
+def _models(p: Any, believed: Any) -> tuple[Model, Model]:
     """The plant's model, and what the observer believes."""
     made = as_model(p, "p")
     return made, made if believed is None else as_model(believed, "observer_parameters")
 
 
-def loop_observer(
+def _observer(
     name: str | None,
     p: Model,
     shared: Mapping[str, Any],
@@ -228,8 +228,8 @@ def _reference(
 ) -> tuple[list[str], list[Any]]:
     """The loop's reference inputs, and the blocks from them to the error and the feed-forward."""
     measured, derivative = controllers.MEASURED[kind], controllers.DERIVATIVE[kind]
-    added = [sum_of]
-    ahead = [controllers.feedforward(p, kind, outputs=added)] * flag(feedforward, "feedforward")
+    added, wanted = [sum_of], flag(feedforward, "feedforward")
+    ahead = [controllers.feedforward(p, kind, outputs=added)] if wanted else []
     if prefilter is False or prefilter is None:
         return ["r", derivative][: 1 + len(ahead)], [controllers.error(kind), *ahead]
     # the input keeps its name, so the filtered signals need other names

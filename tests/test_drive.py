@@ -120,23 +120,23 @@ def test_a_limit_elsewhere_gives_the_same_as_its_own(kind):
     inputs = ["e", "w"][: 1 + (kind == "pid")]
     u = [given[k] for k in inputs]
     own = make[kind](limit=1.5, tracking=0.02)
-    apart = [make[kind](tracking=0.02, outputs=["u_cmd"]), lg.limiter(1.5)]
-    apart = ct.interconnect(apart, inputs=inputs, outputs=["u"], check_unused=False)
-    one, other = (simulate(m, T, np.array(u), rtol=1e-9).outputs for m in (own, apart))
+    beside = [make[kind](tracking=0.02, outputs=["u_cmd"]), lg.limiter(1.5)]
+    beside = ct.interconnect(beside, inputs=inputs, outputs=["u"], check_unused=False)
+    one, other = (simulate(m, T, np.array(u), rtol=1e-9).outputs for m in (own, beside))
     assert other == pytest.approx(one, abs=1e-6)
     options = {"solve_ivp_method": "LSODA", "solve_ivp_kwargs": {"rtol": 1e-9, "atol": 1e-12}}
-    theirs = ct.input_output_response(apart, T[:150], np.array(u)[:, :150], **options).outputs
+    theirs = ct.input_output_response(beside, T[:150], np.array(u)[:, :150], **options).outputs
     assert np.ravel(theirs) == pytest.approx(np.ravel(one)[:150], abs=1e-6)
 
 
 def test_no_limit_on_the_integral_is_a_clip_behind_the_controller():
     e = -2 * np.cos(9 * T)
     clip = static("clip", ["u_cmd"], "u", lambda t, x, u, params: np.clip(u[0], -1.5, 1.5))
-    apart = ct.interconnect(
+    beside = ct.interconnect(
         [lg.pi(2.0, 30.0, outputs=["u_cmd"]), clip], inputs=["e"], outputs=["u"]
     )
     own = lg.pi(2.0, 30.0, limit=1.5, tracking=np.inf)
-    one, other = (simulate(m, T, e, rtol=1e-9).outputs for m in (own, apart))
+    one, other = (simulate(m, T, e, rtol=1e-9).outputs for m in (own, beside))
     assert other == pytest.approx(one, abs=1e-8)
 
 

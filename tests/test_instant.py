@@ -216,6 +216,21 @@ def test_a_gain_of_the_call_that_leaves_no_answer_is_refused():
         simulate(gained(0.1), T, {"r": 1.0}, params={"k": 0.5})
 
 
+def test_a_value_that_exists_at_large_signals_only_is_no_fault(recwarn):
+    """log(v - 100): nothing to compare at usual sizes, so larger ones are tried."""
+    block = ct.nlsys(
+        lambda t, x, u, params: [-np.log(u[0] - 100.0) * x[0]],
+        lambda t, x, u, params: [x[0]],
+        inputs=["v"],
+        outputs=["x"],
+        states=["x"],
+        name="narrow",
+    )
+    response = simulate(block, [0.0, 0.5, 1.0], 100.0 + np.e, 1.0)
+    assert response.outputs == pytest.approx(np.exp([0.0, -0.5, -1.0]), rel=1e-5)
+    assert not recwarn.list
+
+
 # Affine expressions.
 
 

@@ -12,6 +12,7 @@ from .program import Program
 from .symbolic import TraceError
 
 AGAIN = (1.0, 30.0)  # for equations that were checked at all scales before
+POSITIVE = (1.0, 1e2, 1e4)  # where no other point gives a value: a root or a logarithm
 
 
 def check(
@@ -28,12 +29,15 @@ def check(
     random = np.random.default_rng(len(program.graph.nodes))
     single = {k for k in program.keys if program.keys.count(k) == 1 and k not in program.fixed}
     compared = 0
-    for scale in scales:
+    for scale, signed in [*((k, True) for k in scales), *((k, False) for k in POSITIVE)]:
+        if compared and not signed:
+            break
         pairs = zip(program.keys, program.arguments(params), strict=True)
         spread = 0.0 if scale == 1.0 else 0.2
         values = {k: v * (1 + spread * random.uniform(-1, 1)) for k, v in pairs if k in single}
         t = abs(scale * random.standard_normal())
         x, u = (scale * random.standard_normal(len(s)) for s in (program.x, program.u))
+        x, u = (x, u) if signed else (np.abs(x), np.abs(u))
         own = _own(system, t, x, u, {**(params or {}), **values})
         if own is not None:
             p = program.arguments({**(params or {}), **values})

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import warnings
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -23,8 +24,6 @@ RTOL = 1e-6  # error allowed in a substep, relative to the largest value of each
 FEW = 4000  # samples; compiling takes as long as so many in plain Python
 SIZES = 10.0 ** np.arange(-6, 7)  # of the states at which a function without a trace is tried
 CLOSE = 1e-9
-
-Rates = Callable[[Any, Any, Any, Mapping[str, Any]], Any]
 
 
 @dataclass
@@ -98,9 +97,10 @@ class Substeps:
         kind = self._kind(own)
         values = tuple(v if is_number(v) else id(v) for v in own.values())
         asked = (id(kind), x.tobytes(), before.tobytes(), now.tobytes(), values)
-        if self._last[0] != asked:  # output and update of a block ask for the same step
-            self._last = asked, self._stepped(kind, x, before, now, own)
-        return self._last[1].copy()
+        last = self._last  # output and update of a block ask for the same step
+        if last[0] != asked:
+            self._last = last = asked, self._stepped(kind, x, before, now, own)
+        return last[1].copy()
 
     def _stepped(
         self, kind: _Kind, x: np.ndarray, before: np.ndarray, now: np.ndarray, own: Any
@@ -110,7 +110,16 @@ class Substeps:
         if kind.program is None:
             return self._by_scipy(x, grid, own)
         engine, p = kind.engine(kind.program), kind.program.arguments(own)
-        return engine.run(grid[0], grid[1:], x, p, hold=False, rtol=RTOL).states[:, -1]
+        run = engine.run(grid[0], grid[1:], x, p, hold=False, rtol=RTOL)
+        if np.isfinite(run.unsettled):
+            warnings.warn(
+                f"{self.system.name}: a sign or comparison switches without end near t = "
+                f"{run.unsettled:.6g} s; the result there is coarse: write np.tanh(w/eps) for "
+                "np.sign(w).",
+                RuntimeWarning,
+                stacklevel=2,
+            )
+        return run.states[:, -1]
 
     def _by_scipy(self, x: np.ndarray, grid: np.ndarray, own: Mapping[str, Any]) -> np.ndarray:
         t, inputs = grid[0], grid[1:]
