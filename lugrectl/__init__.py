@@ -15,11 +15,13 @@ _HOMES = {
     "blocks.comparison": "adaptive_observer disturbance_observer extended_state_observer "
     "friedland_park_observer",
     "blocks.controllers": "compensation error feedforward pi pid prefilter",
+    "blocks.drive": "current_lag dead_time limiter notch proportional",
     "blocks.library": "effect friction",
     "blocks.observers": "existing_observer natural_observer proposed_observer",
     "blocks.plant": "plant sensor",
     "blocks.table": "tabulated",
     "bristles": "deflection",
+    "cascade": "cascade_loop",
     "catalogue": "controllers effects laws observers",
     "compensating": "Compensation compensate",
     "design": "Certificate Design PAPER certify design_gains excitation natural_decay",
@@ -72,6 +74,13 @@ if TYPE_CHECKING:
         pid,
         prefilter,
     )
+    from .blocks.drive import (  # noqa: F401
+        current_lag,
+        dead_time,
+        limiter,
+        notch,
+        proportional,
+    )
     from .blocks.library import effect, friction  # noqa: F401
     from .blocks.observers import (  # noqa: F401
         existing_observer,
@@ -81,6 +90,7 @@ if TYPE_CHECKING:
     from .blocks.plant import plant, sensor  # noqa: F401
     from .blocks.table import tabulated  # noqa: F401
     from .bristles import deflection  # noqa: F401
+    from .cascade import cascade_loop  # noqa: F401
     from .catalogue import controllers, effects, laws, observers  # noqa: F401
     from .compensating import Compensation, compensate  # noqa: F401
     from .design import (  # noqa: F401

@@ -24,7 +24,8 @@ WIDTH = 80  # columns of an entry as text
 _TABLE = (80, 140)  # least and most columns of a list as text
 _SOURCED = 110  # columns from which a list as text shows the sources
 _PARTS = (0, 3, 1, 3)  # how the columns share what their longest words leave
-_VARIANTS = ("prefilter_dr", "prefilter_ddr")  # kinds of the prefilter, not blocks of their own
+_VARIANTS = ("prefilter_dr", "prefilter_ddr", "pi_limited", "pi_tracked", "pid_limited")
+_VARIANTS += ("pid_tracked",)  # kinds of another block, not blocks of their own
 
 
 @dataclass(frozen=True)
@@ -231,7 +232,7 @@ def observers() -> Catalogue:
 
 def controllers() -> Catalogue:
     """The controllers and what stands beside them: error, compensation, feedforward, prefilter."""
-    from .blocks import controllers  # noqa: F401  fills the registry
+    from .blocks import controllers, drive  # noqa: F401  fill the registry
 
     return _listed("controller")
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import control as ct
 
 from .blocks import comparison, controllers  # noqa: F401  comparison registers its observers
+from .blocks.drive import limiter
 from .blocks.observers import Gain, observer_block
 from .blocks.observers import observer as build_observer
 from .blocks.plant import plant
@@ -38,6 +39,8 @@ def velocity_loop(
     prefilter: bool | float = False,
     feedforward: bool = False,
     load: bool = False,
+    limit: float | None = None,
+    tracking: float | None = None,
     name: str = "velocity_loop",
 ) -> ct.InterconnectedSystem:
     """PI velocity control with friction compensation, u = (kp + ki/s)(r - w) + Fhat.
@@ -66,6 +69,12 @@ def velocity_loop(
         with a prefilter it is the exact derivative of the filtered reference, not an input.
     load : bool
         Add the input d, a load torque in N m that opposes positive w.
+    limit : float, optional
+        Largest torque of the drive in N m. It acts on the sum of controller, compensation and
+        feed-forward; u is the limited torque, which the observer sees too.
+    tracking : float, optional
+        Time of the back-calculation in s that keeps the integral from winding up at the limit;
+        default kp/ki, ``np.inf`` for none. See :func:`lugrectl.pi`.
     name : str
         Name of the loop.
 
@@ -75,7 +84,7 @@ def velocity_loop(
         Inputs r [, dr] [, d]; outputs theta, w, F, Fhat, u, e. With a prefilter e refers to the
         filtered reference. Parameters of a block are set at simulation time by its key,
         ``params={"plant.Fc": 0.3}``, and change no other block; blocks: plant,
-        *observer*_observer, pi, feedforward, prefilter.
+        *observer*_observer, pi, feedforward, prefilter, limiter.
 
     Raises
     ------
@@ -93,9 +102,10 @@ def velocity_loop(
     shared = {"K1": K1, "K2": K2, "k": k}
     p, believed = _models(p, observer_parameters)
     estimate = _observer(observer, believed, shared, gains)
-    inputs, reference = _reference(p, "velocity", prefilter, feedforward)
-    parts = [plant(p), estimate, controllers.pi(kp, ki), *reference]
-    return _closed(parts, inputs, load, name)
+    sum_of, held = _limited("velocity_loop", kp, ki, limit, tracking)
+    inputs, reference = _reference(p, "velocity", prefilter, feedforward, sum_of)
+    parts = [plant(p), estimate, controllers.pi(kp, ki, **held), *reference]
+    return _closed(parts, inputs, load, name, limit)
 
 
 def position_loop(
@@ -114,6 +124,8 @@ def position_loop(
     prefilter: bool | float = False,
     feedforward: bool = False,
     load: bool = False,
+    limit: float | None = None,
+    tracking: float | None = None,
     name: str = "position_loop",
 ) -> ct.InterconnectedSystem:
     """PID position control with friction compensation.
@@ -127,7 +139,7 @@ def position_loop(
     feedforward : bool
         Add u = J ddr with the plant's J. ddr, the second derivative of r in rad/s2, becomes an
         input, also with a prefilter; the prefilter then filters it as well.
-    p, observer, K1, K2, k, gains, observer_parameters, prefilter, load, name
+    p, observer, K1, K2, k, gains, observer_parameters, prefilter, load, limit, tracking, name
         As in :func:`velocity_loop`; e is the position error, k is in 1/s.
 
     Returns
@@ -150,9 +162,10 @@ def position_loop(
     shared = {"K1": K1, "K2": K2, "k": k}
     p, believed = _models(p, observer_parameters)
     estimate = _observer(observer, believed, shared, gains)
-    inputs, reference = _reference(p, "position", prefilter, feedforward)
-    parts = [plant(p), estimate, controllers.pid(kp, ki, kd, tau), *reference]
-    return _closed(parts, inputs, load, name)
+    sum_of, held = _limited("position_loop", kp, ki, limit, tracking)
+    inputs, reference = _reference(p, "position", prefilter, feedforward, sum_of)
+    parts = [plant(p), estimate, controllers.pid(kp, ki, kd, tau, **held), *reference]
+    return _closed(parts, inputs, load, name, limit)
 
 
 def _models(p: Any, believed: Any) -> tuple[Model, Model]:
@@ -198,12 +211,25 @@ def _fits(made: Block) -> None:
         raise InputError(f"{made.name} has no output Fhat; an observer in a loop needs one.")
 
 
+def _limited(
+    loop: str, kp: float, ki: float, limit: float | None, tracking: float | None
+) -> tuple[str, dict[str, Any]]:
+    """The name of the sum of all torques, and what a limit behind it asks of the controller."""
+    if limit is None:
+        if tracking is not None:
+            raise InputError(f"{loop}: tracking belongs to a limit: give limit in N m too.")
+        return "u", {}
+    time = controllers.tracking_time(kp, ki, tracking, loop)
+    return "u_cmd", {"tracking": time, "outputs": ["u_cmd"]}
+
+
 def _reference(
-    p: Model, kind: str, prefilter: bool | float, feedforward: bool
+    p: Model, kind: str, prefilter: bool | float, feedforward: bool, sum_of: str = "u"
 ) -> tuple[list[str], list[Any]]:
     """The loop's reference inputs, and the blocks from them to the error and the feed-forward."""
     measured, derivative = controllers.MEASURED[kind], controllers.DERIVATIVE[kind]
-    ahead = [controllers.feedforward(p, kind)] if flag(feedforward, "feedforward") else []
+    added, wanted = [sum_of], flag(feedforward, "feedforward")
+    ahead = [controllers.feedforward(p, kind, outputs=added)] if wanted else []
     if prefilter is False or prefilter is None:
         return ["r", derivative][: 1 + len(ahead)], [controllers.error(kind), *ahead]
     # the input keeps its name, so the filtered signals need other names
@@ -211,7 +237,7 @@ def _reference(
     if feedforward:
         inputs += [derivative] if kind == "position" else []
         outputs += [f"{derivative}_filtered"]
-        ahead = [controllers.feedforward(p, kind, inputs=outputs[1:])]
+        ahead = [controllers.feedforward(p, kind, inputs=outputs[1:], outputs=added)]
     pole = 2.0 if prefilter is True else positive(prefilter, "prefilter", "1/s")
     smooth = controllers.prefilter(
         pole, kind if feedforward else None, inputs=inputs, outputs=outputs
@@ -219,9 +245,15 @@ def _reference(
     return inputs, [smooth, controllers.error(kind, inputs=["r_filtered", measured]), *ahead]
 
 
-def _closed(parts: list[Any], inputs: list[str], load: bool, name: str) -> ct.InterconnectedSystem:
+def _closed(
+    parts: list[Any], inputs: list[str], load: bool, name: str, limit: float | None = None
+) -> ct.InterconnectedSystem:
+    if limit is None:
+        parts = [*parts, controllers.compensation()]
+    else:
+        parts = [*parts, controllers.compensation(outputs=["u_cmd"]), limiter(limit)]
     return ct.interconnect(
-        [*parts, controllers.compensation()],
+        parts,
         inputs=inputs + ["d"] * flag(load, "load"),
         outputs=list(OUTPUTS),
         # empty: else two loops in one system would share the values of the last one

@@ -5,7 +5,15 @@ from __future__ import annotations
 from functools import cache
 from importlib import import_module
 
-DECLARING = ("effects", "friction", "elements", "observers", "comparison", "controllers")
+DECLARING = (
+    "effects",
+    "friction",
+    "elements",
+    "observers",
+    "comparison",
+    "controllers",
+    "drive",
+)
 
 
 @cache
