@@ -12,6 +12,7 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "spec": "block P",
+    "blocks.bristle_observers": "temperature_observer",
     "blocks.comparison": "adaptive_observer disturbance_observer extended_state_observer "
     "friedland_park_observer",
     "blocks.controllers": "compensation error feedforward pi pid prefilter",
@@ -58,6 +59,7 @@ def __dir__() -> list[str]:
 
 
 if TYPE_CHECKING:
+    from .blocks.bristle_observers import temperature_observer  # noqa: F401
     from .blocks.comparison import (  # noqa: F401
         adaptive_observer,
         disturbance_observer,

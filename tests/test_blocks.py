@@ -245,8 +245,8 @@ def test_controllers_are_linear(made):
 @pytest.mark.parametrize("made", [pytest.param(m, id=m.name) for m in members("observer").values()])
 def test_observers_put_out_an_odd_estimate(made):
     """Signals change sign with the drive's direction; levels and scales do not."""
-    assert made.outputs[0] == "Fhat" and "w" in made.inputs
-    levels = ("zeta", "excess", "ahat", "scale")
+    assert made.outputs[0] == "Fhat" and {"w", "theta"} & set(made.inputs)
+    levels = ("zeta", "excess", "ahat", "scale", "slip")
     args, values = arguments(made, (50,)), strong(made)
     signals = [*made.inputs, *made.states]
     mirrored = [a if k in levels else -a for k, a in zip(signals, args, strict=True)]

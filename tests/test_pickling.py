@@ -88,6 +88,7 @@ MADE: dict[str, Any] = {
     "adaptive observer": lambda: lg.adaptive_observer(TABLE),
     "disturbance observer": lambda: lg.disturbance_observer(TABLE),
     "extended-state observer": lambda: lg.extended_state_observer(TABLE),
+    "temperature observer": lambda: lg.temperature_observer(TABLE),
     "Friedland-Park observer": lambda: lg.friedland_park_observer(TABLE),
     "table": lambda: lg.tabulated("theta", [0.0, 1.0, 3.0], [0.1, 0.2, 0.1], periodic=True),
     "table of two directions": lambda: lg.tabulated("theta", [0.0, 1.0], [[1.0, 2.0], [3.0, 1.0]]),

@@ -5,7 +5,14 @@ from __future__ import annotations
 from functools import cache
 from importlib import import_module
 
-DECLARING = ("effects", "friction", "observers", "comparison", "controllers")
+DECLARING = (
+    "effects",
+    "friction",
+    "observers",
+    "comparison",
+    "bristle_observers",
+    "controllers",
+)
 
 
 @cache
