@@ -12,13 +12,17 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "spec": "block P",
-    "blocks.bristle_observers": "temperature_observer",
+    "blocks.bristle_observers": "friction_state_observer lyapunov_observer normal_force_observer "
+    "temperature_observer",
     "blocks.comparison": "adaptive_observer disturbance_observer extended_state_observer "
     "friedland_park_observer",
     "blocks.controllers": "compensation error feedforward pi pid prefilter",
+    "blocks.learning": "repetitive_control repetitive_memory",
     "blocks.library": "effect friction",
     "blocks.observers": "existing_observer natural_observer proposed_observer",
     "blocks.plant": "plant sensor",
+    "blocks.sliding": "adaptive_slotine_li backstepping_smc dual_observer_control slotine_li "
+    "sliding_error",
     "blocks.table": "tabulated",
     "bristles": "deflection",
     "catalogue": "controllers effects laws observers",
@@ -59,7 +63,12 @@ def __dir__() -> list[str]:
 
 
 if TYPE_CHECKING:
-    from .blocks.bristle_observers import temperature_observer  # noqa: F401
+    from .blocks.bristle_observers import (  # noqa: F401
+        friction_state_observer,
+        lyapunov_observer,
+        normal_force_observer,
+        temperature_observer,
+    )
     from .blocks.comparison import (  # noqa: F401
         adaptive_observer,
         disturbance_observer,
@@ -74,6 +83,7 @@ if TYPE_CHECKING:
         pid,
         prefilter,
     )
+    from .blocks.learning import repetitive_control, repetitive_memory  # noqa: F401
     from .blocks.library import effect, friction  # noqa: F401
     from .blocks.observers import (  # noqa: F401
         existing_observer,
@@ -81,6 +91,13 @@ if TYPE_CHECKING:
         proposed_observer,
     )
     from .blocks.plant import plant, sensor  # noqa: F401
+    from .blocks.sliding import (  # noqa: F401
+        adaptive_slotine_li,
+        backstepping_smc,
+        dual_observer_control,
+        sliding_error,
+        slotine_li,
+    )
     from .blocks.table import tabulated  # noqa: F401
     from .bristles import deflection  # noqa: F401
     from .catalogue import controllers, effects, laws, observers  # noqa: F401

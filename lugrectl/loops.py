@@ -2,26 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import control as ct
 
-from .blocks import comparison, controllers  # noqa: F401  comparison registers its observers
+from .blocks import controllers
+from .blocks.chosen import (
+    OWN,
+    SLIDING,
+    controller_block,
+    controller_named,
+    derivatives,
+    error_s,
+    mapped,
+    observer_named,
+)
 from .blocks.observers import Gain, observer_block
-from .blocks.observers import observer as build_observer
 from .blocks.plant import plant
-from .checks import flag, one_name, positive, real, shown
+from .checks import flag, one_name, positive
 from .door import as_model
 from .errors import InputError
-from .spec import Block
 
 if TYPE_CHECKING:
     from .model import Model, Parameters
 
 OUTPUTS = ("theta", "w", "F", "Fhat", "u", "e")
-SEEN = ("theta", "w", "u", "e", "r")
-OWN = "own"  # a gain that is left out: the observer's own default
+PI = {"kp": 1.6, "ki": 0.16}
+PID = {"kp": 15.0, "ki": 1.55, "kd": 0.0, "tau": None}
 
 
 def velocity_loop(
@@ -38,6 +46,8 @@ def velocity_loop(
     prefilter: bool | float = False,
     feedforward: bool = False,
     load: bool = False,
+    controller: str | None = None,
+    controller_gains: Mapping[str, Any] | None = None,
     name: str = "velocity_loop",
 ) -> ct.InterconnectedSystem:
     """PI velocity control with friction compensation, u = (kp + ki/s)(r - w) + Fhat.
@@ -47,9 +57,9 @@ def velocity_loop(
     p : Parameters or Model
         The plant; friction and effects of a whole model act inside it.
     observer : str or None
-        "natural", "existing", "proposed", "friedland_park", "disturbance", "extended_state",
-        "adaptive", or the name of any registered observer whose inputs are among theta, w, u,
-        e, r. None: Fhat = 0.
+        "natural", "existing", "proposed", "temperature", "disturbance", or the name of any
+        registered observer (``lugrectl.observers()``) whose inputs are among theta, w, u, e, r,
+        s. None: Fhat = 0.
     kp, ki : float
         N m s/rad, N m/rad.
     K1, K2, k : float, optional
@@ -66,6 +76,14 @@ def velocity_loop(
         with a prefilter it is the exact derivative of the filtered reference, not an input.
     load : bool
         Add the input d, a load torque in N m that opposes positive w.
+    controller : str, optional
+        Another controller instead of the PI: "slotine_li", "adaptive_slotine_li",
+        "dual_observer_control", "repetitive_control", "backstepping_smc", or any registered one
+        (``lugrectl.controllers()``) with an output u. It uses the observer's parameters, acts on
+        s = w - r, and contains J dr: dr becomes an input as with ``feedforward``, which is then
+        refused. An observer that is corrected by e then takes s.
+    controller_gains : dict, optional
+        Parameters of that controller by name.
     name : str
         Name of the loop.
 
@@ -80,8 +98,8 @@ def velocity_loop(
     Raises
     ------
     InputError
-        For an unknown observer, a gain that it does not have, or a parameter that is missing or
-        out of bounds.
+        For an unknown observer or controller, a gain that it does not have, or a parameter that
+        is missing or out of bounds.
 
     Notes
     -----
@@ -90,11 +108,12 @@ def velocity_loop(
     BDF and Radau can stop with an error: no rate depends on theta, so the finite difference step
     that they use for theta grows until it overflows.
     """
-    shared = {"K1": K1, "K2": K2, "k": k}
+    shared, own = {"K1": K1, "K2": K2, "k": k}, {"kp": kp, "ki": ki}
     p, believed = _models(p, observer_parameters)
-    estimate = _observer(observer, believed, shared, gains)
-    inputs, reference = _reference(p, "velocity", prefilter, feedforward)
-    parts = [plant(p), estimate, controllers.pi(kp, ki), *reference]
+    act = _Controller("velocity", controller, controller_gains, own, observer)
+    estimate = observer_named(observer, believed, shared, gains, act.sliding)
+    inputs, reference, names = _reference(p, "velocity", prefilter, feedforward, act.needs)
+    parts = [plant(p), estimate, *act.blocks(believed, names), *reference]
     return _closed(parts, inputs, load, name)
 
 
@@ -114,6 +133,8 @@ def position_loop(
     prefilter: bool | float = False,
     feedforward: bool = False,
     load: bool = False,
+    controller: str | None = None,
+    controller_gains: Mapping[str, Any] | None = None,
     name: str = "position_loop",
 ) -> ct.InterconnectedSystem:
     """PID position control with friction compensation.
@@ -127,19 +148,23 @@ def position_loop(
     feedforward : bool
         Add u = J ddr with the plant's J. ddr, the second derivative of r in rad/s2, becomes an
         input, also with a prefilter; the prefilter then filters it as well.
+    controller, controller_gains
+        As in :func:`velocity_loop`, with s = (w - dr) + lam (theta - r), lam (1/s, 20) among the
+        gains: dr and ddr become inputs; with a prefilter r and dr, the derivatives of the
+        filtered reference are exact. An observer that takes s needs dr too.
     p, observer, K1, K2, k, gains, observer_parameters, prefilter, load, name
         As in :func:`velocity_loop`; e is the position error, k is in 1/s.
 
     Returns
     -------
     control.InterconnectedSystem
-        Inputs r [, ddr] [, d]; outputs theta, w, F, Fhat, u, e. The controller's block is
-        ``pid``.
+        Inputs r [, dr] [, ddr] [, d]; outputs theta, w, F, Fhat, u, e. The controller's block
+        is ``pid``, or has the controller's name.
 
     Raises
     ------
     InputError
-        For an unknown observer, or a parameter that is missing or out of bounds.
+        For an unknown observer or controller, or a parameter that is missing or out of bounds.
 
     Notes
     -----
@@ -147,11 +172,12 @@ def position_loop(
     J s^3 + kp s + ki has no s^2 term, and the growth has a time constant of 19 s. kd > 0 with
     kd kp > J ki makes it stable.
     """
-    shared = {"K1": K1, "K2": K2, "k": k}
+    shared, own = {"K1": K1, "K2": K2, "k": k}, {"kp": kp, "ki": ki, "kd": kd, "tau": tau}
     p, believed = _models(p, observer_parameters)
-    estimate = _observer(observer, believed, shared, gains)
-    inputs, reference = _reference(p, "position", prefilter, feedforward)
-    parts = [plant(p), estimate, controllers.pid(kp, ki, kd, tau), *reference]
+    act = _Controller("position", controller, controller_gains, own, observer)
+    estimate = observer_named(observer, believed, shared, gains, act.sliding)
+    inputs, reference, names = _reference(p, "position", prefilter, feedforward, act.needs)
+    parts = [plant(p), estimate, *act.blocks(believed, names), *reference]
     return _closed(parts, inputs, load, name)
 
 
@@ -161,62 +187,70 @@ def _models(p: Any, believed: Any) -> tuple[Model, Model]:
     return made, made if believed is None else as_model(believed, "observer_parameters")
 
 
-def _observer(
-    name: str | None,
-    p: Model,
-    shared: Mapping[str, Any],
-    gains: Mapping[str, Any] | None,
-) -> Any:
-    """The observer block of a loop with its gains."""
-    made = observer_block("no_observer" if name is None else name)
-    _fits(made)
-    if not (gains is None or isinstance(gains, Mapping)):
-        raise InputError(f"gains must be a dict of numbers by name, not {shown(gains)}.")
-    known = {}
-    for gain, value in shared.items():
-        absent = gain not in made.parameters
-        if value is OWN or (absent and (value is None or real(value) == 0.0)):
-            continue
-        if absent:
-            who = "without an observer there is" if name is None else f"the observer {name!r} has"
-            raise InputError(f"{gain} = {shown(value)}: {who} no such gain; leave it out.")
-        if value is None:
-            own = f"{made.parameters[gain].value:g}"
-            raise InputError(f"{gain} = None is no gain: leave it out for the default, {own}.")
-        known[gain] = value
-    return build_observer(made.name, p, **(known | dict(gains or {})))
+class _Controller:
+    """The controller of a loop: its PI or PID, or another one by name."""
 
+    def __init__(self, kind: str, name: Any, gains: Any, own: dict[str, Any], observer: Any):
+        self.kind, self.gains, self.own = kind, gains, own
+        usual = "pi" if kind == "velocity" else "pid"
+        self.made = None if name is None or name == usual else controller_block(name)
+        if self.made is None and mapped(gains, "controller_gains"):
+            raise InputError(f"controller_gains belong to another controller; {usual} has its own.")
+        if self.made is not None:
+            default = PI if kind == "velocity" else PID
+            if strange := [k for k, v in own.items() if v != default[k]]:
+                raise InputError(
+                    f"{strange[0]} is a gain of {usual}; give those of {self.made.name} in "
+                    "controller_gains."
+                )
+        seen = () if observer is None else observer_block(observer).inputs
+        read = () if self.made is None else self.made.inputs
+        self.sliding = bool({*SLIDING} & {*read})
+        self.with_s = self.sliding or "s" in seen
+        self.needs = derivatives(kind, [*read, *(s for s in seen if s == "s")])
 
-def _fits(made: Block) -> None:
-    strange = [s for s in made.inputs if s not in SEEN]
-    if strange:
-        raise InputError(
-            f"{made.name} needs {', '.join(strange)}; a ready-made loop offers {', '.join(SEEN)}: "
-            "wire it with control.interconnect."
-        )
-    if "Fhat" not in made.outputs:
-        raise InputError(f"{made.name} has no output Fhat; an observer in a loop needs one.")
+    def blocks(self, believed: Model, names: Mapping[str, str]) -> list[Any]:
+        """The controller, with the sliding error before it where something reads s."""
+        before = [error_s(self.kind, self.gains, names)] if self.with_s else []
+        if self.made is not None:
+            return [*before, controller_named(self.made, believed, self.gains, names)]
+        make = controllers.pi if self.kind == "velocity" else controllers.pid
+        return [*before, make(**self.own)]
 
 
 def _reference(
-    p: Model, kind: str, prefilter: bool | float, feedforward: bool
-) -> tuple[list[str], list[Any]]:
-    """The loop's reference inputs, and the blocks from them to the error and the feed-forward."""
+    p: Model, kind: str, prefilter: bool | float, feedforward: bool, needs: Sequence[str]
+) -> tuple[list[str], list[Any], dict[str, str]]:
+    """The loop's reference inputs, the blocks from them to the error and the feed-forward, and
+    what the loop calls the reference and its derivatives.
+
+    ``needs``: derivatives that other blocks read.
+    """
     measured, derivative = controllers.MEASURED[kind], controllers.DERIVATIVE[kind]
-    ahead = [controllers.feedforward(p, kind)] if flag(feedforward, "feedforward") else []
-    if prefilter is False or prefilter is None:
-        return ["r", derivative][: 1 + len(ahead)], [controllers.error(kind), *ahead]
-    # the input keeps its name, so the filtered signals need other names
-    inputs, outputs = ["r"], ["r_filtered"]
+    if flag(feedforward, "feedforward") and derivative in needs:
+        raise InputError("feedforward=True: this controller contains J times the acceleration.")
+    wanted = [k for k in ("dr", "ddr") if k in needs or (feedforward and k == derivative)]
+    names, inputs, smooth = {}, ["r", *wanted], []
+    if not (prefilter is False or prefilter is None):
+        # the input keeps its name, so the filtered signals need other names
+        names = {k: f"{k}_filtered" for k in inputs}
+        pole = 2.0 if prefilter is True else positive(prefilter, "prefilter", "1/s")
+        which, inputs = _FILTERS[tuple(wanted)]
+        outputs = list(names.values())
+        smooth = [controllers.prefilter(pole, which, inputs=inputs, outputs=outputs)]
+    parts = [*smooth, controllers.error(kind, inputs=[names.get("r", "r"), measured])]
     if feedforward:
-        inputs += [derivative] if kind == "position" else []
-        outputs += [f"{derivative}_filtered"]
-        ahead = [controllers.feedforward(p, kind, inputs=outputs[1:])]
-    pole = 2.0 if prefilter is True else positive(prefilter, "prefilter", "1/s")
-    smooth = controllers.prefilter(
-        pole, kind if feedforward else None, inputs=inputs, outputs=outputs
-    )
-    return inputs, [smooth, controllers.error(kind, inputs=["r_filtered", measured]), *ahead]
+        ahead = [names.get(derivative, derivative)]
+        parts.append(controllers.feedforward(p, kind, inputs=ahead))
+    return list(inputs), parts, names
+
+
+_FILTERS = {  # derivatives wanted: kind of the prefilter, inputs of the loop
+    (): (None, ["r"]),
+    ("dr",): ("velocity", ["r"]),
+    ("ddr",): ("position", ["r", "ddr"]),
+    ("dr", "ddr"): ("motion", ["r", "dr"]),
+}
 
 
 def _closed(parts: list[Any], inputs: list[str], load: bool, name: str) -> ct.InterconnectedSystem:

@@ -12,6 +12,8 @@ DECLARING = (
     "comparison",
     "bristle_observers",
     "controllers",
+    "sliding",
+    "learning",
 )
 
 
