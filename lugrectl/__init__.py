@@ -15,12 +15,13 @@ _HOMES = {
     "blocks.bristle_observers": "friction_state_observer lyapunov_observer normal_force_observer "
     "temperature_observer",
     "blocks.comparison": "adaptive_observer disturbance_observer extended_state_observer "
-    "friedland_park_observer",
+    "friedland_park_observer general_coulomb_observer",
     "blocks.controllers": "compensation error feedforward pi pid prefilter",
     "blocks.learning": "repetitive_control repetitive_memory",
     "blocks.library": "effect friction",
     "blocks.observers": "existing_observer natural_observer proposed_observer",
     "blocks.plant": "plant sensor",
+    "blocks.position_observers": "position_coulomb_observer position_lugre_observer",
     "blocks.sliding": "adaptive_slotine_li backstepping_smc dual_observer_control slotine_li "
     "sliding_error",
     "blocks.table": "tabulated",
@@ -74,6 +75,7 @@ if TYPE_CHECKING:
         disturbance_observer,
         extended_state_observer,
         friedland_park_observer,
+        general_coulomb_observer,
     )
     from .blocks.controllers import (  # noqa: F401
         compensation,
@@ -91,6 +93,10 @@ if TYPE_CHECKING:
         proposed_observer,
     )
     from .blocks.plant import plant, sensor  # noqa: F401
+    from .blocks.position_observers import (  # noqa: F401
+        position_coulomb_observer,
+        position_lugre_observer,
+    )
     from .blocks.sliding import (  # noqa: F401
         adaptive_slotine_li,
         backstepping_smc,

@@ -9,7 +9,16 @@ from hypothesis import strategies as st
 
 import lugrectl as lg
 
-from .observed import P, believing, cycle, follower, longer, position_error, velocity_error
+from .observed import (
+    P,
+    believing,
+    cycle,
+    follower,
+    longer,
+    position_error,
+    sampled_velocity_error,
+    velocity_error,
+)
 
 speeds = st.floats(-3.0, 3.0)
 deflections = st.floats(-2e-3, 2e-3)
@@ -139,6 +148,15 @@ def test_friction_state_observer_in_the_velocity_loop(bandwidth, factor, error, 
     assert found == pytest.approx(error, abs=digit)
 
 
+def test_sampled_observers_at_1_khz():
+    low = believing(0.8)
+    assert sampled_velocity_error(lg.friction_state_observer(low)) == pytest.approx(
+        0.0076, abs=1e-4
+    )
+    scaled = lg.normal_force_observer(low, k=0.35)
+    assert sampled_velocity_error(scaled) == pytest.approx(0.0029, rel=0.1)
+
+
 def test_friction_state_observer_forgets_a_wrong_start_at_rest():
     """0.13 N m falls below 1e-4 in 20 ms, where the natural observer keeps it."""
     t = np.array([0.0, 0.02])
@@ -188,7 +206,7 @@ def test_normal_force_estimate_error_is_filtered_by_the_bristles(theta, w, e, z,
     dzhat, dexcess = made.dynamics(0.0, [zhat, excess], [w, e])
     q = theta * z - scale * zhat
     dq = theta * dz - dexcess * zhat - scale * dzhat
-    assert dexcess == pytest.approx(-2e4 * P.sigma0 * zhat * e) and scale == 1 + excess
+    assert dexcess == pytest.approx(-2e3 * P.sigma0 * zhat * e) and scale == 1 + excess
     assert F - Fhat == pytest.approx(P.sigma0 * q + P.sigma1 * dq, abs=1e-9 * (1 + abs(dq)))
 
 
@@ -199,7 +217,7 @@ def test_normal_force_observer_finds_the_scale(gamma):
     assert position_error(
         follower(lg.normal_force_observer(believed, gamma=gamma))
     ) == pytest.approx(2.3e-7, abs=1e-8)
-    if gamma == 2e4:
+    if gamma == 2e3:
         natural = position_error(follower(lg.natural_observer(believed)))
         existing = position_error(follower(lg.existing_observer(believed, k=1.0)))
         assert (natural, existing) == pytest.approx((3.1e-3, 3.0e-3), abs=1e-4)

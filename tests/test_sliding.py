@@ -131,7 +131,7 @@ def test_adaptive_slotine_li_learns_from_nothing():
     assert 1e-3 < position_error(wired(fast)) < 4e-3
     off = lg.adaptive_slotine_li(gJ=0.0, gv=0.0, gc=0.0)
     assert position_error(wired(off)) == pytest.approx(7.0e-2, rel=0.02)
-    e, _ = set_point(wired(lg.adaptive_slotine_li()))
+    e, _ = set_point(wired(lg.adaptive_slotine_li()), 10.0)
     assert 1e-4 < rms(e) < 5e-4
 
 

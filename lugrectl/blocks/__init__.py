@@ -11,6 +11,7 @@ DECLARING = (
     "observers",
     "comparison",
     "bristle_observers",
+    "position_observers",
     "controllers",
     "sliding",
     "learning",

@@ -122,7 +122,7 @@ def _normal_force(
     Fv=FV,
     vs=VS,
     k=P(1.0, "1/s", 0.0),
-    gamma: Any = P(2e4, "1/(N m s)", 0.0),
+    gamma: Any = P(2e3, "1/(N m s)", 0.0),
 ):
     """Fhat = sigma0 y + sigma1 dy/dt + Fv w, y = scale zhat, scale = 1 + excess,
     dzhat/dt = w - sigma0 |w| zhat/h(w) - k e, dexcess/dt = -gamma sigma0 zhat e.
@@ -271,7 +271,7 @@ def friction_state_observer(
 def normal_force_observer(
     p: Parameters | Model,
     k: float = 1.0,
-    gamma: float = 2e4,
+    gamma: float = 2e3,
     *,
     name: str = "normal_force_observer",
     inputs: Sequence[str] | None = None,
