@@ -225,8 +225,8 @@ class Block(Shown):
         return ct.nlsys(
             Rates(*called) if self.states else None,
             Outputs(*called),
-            inputs=_renamed(name, "inputs", self.inputs, inputs),
-            outputs=_renamed(name, "outputs", self.outputs, outputs),
+            inputs=renamed(name, "inputs", self.inputs, inputs),
+            outputs=renamed(name, "outputs", self.outputs, outputs),
             states=list(self.states) or None,
             params={q: numbers[k] for k, q in keys.items()},
             name=name,
@@ -234,7 +234,8 @@ class Block(Shown):
         )
 
 
-def _renamed(block: str, what: str, own: Sequence[str], wanted: Sequence[str] | None) -> list[str]:
+def renamed(block: str, what: str, own: Sequence[str], wanted: Sequence[str] | None) -> list[str]:
+    """The names of a block's signals: its own, or as many others."""
     if wanted is None:
         return list(own)
     wanted = names(wanted, f"{block}: {what}")

@@ -10,7 +10,10 @@ from lugrectl.blocks.names import COMMON
 from lugrectl.model import model_from_dict
 from lugrectl.spec import P, members
 
-OBSERVERS = "natural existing proposed friedland_park adaptive disturbance extended_state"
+OBSERVERS = (
+    "natural existing proposed friedland_park adaptive disturbance extended_state temperature "
+    "friction_state normal_force lyapunov general_coulomb position_coulomb position_lugre"
+)
 CONTROLLERS = (
     "error pi pid compensation feedforward prefilter sliding_error slotine_li "
     "adaptive_slotine_li dual_observer_control backstepping_smc repetitive_control"

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..checks import flag, one_name, positive, shown, within
 from ..errors import InputError
-from ..spec import REGISTRY, Block, P
+from ..spec import REGISTRY, Block, P, renamed
 from .bristle_observers import DERIVED
 from .friction import J
 from .observers import believed
@@ -201,8 +201,8 @@ def repetitive_memory(
     return ct.nlsys(
         _Remembered(made),
         _Learnt(made),
-        inputs=["s", "ar"] if inputs is None else list(inputs),
-        outputs=["u"] if outputs is None else outputs,
+        inputs=renamed(name, "inputs", ("s", "ar"), inputs),
+        outputs=renamed(name, "outputs", ("u",), outputs),
         states=[f"v{j}" for j in range(count + 1)],
         params={f"{name}.{k}": float(v) for k, v in values.items()},
         name=one_name(name),

@@ -181,14 +181,17 @@ def position_lugre_observer(
     Notes
     -----
     The errors of that, what and zhat follow [[-l1, 1, 0], [-l2, -(sigma1 b + Fv)/J,
-    -(sigma0 - sigma1 a)/J], [-l3, b, -a]] with a = sigma0 |what|/h(what) and b between -0.26 and
-    2.26 for Table 1, the slope of |w| z/h(w): affine in each, so that the four corners decide.
-    With three poles at -1000 1/s one quadratic function decays at 445, 414, 338 1/s for speeds up
-    to 0.1, 0.5, 1 rad/s; with the default gains and with -500 1/s all corners are stable and no
-    common function was found; with -300, slower than the bristles sqrt(sigma0/J) = 344 1/s, a
-    sliding drive is unstable. l2 amplifies noise of theta. Start that at theta(0). With
-    friction overestimated by half a position loop with integral action still comes to rest, where
-    the natural observer causes a limit cycle.
+    -(sigma0 - sigma1 a)/J], [-l3, b, -a]] with a = sigma0 |what|/h(what) and
+    b = 1 - z (a(w) - a(what))/(w - what), between -0.26 and 2.26 for Table 1: affine in each, so
+    that the four corners decide. With three poles at -1000 1/s all corners are stable, and one
+    quadratic function decays at 445, 414, 338 1/s for speeds up to 0.1, 0.5, 1 rad/s. In steady
+    sliding z = h/sigma0 and b = w h'(w)/h(w), negative where friction falls with speed. There the
+    default gains are just stable (-3 1/s near vs); three poles at -500 1/s, closer to
+    sqrt(sigma0/J) = 344 1/s, are not (+90 1/s near vs).
+
+    l2 amplifies noise of theta. Start that at theta(0). With friction overestimated by half a
+    position loop with integral action still comes to rest, where the natural observer causes a
+    limit cycle.
 
     Status: derived here, in the spirit of the observer-based compensation of Olsson and Astrom
     (1996), whose equations could not be confirmed.
