@@ -17,6 +17,7 @@ _HOMES = {
     "blocks.comparison": "adaptive_observer disturbance_observer extended_state_observer "
     "friedland_park_observer general_coulomb_observer",
     "blocks.controllers": "compensation error feedforward pi pid prefilter",
+    "blocks.delayed": "coulomb_compensation coulomb_predictor smith_velocity",
     "blocks.learning": "repetitive_control repetitive_memory",
     "blocks.library": "effect friction",
     "blocks.observers": "existing_observer natural_observer proposed_observer",
@@ -84,6 +85,11 @@ if TYPE_CHECKING:
         pi,
         pid,
         prefilter,
+    )
+    from .blocks.delayed import (  # noqa: F401
+        coulomb_compensation,
+        coulomb_predictor,
+        smith_velocity,
     )
     from .blocks.learning import repetitive_control, repetitive_memory  # noqa: F401
     from .blocks.library import effect, friction  # noqa: F401

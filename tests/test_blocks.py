@@ -231,10 +231,12 @@ def test_bristles_never_bend_beyond_stiction(w, Fc, ratio):
 # Controllers and observers.
 
 
-EVEN = {  # states of controllers that do not change sign with the drive's direction
+EVEN = {  # nonlinear controllers, and their signals that are levels
     "adaptive_slotine_li": ("Jhat", "Fvhat", "Fchat"),
     "dual_observer_control": ("S0", "S1", "T"),
     "backstepping_smc": (),
+    "coulomb_predictor": ("ahat",),
+    "coulomb_compensation": ("ahat",),
 }
 CONTROLLERS = members("controller").values()
 

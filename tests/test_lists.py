@@ -16,7 +16,8 @@ OBSERVERS = (
 )
 CONTROLLERS = (
     "error pi pid compensation feedforward prefilter sliding_error slotine_li "
-    "adaptive_slotine_li dual_observer_control backstepping_smc repetitive_control"
+    "adaptive_slotine_li dual_observer_control backstepping_smc repetitive_control "
+    "smith_velocity coulomb_predictor coulomb_compensation"
 )
 LISTS = {"effect": lg.effects, "friction": lg.laws}
 SIZE = P(0.0, "N m", neutral=0.0)

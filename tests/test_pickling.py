@@ -100,6 +100,8 @@ MADE: dict[str, Any] = {
     "adaptive Slotine-Li": lambda: lg.adaptive_slotine_li(),
     "dual observer control": lambda: lg.dual_observer_control(TABLE),
     "backstepping": lambda: lg.backstepping_smc(TABLE),
+    "Smith velocity": lambda: lg.smith_velocity(),
+    "Coulomb predictor": lambda: lg.coulomb_predictor(TABLE),
     "repetitive control": lambda: lg.repetitive_control(TABLE),
     "repetitive control of 3 harmonics": lambda: lg.repetitive_control(TABLE, harmonics=3),
     "repetitive memory": lambda: lg.repetitive_memory(TABLE, 0.02),

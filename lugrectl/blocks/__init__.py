@@ -15,6 +15,7 @@ DECLARING = (
     "controllers",
     "sliding",
     "learning",
+    "delayed",
 )
 
 

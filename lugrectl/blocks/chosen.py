@@ -23,12 +23,12 @@ READ = ("theta", "w", "e", "r", "dr", "ddr", "s", "ar")
 SLIDING = ("s", "ar")
 
 
-def observer_named(
+def loop_observer(
     name: str | None,
     p: Model,
     shared: Mapping[str, Any],
     gains: Mapping[str, Any] | None,
-    sliding: bool,
+    sliding: bool = False,
 ) -> ct.NonlinearIOSystem:
     """The observer of a loop with its gains.
 

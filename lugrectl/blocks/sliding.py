@@ -341,7 +341,7 @@ def backstepping_smc(
 
     Notes
     -----
-    Made for the Fhat of :func:`lugrectl.extended_state_observer`, added by
+    Uses the Fhat of :func:`lugrectl.extended_state_observer`, added by
     :func:`lugrectl.compensation`. s is that of :func:`lugrectl.sliding_error`, lam its virtual
     control. With the observer's error eD the closed loop is
     dy/dt = -eD/J - ks y - eps y/sqrt(y^2 + phi^2), so that in the end |y| <= sup|eD|/(J ks),
