@@ -15,8 +15,10 @@ from .blocks.chosen import (
     controller_named,
     derivatives,
     error_s,
-    loop_observer,
     mapped,
+)
+from .blocks.chosen import (
+    loop_observer as _observer,
 )
 from .blocks.observers import Gain, observer_block
 from .blocks.plant import plant
@@ -109,9 +111,9 @@ def velocity_loop(
     that they use for theta grows until it overflows.
     """
     shared, own = {"K1": K1, "K2": K2, "k": k}, {"kp": kp, "ki": ki}
-    p, believed = loop_models(p, observer_parameters)
+    p, believed = _models(p, observer_parameters)
     act = _Controller("velocity", controller, controller_gains, own, observer)
-    estimate = loop_observer(observer, believed, shared, gains, act.sliding)
+    estimate = _observer(observer, believed, shared, gains, act.sliding)
     inputs, reference, names = _reference(p, "velocity", prefilter, feedforward, act.needs)
     parts = [plant(p), estimate, *act.blocks(believed, names), *reference]
     return _closed(parts, inputs, load, name)
@@ -173,15 +175,15 @@ def position_loop(
     kd kp > J ki makes it stable.
     """
     shared, own = {"K1": K1, "K2": K2, "k": k}, {"kp": kp, "ki": ki, "kd": kd, "tau": tau}
-    p, believed = loop_models(p, observer_parameters)
+    p, believed = _models(p, observer_parameters)
     act = _Controller("position", controller, controller_gains, own, observer)
-    estimate = loop_observer(observer, believed, shared, gains, act.sliding)
+    estimate = _observer(observer, believed, shared, gains, act.sliding)
     inputs, reference, names = _reference(p, "position", prefilter, feedforward, act.needs)
     parts = [plant(p), estimate, *act.blocks(believed, names), *reference]
     return _closed(parts, inputs, load, name)
 
 
-def loop_models(p: Any, believed: Any) -> tuple[Model, Model]:
+def _models(p: Any, believed: Any) -> tuple[Model, Model]:
     """The plant's model, and what the observer believes."""
     made = as_model(p, "p")
     return made, made if believed is None else as_model(believed, "observer_parameters")
