@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 import control as ct
 
 from .blocks import controllers
+from .blocks.chosen import OWN, error_s, loop_observer
 from .blocks.drive import current_lag, dead_time, limiter, proportional
 from .blocks.drive import notch as notch_block
 from .blocks.observers import Gain
 from .blocks.plant import load_outputs, plant
 from .checks import flag, one_name, real, shown
 from .errors import InputError
-from .loops import OUTPUTS, OWN, _models, _observer
+from .loops import OUTPUTS, _models
 
 if TYPE_CHECKING:
     from .model import Model, Parameters
@@ -56,7 +57,8 @@ def cascade_loop(
     p : Parameters or Model
         The plant; friction and effects of a whole model act inside it.
     observer : str or None
-        As in :func:`velocity_loop`; it sees the limited torque u and the position error e.
+        As in :func:`velocity_loop`; it sees the limited torque u and the position error e. One
+        that takes s = (w - dr) + 20 (theta - r) adds the input dr.
     kv : float
         Gain of the position controller in 1/s.
     kp, ki : float
@@ -112,7 +114,7 @@ def cascade_loop(
     """
     p, believed = _models(p, observer_parameters)
     measured = _measured(p, feedback)
-    estimate = _observer(observer, believed, {"K1": K1, "K2": K2, "k": k}, gains)
+    estimate = loop_observer(observer, believed, {"K1": K1, "K2": K2, "k": k}, gains)
     before, behind = _before_the_drive(notch, limit), _behind_the_drive(lag, delay)
     torque, shaping = _chain(before, "u_cmd", "u")
     _, actuating = _chain(behind, "u", "u_motor")
@@ -128,7 +130,9 @@ def cascade_loop(
         *shaping,
         *actuating,
     ]
-    ahead = flag(feedforward, "feedforward")
+    ahead, sliding = flag(feedforward, "feedforward"), "s" in estimate.input_labels
+    if sliding:
+        parts.append(error_s("position", None, {"theta": measured}))
     if ahead:
         parts += [
             controllers.compensation(name="speed_feedforward", inputs=["dr"], outputs=["w_ref"]),
@@ -136,7 +140,7 @@ def cascade_loop(
         ]
     return ct.interconnect(
         parts,
-        inputs=["r", *["dr", "ddr"] * ahead, *["d"] * flag(load, "load")],
+        inputs=["r", *["dr"] * (ahead or sliding), *["ddr"] * ahead, *["d"] * flag(load, "load")],
         outputs=[*OUTPUTS, "w_ref", *["u_motor"] * bool(actuating), *load_outputs(p)],
         # empty: else two loops in one system would share the values of the last one
         params={},

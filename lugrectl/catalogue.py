@@ -24,8 +24,16 @@ WIDTH = 80  # columns of an entry as text
 _TABLE = (80, 140)  # least and most columns of a list as text
 _SOURCED = 110  # columns from which a list as text shows the sources
 _PARTS = (0, 3, 1, 3)  # how the columns share what their longest words leave
-_VARIANTS = ("prefilter_dr", "prefilter_ddr", "pi_limited", "pi_tracked", "pid_limited")
-_VARIANTS += ("pid_tracked",)  # kinds of another block, not blocks of their own
+_VARIANTS = (  # kinds of another block, not blocks of their own
+    "prefilter_dr",
+    "prefilter_ddr",
+    "prefilter_motion",
+    "pi_limited",
+    "pi_tracked",
+    "pid_limited",
+    "pid_tracked",
+    "sliding_error_velocity",
+)
 
 
 @dataclass(frozen=True)
@@ -225,15 +233,11 @@ def laws() -> Catalogue:
 
 def observers() -> Catalogue:
     """The friction observers: what ``observer=`` of a loop may be."""
-    from .blocks import comparison, observers  # noqa: F401  fill the registry
-
     return _listed("observer")
 
 
 def controllers() -> Catalogue:
     """The controllers and what stands beside them: error, compensation, feedforward, prefilter."""
-    from .blocks import controllers, drive  # noqa: F401  fill the registry
-
     return _listed("controller")
 
 

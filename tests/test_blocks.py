@@ -240,8 +240,29 @@ def test_bristles_never_bend_beyond_stiction(w, Fc, ratio):
 # Controllers and observers.
 
 
+EVEN = {  # nonlinear controllers, and their signals that are levels
+    "adaptive_slotine_li": ("Jhat", "Fvhat", "Fchat"),
+    "dual_observer_control": ("S0", "S1", "T"),
+    "backstepping_smc": (),
+    "coulomb_predictor": ("ahat",),
+    "coulomb_compensation": ("ahat",),
+}
+CONTROLLERS = members("controller").values()
+
+
+@pytest.mark.parametrize("made", [pytest.param(m, id=m.name) for m in CONTROLLERS])
+def test_controllers_put_out_an_odd_torque(made):
+    even, values, args = EVEN.get(made.name, ()), strong(made), arguments(made, (50,))
+    signals = [*made.inputs, *made.states]
+    mirrored = [a if k in even else -a for k, a in zip(signals, args, strict=True)]
+    fresh = [k for k in made.outputs if k not in made.states]
+    both = zip(made(*args, **values), made(*mirrored, **values), strict=True)
+    for k, (a, b) in zip([*fresh, *made.states], both, strict=True):
+        np.testing.assert_array_equal(a, b if k in even else -np.asarray(b))
+
+
 @pytest.mark.parametrize(
-    "made", [pytest.param(m, id=m.name) for m in members("controller").values()]
+    "made", [pytest.param(m, id=m.name) for m in CONTROLLERS if m.name not in EVEN]
 )
 def test_controllers_are_linear(made):
     """Away from their limits, if they have any."""
@@ -255,8 +276,8 @@ def test_controllers_are_linear(made):
 @pytest.mark.parametrize("made", [pytest.param(m, id=m.name) for m in members("observer").values()])
 def test_observers_put_out_an_odd_estimate(made):
     """Signals change sign with the drive's direction; levels and scales do not."""
-    assert made.outputs[0] == "Fhat" and "w" in made.inputs
-    levels = ("zeta", "excess", "ahat", "scale")
+    assert made.outputs[0] == "Fhat" and {"w", "theta"} & set(made.inputs)
+    levels = ("zeta", "excess", "ahat", "scale", "slip")
     args, values = arguments(made, (50,)), strong(made)
     signals = [*made.inputs, *made.states]
     mirrored = [a if k in levels else -a for k, a in zip(signals, args, strict=True)]

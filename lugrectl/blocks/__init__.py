@@ -11,8 +11,13 @@ DECLARING = (
     "elements",
     "observers",
     "comparison",
+    "bristle_observers",
+    "position_observers",
     "controllers",
     "drive",
+    "sliding",
+    "learning",
+    "delayed",
 )
 
 

@@ -137,6 +137,13 @@ def _prefilter_ddr(r_cmd, ddr_cmd, r, ddr, pole=POLE):
     return lag(r_cmd, r, pole), lag(ddr_cmd, ddr, pole)
 
 
+@block("controller", name="prefilter_motion", out="r dr ddr", states="r")
+def _prefilter_motion(r_cmd, dr_cmd, r, pole=POLE):
+    """dr/dt = pole (r_cmd - r), and both derivatives of r from that of r_cmd."""
+    dr = lag(r_cmd, r, pole)
+    return dr, lag(dr_cmd, dr, pole), dr
+
+
 def tracking_time(kp: float, ki: float, tracking: float | None, of: str) -> float:
     """The time of the back-calculation in s: the given one, else kp/ki, the integral time.
 
@@ -170,7 +177,12 @@ def _built(
 
 
 _FORMS = {"pi": (_pi, _pi_limited, _pi_tracked), "pid": (_pid, _pid_limited, _pid_tracked)}
-_PREFILTERS = {None: _prefilter, "velocity": _prefilter_dr, "position": _prefilter_ddr}
+_PREFILTERS = {
+    None: _prefilter,
+    "velocity": _prefilter_dr,
+    "position": _prefilter_ddr,
+    "motion": _prefilter_motion,
+}
 
 
 def _kind(kind: Any, known: Sequence[Any]) -> None:
@@ -348,12 +360,13 @@ def prefilter(
     ----------
     pole : float
         In 1/s; 2/(s + 2) in the source paper.
-    kind : None, "velocity" or "position"
-        The derivative that a feed-forward needs. "velocity" adds the output dr, the exact
+    kind : None, "velocity", "position" or "motion"
+        The derivatives that other blocks need. "velocity" adds the output dr, the exact
         derivative of the filtered r. "position" filters a second input ddr_cmd, the second
         derivative of r_cmd, in the same way to the output ddr: a first-order filter does not
         provide its second derivative. ddr starts at 0; the resulting error decays like
-        exp(-pole t).
+        exp(-pole t). "motion" adds the outputs dr and ddr, the exact derivatives of the filtered
+        r, from a second input dr_cmd, the derivative of r_cmd.
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
