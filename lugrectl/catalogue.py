@@ -15,7 +15,7 @@ from typing import Any, overload
 from .blocks import effects as _effects  # noqa: F401  fills the registry
 from .blocks import friction as _friction  # noqa: F401
 from .blocks.forms import form_keys
-from .blocks.names import also_called, block_named
+from .blocks.names import VARIANTS, also_called, block_named
 from .errors import InputError
 from .outputs import NamedRows, library
 from .spec import Block, P, members
@@ -24,16 +24,6 @@ WIDTH = 80  # columns of an entry as text
 _TABLE = (80, 140)  # least and most columns of a list as text
 _SOURCED = 110  # columns from which a list as text shows the sources
 _PARTS = (0, 3, 1, 3)  # how the columns share what their longest words leave
-_VARIANTS = (  # kinds of another block, not blocks of their own
-    "prefilter_dr",
-    "prefilter_ddr",
-    "prefilter_motion",
-    "pi_limited",
-    "pi_tracked",
-    "pid_limited",
-    "pid_tracked",
-    "sliding_error_velocity",
-)
 
 
 @dataclass(frozen=True)
@@ -243,7 +233,7 @@ def controllers() -> Catalogue:
 
 def _listed(kind: str) -> Catalogue:
     blocks = members(kind).items()
-    return Catalogue(kind, [Entry.of(made) for name, made in blocks if name not in _VARIANTS])
+    return Catalogue(kind, [Entry.of(made) for name, made in blocks if name not in VARIANTS])
 
 
 def _facts(p: P) -> dict[str, Any]:

@@ -207,7 +207,8 @@ class _Controller:
 
     def __init__(self, kind: str, name: Any, gains: Any, own: dict[str, Any], observer: Any):
         self.kind, self.gains, self.own = kind, gains, own
-        self.torque, self.tracking = "u", {}
+        self.torque = "u"
+        self.tracking: dict[str, Any] = {}
         self.usual = usual = "pi" if kind == "velocity" else "pid"
         self.made = None if name is None or name == usual else controller_block(name)
         if self.made is None and mapped(gains, "controller_gains"):

@@ -40,8 +40,9 @@ def sampled(
     ----------
     system : control.NonlinearIOSystem
         A continuous block. The rates are affine in the states at given inputs for the natural,
-        existing, proposed, Friedland-Park, disturbance and extended-state observers, pi, pid,
-        notch, prefilter; not for the adaptive observer and a controller with a limit.
+        existing, proposed, Friedland-Park, friction-state, normal-force, Lyapunov, disturbance and
+        extended-state observers, and for all controllers without a limit of their own; not for
+        the adaptive, temperature and position observers.
     dt : float
         Sample time in s.
     held : list of str, optional

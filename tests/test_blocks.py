@@ -169,12 +169,12 @@ speeds = st.floats(-50.0, 50.0)
 levels = st.floats(0.01, 5.0)
 
 
-EVEN = ("lost",)  # a part of a level, the same for both directions
+SIGNLESS = ("lost",)  # a part of a level, the same for both directions
 
 
 def value(made, w, z, values):
     """Torque and rates of a friction law at one point; of an even state the rate by its sign."""
-    even = [s in EVEN for s in made.states]
+    even = [s in SIGNLESS for s in made.states]
     F, *rates = made(w, *(abs(z) if e else z for e in even), **values)
     side = np.sign(w) or np.sign(z)
     return F, *(side * r if e else r for e, r in zip(even, rates, strict=True))

@@ -148,6 +148,7 @@ def test_friction_state_observer_in_the_velocity_loop(bandwidth, factor, error, 
     assert found == pytest.approx(error, abs=digit)
 
 
+@longer
 def test_sampled_observers_at_1_khz():
     low = believing(0.8)
     assert sampled_velocity_error(lg.friction_state_observer(low)) == pytest.approx(

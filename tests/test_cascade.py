@@ -150,6 +150,32 @@ def test_the_observer_sees_the_limited_torque(make):
     assert rates["plant_w"] == pytest.approx(0.5 / P.J)
 
 
+@pytest.mark.parametrize("name", ["slotine_li", "backstepping_smc", "repetitive_control"])
+@pytest.mark.parametrize("make", [lg.velocity_loop, lg.position_loop])
+def test_a_limit_stands_behind_a_controller_by_name(make, name):
+    loop = make(P, "temperature", controller=name, limit=0.5)
+    inputs = [100.0] * loop.ninputs
+    rates = loop.dynamics(0, np.zeros(loop.nstates), inputs)
+    assert rates[loop.state_labels.index("plant_w")] == pytest.approx(0.5 / P.J)
+    out = dict(zip(loop.output_labels, loop.output(0, np.zeros(loop.nstates), inputs), strict=True))
+    assert out["u"] == 0.5
+    with pytest.raises(lg.InputError, match=f"leave it out with {name}"):
+        make(P, controller=name, limit=0.5, tracking=0.1)
+
+
+def test_an_observer_on_the_sliding_error_finds_it_in_the_cascade():
+    """s = (w - dr) + 20 (theta - r), with the position of the load where that is measured."""
+    for model, feedback in ((P, "motor"), (GEARED, "load")):
+        loop = lg.cascade_loop(model, "lyapunov", feedback=feedback)
+        assert loop.input_labels == ["r", "dr"]
+        x = 0.01 * np.arange(1.0, loop.nstates + 1)
+        x[loop.state_labels.index("plant_w")] = 0.0
+        outputs = loop.output(0, x, [0.1, 0.0])
+        theta = outputs[loop.output_labels.index("theta" if model is P else "theta_load")]
+        rate = loop.dynamics(0, x, [0.1, 0.0])[loop.state_labels.index("lyapunov_observer_zhat")]
+        assert rate == pytest.approx(-0.35 * 20 * (theta - 0.1))
+
+
 def test_signals_of_the_cascade():
     usual = ["theta", "w", "F", "Fhat", "u", "e", "w_ref"]
     assert lg.cascade_loop(P).output_labels == usual

@@ -21,7 +21,7 @@ from lugrectl.model import model_from_dict
 from lugrectl.simulation import simulate
 from lugrectl.spec import REGISTRY
 
-from .observed import sampled_velocity_error, velocity_error
+from .observed import longer, sampled_velocity_error, velocity_error
 
 P = lg.table1()
 MADE = [friedland_park_observer, disturbance_observer, extended_state_observer, adaptive_observer]
@@ -308,6 +308,7 @@ def test_general_coulomb_observer_in_the_velocity_loop(k, w0, error, digit):
     assert found == pytest.approx(error, abs=digit)
 
 
+@longer
 def test_general_coulomb_observer_sampled_at_1_khz():
     found = sampled_velocity_error(lg.general_coulomb_observer(P))
     assert found == pytest.approx(0.0218, abs=1e-4)

@@ -15,9 +15,8 @@ OBSERVERS = (
     "friction_state normal_force lyapunov general_coulomb position_coulomb position_lugre"
 )
 CONTROLLERS = (
-    "error pi pid compensation feedforward prefilter sliding_error slotine_li "
-    "adaptive_slotine_li dual_observer_control backstepping_smc repetitive_control "
-    "limiter proportional notch "
+    "error pi pid compensation feedforward prefilter limiter proportional notch sliding_error "
+    "slotine_li adaptive_slotine_li dual_observer_control backstepping_smc repetitive_control "
     "smith_velocity coulomb_predictor coulomb_compensation"
 )
 LISTS = {"effect": lg.effects, "friction": lg.laws}

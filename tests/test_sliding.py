@@ -256,6 +256,7 @@ def test_the_reference_reaches_the_controller_with_its_derivatives(make, smooth)
     ("options", "said"),
     [
         ({"controller": "sliding"}, "unknown controller 'sliding'; known: pi"),
+        ({"controller": "pi_limited"}, "unknown controller 'pi_limited'"),
         ({"controller": "prefilter"}, "prefilter needs r_cmd"),
         ({"controller": "feedforward"}, "feedforward needs a"),
         ({"controller": "sliding_error"}, "it has no output u"),

@@ -9,6 +9,7 @@ from ..checks import real, shown
 from ..errors import InputError
 from ..spec import Block, members
 from .controllers import DERIVATIVE
+from .names import VARIANTS
 from .observers import believed, observer_block
 from .sliding import sliding_error
 
@@ -69,7 +70,7 @@ def controller_block(name: Any) -> Block:
     InputError
         When there is no controller of that name, or a loop cannot contain it.
     """
-    known = members("controller")
+    known = {k: b for k, b in members("controller").items() if k not in VARIANTS}
     made = known.get(name) if isinstance(name, str) else None
     if made is None:
         able = [k for k, b in known.items() if not _misfit(b)]

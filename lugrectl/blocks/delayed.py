@@ -12,7 +12,8 @@ With a LuGre law, or any other that a plant may have, the predictor is a second 
 and wp_late is wp through a dead time of h. With Coulomb friction that is not known,
 ``friedland_park_observer(p, inputs=["w", "u_late"])`` finds ahat from the torque that acts, and
 :func:`coulomb_predictor` and :func:`coulomb_compensation` use it. Friction along a known
-reference needs neither: ``natural_observer(p, inputs=["r"])`` beside a feed-forward.
+reference needs neither: ``natural_observer(p, inputs=["r"])``, or another law,
+``friction("two_state", inputs=["r"], outputs=["Fhat"])``, beside a feed-forward.
 """
 
 from __future__ import annotations

@@ -136,7 +136,8 @@ def position_coulomb_observer(
     With a controller weaker than stiction the drive never moves and nothing is learnt. At rest
     ahat follows the torque that balances u; a load counts as friction. Noise of theta is
     amplified by L in what and by k L in ahat. Start that at theta(0). The rates are not affine in
-    the states, so there is no exact sampled form: integrate it with steps of at most 1/(5 L).
+    the states, so there is no exact sampled form: :func:`lugrectl.sampled` runs it in substeps,
+    within 1 % of Fc at 1 kHz.
 
     Status: derived here, in the spirit of Tafazoli, de Silva and Lawrence (1998), whose equations
     could not be confirmed; at least the smooth sign, the viscous part and the proof are
