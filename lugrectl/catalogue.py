@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from itertools import zip_longest
 from typing import Any, overload
 
+from .blocks import DECLARING
 from .blocks import effects as _effects  # noqa: F401  fills the registry
 from .blocks import friction as _friction  # noqa: F401
 from .blocks.forms import form_keys
@@ -232,8 +233,14 @@ def controllers() -> Catalogue:
 
 
 def _listed(kind: str) -> Catalogue:
-    blocks = members(kind).items()
-    return Catalogue(kind, [Entry.of(made) for name, made in blocks if name not in VARIANTS])
+    """The blocks in the order of the package's modules, whatever was imported first."""
+    own = [made for name, made in members(kind).items() if name not in VARIANTS]
+    return Catalogue(kind, [Entry.of(made) for made in sorted(own, key=_place)])
+
+
+def _place(made: Block) -> int:
+    module = made.home.removeprefix(f"{__package__}.blocks.").split(".")[0]
+    return DECLARING.index(module) if module in DECLARING else len(DECLARING)
 
 
 def _facts(p: P) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from importlib import import_module
 DECLARING = (
     "effects",
     "friction",
+    "bristle_laws",
     "elements",
     "observers",
     "comparison",
