@@ -12,14 +12,23 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "spec": "block P",
+    "blocks.bristle_observers": "friction_state_observer lyapunov_observer normal_force_observer "
+    "temperature_observer",
     "blocks.comparison": "adaptive_observer disturbance_observer extended_state_observer "
-    "friedland_park_observer",
+    "friedland_park_observer general_coulomb_observer",
     "blocks.controllers": "compensation error feedforward pi pid prefilter",
+    "blocks.delayed": "coulomb_compensation coulomb_predictor smith_velocity",
+    "blocks.learning": "repetitive_control repetitive_memory",
+    "blocks.drive": "current_lag dead_time limiter notch proportional",
     "blocks.library": "effect friction",
     "blocks.observers": "existing_observer natural_observer proposed_observer",
     "blocks.plant": "plant sensor",
+    "blocks.position_observers": "position_coulomb_observer position_lugre_observer",
+    "blocks.sliding": "adaptive_slotine_li backstepping_smc dual_observer_control slotine_li "
+    "sliding_error",
     "blocks.table": "tabulated",
     "bristles": "deflection",
+    "cascade": "cascade_loop",
     "catalogue": "controllers effects laws observers",
     "compensating": "Compensation compensate",
     "design": "Certificate Design PAPER certify design_gains excitation natural_decay",
@@ -58,11 +67,18 @@ def __dir__() -> list[str]:
 
 
 if TYPE_CHECKING:
+    from .blocks.bristle_observers import (  # noqa: F401
+        friction_state_observer,
+        lyapunov_observer,
+        normal_force_observer,
+        temperature_observer,
+    )
     from .blocks.comparison import (  # noqa: F401
         adaptive_observer,
         disturbance_observer,
         extended_state_observer,
         friedland_park_observer,
+        general_coulomb_observer,
     )
     from .blocks.controllers import (  # noqa: F401
         compensation,
@@ -72,6 +88,19 @@ if TYPE_CHECKING:
         pid,
         prefilter,
     )
+    from .blocks.delayed import (  # noqa: F401
+        coulomb_compensation,
+        coulomb_predictor,
+        smith_velocity,
+    )
+    from .blocks.drive import (  # noqa: F401
+        current_lag,
+        dead_time,
+        limiter,
+        notch,
+        proportional,
+    )
+    from .blocks.learning import repetitive_control, repetitive_memory  # noqa: F401
     from .blocks.library import effect, friction  # noqa: F401
     from .blocks.observers import (  # noqa: F401
         existing_observer,
@@ -79,8 +108,20 @@ if TYPE_CHECKING:
         proposed_observer,
     )
     from .blocks.plant import plant, sensor  # noqa: F401
+    from .blocks.position_observers import (  # noqa: F401
+        position_coulomb_observer,
+        position_lugre_observer,
+    )
+    from .blocks.sliding import (  # noqa: F401
+        adaptive_slotine_li,
+        backstepping_smc,
+        dual_observer_control,
+        sliding_error,
+        slotine_li,
+    )
     from .blocks.table import tabulated  # noqa: F401
     from .bristles import deflection  # noqa: F401
+    from .cascade import cascade_loop  # noqa: F401
     from .catalogue import controllers, effects, laws, observers  # noqa: F401
     from .compensating import Compensation, compensate  # noqa: F401
     from .design import (  # noqa: F401

@@ -103,13 +103,35 @@ def together(blocks: Sequence[Any], name: str = "blocks") -> Any:
     """The interconnection of continuous blocks: outputs are all signals, inputs those that no
     block outputs."""
     net, _ = wired(blocks, name)
+    try:
+        return _interconnected(net, [part.block for part in net.parts], name)
+    except RuntimeError:  # python-control linearises what is linear, and passes no loop
+        return _interconnected(net, [_general(part.block) for part in net.parts], name)
+
+
+def _interconnected(net: Net, parts: Sequence[Any], name: str) -> Any:
     return ct.interconnect(
-        [part.block for part in net.parts],
+        parts,
         inputs=list(net.outside),
         outputs=list(net.signals),
         params={},
         check_unused=False,
         name=name,
+    )
+
+
+def _general(block: Any) -> Any:
+    """A linear block as a general one with the same functions; any other as it is."""
+    if not isinstance(block, ct.StateSpace) or isinstance(block, ct.InterconnectedSystem):
+        return block
+    return ct.nlsys(
+        block.updfcn if block.nstates else None,
+        block.outfcn,
+        inputs=block.input_labels,
+        outputs=block.output_labels,
+        states=block.state_labels or None,
+        name=block.name,
+        dt=block.dt,
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import lapack
 
-from .blocks.friction import bristle, lugre
+from .blocks.friction import bristle, free_bristle
 from .checks import array, positive
 from .door import as_model
 from .engine.derivative import derivatives
@@ -59,7 +59,7 @@ def deflection(w: ArrayLike, dt: float, p: Parameters | Model, z0: ArrayLike = 0
     dt : float
         Sample time in s.
     p : Parameters or Model
-        Gives sigma0, Fc, Fs, vs.
+        Of a LuGre drive; gives sigma0, Fc, Fs, vs, and delta where it has one.
     z0 : float or (L,) array_like
         Deflection in rad at the first sample.
 
@@ -107,13 +107,17 @@ def _checked(w: ArrayLike, z0: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
 def _values(p: Parameters | Model) -> tuple[float, ...]:
     model = as_model(p, "p")
     have = model.values()
-    missing = [k for k in KEYS if have.get(k) is None]
+    law = model.friction.block
+    if law.states and law.name != "lugre":
+        raise InputError(f"{model.name} has '{law.name}' friction: deflection is for LuGre alone.")
+    keys = (*KEYS, "delta") if "delta" in have else KEYS
+    missing = [k for k in keys if have.get(k) is None]
     if missing:
         raise InputError(
             f"{model.name} gives no {', '.join(missing)}: the deflection needs a LuGre model."
         )
-    values = {k: float(have[k]) for k in KEYS}  # pyright: ignore[reportArgumentType]
-    lugre.check(values)
+    values = {k: float(have[k]) for k in keys}  # pyright: ignore[reportArgumentType]
+    law.check(values)
     return tuple(values.values())
 
 
@@ -131,7 +135,7 @@ def _coefficients_along(
     w: np.ndarray, dt: float, values: tuple[float, ...]
 ) -> Iterator[tuple[np.ndarray, ...]]:
     """Block by block; on a long record threads compute them ahead of the recursion."""
-    coefficients = _coefficients()
+    coefficients = _coefficients(len(values) > len(KEYS))
 
     def chunk(begin: int) -> list[tuple[np.ndarray, ...]]:
         part = w[begin : begin + CHUNK]
@@ -168,16 +172,16 @@ def _compiled(backend: str) -> Callable[..., None]:
 
 
 @cache
-def _coefficients() -> Callable[..., tuple[np.ndarray, ...]]:
+def _coefficients(free: bool) -> Callable[..., tuple[np.ndarray, ...]]:
     """e^(-a dt) - 1, a and b from the friction law's own function, which is affine in z."""
-    graph = Graph()
-    w, z, *p = (graph.symbol(name) for name in ("w", "z", *KEYS))
-    rate: Any = bristle(w, z, *p)
+    graph, keys = Graph(), (*KEYS, "delta") if free else KEYS
+    w, z, *p = (graph.symbol(name) for name in ("w", "z", *keys))
+    rate: Any = free_bristle(w, z, *p) if free else bristle(w, z, *p)
     slope = derivatives([rate], z)[0]
     still = substitute([rate], lambda node, args: graph.constant(0.0) if node is z else None)[0]
     emitter = Emitter("array")
     a, b = emitter.write(substitute([-slope, still], _no_underflow))
-    text = _COEFFICIENTS.format(names=", ".join(KEYS), body=indent(emitter.body, 1), a=a, b=b)
+    text = _COEFFICIENTS.format(names=", ".join(keys), body=indent(emitter.body, 1), a=a, b=b)
     return load(text, "numpy").coefficients
 
 

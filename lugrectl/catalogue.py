@@ -12,9 +12,11 @@ from dataclasses import dataclass
 from itertools import zip_longest
 from typing import Any, overload
 
+from .blocks import DECLARING
 from .blocks import effects as _effects  # noqa: F401  fills the registry
 from .blocks import friction as _friction  # noqa: F401
-from .blocks.names import also_called, block_named
+from .blocks.forms import form_keys
+from .blocks.names import VARIANTS, also_called, block_named
 from .errors import InputError
 from .outputs import NamedRows, library
 from .spec import Block, P, members
@@ -23,7 +25,6 @@ WIDTH = 80  # columns of an entry as text
 _TABLE = (80, 140)  # least and most columns of a list as text
 _SOURCED = 110  # columns from which a list as text shows the sources
 _PARTS = (0, 3, 1, 3)  # how the columns share what their longest words leave
-_VARIANTS = ("prefilter_dr", "prefilter_ddr")  # kinds of the prefilter, not blocks of their own
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,7 @@ class Entry:
             name=made.name,
             kind=made.kind,
             equation=made.equation.rstrip("."),
-            parameters={k: p for k, p in made.own.items() if p.fitted},
+            parameters={k: p for k, p in {**made.own, **form_keys(made)}.items() if p.fitted},
             inputs=made.inputs,
             outputs=made.outputs,
             source=made.source or " ".join(rest.strip("-\n ").split()),
@@ -114,6 +115,7 @@ class Entry:
         for name, p in self.parameters.items():
             said = f"  {name}: {'no unit' if p.unit == '1' else p.unit}, {_bounds(p)}"
             said += ", a whole number on a rotary drive" if p.whole else ""
+            said += f", {_number(p.value)} unless given" if p.usual else ""
             said += f", no effect at {_number(p.neutral)}" if p.neutral is not None else ""
             lines.append(said)
         return lines
@@ -222,21 +224,23 @@ def laws() -> Catalogue:
 
 def observers() -> Catalogue:
     """The friction observers: what ``observer=`` of a loop may be."""
-    from .blocks import comparison, observers  # noqa: F401  fill the registry
-
     return _listed("observer")
 
 
 def controllers() -> Catalogue:
     """The controllers and what stands beside them: error, compensation, feedforward, prefilter."""
-    from .blocks import controllers  # noqa: F401  fills the registry
-
     return _listed("controller")
 
 
 def _listed(kind: str) -> Catalogue:
-    blocks = members(kind).items()
-    return Catalogue(kind, [Entry.of(made) for name, made in blocks if name not in _VARIANTS])
+    """The blocks in the order of the package's modules, whatever was imported first."""
+    own = [made for name, made in members(kind).items() if name not in VARIANTS]
+    return Catalogue(kind, [Entry.of(made) for made in sorted(own, key=_place)])
+
+
+def _place(made: Block) -> int:
+    module = made.home.removeprefix(f"{__package__}.blocks.").split(".")[0]
+    return DECLARING.index(module) if module in DECLARING else len(DECLARING)
 
 
 def _facts(p: P) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
+from .blocks.forms import form_keys
 from .checks import positive, shown, whole
 from .errors import InputError
 from .model import Model, Parameters, Part, check_values, model_from_dict, restated
@@ -70,10 +71,14 @@ def changed(given: Any, changes: Mapping[str, Any], what: str) -> Model:
 
 def _law(before: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
     """The friction table with what is given; another law keeps the values that it has, too."""
-    name = given.get("model", before["model"])
-    made = members("friction").get(name) if isinstance(name, str) else None
-    kept = {k: v for k, v in before.items() if made is None or k in made.own}
-    return {**kept, "model": name, **given}
+    name, laws = given.get("model", before["model"]), members("friction")
+    made = laws.get(name) if isinstance(name, str) else None
+    if made is None:
+        return {**before, "model": name, **given}
+    own, had = ({**m.own, **form_keys(m)} for m in (made, laws[before["model"]]))
+    # n is another number in each law
+    kept = {k for k, p in own.items() if not p.usual or p == had.get(k)}
+    return {**{k: v for k, v in before.items() if k in kept}, "model": name, **given}
 
 
 def _effects(given: Any) -> list[Any]:

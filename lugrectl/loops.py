@@ -7,21 +7,32 @@ from typing import TYPE_CHECKING, Any
 
 import control as ct
 
-from .blocks import comparison, controllers  # noqa: F401  comparison registers its observers
+from .blocks import controllers
+from .blocks.chosen import (
+    OWN,
+    SLIDING,
+    controller_block,
+    controller_named,
+    derivatives,
+    error_s,
+    mapped,
+)
+from .blocks.chosen import (
+    loop_observer as _observer,
+)
+from .blocks.drive import limiter
 from .blocks.observers import Gain, observer_block
-from .blocks.observers import observer as build_observer
 from .blocks.plant import plant
-from .checks import flag, one_name, positive, real, shown
+from .checks import flag, one_name, positive
 from .door import as_model
 from .errors import InputError
-from .spec import Block
 
 if TYPE_CHECKING:
     from .model import Model, Parameters
 
 OUTPUTS = ("theta", "w", "F", "Fhat", "u", "e")
-SEEN = ("theta", "w", "u", "e", "r")
-OWN = "own"  # a gain that is left out: the observer's own default
+PI = {"kp": 1.6, "ki": 0.16}
+PID = {"kp": 15.0, "ki": 1.55, "kd": 0.0, "tau": None}
 
 
 def velocity_loop(
@@ -38,6 +49,10 @@ def velocity_loop(
     prefilter: bool | float = False,
     feedforward: bool = False,
     load: bool = False,
+    limit: float | None = None,
+    tracking: float | None = None,
+    controller: str | None = None,
+    controller_gains: Mapping[str, Any] | None = None,
     name: str = "velocity_loop",
 ) -> ct.InterconnectedSystem:
     """PI velocity control with friction compensation, u = (kp + ki/s)(r - w) + Fhat.
@@ -47,9 +62,9 @@ def velocity_loop(
     p : Parameters or Model
         The plant; friction and effects of a whole model act inside it.
     observer : str or None
-        "natural", "existing", "proposed", "friedland_park", "disturbance", "extended_state",
-        "adaptive", or the name of any registered observer whose inputs are among theta, w, u,
-        e, r. None: Fhat = 0.
+        "natural", "existing", "proposed", "temperature", "disturbance", or the name of any
+        registered observer (``lugrectl.observers()``) whose inputs are among theta, w, u, e, r,
+        s. None: Fhat = 0.
     kp, ki : float
         N m s/rad, N m/rad.
     K1, K2, k : float, optional
@@ -66,6 +81,20 @@ def velocity_loop(
         with a prefilter it is the exact derivative of the filtered reference, not an input.
     load : bool
         Add the input d, a load torque in N m that opposes positive w.
+    limit : float, optional
+        Largest torque of the drive in N m. It acts on the sum of controller, compensation and
+        feed-forward; u is the limited torque, which the observer sees too.
+    tracking : float, optional
+        Time of the back-calculation in s that keeps the integral from winding up at the limit;
+        default kp/ki, ``np.inf`` for none. See :func:`lugrectl.pi`.
+    controller : str, optional
+        Another controller instead of the PI: "slotine_li", "adaptive_slotine_li",
+        "dual_observer_control", "repetitive_control", "backstepping_smc", or any registered one
+        (``lugrectl.controllers()``) with an output u. It uses the observer's parameters, acts on
+        s = w - r, and contains J dr: dr becomes an input as with ``feedforward``, which is then
+        refused. An observer that is corrected by e then takes s.
+    controller_gains : dict, optional
+        Parameters of that controller by name.
     name : str
         Name of the loop.
 
@@ -75,13 +104,13 @@ def velocity_loop(
         Inputs r [, dr] [, d]; outputs theta, w, F, Fhat, u, e. With a prefilter e refers to the
         filtered reference. Parameters of a block are set at simulation time by its key,
         ``params={"plant.Fc": 0.3}``, and change no other block; blocks: plant,
-        *observer*_observer, pi, feedforward, prefilter.
+        *observer*_observer, pi, feedforward, prefilter, limiter.
 
     Raises
     ------
     InputError
-        For an unknown observer, a gain that it does not have, or a parameter that is missing or
-        out of bounds.
+        For an unknown observer or controller, a gain that it does not have, or a parameter that
+        is missing or out of bounds.
 
     Notes
     -----
@@ -90,12 +119,14 @@ def velocity_loop(
     BDF and Radau can stop with an error: no rate depends on theta, so the finite difference step
     that they use for theta grows until it overflows.
     """
-    shared = {"K1": K1, "K2": K2, "k": k}
+    shared, own = {"K1": K1, "K2": K2, "k": k}, {"kp": kp, "ki": ki}
     p, believed = _models(p, observer_parameters)
-    estimate = _observer(observer, believed, shared, gains)
-    inputs, reference = _reference(p, "velocity", prefilter, feedforward)
-    parts = [plant(p), estimate, controllers.pi(kp, ki), *reference]
-    return _closed(parts, inputs, load, name)
+    act = _Controller("velocity", controller, controller_gains, own, observer)
+    act.limited(limit, tracking)
+    estimate = _observer(observer, believed, shared, gains, act.sliding)
+    inputs, reference, names = _reference(p, act, prefilter, feedforward)
+    parts = [plant(p), estimate, *act.blocks(believed, names), *reference]
+    return _closed(parts, inputs, load, name, limit)
 
 
 def position_loop(
@@ -114,6 +145,10 @@ def position_loop(
     prefilter: bool | float = False,
     feedforward: bool = False,
     load: bool = False,
+    limit: float | None = None,
+    tracking: float | None = None,
+    controller: str | None = None,
+    controller_gains: Mapping[str, Any] | None = None,
     name: str = "position_loop",
 ) -> ct.InterconnectedSystem:
     """PID position control with friction compensation.
@@ -127,19 +162,23 @@ def position_loop(
     feedforward : bool
         Add u = J ddr with the plant's J. ddr, the second derivative of r in rad/s2, becomes an
         input, also with a prefilter; the prefilter then filters it as well.
-    p, observer, K1, K2, k, gains, observer_parameters, prefilter, load, name
+    controller, controller_gains
+        As in :func:`velocity_loop`, with s = (w - dr) + lam (theta - r), lam (1/s, 20) among the
+        gains: dr and ddr become inputs; with a prefilter r and dr, the derivatives of the
+        filtered reference are exact. An observer that takes s needs dr too.
+    p, observer, K1, K2, k, gains, observer_parameters, prefilter, load, limit, tracking, name
         As in :func:`velocity_loop`; e is the position error, k is in 1/s.
 
     Returns
     -------
     control.InterconnectedSystem
-        Inputs r [, ddr] [, d]; outputs theta, w, F, Fhat, u, e. The controller's block is
-        ``pid``.
+        Inputs r [, dr] [, ddr] [, d]; outputs theta, w, F, Fhat, u, e. The controller's block
+        is ``pid``, or has the controller's name.
 
     Raises
     ------
     InputError
-        For an unknown observer, or a parameter that is missing or out of bounds.
+        For an unknown observer or controller, or a parameter that is missing or out of bounds.
 
     Notes
     -----
@@ -147,12 +186,14 @@ def position_loop(
     J s^3 + kp s + ki has no s^2 term, and the growth has a time constant of 19 s. kd > 0 with
     kd kp > J ki makes it stable.
     """
-    shared = {"K1": K1, "K2": K2, "k": k}
+    shared, own = {"K1": K1, "K2": K2, "k": k}, {"kp": kp, "ki": ki, "kd": kd, "tau": tau}
     p, believed = _models(p, observer_parameters)
-    estimate = _observer(observer, believed, shared, gains)
-    inputs, reference = _reference(p, "position", prefilter, feedforward)
-    parts = [plant(p), estimate, controllers.pid(kp, ki, kd, tau), *reference]
-    return _closed(parts, inputs, load, name)
+    act = _Controller("position", controller, controller_gains, own, observer)
+    act.limited(limit, tracking)
+    estimate = _observer(observer, believed, shared, gains, act.sliding)
+    inputs, reference, names = _reference(p, act, prefilter, feedforward)
+    parts = [plant(p), estimate, *act.blocks(believed, names), *reference]
+    return _closed(parts, inputs, load, name, limit)
 
 
 def _models(p: Any, believed: Any) -> tuple[Model, Model]:
@@ -161,67 +202,101 @@ def _models(p: Any, believed: Any) -> tuple[Model, Model]:
     return made, made if believed is None else as_model(believed, "observer_parameters")
 
 
-def _observer(
-    name: str | None,
-    p: Model,
-    shared: Mapping[str, Any],
-    gains: Mapping[str, Any] | None,
-) -> Any:
-    """The observer block of a loop with its gains."""
-    made = observer_block("no_observer" if name is None else name)
-    _fits(made)
-    if not (gains is None or isinstance(gains, Mapping)):
-        raise InputError(f"gains must be a dict of numbers by name, not {shown(gains)}.")
-    known = {}
-    for gain, value in shared.items():
-        absent = gain not in made.parameters
-        if value is OWN or (absent and (value is None or real(value) == 0.0)):
-            continue
-        if absent:
-            who = "without an observer there is" if name is None else f"the observer {name!r} has"
-            raise InputError(f"{gain} = {shown(value)}: {who} no such gain; leave it out.")
-        if value is None:
-            own = f"{made.parameters[gain].value:g}"
-            raise InputError(f"{gain} = None is no gain: leave it out for the default, {own}.")
-        known[gain] = value
-    return build_observer(made.name, p, **(known | dict(gains or {})))
+class _Controller:
+    """The controller of a loop: its PI or PID, or another one by name."""
 
+    def __init__(self, kind: str, name: Any, gains: Any, own: dict[str, Any], observer: Any):
+        self.kind, self.gains, self.own = kind, gains, own
+        self.torque = "u"
+        self.tracking: dict[str, Any] = {}
+        self.usual = usual = "pi" if kind == "velocity" else "pid"
+        self.made = None if name is None or name == usual else controller_block(name)
+        if self.made is None and mapped(gains, "controller_gains"):
+            raise InputError(f"controller_gains belong to another controller; {usual} has its own.")
+        if self.made is not None:
+            default = PI if kind == "velocity" else PID
+            if strange := [k for k, v in own.items() if v != default[k]]:
+                raise InputError(
+                    f"{strange[0]} is a gain of {usual}; give those of {self.made.name} in "
+                    "controller_gains."
+                )
+        seen = () if observer is None else observer_block(observer).inputs
+        read = () if self.made is None else self.made.inputs
+        self.sliding = bool({*SLIDING} & {*read})
+        self.with_s = self.sliding or "s" in seen
+        self.needs = derivatives(kind, [*read, *(s for s in seen if s == "s")])
 
-def _fits(made: Block) -> None:
-    strange = [s for s in made.inputs if s not in SEEN]
-    if strange:
-        raise InputError(
-            f"{made.name} needs {', '.join(strange)}; a ready-made loop offers {', '.join(SEEN)}: "
-            "wire it with control.interconnect."
-        )
-    if "Fhat" not in made.outputs:
-        raise InputError(f"{made.name} has no output Fhat; an observer in a loop needs one.")
+    def limited(self, limit: float | None, tracking: float | None) -> None:
+        """Put a limit behind the sum of all torques, which holds the integral back."""
+        if limit is None:
+            if tracking is not None:
+                loop = f"{self.kind}_loop"
+                raise InputError(f"{loop}: tracking belongs to a limit: give limit in N m too.")
+            return
+        if self.made is None:
+            kp, ki = self.own["kp"], self.own["ki"]
+            time = controllers.tracking_time(kp, ki, tracking, f"{self.kind}_loop")
+            self.tracking = {"tracking": time}
+        elif tracking is not None:
+            raise InputError(
+                f"tracking holds back the integral of {self.usual}; leave it out with "
+                f"{self.made.name}."
+            )
+        self.torque = "u_cmd"
+
+    def blocks(self, believed: Model, names: Mapping[str, str]) -> list[Any]:
+        """The controller, with the sliding error before it where something reads s."""
+        before = [error_s(self.kind, self.gains, names)] if self.with_s else []
+        if self.made is not None:
+            made = controller_named(self.made, believed, self.gains, names, self.torque)
+            return [*before, made]
+        make = controllers.pi if self.kind == "velocity" else controllers.pid
+        return [*before, make(**self.own, **self.tracking, outputs=[self.torque])]
 
 
 def _reference(
-    p: Model, kind: str, prefilter: bool | float, feedforward: bool
-) -> tuple[list[str], list[Any]]:
-    """The loop's reference inputs, and the blocks from them to the error and the feed-forward."""
+    p: Model, act: _Controller, prefilter: bool | float, feedforward: bool
+) -> tuple[list[str], list[Any], dict[str, str]]:
+    """The loop's reference inputs, the blocks from them to the error and the feed-forward, and
+    what the loop calls the reference and its derivatives.
+    """
+    kind, needs = act.kind, act.needs
     measured, derivative = controllers.MEASURED[kind], controllers.DERIVATIVE[kind]
-    ahead = [controllers.feedforward(p, kind)] if flag(feedforward, "feedforward") else []
-    if prefilter is False or prefilter is None:
-        return ["r", derivative][: 1 + len(ahead)], [controllers.error(kind), *ahead]
-    # the input keeps its name, so the filtered signals need other names
-    inputs, outputs = ["r"], ["r_filtered"]
+    if flag(feedforward, "feedforward") and derivative in needs:
+        raise InputError("feedforward=True: this controller contains J times the acceleration.")
+    wanted = [k for k in ("dr", "ddr") if k in needs or (feedforward and k == derivative)]
+    names, inputs, smooth = {}, ["r", *wanted], []
+    if not (prefilter is False or prefilter is None):
+        # the input keeps its name, so the filtered signals need other names
+        names = {k: f"{k}_filtered" for k in inputs}
+        pole = 2.0 if prefilter is True else positive(prefilter, "prefilter", "1/s")
+        which, inputs = _FILTERS[tuple(wanted)]
+        outputs = list(names.values())
+        smooth = [controllers.prefilter(pole, which, inputs=inputs, outputs=outputs)]
+    parts = [*smooth, controllers.error(kind, inputs=[names.get("r", "r"), measured])]
     if feedforward:
-        inputs += [derivative] if kind == "position" else []
-        outputs += [f"{derivative}_filtered"]
-        ahead = [controllers.feedforward(p, kind, inputs=outputs[1:])]
-    pole = 2.0 if prefilter is True else positive(prefilter, "prefilter", "1/s")
-    smooth = controllers.prefilter(
-        pole, kind if feedforward else None, inputs=inputs, outputs=outputs
-    )
-    return inputs, [smooth, controllers.error(kind, inputs=["r_filtered", measured]), *ahead]
+        ahead = [names.get(derivative, derivative)]
+        parts.append(controllers.feedforward(p, kind, inputs=ahead, outputs=[act.torque]))
+    return list(inputs), parts, names
 
 
-def _closed(parts: list[Any], inputs: list[str], load: bool, name: str) -> ct.InterconnectedSystem:
+_FILTERS = {  # derivatives wanted: kind of the prefilter, inputs of the loop
+    (): (None, ["r"]),
+    ("dr",): ("velocity", ["r"]),
+    ("ddr",): ("position", ["r", "ddr"]),
+    ("dr", "ddr"): ("motion", ["r", "dr"]),
+}
+
+
+def _closed(
+    parts: list[Any], inputs: list[str], load: bool, name: str, limit: float | None = None
+) -> ct.InterconnectedSystem:
+    if limit is None:
+        parts = [*parts, controllers.compensation()]
+    else:
+        parts = [*parts, controllers.compensation(outputs=["u_cmd"]), limiter(limit)]
     return ct.interconnect(
-        [*parts, controllers.compensation()],
+        parts,
         inputs=inputs + ["d"] * flag(load, "load"),
         outputs=list(OUTPUTS),
         # empty: else two loops in one system would share the values of the last one

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import Any
 
 from .blocks import effects as _effects  # noqa: F401  fills the registry
-from .blocks import friction as _friction  # noqa: F401
+from .blocks.forms import form_keys, formed, with_usual, written_form
 from .blocks.friction import J as J_DECLARATION
 from .blocks.names import block_named
 from .checks import TINY, real, shown
@@ -234,7 +234,7 @@ class Model(Shown):
             "name": self.name,
             "motion": self.motion,
             "plant": known({"J": self.J}),
-            "friction": {"model": self.friction.block.name, **known(self.friction.values)},
+            "friction": written_form(self.friction.block) | known(self.friction.values),
             "effects": effects,
         }
 
@@ -275,6 +275,7 @@ def model_from_dict(data: Mapping[str, Any], where: str) -> Model:
     plant, friction = _table(data, "plant", where), _table(data, "friction", where)
     _known(plant, ("J",), f"{where}: [plant]")
     law = friction.get("model", "lugre")
+    friction = with_usual(law, friction, f"{where}: [friction]")
     part = _part(law, "friction", friction, f"{where}: [friction]", "friction model")
     model = Model(
         name=_text(data.get("name", "drive"), f"{where}: name"),
@@ -357,7 +358,8 @@ def _part(name: Any, kind: str, entry: Any, where: str, what: str) -> Part:
     made = block_named(kind, name, where=where, what=what)
     where = f"{where} {name}" if kind == "effect" else where
     tag = "model" if what == "friction model" else "name"
-    _known(entry, (tag, *made.own), where)
+    _known(entry, (tag, *made.own, *form_keys(made)), where)
+    made, entry = formed(made, entry, where)
     values = {
         k: _number(entry.get(k), p, f"{where} {k}") if k in entry or p.fitted else p.value
         for k, p in made.own.items()

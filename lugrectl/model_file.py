@@ -78,14 +78,19 @@ def model_toml(model: Model) -> str:
 
 
 def _rows(values: Mapping[str, Any], prefix: str, model: Model) -> list[str]:
-    units = {k: "".join(c for c in model.unit(prefix + k) if c.isprintable()) for k in values}
-    return [f"{_key(k)} = {_written(v)}  # {units[k]}" for k, v in values.items()]
+    own = {k: model.unit(prefix + k) for k in values if prefix + k in model.declarations()}
+    units = {k: "  # " + "".join(c for c in u if c.isprintable()) for k, u in own.items()}
+    return [f"{_key(k)} = {_written(v)}{units.get(k, '')}" for k, v in values.items()]
 
 
 def _written(value: Any) -> str:
-    """A number, or the table of one of which more is stated."""
+    """A number, a list of numbers, or the table of one of which more is stated."""
     if isinstance(value, bool):
         return "true" if value else "false"
+    if isinstance(value, int):
+        return str(value)
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_written, value)) + "]"
     if not isinstance(value, Mapping):
         return repr(float(value))
     return "{" + ", ".join(f"{k} = {_written(v)}" for k, v in value.items() if v is not None) + "}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -15,7 +14,7 @@ from scipy.integrate import solve_ivp
 from . import arguments
 from .blocklist import simulate_blocks, simulate_discrete, together
 from .engine.adaptive import Diverged
-from .engine.blame import culprit
+from .engine.blame import Instant, culprit
 from .engine.compiled import compiled
 from .engine.symbolic import TraceError
 from .errors import InputError
@@ -82,7 +81,8 @@ def simulate(
     InputError
         For times that do not increase, shapes that do not fit, a NaN in an input, an unknown
         input or parameter, a value outside its bounds, an unknown method, an rtol outside
-        (0, 1), or an algebraic loop (the blocks are named).
+        (0, 1), or an algebraic loop that has no linear equations with one solution (the blocks
+        are named).
     Diverged
         When a state or signal grows without bound or becomes NaN; the message names it, its
         block and the time.
@@ -99,7 +99,9 @@ def simulate(
     warning reports it. Compiled code serves the next call while the equations are the same: what
     a function of yours reads from outside (a global, an entry of a dictionary, an array) is read
     again at each call. A system whose functions cannot be traced is simulated by LSODA, with a
-    warning that names the block.
+    warning that names the block. Outputs that depend on themselves at the same instant are
+    solved where their equations are linear in them (two lags with feed-through in a loop);
+    python-control refuses such a loop.
 
     A sampled block is updated at the multiples of its sample time. It reads its inputs at that
     instant, sets its outputs at once, holds them until the next update, and advances its
@@ -167,13 +169,22 @@ def _discrete(
             pass
     try:
         with np.errstate(all="ignore"):
-            response = _respond(system, t, u, x0, params=params, squeeze=squeeze)
-    except RuntimeError as error:
-        first = culprit(system, t[0], x0, u[:, 0])
-        if first:
-            raise Diverged(f"{system.name}: {first} at t = {t[0]:.6g} s.") from error
-        raise Diverged(f"{system.name}: python-control's simulation failed: {error}.") from error
-    return response
+            return _respond(system, t, u, x0, params=params, squeeze=squeeze)
+    except RuntimeError:
+        states, y = _updated(system, t, u, x0, params)
+        return _response(system, t, y, states, u, params, squeeze)
+
+
+def _updated(
+    system: Any, t: np.ndarray, u: np.ndarray, x0: np.ndarray, params: Any
+) -> tuple[np.ndarray, np.ndarray]:
+    """States and outputs at the samples, where python-control reports a loop that has an answer."""
+    system._update_params(params)
+    at, states, y = Instant(system), [x0], []
+    for now, held in zip(t, u.T, strict=True):
+        y.append(at.outputs(now, states[-1], held))
+        states.append(at.rates(now, states[-1], held))
+    return np.array(states[:-1]).T, np.array(y).T
 
 
 def _continuous(
@@ -248,10 +259,13 @@ def _by_scipy(
     rtol: float,
     method: str,
 ) -> tuple[np.ndarray | None, np.ndarray]:
-    """python-control's simulation; its functions under solve_ivp if the input is held."""
-    options = {"rtol": rtol, "atol": 1e-4 * rtol}
+    """python-control's simulation; sample by sample if the input is held or a loop is solved."""
+    options = {"method": method, "rtol": rtol, "atol": 1e-4 * rtol}
     try:
-        if not hold or not system.nstates:
+        if hold and system.nstates:
+            states, y = _stepped(system, t, u, x0, params, hold, options)
+        else:
+            given = {k: v for k, v in options.items() if k != "method"}
             response = _respond(
                 system,
                 t,
@@ -259,60 +273,44 @@ def _by_scipy(
                 x0,
                 params=params,
                 solve_ivp_method=method,
-                solve_ivp_kwargs=options,
+                solve_ivp_kwargs=given,
                 squeeze=False,
             )
             states, y = response.states, np.asarray(response.outputs)
-        else:
-            states, y = _held_by_scipy(system, t, u, x0, params, dict(options, method=method))
     except RuntimeError as error:
-        _name_failure(system, t, u, x0, dict(options, method=method))
-        raise Diverged(f"{system.name}: python-control's simulation failed: {error}.") from error
+        try:  # block by block: it names what is not a number, and solves a loop that is linear
+            states, y = _stepped(system, t, u, x0, params, hold, options)
+        except RuntimeError:
+            said = f"{system.name}: python-control's simulation failed: {error}."
+            raise Diverged(said) from error
     _all_finite(system, t, states, u, y)
     return states, y
 
 
-def _name_failure(
-    system: Any, t: np.ndarray, u: np.ndarray, x0: np.ndarray, options: Mapping[str, Any]
-) -> None:
-    """Raise a clearer error than python-control, which reports a NaN as an algebraic loop."""
-    culprit(system, t[0], x0, u[:, 0])
-
-    def rates(time: float, x: np.ndarray) -> np.ndarray:
-        held = np.array([np.interp(time, t, row) for row in u])
-        try:
-            return system._rhs(time, x, held)
-        except RuntimeError as error:
-            first = culprit(system, time, x, held)
-            if first:
-                raise Diverged(f"{system.name}: {first} at t = {time:.6g} s.") from error
-            raise
-
-    with contextlib.suppress(RuntimeError):
-        if system.nstates:
-            solve_ivp(rates, (t[0], t[-1]), x0, max_step=np.diff(t).max(), **options)
-
-
-def _held_by_scipy(
+def _stepped(
     system: Any,
     t: np.ndarray,
     u: np.ndarray,
     x0: np.ndarray,
     params: Mapping[str, Any] | None,
+    hold: bool,
     options: Mapping[str, Any],
 ) -> tuple[np.ndarray, np.ndarray]:
+    """solve_ivp from sample to sample, with inputs that are held or linear in between."""
     system._update_params(params)
+    at = Instant(system)
     states = np.empty((system.nstates, len(t)))
     states[:, 0] = x0
-    for k in range(len(t) - 1):
-        part = solve_ivp(
-            lambda time, x, held=u[:, k]: system._rhs(time, x, held),
-            (t[k], t[k + 1]),
-            states[:, k],
-            **options,
-        )
+    at.outputs(t[0], x0, u[:, 0])
+    for k in range(len(t) - 1 if system.nstates else 0):
+        slope = 0.0 * u[:, k] if hold else (u[:, k + 1] - u[:, k]) / (t[k + 1] - t[k])
+
+        def rates(now: float, x: np.ndarray, k: int = k, slope: Any = slope) -> np.ndarray:
+            return at.rates(now, x, u[:, k] + (now - t[k]) * slope)
+
+        part = solve_ivp(rates, (t[k], t[k + 1]), states[:, k], **options)
         if not part.success:
             raise RuntimeError(part.message)
         states[:, k + 1] = part.y[:, -1]
-    y = [system._out(now, x, held) for now, x, held in zip(t, states.T, u.T, strict=True)]
-    return states, np.array(y).T
+    y = [at.outputs(now, x, held) for now, x, held in zip(t, states.T, u.T, strict=True)]
+    return states, np.array(y).reshape(len(t), -1).T

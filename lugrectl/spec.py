@@ -66,6 +66,8 @@ class P:
         parameter of the effect; used alone, the effect has it as a parameter.
     passed : bool
         True for a position that the motion must cross: the record must show both sides of it.
+    usual : bool
+        True for a value that is held at its default unless the model gives it.
     """
 
     value: float
@@ -81,6 +83,7 @@ class P:
     choices: tuple[float, ...] = ()
     shared: bool = False
     passed: bool = False
+    usual: bool = False
 
 
 @dataclass(frozen=True, repr=False)
@@ -225,8 +228,8 @@ class Block(Shown):
         return ct.nlsys(
             Rates(*called) if self.states else None,
             Outputs(*called),
-            inputs=_renamed(name, "inputs", self.inputs, inputs),
-            outputs=_renamed(name, "outputs", self.outputs, outputs),
+            inputs=renamed(name, "inputs", self.inputs, inputs),
+            outputs=renamed(name, "outputs", self.outputs, outputs),
             states=list(self.states) or None,
             params={q: numbers[k] for k, q in keys.items()},
             name=name,
@@ -234,7 +237,8 @@ class Block(Shown):
         )
 
 
-def _renamed(block: str, what: str, own: Sequence[str], wanted: Sequence[str] | None) -> list[str]:
+def renamed(block: str, what: str, own: Sequence[str], wanted: Sequence[str] | None) -> list[str]:
+    """The names of a block's signals: its own, or as many others."""
     if wanted is None:
         return list(own)
     wanted = names(wanted, f"{block}: {what}")

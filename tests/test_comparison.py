@@ -21,6 +21,8 @@ from lugrectl.model import model_from_dict
 from lugrectl.simulation import simulate
 from lugrectl.spec import REGISTRY
 
+from .observed import longer, sampled_velocity_error, velocity_error
+
 P = lg.table1()
 MADE = [friedland_park_observer, disturbance_observer, extended_state_observer, adaptive_observer]
 NAMES = ["friedland_park", "disturbance", "extended_state", "adaptive"]
@@ -278,3 +280,35 @@ def test_wrong_usage_is_one_sentence(call):
     with pytest.raises(lg.InputError) as raised:
         call()
     assert "\n" not in str(raised.value) and str(raised.value).endswith(".")
+
+
+# The generalised adaptation function.
+
+
+@given(speeds, torques, st.floats(0.0, 1.0), st.floats(-0.5, 1.5), gains, st.floats(0.01, 1.0))
+def test_general_coulomb_error_on_coulomb_friction(w, u, a, zeta, k, w0):
+    """d(a - ahat)/dt = -(G'/J) (a - ahat), G = k (sqrt(w^2 + w0^2) - w0), along the plant."""
+    made = observer("general_coulomb", P, k=k, w0=w0, eps=1e-9)
+    dw = (u - a * np.sign(w) - P.Fv * w) / P.J
+    ahat = named(made, [zeta], [w, u])["ahat"]
+    slope = k * w / np.hypot(w, w0)
+    (dzeta,) = made.dynamics(0.0, [zeta], [w, u])
+    rate = abs(slope) / P.J
+    assert slope * dw - dzeta == pytest.approx(-rate * (a - ahat), abs=1e-8 * rate * (abs(u) + 9))
+    assert ahat == pytest.approx(zeta - k * (np.hypot(w, w0) - w0), rel=1e-9, abs=1e-12)
+    assert made.dynamics(0.0, [zeta], [0.0, u]) == 0.0  # nothing is adapted at rest
+
+
+@pytest.mark.parametrize(
+    ("k", "w0", "error", "digit"),
+    [(0.11, 0.1, 0.0216, 1e-4), (1.1, 0.1, 0.0134, 2e-4), (1.1, 0.01, 0.0090, 1e-4)],
+)
+def test_general_coulomb_observer_in_the_velocity_loop(k, w0, error, digit):
+    found = velocity_error("general_coulomb", k=k, gains={"w0": w0})
+    assert found == pytest.approx(error, abs=digit)
+
+
+@longer
+def test_general_coulomb_observer_sampled_at_1_khz():
+    found = sampled_velocity_error(lg.general_coulomb_observer(P))
+    assert found == pytest.approx(0.0218, abs=1e-4)

@@ -190,7 +190,12 @@ def test_derivative_is_the_limit_of_differences(recipe, a: float, b: float) -> N
 def test_algebraic_loop_names_its_blocks_only() -> None:
     def gain(name: str, source: str, target: str) -> ct.NonlinearIOSystem:
         return ct.nlsys(
-            None, lambda t, x, u, p: 0.5 * u[0], inputs=source, outputs=target, name=name, dt=None
+            None,
+            lambda t, x, u, p: 0.5 * np.tanh(u[0]),
+            inputs=source,
+            outputs=target,
+            name=name,
+            dt=None,
         )
 
     blocks = [gain("one", "a", "b"), gain("two", "b", "a"), gain("after", "b", "c")]

@@ -16,7 +16,7 @@ STOREYS = [
     {"blas", "errors", "deadline", "checks", "display", "outputs", "progress", "provenance", "spec"}
     | {"arguments", "jobs", "functions", "pickling", "control_pickling", "unit_names", "stated"},
     {"blocks", "model", "model_file", "catalogue", "door"},
-    {"loops", "engine", "linear", "record", "design", "sampling"},
+    {"cascade", "loops", "engine", "linear", "record", "design", "sampling"},
     {"simulation", "results", "joint", "mixed", "blocklist", "bristles", "ensemble"},
     {"identification"},
     {"tracing"},

@@ -10,8 +10,15 @@ from lugrectl.blocks.names import COMMON
 from lugrectl.model import model_from_dict
 from lugrectl.spec import P, members
 
-OBSERVERS = "natural existing proposed friedland_park adaptive disturbance extended_state"
-CONTROLLERS = "error pi pid compensation feedforward prefilter"
+OBSERVERS = (
+    "natural existing proposed friedland_park adaptive disturbance extended_state temperature "
+    "friction_state normal_force lyapunov general_coulomb position_coulomb position_lugre"
+)
+CONTROLLERS = (
+    "error pi pid compensation feedforward prefilter limiter proportional notch sliding_error "
+    "slotine_li adaptive_slotine_li dual_observer_control backstepping_smc repetitive_control "
+    "smith_velocity coulomb_predictor coulomb_compensation"
+)
 LISTS = {"effect": lg.effects, "friction": lg.laws}
 SIZE = P(0.0, "N m", neutral=0.0)
 LISTS |= {"observer": lg.observers, "controller": lg.controllers}

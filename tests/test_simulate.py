@@ -335,7 +335,12 @@ def test_nan_at_the_points_of_comparison_is_no_algebraic_loop() -> None:
 def test_an_algebraic_loop_names_its_blocks() -> None:
     def gain(name, source, target):
         return ct.nlsys(
-            None, lambda t, x, u, p: 0.5 * u[0], inputs=source, outputs=target, name=name, dt=None
+            None,
+            lambda t, x, u, p: 0.5 * np.tanh(u[0]),
+            inputs=source,
+            outputs=target,
+            name=name,
+            dt=None,
         )
 
     loop = ct.interconnect(

@@ -5,7 +5,21 @@ from __future__ import annotations
 from functools import cache
 from importlib import import_module
 
-DECLARING = ("effects", "friction", "observers", "comparison", "controllers")
+DECLARING = (
+    "effects",
+    "friction",
+    "bristle_laws",
+    "elements",
+    "observers",
+    "comparison",
+    "bristle_observers",
+    "position_observers",
+    "controllers",
+    "drive",
+    "sliding",
+    "learning",
+    "delayed",
+)
 
 
 @cache

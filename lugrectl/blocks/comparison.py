@@ -51,6 +51,33 @@ def _friedland_park(
 
 @block(
     "observer",
+    name="general_coulomb_observer",
+    out="Fhat ahat",
+    states="zeta",
+    source="derived here, in the spirit of Odabas, thesis, 2014: see the docstring of "
+    "lugrectl.general_coulomb_observer",
+)
+def _general_coulomb(
+    w,
+    u,
+    zeta,
+    J=J,
+    Fv=FV,
+    k: Any = P(0.11, "N m s/rad", 0.0),
+    w0: Any = P(0.1, "rad/s", 1e-12),
+    eps: Any = EPS,
+):
+    """Fhat = ahat sign(w) + Fv w, ahat = zeta - G, G = k (sqrt(w^2 + w0^2) - w0),
+    dzeta/dt = (dG/dw) (u - Fhat) / J.
+    """
+    speed = np.sqrt(w * w + w0 * w0)
+    ahat = zeta - k * (speed - w0)
+    (Fhat,) = coulomb(w, Fc=ahat, Fv=Fv, eps=eps)
+    return Fhat, ahat, k * w / speed * acceleration(u, Fhat, 0.0, J)
+
+
+@block(
+    "observer",
     name="disturbance_observer",
     out="Fhat",
     states="v",
@@ -156,6 +183,54 @@ def friedland_park_observer(
     """
     return observer(
         "friedland_park_observer", p, name=name, inputs=inputs, outputs=outputs, k=k, mu=mu
+    )
+
+
+def general_coulomb_observer(
+    p: Parameters | Model,
+    k: float = 0.11,
+    w0: float = 0.1,
+    *,
+    name: str = "general_coulomb_observer",
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> ct.NonlinearIOSystem:
+    """Friedland-Park with an adaptation that saturates: inputs w, u, outputs Fhat, ahat.
+
+    ahat = zeta - G(|w|), G = k (sqrt(w^2 + w0^2) - w0), dzeta/dt = (dG/dw) (u - Fhat) / J,
+    Fhat = ahat sign(w) + Fv w.
+
+    Parameters
+    ----------
+    p : Parameters or Model
+        Gives J and Fv.
+    k : float
+        Gain >= 0 in N m s/rad; the error decays at most at k/J, where |w| is well above w0.
+    w0 : float
+        Speed in rad/s below which it adapts more slowly.
+    name, inputs, outputs : str, list of str
+        Block name and, in order, other names for the signals.
+
+    Raises
+    ------
+    InputError
+        When J or Fv has no value, or a gain is out of bounds.
+
+    Notes
+    -----
+    For any adaptation function G the error e = a - ahat on a drive with F = a sign(w) + Fv w has
+    de/dt = -(G'(|w|)/J) e. So |e| never grows exactly if G' >= 0; it goes to 0 along a motion
+    exactly if the integral of G' over time is infinite; it does so exponentially for every motion
+    with |w| between two positive bounds exactly if G' > 0; and the rate is continuous at w = 0
+    exactly if G'(0) = 0. ``friedland_park_observer`` is G = k |w|^mu. The G here is smooth, its
+    rate is bounded, so that Euler steps of T are stable at every speed if T k < 2 J, and with
+    G'(0) = 0 it does not adapt at rest. sign(w) is tanh(w/eps), eps = 1e-4 rad/s.
+
+    Status: derived here, in the spirit of the generalised observer of Odabas (thesis, 2014),
+    which could not be confirmed.
+    """
+    return observer(
+        "general_coulomb_observer", p, name=name, inputs=inputs, outputs=outputs, k=k, w0=w0
     )
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..checks import number
 from ..errors import InputError
 from ..spec import P, block
 from .friction import PAPER, J
@@ -19,7 +20,11 @@ if TYPE_CHECKING:
 
     from ..model import Model, Parameters
 
-TAU = P(0.0, "s", 0.0)
+KP, KI = P(1.6, "N m s/rad"), P(0.16, "N m/rad")
+KP_ANGLE, KI_ANGLE = P(15.0, "N m/rad"), P(1.55, "N m/(rad s)")
+KD, TAU = P(0.0, "N m s/rad"), P(0.0, "s", 0.0)
+LIMIT = P(np.inf, "N m", 0.0, neutral=np.inf)
+TRACKING: Any = P(np.inf, "s", 1e-9, neutral=np.inf)
 POLE = P(2.0, "1/s", 1e-12)
 MEASURED = {"velocity": "w", "position": "theta"}
 DERIVATIVE = {"velocity": "dr", "position": "ddr"}
@@ -29,6 +34,18 @@ def action(e: Any, q: Any, kp: Any, ki: Any, tau: Any) -> tuple[Any, Any]:
     """u = ki q - kp e; tau dq/dt = -e - q, and with tau = 0 the pure integral dq/dt = -e."""
     leak = np.where(tau > 0.0, 1.0, 0.0)
     return ki * q - kp * e, (-e - leak * q) / np.where(tau > 0.0, tau, 1.0)
+
+
+def held_back(dq: Any, excess: Any, ki: Any, tracking: Any) -> Any:
+    """dq/dt = dq + excess/(ki T): back-calculation, ki q changes by the excess in the time T."""
+    none = ki == 0.0
+    return dq + np.where(none, 0.0, excess / np.where(none, 1.0, ki * tracking))
+
+
+def limited(u: Any, dq: Any, limit: Any, ki: Any, tracking: Any) -> tuple[Any, Any]:
+    """The torque within its limit, and the rate of an integral that the limit holds back."""
+    inside = np.clip(u, -limit, limit)
+    return inside, held_back(dq, inside - u, ki, tracking)
 
 
 def lag(r_cmd: Any, r: Any, pole: Any) -> Any:
@@ -43,24 +60,50 @@ def _error(r, y):
 
 
 @block("controller", name="pi", out="u", states="q", source=f"{PAPER}, section 2")
-def _pi(e, q, kp=P(1.6, "N m s/rad"), ki=P(0.16, "N m/rad")):
-    """u = kp (-e) + ki q, dq/dt = -e."""
+def _pi(e, q, kp=KP, ki=KI):
+    """u = kp (-e) + ki q, dq/dt = -e.
+
+    With ``limit=`` u = clip(v, -limit, limit), where v is the output without limit, and
+    dq/dt = -e + (u - v)/(ki T): no wind-up. T is ``tracking``, kp/ki unless given.
+    """
     return action(e, q, kp, ki, 0.0)
 
 
 @block("controller", name="pid", out="u", states="q", source=f"{PAPER}, section 2")
-def _pid(
-    e,
-    w,
-    q,
-    kp=P(15.0, "N m/rad"),
-    ki=P(1.55, "N m/(rad s)"),
-    kd=P(0.0, "N m s/rad"),
-    tau=TAU,
-):
-    """u = kp (-e) + ki q - kd w, tau dq/dt = -e - q (tau = 0: dq/dt = -e)."""
+def _pid(e, w, q, kp=KP_ANGLE, ki=KI_ANGLE, kd=KD, tau=TAU):
+    """u = kp (-e) + ki q - kd w, tau dq/dt = -e - q (tau = 0: dq/dt = -e).
+
+    ``limit=`` and ``tracking=`` as for ``pi``.
+    """
     u, dq = action(e, q, kp, ki, tau)
     return u - kd * w, dq
+
+
+@block("controller", name="pi_limited", out="u", states="q")
+def _pi_limited(e, q, kp=KP, ki=KI, limit=LIMIT, tracking=TRACKING):
+    """u = clip(v, -limit, limit), v = kp (-e) + ki q, dq/dt = -e + (u - v)/(ki T)."""
+    return limited(*action(e, q, kp, ki, 0.0), limit, ki, tracking)
+
+
+@block("controller", name="pi_tracked", out="u", states="q")
+def _pi_tracked(e, excess, q, kp=KP, ki=KI, tracking=TRACKING):
+    """u = kp (-e) + ki q, dq/dt = -e + excess/(ki T)."""
+    u, dq = action(e, q, kp, ki, 0.0)
+    return u, held_back(dq, excess, ki, tracking)
+
+
+@block("controller", name="pid_limited", out="u", states="q")
+def _pid_limited(e, w, q, kp=KP_ANGLE, ki=KI_ANGLE, kd=KD, tau=TAU, limit=LIMIT, tracking=TRACKING):
+    """u = clip(v, -limit, limit), v = kp (-e) + ki q - kd w, dq/dt + (u - v)/(ki T)."""
+    u, dq = action(e, q, kp, ki, tau)
+    return limited(u - kd * w, dq, limit, ki, tracking)
+
+
+@block("controller", name="pid_tracked", out="u", states="q")
+def _pid_tracked(e, w, excess, q, kp=KP_ANGLE, ki=KI_ANGLE, kd=KD, tau=TAU, tracking=TRACKING):
+    """u = kp (-e) + ki q - kd w, dq/dt + excess/(ki T)."""
+    u, dq = action(e, q, kp, ki, tau)
+    return u - kd * w, held_back(dq, excess, ki, tracking)
 
 
 @block("controller", name="compensation", out="u", source=f"{PAPER}, section 2")
@@ -94,7 +137,52 @@ def _prefilter_ddr(r_cmd, ddr_cmd, r, ddr, pole=POLE):
     return lag(r_cmd, r, pole), lag(ddr_cmd, ddr, pole)
 
 
-_PREFILTERS = {None: _prefilter, "velocity": _prefilter_dr, "position": _prefilter_ddr}
+@block("controller", name="prefilter_motion", out="r dr ddr", states="r")
+def _prefilter_motion(r_cmd, dr_cmd, r, pole=POLE):
+    """dr/dt = pole (r_cmd - r), and both derivatives of r from that of r_cmd."""
+    dr = lag(r_cmd, r, pole)
+    return dr, lag(dr_cmd, dr, pole), dr
+
+
+def tracking_time(kp: float, ki: float, tracking: float | None, of: str) -> float:
+    """The time of the back-calculation in s: the given one, else kp/ki, the integral time.
+
+    InputError where there is no such time, because kp or ki is negative or kp is 0.
+    """
+    if tracking is not None:
+        return tracking
+    gains = number(kp, f"{of}: kp"), number(ki, f"{of}: ki")
+    if gains[1] == 0.0:
+        return np.inf
+    if gains[0] / gains[1] <= 0.0:
+        raise InputError(f"{of}: give tracking in s; its default kp/ki is not positive here.")
+    return max(gains[0] / gains[1], TRACKING.low)
+
+
+def _built(
+    of: str,
+    gains: dict[str, Any],
+    limit: float | None,
+    tracking: float | None,
+    names: dict[str, Any],
+) -> ct.NonlinearIOSystem:
+    """A controller without a limit, with its own, or with one elsewhere in the loop."""
+    if limit is None and tracking is None:
+        return _FORMS[of][0].system(**names, **gains)
+    values = dict(gains)
+    values["tracking"] = tracking_time(gains["kp"], gains["ki"], tracking, of)
+    if limit is None:
+        return _FORMS[of][2].system(**names, **values)
+    return _FORMS[of][1].system(**names, **values, limit=limit)
+
+
+_FORMS = {"pi": (_pi, _pi_limited, _pi_tracked), "pid": (_pid, _pid_limited, _pid_tracked)}
+_PREFILTERS = {
+    None: _prefilter,
+    "velocity": _prefilter_dr,
+    "position": _prefilter_ddr,
+    "motion": _prefilter_motion,
+}
 
 
 def _kind(kind: Any, known: Sequence[Any]) -> None:
@@ -132,6 +220,8 @@ def pi(
     kp: float = 1.6,
     ki: float = 0.16,
     *,
+    limit: float | None = None,
+    tracking: float | None = None,
     name: str = "pi",
     inputs: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
@@ -143,14 +233,30 @@ def pi(
     kp, ki : float
         On a velocity error N m s/rad and N m/rad (the source paper's 1.6 and 0.16); on another
         error per its unit.
+    limit : float, optional
+        Largest output >= 0: u = clip(v, -limit, limit), where v is the output without limit.
+    tracking : float, optional
+        Time T in s of the back-calculation that keeps the integral from winding up at a limit:
+        dq/dt = -e + (u - v)/(ki T). Default: kp/ki, the integral time; ``np.inf`` is a limit
+        without anti-windup. Without ``limit`` the block has a second input ``excess``, u - v of
+        a limit elsewhere in the loop (:func:`lugrectl.limiter`).
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
+    Raises
+    ------
+    InputError
+        For a negative limit, a tracking time that is not positive, or none where kp/ki is not.
+
     Notes
     -----
-    State q, the integral of -e. No anti-windup.
+    State q, the integral of -e; without ``limit`` and ``tracking`` there is no anti-windup.
+    With the default time and the output at its limit, ki q settles at the limit: the output
+    leaves it when e changes sign. Back-calculation as in Astrom and Hagglund, Advanced PID
+    Control, 2006.
     """
-    return _pi.system(name=name, inputs=inputs, outputs=outputs, kp=kp, ki=ki)
+    names = {"name": name, "inputs": inputs, "outputs": outputs}
+    return _built("pi", {"kp": kp, "ki": ki}, limit, tracking, names)
 
 
 def pid(
@@ -159,6 +265,8 @@ def pid(
     kd: float = 0.0,
     tau: float | None = None,
     *,
+    limit: float | None = None,
+    tracking: float | None = None,
     name: str = "pid",
     inputs: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
@@ -172,20 +280,23 @@ def pid(
     tau : float or None
         Time constant of the filtered integral action in s; None or 0 is pure integral action
         ki/s (not the limit tau -> 0, which is proportional).
+    limit, tracking : float, optional
+        As in :func:`pi`: the largest torque in N m, and the time of the back-calculation in s.
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
     Raises
     ------
     InputError
-        For a negative tau.
+        For a negative tau or limit, or a tracking time as in :func:`pi`.
 
     Notes
     -----
-    The C(s) of the source paper, section 2, with D on the measured velocity. No anti-windup.
+    The C(s) of the source paper, section 2, with D on the measured velocity.
     """
     gains = {"kp": kp, "ki": ki, "kd": kd, "tau": 0.0 if tau is None else tau}
-    return _pid.system(name=name, inputs=inputs, outputs=outputs, **gains)
+    names = {"name": name, "inputs": inputs, "outputs": outputs}
+    return _built("pid", gains, limit, tracking, names)
 
 
 def compensation(
@@ -249,12 +360,13 @@ def prefilter(
     ----------
     pole : float
         In 1/s; 2/(s + 2) in the source paper.
-    kind : None, "velocity" or "position"
-        The derivative that a feed-forward needs. "velocity" adds the output dr, the exact
+    kind : None, "velocity", "position" or "motion"
+        The derivatives that other blocks need. "velocity" adds the output dr, the exact
         derivative of the filtered r. "position" filters a second input ddr_cmd, the second
         derivative of r_cmd, in the same way to the output ddr: a first-order filter does not
         provide its second derivative. ddr starts at 0; the resulting error decays like
-        exp(-pole t).
+        exp(-pole t). "motion" adds the outputs dr and ddr, the exact derivatives of the filtered
+        r, from a second input dr_cmd, the derivative of r_cmd.
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from .forms import formed
 from .names import block_named
 
 if TYPE_CHECKING:
@@ -17,24 +18,25 @@ def friction(
     name: str | None = None,
     inputs: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
-    **values: float,
+    **values: Any,
 ) -> ct.NonlinearIOSystem:
     """A friction law as a block: input w (rad/s), output F (N m), which opposes positive w.
 
     Parameters
     ----------
     law : str
-        "viscous", "coulomb", "stribeck" or "lugre".
+        Name in the list ``lugrectl.laws()``: "viscous", "coulomb", "stribeck", "lugre", ...
     values
-        Parameters of the law (Fc, Fs, Fv, vs, sigma0, sigma1); default: Table 1.
+        Parameters of the law (Fc, Fs, Fv, vs, sigma0, sigma1, ...); default: Table 1. Also what
+        gives a law its form: ``delta``, ``elements``, ``stiffness``, ``share``.
 
     Raises
     ------
     InputError
         For an unknown law or parameter, or a value outside its bounds.
     """
-    made = block_named("friction", law, what="friction law")
-    return made.system(name=name, inputs=inputs, outputs=outputs, **values)
+    made, own = formed(block_named("friction", law, what="friction law"), values, law)
+    return made.system(name=name, inputs=inputs, outputs=outputs, **own)
 
 
 def effect(

@@ -9,6 +9,16 @@ from typing import Any
 from ..errors import InputError
 from ..spec import Block, members
 
+VARIANTS = (  # kinds of another controller, which its function builds
+    "prefilter_dr",
+    "prefilter_ddr",
+    "prefilter_motion",
+    "pi_limited",
+    "pi_tracked",
+    "pid_limited",
+    "pid_tracked",
+    "sliding_error_velocity",
+)
 # Only names with one meaning: "dead band" may be a backlash or a dead zone, so it is not here.
 _COMMON = {
     "constant_torque": "torque_offset offset_torque",

@@ -134,9 +134,29 @@ def observer(
     InputError
         For an unknown observer or gain, or when p does not give a LuGre parameter that it needs.
     """
+    made = observer_block(kind)
+    return believed(made, p, name=name, inputs=inputs, outputs=outputs, **gains)
+
+
+def believed(
+    made: Block,
+    p: Parameters | Model,
+    *,
+    name: str | None = None,
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+    **gains: Any,
+) -> ct.NonlinearIOSystem:
+    """An observer or controller with those of J and the LuGre parameters that it has, from p.
+
+    Raises
+    ------
+    InputError
+        For an unknown gain, or when p does not give a parameter that the block needs.
+    """
     from ..door import as_model
 
-    made, model = observer_block(kind), as_model(p, "p")
+    model = as_model(p, "p")
     have = model.values()
     needed = [k for k in ("J", *lugre.parameters) if k in made.parameters and k not in gains]
     missing = [k for k in needed if have.get(k) is None]

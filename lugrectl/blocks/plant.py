@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
 from ..spec import Block
+from .effects.inertia import load_motion
 from .friction import J
 from .parts import Part, through_sensors
 
@@ -23,7 +24,9 @@ def acceleration(u: Any, F: Any, d: Any, J: Any) -> Any:
     return (u - F - d) / J
 
 
-def assemble(model: Model, *, levels: Sequence[str] = (), sensed: bool = False) -> Block:
+def assemble(
+    model: Model, *, levels: Sequence[str] = (), sensed: bool = False, loads: Sequence[str] = ()
+) -> Block:
     """The plant of a model as one block with inputs u, d and outputs theta, w, F.
 
     Effects act in physical order: on the command, in the motor, as loads, on levels, as other
@@ -40,10 +43,34 @@ def assemble(model: Model, *, levels: Sequence[str] = (), sensed: bool = False) 
     sensed : bool
         Adds the outputs theta_m, w_m, with the sensor effects and their states inside; these
         are left out otherwise.
+    loads : sequence of str
+        Keys of couplings: adds the outputs theta_load, w_load of the load behind each.
     """
     friction = Part("", model.friction.block)
     uses = tuple(Part(f"{use.key}.", use.block) for use in model.effects)
-    return _Motion(friction, uses, tuple(levels), sensed).block()
+    return _Motion(friction, uses, tuple(levels), sensed, tuple(loads)).block()
+
+
+def load_outputs(model: Model) -> tuple[str, ...]:
+    """The plant's outputs on the load's side: of each coupling, the second one numbered."""
+    return _load_names(len(_loads(model)))
+
+
+def _loads(model: Model) -> tuple[str, ...]:
+    """The keys of the couplings that have a load behind them."""
+    values = model.values()
+    couplings = (use.key for use in model.effects if _is_coupling(use.block))
+    return tuple(key for key in couplings if values[f"{key}.load_inertia"] != 0.0)
+
+
+def _load_names(many: int) -> tuple[str, ...]:
+    ends = ["" if k == 0 else f"_{k + 1}" for k in range(many)]
+    return tuple(f"{name}_load{end}" for end in ends for name in ("theta", "w"))
+
+
+def _is_coupling(block: Block) -> bool:
+    """Whether an effect has a load behind it, with a position and a speed of its own."""
+    return {"twist", "w_load"} <= {*block.states} and "load_inertia" in block.parameters
 
 
 @dataclass(frozen=True)
@@ -54,6 +81,11 @@ class _Motion:
     uses: tuple[Part, ...]
     levels: tuple[str, ...]
     sensed: bool
+    loads: tuple[str, ...] = ()
+
+    @cached_property
+    def couplings(self) -> tuple[Part, ...]:
+        return tuple(part for part in self.effects if part.prefix.removesuffix(".") in self.loads)
 
     @cached_property
     def sensors(self) -> tuple[Part, ...]:
@@ -85,15 +117,17 @@ class _Motion:
         measured = through_sensors(self.sensors, signals, values, rates) if self.sensed else ()
         dw = acceleration(signals["u"], law[0], torque, values["J"])
         flat = [rate for part in self.parts for rate in rates[part.prefix]]
-        return law[0], *measured, signals["w"], dw, *flat
+        beyond = (x for part in self.couplings for x in _load_side(part, signals, values))
+        return law[0], *measured, *beyond, signals["w"], dw, *flat
 
     def block(self) -> Block:
+        loads = _load_names(len(self.couplings))
         return Block(
             name="plant",
             kind="plant",
             function=self,
             inputs=self.inputs,
-            outputs=("theta", "w", "F", *(("w_m", "theta_m") if self.sensed else ())),
+            outputs=("theta", "w", "F", *(("w_m", "theta_m") if self.sensed else ()), *loads),
             states=self.states,
             parameters={
                 "J": J,
@@ -101,6 +135,15 @@ class _Motion:
             },
             timed=True,
         )
+
+
+def _load_side(
+    part: Part, signals: Mapping[str, Any], values: Mapping[str, Any]
+) -> tuple[Any, Any]:
+    """Position and speed of the load of a coupling."""
+    own = dict(zip(part.block.states, (signals[name] for name in part.states), strict=True))
+    inertia = values[f"{part.prefix}load_inertia"]
+    return load_motion(signals["theta"], signals["w"], own["twist"], own["w_load"], inertia)
 
 
 COMMAND, MOTOR, LOAD, LEVEL, TORQUE = range(5)
@@ -169,6 +212,9 @@ def plant(
 ) -> ct.NonlinearIOSystem:
     """The drive J dw/dt = u - F - d as a block: inputs u, d (N m), outputs theta, w, F.
 
+    A load inertia behind ``elastic_coupling`` or ``backlash`` adds the outputs theta_load,
+    w_load: the load's own position and speed, as an encoder on the load measures them.
+
     Parameters
     ----------
     of : Parameters or Model
@@ -190,12 +236,14 @@ def plant(
 
     Notes
     -----
-    Source paper, eq. mechanical_sys1. theta is the integral of w and is not wrapped.
+    Source paper, eq. mechanical_sys1. theta is the integral of w and is not wrapped. theta_load is
+    theta minus the twist of the coupling. The outputs of a second coupling are theta_load_2,
+    w_load_2.
     """
     from ..door import as_model
 
     model = as_model(of)
-    return _system(assemble(model), model, name, inputs, outputs)
+    return _system(assemble(model, loads=_loads(model)), model, name, inputs, outputs)
 
 
 def sensor(

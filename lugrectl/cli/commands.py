@@ -51,7 +51,7 @@ def _closing(work: Any, loop: str, record: Any, model: Model, **options: Any) ->
     if found.model is None:
         return found
     options["progress"](0.97, "closing the control loop")
-    lugre = "sigma0" in model.friction.values
+    lugre = "sigma1" in model.friction.values
     options = {"observer": "proposed" if lugre else "disturbance", "record": found.record}
     try:
         made = compensate(found.model, declared=model, loop=loop, table=found.table, **options)
@@ -178,10 +178,14 @@ def reading(a: Namespace) -> dict[str, Any]:
 
 
 def fixed(model: Model, a: Namespace) -> Model:
-    """The model with the values of --fix held."""
+    """The model with the law of --law, and the values of --fix held."""
+    from ..door import changed
+
+    law, file = getattr(a, "law", None), model.file
+    model = model if law is None else changed(model, {"friction": law}, "--law")
     names = [n.strip() for given in getattr(a, "fix", None) or [] for n in given.split(",")]
     made = model.fix(*filter(None, names), what="--fix") if names else model
-    object.__setattr__(made, "file", model.file)  # the command says what was held beside it
+    object.__setattr__(made, "file", file)  # the command says what was changed beside it
     return made
 
 

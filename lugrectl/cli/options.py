@@ -140,6 +140,11 @@ def _records(command: argparse.ArgumentParser) -> None:
     )
     _results(command)
     add(
+        "--law",
+        metavar="NAME",
+        help="friction law in place of the model's; values that both laws have are kept",
+    )
+    add(
         "--fix",
         action="append",
         metavar="J,Fc",

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..blocks.controllers import MEASURED
-from ..blocks.observers import Gain
+from ..blocks.observers import Gain, observer_block
 from ..checks import shown
 from ..door import as_model, as_record
 from ..engine.adaptive import Diverged
@@ -131,7 +131,8 @@ def compensate(
     systems = {"none": closed(task, None, None, {}, "none")}
     for key, believed in chosen.items():
         systems[key] = closed(task, believed, observer, designs[key][0], key)
-    runs, errors, messages = _simulated(task, systems, way, reporter(progress))
+    copies = _copies(observer)
+    runs, errors, messages = _simulated(task, systems, way, copies, reporter(progress))
     messages += _useless(errors)
     fed, left = sorted_out(model)
     if table is not None:
@@ -169,8 +170,21 @@ def _completed(declared: Any, model: Model) -> Model:
     return made.with_values({k: known.get(k) for k, v in made.values().items() if v is None})
 
 
+def _copies(observer: str | None) -> list[str]:
+    """The observer's states that follow the position: they start where the drive stands."""
+    if observer is None:
+        return []
+    made = observer_block(observer)
+    pairs = zip(made.states, made.start, strict=True)
+    return [f"{made.name}_{state}" for state, start in pairs if start == "theta"]
+
+
 def _simulated(
-    task: Task, systems: Mapping[str, ct.InterconnectedSystem], way: Course, report: Progress
+    task: Task,
+    systems: Mapping[str, ct.InterconnectedSystem],
+    way: Course,
+    copies: list[str],
+    report: Progress,
 ) -> tuple[dict[str, Run], dict[str, float], list[str]]:
     """Each loop's run and error, and a message for each loop that does not work."""
     r, inputs = way.followed(task.kind), way.inputs(task.kind)
@@ -178,7 +192,9 @@ def _simulated(
     for i, (key, system) in enumerate(systems.items()):
         report(i / len(systems), f"simulating the loop {LOOPS[key]}")
         x0 = np.zeros(system.nstates)
-        x0[system.state_labels.index("plant_theta")] = way.theta[0]
+        placed = ["plant_theta"] if key == "none" else ["plant_theta", *copies]
+        for state in placed:
+            x0[system.state_labels.index(state)] = way.theta[0]
         try:
             with warnings.catch_warnings(record=True) as said:
                 warnings.simplefilter("always")

@@ -71,7 +71,7 @@ def _designed(model: Model) -> tuple[Any, Any]:
 
 
 def _lugre(model: Model, name: str) -> None:
-    if "sigma0" not in model.friction.values:
+    if "sigma1" not in model.friction.values:
         raise InputError(
             f"the {name} observer copies LuGre friction, but {model.name} has "
             f"'{model.friction.block.name}' friction; choose observer='disturbance' or None."

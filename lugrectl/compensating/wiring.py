@@ -8,9 +8,10 @@ from typing import Any
 
 import control as ct
 
-from ..blocks import comparison, controllers  # noqa: F401  comparison registers its observers
+from ..blocks import controllers
 from ..blocks.observers import observer, observer_block
 from ..blocks.plant import plant, sensor
+from ..blocks.sliding import sliding_error
 from ..model import Model
 from ..results import Table
 from .feeding import effects_torque
@@ -53,6 +54,10 @@ def closed(
         controllers.compensation(**own),
         controllers.compensation(name="drive", inputs=["u_fb"]),
     ]
+    if "s" in made.inputs:
+        wanted = [*(["theta_m"] if kind == "position" else []), "w_m", "r", "dr"]
+        wanted += ["ddr"] if kind == "position" else []
+        parts.append(sliding_error(kind=kind, inputs=wanted))
     parts += [task.table.block()] if task.table is not None else []
     parts += [] if believed is None else _fed(task, believed)
     return ct.interconnect(

@@ -1,4 +1,4 @@
-"""Finds the block whose output is not a number, and the blocks of an algebraic loop."""
+"""A system at one instant, block by block: the block whose output is not a number, or a loop."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from .net import looped
+from .adaptive import Diverged
+from .instant import Unsolved, loop_message
+from .pointwise import settled_values
 from .trace import AlgebraicLoop
 
 
@@ -18,20 +20,36 @@ class Probe:
 
     python-control reports a NaN inside an interconnection as an algebraic loop. Here ``culprit``
     names the first output that is not finite although its block's inputs and states are.
+    ``loops`` remembers, for each interconnection, the inputs of a loop that is linear.
     """
 
     t: float
     culprit: str = field(default="")
+    loops: dict[int, np.ndarray] = field(default_factory=dict)
 
     def outputs(self, system: Any, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Outputs of a system; AlgebraicLoop if they never settle."""
         if not isinstance(system, ct.InterconnectedSystem):
-            with np.errstate(all="ignore"):
-                y = np.reshape(np.asarray(system._out(self.t, x, u), dtype=float), -1)
-            self._note(system, np.concatenate([x, u]), y)
-            return y
-        inputs, y = self._settled(system, x, u)
+            return self._called(system, system._out, x, u)
+        inputs = self._inputs(system, x, u)
+        y = self._through(system, x, inputs)
         return _times(system.output_map, np.concatenate([y, inputs]))
+
+    def rates(self, system: Any, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Rates of a system; AlgebraicLoop as for the outputs."""
+        if not system.nstates:
+            return np.zeros(0)
+        if not isinstance(system, ct.InterconnectedSystem):
+            return self._called(system, system._rhs, x, u)
+        parts = _parts(system, x, self._inputs(system, x, u))
+        return np.concatenate([self.rates(block, own, held) for block, own, held in parts])
+
+    def _called(self, block: Any, function: Any, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        with np.errstate(all="ignore"):
+            values = np.reshape(np.asarray(function(self.t, x, u), dtype=float), -1)
+        if function == block._out:
+            self._note(block, np.concatenate([x, u]), values)
+        return values
 
     def _note(self, block: Any, given: np.ndarray, y: np.ndarray) -> None:
         bad = np.flatnonzero(~np.isfinite(y))
@@ -39,36 +57,27 @@ class Probe:
             label, value = block.output_labels[bad[0]], y[bad[0]]
             self.culprit = f"output {label} of block {block.name} is {value}"
 
-    def _settled(self, system: Any, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        external = _times(system.input_map, u)
-        inputs = external
-        for _ in range(len(system.syslist) + 1):
-            parts = [self.outputs(b, own, held) for b, own, held in _parts(system, x, inputs)]
-            y = np.concatenate(parts)
-            new = _times(system.connect_map, y) + external
-            if np.array_equal(new, inputs, equal_nan=True) or not np.isfinite(new).all():
-                return new, y
-            inputs = new
-        raise AlgebraicLoop(self._loop(system, x, inputs))
+    def _through(self, system: Any, x: np.ndarray, inputs: np.ndarray) -> np.ndarray:
+        parts = _parts(system, x, inputs)
+        return np.concatenate([self.outputs(block, own, held) for block, own, held in parts])
 
-    def _loop(self, system: Any, x: np.ndarray, inputs: np.ndarray) -> str:
-        owner = np.repeat(np.arange(len(system.syslist)), [b.ninputs for b in system.syslist])
-        reach, row = np.zeros((len(system.syslist),) * 2), 0
-        random = np.random.default_rng(0)
-        for i, (block, own, held) in enumerate(_parts(system, x, inputs)):
-            base, moved = self.outputs(block, own, held), np.zeros(block.noutputs, dtype=bool)
-            for size in (1e-3, 1.0):
-                shifted = held + size * random.standard_normal(len(held))
-                moved |= self.outputs(block, own, shifted) != base
-            for quick in moved:
-                if quick:
-                    reach[i, owner[np.flatnonzero(system.connect_map[:, row])]] = 1
-                row += 1
-        names = ", ".join(system.syslist[i].name for i in looped(reach))
-        return (
-            f"{system.name}: algebraic loop through {names}; each output depends on its input at "
-            "the same instant: put a state (a lag, a sensor) between them."
-        )
+    def _inputs(self, system: Any, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """The inputs of all blocks of an interconnection."""
+        external = _times(system.input_map, u)
+        owners = np.repeat(np.arange(len(system.syslist)), [b.ninputs for b in system.syslist])
+        before = self.culprit
+
+        def step(inputs: np.ndarray) -> np.ndarray:
+            return _times(system.connect_map, self._through(system, x, inputs)) + external
+
+        try:
+            found = settled_values(step, external, owners.tolist(), self.loops, id(system))
+        except Unsolved as error:
+            names = ", ".join(system.syslist[i].name for i in error.blocks)
+            raise AlgebraicLoop(loop_message(system.name, names)) from None
+        if np.isfinite(found).all():
+            self.culprit = before  # what was tried on the way does not count
+        return found
 
 
 def culprit(system: Any, t: float, x: np.ndarray, u: np.ndarray) -> str:
@@ -76,6 +85,40 @@ def culprit(system: Any, t: float, x: np.ndarray, u: np.ndarray) -> str:
     probe = Probe(t)
     probe.outputs(system, np.asarray(x, dtype=float), np.asarray(u, dtype=float))
     return probe.culprit
+
+
+class Instant:
+    """A system at any instant, block by block where python-control reports a loop.
+
+    Raises
+    ------
+    Diverged
+        When an output of a block is not finite although what it reads is.
+    AlgebraicLoop
+        For a loop that cannot be solved.
+    """
+
+    def __init__(self, system: Any) -> None:
+        self.system, self._loops = system, {}
+
+    def rates(self, t: float, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        try:
+            return self.system._rhs(t, x, u)
+        except RuntimeError:
+            return self._probed(Probe.rates, t, x, u)
+
+    def outputs(self, t: float, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        try:
+            return self.system._out(t, x, u)
+        except RuntimeError:
+            return self._probed(Probe.outputs, t, x, u)
+
+    def _probed(self, what: Any, t: float, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        probe = Probe(t, loops=self._loops)
+        values = what(probe, self.system, x, u)
+        if probe.culprit:
+            raise Diverged(f"{self.system.name}: {probe.culprit} at t = {t:.6g} s.")
+        return values
 
 
 def _times(matrix: Any, values: np.ndarray) -> np.ndarray:

@@ -11,7 +11,9 @@ from scipy.integrate import solve_ivp
 from .adaptive import Adaptive, Diverged
 from .held import Course, Track, not_finite
 from .hybrid import state_labels, trace_net
+from .instant import Unsolved
 from .net import Net
+from .pointwise import settled_values
 from .trace import AlgebraicLoop
 
 Rows = list[np.ndarray]
@@ -35,6 +37,7 @@ class Called:
         self, net: Net, params: Mapping[str, Any] | None = None, method: str | None = None
     ) -> None:
         self.net, self.params, self.method = net, params, method
+        self._loops: dict[int, np.ndarray] = {}
         flowing = method is None and net.count(False) > 0
         self.engine = Adaptive(trace_net(net, params, ticks=False).flow) if flowing else None
 
@@ -112,7 +115,7 @@ class Called:
     ) -> tuple[list[np.ndarray], Rows]:
         """Inputs and outputs at one instant; parts in ``answers`` respond to their inputs."""
         inputs: list[Any] = [None] * len(outputs)
-        for _ in range(len(outputs) + 2):
+        for _ in range(sum(map(len, outputs)) + 2):
             changed = False
             for i, part in enumerate(self.net.parts):
                 new = np.array([self._signal(k, outputs, u) for k in part.inputs], dtype=float)
@@ -124,19 +127,30 @@ class Called:
                 return inputs, outputs
         if not all(np.isfinite(row).all() for row in outputs):
             return inputs, outputs  # 0 * inf never settles; it is reported by name later
-        raise AlgebraicLoop(self.net.loop_message(self._quick(answers, inputs, outputs)))
+        return self._solved(inputs, outputs, answers, u)
 
-    def _quick(self, answers: Sequence[Any], inputs: Rows, outputs: Rows) -> list[list[bool]]:
-        """Which outputs change at once with any input."""
-        random, rows = np.random.default_rng(0), []
-        for answer, given, out in zip(answers, inputs, outputs, strict=True):
-            moved = np.zeros(len(out), dtype=bool)
-            if answer is not None:
-                base = answer(given)
-                for size in (1e-3, 1.0):
-                    moved |= answer(given + size * random.standard_normal(len(given))) != base
-            rows.append(moved.tolist())
-        return rows
+    def _solved(
+        self, inputs: Rows, outputs: Rows, answers: Sequence[Any], u: np.ndarray
+    ) -> tuple[list[np.ndarray], Rows]:
+        """The same for outputs that depend on themselves."""
+        ends = np.cumsum([len(row) for row in inputs])[:-1]
+
+        def through(flat: np.ndarray) -> Rows:
+            given = zip(np.split(flat, ends), answers, outputs, strict=True)
+            return [out if a is None else a(row) for row, a, out in given]
+
+        def step(flat: np.ndarray) -> np.ndarray:
+            rows = through(flat)
+            labels = [k for part in self.net.parts for k in part.inputs]
+            return np.array([self._signal(k, rows, u) for k in labels], dtype=float)
+
+        owners = [i for i, row in enumerate(inputs) for _ in row]
+        try:
+            key = hash(tuple(a is None for a in answers))
+            flat = settled_values(step, np.concatenate(inputs), owners, self._loops, key)
+        except Unsolved as error:
+            raise AlgebraicLoop(self.net.loop_message(error.blocks)) from None
+        return np.split(flat, ends), through(flat)
 
     def _signal(self, label: str, outputs: Rows, u: np.ndarray) -> float:
         if label in self.net.outside:

@@ -12,6 +12,7 @@ from .program import Program
 from .symbolic import TraceError
 
 AGAIN = (1.0, 30.0)  # for equations that were checked at all scales before
+POSITIVE = (1.0, 1e2, 1e4)  # where no other point gives a value: a root or a logarithm
 
 
 def check(
@@ -28,12 +29,15 @@ def check(
     random = np.random.default_rng(len(program.graph.nodes))
     single = {k for k in program.keys if program.keys.count(k) == 1 and k not in program.fixed}
     compared = 0
-    for scale in scales:
+    for scale, signed in [*((k, True) for k in scales), *((k, False) for k in POSITIVE)]:
+        if compared and not signed:
+            break
         pairs = zip(program.keys, program.arguments(params), strict=True)
         spread = 0.0 if scale == 1.0 else 0.2
         values = {k: v * (1 + spread * random.uniform(-1, 1)) for k, v in pairs if k in single}
         t = abs(scale * random.standard_normal())
         x, u = (scale * random.standard_normal(len(s)) for s in (program.x, program.u))
+        x, u = (x, u) if signed else (np.abs(x), np.abs(u))
         own = _own(system, t, x, u, {**(params or {}), **values})
         if own is not None:
             p = program.arguments({**(params or {}), **values})
@@ -45,12 +49,28 @@ def check(
 
 
 def _own(system: Any, t: float, x: Any, u: Any, params: Mapping[str, Any]) -> np.ndarray | None:
-    """The system's rates and outputs; None if python-control finds a NaN inside a loop."""
+    """The system's rates and outputs; None if there are none at this point.
+
+    python-control reports some loops that have an answer as algebraic; these are evaluated
+    block by block.
+    """
     system._update_params(params)
     try:
         with np.errstate(all="ignore"):
             return np.concatenate([system._rhs(t, x, u), system._out(t, x, u)])
-    except (RuntimeError, ArithmeticError):
+    except ArithmeticError:
+        return None
+    except RuntimeError:
+        return _block_by_block(system, t, x, u)
+
+
+def _block_by_block(system: Any, t: float, x: Any, u: Any) -> np.ndarray | None:
+    from .blame import Probe  # it imports the tracer, which imports this module
+
+    probe = Probe(t)
+    try:
+        return np.concatenate([probe.rates(system, x, u), probe.outputs(system, x, u)])
+    except (RuntimeError, ArithmeticError, ValueError):
         return None
 
 

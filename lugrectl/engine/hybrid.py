@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from .check import check
-from .graph import Graph, Node, rename, symbols_in
+from .graph import Graph, Node, rename
+from .instant import Rows, Unsolved, settled
 from .net import Net
 from .program import Program
 from .trace import AlgebraicLoop, _Tracer, single
@@ -126,32 +127,21 @@ class _NetTracer(_Tracer):
         self, fixed: Sequence[list[Node] | None], answer: Answer
     ) -> tuple[list[list[Node]], list[list[Node]]]:
         """Inputs and outputs of all parts at one instant; ``fixed`` outputs do not change."""
-        parts, zero = self.net.parts, self.graph.constant(0.0)
-        outputs = [
-            [zero] * len(p.outputs) if f is None else f for p, f in zip(parts, fixed, strict=True)
-        ]
-        inputs: list[list[Node]] = [[] for _ in parts]
-        for _ in range(len(parts) + 2):
-            before = [node for row in inputs for node in row]
-            for i, part in enumerate(parts):
-                inputs[i] = [self._signal(label, outputs) for label in part.inputs]
-                if fixed[i] is None:
-                    outputs[i] = answer(i, inputs[i])
-            after = [node for row in inputs for node in row]
-            if list(map(id, before)) == list(map(id, after)):
-                return inputs, outputs
-        raise AlgebraicLoop(self.net.loop_message(self._quick(fixed, answer)))
+        parts = self.net.parts
 
-    def _quick(self, fixed: Sequence[list[Node] | None], answer: Answer) -> list[list[bool]]:
-        """Which outputs depend on an input at the same instant."""
-        rows = []
-        for i, part in enumerate(self.net.parts):
-            probes = [self.graph.symbol(f"probe{k}") for k in range(len(part.inputs))]
-            names = {probe.value for probe in probes}
-            outputs = answer(i, probes) if fixed[i] is None else []
-            rows.append([bool(names & symbols_in([node])) for node in outputs])
-            rows[-1] += [False] * (len(part.outputs) - len(outputs))
-        return rows
+        def inputs(rows: Rows) -> list[list[Node]]:
+            return [[self._signal(label, rows) for label in part.inputs] for part in parts]
+
+        def respond(rows: Rows) -> Rows:
+            asked = zip(fixed, inputs(rows), strict=True)
+            return [answer(i, given) if f is None else f for i, (f, given) in enumerate(asked)]
+
+        try:
+            counts = [len(part.outputs) for part in parts]
+            outputs = settled(self.graph, counts, respond, self._numbers())
+        except Unsolved as error:
+            raise AlgebraicLoop(self.net.loop_message(error.blocks)) from None
+        return inputs(outputs), outputs
 
     def _signal(self, label: str, outputs: Sequence[Sequence[Node]]) -> Node:
         """The sum of all outputs of a name, or the external input."""

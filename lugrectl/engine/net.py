@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-from scipy.sparse.csgraph import connected_components
+from .instant import loop_message
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,25 +89,6 @@ class Net:
         """The number of states of the continuous or the sampled parts."""
         return sum(part.nstates for part in self.parts if part.sampled is sampled)
 
-    def readers(self, label: str) -> list[int]:
-        return [i for i, part in enumerate(self.parts) if label in part.inputs]
-
-    def loop_message(self, answers_at_once: Sequence[Sequence[bool]]) -> str:
-        """The message on an algebraic loop; the argument says which outputs depend on inputs."""
-        reach = np.zeros((len(self.parts),) * 2)
-        for i, flags in enumerate(answers_at_once):
-            for label, quick in zip(self.parts[i].outputs, flags, strict=True):
-                if quick:
-                    reach[i, self.readers(label)] = 1
-        names = ", ".join(self.parts[i].block.name for i in looped(reach))
-        return (
-            f"{self.name}: algebraic loop through {names}: an output depends on itself at the "
-            "same instant; put a state or a sample of delay between them."
-        )
-
-
-def looped(reach: np.ndarray) -> list[int]:
-    """The members that reach themselves."""
-    _, group = connected_components(reach, connection="strong")
-    sizes = np.bincount(group)
-    return [i for i in range(len(reach)) if reach[i, i] or sizes[group[i]] > 1]
+    def loop_message(self, members: Sequence[int]) -> str:
+        """The message on an algebraic loop through these parts."""
+        return loop_message(self.name, ", ".join(self.parts[i].block.name for i in members))

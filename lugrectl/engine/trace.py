@@ -15,17 +15,17 @@ from typing import Any
 
 import control as ct
 import numpy as np
-from scipy.sparse.csgraph import connected_components
 
 from ..errors import InputError
 from .check import check
 from .graph import Graph, Node, symbols_in
+from .instant import Rows, Unsolved, loop_message, settled
 from .program import Program
 from .symbolic import TraceError, signal_array
 
 
 class AlgebraicLoop(InputError):
-    """Outputs that depend on themselves without a state in between."""
+    """Outputs that depend on themselves without a state in between, and cannot be solved."""
 
 
 def trace(system: ct.NonlinearIOSystem, params: Mapping[str, Any] | None = None) -> Program:
@@ -167,45 +167,28 @@ class _Tracer:
     def _signals(
         self, system: Any, x: Sequence[Node], u: Sequence[Node]
     ) -> tuple[list[Node], list[Node]]:
-        """Inputs and outputs of all blocks, by python-control's passes until nothing changes."""
+        """Inputs and outputs of all blocks of an interconnection."""
         external = self._linear(system.input_map, u)
-        inputs = external
-        for _ in range(len(system.syslist) + 1):
-            outputs = [
-                y
-                for block, own, held in _parts(system, x, inputs)
-                for y in self._outputs(block, own, held)
-            ]
-            fed = zip(self._linear(system.connect_map, outputs), external, strict=True)
-            new = [a + b for a, b in fed]
-            if all(a is b for a, b in zip(inputs, new, strict=True)):
-                return inputs, outputs
-            inputs = new
-        raise AlgebraicLoop(self._loop_message(system, x))
 
-    def _loop_message(self, system: Any, x: Sequence[Node]) -> str:
-        """Find the blocks whose outputs reach their own inputs without a state between."""
-        probes = [self.graph.symbol(f"probe{i}") for i in range(system.connect_map.shape[0])]
-        owner = [i for i, b in enumerate(system.syslist) for _ in range(b.ninputs)]
-        reach = np.zeros((len(system.syslist),) * 2)
-        row = 0
-        for i, (block, own, held) in enumerate(_parts(system, x, probes)):
-            for output in self._outputs(block, own, held):
-                seen = symbols_in([output])
-                if any(probe.value in seen for probe in held):
-                    for k in np.flatnonzero(system.connect_map[:, row]):
-                        reach[i, owner[k]] = 1
-                row += 1
-        _, group = connected_components(reach, connection="strong")
-        looped = [
-            block.name
-            for i, block in enumerate(system.syslist)
-            if reach[i, i] or np.count_nonzero(group == group[i]) > 1
-        ]
-        return (
-            f"{system.name}: algebraic loop through {', '.join(looped)}; each output depends on "
-            "its input at the same instant: put a state (a lag, a sensor) between them."
-        )
+        def inputs(rows: Rows) -> list[Node]:
+            fed = self._linear(system.connect_map, [y for row in rows for y in row])
+            return [a + b for a, b in zip(fed, external, strict=True)]
+
+        def respond(rows: Rows) -> Rows:
+            parts = _parts(system, x, inputs(rows))
+            return [self._outputs(block, own, held) for block, own, held in parts]
+
+        try:
+            counts = [block.noutputs for block in system.syslist]
+            rows = settled(self.graph, counts, respond, self._numbers())
+        except Unsolved as error:
+            names = ", ".join(system.syslist[i].name for i in error.blocks)
+            raise AlgebraicLoop(loop_message(system.name, names)) from None
+        return inputs(rows), [y for row in rows for y in row]
+
+    def _numbers(self) -> dict[str, float]:
+        """The values of the parameters by symbol."""
+        return {slot.node.value: slot.value for slot in self.slots.values()}
 
     def _linear(self, matrix: Any, nodes: Sequence[Node]) -> list[Node]:
         rows = np.atleast_2d(np.asarray(matrix, dtype=float))

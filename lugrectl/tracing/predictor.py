@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from ..blocks.elements import MaxwellSlip
+from ..blocks.forms import formed
 from ..blocks.friction import EPS, stribeck
 from ..blocks.parts import Part as Placed
 from ..blocks.plant import COMMAND, LEVEL, assemble, stage
@@ -116,7 +118,8 @@ class Predictor:
         level, viscous = values.get("Fc", 0.0), values.get("Fv", 0.0)
         stiction, vs = values.get("Fs", level), values.get("vs", 1.0)
         w, eps = self.data.log.w, values.get("eps", EPS.value)
-        return stribeck(w, Fc=level, Fs=stiction, Fv=viscous, vs=vs, eps=eps)[0]
+        law, own = formed(stribeck, {k: values[k] for k in ("delta",) if k in values}, "friction")
+        return law(w, Fc=level, Fs=stiction, Fv=viscous, vs=vs, eps=eps, **own)[0]
 
     def run(
         self,
@@ -261,6 +264,11 @@ class Predictor:
             places = [names.index(name) for name in Placed(f"{part.key}.", part.block).states]
             for x, v in zip(x0, values, strict=True):
                 x[:, places] = ran[run_as(part, v)][:, len(part.block.fresh) :]
+        law = self.core.friction.block.function
+        if isinstance(law, MaxwellSlip):
+            first = names.index("z1")
+            z = law.before(values, log.theta, log.runs, start)
+            x0[..., first : first + law.elements] = z
         if "z" in names:
             F = self._bristle_torques(values, start, ran)
             sigma0 = np.array([[max(v["sigma0"], 1e-12)] for v in values])

@@ -1,0 +1,274 @@
+"""What stands between a controller and the motor, and in front of a speed loop.
+
+Limit, notch, current loop, dead time: each reads ``u_cmd`` and puts out ``u`` unless it is given
+other names. The proportional position controller puts out the speed reference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..checks import number, one_name, positive
+from ..errors import InputError
+from ..spec import P, block, renamed
+from .effects.actuator import actuator_lag, actuator_saturation, input_delay
+
+if TYPE_CHECKING:
+    import control as ct
+
+TURN = 2.0 * np.pi
+KV: Any = P(20.0, "1/s")
+SPEED_LIMIT: Any = P(np.inf, "rad/s", 0.0, neutral=np.inf)
+TORQUE_LIMIT: Any = P(np.inf, "N m", 0.0, neutral=np.inf)
+MOST = 10_000  # samples of delay
+
+
+@block("controller", name="limiter", out="u excess")
+def _limiter(u_cmd, limit=TORQUE_LIMIT):
+    """u = clip(u_cmd, -limit, limit), excess = u - u_cmd."""
+    (u,) = actuator_saturation(u_cmd, limit=limit)
+    return u, u - u_cmd
+
+
+@block("controller", name="proportional", out="w_ref")
+def _proportional(e, kv=KV, limit=SPEED_LIMIT):
+    """w_ref = clip(kv (-e), -limit, limit)."""
+    return np.clip(-kv * e, -limit, limit)
+
+
+@block("controller", name="notch", out="u", states="band area")
+def _notch(
+    u_cmd,
+    band,
+    area,
+    frequency: Any = P(100.0, "Hz", 1e-9),
+    damping: Any = P(0.5, "1", 1e-9),
+    depth: Any = P(0.1, "1", 0.0, 1.0),
+):
+    """u/u_cmd = (s^2 + 2 depth D W s + W^2)/(s^2 + 2 D W s + W^2), W = 2 pi frequency."""
+    W = TURN * frequency
+    rate = 2.0 * damping * W * (u_cmd - band) - W * area
+    return u_cmd - (1.0 - depth) * band, rate, W * band
+
+
+def limiter(
+    limit: float = np.inf,
+    *,
+    name: str = "limiter",
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> ct.NonlinearIOSystem:
+    """The torque limit of a drive: input u_cmd, outputs u, excess.
+
+    u = clip(u_cmd, -limit, limit), excess = u - u_cmd.
+
+    Parameters
+    ----------
+    limit : float
+        Largest torque in N m, >= 0.
+    name, inputs, outputs : str, list of str
+        Block name and, in order, other names for the signals.
+
+    Raises
+    ------
+    InputError
+        For a negative limit.
+
+    Notes
+    -----
+    ``excess`` is 0 while the drive is not at its limit. A controller with ``tracking=`` reads it
+    to keep its integral from winding up, wherever the limit stands: behind a notch, or where
+    compensation and feed-forward have been added.
+    """
+    return _limiter.system(name=name, inputs=inputs, outputs=outputs, limit=limit)
+
+
+def proportional(
+    kv: float = 20.0,
+    limit: float = np.inf,
+    *,
+    name: str = "proportional",
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> ct.NonlinearIOSystem:
+    """The position controller of a cascade, w_ref = kv (-e): input e, output w_ref.
+
+    Parameters
+    ----------
+    kv : float
+        In 1/s.
+    limit : float
+        Largest speed reference in rad/s, >= 0.
+    name, inputs, outputs : str, list of str
+        Block name and, in order, other names for the signals.
+
+    Raises
+    ------
+    InputError
+        For a negative limit.
+    """
+    return _proportional.system(name=name, inputs=inputs, outputs=outputs, kv=kv, limit=limit)
+
+
+def notch(
+    frequency: float,
+    damping: float = 0.5,
+    depth: float = 0.1,
+    *,
+    name: str = "notch",
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> ct.NonlinearIOSystem:
+    """A notch filter against a resonance: input u_cmd, output u.
+
+    u/u_cmd = (s^2 + 2 depth D W s + W^2)/(s^2 + 2 D W s + W^2), W = 2 pi frequency.
+
+    Parameters
+    ----------
+    frequency : float
+        Its middle in Hz.
+    damping : float
+        D > 0, without unit; the notch is 2 D frequency wide (in Hz, where depth is 0 at -3 dB).
+    depth : float
+        The gain in the middle, 0 to 1; 1 switches the notch off.
+    name, inputs, outputs : str, list of str
+        Block name and, in order, other names for the signals.
+
+    Raises
+    ------
+    InputError
+        For a frequency or damping that is not positive, or a depth outside 0 to 1.
+
+    Notes
+    -----
+    u = u_cmd - (1 - depth) band, where band = 2 D W s/(s^2 + 2 D W s + W^2) u_cmd has the unit
+    of u; states ``band`` and ``area``, W times the integral of band. The gain is 1 at rest.
+    """
+    values = {"frequency": frequency, "damping": damping, "depth": depth}
+    return _notch.system(name=name, inputs=inputs, outputs=outputs, **values)
+
+
+def current_lag(
+    time_constant: float,
+    *,
+    name: str = "current_lag",
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> ct.NonlinearIOSystem:
+    """The current loop of a drive as a first-order lag: input u_cmd, output u.
+
+    tau du/dt + u = u_cmd: the effect ``actuator_lag`` as a block of the loop.
+
+    Parameters
+    ----------
+    time_constant : float
+        In s; 0 passes the command unchanged.
+    name, inputs, outputs : str, list of str
+        Block name and, in order, other names for the signals.
+
+    Raises
+    ------
+    InputError
+        For a time constant outside 0 to 10 s.
+    """
+    signals = {"inputs": inputs or ["u_cmd"], "outputs": outputs}
+    return actuator_lag.system(name=name, **signals, time_constant=time_constant)
+
+
+def dead_time(
+    delay: float,
+    dt: float | None = None,
+    *,
+    name: str = "dead_time",
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> ct.NonlinearIOSystem:
+    """A dead time, u = u_cmd(t - T): input u_cmd, output u.
+
+    Parameters
+    ----------
+    delay : float
+        T in s; 0 passes the command unchanged.
+    dt : float, optional
+        Sample time in s. Without it the block is continuous: the Pade approximation of order 2
+        of the effect ``input_delay``, exact to 1 degree of phase up to w T = 1.7. With it the
+        block is discrete and delays by whole samples exactly; for a delay between two whole
+        numbers of samples it mixes the two neighbours, which is the mean over each sample.
+    name, inputs, outputs : str, list of str
+        Block name and, in order, other names for the signals.
+
+    Raises
+    ------
+    InputError
+        For a delay outside 0 to 0.2 s without dt, a negative one, or one of more than 10 000
+        samples with it.
+
+    Notes
+    -----
+    The Pade form answers a unit step with 1 at the first instant, then -0.4 at its lowest, before
+    it rises to 1. In a loop whose gain has fallen well below 1 at w T = 1.7 this does not matter.
+    States of the discrete block: the last commands.
+    """
+    if dt is None:
+        signals = {"inputs": inputs or ["u_cmd"], "outputs": outputs}
+        return input_delay.system(name=name, **signals, delay=delay)
+    late, step = number(delay, "delay"), positive(dt, "dt", "seconds")
+    if not 0.0 <= late <= MOST * step:
+        raise InputError(f"delay = {late:g} s lies outside 0 to {MOST} samples of {step:g} s.")
+    return _shifted(late / step, step, one_name(name), inputs, outputs)
+
+
+def _shifted(
+    samples: float,
+    dt: float,
+    name: str,
+    inputs: Sequence[str] | None,
+    outputs: Sequence[str] | None,
+) -> ct.NonlinearIOSystem:
+    import control as ct
+
+    samples = float(round(samples)) if abs(samples - round(samples)) < 1e-9 else samples
+    made = _Late(int(samples), samples % 1.0)
+    many = made.whole + (made.part > 0.0)
+    return ct.nlsys(
+        _Shift() if many else None,
+        made,
+        inputs=renamed(name, "inputs", ("u_cmd",), inputs),
+        outputs=renamed(name, "outputs", ("u",), outputs),
+        states=[f"late{k + 1}" for k in range(many)] or None,
+        name=name,
+        dt=dt,
+    )
+
+
+class _Steady:
+    def rests_on(self) -> tuple[Any, ...]:
+        """Nothing but its arguments decides the answer."""
+        return ()
+
+
+@dataclass(frozen=True)
+class _Shift(_Steady):
+    """The update of a delay: each state takes the value of the one before."""
+
+    def __call__(self, t: Any, x: Any, u: Any, params: Any) -> np.ndarray:
+        return np.array([u[0], *x[:-1]])
+
+
+@dataclass(frozen=True)
+class _Late(_Steady):
+    """The command of ``whole`` samples ago, mixed with the one before by ``part``."""
+
+    whole: int
+    part: float
+
+    def __call__(self, t: Any, x: Any, u: Any, params: Any) -> np.ndarray:
+        known = [u[0], *x]
+        late = known[self.whole]
+        if self.part:
+            late = (1.0 - self.part) * late + self.part * known[self.whole + 1]
+        return np.array([late])

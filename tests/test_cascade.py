@@ -1,0 +1,308 @@
+"""The cascade that drives have, against the same loop wired by hand from own blocks."""
+
+import pickle
+
+import control as ct
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.engine import adaptive
+from lugrectl.simulation import simulate
+
+P = lg.table1()
+KV, KP, KI, LIMIT, LAG, DELAY = 20.0, 1.6, 16.0, 0.8, 3e-4, 2e-4
+OPTIONS = {"limit": LIMIT, "lag": LAG, "delay": DELAY, "load": True}
+T = np.arange(0, 0.1, 2e-3)
+STEP = np.vstack([np.where(T < 0.06, 1.0, 0.0), np.where(T > 0.03, 0.1, 0.0)])
+LSODA = {"solve_ivp_method": "LSODA", "solve_ivp_kwargs": {"rtol": 1e-9, "atol": 1e-11}}
+GEARED = lg.Model.of(P).with_effect(
+    "elastic_coupling", {"load_inertia": 0.002, "stiffness": 40.0, "damping": 0.02}
+)
+
+
+@pytest.fixture(autouse=True)
+def uncompiled(monkeypatch):
+    """Short runs: plain Python is faster than compiling."""
+    monkeypatch.setattr(adaptive, "has_numba", lambda: False)
+
+
+def static(name, inputs, output, function):
+    return ct.nlsys(None, function, inputs=inputs, outputs=[output], name=name)
+
+
+def by_hand(tracking, observer=()):
+    """Own blocks for everything but plant and observer: clip, back-calculation, lag, Pade."""
+    pull = 1.0 / (KI * tracking)
+    pade = ct.ss(ct.tf([DELAY**2, -6 * DELAY, 12], [DELAY**2, 6 * DELAY, 12]))
+    pi = ct.nlsys(
+        lambda t, x, u, params: [-u[0] + pull * (u[2] - (KI * x[0] - KP * u[0] + u[1]))],
+        lambda t, x, u, params: [KI * x[0] - KP * u[0] + u[1]],
+        inputs=["e_w", "Fhat", "u"],
+        outputs=["v"],
+        states=["q"],
+        name="own_pi",
+    )
+    return ct.interconnect(
+        [
+            lg.plant(P, inputs=["u_motor", "d"]),
+            *observer,
+            static("own_e", ["r", "theta"], "e", lambda t, x, u, params: u[1] - u[0]),
+            static("own_p", ["e", "w"], "e_w", lambda t, x, u, params: u[1] + KV * u[0]),
+            pi,
+            static("own_clip", ["v"], "u", lambda t, x, u, params: np.clip(u[0], -LIMIT, LIMIT)),
+            ct.ss(pade.A, pade.B, pade.C, pade.D, inputs=["u"], outputs=["late"], name="own_late"),
+            ct.ss(-1 / LAG, 1 / LAG, 1, 0, inputs=["late"], outputs=["u_motor"], name="own_lag"),
+        ],
+        inputs=["r", "d"],
+        outputs=["theta", "w", "u"],
+        params={},
+        check_unused=False,
+    )
+
+
+def rows(response, *labels):
+    known = list(response.output_labels)
+    return np.array([response.outputs[known.index(k)] for k in labels])
+
+
+@pytest.mark.parametrize("tracking", [KP / KI, np.inf], ids=["held back", "winding up"])
+def test_the_ready_made_cascade_is_the_one_wired_by_hand(tracking):
+    """In this engine, and in python-control's own simulation."""
+    ready = lg.cascade_loop(P, kv=KV, kp=KP, ki=KI, tracking=tracking, **OPTIONS)
+    hand = by_hand(tracking)
+    one, other = (rows(simulate(m, T, STEP, rtol=1e-10), "theta", "w", "u") for m in (ready, hand))
+    assert one == pytest.approx(other, abs=1e-9) and np.abs(one[2]).max() == LIMIT
+    system = ready if tracking < 1.0 else hand
+    theirs = rows(ct.input_output_response(system, T, STEP, **LSODA), "theta", "w", "u")
+    assert (np.abs(theirs - one).max(axis=1) < 1e-6 * np.abs(one).max(axis=1)).all()
+
+
+def test_with_an_observer_too():
+    """The hand-wired observer reads the clipped torque by its name."""
+    t, r = T, STEP
+    ready = lg.cascade_loop(P, "proposed", kv=KV, kp=KP, ki=KI, **OPTIONS)
+    hand = by_hand(KP / KI, [lg.proposed_observer(P)])
+    one, other = (simulate(m, t, r, rtol=1e-8) for m in (ready, hand))
+    assert rows(one, "theta") == pytest.approx(rows(other, "theta"), abs=1e-6)
+    assert rows(one, "u") == pytest.approx(rows(other, "u"), abs=1e-6)
+
+
+def test_from_the_ready_made_blocks_as_well():
+    """The blocks of the package, connected by their names alone."""
+    hand = ct.interconnect(
+        [
+            lg.plant(P, inputs=["u_motor", "d"]),
+            lg.error("position"),
+            lg.proportional(KV),
+            lg.error("velocity", name="speed_error", inputs=["w_ref", "w"], outputs=["e_w"]),
+            lg.pi(KP, KI, limit=LIMIT, inputs=["e_w"]),
+            lg.dead_time(DELAY, inputs=["u"], outputs=["late"]),
+            lg.current_lag(LAG, inputs=["late"], outputs=["u_motor"]),
+        ],
+        inputs=["r", "d"],
+        outputs=["theta", "u"],
+        check_unused=False,
+    )
+    ready = lg.cascade_loop(P, kv=KV, kp=KP, ki=KI, **OPTIONS)
+    one, other = (simulate(m, T, STEP, rtol=1e-8) for m in (ready, hand))
+    assert rows(one, "theta", "u") == pytest.approx(rows(other, "theta", "u"), abs=1e-6)
+
+
+def overshoot(loop, label="theta", reference=2.0):
+    t = np.arange(0, 1.0, 2e-3)
+    r = np.full((loop.ninputs, len(t)), 0.0)
+    r[0] = reference
+    found = simulate(loop, t, r)
+    return float(rows(found, label).max()) / reference - 1.0
+
+
+def test_wind_up_with_and_without_back_calculation():
+    """2 rad with 0.6 N m, of which friction takes half: 40 % too far, or not at all."""
+    wound = overshoot(lg.cascade_loop(P, limit=0.6, tracking=np.inf))
+    held = overshoot(lg.cascade_loop(P, limit=0.6))
+    assert wound > 0.4 and held < 0.01
+
+
+@pytest.mark.parametrize("make", [lg.velocity_loop, lg.position_loop])
+def test_the_other_loops_take_a_limit(make):
+    label = "w" if make is lg.velocity_loop else "theta"
+    gains = {"kp": 1.6, "ki": 16.0} if make is lg.velocity_loop else {"kp": 15, "ki": 40, "kd": 0.5}
+    loops = [make(P, limit=0.5, tracking=T, **gains) for T in (None, np.inf)]
+    held, wound = (overshoot(loop, label, 5.0 if label == "w" else 2.0) for loop in loops)
+    assert wound > 2 * max(held, 0.02)
+    far = make(P, "proposed", limit=0.5, **gains, prefilter=True, feedforward=True)
+    inputs = np.zeros(far.ninputs)
+    inputs[0] = 1e3
+    moved = [1e3 if "prefilter" in k else 0.0 for k in far.state_labels]
+    out = dict(zip(far.output_labels, far.output(0, moved, inputs), strict=True))
+    assert out["u"] == 0.5
+
+
+@pytest.mark.parametrize("make", [lg.velocity_loop, lg.position_loop, lg.cascade_loop])
+def test_the_observer_sees_the_limited_torque(make):
+    """J dwhat/dt = u - Fhat + K2 (w - what) with u at its limit, at rest: limit/J."""
+    loop = make(P, "proposed", limit=0.5)
+    rates = dict(
+        zip(loop.state_labels, loop.dynamics(0, np.zeros(loop.nstates), [100.0]), strict=True)
+    )
+    assert rates["proposed_observer_what"] == pytest.approx(0.5 / P.J)
+    assert rates["plant_w"] == pytest.approx(0.5 / P.J)
+
+
+@pytest.mark.parametrize("name", ["slotine_li", "backstepping_smc", "repetitive_control"])
+@pytest.mark.parametrize("make", [lg.velocity_loop, lg.position_loop])
+def test_a_limit_stands_behind_a_controller_by_name(make, name):
+    loop = make(P, "temperature", controller=name, limit=0.5)
+    inputs = [100.0] * loop.ninputs
+    rates = loop.dynamics(0, np.zeros(loop.nstates), inputs)
+    assert rates[loop.state_labels.index("plant_w")] == pytest.approx(0.5 / P.J)
+    out = dict(zip(loop.output_labels, loop.output(0, np.zeros(loop.nstates), inputs), strict=True))
+    assert out["u"] == 0.5
+    with pytest.raises(lg.InputError, match=f"leave it out with {name}"):
+        make(P, controller=name, limit=0.5, tracking=0.1)
+
+
+def test_an_observer_on_the_sliding_error_finds_it_in_the_cascade():
+    """s = (w - dr) + 20 (theta - r), with the position of the load where that is measured."""
+    for model, feedback in ((P, "motor"), (GEARED, "load")):
+        loop = lg.cascade_loop(model, "lyapunov", feedback=feedback)
+        assert loop.input_labels == ["r", "dr"]
+        x = 0.01 * np.arange(1.0, loop.nstates + 1)
+        x[loop.state_labels.index("plant_w")] = 0.0
+        outputs = loop.output(0, x, [0.1, 0.0])
+        theta = outputs[loop.output_labels.index("theta" if model is P else "theta_load")]
+        rate = loop.dynamics(0, x, [0.1, 0.0])[loop.state_labels.index("lyapunov_observer_zhat")]
+        assert rate == pytest.approx(-0.35 * 20 * (theta - 0.1))
+
+
+def test_signals_of_the_cascade():
+    usual = ["theta", "w", "F", "Fhat", "u", "e", "w_ref"]
+    assert lg.cascade_loop(P).output_labels == usual
+    loop = lg.cascade_loop(P, "natural", lag=1e-3, notch=80, feedforward=True, load=True)
+    assert loop.input_labels == ["r", "dr", "ddr", "d"]
+    assert loop.output_labels == [*usual, "u_motor"]
+    names = [block.name for block in loop.syslist]
+    assert {"notch", "current_lag", "natural_observer", "pi", "proportional"} <= {*names}
+    assert lg.cascade_loop(GEARED).output_labels == [*usual, "theta_load", "w_load"]
+    assert pickle.loads(pickle.dumps(loop)).output_labels == loop.output_labels
+
+
+def test_the_cascade_without_limits_is_its_transfer_function():
+    s = ct.tf("s")
+    loop = lg.cascade_loop(P, "natural", kv=KV, kp=KP, ki=KI, notch=(90.0, 0.5, 0.2), lag=1e-3)
+    W = 2 * np.pi * 90
+    shape = (s**2 + 2 * 0.2 * 0.5 * W * s + W**2) / (s**2 + 2 * 0.5 * W * s + W**2)
+    linear = ct.linearize(loop, np.zeros(loop.nstates), [0.0])
+    F = 260 + 0.618 * s  # the bristles at rest: sigma0 + (sigma1 + Fv) s, per position
+    G = 1 / (P.J * s**2 + F - F * shape / (1e-3 * s + 1))
+    C = (KP + KI / s) * shape / (1e-3 * s + 1)
+    closed = C * KV * G / (1 + C * G * (KV + s))
+    for w in (3.0, 20.0, 200.0):
+        assert linear(1j * w)[0, 0] == pytest.approx(closed(1j * w), rel=1e-4)
+
+
+def test_feedforward_makes_the_cascade_follow_its_reference():
+    loop = lg.cascade_loop(P, "natural", feedforward=True)
+    linear = ct.linearize(loop, np.zeros(loop.nstates), np.zeros(3))
+    for w in (3.0, 30.0):
+        found = linear(1j * w)[0]
+        assert found[0] + 1j * w * found[1] - w * w * found[2] == pytest.approx(1.0, rel=1e-5)
+
+
+# The load's side.
+
+
+REST = {"elastic_coupling": {"damping": 0.02}, "backlash": {"damping": 0.02, "gap": 0.01}}
+
+
+@pytest.mark.parametrize("effect", REST)
+def test_the_plant_puts_out_the_load_behind_a_coupling(effect):
+    model = lg.Model.of(P).with_effect(
+        effect, {"load_inertia": 0.002, "stiffness": 40.0, **REST[effect]}
+    )
+    plant = lg.plant(model)
+    assert plant.output_labels == ["theta", "w", "F", "theta_load", "w_load"]
+    t = np.arange(0, 0.3, 1e-3)
+    found = simulate(plant, t, {"u": 0.8 * np.sin(20 * t)}, rtol=1e-8)
+    theta, there, speed = rows(found, "theta", "theta_load", "w_load")
+    twist = found.states[list(found.state_labels).index(f"{effect}_twist")]
+    assert there == pytest.approx(theta - twist) and np.abs(twist).max() > 1e-3
+    middle = 0.5 * (speed[1:] + speed[:-1])
+    assert np.diff(there) / 1e-3 == pytest.approx(middle, abs=2e-3 * np.abs(speed).max())
+
+
+def test_two_loads_have_names_of_their_own_and_none_has_none():
+    play = {"load_inertia": 0.001, "stiffness": 40.0, **REST["backlash"]}
+    both = GEARED.with_effect("backlash", play)
+    more = ["theta_load", "w_load", "theta_load_2", "w_load_2"]
+    assert lg.plant(both).output_labels == ["theta", "w", "F", *more]
+    rigid = lg.Model.of(P).with_effect(
+        "elastic_coupling", {"load_inertia": 0.0, "stiffness": 1, "damping": 0}
+    )
+    assert lg.plant(rigid).output_labels == ["theta", "w", "F"]
+
+
+def test_a_loop_on_the_second_encoder_places_the_load():
+    """A constant load torque on the motor's side is no matter; the twist is."""
+    t = np.arange(0, 1.0, 1e-3)
+    geared = GEARED.with_effect("gravity", {"amplitude": 0.1, "phase": 0.0})
+    ends = {}
+    for feedback in ("motor", "load"):
+        loop = lg.cascade_loop(geared, "natural", kv=5.0, ki=2.0, feedback=feedback)
+        ends[feedback] = rows(simulate(loop, t, 1.0), "e", "theta", "theta_load")
+    e, theta, there = ends["load"]
+    assert e == pytest.approx(there - 1.0) and np.abs(e - (theta - 1.0)).max() > 1e-3
+    e, theta, _ = ends["motor"]
+    assert e == pytest.approx(theta - 1.0)
+
+
+# Dead time in the loop.
+
+
+def test_dead_time_takes_the_phase_margin():
+    """The velocity loop crosses over near kp/J = 727 1/s: pi/2/727 = 2.2 ms are too many."""
+    found = {}
+    for delay in (0.0, 1e-3, 3e-3):
+        loop = lg.cascade_loop(P, "natural", kv=5.0, ki=0.0, delay=delay)
+        moving = np.zeros(loop.nstates)
+        moving[list(loop.state_labels).index("plant_w")] = 5.0
+        poles = np.linalg.eigvals(ct.linearize(loop, moving, [0.0]).A)
+        found[delay] = poles.real.max()
+    assert found[0.0] < 1e-6 and found[1e-3] < 1e-6 < 10 < found[3e-3]
+
+
+def test_a_sampled_dead_time_stands_between_drive_and_plant():
+    """A held command, late by two samples, in a list of blocks of both kinds."""
+    dt, t = 1e-3, np.arange(0, 0.2, 1e-3)
+    blocks = [
+        lg.plant(P, inputs=["u_motor", "d"]),
+        lg.error("velocity"),
+        lg.sampled(lg.pi(0.4, 2.0), dt),
+        lg.dead_time(2 * dt, dt, inputs=["u"], outputs=["u_motor"]),
+    ]
+    found = simulate(blocks, t, {"r": 3.0})
+    u, late = rows(found, "u", "u_motor")
+    assert np.array_equal(late[2:], u[:-2]) and not late[:2].any()
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: lg.cascade_loop(P, feedback="load"), "has no load of its own"),
+        (lambda: lg.cascade_loop(P, feedback="second"), "'motor' or 'load'"),
+        (lambda: lg.cascade_loop(P, tracking=0.1), "tracking belongs to a limit"),
+        (lambda: lg.velocity_loop(P, tracking=0.1), "tracking belongs to a limit"),
+        (lambda: lg.cascade_loop(P, limit=-1.0), "limit"),
+        (lambda: lg.cascade_loop(P, notch="deep"), "notch must be a frequency"),
+        (lambda: lg.cascade_loop(P, notch={"f": 3}), "notch must be a frequency"),
+        (lambda: lg.cascade_loop(P, delay=-1.0), "delay"),
+        (lambda: lg.cascade_loop(P, lag="slow"), "time_constant must be a number"),
+        (lambda: lg.cascade_loop(P, "kalman"), "unknown observer"),
+        (lambda: lg.cascade_loop(P, limit=1.0, kp=0.0), "give tracking in s"),
+    ],
+)
+def test_wrong_usage_is_one_sentence(call, said):
+    with pytest.raises(lg.InputError, match=said) as raised:
+        call()
+    assert "\n" not in str(raised.value) and str(raised.value).endswith(".")
