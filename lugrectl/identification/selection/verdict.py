@@ -96,8 +96,9 @@ class Bars:
         return [c for c, d, se in above if d > bar and d > self.z * se]
 
     def open_in(self, table: Table) -> float:
-        """Nats of what stays unexplained: other models may well differ by as much."""
-        return max((c.gain for c in self.proven(table, table.unknown)), default=0.0)
+        """Nats of a torque that matters and stays unexplained: models may well differ as much."""
+        large = [c for c in table.unknown if c.share > self.least]
+        return max((c.gain for c in self.proven(table, large)), default=0.0)
 
 
 def _bar(choice: Sequence[object]) -> float:
