@@ -148,7 +148,7 @@ class _Bench:
         gains = self.feedback(scenario)
         if kind not in self.loops:
             self.loops[kind] = closed(self.terms, self.name, kind, gains)
-        known, made = self.terms.model.values(), observer_block(self.name)
+        known, made = self.terms.values(), observer_block(self.name)
         values: dict[str, float] = {
             f"{made.name}.{level}": factor * known[level]
             for level in ("Fc", "Fs")

@@ -32,15 +32,19 @@ class Terms:
     k: float
     equal: bool
 
+    def values(self) -> dict[str, float]:
+        """The parameters of the drive that have a value."""
+        return {k: v for k, v in self.model.values().items() if v is not None}
+
     def feedback(self, name: str, gains: Mapping[str, float]) -> dict[str, float]:
         """The gains of the controller beside an observer."""
         if not self.equal or corrected(name):
             return dict(gains)
-        known = self.model.values()
+        known = self.values()
         extra = {"kp": self.k * known["sigma1"], "ki": self.k * known["sigma0"]}
         return {g: v + extra.get(g, 0.0) for g, v in gains.items()}
 
-    def own(self, name: str, kind: str) -> dict[str, float]:
+    def own(self, name: str, kind: str) -> dict[str, Any]:
         """The gain of an observer that is corrected by the error; s contains 20 e of position."""
         if not corrected(name):
             return {}
