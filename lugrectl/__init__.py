@@ -30,6 +30,7 @@ _HOMES = {
     "bristles": "deflection",
     "cascade": "cascade_loop",
     "catalogue": "controllers effects laws observers",
+    "comparing": "ObserverComparison compare_observers",
     "compensating": "Compensation compensate",
     "design": "Certificate Design PAPER certify design_gains excitation natural_decay",
     "diagnosis.asking": "balance",
@@ -123,6 +124,7 @@ if TYPE_CHECKING:
     from .bristles import deflection  # noqa: F401
     from .cascade import cascade_loop  # noqa: F401
     from .catalogue import controllers, effects, laws, observers  # noqa: F401
+    from .comparing import ObserverComparison, compare_observers  # noqa: F401
     from .compensating import Compensation, compensate  # noqa: F401
     from .design import (  # noqa: F401
         PAPER,

@@ -22,7 +22,7 @@ STOREYS = [
     {"tracing"},
     {"steady"},
     {"friction_map", "traces"},
-    {"diagnosis", "fleet", "workers", "compensating"},
+    {"diagnosis", "fleet", "workers", "compensating", "comparing"},
     {"report"},
     {"reproduce"},
     {"cli", "__main__", "demo"},

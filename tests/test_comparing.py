@@ -1,0 +1,121 @@
+"""Observers side by side: the terms are equal, and the figures are those of the scenarios."""
+
+import json
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.comparing.wiring import Terms, closed
+from lugrectl.spec import members
+
+from .observed import P, longer
+
+FAST = ("velocity", "noise")
+
+
+@pytest.fixture(scope="module")
+def found():
+    return lg.compare_observers(P, ["natural", "existing"], scenarios=FAST)
+
+
+@pytest.fixture(scope="module")
+def alone():
+    """At the same gains, whatever an observer adds to them."""
+    return lg.compare_observers(P, ["natural", "existing"], scenarios=["velocity"], equal=False)
+
+
+def test_without_equal_feedback_the_existing_observer_seems_better(alone):
+    assert alone["natural"].velocity == pytest.approx(0.0313, abs=1e-4)
+    assert alone["existing"].velocity == pytest.approx(0.0165, abs=1e-4)
+
+
+def test_at_equal_feedback_the_natural_observer_is_better(found):
+    """Its PI has what k adds: kp + sigma1 k, ki + sigma0 k."""
+    assert found["natural"].velocity == pytest.approx(0.0049, abs=1e-4)
+    assert found["existing"].velocity == pytest.approx(0.0165, abs=1e-4)
+    gains = found["natural"].feedback
+    assert gains["velocity.kp"] == pytest.approx(1.6 + 0.6 * 0.35)
+    assert gains["velocity.ki"] == pytest.approx(0.16 + 260 * 0.35)
+    assert found["existing"].feedback["velocity.ki"] == 0.16
+
+
+@pytest.mark.parametrize("kind", ["velocity", "position"])
+def test_feedback_at_rest_is_the_same(kind):
+    """From the error to u, with the drive and the bristles at rest, at any frequency."""
+    import control as ct
+
+    responses = []
+    for name in ("natural_observer", "existing_observer"):
+        terms = Terms(lg.Model.of(P), 0.35, True)
+        base = {"kp": 1.6, "ki": 0.16} if kind == "velocity" else {"kp": 15.0, "ki": 0.0, "kd": 1.2}
+        loop = closed(terms, name, kind, terms.feedback(name, base))
+        linear = ct.linearize(loop, np.zeros(loop.nstates), np.zeros(loop.ninputs))
+        row, column = loop.output_labels.index("u"), loop.input_labels.index("r")
+        responses.append([linear(1j * om)[row, column] for om in (0.3, 5.0, 80.0)])
+    assert responses[0] == pytest.approx(responses[1], rel=1e-6)
+
+
+def test_noise_of_the_encoder_reaches_the_torque_through_the_controller(found):
+    """w is the difference of 1e-5 rad RMS at 1 kHz: 14 mrad/s times kp = 1.81 at least in part."""
+    for row in found:
+        assert 5e-3 < row.noise < 0.1
+        assert row.position is row.cycle is row.delay is None
+        assert row.cost > 0.0
+
+
+@longer
+def test_only_some_observers_cycle_with_friction_overestimated():
+    names = ["natural", "existing", "proposed"]
+    found = lg.compare_observers(P, names, scenarios=["cycle", "position"], equal=False)
+    cycles = [row.cycle for row in found]
+    assert cycles[:2] == pytest.approx([8.0e-3, 7.0e-3], abs=5e-5) and cycles[2] < 1e-11
+    assert found["natural"].position == pytest.approx(3.1e-3, abs=1e-4)
+
+
+@longer
+def test_a_loop_bears_the_dead_time_that_its_bandwidth_allows():
+    """With k = 0 nothing is added: the crossover kp/J leaves pi/2/(kp/J) = 2.2 ms."""
+    found = lg.compare_observers(P, ["proposed"], scenarios=["delay"], equal=False)
+    assert 0.5e-3 < found["proposed"].delay < 3e-3
+
+
+@longer
+def test_every_observer_is_compared():
+    found = lg.compare_observers(P, scenarios=["velocity"])
+    assert [f"{k}_observer" for k in found.names] == [
+        k for k in members("observer") if k != "no_observer"
+    ]
+    assert all(np.isfinite(row.velocity) for row in found)
+    best = min(found, key=lambda row: row.velocity)
+    assert best.name in ("temperature", "extended_state", "disturbance", "position_coulomb")
+
+
+def test_the_answer_has_the_forms_of_every_list(found):
+    said = str(found)
+    assert said.splitlines()[1].split()[0] == "observer" and "natural" in said
+    assert "delay" not in said and "<table" in found._repr_html_()
+    made = json.loads(found.to_json())
+    assert made["terms"]["wrong"] == 0.8 and made["observers"][1]["name"] == "existing"
+    assert found.to_frame().loc["natural", "velocity"] == found["natural"].velocity
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: lg.compare_observers(P, ["kalman"]), "unknown observer"),
+        (lambda: lg.compare_observers(P, "natural"), "must be a list of names"),
+        (lambda: lg.compare_observers(P, ["natural"], scenarios=["speed"]), "scenario 'speed'"),
+        (lambda: lg.compare_observers(P, ["natural"], wrong=-1), "wrong"),
+        (lambda: lg.compare_observers(lg.Model.of(J=1.0)), "needs sigma0"),
+    ],
+)
+def test_wrong_usage_is_one_sentence(call, said):
+    with pytest.raises(lg.InputError, match=said) as raised:
+        call()
+    assert "\n" not in str(raised.value) and str(raised.value).endswith(".")
+
+
+def test_what_was_not_compared_is_named(found):
+    with pytest.raises(lg.InputError, match="'proposed' was not compared; there is natural"):
+        found["proposed"]
