@@ -63,8 +63,9 @@ def compare_observers(
         Any of "velocity" (r = 0.1 sin 2 pi t rad/s, PI 1.6, 0.16; RMS of w - r over 1 to 5 s),
         "parameters" (the largest such error if one of J, sigma0, sigma1, Fv, vs is believed
         wrong as well, and which), "position" (r = 0.1 sin 2 pi t rad, PD 15, 1.2 and J ddr; RMS
-        of theta - r over 5 to 10 s), "cycle" (PID 15, 30, 0.3, step of 0.1 rad; peak-to-peak theta over 10 to 15 s),
-        "noise" (torque caused by noise of the encoder, in the velocity scenario) and "delay"
+        of theta - r over 5 to 10 s), "cycle" (PID 15, 30, 0.3, step of 0.1 rad;
+        peak-to-peak theta over 10 to 15 s), "noise" (torque caused by noise of the encoder, in
+        the velocity scenario) and "delay"
         (the largest dead time between torque command and motor, up to 10 ms, with which the
         error of the velocity scenario grows by no more than the reference within 1 s; None if
         the loop switches too fast to be simulated).
