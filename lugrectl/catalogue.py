@@ -56,7 +56,7 @@ class Entry:
         return cls(
             name=made.name,
             kind=made.kind,
-            equation=made.equation.rstrip("."),
+            equation=made.equation.rstrip(".,"),
             parameters={k: p for k, p in {**made.own, **form_keys(made)}.items() if p.fitted},
             inputs=made.inputs,
             outputs=made.outputs,

@@ -64,6 +64,30 @@ def test_noise_of_the_encoder_reaches_the_torque_through_the_controller(found):
         assert row.cost > 0.0
 
 
+def test_a_good_figure_may_depend_on_one_parameter():
+    """The temperature observer takes sigma0 for known; the disturbance observer has only J."""
+    names = ["temperature", "disturbance"]
+    found = lg.compare_observers(P, names, scenarios=["velocity", "parameters"])
+    assert found["temperature"].weakest == "sigma0 x0.8"
+    assert found["temperature"].parameters > 10 * found["temperature"].velocity
+    assert found["disturbance"].weakest.startswith("J x")
+    assert found["disturbance"].parameters == pytest.approx(found["disturbance"].velocity, rel=0.01)
+
+
+def test_parameters_hardly_off_change_nothing():
+    found = lg.compare_observers(P, ["natural"], scenarios=["velocity", "parameters"], off=1e-6)
+    assert found["natural"].parameters == pytest.approx(found["natural"].velocity, rel=1e-4)
+
+
+def test_a_coarse_encoder_makes_more_noise_and_a_fine_one_none(found):
+    def noise(resolution):
+        terms = {"scenarios": ["noise"], "resolution": resolution}
+        return lg.compare_observers(P, ["natural"], **terms)["natural"].noise
+
+    assert noise(1e-9) == pytest.approx(found["natural"].noise, rel=1e-3)
+    assert noise(2 * np.pi / 65536) > 2 * found["natural"].noise
+
+
 @longer
 def test_only_some_observers_cycle_with_friction_overestimated():
     names = ["natural", "existing", "proposed"]
@@ -107,6 +131,8 @@ def test_the_answer_has_the_forms_of_every_list(found):
         (lambda: lg.compare_observers(P, "natural"), "must be a list of names"),
         (lambda: lg.compare_observers(P, ["natural"], scenarios=["speed"]), "scenario 'speed'"),
         (lambda: lg.compare_observers(P, ["natural"], wrong=-1), "wrong"),
+        (lambda: lg.compare_observers(P, ["natural"], off=1.0), "off is 1; give a share below 1"),
+        (lambda: lg.compare_observers(P, ["natural"], resolution=-1), "resolution is -1; give"),
         (lambda: lg.compare_observers(lg.Model.of(J=1.0)), "needs sigma0"),
     ],
 )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..blocks.observers import observer_block
-from ..checks import flag, positive, shown
+from ..checks import flag, number, positive, share, shown
 from ..door import as_model
 from ..engine.adaptive import Diverged
 from ..errors import InputError
@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from ..model import Model, Parameters
 
 STEP = 1e-3  # s
-SCENARIOS = ("velocity", "position", "cycle", "noise", "delay")
+SCENARIOS = ("velocity", "parameters", "position", "cycle", "noise", "delay")
+OTHERS = ("J", "sigma0", "sigma1", "Fv", "vs")  # believed wrong in "parameters", one at a time
 GAINS: dict[str, dict[str, float]] = {
     "velocity": {"kp": 1.6, "ki": 0.16},
     "position": {"kp": 15.0, "ki": 0.0, "kd": 1.2},
@@ -43,9 +44,11 @@ def compare_observers(
     scenarios: Sequence[str] = SCENARIOS,
     wrong: float = 0.8,
     over: float = 1.2,
+    off: float = 0.2,
     k: float = 0.35,
     equal: bool = True,
     noise: float = 1e-5,
+    resolution: float = 0.0,
     progress: Wanted = None,
 ) -> ObserverComparison:
     """Friction observers side by side on one drive, at equal linear feedback.
@@ -58,14 +61,18 @@ def compare_observers(
         Names as in ``lugrectl.observers()``, with or without ``_observer``; default: all.
     scenarios : list of str
         Any of "velocity" (r = 0.1 sin 2 pi t rad/s, PI 1.6, 0.16; RMS of w - r over 1 to 5 s),
-        "position" (r = 0.1 sin 2 pi t rad, PD 15, 1.2 and J ddr; RMS of theta - r over 5 to
-        10 s), "cycle" (PID 15, 30, 0.3, step of 0.1 rad; peak-to-peak theta over 10 to 15 s),
-        "noise" (torque caused by noise of the encoder, in the velocity scenario) and "delay"
+        "parameters" (the largest such error if one of J, sigma0, sigma1, Fv, vs is believed
+        wrong as well, and which), "position" (r = 0.1 sin 2 pi t rad, PD 15, 1.2 and J ddr; RMS
+        of theta - r over 5 to 10 s), "cycle" (PID 15, 30, 0.3, step of 0.1 rad;
+        peak-to-peak theta over 10 to 15 s), "noise" (torque caused by noise of the encoder, in
+        the velocity scenario) and "delay"
         (the largest dead time between torque command and motor, up to 10 ms, with which the
         error of the velocity scenario grows by no more than the reference within 1 s; None if
         the loop switches too fast to be simulated).
     wrong, over : float
         Fc and Fs as the observer believes them, as a factor: in all scenarios, and in "cycle".
+    off : float
+        How far the other parameters are wrong in "parameters", each way: 0.2 is 20 %.
     k : float
         Gain of the observers that are corrected by the tracking error.
     equal : bool
@@ -73,6 +80,9 @@ def compare_observers(
         because the correction k e is a PI controller as well: zhat depends linearly on it.
     noise : float
         RMS noise of the encoder in rad at 1 kHz; the velocity is its difference.
+    resolution : float
+        Step of the encoder in rad, in "noise": its readings of the undisturbed motion, with
+        noise, are rounded to it. 0 rounds nothing; 2 pi/4096 is 4096 steps a turn.
 
     Returns
     -------
@@ -102,12 +112,14 @@ def compare_observers(
     levels = {"wrong": positive(wrong, "wrong", "as a factor of friction")}
     levels["over"] = positive(over, "over", "as a factor of friction")
     terms = Terms(model, positive(k, "k", "1/s"), flag(equal, "equal"))
-    size = positive(noise, "noise", "rad")
+    levels["off"] = share(off, "off")
+    encoder = (positive(noise, "noise", "rad"), _step(resolution))
     report, rows = reporter(progress), []
     for i, name in enumerate(names):
         report(i / len(names), f"simulating {name}")
-        rows.append(_compared(terms, name, set(scenarios), levels, size))
-    said = {**levels, "k": terms.k, "equal": terms.equal, "noise": size, "step": STEP}
+        rows.append(_compared(terms, name, set(scenarios), levels, encoder))
+    said = {**levels, "k": terms.k, "equal": terms.equal, "step": STEP}
+    said |= dict(zip(("noise", "resolution"), encoder, strict=True))
     return ObserverComparison(rows, said | {"gains": GAINS, "model": model.name})
 
 
@@ -117,6 +129,12 @@ def _with_bristles(model: Model) -> Model:
     if missing:
         raise InputError(f"p: a comparison of observers needs {', '.join(missing)} of the drive.")
     return model
+
+
+def _step(resolution: float) -> float:
+    if number(resolution, "resolution") < 0.0:
+        raise InputError(f"resolution is {resolution:g}; give the step in rad, or 0 for none.")
+    return float(resolution)
 
 
 def _names(wanted: Sequence[str] | None) -> list[str]:
@@ -170,19 +188,28 @@ class _Bench:
 
 
 def _compared(
-    terms: Terms, name: str, wanted: set[str], levels: Mapping[str, float], noise: float
+    terms: Terms,
+    name: str,
+    wanted: set[str],
+    levels: Mapping[str, float],
+    encoder: tuple[float, float],
 ) -> Compared:
     """All scenarios of one observer."""
     bench, wrong = _Bench(terms, name), levels["wrong"]
     found: dict[str, float | None] = dict.fromkeys((*SCENARIOS, "cost"))
     t = STEP * np.arange(5001)
+    weakest = None
     if {"velocity", "noise", "delay"} & wanted:
         clean, found["velocity"] = _tracked(bench, "velocity", t, wrong, 1.0)
         if clean is not None:
             begun = time.perf_counter()
-            disturbed = bench.run("velocity", _reference(t) | _noise(t, noise), t, wrong)
+            disturbed = bench.run(
+                "velocity", _reference(t) | _noise(clean["theta"], *encoder), t, wrong
+            )
             found["cost"] = (time.perf_counter() - begun) / len(t)
             found["noise"] = _rms((disturbed["u"] - clean["u"])[t >= 1.0])
+    if "parameters" in wanted:
+        found["parameters"], weakest = _worst(bench, t, wrong, levels["off"])
     if "delay" in wanted:
         peak = np.inf if clean is None else float(np.abs(clean["e"]).max())
         found["delay"] = 0.0 if clean is None else _borne(bench, wrong, SIZE + peak)
@@ -194,7 +221,7 @@ def _compared(
     chosen = {k: v for k, v in found.items() if k in wanted or k == "cost"}
     gains = {f"{s}.{g}": v for s in GAINS for g, v in bench.feedback(s).items()}
     own = {**dict.fromkeys((*SCENARIOS, "cost")), **chosen}
-    return Compared(name=name.removesuffix("_observer"), **own, feedback=gains)
+    return Compared(name=name.removesuffix("_observer"), **own, feedback=gains, weakest=weakest)
 
 
 def _reference(t: np.ndarray) -> dict[str, np.ndarray]:
@@ -202,17 +229,37 @@ def _reference(t: np.ndarray) -> dict[str, np.ndarray]:
     return {"r": SIZE * sine, "dr": SIZE * TURN * cosine, "ddr": -SIZE * TURN**2 * sine}
 
 
-def _noise(t: np.ndarray, size: float) -> dict[str, np.ndarray]:
-    """Noise of an encoder, and of the velocity that is its difference."""
-    angle = np.random.default_rng(0).normal(0.0, size, len(t))
+def _noise(theta: np.ndarray, size: float, resolution: float) -> dict[str, np.ndarray]:
+    """Errors of an encoder along a motion, and of the velocity that is its difference."""
+    angle = np.random.default_rng(0).normal(0.0, size, len(theta))
+    if resolution:
+        angle = resolution * np.round((theta + angle) / resolution) - theta
     return {"n_theta": angle, "n_w": np.diff(angle, prepend=angle[0]) / STEP}
 
 
+def _worst(bench: _Bench, t: np.ndarray, factor: float, off: float) -> tuple[float, str | None]:
+    """The largest speed error with one more parameter wrong, and which: "J x0.8"."""
+    made, known, errors = observer_block(bench.name), bench.terms.values(), {}
+    for key in (k for k in OTHERS if k in made.parameters):
+        for times in (1.0 - off, 1.0 + off):
+            believed = {f"{made.name}.{key}": times * known[key]}
+            errors[f"{key} x{times:g}"] = _tracked(bench, "velocity", t, factor, 1.0, believed)[1]
+    if not errors:
+        return _tracked(bench, "velocity", t, factor, 1.0)[1], None
+    weakest = max(errors, key=lambda which: errors[which])
+    return errors[weakest], weakest
+
+
 def _tracked(
-    bench: _Bench, scenario: str, t: np.ndarray, factor: float, since: float
+    bench: _Bench,
+    scenario: str,
+    t: np.ndarray,
+    factor: float,
+    since: float,
+    believed: Mapping[str, float] | None = None,
 ) -> tuple[dict[str, np.ndarray] | None, float]:
     try:
-        out = bench.run(scenario, _reference(t), t, factor)
+        out = bench.run(scenario, _reference(t), t, factor, **(believed or {}))
     except Diverged:
         return None, np.inf
     return out, _rms(out["e"][t >= since])

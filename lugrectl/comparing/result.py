@@ -13,6 +13,7 @@ from ..outputs import NamedRows, library, plain
 
 COLUMNS = {  # field: heading, factor to the unit of the heading
     "velocity": ("e_w [mrad/s]", 1e3),
+    "parameters": ("worst e_w [mrad/s]", 1e3),
     "position": ("e_theta [mrad]", 1e3),
     "cycle": ("cycle [mrad]", 1e3),
     "noise": ("noise in u [mN m]", 1e3),
@@ -27,6 +28,8 @@ class Compared:
     diverges.
 
     ``velocity``, ``position``: RMS tracking error in rad/s and rad, friction believed wrong.
+    ``parameters``: the largest such error in rad/s with one more parameter wrong; ``weakest``
+    names that parameter and the factor.
     ``cycle``: peak-to-peak position in rad of the limit cycle at a set-point, friction
     overestimated. ``noise``: RMS of the torque in N m that an RMS noise of the encoder causes.
     ``delay``: largest dead time in s that the velocity loop bears. ``cost``: time of the
@@ -35,12 +38,14 @@ class Compared:
 
     name: str
     velocity: float | None
+    parameters: float | None
     position: float | None
     cycle: float | None
     noise: float | None
     delay: float | None
     cost: float | None
     feedback: Mapping[str, float]
+    weakest: str | None = None
 
     def summary(self) -> dict[str, Any]:
         """Plain Python."""
