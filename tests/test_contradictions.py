@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lugrectl import diagnose
+from lugrectl import diagnose, identify
 from lugrectl.diagnosis.asking import Asked
 from lugrectl.errors import Refused
 from lugrectl.identification.selection import compare
@@ -70,6 +70,13 @@ def test_constant_channels_are_refused(plain, value):
         record = replace(plain, **{role: np.full(N, value)})
         with pytest.raises(Refused, match=f"{role} is constant"):
             refuse_dead([record])
+
+
+def test_a_dead_torque_is_refused_by_both_questions(plain, model):
+    dead = replace(plain, u=np.full(N, 0.5))
+    assert "u is constant" in diagnose(dead, model).reason
+    with pytest.raises(Refused, match="u is constant"):
+        identify([dead, dead], model)
 
 
 @pytest.mark.parametrize("of", ["w", "theta", "a"])

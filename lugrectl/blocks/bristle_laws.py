@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..spec import P, block
-from .friction import FC, FS, FV, SIGMA0, SIGMA1, VS, bristle_torque, level
+from .friction import FC, FS, FV, SIGMA0, SIGMA1, VS, bristle_torque, level, relaxation
 
 KAPPA = P(0.7, "1", 0.01, 0.99, usual=True)
 SMALL = 1e-12  # added to a square, so that its powers have a slope at 0
@@ -52,7 +52,7 @@ def dahl(w, z, sigma0=SIGMA0, Fc=FC, Fv=FV, n: Any = P(1.0, "1", 0.3, 10.0, usua
     w to F for every n. Under a torque that oscillates below Fc the deflection drifts.
     """
     # w (1 - q) without a sign, so that n = 1 is affine in z
-    slip = w - sigma0 * np.abs(w) / Fc * z
+    slip = w - relaxation(w, sigma0, Fc) * z
     return sigma0 * z + Fv * w, slip * power(1.0 - sigma0 * z * np.sign(w) / Fc, n - 1.0)
 
 

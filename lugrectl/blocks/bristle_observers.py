@@ -9,10 +9,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ..spec import P, block
-from .friction import FC, FS, FV, SIGMA0, SIGMA1, VS, J, bristle, bristle_torque, level
+from .friction import (
+    FC,
+    FS,
+    FV,
+    SIGMA0,
+    SIGMA1,
+    VS,
+    J,
+    bristle,
+    bristle_torque,
+    level,
+    relaxation,
+)
 from .observers import observer
 from .plant import acceleration
 
@@ -28,11 +38,6 @@ LISCHINSKY = (
 )
 IWASAKI = "Ruderman and Iwasaki, IEEE Trans. Industrial Electronics, 2015"
 FREIDOVICH = "Freidovich et al., IEEE Trans. Control Systems Technology, 2010"
-
-
-def relaxation(w: Any, sigma0: Any, Fc: Any, Fs: Any, vs: Any) -> Any:
-    """a(w) = sigma0 |w|/h(w), the rate in 1/s at which sliding forgets a deflection."""
-    return sigma0 * np.abs(w) / level(w, Fc, Fs, vs)
 
 
 @block(
@@ -65,7 +70,7 @@ def _temperature(
     dexcess/dt = -gamma a zhat (zbar - zhat) sigma0^2/Fs^2.
     """
     slip = 1.0 + excess
-    worn = relaxation(w, sigma0, Fc, Fs, vs) * zhat
+    worn = relaxation(w, sigma0, level(w, Fc, Fs, vs)) * zhat
     own = w - slip * worn
     zbar = (xi - J * w) / sigma1
     miss = zbar - zhat
@@ -156,7 +161,7 @@ def _lyapunov(
     """Fhat = sigma0 zhat + sigma1 b + Fv w, b = w - sigma0 |w| zhat/h(w),
     dzhat/dt = b - k (1 - sigma1 |w|/h(w)) s.
     """
-    a = relaxation(w, sigma0, Fc, Fs, vs)
+    a = relaxation(w, sigma0, level(w, Fc, Fs, vs))
     b = w - a * zhat
     return bristle_torque(w, zhat, b, sigma0, sigma1, Fv), b - k * (1.0 - sigma1 / sigma0 * a) * s
 

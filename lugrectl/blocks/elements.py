@@ -34,6 +34,11 @@ EDGE = 1e-4  # of the limit of an element
 SUM = 1e-6  # error of a sum that should be 1
 
 
+def slipping(w: Any, q: Any, n: Any) -> Any:
+    """w (1 - sign(q w) |q|^n), the rate of a bristle at the share q of its level."""
+    return w - np.abs(w) * q * power(q, n - 1.0)
+
+
 @dataclass(frozen=True)
 class Elements:
     """Number of elements, and their stiffnesses and shares, which are by rule where left out.
@@ -172,7 +177,7 @@ class ParallelBristles(Elements):
     ) -> tuple[Any, ...]:
         h = level(w, Fc, Fs, vs)
         loads = [sigma0 * k * one / (nu * h) for (k, nu), one in self.each(z)]
-        rates = [w - np.abs(w) * q * power(q, n - 1.0) for q in loads]
+        rates = [slipping(w, q, n) for q in loads]
         return self.pull(z, sigma0) + Fv * w, *rates
 
 
@@ -201,8 +206,7 @@ class Leuven(Elements):
         self, w: Any, *z: Any, sigma0: Any, sigma1: Any, Fc: Any, Fs: Any, Fv: Any, vs: Any, n: Any
     ) -> tuple[Any, ...]:
         h, Fh = level(w, Fc, Fs, vs), self.pull(z, sigma0)
-        q = Fh / h
-        v = w - np.abs(w) * q * power(q, n - 1.0)
+        v = slipping(w, Fh / h, n)
         return Fh + sigma1 * v + Fv * w, *self.stopped(w, z, sigma0, h, v)
 
 

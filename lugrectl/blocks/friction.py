@@ -34,14 +34,19 @@ def free_level(w: Any, Fc: Any, Fs: Any, vs: Any, delta: Any) -> Any:
     return Fc + (Fs - Fc) * np.exp(-(((w / vs) ** 2 + LEAST) ** (0.5 * delta)))
 
 
+def relaxation(w: Any, sigma0: Any, h: Any) -> Any:
+    """a(w) = sigma0 |w| / h, the rate in 1/s at which sliding forgets a deflection."""
+    return sigma0 * np.abs(w) / h
+
+
 def bristle(w: Any, z: Any, sigma0: Any, Fc: Any, Fs: Any, vs: Any) -> Any:
     """dz/dt = w - sigma0 |w| z / h(w), without any correction (eq. LuGre1)."""
-    return w - sigma0 * np.abs(w) / level(w, Fc, Fs, vs) * z
+    return w - relaxation(w, sigma0, level(w, Fc, Fs, vs)) * z
 
 
 def free_bristle(w: Any, z: Any, sigma0: Any, Fc: Any, Fs: Any, vs: Any, delta: Any) -> Any:
     """:func:`bristle` with the level of :func:`free_level`."""
-    return w - sigma0 * np.abs(w) / free_level(w, Fc, Fs, vs, delta) * z
+    return w - relaxation(w, sigma0, free_level(w, Fc, Fs, vs, delta)) * z
 
 
 def bristle_torque(w: Any, z: Any, dz: Any, sigma0: Any, sigma1: Any, Fv: Any) -> Any:

@@ -12,9 +12,9 @@ import numpy as np
 
 from ..errors import InputError
 from ..spec import P, block
-from .bristle_observers import DERIVED, relaxation
+from .bristle_observers import DERIVED
 from .controllers import MEASURED
-from .friction import FC, FS, SIGMA0, VS, J
+from .friction import FC, FS, SIGMA0, VS, J, level, relaxation
 from .observers import believed
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def _sliding_error_velocity(w, r, dr):
     return w - r, 1.0 * dr
 
 
-@block("controller", name="slotine_li", out="u", source=f"{SLOTINE}, without adaptation")
+@block("controller", name="slotine_li", out="u", source=f"{SLOTINE}, without adaptation; {KELLY}")
 def _slotine_li(s, ar, J=J, KD=KD):
     """u = J ar - KD s."""
     return J * ar - KD * s
@@ -102,7 +102,7 @@ def _dual_observer(
     dz0/dt = w - a z0 - k0 s, dz1/dt = w - a z1 + k1 a s,
     dS0/dt = -g0 s z0, dS1/dt = g1 s a z1, dT/dt = -g2 s w.
     """
-    a = relaxation(w, sigma0, Fc, Fs, vs)
+    a = relaxation(w, sigma0, level(w, Fc, Fs, vs))
     u = J * ar - KD * s + S0 * z0 - S1 * a * z1 + T * w
     dz0, dz1 = w - a * z0 - k0 * s, w - a * z1 + k1 * a * s
     return u, dz0, dz1, -g0 * s * z0, g1 * s * a * z1, -g2 * s * w

@@ -218,9 +218,8 @@ def _compared(
         found["position"] = _tracked(bench, "position", t, wrong, 5.0)[1]
     if "cycle" in wanted:
         found["cycle"] = _cycle(bench, levels["over"])
-    chosen = {k: v for k, v in found.items() if k in wanted or k == "cost"}
     gains = {f"{s}.{g}": v for s in GAINS for g, v in bench.feedback(s).items()}
-    own = {**dict.fromkeys((*SCENARIOS, "cost")), **chosen}
+    own = {k: v if k in wanted or k == "cost" else None for k, v in found.items()}
     return Compared(name=name.removesuffix("_observer"), **own, feedback=gains, weakest=weakest)
 
 

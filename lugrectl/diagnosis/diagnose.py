@@ -39,11 +39,10 @@ from ..tracing.job import (
     unidentified,
 )
 from ..tracing.optima import other_optima
-from ..tracing.start import lifted
 from ..tracing.tabulate import tabulate
 from .asking import Asked
 from .floor import failure
-from .plain import refusal, values_for, with_plain
+from .plain import plainly, refusal, values_for, with_plain
 from .winner import with_effects
 
 WORSE = (
@@ -84,11 +83,11 @@ def diagnose(
     ----------
     record : path, DataFrame, dict of arrays or Record, or a list of them
         One run, or several; a folder stands for the runs in it. Rates that differ by a little are
-        brought together. Up to eight runs may differ in the offset
-        of the torque, in friction (by a factor) and, if no declared effect depends on theta, in
-        the zero of theta. These differences are fitted relative to the first run and reported
-        in ``messages``. Four or more runs at a steady speed each, of any rates, are one friction
-        map: see :func:`lugrectl.friction_map.diagnose_map`.
+        brought together; runs of other rates are compared, but not simulated. Up to eight runs may
+        differ in the offset of the torque, in friction (by a factor) and, if no declared effect
+        depends on theta, in the zero of theta. These differences are fitted relative to the first
+        run and reported in ``messages``. Four or more runs at a steady speed each, of any rates,
+        are one friction map: see :func:`lugrectl.friction_map.diagnose_map`.
     model : Model, Parameters, dict or path
         The declared model; missing values are identified. Files are read with its motion.
     holdout : None, "last", or a record as above
@@ -230,8 +229,7 @@ def _only_compared(asked: Asked, found: Comparison, reason: str) -> Diagnosis:
     """The answer without a fit of predictions: values of the balance and, of the effects, of the
     comparison; without errors."""
     noticed = (m for r in asked.seen for m in r.messages)
-    known = values_for(asked.plain, asked.model)
-    model = asked.model.with_values({k: e.value for k, e in known.items()})
+    known, model = plainly(asked.plain, asked.model)
     for e in () if found.only_inertia else found.effects:
         model = model.with_effect(e.name, e.values)
     tied = tuple(_candidate(found, a.name) for a in found.alternatives)
@@ -244,7 +242,7 @@ def _only_compared(asked: Asked, found: Comparison, reason: str) -> Diagnosis:
         effects=tuple(effects),
         depends_on=_signals(found),
         experiment=_experiment(found, effects),
-        model=lifted(model),
+        model=model,
         declared=asked.model,
         estimates=known,
         record=asked.seen[0],

@@ -27,7 +27,7 @@ from ..outputs import Fitted
 from ..outputs import plain as jsonable
 from ..progress import Progress, Wanted, reporter, shows_progress
 from ..provenance import Provenance, stamped
-from ..record import Record
+from ..record import Record, refuse_dead
 from ..results import Estimate, FrictionMap, Traces
 from ..steady.curve import refit
 from ..steady.points import is_map
@@ -47,7 +47,7 @@ from ..tracing.job import (
 from ..tracing.optima import other_optima
 from .asking import Asked
 from .floor import failure
-from .plain import values_for, with_plain
+from .plain import plainly, with_plain
 
 ONLY_PLAIN = "The values are those of the torque balance alone, without errors of a simulation: {}"
 OF_CHANNELS = frozenset(("u_delay", "w_gain", "w_offset", "w_lag", "drift"))
@@ -148,12 +148,12 @@ def _plainly(asked: Asked, no: Refused) -> Identification:
     if not (plain.parameters.keys() - OF_CHANNELS or plain.combinations):
         no.plain = plain
         raise no
-    known = values_for(plain, model)
+    known, answered = plainly(plain, model)
     said = asked.seen[0].messages if asked.seen and not asked.several else ()
     return Identification(
         estimates=known,
         error=None,
-        model=model.with_values({k: e.value for k, e in known.items()}),
+        model=answered,
         record=asked.seen[0] if asked.seen else None,
         messages=(*model.remarks(), *said, ONLY_PLAIN.format(no)),
         declared=model,
@@ -166,6 +166,7 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
     holdout = asked.holdout()
     if not isinstance(record, Record) and is_map(record):
         return _map_identified(begin_map(record, model, holdout, report), model)
+    refuse_dead([record] if isinstance(record, Record) else record)
     ready = prepared(record, model, holdout, horizon)
     friction = levels(asked.plain.stretches, model, asked.plain)
     job = begin(ready.from_values(asked.starts(friction)).earlier(asked.plain), report)

@@ -12,6 +12,7 @@ from ..identification.balance import Balance, balance, unlike
 from ..model import Model
 from ..record import Log, Record, stretches
 from ..results import Diagnosis, Estimate
+from ..tracing.start import lifted
 from .said_once import said_once
 
 if TYPE_CHECKING:
@@ -57,6 +58,12 @@ def values_for(plain: Balance, model: Model) -> dict[str, Estimate]:
     """The values of the plain answer that a model has, and that a drive may have."""
     known = {k: e for k, e in plain.parameters.items() if k in model.declarations()}
     return {k: e for k, e in known.items() if _possible(k, e.value)}
+
+
+def plainly(plain: Balance, model: Model) -> tuple[dict[str, Estimate], Model]:
+    """The values of the plain answer, and the model with them; no Fs is below Fc."""
+    known = values_for(plain, model)
+    return known, lifted(model.with_values({k: e.value for k, e in known.items()}))
 
 
 def _possible(key: str, value: float) -> bool:

@@ -19,7 +19,6 @@ UNIT_OF_T = (
     "if t is not in the stated or assumed unit, give its unit, e.g. --units t=ms (or s, us)."
 )
 _TICKS = (1.0, 1e-3, 1e-6, 1e-7, 1e-9)  # s, of timers that count up to a power of two
-_CLOCKS = (60.0, 3600.0, 43200.0, 86400.0)  # s, after which a clock on the wall starts again
 
 
 def put_in_time(log: Stamped) -> None:

@@ -45,7 +45,6 @@ _DEMANDED = frozenset(
     "command commanded cmd reference ref desired des target setpoint set goal demand error err "
     "limit max min std offset".split()
 )
-_ANGLES = frozenset("theta q qm phi angle winkel".split())  # never in metres: theta_m is measured
 _PART, _FAR = 5, 10  # a name in a path fits less well than the name itself; a demand, still less
 _LENGTHS = frozenset("x displacement".split())  # the only names that _m gives metres to
 

@@ -14,11 +14,6 @@ _RARE = 0.97  # share of the samples that shows how far from the curve the chann
 _SHARE = {"u": 0.06, "w": 0.03}
 
 
-def no_number(x: np.ndarray) -> np.ndarray:
-    """Where the channel holds no number."""
-    return ~np.isfinite(x)
-
-
 def huge(x: np.ndarray) -> np.ndarray:
     """Where the number is one that no sensor gives, such as 1e30 or the largest float."""
     with np.errstate(invalid="ignore"):
