@@ -125,6 +125,7 @@ def test_the_fit_takes_a_late_torque_earlier(case, plain, model):
     d = diagnose(replace(plain, u=shifted(plain.u, 25)), model)
     assert d.verdict == "adequate" and "lags the motion by 50 ms" in " ".join(d.messages)
     assert d.model.J == pytest.approx(case.truth["plant"]["J"], rel=1e-3)
+    assert d.error["refitted"] < 10.0 * d.error["noise_floor"]
 
 
 def test_an_early_torque_is_a_delay(plain, model):

@@ -74,18 +74,16 @@ class Prepared:
     data: Data
     parts: Split
     doubts: tuple[str, ...]
-    recorded: Data | None = None  # before its torque was moved
 
     def from_values(self, plain: Mapping[str, float]) -> Prepared:
         """The same with values from which fits start."""
         return replace(self, data=replace(self.data, plain=plain))
 
     def earlier(self, plain: Balance) -> Prepared:
-        """The same with the torque earlier, where it was written down late."""
+        """The same with the torque earlier, where it was written down late: a simulation, too,
+        needs the torque of its instant."""
         by = plain.written_late(self.data.dt)
-        if not by:
-            return self
-        return replace(self, data=ahead(self.data, by / self.data.dt), recorded=self.data)
+        return replace(self, data=ahead(self.data, by / self.data.dt)) if by else self
 
 
 def prepared(
@@ -120,7 +118,7 @@ def begin(asked: Prepared, report: Progress) -> Job:
     base = _declared(model, data, parts.train, named(asked.every), report)
     moved = dated(base)
     if moved is None:
-        return Job(records, model, data, parts, base, asked.doubts, recorded=asked.recorded)
+        return Job(records, model, data, parts, base, asked.doubts)
     shifted = moved.predictor.data
     return Job(records, model, shifted, parts, moved, asked.doubts, recorded=data)
 
