@@ -39,6 +39,7 @@ _HOMES = {
     "errors": "InputError Refused",
     "fleet": "Fleet diagnose_each",
     "diagnosis.identify": "identify",
+    "diagnosis.laws": "LawComparison compare_laws",
     "linear": "bandwidth bandwidth_check check_designs l2_check position_T position_loop_tf "
     "spr_check spr_repair velocity_T velocity_loop_tf",
     "loops": "position_loop velocity_loop",
@@ -138,6 +139,7 @@ if TYPE_CHECKING:
     from .diagnosis.asking import balance  # noqa: F401
     from .diagnosis.diagnose import diagnose  # noqa: F401
     from .diagnosis.identify import identify  # noqa: F401
+    from .diagnosis.laws import LawComparison, compare_laws  # noqa: F401
     from .ensemble import Sweep, sweep, sweep_chunks  # noqa: F401
     from .errors import InputError, Refused  # noqa: F401
     from .fleet import Fleet, diagnose_each  # noqa: F401

@@ -20,6 +20,7 @@ from .spec import members, unit_for
 
 if TYPE_CHECKING:
     from .compensating import Compensation
+    from .diagnosis.laws import LawComparison
     from .identification.balance import Balance
     from .identification.selection import Comparison
     from .joint import Joint, Residuals
@@ -271,10 +272,10 @@ class Diagnosis(Fitted):
 
     ``error``, ``free_error`` and ``torque_error`` are the mappings of the JSON format; ``model``
     is the augmented model (the refitted one if nothing was added, None if refused).
-    ``table`` offers the unexplained torque as a block; ``compensation`` is set if it was asked
-    for, ``map`` if the records are runs at steady speed. ``plain`` is the torque balance of the log
-    as it was recorded, there for every log that can be read. ``provenance``: version, date,
-    command and files; None for a result that was put together by hand.
+    ``table`` offers the unexplained torque as a block; ``compensation`` and ``laws`` are set if
+    they were asked for, ``map`` if the records are runs at steady speed. ``plain`` is the torque
+    balance of the log as it was recorded, there for every log that can be read. ``provenance``:
+    version, date, command and files; None for a result that was put together by hand.
     """
 
     verdict: str
@@ -300,6 +301,7 @@ class Diagnosis(Fitted):
     comparison: Comparison | None = None
     joint: Joint | None = None
     residuals: Residuals | None = None
+    laws: LawComparison | None = None
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as in the JSON document; never NaN or Infinity."""
@@ -321,6 +323,7 @@ class Diagnosis(Fitted):
                 "ranking": [{"name": c.name, "score": c.score} for c in self.ranking],
                 "table": self.table.summary() if self.table else None,
                 "compensation": self.compensation.summary() if self.compensation else None,
+                "laws": self.laws.summary() if self.laws else None,
                 "map": self.map.summary() if self.map else None,
                 "record": self.record.summary() if self.record else None,
                 "messages": list(self.messages),

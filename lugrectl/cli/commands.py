@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from ..record import Log
 
 
+AUTO = "auto"  # of --law
+
+
 def print_out(text: str) -> None:
     """Print with one newline at the end; escape what the terminal's encoding cannot show."""
     encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
@@ -35,6 +38,8 @@ def diagnose(a: Namespace) -> int:
 
         if a.compensate is not None:
             raise InputError("--compensate is for one drive: it cannot be combined with --each.")
+        if a.law == AUTO:
+            raise InputError("--law auto is for one drive: with --each give the law by name.")
         return each(a)
     if a.jobs is not None:
         raise InputError("--jobs is for many logs: use it together with --each.")
@@ -128,11 +133,23 @@ def _answered(work: Any, a: Namespace, model: Model) -> Any:
     logs, holdout = _read_all(a, model)
     options = {"holdout": holdout, "horizon": a.horizon, "seed": a.seed}
     options |= chosen(a)
+    record = logs[0] if len(logs) == 1 else logs
     try:
         with Bar(sys.stderr) as bar:
-            return work(logs[0] if len(logs) == 1 else logs, model, progress=bar, **options)
+            if getattr(a, "law", None) == AUTO:
+                return _with_the_best_law(work, record, model, progress=bar, **options)
+            return work(record, model, progress=bar, **options)
     except Refused as no:
         return refusal(no, model, [], no.plain)
+
+
+def _with_the_best_law(work: Any, record: Any, model: Model, **options: Any) -> Any:
+    """The result of ``work`` with the friction law that the record shows, and how it was chosen."""
+    from ..diagnosis.laws import compare_laws
+
+    shared = {k: options[k] for k in ("holdout", "horizon", "progress")}
+    laws = compare_laws(record, model, **shared)
+    return replace(work(record, laws.model, **options), laws=laws)
 
 
 def chosen(a: Namespace) -> dict[str, float]:
@@ -182,6 +199,7 @@ def fixed(model: Model, a: Namespace) -> Model:
     from ..door import changed
 
     law, file = getattr(a, "law", None), model.file
+    law = None if law == AUTO else law
     model = model if law is None else changed(model, {"friction": law}, "--law")
     names = [n.strip() for given in getattr(a, "fix", None) or [] for n in given.split(",")]
     made = model.fix(*filter(None, names), what="--fix") if names else model

@@ -142,7 +142,8 @@ def _records(command: argparse.ArgumentParser) -> None:
     add(
         "--law",
         metavar="NAME",
-        help="friction law in place of the model's; values that both laws have are kept",
+        help="friction law in place of the model's; values that both laws have are kept; auto: "
+        "the simplest that predicts held-out samples as well as any",
     )
     add(
         "--fix",

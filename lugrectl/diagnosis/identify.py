@@ -47,6 +47,7 @@ from ..tracing.job import (
 from ..tracing.optima import other_optima
 from .asking import Asked
 from .floor import failure
+from .laws import LawComparison
 from .plain import plainly, with_plain
 
 ONLY_PLAIN = "The values are those of the torque balance alone, without errors of a simulation: {}"
@@ -73,6 +74,7 @@ class Identification(Fitted):
     plain: Balance | None = None
     joint: Joint | None = None
     residuals: Residuals | None = None
+    laws: LawComparison | None = None
     verdict: ClassVar[str] = "identified"  # for reports and plots: nothing was added
     effects: ClassVar[tuple[()]] = ()
     depends_on: ClassVar[tuple[()]] = ()
@@ -88,6 +90,7 @@ class Identification(Fitted):
                 "model": {k: nested[k] for k in ("plant", "friction", "effects")}
                 | {"stated": self.model.statements()},
                 "record": self.record.summary() if self.record else None,
+                "laws": self.laws.summary() if self.laws else None,
                 "messages": list(self.messages),
                 "plain": self.plain.summary() if self.plain else None,
                 "covariance": self.joint.summary() if self.joint else None,

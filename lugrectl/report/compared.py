@@ -54,6 +54,16 @@ def table(d: Any) -> Section | None:
     return Section("Comparison", lines, Grid(head, "lrrrr", tuple(rows)), footnote)
 
 
+def laws(d: Any) -> Section | None:
+    """The friction laws that were compared, the best first."""
+    found = getattr(d, "laws", None)
+    if found is None:
+        return None
+    lines = (found.sentence, "Each law was fitted; the gain is of held-out samples.")
+    reasons = " ".join(f"{row.name}: {row.reason}" for row in found if row.reason)
+    return Section("Friction laws", lines, found.grid(), reasons)
+
+
 def limits(d: Any) -> Section | None:
     """How small an effect this record would have shown; only where nothing is missing."""
     found = _comparison(d)

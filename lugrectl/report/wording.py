@@ -80,7 +80,7 @@ def sections(d: Any) -> list[Section]:
     parts = [compared.budget(d)]
     parts += [_effect(d, finding) for finding in _get(d, "effects", ())]
     parts += [_depends(d), _table(d), compared.limits(d), _experiment(d), errors(d)]
-    parts += [compared.table(d), _parameters(d), plain(d)]
+    parts += [compared.table(d), compared.laws(d), _parameters(d), plain(d)]
     parts += [_compensation(d), _record(d), _notes(d)]
     return [part for part in parts if part is not None]
 

@@ -13,6 +13,7 @@ from .completing import completed
 from .face import compare, levels
 from .numbers import ALPHA, LEAST
 from .result import Compared, Comparison, Detectable, Named, Share
+from .score import paired
 
 __all__ = [
     "ALPHA",
@@ -25,4 +26,5 @@ __all__ = [
     "compare",
     "completed",
     "levels",
+    "paired",
 ]
