@@ -21,6 +21,7 @@ from ..spec import members
 from ..steady.points import is_map
 from ..traces import residual_torque, traces
 from ..tracing.applicable import signals_of
+from ..tracing.discrepancy import with_discrepancy
 from ..tracing.evaluate import missing_torque
 from ..tracing.far import against_held, at_bounds, far_off
 from ..tracing.fit import Fitted
@@ -172,6 +173,7 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
     else:
         whole = on_everything(won.fit, won.job)
         failed = _failure(won.job, whole, asked)
+        whole = whole if failed else with_discrepancy(whole)
     job, final = won.job, adapted(won.fit, won.job.parts.test, won.job.declared)
     scored = score(job, final)
     shown = traces(job, final, scored["judged"])

@@ -32,6 +32,7 @@ from ..results import Estimate, FrictionMap, Traces
 from ..steady.curve import refit
 from ..steady.points import is_map
 from ..traces import residual_torque, traces
+from ..tracing.discrepancy import with_discrepancy
 from ..tracing.far import against_held, at_bounds, far_off
 from ..tracing.job import (
     begin,
@@ -174,13 +175,14 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
     friction = levels(asked.plain.stretches, model, asked.plain)
     job = begin(ready.from_values(asked.starts(friction)).earlier(asked.plain), report)
     whole = on_everything(job.base, job)
+    failed = failure(job.data, residual_torque(job, whole), asked)
+    if failed:
+        raise Refused(failed)
+    whole = with_discrepancy(whole)
     job = noted(compared(job, whole), *at_bounds(whole), *far_off(whole, model))
     job = noted(job, *against_held(whole), *other_optima(whole))
     scored = score(job, job.base)
     shown = traces(job, job.base, scored["judged"])
-    failed = failure(job.data, residual_torque(job, whole), asked)
-    if failed:
-        raise Refused(failed)
     error = scored["error"]
     return Identification(
         estimates=estimates(whole),

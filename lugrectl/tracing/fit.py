@@ -52,6 +52,7 @@ class Fitted:
     anchor: dict[str, float] = field(default_factory=dict)
     instants: dict[str, tuple[float, float]] = field(default_factory=dict)
     others: tuple[Fitted, ...] = ()
+    discrepancy: np.ndarray | float = field(default=0.0, repr=False)
 
     @property
     def total(self) -> float:
@@ -80,7 +81,7 @@ class Fitted:
         scatter = jackknife(self.parts, self.scores, believed)
         size = np.maximum(np.diag(own), 1e-12 * scatter + 1e-300)
         ratio = np.sqrt(np.maximum(scatter / size, 1.0))
-        return own * np.outer(ratio, ratio)
+        return own * np.outer(ratio, ratio) + self.discrepancy
 
     def flat(self) -> list[tuple[str, ...]]:
         """Keys of which the record identifies a combination only, by direction."""

@@ -12,7 +12,7 @@ from ..engine.load import compiler
 from ..identification.balance import Balance
 from ..joint import Joint, Residuals, residuals_of
 from ..model import Model
-from ..record import Record, consistent, long_enough_to_judge, named, pooled
+from ..record import Record, consistent, long_enough_to_judge, pooled
 from ..results import Estimate
 from ..spec import unit_for
 from .data import Data, prepare
@@ -26,7 +26,7 @@ from .predictor import Predictor
 from .repeated import on_theta_alone
 from .runs import MOST_RUNS, alike, repeating, statements
 from .split import ENOUGH_OF_MANY, MOST, Split, split
-from .start import begun, completed, holding, lifted, refuse_unidentified_inertia
+from .start import begun, completed, holding, lifted
 from .windows import Windows, spread, windows
 
 SLOWLY = "first guess (slow: there is neither a C compiler nor numba; install lugrectl[fast])"
@@ -115,7 +115,7 @@ def prepared(
 def begin(asked: Prepared, report: Progress) -> Job:
     """The declared model refitted to the training samples."""
     records, model, data, parts = asked.records, asked.model, asked.data, asked.parts
-    base = _declared(model, data, parts.train, named(asked.every), report)
+    base = _declared(model, data, parts.train, report)
     moved = dated(base)
     if moved is None:
         return Job(records, model, data, parts, base, asked.doubts)
@@ -123,13 +123,12 @@ def begin(asked: Prepared, report: Progress) -> Job:
     return Job(records, model, shifted, parts, moved, asked.doubts, recorded=data)
 
 
-def _declared(model: Model, data: Data, train: Windows, where: str, report: Progress) -> Fitted:
+def _declared(model: Model, data: Data, train: Windows, report: Progress) -> Fitted:
     """The best fit of the declared model, including its undeclared values."""
     report(0.02, "first guess" if compiler() else SLOWLY)
     started = lifted(completed(model, replace(data, differing=()), train))
     report(0.05, "refitting the declared model")
     base = begun(Predictor(started, data), train, model)
-    refuse_unidentified_inertia(base, model, where)
     return base
 
 

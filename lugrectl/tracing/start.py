@@ -13,7 +13,6 @@ from ..blocks.friction import EPS
 from ..engine.beside import beside
 from ..errors import Refused
 from ..model import Model, Part
-from ..spec import unit_for
 from .coordinates import coordinates, free_keys, inside
 from .data import Data, thinned
 from .fit import Fitted, again, fit
@@ -35,7 +34,7 @@ TURNS = (0.5 * np.pi, np.pi, -0.5 * np.pi)  # rad, changes of a declared phase
 EXCESS = 1.05  # start of Fs over Fc, where the declared one is below
 ENOUGH, MANY_WINDOWS = 40_000, 24  # counted samples and windows on which starts are compared
 COARSE = 2e-3  # s, longest sampling interval there
-STRIBECK_SPEEDS = (1e-3, 5e-3, 2e-2)  # vs as a share of the largest speed
+STRIBECK_SPEEDS = (1e-3, 5e-3, 2e-2, 0.1, 0.4)  # vs as a share of the largest speed
 
 
 class Start(NamedTuple):
@@ -120,20 +119,6 @@ def lifted(model: Model) -> Model:
     if Fc is None or Fs is None or Fs >= Fc:
         return model
     return model.with_values(model.kept({"Fs": EXCESS * Fc}))
-
-
-def refuse_unidentified_inertia(base: Fitted, declared: Model, where: str) -> None:
-    """Refuse if an undeclared inertia cannot be identified by the fit."""
-    if declared.J is not None:
-        return
-    J, unit = base.values["J"], unit_for("kg m2", base.predictor.data.motion)
-    low, high = base.intervals().get("J", (0.0, np.inf))
-    if high - low > J:
-        raise Refused(
-            f"{where}: the fit by simulation hardly determines the inertia: {J:.3g} {unit} fits "
-            f"best, but {_range(low, high, unit)} fits about as well.",
-            "Record a motion with clear acceleration in both directions, or declare J.",
-        )
 
 
 def _unbound(found: Fitted, opened: Sequence[str]) -> Fitted:
@@ -231,12 +216,3 @@ def _with_effect(core: Model, part: Part, data: Data) -> Model:
             "Give its values in the model file, or leave the effect out.",
         )
     return core.with_effect(part.block.name, found)
-
-
-def _range(low: float, high: float, unit: str) -> str:
-    """'any value', or the values between two bounds in words."""
-    if low > 0 and np.isfinite(high):
-        return f"any value from {low:.3g} to {high:.3g} {unit}"
-    if np.isfinite(high):
-        return f"any value up to {high:.3g} {unit}"
-    return f"any value above {low:.3g} {unit}" if low > 0 else "any other value"

@@ -6,7 +6,8 @@ likely one. It competes like any effect.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Protocol
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -45,11 +46,15 @@ Surfaces = dict[tuple[str, ...], list[np.ndarray]]
 
 def _bases(base: Base) -> Surfaces:
     """Columns (m, k) for each set of signals; more than one way for a position that turns."""
-    record = base.record
+    record, m, u = base.record, base.record.motion, base.u
+
+    def once(key: str, of: object, make: Callable[[], Surfaces]) -> Surfaces:
+        return record.once(key, of, lambda: _in_windows(base, make()))
+
     return {
-        **record.once("unknown of motion", None, lambda: _in_windows(base, _of_motion(base))),
-        **record.once("unknown of torque", base.u, lambda: _in_windows(base, _of_torque(base))),
-        **record.once("unknown of law", base.law, lambda: _in_windows(base, _of_law(base))),
+        **once("unknown of motion", None, lambda: of_motion(m)),
+        **once("unknown of torque", u, lambda: of_torque(m, u)),
+        **once("unknown of law", base.law, lambda: of_law(m, base.law.z)),
     }
 
 
@@ -57,9 +62,23 @@ def _in_windows(base: Base, surfaces: Surfaces) -> Surfaces:
     return {k: [base.record.mean(x) for x in v] for k, v in surfaces.items()}
 
 
-def _place(base: Base) -> tuple[np.ndarray, list[np.ndarray], np.ndarray]:
+class Moving(Protocol):
+    """Samples (n,) of a motion, with its largest speed; ``motion`` is "rotary" or "linear"."""
+
+    @property
+    def t(self) -> np.ndarray: ...
+    @property
+    def theta(self) -> np.ndarray: ...
+    @property
+    def w(self) -> np.ndarray: ...
+    @property
+    def top(self) -> float: ...
+    @property
+    def motion(self) -> str: ...
+
+
+def _place(m: Moving) -> tuple[np.ndarray, list[np.ndarray], np.ndarray]:
     """The place in [0, 1], and fine and coarse functions of it."""
-    m = base.record.motion
     span = float(np.ptp(m.theta)) + 1e-12
     x = (m.theta - m.theta.min()) / span
     if span > TURNS and m.motion != "linear":
@@ -67,25 +86,24 @@ def _place(base: Base) -> tuple[np.ndarray, list[np.ndarray], np.ndarray]:
     return x, [spline(x, 16)], spline(x, 8)
 
 
-def _narrow(base: Base) -> np.ndarray:
+def _narrow(m: Moving) -> np.ndarray:
     """Functions of the place as narrow as a bump."""
-    m = base.record.motion
-    x, places, _ = _place(base)
+    x, places, _ = _place(m)
     return _waves(m.theta, FINE // 2) if len(places) > 1 else spline(x, FINE)
 
 
-def _of_motion(base: Base) -> Surfaces:
-    m = base.record.motion
+def of_motion(m: Moving) -> Surfaces:
+    """Functions of the place, of the speed, of the time, (n, k) each."""
     speed = np.abs(m.w / (m.top + 1e-300))
     return {
-        ("theta",): [*_place(base)[1], _narrow(base)],
+        ("theta",): [*_place(m)[1], _narrow(m)],
         ("w",): [spline(speed, 16) * np.sign(m.w)[:, None]],
         ("t",): [spline(m.t / m.t[-1], n) for n in (24, FINE)],
     }
 
 
-def _of_torque(base: Base) -> Surfaces:
-    m, u = base.record.motion, base.u
+def of_torque(m: Moving, u: np.ndarray) -> Surfaces:
+    """Functions of the torque, alone and with the time or the place, (n, k) each."""
     torque = np.abs(u)
     largest = max(float(np.quantile(torque, 0.995)), 0.1 * float(torque.max()))
     of_u = spline(0.5 + 0.5 * np.clip(u / largest, -1, 1), 12)
@@ -93,13 +111,14 @@ def _of_torque(base: Base) -> Surfaces:
     return {
         ("u",): [_apart(of_u, u)],
         ("t", "u"): [_apart(u[:, None] * spline(m.t / m.t[-1], 10), u)],
-        ("theta", "u"): [_apart(u[:, None] * _place(base)[2], u)],
+        ("theta", "u"): [_apart(u[:, None] * _place(m)[2], u)],
     }
 
 
-def _of_law(base: Base) -> Surfaces:
-    m, z = base.record.motion, base.law.z
-    _, places, coarse = _place(base)
+def of_law(m: Moving, z: np.ndarray) -> Surfaces:
+    """Friction z that depends on the place or the time, and a torque of place and speed, (n, k)
+    each."""
+    _, places, coarse = _place(m)
     v, speed = 0.5 + 0.5 * np.clip(m.w / (m.top + 1e-300), -1, 1), m.w / (m.top + 1e-300)
     late = spline(m.t / m.t[-1], 10)
     return {
