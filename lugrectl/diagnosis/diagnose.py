@@ -42,6 +42,8 @@ from ..tracing.optima import other_optima
 from ..tracing.tabulate import tabulate
 from .asking import Asked
 from .floor import failure
+from .length import longer, short
+from .length import said as length_of
 from .plain import plainly, refusal, values_for, with_plain
 from .winner import with_effects
 
@@ -149,7 +151,7 @@ def _finer(
     report(0.05, "comparing explanations")
     found = compare(asked.plain.stretches, model, asked.plain, *limits)
     if found.verdict == "refused":
-        raise Refused(" ".join(found.messages))
+        raise Refused(" ".join(found.messages), _longer(asked, found, None))
     try:
         ready = prepared(record, model, holdout, horizon)
         ready = ready.from_values(asked.starts(found.alone)).earlier(asked.plain)
@@ -179,7 +181,7 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
     job = compared(job, whole)
     job = noted(job, *unidentified(whole.flat(), "this record"), *((failed,) if failed else ()))
     worse = _worse(scored["error"], found)
-    job = noted(job, *found.messages, *worse)
+    job = noted(job, *found.messages, *worse, *_length(asked, found))
     job = noted(job, *at_bounds(whole), *far_off(whole, asked.model))
     job = noted(job, *against_held(whole), *other_optima(whole))
     fitted = estimates(whole)
@@ -202,7 +204,7 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
         verdict=found.verdict,
         effects=tuple(effects),
         depends_on=_signals(found),
-        experiment=_experiment(found, effects),
+        experiment=_longer(asked, found, _experiment(found, effects)),
         error=scored["error"],
         free_error=scored["free_error"],
         torque_error=scored["torque_error"],
@@ -241,12 +243,12 @@ def _only_compared(asked: Asked, found: Comparison, reason: str) -> Diagnosis:
         verdict=found.verdict,
         effects=tuple(effects),
         depends_on=_signals(found),
-        experiment=_experiment(found, effects),
+        experiment=_longer(asked, found, _experiment(found, effects)),
         model=model,
         declared=asked.model,
         estimates=known,
         record=asked.seen[0],
-        messages=(*noticed, *found.messages, NO_FIT.format(reason)),
+        messages=(*noticed, *found.messages, NO_FIT.format(reason), *_length(asked, found, True)),
         ranking=_ranking(found),
         comparison=found,
     )
@@ -308,6 +310,20 @@ _ADVICE = {  # if the residual depends on several of these signals, the first on
     "u": "record the same motion with a known added load, so that torque and motion differ",
     "w": "record constant speeds, from slow to fast, in both directions",
 }
+
+
+def _length(asked: Asked, found: Comparison, always: bool = False) -> tuple[str, ...]:
+    """How long the records are and how much was compared, where that is little, or always."""
+    many = found.stretches
+    if many is None or not (always or short(many)):
+        return ()
+    return (length_of(asked.seen, many),)
+
+
+def _longer(asked: Asked, found: Comparison, then: str | None) -> str | None:
+    """What to record next; first of all a longer record, where little was compared."""
+    many = found.stretches
+    return longer(asked.seen, many, then) if many is not None and short(many) else then
 
 
 def _experiment(found: Comparison, effects: Sequence[Finding]) -> str | None:

@@ -102,6 +102,11 @@ class Record:
         return applied(self.parts, self.motion)
 
     @property
+    def independent(self) -> int:
+        """How many of its blocks have motion in them and share little noise with the others."""
+        return min(len(self.blocks.full), max(1, int(self.motion.t[-1] / _apart(self.rows))))
+
+    @property
     def turning(self) -> bool:
         """Whether gravity is declared."""
         return any(p.block.name == TURNING for p in self.parts)
@@ -140,8 +145,13 @@ class Record:
         lag: tuple[float, float] | None = None,
     ) -> Record:
         laws = Laws(motion, declared, 3 * rows.rough + 1e-12)
-        blocks = Blocks.of(rows.t, motion.t[-1], max(BLOCK, APART * rows.h))
+        blocks = Blocks.of(rows.t, motion.t[-1], _apart(rows))
         return cls(motion, rows, laws, blocks, declared, J, sure, heavy, parts, has, lag)
+
+
+def _apart(rows: Rows) -> float:
+    """The length of a piece that shares little noise with its neighbours, s."""
+    return max(BLOCK, APART * rows.h)
 
 
 @dataclass(frozen=True, eq=False)

@@ -73,7 +73,7 @@ def compare(
         record = record_of(stretches, model, plain)
         if len(record.rows) < WEIGHT:  # fewer than it has terms
             said = SHORT.format(len(record.rows), 2e3 * record.rows.h, WEIGHT)
-            return Comparison("refused", messages=(said,), least=least)
+            return Comparison("refused", messages=(said,), least=least, stretches=0)
         found = decide(record, least, alpha)
         made = _result(found, model, least)
     return replace(made, seconds=time.perf_counter() - began)
@@ -104,6 +104,7 @@ def _result(found: Decision, model: Model, least: float) -> Comparison:
         least=least,
         only_inertia=found.only_inertia,
         events=found.events,
+        stretches=base.record.independent,
     )
 
 
