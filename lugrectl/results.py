@@ -31,17 +31,20 @@ VERDICTS = ("adequate", "found", "ambiguous", "unexplained", "refused")
 class Estimate(Shown):
     """A fitted value with its unit and 95 % interval (None if it cannot be determined).
 
-    ``held``: the value was declared as fixed, and no fit has changed it.
+    ``held``: the value was declared as fixed, and no fit has changed it. ``together``: the sum
+    that the value stands for, where the record does not determine it alone.
     """
 
     value: float
     unit: str
     ci95: tuple[float, float] | None = None
     held: bool = False
+    together: str = ""
 
     def summary(self) -> dict[str, Any]:
         made = {"value": self.value, "unit": self.unit, "ci95": self.ci95 and list(self.ci95)}
-        return made | ({"held": True} if self.held else {})
+        made |= {"held": True} if self.held else {}
+        return made | ({"together": self.together} if self.together else {})
 
     def _title(self) -> str:
         return estimated("", self).text()

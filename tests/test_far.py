@@ -1,11 +1,10 @@
 """What is said of fitted values that are far from the declared ones."""
 
-from types import SimpleNamespace
-
 import pytest
 
 from lugrectl import Model
 from lugrectl.model import model_from_dict
+from lugrectl.results import Estimate
 from lugrectl.tracing.far import far_off
 
 DECLARED = {"J": 0.1, "Fc": 1.0, "Fs": 1.5, "Fv": 0.2}
@@ -22,7 +21,8 @@ def said(half: float = 0.01, **factors: float) -> str:
     """What is said where these values came out by a factor, each within ``half`` of itself."""
     values = model().values() | {k: DECLARED[k] * r for k, r in factors.items()}
     ends = {k: (v * (1 - half), v * (1 + half)) for k, v in values.items()}
-    return " ".join(far_off(SimpleNamespace(values=values, intervals=lambda: ends), model()))
+    found = {k: Estimate(v, "", ends[k]) for k, v in values.items()}
+    return " ".join(far_off(found, model()))
 
 
 @pytest.mark.parametrize("factor", [1.5, 0.7, 1.03])
@@ -34,14 +34,13 @@ def test_a_value_left_beyond_its_interval_is_said_with_both_values(factor):
 
 def test_what_the_interval_contains_or_the_model_holds_is_not_said():
     assert said(half=0.4, Fc=1.3) == ""
-    values = model().values() | {"J": 0.2}
-    found = SimpleNamespace(values=values, intervals=lambda: {"J": (0.19, 0.21)})
+    found = {"J": Estimate(0.2, "kg m2", (0.19, 0.21))}
     assert "J is 0.2" in far_off(found, model())[0] and far_off(found, model().fix("J")) == []
 
 
 def test_an_angle_that_is_a_full_turn_away_is_the_same():
     whole = model().with_effect("gravity", {"amplitude": 0.2, "phase": 3.1})
-    found = SimpleNamespace(values={}, intervals=lambda: {"gravity.phase": (-3.25, -3.1)})
+    found = {"gravity.phase": Estimate(-3.2, "rad", (-3.25, -3.1))}
     assert far_off(found, whole) == []
 
 

@@ -41,6 +41,7 @@ from ..tracing.job import (
 from ..tracing.optima import other_optima
 from ..tracing.tabulate import tabulate
 from .asking import Asked
+from .direction import next_way, not_alone, one_way
 from .floor import failure
 from .length import longer, short
 from .length import said as length_of
@@ -151,7 +152,7 @@ def _finer(
     report(0.05, "comparing explanations")
     found = compare(asked.plain.stretches, model, asked.plain, *limits)
     if found.verdict == "refused":
-        raise Refused(" ".join(found.messages), _longer(asked, found, None))
+        raise Refused(" ".join(found.messages), _next(asked, found, None))
     try:
         ready = prepared(record, model, holdout, horizon)
         ready = ready.from_values(asked.starts(found.alone)).earlier(asked.plain)
@@ -182,18 +183,19 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
     job = noted(job, *unidentified(whole.flat(), "this record"), *((failed,) if failed else ()))
     worse = _worse(scored["error"], found)
     job = noted(job, *found.messages, *worse, *_length(asked, found))
-    job = noted(job, *at_bounds(whole), *far_off(whole, asked.model))
-    job = noted(job, *against_held(whole), *other_optima(whole))
+    job = noted(job, *at_bounds(whole), *against_held(whole), *other_optima(whole))
     fitted = estimates(whole)
     if failed:  # curvature at a bad fit says nothing about its errors
-        fitted = {k: replace(e, ci95=None) for k, e in fitted.items()}
+        fitted = _without_intervals(fitted)
     model = whole.predictor.model.with_values(whole.values)
     if (failed or found.events) and not won.keys:  # the robust balance knows them better
         known = values_for(asked.plain, asked.model)
         fitted, model = fitted | known, model.with_values({k: e.value for k, e in known.items()})
-    elif failed and worse:
+    elif failed and worse:  # the table has the values of the saved model, and those of the effect
         model = job.base.predictor.model.with_values(job.base.values)
-        job = noted(job, WITHOUT)
+        job, fitted = noted(job, WITHOUT), fitted | _without_intervals(estimates(job.base))
+    fitted = not_alone(fitted, asked.plain)
+    job = noted(job, *far_off(fitted, asked.model), *one_way(fitted, asked.plain, asked.model))
     tied = tuple(_candidate(found, a.name) for a in found.alternatives)
     effects = [
         Finding.of(key, e.name, fitted, tied if i == _first(found) else ())
@@ -204,7 +206,7 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
         verdict=found.verdict,
         effects=tuple(effects),
         depends_on=_signals(found),
-        experiment=_longer(asked, found, _experiment(found, effects)),
+        experiment=_next(asked, found, _experiment(found, effects)),
         error=scored["error"],
         free_error=scored["free_error"],
         torque_error=scored["torque_error"],
@@ -220,6 +222,10 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
         joint=joint(whole),
         residuals=residuals(whole),
     )
+
+
+def _without_intervals(found: Mapping[str, Estimate]) -> dict[str, Estimate]:
+    return {k: replace(e, ci95=None) for k, e in found.items()}
 
 
 def _failure(job: Job, fitted: Fitted, asked: Asked) -> str | None:
@@ -243,7 +249,7 @@ def _only_compared(asked: Asked, found: Comparison, reason: str) -> Diagnosis:
         verdict=found.verdict,
         effects=tuple(effects),
         depends_on=_signals(found),
-        experiment=_longer(asked, found, _experiment(found, effects)),
+        experiment=_next(asked, found, _experiment(found, effects)),
         model=model,
         declared=asked.model,
         estimates=known,
@@ -320,9 +326,10 @@ def _length(asked: Asked, found: Comparison, always: bool = False) -> tuple[str,
     return (length_of(asked.seen, many),)
 
 
-def _longer(asked: Asked, found: Comparison, then: str | None) -> str | None:
-    """What to record next; first of all a longer record, where little was compared."""
-    many = found.stretches
+def _next(asked: Asked, found: Comparison, then: str | None) -> str | None:
+    """What to record next: first a longer record, where little was compared, and at last the
+    other direction, where the log has one only."""
+    many, then = found.stretches, next_way(asked.plain, then)
     return longer(asked.seen, many, then) if many is not None and short(many) else then
 
 

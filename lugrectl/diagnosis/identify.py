@@ -46,6 +46,7 @@ from ..tracing.job import (
 )
 from ..tracing.optima import other_optima
 from .asking import Asked
+from .direction import not_alone, one_way
 from .floor import failure
 from .plain import plainly, with_plain
 
@@ -171,8 +172,10 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
     friction = levels(asked.plain.stretches, model, asked.plain)
     job = begin(ready.from_values(asked.starts(friction)).earlier(asked.plain), report)
     whole = on_everything(job.base, job)
-    job = noted(compared(job, whole), *at_bounds(whole), *far_off(whole, model))
+    job = noted(compared(job, whole), *at_bounds(whole))
     job = noted(job, *against_held(whole), *other_optima(whole))
+    fitted = not_alone(estimates(whole), asked.plain)
+    job = noted(job, *far_off(fitted, model), *one_way(fitted, asked.plain, model))
     scored = score(job, job.base)
     shown = traces(job, job.base, scored["judged"])
     failed = failure(job.data, residual_torque(job, whole), asked)
@@ -180,7 +183,7 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
         raise Refused(failed)
     error = scored["error"]
     return Identification(
-        estimates=estimates(whole),
+        estimates=fitted,
         error={k: v for k, v in error.items() if k != "augmented"},
         model=whole.predictor.model.with_values(whole.values),
         record=job.records[0],

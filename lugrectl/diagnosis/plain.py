@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import Refused
 from ..identification.balance import Balance, balance, unlike
+from ..identification.balance.result import Combination
 from ..model import Model
 from ..record import Log, Record, stretches
 from ..results import Diagnosis, Estimate
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from .asking import Asked
 
 LEVELS = ("J", "Fc", "Fv")
+LOAD, WAY = "constant_torque", "the other direction"
 TAKEN = "{} is taken as declared, {:.6g} {}: this log does not determine it alone."
 
 OTHERS = "The plain answer is that of the other runs."
@@ -37,6 +39,7 @@ def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
     noticed = [*runs.said, *([OTHERS] if runs.said else []), *runs.notes, *noticed]
     fixed = {k: v for k, v in model.known().items() if k in model.held()}
     found = balance(parts, model, fixed)
+    together = _together(found, model)
     declared = {k: v for k, v in model.known().items() if k in LEVELS}
     known = {k: v for k, v in declared.items() if _open(k, found) and _may_be(k, v, found)}
     taken: list[str] = []
@@ -51,6 +54,7 @@ def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
         stretches=tuple(parts),
         motion=model.motion,
         unlike=runs.said,
+        together=together,
     )
 
 
@@ -79,9 +83,25 @@ def _may_be(key: str, value: float, found: Balance) -> bool:
 
 def _open(key: str, found: Balance) -> bool:
     """Whether a log shows a value together with others only."""
-    sums = (re.findall(r"[A-Za-z_]\w*", c.text) for c in found.combinations)
+    sums = (_names(c.text) for c in found.combinations)
     alone = key in found.parameters
     return key in found.uncertain or not alone and any(key in names for names in sums)
+
+
+def _together(found: Balance, model: Model) -> dict[str, Combination]:
+    """The levels that a log in one direction shows only in a sum with a constant torque.
+
+    A model that declares such a torque has both parts: its fit says itself what it cannot separate.
+    """
+    if any(part.block.name == LOAD for part in model.effects):
+        return {}
+    one_way = [c for c in found.combinations if LOAD in _names(c.text) and WAY in c.to_separate]
+    return {k: c for c in one_way for k in _names(c.text) if k in LEVELS and _open(k, found)}
+
+
+def _names(text: str) -> list[str]:
+    """The parameters of a sum."""
+    return re.findall(r"[A-Za-z_]\w*", text)
 
 
 def _reading(logs: Sequence[Log]) -> list[str]:

@@ -72,6 +72,8 @@ class Balance(Result):
         Why nothing can be learnt of the drive; empty where something can.
     unlike : tuple of str
         A sentence for each run in another unit or sign than the others. These runs are left out.
+    together : dict of Combination
+        Of a log in one direction: values that it shows only in a sum with a constant torque.
     """
 
     parameters: Mapping[str, Estimate] = field(default_factory=dict)
@@ -91,6 +93,7 @@ class Balance(Result):
     reading: tuple[str, ...] = ()
     unlike: tuple[str, ...] = ()
     refused: str = ""
+    together: Mapping[str, Combination] = field(default_factory=dict)
 
     @property
     def said(self) -> tuple[str, ...]:
