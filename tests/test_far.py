@@ -1,11 +1,15 @@
 """What is said of fitted values that are far from the declared ones."""
 
+import numpy as np
 import pytest
 
-from lugrectl import Model
+from lugrectl import Model, diagnose
+from lugrectl.display import with_interval
 from lugrectl.model import model_from_dict
 from lugrectl.results import Estimate
 from lugrectl.tracing.far import far_off
+
+from .balance_drive import simulate, torque
 
 DECLARED = {"J": 0.1, "Fc": 1.0, "Fs": 1.5, "Fv": 0.2}
 
@@ -53,3 +57,21 @@ def test_a_common_factor_is_the_torques_scale():
     told = said(J=1.4, Fc=1.41, Fv=1.39, Fs=1.4)
     assert "factor 1.4" in told and "scale of u is wrong" in told and "dead zone" not in told
     assert "scale of u is wrong" not in said(J=1.4, Fc=1.41, Fv=0.7)
+
+
+def test_a_note_on_moved_values_says_the_values_of_the_table():
+    """Where torques come at odd instants, the table has the values of the robust balance."""
+    dt = 2e-3
+    u = torque(10.0, dt, seed=3)
+    bursts = np.zeros(len(u))
+    for start in (700, 1900, 2600, 4100):
+        bursts[start : start + 25] = 0.5
+    theta, _ = simulate(u - bursts, dt)
+    theta = theta + np.random.default_rng(0).normal(0.0, 1e-4, len(u))
+    declared = Model.of(J=0.006, Fc=0.08, Fv=0.006)
+    found = diagnose({"t": dt * np.arange(len(u)), "u": u, "theta": theta}, declared)
+    notes = " ".join(found.messages)
+    assert found.comparison.events
+    for key in ("J", "Fc"):
+        shown, interval = with_interval(found.estimates[key])
+        assert f"{key} is {shown} [{interval.replace(' to ', ', ')}]" in notes
