@@ -264,7 +264,7 @@ def plain(d: Any) -> Section | None:
     if _get(d, "effects", ()) or _get(d, "depends_on"):
         lines.append("What is missing from the model is missing here too, and biases these values.")
     else:
-        lines += [_sentence(note) for note in balance.notes]
+        lines += [_sentence(note) for note in balance.notes if note != _get(d, "reason")]
     return Section(PLAIN, tuple(filter(None, lines)), grid if rows else None)
 
 
@@ -297,7 +297,8 @@ def _record(d: Any) -> Section | None:
 
 
 def _notes(d: Any) -> Section | None:
-    notes = tuple(f"- {_sentence(m)}" for m in _get(d, "messages", ()))
+    said = (m for m in _get(d, "messages", ()) if m != _get(d, "reason"))  # the headline has it
+    notes = tuple(f"- {_sentence(m)}" for m in said)
     return Section("Notes", notes) if notes else None
 
 
