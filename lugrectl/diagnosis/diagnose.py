@@ -129,6 +129,8 @@ def diagnose(
     try:
         if unlike:
             raise Refused(" ".join(unlike), SAME_UNITS)
+        if asked.plain.hopeless:
+            raise Refused(" ".join(asked.plain.against))
         found = _finer(asked, horizon, seed, limits, limit, report)
     except Refused as no:
         return refusal(no, asked.model, asked.seen, asked.plain)

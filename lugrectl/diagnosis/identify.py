@@ -132,7 +132,10 @@ def identify(
     horizon, seed = judged_by(horizon, seed)
     report = reporter(progress)
     report(0.0, "torque balance")
-    asked.plain  # noqa: B018  the plain answer first: it stands whatever follows
+    if asked.plain.hopeless:  # the plain answer first: it stands whatever follows
+        no = Refused(" ".join(asked.plain.against))
+        no.plain = asked.plain
+        raise no
     try:
         found = _finer(asked, horizon, report)
     except Refused as no:

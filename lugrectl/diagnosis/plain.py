@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import Refused
 from ..identification.balance import Balance, balance, unlike
-from ..identification.balance.result import Combination
+from ..identification.balance.result import LEVELS, Combination
 from ..model import Model
 from ..record import Log, Record, stretches
 from ..results import Diagnosis, Estimate
 from ..tracing.start import lifted
+from .contradicted import against_stated
 from .said_once import said_once
 
 if TYPE_CHECKING:
     from .asking import Asked
 
-LEVELS = ("J", "Fc", "Fv")
 LOAD, WAY = "constant_torque", "the other direction"
 TAKEN = "{} is taken as declared, {:.6g} {}: this log does not determine it alone."
 
@@ -39,13 +39,18 @@ def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
     noticed = [*runs.said, *([OTHERS] if runs.said else []), *runs.notes, *noticed]
     fixed = {k: v for k, v in model.known().items() if k in model.held()}
     found = balance(parts, model, fixed)
+    against = against_stated(parts, model, found)
+    if against is not None:
+        found = against.free if against.hopeless else found
+        found = replace(found, against=against.said, hopeless=against.hopeless)
     together = _together(found, model)
     declared = {k: v for k, v in model.known().items() if k in LEVELS}
     known = {k: v for k, v in declared.items() if _open(k, found) and _may_be(k, v, found)}
     taken: list[str] = []
-    if known and not found.refused:
+    if known and not (found.refused or found.hopeless):
         held = balance(parts, model, fixed | known)
         if not (held.left or 0.0) > 1.0:  # it explains less than nothing: they contradict the log
+            held = replace(held, against=found.against)
             found, taken = held, [TAKEN.format(k, v, model.unit(k)) for k, v in known.items()]
     return replace(
         found,
@@ -129,5 +134,6 @@ def refusal(
 
 def with_plain(result: Any, asked: Asked) -> Any:
     """A result with the plain answer beside it, and what was noticed when the logs were read."""
-    messages = said_once(result.messages, asked.plain.reading)
+    said = (*asked.plain.reading, *asked.plain.against)
+    messages = said_once(result.messages, said)
     return replace(result, plain=asked.plain, messages=messages)

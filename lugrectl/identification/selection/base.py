@@ -38,8 +38,8 @@ class Record:
     ``has`` are the parameters of the declared friction law, with a value or not, ``lag``
     that of a speed with a sensor of its own behind dtheta/dt and its standard error, s. The torque
     of its motion is ``shift`` (s) later than recorded, ``logged`` (s) of it because it was written
-    down after the motion that it causes. ``lighter``: the inertia is certainly far below the
-    declared one, whatever is missing.
+    down after the motion that it causes. ``lighter``: the inertia, where it is certainly far below
+    the declared one, whatever is missing.
     """
 
     motion: Motion
@@ -55,7 +55,7 @@ class Record:
     lag: tuple[float, float] | None = None
     shift: float = 0.0
     logged: float = 0.0
-    lighter: bool = False
+    lighter: float | None = None
     _kept: dict[Hashable, tuple[object, Any]] = field(default_factory=dict, repr=False)
 
     def once(self, key: Hashable, of: object, make: Callable[[], Any]) -> Any:
