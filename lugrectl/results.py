@@ -275,9 +275,10 @@ class Diagnosis(Fitted):
     ``error``, ``free_error`` and ``torque_error`` are the mappings of the JSON format; ``model``
     is the augmented model (the refitted one if nothing was added, None if refused).
     ``table`` offers the unexplained torque as a block; ``compensation`` is set if it was asked
-    for, ``map`` if the records are runs at steady speed. ``plain`` is the torque balance of the log
-    as it was recorded, there for every log that can be read. ``provenance``: version, date,
-    command and files; None for a result that was put together by hand.
+    for, ``map`` if the records are runs at steady speed. ``records`` are all runs, ``record`` is
+    the first. ``plain`` is the torque balance of the log as it was recorded, there for every log
+    that can be read. ``provenance``: version, date, command and files; None for a result that was
+    put together by hand.
     """
 
     verdict: str
@@ -303,6 +304,7 @@ class Diagnosis(Fitted):
     comparison: Comparison | None = None
     joint: Joint | None = None
     residuals: Residuals | None = None
+    records: tuple[Record, ...] = ()
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as in the JSON document; never NaN or Infinity."""
@@ -326,6 +328,7 @@ class Diagnosis(Fitted):
                 "compensation": self.compensation.summary() if self.compensation else None,
                 "map": self.map.summary() if self.map else None,
                 "record": self.record.summary() if self.record else None,
+                "records": self._records(),
                 "messages": list(self.messages),
                 "reason": self.reason,
                 "plain": self.plain.summary() if self.plain else None,

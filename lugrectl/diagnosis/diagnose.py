@@ -130,6 +130,7 @@ def diagnose(
         if unlike:
             raise Refused(" ".join(unlike), SAME_UNITS)
         if asked.plain.hopeless:
+            asked.records()  # to say what was read
             raise Refused(" ".join(asked.plain.against))
         found = _finer(asked, horizon, seed, limits, limit, report)
     except Refused as no:

@@ -74,6 +74,7 @@ class Identification(Fitted):
     plain: Balance | None = None
     joint: Joint | None = None
     residuals: Residuals | None = None
+    records: tuple[Record, ...] = ()
     verdict: ClassVar[str] = "identified"  # for reports and plots: nothing was added
     effects: ClassVar[tuple[()]] = ()
     depends_on: ClassVar[tuple[()]] = ()
@@ -89,6 +90,7 @@ class Identification(Fitted):
                 "model": {k: nested[k] for k in ("plant", "friction", "effects")}
                 | {"stated": self.model.statements()},
                 "record": self.record.summary() if self.record else None,
+                "records": self._records(),
                 "messages": list(self.messages),
                 "plain": self.plain.summary() if self.plain else None,
                 "covariance": self.joint.summary() if self.joint else None,

@@ -127,6 +127,7 @@ def refusal(
         experiment=no.experiment,
         declared=model,
         record=records[0] if records else None,
+        records=tuple(records),
         messages=said_once(said, notes),
         plain=plain,
     )
@@ -136,4 +137,4 @@ def with_plain(result: Any, asked: Asked) -> Any:
     """A result with the plain answer beside it, and what was noticed when the logs were read."""
     said = (*asked.plain.reading, *asked.plain.against)
     messages = said_once(result.messages, said)
-    return replace(result, plain=asked.plain, messages=messages)
+    return replace(result, plain=asked.plain, messages=messages, records=tuple(asked.seen))

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 BUDGET = "Torque budget"
 ROWS = 8  # models of the table that are shown
 COLOURS = {"friction": "#5b6675", "effect": "#1f6fb4", "rest": "#b9c2cd"}
-OWN = ("inertia", "coulomb", "viscous", "gravity", "offset and unbalance")
+OWN = ("inertia", "coulomb", "viscous", "offset and unbalance")
 UNNAMED = ("left", "noise")
 
 

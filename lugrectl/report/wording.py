@@ -13,6 +13,7 @@ from ..spec import members
 from . import compared
 from .section import Section
 
+LISTED = 8  # runs with a line each; of more, the names
 _SMALL = {"rad": "rad", "m": "m", "rad/s": "rad/s", "m/s": "m/s", "N m": "N m", "N": "N"}
 
 
@@ -281,19 +282,30 @@ def _together(one: Mapping[str, Any]) -> str:
 
 
 def _record(d: Any) -> Section | None:
-    record, model = _get(d, "record"), _get(d, "declared")
+    first, model = _get(d, "record"), _get(d, "declared")
+    runs = _get(d, "records", ()) or ((first,) if first is not None else ())
     lines = []
-    if record is not None and _get(d, "map"):
-        lines.append(f"{len(_get(d, 'map').w)} runs at steady speed, including {record.source}.")
-    elif record is not None:
-        facts = record.summary()
-        lines.append(
-            f"{record.source}: {facts['samples']} samples at {facts['rate']:g} Hz, "
-            f"{facts['duration']:g} s, {facts['dropped']} dropped."
-        )
+    if runs and _get(d, "map"):
+        lines.append(f"{len(_get(d, 'map').w)} runs at steady speed: {_names(runs)}.")
+    elif runs:
+        lines += map(_run, runs[:LISTED])
+        more = runs[LISTED:]
+        lines += [f"{len(more)} more: {_names(more)}."] if more else []
     if model is not None:
         lines.append(f"Model: {model.name}, {model.motion}, {model.friction.block.name} friction.")
     return Section("Record and model", tuple(lines)) if lines else None
+
+
+def _run(record: Any) -> str:
+    facts = record.summary()
+    return (
+        f"{record.source}: {facts['samples']} samples at {facts['rate']:g} Hz, "
+        f"{facts['duration']:g} s, {facts['dropped']} dropped."
+    )
+
+
+def _names(records: Sequence[Any]) -> str:
+    return listed([record.source for record in records])
 
 
 def _notes(d: Any) -> Section | None:
