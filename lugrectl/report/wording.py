@@ -166,6 +166,12 @@ def _sentence(text: str) -> str:
     return text if text.endswith((".", "!", "?")) else f"{text}."
 
 
+SINGLE = (
+    "The torque is that of single samples, and so is its noise. The budget has means over short "
+    "windows, in which that noise is small."
+)
+
+
 def errors(d: Any) -> Section | None:
     """The before/after table: declared, refitted, augmented, noise floor."""
     error, free, torque = (_get(d, k) for k in ("error", "free_error", "torque_error"))
@@ -185,6 +191,7 @@ def errors(d: Any) -> Section | None:
             )
     if torque:
         rows.append(_error_row(d, "torque", torque))
+        footnote = f"{footnote} {SINGLE}".strip()
     if not rows:
         return None
     head = ("RMS", "unit", "declared", "refitted", "augmented", "noise", "improved")
