@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import InputError
 from .names import fitting, split_unit, usual_names, usual_unit
 from .table import Table
-from .units import ROLES, did_you_mean, nearest
+from .units import ROLES, did_you_mean, likeness, nearest
 
 _WORDS = {"t": "time", "u": "torque", "w": "velocity", "theta": "position"}
 
@@ -113,11 +113,14 @@ def _complete(
 
 
 def _misspelt(table: Table, roles: Sequence[str], taken: Collection[int]) -> tuple[str, str] | None:
-    """The role and the column, not taken yet, whose name is near a name of one of these roles."""
+    """The role and the column, not taken yet, with the nearest names; None if none are near."""
     free = [name for i, name in enumerate(table.names) if i not in taken and name]
     known = ((r, name) for r in roles for name in (r, *usual_names(r)) if len(name) > 2)
-    found = ((r, nearest(name, free)) for r, name in known)
-    return next(((r, near) for r, near in found if near is not None), None)
+    found = [(r, name, near) for r, name in known if (near := nearest(name, free)) is not None]
+    if not found:
+        return None
+    role, _, column = max(found, key=lambda one: likeness(*one[1:]))
+    return role, column
 
 
 def _nothing_known(table: Table, need_time: bool) -> str:

@@ -197,6 +197,11 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     return f" (did you mean '{near}'?)" if near else ""
 
 
+def likeness(one: str, other: str) -> float:
+    """How much two words resemble each other, up to 1."""
+    return difflib.SequenceMatcher(None, one.lower(), other.lower()).ratio()
+
+
 def nearest(word: str, known: Iterable[str]) -> str | None:
     """The known word that a word resembles most; None if it resembles none."""
     by_lower = {name.lower(): name for name in known}
