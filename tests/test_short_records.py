@@ -5,7 +5,11 @@ import pytest
 
 from lugrectl import Model, diagnose
 from lugrectl.diagnosis.length import longer, said
+from lugrectl.diagnosis.plain import refusal
+from lugrectl.errors import Refused
+from lugrectl.identification.balance import Balance
 from lugrectl.record import Record
+from lugrectl.report import text
 
 from .balance_drive import simulate, torque
 
@@ -39,7 +43,7 @@ def test_the_length_to_record_grows_where_the_drive_moves_little():
     t = np.arange(0.0, 20.0, 0.01)
     record = Record(t=t, u=np.sin(t), w=np.sin(t))
     assert "Record 160 s or more" in longer([record], 3)
-    assert "Record 18 s or more of motion first" in longer([record], 0)
+    assert "Record 18 s or more in which the drive moves" in longer([record], 0)
     assert longer([record], 3, "Then so.").endswith("short. Then so.")
 
 
@@ -47,3 +51,10 @@ def test_many_stretches_are_only_counted():
     t = np.arange(0.0, 20.0, 0.01)
     sentence = said([Record(t=t, u=np.sin(t), w=np.sin(t))], 60)
     assert "20 s" in sentence and "60 independent" in sentence and "short" not in sentence
+
+
+def test_a_note_of_the_plain_balance_is_printed_once():
+    plain = Balance(notes=("Fc is taken as declared.",), reading=("t is even.",))
+    no = refusal(Refused("The drive hardly slides."), Model.of(J=0.002), [], plain)
+    assert "Fc is taken as declared." in no.messages
+    assert text(no).count("Fc is taken as declared.") == text(no).count("t is even.") == 1

@@ -71,3 +71,9 @@ def test_a_misspelt_file_is_named(tmp_path):
 def test_a_misspelt_command_or_option_is_named(capsys, line, said):
     assert main(line.split()) == 2
     assert said in capsys.readouterr().err
+
+
+def test_a_current_with_a_german_name_is_known(tmp_path):
+    path = tmp_path / "run.csv"
+    read = csv(tmp_path, "Zeit [s],Strom [A],Geschwindigkeit,Winkel", name="run.csv")
+    assert read == path and read_record(path, scale="u=0.35").w is not None

@@ -14,7 +14,8 @@ SHORT = (
     "comparison is uncertain."
 )
 LENGTH = "The record has {0:.3g} s, in which {1} of motion {2} compared."
-LONGER = "Record {:.0f} s or more of {}motion first: this record is short."
+LONGER = "Record {:.0f} s or more of such motion first: this record is short."
+STILL = "Record {:.0f} s or more in which the drive moves most of the time: here it hardly does."
 
 
 def short(stretches: int) -> bool:
@@ -32,9 +33,11 @@ def said(records: Sequence[Record], stretches: int) -> str:
 
 def longer(records: Sequence[Record], stretches: int, then: str | None = None) -> str:
     """What to record next: more of the same motion, and then what ``then`` says."""
-    more = FEW / stretches if stretches else 0.0  # without motion its length says nothing
-    needed = max(LEAST, math.ceil(more * _duration(records)))
-    return " ".join(filter(None, (LONGER.format(needed, "such " * bool(stretches)), then)))
+    if not stretches:  # then its length says nothing
+        first = STILL.format(LEAST)
+    else:
+        first = LONGER.format(max(LEAST, math.ceil(_duration(records) * FEW / stretches)))
+    return " ".join(filter(None, (first, then)))
 
 
 def _duration(records: Sequence[Record]) -> float:

@@ -271,9 +271,19 @@ def plain(d: Any) -> Section | None:
     lines = [_left(found["left"]), *map(_together, found["combinations"])]
     if _get(d, "effects", ()) or _get(d, "depends_on"):
         lines.append("What is missing from the model is missing here too, and biases these values.")
-    else:
-        lines += [_sentence(note) for note in balance.notes if note != _get(d, "reason")]
+    lines += map(_sentence, _plain_notes(d))
     return Section(PLAIN, tuple(filter(None, lines)), grid if rows else None)
+
+
+def _plain_notes(d: Any) -> list[str]:
+    """What the balance noticed, where nothing is known to bias it; the headline may have said it.
+
+    Where something is missing, it biases what the balance noticed as well.
+    """
+    balance = _get(d, "plain")
+    if balance is None or _get(d, "effects", ()) or _get(d, "depends_on"):
+        return []
+    return [note for note in balance.notes if note != _get(d, "reason")]
 
 
 def _left(share: float | None) -> str:
@@ -316,8 +326,8 @@ def _names(records: Sequence[Any]) -> str:
 
 
 def _notes(d: Any) -> Section | None:
-    said = (m for m in _get(d, "messages", ()) if m != _get(d, "reason"))  # the headline has it
-    notes = tuple(f"- {_sentence(m)}" for m in said)
+    above = {_get(d, "reason"), *_plain_notes(d)}
+    notes = tuple(f"- {_sentence(m)}" for m in _get(d, "messages", ()) if m not in above)
     return Section("Notes", notes) if notes else None
 
 
