@@ -46,7 +46,8 @@ def test_the_notes_name_the_other_direction_and_move_no_declared_value(identifie
     notes = " ".join(identified.messages)
     assert "one direction only" in notes and "Record the other direction, too." in notes
     assert f"With Fc as declared, {FC} N m, the constant torque is 0.05 N m." in notes
-    assert "Fc is" not in notes.partition("beyond their 95 % intervals")[2].partition(".\n")[0]
+    moved = [m for m in identified.messages if "beyond their 95 % intervals" in m]
+    assert not any("Fc is" in m for m in moved)
 
 
 def test_json_says_what_the_value_stands_for(identified):
@@ -68,3 +69,28 @@ def test_held_values_and_both_directions_are_as_they_were():
     nothing = replace(plain, together={})
     assert not_alone(found, nothing) == found and next_way(nothing, None) is None
     assert one_way(found, nothing, declared()) == []
+
+
+def test_runs_in_one_direction_each_say_what_the_fit_and_the_plain_balance_know():
+    """The fit leaves the offset of each run free, so that a constant torque counts as Fc."""
+    forward = log(4.0)
+    u = -forward["u"]
+    theta, _ = simulate(u, DT, w0=-20.0, load=lambda theta, w: LOAD)
+    backward = forward | {"u": u, "theta": theta}
+    plain = Asked.of([forward, backward], declared()).plain
+    assert plain.parameters["Fc"].value == pytest.approx(FC, rel=0.02)
+    fitted = not_alone({"Fc": Estimate(FC + LOAD, "N m", (0.1, 0.2))}, plain)
+    assert fitted["Fc"].together == SUM and fitted["Fc"].ci95 is None
+    (said,) = one_way(fitted, plain, declared())
+    assert "Each run moves in one direction only" in said and "constant_torque = 0.05 N m" in said
+    assert next_way(plain, None) is None
+    turned = Asked.of([backward, forward], declared()).plain
+    assert turned.together["Fc"].text == "Fc - constant_torque"
+
+
+def test_runs_that_turn_back_are_not_sums():
+    t = np.arange(0.0, 4.0, DT)
+    u = 0.5 * np.sin(2.0 * np.pi * 0.8 * t)
+    theta, _ = simulate(u, DT, load=lambda theta, w: LOAD)
+    run = {"t": t, "u": u, "theta": theta}
+    assert Asked.of([run, run], declared()).plain.together == {}

@@ -11,10 +11,11 @@ from ..errors import Refused
 from ..identification.balance import Balance, balance, unlike
 from ..identification.balance.result import LEVELS, Combination
 from ..model import Model
-from ..record import Log, Record, stretches
+from ..record import Log, Record, Stretch, stretches
 from ..results import Diagnosis, Estimate
 from ..tracing.start import lifted
 from .contradicted import against_stated
+from .direction import of_runs
 from .said_once import said_once
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
     if against is not None:
         found = against.free if against.hopeless else found
         found = replace(found, against=against.said, hopeless=against.hopeless)
-    together = _together(found, model)
+    together = _together(found, model, parts)
     declared = {k: v for k, v in model.known().items() if k in LEVELS}
     known = {k: v for k, v in declared.items() if _open(k, found) and _may_be(k, v, found)}
     taken: list[str] = []
@@ -93,7 +94,7 @@ def _open(key: str, found: Balance) -> bool:
     return key in found.uncertain or not alone and any(key in names for names in sums)
 
 
-def _together(found: Balance, model: Model) -> dict[str, Combination]:
+def _together(found: Balance, model: Model, parts: Sequence[Stretch]) -> dict[str, Combination]:
     """The levels that a log in one direction shows only in a sum with a constant torque.
 
     A model that declares such a torque has both parts: its fit says itself what it cannot separate.
@@ -101,7 +102,8 @@ def _together(found: Balance, model: Model) -> dict[str, Combination]:
     if any(part.block.name == LOAD for part in model.effects):
         return {}
     one_way = [c for c in found.combinations if LOAD in _names(c.text) and WAY in c.to_separate]
-    return {k: c for c in one_way for k in _names(c.text) if k in LEVELS and _open(k, found)}
+    alone = {k: c for c in one_way for k in _names(c.text) if k in LEVELS and _open(k, found)}
+    return alone or ({} if model.held() & {"Fc"} else of_runs(parts, found))
 
 
 def _names(text: str) -> list[str]:
