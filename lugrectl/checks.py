@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 import numbers
 import os
@@ -16,6 +17,16 @@ from .errors import InputError
 TINY = 1e-6  # a least value below this stands for "above 0"
 _LONG = 60  # characters of a value that a sentence repeats
 _PLAIN = (str, bytes, int, float, complex, list, tuple, dict, set, type(None))
+
+
+def like_it(path: Path) -> str:
+    """ " (did you mean run.csv?)" where a file of nearly this name is beside it, else ""."""
+    try:
+        names = [entry.name for entry in os.scandir(path.parent)]
+    except (OSError, ValueError):
+        return ""
+    near = difflib.get_close_matches(path.name, names, n=1, cutoff=0.75)
+    return f" (did you mean {path.with_name(near[0])}?)" if near else ""
 
 
 def shown(value: Any) -> str:

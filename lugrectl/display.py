@@ -31,6 +31,8 @@ def with_interval(estimate: Any) -> tuple[str, str]:
     value, interval = estimate.value, estimate.ci95
     if getattr(estimate, "held", False):
         return f"{value:.5g}", HELD
+    if getattr(estimate, "together", ""):
+        return f"{value:.4g}", f"only {estimate.together}"
     if interval is None or not all(math.isfinite(x) for x in interval):
         return (f"{value:.5g}" if math.isfinite(value) else NONE), NONE
     shown = [_to_width(x, interval[1] - interval[0]) for x in (value, *interval)]

@@ -219,7 +219,7 @@ def messages_of(fits: Fits, whole: Curve) -> tuple[str, ...]:
     said = MAP.format(len(fits.records))
     said += f"; they do not identify {', '.join(silent)}." if silent else "."
     ends = [f"{k} lies at the limit of the range in which it is searched." for k in whole.ends()]
-    ends += far_off(whole, fits.declared)
+    ends += far_off(estimates_of(whole), fits.declared)
     flat = unidentified(whole.flat(), "these runs")
     return tuple(dict.fromkeys([*fits.declared.remarks(), *noticed, said, *ends, *flat]))
 

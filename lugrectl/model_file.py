@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from .checks import as_path
+from .checks import as_path, like_it
 from .errors import InputError
 from .model import Model, model_from_dict
 from .provenance import SourceFile
@@ -26,7 +26,7 @@ def read_model(path: str | Path) -> Model:
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
-        raise InputError(f"{path}: no such model file.") from None
+        raise InputError(f"{path}: no such model file{like_it(path)}.") from None
     except IsADirectoryError:
         raise InputError(f"{path} is a folder: name a model file, such as my.toml.") from None
     except (OSError, UnicodeDecodeError) as error:

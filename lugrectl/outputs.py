@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar, overload
 
 import numpy as np
 
-from .display import Grid, Row, Shown, grid_html, grid_text, number, with_interval
+from .display import Grid, Row, Shown, brief, grid_html, grid_text, number, with_interval
 from .errors import InputError
 
 if TYPE_CHECKING:
@@ -153,6 +153,7 @@ class Fitted(Result):
     declared: Model | None
     error: Mapping[str, Any] | None
     record: Record | None
+    records: tuple[Record, ...]
     messages: tuple[str, ...]
     joint: Joint | None
     residuals: Residuals | None
@@ -201,6 +202,11 @@ class Fitted(Result):
 
         return overview(self, ax)
 
+    def _records(self) -> list[dict[str, Any]]:
+        """All records with their names, as under "records" in the JSON document."""
+        every = self.records or ((self.record,) if self.record is not None else ())
+        return [{"name": r.source, **r.summary()} for r in every]
+
     def _error_rows(self, names: tuple[str, str]) -> list[Row]:
         """The error of two models, one after the other."""
         if not self.error:
@@ -211,7 +217,10 @@ class Fitted(Result):
 
     def _last_rows(self) -> list[Row]:
         rows = []
-        if self.record is not None:
+        if len(self.records) > 1:
+            length = f"{sum(r.samples for r in self.records)} samples"
+            rows.append(Row("records", f"{brief([r.source for r in self.records])}: {length}"))
+        elif self.record is not None:
             source, facts = self.record.source, self.record.summary()
             length = f"{facts['samples']} samples at {facts['rate']:g} Hz"
             rows.append(Row("record", f"{source}, {length}"))

@@ -32,17 +32,20 @@ VERDICTS = ("adequate", "found", "ambiguous", "unexplained", "refused")
 class Estimate(Shown):
     """A fitted value with its unit and 95 % interval (None if it cannot be determined).
 
-    ``held``: the value was declared as fixed, and no fit has changed it.
+    ``held``: the value was declared as fixed, and no fit has changed it. ``together``: the sum
+    that the value stands for, where the record does not determine it alone.
     """
 
     value: float
     unit: str
     ci95: tuple[float, float] | None = None
     held: bool = False
+    together: str = ""
 
     def summary(self) -> dict[str, Any]:
         made = {"value": self.value, "unit": self.unit, "ci95": self.ci95 and list(self.ci95)}
-        return made | ({"held": True} if self.held else {})
+        made |= {"held": True} if self.held else {}
+        return made | ({"together": self.together} if self.together else {})
 
     def _title(self) -> str:
         return estimated("", self).text()
@@ -273,9 +276,10 @@ class Diagnosis(Fitted):
     ``error``, ``free_error`` and ``torque_error`` are the mappings of the JSON format; ``model``
     is the augmented model (the refitted one if nothing was added, None if refused).
     ``table`` offers the unexplained torque as a block; ``compensation`` and ``laws`` are set if
-    they were asked for, ``map`` if the records are runs at steady speed. ``plain`` is the torque
-    balance of the log as it was recorded, there for every log that can be read. ``provenance``:
-    version, date, command and files; None for a result that was put together by hand.
+    they were asked for, ``map`` if the records are runs at steady speed. ``records`` are all runs,
+    ``record`` is the first. ``plain`` is the torque balance of the log as it was recorded, there
+    for every log that can be read. ``provenance``: version, date, command and files; None for a
+    result that was put together by hand.
     """
 
     verdict: str
@@ -302,6 +306,7 @@ class Diagnosis(Fitted):
     joint: Joint | None = None
     residuals: Residuals | None = None
     laws: LawComparison | None = None
+    records: tuple[Record, ...] = ()
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as in the JSON document; never NaN or Infinity."""
@@ -326,6 +331,7 @@ class Diagnosis(Fitted):
                 "laws": self.laws.summary() if self.laws else None,
                 "map": self.map.summary() if self.map else None,
                 "record": self.record.summary() if self.record else None,
+                "records": self._records(),
                 "messages": list(self.messages),
                 "reason": self.reason,
                 "plain": self.plain.summary() if self.plain else None,

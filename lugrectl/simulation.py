@@ -16,6 +16,7 @@ from .blocklist import simulate_blocks, simulate_discrete, together
 from .engine.adaptive import Diverged
 from .engine.blame import Instant, culprit
 from .engine.compiled import compiled
+from .engine.slowly import said_if_slow
 from .engine.symbolic import TraceError
 from .errors import InputError
 
@@ -198,12 +199,14 @@ def _continuous(
     rtol: float,
 ) -> tuple[np.ndarray | None, np.ndarray]:
     """States and outputs in continuous time."""
+    why = ""
     if method in (None, "rosenbrock"):
         try:
             return _by_rosenbrock(system, t, u, x0, params, hold, rtol)
         except TraceError as error:
-            warnings.warn(f"{error}; LSODA is used instead.", RuntimeWarning, stacklevel=3)
-    with np.errstate(all="ignore"):  # values that are not finite are reported by name
+            why = str(error)
+            warnings.warn(f"{why}; LSODA is used instead.", RuntimeWarning, stacklevel=3)
+    with said_if_slow(why), np.errstate(all="ignore"):  # what is not finite is reported by name
         return _by_scipy(system, t, u, x0, params, hold, rtol, method or "LSODA")
 
 

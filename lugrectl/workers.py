@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from .blas import BLAS
-from .checks import as_path, shown
+from .checks import as_path, like_it, shown
 from .door import is_file, is_record
 from .errors import InputError
 from .model import Model
@@ -48,7 +48,7 @@ def there(name: Any) -> None:
     """InputError where neither a file nor a folder has the name, and it is no pattern."""
     path = as_path(name, "records")
     if not (os.path.lexists(path) or glob.has_magic(str(path))):
-        raise InputError(f"{path}: no such file or folder.")
+        raise InputError(f"{path}: no such file or folder{like_it(Path(path))}.")
 
 
 def files_of(name: str | Path, folders: bool = True) -> list[Path]:

@@ -1,12 +1,15 @@
 """What is said of fitted values that are far from the declared ones."""
 
-from types import SimpleNamespace
-
+import numpy as np
 import pytest
 
-from lugrectl import Model
+from lugrectl import Model, diagnose
+from lugrectl.display import with_interval
 from lugrectl.model import model_from_dict
+from lugrectl.results import Estimate
 from lugrectl.tracing.far import far_off
+
+from .balance_drive import simulate, torque
 
 DECLARED = {"J": 0.1, "Fc": 1.0, "Fs": 1.5, "Fv": 0.2}
 
@@ -22,7 +25,8 @@ def said(half: float = 0.01, **factors: float) -> str:
     """What is said where these values came out by a factor, each within ``half`` of itself."""
     values = model().values() | {k: DECLARED[k] * r for k, r in factors.items()}
     ends = {k: (v * (1 - half), v * (1 + half)) for k, v in values.items()}
-    return " ".join(far_off(SimpleNamespace(values=values, intervals=lambda: ends), model()))
+    found = {k: Estimate(v, "", ends[k]) for k, v in values.items()}
+    return " ".join(far_off(found, model()))
 
 
 @pytest.mark.parametrize("factor", [1.5, 0.7, 1.03])
@@ -34,14 +38,13 @@ def test_a_value_left_beyond_its_interval_is_said_with_both_values(factor):
 
 def test_what_the_interval_contains_or_the_model_holds_is_not_said():
     assert said(half=0.4, Fc=1.3) == ""
-    values = model().values() | {"J": 0.2}
-    found = SimpleNamespace(values=values, intervals=lambda: {"J": (0.19, 0.21)})
+    found = {"J": Estimate(0.2, "kg m2", (0.19, 0.21))}
     assert "J is 0.2" in far_off(found, model())[0] and far_off(found, model().fix("J")) == []
 
 
 def test_an_angle_that_is_a_full_turn_away_is_the_same():
     whole = model().with_effect("gravity", {"amplitude": 0.2, "phase": 3.1})
-    found = SimpleNamespace(values={}, intervals=lambda: {"gravity.phase": (-3.25, -3.1)})
+    found = {"gravity.phase": Estimate(-3.2, "rad", (-3.25, -3.1))}
     assert far_off(found, whole) == []
 
 
@@ -54,3 +57,21 @@ def test_a_common_factor_is_the_torques_scale():
     told = said(J=1.4, Fc=1.41, Fv=1.39, Fs=1.4)
     assert "factor 1.4" in told and "scale of u is wrong" in told and "dead zone" not in told
     assert "scale of u is wrong" not in said(J=1.4, Fc=1.41, Fv=0.7)
+
+
+def test_a_note_on_moved_values_says_the_values_of_the_table():
+    """Where torques come at odd instants, the table has the values of the robust balance."""
+    dt = 2e-3
+    u = torque(10.0, dt, seed=3)
+    bursts = np.zeros(len(u))
+    for start in (700, 1900, 2600, 4100):
+        bursts[start : start + 25] = 0.5
+    theta, _ = simulate(u - bursts, dt)
+    theta = theta + np.random.default_rng(0).normal(0.0, 1e-4, len(u))
+    declared = Model.of(J=0.006, Fc=0.08, Fv=0.006)
+    found = diagnose({"t": dt * np.arange(len(u)), "u": u, "theta": theta}, declared)
+    notes = " ".join(found.messages)
+    assert found.comparison.events
+    for key in ("J", "Fc"):
+        shown, interval = with_interval(found.estimates[key])
+        assert f"{key} is {shown} [{interval.replace(' to ', ', ')}]" in notes

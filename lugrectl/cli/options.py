@@ -235,23 +235,25 @@ class _Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Leave with code 2 after one sentence; no usage in front of it."""
-        hint = next(filter(None, map(self._meant, self._given)), "")
+        typed, near = next(filter(None, map(self._meant, self._given)), ("", ""))
+        hint = f" (did you mean {near}?)" if near else ""
         if "--model" in message and not hint:
             hint = " (lugrectl model > my.toml writes one to start from)"
         what = message.split(" (choose from")[0] if hint and "choose from" in message else message
+        what = what.replace("argument COMMAND: invalid choice:", "there is no command")
+        if "are required" in message and near:  # the option that is missing is the misspelt one
+            what = f"there is no option {typed}"
         said = f"{what.removesuffix('.')}{hint}; {self.prog} --help shows what there is.\n"
         self.exit(2, f"{self.prog}: error: {said}")
 
-    def _meant(self, word: str) -> str:
-        """What a word resembles that is no option, and no command, of this parser."""
+    def _meant(self, word: str) -> tuple[str, str] | None:
+        """A word that is no option, and no command, of this parser, and what it resembles."""
         known = list(self._option_string_actions)
         if not word.startswith("-"):
             known = [c for a in self._actions if a.dest == "command" for c in a.choices or ()]
         typed, bare = word.partition("=")[0], {k.lstrip("-"): k for k in known}
         near = difflib.get_close_matches(typed.lstrip("-"), bare, 1)
-        return (
-            f" (for {typed}, did you mean {bare[near[0]]}?)" if near and typed not in known else ""
-        )
+        return (typed, bare[near[0]]) if near and typed not in known else None
 
 
 class _Version(argparse.Action):

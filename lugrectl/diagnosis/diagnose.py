@@ -42,7 +42,10 @@ from ..tracing.job import (
 from ..tracing.optima import other_optima
 from ..tracing.tabulate import tabulate
 from .asking import Asked
+from .direction import next_way, not_alone, one_way
 from .floor import failure
+from .length import longer, short
+from .length import said as length_of
 from .plain import plainly, refusal, values_for, with_plain
 from .winner import with_effects
 
@@ -127,6 +130,9 @@ def diagnose(
     try:
         if unlike:
             raise Refused(" ".join(unlike), SAME_UNITS)
+        if asked.plain.hopeless:
+            asked.records()  # to say what was read
+            raise Refused(" ".join(asked.plain.against))
         found = _finer(asked, horizon, seed, limits, limit, report)
     except Refused as no:
         return refusal(no, asked.model, asked.seen, asked.plain)
@@ -150,7 +156,7 @@ def _finer(
     report(0.05, "comparing explanations")
     found = compare(asked.plain.stretches, model, asked.plain, *limits)
     if found.verdict == "refused":
-        raise Refused(" ".join(found.messages))
+        raise Refused(" ".join(found.messages), _next(asked, found, None))
     try:
         ready = prepared(record, model, holdout, horizon)
         ready = ready.from_values(asked.starts(found.alone)).earlier(asked.plain)
@@ -181,19 +187,20 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
     job = compared(job, whole)
     job = noted(job, *unidentified(whole.flat(), "this record"), *((failed,) if failed else ()))
     worse = _worse(scored["error"], found)
-    job = noted(job, *found.messages, *worse)
-    job = noted(job, *at_bounds(whole), *far_off(whole, asked.model))
-    job = noted(job, *against_held(whole), *other_optima(whole))
+    job = noted(job, *found.messages, *worse, *_length(asked, found))
+    job = noted(job, *at_bounds(whole), *against_held(whole), *other_optima(whole))
     fitted = estimates(whole)
     if failed:  # curvature at a bad fit says nothing about its errors
-        fitted = {k: replace(e, ci95=None) for k, e in fitted.items()}
+        fitted = _without_intervals(fitted)
     model = whole.predictor.model.with_values(whole.values)
     if (failed or found.events) and not won.keys:  # the robust balance knows them better
         known = values_for(asked.plain, asked.model)
         fitted, model = fitted | known, model.with_values({k: e.value for k, e in known.items()})
-    elif failed and worse:
+    elif failed and worse:  # the table has the values of the saved model, and those of the effect
         model = job.base.predictor.model.with_values(job.base.values)
-        job = noted(job, WITHOUT)
+        job, fitted = noted(job, WITHOUT), fitted | _without_intervals(estimates(job.base))
+    fitted = not_alone(fitted, asked.plain)
+    job = noted(job, *far_off(fitted, asked.model), *one_way(fitted, asked.plain, asked.model))
     tied = tuple(_candidate(found, a.name) for a in found.alternatives)
     effects = [
         Finding.of(key, e.name, fitted, tied if i == _first(found) else ())
@@ -204,7 +211,7 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
         verdict=found.verdict,
         effects=tuple(effects),
         depends_on=_signals(found),
-        experiment=_experiment(found, effects),
+        experiment=_next(asked, found, _experiment(found, effects)),
         error=scored["error"],
         free_error=scored["free_error"],
         torque_error=scored["torque_error"],
@@ -220,6 +227,10 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
         joint=joint(whole),
         residuals=residuals(whole),
     )
+
+
+def _without_intervals(found: Mapping[str, Estimate]) -> dict[str, Estimate]:
+    return {k: replace(e, ci95=None) for k, e in found.items()}
 
 
 def _failure(job: Job, fitted: Fitted, asked: Asked) -> str | None:
@@ -243,12 +254,12 @@ def _only_compared(asked: Asked, found: Comparison, reason: str) -> Diagnosis:
         verdict=found.verdict,
         effects=tuple(effects),
         depends_on=_signals(found),
-        experiment=_experiment(found, effects),
+        experiment=_next(asked, found, _experiment(found, effects)),
         model=model,
         declared=asked.model,
         estimates=known,
         record=asked.seen[0],
-        messages=(*noticed, *found.messages, NO_FIT.format(reason)),
+        messages=(*noticed, *found.messages, NO_FIT.format(reason), *_length(asked, found, True)),
         ranking=_ranking(found),
         comparison=found,
     )
@@ -310,6 +321,21 @@ _ADVICE = {  # if the residual depends on several of these signals, the first on
     "u": "record the same motion with a known added load, so that torque and motion differ",
     "w": "record constant speeds, from slow to fast, in both directions",
 }
+
+
+def _length(asked: Asked, found: Comparison, always: bool = False) -> tuple[str, ...]:
+    """How long the records are and how much was compared, where that is little, or always."""
+    many = found.stretches
+    if many is None or not (always or short(many)):
+        return ()
+    return (length_of(asked.seen, many),)
+
+
+def _next(asked: Asked, found: Comparison, then: str | None) -> str | None:
+    """What to record next: first a longer record, where little was compared, and at last the
+    other direction, where the log has one only."""
+    many, then = found.stretches, next_way(asked.plain, then)
+    return longer(asked.seen, many, then) if many is not None and short(many) else then
 
 
 def _experiment(found: Comparison, effects: Sequence[Finding]) -> str | None:

@@ -47,6 +47,7 @@ from ..tracing.job import (
 )
 from ..tracing.optima import other_optima
 from .asking import Asked
+from .direction import not_alone, one_way
 from .floor import failure
 from .laws import LawComparison
 from .plain import plainly, with_plain
@@ -76,6 +77,7 @@ class Identification(Fitted):
     joint: Joint | None = None
     residuals: Residuals | None = None
     laws: LawComparison | None = None
+    records: tuple[Record, ...] = ()
     verdict: ClassVar[str] = "identified"  # for reports and plots: nothing was added
     effects: ClassVar[tuple[()]] = ()
     depends_on: ClassVar[tuple[()]] = ()
@@ -92,6 +94,7 @@ class Identification(Fitted):
                 | {"stated": self.model.statements()},
                 "record": self.record.summary() if self.record else None,
                 "laws": self.laws.summary() if self.laws else None,
+                "records": self._records(),
                 "messages": list(self.messages),
                 "plain": self.plain.summary() if self.plain else None,
                 "covariance": self.joint.summary() if self.joint else None,
@@ -135,7 +138,10 @@ def identify(
     horizon, seed = judged_by(horizon, seed)
     report = reporter(progress)
     report(0.0, "torque balance")
-    asked.plain  # noqa: B018  the plain answer first: it stands whatever follows
+    if asked.plain.hopeless:  # the plain answer first: it stands whatever follows
+        no = Refused(" ".join(asked.plain.against))
+        no.plain = asked.plain
+        raise no
     try:
         found = _finer(asked, horizon, report)
     except Refused as no:
@@ -179,13 +185,15 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
     if failed:
         raise Refused(failed)
     whole = with_discrepancy(whole)
-    job = noted(compared(job, whole), *at_bounds(whole), *far_off(whole, model))
+    job = noted(compared(job, whole), *at_bounds(whole))
     job = noted(job, *against_held(whole), *other_optima(whole))
+    fitted = not_alone(estimates(whole), asked.plain)
+    job = noted(job, *far_off(fitted, model), *one_way(fitted, asked.plain, model))
     scored = score(job, job.base)
     shown = traces(job, job.base, scored["judged"])
     error = scored["error"]
     return Identification(
-        estimates=estimates(whole),
+        estimates=fitted,
         error={k: v for k, v in error.items() if k != "augmented"},
         model=whole.predictor.model.with_values(whole.values),
         record=job.records[0],

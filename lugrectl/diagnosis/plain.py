@@ -9,16 +9,19 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import Refused
 from ..identification.balance import Balance, balance, unlike
+from ..identification.balance.result import LEVELS, Combination
 from ..model import Model
-from ..record import Log, Record, stretches
+from ..record import Log, Record, Stretch, stretches
 from ..results import Diagnosis, Estimate
 from ..tracing.start import lifted
+from .contradicted import against_stated
+from .direction import of_runs
 from .said_once import said_once
 
 if TYPE_CHECKING:
     from .asking import Asked
 
-LEVELS = ("J", "Fc", "Fv")
+LOAD, WAY = "constant_torque", "the other direction"
 TAKEN = "{} is taken as declared, {:.6g} {}: this log does not determine it alone."
 
 OTHERS = "The plain answer is that of the other runs."
@@ -37,12 +40,18 @@ def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
     noticed = [*runs.said, *([OTHERS] if runs.said else []), *runs.notes, *noticed]
     fixed = {k: v for k, v in model.known().items() if k in model.held()}
     found = balance(parts, model, fixed)
+    against = against_stated(parts, model, found)
+    if against is not None:
+        found = against.free if against.hopeless else found
+        found = replace(found, against=against.said, hopeless=against.hopeless)
+    together = _together(found, model, parts)
     declared = {k: v for k, v in model.known().items() if k in LEVELS}
     known = {k: v for k, v in declared.items() if _open(k, found) and _may_be(k, v, found)}
     taken: list[str] = []
-    if known and not found.refused:
+    if known and not (found.refused or found.hopeless):
         held = balance(parts, model, fixed | known)
         if not (held.left or 0.0) > 1.0:  # it explains less than nothing: they contradict the log
+            held = replace(held, against=found.against)
             found, taken = held, [TAKEN.format(k, v, model.unit(k)) for k, v in known.items()]
     return replace(
         found,
@@ -51,6 +60,7 @@ def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
         stretches=tuple(parts),
         motion=model.motion,
         unlike=runs.said,
+        together=together,
     )
 
 
@@ -79,9 +89,26 @@ def _may_be(key: str, value: float, found: Balance) -> bool:
 
 def _open(key: str, found: Balance) -> bool:
     """Whether a log shows a value together with others only."""
-    sums = (re.findall(r"[A-Za-z_]\w*", c.text) for c in found.combinations)
+    sums = (_names(c.text) for c in found.combinations)
     alone = key in found.parameters
     return key in found.uncertain or not alone and any(key in names for names in sums)
+
+
+def _together(found: Balance, model: Model, parts: Sequence[Stretch]) -> dict[str, Combination]:
+    """The levels that a log in one direction shows only in a sum with a constant torque.
+
+    A model that declares such a torque has both parts: its fit says itself what it cannot separate.
+    """
+    if any(part.block.name == LOAD for part in model.effects):
+        return {}
+    one_way = [c for c in found.combinations if LOAD in _names(c.text) and WAY in c.to_separate]
+    alone = {k: c for c in one_way for k in _names(c.text) if k in LEVELS and _open(k, found)}
+    return alone or ({} if model.held() & {"Fc"} else of_runs(parts, found))
+
+
+def _names(text: str) -> list[str]:
+    """The parameters of a sum."""
+    return re.findall(r"[A-Za-z_]\w*", text)
 
 
 def _reading(logs: Sequence[Log]) -> list[str]:
@@ -102,6 +129,7 @@ def refusal(
         experiment=no.experiment,
         declared=model,
         record=records[0] if records else None,
+        records=tuple(records),
         messages=said_once(said, notes),
         plain=plain,
     )
@@ -109,5 +137,6 @@ def refusal(
 
 def with_plain(result: Any, asked: Asked) -> Any:
     """A result with the plain answer beside it, and what was noticed when the logs were read."""
-    messages = said_once(result.messages, asked.plain.reading)
-    return replace(result, plain=asked.plain, messages=messages)
+    said = (*asked.plain.reading, *asked.plain.against)
+    messages = said_once(result.messages, said)
+    return replace(result, plain=asked.plain, messages=messages, records=tuple(asked.seen))

@@ -14,6 +14,7 @@ from .hybrid import state_labels, trace_net
 from .instant import Unsolved
 from .net import Net
 from .pointwise import settled_values
+from .slowly import said_if_slow
 from .trace import AlgebraicLoop
 
 Rows = list[np.ndarray]
@@ -31,12 +32,18 @@ class Called:
     method : str or None
         A method of ``scipy.integrate.solve_ivp`` for the flow; None: the traced flow, with a
         TraceError if it cannot be traced.
+    why : str
+        Why a block is not compiled, for a warning where this takes long.
     """
 
     def __init__(
-        self, net: Net, params: Mapping[str, Any] | None = None, method: str | None = None
+        self,
+        net: Net,
+        params: Mapping[str, Any] | None = None,
+        method: str | None = None,
+        why: str = "",
     ) -> None:
-        self.net, self.params, self.method = net, params, method
+        self.net, self.params, self.method, self.why = net, params, method, why
         self._loops: dict[int, np.ndarray] = {}
         flowing = method is None and net.count(False) > 0
         self.engine = Adaptive(trace_net(net, params, ticks=False).flow) if flowing else None
@@ -45,6 +52,11 @@ class Called:
         self, course: Course, x: np.ndarray, q: np.ndarray, p: np.ndarray | None, rtol: float
     ) -> Track:
         """As :meth:`lugrectl.engine.held.Held.run`."""
+        how = "at each of its updates" if self.engine is not None else ""
+        with said_if_slow(self.why, how):
+            return self._run(course, x, q, rtol)
+
+    def _run(self, course: Course, x: np.ndarray, q: np.ndarray, rtol: float) -> Track:
         for part in self.net.parts:
             part.block._update_params(self.params)
         advance = self._advance(course.hold, rtol)

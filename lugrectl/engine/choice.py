@@ -36,13 +36,14 @@ def engine(
     try:
         held = compiled_net(net, params)
         return held, held.hybrid.flow.arguments(params)
-    except TraceError:
-        pass
-    try:
-        return Called(net, params), none
     except TraceError as error:
-        warnings.warn(f"{error}; LSODA is used instead.", RuntimeWarning, stacklevel=5)
-        return Called(net, params, "LSODA"), none
+        why = str(error)
+    try:
+        return Called(net, params, why=why), none
+    except TraceError as error:
+        why = str(error)
+        warnings.warn(f"{why}; LSODA is used instead.", RuntimeWarning, stacklevel=5)
+        return Called(net, params, "LSODA", why=why), none
 
 
 def compiled_net(net: Net, params: Mapping[str, Any] | None = None) -> Held:

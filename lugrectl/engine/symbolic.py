@@ -9,6 +9,10 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from .ops import DERIVED, OPS
 
+ROUNDING = frozenset(
+    ("floor", "ceil", "rint", "trunc", "round", "remainder", "fmod", "mod", "floor_divide")
+)
+WITH = "arithmetic, np.where, np.sign, np.abs, np.clip, np.interp, np.exp, np.sin and their like"
 POINTS = 50  # most points of np.interp: steps end at each, and each takes time to compile
 
 
@@ -104,8 +108,15 @@ def _scalar(name: str, args: Any) -> Any:
     if name in DERIVED:
         return DERIVED[name](*args)
     if name not in OPS:
-        raise TraceError(f"np.{name} of a signal cannot be traced")
+        raise TraceError(f"np.{name} of a signal cannot be traced; {_instead(name)}")
     return node.graph.make(name, *args)
+
+
+def _instead(name: str) -> str:
+    """What to write in place of a function that cannot be traced."""
+    if name in ROUNDING:
+        return "leave the rounding out, or give its block a sample time (dt=...) if it has none"
+    return "write it with " + WITH
 
 
 def _elementwise(function: Any, inputs: Any) -> Any:

@@ -205,7 +205,8 @@ def _torque_sign(record: Record) -> Record:
     if max(fit.inertia_t, slow.inertia_t) < -_SURE and min(fit.r2, slow.r2) > 0.8:
         return replace(record, u=-record.u).with_messages(
             "u drives against the motion it causes (the fitted inertia is negative): "
-            "its sign was changed."
+            "its sign was changed for the simulation, not in the plain torque balance. "
+            "Give --scale u=-1 to change it in both."
         )
     turned = fit.inertia_t < -_SURE and slow.inertia_t < -2
     brakes = max(fit.power_t, slow.power_t) < -_SURE and max(fit.inertia_t, slow.inertia_t) < 2

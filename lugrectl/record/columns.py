@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import InputError
 from .names import fitting, split_unit, usual_names, usual_unit
 from .table import Table
-from .units import ROLES, did_you_mean
+from .units import ROLES, did_you_mean, likeness, nearest
 
 _WORDS = {"t": "time", "u": "torque", "w": "velocity", "theta": "position"}
 
@@ -94,19 +94,33 @@ def _complete(
             continue
         role = next((r for r in roles if r in doubtful), roles[-1])
         if role in doubtful:
-            start, near = _among(table, role, doubtful[role]), ""
+            start, near = _among(table, role, doubtful[role]), None
         else:
             words = " or ".join(f"{r} ({_WORDS[r]})" for r in roles)
             start = f"{table.source} has no column for {words}"
-            known = (name for r in roles for name in (r, *usual_names(r)) if len(name) > 2)
-            near = next(filter(None, (did_you_mean(name, table.names) for name in known)), "")
+            near = _misspelt(table, roles, {choice.index for choice in choices.values()})
         if not choices and not doubtful:
             raise InputError(_nothing_known(table, need_time))
+        how = f": name the column with --columns {role}=NAME"
+        if near is not None:
+            meant, name = near
+            pair = f"{meant}={name}" if name.isidentifier() else f'"{meant}={name}"'
+            how = f". If '{name}' is {meant}, give --columns {pair}"
         raise InputError(
-            f"{start}; its columns are {table.listed()}{near}: name the column with "
-            f"--columns {role}=NAME{', or give --rate HZ' if role == 't' else ''}."
-            f"{' ' * bool(table.hint)}{table.hint}"
+            f"{start}; its columns are {table.listed()}{how}"
+            f"{', or give --rate HZ' if role == 't' else ''}.{' ' * bool(table.hint)}{table.hint}"
         )
+
+
+def _misspelt(table: Table, roles: Sequence[str], taken: Collection[int]) -> tuple[str, str] | None:
+    """The role and the column, not taken yet, with the nearest names; None if none are near."""
+    free = [name for i, name in enumerate(table.names) if i not in taken and name]
+    known = ((r, name) for r in roles for name in (r, *usual_names(r)) if len(name) > 2)
+    found = [(r, name, near) for r, name in known if (near := nearest(name, free)) is not None]
+    if not found:
+        return None
+    role, _, column = max(found, key=lambda one: likeness(*one[1:]))
+    return role, column
 
 
 def _nothing_known(table: Table, need_time: bool) -> str:

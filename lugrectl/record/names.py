@@ -16,13 +16,15 @@ _USUAL: dict[str, tuple[dict[Any, Any], ...]] = {
         dict.fromkeys(("x_value", "x value", "date time", "date/time", "date"), None),
     ),
     "u": (
-        dict.fromkeys(("torque", "force", "tau", "moment", "effort", "trq", "drehmoment"), None),
-        dict.fromkeys(("current", "iq", "i_q"), "A"),
-        dict.fromkeys(("voltage", "vir"), "V"),
+        dict.fromkeys(
+            ("torque", "force", "tau", "moment", "effort", "trq", "drehmoment", "kraft"), None
+        ),
+        dict.fromkeys(("current", "iq", "i_q", "strom", "motorstrom"), "A"),
+        dict.fromkeys(("voltage", "vir", "spannung"), "V"),
     ),
     "w": (
         dict.fromkeys(("speed", "velocity", "vel", "omega", "qd", "dq", "dtheta"), None)
-        | dict.fromkeys(("theta_dot", "thetadot", "drehzahl"), None),
+        | dict.fromkeys(("theta_dot", "thetadot", "drehzahl", "geschwindigkeit"), None),
         {"rpm": "rpm"},
     ),
     "theta": (

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..checks import shown
 from ..errors import InputError
+from .names import usual_names
 from .units import ROLES, did_you_mean
 
 
@@ -76,9 +77,14 @@ def _known_roles(given: Mapping[str, object], what: str) -> None:
     for role in given:
         if role not in ROLES:
             raise InputError(
-                f"--{what}: there is no role '{role}'{did_you_mean(role, ROLES)}; "
-                f"roles are {', '.join(ROLES)}."
+                f"--{what}: there is no role '{role}'{_meant(role)}; roles are {', '.join(ROLES)}."
             )
+
+
+def _meant(role: str) -> str:
+    """A hint at the role: of a usual name such as torque, or of a word that is misspelt."""
+    own = next((r for r in ROLES if role.lower() in usual_names(r)), None)
+    return f" ({role} is '{own}')" if own else did_you_mean(role, ROLES)
 
 
 def _is_mapping(given: Any, what: str) -> None:

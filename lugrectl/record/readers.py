@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from ..checks import like_it
 from ..errors import InputError
 from . import child
 from .matfile import Damaged, Opaque, read_mat
@@ -50,7 +51,7 @@ def read_table(path: str | Path) -> Table:
         if path.is_dir():
             raise InputError(f"{path} is a directory; name the file with the record.")
         if not path.exists():
-            raise InputError(f"{path}: no such file.")
+            raise InputError(f"{path}: no such file{like_it(path)}.")
         with path.open("rb") as file:
             head = file.read(512)
     except OSError as error:

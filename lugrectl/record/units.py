@@ -193,6 +193,17 @@ def role_unit(role: str, text: str, *, scaled: bool, where: str) -> Unit:
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return ' (did you mean x?)' if the word resembles a known one, else an empty text."""
+    near = nearest(word, known)
+    return f" (did you mean '{near}'?)" if near else ""
+
+
+def likeness(one: str, other: str) -> float:
+    """How much two words resemble each other, up to 1."""
+    return difflib.SequenceMatcher(None, one.lower(), other.lower()).ratio()
+
+
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """The known word that a word resembles most; None if it resembles none."""
     by_lower = {name.lower(): name for name in known}
     near = difflib.get_close_matches(word.lower(), by_lower, n=1, cutoff=0.6)
-    return f" (did you mean '{by_lower[near[0]]}'?)" if near else ""
+    return by_lower[near[0]] if near else None

@@ -16,7 +16,11 @@ if TYPE_CHECKING:
 BUDGET = "Torque budget"
 ROWS = 8  # models of the table that are shown
 COLOURS = {"friction": "#5b6675", "effect": "#1f6fb4", "rest": "#b9c2cd"}
-OWN = ("inertia", "coulomb", "viscous", "gravity", "offset and unbalance")
+OWN = ("inertia", "coulomb", "viscous", "offset and unbalance")
+BIASED = (
+    "There are no intervals: a large torque is not explained, and a part of it may count as one of "
+    "the other terms."
+)
 UNNAMED = ("left", "noise")
 
 
@@ -34,6 +38,8 @@ def budget(d: Any) -> Section | None:
     footnote = (
         "Shares are of the RMS friction torque. Terms overlap, so that they do not add up to 100 %."
     )
+    if all(s.ci95 is None for s in found.budget):
+        footnote = f"{footnote} {BIASED}"
     return Section(BUDGET, (), Grid(head, "lrrrl", tuple(rows)), footnote)
 
 

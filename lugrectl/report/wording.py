@@ -13,6 +13,7 @@ from ..spec import members
 from . import compared
 from .section import Section
 
+LISTED = 8  # runs with a line each; of more, the names
 _SMALL = {"rad": "rad", "m": "m", "rad/s": "rad/s", "m/s": "m/s", "N m": "N m", "N": "N"}
 
 
@@ -165,6 +166,12 @@ def _sentence(text: str) -> str:
     return text if text.endswith((".", "!", "?")) else f"{text}."
 
 
+SINGLE = (
+    "The torque is that of single samples, and so is its noise. The budget has means over short "
+    "windows, in which that noise is small."
+)
+
+
 def errors(d: Any) -> Section | None:
     """The before/after table: declared, refitted, augmented, noise floor."""
     error, free, torque = (_get(d, k) for k in ("error", "free_error", "torque_error"))
@@ -184,6 +191,7 @@ def errors(d: Any) -> Section | None:
             )
     if torque:
         rows.append(_error_row(d, "torque", torque))
+        footnote = f"{footnote} {SINGLE}".strip()
     if not rows:
         return None
     head = ("RMS", "unit", "declared", "refitted", "augmented", "noise", "improved")
@@ -263,9 +271,19 @@ def plain(d: Any) -> Section | None:
     lines = [_left(found["left"]), *map(_together, found["combinations"])]
     if _get(d, "effects", ()) or _get(d, "depends_on"):
         lines.append("What is missing from the model is missing here too, and biases these values.")
-    else:
-        lines += [_sentence(note) for note in balance.notes]
+    lines += map(_sentence, _plain_notes(d))
     return Section(PLAIN, tuple(filter(None, lines)), grid if rows else None)
+
+
+def _plain_notes(d: Any) -> list[str]:
+    """What the balance noticed, where nothing is known to bias it; the headline may have said it.
+
+    Where something is missing, it biases what the balance noticed as well.
+    """
+    balance = _get(d, "plain")
+    if balance is None or _get(d, "effects", ()) or _get(d, "depends_on"):
+        return []
+    return [note for note in balance.notes if note != _get(d, "reason")]
 
 
 def _left(share: float | None) -> str:
@@ -281,23 +299,35 @@ def _together(one: Mapping[str, Any]) -> str:
 
 
 def _record(d: Any) -> Section | None:
-    record, model = _get(d, "record"), _get(d, "declared")
+    first, model = _get(d, "record"), _get(d, "declared")
+    runs = _get(d, "records", ()) or ((first,) if first is not None else ())
     lines = []
-    if record is not None and _get(d, "map"):
-        lines.append(f"{len(_get(d, 'map').w)} runs at steady speed, including {record.source}.")
-    elif record is not None:
-        facts = record.summary()
-        lines.append(
-            f"{record.source}: {facts['samples']} samples at {facts['rate']:g} Hz, "
-            f"{facts['duration']:g} s, {facts['dropped']} dropped."
-        )
+    if runs and _get(d, "map"):
+        lines.append(f"{len(_get(d, 'map').w)} runs at steady speed: {_names(runs)}.")
+    elif runs:
+        lines += map(_run, runs[:LISTED])
+        more = runs[LISTED:]
+        lines += [f"{len(more)} more: {_names(more)}."] if more else []
     if model is not None:
         lines.append(f"Model: {model.name}, {model.motion}, {model.friction.block.name} friction.")
     return Section("Record and model", tuple(lines)) if lines else None
 
 
+def _run(record: Any) -> str:
+    facts = record.summary()
+    return (
+        f"{record.source}: {facts['samples']} samples at {facts['rate']:g} Hz, "
+        f"{facts['duration']:g} s, {facts['dropped']} dropped."
+    )
+
+
+def _names(records: Sequence[Any]) -> str:
+    return listed([record.source for record in records])
+
+
 def _notes(d: Any) -> Section | None:
-    notes = tuple(f"- {_sentence(m)}" for m in _get(d, "messages", ()))
+    above = {_get(d, "reason"), *_plain_notes(d)}
+    notes = tuple(f"- {_sentence(m)}" for m in _get(d, "messages", ()) if m not in above)
     return Section("Notes", notes) if notes else None
 
 

@@ -13,11 +13,12 @@ import numpy as np
 from scipy.optimize import least_squares, root_scalar
 from scipy.stats import t as student
 
+from ..identification.discrepancy import inverse
 from ..model import Model
 from ..tracing.beliefs import known, missed, stated_cost, weak
 from ..tracing.coordinates import Coordinate, coordinates, free_keys, inside
 from ..tracing.evaluate import rms
-from ..tracing.fit import flat, inverse
+from ..tracing.fit import flat
 from ..tracing.predictor import Predictor, Values
 from .points import Points, laid
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solve_discrete_lyapunov
 
 from .noise import Noise
 from .predictor import Predictor, Values
@@ -58,10 +59,24 @@ def missing_torque(
 
 
 def sensed_torque(predictor: Predictor, values: Values, noise: Noise) -> float:
-    """RMS that the noise of the sensors alone gives the residual torque, N m."""
-    K, _ = predictor.filter(noise, values)
-    sensors = np.nan_to_num([noise.theta, noise.w])
-    return float(values["J"] / predictor.data.dt * np.linalg.norm(K[1, :2] * sensors))
+    """RMS that the sensors' own noise alone gives the residual torque of single samples, N m.
+
+    With the gain K of the observer and white noise v of covariance R, and a model that is right,
+
+        x+ = A (I - K C) x + A K v,  torque = J / dt * K_w (v - C x),  A = [1 dt; 0 1]
+
+    of which this is the stationary solution. R is the noise that the error of the motion is
+    compared with; that of ``noise`` is larger where counts repeat.
+    """
+    dt, seen = predictor.data.dt, noise.recorded()
+    K = predictor.filter(noise, values)[0][:2, seen]
+    A, C = np.array([[1.0, dt], [0.0, 1.0]]), np.eye(2)[seen]
+    R = np.diag(np.array(predictor.data.own)[seen] ** 2)
+    at = slice(0 if noise.channels()[0] else 1, 2)  # theta is unobservable if not recorded
+    F, G, own = (A @ (np.eye(2) - K @ C))[at, at], (A @ K)[at], C[:, at]
+    P = np.asarray(solve_discrete_lyapunov(F, G @ R @ G.T))
+    size = K[1] @ (own @ P @ own.T + R) @ K[1]
+    return float(values["J"] / dt * np.sqrt(max(size, 0.0)))
 
 
 def free_run(

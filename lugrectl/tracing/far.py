@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Protocol
 
 import numpy as np
 
 from ..display import with_interval
 from ..model import Model
+from ..results import Estimate
 from .coordinates import is_instant
 from .fit import Fitted, fit
 
@@ -35,30 +34,21 @@ DEAD_ZONE = (
 )
 
 
-class Found(Protocol):
-    """A fit: of a log, or of a map of runs at steady speed."""
-
-    @property
-    def values(self) -> Mapping[str, float]: ...
-
-    def intervals(self) -> dict[str, tuple[float, float]]: ...
-
-
-def far_off(fitted: Found, declared: Model) -> list[str]:
-    """A sentence on the declared values that lie outside the intervals of the fit, with both
+def far_off(found: Mapping[str, Estimate], declared: Model) -> list[str]:
+    """A sentence on the declared values that lie outside the intervals of an answer, with both
     values, and what could be the cause of large changes.
 
-    The error of a declared value is unknown: whether the drive changed must be judged by who
-    declared it.
+    ``found`` are the values of the answer's own table. The error of a declared value is unknown:
+    whether the drive changed must be judged by who declared it.
     """
-    left, intervals = _left(fitted, declared), fitted.intervals()
+    left = _left(found, declared)
     if not left:
         return []
-    said = [_moved(key, fitted.values[key], intervals[key], declared) for key in left]
+    said = [_moved(key, found[key], declared) for key in left]
     factors = {
         key: ratio
         for key in (*SCALED, "Fs")
-        if key in left and abs((ratio := fitted.values[key] / left[key]) - 1.0) > FAR
+        if key in left and abs((ratio := found[key].value / left[key]) - 1.0) > FAR
     }
     return [LEFT.format("; ".join([*said, *_like(factors)]))]
 
@@ -95,23 +85,23 @@ def against_held(fitted: Fitted) -> list[str]:
     return [CONTRADICTS.format("; ".join(said))] if said else []
 
 
-def _moved(key: str, value: float, ends: tuple[float, float], declared: Model) -> str:
+def _moved(key: str, estimate: Estimate, declared: Model) -> str:
     """ "J is 0.0022 [0.0021, 0.0023] kg m2, declared 0.002"."""
-    shown, interval = with_interval(SimpleNamespace(value=value, ci95=ends))
+    shown, interval = with_interval(estimate)
     low, _, high = interval.partition(" to ")
     unit = declared.unit(key)
     said = MOVED.format(key, shown, low, high, declared.values()[key])
     return said if unit == "1" else f"{said} {unit}"
 
 
-def _left(fitted: Found, declared: Model) -> dict[str, float]:
+def _left(found: Mapping[str, Estimate], declared: Model) -> dict[str, float]:
     """The declared values, without the held ones, that the fit left beyond their intervals."""
-    intervals, declarations = fitted.intervals(), declared.declarations()
-    made = {}
+    declarations, made = declared.declarations(), {}
     for key, old in declared.known().items():
-        if key not in intervals or not math.isfinite(old) or key in declared.held():
+        ends = found[key].ci95 if key in found else None
+        if ends is None or not math.isfinite(old) or key in declared.held():
             continue
-        low, high = intervals[key]
+        low, high = ends
         same = [old]
         if declarations[key].angle:  # full turns are the same angle
             same = [old + 2.0 * np.pi * n for n in (-1, 0, 1)]

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
+from ..identification.discrepancy import inverse, unit_diagonal
 from .beliefs import Prior, known, stated_cost, weak
 from .coordinates import Coordinate, coordinates, free_keys, inside, is_instant
 from .data import Data
@@ -113,19 +114,12 @@ class Fitted:
         return made
 
 
-def _unit(information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The matrix scaled to a unit diagonal, and by what it was divided."""
-    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    scale = np.outer(size, size)
-    return information / scale, scale
-
-
 def flat(
     information: np.ndarray, coords: Sequence[Coordinate], least: float = FLAT
 ) -> list[tuple[str, ...]]:
     """Keys of which only a combination is identified, for each direction with less information
     than ``least``."""
-    values, axes = np.linalg.eigh(_unit(information)[0])
+    values, axes = np.linalg.eigh(unit_diagonal(information)[0])
     return [
         tuple(c.key for c, part in zip(coords, axis, strict=True) if abs(part) > PART)
         for value, axis in zip(values, axes.T, strict=True)
@@ -149,12 +143,6 @@ def jackknife(
         known = np.flatnonzero(np.diag(rest) > FLAT * np.diag(whole))
         moved[i, known] = inverse(rest[known][:, known]) @ score[known]
     return (n - 1) / n * np.sum(np.square(moved), axis=0)
-
-
-def inverse(information: np.ndarray) -> np.ndarray:
-    """Inverse along identified directions; 0 along the others."""
-    unit, scale = _unit(information)
-    return np.linalg.pinv(unit, rcond=1e-12, hermitian=True) / scale
 
 
 def fit(

@@ -235,7 +235,8 @@ def score(job: Job, final: Fitted) -> dict[str, Any]:
         "fit": _fit(data.measured[parts.test.counted], judged),
     }
     torque = {k: j.torque if j else None for k, j in judged.items()}
-    torque["noise_floor"] = sensed_torque(final.predictor, final.values, base.noise)
+    noise = sensed_torque(final.predictor, final.values, base.noise)
+    torque["noise_floor"] = min([noise, *(x for x in torque.values() if x is not None)])
     unit = unit_for("N m", data.motion)
     free = _free_error(job, models)
     return {"error": error, "free_error": free, "torque_error": {"unit": unit, **torque},

@@ -18,7 +18,7 @@ from .constants import (
 )
 from .fit import Fit, fit, independent
 from .ground import Ground
-from .interval import interval
+from .interval import interval, unexplained
 from .load import with_load
 from .near_rest import shapes_near_rest
 from .search import best_width
@@ -50,7 +50,7 @@ def estimate(ground: Ground) -> Estimated | None:
     choices, rivals, notes = _late_or_not(ground, choices, rivals)
     made = choices[-1].fit
     V = interval(ground.source, ground.widths, made, choices, rivals, ground.travel)
-    return Estimated(made, V, tuple(notes))
+    return Estimated(made, V + unexplained(made, ground.model.motion), tuple(notes))
 
 
 def first_fit(ground: Ground) -> Fit | None:

@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..discrepancy import Motion, Rows, discrepancy
 from .channels import quantum
 from .choice_of_terms import Travel
 from .constants import ENCODER_ERROR, RATIO_OF_NEIGHBOURS, REST_TO_TRY, SCALE_ERROR
-from .fit import Fit, fit, wide_covariance
+from .fit import Fit, fit, independent, wide_covariance
 from .imperfect import allowance
 from .shapes import Chosen, difference, spread
 from .windows import Source
@@ -39,6 +40,17 @@ def interval(
         gap = difference(made, other, made)
         V += np.outer(gap, gap)
     return V + np.diag((_scale_error(source, travel) * _sizes(made)) ** 2)
+
+
+def unexplained(made: Fit, motion: str) -> np.ndarray:
+    """What an unknown smooth torque may do to the coefficients, (m, m)."""
+    d, fit, X = made.windows, made.solution, made.problem.X
+    many = independent(made)
+    W = fit.t / fit.variance / many
+    rows = Rows(W * fit.r, (X * W[:, None]).T, W)
+    signals = Motion(d.t - d.t.min(), d.theta, d.w, d.u, motion)
+    H, score = fit.H + np.diag(fit.P), X.T @ (W * fit.r) - fit.P * fit.p / many
+    return discrepancy(H / many, score, rows, signals.functions())
 
 
 def _beyond_chance(gap: np.ndarray, V: np.ndarray, other: np.ndarray) -> np.ndarray:

@@ -14,6 +14,8 @@ from ...outputs import Result, library
 from ...record.stretch import Stretch
 from ...results import Estimate
 
+LEVELS = ("J", "Fc", "Fv")  # inertia and friction: terms of every drive
+
 
 @dataclass(frozen=True)
 class Combination:
@@ -72,6 +74,12 @@ class Balance(Result):
         Why nothing can be learnt of the drive; empty where something can.
     unlike : tuple of str
         A sentence for each run in another unit or sign than the others. These runs are left out.
+    against : tuple of str
+        A sentence for each held or bounded value of the model that the log contradicts by far.
+    hopeless : bool
+        With these values nothing can be answered.
+    together : dict of Combination
+        Of a log in one direction: values that it shows only in a sum with a constant torque.
     """
 
     parameters: Mapping[str, Estimate] = field(default_factory=dict)
@@ -91,6 +99,9 @@ class Balance(Result):
     reading: tuple[str, ...] = ()
     unlike: tuple[str, ...] = ()
     refused: str = ""
+    against: tuple[str, ...] = ()
+    hopeless: bool = False
+    together: Mapping[str, Combination] = field(default_factory=dict)
 
     @property
     def said(self) -> tuple[str, ...]:

@@ -38,8 +38,8 @@ class Record:
     ``has`` are the parameters of the declared friction law, with a value or not, ``lag``
     that of a speed with a sensor of its own behind dtheta/dt and its standard error, s. The torque
     of its motion is ``shift`` (s) later than recorded, ``logged`` (s) of it because it was written
-    down after the motion that it causes. ``lighter``: the inertia is certainly far below the
-    declared one, whatever is missing.
+    down after the motion that it causes. ``lighter``: the inertia, where it is certainly far below
+    the declared one, whatever is missing.
     """
 
     motion: Motion
@@ -55,7 +55,7 @@ class Record:
     lag: tuple[float, float] | None = None
     shift: float = 0.0
     logged: float = 0.0
-    lighter: bool = False
+    lighter: float | None = None
     _kept: dict[Hashable, tuple[object, Any]] = field(default_factory=dict, repr=False)
 
     def once(self, key: Hashable, of: object, make: Callable[[], Any]) -> Any:
@@ -102,6 +102,11 @@ class Record:
         return applied(self.parts, self.motion)
 
     @property
+    def independent(self) -> int:
+        """How many of its blocks have motion in them and share little noise with the others."""
+        return min(len(self.blocks.full), max(1, int(self.motion.t[-1] / _apart(self.rows))))
+
+    @property
     def turning(self) -> bool:
         """Whether gravity is declared."""
         return any(p.block.name == TURNING for p in self.parts)
@@ -140,8 +145,13 @@ class Record:
         lag: tuple[float, float] | None = None,
     ) -> Record:
         laws = Laws(motion, declared, 3 * rows.rough + 1e-12)
-        blocks = Blocks.of(rows.t, motion.t[-1], max(BLOCK, APART * rows.h))
+        blocks = Blocks.of(rows.t, motion.t[-1], _apart(rows))
         return cls(motion, rows, laws, blocks, declared, J, sure, heavy, parts, has, lag)
+
+
+def _apart(rows: Rows) -> float:
+    """The length of a piece that shares little noise with its neighbours, s."""
+    return max(BLOCK, APART * rows.h)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy import stats
@@ -17,13 +18,16 @@ from .score import moves
 from .table import Table
 
 TWO_SIDED = 0.975
+LARGE = 0.1  # of friction: a torque that is not explained and may bias the terms ...
+CLEAR = 4.0  # ... if it is so many times the noise
 
 
 def budget(base: Base, parts: Sequence[Contender], unknown: Contender | None) -> list[Share]:
     """Each term with its RMS in the windows, as a share of friction, largest first.
 
     ``parts`` are the named effects in ``base``, in the order in which they joined; ``unknown`` is
-    an unknown torque beside them.
+    an unknown torque beside them. Where a large torque is not explained, there are no intervals: a
+    part of it may look like a term, which no spread over blocks shows.
     """
     V = _covariance(base)
     made = [_share(base, V, name, at, signals) for name, at, signals in _terms(base, parts)]
@@ -32,8 +36,11 @@ def budget(base: Base, parts: Sequence[Contender], unknown: Contender | None) ->
         signals = tuple(sorted(unknown.depends_on))
         made.append(_plainly(base, "unknown torque", unknown.torque, signals))
     made.sort(key=lambda s: -s.rms)
-    left = base.made.r * base.view.scale.sigma
-    return [*made, _plainly(base, "left", left, ()), _noise(base)]
+    left = _plainly(base, "left", base.made.r * base.view.scale.sigma, ())
+    noise = _noise(base)
+    if unknown is not None or left.share > max(LARGE, CLEAR * noise.share):
+        made = [replace(s, ci95=None) for s in made]
+    return [*made, left, noise]
 
 
 def _terms(

@@ -73,7 +73,7 @@ def compare(
         record = record_of(stretches, model, plain)
         if len(record.rows) < WEIGHT:  # fewer than it has terms
             said = SHORT.format(len(record.rows), 2e3 * record.rows.h, WEIGHT)
-            return Comparison("refused", messages=(said,), least=least)
+            return Comparison("refused", messages=(said,), least=least, stretches=0)
         found = decide(record, least, alpha)
         made = _result(found, model, least)
     return replace(made, seconds=time.perf_counter() - began)
@@ -104,6 +104,7 @@ def _result(found: Decision, model: Model, least: float) -> Comparison:
         least=least,
         only_inertia=found.only_inertia,
         events=found.events,
+        stretches=base.record.independent,
     )
 
 
@@ -143,11 +144,12 @@ def record_of(stretches: Sequence[Stretch], model: Model, plain: Balance) -> Rec
     return made.later(-logged) if logged else made
 
 
-def _lighter(plain: Balance, declared: dict[str, float]) -> bool:
-    """Whether the plain answer is sure of an inertia far below the declared one."""
+def _lighter(plain: Balance, declared: dict[str, float]) -> float | None:
+    """The inertia of the plain answer, where it is certainly far below the declared one."""
     known = plain.parameters.get("J") or plain.uncertain.get("J")
     J = declared.get("J")
-    return bool(J and known and known.ci95 and known.ci95[1] < J / OFF)
+    far = J and known and known.ci95 and known.ci95[1] < J / OFF
+    return known.value if known and far else None
 
 
 def _share(m: Motion, h: float) -> float:
