@@ -35,7 +35,7 @@ TRACING = [
     {"coordinates", "likelihood", "evaluate"},
     {"moments", "slopes", "beliefs"},
     {"fit"},
-    {"far", "held_out", "optima"},
+    {"far", "held_out", "optima", "discrepancy"},
     {"start", "dated"},
     {"job"},
 ]

@@ -30,6 +30,11 @@ class Moving(Protocol):
     def motion(self) -> str: ...
 
 
+def _late(m: Moving) -> np.ndarray:
+    """The time in [0, 1]."""
+    return m.t / (float(np.max(m.t)) + 1e-300)
+
+
 def _top(m: Moving) -> float:
     return float(np.quantile(np.abs(m.w), 0.99))
 
@@ -55,7 +60,7 @@ def of_motion(m: Moving) -> Surfaces:
     return {
         ("theta",): [*_place(m)[1], _narrow(m)],
         ("w",): [spline(speed, 16) * np.sign(m.w)[:, None]],
-        ("t",): [spline(m.t / m.t[-1], n) for n in (24, FINE)],
+        ("t",): [spline(_late(m), n) for n in (24, FINE)],
     }
 
 
@@ -63,11 +68,11 @@ def of_torque(m: Moving, u: np.ndarray) -> Surfaces:
     """Functions of the torque, alone and with the time or the place, (n, k) each."""
     torque = np.abs(u)
     largest = max(float(np.quantile(torque, 0.995)), 0.1 * float(torque.max()))
-    of_u = spline(0.5 + 0.5 * np.clip(u / largest, -1, 1), 12)
+    of_u = spline(0.5 + 0.5 * np.clip(u / (largest + 1e-300), -1, 1), 12)
     of_u = of_u[:, np.mean(of_u > 0.05, axis=0) > RARE]
     return {
         ("u",): [_apart(of_u, u)],
-        ("t", "u"): [_apart(u[:, None] * spline(m.t / m.t[-1], 10), u)],
+        ("t", "u"): [_apart(u[:, None] * spline(_late(m), 10), u)],
         ("theta", "u"): [_apart(u[:, None] * _place(m)[2], u)],
     }
 
@@ -77,7 +82,7 @@ def of_law(m: Moving, z: np.ndarray) -> Surfaces:
     each."""
     _, places, coarse = _place(m)
     v, speed = 0.5 + 0.5 * np.clip(m.w / (_top(m) + 1e-300), -1, 1), m.w / (_top(m) + 1e-300)
-    late = spline(m.t / m.t[-1], 10)
+    late = spline(_late(m), 10)
     return {
         ("theta", "w"): [*(z[:, None] * x for x in places), _products(spline(v, 6), coarse)],
         ("t", "w"): [_products(late, np.column_stack([z, speed]))],
