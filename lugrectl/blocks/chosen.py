@@ -9,7 +9,7 @@ from ..checks import real, shown
 from ..errors import InputError
 from ..spec import Block, members
 from .controllers import DERIVATIVE
-from .names import VARIANTS
+from .names import VARIANTS, meant
 from .observers import believed, observer_block
 from .sliding import sliding_error
 
@@ -74,7 +74,7 @@ def controller_block(name: Any) -> Block:
     made = known.get(name) if isinstance(name, str) else None
     if made is None:
         able = [k for k, b in known.items() if not _misfit(b)]
-        raise InputError(f"unknown controller {shown(name)}; known: {', '.join(able)}.")
+        raise InputError(f"unknown controller {shown(name)}; {meant(name, able)}")
     _fits(made, READ)
     if why := _misfit(made):
         raise InputError(f"{made.name} is not the controller of a loop: {why}.")

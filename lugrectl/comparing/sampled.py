@@ -14,10 +14,11 @@ from ..blocks.drive import dead_time
 from ..blocks.plant import plant
 from ..engine.held import interpreted
 from ..mixed import simulate_sampled
-from ..sampling import sampled
+from .stepped import at_samples
 from .wiring import Terms, around
 
 WHOLE = 1.5 * 2.0**52  # a number of this size has no fraction: to add and subtract it rounds
+LARGEST = 1.5  # of the largest speed of the reference
 COARSE = 1e-4  # error allowed in a step of the plant
 
 
@@ -108,9 +109,10 @@ def sampled_run(
         dead_time(sensing.delay, sensing.dt, inputs=["u"], outputs=["u_late"]),
         *around(terms, name, kind, gains, believed or {}),
     ]
-    drive = [sampled(b, sensing.dt) if b.nstates and not b.isdtime(strict=True) else b
-             for b in parts]  # fmt: skip
     t = sensing.dt * np.arange(len(rows["r"]))
+    speed = rows["r"] if kind == "velocity" else rows["dr"]
+    usual = _usual(terms, LARGEST * float(np.max(np.abs(speed))))
+    drive = [at_samples(block, sensing.dt, usual) for block in parts]
     body = plant(terms.model, inputs=["u_late", "d"])
     read = {k for block in (body, *drive) for k in block.input_labels}
     given = {k: x for k, x in (dict(rows) | sensing.errors(len(t))).items() if k in read}
@@ -118,3 +120,11 @@ def sampled_run(
         warnings.simplefilter("ignore")  # a loop that does not work is a result here
         done = simulate_sampled(body, drive, t, given, rtol=COARSE)
     return dict(zip(done.output_labels, np.asarray(done.outputs), strict=True))
+
+
+def _usual(terms: Terms, fastest: float) -> dict[str, float]:
+    """The sizes of the signals and states of an observer, by name."""
+    known = terms.values()
+    torque = max(known.get("Fs", 0.0), known.get("Fc", 0.0))
+    sizes = dict.fromkeys(("u", "zeta", "f", "Fhat"), torque) | {"w": fastest, "what": fastest}
+    return sizes | {"zhat": torque / known["sigma0"] if "sigma0" in known else 0.0}
