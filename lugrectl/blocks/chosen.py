@@ -62,6 +62,14 @@ def mapped(gains: Any, what: str) -> dict[str, Any]:
     return dict(gains or {})
 
 
+def both(gains: Any, more: Mapping[str, Any]) -> dict[str, Any]:
+    """Gains of an observer given as a dict and as arguments."""
+    known = mapped(gains, "gains")
+    if twice := sorted({*known} & {*more}):
+        raise InputError(f"{twice[0]} is given twice: in gains and as an argument.")
+    return known | dict(more)
+
+
 def controller_block(name: Any) -> Block:
     """The registered controller of a name, one that puts out u from what a loop offers.
 
