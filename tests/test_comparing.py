@@ -156,7 +156,7 @@ def test_steps_of_one_length_are_as_exact_as_those_of_the_sampled_block():
     from lugrectl.comparing.stepped import at_samples
 
     block, n = lg.temperature_observer(P), 120
-    made = at_samples(block, 1e-3, {"w": 0.1, "zhat": 1e-3})
+    made = at_samples(block, 1e-3, [{"w": 0.1, "zhat": 1e-3}])
     t = 1e-3 * np.arange(n)
     w = 0.1 * np.sin(20 * t)
     given = np.array([w, 0.3 * np.sign(w)])

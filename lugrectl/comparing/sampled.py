@@ -111,8 +111,8 @@ def sampled_run(
     ]
     t = sensing.dt * np.arange(len(rows["r"]))
     speed = rows["r"] if kind == "velocity" else rows["dr"]
-    usual = _usual(terms, LARGEST * float(np.max(np.abs(speed))))
-    drive = [at_samples(block, sensing.dt, usual) for block in parts]
+    points = _points(terms, LARGEST * float(np.max(np.abs(speed))))
+    drive = [at_samples(block, sensing.dt, points) for block in parts]
     body = plant(terms.model, inputs=["u_late", "d"])
     read = {k for block in (body, *drive) for k in block.input_labels}
     given = {k: x for k, x in (dict(rows) | sensing.errors(len(t))).items() if k in read}
@@ -122,9 +122,15 @@ def sampled_run(
     return dict(zip(done.output_labels, np.asarray(done.outputs), strict=True))
 
 
-def _usual(terms: Terms, fastest: float) -> dict[str, float]:
-    """The sizes of the signals and states of an observer, by name."""
+def _points(terms: Terms, fastest: float) -> list[dict[str, float]]:
+    """Inputs and states of an observer by name, at rest and in motion."""
     known = terms.values()
     torque = max(known.get("Fs", 0.0), known.get("Fc", 0.0))
-    sizes = dict.fromkeys(("u", "zeta", "f", "Fhat"), torque) | {"w": fastest, "what": fastest}
-    return sizes | {"zhat": torque / known["sigma0"] if "sigma0" in known else 0.0}
+    z = torque / known["sigma0"] if "sigma0" in known else 0.0
+    sizes = dict.fromkeys(("u", "zeta", "f", "Fhat"), torque) | {"zhat": z}
+    return [
+        sizes
+        | dict.fromkeys(("w", "w_m", "what"), w)
+        | {"xi": known["J"] * w + known.get("sigma1", 0.0) * z}
+        for w in (0.0, 0.1 * fastest, fastest)
+    ]

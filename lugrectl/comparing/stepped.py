@@ -18,18 +18,18 @@ from ..engine.substeps import Substeps
 from ..engine.symbolic import signal_array
 from ..sampling import sampled
 
-MOST = 8  # Runge-Kutta steps in a sample
+MOST = 24  # Runge-Kutta steps in a sample
 REACH = 1.2  # of a rate times the length of a step; the method is stable up to 2.7
 SMALL = 1e-6  # relative change of a state for a slope
 
 
-def at_samples(block: Any, dt: float, usual: Mapping[str, float]) -> Any:
-    """A block in discrete time; ``usual`` holds by name the sizes of its inputs and states."""
+def at_samples(block: Any, dt: float, points: Sequence[Mapping[str, float]]) -> Any:
+    """A block in discrete time; ``points`` are usual inputs and states by name, 0 if left out."""
     if not block.nstates or block.isdtime(strict=True):
         return block
     if Substeps(block, dt).affine(block.params):
         return sampled(block, dt)
-    steps = math.ceil(min(dt * _rate(block, usual) / REACH, 1e6))
+    steps = math.ceil(min(dt * _rate(block, points) / REACH, 1e6))
     if steps > MOST:
         return sampled(block, dt)
     step = _Step(block, dt, max(steps, 2), tuple(s == "u" for s in block.input_labels))
@@ -45,12 +45,11 @@ def at_samples(block: Any, dt: float, usual: Mapping[str, float]) -> Any:
     )
 
 
-def _rate(block: Any, usual: Mapping[str, float]) -> float:
-    """The fastest rate of the states in 1/s, at rest and in motion."""
+def _rate(block: Any, points: Sequence[Mapping[str, float]]) -> float:
+    """The fastest rate of the states in 1/s, at any of the points."""
     found = 0.0
-    for share in (0.0, 0.1, 1.0):
-        size = dict(usual) | {k: share * usual.get(k, 0.0) for k in ("w", "what")}
-        v, x = (np.array([size.get(k, 0.0) for k in names])
+    for point in points:
+        v, x = (np.array([point.get(k, 0.0) for k in names])
                 for names in (block.input_labels, block.state_labels))  # fmt: skip
         steps = SMALL * np.maximum(np.abs(x), 1e-3)
         columns = [

@@ -26,13 +26,15 @@ class Terms:
 
     An observer that is corrected by k e is a controller k (sigma1 s + sigma0)/(s + a) as well,
     a = sigma0 |w|/h(w). The others get the same as kp + sigma1 k and ki + sigma0 k. ``designed``
-    holds the gains of observers by name; k goes before a k in it.
+    holds the gains of observers by name; k goes before a k in it. ``ahead``: the velocity loop
+    has the feed-forward J dr; the position loop always has J ddr.
     """
 
     model: Model
     k: float
     equal: bool
     designed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    ahead: bool = False
 
     def values(self) -> dict[str, float]:
         """The parameters of the drive that have a value."""
@@ -84,6 +86,7 @@ def around(
         ]
     else:
         parts.append(controllers.pi(**gains))
+        parts += [controllers.feedforward(terms.model, "velocity")] * terms.ahead
     if "s" in made.inputs:
         read = ["theta_m", "w_m", "r", "dr", "ddr"] if position else ["w_m", "r", "dr"]
         parts.append(sliding_error(LAM, kind, inputs=read))

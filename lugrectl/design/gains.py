@@ -129,10 +129,11 @@ def design_gains(
         (1.5 sqrt(sigma0/J)), M. "position_lugre": pole (3 sqrt(sigma0/J)), the triple pole at
         rest, and M. "position_coulomb": rate of ahat (50), L (8 rate). "disturbance": tau (0.01).
         "extended_state": bandwidth (100). "general_coulomb": rate (50), w0. "friedland_park":
-        rate (50) at speed (0.1 rad/s), mu. "adaptive": gamma, K2. "normal_force": k, gamma, and
-        kp, kd of the position loop's PD. M is the largest |w| in rad/s for which the certificate
-        holds (1). With dt, the sample time of the drive in s, no rate is above 0.5/dt, and
-        "disturbance" and "extended_state" use that rate.
+        rate (50) at speed (0.1 rad/s), mu. "adaptive": gamma, K2. "normal_force": k, gamma
+        (670/Fs), and kp, kd of the position loop's PD. M is the largest |w| in rad/s for which
+        the certificate holds (1). With dt, the sample time of the drive in s, no
+        rate is above 0.5/dt, no pole of "position_lugre" above 1/dt, and "disturbance" and
+        "extended_state" use that rate.
     observer : str
         As in ``lugrectl.observers()``, with or without ``_observer``.
 

@@ -58,9 +58,9 @@ class _Made:
         )
 
 
-def _limited(rate: float, c: Mapping[str, Any]) -> float:
-    """A rate that a drive with the sample time dt can follow."""
-    return rate if c["dt"] is None else min(rate, SAMPLED / c["dt"])
+def _limited(rate: float, c: Mapping[str, Any], most: float = SAMPLED) -> float:
+    """A rate that a drive with the sample time dt can follow: ``most`` times 1/dt."""
+    return rate if c["dt"] is None else min(rate, most / c["dt"])
 
 
 def _slides(m: Mapping[str, float], w: float) -> float:
@@ -111,7 +111,8 @@ def _normal_force(m: Mapping[str, float], c: dict[str, Any]) -> Any:
         "e tends to 0 for every such factor; the proof gives no rate",
     )
     made = _Made("normal_force", "for every motion", said, 0.0, holds=bool(verdict))
-    return {"k": c["k"], "gamma": c["gamma"]}, made.certificate()
+    gamma = 670.0 / m["Fs"] if c["gamma"] is None else c["gamma"]
+    return {"k": c["k"], "gamma": gamma}, made.certificate()
 
 
 class _Values:
@@ -152,7 +153,7 @@ def _friction_state(m: Mapping[str, float], c: dict[str, Any]) -> Any:
 
 
 def _position_lugre(m: Mapping[str, float], c: dict[str, Any]) -> Any:
-    p = c["pole"] or _limited(3.0 * math.sqrt(m["sigma0"] / m["J"]), c)
+    p = c["pole"] or _limited(3.0 * math.sqrt(m["sigma0"] / m["J"]), c, 1.0)
     gains, corners = position_corners(m, p, c["M"])
     found, slowest = common_rate(corners), max(_slowest(A) for A in corners)
     said = [f"|w| <= {c['M']:g} rad/s and |z| <= max(Fc, Fs)/sigma0", RIGHT]
@@ -281,7 +282,7 @@ RULES: dict[str, Rule] = {
         _friction_state, "J sigma0 Fc Fs Fv vs", {"bandwidth": None, "M": SPEED, "dt": None}
     ),
     "normal_force_observer": Rule(
-        _normal_force, LUGRE, {"k": 1.0, "gamma": 2e3, "kp": None, "kd": None}
+        _normal_force, LUGRE, {"k": 1.0, "gamma": None, "kp": None, "kd": None}
     ),
     "position_lugre_observer": Rule(_position_lugre, LUGRE, {"pole": None, "M": SPEED, "dt": None}),
     "position_coulomb_observer": Rule(
