@@ -126,7 +126,7 @@ def velocity_loop(
     p, believed = _models(p, observer_parameters)
     act = _Controller("velocity", controller, controller_gains, own, observer)
     act.limited(limit, tracking)
-    estimate = _observer(observer, believed, shared, both(gains, more), act.sliding)
+    estimate = _observer(observer, believed, shared, both(observer, gains, more), act.sliding)
     inputs, reference, names = _reference(p, act, prefilter, feedforward)
     parts = [plant(p), estimate, *act.blocks(believed, names), *reference]
     return _closed(parts, inputs, load, name, limit)
@@ -195,7 +195,7 @@ def position_loop(
     p, believed = _models(p, observer_parameters)
     act = _Controller("position", controller, controller_gains, own, observer)
     act.limited(limit, tracking)
-    estimate = _observer(observer, believed, shared, both(gains, more), act.sliding)
+    estimate = _observer(observer, believed, shared, both(observer, gains, more), act.sliding)
     inputs, reference, names = _reference(p, act, prefilter, feedforward)
     parts = [plant(p), estimate, *act.blocks(believed, names), *reference]
     return _closed(parts, inputs, load, name, limit)

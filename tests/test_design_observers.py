@@ -131,7 +131,12 @@ def test_a_design_has_the_forms_of_every_result():
             lambda: lg.design_gains(replace(P, sigma1=0.0), observer="existing"),
             "sigma1 = 0: the design rule of existing_observer needs sigma1 > 0",
         ),
-        (lambda: lg.velocity_loop(P, "natural", bandwidth=3), "no parameter 'bandwidth'"),
+        (
+            lambda: lg.velocity_loop(P, "natural", bandwidth=3),
+            "bandwidth is no argument of the loop",
+        ),
+        (lambda: lg.velocity_loop(P, "natural", prefiltr=True), "did you mean 'prefilter'?"),
+        (lambda: lg.design_gains(P, "constnt"), "did you mean 'constant'?"),
         (
             lambda: lg.velocity_loop(P, "disturbance", gains={"tau": 1}, tau=2),
             "tau is given twice",

@@ -22,6 +22,10 @@ OWN = "own"  # a gain that is left out: the observer's own default
 SEEN = ("theta", "w", "u", "e", "r", "s")
 READ = ("theta", "w", "e", "r", "dr", "ddr", "s", "ar")
 SLIDING = ("s", "ar")
+ARGUMENTS = (  # of a loop
+    *("observer", "kp", "ki", "kd", "tau", "K1", "K2", "k", "gains", "observer_parameters", "load"),
+    *("prefilter", "feedforward", "limit", "tracking", "controller", "controller_gains", "name"),
+)
 
 
 def loop_observer(
@@ -62,9 +66,15 @@ def mapped(gains: Any, what: str) -> dict[str, Any]:
     return dict(gains or {})
 
 
-def both(gains: Any, more: Mapping[str, Any]) -> dict[str, Any]:
+def both(name: str | None, gains: Any, more: Mapping[str, Any]) -> dict[str, Any]:
     """Gains of an observer given as a dict and as arguments."""
-    known = mapped(gains, "gains")
+    known, made = mapped(gains, "gains"), observer_block("no_observer" if name is None else name)
+    for key in more:
+        if key not in made.parameters:
+            raise InputError(
+                f"{key} is no argument of the loop and no parameter of {made.name}; "
+                f"{meant(key, (*made.parameters, *ARGUMENTS))}"
+            )
     if twice := sorted({*known} & {*more}):
         raise InputError(f"{twice[0]} is given twice: in gains and as an argument.")
     return known | dict(more)

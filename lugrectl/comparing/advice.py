@@ -10,6 +10,7 @@ from ..display import number
 from .recommendation import Candidate
 from .trials import EXACT
 
+HELPS = 0.98  # of the error without an observer: above it an observer does not help
 ALIKE = 1.05  # ratio of errors below which two observers are equally good
 
 
@@ -114,9 +115,9 @@ def broken(
     bad = [case for case, error in errors.items() if not error < float("inf")]
     if bad:
         return f"it cannot run at {rate:g} Hz here: the loop diverges with {bad[0]}."
-    if compared and errors[EXACT] > none:
+    if compared and errors[EXACT] > HELPS * none:
         return (
-            f"it does not work at {rate:g} Hz with this sensor: even with exact parameters the "
+            f"it does not help at {rate:g} Hz with this sensor: even with exact parameters the "
             f"error is {quantity(errors[EXACT], unit)}, without an observer {quantity(none, unit)}."
         )
     return None

@@ -116,7 +116,10 @@ def recommend_observer(
     model, record = _model(p, record)
     spec = drive_spec(record, _own(locals()), model.motion).completed(_known(model))
     stand = _stand(model, spec, given_gains(gains))
-    admissible, refused, certificates = _admissible(stand, chosen_observers(observers), certified)
+    wanted = [name for name in chosen_observers(observers) if name != "no_observer"]
+    if not wanted:
+        raise InputError("observers holds no observer: give at least one of lugrectl.observers().")
+    admissible, refused, certificates = _admissible(stand, wanted, certified)
     stand = replace(stand, terms=replace(stand.terms, designed=admissible))
     none = stand.error("no_observer", {})
     trials = _trials(stand, list(admissible), none, reporter(progress))
@@ -206,9 +209,9 @@ def _designed(
     rule = RULES.get(name)
     if own is not None or (rule is None and name != "proposed_observer"):
         return dict(own or {}), None
-    spec, choices = stand.spec, dict[str, float]()
+    spec, choices = stand.spec, dict[str, Any]()
     assert spec.speed is not None
-    fitting = {"dt": 1.0 / spec.rate, "M": 1.5 * spec.speed, "speed": spec.speed}
+    fitting: dict[str, Any] = {"dt": 1.0 / spec.rate, "M": 1.5 * spec.speed, "speed": spec.speed}
     fitting |= {"w0": 0.2 * spec.speed, "k": stand.terms.k, "kp": stand.gains["kp"]}
     if rule is not None:
         on_error = {"k", "kp"} if name in ("existing_observer", "lyapunov_observer") else set()

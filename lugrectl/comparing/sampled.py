@@ -119,7 +119,7 @@ def sampled_run(
     with warnings.catch_warnings(), interpreted():
         warnings.simplefilter("ignore")  # a loop that does not work is a result here
         done = simulate_sampled(body, drive, t, given, rtol=COARSE)
-    return dict(zip(done.output_labels, np.asarray(done.outputs), strict=True))
+    return dict(zip(done.output_labels or (), np.asarray(done.outputs), strict=True))
 
 
 def _points(terms: Terms, fastest: float) -> list[dict[str, float]]:

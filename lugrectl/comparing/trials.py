@@ -10,11 +10,13 @@ import numpy as np
 
 from ..blocks.observers import observer_block
 from ..engine.adaptive import Diverged
+from ..errors import InputError
 from .drive_spec import DriveSpec
 from .sampled import Sensing, sampled_run
 from .wiring import Terms
 
 PERIODS, SETTLED = 1.25, 0.25  # of the reference: simulated, and left out of the error
+FEWEST, MOST = 20, 50_000  # samples of a run
 EXACT = "exact parameters"
 GROWN = 100.0  # times the amplitude of the reference: a loop with such an error has diverged
 
@@ -54,7 +56,13 @@ def course(spec: DriveSpec, kind: str) -> Course:
     """A sine of the speed, from rest."""
     assert spec.frequency is not None and spec.speed is not None
     turn, size = 2.0 * np.pi * spec.frequency, spec.speed
-    t = np.arange(round(PERIODS / spec.frequency * spec.rate) + 1) / spec.rate
+    samples = round(PERIODS / spec.frequency * spec.rate) + 1
+    if not FEWEST <= samples <= MOST:
+        raise InputError(
+            f"a sine of {spec.frequency:g} Hz at {spec.rate:g} samples per second takes {samples} "
+            f"samples, outside {FEWEST} to {MOST}: give another frequency."
+        )
+    t = np.arange(samples) / spec.rate
     w, a = size * np.sin(turn * t), size * turn * np.cos(turn * t)
     rows = {"r": w, "dr": a} if kind == "velocity" else {
         "r": size / turn * (1.0 - np.cos(turn * t)), "dr": w, "ddr": a}  # fmt: skip

@@ -71,7 +71,9 @@ def around(
     ``believed``: parameters of the observer in place of those of the drive.
     """
     made, position = observer_block(name), kind == "position"
-    own = terms.own(name, kind) | {k: v for k, v in believed.items() if k in made.parameters}
+    own: dict[str, Any] = terms.own(name, kind) | {
+        k: v for k, v in believed.items() if k in made.parameters
+    }
     seen = [MEASURED.get(s, s) for s in made.inputs]
     parts = [
         controllers.error(kind, inputs=["r", MEASURED[controllers.MEASURED[kind]]]),

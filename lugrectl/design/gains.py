@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any, overload
+from typing import Any, Literal, overload
 
 import numpy as np
 
 from ..blocks.friction import level
+from ..blocks.names import meant
 from ..blocks.observers import observer_block
 from ..checks import positive, shown
 from ..display import Row, Shown
@@ -89,7 +90,9 @@ class Design(Result):
 
 
 @overload
-def design_gains(p: Any, method: str = ..., **choices: float) -> Design: ...
+def design_gains(
+    p: Any, method: str = ..., *, observer: Literal["proposed"] = ..., **choices: float
+) -> Design: ...
 
 
 @overload
@@ -163,7 +166,7 @@ def design_gains(
             raise InputError(f"method = {shown(method)} belongs to the proposed observer only.")
         return design_observer(p, observer, choices)
     if not isinstance(method, str) or method not in _METHODS:
-        raise InputError(f"unknown method {shown(method)}; known: {', '.join(_METHODS)}.")
+        raise InputError(f"unknown method {shown(method)}; {meant(method, _METHODS)}")
     build, allowed = _METHODS[method]
     for key in choices:
         if key not in allowed:

@@ -49,12 +49,13 @@ def decay(P: np.ndarray, corners: Sequence[np.ndarray]) -> float:
 
 def _starts(corners: Sequence[np.ndarray]) -> list[np.ndarray]:
     """Functions of single corners and of their mean, where these are stable."""
-    n, starts = len(corners[0]), [np.eye(len(corners[0]))]
+    n = len(corners[0])
+    starts: list[np.ndarray] = [np.eye(n)]
     for A in (np.mean(corners, axis=0), *corners):
         slowest = float(np.linalg.eigvals(A).real.max())
         if slowest < -LEAST:
             shifted = A - 0.8 * slowest * np.eye(n)
-            starts.append(solve_continuous_lyapunov(shifted.T, -np.eye(n)))
+            starts.append(np.asarray(solve_continuous_lyapunov(shifted.T, -np.eye(n))))
     return [P / np.trace(P) for P in starts]
 
 
