@@ -76,10 +76,11 @@ def certified(made: Certificate | None) -> str:
         return "Its gains are not from a design rule, so nothing is guaranteed."
     if not made.holds:
         return f"Its gains have no certificate ({made.valid or made.lemma})."
-    where = f" {made.valid}" if made.valid else ""
+    where = made.valid or "for every motion"
     if made.rate is None:
-        return f"Its gains are certified{where}; no rate of decay is guaranteed."
-    return f"Its gains are certified{where}: errors decay with {number(made.rate, 3)} 1/s."
+        return f"Its certificate holds {where} if its parameters are right; it has no rate."
+    rate = number(made.rate, 3)
+    return f"Its certificate: errors decay with {rate} 1/s {where} if its parameters are right."
 
 
 def unseen(inputs: Sequence[str], measured: Sequence[str]) -> str | None:

@@ -121,7 +121,9 @@ class Recommendation(Result):
         rows = [
             Row(f"{i + 1}. {row.name}", " ".join(row.reasons)) for i, row in enumerate(self.ranked)
         ]
-        rows += [Row(f"not {name}", why) for name, why in self.refused.items()]
+        for why in dict.fromkeys(self.refused.values()):
+            names = ", ".join(k for k, other in self.refused.items() if other == why)
+            rows.append(Row("not admissible", f"{names}: {why}"))
         drive = f"{self.drive['rate']:g} Hz, {', '.join(self.drive['measured'])} measured"
         rows.append(Row("drive", drive, "", f"(from {self.drive['source']})"))
         rows.append(Row("without", f"{number(self.none, 3)} {self.unit}", "", "RMS error"))

@@ -18,7 +18,7 @@ from ..linear import position_T, spr_check
 from .certificate import Certificate
 from .quadratic import common_rate
 
-SPEED = 1.0  # rad/s, the largest speed of a certificate that holds up to a speed, unless given
+SPEED = 1.0  # rad/s, up to which a certificate that has a limit holds, unless given
 SAMPLED = 0.5  # largest rate times sample time
 SHARE = 0.9  # of a double pole, which no quadratic function reaches
 RIGHT = "the observer's parameters are those of the drive, and no load torque acts"
@@ -83,14 +83,14 @@ def _corrected(m: Mapping[str, float], c: dict[str, Any]) -> float:
 def _existing(m: Mapping[str, float], c: dict[str, Any]) -> Any:
     k = _corrected(m, c)
     most = 4.0 / m["sigma1"] * (1.0 + c["kp"] / (k * m["sigma1"])) if k else math.inf
+    fast = most * min(m["Fc"], m["Fs"])
     said = (
-        f"|w|/h(w) <= {most:.4g} rad/(N m s), that is |w| <= {most * min(m['Fc'], m['Fs']):.3g} "
-        "rad/s; this limits the proof, not the loop",
+        f"|w|/h(w) <= {most:.4g} rad/(N m s); this limits the proof, not the loop",
         FORWARD,
         "e tends to 0; " + RELAXES,
         RIGHT,
     )
-    return {"k": k}, _Made("existing", "up to a speed", said, 0.0).certificate()
+    return {"k": k}, _Made("existing", f"for |w| <= {fast:.3g} rad/s", said, 0.0).certificate()
 
 
 def _lyapunov(m: Mapping[str, float], c: dict[str, Any]) -> Any:
@@ -142,13 +142,14 @@ def _friction_state(m: Mapping[str, float], c: dict[str, Any]) -> Any:
     corners = [np.array([[-2.0 * p, -p], [p, -a]]) for a in (0.0, top)]
     found = common_rate(corners)
     said = (
-        f"|w| <= {most:g} rad/s",
         "Fc, Fs, Fv, vs, sigma0, J are right, and no load torque acts; sigma1 dz/dt counts as an "
         "error for about sigma1/sigma0",
         f"noise of w reaches Fhat with up to {0.5 * m['J'] * p:.3g} N m s/rad",
     )
     rate = None if found is None else found[0]
-    made = _Made("friction_state", "up to a speed", said, -p, rate, holds=rate is not None)
+    made = _Made(
+        "friction_state", f"for |w| <= {most:g} rad/s", said, -p, rate, holds=rate is not None
+    )
     return {"bandwidth": p}, made.certificate()
 
 
@@ -156,9 +157,9 @@ def _position_lugre(m: Mapping[str, float], c: dict[str, Any]) -> Any:
     p = c["pole"] or _limited(3.0 * math.sqrt(m["sigma0"] / m["J"]), c, 1.0)
     gains, corners = position_corners(m, p, c["M"])
     found, slowest = common_rate(corners), max(_slowest(A) for A in corners)
-    said = [f"|w| <= {c['M']:g} rad/s and |z| <= max(Fc, Fs)/sigma0", RIGHT]
+    said = ["|z| <= max(Fc, Fs)/sigma0", RIGHT]
     if found:
-        made = _Made("position_lugre", "up to a speed", tuple(said), -p, found[0])
+        made = _Made("position_lugre", f"for |w| <= {c['M']:g} rad/s", tuple(said), -p, found[0])
         return gains, made.certificate()
     said += [
         "no common quadratic function was found: the triple pole holds at rest only",

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 @drawn
 def errors(made: Any, ax: Axes) -> Axes:
     """A line for each candidate from its smallest to its largest error; the best is on top."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
     from .plot import _headed
 
     rows = list(reversed(made.ranked))
@@ -29,6 +31,9 @@ def errors(made: Any, ax: Axes) -> Axes:
     ax.scatter(exact, y, color="w", edgecolors=COLOURS["after"], zorder=3, label="exact parameters")
     ax.axvline(factor * made.none, color=COLOURS["before"], label="without an observer")
     ax.set(xscale="log", xlabel=f"RMS error of {made.signal} [{unit}]", yticks=y)
+    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    ax.xaxis.set_major_formatter("{x:g}")
+    ax.xaxis.set_minor_formatter(NullFormatter())
     ax.set_yticklabels([row.name for row in rows])
     ax.legend(fontsize=8)
     _headed(ax, "Observers on this drive")
