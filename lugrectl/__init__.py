@@ -32,7 +32,8 @@ _HOMES = {
     "catalogue": "controllers effects laws observers",
     "comparing": "ObserverComparison Recommendation compare_observers recommend_observer",
     "compensating": "Compensation compensate",
-    "design": "Certificate Design PAPER certify design_gains excitation natural_decay",
+    "design": "Certificate Design ObserverDesign PAPER certify design_gains excitation "
+    "natural_decay",
     "diagnosis.asking": "balance",
     "diagnosis.diagnose": "diagnose",
     "engine.adaptive": "Diverged",
@@ -136,6 +137,7 @@ if TYPE_CHECKING:
         PAPER,
         Certificate,
         Design,
+        ObserverDesign,
         certify,
         design_gains,
         excitation,

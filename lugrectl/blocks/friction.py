@@ -153,7 +153,7 @@ def _with_delta(made: Any, function: Any) -> Form:
 def _lugre_form(entry: Any, where: str) -> Any:
     """LuGre with those of delta and vd that the entry gives."""
     given = {k: p for k, p in {"delta": DELTA, "vd": VD}.items() if entry.get(k) is not None}
-    functions = {("delta",): lugre_of_power, ("vd",): lugre_fading}
+    functions: dict[tuple[str, ...], Any] = {("delta",): lugre_of_power, ("vd",): lugre_fading}
     function = functions.get(tuple(given), lugre_of_power_fading)
     return replace(lugre, function=function, parameters={**lugre.parameters, **given}), entry
 
