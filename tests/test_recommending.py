@@ -102,6 +102,21 @@ def test_an_observer_that_makes_the_loop_worse_at_its_rate_is_not_admissible():
     assert repr(made).splitlines()[0] == "Recommended observer: none"
 
 
+def test_a_weak_answer_says_so():
+    made = lg.recommend_observer(P, rate=100, observers=["natural", "disturbance"])
+    assert made.messages[0].startswith("The sensor is taken as exact")
+    assert made.messages[1].startswith("Even the best observer may help little")
+    assert "larger than without an observer" in made["natural"].reasons[0]
+    assert not any("The sensor" in said for said in made["natural"].reasons)
+
+
+def test_an_observer_that_knows_only_the_inertia_is_no_faster_than_three_controllers():
+    made = lg.recommend_observer(
+        P, rate=8000, bandwidth=100, observers="disturbance", uncertainty=0.0, frequency=8.0
+    )
+    assert made[0].gains["tau"] == pytest.approx(1.0 / 300.0)
+
+
 def test_gains_without_a_rule_can_be_left_out():
     given = {"disturbance": {"tau": 0.01}}
     made = lg.recommend_observer(

@@ -24,10 +24,12 @@ def reasons(
 ) -> tuple[str, ...]:
     """Sentences on a candidate; the first compares it with the others."""
     place = [one.name for one in order].index(row.name)
-    said = [_leading(row, order, none, units) if place == 0 else _behind(row, order[0], units)]
+    said = [
+        _leading(row, order, none, units) if place == 0 else _behind(row, order[0], none, units)
+    ]
     said.append(_needs(row))
-    share = f", {100 * row.noise / level:.2g} % of the friction level" if level > 0.0 else ""
-    if row.noise < float("inf"):
+    share = f", {number(100 * row.noise / level, 2)} % of the friction level" if level > 0.0 else ""
+    if 0.0 < row.noise < float("inf"):
         said.append(f"The sensor causes {quantity(row.noise, units['u'])} RMS of torque{share}.")
     if row.load < float("inf"):
         said.append(f"With a load step its error is {quantity(row.load, units['e'])}.")
@@ -50,10 +52,12 @@ def _leading(
     return text + "."
 
 
-def _behind(row: Candidate, best: Candidate, units: Mapping[str, str]) -> str:
+def _behind(row: Candidate, best: Candidate, none: float, units: Mapping[str, str]) -> str:
     times = row.worst / best.worst if best.worst > 0.0 else float("inf")
     text = f"Its error is up to {quantity(row.worst, units['e'])}{_with(row)}"
     text += f", {number(times, 3)} times that of {best.name}"
+    if row.worst > none:
+        text += " and larger than without an observer"
     if not row.complete:
         text += "; too large to try other wrong parameters"
     return text + "."

@@ -102,6 +102,9 @@ def compare_observers(
     is the same; its action on theta and w is larger by sigma0 k/20 and sigma1 k/20. Velocity and
     position are exact except in "noise". The cost is the time of the simulation, not that of a
     drive's processor.
+
+    The first comparison on a machine compiles two loops for each observer, some seconds for each;
+    a later one takes about a second for each observer.
     """
     model = with_bristles(as_model(p, "p"), "p")
     wanted, chosen = _chosen_scenarios(scenarios), chosen_observers(observers)

@@ -12,7 +12,7 @@ from ..blocks.observers import observer_block
 from ..blocks.plant import plant
 from ..checks import flag, shown
 from ..design import Certificate, design_gains
-from ..design.observer_rules import RULES
+from ..design.observer_rules import RULES, SAMPLED
 from ..door import as_model
 from ..errors import InputError
 from ..model import Model
@@ -27,6 +27,8 @@ from .wiring import Terms
 
 NEAR = 1.5  # times the smallest error: beyond it an observer is not tried any further
 FAR = 1e300  # below infinity: a loop that diverged is not tried any further
+FASTER = 3.0  # times the controller's bandwidth: the rate of an observer that knows J alone
+LITTLE = 0.9  # of the error without an observer: above it even the best one helps little
 LAW = ("sigma0", "sigma1", "Fc", "Fs", "Fv", "vs")
 
 
@@ -213,6 +215,9 @@ def _designed(
     assert spec.speed is not None
     fitting: dict[str, Any] = {"dt": 1.0 / spec.rate, "M": 1.5 * spec.speed, "speed": spec.speed}
     fitting |= {"w0": 0.2 * spec.speed, "k": stand.terms.k, "kp": stand.gains["kp"]}
+    if name in ("disturbance_observer", "extended_state_observer"):  # noise grows with the rate
+        assert spec.bandwidth is not None
+        fitting["dt"] = max(fitting["dt"], SAMPLED / (FASTER * spec.bandwidth))
     if rule is not None:
         on_error = {"k", "kp"} if name in ("existing_observer", "lyapunov_observer") else set()
         wanted = {"dt", "M", "speed", "w0"} | on_error
@@ -303,6 +308,11 @@ def _messages(stand: Stand, none: float, rows: Sequence[Candidate]) -> tuple[str
     if stand.terms.model.effects:
         names = ", ".join(use.key for use in stand.terms.model.effects)
         said.append(f"The drive has {names}; the observers do not know of it.")
+    spec = stand.spec
+    if not (spec.noise or spec.resolution or spec.speed_noise):
+        said.append("The sensor is taken as exact: give noise or resolution.")
+    if rows and rows[0].worst > LITTLE * none:
+        said.append("Even the best observer may help little with parameters as wrong as these.")
     if not rows:
         said.append("No observer is admissible on this drive; the reasons are in refused.")
     return tuple(said)
