@@ -30,11 +30,13 @@ _HOMES = {
     "bristles": "deflection",
     "cascade": "cascade_loop",
     "catalogue": "controllers effects laws observers",
-    "comparing": "ObserverComparison compare_observers",
+    "comparing": "ObserverComparison Recommendation compare_observers recommend_observer",
     "compensating": "Compensation compensate",
-    "design": "Certificate Design PAPER certify design_gains excitation natural_decay",
+    "design": "Certificate Design ObserverDesign PAPER certify design_gains excitation "
+    "natural_decay",
     "diagnosis.asking": "balance",
     "diagnosis.diagnose": "diagnose",
+    "engine.adaptive": "Diverged",
     "ensemble": "Sweep sweep sweep_chunks",
     "errors": "InputError Refused",
     "fleet": "Fleet diagnose_each",
@@ -125,12 +127,18 @@ if TYPE_CHECKING:
     from .bristles import deflection  # noqa: F401
     from .cascade import cascade_loop  # noqa: F401
     from .catalogue import controllers, effects, laws, observers  # noqa: F401
-    from .comparing import ObserverComparison, compare_observers  # noqa: F401
+    from .comparing import (  # noqa: F401
+        ObserverComparison,
+        Recommendation,
+        compare_observers,
+        recommend_observer,
+    )
     from .compensating import Compensation, compensate  # noqa: F401
     from .design import (  # noqa: F401
         PAPER,
         Certificate,
         Design,
+        ObserverDesign,
         certify,
         design_gains,
         excitation,
@@ -140,6 +148,7 @@ if TYPE_CHECKING:
     from .diagnosis.diagnose import diagnose  # noqa: F401
     from .diagnosis.identify import identify  # noqa: F401
     from .diagnosis.laws import LawComparison, compare_laws  # noqa: F401
+    from .engine.adaptive import Diverged  # noqa: F401
     from .ensemble import Sweep, sweep, sweep_chunks  # noqa: F401
     from .errors import InputError, Refused  # noqa: F401
     from .fleet import Fleet, diagnose_each  # noqa: F401

@@ -11,6 +11,7 @@ from .blocks import controllers
 from .blocks.chosen import (
     OWN,
     SLIDING,
+    both,
     controller_block,
     controller_named,
     derivatives,
@@ -54,6 +55,7 @@ def velocity_loop(
     controller: str | None = None,
     controller_gains: Mapping[str, Any] | None = None,
     name: str = "velocity_loop",
+    **more: Any,
 ) -> ct.InterconnectedSystem:
     """PI velocity control with friction compensation, u = (kp + ki/s)(r - w) + Fhat.
 
@@ -71,7 +73,8 @@ def velocity_loop(
         Gains of the proposed (K1, K2: numbers or functions of w; -10.24, 22) and existing (k;
         0.35) observer, or of another that has them; the observer's own default where left out.
     gains : dict, optional
-        Any other parameters of the observer by name, ``gains={"tau": 0.005}``.
+        Any other parameters of the observer by name, ``gains={"tau": 0.005}``. They may be given
+        as arguments as well, ``bandwidth=300``: so ``**design_gains(p, observer=...).gains``.
     observer_parameters : Parameters or Model, optional
         The parameters used by the observer; default: those of the plant.
     prefilter : bool or float
@@ -123,7 +126,7 @@ def velocity_loop(
     p, believed = _models(p, observer_parameters)
     act = _Controller("velocity", controller, controller_gains, own, observer)
     act.limited(limit, tracking)
-    estimate = _observer(observer, believed, shared, gains, act.sliding)
+    estimate = _observer(observer, believed, shared, both(observer, gains, more), act.sliding)
     inputs, reference, names = _reference(p, act, prefilter, feedforward)
     parts = [plant(p), estimate, *act.blocks(believed, names), *reference]
     return _closed(parts, inputs, load, name, limit)
@@ -150,6 +153,7 @@ def position_loop(
     controller: str | None = None,
     controller_gains: Mapping[str, Any] | None = None,
     name: str = "position_loop",
+    **more: Any,
 ) -> ct.InterconnectedSystem:
     """PID position control with friction compensation.
 
@@ -167,7 +171,8 @@ def position_loop(
         gains: dr and ddr become inputs; with a prefilter r and dr, the derivatives of the
         filtered reference are exact. An observer that takes s needs dr too.
     p, observer, K1, K2, k, gains, observer_parameters, prefilter, load, limit, tracking, name
-        As in :func:`velocity_loop`; e is the position error, k is in 1/s.
+        As in :func:`velocity_loop`; e is the position error, k is in 1/s. tau belongs to the
+        controller: give that of the disturbance observer in ``gains``.
 
     Returns
     -------
@@ -190,7 +195,7 @@ def position_loop(
     p, believed = _models(p, observer_parameters)
     act = _Controller("position", controller, controller_gains, own, observer)
     act.limited(limit, tracking)
-    estimate = _observer(observer, believed, shared, gains, act.sliding)
+    estimate = _observer(observer, believed, shared, both(observer, gains, more), act.sliding)
     inputs, reference, names = _reference(p, act, prefilter, feedforward)
     parts = [plant(p), estimate, *act.blocks(believed, names), *reference]
     return _closed(parts, inputs, load, name, limit)

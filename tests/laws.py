@@ -14,6 +14,7 @@ SHAPED = {"maxwell_slip": {"elements": 3}, "leuven": {"elements": 2, "n": 3.0}}
 SHAPED |= {"dahl": {"n": 2.0}, "bouc_wen": {"n": 3.0, "beta": 0.8}}
 CASES = {name: (name, {}) for name in LAWS}
 CASES |= {f"{name}, {next(iter(v))}": (name, v) for name, v in {**FREE, **SHAPED}.items()}
+CASES |= {"lugre, vd": ("lugre", {"vd": 0.05})}
 DYNAMIC = [c for c, (name, _) in CASES.items() if LAWS[name].states]
 
 

@@ -248,6 +248,23 @@ def test_without_an_exponent_lugre_and_stribeck_are_what_they_were():
             assert free.output(0, x, [w]) == pytest.approx(plain.output(0, x, [w]), rel=1e-12)
 
 
+def test_a_fading_damping_leaves_steady_sliding_and_the_neutral_value_as_they_were():
+    """The vector of a sine of 0.01 rad at 1 Hz, with vd = vs: F at 1 and 1.26 s, area, RMS."""
+    t = np.arange(20001) * 1e-4
+    w = 0.02 * np.pi * np.cos(2.0 * np.pi * t)
+    found = {}
+    for vd in (None, np.inf, VS):
+        F = lg.simulate(lg.friction("lugre", **({} if vd is None else {"vd": vd})), t, w).outputs
+        last = t > 1.0 - 1e-9
+        area = np.trapezoid((F * w)[last], t[last])
+        found[vd] = [F[10000], F[12600], area, np.sqrt(np.mean(F[last] ** 2))]
+    assert found[np.inf] == found[None]
+    assert found[VS] == pytest.approx([0.28607, 0.27647, 0.010169, 0.26234], rel=2e-4)
+    z = float(FC + (FS - FC) * np.exp(-25.0)) / S0
+    fading, plain = (lg.friction("lugre", **v).output(0, [z], [0.05]) for v in ({"vd": VS}, {}))
+    assert fading[0] == pytest.approx(plain[0], rel=1e-12)
+
+
 def test_a_smaller_exponent_spreads_the_stribeck_peak():
     far, wide = (lg.friction("stribeck", delta=d).output(0, [], [0.05]) for d in (2.0, 0.5))
     assert wide[0] == pytest.approx(FC + (FS - FC) * np.exp(-np.sqrt(5.0)) + FV * 0.05, rel=1e-9)

@@ -9,7 +9,7 @@ from ..checks import real, shown
 from ..errors import InputError
 from ..spec import Block, members
 from .controllers import DERIVATIVE
-from .names import VARIANTS
+from .names import VARIANTS, meant
 from .observers import believed, observer_block
 from .sliding import sliding_error
 
@@ -22,6 +22,10 @@ OWN = "own"  # a gain that is left out: the observer's own default
 SEEN = ("theta", "w", "u", "e", "r", "s")
 READ = ("theta", "w", "e", "r", "dr", "ddr", "s", "ar")
 SLIDING = ("s", "ar")
+ARGUMENTS = (  # of a loop
+    *("observer", "kp", "ki", "kd", "tau", "K1", "K2", "k", "gains", "observer_parameters", "load"),
+    *("prefilter", "feedforward", "limit", "tracking", "controller", "controller_gains", "name"),
+)
 
 
 def loop_observer(
@@ -62,6 +66,20 @@ def mapped(gains: Any, what: str) -> dict[str, Any]:
     return dict(gains or {})
 
 
+def both(name: str | None, gains: Any, more: Mapping[str, Any]) -> dict[str, Any]:
+    """Gains of an observer given as a dict and as arguments."""
+    known, made = mapped(gains, "gains"), observer_block("no_observer" if name is None else name)
+    for key in more:
+        if key not in made.parameters:
+            raise InputError(
+                f"{key} is no argument of the loop and no parameter of {made.name}; "
+                f"{meant(key, (*made.parameters, *ARGUMENTS))}"
+            )
+    if twice := sorted({*known} & {*more}):
+        raise InputError(f"{twice[0]} is given twice: in gains and as an argument.")
+    return known | dict(more)
+
+
 def controller_block(name: Any) -> Block:
     """The registered controller of a name, one that puts out u from what a loop offers.
 
@@ -74,7 +92,7 @@ def controller_block(name: Any) -> Block:
     made = known.get(name) if isinstance(name, str) else None
     if made is None:
         able = [k for k, b in known.items() if not _misfit(b)]
-        raise InputError(f"unknown controller {shown(name)}; known: {', '.join(able)}.")
+        raise InputError(f"unknown controller {shown(name)}; {meant(name, able)}")
     _fits(made, READ)
     if why := _misfit(made):
         raise InputError(f"{made.name} is not the controller of a loop: {why}.")

@@ -19,6 +19,7 @@ FV = P(0.018, "N m s/rad", 0.0)
 VS = P(0.01, "rad/s", 1e-12)
 EPS = P(1e-4, "rad/s", 1e-12, fitted=False)
 DELTA = P(2.0, "1", 0.3, 20.0, usual=True)
+VD = P(np.inf, "rad/s", 1e-12, neutral=np.inf, usual=True)
 PAPER = "Odabas and Morgul, A Novel Observer Design for LuGre Friction Estimation and Control"
 LUGRE = "Canudas de Wit, Olsson, Astrom and Lischinsky, IEEE Trans. Automatic Control 40(3), 1995"
 LEAST = 1e-24  # added to a square, so that its powers have a slope at 0
@@ -99,7 +100,9 @@ def lugre(w, z, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS):
     starts within Fs/sigma0; otherwise it may put out energy (Barabanov and Ortega, IEEE Trans.
     Automatic Control 45(4), 2000). Table 1 asks for Fv >= 0.105 and has 0.018. Under a torque that
     oscillates below breakaway the deflection drifts; ``elastoplastic`` does not. A model that
-    gives ``delta`` has |w/vs|^delta in place of (w/vs)^2; the observers keep (w/vs)^2.
+    gives ``delta`` has |w/vs|^delta in place of (w/vs)^2; the observers keep (w/vs)^2. A model
+    that gives ``vd`` (rad/s) has the damping sigma1 exp(-(w/vd)^2), which fades with the speed;
+    the observers keep sigma1.
     """
     dz = bristle(w, z, sigma0, Fc, Fs, vs)
     return bristle_torque(w, z, dz, sigma0, sigma1, Fv), dz
@@ -115,11 +118,45 @@ def lugre_of_power(w, z, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=V
     return bristle_torque(w, z, dz, sigma0, sigma1, Fv), dz
 
 
+def fading(w: Any, sigma1: Any, vd: Any) -> Any:
+    """sigma1 exp(-(w/vd)^2): a damping of the bristles that fades with the speed."""
+    return sigma1 * np.exp(-((w / vd) ** 2))
+
+
+def lugre_fading(w, z, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS, vd=VD):
+    """F = sigma0 z + sigma1 exp(-(w/vd)^2) dz/dt + Fv w, dz/dt = w - sigma0 |w| z / h(w).
+
+    As :func:`lugre`, which it equals at vd = infinity. In steady sliding dz/dt = 0, so that the
+    friction there is the same; a change of the speed causes less torque.
+    """
+    dz = bristle(w, z, sigma0, Fc, Fs, vs)
+    return bristle_torque(w, z, dz, sigma0, fading(w, sigma1, vd), Fv), dz
+
+
+def lugre_of_power_fading(
+    w, z, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS, delta=DELTA, vd=VD
+):
+    """F = sigma0 z + sigma1 exp(-(w/vd)^2) dz/dt + Fv w, dz/dt = w - sigma0 |w| z / h(w).
+
+    h(w) = Fc + (Fs - Fc) exp(-|w/vs|^delta): :func:`lugre_of_power` and :func:`lugre_fading`.
+    """
+    dz = free_bristle(w, z, sigma0, Fc, Fs, vs, delta)
+    return bristle_torque(w, z, dz, sigma0, fading(w, sigma1, vd), Fv), dz
+
+
 def _with_delta(made: Any, function: Any) -> Form:
     """The law as it is, or with a free exponent where the entry gives one."""
     free = replace(made, function=function, parameters={**made.parameters, "delta": DELTA})
     return Form({"delta": DELTA}, lambda entry, where: (free, entry))
 
 
+def _lugre_form(entry: Any, where: str) -> Any:
+    """LuGre with those of delta and vd that the entry gives."""
+    given = {k: p for k, p in {"delta": DELTA, "vd": VD}.items() if entry.get(k) is not None}
+    functions: dict[tuple[str, ...], Any] = {("delta",): lugre_of_power, ("vd",): lugre_fading}
+    function = functions.get(tuple(given), lugre_of_power_fading)
+    return replace(lugre, function=function, parameters={**lugre.parameters, **given}), entry
+
+
 FORMS["stribeck"] = _with_delta(stribeck, stribeck_of_power)
-FORMS["lugre"] = _with_delta(lugre, lugre_of_power)
+FORMS["lugre"] = Form({"delta": DELTA, "vd": VD}, _lugre_form)

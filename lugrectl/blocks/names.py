@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
+from collections.abc import Iterable
 from typing import Any
 
 from ..errors import InputError
@@ -83,6 +84,13 @@ def block_named(kind: str, name: Any, *, where: str = "", what: str = "") -> Blo
         hint += "" if close else f"({common[near[0]]})?"
     start = f"{where}: " if where else ""
     raise InputError(f"{start}there is no {what or kind} named {name!r}; {hint}")
+
+
+def meant(name: Any, known: Iterable[str]) -> str:
+    """What a sentence says of a mistyped name: the nearest known one, or all."""
+    spelt = {_spelling(k): k for k in known}
+    near = difflib.get_close_matches(_spelling(name), [*spelt], n=1)
+    return f"did you mean '{spelt[near[0]]}'?" if near else f"known: {', '.join(spelt.values())}."
 
 
 def also_called(kind: str, name: str) -> tuple[str, ...]:

@@ -26,6 +26,7 @@ from .friction import (
     bristle_torque,
     lugre,
 )
+from .names import meant
 from .plant import acceleration
 
 if TYPE_CHECKING:
@@ -112,8 +113,10 @@ def observer_block(name: str) -> Block:
     for key in (name, f"{name}_observer") if isinstance(name, str) else ():
         if key in known:
             return known[key]
-    short = ", ".join(key.removesuffix("_observer") for key in known if key != "no_observer")
-    raise InputError(f"unknown observer {shown(name)}; known: {short}, and None for no observer.")
+    short = [key.removesuffix("_observer") for key in known if key != "no_observer"]
+    hint = meant(str(name).removesuffix("_observer"), short)
+    hint = hint if hint.endswith("?") else f"{hint[:-1]}, and None for no observer."
+    raise InputError(f"unknown observer {shown(name)}; {hint}")
 
 
 def observer(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from ..display import Grid, grid_html, grid_text, number
@@ -18,6 +18,9 @@ COLUMNS = {  # field: heading, factor to the unit of the heading
     "cycle": ("cycle [mrad]", 1e3),
     "noise": ("noise in u [mN m]", 1e3),
     "delay": ("delay borne [ms]", 1e3),
+    "load": ("load e_w [mrad/s]", 1e3),
+    "rate": ("rate borne [Hz]", 1.0),
+    "rounding": ("rounded e_w [mrad/s]", 1e3),
     "cost": ("cost [us]", 1e6),
 }
 
@@ -32,7 +35,10 @@ class Compared:
     names that parameter and the factor.
     ``cycle``: peak-to-peak position in rad of the limit cycle at a set-point, friction
     overestimated. ``noise``: RMS of the torque in N m that an RMS noise of the encoder causes.
-    ``delay``: largest dead time in s that the velocity loop bears. ``cost``: time of the
+    ``delay``: largest dead time in s that the velocity loop bears. ``load``: RMS speed error in
+    rad/s from a load step on. ``rate``: lowest sample rate in Hz that the loop bears; ``sampled``
+    has the RMS speed error at each rate tried. ``rounding``: RMS speed error in rad/s with the
+    rounding of an encoder in the loop. ``cost``: time of the
     simulation in s for each sample. ``feedback``: the gains of the controllers beside it.
     """
 
@@ -46,6 +52,10 @@ class Compared:
     cost: float | None
     feedback: Mapping[str, float]
     weakest: str | None = None
+    load: float | None = None
+    rate: float | None = None
+    rounding: float | None = None
+    sampled: Mapping[str, float] = field(default_factory=dict)
 
     def summary(self) -> dict[str, Any]:
         """Plain Python."""

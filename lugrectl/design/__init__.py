@@ -1,10 +1,11 @@
-"""Gains of the proposed observer, their guaranteed error decay, and the excitation by a motion."""
+"""Gains of the observers, their guaranteed error decay, and the excitation by a motion."""
 
 from __future__ import annotations
 
 from .certificate import Certificate, certify
 from .excitation import Excitation, excitation, natural_decay
 from .gains import Design, ScheduledGain, design_gains
+from .observer_design import ObserverDesign
 from .paper import PAPER, Label
 
 __all__ = [
@@ -13,6 +14,7 @@ __all__ = [
     "Design",
     "Excitation",
     "Label",
+    "ObserverDesign",
     "ScheduledGain",
     "certify",
     "design_gains",

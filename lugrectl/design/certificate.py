@@ -30,8 +30,10 @@ class Certificate(Result):
     conditions on w. ``alpha`` (in ``alpha_unit``) and ``beta``: the source paper's constants of
     the lemma named by ``lemma``. ``P``, ``Q0``, ``Q1``: symmetric (2, 2) matrices in (e_z, e_w).
     ``pole_at_rest``: real part in 1/s of the slowest pole at w = 0, which no rate can exceed.
+    ``valid``: for which motions the certificate holds, where ``conditions`` does not say it.
     A, B, C, alpha, beta and the matrices are None if no V of this form exists; ``conditions``
-    then says why.
+    then says why. They are None as well for observers other than the proposed one, whose V is of
+    another form (see the docstring of the observer).
     """
 
     holds: bool
@@ -48,6 +50,7 @@ class Certificate(Result):
     P: np.ndarray | None = None
     Q0: np.ndarray | None = None
     Q1: np.ndarray | None = None
+    valid: str | None = None
 
     def __bool__(self) -> bool:
         return self.holds
@@ -91,7 +94,8 @@ class Certificate(Result):
     def _title(self) -> str:
         rate = "none" if self.rate is None else f"{self.rate:.6g} 1/s"
         held = "holds" if self.holds else "no certificate"
-        return f"Certificate {self.lemma}: {held}, rate {rate}"
+        valid = f", {self.valid}" if self.valid else ""
+        return f"Certificate {self.lemma}: {held}{valid}, rate {rate}"
 
     def _rows(self) -> Iterable[Row]:
         constants = [Row(k, getattr(self, k)) for k in ("A", "B", "C", "beta")]
@@ -107,7 +111,10 @@ class Certificate(Result):
 
     def _matrix(self, matrix: np.ndarray | None) -> np.ndarray:
         if matrix is None:
-            raise InputError("there is no certificate for these gains, so there is no V.")
+            reason = "there is no certificate for these gains, so there is no V."
+            if self.holds:
+                reason = f"the V of the rule {self.lemma} is not a function of e_z and e_w alone."
+            raise InputError(reason)
         return matrix
 
 

@@ -1,14 +1,16 @@
-"""Gains of the proposed observer by the three constructions of the source paper."""
+"""Gains of the observers: of the proposed one by the three constructions of the source paper."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, overload
 
 import numpy as np
 
 from ..blocks.friction import level
+from ..blocks.names import meant
+from ..blocks.observers import observer_block
 from ..checks import positive, shown
 from ..display import Row, Shown
 from ..errors import InputError
@@ -21,6 +23,7 @@ from .certificate import (
     lyapunov,
 )
 from .dynamics import Drive, drive, slowest_pole
+from .observer_design import ObserverDesign, design_observer
 
 
 @dataclass(frozen=True, repr=False)
@@ -60,6 +63,10 @@ class Design(Result):
     certificate: Certificate
 
     @property
+    def observer(self) -> str:
+        return "proposed"
+
+    @property
     def gains(self) -> dict[str, float | ScheduledGain]:
         return {"K1": self.K1, "K2": self.K2}
 
@@ -82,14 +89,30 @@ class Design(Result):
         return own | {"certificate": self.certificate.summary()}
 
 
-def design_gains(p: Any, method: str = "constant", **choices: float) -> Design:
-    """Gains K1, K2 of the proposed observer, with a certificate.
+@overload
+def design_gains(
+    p: Any, method: str = ..., *, observer: Literal["proposed"] = ..., **choices: float
+) -> Design: ...
+
+
+@overload
+def design_gains(
+    p: Any, method: str = ..., *, observer: str, **choices: float
+) -> Design | ObserverDesign: ...
+
+
+def design_gains(
+    p: Any, method: str = "constant", *, observer: str = "proposed", **choices: float
+) -> Design | ObserverDesign:
+    """Gains of an observer by its design rule, with a certificate of what they guarantee.
 
     Parameters
     ----------
-    p : Parameters or Model
-        With LuGre friction; J, sigma0, Fc, Fs > 0.
+    p : Parameters, Model, dict or path
+        The values that the rule needs; for most of them those of LuGre friction, J, sigma0, Fc,
+        Fs > 0.
     method : str
+        Of the proposed observer only.
         "time-varying" (lemma4): K1 = C sigma0/(A J) (sigma1 |w|/h - 1), K2 = alpha + sigma1 K1,
         both functions of w; alpha in N m s/rad.
         "bounded" (lemma5): the same K1(w) and the constant K2 = alpha + sigma1 C sigma0/(A J)
@@ -102,19 +125,35 @@ def design_gains(p: Any, method: str = "constant", **choices: float) -> Design:
         A = C sigma1^2/J^2 and alpha = 2 J sigma0/sigma1, which give the errors a double pole at
         -sigma0/sigma1 at rest; in "constant" alpha = sigma0/sigma1, beta = 2 C sigma1^2/J^2,
         with the poles -sigma0/sigma1 and -2 sigma0/sigma1 at rest. With sigma1 = 0 there are no
-        defaults.
+        defaults. Of the other observers (a rule replaces what is left out):
+        "existing", "lyapunov": rate of the error loop at rest in 1/s, sqrt(sigma0 k/J)
+        (sigma0/(2 sigma1)), or k itself; "existing" also kp, the controller's gain, which widens
+        the proof. "temperature": k, gamma, M. "friction_state": bandwidth
+        (1.5 sqrt(sigma0/J)), M. "position_lugre": pole (3 sqrt(sigma0/J)), the triple pole at
+        rest, and M. "position_coulomb": rate of ahat (50), L (8 rate). "disturbance": tau (0.01).
+        "extended_state": bandwidth (100). "general_coulomb": rate (50), w0. "friedland_park":
+        rate (50) at speed (0.1 rad/s), mu. "adaptive": gamma, K2. "normal_force": k, gamma
+        (670/Fs), and kp, kd of the position loop's PD. M is the largest |w| in rad/s for which
+        the certificate holds (1). With dt, the sample time of the drive in s, no
+        rate is above 0.5/dt, no pole of "position_lugre" above 1/dt, and "disturbance" and
+        "extended_state" use that rate.
+    observer : str
+        As in ``lugrectl.observers()``, with or without ``_observer``.
 
     Returns
     -------
-    Design
-        Only "constant" has a guaranteed rate; the others decay while the drive moves, see
-        :meth:`Certificate.rate_at` and :meth:`Excitation.rate`.
+    Design or ObserverDesign
+        ``.gains`` by name, for ``velocity_loop(p, observer, **design.gains)``. Its certificate is
+        truthy if the proof holds; ``valid`` says for which motions, "linearised at rest only"
+        where no proof was found. Of the proposed observer only "constant" has a guaranteed rate;
+        the others decay while the drive moves, see :meth:`Certificate.rate_at` and
+        :meth:`Excitation.rate`.
 
     Raises
     ------
     InputError
-        For an unknown method or choice, one that is missing or not positive, or sigma1 = 0 in
-        "bounded" and "constant".
+        For an unknown method, observer or choice, an observer without a rule, a choice that is
+        missing or not positive, or sigma1 = 0 in "bounded" and "constant".
 
     Notes
     -----
@@ -122,8 +161,12 @@ def design_gains(p: Any, method: str = "constant", **choices: float) -> Design:
     bracket), AB, K3_new. For the same constant gains :func:`certify` may find a faster decay at
     every speed, because it is not limited to the paper's V.
     """
+    if observer_block(observer).name != "proposed_observer":
+        if method != "constant":
+            raise InputError(f"method = {shown(method)} belongs to the proposed observer only.")
+        return design_observer(p, observer, choices)
     if not isinstance(method, str) or method not in _METHODS:
-        raise InputError(f"unknown method {shown(method)}; known: {', '.join(_METHODS)}.")
+        raise InputError(f"unknown method {shown(method)}; {meant(method, _METHODS)}")
     build, allowed = _METHODS[method]
     for key in choices:
         if key not in allowed:

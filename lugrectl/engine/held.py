@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import threading
+from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass
 from typing import Any
@@ -14,7 +17,18 @@ from .hybrid import Hybrid
 from .load import has_numba, load
 from .net import Net
 
+_HERE = threading.local()
 FEW = 2000  # grid points; 25 times as many if there are no continuous states
+
+
+@contextlib.contextmanager
+def interpreted() -> Iterator[None]:
+    """Nets that this thread runs meanwhile stay in plain Python: for short runs of many nets."""
+    before, _HERE.plain = getattr(_HERE, "plain", False), True
+    try:
+        yield
+    finally:
+        _HERE.plain = before
 
 
 @dataclass(frozen=True)
@@ -86,6 +100,8 @@ class Held:
         return made
 
     def _chosen(self, points: int) -> str:
+        if getattr(_HERE, "plain", False):
+            return "python"
         self._points += points
         few = FEW if self.hybrid.flow.x else 25 * FEW
         return self.backend or ("numba" if self._points > few and has_numba() else "python")
