@@ -4,7 +4,8 @@ Between ``<!-- figures:right -->`` and ``<!-- end -->`` stands how often a diagn
 the newest ``notebooks/results/blind-*.jsonl``; between ``<!-- figures:speed -->`` and
 ``<!-- end -->`` how long things take, by ``notebooks/results/speed.json``; between
 ``<!-- figures:demo -->`` and ``<!-- end -->`` what the demo prints, by
-``notebooks/results/demo.txt``, which ``--picture`` writes when it draws ``notebooks/demo.png``.
+``notebooks/results/demo.txt``, which ``--picture`` writes when it draws ``notebooks/demo.png``;
+between ``<!-- figures:cycles -->`` and ``<!-- end -->`` limit cycles, which it simulates.
 ``--check`` writes nothing and fails where README says something else.
 """
 
@@ -97,9 +98,34 @@ def demo() -> str:
     return f"```\n{(RESULTS / 'demo.txt').read_text()}```\n"
 
 
+def cycles() -> str:
+    """Limit cycles of a position loop with friction believed too high."""
+    import lugrectl as lg
+
+    names = ("natural", "existing", "proposed")
+    alike, raised = (
+        lg.compare_observers(lg.table1(), names, scenarios="cycle", equal=equal)
+        for equal in (False, True)
+    )
+    rows = [(name, swing(alike[name].cycle), swing(raised[name].cycle)) for name in names]
+    head = (
+        "limit cycle, friction believed 1.2 times too high",
+        "same gains",
+        "same linear feedback",
+    )
+    return f"{table(head, rows)}\n"
+
+
+def swing(size: float) -> str:
+    """A limit cycle, peak to peak; below a nanoradian it is rounding."""
+    return f"{1e3 * size:.1f} mrad" if size > 1e-9 else "none"
+
+
 def shown(report: str) -> str:
     """What README has room for: the verdict, the effect and the table of errors."""
     verdict, effect = report.split("\n\n")[:2]
+    effect = effect.split("\n  Shares are of")[0]  # how to read it stands in the report
+    effect = "\n".join(row for row in effect.splitlines() if not row.startswith("  offset"))
     errors = report.split("Error before and after")[1].split("\n\n")[0]
     rows = [
         line for line in errors.splitlines() if line.startswith(("  RMS", "  w, r", "  torque"))
@@ -107,7 +133,7 @@ def shown(report: str) -> str:
     return "\n\n".join([verdict, effect, "\n".join(["Error before and after", *rows])]) + "\n"
 
 
-BLOCKS: dict[str, Callable[[], str]] = {"demo": demo, "right": right, "speed": speed}
+BLOCKS: dict[str, Callable[[], str]] = {"demo": demo, "right": right, "speed": speed, "cycles": cycles}
 
 
 def filled(text: str, blocks: dict[str, str]) -> str:
