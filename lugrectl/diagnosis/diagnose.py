@@ -43,7 +43,7 @@ from ..tracing.optima import other_optima
 from ..tracing.tabulate import tabulate
 from .asking import Asked
 from .direction import next_way, not_alone, one_way
-from .floor import failure
+from .floor import failure, refuse_without_inertia
 from .length import longer, short
 from .length import said as length_of
 from .plain import plainly, refusal, values_for, with_plain
@@ -180,6 +180,7 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
         whole = on_everything(won.fit, won.job)
         failed = _failure(won.job, whole, asked)
         whole = whole if failed else with_discrepancy(whole)
+    refuse_without_inertia(whole, asked.model)
     job, final = won.job, adapted(won.fit, won.job.parts.test, won.job.declared)
     scored = score(job, final)
     shown = traces(job, final, scored["judged"])

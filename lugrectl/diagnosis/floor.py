@@ -7,9 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.signal import oaconvolve
 
+from ..errors import Refused
 from ..identification.balance import Balance
 from ..identification.balance.kernels import weights
+from ..model import Model
+from ..spec import unit_for
 from ..tracing.data import Data
+from ..tracing.fit import Fitted
 from .asking import Asked
 
 MORE = 1.05  # times what the plain balance leaves; a finer fit that leaves more has failed ...
@@ -35,6 +39,29 @@ def failure(data: Data, residual: np.ndarray, asked: Asked) -> str | None:
     if left is None or plain.left is None or left <= MORE * plain.left + POINTS:
         return None
     return FAILED.format(100.0 * left, 100.0 * plain.left)
+
+
+def refuse_without_inertia(whole: Fitted, declared: Model) -> None:
+    """Refuse a fit that does not determine an undeclared inertia: nothing can be simulated."""
+    if declared.J is not None:
+        return
+    J, unit = whole.values["J"], unit_for("kg m2", declared.motion)
+    low, high = whole.intervals().get("J", (0.0, np.inf))
+    if high - low > J:
+        raise Refused(
+            f"The fit by simulation hardly determines the inertia: {J:.3g} {unit} fits best, but "
+            f"{_range(low, high, unit)} fits about as well.",
+            "Record a motion with clear acceleration in both directions, or declare J.",
+        )
+
+
+def _range(low: float, high: float, unit: str) -> str:
+    """'any value', or the values between two bounds in words."""
+    if low > 0 and np.isfinite(high):
+        return f"any value from {low:.3g} to {high:.3g} {unit}"
+    if np.isfinite(high):
+        return f"any value up to {high:.3g} {unit}"
+    return f"any value above {low:.3g} {unit}" if low > 0 else "any other value"
 
 
 def share_left(data: Data, residual: np.ndarray, plain: Balance) -> float | None:

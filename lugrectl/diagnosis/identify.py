@@ -48,7 +48,7 @@ from ..tracing.job import (
 from ..tracing.optima import other_optima
 from .asking import Asked
 from .direction import not_alone, one_way
-from .floor import failure
+from .floor import failure, refuse_without_inertia
 from .laws import LawComparison
 from .plain import plainly, with_plain
 
@@ -184,6 +184,7 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
     failed = failure(job.data, residual_torque(job, whole), asked)
     if failed:
         raise Refused(failed)
+    refuse_without_inertia(whole, model)
     whole = with_discrepancy(whole)
     job = noted(compared(job, whole), *at_bounds(whole))
     job = noted(job, *against_held(whole), *other_optima(whole))
