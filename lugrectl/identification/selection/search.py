@@ -22,6 +22,8 @@ POLISH = 20  # evaluations
 PASSED = 6.0  # rad of an order within a window: beyond, nothing of it is left
 FEW = 4.0  # rad of an order within the travel, at least
 TIMES = (3e-4, 0.05, 14)  # delays and lags to try beyond the free ones: from, to (s), how many
+# quantiles of |u| to try as a limit: no drive is saturated most of the time
+CLIPPED = (0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.93, 0.95, 0.97, 0.98, 0.99, 0.995, 0.999, 1.0)
 SOONEST, LATEST = 0.04, 0.96  # of the record, for a change in time
 MISSING_LAW = ("stribeck", "presliding", "sublinear_viscous")
 KINEMATIC = ("velocity_sensor_lag",)
@@ -247,28 +249,7 @@ def _of_torques(base: Base, key: str, timed: bool, neutral: float) -> np.ndarray
     if timed:
         return np.append(1e-5, max(record.latest, 0.0) + np.geomspace(*TIMES))
     if np.isinf(neutral):
-        return np.quantile(
-            size,
-            [
-                0.3,
-                0.4,
-                0.5,
-                0.6,
-                0.7,
-                0.75,
-                0.8,
-                0.85,
-                0.9,
-                0.93,
-                0.95,
-                0.97,
-                0.98,
-                0.99,
-                0.995,
-                0.999,
-                1.0,
-            ],
-        )
+        return np.quantile(size, CLIPPED)
     return np.append(0.0, np.geomspace(0.01, 0.6, 12) * np.quantile(size, 0.7))
 
 

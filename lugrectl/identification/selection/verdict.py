@@ -333,7 +333,7 @@ def _beyond(
     least: float,
 ) -> Contender | None:
     """An unknown torque that stays beside the best effect, and that no other effect is."""
-    large = next((c for c in rest if c.share > max(least, REST * best.share)), None)
+    large = next((c for c in rest if c.share > max(least, REST * best.size)), None)
     if large is None or large.gain < REST * best.gain:
         return None
     d, se = paired(large.blocks, likeliest.blocks) if likeliest else (large.gain, 1.0)
