@@ -133,7 +133,12 @@ def shown(report: str) -> str:
     return "\n\n".join([verdict, effect, "\n".join(["Error before and after", *rows])]) + "\n"
 
 
-BLOCKS: dict[str, Callable[[], str]] = {"demo": demo, "right": right, "speed": speed, "cycles": cycles}
+BLOCKS: dict[str, Callable[[], str]] = {
+    "demo": demo,
+    "right": right,
+    "speed": speed,
+    "cycles": cycles,
+}
 
 
 def filled(text: str, blocks: dict[str, str]) -> str:
