@@ -64,8 +64,8 @@ def discrepancy(
     ``information`` (k, k) is A'A with the prior's, ``score`` (k,) A'r.
     """
     k = len(score)
-    alone = _Joint(information, score, np.empty((len(rows.r), 0)))
-    beside = _with_all(alone, rows, [phi for phi in map(_scaled, sets) if phi.size])
+    alone = _Joint(information, score, rows.A)
+    beside = _with_all(alone, [_Set.of(phi, rows) for phi in map(_scaled, sets) if phi.size])
     C, C0 = (inverse(joint.information)[:k] for joint in (beside, alone))
     shift = C @ beside.score - C0 @ alone.score
     return C[:, :k] - C0 + np.outer(shift, shift)
@@ -90,52 +90,64 @@ def _scaled(phi: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
+class _Set:
+    """Functions phi (m, k) of an unknown torque, with their own information and score."""
+
+    phi: np.ndarray
+    weighted: np.ndarray
+    information: np.ndarray
+    score: np.ndarray
+
+    @classmethod
+    def of(cls, phi: np.ndarray, rows: Rows) -> _Set:
+        weighted = rows.size[:, None] * phi
+        return cls(phi, weighted, phi.T @ weighted, phi.T @ rows.r)
+
+
+@dataclass(frozen=True)
 class _Joint:
     """Values and coefficients of functions together: their information and score.
 
-    ``phi`` (m, k) are the functions so far.
+    ``slopes`` (k, m) are those of the values and of the functions so far.
     """
 
     information: np.ndarray
     score: np.ndarray
-    phi: np.ndarray
+    slopes: np.ndarray
 
-    def beside(self, phi: np.ndarray, rows: Rows) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of more functions: cross information with what is there, their own, their score."""
-        weighted = rows.size[:, None] * phi
-        cross = np.vstack([rows.A @ phi, self.phi.T @ weighted])
-        return cross, phi.T @ weighted, phi.T @ rows.r
-
-    def with_functions(self, phi: np.ndarray, rows: Rows, size: float) -> _Joint:
+    def beside(self, more: _Set, size: float) -> _Joint:
         """The same with more functions, whose coefficients have the size lambda."""
-        cross, own, score = self.beside(phi, rows)
-        prior = np.eye(len(own)) / size**2
+        cross, prior = self.slopes @ more.phi, np.eye(len(more.score)) / size**2
         return _Joint(
-            np.block([[self.information, cross], [cross.T, own + prior]]),
-            np.concatenate([self.score, score]),
-            np.hstack([self.phi, phi]),
+            np.block([[self.information, cross], [cross.T, more.information + prior]]),
+            np.concatenate([self.score, more.score]),
+            np.vstack([self.slopes, more.weighted.T]),
         )
 
 
-def _with_all(joint: _Joint, rows: Rows, sets: list[np.ndarray]) -> _Joint:
+def _with_all(joint: _Joint, sets: list[_Set]) -> _Joint:
     """The joint fit with the sets that make the residuals more likely, the best first."""
     while sets:
-        found = [_most_likely(joint, phi, rows) for phi in sets]
+        C = inverse(joint.information)
+        found = [_most_likely(joint, C, one) for one in sets]
         best = max(range(len(sets)), key=lambda i: found[i][0])
         gain, size = found[best]
         if gain < LEAST:
             break
-        joint = joint.with_functions(sets.pop(best), rows, size)
+        joint = joint.beside(sets.pop(best), size)
     return joint
 
 
-def _most_likely(joint: _Joint, phi: np.ndarray, rows: Rows) -> tuple[float, float]:
-    """The gain in log-likelihood at the most likely size of the coefficients, and that size."""
-    cross, own, score = joint.beside(phi, rows)
-    moved = inverse(joint.information) @ np.column_stack([cross, joint.score])
-    G, h = own - cross.T @ moved[:, :-1], score - cross.T @ moved[:, -1]
+def _most_likely(joint: _Joint, C: np.ndarray, more: _Set) -> tuple[float, float]:
+    """The gain in log-likelihood at the most likely size of the coefficients, and that size.
+
+    ``C`` is the covariance of what is joined so far.
+    """
+    cross = joint.slopes @ more.phi
+    moved = C @ np.column_stack([cross, joint.score])
+    G, h = more.information - cross.T @ moved[:, :-1], more.score - cross.T @ moved[:, -1]
     d, Q = np.linalg.eigh(0.5 * (G + G.T))
-    new = d > SAME * np.trace(own)  # the values imitate the others
+    new = d > SAME * np.trace(more.information)  # the values imitate the others
     if not new.any():
         return 0.0, 0.0
     d, g = d[new], (Q.T @ h)[new]
