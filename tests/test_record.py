@@ -121,7 +121,13 @@ def test_an_own_name_goes_before_a_usual_one(tmp_path):
 
 def test_missing_and_misspelt_columns(tmp_path):
     path = csv(tmp_path, "t,trque,w,theta")
-    refused(InputError, path, "'trque'", "'theta'", "If 'trque' is u, give --columns u=trque.")
+    refused(
+        InputError,
+        path,
+        "'trque'",
+        "'theta'",
+        "If 'trque' is u, rename it, or give --columns u=trque.",
+    )
     refused(InputError, path, "'torqe'", "did you mean 'trque'", columns={"u": "torqe"})
     refused(InputError, path, "more than one role", columns="u=w,w=w")
     refused(InputError, csv(tmp_path, "a,u,w,theta"), "column for t", "--rate")

@@ -14,11 +14,11 @@ from .logs import csv
 @pytest.mark.parametrize(
     ("head", "end"),
     [
-        ("t,u,a2,thetta", "If 'thetta' is theta, give --columns theta=thetta."),
-        ("t,torqe,w,theta", "If 'torqe' is u, give --columns u=torqe."),
-        ("t,u,veloctiy,a", "If 'veloctiy' is w, give --columns w=veloctiy."),
-        ("t,trq val,w,theta", "If 'trq val' is u, give --columns \"u=trq val\"."),
-        ("tme,u,w,theta", "If 'tme' is t, give --columns t=tme, or give --rate HZ."),
+        ("t,u,a2,thetta", "If 'thetta' is theta, rename it, or give --columns theta=thetta."),
+        ("t,torqe,w,theta", "If 'torqe' is u, rename it, or give --columns u=torqe."),
+        ("t,u,veloctiy,a", "If 'veloctiy' is w, rename it, or give --columns w=veloctiy."),
+        ("t,trq val,w,theta", "If 'trq val' is u, rename it, or give --columns \"u=trq val\"."),
+        ("tme,u,w,theta", "If 'tme' is t, rename it, or give --columns t=tme, or give --rate HZ."),
         ("t,u,p,qq", ": name the column with --columns theta=NAME."),
     ],
 )

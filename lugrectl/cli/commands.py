@@ -132,24 +132,13 @@ def _answered(work: Any, a: Namespace, model: Model) -> Any:
 
     logs, holdout = _read_all(a, model)
     options = {"holdout": holdout, "horizon": a.horizon, "seed": a.seed}
-    options |= chosen(a)
+    options |= chosen(a) | ({"law": AUTO} if getattr(a, "law", None) == AUTO else {})
     record = logs[0] if len(logs) == 1 else logs
     try:
         with Bar(sys.stderr) as bar:
-            if getattr(a, "law", None) == AUTO:
-                return _with_the_best_law(work, record, model, progress=bar, **options)
             return work(record, model, progress=bar, **options)
     except Refused as no:
         return refusal(no, model, [], no.plain)
-
-
-def _with_the_best_law(work: Any, record: Any, model: Model, **options: Any) -> Any:
-    """The result of ``work`` with the friction law that the record shows, and how it was chosen."""
-    from ..diagnosis.laws import compare_laws
-
-    shared = {k: options[k] for k in ("holdout", "horizon", "progress")}
-    laws = compare_laws(record, model, **shared)
-    return replace(work(record, laws.model, **options), laws=laws)
 
 
 def chosen(a: Namespace) -> dict[str, float]:

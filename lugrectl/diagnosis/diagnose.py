@@ -40,10 +40,12 @@ from ..tracing.job import (
     unidentified,
 )
 from ..tracing.optima import other_optima
+from ..tracing.start import lifted
 from ..tracing.tabulate import tabulate
 from .asking import Asked
 from .direction import next_way, not_alone, one_way
 from .floor import failure, refuse_without_inertia
+from .laws import under_law
 from .length import longer, short
 from .length import said as length_of
 from .plain import plainly, refusal, values_for, with_plain
@@ -72,6 +74,7 @@ def diagnose(
     least: float = LEAST,
     alpha: float = ALPHA,
     time_limit: float = LIMIT,
+    law: str | None = None,
     progress: Wanted = None,
 ) -> Diagnosis:
     """Find the physical effect that is missing from a declared model, from a log.
@@ -106,6 +109,9 @@ def diagnose(
         Chance of naming something on a record on which nothing is missing.
     time_limit : float
         Seconds after which the fit stops itself; the comparison and the plain answer stand.
+    law : str or None
+        Friction law in place of the model's, a name of :func:`lugrectl.laws`; values that both have
+        are kept. "auto": the one that :func:`lugrectl.compare_laws` chooses beside the effects.
     progress : callable, True, False or None
         ``progress(fraction, what)``, or whether to show a bar. None: in Jupyter only.
 
@@ -121,6 +127,10 @@ def diagnose(
     InputError
         When an argument cannot be meant, or a file cannot be read or understood.
     """
+    if law is not None:
+        options = {"least": least, "alpha": alpha, "time_limit": time_limit, "progress": progress}
+        options |= {"holdout": holdout, "horizon": horizon, "seed": seed}
+        return under_law(diagnose, record, model, law, **options)
     asked = Asked.of(record, model, holdout)
     horizon, seed = judged_by(horizon, seed)
     limit, report = positive(time_limit, "time_limit", "seconds"), reporter(progress)
@@ -244,6 +254,10 @@ def _only_compared(asked: Asked, found: Comparison, reason: str) -> Diagnosis:
     comparison; without errors."""
     noticed = (m for r in asked.seen for m in r.messages)
     known, model = plainly(asked.plain, asked.model)
+    if found.effects and not found.only_inertia:  # the plain values are biased by the effects
+        beside = {k: v for k, v in found.plant.items() if k in known}
+        known |= {k: replace(known[k], value=v, ci95=None) for k, v in beside.items()}
+        model = lifted(model.with_values(beside))
     for e in () if found.only_inertia else found.effects:
         model = model.with_effect(e.name, e.values)
     tied = tuple(_candidate(found, a.name) for a in found.alternatives)
@@ -316,7 +330,8 @@ AGAIN = (
     "what does not comes from outside, or from the logger"
 )
 _ADVICE = {  # if the residual depends on several of these signals, the first one counts
-    "t": "repeat the same run with a cold and a warm drive, and log temperature and load as well",
+    "t": "repeat the same run, cold and warm, and log temperature and load as well. What returns "
+    "at the same times depends on the motion",
     "theta": "record slow moves over the same positions, in both directions and at two speeds",
     "a": "record the same move at two accelerations",
     "u": "record the same motion with a known added load, so that torque and motion differ",

@@ -49,7 +49,7 @@ from ..tracing.optima import other_optima
 from .asking import Asked
 from .direction import not_alone, one_way
 from .floor import failure, refuse_without_inertia
-from .laws import LawComparison
+from .laws import LawComparison, under_law
 from .plain import plainly, with_plain
 
 ONLY_PLAIN = "The values are those of the torque balance alone, without errors of a simulation: {}"
@@ -121,11 +121,13 @@ def identify(
     holdout: Any = None,
     horizon: float = 1.0,
     seed: int = 0,
+    law: str | None = None,
     progress: Wanted = None,
 ) -> Identification:
     """Fit the parameters of a declared model, without looking for missing effects.
 
-    Parameters and errors are those of :func:`lugrectl.diagnose`; missing values are identified.
+    Parameters, options and errors are those of :func:`lugrectl.diagnose`; missing values are
+    identified.
 
     Raises
     ------
@@ -134,6 +136,9 @@ def identify(
     Refused
         When nothing is certain from this record; ``plain`` of the error says why.
     """
+    if law is not None:
+        options = {"holdout": holdout, "horizon": horizon, "seed": seed, "progress": progress}
+        return under_law(identify, record, model, law, **options)
     asked = Asked.of(record, model, holdout)
     horizon, seed = judged_by(horizon, seed)
     report = reporter(progress)

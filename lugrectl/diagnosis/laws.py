@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from statistics import NormalDist
 from typing import Any
@@ -13,7 +13,7 @@ import numpy as np
 from ..blas import one_blas_thread
 from ..checks import share, shown
 from ..display import Grid, grid_html, grid_text, number
-from ..door import changed, judged_by
+from ..door import as_model, changed, judged_by
 from ..errors import InputError, Refused
 from ..identification.selection import ALPHA, levels, paired
 from ..model import Model
@@ -30,6 +30,7 @@ from ..tracing.likelihood import loglik, whitened
 from ..tracing.start import holding
 from .asking import Asked
 
+AUTO = "auto"
 OF_MAP = (
     "Runs at a steady speed each show no bristle: friction laws cannot be compared on them.",
     "Record motion that reverses.",
@@ -163,7 +164,7 @@ def compare_laws(
     out of the choice if another is better by more than the standard error over the windows allows
     (one-sided, ``alpha``); of those that stay, the one with the fewest free parameters is chosen.
     An effect that is missing from the model is missing beside every law; a law that imitates it
-    may be chosen for that. So compare laws again when the effects are known.
+    may be chosen for that. ``diagnose(..., law="auto")`` therefore finds the effects first.
 
     Parameters
     ----------
@@ -196,6 +197,29 @@ def compare_laws(
     ready = _ready(asked, horizon)
     fits, refused = _fitted(ready, asked.model, names, report)
     return _chosen(fits, refused, asked.model, bar)
+
+
+def under_law(work: Callable[..., Any], record: Any, model: Any, law: Any, **options: Any) -> Any:
+    """The answer of ``work`` under another friction law; under the best one for "auto".
+
+    Laws are compared beside the effects that are found under the declared one: a law must not
+    imitate an effect that is missing.
+    """
+    if law != AUTO:
+        return work(record, changed(model, {"friction": law}, "law"), **options)
+    first, declared = work(record, model, **options), as_model(model)
+    beside = declared
+    for finding in first.effects if first.verdict == "found" else ():
+        values = {k: e.value for k, e in finding.parameters.items()}
+        beside = beside.with_effect(finding.name, values)
+    shared = {k: options[k] for k in ("holdout", "horizon", "progress")}
+    try:
+        laws = compare_laws(record, beside, **shared)
+    except Refused:  # then the first answer says why
+        return first
+    if laws.chosen != declared.friction.block.name:
+        first = work(record, changed(declared, {"friction": laws.chosen}, "law"), **options)
+    return replace(first, laws=laws)
 
 
 def law_names(given: Any) -> list[str]:

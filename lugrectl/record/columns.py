@@ -105,7 +105,7 @@ def _complete(
         if near is not None:
             meant, name = near
             pair = f"{meant}={name}" if name.isidentifier() else f'"{meant}={name}"'
-            how = f". If '{name}' is {meant}, give --columns {pair}"
+            how = f". If '{name}' is {meant}, rename it, or give --columns {pair}"
         raise InputError(
             f"{start}; its columns are {table.listed()}{how}"
             f"{', or give --rate HZ' if role == 't' else ''}.{' ' * bool(table.hint)}{table.hint}"

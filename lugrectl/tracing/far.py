@@ -105,9 +105,14 @@ def _left(found: Mapping[str, Estimate], declared: Model) -> dict[str, float]:
         same = [old]
         if declarations[key].angle:  # full turns are the same angle
             same = [old + 2.0 * np.pi * n for n in (-1, 0, 1)]
-        if not any(low <= one <= high for one in same):
+        if not any(low <= one <= high or _alike(one, found[key].value) for one in same):
             made[key] = old
     return made
+
+
+def _alike(declared: float, fitted: float) -> bool:
+    """Whether both print the same: a smaller difference is no news."""
+    return f"{declared:.3g}" == f"{fitted:.3g}"
 
 
 def _like(factors: dict[str, float]) -> list[str]:

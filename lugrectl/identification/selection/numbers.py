@@ -30,6 +30,7 @@ SOFTER = 1e-2  # stiffness of the motion that friction is made from, over that o
 STILL = 0.004  # of the top speed: below it the drive rests
 TAIL = 0.15  # of the top speed: the longest Stribeck curve; a longer one bends like a drag
 HIDING = 0.015  # s: windows from which on a coupling may resonate unseen
+ALIKE_SCALES = 0.3  # relative difference of the factors of J and Fc, to which u has another scale
 HALF_RESPONSE = 0.55  # frequency times half-width at which a window halves a wave
 TRUSTED = 12  # groups of blocks from which what chance gives and takes is computed, at least
 NEIGHBOURS = 3  # blocks in a row that count as one for an unknown torque

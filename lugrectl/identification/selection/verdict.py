@@ -15,6 +15,7 @@ from .contender import Contender, enter
 from .contradiction import contradiction
 from .events import Events, events, explained
 from .numbers import (
+    ALIKE_SCALES,
     ALPHA,
     FAR,
     HALF_RESPONSE,
@@ -371,7 +372,7 @@ def _with_load(found: Decision) -> Decision:
     base, h = found.table.base, found.table.base.record.rows.h
     ratio = base.J / (base.record.declared.get("J") or np.inf)
     close = [c for c in found.table.named if c.name in ("elastic_coupling", "backlash")]
-    if ratio < STIFFLY:
+    if ratio < STIFFLY or _scaled(base, ratio):
         return found
     if h < HIDING or len(close) < 2:
         return replace(found, messages=(*found.messages, HEAVIER.format(ratio)))
@@ -385,6 +386,12 @@ def _with_load(found: Decision) -> Decision:
         only_inertia=True,
         messages=(*found.messages, said),
     )
+
+
+def _scaled(base: Base, ratio: float) -> bool:
+    """Whether friction, too, is so many times the declared: then the torque has another scale."""
+    declared = base.record.declared.get("Fc") or np.inf
+    return abs(float(np.median(base.level)) / declared / ratio - 1.0) < ALIKE_SCALES
 
 
 def _with_weight(found: Decision, heavy: Contender, also: tuple[Contender, ...]) -> Decision:
