@@ -12,6 +12,7 @@ import numpy as np
 from . import arguments
 from .engine.adaptive import Diverged
 from .engine.choice import compiled_net, engine
+from .engine.growth import bounded
 from .engine.held import Course, Track
 from .engine.hybrid import state_labels
 from .engine.net import Net, Part
@@ -209,7 +210,15 @@ def followed(
             RuntimeWarning,
             stacklevel=4,
         )
-    _all_finite(net, course.grid[course.kept], track.y)
+    t = course.grid[course.kept]
+    _all_finite(net, t, track.y)
+    labels = [state_labels(net, sampled=kind) for kind in (False, True)]
+    labels = [
+        *([f"state {k}" for k in row] for row in labels),
+        [f"output {k}" for k in net.signals],
+    ]
+    driven, looped = [course.given, start], len(net.parts) > 1
+    bounded(net.name, t, [track.x, track.q, track.y], labels, driven, looped=looped)
     return track
 
 

@@ -17,7 +17,7 @@ STOREYS = [
     | {"arguments", "jobs", "functions", "pickling", "control_pickling", "unit_names", "stated"},
     {"blocks", "model", "model_file", "catalogue", "door"},
     {"cascade", "loops", "engine", "linear", "record", "design", "sampling"},
-    {"simulation", "results", "joint", "mixed", "blocklist", "bristles", "ensemble"},
+    {"simulation", "results", "joint", "mixed", "blocklist", "wiring", "bristles", "ensemble"},
     {"identification"},
     {"tracing"},
     {"steady"},

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from .adaptive import Adaptive, Diverged
+from .growth import quiet, stopped
 from .held import Course, Track, not_finite
 from .hybrid import state_labels, trace_net
 from .instant import Unsolved
@@ -209,15 +210,13 @@ class Called:
             ]
             return np.concatenate(parts)
 
-        done = solve_ivp(rates, t, x, method=self.method or "LSODA", rtol=rtol, atol=1e-4 * rtol)
+        with quiet():
+            options = {"rtol": rtol, "atol": 1e-4 * rtol}
+            done = solve_ivp(rates, t, x, method=self.method or "LSODA", **options)
         last = done.y[:, -1]
         if not done.success or not np.all(np.isfinite(last)):
-            bad = int(np.argmax(~np.isfinite(last))) if not np.all(np.isfinite(last)) else None
-            label = "" if bad is None else f"state {state_labels(self.net, sampled=False)[bad]}: "
-            raise Diverged(
-                f"{self.net.name}: {label}the solver stops at t = {done.t[-1]:.6g} s: "
-                f"{done.message}"
-            )
+            labels, looped = state_labels(self.net, sampled=False), len(self.net.parts) > 1
+            raise stopped(self.net.name, labels, done.t[-1], last, done.message, looped=looped)
         return last
 
     def _inputs(self, part: Any, outputs: Rows, u: np.ndarray) -> np.ndarray:
