@@ -60,7 +60,7 @@ def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:
     Raises InputError if T is none of these, or for an unknown level.
     """
     c, transfer = level_power(level), read_transfer(T)
-    num, den, cancelled = transfer
+    num, den, _ = transfer
     poles, stable = transfer.poles, hurwitz(den)
     dc = bool(num) and bool(num[0]) and bool(den[0])
     crossings = _crossings(num, den, c) if dc else ()
@@ -68,8 +68,8 @@ def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:
     reason = _reason(num, den, width, level)
     if not stable:
         reason = f"T is not stable (poles {show_poles(poles)} 1/s): {reason}"
-    if not hurwitz(cancelled):
-        reason += "; a common factor that is not stable was cancelled from T"
+    if transfer.hidden:
+        reason += f"; {transfer.hidden}"
     return BandwidthVerdict(width, width / (2 * math.pi), crossings, stable, poles, reason)
 
 

@@ -94,10 +94,11 @@ def gain_of(T: Transfer) -> L2Verdict:
     |T(jw)|^2 = N(x)/D(x), x = w^2, is largest at w = 0, as w grows, or where N'D - N D' changes
     its sign; these places are isolated exactly.
     """
-    num, den, cancelled = T
+    num, den, _ = T
     inf, nothing = float("inf"), "nothing follows for the output of an input in L2"
-    if not hurwitz(den) or not hurwitz(cancelled):
-        return L2Verdict(inf, float("nan"), "T(s) is not stable", nothing)
+    if not hurwitz(den) or T.hidden:
+        why = T.hidden if hurwitz(den) else "T(s) is not stable"
+        return L2Verdict(inf, float("nan"), why, nothing)
     if len(num) > len(den):
         return L2Verdict(inf, inf, "T(s) is improper: |T| grows with w without bound", nothing)
     N, D = real_product(num, num), real_product(den, den)

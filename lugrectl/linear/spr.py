@@ -68,7 +68,8 @@ def spr_check(T: Any) -> SprVerdict:
     on a frequency grid. The given coefficients are taken as exact, so an equality such as
     sigma1 Kd = sigma0 J holds only if it holds for the floats; the reason mentions a coefficient
     of P that is within 1e-12 of zero, relative to its terms. Give the pair (num, den) as
-    fractions.Fraction to decide on decimal numbers. T = 0 counts as PR.
+    fractions.Fraction to decide on decimal numbers. T = 0 counts as PR. The verdict is about
+    T(s): where a mode that is not stable cancelled from it, the reason says so.
 
     T : continuous SISO control.TransferFunction or StateSpace, or a pair (num, den) in
         descending powers of s. Raises InputError if it is none of these.
@@ -79,6 +80,8 @@ def spr_check(T: Any) -> SprVerdict:
     eps = margin(num, den) if kind == "SPR" else 0.0
     repair = find_repair(T.loop) if isinstance(T, LoopT) and kind != "SPR" else None
     reason = _REASONS[kind](transfer, edge) + _rounding(num, den)
+    if transfer.hidden:
+        reason += f"; {transfer.hidden}"
     return SprVerdict(kind, eps, edge, f"{kind}: {reason}.", repair and repair.sentence)
 
 

@@ -14,7 +14,10 @@ import numpy as np
 from lugrectl.checks import shown
 from lugrectl.errors import InputError
 
-from .exact import Poly, divide, gcd, poly
+from .exact import Poly, divide, gcd, hurwitz, poly
+from .verdict import show_poles
+
+TINY = 1e-9  # a root this near to the axis, relative to its size, is shown as not stable
 
 
 class Transfer(NamedTuple):
@@ -27,10 +30,26 @@ class Transfer(NamedTuple):
     @property
     def poles(self) -> tuple[complex, ...]:
         """Roots of ``den`` in 1/s, rightmost first (floats: for display, not for decisions)."""
-        monic = [to_float(Fraction(c) / self.den[-1]) for c in reversed(self.den)]
-        if not np.all(np.isfinite(monic)):
-            raise InputError("The coefficients of T(s) differ by more than 1e308; rescale time.")
-        return tuple(sorted(map(complex, np.roots(monic)), key=lambda s: (-s.real, s.imag)))
+        return roots(self.den)
+
+    @property
+    def hidden(self) -> str:
+        """A remark on a mode that is not stable and cancelled from T(s); empty without one."""
+        if hurwitz(self.cancelled):
+            return ""
+        modes = show_poles([s for s in roots(self.cancelled) if s.real >= -TINY * abs(s)])
+        return (
+            f"a mode of the system that is not stable (s = {modes} 1/s) was "
+            "cancelled from T(s): the system itself is not stable"
+        )
+
+
+def roots(p: Poly) -> tuple[complex, ...]:
+    """The roots of a polynomial in 1/s, rightmost first, as floats."""
+    monic = [to_float(Fraction(c) / p[-1]) for c in reversed(p)]
+    if not np.all(np.isfinite(monic)):
+        raise InputError("The coefficients of T(s) differ by more than 1e308; rescale time.")
+    return tuple(sorted(map(complex, np.roots(monic)), key=lambda s: (-s.real, s.imag)))
 
 
 def number(value: Any, what: str) -> Fraction:
