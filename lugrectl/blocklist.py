@@ -31,6 +31,7 @@ def simulate_blocks(
     method: str | None,
     hold: bool,
     rtol: float,
+    atol: float | None,
     squeeze: bool | None,
 ) -> ct.TimeResponseData:
     """The list form of :func:`lugrectl.simulate`."""
@@ -38,7 +39,7 @@ def simulate_blocks(
     u = arguments.inputs(net.name, net.outside, t, inputs)
     start = arguments.start(net.name, net.count(True) + net.count(False), x0)
     course = _course(t, u, periods, hold)
-    track = followed(net, course, start, params, method, rtol)
+    track = followed(net, course, start, params, method, rtol, atol)
     return ct.TimeResponseData(
         t,
         track.y,
@@ -197,11 +198,12 @@ def followed(
     params: Mapping[str, Any] | None,
     method: str | None,
     rtol: float,
+    atol: float | None = None,
 ) -> Track:
     """The simulated track of a net from its initial states, one block after the other."""
     chosen, p = engine(net, params, method)
     sampled = is_sampled(net)
-    track = chosen.run(course, start[~sampled], start[sampled], p, rtol)
+    track = chosen.run(course, start[~sampled], start[sampled], p, rtol, atol)
     if np.isfinite(track.unsettled):
         warnings.warn(
             f"{net.name}: a sign or comparison switches without end near t = "

@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 
 from . import arguments
 from .blocklist import simulate_blocks, simulate_discrete, together, wired
+from .checks import positive
 from .engine.adaptive import Diverged
 from .engine.blame import Instant, culprit
 from .engine.compiled import compiled
@@ -40,6 +41,7 @@ def simulate(
     method: str | None = None,
     hold: bool = False,
     rtol: float = 1e-6,
+    atol: float | None = None,
     squeeze: bool | None = None,
 ) -> ct.TimeResponseData:
     """The response of a block, an interconnection or a list of blocks with any sample times.
@@ -71,7 +73,11 @@ def simulate(
     hold : bool
         True to hold inputs between samples, as a drive holds its torque; else they are linear.
     rtol : float
-        Error allowed in a step, relative to the largest value that each state has had.
+        Error allowed in a step, relative to the present value of each state (at least 1e-7 of
+        the largest value that it has had).
+    atol : float, optional
+        The same in the unit of the state, for values near zero; default 1e-9 rtol, and 1e-4 rtol
+        where SciPy integrates.
     squeeze : bool, optional
         As for ``ct.input_output_response``.
 
@@ -121,7 +127,8 @@ def simulate(
     rest.
     """
     rtol = arguments.settings(rtol, hold, method, squeeze)
-    options = {"params": params, "hold": hold, "rtol": rtol, "squeeze": squeeze}
+    atol = None if atol is None else positive(atol, "atol")
+    options = {"params": params, "hold": hold, "rtol": rtol, "atol": atol, "squeeze": squeeze}
     times = arguments.times(t, timepts)
     if x0 is not None and initial_state is not None:
         raise InputError("the initial states are given twice: give x0 or initial_state.")
@@ -142,7 +149,7 @@ def simulate(
     if system.isdtime(strict=True):
         states, y = _discrete(system, times, u, start, params)
     else:
-        states, y = _continuous(system, times, u, start, params, method, hold, rtol)
+        states, y = _continuous(system, times, u, start, params, method, hold, rtol, atol)
     _bounded(system, times, u, start, states, y)
     return _response(system, times, y, states, u, params, squeeze)
 
@@ -191,9 +198,15 @@ def _discrete(
     try:
         with np.errstate(all="ignore"):
             response = _respond(system, t, u, x0, params=params, squeeze=False)
-        return response.states, np.asarray(response.outputs)
+        return _of(system, response)
     except RuntimeError:
         return _updated(system, t, u, x0, params)
+
+
+def _of(system: Any, response: Any) -> tuple[np.ndarray | None, np.ndarray]:
+    """States and outputs; python-control has no answer for the states where there are none."""
+    states = np.asarray(response.states) if system.nstates else None
+    return states, np.asarray(response.outputs)
 
 
 def _updated(
@@ -217,12 +230,13 @@ def _continuous(
     method: str | None,
     hold: bool,
     rtol: float,
+    atol: float | None,
 ) -> tuple[np.ndarray | None, np.ndarray]:
     """States and outputs in continuous time."""
     why = ""
     if method in (None, "rosenbrock"):
         try:
-            return _by_rosenbrock(system, t, u, x0, params, hold, rtol)
+            return _by_rosenbrock(system, t, u, x0, params, hold, rtol, atol)
         except TraceError as error:
             why = str(error)
             warnings.warn(f"{why}; LSODA is used instead.", RuntimeWarning, stacklevel=3)
@@ -231,7 +245,7 @@ def _continuous(
         quiet(),
         np.errstate(all="ignore"),
     ):  # what is not finite is reported by name
-        return _by_scipy(system, t, u, x0, params, hold, rtol, method or "LSODA")
+        return _by_scipy(system, t, u, x0, params, hold, rtol, atol, method or "LSODA")
 
 
 def _by_rosenbrock(
@@ -242,12 +256,13 @@ def _by_rosenbrock(
     params: Mapping[str, Any] | None,
     hold: bool,
     rtol: float,
+    atol: float | None,
 ) -> tuple[np.ndarray, np.ndarray]:
     engine = compiled(system, params)
     p = engine.program.arguments(params)
     states = x0[:, None]
     if system.nstates and len(t) > 1:
-        run = engine.run(t, u, x0, p, hold=hold, rtol=rtol)
+        run = engine.run(t, u, x0, p, hold=hold, rtol=rtol, atol=atol)
         states = run.states
         if np.isfinite(run.unsettled):
             warnings.warn(
@@ -284,10 +299,11 @@ def _by_scipy(
     params: Mapping[str, Any] | None,
     hold: bool,
     rtol: float,
+    atol: float | None,
     method: str,
 ) -> tuple[np.ndarray | None, np.ndarray]:
     """python-control's simulation; sample by sample if the input is held or a loop is solved."""
-    options = {"method": method, "rtol": rtol, "atol": 1e-4 * rtol}
+    options = {"method": method, "rtol": rtol, "atol": 1e-4 * rtol if atol is None else atol}
     try:
         if hold and system.nstates:
             states, y = _stepped(system, t, u, x0, params, hold, options)
@@ -303,7 +319,7 @@ def _by_scipy(
                 solve_ivp_kwargs=given,
                 squeeze=False,
             )
-            states, y = response.states, np.asarray(response.outputs)
+            states, y = _of(system, response)
     except RuntimeError as error:
         try:  # block by block: it names what is not a number, and solves a loop that is linear
             states, y = _stepped(system, t, u, x0, params, hold, options)

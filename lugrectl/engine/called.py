@@ -50,17 +50,25 @@ class Called:
         self.engine = Adaptive(trace_net(net, params, ticks=False).flow) if flowing else None
 
     def run(
-        self, course: Course, x: np.ndarray, q: np.ndarray, p: np.ndarray | None, rtol: float
+        self,
+        course: Course,
+        x: np.ndarray,
+        q: np.ndarray,
+        p: np.ndarray | None,
+        rtol: float,
+        atol: float | None = None,
     ) -> Track:
         """As :meth:`lugrectl.engine.held.Held.run`."""
         how = "at each of its updates" if self.engine is not None else ""
         with said_if_slow(self.why, how):
-            return self._run(course, x, q, rtol)
+            return self._run(course, x, q, rtol, atol)
 
-    def _run(self, course: Course, x: np.ndarray, q: np.ndarray, rtol: float) -> Track:
+    def _run(
+        self, course: Course, x: np.ndarray, q: np.ndarray, rtol: float, atol: float | None
+    ) -> Track:
         for part in self.net.parts:
             part.block._update_params(self.params)
-        advance = self._advance(course.hold, rtol)
+        advance = self._advance(course.hold, rtol, atol)
         states, signals, unsettled = [], [], [np.nan]
         h, x, q = np.zeros(len(self.net.held)), x.copy(), q.copy()
         ticks, grid = course.ticks, course.grid
@@ -178,24 +186,30 @@ class Called:
         none = np.zeros(len(self.net.outside))
         return np.array([self._signal(label, rows, none) for label in self.net.signals])
 
-    def _advance(self, hold: bool, rtol: float) -> Advance:
+    def _advance(self, hold: bool, rtol: float, atol: float | None) -> Advance:
         if self.engine is not None:
             engine = self.engine
             p = engine.program.arguments(self.params)
 
             def traced(t: np.ndarray, rows: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, float]:
-                part = engine.run(t, rows, x, p, hold=hold, rtol=rtol)
+                part = engine.run(t, rows, x, p, hold=hold, rtol=rtol, atol=atol)
                 return part.states[:, -1], part.unsettled
 
             return traced
 
         def called(t: np.ndarray, rows: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, float]:
-            return self._by_scipy(t, rows, x, hold, rtol), np.nan
+            return self._by_scipy(t, rows, x, hold, rtol, atol), np.nan
 
         return called
 
     def _by_scipy(
-        self, t: np.ndarray, rows: np.ndarray, x: np.ndarray, hold: bool, rtol: float
+        self,
+        t: np.ndarray,
+        rows: np.ndarray,
+        x: np.ndarray,
+        hold: bool,
+        rtol: float,
+        atol: float | None,
     ) -> np.ndarray:
         m = len(self.net.outside)
         slope = 0.0 * rows[:, 0] if hold else (rows[:, 1] - rows[:, 0]) / (t[1] - t[0])
@@ -211,7 +225,7 @@ class Called:
             return np.concatenate(parts)
 
         with quiet():
-            options = {"rtol": rtol, "atol": 1e-4 * rtol}
+            options = {"rtol": rtol, "atol": 1e-4 * rtol if atol is None else atol}
             done = solve_ivp(rates, t, x, method=self.method or "LSODA", **options)
         last = done.y[:, -1]
         if not done.success or not np.all(np.isfinite(last)):
