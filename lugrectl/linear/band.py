@@ -11,6 +11,7 @@ from typing import Any
 from lugrectl.errors import InputError
 
 from .exact import Poly, add, hurwitz, odd_roots, positive_roots, real_product, scale
+from .measured import crossings, is_measured
 from .transfer import number, read_transfer
 from .verdict import Verdict, show_poles
 
@@ -56,10 +57,15 @@ def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:
     dB. Stability is decided exactly for the given coefficients (Routh), after cancelling common
     factors; touching the level does not count as a crossing.
 
-    T : continuous SISO control.TransferFunction or StateSpace, or a pair (num, den).
-    Raises InputError if T is none of these, or for an unknown level.
+    T : continuous SISO control.TransferFunction or StateSpace, or a pair (num, den); or a
+    measured response, control.frd: its lowest frequency then stands for DC, the crossing is
+    interpolated (dB over log w), and T counts as stable. Raises InputError if T is none of these,
+    or for an unknown level.
     """
-    c, transfer = level_power(level), read_transfer(T)
+    c = level_power(level)
+    if is_measured(T):
+        return _measured(T, c, level)
+    transfer = read_transfer(T)
     num, den, _ = transfer
     poles, stable = transfer.poles, hurwitz(den)
     dc = bool(num) and bool(num[0]) and bool(den[0])
@@ -71,6 +77,19 @@ def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:
     if transfer.hidden:
         reason += f"; {transfer.hidden}"
     return BandwidthVerdict(width, width / (2 * math.pi), crossings, stable, poles, reason)
+
+
+def _measured(T: Any, c: Fraction, level: str | float) -> BandwidthVerdict:
+    """The verdict on a measured response."""
+    found, said = crossings(T, float(c))
+    name = level if isinstance(level, str) else f"{level:g} dB"
+    if not found:
+        width = math.nan if said.startswith("|T| is 0") else math.inf
+        reason = said if math.isnan(width) else f"|T(jw)| does not fall below {name}, {said}"
+        return BandwidthVerdict(width, width, (), True, (), reason)
+    width, hertz = found[0], found[0] / (2 * math.pi)
+    reason = f"|T(jw)| falls through {name} at {width:.6g} rad/s ({hertz:.6g} Hz), {said}"
+    return BandwidthVerdict(width, hertz, found, True, (), reason)
 
 
 def bandwidth(T: Any, level: str | float = "-3dB") -> float:

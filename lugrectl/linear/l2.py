@@ -23,6 +23,7 @@ from .exact import (
     real_product,
     scale,
 )
+from .measured import is_measured, response, span
 from .transfer import Transfer, number, parameter, read_transfer, to_float
 from .verdict import Verdict
 
@@ -71,7 +72,8 @@ def l2_check(p: Any, K2: float | None = None) -> L2Verdict:
     ----------
     p : any object with attributes J (N m s^2/rad), sigma0 (N m/rad), sigma1 (N m s/rad), or a
         model; or a transfer function T(s) as for ``spr_check``, whose own gain is then the
-        answer, the largest |T(jw)| where T is stable and proper
+        answer, the largest |T(jw)| where T is stable and proper; or a measured response,
+        control.frd: the largest value at its frequencies
     K2 : observer gain in N m s/rad; left out with a transfer function
 
     Raises InputError for values that are not finite numbers and for sigma0 = sigma1 = 0.
@@ -80,12 +82,27 @@ def l2_check(p: Any, K2: float | None = None) -> L2Verdict:
         if K2 is not None:
             raise InputError("K2 goes with a drive's parameters: leave it out beside T(s).")
         return gain_of(read_transfer(p))
+    if is_measured(p):
+        return _measured_gain(p)
     if K2 is None:
         raise InputError("l2_check needs K2, the observer's gain in N m s/rad.")
     p = values_of(p)
     J, sigma0, sigma1 = (parameter(p, name) for name in ("J", "sigma0", "sigma1"))
     gain, frequency, reason = _gain(J, number(K2, "K2"), sigma0, sigma1)
     return L2Verdict(gain, frequency, reason, _meaning(gain, J, sigma0, sigma1))
+
+
+def _measured_gain(T: Any) -> L2Verdict:
+    """The largest |T(jw)| of a measured response: the L2 gain is at least that."""
+    w, values = response(T)
+    k = int(np.argmax(np.abs(values)))
+    gain = float(abs(values[k]))
+    reason = (
+        f"|T(jw)| is largest at {w[k]:.6g} rad/s of {span(w)}; between and outside them, and on "
+        "whether T is stable, it says nothing"
+    )
+    meaning = f"the L2 gain is at least {gain:.6g}"
+    return L2Verdict(gain, float(w[k]), reason, meaning)
 
 
 def gain_of(T: Transfer) -> L2Verdict:

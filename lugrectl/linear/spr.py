@@ -18,6 +18,7 @@ from .exact import (
     real_product,
 )
 from .loops import LoopT
+from .measured import is_measured, realness
 from .realness import band_edge, classify, margin
 from .repair import Repair, find_repair
 from .transfer import Transfer, read_transfer
@@ -72,8 +73,12 @@ def spr_check(T: Any) -> SprVerdict:
     T(s): where a mode that is not stable cancelled from it, the reason says so.
 
     T : continuous SISO control.TransferFunction or StateSpace, or a pair (num, den) in
-        descending powers of s. Raises InputError if it is none of these.
+        descending powers of s; or a measured response, control.frd: the verdict then holds for
+        its frequencies alone, and its margin is nan. Raises InputError if it is none of these.
     """
+    if is_measured(T):
+        kind, edge, reason = realness(T)
+        return SprVerdict(kind, math.nan, edge, f"{kind}: {reason}.")
     transfer = read_transfer(T)
     num, den, _ = transfer
     kind, edge = classify(num, den), band_edge(num, den)
