@@ -8,6 +8,8 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import Any
 
+import control as ct
+
 from .exact import (
     Poly,
     axis_roots,
@@ -17,6 +19,8 @@ from .exact import (
     positive_roots,
     real_product,
 )
+from .floating import Model, Realness
+from .floating import realness as realness_of
 from .loops import LoopT
 from .measured import is_measured, realness
 from .realness import band_edge, classify, margin
@@ -25,6 +29,7 @@ from .transfer import Transfer, read_transfer
 from .verdict import Verdict, show_poles
 
 NEAR_ZERO = 1e-12
+EXACT = 6  # states of a state-space model that is decided in exact arithmetic
 
 
 @dataclass(frozen=True, repr=False)
@@ -72,6 +77,10 @@ def spr_check(T: Any) -> SprVerdict:
     fractions.Fraction to decide on decimal numbers. T = 0 counts as PR. The verdict is about
     T(s): where a mode that is not stable cancelled from it, the reason says so.
 
+    A state-space model of more than 6 states is decided in floating point, from the zeros of
+    T(s) + T(-s): time grows with the third power of the order. Where the rounding of its matrices
+    may decide, as after a change of coordinates, T counts as PR and the reason says so.
+
     T : continuous SISO control.TransferFunction or StateSpace, or a pair (num, den) in
         descending powers of s; or a measured response, control.frd: the verdict then holds for
         its frequencies alone, and its margin is nan. Raises InputError if it is none of these.
@@ -79,15 +88,26 @@ def spr_check(T: Any) -> SprVerdict:
     if is_measured(T):
         kind, edge, reason = realness(T)
         return SprVerdict(kind, math.nan, edge, f"{kind}: {reason}.")
+    model = Model.of(T) if isinstance(T, ct.StateSpace) else None
+    if model is not None and len(model.A) > EXACT and (found := realness_of(model)).kind:
+        return _floating(found)
     transfer = read_transfer(T)
     num, den, _ = transfer
     kind, edge = classify(num, den), band_edge(num, den)
+    if model is not None and kind != "PR" and (found := realness_of(model)).rounded:
+        return _floating(found)
     eps = margin(num, den) if kind == "SPR" else 0.0
     repair = find_repair(T.loop) if isinstance(T, LoopT) and kind != "SPR" else None
     reason = _REASONS[kind](transfer, edge) + _rounding(num, den)
     if transfer.hidden:
         reason += f"; {transfer.hidden}"
     return SprVerdict(kind, eps, edge, f"{kind}: {reason}.", repair and repair.sentence)
+
+
+def _floating(found: Realness) -> SprVerdict:
+    """The verdict on a state-space model in floating point."""
+    reason = f"{found.kind}: {found.reason} (decided in floating point)."
+    return SprVerdict(found.kind, found.margin, found.edge, reason)
 
 
 def spr_repair(T: Any) -> Repair | None:

@@ -86,7 +86,7 @@ def read_transfer(T: Any, name: str = "T") -> Transfer:
     may be fractions.Fraction. Raises InputError, which calls it ``name``, for anything else.
     """
     if isinstance(T, ct.TransferFunction | ct.StateSpace):
-        _require_continuous_siso(T, name)
+        require_continuous_siso(T, name)
     if isinstance(T, ct.TransferFunction):
         num, den = (
             _descending(T.num[0][0], "numerator", name),
@@ -112,7 +112,8 @@ def lowest_terms(num: Poly, den: Poly) -> Transfer:
     return Transfer(divide(num, common)[0], divide(den, common)[0], common)
 
 
-def _require_continuous_siso(T: Any, name: str) -> None:
+def require_continuous_siso(T: Any, name: str) -> None:
+    """InputError, which calls T ``name``, for several channels or discrete time."""
     if (T.ninputs, T.noutputs) != (1, 1):
         raise InputError(
             f"{name} has {T.ninputs} inputs and {T.noutputs} outputs, but the check is for one of "
