@@ -210,7 +210,7 @@ def test_algebraic_loop_names_its_blocks_only() -> None:
         (lambda t, x, u, p: -x[0] if x[0] > 0 else x[0], "branch"),
         (lambda t, x, u, p: -float(x[0]), "number"),
         (lambda t, x, u, p: -max(x[0], 0.0), "branch"),
-        (lambda t, x, u, p: np.floor(x[0]), "floor"),
+        (lambda t, x, u, p: np.cbrt(x[0]), "cbrt"),
     ],
 )
 def test_what_cannot_be_followed_is_named_with_its_line(function, why: str) -> None:
