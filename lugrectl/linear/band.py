@@ -51,6 +51,15 @@ class BandwidthVerdict(Verdict):
     def __bool__(self) -> bool:
         return self.stable and math.isfinite(self.bandwidth)
 
+    def plot(self, ax: Any = None) -> Any:
+        """Draw |T(jw)| with the bandwidth, and the phase; returns the Axes.
+
+        ``ax``: an Axes for the first, or two; else a new figure.
+        """
+        from ..report.checks_drawn import band
+
+        return band(self, ax)
+
 
 def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:
     """Where |T(jw)| first falls below its DC value by 3 dB.
@@ -69,9 +78,9 @@ def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:
     """
     c = level_power(level)
     if is_measured(T):
-        return _measured(T, c, level)
+        return _measured(T, c, level).of(T)
     if isinstance(T, ct.StateSpace) and (found := _floating(T, c, level)):
-        return found
+        return found.of(T)
     transfer = read_transfer(T)
     num, den, _ = transfer
     poles, stable = transfer.poles, hurwitz(den)
@@ -83,7 +92,8 @@ def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:
         reason = f"T is not stable (poles {show_poles(poles)} 1/s): {reason}"
     if transfer.hidden:
         reason += f"; {transfer.hidden}"
-    return BandwidthVerdict(width, width / (2 * math.pi), crossings, stable, poles, reason)
+    verdict = BandwidthVerdict(width, width / (2 * math.pi), crossings, stable, poles, reason)
+    return verdict.of(T)
 
 
 def _floating(T: Any, c: Fraction, level: str | float) -> BandwidthVerdict | None:

@@ -47,6 +47,12 @@ class L2Verdict(Verdict):
     def __bool__(self) -> bool:
         return bool(np.isfinite(self.gain))
 
+    def plot(self, ax: Any = None) -> Any:
+        """Draw |G(jw)| with its largest value, into ``ax`` or a new figure; returns the Axes."""
+        from ..report.checks_drawn import gain
+
+        return gain(self, ax)
+
 
 def l2_check(p: Any, K2: float | None = None) -> L2Verdict:
     """L2 gain of G(s) = (J s + K2)/(sigma1 s + sigma0), or of a transfer function.
@@ -81,15 +87,16 @@ def l2_check(p: Any, K2: float | None = None) -> L2Verdict:
     if isinstance(p, ct.TransferFunction | ct.StateSpace | tuple | list):
         if K2 is not None:
             raise InputError("K2 goes with a drive's parameters: leave it out beside T(s).")
-        return gain_of(read_transfer(p))
+        return gain_of(read_transfer(p)).of(p)
     if is_measured(p):
-        return _measured_gain(p)
+        return _measured_gain(p).of(p)
     if K2 is None:
         raise InputError("l2_check needs K2, the observer's gain in N m s/rad.")
     p = values_of(p)
     J, sigma0, sigma1 = (parameter(p, name) for name in ("J", "sigma0", "sigma1"))
     gain, frequency, reason = _gain(J, number(K2, "K2"), sigma0, sigma1)
-    return L2Verdict(gain, frequency, reason, _meaning(gain, J, sigma0, sigma1))
+    verdict = L2Verdict(gain, frequency, reason, _meaning(gain, J, sigma0, sigma1))
+    return verdict.of(([J, number(K2, "K2")], [sigma1, sigma0]))
 
 
 def _measured_gain(T: Any) -> L2Verdict:

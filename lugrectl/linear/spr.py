@@ -55,6 +55,15 @@ class SprVerdict(Verdict):
     def __bool__(self) -> bool:
         return self.classification == "SPR"
 
+    def plot(self, ax: Any = None) -> Any:
+        """Draw Re T(jw) with band edge and margin, and the Nyquist curve; returns the Axes.
+
+        ``ax``: an Axes for the first, or two; else a new figure.
+        """
+        from ..report.checks_drawn import realness
+
+        return realness(self, ax)
+
 
 def spr_check(T: Any) -> SprVerdict:
     """Whether T(s) is strictly positive real (SPR), weakly so, positive real (PR) or not.
@@ -87,21 +96,22 @@ def spr_check(T: Any) -> SprVerdict:
     """
     if is_measured(T):
         kind, edge, reason = realness(T)
-        return SprVerdict(kind, math.nan, edge, f"{kind}: {reason}.")
+        return SprVerdict(kind, math.nan, edge, f"{kind}: {reason}.").of(T)
     model = Model.of(T) if isinstance(T, ct.StateSpace) else None
     if model is not None and len(model.A) > EXACT and (found := realness_of(model)).kind:
-        return _floating(found)
+        return _floating(found).of(T)
     transfer = read_transfer(T)
     num, den, _ = transfer
     kind, edge = classify(num, den), band_edge(num, den)
     if model is not None and kind != "PR" and (found := realness_of(model)).rounded:
-        return _floating(found)
+        return _floating(found).of(T)
     eps = margin(num, den) if kind == "SPR" else 0.0
     repair = find_repair(T.loop) if isinstance(T, LoopT) and kind != "SPR" else None
     reason = _REASONS[kind](transfer, edge) + _rounding(num, den)
     if transfer.hidden:
         reason += f"; {transfer.hidden}"
-    return SprVerdict(kind, eps, edge, f"{kind}: {reason}.", repair and repair.sentence)
+    verdict = SprVerdict(kind, eps, edge, f"{kind}: {reason}.", repair and repair.sentence)
+    return verdict.of(T)
 
 
 def _floating(found: Realness) -> SprVerdict:
