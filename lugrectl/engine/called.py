@@ -225,7 +225,7 @@ class Called:
             return np.concatenate(parts)
 
         with quiet():
-            options = {"rtol": rtol, "atol": 1e-4 * rtol if atol is None else atol}
+            options: Any = {"rtol": rtol, "atol": 1e-4 * rtol if atol is None else atol}
             done = solve_ivp(rates, t, x, method=self.method or "LSODA", **options)
         last = done.y[:, -1]
         if not done.success or not np.all(np.isfinite(last)):

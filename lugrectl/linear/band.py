@@ -9,6 +9,7 @@ from fractions import Fraction
 from typing import Any
 
 import control as ct
+import numpy as np
 
 from lugrectl.errors import InputError
 
@@ -101,7 +102,7 @@ def _floating(T: Any, c: Fraction, level: str | float) -> BandwidthVerdict | Non
     model = Model.of(T)
     if len(model.A) <= EXACT or min(abs(model.poles)) <= model.uncertain:
         return None
-    if abs(abs(model.poles.real).min()) <= model.uncertain:
+    if np.abs(np.real(model.poles)).min() <= model.uncertain:
         return None
     dc, slack = model.at(0.0)
     if abs(dc) <= slack:

@@ -52,7 +52,8 @@ class Model:
     @cached_property
     def triangular(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """A, B and C in the coordinates in which A is triangular."""
-        S, Q = schur(self.A, output="complex")
+        found: Any = schur(self.A, output="complex")
+        S, Q = found
         return S, Q.conj().T @ self.B[:, 0], self.C[0] @ Q
 
     @cached_property
@@ -71,7 +72,7 @@ class Model:
         S, b, c = self.triangular
         M = (1j * w - self.shift) * np.eye(len(S)) - S
         right = solve_triangular(M, b)
-        left = solve_triangular(M, c, trans="T")
+        left = solve_triangular(M, c, trans=1)
         reach = float(np.linalg.norm(left) * np.linalg.norm(right))
         size = float(np.linalg.norm(c) * np.linalg.norm(right)) + abs(self.D)
         return complex(c @ right) + self.D, EPS * ((self.norm + w) * reach + size)
@@ -79,7 +80,7 @@ class Model:
     def places(self, zeros: np.ndarray) -> np.ndarray:
         """0, the frequencies of zeros and poles, points between them and beyond, in rad/s."""
         marks = np.concatenate([zeros, self.poles])
-        marks = np.concatenate([np.abs(marks), np.abs(marks.imag)])
+        marks = np.concatenate([np.abs(marks), np.abs(np.imag(marks))])
         marks = np.sort(marks[np.isfinite(marks) & (marks > 0)])
         marks = marks[np.append(True, np.diff(marks) > SINGLE * marks[1:])] if len(marks) else marks
         if not len(marks):
@@ -116,7 +117,7 @@ def _zeros(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: float) -> np.ndarray:
     right = np.diag([*np.ones(len(A)), 0.0])
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
-        pairs = eig(left, right, right=False, homogeneous_eigvals=True)
+        pairs: Any = eig(left, right, right=False, homogeneous_eigvals=True)
     alpha, beta = pairs
     with np.errstate(all="ignore"):
         return (alpha / beta)[np.abs(beta) > 1e-14 * np.abs(alpha).max()]
@@ -166,8 +167,9 @@ def realness(model: Model) -> Realness:
 
 def _is_seen(model: Model) -> bool:
     """Whether the rightmost pole is in T(s): its residue is not zero."""
-    poles, left, right = eig(model.A, left=True)
-    k = int(np.argmax(poles.real))
+    found: Any = eig(model.A, left=True)
+    poles, left, right = found
+    k = int(np.argmax(np.real(poles)))
     to, of = left[:, k].conj(), right[:, k]
     residue = (model.C[0] @ of) * (to @ model.B[:, 0]) / (to @ of)
     sizes = np.linalg.norm(model.C) * np.linalg.norm(model.B)
@@ -211,7 +213,8 @@ def _crossing(function: Any, w: np.ndarray, k: int, values: np.ndarray) -> float
     """Where a function changes its sign between w[k - 1] and w[k]."""
     if values[k - 1] * values[k] >= 0:
         return float(w[k])
-    return float(brentq(function, w[k - 1], w[k], xtol=1e-300, rtol=1e-13))
+    found: Any = brentq(function, w[k - 1], w[k], xtol=1e-300, rtol=np.float64(1e-13))
+    return float(found)
 
 
 def _margin(model: Model) -> float:

@@ -45,7 +45,7 @@ def span(w: np.ndarray) -> str:
 def realness(T: Any) -> tuple[str, float, str]:
     """Classification, band edge in rad/s and reason, of Re T(jw) at the measured frequencies."""
     w, values = response(T)
-    real = values.real
+    real = np.real(values)
     if (real > 0).all():
         kind, said = "SPR", f"Re T(jw) > 0 at all of {span(w)}; {_least(w, real)}"
     elif (real >= 0).all():

@@ -23,12 +23,12 @@ def realness(verdict: Any, ax: Any = None) -> Sequence[Axes]:
     edge = verdict.band_edge
     w, T = curve(verdict._source, *([edge] if math.isfinite(edge) else []))
     good = np.isfinite(T)
-    w, T = w[good], T[good]
+    w, re, im = w[good], np.real(T[good]), np.imag(T[good])
 
     def real(own: Axes) -> None:
-        own.semilogx(w, T.real, color=LINE)
+        own.semilogx(w, re, color=LINE)
         own.axhline(0.0, color="0.4", lw=0.8)
-        size = np.max(np.abs(T.real), initial=0.0)
+        size = np.max(np.abs(re), initial=0.0)
         own.set_yscale("symlog", linthresh=max(1e-3 * size, 1e-300))
         if 0 < edge < w[-1]:
             own.axvline(edge, color=MARK, ls="--", label=f"band edge {edge:.4g} rad/s")
@@ -37,7 +37,7 @@ def realness(verdict: Any, ax: Any = None) -> Sequence[Axes]:
         own.set(xlabel="w [rad/s]", ylabel="Re T(jw)", title=f"{verdict.classification}{margin}")
 
     def nyquist(own: Axes) -> None:
-        own.plot(T.real, T.imag, color=LINE)
+        own.plot(re, im, color=LINE)
         own.axvline(0.0, color=MARK, ls="--", label="Re T = 0")
         own.set(xlabel="Re T(jw)", ylabel="Im T(jw)", title="Nyquist, w > 0")
         own.legend()
