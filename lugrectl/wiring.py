@@ -10,7 +10,7 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from .engine.net import Net
+from .engine.net import Net, Part
 
 OPTIONAL = ("d",)  # a load: 0 is what is usually meant
 AT = (1e-2, 1.0, 1e2, 1e4)  # 1/s: points of the positive real axis
@@ -43,7 +43,11 @@ def _unfed(net: Net, label: str) -> str:
     """The warning on an input that nothing feeds; empty where no output is left over for it."""
     readers = ", ".join(part.block.name for part in net.parts if label in part.inputs)
     read = {k for part in net.parts for k in part.inputs}
-    idle = [p for p in net.parts if p.outputs and not read & {*p.outputs}]
+    idle = [
+        p
+        for p in net.parts
+        if p.outputs and not read & {*p.outputs} and label not in p.inputs and _may_feed(p, label)
+    ]
     near = difflib.get_close_matches(label, [k for k in net.signals if k not in read], n=1)
     if near:
         makers = dict.fromkeys(net.parts[i].block.name for i, _ in net.sources[near[0]])
@@ -57,6 +61,12 @@ def _unfed(net: Net, label: str) -> str:
         f"{net.name}: nothing feeds the input {label} of {readers}; it is 0. {hint} Give "
         f"inputs={{'{label}': 0}} if 0 is meant."
     )
+
+
+def _may_feed(part: Part, label: str) -> bool:
+    """Whether an idle block looks like a forgotten source: an observer is often only watched."""
+    made = _declared(part.block)
+    return made is None or made.kind != "observer" or label.startswith("F")
 
 
 def _declared(block: Any) -> Any:
