@@ -30,6 +30,11 @@ def system(given: Any, what: str = "system") -> Any:
                 f"{given.name}: this transfer function has no state-space form here ({error}); "
                 "give a proper one with one input and one output, or a control.StateSpace."
             ) from None
+    if isinstance(given, ct.FrequencyResponseData):
+        raise InputError(
+            f"{what}: {given.name} is a frequency response, which has no states to simulate; give "
+            "a transfer function or a state space of it."
+        )
     if not isinstance(given, ct.NonlinearIOSystem):
         raise InputError(f"{what} must be a python-control system, not {shown(given)}.")
     if None in (given.nstates, given.ninputs, given.noutputs):

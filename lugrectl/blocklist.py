@@ -12,6 +12,7 @@ import numpy as np
 from . import arguments
 from .engine.adaptive import Diverged
 from .engine.choice import compiled_net, engine
+from .engine.growth import bounded
 from .engine.held import Course, Track
 from .engine.hybrid import state_labels
 from .engine.net import Net, Part
@@ -30,6 +31,7 @@ def simulate_blocks(
     method: str | None,
     hold: bool,
     rtol: float,
+    atol: float | None,
     squeeze: bool | None,
 ) -> ct.TimeResponseData:
     """The list form of :func:`lugrectl.simulate`."""
@@ -37,7 +39,7 @@ def simulate_blocks(
     u = arguments.inputs(net.name, net.outside, t, inputs)
     start = arguments.start(net.name, net.count(True) + net.count(False), x0)
     course = _course(t, u, periods, hold)
-    track = followed(net, course, start, params, method, rtol)
+    track = followed(net, course, start, params, method, rtol, atol)
     return ct.TimeResponseData(
         t,
         track.y,
@@ -196,11 +198,12 @@ def followed(
     params: Mapping[str, Any] | None,
     method: str | None,
     rtol: float,
+    atol: float | None = None,
 ) -> Track:
     """The simulated track of a net from its initial states, one block after the other."""
     chosen, p = engine(net, params, method)
     sampled = is_sampled(net)
-    track = chosen.run(course, start[~sampled], start[sampled], p, rtol)
+    track = chosen.run(course, start[~sampled], start[sampled], p, rtol, atol)
     if np.isfinite(track.unsettled):
         warnings.warn(
             f"{net.name}: a sign or comparison switches without end near t = "
@@ -209,7 +212,15 @@ def followed(
             RuntimeWarning,
             stacklevel=4,
         )
-    _all_finite(net, course.grid[course.kept], track.y)
+    t = course.grid[course.kept]
+    _all_finite(net, t, track.y)
+    labels = [state_labels(net, sampled=kind) for kind in (False, True)]
+    labels = [
+        *([f"state {k}" for k in row] for row in labels),
+        [f"output {k}" for k in net.signals],
+    ]
+    driven, looped = [course.given, start], len(net.parts) > 1
+    bounded(net.name, t, [track.x, track.q, track.y], labels, driven, looped=looped)
     return track
 
 

@@ -6,6 +6,7 @@ import difflib
 import math
 import numbers
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from types import BuiltinFunctionType, FunctionType
 from typing import Any
@@ -171,3 +172,13 @@ def as_path(value: Any, name: str) -> Path:
     if not isinstance(value, (str, os.PathLike)) or "\0" in str(value):
         raise InputError(f"{name} must be the path of a file, not {shown(value)}.")
     return Path(value)
+
+
+def renamed(block: str, what: str, own: Sequence[str], wanted: Sequence[str] | None) -> list[str]:
+    """The names of a block's signals: its own, or as many others."""
+    if wanted is None:
+        return list(own)
+    wanted = names(wanted, f"{block}: {what}")
+    if len(wanted) != len(own):
+        raise InputError(f"{block} has the {what} {', '.join(own)}: give {len(own)} names.")
+    return wanted

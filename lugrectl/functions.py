@@ -40,6 +40,8 @@ class Called:
         """Outputs that are not states, then the rates."""
         block = self.block
         signals = [t] if block.timed else []
+        if getattr(u, "ndim", 1) == 0:  # control.describing_function gives a number
+            u = u.reshape(1)
         signals += [u[i] for i in range(len(block.inputs))]
         signals += [x[i] for i in range(len(block.states))]
         return block(*signals, **{k: params[q] for k, q in self.keys.items()}, **self.functions)

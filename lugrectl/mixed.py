@@ -16,6 +16,7 @@ from .checks import array, whole
 from .engine.held import Course
 from .engine.net import Net, Part
 from .errors import InputError
+from .wiring import warn_of_wiring
 
 LATE = " after the delay"
 
@@ -83,6 +84,7 @@ def simulate_sampled(
     parts = _parts(plant, drive, whole(delay, "delay"))
     net = Net(plant.name, parts, _outside(parts, plant), 1, earlier=True)
     times = _grid(t, parts)
+    warn_of_wiring(net, {} if inputs is None else inputs, None)
     u = _inputs(net, times, inputs)
     held = u if u.size else np.zeros((len(net.outside), len(times)))
     flags, column = np.ones((1, len(times))), np.arange(len(times))

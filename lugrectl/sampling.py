@@ -47,7 +47,8 @@ def sampled(
         Sample time in s.
     held : list of str, optional
         Inputs that are held between samples, as a drive holds its torque; all others are linear
-        between samples. Default: "u" and "excess" where they exist.
+        between samples. Default: the inputs declared as "u" and "excess", whatever ``inputs=`` of
+        the block calls them.
     substep : float, optional
         Longest substep in s where the rates are not affine; default dt/4. Each is as short as an
         error of 1e-6, relative to the largest value of each state in the sample, needs, and ends
@@ -89,7 +90,7 @@ def sampled(
     dt = positive(dt, "dt, the sample time,", "seconds")
     _fits(system)
     labels = list(system.input_labels)
-    keep = [s for s in ("u", "excess") if s in labels] if held is None else names(held, "held")
+    keep = _usually_held(system) if held is None else names(held, "held")
     strange = [s for s in keep if s not in labels]
     if strange:
         raise InputError(f"{system.name} has no input {strange[0]}; it has {', '.join(labels)}.")
@@ -106,6 +107,14 @@ def sampled(
         name=name or system.name,
         dt=float(dt),
     )
+
+
+def _usually_held(system: Any) -> list[str]:
+    """The inputs that a drive holds, by the names with which the block declares them."""
+    made = getattr(system.outfcn, "block", None)
+    own = system.input_labels if made is None else made.inputs
+    pairs = zip(own, system.input_labels, strict=False)
+    return [label for name, label in pairs if name in ("u", "excess")]
 
 
 @dataclass(frozen=True, eq=False)

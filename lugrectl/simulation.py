@@ -12,13 +12,16 @@ from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
 from . import arguments
-from .blocklist import simulate_blocks, simulate_discrete, together
+from .blocklist import simulate_blocks, simulate_discrete, together, wired
+from .checks import positive
 from .engine.adaptive import Diverged
 from .engine.blame import Instant, culprit
 from .engine.compiled import compiled
+from .engine.growth import bounded, quiet, stopped
 from .engine.slowly import said_if_slow
 from .engine.symbolic import TraceError
 from .errors import InputError
+from .wiring import warn_of_interconnection, warn_of_wiring
 
 LONG = (
     1000  # a discrete system is traced from this many samples on: python-control takes 12 us each
@@ -38,6 +41,7 @@ def simulate(
     method: str | None = None,
     hold: bool = False,
     rtol: float = 1e-6,
+    atol: float | None = None,
     squeeze: bool | None = None,
 ) -> ct.TimeResponseData:
     """The response of a block, an interconnection or a list of blocks with any sample times.
@@ -53,7 +57,9 @@ def simulate(
     inputs : dict, array_like or list, optional
         A dict by name, each value a number or (N,), 0 if left out; or (m, N), or (N,) for one
         input, a number, or a list of such parts; default 0. The inputs of a list of blocks are
-        the signals that a block reads and no block outputs, in the order of the blocks.
+        the signals that a block reads and no block outputs, in the order of the blocks. Where a
+        dict leaves one of them out, other than a load d, and nothing reads the outputs of some
+        block, a warning names both.
     x0 : array_like or list
         Initial states, default 0: a number for all, or a list that is padded with zeros; for a
         list of blocks, the states of one block after the other.
@@ -67,7 +73,11 @@ def simulate(
     hold : bool
         True to hold inputs between samples, as a drive holds its torque; else they are linear.
     rtol : float
-        Error allowed in a step, relative to the largest value that each state has had.
+        Error allowed in a step, relative to the present value of each state (at least 1e-7 of
+        the largest value that it has had).
+    atol : float, optional
+        The same in the unit of the state, for values near zero; default 1e-9 rtol, and 1e-4 rtol
+        where SciPy integrates.
     squeeze : bool, optional
         As for ``ct.input_output_response``.
 
@@ -86,7 +96,8 @@ def simulate(
         are named).
     Diverged
         When a state or signal grows without bound or becomes NaN; the message names it, its
-        block and the time.
+        block and the time. Without bound is beyond 1e15 of the inputs and initial states (at
+        least 1), where it grew by 1e4 or more in the second half of the run.
 
     Notes
     -----
@@ -110,9 +121,14 @@ def simulate(
     states at an update are those before it. Blocks without states and sample time act at every
     instant. A sampled block that cannot be traced is called at its updates, without a warning:
     the result is the same.
+
+    A controller that acts on e makes it smaller: e is measured - reference. A warning names a
+    controller of the package in a feedback of the wrong sign, from the blocks' derivatives at
+    rest.
     """
     rtol = arguments.settings(rtol, hold, method, squeeze)
-    options = {"params": params, "hold": hold, "rtol": rtol, "squeeze": squeeze}
+    atol = None if atol is None else positive(atol, "atol")
+    options = {"params": params, "hold": hold, "rtol": rtol, "atol": atol, "squeeze": squeeze}
     times = arguments.times(t, timepts)
     if x0 is not None and initial_state is not None:
         raise InputError("the initial states are given twice: give x0 or initial_state.")
@@ -120,18 +136,30 @@ def simulate(
     if isinstance(system, (list, tuple)):
         system = [arguments.system(block, "a block") for block in system]
         arguments.parameters(system, params)
+        warn_of_wiring(wired(system)[0], inputs, params)
         if any(block.dt not in (None, 0) for block in system):
             return simulate_blocks(system, times, inputs, x0, method=method, **options)
         system = together(system)
     else:
         system = arguments.system(system)
         arguments.parameters([system], params)
+        warn_of_interconnection(system, params)
     u = arguments.inputs(system.name, system.input_labels, times, inputs)
     start = arguments.start(system.name, system.nstates, x0)
     if system.isdtime(strict=True):
-        return _discrete(system, times, u, start, params, squeeze)
-    states, y = _continuous(system, times, u, start, params, method, hold, rtol)
+        states, y = _discrete(system, times, u, start, params)
+    else:
+        states, y = _continuous(system, times, u, start, params, method, hold, rtol, atol)
+    _bounded(system, times, u, start, states, y)
     return _response(system, times, y, states, u, params, squeeze)
+
+
+def _bounded(system: Any, t: Any, u: np.ndarray, x0: np.ndarray, states: Any, y: Any) -> None:
+    n, looped = int(system.nstates or 0), isinstance(system, ct.InterconnectedSystem)
+    rows = [np.asarray(states) if n else np.empty((0, len(t))), np.asarray(y)]
+    labels = [[f"state {k}" for k in (system.state_labels or ())][:n]]
+    labels.append([f"output {k}" for k in system.output_labels])
+    bounded(system.name, t, rows, labels, [u, x0], looped=looped)
 
 
 def _response(
@@ -158,22 +186,27 @@ def _response(
 
 
 def _discrete(
-    system: Any, t: np.ndarray, u: np.ndarray, x0: np.ndarray, params: Any, squeeze: Any
-) -> ct.TimeResponseData:
+    system: Any, t: np.ndarray, u: np.ndarray, x0: np.ndarray, params: Any
+) -> tuple[Any, np.ndarray]:
     """python-control's loop; the traced one for many samples."""
     steady = system.dt is not True and np.allclose(np.diff(t), system.dt, rtol=1e-6, atol=0.0)
     if steady and len(t) > LONG:
         try:
-            states, y = simulate_discrete(system, t, u, x0, params)
-            return _response(system, t, y, states, u, params, squeeze)
+            return simulate_discrete(system, t, u, x0, params)
         except TraceError:
             pass
     try:
         with np.errstate(all="ignore"):
-            return _respond(system, t, u, x0, params=params, squeeze=squeeze)
+            response = _respond(system, t, u, x0, params=params, squeeze=False)
+        return _of(system, response)
     except RuntimeError:
-        states, y = _updated(system, t, u, x0, params)
-        return _response(system, t, y, states, u, params, squeeze)
+        return _updated(system, t, u, x0, params)
+
+
+def _of(system: Any, response: Any) -> tuple[np.ndarray | None, np.ndarray]:
+    """States and outputs; python-control has no answer for the states where there are none."""
+    states = np.asarray(response.states) if system.nstates else None
+    return states, np.asarray(response.outputs)
 
 
 def _updated(
@@ -197,17 +230,22 @@ def _continuous(
     method: str | None,
     hold: bool,
     rtol: float,
+    atol: float | None,
 ) -> tuple[np.ndarray | None, np.ndarray]:
     """States and outputs in continuous time."""
     why = ""
     if method in (None, "rosenbrock"):
         try:
-            return _by_rosenbrock(system, t, u, x0, params, hold, rtol)
+            return _by_rosenbrock(system, t, u, x0, params, hold, rtol, atol)
         except TraceError as error:
             why = str(error)
             warnings.warn(f"{why}; LSODA is used instead.", RuntimeWarning, stacklevel=3)
-    with said_if_slow(why), np.errstate(all="ignore"):  # what is not finite is reported by name
-        return _by_scipy(system, t, u, x0, params, hold, rtol, method or "LSODA")
+    with (
+        said_if_slow(why),
+        quiet(),
+        np.errstate(all="ignore"),
+    ):  # what is not finite is reported by name
+        return _by_scipy(system, t, u, x0, params, hold, rtol, atol, method or "LSODA")
 
 
 def _by_rosenbrock(
@@ -218,12 +256,13 @@ def _by_rosenbrock(
     params: Mapping[str, Any] | None,
     hold: bool,
     rtol: float,
+    atol: float | None,
 ) -> tuple[np.ndarray, np.ndarray]:
     engine = compiled(system, params)
     p = engine.program.arguments(params)
     states = x0[:, None]
     if system.nstates and len(t) > 1:
-        run = engine.run(t, u, x0, p, hold=hold, rtol=rtol)
+        run = engine.run(t, u, x0, p, hold=hold, rtol=rtol, atol=atol)
         states = run.states
         if np.isfinite(run.unsettled):
             warnings.warn(
@@ -260,10 +299,11 @@ def _by_scipy(
     params: Mapping[str, Any] | None,
     hold: bool,
     rtol: float,
+    atol: float | None,
     method: str,
 ) -> tuple[np.ndarray | None, np.ndarray]:
     """python-control's simulation; sample by sample if the input is held or a loop is solved."""
-    options = {"method": method, "rtol": rtol, "atol": 1e-4 * rtol}
+    options = {"method": method, "rtol": rtol, "atol": 1e-4 * rtol if atol is None else atol}
     try:
         if hold and system.nstates:
             states, y = _stepped(system, t, u, x0, params, hold, options)
@@ -279,7 +319,7 @@ def _by_scipy(
                 solve_ivp_kwargs=given,
                 squeeze=False,
             )
-            states, y = response.states, np.asarray(response.outputs)
+            states, y = _of(system, response)
     except RuntimeError as error:
         try:  # block by block: it names what is not a number, and solves a loop that is linear
             states, y = _stepped(system, t, u, x0, params, hold, options)
@@ -313,7 +353,14 @@ def _stepped(
 
         part = solve_ivp(rates, (t[k], t[k + 1]), states[:, k], **options)
         if not part.success:
-            raise RuntimeError(part.message)
+            raise stopped(
+                system.name,
+                system.state_labels,
+                part.t[-1],
+                part.y[:, -1],
+                part.message,
+                looped=isinstance(system, ct.InterconnectedSystem),
+            )
         states[:, k + 1] = part.y[:, -1]
     y = [at.outputs(now, x, held) for now, x, held in zip(t, states.T, u.T, strict=True)]
     return states, np.array(y).reshape(len(t), -1).T

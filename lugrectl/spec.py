@@ -17,12 +17,13 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, is_dataclass, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .checks import names, one_name, shown, within
+from .checks import one_name, renamed, shown, within
+from .declaring import as_function, check, is_same, kind_of, signature
 from .display import Row, Shown
 from .errors import InputError
 from .functions import Outputs, Rates, WithInputs, is_steady
@@ -195,9 +196,12 @@ class Block(Shown):
         if build is not None and is_dataclass(self.function) and build() == self:
             return rebuilt, (self.function,)
         cure = "" if known is None else "it was declared again since: build what holds it again"
-        for what, value in vars(self).items():
+        for what, value in self._fields().items():
             carried(f"the {what} of the block {self.name}", value, cure)
-        return from_fields, (type(self), vars(self))
+        return from_fields, (type(self), self._fields())
+
+    def _fields(self) -> dict[str, Any]:
+        return {f.name: getattr(self, f.name) for f in fields(self)}
 
     def system(
         self,
@@ -235,16 +239,6 @@ class Block(Shown):
             name=name,
             **({} if self.states else {"dt": None}),
         )
-
-
-def renamed(block: str, what: str, own: Sequence[str], wanted: Sequence[str] | None) -> list[str]:
-    """The names of a block's signals: its own, or as many others."""
-    if wanted is None:
-        return list(own)
-    wanted = names(wanted, f"{block}: {what}")
-    if len(wanted) != len(own):
-        raise InputError(f"{block} has the {what} {', '.join(own)}: give {len(own)} names.")
-    return wanted
 
 
 class _Registry(dict[tuple[str, str], Block]):
@@ -321,8 +315,9 @@ def block(
     Raises
     ------
     InputError
-        When another block of the kind has the name (a notebook cell that is run again may
-        replace its own block).
+        When another block of the kind has the name (a cell or module that is run again replaces
+        its own block), or the declaration cannot be meant: an unknown kind, signal or act, a
+        default that is no P, another number of returned values, an effect without a neutral value.
     """
 
     for what, given in (("kind", kind), ("out", out), ("states", states), ("acts", acts)):
@@ -334,42 +329,48 @@ def block(
     def declare(function: Callable[..., Any]) -> Block:
         if not callable(function):
             raise InputError(f"a block is declared of a function, not of {shown(function)}.")
-        made = _declared(function, kind, tuple(out.split()), tuple(states.split()))
         made = replace(
-            made,
-            name=name or made.name,
+            _declared(function, name, kind, tuple(out.split()), tuple(states.split())),
             acts=tuple(acts.split()),
             confused=tuple(confused.split()),
             experiment=experiment,
             exact=exact,
             tries=tries,
-            start=tuple(start.split()) or ("0",) * len(made.states),
+            start=tuple(start.split()) or ("0",) * len(states.split()),
             load=load,
             abrupt=abrupt,
             source=source,
         )
-        known = _known(kind, made.home).get(made.name)
-        if known is not None and not (known.home == made.home == "__main__"):
+        ours = _is_ours(made.home)
+        known = REGISTRY if ours else registered()  # of the package, those so far
+        if not ours:
+            laws = (b.parameters for (of, _), b in known.items() if of == "friction")
+            check(made, [key for law in laws for key in law])
+        before = dict(known).get((kind, made.name))
+        if before is not None and not is_same(before, function, made.home):
             raise InputError(f"{kind}: a block named '{made.name}' exists; choose another name.")
-        REGISTRY[kind, made.name] = made
+        REGISTRY[kind, made.name] = as_function(made)
         return made
 
     return declare
 
 
 def _declared(
-    function: Callable[..., Any], kind: str, out: tuple[str, ...], states: tuple[str, ...]
+    function: Callable[..., Any],
+    name: str,
+    kind: str,
+    out: tuple[str, ...],
+    states: tuple[str, ...],
 ) -> Block:
-    arguments = inspect.signature(function).parameters
-    signals = [k for k, a in arguments.items() if a.default is inspect.Parameter.empty]
-    parameters = {k: a.default for k, a in arguments.items() if isinstance(a.default, P)}
+    name = name or function.__name__
+    signals, parameters = signature(name, function, P)
     timed = bool(signals) and signals[0] == "t"
     inputs = tuple(s for s in signals[timed:] if s not in states)
     if tuple(signals[timed:]) != inputs + states:
-        raise InputError(f"{function.__name__}: signals come first, then states {states}.")
+        raise InputError(f"{name}: signals come first, then states {states}.")
     return Block(
-        name=function.__name__,
-        kind=kind,
+        name=name,
+        kind=kind_of(kind),
         function=function,
         inputs=inputs,
         outputs=out,
@@ -393,8 +394,5 @@ def registered() -> _Registry:
     return REGISTRY
 
 
-def _known(kind: str, home: str) -> dict[str, Block]:
-    """The same for a new block; while the package declares its own, those so far."""
-    ours = home.startswith(f"{__package__}.")
-    known = REGISTRY if ours else registered()
-    return {name: made for (of, name), made in known.items() if of == kind}
+def _is_ours(home: str) -> bool:
+    return home.startswith(f"{__package__}.")

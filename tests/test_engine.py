@@ -14,6 +14,7 @@ from lugrectl.engine.derivative import derivatives
 from lugrectl.engine.graph import Graph, evaluate
 from lugrectl.errors import InputError
 from lugrectl.model import model_from_dict
+from lugrectl.simulation import simulate
 
 from .systems import full_model, pi, velocity_loop
 
@@ -209,7 +210,7 @@ def test_algebraic_loop_names_its_blocks_only() -> None:
         (lambda t, x, u, p: -x[0] if x[0] > 0 else x[0], "branch"),
         (lambda t, x, u, p: -float(x[0]), "number"),
         (lambda t, x, u, p: -max(x[0], 0.0), "branch"),
-        (lambda t, x, u, p: np.floor(x[0]), "floor"),
+        (lambda t, x, u, p: np.cbrt(x[0]), "cbrt"),
     ],
 )
 def test_what_cannot_be_followed_is_named_with_its_line(function, why: str) -> None:
@@ -226,8 +227,41 @@ def test_a_parameter_needed_as_a_number_is_taken_as_one() -> None:
         update, None, states=1, inputs=0, outputs=1, name="b", params={"rate": 2.0, "decays": 1}
     )
     program = trace(block)
-    assert dict(program.fixed) == {"rate": 2.0, "decays": 1}
-    assert program.values(0.0, [3.0], [])[0].tolist() == [-6.0]
+    assert dict(program.fixed) == {"decays": 1}
+    assert program.keys == ("rate",)
+    assert program.values(0.0, [3.0], [], [5.0])[0].tolist() == [-15.0]
+
+
+def counting(t, x, u, p):
+    """n counts, b chooses; a and c are values."""
+    total = p["c"] * x[0]
+    for k in range(int(p["n"])):
+        total = total + np.sin((k + 1) * x[0])
+    return u[0] - p["a"] * x[0] + (0.1 if p["b"] > 0 else 0.2) * total
+
+
+def test_a_parameter_that_counts_fixes_itself_alone() -> None:
+    params = {"a": 1.0, "n": 3, "c": 0.5, "b": 1.0}
+    block = ct.nlsys(counting, None, states=1, inputs=1, outputs=1, name="counts", params=params)
+    program = trace(block)
+    assert dict(program.fixed) == {"n": 3, "b": 1.0} and set(program.keys) == {"a", "c"}
+    t, found = np.linspace(0, 1, 5), []
+    for n, a in ((3, 1.0), (3, 2.0), (2, 2.0)):  # each is followed
+        values = {"n": n, "a": a}
+        found.append(simulate(block, t, 1.0, params=values).outputs[-1])
+        kwargs = {"rtol": 1e-9, "atol": 1e-12}
+        own = ct.input_output_response(block, t, 1 + 0 * t, params=values, solve_ivp_kwargs=kwargs)
+        assert found[-1] == pytest.approx(own.outputs[-1], rel=1e-5)
+    assert len({round(y, 3) for y in found}) == 3
+
+
+def test_another_value_beside_a_count_needs_no_new_code(monkeypatch) -> None:
+    params = {"a": 1.0, "n": 2, "c": 0.5, "b": 1.0}
+    block = ct.nlsys(counting, None, states=1, inputs=1, outputs=1, name="again", params=params)
+    t = np.linspace(0, 1, 5)
+    simulate(block, t, 1.0, params={"a": 1.5})
+    monkeypatch.setattr("lugrectl.engine.compiled.Adaptive", None)  # compiling would fail
+    simulate(block, t, 1.0, params={"a": 2.5})
 
 
 def test_a_block_with_a_memory_of_its_own_is_not_trusted() -> None:

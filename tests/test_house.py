@@ -14,10 +14,19 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "lugrectl"
 STOREYS = [
     {"blas", "errors", "deadline", "checks", "display", "outputs", "progress", "provenance", "spec"}
-    | {"arguments", "jobs", "functions", "pickling", "control_pickling", "unit_names", "stated"},
+    | {
+        "arguments",
+        "declaring",
+        "jobs",
+        "functions",
+        "pickling",
+        "control_pickling",
+        "unit_names",
+        "stated",
+    },
     {"blocks", "model", "model_file", "catalogue", "door"},
     {"cascade", "loops", "engine", "linear", "record", "design", "sampling"},
-    {"simulation", "results", "joint", "mixed", "blocklist", "bristles", "ensemble"},
+    {"simulation", "results", "joint", "mixed", "blocklist", "wiring", "bristles", "ensemble"},
     {"identification"},
     {"tracing"},
     {"steady"},

@@ -246,6 +246,15 @@ def test_forms_hold_the_slopes_and_the_offset():
         assert a * 7.0 - b * 5.0 + c == pytest.approx(whole)
 
 
+def test_a_symbol_that_cancels_is_in_no_form():
+    graph = Graph()
+    x, v = graph.symbol("x"), graph.symbol("v")
+    (form,) = affine([np.sin(np.where(v > 0, x, x) - x + v) * v], [x])
+    assert form is not None and not form.slopes
+    (value,) = evaluate([form.offset], {"v": 2.0})  # x is not needed
+    assert value == pytest.approx(2 * np.sin(2.0))
+
+
 @pytest.mark.parametrize(
     "build",
     [

@@ -125,6 +125,7 @@ def test_error_poles_at_rest():
     assert max(np.linalg.eigvals(A)) == pytest.approx(-95.3, abs=0.05)
 
 
+@pytest.mark.filterwarnings("ignore:.*K1 = .* unstable near rest:RuntimeWarning")
 def test_positive_K1_runs_away_at_rest():
     A = ct.linearize(proposed_observer(P, K1=10.24), [0.0, 0.0], [0.0, 0.0]).A
     assert max(np.linalg.eigvals(A).real) > 0

@@ -224,7 +224,7 @@ def test_models_come_back_equal():
     assert copy.deepcopy(model()) == model()
 
 
-def drag(w, c=P(0.1, "N m s/rad")):
+def drag(w, c=P(0.1, "N m s/rad", neutral=0.0)):
     """d = c w."""
     return c * w
 
@@ -267,7 +267,7 @@ def test_a_block_that_was_declared_again_says_so():
     """The cell was run again: what was built before holds a function that has no name any more."""
 
     def declared() -> Block:
-        def again(w, c=P(0.1, "N m s/rad")):
+        def again(w, c=P(0.1, "N m s/rad", neutral=0.0)):
             return c * w
 
         again.__module__ = "__main__"

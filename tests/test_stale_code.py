@@ -337,16 +337,19 @@ def test_a_sweep_sees_a_new_value(run):
 def test_an_effect_that_a_cell_declares_again_is_the_new_one():
     """A notebook cell that is run again replaces its block; what was compiled goes with it."""
     ends = []
-    for factor in (1.0, 3.0):
 
-        def slow(w, x, tau=P(0.5, "s", 1e-3), factor=factor):
-            return x, (factor * w - x) / tau
+    def cell(factor):
+        def slow(w, x, c=P(1.0, "N m", neutral=0.0), tau=P(0.5, "s", 1e-3)):
+            return c * x, (factor * w - x) / tau
 
         slow.__module__ = "__main__"
+        return slow
+
+    for slow in (cell(1.0), cell(3.0)):
         try:
             made = block("effect", name="again", out="d", states="x", acts="torque")(slow)
             log: Any = SimpleNamespace(t=T, u=U, dt=T[1], runs=[(0, len(T))])
-            one = [{"tau": 0.5}]
+            one = [{"c": 1.0, "tau": 0.5}]
             ends.append(series.run_alone(made, log, {"w": np.ones(len(T))}, one)[0, -1, 0])
             system = made.system()
             np.testing.assert_allclose(ours(system), own(system), atol=1e-4)

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..checks import flag, one_name, positive, shown, within
+from ..checks import flag, one_name, positive, renamed, shown, within
 from ..errors import InputError
-from ..spec import REGISTRY, Block, P, renamed
+from ..spec import REGISTRY, Block, P
 from .bristle_observers import DERIVED
 from .friction import J
 from .observers import believed

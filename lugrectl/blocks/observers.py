@@ -6,10 +6,11 @@ the corrected dzhat/dt. Their parameters are independent of those of the plant.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from ..checks import shown
+from ..checks import real, shown
 from ..errors import InputError
 from ..spec import Block, P, block, members
 from .friction import (
@@ -169,7 +170,21 @@ def believed(
             "give it the parameters of a LuGre model."
         )
     values = {k: have[k] for k in needed} | gains
+    _warn_of_sign(made, values)
     return made.system(name=name, inputs=inputs, outputs=outputs, **values)
+
+
+def _warn_of_sign(made: Block, values: Mapping[str, Any]) -> None:
+    """Near rest the proposed observer's poles have the product -K1 sigma0/J: K1 > 0 is a saddle."""
+    K1 = values.get("K1") if made is _proposed else None
+    at_rest = real(K1(0.0) if callable(K1) else K1)
+    if at_rest is not None and at_rest > 0.0:
+        warnings.warn(
+            f"{made.name}: K1 = {at_rest:g} makes the estimate unstable near rest; K1 must be "
+            "negative (-10.24 in the source paper).",
+            RuntimeWarning,
+            stacklevel=4,
+        )
 
 
 def natural_observer(
@@ -258,7 +273,7 @@ def proposed_observer(
         The parameters used by the observer.
     K1 : float or callable
         Gain < 0 without unit, or a function of w that uses NumPy functions only; with the
-        opposite sign the estimate is unstable near rest.
+        opposite sign the estimate is unstable near rest, and a warning says so.
     K2 : float or callable
         Gain in N m s/rad, or a function of w.
     name, inputs, outputs : str, list of str

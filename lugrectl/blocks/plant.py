@@ -47,6 +47,12 @@ def assemble(
         Keys of couplings: adds the outputs theta_load, w_load of the load behind each.
     """
     friction = Part("", model.friction.block)
+    for use in model.effects:
+        if not use.block.acts:
+            raise InputError(
+                f"{use.block.name} acts on nothing inside a drive: declare it with acts=, or wire "
+                "its block to the drive's inputs."
+            )
     uses = tuple(Part(f"{use.key}.", use.block) for use in model.effects)
     return _Motion(friction, uses, tuple(levels), sensed, tuple(loads)).block()
 

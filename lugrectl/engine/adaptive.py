@@ -29,6 +29,11 @@ class Run:
     unsettled: float
 
 
+def floor_of(rtol: float, atol: float | None) -> float:
+    """The value of a state below which its error is absolute."""
+    return 1e-9 if atol is None else float(atol) / float(rtol)
+
+
 def chosen_backend() -> str:
     """What runs a single system here: "numba" where it can be imported, else "python"."""
     return "numba" if has_numba() else "python"
@@ -66,11 +71,13 @@ class Adaptive:
         *,
         hold: bool,
         rtol: float,
+        atol: float | None = None,
     ) -> Run:
         """States at the times t (N,) for inputs u (m, N), held or linear between them.
 
         The error of each step is at most ``rtol``: the states' errors, each divided by the
-        largest value that the state has had so far, as the root of the sum of their squares.
+        state's present value (at least ``atol / rtol``, default 1e-9, and 1e-7 of its largest
+        value so far), as the root of the sum of their squares.
 
         Raises
         ------
@@ -81,13 +88,14 @@ class Adaptive:
         status = np.array([0.0, 0.0, 0.0, np.nan, 0.0])
         arguments = [np.require(a, float, ["C", "W"]) for a in (t, u, x0, p)]
         grid, inputs, start, values = arguments
+        accuracy = float(rtol), floor_of(rtol, atol)
         if self.backend == "numba":
             states = np.empty(shape)
-            good = self._run(grid, inputs, bool(hold), start, values, float(rtol), states, status)
+            good = self._run(grid, inputs, bool(hold), start, values, *accuracy, states, status)
         else:
             grid, inputs, start, values = (a.tolist() for a in arguments)
             lists = [[0.0] * shape[1] for _ in range(shape[0])]
-            good = self._run(grid, inputs, bool(hold), start, values, float(rtol), lists, status)
+            good = self._run(grid, inputs, bool(hold), start, values, *accuracy, lists, status)
             states = np.array(lists).reshape(shape)
         if not good:
             label = self.program.states[int(status[2])]

@@ -32,8 +32,13 @@ from .switching import freeze_modes
 # longer located in the interval (noise about zero), and a jump that continues to switch (a relay
 # that sticks) makes the remaining interval be stepped in short steps. A run that would never get
 # through an interval is ended.
+#
+# The error of a state counts relative to its present value s, so that a small motion after a large
+# start is right; s is at least `floor` = atol / rtol, and SMALL of the largest value b so far,
+# below which rounding would decide.
 _RUN = """
 DEAD = 1e-11
+SMALL = 1e-7
 FAR = 1e5
 PATIENCE = 40
 TRIALS = 65536
@@ -41,7 +46,7 @@ TRIALS = 65536
 {helpers}
 {robust}
 @fast
-def run(grid, u, held, x_start, p, rtol, x_out, status):
+def run(grid, u, held, x_start, p, rtol, floor, x_out, status):
 {unpack}
 {fixed}
     h_next = 0.01 * (grid[1] - grid[0])
@@ -239,7 +244,7 @@ def _at_end(program: Program, leads: Sequence[Node]) -> list[Node]:
 def _unpack(program: Program, parts: Parts) -> list[str]:
     lines = [f"{p.value} = p[{i}]" for i, p in enumerate(program.p)]
     for i, x in enumerate(program.x):
-        lines += [f"{x.value} = x_start[{i}]", f"s{i} = abs({x.value}) + 1e-9"]
+        lines += [f"{x.value} = x_start[{i}]", f"s{i} = b{i} = max(abs({x.value}), floor)"]
         lines += [f"q{i} = 1.0 / s{i}"]
         lines += [f"out{i} = x_out[{i}]", f"out{i}[0] = {x.value}"]
     lines += [f"in{i} = u[{i}]" for i in range(len(program.u))]
@@ -260,7 +265,7 @@ def _end_inputs(parts: Parts) -> list[str]:
 
 
 def _weights(states: int) -> list[str]:
-    """The errors relative to the largest values; divides only if a state grows."""
+    """The errors relative to the present values; divides only if a state grows."""
     lines = []
     for i in range(states):
         lines += [f"o{i} = q{i} if abs(n{i}) <= s{i} else 1.0 / abs(n{i})", f"g{i} = e{i} * o{i}"]
@@ -280,5 +285,6 @@ def _accept(parts: Parts) -> list[str]:
     lines = turns(parts, at_start=False)
     lines += [f"a{i} = l{i}" for i in range(len(parts.leads))]
     for i, x in enumerate(parts.states):
-        lines += [f"{x} = n{i}", f"s{i} = max(s{i}, abs({x}))", f"q{i} = o{i}"]
+        lines += [f"{x} = n{i}", f"b{i} = max(b{i}, abs({x}))"]
+        lines += [f"s{i} = max(abs({x}), SMALL * b{i}, floor)", f"q{i} = 1.0 / s{i}"]
     return lines + [f"{u} = v{i}" for i, u in enumerate(parts.inputs)]

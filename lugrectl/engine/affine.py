@@ -35,12 +35,18 @@ def affine(roots: Sequence[Node], symbols: Iterable[Node]) -> list[Form | None]:
             continue
         parts = [forms[a.index] for a in node.args]
         if all(part is not None and not part.slopes for part in parts):
-            forms[node.index] = Form({}, node)
+            forms[node.index] = Form({}, _without(node, [part.offset for part in parts if part]))
         elif None in parts or node.op not in _RULES:
             forms[node.index] = None
         else:
             forms[node.index] = _RULES[node.op](*parts)
     return [forms[root.index] for root in roots]
+
+
+def _without(node: Node, args: Sequence[Node]) -> Node:
+    """The node with arguments in which a symbol has cancelled: x - x, 0 x."""
+    same = all(a.index == b.index for a, b in zip(node.args, args, strict=True))
+    return node if same else node.graph.make(node.op, *args)
 
 
 def _number(node: Node, value: float) -> Node:

@@ -18,7 +18,7 @@ _TYPES = {"d": "double", "i": "int64_t"}
 _SIGNS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.USub: "-", ast.Not: "!"}
 _SIGNS |= {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 _SIGNS |= {ast.And: "&&", ast.Or: "||"}
-_CALLS = {"abs": "fabs", "max": "most", "min": "least"}
+_CALLS = {"abs": "fabs", "floored": "floor", "max": "most", "min": "least"}
 _CONSTANTS = {"inf": "INFINITY", "nan": "NAN"}
 
 _PARSING = threading.Lock()  # Python 3.11 counts the depth of syntax trees globally

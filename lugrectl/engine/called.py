@@ -9,6 +9,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from .adaptive import Adaptive, Diverged
+from .growth import quiet, stopped
 from .held import Course, Track, not_finite
 from .hybrid import state_labels, trace_net
 from .instant import Unsolved
@@ -49,17 +50,25 @@ class Called:
         self.engine = Adaptive(trace_net(net, params, ticks=False).flow) if flowing else None
 
     def run(
-        self, course: Course, x: np.ndarray, q: np.ndarray, p: np.ndarray | None, rtol: float
+        self,
+        course: Course,
+        x: np.ndarray,
+        q: np.ndarray,
+        p: np.ndarray | None,
+        rtol: float,
+        atol: float | None = None,
     ) -> Track:
         """As :meth:`lugrectl.engine.held.Held.run`."""
         how = "at each of its updates" if self.engine is not None else ""
         with said_if_slow(self.why, how):
-            return self._run(course, x, q, rtol)
+            return self._run(course, x, q, rtol, atol)
 
-    def _run(self, course: Course, x: np.ndarray, q: np.ndarray, rtol: float) -> Track:
+    def _run(
+        self, course: Course, x: np.ndarray, q: np.ndarray, rtol: float, atol: float | None
+    ) -> Track:
         for part in self.net.parts:
             part.block._update_params(self.params)
-        advance = self._advance(course.hold, rtol)
+        advance = self._advance(course.hold, rtol, atol)
         states, signals, unsettled = [], [], [np.nan]
         h, x, q = np.zeros(len(self.net.held)), x.copy(), q.copy()
         ticks, grid = course.ticks, course.grid
@@ -177,24 +186,30 @@ class Called:
         none = np.zeros(len(self.net.outside))
         return np.array([self._signal(label, rows, none) for label in self.net.signals])
 
-    def _advance(self, hold: bool, rtol: float) -> Advance:
+    def _advance(self, hold: bool, rtol: float, atol: float | None) -> Advance:
         if self.engine is not None:
             engine = self.engine
             p = engine.program.arguments(self.params)
 
             def traced(t: np.ndarray, rows: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, float]:
-                part = engine.run(t, rows, x, p, hold=hold, rtol=rtol)
+                part = engine.run(t, rows, x, p, hold=hold, rtol=rtol, atol=atol)
                 return part.states[:, -1], part.unsettled
 
             return traced
 
         def called(t: np.ndarray, rows: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, float]:
-            return self._by_scipy(t, rows, x, hold, rtol), np.nan
+            return self._by_scipy(t, rows, x, hold, rtol, atol), np.nan
 
         return called
 
     def _by_scipy(
-        self, t: np.ndarray, rows: np.ndarray, x: np.ndarray, hold: bool, rtol: float
+        self,
+        t: np.ndarray,
+        rows: np.ndarray,
+        x: np.ndarray,
+        hold: bool,
+        rtol: float,
+        atol: float | None,
     ) -> np.ndarray:
         m = len(self.net.outside)
         slope = 0.0 * rows[:, 0] if hold else (rows[:, 1] - rows[:, 0]) / (t[1] - t[0])
@@ -209,15 +224,13 @@ class Called:
             ]
             return np.concatenate(parts)
 
-        done = solve_ivp(rates, t, x, method=self.method or "LSODA", rtol=rtol, atol=1e-4 * rtol)
+        with quiet():
+            options: Any = {"rtol": rtol, "atol": 1e-4 * rtol if atol is None else atol}
+            done = solve_ivp(rates, t, x, method=self.method or "LSODA", **options)
         last = done.y[:, -1]
         if not done.success or not np.all(np.isfinite(last)):
-            bad = int(np.argmax(~np.isfinite(last))) if not np.all(np.isfinite(last)) else None
-            label = "" if bad is None else f"state {state_labels(self.net, sampled=False)[bad]}: "
-            raise Diverged(
-                f"{self.net.name}: {label}the solver stops at t = {done.t[-1]:.6g} s: "
-                f"{done.message}"
-            )
+            labels, looped = state_labels(self.net, sampled=False), len(self.net.parts) > 1
+            raise stopped(self.net.name, labels, done.t[-1], last, done.message, looped=looped)
         return last
 
     def _inputs(self, part: Any, outputs: Rows, u: np.ndarray) -> np.ndarray:

@@ -10,9 +10,10 @@ from .graph import Node, reachable, substitute
 from .ops import OPS
 
 SCALAR_HEADER = """from math import (
-    acos, asin, atan, atan2, cos, cosh, exp, expm1, inf, isfinite, log, log10, log1p, nan, pow,
-    sin, sinh, sqrt, tan, tanh
+    acos, asin, atan, atan2, cos, cosh, exp, expm1, inf, isfinite, log, log10, log1p, nan,
+    pow, sin, sinh, sqrt, tan, tanh
 )
+from math import floor as floored
 """
 ARRAY_HEADER = "import numpy as np\nfrom numpy import inf, nan\n"
 

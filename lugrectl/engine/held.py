@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from .adaptive import Diverged
+from .adaptive import Diverged, floor_of
 from .held_code import held_code, signal_code
 from .hybrid import Hybrid
 from .load import has_numba, load
@@ -107,7 +107,13 @@ class Held:
         return self.backend or ("numba" if self._points > few and has_numba() else "python")
 
     def run(
-        self, course: Course, x: np.ndarray, q: np.ndarray, p: np.ndarray, rtol: float
+        self,
+        course: Course,
+        x: np.ndarray,
+        q: np.ndarray,
+        p: np.ndarray,
+        rtol: float,
+        atol: float | None = None,
     ) -> Track:
         """The track that starts at the states x, q.
 
@@ -123,7 +129,9 @@ class Held:
         status = np.array([0.0, 0.0, 0.0, np.nan, 0.0])
         fixed = (course.grid, course.given, course.ticks, course.flags, course.column)
         backend = self._chosen(len(course.grid))
-        code = self._call(backend, (*fixed, course.hold, p, rtol), now, out, status)
+        code = self._call(
+            backend, (*fixed, course.hold, p, float(rtol), floor_of(rtol, atol)), now, out, status
+        )
         if code == 1:
             label = self.hybrid.flow.states[int(status[2])]
             raise Diverged(
@@ -148,12 +156,12 @@ class Held:
     def _call(self, backend: str, fixed: Any, now: Any, out: Any, status: np.ndarray) -> int:
         """Call the generated function; with lists in plain Python, where they are faster."""
         run = self._generated(backend)
-        *arrays, hold, p, rtol = fixed
+        *arrays, hold, p, rtol, floor = fixed
         if backend == "numba":
             arrays = [np.require(a, requirements=["C", "W"]) for a in (*arrays, p)]
-            return run(*arrays[:-1], bool(hold), arrays[-1], float(rtol), *now, *out, status)
+            return run(*arrays[:-1], bool(hold), arrays[-1], rtol, floor, *now, *out, status)
         arrays, lists, kept = ([a.tolist() for a in group] for group in (arrays, now, out))
-        code = run(*arrays, bool(hold), p.tolist(), float(rtol), *lists, *kept, status)
+        code = run(*arrays, bool(hold), p.tolist(), rtol, floor, *lists, *kept, status)
         for targets, values in ((now, lists), (out, kept)):
             for target, rows in zip(targets, values, strict=True):
                 target[...] = np.array(rows).reshape(target.shape)

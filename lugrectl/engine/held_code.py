@@ -17,7 +17,8 @@ import numpy as np
 {robust}
 @fast
 def alternate(
-    grid, given, ticks, flags, column, held, p, rtol, x, q, h, x_out, q_out, h_out, b_out, status
+    grid, given, ticks, flags, column, held, p, rtol, floor, x, q, h, x_out, q_out, h_out, b_out,
+    status
 ):
 {unpack}
 {head}
@@ -60,7 +61,7 @@ rows = [{rows}]
 """
 
 _ADVANCE = """
-if not run(times, rows, held, x, p, rtol, part, status):
+if not run(times, rows, held, x, p, rtol, floor, part, status):
     return 1
 for i in range(1, size - 1):
     c = column[k + i]

@@ -19,6 +19,7 @@ from .native import Native, has_compiler
 
 # a b + c may be rounded once; the other options of fastmath would change the meaning of the code
 NUMBA_HEADER = """from numba import njit
+from numpy import floor as floored
 
 fast = njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 small = njit(error_model="numpy", fastmath={"contract"})

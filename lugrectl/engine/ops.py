@@ -82,6 +82,7 @@ OPS: dict[str, Op] = {
     ),
     "absolute": _function("absolute", lambda r, a: np.sign(a), "abs"),
     "sign": Op(np.sign, "(1.0 if {0} > 0.0 else (-1.0 if {0} < 0.0 else 0.0))", "np.sign({0})"),
+    "floor": Op(np.floor, "floored({0})", "np.floor({0})"),
     "maximum": Op(np.maximum, "({0} if {0} >= {1} or {0} != {0} else {1})", "np.maximum({0}, {1})"),
     "minimum": Op(np.minimum, "({0} if {0} <= {1} or {0} != {0} else {1})", "np.minimum({0}, {1})"),
     "where": Op(np.where, "({1} if {0} else {2})", "np.where({0}, {1}, {2})"),
@@ -111,6 +112,12 @@ DERIVED: dict[str, Callable[..., Any]] = {
     "square": lambda a: a * a,
     "reciprocal": lambda a: 1.0 / a,
     "positive": lambda a: a,
+    "ceil": lambda a: -np.floor(-a),
+    "trunc": lambda a: _trunc(a),
+    "rint": lambda a: _rint(a),
+    "remainder": lambda a, b: a - b * np.floor(a / b),
+    "fmod": lambda a, b: a - b * _trunc(a / b),
+    "floor_divide": lambda a, b: np.floor(a / b),
     "hypot": lambda a, b: np.sqrt(a * a + b * b),
     "float_power": lambda a, b: np.power(a, b),
     "greater": lambda a, b: np.less(b, a),
@@ -128,6 +135,17 @@ DERIVED: dict[str, Callable[..., Any]] = {
     "deg2rad": lambda a: a * (np.pi / 180.0),
     "rad2deg": lambda a: a * (180.0 / np.pi),
 }
+
+
+def _trunc(a: Any) -> Any:
+    return where(a < 0.0, -np.floor(-a), np.floor(a))
+
+
+def _rint(a: Any) -> Any:
+    """The nearest whole number; of two the even one."""
+    up = np.floor(a + 0.5)
+    tie = np.logical_and(np.equal(up - a, 0.5), np.less(0.25, up - 2.0 * np.floor(0.5 * up)))
+    return where(tie, up - 1.0, up)
 
 
 def where(condition: Any, yes: Any, no: Any) -> Any:

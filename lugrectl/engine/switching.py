@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+import numpy as np
+
 from .graph import Node, substitute, symbols_in
 from .ops import COMPARISONS
 
@@ -112,12 +114,21 @@ def _choose(mode: Node, yes: Node, no: Node) -> Node:
     return make("where", mode > 0.0, yes, make("where", mode <= 0.0, no, yes + no))
 
 
+def _floor(mode: Node, a: Node) -> Node:
+    """The floor on its side, up to half a cell beyond: even for sin(pi a) > 0, else odd."""
+    even = 2.0 * np.floor(0.5 * (a - 0.5) + 0.5)
+    odd = 2.0 * np.floor(0.5 * (a - 1.5) + 0.5) + 1.0
+    make = mode.graph.make
+    return make("where", mode > 0.0, even, make("where", mode < 0.0, odd, np.floor(a + 0.5)))
+
+
 _KINKS = {"absolute", "maximum", "minimum"}
 
 # operation: its switching function, and its value on the side m
 _SIDES: dict[str, tuple[Callable[..., Node], Callable[..., Node]]] = {
     "absolute": (lambda a: a, lambda m, a: m * a),
     "sign": (lambda a: a, lambda m, a: m),
+    "floor": (lambda a: np.sin(np.pi * a), _floor),
     "less": (lambda a, b: b - a, lambda m, a, b: m > 0.0),
     "less_equal": (lambda a, b: b - a, lambda m, a, b: m >= 0.0),
     "maximum": (lambda a, b: a - b, _choose),

@@ -9,9 +9,6 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from .ops import DERIVED, OPS
 
-ROUNDING = frozenset(
-    ("floor", "ceil", "rint", "trunc", "round", "remainder", "fmod", "mod", "floor_divide")
-)
 WITH = "arithmetic, np.where, np.sign, np.abs, np.clip, np.interp, np.exp, np.sin and their like"
 POINTS = 50  # most points of np.interp: steps end at each, and each takes time to compile
 
@@ -44,7 +41,19 @@ class Symbolic(NDArrayOperatorsMixin):
             "write np.* functions and np.array([...])"
         )
 
-    __int__ = __index__ = __complex__ = __round__ = __float__
+    __int__ = __index__ = __complex__ = __float__
+
+    def __round__(self, digits: Any = None) -> Any:
+        return np.rint(self) if digits is None else np.rint(self * 10.0**digits) / 10.0**digits
+
+    def __floor__(self) -> Any:
+        return np.floor(self)
+
+    def __ceil__(self) -> Any:
+        return np.ceil(self)
+
+    def __trunc__(self) -> Any:
+        return np.trunc(self)
 
     def clip(self, low: Any = None, high: Any = None) -> Any:
         return _clip(self, low, high)
@@ -58,7 +67,18 @@ def _method(name: str) -> Any:
 for _name, _op in OPS.items():
     if isinstance(_op.value, np.ufunc) and _op.value.nin == 1:
         setattr(Symbolic, _name, _method(_name))
-for _name in ("square", "reciprocal", "fabs", "degrees", "radians", "deg2rad", "rad2deg"):
+for _name in (
+    "ceil",
+    "rint",
+    "trunc",
+    "square",
+    "reciprocal",
+    "fabs",
+    "degrees",
+    "radians",
+    "deg2rad",
+    "rad2deg",
+):
     setattr(Symbolic, _name, _method(_name))
 
 
@@ -108,15 +128,8 @@ def _scalar(name: str, args: Any) -> Any:
     if name in DERIVED:
         return DERIVED[name](*args)
     if name not in OPS:
-        raise TraceError(f"np.{name} of a signal cannot be traced; {_instead(name)}")
+        raise TraceError(f"np.{name} of a signal cannot be traced; write it with {WITH}")
     return node.graph.make(name, *args)
-
-
-def _instead(name: str) -> str:
-    """What to write in place of a function that cannot be traced."""
-    if name in ROUNDING:
-        return "leave the rounding out, or give its block a sample time (dt=...) if it has none"
-    return "write it with " + WITH
 
 
 def _elementwise(function: Any, inputs: Any) -> Any:
@@ -177,11 +190,34 @@ def _interp(
     return result if right is None else _where(x > places[-1], right, result)
 
 
+def _select(conditions: Any, choices: Any, default: Any = 0.0) -> Any:
+    """np.select: the first choice whose condition holds."""
+    result = default
+    for condition, choice in reversed([*zip(conditions, choices, strict=True)]):
+        result = _where(condition, choice, result)
+    return result
+
+
+def _round(value: Any, decimals: Any = 0, **options: Any) -> Any:
+    scale = 10.0 ** int(decimals)
+    return np.rint(_listed(value) * scale) / scale if decimals else np.rint(_listed(value))
+
+
+def _fix(value: Any, **options: Any) -> Any:
+    return np.trunc(_listed(value))
+
+
 def _listed(value: Any) -> Any:
     return signal_array(value) if isinstance(value, (list, tuple)) else value
 
 
-FUNCTIONS = {np.where: _where, np.clip: _clip, np.interp: _interp}
+FUNCTIONS = {
+    np.where: _where,
+    np.clip: _clip,
+    np.interp: _interp,
+    np.select: _select,
+    np.fix: _fix,
+} | {function: _round for function in (np.round, np.around)}
 
 
 def apply_function(function: Any, args: Any, options: dict[str, Any]) -> Any:

@@ -217,13 +217,25 @@ class _Tracer:
         try:
             result = function(self.t, *signals, known)
         except Exception:
-            self.fixed |= {k: v for k, v in block._current_params.items() if known[k] is not v}
-            known.update(block._current_params)
-            try:
-                result = function(self.t, *signals, known)
-            except Exception as error:
-                raise TraceError(_blame(block, function, error)) from error
+            result = self._with_numbers(block, function, signals)
         return self._nodes(block, result, size)
+
+    def _with_numbers(self, block: Any, function: Callable[..., Any], signals: Any) -> Any:
+        """The result with as few parameters as possible as numbers: a count fixes itself alone."""
+        known, numbers = self.values[id(block)], block._current_params
+        try:
+            result = function(self.t, *signals, dict(numbers))
+        except Exception as error:
+            raise TraceError(_blame(block, function, error)) from error
+        needed = dict(numbers)
+        for key in [k for k, v in numbers.items() if known[k] is not v]:
+            try:
+                result = function(self.t, *signals, needed | {key: known[key]})
+                needed[key] = known[key]
+            except Exception:
+                self.fixed[key] = numbers[key]
+        known.update(needed)
+        return result
 
     def _nodes(self, block: Any, result: Any, size: int) -> list[Node]:
         flat = np.asarray(result, dtype=object).reshape(-1)

@@ -13,6 +13,7 @@ import numpy as np
 from .. import arguments
 from ..engine.adaptive import Diverged
 from ..engine.batch import Portable
+from ..engine.growth import bounded
 from ..errors import InputError
 from ..jobs import JobError
 from ..simulation import simulate
@@ -42,6 +43,9 @@ class Traced:
         def solve(u: np.ndarray, x0: np.ndarray, p: np.ndarray) -> Answer:
             answer = loaded.response(self.t, u, x0, p, self.hold, self.rtol)
             self._finite(answer[1])
+            labels = [[f"output {k}" for k in self.portable.outputs]]
+            driven = [u, x0]
+            bounded(self.portable.name, self.t, [answer[1]], labels, driven, looped=False)
             return answer
 
         return solve

@@ -8,12 +8,18 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
+import control as ct
+import numpy as np
+
 from lugrectl.errors import InputError
 
 from .exact import Poly, add, hurwitz, odd_roots, positive_roots, real_product, scale
+from .floating import Model, level_crossings
+from .measured import crossings, is_measured
 from .transfer import number, read_transfer
 from .verdict import Verdict, show_poles
 
+EXACT = 6  # states of a state-space model that is decided in exact arithmetic
 LEVELS = {"-3dB": Fraction(10 ** (-3 / 10)), "half-power": Fraction(1, 2)}
 
 
@@ -46,6 +52,15 @@ class BandwidthVerdict(Verdict):
     def __bool__(self) -> bool:
         return self.stable and math.isfinite(self.bandwidth)
 
+    def plot(self, ax: Any = None) -> Any:
+        """Draw |T(jw)| with the bandwidth, and the phase; returns the Axes.
+
+        ``ax``: an Axes for the first, or two; else a new figure.
+        """
+        from ..report.checks_drawn import band
+
+        return band(self, ax)
+
 
 def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:
     """Where |T(jw)| first falls below its DC value by 3 dB.
@@ -54,13 +69,21 @@ def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:
     |n(jw)|^2 |d(0)|^2 - c |n(0)|^2 |d(jw)|^2 are isolated exactly; c = 10^(-3/10) for "-3dB"
     (amplitude 0.70795), 1/2 for "half-power" (0.70711), 10^(level/10) for a negative number of
     dB. Stability is decided exactly for the given coefficients (Routh), after cancelling common
-    factors; touching the level does not count as a crossing.
+    factors; touching the level does not count as a crossing. A state-space model of more than 6
+    states is decided in floating point, at the cost of a few eigenvalue problems.
 
-    T : continuous SISO control.TransferFunction or StateSpace, or a pair (num, den).
-    Raises InputError if T is none of these, or for an unknown level.
+    T : continuous SISO control.TransferFunction or StateSpace, or a pair (num, den); or a
+    measured response, control.frd: its lowest frequency then stands for DC, the crossing is
+    interpolated (dB over log w), and T counts as stable. Raises InputError if T is none of these,
+    or for an unknown level.
     """
-    c, transfer = level_power(level), read_transfer(T)
-    num, den, cancelled = transfer
+    c = level_power(level)
+    if is_measured(T):
+        return _measured(T, c, level).of(T)
+    if isinstance(T, ct.StateSpace) and (found := _floating(T, c, level)):
+        return found.of(T)
+    transfer = read_transfer(T)
+    num, den, _ = transfer
     poles, stable = transfer.poles, hurwitz(den)
     dc = bool(num) and bool(num[0]) and bool(den[0])
     crossings = _crossings(num, den, c) if dc else ()
@@ -68,9 +91,41 @@ def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:
     reason = _reason(num, den, width, level)
     if not stable:
         reason = f"T is not stable (poles {show_poles(poles)} 1/s): {reason}"
-    if not hurwitz(cancelled):
-        reason += "; a common factor that is not stable was cancelled from T"
-    return BandwidthVerdict(width, width / (2 * math.pi), crossings, stable, poles, reason)
+    if transfer.hidden:
+        reason += f"; {transfer.hidden}"
+    verdict = BandwidthVerdict(width, width / (2 * math.pi), crossings, stable, poles, reason)
+    return verdict.of(T)
+
+
+def _floating(T: Any, c: Fraction, level: str | float) -> BandwidthVerdict | None:
+    """The verdict on a state-space model of many states; None where exact arithmetic decides."""
+    model = Model.of(T)
+    if len(model.A) <= EXACT or min(abs(model.poles)) <= model.uncertain:
+        return None
+    if np.abs(np.real(model.poles)).min() <= model.uncertain:
+        return None
+    dc, slack = model.at(0.0)
+    if abs(dc) <= slack:
+        return None
+    found, poles = level_crossings(model, float(c)), tuple(map(complex, model.poles))
+    width, stable = found[0] if found else math.inf, bool(poles[0].real < 0)
+    reason = _falls(width, level, abs(dc))
+    if not stable:
+        reason = f"T is not stable (poles {show_poles(poles)} 1/s): {reason}"
+    return BandwidthVerdict(width, width / (2 * math.pi), found, stable, poles, reason)
+
+
+def _measured(T: Any, c: Fraction, level: str | float) -> BandwidthVerdict:
+    """The verdict on a measured response."""
+    found, said = crossings(T, float(c))
+    name = level if isinstance(level, str) else f"{level:g} dB"
+    if not found:
+        width = math.nan if said.startswith("|T| is 0") else math.inf
+        reason = said if math.isnan(width) else f"|T(jw)| does not fall below {name}, {said}"
+        return BandwidthVerdict(width, width, (), True, (), reason)
+    width, hertz = found[0], found[0] / (2 * math.pi)
+    reason = f"|T(jw)| falls through {name} at {width:.6g} rad/s ({hertz:.6g} Hz), {said}"
+    return BandwidthVerdict(width, hertz, found, True, (), reason)
 
 
 def bandwidth(T: Any, level: str | float = "-3dB") -> float:
@@ -105,8 +160,12 @@ def _reason(num: Poly, den: Poly, width: float, level: str | float) -> str:
     if math.isnan(width):
         value = "infinite" if num and not den[0] else "zero"
         return f"T(0) is {value}, so there is no DC gain to measure a bandwidth from"
+    return _falls(width, level, abs(float(Fraction(num[0]) / den[0])))
+
+
+def _falls(width: float, level: str | float, dc: float) -> str:
     name = level if isinstance(level, str) else f"{level:g} dB"
-    start = f"{name} of |T(0)| = {abs(float(Fraction(num[0]) / den[0])):.6g}"
+    start = f"{name} of |T(0)| = {dc:.6g}"
     if math.isinf(width):
         return f"|T(jw)| never falls below {start}"
     return f"|T(jw)| falls through {start} at {width:.6g} rad/s ({width / (2 * math.pi):.6g} Hz)"

@@ -23,6 +23,7 @@ from .exact import (
     real_product,
     scale,
 )
+from .measured import is_measured, response, span
 from .transfer import Transfer, number, parameter, read_transfer, to_float
 from .verdict import Verdict
 
@@ -45,6 +46,12 @@ class L2Verdict(Verdict):
 
     def __bool__(self) -> bool:
         return bool(np.isfinite(self.gain))
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw |G(jw)| with its largest value, into ``ax`` or a new figure; returns the Axes."""
+        from ..report.checks_drawn import gain
+
+        return gain(self, ax)
 
 
 def l2_check(p: Any, K2: float | None = None) -> L2Verdict:
@@ -71,7 +78,8 @@ def l2_check(p: Any, K2: float | None = None) -> L2Verdict:
     ----------
     p : any object with attributes J (N m s^2/rad), sigma0 (N m/rad), sigma1 (N m s/rad), or a
         model; or a transfer function T(s) as for ``spr_check``, whose own gain is then the
-        answer, the largest |T(jw)| where T is stable and proper
+        answer, the largest |T(jw)| where T is stable and proper; or a measured response,
+        control.frd: the largest value at its frequencies
     K2 : observer gain in N m s/rad; left out with a transfer function
 
     Raises InputError for values that are not finite numbers and for sigma0 = sigma1 = 0.
@@ -79,13 +87,29 @@ def l2_check(p: Any, K2: float | None = None) -> L2Verdict:
     if isinstance(p, ct.TransferFunction | ct.StateSpace | tuple | list):
         if K2 is not None:
             raise InputError("K2 goes with a drive's parameters: leave it out beside T(s).")
-        return gain_of(read_transfer(p))
+        return gain_of(read_transfer(p)).of(p)
+    if is_measured(p):
+        return _measured_gain(p).of(p)
     if K2 is None:
         raise InputError("l2_check needs K2, the observer's gain in N m s/rad.")
     p = values_of(p)
     J, sigma0, sigma1 = (parameter(p, name) for name in ("J", "sigma0", "sigma1"))
     gain, frequency, reason = _gain(J, number(K2, "K2"), sigma0, sigma1)
-    return L2Verdict(gain, frequency, reason, _meaning(gain, J, sigma0, sigma1))
+    verdict = L2Verdict(gain, frequency, reason, _meaning(gain, J, sigma0, sigma1))
+    return verdict.of(([J, number(K2, "K2")], [sigma1, sigma0]))
+
+
+def _measured_gain(T: Any) -> L2Verdict:
+    """The largest |T(jw)| of a measured response: the L2 gain is at least that."""
+    w, values = response(T)
+    k = int(np.argmax(np.abs(values)))
+    gain = float(abs(values[k]))
+    reason = (
+        f"|T(jw)| is largest at {w[k]:.6g} rad/s of {span(w)}; between and outside them, and on "
+        "whether T is stable, it says nothing"
+    )
+    meaning = f"the L2 gain is at least {gain:.6g}"
+    return L2Verdict(gain, float(w[k]), reason, meaning)
 
 
 def gain_of(T: Transfer) -> L2Verdict:
@@ -94,10 +118,11 @@ def gain_of(T: Transfer) -> L2Verdict:
     |T(jw)|^2 = N(x)/D(x), x = w^2, is largest at w = 0, as w grows, or where N'D - N D' changes
     its sign; these places are isolated exactly.
     """
-    num, den, cancelled = T
+    num, den, _ = T
     inf, nothing = float("inf"), "nothing follows for the output of an input in L2"
-    if not hurwitz(den) or not hurwitz(cancelled):
-        return L2Verdict(inf, float("nan"), "T(s) is not stable", nothing)
+    if not hurwitz(den) or T.hidden:
+        why = T.hidden if hurwitz(den) else "T(s) is not stable"
+        return L2Verdict(inf, float("nan"), why, nothing)
     if len(num) > len(den):
         return L2Verdict(inf, inf, "T(s) is improper: |T| grows with w without bound", nothing)
     N, D = real_product(num, num), real_product(den, den)

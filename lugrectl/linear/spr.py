@@ -8,6 +8,8 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import Any
 
+import control as ct
+
 from .exact import (
     Poly,
     axis_roots,
@@ -17,13 +19,17 @@ from .exact import (
     positive_roots,
     real_product,
 )
+from .floating import Model, Realness
+from .floating import realness as realness_of
 from .loops import LoopT
+from .measured import is_measured, realness
 from .realness import band_edge, classify, margin
 from .repair import Repair, find_repair
 from .transfer import Transfer, read_transfer
 from .verdict import Verdict, show_poles
 
 NEAR_ZERO = 1e-12
+EXACT = 6  # states of a state-space model that is decided in exact arithmetic
 
 
 @dataclass(frozen=True, repr=False)
@@ -49,6 +55,15 @@ class SprVerdict(Verdict):
     def __bool__(self) -> bool:
         return self.classification == "SPR"
 
+    def plot(self, ax: Any = None) -> Any:
+        """Draw Re T(jw) with band edge and margin, and the Nyquist curve; returns the Axes.
+
+        ``ax``: an Axes for the first, or two; else a new figure.
+        """
+        from ..report.checks_drawn import realness
+
+        return realness(self, ax)
+
 
 def spr_check(T: Any) -> SprVerdict:
     """Whether T(s) is strictly positive real (SPR), weakly so, positive real (PR) or not.
@@ -68,18 +83,41 @@ def spr_check(T: Any) -> SprVerdict:
     on a frequency grid. The given coefficients are taken as exact, so an equality such as
     sigma1 Kd = sigma0 J holds only if it holds for the floats; the reason mentions a coefficient
     of P that is within 1e-12 of zero, relative to its terms. Give the pair (num, den) as
-    fractions.Fraction to decide on decimal numbers. T = 0 counts as PR.
+    fractions.Fraction to decide on decimal numbers. T = 0 counts as PR. The verdict is about
+    T(s): where a mode that is not stable cancelled from it, the reason says so.
+
+    A state-space model of more than 6 states is decided in floating point, from the zeros of
+    T(s) + T(-s): time grows with the third power of the order. Where the rounding of its matrices
+    may decide, as after a change of coordinates, T counts as PR and the reason says so.
 
     T : continuous SISO control.TransferFunction or StateSpace, or a pair (num, den) in
-        descending powers of s. Raises InputError if it is none of these.
+        descending powers of s; or a measured response, control.frd: the verdict then holds for
+        its frequencies alone, and its margin is nan. Raises InputError if it is none of these.
     """
+    if is_measured(T):
+        kind, edge, reason = realness(T)
+        return SprVerdict(kind, math.nan, edge, f"{kind}: {reason}.").of(T)
+    model = Model.of(T) if isinstance(T, ct.StateSpace) else None
+    if model is not None and len(model.A) > EXACT and (found := realness_of(model)).kind:
+        return _floating(found).of(T)
     transfer = read_transfer(T)
     num, den, _ = transfer
     kind, edge = classify(num, den), band_edge(num, den)
+    if model is not None and kind != "PR" and (found := realness_of(model)).rounded:
+        return _floating(found).of(T)
     eps = margin(num, den) if kind == "SPR" else 0.0
     repair = find_repair(T.loop) if isinstance(T, LoopT) and kind != "SPR" else None
     reason = _REASONS[kind](transfer, edge) + _rounding(num, den)
-    return SprVerdict(kind, eps, edge, f"{kind}: {reason}.", repair and repair.sentence)
+    if transfer.hidden:
+        reason += f"; {transfer.hidden}"
+    verdict = SprVerdict(kind, eps, edge, f"{kind}: {reason}.", repair and repair.sentence)
+    return verdict.of(T)
+
+
+def _floating(found: Realness) -> SprVerdict:
+    """The verdict on a state-space model in floating point."""
+    reason = f"{found.kind}: {found.reason} (decided in floating point)."
+    return SprVerdict(found.kind, found.margin, found.edge, reason)
 
 
 def spr_repair(T: Any) -> Repair | None:

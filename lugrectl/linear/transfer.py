@@ -14,7 +14,10 @@ import numpy as np
 from lugrectl.checks import shown
 from lugrectl.errors import InputError
 
-from .exact import Poly, divide, gcd, poly
+from .exact import Poly, divide, gcd, hurwitz, poly
+from .verdict import show_poles
+
+TINY = 1e-9  # a root this near to the axis, relative to its size, is shown as not stable
 
 
 class Transfer(NamedTuple):
@@ -27,10 +30,26 @@ class Transfer(NamedTuple):
     @property
     def poles(self) -> tuple[complex, ...]:
         """Roots of ``den`` in 1/s, rightmost first (floats: for display, not for decisions)."""
-        monic = [to_float(Fraction(c) / self.den[-1]) for c in reversed(self.den)]
-        if not np.all(np.isfinite(monic)):
-            raise InputError("The coefficients of T(s) differ by more than 1e308; rescale time.")
-        return tuple(sorted(map(complex, np.roots(monic)), key=lambda s: (-s.real, s.imag)))
+        return roots(self.den)
+
+    @property
+    def hidden(self) -> str:
+        """A remark on a mode that is not stable and cancelled from T(s); empty without one."""
+        if hurwitz(self.cancelled):
+            return ""
+        modes = show_poles([s for s in roots(self.cancelled) if s.real >= -TINY * abs(s)])
+        return (
+            f"a mode of the system that is not stable (s = {modes} 1/s) was "
+            "cancelled from T(s): the system itself is not stable"
+        )
+
+
+def roots(p: Poly) -> tuple[complex, ...]:
+    """The roots of a polynomial in 1/s, rightmost first, as floats."""
+    monic = [to_float(Fraction(c) / p[-1]) for c in reversed(p)]
+    if not np.all(np.isfinite(monic)):
+        raise InputError("The coefficients of T(s) differ by more than 1e308; rescale time.")
+    return tuple(sorted(map(complex, np.roots(monic)), key=lambda s: (-s.real, s.imag)))
 
 
 def number(value: Any, what: str) -> Fraction:
@@ -67,7 +86,7 @@ def read_transfer(T: Any, name: str = "T") -> Transfer:
     may be fractions.Fraction. Raises InputError, which calls it ``name``, for anything else.
     """
     if isinstance(T, ct.TransferFunction | ct.StateSpace):
-        _require_continuous_siso(T, name)
+        require_continuous_siso(T, name)
     if isinstance(T, ct.TransferFunction):
         num, den = (
             _descending(T.num[0][0], "numerator", name),
@@ -93,7 +112,8 @@ def lowest_terms(num: Poly, den: Poly) -> Transfer:
     return Transfer(divide(num, common)[0], divide(den, common)[0], common)
 
 
-def _require_continuous_siso(T: Any, name: str) -> None:
+def require_continuous_siso(T: Any, name: str) -> None:
+    """InputError, which calls T ``name``, for several channels or discrete time."""
     if (T.ninputs, T.noutputs) != (1, 1):
         raise InputError(
             f"{name} has {T.ninputs} inputs and {T.noutputs} outputs, but the check is for one of "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields
-from typing import Any
+from typing import Any, Self
 
 from ..outputs import Result
 
@@ -12,10 +12,17 @@ from ..outputs import Result
 class Verdict(Result):
     """Base of the frozen verdict dataclasses; truthy when the property holds."""
 
+    _source: Any = None
+
     def summary(self) -> dict[str, Any]:
         """Plain Python: ``holds`` and every field; a complex number becomes [re, im]."""
         values = {f.name: _plain(getattr(self, f.name)) for f in fields(self)}  # type: ignore
         return {"holds": bool(self), **values}
+
+    def of(self, source: Any) -> Self:
+        """The verdict, which remembers what was checked, for :meth:`plot`."""
+        object.__setattr__(self, "_source", source)
+        return self
 
     def __str__(self) -> str:
         rows = [f"  {row.name}: {row.text()}" for row in self._rows()]

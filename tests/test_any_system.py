@@ -1,0 +1,105 @@
+"""Any python-control system is taken where it has a meaning: transfer functions, discrete systems,
+measured responses, friction laws in a describing function."""
+
+from __future__ import annotations
+
+import control as ct
+import numpy as np
+import pytest
+
+import lugrectl as lg
+
+T = np.linspace(0, 1, 101)
+LAG = ct.tf([2], [0.5, 1])
+
+
+def measured(system, low=-2, high=3, points=400):
+    return ct.frd(system, np.logspace(low, high, points))
+
+
+@pytest.mark.parametrize(
+    "system",
+    [LAG, ct.ss(LAG), ct.zpk([], [-2.0], 4.0), ct.tf([2], [0.5, 1], name="lag")],
+    ids=["tf", "ss", "zpk", "named"],
+)
+def test_a_linear_system_is_simulated_and_sampled(system):
+    right = 2 * (1 - np.exp(-2 * T))
+    assert lg.simulate(system, T, 1.0).outputs == pytest.approx(right, abs=1e-5)
+    sampled = lg.simulate(lg.sampled(system, T[1]), T, 1.0).outputs
+    assert sampled == pytest.approx(right, abs=1e-9)
+
+
+@pytest.mark.parametrize("dt", [0.01, True])
+def test_a_discrete_system_is_simulated_as_it_is(dt):
+    system = ct.tf([1], [1, -0.5], dt)
+    t = np.arange(6) * (1.0 if dt is True else dt)
+    right = ct.forced_response(system, t, 1 + 0 * t).outputs
+    assert lg.simulate(system, t, 1.0).outputs == pytest.approx(right)
+
+
+def test_a_measured_response_cannot_be_simulated():
+    with pytest.raises(lg.InputError, match="frequency response, which has no states"):
+        lg.simulate(measured(LAG), T, 1.0)
+
+
+@pytest.mark.parametrize(
+    "system", [LAG, ct.tf([1, 9], [1, 2, 9]), ct.tf([100], [1, 2, 100])], ids=str
+)
+def test_the_bandwidth_of_a_measured_response_is_that_of_its_system(system):
+    assert lg.bandwidth(measured(system)) == pytest.approx(lg.bandwidth(system), rel=2e-3)
+    found, right = (lg.bandwidth_check(T) for T in (measured(system), system))
+    assert found.crossings == pytest.approx(right.crossings, rel=2e-3)
+    assert "400 measured frequencies from 0.01 to 1000 rad/s" in found.reason
+    assert found
+
+
+def test_a_response_that_stays_up_has_no_bandwidth():
+    found = lg.bandwidth_check(measured(LAG, -2, -1))
+    assert not found and np.isinf(found.bandwidth)
+    assert "does not fall below -3dB" in found.reason
+
+
+@pytest.mark.parametrize("level, power", [("half-power", 0.5), (-6, 10**-0.6)])
+def test_a_measured_bandwidth_has_a_level_too(level, power):
+    right = 2 * np.sqrt(1 / power - 1)
+    assert lg.bandwidth(measured(LAG), level) == pytest.approx(right, rel=2e-3)
+
+
+def test_realness_of_a_measured_response_holds_for_its_frequencies():
+    system = ct.tf([1, 10], [1, 2, 0.5])  # Re T < 0 above some frequency
+    right = lg.spr_check(system)
+    assert not right
+    below = lg.spr_check(measured(system, -2, np.log10(0.9 * right.band_edge)))
+    assert below and below.classification == "SPR"
+    assert "outside them" in below.reason and "measured frequencies" in below.reason
+    across = lg.spr_check(measured(system))
+    assert not across and across.classification == "not PR"
+    assert across.band_edge == pytest.approx(right.band_edge, rel=2e-2)
+    assert "Re T(jw) < 0 from" in across.reason
+
+
+def test_the_gain_of_a_measured_response_is_its_largest_value():
+    system = ct.tf([100], [1, 2, 100])
+    assert lg.l2_check(measured(system)).gain == pytest.approx(lg.l2_check(system).gain, rel=1e-3)
+
+
+@pytest.mark.parametrize("check", [lg.spr_check, lg.l2_check, lg.bandwidth_check])
+@pytest.mark.parametrize(
+    "response, words",
+    [
+        (lambda: ct.frd([[[1, 1]], [[1, 1]]], [1.0, 2.0]), "2 outputs"),
+        (lambda: ct.frd([1.0], [1.0]), "1 frequencies; at least 2"),
+        (lambda: ct.frd([1.0, np.nan], [1.0, 2.0]), "finite"),
+    ],
+)
+def test_a_response_that_cannot_be_judged_is_one_sentence(check, response, words):
+    with pytest.raises(lg.InputError, match=words):
+        check(response())
+
+
+@pytest.mark.parametrize("amplitude", [0.5, 2.0])
+def test_a_friction_law_without_states_has_a_describing_function(amplitude):
+    """Coulomb friction: 4 Fc/(pi A) + Fv."""
+    law = lg.friction("coulomb", Fc=0.3, Fv=0.02)
+    (found,) = ct.describing_function(law, [amplitude], num_points=4000)
+    assert found == pytest.approx(4 * 0.3 / (np.pi * amplitude) + 0.02, rel=1e-2)

@@ -1,0 +1,90 @@
+"""The linear checks show themselves: what was decided stands in the picture."""
+
+from __future__ import annotations
+
+import pickle
+
+import control as ct
+import matplotlib
+import numpy as np
+import pytest
+
+import lugrectl as lg
+
+matplotlib.use("agg")
+import matplotlib.pyplot as plt  # noqa: E402
+
+P = lg.table1()
+LAG = ct.tf([2], [0.5, 1])
+FALLS = ct.tf([1, 10], [1, 2, 0.5])  # Re T < 0 above its band edge
+SYSTEMS = {
+    "tf": FALLS,
+    "ss": ct.ss(FALLS),
+    "pair": ([1, 10], [1, 2, 0.5]),
+    "frd": ct.frd(FALLS, np.logspace(-2, 2, 200)),
+}
+CHECKS = {"spr": lg.spr_check, "l2": lg.l2_check, "bandwidth": lg.bandwidth_check}
+
+
+@pytest.fixture(autouse=True)
+def closed():
+    yield
+    plt.close("all")
+
+
+def words(ax):
+    legend = ax.get_legend()
+    return " ".join([ax.get_title("left"), *(t.get_text() for t in legend.get_texts() if legend)])
+
+
+@pytest.mark.parametrize("T", SYSTEMS.values(), ids=SYSTEMS)
+@pytest.mark.parametrize("check", CHECKS.values(), ids=CHECKS)
+def test_every_verdict_draws_a_figure_of_pyplot(check, T):
+    axes = check(T).plot()
+    assert plt.get_fignums() == [axes[0].figure.number]
+    assert all(len(ax.lines) and len(ax.lines[0].get_xdata()) > 100 for ax in axes)
+
+
+def test_realness_shows_band_edge_and_margin():
+    found = lg.spr_check(FALLS)
+    real, nyquist = found.plot()
+    assert f"band edge {found.band_edge:.4g} rad/s" in words(real) and "not PR" in words(real)
+    w, values = real.lines[0].get_data()
+    assert (values[w < 0.99 * found.band_edge] > 0).all()
+    assert (values[w > 1.01 * found.band_edge] < 0).all()
+    assert nyquist.get_xlabel() == "Re T(jw)"
+    good = lg.spr_check(ct.tf([1, 2], [1, 4, 5]))
+    assert good and f"margin {good.margin:.4g}" in good.plot()[0].get_title("left")
+
+
+def test_the_gain_shows_its_largest_value():
+    for found in (lg.l2_check(P, 22.0), lg.l2_check(ct.tf([100], [1, 2, 100]))):
+        (ax,) = found.plot()
+        assert f"largest: {found.gain:.4g}" in words(ax)
+        assert np.max(ax.lines[0].get_ydata()) == pytest.approx(found.gain, rel=1e-2)
+
+
+def test_the_bandwidth_stands_in_the_bode_plot():
+    found = lg.bandwidth_check(LAG)
+    ax, phase = found.plot()
+    assert f"bandwidth {found.bandwidth:.4g} rad/s" in words(ax)
+    x, y = ax.lines[-1].get_data()
+    assert (x[0], y[0]) == pytest.approx((found.bandwidth, 20 * np.log10(2) - 3), abs=0.01)
+    assert phase.get_ylabel() == "phase [deg]"
+
+
+def test_a_verdict_is_drawn_into_given_axes():
+    _, ax = plt.subplots()
+    assert lg.bandwidth_check(LAG).plot(ax=ax)[0] is ax and len(ax.lines) > 1
+    _, two = plt.subplots(1, 2)
+    assert len(lg.spr_check(LAG).plot(two)) == 2
+    with pytest.raises(lg.InputError, match="ax must be an Axes"):
+        lg.spr_check(LAG).plot(3)
+
+
+@pytest.mark.parametrize("T", [SYSTEMS["tf"], SYSTEMS["pair"], SYSTEMS["frd"]])
+def test_a_verdict_is_the_same_after_a_pickle_and_can_be_drawn(T):
+    found = lg.spr_check(T)
+    again = pickle.loads(pickle.dumps(found))
+    assert again.summary().keys() == found.summary().keys() and "_source" not in found.summary()
+    assert len(again.plot()) == 2

@@ -1,0 +1,101 @@
+"""Models of many states: the verdicts of exact arithmetic, in any coordinates, in little time."""
+
+from __future__ import annotations
+
+import time
+
+import control as ct
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.linear.realness import classify, margin
+from lugrectl.linear.transfer import read_transfer
+
+
+def structure(modes, through=0.01, *, turned=False, displacement=False, seed=0, high=1e3):
+    """From force to speed (or displacement) of one point, 1 % damping."""
+    rng = np.random.default_rng(seed)
+    w, b = np.geomspace(1, high, modes), 0.5 + rng.random(modes)
+    A, B, C = np.zeros((2 * modes, 2 * modes)), np.zeros((2 * modes, 1)), np.zeros((1, 2 * modes))
+    for i in range(modes):
+        A[2 * i, 2 * i + 1] = 1
+        A[2 * i + 1, 2 * i : 2 * i + 2] = -(w[i] ** 2), -0.02 * w[i]
+        B[2 * i + 1, 0] = b[i]
+        C[0, 2 * i + (not displacement)] = b[i]
+    if turned:
+        Q, _ = np.linalg.qr(rng.standard_normal((2 * modes, 2 * modes)))
+        A, B, C = Q @ A @ Q.T, Q @ B, C @ Q.T
+    return ct.ss(A, B, C, [[through]])
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_the_verdict_on_many_states_is_that_of_exact_arithmetic(turned):
+    T = structure(4, turned=turned)
+    num, den, _ = read_transfer(structure(4))
+    found = lg.spr_check(T)
+    assert found.classification == classify(num, den) == "SPR"
+    assert found.margin == pytest.approx(margin(num, den), rel=1e-5)
+    assert "floating point" in found.reason
+
+
+@pytest.mark.parametrize("modes", [3, 4, 6, 10])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_other_coordinates_are_no_other_verdict(modes, seed):
+    """Without feedthrough T(0) = 0: PR, and never "not PR" by rounding."""
+    kinds = [
+        lg.spr_check(structure(modes, 0.0, turned=turned, seed=seed)).classification
+        for turned in (False, True)
+    ]
+    assert kinds == ["PR", "PR"]
+    with_more = [structure(modes, 0.01, turned=turned, seed=seed) for turned in (False, True)]
+    found = [lg.spr_check(T) for T in with_more]
+    assert [one.classification for one in found] == ["SPR", "SPR"]
+    assert found[0].margin == pytest.approx(found[1].margin, rel=1e-4)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_negative_real_part_is_found_with_its_band(turned):
+    T = structure(5, -0.005, turned=turned)
+    found = lg.spr_check(T)
+    assert (found.classification, found.band_edge) == ("not PR", 0.0)
+    low, high = 0.0, float(found.reason.split(" < w < ")[1].split()[0])
+    assert T(1j * 0.99 * high).real < 0 < T(1j * 1.01 * high).real and low == 0.0
+
+
+def test_a_pole_right_of_the_axis_is_no_question_of_time():
+    T = structure(10)
+    A = np.array(T.A)
+    A[1, 1] = 0.02
+    found = lg.spr_check(ct.ss(A, T.B, T.C, T.D))
+    assert found.classification == "not PR" and "poles right" in found.reason
+
+
+@pytest.mark.parametrize("modes", [4, 6, 10, 15])
+def test_the_bandwidth_of_many_states_is_that_of_python_control(modes):
+    T = structure(modes, 0.0, displacement=True)
+    assert lg.bandwidth(T) == pytest.approx(ct.bandwidth(T), rel=1e-9)
+    small = structure(3, 0.0, displacement=True)
+    pair = small.A, small.B, small.C, small.D
+    wide = ct.ss(*pair)
+    exact = lg.bandwidth_check(wide).crossings  # 6 states: exact
+    grown = ct.append(wide, ct.ss([[-7.0]], [[1.0]], [[1.0]], [[0.0]]))
+    hidden = ct.ss(grown.A, grown.B[:, :1], grown.C[:1], grown.D[:1, :1])
+    assert lg.bandwidth_check(hidden).crossings == pytest.approx(exact, rel=1e-9)
+
+
+def test_time_grows_no_faster_than_the_third_power():
+    T = structure(15)
+    begin = time.process_time()
+    assert lg.spr_check(T)
+    assert lg.bandwidth(structure(15, 0.0, displacement=True)) > 0
+    assert time.process_time() - begin < 10.0  # it took 256 s
+
+
+def test_an_unstable_mode_that_cancels_is_named_at_any_order():
+    T = structure(4, turned=False)
+    A = np.zeros((9, 9))
+    A[:8, :8], A[8, 8] = T.A, 0.5
+    B, C = np.vstack([T.B, [[0.0]]]), np.hstack([T.C, [[1.0]]])
+    found = lg.spr_check(ct.ss(A, B, C, T.D))
+    assert found and "s = +0.5 1/s" in found.reason

@@ -1,0 +1,174 @@
+"""Loops that are wired wrongly say so: by an error, or by a warning that names what to change."""
+
+from __future__ import annotations
+
+import control as ct
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.engine import Diverged
+
+P, DT = lg.table1(), 1e-3
+T = np.arange(0, 0.3, DT)
+WRONG = pytest.mark.filterwarnings("ignore:.*has the wrong sign:RuntimeWarning")
+
+
+def textbook():
+    """e = reference - measured, the sign of every textbook and not of this package."""
+    return ct.nlsys(
+        None, lambda t, x, u, p: u[0] - u[1], inputs=["r", "w"], outputs=["e"], name="compare"
+    )
+
+
+def parts(pi=None, error=None):
+    return [lg.plant(P), error or textbook(), pi or lg.pi(1.6, 0.16)]
+
+
+def sampled_parts():
+    return parts(lg.sampled(lg.pi(1.6, 0.16), DT))
+
+
+def interconnected():
+    return ct.interconnect(parts(), inputs=["r"], outputs=["w"], check_unused=False)
+
+
+RUNS = {
+    "list": lambda: lg.simulate(parts(), T, {"r": 0.1}),
+    "interconnection": lambda: lg.simulate(interconnected(), T, 0.1),
+    "LSODA": lambda: lg.simulate(parts(), T, {"r": 0.1}, method="LSODA"),
+    "held": lambda: lg.simulate(parts(), T, {"r": 0.1}, method="LSODA", hold=True),
+    "sampled": lambda: lg.simulate(sampled_parts(), T, {"r": 0.1}),
+    "sampled, LSODA": lambda: lg.simulate(sampled_parts(), T, {"r": 0.1}, method="LSODA"),
+    "drive": lambda: lg.simulate_sampled(lg.plant(P), sampled_parts()[1:], T, {"r": 0.1}),
+}
+
+
+@WRONG
+@pytest.mark.parametrize("run", RUNS.values(), ids=RUNS)
+def test_a_diverging_loop_is_an_error_with_state_and_time(run):
+    with pytest.raises(Diverged, match=r"state plant_w .* t = 0\.0\d|t = 0\.0\d.* state plant_w"):
+        run()
+
+
+@WRONG
+@pytest.mark.parametrize("run", RUNS.values(), ids=RUNS)
+def test_a_diverging_loop_hints_at_the_sign_of_e(run):
+    with pytest.raises(Diverged, match="e = measured - reference"):
+        run()
+
+
+@pytest.mark.parametrize("samples", [200, 2000])
+def test_a_diverging_discrete_system_is_an_error(samples):
+    with pytest.raises(Diverged, match=r"state x\[0\].* t = "):
+        lg.simulate(ct.tf([1], [1, -2], DT), DT * np.arange(samples), 1.0)
+
+
+def test_a_member_of_a_sweep_that_diverges_is_a_failure():
+    with pytest.warns(RuntimeWarning, match="grows without bound"):
+        swept = lg.sweep(interconnected(), T, 0.1, params={"plant.Fc": [0.2, 0.3]})
+    assert sorted(swept.failed) == [0, 1]
+
+
+def test_large_numbers_alone_are_no_divergence():
+    """A constant of 1e24 in the equations, and a lag that is driven by 1e20."""
+    rate = ct.nlsys(lambda t, x, u, p: 1e24 + 0 * x, None, inputs=1, outputs=1, states=1)
+    assert lg.simulate(rate, [0.0, 0.5, 1.0]).outputs[-1] == pytest.approx(1e24)
+    lag = ct.tf([1], [1, 1])
+    assert lg.simulate(lag, np.linspace(0, 9, 99), 1e20).outputs[-1] == pytest.approx(
+        1e20, rel=1e-3
+    )
+    unstable = ct.tf([1], [1, -1])
+    grown = lg.simulate(unstable, np.linspace(0, 20, 99), 1.0).outputs[-1]
+    assert grown == pytest.approx(np.expm1(20.0), rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        lambda: parts(),
+        lambda: parts(error=lg.error(inputs=["w", "r"])),
+        lambda: parts(lg.pi(-1.6, -0.16), lg.error()),
+        lambda: sampled_parts(),
+    ],
+)
+def test_a_feedback_of_the_wrong_sign_warns_and_names_the_controller(made):
+    with pytest.warns(RuntimeWarning, match="feedback through pi has the wrong sign"):
+        lg.simulate(made(), T[:10], {"r": 0.1})
+
+
+def test_a_ready_made_loop_with_negative_gains_warns():
+    with pytest.warns(RuntimeWarning, match="velocity_loop: the feedback through pi"):
+        lg.simulate(lg.velocity_loop(P, kp=-1.6, ki=-0.16), T[:10], 0.1)
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        lambda: parts(error=lg.error()),
+        lambda: parts(lg.pi(-1.6, -0.16)),  # e and the gains turned: right again
+        lambda: [*parts(error=lg.error()), lg.proposed_observer(P), lg.compensation()],
+        lambda: [lg.plant(P), lg.error("position"), lg.pid(15.0, 1.55, 0.3)],
+    ],
+)
+def test_a_feedback_of_the_right_sign_says_nothing(made):
+    lg.simulate(made(), T[:10], {"r": 0.1})  # a warning is an error here
+
+
+@pytest.mark.parametrize(
+    "made, words",
+    [
+        (lambda: parts(lg.pi(outputs=["torque"])), "input u of plant.* torque of pi"),
+        (lambda: parts(lg.pi(outputs=["u1"])), "input u of plant.* torque of pi|mean u1 of pi"),
+        (
+            lambda: parts(error=lg.error(inputs=["r", "w_m"])),
+            "input w_m of error.* Nothing reads theta, w, F of plant",
+        ),
+    ],
+)
+def test_an_input_that_nothing_feeds_is_named_with_the_output_that_nothing_reads(made, words):
+    with pytest.warns(RuntimeWarning, match=words):
+        lg.simulate([*made()], T[:10], {"r": 0.1})
+
+
+def test_the_same_holds_for_a_sampled_drive():
+    """The controller reads a misnamed error; what puts it out is read by nothing."""
+    controllers = [lg.pi(1.6, 0.16, inputs=["err"]), lg.pi(0.1, 0.0, name="pi2", inputs=["w"])]
+    drive = [lg.error(), *(lg.sampled(one, DT) for one in controllers)]
+    with pytest.warns(RuntimeWarning, match="input err of pi.*e of error"):
+        lg.simulate_sampled(lg.plant(P), drive, T[:10], {"r": 0.1})
+
+
+def test_an_input_that_is_left_out_on_purpose_says_nothing():
+    lg.simulate([lg.plant(P), lg.error(), lg.pi()], T[:10], {"r": 0.1})  # d
+    lg.simulate([lg.plant(P), lg.proposed_observer(P)], T[:10], {"u": 0.0})
+    lg.simulate([lg.proposed_observer(P), lg.prefilter()], T[:10], {"w": 0.0, "u": 0.0})
+    lg.simulate([lg.plant(P), lg.pi(outputs=["torque"])], T[:10], {"u": 0.0, "e": 0.0})
+
+
+def test_the_name_of_a_held_input_changes_nothing():
+    """A drive holds its torque, whatever the torque of a sampled observer is called."""
+    t = DT * np.arange(400)
+    w, u = 0.1 * np.sin(20 * t), 0.3 * np.sign(np.sin(50 * t))
+    kinds = {"proposed": lg.proposed_observer, "disturbance": lg.disturbance_observer}
+    for make in kinds.values():
+        own = lg.simulate(lg.sampled(make(P), DT), t, {"w": w, "u": u}).outputs[0]
+        other = lg.sampled(make(P, inputs=["w_m", "uc"]), DT)
+        assert np.array_equal(own, lg.simulate(other, t, {"w_m": w, "uc": u}).outputs[0])
+
+
+@pytest.mark.parametrize("K1", [10.24, lambda w: 10.24 + 0 * w])
+@pytest.mark.parametrize("make", [lambda K1: lg.proposed_observer(P, K1), lambda K1: loop(K1)])
+def test_a_positive_K1_warns(make, K1):
+    with pytest.warns(RuntimeWarning, match=r"K1 = 10\.24 makes the estimate unstable near rest"):
+        make(K1)
+
+
+def loop(K1):
+    return lg.velocity_loop(P, "proposed", K1=K1)
+
+
+@pytest.mark.parametrize("gains", [{"K1": 10}, {"k": 3}, {"gains": {"tau": 0.1}}])
+def test_a_gain_that_the_observer_does_not_have_is_an_error(gains):
+    with pytest.raises(lg.InputError, match="no (such gain|parameter)"):
+        lg.velocity_loop(P, "natural", **gains)
