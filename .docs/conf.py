@@ -7,6 +7,7 @@ HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
 
 import generator  # noqa: E402
+
 import lugrectl  # noqa: E402
 
 project = "lugrectl"
@@ -24,10 +25,12 @@ html_theme_options = {
 html_static_path = ["static"]
 html_css_files = ["reference.css"]
 html_show_sourcelink = False
+smartquotes = False  # two hyphens are those of an option
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # the docstrings say types, shapes and units
 numpydoc_show_class_members = False  # the generator lists the documented ones
 numpydoc_xref_param_type = False
+nb_render_markdown_format = "myst"  # tables in outputs
 nb_execution_mode = "off"  # the notebooks are stored as they ran
 myst_enable_extensions = ["dollarmath"]
 suppress_warnings = ["mystnb.unknown_mime_type"]  # outputs without a form for a web page

@@ -20,8 +20,11 @@ def pages() -> dict[str, str]:
 
 def write(folder: Path) -> None:
     """Write all pages and pictures, and copy the notebooks; only what has changed is written."""
-    for name, text in pages().items():
-        _put(folder / f"{name}.rst", text.encode())
+    made = {folder / f"{name}.rst": text for name, text in pages().items()}
+    for old in {*folder.rglob("*.rst")} - made.keys():
+        old.unlink()
+    for path, text in made.items():
+        _put(path, text.encode())
     for name, picture in signatures.pictures(folder):
         _put(folder / f"{name}.png", picture)
     for name in NOTEBOOKS:

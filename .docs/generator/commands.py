@@ -8,7 +8,6 @@ from lugrectl.cli.options import parser
 
 from .rst import code, filled, literal, prose, table, title
 
-
 _TITLES = {"positional arguments": "argument"}
 
 
@@ -39,8 +38,10 @@ def _section(name: str, command: argparse.ArgumentParser) -> str:
         rows = [(_names(a), prose(_help(a))) for a in shown if a.dest != "help"]
         if rows and group.description:
             parts += [prose(group.description)]
-        parts += [table((_TITLES.get(group.title, "option"), "meaning"), rows, "35 65")] if rows else []
-    return "\n\n".join(parts)
+        parts += (
+            [table((_TITLES.get(group.title, "option"), "meaning"), rows, "35 65")] if rows else []
+        )
+    return "\n\n".join(filter(None, parts))
 
 
 def _names(action: argparse.Action) -> str:

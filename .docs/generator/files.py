@@ -57,7 +57,8 @@ def _labelled(key: str, p: lg.P) -> str:
 
 def _report() -> str:
     schema = json.loads(_text("report", "report.schema.json"))
-    sections = [_section(name, one) for name, one in schema["$defs"].items()]
+    known = schema["$defs"]
+    sections = [_section(name, one, known) for name, one in known.items()]
     return filled(
         "report",
         title=title("report.json"),
@@ -66,18 +67,27 @@ def _report() -> str:
     )
 
 
-def _section(name: str, one: Mapping[str, Any]) -> str:
+def _section(name: str, one: Mapping[str, Any], known: Mapping[str, Any]) -> str:
     parts = [f".. _report-{name}:", title(name, "-")]
     parts += [prose(_sentence(one["description"]))] if "description" in one else []
     if "properties" not in one:
         return "\n\n".join([*parts, f"Type: {kind(one)}."])
     needed = one.get("required", ())
     rows = [
-        (code(k), kind(v), "yes" if k in needed else "no", prose(v.get("description", "")))
+        (code(k), kind(v), "yes" if k in needed else "no", prose(_meaning(v, known)))
         for k, v in one["properties"].items()
     ]
     head = ("key", "type", "always there", "meaning")
     return "\n\n".join([*parts, table(head, rows, "20 30 10 40")])
+
+
+def _meaning(one: Mapping[str, Any], known: Mapping[str, Any]) -> str:
+    """What a schema says of itself, or the one that it refers to."""
+    if "description" in one or not ({"$ref", "anyOf"} & set(one)):
+        return one.get("description", "")
+    refs = [one, *one.get("anyOf", ())]
+    names = [r["$ref"].rpartition("/")[2] for r in refs if "$ref" in r]
+    return known[names[0]].get("description", "") if names else ""
 
 
 def _sentence(text: str) -> str:
@@ -104,11 +114,11 @@ def _single(name: str, one: Mapping[str, Any]) -> str:
     if name == "array" and isinstance(one.get("items"), Mapping):
         many = one.get("minItems")
         count = f"{many} " if many is not None and many == one.get("maxItems") else ""
-        return f"array of {count}({kind(one['items'])})"
+        return f"array of {count}{kind(one['items'])}"
     if name == "object":
         inner = one.get("additionalProperties")
         if isinstance(inner, Mapping):
-            return f"object of ({kind(inner)})"
+            return f"object of {kind(inner)}"
         if "properties" in one:
             keys = (f"{code(k)}: {kind(v)}" for k, v in one["properties"].items())
             return f"object ({', '.join(keys)})"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -26,10 +26,15 @@ class Motion:
     w: np.ndarray
     a: np.ndarray
 
-    def signals(self) -> dict[str, np.ndarray]:
-        """What an effect may read: ``load`` is a declared gravity of 0.2 N m."""
-        u = DRIVE.J * self.a + friction(self)
-        return {"theta": self.theta, "w": self.w, "u": u, "load": 0.2 * np.sin(self.theta)}
+    @cached_property
+    def u(self) -> np.ndarray:
+        """The torque that drives the motion, with LuGre friction."""
+        return DRIVE.J * self.a + friction(self)
+
+    @property
+    def load(self) -> np.ndarray:
+        """A declared gravity of 0.2 N m."""
+        return 0.2 * np.sin(self.theta)
 
 
 @cache
@@ -74,14 +79,13 @@ def friction(m: Motion, w: np.ndarray | None = None, law: str = "lugre", **level
 
 def tracking(m: Motion) -> dict[str, np.ndarray]:
     """What a controller may read: a reference along the motion, followed 20 ms late."""
-    F = friction(m)
     late = {k: np.interp(m.t - LATE, m.t, getattr(m, k)) for k in ("theta", "w")}
     s = (late["w"] - m.w) + 20.0 * (late["theta"] - m.theta)
     ar = m.a - 20.0 * (late["w"] - m.w)
-    u = DRIVE.J * m.a + F
     return {
         "r": m.theta, "dr": m.w, "ddr": m.a, "a": m.a, "r_cmd": m.theta,
         "y": late["theta"], **late, "e": late["theta"] - m.theta,
-        "s": s, "ar": ar, "u": u, "u_cmd": u, "Fhat": F, "ahat": DRIVE.Fc + 0.0 * m.t,
+        "s": s, "ar": ar, "u": m.u, "u_cmd": m.u, "Fhat": m.u - DRIVE.J * m.a,
+        "ahat": DRIVE.Fc + 0.0 * m.t,
         "ws": m.w, "wp": m.w, "wp_late": late["w"],
     }  # fmt: skip

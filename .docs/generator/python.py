@@ -32,6 +32,7 @@ NAMED = {  # names whose topic is not that of their module
     "effects": "effects",
     "Diagnosis": "diagnosis",
     "Table": "diagnosis",
+    "__version__": "records",
 }
 TITLES = {
     "laws": "Friction laws in Python",
@@ -44,7 +45,6 @@ TITLES = {
     "records": "Records and models",
     "diagnosis": "Diagnosis",
     "ensembles": "Ensembles",
-    "others": "Other names",
 }
 LISTS = ("effects", "laws", "observers", "controllers")
 
@@ -83,7 +83,7 @@ def _page(topic: str, names: list[str]) -> str:
         more = f"Each has a page of its own: :doc:`/generated/{topic}/index`."
     return filled(
         "topic",
-        title=title(TITLES.get(topic, topic.capitalize())),
+        title=title(TITLES.get(topic, "Other names")),
         table=table(("name", "what it is"), rows, "30 70"),
         more=more,
         entries="\n\n".join(_entry(name, getattr(lg, name)) for name in names),

@@ -150,6 +150,7 @@ def _effect(entry: Entry) -> Signature:
     goal = SHARE * _rms(friction(m, law=AGAINST.get(entry.name, "lugre")))
     others = {"time": NOW} if "time" in made.parameters else {}
     own, gain = made.parameters[made.gain], made.gain
+
     def miss(value: float) -> float:
         r = residual(entry, m, {**others, gain: value})
         return abs(np.log(max(_rms(r), 1e-12) / goal)) if np.isfinite(r).all() else np.inf
@@ -177,19 +178,18 @@ def _rms(x: np.ndarray) -> float:
 def residual(entry: Entry, m: Motion, values: dict[str, float]) -> np.ndarray:
     """The torque that an effect adds to the resisting side along a motion."""
     made = members("effect")[entry.name]
-    signals = m.signals()
     system = made.system(entry.name)
     params = {f"{entry.name}.{k}": v for k, v in values.items()}
-    inputs = {k: signals[k] for k in made.inputs}
+    inputs = {k: getattr(m, k) for k in made.inputs}
     try:
         y = lg.simulate(system, m.t, inputs, params=params, squeeze=False).outputs
     except lg.Diverged:
         return np.full(len(m.t), np.nan)
     if "input" in made.acts:
-        return signals["u"] - y[0]
+        return m.u - y[0]
     if "sensor" in made.acts:
         w = y[0]
-        return signals["u"] - DRIVE.J * np.gradient(w, m.t) - friction(m, w)
+        return m.u - DRIVE.J * np.gradient(w, m.t) - friction(m, w)
     torque, levels = np.zeros(len(m.t)), {}
     for act, out in made.deeds(tuple(y)):
         if act == "torque":

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import re
+import textwrap
 from pathlib import Path
+
+import numpy as np
 
 import lugrectl as lg
 from lugrectl.errors import Refused
 from lugrectl.report.wording import headline
 from lugrectl.results import VERDICTS, Candidate, Diagnosis, Estimate, Finding
 
-from .rst import code, filled, literal, prose, table, title, toctree
+from .rst import filled, literal, prose, table, title, toctree
 
 README = Path(__file__).parents[2] / "README.md"
 _ROW = re.compile(r"^\|`(\w+)`\|([^|]+)\|([^|]+)\|$", re.M)
@@ -43,16 +46,17 @@ def rows() -> dict[str, tuple[str, str]]:
 
 
 def _page(name: str, meaning: str, action: str) -> str:
-    title_, sentence = headline(invented(name))
+    result = shown(name)
+    verdict, sentence = headline(result)
     return filled(
         "verdict",
         name=name,
         title=title(name),
         meaning=_markup(meaning),
         action=_markup(action),
-        code=code(str(Refused.exit_code if name == "refused" else 0)),
-        headline=literal(f"{title_}\n  {sentence}"),
-        filled=f"In Python a result of this verdict prints as:\n\n{literal(repr(invented(name)))}",
+        code=str(Refused.exit_code if name == "refused" else 0),
+        headline=literal("\n  ".join([verdict, *textwrap.wrap(sentence, 80)])),
+        result=literal(repr(result)),
     )
 
 
@@ -60,8 +64,12 @@ def _markup(text: str) -> str:
     return prose(re.sub(r"`([^`]+)`", r"``\1``", text))
 
 
-def invented(verdict: str) -> Diagnosis:
-    """A result put together by hand, to show the words of a verdict."""
+def shown(verdict: str) -> Diagnosis:
+    """A result to show the words of a verdict: refused by a record, the others made by hand."""
+    if verdict == "refused":
+        t = np.linspace(0.0, 5.0, 2501)
+        log = {"t": t, "u": 0.1 * np.sin(t), "theta": 0.0 * t}
+        return lg.diagnose(log, lg.Model.of(lg.table1()), progress=False)
     amplitude = {"amplitude": Estimate(0.04, "N m", (0.038, 0.042))}
     other = (Candidate("periodic_disturbance", 0.0, 0.2),) if verdict == "ambiguous" else ()
     named = (Finding("torque_ripple", amplitude, other),)
@@ -73,7 +81,6 @@ def invented(verdict: str) -> Diagnosis:
         effects=named if verdict in ("found", "ambiguous") else (),
         depends_on=on.get(verdict, ()),
         experiment=named[0].apart() or None,
-        error=None if verdict == "refused" else error,
-        reason="the torque is a function of the position" if verdict == "refused" else None,
-        model=None if verdict == "refused" else lg.Model.of(lg.table1()),
+        error=error,
+        model=lg.Model.of(lg.table1()),
     )
