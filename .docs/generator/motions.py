@@ -39,11 +39,15 @@ class Motion:
 
 @cache
 def motion(name: str) -> Motion:
-    """ "travel": more than a turn each way; "stops": slow, with holds; "small": a few mrad."""
+    """ "travel": more than a turn each way; "stops": slow, with holds; "small": a few mrad;
+    "turns": 0.5 rad each way, once a second."""
     if name == "travel":
         t = np.linspace(0.0, 10.0, 5001)
         words = "-3 cos(0.4 pi t) - 0.8 cos(pi t) rad"
         return _from_rest(words, t, ((3.0, 0.4 * np.pi), (0.8, np.pi)))
+    if name == "turns":
+        t = np.linspace(0.0, 5.0, 5001)
+        return _from_rest("-0.5 cos(2 pi t) rad", t, ((0.5, 2.0 * np.pi),))
     if name == "small":
         t = np.linspace(0.0, 1.0, 4001)
         return _from_rest("-4 cos(4 pi t) mrad", t, ((4e-3, 4.0 * np.pi),))

@@ -25,7 +25,8 @@ DRAWN = {  # strengths that a real drive may have, where SHARE needs others
     "encoder_eccentricity": 0.05,
 }
 STOPS, SMALL = ("stribeck", "dwell_stiction"), ("presliding",)
-AGAINST = {"stribeck": "coulomb", "presliding": "coulomb"}  # the law that an effect completes
+# the law that an effect completes, where that is not LuGre
+AGAINST = {"stribeck": "coulomb", "presliding": "coulomb", "dwell_stiction": "stribeck"}
 NOW = 5.0  # s: when a step in time is drawn
 BELIEVED = 0.8  # Fc and Fs of an observer, as a factor of the drive's
 
@@ -50,9 +51,8 @@ def caption(entry: Entry) -> str:
         return f"{_effect_words(entry)}, along a motion of {drive}: {m.words}. {_strength(entry)}"
     if entry.kind == "friction":
         return (
-            f"Friction torque F along {motion('small').words}, with the default parameters: it "
-            "builds up before breakaway, and the curves over theta and w are loops where the law "
-            "has a memory."
+            f"Friction torque F along {motion('small').words}, with the default parameters. Where "
+            "the law has a memory, the curve over w is a loop."
         )
     if entry.kind == "observer":
         return (
@@ -60,12 +60,12 @@ def caption(entry: Entry) -> str:
             "rad/s, with default gains. The observer believes Fc and Fs 20 % too small, where it "
             "uses them; it starts from zero."
         )
-    m, made = motion("travel"), members("controller")[entry.name]
     if _closed(entry):
         return (
             f"Torque u of the controller in a position loop with {drive}, with the default "
-            f"parameters and no observer. The reference is {m.words}."
+            f"parameters and no observer. The reference moves as {motion('turns').words}."
         )
+    m, made = motion("travel"), members("controller")[entry.name]
     return (
         f"Output {made.outputs[0]} with the default parameters. The reference is {m.words}, "
         f"which the measured motion follows {LATE:g} s late."
@@ -89,17 +89,22 @@ def _strength(entry: Entry) -> str:
     said = "Its strength stands above the picture."
     if entry.name == "load_dependent_friction":
         said += " The load is a gravity torque of 0.2 sin(theta) N m."
+    if entry.name in AGAINST:
+        said += f" The friction beside it is the {AGAINST[entry.name]} law."
     return said
 
 
 def pictures(folder: Path) -> Iterator[tuple[str, bytes]]:
-    """Path and PNG of every entry whose picture is not in the folder yet."""
+    """Path and PNG of every entry whose picture is missing or older than the code."""
     from .entries import FOLDERS
 
+    sources = [*Path(__file__).parent.glob("*.py"), *Path(lg.__file__).parent.rglob("*.py")]
+    newest = max(source.stat().st_mtime for source in sources)
     for name, listing in FOLDERS.values():
         for entry in listing():
             where = f"{name}/{entry.name}"
-            if not (folder / f"{where}.png").exists():
+            old = folder / f"{where}.png"
+            if not old.exists() or old.stat().st_mtime < newest:
                 yield where, drawn(signature(entry))
 
 
@@ -129,7 +134,7 @@ def _observer(entry: Entry) -> Signature:
 def _controller(entry: Entry) -> Signature:
     m = motion("travel")
     if _closed(entry):
-        loop = lg.position_loop(DRIVE, controller=entry.name)
+        m, loop = motion("turns"), lg.position_loop(DRIVE, controller=entry.name)
         y = lg.simulate(loop, m.t, {"r": m.theta - m.theta[0], "dr": m.w, "ddr": m.a}).outputs
         return Signature(m.t, *(np.ravel(y[k]) for k in ("theta", "w")), {"u": np.ravel(y["u"])})
     made = members("controller")[entry.name]
@@ -211,17 +216,27 @@ def drawn(s: Signature) -> bytes:
 
     figure = Figure(figsize=(8.0, 2.7), dpi=110, layout="constrained")
     panels = figure.subplots(1, 3, sharey=True)
-    axes = ((s.t, "t [s]"), (s.theta, "theta [rad]"), (s.w, "w [rad/s]"))
-    for ax, (x, label) in zip(panels, axes, strict=True):
+    for ax, (x, label) in zip(panels, _axes(s), strict=True):
         for i, (name, y) in reversed(list(enumerate(s.curves.items()))):
-            ax.plot(x, y, lw=1.0, color=("#1f5fa8", "#b8b8b8")[i], label=name)
+            ax.plot(x, y, lw=1.0, color=("#1f5fa8", "#a0a0a0")[i], label=name)
         ax.set_xlabel(label)
+        ax.locator_params("x", nbins=5)
         ax.grid(alpha=0.3)
-    names = ", ".join(s.curves)
-    panels[0].set_ylabel(f"{names} [{s.unit}]")
+    low, high = panels[0].get_ylim()
+    panels[0].set_ylim(min(low, 0.0), max(high, 0.0))
+    panels[0].set_ylabel(f"{', '.join(s.curves)} [{s.unit}]")
     if len(s.curves) > 1:
-        panels[0].legend(fontsize="small")
+        panels[1].legend(fontsize="small", loc="center")
     figure.suptitle(s.title, fontsize="small")
     made = io.BytesIO()
     FigureCanvasAgg(figure).print_png(made, metadata={"Software": None})
     return made.getvalue()
+
+
+def _axes(s: Signature) -> list[tuple[np.ndarray, str]]:
+    """Time, position and speed; small ones in mrad."""
+    made = [(s.t, "t [s]")]
+    for x, name, unit in ((s.theta, "theta", "rad"), (s.w, "w", "rad/s")):
+        small = bool(np.abs(x).max() < 0.1)
+        made.append((1e3 * x if small else x, f"{name} [{'m' * small}{unit}]"))
+    return made
