@@ -85,7 +85,7 @@ def _linear(base: Base, block: Block) -> Iterator[Entry]:
         from .contender import enter
 
         k, c = enter(base, entry).coefficients
-        if k <= 0 or abs(c / k) > 0.7 * base.record.motion.span:
+        if k <= 0 or abs(c / k) > base.record.motion.span:
             return  # its rest lies outside of the travel
     yield entry
     if block.name == "quadratic_drag":  # or in place of the longest Stribeck curve, which bends so
