@@ -69,7 +69,7 @@ SELECTION = [
     },
     {"search", "own_law"},
     {"table"},
-    {"rounds", "budget"},
+    {"rounds", "budget", "bars"},
     {"verdict"},
     {"face"},
     {"completing"},

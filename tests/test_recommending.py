@@ -220,5 +220,5 @@ def test_what_was_not_considered_is_named(found):
 def test_a_loop_that_diverges_raises_a_public_exception():
     loop = lg.velocity_loop(P, None, kp=-50.0)
     t = np.linspace(0.0, 30.0, 200)
-    with pytest.raises(lg.Diverged):
+    with pytest.warns(RuntimeWarning, match="wrong sign"), pytest.raises(lg.Diverged):
         lg.simulate(loop, t, 1.0 + 0.0 * t)

@@ -10,6 +10,7 @@ import numpy as np
 
 from ...spec import unit_for
 from . import late_speed, laws_as_rows, rounds
+from .bars import Bars, bar_of
 from .base import Base, Record
 from .contender import Contender, enter
 from .contradiction import contradiction
@@ -83,30 +84,6 @@ class Decision:
         return second[0].joined() if second else base
 
 
-@dataclass(frozen=True)
-class Bars:
-    """The least share of friction that matters, and standard errors that chance does not reach."""
-
-    least: float
-    z: float
-
-    def proven(self, table: Table, contenders: Sequence[Contender]) -> list[Contender]:
-        """Those better than the base by more than the choice among so many may give."""
-        bar = _bar(table.named)
-        above = [(c, *c.above(table.base)) for c in contenders]
-        return [c for c, d, se in above if d > bar and d > self.z * se]
-
-    def open_in(self, table: Table) -> float:
-        """Nats of a torque that matters and stays unexplained: models may well differ as much."""
-        large = [c for c in table.unknown if c.share > self.least]
-        return max((c.gain for c in self.proven(table, large)), default=0.0)
-
-
-def _bar(choice: Sequence[object]) -> float:
-    """Nats that the best of a choice may gain by chance."""
-    return float(np.log(max(len(choice), 1))) + MORE
-
-
 def decide(record: Record, least: float = LEAST, alpha: float = ALPHA) -> Decision:
     """From the record to the verdict."""
     table, heavy, also = decided(record)
@@ -135,7 +112,7 @@ def _with_law(found: Decision, bars: Bars) -> Decision:
         return found
     last = found.table if found.beside is None else found.beside
     assert last is not None
-    least = max(_bar(laws_as_rows.PARTS), bars.open_in(last))
+    least = max(bar_of(laws_as_rows.PARTS), bars.open_in(last))
     parts = []
     for c in laws_as_rows.rows(found.last):
         d, se = c.above(c.base)
@@ -220,7 +197,7 @@ def _with_incidents(table: Table, odd: Events, least: float) -> Decision:
 
 def _cause(table: Table, odd: Events) -> Contender | None:
     """The effect that explains all events, each predicted from the others, if one does."""
-    bar = _bar(table.named)
+    bar = bar_of(table.named)
     able = (c for c in table.named if c.gain > bar and explained(odd, table.base, c.made.r))
     return next(able, None)
 
