@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from .joint import Joint, Residuals
 
 VERDICTS = ("adequate", "found", "ambiguous", "unexplained", "refused")
+AGAINST_HELD = "The record contradicts held values"  # a note that the headline repeats
 
 
 @dataclass(frozen=True, repr=False)

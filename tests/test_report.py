@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -29,6 +30,14 @@ def test_text_starts_with_the_verdict_and_fits_80_columns(verdict):
     assert said.startswith(verdict)
     assert max(map(len, said.splitlines())) <= 80
     assert "nan" not in said.lower() and "None" not in said
+
+
+def test_a_record_against_held_values_is_in_the_headline():
+    said = "The record contradicts held values: J is held at 0.018, but would be 0.015 kg m2."
+    held = replace(diagnosis("adequate"), messages=(said,))
+    assert " ".join(report.text(held).split()).startswith(
+        f"adequate No missing effect was detected. But: {said}"
+    )
 
 
 def test_text_says_what_was_found_and_how_much_it_helps():

@@ -8,7 +8,7 @@ from typing import Any
 
 from ..display import NONE, Grid, number
 from ..display import with_interval as _with_interval
-from ..results import Estimate
+from ..results import AGAINST_HELD, Estimate
 from ..spec import members
 from . import compared
 from .section import Section
@@ -32,7 +32,9 @@ def headline(d: Any) -> tuple[str, str]:
     """The verdict with what it names, and one sentence that says what it means."""
     verdict, names = _get(d, "verdict"), listed([f.name for f in _get(d, "effects", ())])
     if verdict == "adequate":
-        return "adequate", f"No missing effect was detected.{compared.limits_in_words(d)}"
+        said = f"No missing effect was detected.{compared.limits_in_words(d)}"
+        held = next((m for m in _get(d, "messages", ()) if m.startswith(AGAINST_HELD)), None)
+        return "adequate", said if held is None else f"{said} But: {held}"
     if verdict == "found":
         are = _plural(names, "is", "are")
         return f"found: {names}", f"{names} {are} missing from the model: the record shows it."

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..display import with_interval
 from ..model import Model
-from ..results import Estimate
+from ..results import AGAINST_HELD, Estimate
 from .coordinates import is_instant
 from .fit import Fitted, fit
 
@@ -21,7 +21,7 @@ MOVED = "{} is {} [{}, {}], declared {:.6g}"
 LEFT = "The record moves declared values beyond their 95 % intervals: {}."
 AT_BOUND = "{} lies at its declared {} = {:.6g}: without it the fit would go farther."
 HELD_AT = "{} is held at {:.4g}, but would be {:.4g}{} if it alone were fitted, too"
-CONTRADICTS = "The record contradicts held values: {}."
+CONTRADICTS = AGAINST_HELD + ": {}."
 CONTRADICTED = 20.0  # gain in log-likelihood by one more value, from which this is said
 STEPS = 12  # of the fit of such a value
 SCALE = (
