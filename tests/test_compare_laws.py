@@ -80,6 +80,13 @@ def test_the_command_chooses_a_law_and_says_so(plain_drive, tmp_path, capsys, mo
     assert "Friction laws" in (tmp_path / "out" / "report.html").read_text()
 
 
+def test_python_takes_a_law_too(plain_drive):
+    found = lg.identify(plain_drive, {"friction": "lugre"}, law="coulomb")
+    assert found.model.friction.block.name == "coulomb" and found.laws is None
+    with pytest.raises(lg.InputError, match="did you mean 'coulomb'"):
+        lg.identify(plain_drive, {}, law="coulom")
+
+
 def test_many_drives_need_a_law_by_name(tmp_path, capsys):
     (tmp_path / "my.toml").write_text('[friction]\nmodel = "lugre"\n')
     asked = ["diagnose", str(tmp_path), "--each", "--model", str(tmp_path / "my.toml")]
