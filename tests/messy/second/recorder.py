@@ -163,7 +163,7 @@ def declare(rng: Generator, m: Machine) -> dict[str, Any]:
                 friction.pop("sigma1", None)
     effects = []
     if p["grav"]:
-        phase = p["grav_phase"] + rng.uniform(-0.1, 0.1)
+        phase = np.angle(np.exp(1j * (p["grav_phase"] + rng.uniform(-0.1, 0.1))))
         effects = [{"name": "gravity", "amplitude": off(p["grav"]), "phase": float(phase)}]
     title = f"{m.type} drive"
     return {
