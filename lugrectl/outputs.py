@@ -68,6 +68,29 @@ class NamedRows(Sequence[T], Generic[T]):
         return item in self._rows or item in self.names
 
 
+class ComparedRows(NamedRows[T], ABC):
+    """Rows of a comparison, by place or by name, handed out as plain data."""
+
+    def __getitem__(self, which: Any) -> Any:
+        if not isinstance(which, str):
+            return self._rows[which]
+        if which not in self.names:
+            raise InputError(f"{which!r} was not compared; there is {', '.join(self.names)}.")
+        return self._rows[self.names.index(which)]
+
+    @abstractmethod
+    def summary(self) -> dict[str, Any]:
+        """Plain Python."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as :meth:`summary`."""
+        return self.summary()
+
+    def to_json(self) -> str:
+        """One JSON document; NaN and infinity become null."""
+        return json.dumps(self.summary(), indent=2, allow_nan=False)
+
+
 class Result(Shown, ABC):
     """Base of results: plain data in several forms, and a short ``repr``."""
 

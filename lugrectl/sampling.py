@@ -90,26 +90,36 @@ def sampled(
     dt = positive(dt, "dt, the sample time,", "seconds")
     _fits(system)
     labels = list(system.input_labels)
-    keep = _usually_held(system) if held is None else names(held, "held")
+    keep = usually_held(system) if held is None else names(held, "held")
     strange = [s for s in keep if s not in labels]
     if strange:
         raise InputError(f"{system.name} has no input {strange[0]}; it has {', '.join(labels)}.")
     longest = dt / 4 if substep is None else positive(substep, "substep", "seconds")
     step = _Step(system, float(dt), tuple(s in keep for s in labels), float(longest))
     step.substeps.affine(system.params)  # what cannot be evaluated is refused here
+    return in_steps(step, _Answer(step), name)
+
+
+def in_steps(step: Any, answer: Any, name: str | None = None) -> ct.NonlinearIOSystem:
+    """The discrete block of a step of a continuous one.
+
+    ``step`` has the ``system``, ``dt`` in s, and ``state(t, s, v, params)``, the system's states
+    at the sample that is being taken; ``answer`` is the output function.
+    """
+    system = step.system
     return ct.nlsys(
         _Moved(step),
-        _Answer(step),
-        inputs=labels,
+        answer,
+        inputs=list(system.input_labels),
         outputs=list(system.output_labels),
-        states=[*system.state_labels, *(f"last_{s}" for s in labels), "begun"],
+        states=[*system.state_labels, *(f"last_{s}" for s in system.input_labels), "begun"],
         params=dict(system.params),
         name=name or system.name,
-        dt=float(dt),
+        dt=step.dt,
     )
 
 
-def _usually_held(system: Any) -> list[str]:
+def usually_held(system: Any) -> list[str]:
     """The inputs that a drive holds, by the names with which the block declares them."""
     made = getattr(system.outfcn, "block", None)
     own = system.input_labels if made is None else made.inputs
@@ -137,8 +147,8 @@ class _Step:
         """The states of the system at the sample that is being taken."""
         n = int(self.system.nstates)
         s, v = np.asanyarray(s), np.asanyarray(v)
-        before = _array([t - self.dt, *s[n:-1]])
-        now = _array([t, *np.where(np.array(self.held, dtype=bool), s[n:-1], v)])
+        before = signals([t - self.dt, *s[n:-1]])
+        now = signals([t, *np.where(np.array(self.held, dtype=bool), s[n:-1], v)])
         rates = _functions(self.system)(params)[0]
         if object in (before.dtype, now.dtype):  # the engine follows the equations
             self.substeps.again()
@@ -157,22 +167,24 @@ _SUBSTEPS: WeakKeyDictionary[_Step, Substeps] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True)
-class _OfStep:
-    step: _Step
+class OfStep:
+    """A function of a step."""
+
+    step: Any
 
     def rests_on(self) -> tuple[Any, ...]:
         """The systems whose state decides the answers: the engine looks at them."""
         return (self.step.system,)
 
 
-class _Moved(_OfStep):
+class _Moved(OfStep):
     """The update function of a sampled block."""
 
     def __call__(self, t: float, s: Any, v: Any, params: Any) -> np.ndarray:
         return np.concatenate([self.step.state(t, s, v, params), v, [1.0]])
 
 
-class _Answer(_OfStep):
+class _Answer(OfStep):
     """The output function of a sampled block."""
 
     def __call__(self, t: float, s: Any, v: Any, params: Any) -> np.ndarray:
@@ -239,7 +251,7 @@ def ramp_response(B: np.ndarray, start: np.ndarray, change: np.ndarray) -> np.nd
     -------
     (n, ...) ndarray
     """
-    B, start, change = _array(B), _array(start), _array(change)
+    B, start, change = signals(B), signals(start), signals(change)
     if len(B) == 1:
         one, two = _phi(B[0])
         return one * start + two * change
@@ -334,19 +346,20 @@ def _functions(system: Any) -> Callable[[Any], tuple[Any, Any]]:
 
     def evaluate(params: Any) -> tuple[Any, Any]:
         def rates(x: Any, v: Any) -> Any:
-            return _array(system.updfcn(v[0], x, v[1:], params))
+            return signals(system.updfcn(v[0], x, v[1:], params))
 
         def outputs(x: Any, v: Any) -> Any:
             if system.outfcn is None:
                 return x[: system.noutputs]
-            return _array(system.outfcn(v[0], x, v[1:], params))
+            return signals(system.outfcn(v[0], x, v[1:], params))
 
         return rates, outputs
 
     return evaluate
 
 
-def _array(values: Any) -> np.ndarray:
+def signals(values: Any) -> np.ndarray:
+    """An array of numbers, or of what the engine traces."""
     array = np.asarray(values)
     return signal_array(array) if array.dtype == object else array
 

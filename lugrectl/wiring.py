@@ -148,12 +148,12 @@ def _loop_gain(blocks: Sequence[Any], matrix: np.ndarray, row: int, s: float, pa
 def _gain(block: Any, s: float, params: Any) -> np.ndarray:
     """C (s - A)^-1 B + D of a block at rest, in discrete time at exp(s dt)."""
     block = _continuous(block)
-    block._update_params(params)
     n, m = int(block.nstates or 0), int(block.ninputs)
 
     def values(at: np.ndarray) -> np.ndarray:
-        rates = block._rhs(0.0, at[:n], at[n:]) if n else np.zeros(0)
-        return np.concatenate([np.ravel(rates), np.ravel(block._out(0.0, at[:n], at[n:]))])
+        given = (0.0, at[:n], at[n:], params)
+        rates = block.dynamics(*given) if n else np.zeros(0)
+        return np.concatenate([np.ravel(rates), np.ravel(block.output(*given))])
 
     steps = TINY * np.eye(n + m)
     J = np.array([(values(h) - values(-h)) / (2 * TINY) for h in steps]).T

@@ -13,7 +13,7 @@ from ..blocks.observers import observer_block
 from ..engine.adaptive import Diverged
 from ..simulation import simulate
 from .result import Compared
-from .sampled import Sensing, sampled_run
+from .sampled import Sensing, rms, rounded, sampled_run
 from .wiring import OUTPUTS, Terms, closed
 
 STEP = 1e-3  # s
@@ -96,7 +96,7 @@ def compared(
                 "velocity", _reference(t) | _noise(clean["theta"], *encoder), t, wrong
             )
             found["cost"] = (time.perf_counter() - begun) / len(t)
-            found["noise"] = _rms((disturbed["u"] - clean["u"])[t >= 1.0])
+            found["noise"] = rms((disturbed["u"] - clean["u"])[t >= 1.0])
     if "parameters" in wanted:
         found["parameters"], weakest = _worst(bench, t, wrong, levels["off"])
     peak = np.inf if clean is None else float(np.abs(clean["e"]).max())
@@ -129,8 +129,7 @@ def _reference(t: np.ndarray) -> dict[str, np.ndarray]:
 def _noise(theta: np.ndarray, size: float, resolution: float) -> dict[str, np.ndarray]:
     """Errors of an encoder along a motion, and of the velocity that is its difference."""
     angle = np.random.default_rng(0).normal(0.0, size, len(theta))
-    if resolution:
-        angle = resolution * np.round((theta + angle) / resolution) - theta
+    angle = rounded(theta + angle, resolution) - theta
     return {"n_theta": angle, "n_w": np.diff(angle, prepend=angle[0]) / STEP}
 
 
@@ -159,7 +158,7 @@ def _tracked(
         out = bench.run(scenario, _reference(t), t, factor, **(believed or {}))
     except Diverged:
         return None, np.inf
-    return out, _rms(out["e"][t >= since])
+    return out, rms(out["e"][t >= since])
 
 
 def _loaded(bench: _Bench, t: np.ndarray, factor: float, load: float) -> float:
@@ -169,7 +168,7 @@ def _loaded(bench: _Bench, t: np.ndarray, factor: float, load: float) -> float:
         out = bench.run("velocity", _reference(t) | {"d": d}, t, factor)
     except Diverged:
         return np.inf
-    return _rms(out["e"][t >= 2.0])
+    return rms(out["e"][t >= 2.0])
 
 
 def _at_rates(
@@ -198,7 +197,7 @@ def _at_samples(bench: _Bench, sensing: Sensing, factor: float) -> tuple[float, 
     except Diverged:
         return np.inf, np.inf
     e = out["w"] - _reference(t)["r"]
-    return _rms(e[t >= 0.5]), float(np.abs(e).max())
+    return rms(e[t >= 0.5]), float(np.abs(e).max())
 
 
 def _cycle(bench: _Bench, factor: float) -> float:
@@ -240,7 +239,3 @@ def _quiet(bench: _Bench, factor: float, allowed: float, delay: float) -> bool |
         if time.monotonic() > end:
             return None
     return True
-
-
-def _rms(x: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(np.square(x))))

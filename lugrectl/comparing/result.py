@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from ..display import Grid, grid_html, grid_text, number
-from ..errors import InputError
-from ..outputs import NamedRows, library, plain
+from ..outputs import ComparedRows, library, plain
 
 COLUMNS = {  # field: heading, factor to the unit of the heading
     "velocity": ("e_w [mrad/s]", 1e3),
@@ -62,7 +60,7 @@ class Compared:
         return plain(asdict(self))
 
 
-class ObserverComparison(NamedRows[Compared]):
+class ObserverComparison(ComparedRows[Compared]):
     """The answer of :func:`lugrectl.compare_observers`: rows by place or by name.
 
     ``terms`` holds what was equal for all: levels of friction believed, gains, noise, rate.
@@ -72,24 +70,9 @@ class ObserverComparison(NamedRows[Compared]):
         self._rows = tuple(rows)
         self.terms = dict(terms)
 
-    def __getitem__(self, which: Any) -> Any:
-        if not isinstance(which, str):
-            return self._rows[which]
-        if which not in self.names:
-            raise InputError(f"{which!r} was not compared; there is {', '.join(self.names)}.")
-        return self._rows[self.names.index(which)]
-
     def summary(self) -> dict[str, Any]:
         """Plain Python: the terms, and a dictionary for each observer."""
         return {"terms": plain(self.terms), "observers": [row.summary() for row in self]}
-
-    def to_dict(self) -> dict[str, Any]:
-        """The same as :meth:`summary`."""
-        return self.summary()
-
-    def to_json(self) -> str:
-        """One JSON document; NaN and infinity become null."""
-        return json.dumps(self.summary(), indent=2, allow_nan=False)
 
     def to_frame(self) -> Any:
         """A DataFrame in SI units with the names as index; InputError without pandas."""

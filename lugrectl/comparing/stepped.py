@@ -11,12 +11,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import control as ct
 import numpy as np
 
 from ..engine.substeps import Substeps
-from ..engine.symbolic import signal_array
-from ..sampling import sampled
+from ..sampling import OfStep, in_steps, sampled, signals, usually_held
 
 MOST = 24  # Runge-Kutta steps in a sample
 REACH = 1.2  # of a rate times the length of a step; the method is stable up to 2.7
@@ -32,17 +30,9 @@ def at_samples(block: Any, dt: float, points: Sequence[Mapping[str, float]]) -> 
     steps = math.ceil(min(dt * _rate(block, points) / REACH, 1e6))
     if steps > MOST:
         return sampled(block, dt)
-    step = _Step(block, dt, max(steps, 2), tuple(s == "u" for s in block.input_labels))
-    return ct.nlsys(
-        _Moved(step),
-        _Answer(step),
-        inputs=block.input_labels,
-        outputs=block.output_labels,
-        states=[*block.state_labels, *(f"last_{s}" for s in block.input_labels), "begun"],
-        params=dict(block.params),
-        name=block.name,
-        dt=dt,
-    )
+    held = usually_held(block)
+    step = _Step(block, dt, max(steps, 2), tuple(s in held for s in block.input_labels))
+    return in_steps(step, _Answer(step))
 
 
 def _rate(block: Any, points: Sequence[Mapping[str, float]]) -> float:
@@ -91,31 +81,9 @@ class _Step:
         return signals(np.where(signals(s[-1:])[0] < 0.5, start, x))
 
 
-@dataclass(frozen=True)
-class _OfStep:
-    step: _Step
-
-    def rests_on(self) -> tuple[Any, ...]:
-        """The systems whose state decides the answers."""
-        return (self.step.system,)
-
-
-class _Moved(_OfStep):
-    """The update function."""
-
-    def __call__(self, t: Any, s: Any, v: Any, params: Any) -> np.ndarray:
-        return np.concatenate([self.step.state(t, s, v, params), v, [1.0]])
-
-
-class _Answer(_OfStep):
+class _Answer(OfStep):
     """The output function."""
 
     def __call__(self, t: Any, s: Any, v: Any, params: Any) -> np.ndarray:
         state = self.step.state(t, s, v, params)
         return self.step.system.outfcn(t, state, signals(v), params)
-
-
-def signals(values: Sequence[Any] | np.ndarray) -> np.ndarray:
-    """An array of numbers, or of what the engine traces."""
-    made = np.asarray(values)
-    return signal_array(made) if made.dtype == object else made

@@ -12,7 +12,7 @@ from ..blocks.observers import observer_block
 from ..engine.adaptive import Diverged
 from ..errors import InputError
 from .drive_spec import DriveSpec
-from .sampled import Sensing, sampled_run
+from .sampled import Sensing, rms, sampled_run
 from .wiring import Terms
 
 PERIODS, SETTLED = 1.25, 0.25  # of the reference: simulated, and left out of the error
@@ -49,7 +49,7 @@ class Course:
     def missed(self, out: Mapping[str, np.ndarray]) -> float:
         """The RMS error of a run."""
         y = out["w"] if self.kind == "velocity" else out["theta"]
-        return float(np.sqrt(np.mean(np.square((y - self.rows["r"])[self.counted]))))
+        return rms((y - self.rows["r"])[self.counted])
 
 
 def course(spec: DriveSpec, kind: str) -> Course:
@@ -92,7 +92,7 @@ class Stand:
             loud, quiet = (self._run(name, {}, sensing, 0.0)["u"] for sensing in runs)
         except Diverged:
             return np.inf
-        return float(np.sqrt(np.mean(np.square((loud - quiet)[self.course.counted]))))
+        return rms((loud - quiet)[self.course.counted])
 
     def _run(
         self, name: str, believed: Mapping[str, float], sensing: Sensing, load: float

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..blocks.friction import level
+from ..blocks.friction import level, relaxation
 from ..linear import position_T, spr_check
 from .certificate import Certificate
 from .quadratic import common_rate
@@ -65,7 +65,7 @@ def _limited(rate: float, c: Mapping[str, Any], most: float = SAMPLED) -> float:
 
 def _slides(m: Mapping[str, float], w: float) -> float:
     """a = sigma0 |w|/h(w) in 1/s."""
-    return m["sigma0"] * w / float(level(w, m["Fc"], m["Fs"], m["vs"]))
+    return float(relaxation(w, m["sigma0"], level(w, m["Fc"], m["Fs"], m["vs"])))
 
 
 def _natural(m: Mapping[str, float], c: dict[str, Any]) -> Any:
@@ -186,7 +186,7 @@ def position_corners(
     w = np.linspace(0.0, max(most, 10.0 * m["vs"]), 4001)
     slope = np.abs(np.gradient(w / level(w, m["Fc"], m["Fs"], m["vs"]), w))
     wide = float(slope.max()) * max(m["Fc"], m["Fs"])
-    top = m["sigma0"] * most / min(m["Fc"], m["Fs"])
+    top = relaxation(most, m["sigma0"], min(m["Fc"], m["Fs"]))
     S = np.diag([1.0, 1.0 / p, g / p**2])
     corners = []
     for a in (0.0, top):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from statistics import NormalDist
@@ -17,7 +16,7 @@ from ..door import as_model, changed, judged_by
 from ..errors import InputError, Refused
 from ..identification.selection import ALPHA, levels, paired
 from ..model import Model
-from ..outputs import NamedRows, library, plain
+from ..outputs import ComparedRows, library, plain
 from ..progress import Progress, Wanted, reporter, shows_progress
 from ..record import Record, refuse_dead
 from ..spec import members, unit_for
@@ -63,7 +62,7 @@ class ComparedLaw:
         return plain(asdict(self))
 
 
-class LawComparison(NamedRows[ComparedLaw]):
+class LawComparison(ComparedRows[ComparedLaw]):
     """The answer of :func:`compare_laws`: rows by place or by name, the best first.
 
     ``chosen`` is the simplest law that no other predicts better than; ``model`` the declared model
@@ -76,13 +75,6 @@ class LawComparison(NamedRows[ComparedLaw]):
         self._rows = tuple(rows)
         self.chosen, self.alike, self.model = chosen, tuple(alike), model
         self.unit = unit_for("N m", model.motion)
-
-    def __getitem__(self, which: Any) -> Any:
-        if not isinstance(which, str):
-            return self._rows[which]
-        if which not in self.names:
-            raise InputError(f"{which!r} was not compared; there is {', '.join(self.names)}.")
-        return self._rows[self.names.index(which)]
 
     @property
     def sentence(self) -> str:
@@ -98,14 +90,6 @@ class LawComparison(NamedRows[ComparedLaw]):
             "unit": self.unit,
             "laws": [row.summary() for row in self],
         }
-
-    def to_dict(self) -> dict[str, Any]:
-        """The same as :meth:`summary`."""
-        return self.summary()
-
-    def to_json(self) -> str:
-        """One JSON document; NaN and infinity become null."""
-        return json.dumps(self.summary(), indent=2, allow_nan=False)
 
     def to_frame(self) -> Any:
         """A DataFrame with the names as index; InputError without pandas."""

@@ -128,8 +128,7 @@ def _declared(model: Model, data: Data, train: Windows, report: Progress) -> Fit
     report(0.02, "first guess" if compiler() else SLOWLY)
     started = lifted(completed(model, replace(data, differing=()), train))
     report(0.05, "refitting the declared model")
-    base = begun(Predictor(started, data), train, model)
-    return base
+    return begun(Predictor(started, data), train, model)
 
 
 def compared(job: Job, fitted: Fitted) -> Job:
