@@ -14,7 +14,7 @@ from ..checks import share, shown
 from ..display import Grid, grid_html, grid_text, number
 from ..door import as_model, changed, judged_by
 from ..errors import InputError, Refused
-from ..identification.selection import ALPHA, levels, paired
+from ..identification.selection import ALPHA, levels, paired, standard_error
 from ..model import Model
 from ..outputs import ComparedRows, library, plain
 from ..progress import Progress, Wanted, reporter, shows_progress
@@ -277,5 +277,6 @@ def _beaten(best: _Fit, other: _Fit, bar: float) -> bool:
 
 
 def _row(f: _Fit, chosen: _Fit) -> ComparedLaw:
-    gain, se = paired(f.windows, chosen.windows)
-    return ComparedLaw(f.name, gain, se, f.torque, f.error, f.parameters)
+    d = f.windows - chosen.windows
+    se = standard_error(d) if f is not chosen else 0.0
+    return ComparedLaw(f.name, float(d.sum()), se, f.torque, f.error, f.parameters)

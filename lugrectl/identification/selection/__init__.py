@@ -13,7 +13,7 @@ from .completing import completed
 from .face import compare, levels
 from .numbers import ALPHA, LEAST
 from .result import Compared, Comparison, Detectable, Named, Share
-from .score import paired
+from .score import paired, standard_error
 
 __all__ = [
     "ALPHA",
@@ -27,4 +27,5 @@ __all__ = [
     "completed",
     "levels",
     "paired",
+    "standard_error",
 ]

@@ -20,6 +20,7 @@ from .motion import Motion, motion_of
 from .numbers import ALPHA, HELD, LEAST, LOST, MOST_ROWS, MOST_SAMPLES, OFF
 from .result import Compared, Comparison, Named
 from .rows import Width, quick, rows_of, spacing, usable, widths
+from .score import standard_error
 from .settling import settled
 from .table import Table
 from .values import levels_of, values_of, zeros_of
@@ -118,8 +119,8 @@ def _rows(table: Table) -> list[Compared]:
     own = int(base.made.free.sum())
     rows = [Compared("declared", 0.0, 0.0, 0.0, own)]
     for c in table.rows:
-        gain, se = c.above(c.base)
-        rows.append(Compared(c.name, gain, se, c.share, own + c.own + len(c.values)))
+        se = standard_error(c.blocks - c.base.score)
+        rows.append(Compared(c.name, c.gain, se, c.share, own + c.own + len(c.values)))
     return rows
 
 

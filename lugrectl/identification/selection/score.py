@@ -105,14 +105,21 @@ def paired(a: np.ndarray, b: np.ndarray, together: int = 1) -> tuple[float, floa
     """
     d = a - b
     d = np.append(d, np.zeros(-len(d) % together)).reshape(-1, together).sum(axis=1)
-    total, seen = float(d.sum()), np.count_nonzero(d)
-    se = float(np.sqrt(len(d)) * d.std(ddof=1)) + 1e-9
+    total, seen, se = float(d.sum()), np.count_nonzero(d), standard_error(d)
     for clip in CLIPS:
         cut = np.clip(d, -clip, clip)
         z = float(cut.sum() / (np.sqrt(len(d)) * cut.std(ddof=1) + 1e-9))
         if z * np.sign(total) > abs(total) / se:
             se = abs(total) / abs(z)
     return total, se * _widened(seen)
+
+
+def standard_error(d: np.ndarray) -> float:
+    """That of the sum of paired differences (blocks,), as they are: what a table shows.
+
+    :func:`paired` decides; where every block agrees, its cut differences leave no error to show.
+    """
+    return float(np.sqrt(len(d)) * d.std(ddof=1)) + 1e-9
 
 
 def losses(d: np.ndarray) -> float:
