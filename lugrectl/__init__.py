@@ -11,47 +11,47 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _HOMES = {
-    "spec": "block P",
+    "blocks.block": "block P",
     "blocks.bristle_observers": "friction_state_observer lyapunov_observer normal_force_observer "
     "temperature_observer",
-    "blocks.comparison": "adaptive_observer disturbance_observer extended_state_observer "
+    "blocks.comparison_observers": "adaptive_observer disturbance_observer extended_state_observer "
     "friedland_park_observer general_coulomb_observer",
     "blocks.controllers": "compensation error feedforward pi pid prefilter",
-    "blocks.delayed": "coulomb_compensation coulomb_predictor smith_velocity",
-    "blocks.learning": "repetitive_control repetitive_memory",
+    "blocks.dead_time_control": "coulomb_compensation coulomb_predictor smith_velocity",
+    "blocks.repetitive_control": "repetitive_control repetitive_memory",
     "blocks.drive": "current_lag dead_time limiter notch proportional",
-    "blocks.library": "effect friction",
+    "blocks.factories": "effect friction",
     "blocks.observers": "existing_observer natural_observer proposed_observer",
     "blocks.plant": "plant sensor",
     "blocks.position_observers": "position_coulomb_observer position_lugre_observer",
-    "blocks.sliding": "adaptive_slotine_li backstepping_smc dual_observer_control slotine_li "
-    "sliding_error",
+    "blocks.sliding_control": "adaptive_slotine_li backstepping_smc dual_observer_control "
+    "sliding_error slotine_li",
     "blocks.table": "tabulated",
-    "bristles": "deflection",
-    "cascade": "cascade_loop",
-    "catalogue": "controllers effects laws observers",
-    "comparing": "ObserverComparison Recommendation compare_observers recommend_observer",
-    "compensating": "Compensation compensate",
+    "simulation.bristle_deflection": "deflection",
+    "loops.cascade": "cascade_loop",
+    "blocks.catalogue": "controllers effects laws observers",
+    "observer_comparison": "ObserverComparison Recommendation compare_observers recommend_observer",
+    "compensated_loop": "Compensation compensate",
     "design": "Certificate Design ObserverDesign PAPER certify design_gains excitation "
     "natural_decay",
-    "diagnosis.asking": "balance",
+    "diagnosis.question": "balance",
     "diagnosis.diagnose": "diagnose",
-    "engine.adaptive": "Diverged",
-    "ensemble": "Sweep sweep sweep_chunks",
-    "errors": "InputError Refused",
-    "fleet": "Fleet diagnose_each",
+    "engine.runtime.adaptive_run": "Diverged",
+    "sweeps": "Sweep sweep sweep_chunks",
+    "core.errors": "InputError Refused",
+    "diagnosis.fleet": "Fleet diagnose_each",
     "diagnosis.identify": "identify",
-    "diagnosis.laws": "LawComparison compare_laws",
+    "diagnosis.compare_laws": "LawComparison compare_laws",
     "linear": "bandwidth bandwidth_check check_designs l2_check position_T position_loop_tf "
     "spr_check spr_repair velocity_T velocity_loop_tf",
-    "loops": "position_loop velocity_loop",
-    "mixed": "simulate_sampled",
-    "model": "Model Parameters table1",
-    "model_file": "read_model write_model",
+    "loops.friction_loops": "position_loop velocity_loop",
+    "simulation.sampled_response": "simulate_sampled",
+    "blocks.model": "Model Parameters table1",
+    "blocks.model_file": "read_model write_model",
     "record": "Record read_record",
-    "results": "Diagnosis Table",
-    "sampling": "sampled",
-    "simulation": "simulate",
+    "results.diagnosis_result": "Diagnosis Table",
+    "simulation.sampled_block": "sampled",
+    "simulation.response": "simulate",
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names.split()}
 
@@ -71,13 +71,23 @@ def __dir__() -> list[str]:
 
 
 if TYPE_CHECKING:
+    from .blocks.block import (  # noqa: F401
+        P,
+        block,
+    )
     from .blocks.bristle_observers import (  # noqa: F401
         friction_state_observer,
         lyapunov_observer,
         normal_force_observer,
         temperature_observer,
     )
-    from .blocks.comparison import (  # noqa: F401
+    from .blocks.catalogue import (  # noqa: F401
+        controllers,
+        effects,
+        laws,
+        observers,
+    )
+    from .blocks.comparison_observers import (  # noqa: F401
         adaptive_observer,
         disturbance_observer,
         extended_state_observer,
@@ -92,7 +102,7 @@ if TYPE_CHECKING:
         pid,
         prefilter,
     )
-    from .blocks.delayed import (  # noqa: F401
+    from .blocks.dead_time_control import (  # noqa: F401
         coulomb_compensation,
         coulomb_predictor,
         smith_velocity,
@@ -104,8 +114,19 @@ if TYPE_CHECKING:
         notch,
         proportional,
     )
-    from .blocks.learning import repetitive_control, repetitive_memory  # noqa: F401
-    from .blocks.library import effect, friction  # noqa: F401
+    from .blocks.factories import (  # noqa: F401
+        effect,
+        friction,
+    )
+    from .blocks.model import (  # noqa: F401
+        Model,
+        Parameters,
+        table1,
+    )
+    from .blocks.model_file import (  # noqa: F401
+        read_model,
+        write_model,
+    )
     from .blocks.observers import (  # noqa: F401
         existing_observer,
         natural_observer,
@@ -116,7 +137,11 @@ if TYPE_CHECKING:
         position_coulomb_observer,
         position_lugre_observer,
     )
-    from .blocks.sliding import (  # noqa: F401
+    from .blocks.repetitive_control import (  # noqa: F401
+        repetitive_control,
+        repetitive_memory,
+    )
+    from .blocks.sliding_control import (  # noqa: F401
         adaptive_slotine_li,
         backstepping_smc,
         dual_observer_control,
@@ -124,16 +149,14 @@ if TYPE_CHECKING:
         slotine_li,
     )
     from .blocks.table import tabulated  # noqa: F401
-    from .bristles import deflection  # noqa: F401
-    from .cascade import cascade_loop  # noqa: F401
-    from .catalogue import controllers, effects, laws, observers  # noqa: F401
-    from .comparing import (  # noqa: F401
-        ObserverComparison,
-        Recommendation,
-        compare_observers,
-        recommend_observer,
+    from .compensated_loop import (  # noqa: F401
+        Compensation,
+        compensate,
     )
-    from .compensating import Compensation, compensate  # noqa: F401
+    from .core.errors import (  # noqa: F401
+        InputError,
+        Refused,
+    )
     from .design import (  # noqa: F401
         PAPER,
         Certificate,
@@ -144,14 +167,18 @@ if TYPE_CHECKING:
         excitation,
         natural_decay,
     )
-    from .diagnosis.asking import balance  # noqa: F401
+    from .diagnosis.compare_laws import (  # noqa: F401
+        LawComparison,
+        compare_laws,
+    )
     from .diagnosis.diagnose import diagnose  # noqa: F401
+    from .diagnosis.fleet import (  # noqa: F401
+        Fleet,
+        diagnose_each,
+    )
     from .diagnosis.identify import identify  # noqa: F401
-    from .diagnosis.laws import LawComparison, compare_laws  # noqa: F401
-    from .engine.adaptive import Diverged  # noqa: F401
-    from .ensemble import Sweep, sweep, sweep_chunks  # noqa: F401
-    from .errors import InputError, Refused  # noqa: F401
-    from .fleet import Fleet, diagnose_each  # noqa: F401
+    from .diagnosis.question import balance  # noqa: F401
+    from .engine.runtime.adaptive_run import Diverged  # noqa: F401
     from .linear import (  # noqa: F401
         bandwidth,
         bandwidth_check,
@@ -164,12 +191,28 @@ if TYPE_CHECKING:
         velocity_loop_tf,
         velocity_T,
     )
-    from .loops import position_loop, velocity_loop  # noqa: F401
-    from .mixed import simulate_sampled  # noqa: F401
-    from .model import Model, Parameters, table1  # noqa: F401
-    from .model_file import read_model, write_model  # noqa: F401
+    from .loops.cascade import cascade_loop  # noqa: F401
+    from .loops.friction_loops import (  # noqa: F401
+        position_loop,
+        velocity_loop,
+    )
+    from .observer_comparison import (  # noqa: F401
+        ObserverComparison,
+        Recommendation,
+        compare_observers,
+        recommend_observer,
+    )
     from .record import Record, read_record  # noqa: F401
-    from .results import Diagnosis, Table  # noqa: F401
-    from .sampling import sampled  # noqa: F401
-    from .simulation import simulate  # noqa: F401
-    from .spec import P, block  # noqa: F401
+    from .results.diagnosis_result import (  # noqa: F401
+        Diagnosis,
+        Table,
+    )
+    from .simulation.bristle_deflection import deflection  # noqa: F401
+    from .simulation.response import simulate  # noqa: F401
+    from .simulation.sampled_block import sampled  # noqa: F401
+    from .simulation.sampled_response import simulate_sampled  # noqa: F401
+    from .sweeps import (  # noqa: F401
+        Sweep,
+        sweep,
+        sweep_chunks,
+    )

@@ -1,12 +1,12 @@
 """Simulated cases as records and models, and the refitted model that a diagnosis begins with."""
 
 from lugrectl import diagnose
-from lugrectl.diagnosis.asking import Asked
+from lugrectl.blocks.model import Model, model_from_dict
+from lugrectl.diagnosis.question import Asked
+from lugrectl.diagnosis.study import Job, begin, prepared
 from lugrectl.identification.selection import levels
-from lugrectl.model import Model, model_from_dict
 from lugrectl.record import Record
-from lugrectl.results import Diagnosis
-from lugrectl.tracing.job import Job, begin, prepared
+from lugrectl.results.diagnosis_result import Diagnosis
 
 from .rig import Case
 

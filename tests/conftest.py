@@ -11,7 +11,7 @@ import matplotlib  # noqa: E402
 import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
-from lugrectl.engine.native import has_compiler  # noqa: E402
+from lugrectl.engine.runtime.c_compiler import has_compiler  # noqa: E402
 
 matplotlib.use("Agg")  # here: a kernel that a test starts chooses for itself
 settings.register_profile("any machine", deadline=None)  # slow, or busy with another test

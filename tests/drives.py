@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import control as ct
 import numpy as np
 
-from lugrectl import loops as _loops  # noqa: F401  fills the registry
+from lugrectl.blocks.block import members
+from lugrectl.blocks.model import model_from_dict
 from lugrectl.blocks.plant import assemble
-from lugrectl.model import model_from_dict
-from lugrectl.spec import members
+from lugrectl.loops import friction_loops as _loops  # noqa: F401  fills the registry
 
 EFFECTS = members("effect")
 LAWS = members("friction")

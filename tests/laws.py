@@ -4,7 +4,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 import lugrectl as lg
-from lugrectl.spec import members
+from lugrectl.blocks.block import members
 
 J, S0, S1, FC, FS, FV, VS = 0.0022, 260.0, 0.6, 0.285, 0.335, 0.018, 0.01
 TABLE1 = {"sigma0": S0, "sigma1": S1, "Fc": FC, "Fs": FS, "Fv": FV, "vs": VS}

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lugrectl.errors import InputError
+from lugrectl.core.errors import InputError
 from lugrectl.record import read_record
 
 DATA = Path(os.environ.get("LUGRECTL_DATA", Path(__file__).parents[2] / "shared" / "data"))

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from lugrectl.diagnosis.plain import refusal
-from lugrectl.errors import Refused
+from lugrectl.blocks.model import Model, table1
+from lugrectl.core.errors import Refused
+from lugrectl.diagnosis.plain_answer import refusal
 from lugrectl.identification.selection import Compared, Comparison, Share
-from lugrectl.model import Model, table1
 from lugrectl.record import Record, record_of
-from lugrectl.results import Candidate, Diagnosis, Estimate, Finding, Traces
+from lugrectl.results.diagnosis_result import Candidate, Diagnosis, Estimate, Finding, Traces
 
 HOSTILE = '<script src="http://x.y/z.js">alert(1)</script> & "q".csv'
 A, N, PHI = 0.05, 8.0, -1.0

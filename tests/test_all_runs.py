@@ -8,8 +8,8 @@ import pytest
 from lugrectl import Model, diagnose, read_record
 from lugrectl.identification.selection import Share
 from lugrectl.report import html, text
-from lugrectl.report.compared import COLOURS, bars
-from lugrectl.results import FrictionMap
+from lugrectl.report.comparison_section import COLOURS, bars
+from lugrectl.results.diagnosis_result import FrictionMap
 
 from .balance_drive import FC, simulate, torque
 from .made_up import bare, diagnosis

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl import door
-from lugrectl.diagnosis.asking import Asked
-from lugrectl.errors import InputError
+from lugrectl.blocks import as_model as door
+from lugrectl.core.errors import InputError
+from lugrectl.diagnosis.question import Asked
 
 P = lg.table1()
 MODEL = lg.Model.of(P)

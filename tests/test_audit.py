@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from lugrectl.errors import Refused
+from lugrectl.core.errors import Refused
 from lugrectl.record import Record, consistent, read_record
-from lugrectl.record.audit import audit as checked
-from lugrectl.record.audit import torque_fit
-from lugrectl.record.position import unwrapped
+from lugrectl.record.consistency import audit as checked
+from lugrectl.record.consistency import torque_fit
+from lugrectl.record.samples.position_jumps import unwrapped
 
 from .logs import DATA, measured
 

@@ -7,7 +7,7 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.identification.balance import balance
-from lugrectl.identification.balance.certain import combinations
+from lugrectl.identification.balance.identifiable import combinations
 
 from .balance_drive import FC, FV, J, simulate, stretch, torque
 

@@ -6,8 +6,8 @@ import threading
 
 import pytest
 
-from lugrectl.engine.beside import beside
-from lugrectl.engine.load import compiler, threads
+from lugrectl.engine.runtime.backend import compiler, threads
+from lugrectl.engine.runtime.threads import beside
 
 
 def test_results_come_in_the_order_of_the_items():

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.blas import one_blas_thread
-from lugrectl.model import model_from_dict
+from lugrectl.blocks.model import model_from_dict
+from lugrectl.parallel.blas_threads import one_blas_thread
 
 pools = pytest.importorskip("threadpoolctl")
 

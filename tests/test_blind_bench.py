@@ -225,7 +225,7 @@ def test_floor_is_the_sensor_noise_where_the_torque_is_known(case):
 
 
 def test_the_true_model(case):
-    from lugrectl.model import model_from_dict
+    from lugrectl.blocks.model import model_from_dict
 
     model = model_from_dict(limits.true_model(case), "truth")
     truth = case.truth

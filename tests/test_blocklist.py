@@ -10,9 +10,10 @@ import pytest
 from scipy.linalg import expm
 
 import lugrectl as lg
-from lugrectl.engine import AlgebraicLoop, choice, held
-from lugrectl.engine.adaptive import Diverged
-from lugrectl.simulation import simulate
+from lugrectl.engine import AlgebraicLoop
+from lugrectl.engine.runtime import sampled_run, select
+from lugrectl.engine.runtime.adaptive_run import Diverged
+from lugrectl.simulation.response import simulate
 
 P, DT = lg.table1(), 1e-3
 A, B = np.array([[0.0, 1.0], [-9.0, -0.6]]), np.array([[0.0], [4.0]])
@@ -20,9 +21,9 @@ A, B = np.array([[0.0, 1.0], [-9.0, -0.6]]), np.array([[0.0], [4.0]])
 
 @pytest.fixture(autouse=True)
 def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lugrectl.engine.adaptive.has_numba", lambda: False)
-    monkeypatch.setattr(held, "has_numba", lambda: False)
-    monkeypatch.setattr(choice, "_compiled", {})
+    monkeypatch.setattr("lugrectl.engine.runtime.adaptive_run.has_numba", lambda: False)
+    monkeypatch.setattr(sampled_run, "has_numba", lambda: False)
+    monkeypatch.setattr(select, "_compiled", {})
 
 
 def swing():
@@ -103,9 +104,9 @@ def test_numba_says_the_same(monkeypatch):
     blocks = [swing(), law(lambda y, r: np.tanh(r - y), ["y", "r"], "u", 0.1, "slow")]
     t = np.linspace(0, 3, 50)
     plain = simulate(blocks, t, np.sin(t))
-    monkeypatch.setattr(held, "has_numba", lambda: True)
-    monkeypatch.setattr(held, "FEW", 0)
-    monkeypatch.setattr(choice, "_compiled", {})
+    monkeypatch.setattr(sampled_run, "has_numba", lambda: True)
+    monkeypatch.setattr(sampled_run, "FEW", 0)
+    monkeypatch.setattr(select, "_compiled", {})
     compiled = simulate(blocks, t, np.sin(t))
     np.testing.assert_allclose(compiled.outputs, plain.outputs, rtol=1e-9, atol=1e-12)
 
@@ -180,7 +181,7 @@ def test_parameters_stay_arguments(monkeypatch):
     )
     blocks, t = [swing(), gain], np.linspace(0, 1, 11)
     simulate(blocks, t, x0=[1.0, 0.0])
-    monkeypatch.setattr(held, "held_code", None)
+    monkeypatch.setattr(sampled_run, "held_code", None)
     other = simulate(blocks, t, x0=[1.0, 0.0], params={"gain.k": 0.0})
     exact = [(expm(A * s) @ [1.0, 0.0])[0] for s in t]
     np.testing.assert_allclose(row(other, "y"), exact, atol=1e-6)

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lugrectl import loops as _loops  # noqa: F401  fills the registry
-from lugrectl.errors import InputError
-from lugrectl.spec import REGISTRY, block, members, unit_for
+from lugrectl.blocks.block import REGISTRY, block, members, unit_for
+from lugrectl.core.errors import InputError
+from lugrectl.loops import friction_loops as _loops  # noqa: F401  fills the registry
 
 from .drives import arguments, strong
 

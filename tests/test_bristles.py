@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import lugrectl as lg
-from lugrectl import bristles
-from lugrectl.bristles import BLOCK, CHUNK, deflection
-from lugrectl.simulation import simulate
+from lugrectl.simulation import bristle_deflection
+from lugrectl.simulation.bristle_deflection import BLOCK, CHUNK, deflection
+from lugrectl.simulation.response import simulate
 
 from .conftest import there
 
@@ -19,7 +19,7 @@ P, DT = lg.table1(), 1e-3
 @pytest.fixture(params=["numba", "c", None])
 def way(request, monkeypatch):
     made_by = there(request.param)
-    monkeypatch.setattr(bristles, "compiler", lambda: made_by)
+    monkeypatch.setattr(bristle_deflection, "compiler", lambda: made_by)
 
 
 def by_hand(w, dt, z):
@@ -83,7 +83,7 @@ def test_blocks_and_threads_change_nothing(way):
 def test_all_ways_agree(way, monkeypatch):
     w = np.random.default_rng(2).standard_normal(20_000)
     compiled = deflection(w, DT, P)
-    monkeypatch.setattr(bristles, "compiler", lambda: None)
+    monkeypatch.setattr(bristle_deflection, "compiler", lambda: None)
     np.testing.assert_allclose(deflection(w, DT, P), compiled, rtol=1e-11, atol=1e-17)
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from lugrectl import Model
-from lugrectl.diagnosis.asking import Asked
+from lugrectl.diagnosis.question import Asked
 from lugrectl.identification.selection import compare
-from lugrectl.report.compared import budget
+from lugrectl.report.comparison_section import budget
 
 from .balance_drive import FC, simulate, torque
 from .made_up import diagnosis

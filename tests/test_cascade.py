@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.engine import adaptive
-from lugrectl.simulation import simulate
+from lugrectl.engine.runtime import adaptive_run
+from lugrectl.simulation.response import simulate
 
 P = lg.table1()
 KV, KP, KI, LIMIT, LAG, DELAY = 20.0, 1.6, 16.0, 0.8, 3e-4, 2e-4
@@ -24,7 +24,7 @@ GEARED = lg.Model.of(P).with_effect(
 @pytest.fixture(autouse=True)
 def uncompiled(monkeypatch):
     """Short runs: plain Python is faster than compiling."""
-    monkeypatch.setattr(adaptive, "has_numba", lambda: False)
+    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
 
 
 def static(name, inputs, output, function):

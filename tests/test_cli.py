@@ -12,12 +12,12 @@ import control as ct
 import numpy as np
 import pytest
 
+from lugrectl.blocks.model import Model, table1
+from lugrectl.blocks.model_file import read_model, write_model
 from lugrectl.cli import commands, main
 from lugrectl.cli.progress import Bar
-from lugrectl.errors import InputError, Refused
-from lugrectl.model import Model, table1
-from lugrectl.model_file import read_model, write_model
-from lugrectl.results import Candidate, Diagnosis, Estimate, Finding
+from lugrectl.core.errors import InputError, Refused
+from lugrectl.results.diagnosis_result import Candidate, Diagnosis, Estimate, Finding
 
 from .made_up import answered
 

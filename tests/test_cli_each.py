@@ -6,11 +6,11 @@ from types import ModuleType
 
 import pytest
 
+from lugrectl.blocks.model import Model, table1
+from lugrectl.blocks.model_file import write_model
 from lugrectl.cli import each, main
 from lugrectl.cli.progress import Bar
-from lugrectl.errors import InputError
-from lugrectl.model import Model, table1
-from lugrectl.model_file import write_model
+from lugrectl.core.errors import InputError
 from lugrectl.report import FILES, fleet_page
 
 from .logs import csv as log
@@ -168,7 +168,7 @@ def test_a_folder_stands_for_the_runs_of_one_drive_in_it(files, job, capsys):
 
 
 def test_jobs_are_as_many_as_processors_or_logs(files, capsys, monkeypatch):
-    from lugrectl import fleet
+    from lugrectl.diagnosis import fleet
 
     asked = []
 

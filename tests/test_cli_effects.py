@@ -6,8 +6,8 @@ import sys
 
 import pytest
 
+from lugrectl.blocks.block import members
 from lugrectl.cli import main
-from lugrectl.spec import members
 
 
 def run(capsys, line):

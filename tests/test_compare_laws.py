@@ -67,7 +67,7 @@ def test_laws_that_do_not_exist_are_one_sentence(plain_drive):
 
 
 def test_the_command_chooses_a_law_and_says_so(plain_drive, tmp_path, capsys, monkeypatch):
-    from lugrectl.diagnosis import laws
+    from lugrectl.diagnosis import compare_laws as laws
 
     monkeypatch.setattr(laws, "law_names", lambda given: LAWS)
     table = np.column_stack(list(plain_drive.values()))

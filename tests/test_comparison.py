@@ -9,17 +9,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import lugrectl as lg
-from lugrectl.blocks.comparison import (
+from lugrectl.blocks.block import REGISTRY
+from lugrectl.blocks.comparison_observers import (
     adaptive_observer,
     disturbance_observer,
     extended_state_observer,
     friedland_park_observer,
 )
+from lugrectl.blocks.model import model_from_dict
 from lugrectl.blocks.observers import observer
-from lugrectl.loops import position_loop, velocity_loop
-from lugrectl.model import model_from_dict
-from lugrectl.simulation import simulate
-from lugrectl.spec import REGISTRY
+from lugrectl.loops.friction_loops import position_loop, velocity_loop
+from lugrectl.simulation.response import simulate
 
 from .observed import longer, sampled_velocity_error, velocity_error
 

@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 
 import lugrectl as lg
 from lugrectl.cli import main
-from lugrectl.compensating import effects_torque
-from lugrectl.errors import InputError
+from lugrectl.compensated_loop import effects_torque
+from lugrectl.core.errors import InputError
 from lugrectl.report import fragment, text
-from lugrectl.results import Table
+from lugrectl.results.diagnosis_result import Table
 
 from .made_up import bare
 

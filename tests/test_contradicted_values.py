@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from lugrectl import Model, Refused, diagnose, identify
-from lugrectl.diagnosis.asking import Asked
-from lugrectl.model import model_from_dict
+from lugrectl.blocks.model import model_from_dict
+from lugrectl.diagnosis.question import Asked
 
 from .balance_drive import FC, FV, J, simulate, torque
 

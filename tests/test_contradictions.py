@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from lugrectl import diagnose, identify
-from lugrectl.diagnosis.asking import Asked
-from lugrectl.errors import Refused
+from lugrectl.core.errors import Refused
+from lugrectl.diagnosis.question import Asked
 from lugrectl.identification.selection import compare
 from lugrectl.record import Record, refuse_dead
 from tests.rig import make

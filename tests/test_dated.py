@@ -7,9 +7,9 @@ import pytest
 from scipy.signal import butter, lfilter
 
 from lugrectl import diagnose
-from lugrectl.errors import Refused
-from lugrectl.tracing.dated import ahead, dated
-from lugrectl.tracing.job import as_recorded
+from lugrectl.core.errors import Refused
+from lugrectl.diagnosis.study import as_recorded
+from lugrectl.identification.likelihood.torque_delay import ahead, dated
 from tests.rig import exported, make, sample
 
 from .cases import begun, model_of, quiet, record_of, verdict

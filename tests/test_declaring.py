@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl import declaring
-from lugrectl.spec import REGISTRY
+from lugrectl.blocks import declaration
+from lugrectl.blocks.block import REGISTRY
 
 C = lg.P(0.0, "N m s/rad", 0.0, neutral=0.0)
 
@@ -97,7 +97,7 @@ def test_every_block_of_the_package_passes_the_same_checks():
     assert len(blocks) > 50
     for made in blocks:
         if made.home.startswith("lugrectl."):
-            declaring.check(made, laws)
+            declaration.check(made, laws)
 
 
 def test_a_helper_may_stand_below_the_block():

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
+from lugrectl.blocks.block import members
 from lugrectl.design.observer_rules import RULES, position_corners
 from lugrectl.design.quadratic import common_rate, decay
-from lugrectl.spec import members
 
 from .observed import P
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lugrectl.identification.discrepancy import Motion, Rows, discrepancy
+from lugrectl.identification.unknown_torque.discrepancy import Motion, Rows, discrepancy
 
 RNG = np.random.default_rng(4)
 ROWS = 3000

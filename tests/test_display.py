@@ -9,11 +9,11 @@ import pytest
 from matplotlib.figure import Figure
 
 import lugrectl as lg
+from lugrectl.blocks.block import members
+from lugrectl.core.display import Row, Shown, brief
+from lugrectl.core.errors import InputError
 from lugrectl.diagnosis.identify import Identification
-from lugrectl.display import Row, Shown, brief
-from lugrectl.errors import InputError
-from lugrectl.results import Diagnosis, Estimate, FrictionMap, Table
-from lugrectl.spec import members
+from lugrectl.results.diagnosis_result import Diagnosis, Estimate, FrictionMap, Table
 
 from .made_up import HOSTILE, bare, diagnosis
 from .test_report import Page

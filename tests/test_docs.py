@@ -12,7 +12,7 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.cli.options import parser
-from lugrectl.results import VERDICTS
+from lugrectl.results.diagnosis_result import VERDICTS
 
 DOCS = Path(__file__).parents[1] / ".docs"
 LISTS = {"effects": lg.effects, "laws": lg.laws, "observers": lg.observers}

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.engine import adaptive
-from lugrectl.sampling import sampled
-from lugrectl.simulation import simulate
+from lugrectl.engine.runtime import adaptive_run
+from lugrectl.simulation.response import simulate
+from lugrectl.simulation.sampled_block import sampled
 
 from .test_controllers import response, s, same
 
@@ -19,7 +19,7 @@ T = np.arange(0, 0.5, 1e-3)
 @pytest.fixture(autouse=True)
 def uncompiled(monkeypatch):
     """Short runs: plain Python is faster than compiling."""
-    monkeypatch.setattr(adaptive, "has_numba", lambda: False)
+    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
 
 
 def static(name, inputs, output, function):

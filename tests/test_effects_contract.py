@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
+from lugrectl.blocks.model import model_from_dict
+from lugrectl.blocks.model_file import read_model, write_model
 from lugrectl.blocks.plant import assemble
-from lugrectl.engine import adaptive
-from lugrectl.model import model_from_dict
-from lugrectl.model_file import read_model, write_model
+from lugrectl.engine.runtime import adaptive_run
 
 from .drives import EFFECTS, LAWS, arguments, law_for, log, model_of, own, plant_of, strong
 
@@ -168,7 +168,7 @@ def test_along_a_log_it_is_the_effect_inside_the_plant(made):
 @every_effect
 def test_the_engine_follows_it(made, monkeypatch):
     """lg.simulate against python-control, with a torque that moves, rests and reverses."""
-    monkeypatch.setattr(adaptive, "has_numba", lambda: False)
+    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
     values = strong(made) | ({"sigma0": 90.0} if made.name == "presliding" else {})
     _, model = with_effect(made, values)
     if "harmonic" in made.own:
@@ -193,7 +193,7 @@ def test_the_engine_follows_it(made, monkeypatch):
 )
 def test_all_effects_at_their_neutral_value_leave_a_simulation_alone(law, compiled, monkeypatch):
     """With and without machine code: no division by a lag of 0, no infinite stiffness."""
-    monkeypatch.setattr(adaptive, "has_numba", lambda: compiled)
+    monkeypatch.setattr(adaptive_run, "has_numba", lambda: compiled)
     bare = model = model_of(law)
     for made in EFFECTS.values():
         neutral = strong(made) | {made.gain: made.parameters[made.gain].neutral}

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from lugrectl.blocks.plant import COMMAND, assemble, stage
-from lugrectl.tracing.data import prepare
-from lugrectl.tracing.predictor import Predictor
-from lugrectl.tracing.series import feed
+from lugrectl.identification.dataset.dataset import prepare
+from lugrectl.identification.likelihood.effect_inputs import feed
+from lugrectl.identification.likelihood.predictor import Predictor
 from tests.rig import make
 
 from .cases import record_of

@@ -9,12 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import lugrectl as lg
-from lugrectl.engine import AlgebraicLoop, TraceError, trace
-from lugrectl.engine.derivative import derivatives
-from lugrectl.engine.graph import Graph, evaluate
-from lugrectl.errors import InputError
-from lugrectl.model import model_from_dict
-from lugrectl.simulation import simulate
+from lugrectl.blocks.model import model_from_dict
+from lugrectl.core.errors import InputError
+from lugrectl.engine import AlgebraicLoop, TraceError
+from lugrectl.engine.expression.derivative import derivatives
+from lugrectl.engine.expression.graph import Graph, evaluate
+from lugrectl.engine.tracing import tracer
+from lugrectl.simulation.response import simulate
 
 from .systems import full_model, pi, velocity_loop
 
@@ -35,7 +36,7 @@ def test_trace_of_a_plant_with_effects_and_of_a_loop() -> None:
 
 
 def _assert_same_equations(system: ct.NonlinearIOSystem) -> None:
-    program = trace(system)
+    program = tracer(system)
     random = np.random.default_rng(7)
     for _ in range(50):
         x, u = random.standard_normal(system.nstates), random.standard_normal(system.ninputs)
@@ -47,7 +48,7 @@ def _assert_same_equations(system: ct.NonlinearIOSystem) -> None:
 
 def test_parameters_stay_arguments() -> None:
     plant = lg.plant(lg.table1())
-    program = trace(plant)
+    program = tracer(plant)
     changed = {"plant.Fc": 0.2, "plant.J": 0.01}
     x, u = np.array([0.1, 0.3, 1e-3]), np.array([0.5, 0.1])
     xdot, _ = program.values(0.0, x, u, program.arguments(changed))
@@ -68,7 +69,7 @@ def test_one_key_with_two_defaults_gives_two_parameters() -> None:
 
     blocks = [block("A", 1.0), block("B", 2.0)]
     both = ct.interconnect(blocks, inputs="u", outputs=["yA", "yB"], params={})
-    program = trace(both)
+    program = tracer(both)
     assert program.parameters == ("A:k", "B:k")
     _, y = program.values(0.0, [], [3.0])
     assert y.tolist() == [3.0, 6.0]
@@ -201,7 +202,7 @@ def test_algebraic_loop_names_its_blocks_only() -> None:
 
     blocks = [gain("one", "a", "b"), gain("two", "b", "a"), gain("after", "b", "c")]
     with pytest.raises(AlgebraicLoop, match="through one, two;"):
-        trace(ct.interconnect(blocks, inputs="a", outputs="c", check_unused=False))
+        tracer(ct.interconnect(blocks, inputs="a", outputs="c", check_unused=False))
 
 
 @pytest.mark.parametrize(
@@ -216,7 +217,7 @@ def test_algebraic_loop_names_its_blocks_only() -> None:
 def test_what_cannot_be_followed_is_named_with_its_line(function, why: str) -> None:
     block = ct.nlsys(function, None, states=1, inputs=1, outputs=1, name="odd")
     with pytest.raises(TraceError, match=f"block odd, .*test_engine.py line .*{why}"):
-        trace(block)
+        tracer(block)
 
 
 def test_a_parameter_needed_as_a_number_is_taken_as_one() -> None:
@@ -226,7 +227,7 @@ def test_a_parameter_needed_as_a_number_is_taken_as_one() -> None:
     block = ct.nlsys(
         update, None, states=1, inputs=0, outputs=1, name="b", params={"rate": 2.0, "decays": 1}
     )
-    program = trace(block)
+    program = tracer(block)
     assert dict(program.fixed) == {"decays": 1}
     assert program.keys == ("rate",)
     assert program.values(0.0, [3.0], [], [5.0])[0].tolist() == [-15.0]
@@ -243,7 +244,7 @@ def counting(t, x, u, p):
 def test_a_parameter_that_counts_fixes_itself_alone() -> None:
     params = {"a": 1.0, "n": 3, "c": 0.5, "b": 1.0}
     block = ct.nlsys(counting, None, states=1, inputs=1, outputs=1, name="counts", params=params)
-    program = trace(block)
+    program = tracer(block)
     assert dict(program.fixed) == {"n": 3, "b": 1.0} and set(program.keys) == {"a", "c"}
     t, found = np.linspace(0, 1, 5), []
     for n, a in ((3, 1.0), (3, 2.0), (2, 2.0)):  # each is followed
@@ -260,7 +261,7 @@ def test_another_value_beside_a_count_needs_no_new_code(monkeypatch) -> None:
     block = ct.nlsys(counting, None, states=1, inputs=1, outputs=1, name="again", params=params)
     t = np.linspace(0, 1, 5)
     simulate(block, t, 1.0, params={"a": 1.5})
-    monkeypatch.setattr("lugrectl.engine.compiled.Adaptive", None)  # compiling would fail
+    monkeypatch.setattr("lugrectl.engine.runtime.memo.Adaptive", None)  # compiling would fail
     simulate(block, t, 1.0, params={"a": 2.5})
 
 
@@ -272,9 +273,9 @@ def test_a_block_with_a_memory_of_its_own_is_not_trusted() -> None:
         return -len(calls) * x[0]
 
     with pytest.raises(TraceError, match="differs"):
-        trace(ct.nlsys(update, None, states=1, inputs=0, outputs=1, name="counter"))
+        tracer(ct.nlsys(update, None, states=1, inputs=0, outputs=1, name="counter"))
 
 
 def test_discrete_time_is_refused() -> None:
     with pytest.raises(InputError, match="discrete"):
-        trace(ct.ss([[0.5]], [[1.0]], [[1.0]], [[0.0]], dt=0.1))
+        tracer(ct.ss([[0.5]], [[1.0]], [[1.0]], [[0.0]], dt=0.1))

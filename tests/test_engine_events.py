@@ -13,10 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import lugrectl as lg
-from lugrectl.engine import adaptive
-from lugrectl.engine.adaptive import Diverged
-from lugrectl.engine.trace import trace
-from lugrectl.model import model_from_dict
+from lugrectl.blocks.model import model_from_dict
+from lugrectl.engine.runtime import adaptive_run
+from lugrectl.engine.runtime.adaptive_run import Diverged
+from lugrectl.engine.tracing.tracer import trace
 
 W = 5.0
 Signal = Callable[[Any, Any], Any]
@@ -24,7 +24,7 @@ Signal = Callable[[Any, Any], Any]
 
 @pytest.fixture(autouse=True)
 def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(adaptive, "has_numba", lambda: False)
+    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
 
 
 def turning(rate: Signal) -> ct.NonlinearIOSystem:
@@ -166,7 +166,7 @@ def test_every_run_ends(pieces: list, matrix: list, x0: list, points: int) -> No
     system = ct.nlsys(update, None, states=3, inputs=0, outputs=3, name="random")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
-        engine = adaptive.Adaptive(trace(system), "python")
+        engine = adaptive_run.Adaptive(trace(system), "python")
     t = np.linspace(0.0, 2.0, points)
     try:
         run = engine.run(t, np.empty((0, points)), np.array(x0), np.empty(0), hold=True, rtol=1e-5)

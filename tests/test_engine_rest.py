@@ -11,9 +11,9 @@ import pytest
 from scipy.optimize import brentq
 
 import lugrectl as lg
-from lugrectl.engine import adaptive
-from lugrectl.engine.adaptive import Adaptive
-from lugrectl.engine.trace import trace
+from lugrectl.engine.runtime import adaptive_run
+from lugrectl.engine.runtime.adaptive_run import Adaptive
+from lugrectl.engine.tracing.tracer import trace
 
 J, FC = 0.3, 0.7
 
@@ -21,8 +21,8 @@ J, FC = 0.3, 0.7
 @pytest.fixture(autouse=True)
 def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plain Python where a test does not ask for both backends: nothing to compile."""
-    monkeypatch.setattr(adaptive, "has_numba", lambda: False)
-    monkeypatch.setattr("lugrectl.engine.compiled._traced", {})
+    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
+    monkeypatch.setattr("lugrectl.engine.runtime.memo._traced", {})
 
 
 @pytest.fixture(params=["python", "numba"])
@@ -32,7 +32,7 @@ def backend(
     """With and without numba."""
     if request.param == "numba":
         pytest.importorskip("numba")
-    monkeypatch.setattr(adaptive, "has_numba", lambda: request.param == "numba")
+    monkeypatch.setattr(adaptive_run, "has_numba", lambda: request.param == "numba")
     return request.param
 
 

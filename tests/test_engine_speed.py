@@ -11,9 +11,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import lugrectl as lg
-from lugrectl.engine import adaptive
-from lugrectl.engine.adaptive import Adaptive
-from lugrectl.engine.trace import trace
+from lugrectl.engine.runtime import adaptive_run
+from lugrectl.engine.runtime.adaptive_run import Adaptive
+from lugrectl.engine.tracing.tracer import trace
 
 from .benchmarks import item
 
@@ -23,8 +23,8 @@ def backend(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
     """With and without numba."""
     if request.param == "numba":
         pytest.importorskip("numba")
-    monkeypatch.setattr(adaptive, "has_numba", lambda: request.param == "numba")
-    monkeypatch.setattr("lugrectl.engine.compiled._traced", {})
+    monkeypatch.setattr(adaptive_run, "has_numba", lambda: request.param == "numba")
+    monkeypatch.setattr("lugrectl.engine.runtime.memo._traced", {})
     return request.param
 
 

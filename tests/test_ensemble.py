@@ -14,9 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import lugrectl as lg
-from lugrectl.engine import adaptive
-from lugrectl.ensemble import table
-from lugrectl.errors import InputError
+from lugrectl.core.errors import InputError
+from lugrectl.engine.runtime import adaptive_run
+from lugrectl.sweeps import parameter_table
 
 from .ensembles import T, growth, lag, last, noise, ramp, step_response
 from .systems import velocity_loop
@@ -28,8 +28,8 @@ TABLE = {"lag.gain": GAINS, "lag.tau": TAUS}
 @pytest.fixture(autouse=True)
 def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plain Python: nothing to compile."""
-    monkeypatch.setattr(adaptive, "has_numba", lambda: False)
-    monkeypatch.setattr("lugrectl.engine.compiled._traced", {})
+    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
+    monkeypatch.setattr("lugrectl.engine.runtime.memo._traced", {})
 
 
 def test_step_responses_of_a_lag() -> None:
@@ -55,7 +55,7 @@ def test_members_are_what_simulate_gives_one_by_one() -> None:
 def test_with_numba_on_threads_as_in_plain_python(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("numba")
     plain = lg.sweep(lag(), T, 1.0, TABLE)
-    monkeypatch.setattr(adaptive, "has_numba", lambda: True)
+    monkeypatch.setattr(adaptive_run, "has_numba", lambda: True)
     for jobs, chunk in ((2, 2), (1, None), (3, 1)):
         fast = lg.sweep(lag(), T, 1.0, TABLE, jobs=jobs, chunk=chunk)
         assert np.allclose(fast.y, plain.y, rtol=1e-12, atol=1e-15)
@@ -82,10 +82,10 @@ def test_every_form_of_a_table_says_the_same(given_columns, shared) -> None:
     rows = [{k: v[i] for k, v in whole.items()} for i in range(3)]
     frame = pandas.DataFrame(whole)
     for form in (whole, given_columns, rows, records, frame, frame.astype(object)):
-        found = table.columns(form)
+        found = parameter_table.columns(form)
         assert list(found) == list(whole)
         assert all(np.array_equal(found[k], whole[k]) for k in whole)
-    beside = table.columns({**whole, "shared": shared})
+    beside = parameter_table.columns({**whole, "shared": shared})
     assert beside["shared"] == shared and beside["shared"].ndim == 0
 
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.engine import adaptive
-from lugrectl.errors import InputError
+from lugrectl.core.errors import InputError
+from lugrectl.engine.runtime import adaptive_run
 
 from .ensembles import T, lag, last, noise, ramp, step_response
 
@@ -23,8 +23,8 @@ TABLE = {"lag.gain": GAINS, "lag.tau": TAUS}
 @pytest.fixture(autouse=True)
 def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plain Python: nothing to compile."""
-    monkeypatch.setattr(adaptive, "has_numba", lambda: False)
-    monkeypatch.setattr("lugrectl.engine.compiled._traced", {})
+    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
+    monkeypatch.setattr("lugrectl.engine.runtime.memo._traced", {})
 
 
 @pytest.fixture(scope="module")

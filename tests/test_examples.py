@@ -13,8 +13,8 @@ import control as ct
 import numpy as np
 import pytest
 
-from lugrectl.engine import adaptive
-from lugrectl.simulation import simulate
+from lugrectl.engine.runtime import adaptive_run
+from lugrectl.simulation.response import simulate
 
 TIGHT = {"rtol": 1e-10, "atol": 1e-12}
 RATIOS = [40.0, 25.0, 16.0, 12.0, 10.0]  # wheel to engine speed, 1/m
@@ -23,7 +23,7 @@ RATIOS = [40.0, 25.0, 16.0, 12.0, 10.0]  # wheel to engine speed, 1/m
 @pytest.fixture(autouse=True)
 def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plain Python: nothing to compile."""
-    monkeypatch.setattr(adaptive, "has_numba", lambda: False)
+    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
 
 
 def agrees(system, t, u, x0, *, rtol=1e-9, within=1e-7, **options) -> None:

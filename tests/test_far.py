@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from lugrectl import Model, diagnose
-from lugrectl.display import with_interval
-from lugrectl.model import model_from_dict
-from lugrectl.results import Estimate
-from lugrectl.tracing.far import far_off
+from lugrectl.blocks.model import model_from_dict
+from lugrectl.core.display import with_interval
+from lugrectl.diagnosis.parameter_changes import far_off
+from lugrectl.results.diagnosis_result import Estimate
 
 from .balance_drive import simulate, torque
 

@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from lugrectl.diagnosis.asking import Asked
+from lugrectl.diagnosis.question import Asked
 
 from .balance_drive import FC, FV, J, simulate, torque
 

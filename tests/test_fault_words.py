@@ -7,9 +7,9 @@ import pytest
 
 from lugrectl import InputError, Refused, identify, read_record
 from lugrectl.cli import main
-from lugrectl.diagnosis.asking import Asked
-from lugrectl.diagnosis.said_once import said_once
-from lugrectl.record.cells import with_remark
+from lugrectl.diagnosis.duplicate_messages import said_once
+from lugrectl.diagnosis.question import Asked
+from lugrectl.record.files.cells import with_remark
 
 from .test_fault_kinds import columns, late, put, with_w, write
 

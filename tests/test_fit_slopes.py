@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lugrectl.model import model_from_dict
+from lugrectl.blocks.model import model_from_dict
+from lugrectl.identification.dataset.dataset import prepare
+from lugrectl.identification.dataset.run_effects import alike
+from lugrectl.identification.dataset.windows import windows
+from lugrectl.identification.likelihood import maximise as fitting
+from lugrectl.identification.likelihood import sensitivities as own
+from lugrectl.identification.likelihood.likelihood import tune, whitened
+from lugrectl.identification.likelihood.parameters import coordinates
+from lugrectl.identification.likelihood.predictor import Predictor
 from lugrectl.record import Record
-from lugrectl.tracing import fit as fitting
-from lugrectl.tracing import slopes as own
-from lugrectl.tracing.coordinates import coordinates
-from lugrectl.tracing.data import prepare
-from lugrectl.tracing.likelihood import tune, whitened
-from lugrectl.tracing.predictor import Predictor
-from lugrectl.tracing.runs import alike
-from lugrectl.tracing.windows import windows
 
 COULOMB = {"model": "coulomb", "Fc": 0.3, "Fv": 0.02}
 LUGRE = {

@@ -16,13 +16,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import lugrectl as lg
-from lugrectl import workers
-from lugrectl.errors import InputError, Refused
-from lugrectl.fleet import Outcome, run_each
+from lugrectl.blocks.block import REGISTRY, P
+from lugrectl.core.errors import InputError, Refused
+from lugrectl.diagnosis.fleet import Outcome, run_each
+from lugrectl.parallel import workers
+from lugrectl.parallel.workers import Sent, one_thread_each, record_files
 from lugrectl.report import fleet_page
-from lugrectl.results import VERDICTS
-from lugrectl.spec import REGISTRY, P
-from lugrectl.workers import Sent, one_thread_each, record_files
+from lugrectl.results.diagnosis_result import VERDICTS
 
 from .logs import csv as log
 from .logs import machine, rows, write

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from lugrectl.errors import InputError
+from lugrectl.core.errors import InputError
 from lugrectl.record import read_record
 
 from .logs import machine, refused, rows, write

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 import scipy.io
 
-from lugrectl.errors import InputError
-from lugrectl.record import read_record, readers
-from lugrectl.record.matfile import Damaged, read_mat
-from lugrectl.record.nested import columns_of
-from lugrectl.workers import passed_over, record_files
+from lugrectl.core.errors import InputError
+from lugrectl.parallel.workers import passed_over, record_files
+from lugrectl.record import read_record
+from lugrectl.record.files import readers
+from lugrectl.record.files.mat_file import Damaged, read_mat
+from lugrectl.record.files.nested import columns_of
 
 from .logs import csv, machine, refused, write
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
+from lugrectl.blocks.model import model_from_dict
 from lugrectl.cli import main
-from lugrectl.errors import InputError
-from lugrectl.model import model_from_dict
+from lugrectl.core.errors import InputError
+from lugrectl.friction_maps.points import is_map, points
+from lugrectl.friction_maps.ripple import swings
 from lugrectl.report import text
 from lugrectl.report.log_plot import drawings
-from lugrectl.steady.points import is_map, points
-from lugrectl.steady.swing import swings
 from tests.blind import maps
 from tests.logs import DATA
 from tests.rig.steady import EFFECTS, STRANGERS, draw

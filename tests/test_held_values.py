@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
+from lugrectl.blocks.declared_values import Stated
 from lugrectl.cli import main
-from lugrectl.errors import InputError
-from lugrectl.friction_map import begin_map, estimates_of, messages_of
-from lugrectl.stated import Stated
-from lugrectl.steady.curve import refit
-from lugrectl.tracing.beliefs import Prior, known
-from lugrectl.tracing.coordinates import coordinates, free_keys, inside, rates
+from lugrectl.core.errors import InputError
+from lugrectl.friction_maps.curve import refit
+from lugrectl.friction_maps.friction_map import begin_map, estimates_of, messages_of
+from lugrectl.identification.likelihood.parameters import coordinates, free_keys, inside, rates
+from lugrectl.identification.likelihood.priors import Prior, known
 
 TRUE = {"J": 2e-3, "Fv": 0.02}
 

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.engine.affine import affine, solve
-from lugrectl.engine.graph import Graph, evaluate
-from lugrectl.simulation import simulate
+from lugrectl.engine.expression.affine import affine, solve
+from lugrectl.engine.expression.graph import Graph, evaluate
+from lugrectl.simulation.response import simulate
 
 T = np.arange(0, 0.3, 1e-3)
 

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.engine import TraceError, trace
-from lugrectl.engine.adaptive import Adaptive
-from lugrectl.engine.derivative import derivatives
-from lugrectl.engine.graph import Graph, evaluate
+from lugrectl.engine import TraceError
+from lugrectl.engine.expression.derivative import derivatives
+from lugrectl.engine.expression.graph import Graph, evaluate
+from lugrectl.engine.runtime.adaptive_run import Adaptive
+from lugrectl.engine.tracing import tracer
 
 XP, FP = [-1.5, -0.25, 0.0, 0.5, 2.0], [0.3, -0.4, 0.1, 0.7, -0.2]
 A = np.r_[np.random.default_rng(4).uniform(-3, 3, 200), XP]
@@ -55,7 +56,7 @@ def test_a_run_over_a_kink_is_the_closed_form(backend: str) -> None:
     if backend == "numba":
         pytest.importorskip("numba")
     engine = Adaptive(
-        trace(_table(lambda t, x, u, p: np.interp(x, [0.0, 1.0, 3.0], [1.0, 2.0, 0.0]))), backend
+        tracer(_table(lambda t, x, u, p: np.interp(x, [0.0, 1.0, 3.0], [1.0, 2.0, 0.0]))), backend
     )
     t = np.linspace(0.0, 2.0, 9)
     run = engine.run(t, np.empty((0, 9)), np.zeros(1), np.zeros(0), hold=False, rtol=1e-8)
@@ -65,7 +66,7 @@ def test_a_run_over_a_kink_is_the_closed_form(backend: str) -> None:
 
 def test_values_of_the_table_may_be_parameters_and_stay_arguments() -> None:
     block = _table(lambda t, x, u, p: np.interp(x[0], [0.0, 1.0], [p["a"], p["b"]]), a=1.0, b=2.0)
-    assert set(trace(block).parameters) == {"a", "b"}
+    assert set(tracer(block).parameters) == {"a", "b"}
 
 
 @pytest.mark.parametrize(
@@ -79,7 +80,7 @@ def test_values_of_the_table_may_be_parameters_and_stay_arguments() -> None:
 def test_what_is_not_followed_is_said_and_simulated_all_the_same(function: Any, why: str) -> None:
     block = _table(lambda t, x, u, p: [function(x[0]) - x[0]])
     with pytest.raises(TraceError, match=why):
-        trace(block)
+        tracer(block)
     t, fine = np.linspace(0.0, 1.0, 11), {"rtol": 1e-8, "max_step": 0.01}
     with pytest.warns(RuntimeWarning, match=why):
         ours = lg.simulate(block, t, x0=0.5)

@@ -10,8 +10,8 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 
 import pytest
 
-from lugrectl.errors import InputError, Refused
-from lugrectl.jobs import JobError, run_jobs
+from lugrectl.core.errors import InputError, Refused
+from lugrectl.parallel.jobs import JobError, run_jobs
 
 
 def square(x: float) -> float:

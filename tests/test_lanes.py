@@ -14,9 +14,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import lugrectl as lg
-from lugrectl.engine import Lanes, kept
-from lugrectl.errors import InputError
-from lugrectl.model import model_from_dict
+from lugrectl.blocks.model import model_from_dict
+from lugrectl.core.errors import InputError
+from lugrectl.engine import Lanes
+from lugrectl.engine.runtime import disk_cache
 
 from .systems import DT, full_model, torque, velocity_loop
 
@@ -282,7 +283,7 @@ def test_a_second_process_finds_the_compiled_code(tmp_path) -> None:
 def test_a_cache_that_cannot_be_written_is_replaced(tmp_path, monkeypatch) -> None:
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("LUGRECTL_CACHE", str(tmp_path / "file" / "below"))
-    assert kept.cache_dir().is_dir()
+    assert disk_cache.cache_dir().is_dir()
 
 
 def test_a_full_cache_drops_its_older_half(tmp_path) -> None:
@@ -290,5 +291,5 @@ def test_a_full_cache_drops_its_older_half(tmp_path) -> None:
         path = tmp_path / f"lugrectl_numba_{age}.py"
         path.write_text("")
         os.utime(path, (age, age))
-    kept.make_room(tmp_path, most=6)
+    disk_cache.make_room(tmp_path, most=6)
     assert sorted(p.stem[-1] for p in tmp_path.iterdir()) == ["3", "4", "5"]

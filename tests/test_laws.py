@@ -9,10 +9,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import lugrectl as lg
-from lugrectl.blocks.forms import form_keys
+from lugrectl.blocks.law_forms import form_keys
+from lugrectl.blocks.model_file import model_toml, read_model, write_model
 from lugrectl.cli.commands import fixed
-from lugrectl.engine import adaptive
-from lugrectl.model_file import model_toml, read_model, write_model
+from lugrectl.engine.runtime import adaptive_run
 
 from .laws import (
     CASES,
@@ -40,7 +40,7 @@ UNCONDITIONAL = ("dahl", "maxwell_slip", "parallel_bristles", "bouc_wen")
 @pytest.fixture(autouse=True)
 def interpreted(monkeypatch):
     """No machine code: compiling takes longer than these runs."""
-    monkeypatch.setattr(adaptive, "has_numba", lambda: False)
+    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
 
 
 # --- the contract ------------------------------------------------------------------------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lugrectl.diagnosis.asking import Asked
+from lugrectl.diagnosis.question import Asked
 from lugrectl.identification.selection import compare
 
 from .blind import table

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.blocks.elements import MaxwellSlip
-from lugrectl.engine import adaptive
-from lugrectl.tracing.predictor import Predictor
+from lugrectl.blocks.multi_element_laws import MaxwellSlip
+from lugrectl.engine.runtime import adaptive_run
+from lugrectl.identification.likelihood.predictor import Predictor
 
 from .laws import FC, FS, FV, LAWS, S0, S1, VS, model_of, values_of
 
@@ -16,7 +16,7 @@ from .laws import FC, FS, FV, LAWS, S0, S1, VS, model_of, values_of
 @pytest.fixture(autouse=True)
 def interpreted(monkeypatch):
     """No machine code: compiling takes longer than these runs."""
-    monkeypatch.setattr(adaptive, "has_numba", lambda: False)
+    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
 
 
 # theta = 0.01 sin 2 pi t, second period: F(1.0), F(1.26), area of the loop, RMS

@@ -15,9 +15,9 @@ import pytest
 import sympy as sp
 
 import lugrectl as lg
+from lugrectl.blocks.block import REGISTRY
 from lugrectl.blocks.friction import level
 from lugrectl.design import PAPER
-from lugrectl.spec import REGISTRY
 
 from .error_systems import h
 

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from lugrectl.errors import InputError
+from lugrectl.core.errors import InputError
 from lugrectl.linear import (
     UnstableLoopWarning,
     bandwidth,

@@ -8,7 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lugrectl.errors import InputError
+from lugrectl.blocks.model import table1
+from lugrectl.core.errors import InputError
 from lugrectl.linear import (
     bandwidth_check,
     check_designs,
@@ -19,7 +20,6 @@ from lugrectl.linear import (
     velocity_loop_tf,
     velocity_T,
 )
-from lugrectl.model import table1
 
 P = table1()
 MADE = {"position": (position_T, position_loop_tf), "velocity": (velocity_T, velocity_loop_tf)}

@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lugrectl.errors import InputError
+from lugrectl.blocks.model import table1
+from lugrectl.core.errors import InputError
 from lugrectl.linear import (
     position_loop_tf,
     position_T,
@@ -20,7 +21,6 @@ from lugrectl.linear import (
     velocity_T,
 )
 from lugrectl.linear.repair import least_passing
-from lugrectl.model import table1
 
 P = table1()
 LOOPS = {"position": position_T, "velocity": velocity_T}

@@ -9,7 +9,7 @@ import control as ct
 import numpy as np
 import pytest
 
-from lugrectl.errors import InputError
+from lugrectl.core.errors import InputError
 from lugrectl.linear import bandwidth_check, position_T, spr_check, velocity_T
 
 P = SimpleNamespace(J=0.0022, sigma0=260.0, sigma1=0.6, Fc=0.285, Fs=0.335, Fv=0.018, vs=0.01)

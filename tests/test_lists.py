@@ -5,10 +5,10 @@ import pickle
 import pytest
 
 import lugrectl as lg
-from lugrectl import spec
-from lugrectl.blocks.names import COMMON
-from lugrectl.model import model_from_dict
-from lugrectl.spec import P, members
+from lugrectl.blocks import block as spec
+from lugrectl.blocks.aliases import COMMON
+from lugrectl.blocks.block import P, members
+from lugrectl.blocks.model import model_from_dict
 
 OBSERVERS = (
     "natural existing proposed friedland_park adaptive disturbance extended_state temperature "

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
+from lugrectl.blocks.block import REGISTRY, block
+from lugrectl.blocks.model import model_from_dict
 from lugrectl.blocks.observers import natural_observer
-from lugrectl.loops import position_loop, velocity_loop
-from lugrectl.model import model_from_dict
-from lugrectl.spec import REGISTRY, block
+from lugrectl.loops.friction_loops import position_loop, velocity_loop
 
 from .wired import LOW, OMEGA, OUTPUTS, H, P, T, at, outputs, s, signal, simulate, state, transfer
 

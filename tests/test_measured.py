@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from lugrectl import diagnose, read_model, read_record
-from lugrectl.model import model_from_dict
+from lugrectl.blocks.model import model_from_dict
 
 DATA = Path(os.environ.get("LUGRECTL_DATA", Path(__file__).parents[2] / "shared" / "data"))
 pytestmark = pytest.mark.skipif(

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.engine.adaptive import Diverged
-from lugrectl.loops import velocity_loop
-from lugrectl.mixed import simulate_sampled
-from lugrectl.sampling import sampled
-from lugrectl.simulation import simulate
+from lugrectl.engine.runtime.adaptive_run import Diverged
+from lugrectl.loops.friction_loops import velocity_loop
+from lugrectl.simulation.response import simulate
+from lugrectl.simulation.sampled_block import sampled
+from lugrectl.simulation.sampled_response import simulate_sampled
 
 P, DT = lg.table1(), 1e-3
 

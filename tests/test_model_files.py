@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import lugrectl as lg
-from lugrectl.errors import InputError
-from lugrectl.spec import P, members
+from lugrectl.blocks.block import P, members
+from lugrectl.core.errors import InputError
 
 HEAD = '[plant]\n[friction]\nmodel = "lugre"\n'
 
@@ -140,7 +140,7 @@ def test_every_name_that_toml_can_hold_is_read_again(tmp_path, name):
 
 
 def test_names_and_units_of_the_users_own_blocks_are_escaped(tmp_path, monkeypatch):
-    from lugrectl.spec import REGISTRY
+    from lugrectl.blocks.block import REGISTRY
 
     @lg.block("effect", out="d", acts="torque", name="von mir \x01")
     def mine(theta, α=P(0.0, "N\nm", neutral=0.0)):

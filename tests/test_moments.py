@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from lugrectl.model import model_from_dict
-from lugrectl.tracing.data import prepare
-from lugrectl.tracing.likelihood import whitened
-from lugrectl.tracing.moments import _between, place
-from lugrectl.tracing.predictor import Predictor
-from lugrectl.tracing.split import split
-from lugrectl.tracing.windows import windows
+from lugrectl.blocks.model import model_from_dict
+from lugrectl.identification.dataset.dataset import prepare
+from lugrectl.identification.dataset.folds import split
+from lugrectl.identification.dataset.windows import windows
+from lugrectl.identification.likelihood.change_times import _between, place
+from lugrectl.identification.likelihood.likelihood import whitened
+from lugrectl.identification.likelihood.predictor import Predictor
 
 from .cases import record_of
 from .rig import make

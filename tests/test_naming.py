@@ -6,15 +6,16 @@ import control as ct
 import numpy as np
 import pytest
 
-from lugrectl.engine import AlgebraicLoop, adaptive
-from lugrectl.engine.adaptive import Diverged
-from lugrectl.simulation import simulate
+from lugrectl.engine import AlgebraicLoop
+from lugrectl.engine.runtime import adaptive_run
+from lugrectl.engine.runtime.adaptive_run import Diverged
+from lugrectl.simulation.response import simulate
 
 
 @pytest.fixture(autouse=True)
 def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plain Python: nothing to compile."""
-    monkeypatch.setattr(adaptive, "has_numba", lambda: False)
+    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
 
 
 def _log_of_a_fall(branch: bool) -> ct.NonlinearIOSystem:

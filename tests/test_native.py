@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.engine import kept, native
-from lugrectl.engine.c_code import NUMBER, Kind, c_code
-from lugrectl.engine.native import Native, has_compiler
-from lugrectl.errors import InputError
+from lugrectl.core.errors import InputError
+from lugrectl.engine.codegen.c_source import NUMBER, Kind, c_code
+from lugrectl.engine.runtime import c_compiler, disk_cache
+from lugrectl.engine.runtime.c_compiler import Native, has_compiler
 
 needs_compiler = pytest.mark.skipif(not has_compiler(), reason="there is no C compiler")
 
@@ -111,10 +111,10 @@ def test_a_library_is_made_once(tmp_path, monkeypatch: pytest.MonkeyPatch) -> No
     source = "def run(a):\n    a[0] = a[0] + 1.5\n"
     made = np.zeros(1)
     Native(source)(made)
-    monkeypatch.setattr(native, "_build", lambda *_: pytest.fail("compiled again"))
+    monkeypatch.setattr(c_compiler, "_build", lambda *_: pytest.fail("compiled again"))
     Native(source)(made)
     assert made[0] == 3.0
-    assert sorted(p.suffix for p in tmp_path.iterdir()) == sorted([".c", native._SUFFIX])
+    assert sorted(p.suffix for p in tmp_path.iterdir()) == sorted([".c", c_compiler._SUFFIX])
 
 
 @needs_compiler
@@ -130,11 +130,11 @@ def test_what_the_compiler_refuses_is_one_sentence_and_leaves_nothing(
 @pytest.mark.parametrize("words", ["", "no-such-compiler-anywhere"])
 def test_no_compiler_is_no_error(words: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CC", words)
-    native._compiler.cache_clear()
+    c_compiler._compiler.cache_clear()
     try:
         assert not has_compiler.__wrapped__()
     finally:
-        native._compiler.cache_clear()
+        c_compiler._compiler.cache_clear()
 
 
 def test_what_c_has_no_word_for_is_named() -> None:
@@ -157,7 +157,7 @@ def test_a_full_cache_drops_libraries_too(tmp_path) -> None:
     for age, name in enumerate(("lugrectl_a.c", "lugrectl_a.so", "lugrectl_b.py")):
         (tmp_path / name).write_text("")
         os.utime(tmp_path / name, (age, age))
-    kept.make_room(tmp_path, most=2)
+    disk_cache.make_room(tmp_path, most=2)
     assert [p.name for p in tmp_path.iterdir()] == ["lugrectl_b.py"]
 
 

@@ -5,9 +5,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lugrectl.identification.dataset.dataset import prepare
+from lugrectl.identification.dataset.sensor_noise import (
+    Noise,
+    observer_gain,
+    repeating,
+    sensor_noise,
+    smooth,
+)
 from lugrectl.record import Record
-from lugrectl.tracing.data import prepare
-from lugrectl.tracing.noise import Noise, observer_gain, repeating, sensor_noise, smooth
 
 DT = 1e-3
 T = np.arange(0, 8, DT)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from lugrectl import Model, diagnose
-from lugrectl.record.samples import smallest_step
+from lugrectl.identification.dataset.sensor_noise import sensor_noise
+from lugrectl.record.record import smallest_step
 from lugrectl.report import text
-from lugrectl.tracing.noise import sensor_noise
 
 from .balance_drive import FC, simulate, torque
 

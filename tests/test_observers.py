@@ -9,14 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import lugrectl as lg
+from lugrectl.blocks.block import REGISTRY
+from lugrectl.blocks.model import model_from_dict
 from lugrectl.blocks.observers import (
     existing_observer,
     natural_observer,
     observer,
     proposed_observer,
 )
-from lugrectl.model import model_from_dict
-from lugrectl.spec import REGISTRY
 
 P = lg.table1()
 OFF = replace(P, J=0.003, Fc=0.2, Fs=0.31, sigma0=300.0)

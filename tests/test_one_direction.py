@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from lugrectl import Model, identify
-from lugrectl.diagnosis.asking import Asked
-from lugrectl.diagnosis.direction import next_way, not_alone, one_way
+from lugrectl.diagnosis.one_direction import next_way, not_alone, one_way
+from lugrectl.diagnosis.question import Asked
 from lugrectl.report import text
-from lugrectl.results import Estimate
+from lugrectl.results.diagnosis_result import Estimate
 
 from .balance_drive import FC, simulate
 

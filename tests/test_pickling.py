@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
+from lugrectl.blocks.block import REGISTRY, Block, P, block, members
 from lugrectl.blocks.plant import assemble
-from lugrectl.compensating.feeding import effects_torque
-from lugrectl.errors import InputError
-from lugrectl.pickling import NotPicklable
-from lugrectl.spec import REGISTRY, Block, P, block, members
+from lugrectl.compensated_loop.feedforward import effects_torque
+from lugrectl.core.errors import InputError
+from lugrectl.core.pickling import NotPicklable
 
 ROOT = Path(__file__).parents[1]
 TABLE = lg.table1()

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from lugrectl import diagnose
-from lugrectl.model import model_from_dict
-from lugrectl.tracing.held_out import adapted
-from lugrectl.tracing.predictor import Predictor
-from lugrectl.tracing.runs import alike, statements
+from lugrectl.blocks.model import model_from_dict
+from lugrectl.identification.dataset.run_effects import alike, statements
+from lugrectl.identification.likelihood.held_out_run import adapted
+from lugrectl.identification.likelihood.predictor import Predictor
 from tests.rig import make
 
 from .cases import begun, model_of, record_of

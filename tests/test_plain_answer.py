@@ -7,7 +7,7 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.cli import main
-from lugrectl.diagnosis.asking import Asked
+from lugrectl.diagnosis.question import Asked
 
 J, FC, FV = 0.0022, 0.22, 0.012
 

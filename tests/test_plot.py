@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
 from lugrectl import report
-from lugrectl.errors import InputError
-from lugrectl.model import Model, table1
-from lugrectl.report import compared, plot, views
-from lugrectl.results import Diagnosis
-from lugrectl.spec import members
+from lugrectl.blocks.block import members
+from lugrectl.blocks.model import Model, table1
+from lugrectl.core.errors import InputError
+from lugrectl.report import comparison_section, diagnosis_plots, views
+from lugrectl.results.diagnosis_result import Diagnosis
 
 from .made_up import PHI, A, N, diagnosis, effect, traces
 
@@ -22,7 +22,7 @@ from .made_up import PHI, A, N, diagnosis, effect, traces
 
 
 def test_overview_draws_every_plot_into_one_figure_of_pyplot():
-    axes = plot.overview(diagnosis())
+    axes = diagnosis_plots.overview(diagnosis())
     assert len(axes) == 4 and plt.get_fignums() == [axes[0].figure.number]
     assert list(axes) == axes[0].figure.axes
 
@@ -34,20 +34,23 @@ def test_overview_draws_into_the_axes_given():
 
 def test_nothing_to_plot_is_said():
     for d in (diagnosis("refused"), Diagnosis("adequate")):
-        assert plot.available(d) == []
+        assert diagnosis_plots.available(d) == []
         with pytest.raises(InputError, match="nothing to plot"):
             d.plot()
-    for draw in (plot.motion, plot.error, plot.torque):
+    for draw in (diagnosis_plots.motion, diagnosis_plots.error, diagnosis_plots.torque):
         with pytest.raises(InputError):
             draw(diagnosis("refused"))
 
 
 def test_missing_traces_leave_only_their_own_plot_out():
     tr, nan = traces(), np.full(12000, np.nan)
-    assert plot.available(diagnosis(traces=None)) == ["budget"]
-    assert plot.available(diagnosis(traces=replace(tr, simulated={}))) == ["budget", "torque"]
+    assert diagnosis_plots.available(diagnosis(traces=None)) == ["budget"]
+    assert diagnosis_plots.available(diagnosis(traces=replace(tr, simulated={}))) == [
+        "budget",
+        "torque",
+    ]
     blank = replace(tr, simulated={"refitted": nan}, residual={"refitted": nan})
-    assert plot.available(diagnosis(traces=blank, comparison=None)) == []
+    assert diagnosis_plots.available(diagnosis(traces=blank, comparison=None)) == []
 
 
 def test_the_stretch_shown_is_the_worst_held_out_one():
@@ -55,7 +58,7 @@ def test_the_stretch_shown_is_the_worst_held_out_one():
     cut = views.stretch(tr)
     assert tr.t[cut.stop - 1] - tr.t[cut.start] == pytest.approx(views.STRETCH, abs=0.01)
     assert tr.t[cut.start] <= 6.3 and tr.t[cut.stop - 1] >= 7.3
-    ax = plot.motion(diagnosis())
+    ax = diagnosis_plots.motion(diagnosis())
     low, high = ax.get_xlim()
     assert low <= 6.3 and high >= 7.3 and ax.get_ylabel() == "w [rad/s]"
 
@@ -113,7 +116,7 @@ def test_a_change_of_friction_level_is_shown_with_the_sign_taken_out():
     d = diagnosis(effects=(effect("friction_step", ratio=0.1, time=6.0),), traces=tr)
     view = views.residual(d)
     assert view.times == "w" and np.allclose(view.before, 0.03 * (view.x > 6.0))
-    assert "x sign(w)" in plot.torque(d).get_ylabel()
+    assert "x sign(w)" in diagnosis_plots.torque(d).get_ylabel()
 
 
 @pytest.mark.parametrize(
@@ -129,14 +132,14 @@ def test_a_product_of_two_signals_is_shown_over_one_with_the_sign_of_the_other(p
     tr = traces()
     tr = replace(tr, signals={**tr.signals, "a": np.gradient(tr.signals["w"], tr.t)})
     d = replace(diagnosis("unexplained", traces=tr), depends_on=pair)
-    view, ax = views.residual(d), plot.torque(d)
+    view, ax = views.residual(d), diagnosis_plots.torque(d)
     assert view.times == times and view.label.startswith(over)
     assert f"x sign({times})" in ax.get_ylabel()
 
 
 def test_the_budget_has_a_bar_for_each_term_with_its_share():
     d = diagnosis()
-    ax = compared.bars(d)
+    ax = comparison_section.bars(d)
     names = [label.get_text() for label in ax.get_yticklabels()][::-1]
     assert names == ["coulomb", "viscous", "torque_ripple", "not explained", "of it sensor noise"]
     assert [bar.get_width() for bar in ax.patches][::-1][2] == pytest.approx(11.0)
@@ -146,7 +149,7 @@ def test_the_budget_has_a_bar_for_each_term_with_its_share():
 def test_linear_drives_have_linear_labels():
     linear = replace(Model.of(table1()), motion="linear")
     found = effect("torque_ripple", harmonic=2 * np.pi / 0.5)
-    ax = plot.torque(diagnosis(model=linear, effects=(found,)))
+    ax = diagnosis_plots.torque(diagnosis(model=linear, effects=(found,)))
     assert ax.get_ylabel() == "residual force [N]"
     assert ax.get_xlabel() == "theta modulo 0.5 m [m]"
 
@@ -170,7 +173,7 @@ def test_every_effect_of_the_catalogue_can_be_reported(name):
     values = members("effect")[name].defaults()
     d = diagnosis(effects=(effect(name, **values),))
     assert members("effect")[name].equation.rstrip(".") in report.text(d)
-    assert plot.torque(d).get_xlabel()
+    assert diagnosis_plots.torque(d).get_xlabel()
 
 
 def test_small_errors_are_drawn_with_a_prefix():
@@ -178,5 +181,7 @@ def test_small_errors_are_drawn_with_a_prefix():
     small = replace(made.traces, measured=1e-3 * made.traces.measured)
     small = replace(small, simulated={k: 1e-3 * v for k, v in small.simulated.items()})
     d = replace(made, traces=small)
-    (before, *_), (after, *_) = (plot.error(x).get_ylabel().split("[")[::-1] for x in (made, d))
+    (before, *_), (after, *_) = (
+        diagnosis_plots.error(x).get_ylabel().split("[")[::-1] for x in (made, d)
+    )
     assert before == "rad/s]" and after in ("mrad/s]", "urad/s]")

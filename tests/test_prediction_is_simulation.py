@@ -13,16 +13,16 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
+from lugrectl.blocks.model import model_from_dict
 from lugrectl.blocks.plant import assemble
-from lugrectl.engine.lanes import Lanes
-from lugrectl.engine.tangent import Tangent
-from lugrectl.model import model_from_dict
+from lugrectl.engine.runtime.batch_run import Lanes
+from lugrectl.engine.runtime.sensitivity_run import Tangent
+from lugrectl.identification.dataset.dataset import prepare
+from lugrectl.identification.dataset.windows import Windows
+from lugrectl.identification.likelihood.likelihood import tune
+from lugrectl.identification.likelihood.predictor import Predictor
+from lugrectl.identification.likelihood.simulation_error import restarted
 from lugrectl.record import Record
-from lugrectl.tracing.data import prepare
-from lugrectl.tracing.evaluate import restarted
-from lugrectl.tracing.likelihood import tune
-from lugrectl.tracing.predictor import Predictor
-from lugrectl.tracing.windows import Windows
 
 LAWS = {
     "coulomb": {"J": 0.004, "Fc": 0.12, "Fv": 0.006},

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from lugrectl import Record, table1
-from lugrectl.model import model_from_dict
-from lugrectl.tracing.data import prepare
-from lugrectl.tracing.predictor import Predictor
-from lugrectl.tracing.windows import Windows
+from lugrectl.blocks.model import model_from_dict
+from lugrectl.identification.dataset.dataset import prepare
+from lugrectl.identification.dataset.windows import Windows
+from lugrectl.identification.likelihood.predictor import Predictor
 
 P = table1()
 FRICTION = {k: getattr(P, k) for k in ("sigma0", "sigma1", "Fc", "Fs", "Fv", "vs")}

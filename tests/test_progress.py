@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl import progress
-from lugrectl.errors import InputError
-from lugrectl.progress import Bar, Called, Cell, Terminal, Widget, bar_for, shows_progress
-from lugrectl.reproduce import reproduce
+from lugrectl.core import progress
+from lugrectl.core.errors import InputError
+from lugrectl.core.progress import Bar, Called, Cell, Terminal, Widget, bar_for, shows_progress
+from lugrectl.paper import reproduce
 
 from .logs import csv as log
 

@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl import provenance, report
+from lugrectl import report
 from lugrectl.cli import main
-from lugrectl.errors import Refused
-from lugrectl.provenance import SourceFile, stamp, stamped
-from lugrectl.results import Diagnosis
+from lugrectl.core import provenance
+from lugrectl.core.errors import Refused
+from lugrectl.core.provenance import SourceFile, stamp, stamped
+from lugrectl.results.diagnosis_result import Diagnosis
 
 from .made_up import HOSTILE, answered, bare
 
@@ -206,11 +207,11 @@ def test_the_page_ends_with_it_in_small_print(files, job, noon, capsys):
 
 
 def test_the_paper_says_version_and_date(noon, capsys, monkeypatch):
-    import lugrectl.reproduce as paper
+    import lugrectl.paper as paper
 
     quick = paper.Reproduction(lg.table1(), (), (), None, ())
     monkeypatch.setattr(paper, "reproduce", lambda progress: quick)
-    monkeypatch.setattr("lugrectl.reproduce.wording.claims", lambda r: ())
+    monkeypatch.setattr("lugrectl.paper.wording.claims", lambda r: ())
     code, out = run(capsys, "reproduce", "--json")
     made = json.loads(out)["provenance"]
     assert code == 0 and made["command"] == "lugrectl reproduce --json"

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import scipy.io
 
-from lugrectl.errors import InputError
+from lugrectl.core.errors import InputError
 from lugrectl.record import read_record
-from lugrectl.record.readers import read_table
+from lugrectl.record.files.readers import read_table
 
 from .logs import cell, csv, machine, refused, rows, write
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
+from lugrectl.blocks.block import members
 from lugrectl.record import read_log
-from lugrectl.results import Candidate, Diagnosis, Estimate, Finding
-from lugrectl.spec import members
+from lugrectl.results.diagnosis_result import Candidate, Diagnosis, Estimate, Finding
 
 from .logs import machine
 from .real import held_out, judges, page

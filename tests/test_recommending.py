@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.comparing.drive_spec import drive_spec
-from lugrectl.comparing.sampled import rounded
+from lugrectl.observer_comparison.drive_spec import drive_spec
+from lugrectl.observer_comparison.sampled_drive import rounded
 
 from .observed import P
 

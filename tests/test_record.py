@@ -8,9 +8,9 @@ import scipy.io
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from lugrectl.errors import InputError
+from lugrectl.core.errors import InputError
 from lugrectl.record import Record, parse_pairs, read_record
-from lugrectl.record.units import UNITS, parse_unit
+from lugrectl.record.columns.units import UNITS, parse_unit
 
 from .logs import DATA, csv, machine, measured, refused
 

@@ -7,8 +7,8 @@ import pytest
 from scipy.signal import butter, filtfilt, lfilter
 
 from lugrectl import diagnose
-from lugrectl.tracing.data import prepare
-from lugrectl.tracing.repeated import (
+from lugrectl.identification.dataset.dataset import prepare
+from lugrectl.identification.dataset.derived_speed import (
     DIFFERENCED,
     REPEATED,
     _coherent,

@@ -12,12 +12,12 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from lugrectl import report
+from lugrectl.blocks.model import Model, table1
+from lugrectl.blocks.model_file import read_model
+from lugrectl.core.errors import InputError
 from lugrectl.diagnosis.identify import Identification
-from lugrectl.errors import InputError
-from lugrectl.model import Model, table1
-from lugrectl.model_file import read_model
-from lugrectl.report import atomic, plot, wording
-from lugrectl.results import VERDICTS, Estimate
+from lugrectl.report import atomic, diagnosis_plots, wording
+from lugrectl.results.diagnosis_result import VERDICTS, Estimate
 
 from .made_up import HOSTILE, bare, diagnosis
 
@@ -162,7 +162,7 @@ def test_page_is_whole_self_contained_and_safe(verdict):
     assert all(v.startswith(("#", "data:image/png;base64,")) for v in addresses)
     style = "".join(s for s in page.said)
     assert "url(" not in style.replace("url(#", "") and "@import" not in style
-    assert HOSTILE in style and page.tags.count("figure") == len(plot.available(d))
+    assert HOSTILE in style and page.tags.count("figure") == len(diagnosis_plots.available(d))
     ids = [v for k, v in page.attributes if k == "id"]
     assert len(ids) == len(set(ids))
 
@@ -175,7 +175,7 @@ def test_fragment_carries_the_same_content_and_notebooks_find_it():
 
 
 def test_no_figure_holds_a_coordinate_that_is_no_number():
-    for _, svg in plot.drawings(diagnosis()):
+    for _, svg in diagnosis_plots.drawings(diagnosis()):
         paths = re.findall(r'\bd="([^"]*)"', svg)
         assert paths and not any("nan" in p.lower() or "inf" in p.lower() for p in paths)
 

@@ -13,13 +13,13 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.cli import main
-from lugrectl.errors import InputError
-from lugrectl.reproduce import bench as running
-from lugrectl.reproduce import page, reproduce, scenarios, studies, text, write
-from lugrectl.reproduce.bench import Bench, rms
-from lugrectl.reproduce.figures import thinned
-from lugrectl.reproduce.setting import Case, Reference
-from lugrectl.reproduce.wording import milli
+from lugrectl.core.errors import InputError
+from lugrectl.paper import bench as running
+from lugrectl.paper import page, reproduce, scenarios, studies, text, write
+from lugrectl.paper.bench import Bench, rms
+from lugrectl.paper.figures import thinned
+from lugrectl.paper.setting import Case, Reference
+from lugrectl.paper.wording import milli
 
 P = lg.table1()
 SOME = ("velocity", "friction-level", "standstill")
@@ -292,7 +292,7 @@ def test_unknown_studies_are_named():
 
 @pytest.mark.parametrize("out", [False, True])
 def test_the_command(some, capsys, monkeypatch, tmp_path, out):
-    monkeypatch.setattr("lugrectl.reproduce.reproduce", lambda progress: some)
+    monkeypatch.setattr("lugrectl.paper.reproduce", lambda progress: some)
     monkeypatch.setattr(page, "html", lambda r: "<html>")
     monkeypatch.chdir(tmp_path)
     assert main(["reproduce", *(["--out", "made"] if out else [])]) == 0
@@ -305,6 +305,6 @@ def test_the_command(some, capsys, monkeypatch, tmp_path, out):
 
 def test_a_folder_that_cannot_be_written_is_noticed_before_the_work(capsys, monkeypatch, tmp_path):
     (tmp_path / "file").write_text("")
-    monkeypatch.setattr("lugrectl.reproduce.reproduce", lambda progress: pytest.fail("ran"))
+    monkeypatch.setattr("lugrectl.paper.reproduce", lambda progress: pytest.fail("ran"))
     assert main(["reproduce", "--out", str(tmp_path / "file")]) == 2
     assert "not a folder" in capsys.readouterr().err

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-import lugrectl.workers  # noqa: F401  blocks then pickle by name
+import lugrectl.parallel.workers  # noqa: F401  blocks then pickle by name
 from lugrectl import report
+from lugrectl.blocks.model_file import read_model
+from lugrectl.core.errors import InputError
+from lugrectl.core.result import ParameterTable
+from lugrectl.diagnosis.fleet import Outcome
 from lugrectl.diagnosis.identify import Identification
-from lugrectl.errors import InputError
-from lugrectl.fleet import Outcome
-from lugrectl.model_file import read_model
-from lugrectl.outputs import ParameterTable
 from lugrectl.report.log_plot import drawings
-from lugrectl.results import Estimate
+from lugrectl.results.diagnosis_result import Estimate
 
 from .made_up import bare, diagnosis
 from .test_display import friction_map, identification, table
@@ -137,7 +137,7 @@ def test_without_pandas_one_sentence_says_what_to_install(monkeypatch):
             raise ImportError(name)
         return real(name, *rest)
 
-    monkeypatch.setattr("lugrectl.outputs.import_module", missing)
+    monkeypatch.setattr("lugrectl.core.result.import_module", missing)
     for result in (diagnosis(), table(), friction_map(), fleet()):
         with pytest.raises(InputError, match="pandas is not installed; python -m pip install"):
             result.to_frame()

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.engine import Adaptive, trace
-from lugrectl.engine.graph import Graph, evaluate
+from lugrectl.engine import Adaptive
+from lugrectl.engine.expression.graph import Graph, evaluate
+from lugrectl.engine.tracing import tracer
 
 T = np.linspace(0, 3, 31)
 
@@ -89,7 +90,7 @@ def test_a_coarse_encoder_in_a_loop_is_right():
 def test_every_backend_rounds_alike(backend):
     if backend == "numba":
         pytest.importorskip("numba")
-    engine = Adaptive(trace(quantised()), backend)
+    engine = Adaptive(tracer(quantised()), backend)
     u, start = 0.2 * np.cos(T)[None], np.array([1.0, 0.0])
     run = engine.run(T, u, start, np.zeros(0), hold=False, rtol=1e-8)
     usual = lg.simulate(quantised(), T, u[0], start).states

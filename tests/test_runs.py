@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lugrectl import diagnose, identify
-from lugrectl.tracing.job import unidentified
+from lugrectl.diagnosis.study import unidentified
 from tests.rig import make
 
 from .cases import model_of, record_of

@@ -11,13 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import lugrectl as lg
-from lugrectl.blocks.comparison import (
+from lugrectl.blocks.comparison_observers import (
     disturbance_observer,
     extended_state_observer,
     friedland_park_observer,
 )
-from lugrectl.sampling import advance, ramp_response, sampled
-from lugrectl.simulation import simulate
+from lugrectl.simulation.response import simulate
+from lugrectl.simulation.sampled_block import advance, ramp_response, sampled
 
 P, DT = lg.table1(), 1e-3
 SPEEDS = [0.0, 1e-6, 1e-3, 0.01, 0.1, 1.0, 2.5, 10.0, 100.0]

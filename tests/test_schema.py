@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from lugrectl.cli import main
+from lugrectl.core.provenance import SourceFile, provenance
 from lugrectl.diagnosis.identify import Identification
-from lugrectl.provenance import SourceFile, provenance
-from lugrectl.results import VERDICTS, Estimate, FrictionMap, Table
+from lugrectl.results.diagnosis_result import VERDICTS, Estimate, FrictionMap, Table
 
 from .made_up import bare
 

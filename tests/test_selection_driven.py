@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lugrectl.engine.native import has_compiler, has_wide
-from lugrectl.identification.selection import driven
-from lugrectl.identification.selection.driven import of_unit_load, torques
-from lugrectl.spec import members
+from lugrectl.blocks.block import members
+from lugrectl.engine.runtime.c_compiler import has_compiler, has_wide
+from lugrectl.identification.candidates import driven_load
+from lugrectl.identification.candidates.driven_load import of_unit_load, torques
 
 DT = 1e-3
 T = np.arange(3000) * DT
@@ -23,7 +23,7 @@ def block(name: str):
 def test_a_spring_under_a_sinusoid_follows_its_frequency_response(
     made_by: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(driven, "_made_by", lambda: made_by)
+    monkeypatch.setattr(driven_load, "_made_by", lambda: made_by)
     omega, own, damping = 2 * np.pi * 5.0, 2 * np.pi * 14.0, 0.2
     found = torques(block("elastic_coupling"), np.sin(omega * T), DT, [of_unit_load(14.0, damping)])
     s = 1j * omega
@@ -40,7 +40,7 @@ def test_all_loops_compute_the_same_loads(name: str, monkeypatch: pytest.MonkeyP
     sets = [of_unit_load(f, 0.3, *gap) for f in (60.0, 8.0, 20.0, 35.0)]
     path, made = np.sin(2 * np.pi * 1.5 * T[:600]) + 0.1 * np.sin(2 * np.pi * 7 * T[:600]), []
     for made_by in LOOPS:
-        monkeypatch.setattr(driven, "_made_by", lambda made_by=made_by: made_by)
+        monkeypatch.setattr(driven_load, "_made_by", lambda made_by=made_by: made_by)
         alone = [torques(block(name), path, DT, [one]) for one in sets]
         made.append(np.concatenate(alone, axis=1))
     for other in made[1:]:
@@ -62,6 +62,6 @@ def test_several_loads_at_once_round_as_one_by_one(monkeypatch: pytest.MonkeyPat
     sets = [of_unit_load(45.0, 0.03, gap) for gap in np.geomspace(1e-3, 0.5, 12)]
     path, made = np.sin(2 * np.pi * 3 * T), []
     for made_by in ("c", "even"):
-        monkeypatch.setattr(driven, "_made_by", lambda made_by=made_by: made_by)
+        monkeypatch.setattr(driven_load, "_made_by", lambda made_by=made_by: made_by)
         made.append(torques(block("backlash"), path, DT, sets))
     np.testing.assert_array_equal(*made)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from lugrectl.identification.selection.numbers import FREEDOM
-from lugrectl.identification.selection.regression import Scale, bounded, solve
-from lugrectl.identification.selection.score import Blocks, density, left_out, seen
+from lugrectl.identification.regression.numbers import FREEDOM
+from lugrectl.identification.regression.robust_regression import Scale, bounded, solve
+from lugrectl.identification.regression.score import Blocks, density, left_out, seen
 
 
 def problem(seed: int, columns: int = 7) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from lugrectl import Model, diagnose
-from lugrectl.diagnosis.length import longer, said
-from lugrectl.diagnosis.plain import refusal
-from lugrectl.errors import Refused
+from lugrectl.core.errors import Refused
+from lugrectl.diagnosis.plain_answer import refusal
+from lugrectl.diagnosis.record_length import longer, said
 from lugrectl.identification.balance import Balance
 from lugrectl.record import Record
 from lugrectl.report import text

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.spec import members
+from lugrectl.blocks.block import members
 
 from .observed import STEP, P, believing, cycle, longer, rms, signals, velocity_error
 

@@ -13,10 +13,11 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import lugrectl as lg
-from lugrectl.engine import AlgebraicLoop, adaptive
-from lugrectl.engine.adaptive import Diverged
-from lugrectl.errors import InputError
-from lugrectl.simulation import simulate
+from lugrectl.core.errors import InputError
+from lugrectl.engine import AlgebraicLoop
+from lugrectl.engine.runtime import adaptive_run
+from lugrectl.engine.runtime.adaptive_run import Diverged
+from lugrectl.simulation.response import simulate
 
 from .systems import pi, velocity_loop
 
@@ -26,8 +27,8 @@ TIGHT = {"rtol": 1e-9, "atol": 1e-13}
 @pytest.fixture(autouse=True)
 def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plain Python where a test does not ask for both backends: nothing to compile."""
-    monkeypatch.setattr(adaptive, "has_numba", lambda: False)
-    monkeypatch.setattr("lugrectl.engine.compiled._traced", {})
+    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
+    monkeypatch.setattr("lugrectl.engine.runtime.memo._traced", {})
 
 
 @pytest.fixture(params=["numba", "python"])
@@ -37,7 +38,7 @@ def backend(
     """With and without numba."""
     if request.param == "numba":
         pytest.importorskip("numba")
-    monkeypatch.setattr(adaptive, "has_numba", lambda: request.param == "numba")
+    monkeypatch.setattr(adaptive_run, "has_numba", lambda: request.param == "numba")
     return request.param
 
 

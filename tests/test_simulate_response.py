@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.engine import adaptive
-from lugrectl.simulation import simulate
+from lugrectl.engine.runtime import adaptive_run
+from lugrectl.simulation.response import simulate
 
 from .systems import velocity_loop
 
@@ -17,8 +17,8 @@ TIGHT = {"rtol": 1e-9, "atol": 1e-13}
 
 @pytest.fixture(autouse=True)
 def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(adaptive, "has_numba", lambda: False)
-    monkeypatch.setattr("lugrectl.engine.compiled._traced", {})
+    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
+    monkeypatch.setattr("lugrectl.engine.runtime.memo._traced", {})
 
 
 def test_labels_shapes_and_squeezing_are_python_controls() -> None:

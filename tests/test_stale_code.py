@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.engine import adaptive
-from lugrectl.spec import REGISTRY, P, block
-from lugrectl.tracing import series
+from lugrectl.blocks.block import REGISTRY, P, block
+from lugrectl.engine.runtime import adaptive_run
+from lugrectl.identification.likelihood import effect_inputs
 
 T = np.linspace(0.0, 1.0, 11)
 U = 3.0 * np.cos(4.0 * T)
@@ -25,8 +25,8 @@ VALUES: dict[str, Any] = {"limit": 1.0}
 @pytest.fixture(autouse=True)
 def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is kept is the same without numba, which takes seconds to compile."""
-    monkeypatch.setattr(adaptive, "has_numba", lambda: False)
-    monkeypatch.setattr("lugrectl.engine.held.has_numba", lambda: False)
+    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
+    monkeypatch.setattr("lugrectl.engine.runtime.sampled_run.has_numba", lambda: False)
 
 
 def lag(limit: Any, name: str = "lag", dt: Any = None) -> ct.NonlinearIOSystem:
@@ -210,7 +210,7 @@ WAYS = [
 
 @pytest.mark.parametrize("way", WAYS)
 def test_the_new_value_counts(way, monkeypatch):
-    monkeypatch.setattr("lugrectl.simulation.LONG", 0)  # discrete systems are traced too
+    monkeypatch.setattr("lugrectl.simulation.response.LONG", 0)  # discrete systems are traced too
     monkeypatch.setitem(globals(), "LIMIT", 1.0)
     monkeypatch.setitem(VALUES, "limit", 1.0)
     system, change = way()
@@ -350,7 +350,7 @@ def test_an_effect_that_a_cell_declares_again_is_the_new_one():
             made = block("effect", name="again", out="d", states="x", acts="torque")(slow)
             log: Any = SimpleNamespace(t=T, u=U, dt=T[1], runs=[(0, len(T))])
             one = [{"c": 1.0, "tau": 0.5}]
-            ends.append(series.run_alone(made, log, {"w": np.ones(len(T))}, one)[0, -1, 0])
+            ends.append(effect_inputs.run_alone(made, log, {"w": np.ones(len(T))}, one)[0, -1, 0])
             system = made.system()
             np.testing.assert_allclose(ours(system), own(system), atol=1e-4)
         finally:

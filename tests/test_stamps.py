@@ -179,7 +179,7 @@ def test_what_is_said_of_several_logs_names_the_log():
 
 
 def test_pieces_of_a_dozen_rows_can_be_prepared_for_the_fit():
-    from lugrectl.tracing.data import prepare
+    from lugrectl.identification.dataset.dataset import prepare
 
     log = columns("u", "theta", rate=1000.0)
     log["u"][[*range(300, 310), *range(322, 340)]] = np.nan

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.tracing.fit import Fitted, again
-from lugrectl.tracing.optima import other_optima, starts, surest
-from lugrectl.tracing.windows import windows
+from lugrectl.identification.dataset.windows import windows
+from lugrectl.identification.likelihood.local_maxima import other_optima, starts, surest
+from lugrectl.identification.likelihood.maximise import Fitted, again
 
 from .cases import begun
 

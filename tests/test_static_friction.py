@@ -6,9 +6,9 @@ import pytest
 
 from lugrectl import diagnose
 from lugrectl.blocks.friction import EPS
-from lugrectl.model import model_from_dict
-from lugrectl.tracing.data import prepare
-from lugrectl.tracing.start import holding
+from lugrectl.blocks.model import model_from_dict
+from lugrectl.identification.dataset.dataset import prepare
+from lugrectl.identification.likelihood.initial_values import holding
 
 from .blind.plan import Task
 from .blind.work import case_of

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.sampling import sampled
-from lugrectl.simulation import simulate
+from lugrectl.simulation.response import simulate
+from lugrectl.simulation.sampled_block import sampled
 
 from .test_sampled import DT, P, sine_error, step_response
 

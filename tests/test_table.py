@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from scipy.signal import lfilter
 
 import lugrectl as lg
-from lugrectl.errors import InputError
-from lugrectl.tracing.data import Log
-from lugrectl.tracing.tabulate import tabulate
+from lugrectl.core.errors import InputError
+from lugrectl.identification.dataset.dataset import Log
+from lugrectl.identification.unknown_torque.table import tabulate
 
 DT = 1e-3
 NOISE = 0.02

@@ -6,11 +6,11 @@ import control as ct
 import numpy as np
 import pytest
 
+from lugrectl.blocks.model import model_from_dict
 from lugrectl.blocks.plant import assemble
-from lugrectl.engine.lanes import Lanes
-from lugrectl.engine.tangent import Tangent
-from lugrectl.errors import InputError
-from lugrectl.model import model_from_dict
+from lugrectl.core.errors import InputError
+from lugrectl.engine.runtime.batch_run import Lanes
+from lugrectl.engine.runtime.sensitivity_run import Tangent
 
 DT = 1e-3
 LAWS = {"coulomb": {}, "stribeck": {"Fs": 0.335, "vs": 0.01}}

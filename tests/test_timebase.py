@@ -5,9 +5,9 @@ import re
 import numpy as np
 import pytest
 
-from lugrectl.errors import Refused
+from lugrectl.core.errors import Refused
+from lugrectl.identification.dataset.dataset import prepare
 from lugrectl.record import Record, consistent, long_enough_to_judge, read_record
-from lugrectl.tracing.data import prepare
 
 from .logs import cell, csv, machine, refused
 

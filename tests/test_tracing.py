@@ -8,16 +8,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lugrectl import Refused, diagnose, identify
-from lugrectl.model import model_from_dict
+from lugrectl.blocks.model import model_from_dict
+from lugrectl.identification.dataset.dataset import prepare
+from lugrectl.identification.dataset.folds import GAP, split
+from lugrectl.identification.likelihood.initial_values import Start, _turned
+from lugrectl.identification.likelihood.likelihood import (
+    WORST,
+    compared,
+    loglik,
+    whitened,
+    whitened_by_parts,
+)
+from lugrectl.identification.likelihood.maximise import fit
+from lugrectl.identification.likelihood.parameters import Coordinate, coordinates, free_keys
+from lugrectl.identification.likelihood.predictor import Predictor
 from lugrectl.record import Record
-from lugrectl.results import VERDICTS
-from lugrectl.tracing.coordinates import Coordinate, coordinates, free_keys
-from lugrectl.tracing.data import prepare
-from lugrectl.tracing.fit import fit
-from lugrectl.tracing.likelihood import WORST, compared, loglik, whitened, whitened_by_parts
-from lugrectl.tracing.predictor import Predictor
-from lugrectl.tracing.split import GAP, split
-from lugrectl.tracing.start import Start, _turned
+from lugrectl.results.diagnosis_result import VERDICTS
 from tests.blind.plan import Task
 from tests.blind.work import case_of
 from tests.rig import make
@@ -227,6 +233,8 @@ def test_parts_of_a_call_give_what_the_whole_gives(job, monkeypatch):
     sets = [job.base.values | {"J": job.base.values["J"] * f} for f in (0.9, 1.0, 1.1, 1.2, 1.3)]
     base = job.base
     whole = whitened_by_parts(base.predictor, sets, base.where, base.noise)
-    monkeypatch.setattr("lugrectl.tracing.likelihood.LARGEST", 2 * base.where.counted.size)
+    monkeypatch.setattr(
+        "lugrectl.identification.likelihood.likelihood.LARGEST", 2 * base.where.counted.size
+    )
     parts = whitened_by_parts(base.predictor, sets, base.where, base.noise)
     assert np.array_equal(parts, whole)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lugrectl import diagnose
-from lugrectl.diagnosis.asking import Asked
+from lugrectl.diagnosis.question import Asked
 from lugrectl.identification.selection import compare
 from tests.rig import make
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from lugrectl.blocks.model import model_from_dict
 from lugrectl.identification.balance import Balance
 from lugrectl.identification.selection import compare
-from lugrectl.model import model_from_dict
 from lugrectl.record import read_log
-from lugrectl.record.unsigned import signed
+from lugrectl.record.columns.unsigned import signed
 
 
 def test_an_unsigned_register_is_read_with_its_sign():

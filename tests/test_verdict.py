@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from lugrectl.diagnosis.asking import Asked
+from lugrectl.blocks.block import REGISTRY
+from lugrectl.diagnosis.question import Asked
+from lugrectl.identification.candidates.driven_load import torques
 from lugrectl.identification.selection import compare
-from lugrectl.identification.selection.driven import torques
-from lugrectl.spec import REGISTRY
 
 J, FC, FV, VS, DT = 1e-3, 0.1, 0.002, 0.05, 2e-3
 MODEL = f"""

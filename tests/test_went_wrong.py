@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import pytest
 
 from lugrectl import diagnose, read_model, read_record
-from lugrectl.diagnosis.asking import Asked
+from lugrectl.diagnosis.question import Asked
 from lugrectl.identification.selection import Comparison, compare
 from lugrectl.record import Record
-from lugrectl.results import Diagnosis
+from lugrectl.results.diagnosis_result import Diagnosis
 from tests.blind.plan import Task
 from tests.blind.work import case_of, write
 from tests.rig import Case, exported, sample

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.engine import Lanes, lanes, native
-from lugrectl.engine.native import has_wide
-from lugrectl.engine.wide_code import is_wide
-from lugrectl.errors import InputError
-from lugrectl.model import model_from_dict
+from lugrectl.blocks.model import model_from_dict
+from lugrectl.core.errors import InputError
+from lugrectl.engine import Lanes
+from lugrectl.engine.codegen.simd import is_wide
+from lugrectl.engine.runtime import batch_run, c_compiler
+from lugrectl.engine.runtime.c_compiler import has_wide
 
 from .systems import DT, torque
 
@@ -37,7 +38,7 @@ def plant(law: str, effect: str | None = None):
 
 
 def ran(system, count: int, wide: bool, monkeypatch, samples: int = 150, blow_up: bool = False):
-    monkeypatch.setattr(lanes, "LEAST_WIDE", 1 if wide else count + 1)
+    monkeypatch.setattr(batch_run, "LEAST_WIDE", 1 if wide else count + 1)
     made = Lanes(system, backend="c")
     assert is_wide(made.program)
     random = np.random.default_rng(7)
@@ -84,7 +85,7 @@ def test_what_no_library_has_for_several_is_run_one_by_one() -> None:
 
 
 def test_without_such_a_processor_all_goes_one_by_one(monkeypatch) -> None:
-    monkeypatch.setattr(lanes, "has_wide", lambda: False)
+    monkeypatch.setattr(batch_run, "has_wide", lambda: False)
     assert Lanes(plant("lugre"), backend="c")._wide is None
 
 
@@ -92,7 +93,7 @@ def test_a_compiler_that_does_not_know_the_library_is_noticed(monkeypatch) -> No
     def refuse(*given: object) -> None:
         raise InputError("cannot compile")
 
-    monkeypatch.setattr(native, "_loaded", refuse)
+    monkeypatch.setattr(c_compiler, "_loaded", refuse)
     has_wide.cache_clear()
     try:
         assert not has_wide()

@@ -8,7 +8,7 @@ import lugrectl as lg
 from lugrectl.blocks.controllers import compensation, error, feedforward, pi, prefilter
 from lugrectl.blocks.effects import gravity
 from lugrectl.blocks.observers import existing_observer, natural_observer, proposed_observer
-from lugrectl.loops import velocity_loop
+from lugrectl.loops.friction_loops import velocity_loop
 
 from .wired import LOW, OUTPUTS, H, P, T, at, s, signal, simulate, state, transfer
 

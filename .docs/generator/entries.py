@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 import lugrectl as lg
-from lugrectl.catalogue import Entry
-from lugrectl.catalogue import _bounds as bounds  # the words of the command line
-from lugrectl.catalogue import _number as number
-from lugrectl.spec import P, members
+from lugrectl.blocks.catalogue import Entry
+from lugrectl.blocks.catalogue import _bounds as bounds  # the words of the command line
+from lugrectl.blocks.catalogue import _number as number
+from lugrectl.blocks.block import P, members
 
 from . import signatures
 from .rst import code, escaped, filled, listed, literal, prose, table, title, toctree

@@ -8,8 +8,8 @@ from importlib import resources
 from typing import Any
 
 import lugrectl as lg
-from lugrectl.spec import members
-from lugrectl.stated import KEYS, Stated
+from lugrectl.blocks.block import members
+from lugrectl.blocks.declared_values import KEYS, Stated
 
 from .entries import bounds, label, number
 from .rst import code, filled, listed, literal, prose, table, title

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import lugrectl as lg
-from lugrectl.spec import members
+from lugrectl.blocks.block import members
 
 DRIVE = lg.table1()
 LEVELS = ("Fc", "Fs", "Fv")

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 import lugrectl as lg
-from lugrectl.catalogue import Entry
-from lugrectl.spec import members
+from lugrectl.blocks.catalogue import Entry
+from lugrectl.blocks.block import members
 
 from .motions import DRIVE, LATE, Motion, friction, motion, tracking
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 import lugrectl as lg
-from lugrectl.errors import Refused
+from lugrectl.core.errors import Refused
 from lugrectl.report.wording import headline
-from lugrectl.results import VERDICTS, Candidate, Diagnosis, Estimate, Finding
+from lugrectl.results.diagnosis_result import VERDICTS, Candidate, Diagnosis, Estimate, Finding
 
 from .rst import filled, literal, prose, table, title, toctree
 

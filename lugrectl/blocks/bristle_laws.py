@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..spec import P, block
+from .block import P, block
 from .friction import FC, FS, FV, SIGMA0, SIGMA1, VS, bristle_torque, level, relaxation
 
 KAPPA = P(0.7, "1", 0.01, 0.99, usual=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from ..spec import P, block
+from .block import P, block
 from .friction import (
     FC,
     FS,
@@ -29,7 +29,7 @@ from .plant import acceleration
 if TYPE_CHECKING:
     import control as ct
 
-    from ..model import Model, Parameters
+    from .model import Model, Parameters
 
 DAMPED = P(0.6, "N m s/rad", 1e-12)  # sigma1 where the observer divides by it
 DERIVED = "derived here, in the spirit of"

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..checks import number
-from ..errors import InputError
-from ..spec import P, block
+from ..core.errors import InputError
+from ..core.validation import number
+from .block import P, block
 from .friction import PAPER, J
 
 if TYPE_CHECKING:
     import control as ct
 
-    from ..model import Model, Parameters
+    from .model import Model, Parameters
 
 KP, KI = P(1.6, "N m s/rad"), P(0.16, "N m/rad")
 KP_ANGLE, KI_ANGLE = P(15.0, "N m/rad"), P(1.55, "N m/(rad s)")
@@ -338,7 +338,7 @@ def feedforward(
     -----
     Source paper, eq. Canudas_u.
     """
-    from ..door import as_model
+    from .as_model import as_model
 
     _kind(kind, list(DERIVATIVE))
     wanted = [DERIVATIVE[kind]] if inputs is None else inputs

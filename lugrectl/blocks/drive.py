@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..checks import number, one_name, positive, renamed
-from ..errors import InputError
-from ..spec import P, block
+from ..core.errors import InputError
+from ..core.validation import number, one_name, positive, renamed
+from .block import P, block
 from .effects.actuator import actuator_lag, actuator_saturation, input_delay
 
 if TYPE_CHECKING:

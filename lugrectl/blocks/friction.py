@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ..spec import P, block
-from .forms import FORMS, Form
+from .block import P, block
+from .law_forms import FORMS, Form
 
 J = P(0.0022, "kg m2", 1e-12)
 SIGMA0 = P(260.0, "N m/rad", 1e-12)

@@ -10,9 +10,10 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from ..checks import real, shown
-from ..errors import InputError
-from ..spec import Block, P, block, members
+from ..core.errors import InputError
+from ..core.validation import real, shown
+from .aliases import meant
+from .block import Block, P, block, members
 from .friction import (
     FC,
     FS,
@@ -27,13 +28,12 @@ from .friction import (
     bristle_torque,
     lugre,
 )
-from .names import meant
 from .plant import acceleration
 
 if TYPE_CHECKING:
     import control as ct
 
-    from ..model import Model, Parameters
+    from .model import Model, Parameters
 
 Gain = float | Callable[[Any], Any]
 
@@ -158,7 +158,7 @@ def believed(
     InputError
         For an unknown gain, or when p does not give a parameter that the block needs.
     """
-    from ..door import as_model
+    from .as_model import as_model
 
     model = as_model(p, "p")
     have = model.values()

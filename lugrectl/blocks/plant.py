@@ -7,16 +7,16 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from ..errors import InputError
-from ..spec import Block
+from ..core.errors import InputError
+from .block import Block
 from .effects.inertia import load_motion
+from .embedding import Part, through_sensors
 from .friction import J
-from .parts import Part, through_sensors
 
 if TYPE_CHECKING:
     import control as ct
 
-    from ..model import Model, Parameters
+    from .model import Model, Parameters
 
 
 def acceleration(u: Any, F: Any, d: Any, J: Any) -> Any:
@@ -246,7 +246,7 @@ def plant(
     theta minus the twist of the coupling. The outputs of a second coupling are theta_load_2,
     w_load_2.
     """
-    from ..door import as_model
+    from .as_model import as_model
 
     model = as_model(of)
     return _system(assemble(model, loads=_loads(model)), model, name, inputs, outputs)
@@ -273,7 +273,7 @@ def sensor(
     InputError
         When a parameter of a sensor effect has no value yet.
     """
-    from ..door import as_model
+    from .as_model import as_model
 
     model = as_model(of)
     uses = [Part(f"{use.key}.", use.block) for use in model.effects]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..spec import P, block
+from .block import P, block
 from .bristle_observers import DERIVED
 from .friction import EPS, FC, FS, FV, SIGMA0, SIGMA1, VS, J, bristle, bristle_torque
 from .observers import observer
@@ -20,7 +20,7 @@ from .plant import acceleration
 if TYPE_CHECKING:
     import control as ct
 
-    from ..model import Model, Parameters
+    from .model import Model, Parameters
 
 TAFAZOLI = (
     "Tafazoli, de Silva and Lawrence, IEEE Trans. Control Systems Technology, 1998; proof in the "

@@ -10,9 +10,9 @@ import control as ct
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import array, shown
-from ..errors import InputError
-from ..spec import Block, P
+from ..core.errors import InputError
+from ..core.validation import array, shown
+from .block import Block, P
 from .friction import EPS
 
 TURN = 2.0 * np.pi

@@ -10,7 +10,7 @@ import traceback
 import warnings
 from collections.abc import Sequence
 
-from ..blas import BLAS
+from ..parallel.blas_threads import BLAS
 from .options import parser
 
 UNEXPECTED, INTERRUPTED, BROKEN_PIPE = 70, 130, 141

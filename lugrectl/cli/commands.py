@@ -14,11 +14,11 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import InputError, Refused
-from ..provenance import stamp
+from ..core.errors import InputError, Refused
+from ..core.provenance import stamp
 
 if TYPE_CHECKING:
-    from ..model import Model
+    from ..blocks.model import Model
     from ..record import Log
 
 
@@ -50,7 +50,7 @@ def diagnose(a: Namespace) -> int:
 
 def _closing(work: Any, loop: str, record: Any, model: Model, **options: Any) -> Any:
     """The result of ``work``, with the control loop compensated by the model it found."""
-    from ..compensating import compensate
+    from ..compensated_loop import compensate
 
     found = work(record, model, **options)
     if found.model is None:
@@ -86,9 +86,9 @@ def demo(a: Namespace) -> int:
 
 def reproduce(a: Namespace) -> int:
     """``lugrectl reproduce``: the source paper's numbers and figures, and what is not in it."""
+    from ..paper import reproduce as work
+    from ..paper import text, write
     from ..report import check_folder
-    from ..reproduce import reproduce as work
-    from ..reproduce import text, write
     from .progress import Bar
 
     if a.out is not None:
@@ -105,7 +105,7 @@ def reproduce(a: Namespace) -> int:
 
 
 def _main_job(work: Any, a: Namespace) -> int:
-    from ..model_file import read_model
+    from ..blocks.model_file import read_model
     from ..report import check_folder, text, write
 
     model = fixed(read_model(a.model), a)
@@ -127,7 +127,7 @@ def _main_job(work: Any, a: Namespace) -> int:
 
 def _answered(work: Any, a: Namespace, model: Model) -> Any:
     """The result of ``work``; a record that cannot answer gives the verdict "refused"."""
-    from ..diagnosis.plain import refusal
+    from ..diagnosis.plain_answer import refusal
     from .progress import Bar
 
     logs, holdout = _read_all(a, model)
@@ -164,7 +164,7 @@ def _read_all(a: Namespace, model: Model) -> tuple[list[Log], Any]:
 
 def files(names: Sequence[str]) -> list[str]:
     """The named files, those of a folder, and those of a pattern that the shell did not expand."""
-    from ..workers import files_of
+    from ..parallel.workers import files_of
 
     return [str(path) for name in names for path in files_of(name)]
 
@@ -185,7 +185,7 @@ def reading(a: Namespace) -> dict[str, Any]:
 
 def fixed(model: Model, a: Namespace) -> Model:
     """The model with the law of --law, and the values of --fix held."""
-    from ..door import changed
+    from ..blocks.as_model import changed
 
     law, file = getattr(a, "law", None), model.file
     law = None if law == AUTO else law

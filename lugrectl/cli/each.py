@@ -10,23 +10,23 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..errors import InputError
+from ..core.errors import InputError
 from .commands import chosen, fixed, print_out, reading
 from .progress import Bar
 
 if TYPE_CHECKING:
-    from ..fleet import Fleet, Outcome
+    from ..diagnosis.fleet import Fleet, Outcome
 
 INTERRUPTED, UNEXPECTED = 130, 70
 
 
 def each(a: Namespace) -> int:
     """Diagnose, print and write; the exit code is the highest of the logs'."""
-    from ..fleet import run_each
-    from ..model_file import read_model
+    from ..blocks.model_file import read_model
+    from ..diagnosis.fleet import run_each
+    from ..parallel.workers import passed_over, record_files
     from ..record import parse_pairs
     from ..report import content
-    from ..workers import passed_over, record_files
 
     if a.holdout not in (None, "last"):
         raise InputError(

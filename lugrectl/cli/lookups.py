@@ -10,7 +10,7 @@ from argparse import Namespace
 from importlib import resources
 from typing import Any
 
-from ..errors import InputError
+from ..core.errors import InputError
 from .commands import print_out
 
 # The source paper's gains, by loop; K2 of the proposed observer.
@@ -53,8 +53,8 @@ def check(a: Namespace) -> int:
 
 def _parameters(a: Namespace) -> tuple[Any, str]:
     """An object with the parameters that a check needs, and the model's name."""
-    from ..model import table1
-    from ..model_file import read_model
+    from ..blocks.model import table1
+    from ..blocks.model_file import read_model
 
     if a.model is None:
         return table1(), "Table 1"
@@ -121,7 +121,7 @@ def _answer(facts: dict[str, Any]) -> str:
 
 def effects(a: Namespace) -> int:
     """``lugrectl effects``: the catalogue, or one effect."""
-    from ..catalogue import effects
+    from ..blocks.catalogue import effects
 
     listed = effects()
     if a.name is not None:
@@ -152,6 +152,6 @@ def _written(value: Any) -> str:
 
 
 def _document(value: Any) -> str:
-    from ..outputs import plain
+    from ..core.result import plain
 
     return _written(plain(value))

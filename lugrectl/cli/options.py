@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
-from ..provenance import version
+from ..core.provenance import version
 from . import commands, lookups, plotting
 from .overview import overview
 

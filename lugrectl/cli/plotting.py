@@ -9,11 +9,11 @@ from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import InputError
+from ..core.errors import InputError
 from .commands import files, print_out, reading
 
 if TYPE_CHECKING:
-    from ..model import Model
+    from ..blocks.model import Model
     from ..record import Log
 
 FORMATS = ("png", "svg", "pdf", "jpg")
@@ -22,7 +22,7 @@ NO_SCREEN = "there is no screen to draw on; give --out plot.png to get the pictu
 
 def plot(a: Namespace) -> int:
     """Print the plain answer and draw it, into a file or on the screen."""
-    from ..diagnosis.plain import plain_answer
+    from ..diagnosis.plain_answer import plain_answer
     from ..report import plain_text
 
     kind = None if a.out is None else _format(a.out)
@@ -36,8 +36,8 @@ def plot(a: Namespace) -> int:
 
 def _read(a: Namespace) -> tuple[list[Log], Model]:
     """The logs, and the model; one of which nothing is known where none is given."""
-    from ..door import changed
-    from ..model_file import read_model
+    from ..blocks.as_model import changed
+    from ..blocks.model_file import read_model
     from ..record import read_log
 
     model = None if a.model is None else read_model(a.model)

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from ..progress import Terminal as Bar
+from ..core.progress import Terminal as Bar
 
 __all__ = ["Bar"]

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import number
-from ..display import Row
-from ..errors import InputError
-from ..outputs import Result
+from ..core.display import Row
+from ..core.errors import InputError
+from ..core.result import Result
+from ..core.validation import number
 from .dynamics import Drive, drive, error_matrices, slowest_pole
 
 MATCHED = "the observer's parameters and J are those of the drive, and no load torque d acts"

@@ -15,9 +15,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..checks import number
-from ..door import values_of
-from ..errors import InputError
+from ..blocks.as_model import values_of
+from ..core.errors import InputError
+from ..core.validation import number
 
 NAMES = ("J", "sigma0", "sigma1", "Fc", "Fs", "vs")
 

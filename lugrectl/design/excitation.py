@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..blocks.friction import level
-from ..checks import array, positive
-from ..errors import InputError
-from ..outputs import Result
+from ..core.errors import InputError
+from ..core.result import Result
+from ..core.validation import array, positive
 from .dynamics import drive
 
 CELLS = 2000  # resolution of the search for a window

@@ -8,13 +8,13 @@ from typing import Any, Literal, overload
 
 import numpy as np
 
+from ..blocks.aliases import meant
 from ..blocks.friction import level
-from ..blocks.names import meant
 from ..blocks.observers import observer_block
-from ..checks import positive, shown
-from ..display import Row, Shown
-from ..errors import InputError
-from ..outputs import Result
+from ..core.display import Row, Shown
+from ..core.errors import InputError
+from ..core.result import Result
+from ..core.validation import positive, shown
 from .certificate import (
     ANY_MOTION,
     MATCHED,

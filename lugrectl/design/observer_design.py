@@ -6,13 +6,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ..blocks.names import meant
+from ..blocks.aliases import meant
+from ..blocks.as_model import values_of
 from ..blocks.observers import observer_block
-from ..checks import number, shown
-from ..display import Row
-from ..door import values_of
-from ..errors import InputError
-from ..outputs import Result
+from ..core.display import Row
+from ..core.errors import InputError
+from ..core.result import Result
+from ..core.validation import number, shown
 from .certificate import Certificate
 from .observer_rules import RULES, Rule
 

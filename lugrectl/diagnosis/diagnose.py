@@ -6,27 +6,37 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from ..blas import one_blas_thread
-from ..checks import positive, share
-from ..deadline import within
-from ..door import judged_by
-from ..errors import Refused
-from ..friction_map import diagnose_map
+from ..blocks.as_model import judged_by
+from ..blocks.block import members
+from ..core.deadline import within
+from ..core.errors import Refused
+from ..core.progress import Progress, Wanted, reporter, shows_progress
+from ..core.provenance import stamped
+from ..core.validation import positive, share
+from ..friction_maps.friction_map import diagnose_map
+from ..friction_maps.points import is_map
+from ..identification.candidates.applicable import signals_of
+from ..identification.likelihood.held_out_run import adapted
+from ..identification.likelihood.initial_values import lifted
+from ..identification.likelihood.local_maxima import other_optima
+from ..identification.likelihood.maximise import Fitted
+from ..identification.likelihood.simulation_error import missing_torque
+from ..identification.likelihood.value_discrepancy import with_discrepancy
 from ..identification.selection import ALPHA, LEAST, Comparison, Named, compare
-from ..progress import Progress, Wanted, reporter, shows_progress
-from ..provenance import stamped
+from ..identification.unknown_torque.table import tabulate
+from ..parallel.blas_threads import one_blas_thread
 from ..record import Record, refuse_dead
-from ..results import Candidate, Diagnosis, Estimate, Finding, Table
-from ..spec import members
-from ..steady.points import is_map
-from ..traces import residual_torque, traces
-from ..tracing.applicable import signals_of
-from ..tracing.discrepancy import with_discrepancy
-from ..tracing.evaluate import missing_torque
-from ..tracing.far import against_held, at_bounds, far_off
-from ..tracing.fit import Fitted
-from ..tracing.held_out import adapted
-from ..tracing.job import (
+from ..results.diagnosis_result import Candidate, Diagnosis, Estimate, Finding, Table
+from .compare_laws import under_law
+from .never_worse import failure, refuse_without_inertia
+from .one_direction import next_way, not_alone, one_way
+from .parameter_changes import against_held, at_bounds, far_off
+from .plain_answer import plainly, refusal, values_for, with_plain
+from .plot_data import residual_torque, traces
+from .question import Asked
+from .record_length import longer, short
+from .record_length import said as length_of
+from .study import (
     Job,
     begin,
     compared,
@@ -39,17 +49,7 @@ from ..tracing.job import (
     score,
     unidentified,
 )
-from ..tracing.optima import other_optima
-from ..tracing.start import lifted
-from ..tracing.tabulate import tabulate
-from .asking import Asked
-from .direction import next_way, not_alone, one_way
-from .floor import failure, refuse_without_inertia
-from .laws import under_law
-from .length import longer, short
-from .length import said as length_of
-from .plain import plainly, refusal, values_for, with_plain
-from .winner import with_effects
+from .winning_model import with_effects
 
 WORSE = (
     "On held-out samples the simulation with the added effect misses the motion by {0:.3g} {2}, "
@@ -94,7 +94,7 @@ def diagnose(
         differ in the offset of the torque, in friction (by a factor) and, if no declared effect
         depends on theta, in the zero of theta. These differences are fitted relative to the first
         run and reported in ``messages``. Four or more runs at a steady speed each, of any rates,
-        are one friction map: see :func:`lugrectl.friction_map.diagnose_map`.
+        are one friction map: see :func:`lugrectl.friction_maps.friction_map.diagnose_map`.
     model : Model, Parameters, dict or path
         The declared model; missing values are identified. Files are read with its motion.
     holdout : None, "last", or a record as above

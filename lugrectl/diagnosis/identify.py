@@ -6,11 +6,16 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from ..blas import one_blas_thread
-from ..display import Row, estimated
-from ..door import judged_by
-from ..errors import Refused
-from ..friction_map import (
+from ..blocks.as_model import judged_by
+from ..blocks.model import Model
+from ..core.display import Row, estimated
+from ..core.errors import Refused
+from ..core.progress import Progress, Wanted, reporter, shows_progress
+from ..core.provenance import Provenance, stamped
+from ..core.result import Fitted
+from ..core.result import plain as jsonable
+from ..friction_maps.curve import refit
+from ..friction_maps.friction_map import (
     Fits,
     begin_map,
     errors_of,
@@ -19,22 +24,23 @@ from ..friction_map import (
     map_of,
     messages_of,
 )
+from ..friction_maps.points import is_map
 from ..identification.balance import Balance
+from ..identification.likelihood.local_maxima import other_optima
+from ..identification.likelihood.value_discrepancy import with_discrepancy
 from ..identification.selection import levels
-from ..joint import Joint, Residuals
-from ..model import Model
-from ..outputs import Fitted
-from ..outputs import plain as jsonable
-from ..progress import Progress, Wanted, reporter, shows_progress
-from ..provenance import Provenance, stamped
+from ..parallel.blas_threads import one_blas_thread
 from ..record import Record, refuse_dead
-from ..results import Estimate, FrictionMap, Traces
-from ..steady.curve import refit
-from ..steady.points import is_map
-from ..traces import residual_torque, traces
-from ..tracing.discrepancy import with_discrepancy
-from ..tracing.far import against_held, at_bounds, far_off
-from ..tracing.job import (
+from ..results.covariance import Joint, Residuals
+from ..results.diagnosis_result import Estimate, FrictionMap, Traces
+from .compare_laws import LawComparison, under_law
+from .never_worse import failure, refuse_without_inertia
+from .one_direction import not_alone, one_way
+from .parameter_changes import against_held, at_bounds, far_off
+from .plain_answer import plainly, with_plain
+from .plot_data import residual_torque, traces
+from .question import Asked
+from .study import (
     begin,
     compared,
     estimates,
@@ -45,12 +51,6 @@ from ..tracing.job import (
     residuals,
     score,
 )
-from ..tracing.optima import other_optima
-from .asking import Asked
-from .direction import not_alone, one_way
-from .floor import failure, refuse_without_inertia
-from .laws import LawComparison, under_law
-from .plain import plainly, with_plain
 
 ONLY_PLAIN = "The values are those of the torque balance alone, without errors of a simulation: {}"
 OF_CHANNELS = frozenset(("u_delay", "w_gain", "w_offset", "w_lag", "drift"))

@@ -11,7 +11,7 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from lugrectl.errors import InputError
+from lugrectl.core.errors import InputError
 
 from .exact import Poly, add, hurwitz, odd_roots, positive_roots, real_product, scale
 from .floating import Model, level_crossings
@@ -57,7 +57,7 @@ class BandwidthVerdict(Verdict):
 
         ``ax``: an Axes for the first, or two; else a new figure.
         """
-        from ..report.checks_drawn import band
+        from ..report.check_plots import band
 
         return band(self, ax)
 

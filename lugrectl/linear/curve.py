@@ -7,7 +7,7 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from lugrectl.errors import InputError
+from lugrectl.core.errors import InputError
 
 from .measured import is_measured, response
 

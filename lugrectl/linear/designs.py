@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lugrectl.checks import array as numbers
-from lugrectl.checks import shown
-from lugrectl.door import values_of
-from lugrectl.errors import InputError
-from lugrectl.outputs import Result
+from lugrectl.blocks.as_model import values_of
+from lugrectl.core.errors import InputError
+from lugrectl.core.result import Result
+from lugrectl.core.validation import array as numbers
+from lugrectl.core.validation import shown
 
 from . import closed_forms as forms
 from .band import bandwidth_check, level_power

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg import eig, schur, solve_triangular
 from scipy.optimize import brentq
 
-from lugrectl.errors import InputError
+from lugrectl.core.errors import InputError
 
 from .transfer import require_continuous_siso
 from .verdict import show_poles

@@ -9,8 +9,8 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from lugrectl.door import values_of
-from lugrectl.errors import InputError
+from lugrectl.blocks.as_model import values_of
+from lugrectl.core.errors import InputError
 
 from .exact import (
     add,
@@ -49,7 +49,7 @@ class L2Verdict(Verdict):
 
     def plot(self, ax: Any = None) -> Any:
         """Draw |G(jw)| with its largest value, into ``ax`` or a new figure; returns the Axes."""
-        from ..report.checks_drawn import gain
+        from ..report.check_plots import gain
 
         return gain(self, ax)
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import control as ct
 
-from lugrectl.door import values_of
-from lugrectl.errors import InputError
+from lugrectl.blocks.as_model import values_of
+from lugrectl.core.errors import InputError
 
 from .controller import Controller, read_controller
 from .exact import Poly, add, mul, poly

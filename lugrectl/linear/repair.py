@@ -8,7 +8,7 @@ from decimal import ROUND_FLOOR, Context, Decimal
 from fractions import Fraction
 from typing import Any
 
-from ..display import Shown
+from ..core.display import Shown
 from .loops import Loop, rounded
 from .realness import classify
 from .transfer import lowest_terms, read_transfer, to_float

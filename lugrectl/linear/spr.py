@@ -60,7 +60,7 @@ class SprVerdict(Verdict):
 
         ``ax``: an Axes for the first, or two; else a new figure.
         """
-        from ..report.checks_drawn import realness
+        from ..report.check_plots import realness
 
         return realness(self, ax)
 

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import control as ct
 import numpy as np
 
-from lugrectl.checks import shown
-from lugrectl.errors import InputError
+from lugrectl.core.errors import InputError
+from lugrectl.core.validation import shown
 
 from .exact import Poly, divide, gcd, hurwitz, poly
 from .verdict import show_poles

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any, Self
 
-from ..outputs import Result
+from ..core.result import Result
 
 
 class Verdict(Result):

@@ -6,17 +6,17 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from ..errors import InputError
-from .audit import audit, named, refuse_dead
+from ..core.errors import InputError
+from .columns.options import parse_pairs
+from .consistency import audit, named, refuse_dead
 from .log import Log, read_log
-from .options import parse_pairs
 from .pooling import pooled
-from .samples import Record
+from .record import Record
+from .recorded_speed import fitting_speed
+from .samples.usable import usable
 from .stretch import Stretch
 from .stretches import stretches
-from .timebase import long_enough_to_judge, uniform
-from .usable import usable
-from .velocity import fitting_speed
+from .uniform_time import long_enough_to_judge, uniform
 
 __all__ = [
     "Log",

@@ -10,19 +10,19 @@ from zlib import crc32
 
 import numpy as np
 
-from ..checks import as_path, positive, shown
-from ..errors import InputError
-from ..provenance import SourceFile
-from .angles import check_angles
-from .arrays import FORMS, is_table, table_of
-from .columns import Choice, choose_columns
-from .options import check_used, factors, texts
-from .places import Places, TableRows
-from .readers import read_stdin, read_table
-from .streams import merged
-from .table import Table
-from .units import Unit, role_unit, si_unit
-from .unsigned import signed
+from ..core.errors import InputError
+from ..core.provenance import SourceFile
+from ..core.validation import as_path, positive, shown
+from .columns.angle_units import check_angles
+from .columns.arrays import FORMS, is_table, table_of
+from .columns.options import check_used, factors, texts
+from .columns.roles import Choice, choose_columns
+from .columns.streams import merged
+from .columns.units import Unit, role_unit, si_unit
+from .columns.unsigned import signed
+from .files.readers import read_stdin, read_table
+from .files.table import Table
+from .row_places import Places, TableRows
 
 _FAST = {"rotary": 400.0, "linear": 20.0}  # rad/s, m/s: above, a w without unit may not be in SI
 

@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from .resampling import HELD, between, held_mean
-from .samples import Record
-from .stamped import smallest_steps
+from .record import Record
+from .samples.resampling import HELD, between, held_mean
+from .samples.rows import smallest_steps
 
 _SAME = 1e-3  # rates that differ by less are one
 _NEAR = 0.25  # rates that differ by more are not brought together

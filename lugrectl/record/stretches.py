@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .clock import FEWEST, typical_step
 from .log import Log
-from .stamped import Stamped
+from .samples.clock import FEWEST, typical_step
+from .samples.rows import Stamped
+from .samples.usable import usable
 from .stretch import Stretch
-from .usable import usable
 
 
 def stretches(logs: Sequence[Log]) -> tuple[list[Stretch], list[str]]:

@@ -8,9 +8,9 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from ..display import grid_text as _grid_text
-from ..errors import InputError
-from ..model_file import model_toml
+from ..blocks.model_file import model_toml
+from ..core.display import grid_text as _grid_text
+from ..core.errors import InputError
 from .atomic import nearest, write_together
 from .page import fragment, html
 from .section import Section

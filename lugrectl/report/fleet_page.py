@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from ..errors import InputError
+from ..core.errors import InputError
 from . import FILES, _grid_text, _wrapped, page
 from .atomic import write_together
 from .wording import NONE, Grid, number, readable
@@ -25,7 +25,7 @@ _NOTE = (
     "one and the augmented one; noise is that of the sensor; s is the computing time."
 )
 _STYLE = """
-.lugrectl.fleet { max-width: 60rem; }
+.lugrectl.diagnosis.fleet { max-width: 60rem; }
 .fleet .table > table { width: 100%; }
 .fleet td.log { white-space: normal; overflow-wrap: anywhere; min-width: 8rem; }
 .fleet tr.more > * { border-bottom: none; }

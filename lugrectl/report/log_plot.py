@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..spec import unit_for
+from ..blocks.block import unit_for
 from .canvas import drawn, inline_svg, on_pyplot
-from .closing import COLOURS
+from .loop_plots import COLOURS
 from .wording import number, readable
 
 if TYPE_CHECKING:

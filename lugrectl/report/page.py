@@ -5,9 +5,9 @@ from __future__ import annotations
 import html as markup
 from typing import Any
 
-from ..display import grid_html as _grid_html
-from ..model_file import model_toml
-from .compared import BUDGET
+from ..blocks.model_file import model_toml
+from ..core.display import grid_html as _grid_html
+from .comparison_section import BUDGET
 from .section import Section
 from .wording import headline, sections
 
@@ -113,7 +113,7 @@ def _section_html(part: Section) -> str:
 
 def _figures(d: Any) -> dict[str, str]:
     """The figures by name, in their order."""
-    from .plot import available, drawings
+    from .diagnosis_plots import available, drawings
 
     made = [_figure(caption, svg) for caption, svg in drawings(d)]
     return dict(zip(available(d), made, strict=True))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..display import Grid
+from ..core.display import Grid
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,11 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from ..display import NONE, Grid, number
-from ..display import with_interval as _with_interval
-from ..results import AGAINST_HELD, Estimate
-from ..spec import members
-from . import compared
+from ..blocks.block import members
+from ..core.display import NONE, Grid, number
+from ..core.display import with_interval as _with_interval
+from ..results.diagnosis_result import AGAINST_HELD, Estimate
+from . import comparison_section
 from .section import Section
 
 LISTED = 8  # runs with a line each; of more, the names
@@ -32,7 +32,7 @@ def headline(d: Any) -> tuple[str, str]:
     """The verdict with what it names, and one sentence that says what it means."""
     verdict, names = _get(d, "verdict"), listed([f.name for f in _get(d, "effects", ())])
     if verdict == "adequate":
-        said = f"No missing effect was detected.{compared.limits_in_words(d)}"
+        said = f"No missing effect was detected.{comparison_section.limits_in_words(d)}"
         held = next((m for m in _get(d, "messages", ()) if m.startswith(AGAINST_HELD)), None)
         return "adequate", said if held is None else f"{said} But: {held}"
     if verdict == "found":
@@ -80,10 +80,10 @@ _TITLES = {"found": "Missing effect", "unexplained": "Partial explanation"}
 
 def sections(d: Any) -> list[Section]:
     """Everything below the headline, in reading order; parts without content are left out."""
-    parts = [compared.budget(d)]
+    parts = [comparison_section.budget(d)]
     parts += [_effect(d, finding) for finding in _get(d, "effects", ())]
-    parts += [_depends(d), _table(d), compared.limits(d), _experiment(d), errors(d)]
-    parts += [compared.table(d), compared.laws(d), _parameters(d), plain(d)]
+    parts += [_depends(d), _table(d), comparison_section.limits(d), _experiment(d), errors(d)]
+    parts += [comparison_section.table(d), comparison_section.laws(d), _parameters(d), plain(d)]
     parts += [_compensation(d), _record(d), _notes(d)]
     return [part for part in parts if part is not None]
 

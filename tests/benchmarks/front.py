@@ -22,8 +22,8 @@ import control as ct
 import numpy as np
 
 import lugrectl as lg
-from lugrectl.engine.load import threads
-from lugrectl.model import model_from_dict
+from lugrectl.blocks.model import model_from_dict
+from lugrectl.engine.runtime.backend import threads
 
 from ..rig import make
 from ..rig.record import Case

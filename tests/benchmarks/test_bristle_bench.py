@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl import bristles
+from lugrectl.simulation import bristle_deflection
 
 pytestmark = pytest.mark.slow
 N, DT, P = 1_000_000, 1e-3, lg.table1()
@@ -41,7 +41,7 @@ def plain_loop(w: np.ndarray) -> float:
 def test_deflection_of_a_million_samples(way, target, monkeypatch, record_property):
     if way == "numba":
         pytest.importorskip("numba")
-    monkeypatch.setattr(bristles, "compiler", lambda: way)
+    monkeypatch.setattr(bristle_deflection, "compiler", lambda: way)
     spent = shortest(lambda: lg.deflection(SPEED, DT, P))
     ratio = shortest(lambda: plain_loop(SPEED), 3) / spent
     record_property("ms", spent)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.engine import choice, held
+from lugrectl.engine.runtime import sampled_run, select
 
 pytestmark = pytest.mark.slow
 DT, P = 1e-3, lg.table1()
@@ -36,13 +36,13 @@ def test_ten_seconds_at_1_khz(way, target, monkeypatch, record_property):
     """Against the same net whose sampled blocks are called at their ticks."""
     if way == "numba":
         pytest.importorskip("numba")
-    monkeypatch.setattr(held, "has_numba", lambda: way == "numba")
-    monkeypatch.setattr(choice, "_compiled", {})
+    monkeypatch.setattr(sampled_run, "has_numba", lambda: way == "numba")
+    monkeypatch.setattr(select, "_compiled", {})
     net, t = blocks(), DT * np.arange(10_001)
     r = {"r": np.sin(2 * np.pi * t)}
     fast = lg.simulate(net, t, r)
     spent = shortest(lambda: lg.simulate(net, t, r), 7)
-    monkeypatch.setattr(choice, "compiled_net", _cannot)
+    monkeypatch.setattr(select, "compiled_net", _cannot)
     slow = lg.simulate(net, t[:1001], {"r": r["r"][:1001]})
     ratio = 10 * shortest(lambda: lg.simulate(net, t[:1001], {"r": r["r"][:1001]}), 1) / spent
     np.testing.assert_allclose(fast.outputs[:, :1001], slow.outputs, rtol=1e-6, atol=1e-9)
@@ -52,4 +52,4 @@ def test_ten_seconds_at_1_khz(way, target, monkeypatch, record_property):
 
 
 def _cannot(*_):
-    raise choice.TraceError("not asked for")
+    raise select.TraceError("not asked for")

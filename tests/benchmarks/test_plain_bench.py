@@ -8,8 +8,8 @@ from statistics import median
 import numpy as np
 import pytest
 
-from lugrectl.diagnosis.plain import plain_answer
-from lugrectl.model import model_from_dict
+from lugrectl.blocks.model import model_from_dict
+from lugrectl.diagnosis.plain_answer import plain_answer
 from lugrectl.record.log import Log, log_of_arrays
 
 pytestmark = pytest.mark.slow

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.engine import adaptive
-from lugrectl.engine.compiled import compiled
+from lugrectl.engine.runtime import adaptive_run
+from lugrectl.engine.runtime.memo import compiled
 
 from . import c_loop, item
 
@@ -68,8 +68,8 @@ def python_control() -> float:
 def backend(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     if request.param == "numba":
         pytest.importorskip("numba")
-    monkeypatch.setattr(adaptive, "has_numba", lambda: request.param == "numba")
-    monkeypatch.setattr("lugrectl.engine.compiled._traced", {})
+    monkeypatch.setattr(adaptive_run, "has_numba", lambda: request.param == "numba")
+    monkeypatch.setattr("lugrectl.engine.runtime.memo._traced", {})
     yield request.param
 
 

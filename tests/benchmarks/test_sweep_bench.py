@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.engine.load import threads
+from lugrectl.engine.runtime.backend import threads
 
 from ..ensembles import lag
 from . import item

@@ -8,8 +8,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lugrectl.engine import Lanes, lanes
-from lugrectl.engine.native import has_wide
+from lugrectl.engine import Lanes
+from lugrectl.engine.runtime import batch_run
+from lugrectl.engine.runtime.c_compiler import has_wide
 
 from ..systems import DT, torque
 from ..test_wide import WIDE, plant
@@ -28,7 +29,7 @@ def test_several_at_once_are_quicker(effect, monkeypatch):
     u = torque(1000)[:, : len(made.inputs)]
 
     def spent(least: int) -> float:
-        monkeypatch.setattr(lanes, "LEAST_WIDE", least)
+        monkeypatch.setattr(batch_run, "LEAST_WIDE", least)
         return shortest(lambda: made.run(x0, np.zeros(64, int), 1000, u, p, dt=DT), 5)
 
     ratio = spent(1000) / spent(1)

@@ -71,8 +71,8 @@ def _effects(text: str | None) -> list[str]:
 
     groups = {"all": list(CATALOGUE)}
     if text and "known" in text.split(","):
-        import lugrectl.model  # noqa: F401  fills the registry
-        from lugrectl.spec import members
+        import lugrectl.blocks.model  # noqa: F401  fills the registry
+        from lugrectl.blocks.block import members
 
         groups["known"] = [name for name in CATALOGUE if name in members("effect")]
     return [

@@ -51,7 +51,7 @@ def true_model(case: Case) -> dict[str, Any] | None:
 def exact(case: Case, records: Sequence[Any], apart: Any) -> dict[str, Any]:
     """Errors of the true model as it stands, and with its parameters fitted."""
     import lugrectl as lg
-    from lugrectl.model import model_from_dict
+    from lugrectl.blocks.model import model_from_dict
 
     tree = true_model(case)
     if tree is None:

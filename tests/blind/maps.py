@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import lugrectl as lg
-from lugrectl.errors import Refused
-from lugrectl.model import model_from_dict
-from lugrectl.results import Finding
+from lugrectl.blocks.model import model_from_dict
+from lugrectl.core.errors import Refused
+from lugrectl.results.diagnosis_result import Finding
 
 from ..rig.steady import EFFECTS, STRANGERS, draw
 from .__main__ import seeds

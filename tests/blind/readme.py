@@ -158,16 +158,16 @@ def picture(path: Path) -> str:
     from matplotlib.figure import Figure
 
     import lugrectl as lg
-    from lugrectl.report import canvas, compared, plot
+    from lugrectl.report import canvas, comparison_section, diagnosis_plots
 
     demo = files("lugrectl") / "demo"
     found = lg.diagnose(str(demo / "record.csv"), str(demo / "model.toml"))
     with canvas.style():
         figure = Figure(figsize=(12.4, 6.8), layout="constrained")
         grid = figure.add_gridspec(2, 2)
-        plot.motion(found, figure.add_subplot(grid[0, :]))
-        plot.torque(found, figure.add_subplot(grid[1, 0]))
-        compared.bars(found, figure.add_subplot(grid[1, 1]))
+        diagnosis_plots.motion(found, figure.add_subplot(grid[0, :]))
+        diagnosis_plots.torque(found, figure.add_subplot(grid[1, 0]))
+        comparison_section.bars(found, figure.add_subplot(grid[1, 1]))
         figure.savefig(path, dpi=80, metadata={"Software": None})
     return str(found)
 

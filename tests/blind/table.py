@@ -88,7 +88,7 @@ def line(task: Task, *, cache: Path | None = None) -> dict[str, Any]:
 def judged(record: Any) -> dict[str, Any]:
     """What the table says of a record, in the form of a diagnosis."""
     import lugrectl as lg
-    from lugrectl.diagnosis.asking import Asked
+    from lugrectl.diagnosis.question import Asked
     from lugrectl.identification.selection import compare
 
     with tempfile.TemporaryDirectory() as folder:

@@ -20,8 +20,8 @@ OTHER_NAMES = {
 
 def answer(log: dict, damaged: bool = False) -> dict:
     """What the package says of a log {t, u, theta and/or w}: the one place that calls it."""
+    from lugrectl.blocks.model import model_from_dict
     from lugrectl.identification.balance import balance
-    from lugrectl.model import model_from_dict
 
     model = model_from_dict({"plant": {}, "friction": {"model": "lugre"}}, "drawn drive")
     pieces, notes = read(log)

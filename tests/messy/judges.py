@@ -108,7 +108,7 @@ def _prototype(folder: str) -> Judge:
 
 def table(case: Case) -> Answer:
     """The comparison alone, without a fit of the model that it names."""
-    from lugrectl.diagnosis.asking import Asked
+    from lugrectl.diagnosis.question import Asked
     from lugrectl.identification.selection import compare
 
     with tempfile.TemporaryDirectory() as folder:

@@ -15,13 +15,13 @@ from typing import Any
 
 import numpy as np
 
+from lugrectl.blocks.as_model import as_model
+from lugrectl.blocks.model import Model
 from lugrectl.blocks.plant import assemble
-from lugrectl.door import as_model
 from lugrectl.identification.balance.estimate import estimate
-from lugrectl.identification.balance.ground import Ground, ground_of
-from lugrectl.identification.balance.offset import with_offset
+from lugrectl.identification.balance.problem import Ground, ground_of
+from lugrectl.identification.balance.speed_offset import with_offset
 from lugrectl.identification.balance.track import Track
-from lugrectl.model import Model
 from lugrectl.record import Log, stretches
 
 from .motion import Motion, Run

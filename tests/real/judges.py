@@ -44,7 +44,7 @@ def judge_named(name: str, prototype: str | None = None) -> Judge:
 def diagnosed(logs: Logs, model: Mapping[str, Any]) -> Any:
     """The package's diagnosis."""
     import lugrectl as lg
-    from lugrectl.errors import Refused
+    from lugrectl.core.errors import Refused
 
     motion = model.get("motion")
     try:
@@ -58,7 +58,7 @@ def selected(logs: Logs, model: Mapping[str, Any]) -> Answer:
     """The package's comparison of models alone, beside the plain answer."""
     import time
 
-    from lugrectl.diagnosis.asking import Asked
+    from lugrectl.diagnosis.question import Asked
     from lugrectl.identification.selection import compare
     from lugrectl.record import read_log
 

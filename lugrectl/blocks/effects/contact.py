@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...spec import P, block
+from ..block import P, block
 from ..friction import EPS, FC, FS, SIGMA1, VS, bristle, bristle_torque, level
 from . import hints
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...spec import P, block
+from ..block import P, block
 from ..friction import J
 from . import hints
 from .levels import RATIO

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...spec import P, block
+from ..block import P, block
 from . import hints
 from .loads import PHASE
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ...spec import P, block
+from ..block import P, block
 from . import hints
 
 PHASE = P(0.0, "rad", -np.pi, np.pi, span=(0.0, np.pi / 2), angle=True)

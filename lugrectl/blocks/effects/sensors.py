@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ...spec import P, block
+from ..block import P, block
 from .loads import PHASE
 
 

@@ -5,9 +5,9 @@
 in means over windows, by a robust regression. :func:`balance` is the door.
 """
 
-from .alike import unlike
-from .face import balance
+from .balance import balance
+from .compare_runs import unlike
+from .contradictions import UNRELATED
 from .result import Balance, Combination, CurvePoint, Residual
-from .verdicts import UNRELATED
 
 __all__ = ["UNRELATED", "Balance", "Combination", "CurvePoint", "Residual", "balance", "unlike"]

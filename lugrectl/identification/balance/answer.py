@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 from scipy import stats
 
-from ...results import Estimate
-from .answers import Answer, answers
-from .certain import combinations, is_certain
+from ...results.diagnosis_result import Estimate
 from .constants import COHERENT_BLOCKS, CONFIDENCE, SHARE_OF_TORQUE, SHARE_OF_VALUE, SLIDES
-from .curve import curve
+from .contradictions import contradictions, left_of, one_direction
 from .estimate import Estimated
 from .fit import Fit
-from .ground import Ground
-from .offset import KEY as OFFSET
+from .friction_curve import curve
+from .identifiable import combinations, is_certain
+from .parameters import Answer, answers
+from .problem import Ground
 from .result import Balance, Combination, Residual
 from .small_angle import BEND, CONSTANT, separated
-from .verdicts import contradictions, left_of, one_direction
+from .speed_offset import KEY as OFFSET
 
 TWO_SIDED = 0.5 + CONFIDENCE / 2
 

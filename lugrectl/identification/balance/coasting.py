@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ...spec import unit_for
-from .answers import UNITS
+from ...blocks.block import unit_for
 from .constants import COASTING
+from .parameters import UNITS
 from .result import Balance, Combination
 
 UNIT_INERTIA = {"J": 1.0}

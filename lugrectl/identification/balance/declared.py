@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...model import Model, Part
-from ...spec import Block
+from ...blocks.block import Block
+from ...blocks.model import Model, Part
 from .terms import GRAVITY, Term
 from .track import Track
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .choose_shape import Chosen, turns_often, with_dip, with_turning
 from .constants import (
     CLEARLY,
     COST_OF_SHAPES,
@@ -17,13 +18,12 @@ from .constants import (
     SLOWEST_DIP,
 )
 from .fit import Fit, fit, independent
-from .ground import Ground
+from .friction_shapes import shapes_near_rest
 from .interval import interval, unexplained
-from .load import with_load
-from .near_rest import shapes_near_rest
-from .search import best_width
-from .shapes import Chosen, turns_often, with_dip, with_turning
+from .load_torque import with_load
+from .problem import Ground
 from .terms import ECCENTRICITY
+from .width_and_delay import best_width
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..discrepancy import Motion, Rows, discrepancy
-from .channels import quantum
-from .choice_of_terms import Travel
+from ..unknown_torque.discrepancy import Motion, Rows, discrepancy
+from .channel_noise import quantum
+from .choose_shape import Chosen, difference, spread
+from .choose_terms import Travel
 from .constants import ENCODER_ERROR, RATIO_OF_NEIGHBOURS, REST_TO_TRY, SCALE_ERROR
 from .fit import Fit, fit, independent, wide_covariance
-from .imperfect import allowance
-from .shapes import Chosen, difference, spread
+from .friction_uncertainty import allowance
 from .windows import Source
 
 

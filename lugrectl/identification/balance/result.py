@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from ...display import Row, estimated
-from ...outputs import Result, library
+from ...core.display import Row, estimated
+from ...core.result import Result, library
 from ...record.stretch import Stretch
-from ...results import Estimate
+from ...results.diagnosis_result import Estimate
 
 LEVELS = ("J", "Fc", "Fv")  # inertia and friction: terms of every drive
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from .choice_of_terms import Travel
+from .choose_terms import Travel
 from .constants import (
     FEWEST_SAMPLES,
     MANY_RUNS,

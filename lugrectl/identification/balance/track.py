@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ...record.stretch import Stretch
-from ..bristle import strokes
+from ..dataset.measured_bristle import strokes
 from .constants import SHORTEST
 from .kernels import wholly
 

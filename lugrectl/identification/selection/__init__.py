@@ -9,11 +9,11 @@ over the same windows of the same log, scored by the density of each block under
 :func:`compare` is the door.
 """
 
-from .completing import completed
-from .face import compare, levels
-from .numbers import ALPHA, LEAST
-from .result import Compared, Comparison, Detectable, Named, Share
-from .score import paired, standard_error
+from ..regression.numbers import ALPHA, LEAST
+from ..regression.score import paired, standard_error
+from .compare import compare, levels
+from .comparison import Compared, Comparison, Detectable, Named, Share
+from .open_values import completed
 
 __all__ = [
     "ALPHA",

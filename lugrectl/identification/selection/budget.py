@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
-from ...spec import REGISTRY
-from .base import LEVELS, SLIGHT, WEIGHT, Base, rms
-from .contender import Contender
-from .law import FORCES, NAMES, SMEAR, VISCOUS
-from .numbers import ALPHA, POWER
-from .result import Detectable, Share
-from .score import moves
+from ...blocks.block import REGISTRY
+from ..candidates.base_model import LEVELS, SLIGHT, WEIGHT, Base, rms
+from ..candidates.candidate import Contender
+from ..candidates.friction_terms import FORCES, NAMES, SMEAR, VISCOUS
+from ..regression.numbers import ALPHA, POWER
+from ..regression.score import moves
+from .comparison import Detectable, Share
 from .table import Table
 
 TWO_SIDED = 0.975

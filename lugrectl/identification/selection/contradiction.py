@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from ...spec import unit_for
+from ...blocks.block import unit_for
 from ..balance import UNRELATED
-from .base import Base, rms
-from .numbers import HALF, OFF
+from ..candidates.base_model import Base, rms
+from ..regression.numbers import HALF, OFF
 
 TOO_HEAVY = (
     "Torque and acceleration contradict the declared inertia of {0:.3g} {1}: the log shows "

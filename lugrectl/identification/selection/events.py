@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .base import Base, rms
-from .numbers import BEYOND, TAKEN
+from ..candidates.base_model import Base, rms
+from ..regression.numbers import BEYOND, TAKEN
 
 APART = 0.3  # s between two events
 SHOWN = 3  # events whose times are given

@@ -8,16 +8,17 @@ from functools import partial
 
 import numpy as np
 
-from ...engine.beside import beside
-from ...spec import Block
-from . import search, unknown
-from .base import Base, Columns, Record, View, rms
-from .contender import Contender, Entry, enter
-from .eccentric import corrected
-from .levelled import levelled
-from .numbers import COARSE, LEAST
-from .regression import Scale, solve, weights
-from .settling import settled
+from ...blocks.block import Block
+from ...engine.runtime.threads import beside
+from ..candidates import search
+from ..candidates import unknown_torque as unknown
+from ..candidates.base_model import Base, Columns, Record, View, rms
+from ..candidates.candidate import Contender, Entry, enter
+from ..candidates.friction_level import levelled
+from ..candidates.friction_shape import settled
+from ..candidates.position_error import corrected
+from ..regression.numbers import COARSE, LEAST
+from ..regression.robust_regression import Scale, solve, weights
 
 SETTLE = 20.0  # nats from which the base is settled beside the likeliest effect
 USED = 2.0  # nats from which an explanation is a part of the richest description

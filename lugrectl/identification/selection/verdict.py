@@ -8,14 +8,12 @@ from statistics import NormalDist
 
 import numpy as np
 
-from ...spec import unit_for
-from . import late_speed, laws_as_rows, rounds
-from .bars import Bars, bar_of
-from .base import Base, Record
-from .contender import Contender, enter
-from .contradiction import contradiction
-from .events import Events, events, explained
-from .numbers import (
+from ...blocks.block import unit_for
+from ..candidates import friction_laws, speed_lag
+from ..candidates.base_model import Base, Record
+from ..candidates.candidate import Contender, enter
+from ..candidates.refined_friction import each_in_its_own_law, in_its_own_law
+from ..regression.numbers import (
     ALIKE_SCALES,
     ALPHA,
     FAR,
@@ -33,8 +31,11 @@ from .numbers import (
     TOGETHER,
     UNKNOWN,
 )
-from .own_law import each_in_its_own_law, in_its_own_law
-from .score import paired
+from ..regression.score import paired
+from . import stepwise
+from .contradiction import contradiction
+from .events import Events, events, explained
+from .significance import Bars, bar_of
 from .table import ALIKE, Table, as_good, best_of, decided, tabulate
 
 MOST_ALTERNATIVES = 3
@@ -112,9 +113,9 @@ def _with_law(found: Decision, bars: Bars) -> Decision:
         return found
     last = found.table if found.beside is None else found.beside
     assert last is not None
-    least = max(bar_of(laws_as_rows.PARTS), bars.open_in(last))
+    least = max(bar_of(friction_laws.PARTS), bars.open_in(last))
     parts = []
-    for c in laws_as_rows.rows(found.last):
+    for c in friction_laws.rows(found.last):
         d, se = c.above(c.base)
         large = c.share > bars.least or _nearly_all(c, bars.least)
         if d > least and d > bars.z * se and large:
@@ -147,8 +148,8 @@ def _seen(c: Contender) -> bool:
 
 def _late(found: Decision, least: float) -> list[Contender]:
     """A speed that lags the position by more than friction's least torque."""
-    c = late_speed.row(found.last)
-    return [c] if c is not None and late_speed.sure(c) and c.share > least else []
+    c = speed_lag.row(found.last)
+    return [c] if c is not None and speed_lag.sure(c) and c.share > least else []
 
 
 def _of(record: Record, table: Table, bars: Bars) -> Decision:
@@ -271,9 +272,9 @@ def _several(
 
     assert found.table is not None
     start = found.table.base
-    effects = rounds.all_of([best, second], fits)
-    effects, also = rounds.exchanged(start, effects, fits)
-    effects = rounds.chained(start, effects)
+    effects = stepwise.all_of([best, second], fits)
+    effects, also = stepwise.exchanged(start, effects, fits)
+    effects = stepwise.chained(start, effects)
     table = tabulate(effects[-1].joined())
     verdict = "ambiguous" if also else "found"
     made = replace(found, verdict=verdict, effects=tuple(effects), alternatives=also, beside=table)

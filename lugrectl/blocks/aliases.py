@@ -1,0 +1,103 @@
+"""Blocks by the names that the field uses for them."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable
+from typing import Any
+
+from ..core.errors import InputError
+from .block import Block, members
+
+VARIANTS = (  # kinds of another controller, which its function builds
+    "prefilter_dr",
+    "prefilter_ddr",
+    "prefilter_motion",
+    "pi_limited",
+    "pi_tracked",
+    "pid_limited",
+    "pid_tracked",
+    "sliding_error_velocity",
+)
+# Only names with one meaning: "dead band" may be a backlash or a dead zone, so it is not here.
+_COMMON = {
+    "constant_torque": "torque_offset offset_torque",
+    "gravity": "unbalance imbalance",
+    "torque_ripple": "cogging cogging_torque detent detent_torque",
+    "hard_stop": "end_stop endstop mechanical_stop",
+    "thermal_drift": "warm_up warmup",
+    "quadratic_drag": "windage air_drag aerodynamic_drag",
+    "sublinear_viscous": "shear_thinning",
+    "dwell_stiction": "stiction_growth aging frictional_aging",
+    "stribeck": "stribeck_effect",
+    "presliding": "pre_sliding",
+    "input_delay": "dead_time transport_delay time_delay",
+    "actuator_lag": "motor_lag current_loop_lag",
+    "actuator_saturation": "saturation torque_limit current_limit",
+    "actuator_dead_zone": "dead_zone deadzone",
+    "torque_constant_ripple": "kt_ripple",
+    "elastic_coupling": "joint_flexibility flexible_joint compliance two_mass",
+    "backlash": "play lost_motion free_play gear_play clearance",
+    "inertia_step": "payload_change",
+    "pose_dependent_inertia": "variable_inertia",
+    "velocity_sensor_lag": "velocity_filter speed_filter",
+    "encoder_eccentricity": "eccentric_encoder encoder_runout",
+}
+COMMON = {common: name for name, many in _COMMON.items() for common in many.split()}
+
+
+def block_named(kind: str, name: Any, *, where: str = "", what: str = "") -> Block:
+    """The registered block that a name means; an effect may be called by a common name.
+
+    A registered name goes first, so a user's own effect ``cogging`` is not ``torque_ripple``.
+    Capitals, spaces and hyphens make no difference.
+
+    Parameters
+    ----------
+    kind : str
+        "effect", "friction", "observer" or "controller".
+    name : str
+        A registered or a common name.
+    where, what : str
+        What the sentence of the error starts with, and what it calls the kind.
+
+    Raises
+    ------
+    InputError
+        When no block has the name; the sentence gives the nearest known name, or all.
+    """
+    known = members(kind)
+    if isinstance(name, str) and name in known:
+        return known[name]
+    common = COMMON if kind == "effect" else {}
+    spelt = {_spelling(k): k for k in known}
+    own = _spelling(name)
+    meant = spelt.get(own) or common.get(own)
+    if meant in known:
+        return known[meant]
+    near = difflib.get_close_matches(own, [*spelt, *common], n=1)
+    hint = f"known: {', '.join(known)}."
+    if near:
+        close = spelt.get(near[0])
+        hint = f"did you mean '{close}'?" if close else f"did you mean '{near[0]}' "
+        hint += "" if close else f"({common[near[0]]})?"
+    start = f"{where}: " if where else ""
+    raise InputError(f"{start}there is no {what or kind} named {name!r}; {hint}")
+
+
+def meant(name: Any, known: Iterable[str]) -> str:
+    """What a sentence says of a mistyped name: the nearest known one, or all."""
+    spelt = {_spelling(k): k for k in known}
+    near = difflib.get_close_matches(_spelling(name), [*spelt], n=1)
+    return f"did you mean '{spelt[near[0]]}'?" if near else f"known: {', '.join(spelt.values())}."
+
+
+def also_called(kind: str, name: str) -> tuple[str, ...]:
+    """The common names of an effect, without those that a registered block has."""
+    known = members(kind) if kind == "effect" else COMMON
+    return tuple(c for c, meant in COMMON.items() if meant == name and c not in known)
+
+
+def _spelling(name: Any) -> str:
+    return re.sub(r"[\s_-]+", "_", str(name).strip().lower())

@@ -1,0 +1,307 @@
+"""Lists of what there is: effects, friction laws, observers, controllers."""
+
+from __future__ import annotations
+
+import html as markup
+import math
+import re
+import shutil
+import textwrap
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import zip_longest
+from typing import Any, overload
+
+from ..core.errors import InputError
+from ..core.result import NamedRows, library
+from . import DECLARING
+from . import effects as _effects  # noqa: F401  fills the registry
+from . import friction as _friction  # noqa: F401
+from .aliases import VARIANTS, also_called, block_named
+from .block import Block, P, members
+from .law_forms import form_keys
+
+WIDTH = 80  # columns of an entry as text
+_TABLE = (80, 140)  # least and most columns of a list as text
+_SOURCED = 110  # columns from which a list as text shows the sources
+_PARTS = (0, 3, 1, 3)  # how the columns share what their longest words leave
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One block of a list, as it is declared.
+
+    ``parameters`` maps a name to its declaration: ``value`` (default), ``unit``, bounds ``low``
+    and ``high``, and ``neutral``, the value at which an effect changes nothing. Units are those
+    of a rotary drive.
+    """
+
+    name: str
+    kind: str
+    equation: str
+    parameters: Mapping[str, P]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    source: str
+    about: str
+    acts_on: tuple[str, ...] = ()
+    confused_with: tuple[str, ...] = ()
+    experiment: str = ""
+    also_called: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, made: Block) -> Entry:
+        """The entry of a registered block."""
+        about, _, rest = made.doc.partition("\n")[2].partition("\nReferences\n")
+        return cls(
+            name=made.name,
+            kind=made.kind,
+            equation=made.equation.rstrip(".,"),
+            parameters={k: p for k, p in {**made.own, **form_keys(made)}.items() if p.fitted},
+            inputs=made.inputs,
+            outputs=made.outputs,
+            source=made.source or " ".join(rest.strip("-\n ").split()),
+            about=" ".join(about.split()),
+            acts_on=made.acts,
+            confused_with=made.confused,
+            experiment=made.experiment,
+            also_called=also_called(made.kind, made.name),
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python, None for infinity: what ``lugrectl effects NAME --json`` prints.
+
+        ``strength`` names the parameter whose neutral value switches an effect off.
+        """
+        facts = {
+            "name": self.name,
+            "equation": self.equation,
+            "parameters": {k: _facts(p) for k, p in self.parameters.items()},
+            "source": self.source or None,
+            "about": self.about,
+        }
+        if self.kind != "effect":
+            return facts | {"inputs": list(self.inputs), "outputs": list(self.outputs)}
+        off = (k for k, p in self.parameters.items() if p.neutral is not None)
+        return facts | {
+            "strength": next(off, None),
+            "acts_on": list(self.acts_on),
+            "confused_with": list(self.confused_with),
+            "experiment": self.experiment or None,
+            "also_called": list(self.also_called),
+        }
+
+    def __str__(self) -> str:
+        rows = [
+            *([f"also called: {', '.join(self.also_called)}"] if self.also_called else []),
+            *self._parameter_lines(),
+            *self._relations(),
+            *([f"source: {self.source}"] if self.source else []),
+        ]
+        filled = [_filled(row, "  ", "    ") for row in rows]
+        about = [_filled(self.about, "  ")] if self.about else []
+        return "\n".join([self.name, _filled(self.equation, "  "), *about, *filled])
+
+    __repr__ = __str__
+
+    def short(self) -> str:
+        """Name, equation, parameters, what it is confused with and how to distinguish them."""
+        names = ", ".join(_labels(self))
+        rows = [self.equation, f"parameters: {names or 'none'}", *self._relations()[1:]]
+        return "\n".join([self.name, *(_filled(row, "  ", "    ") for row in rows)])
+
+    def _parameter_lines(self) -> list[str]:
+        lines = ["parameters:"] if self.parameters else ["parameters: none"]
+        for name, p in self.parameters.items():
+            said = f"  {name}: {'no unit' if p.unit == '1' else p.unit}, {_bounds(p)}"
+            said += ", a whole number on a rotary drive" if p.whole else ""
+            said += f", {_number(p.value)} unless given" if p.usual else ""
+            said += f", no effect at {_number(p.neutral)}" if p.neutral is not None else ""
+            lines.append(said)
+        return lines
+
+    def _relations(self) -> list[str]:
+        if self.kind != "effect":
+            return [f"inputs: {', '.join(self.inputs)}", f"outputs: {', '.join(self.outputs)}"]
+        lines = [f"acts on: {', '.join(self.acts_on) or 'nothing'}"]
+        lines += [f"confused with: {', '.join(self.confused_with)}"] if self.confused_with else []
+        return lines + ([f"to distinguish: {self.experiment}"] if self.experiment else [])
+
+
+class Catalogue(NamedRows[Entry]):
+    """A list of entries, in order; an index may be a name: ``lg.effects()["torque_ripple"]``."""
+
+    def __init__(self, kind: str, entries: Sequence[Entry]) -> None:
+        self.kind = kind
+        self._rows = tuple(entries)
+
+    @overload
+    def __getitem__(self, index: int | str) -> Entry: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> Catalogue: ...
+
+    def __getitem__(self, index: int | str | slice) -> Entry | Catalogue:
+        """An entry by place or name, or a part of the list.
+
+        An effect may be called by a common name, an observer without ``_observer``.
+
+        Raises
+        ------
+        InputError
+            When there is no entry of the name; the sentence gives the nearest one.
+        IndexError
+            When there is no such place.
+        """
+        if isinstance(index, slice):
+            return Catalogue(self.kind, self._rows[index])
+        if not isinstance(index, str):
+            return self._rows[index]
+        own = {entry.name: entry for entry in self._rows}
+        whole = index if index in own else f"{index}_{self.kind}"
+        name = whole if whole in own else block_named(self.kind, index).name
+        if name not in own:
+            raise InputError(f"this list has no {self.kind} named {index!r}.")
+        return own[name]
+
+    def summary(self) -> list[dict[str, Any]]:
+        """Plain Python: one dictionary for each entry."""
+        return [entry.summary() for entry in self._rows]
+
+    def to_frame(self) -> Any:
+        """A pandas DataFrame with one row for each entry, its name as index.
+
+        Raises
+        ------
+        InputError
+            When pandas is not installed.
+        """
+        pandas = library("pandas")
+        head, rows = self._cells()
+        return pandas.DataFrame(rows, columns=pandas.Index(head)).set_index("name")
+
+    def __str__(self) -> str:
+        head, rows = self._cells()
+        columns = min(max(shutil.get_terminal_size((120, 24)).columns, _TABLE[0]), _TABLE[1])
+        table = [row[: 4 if columns >= _SOURCED else 3] for row in (head, *rows)]
+        widths = _widths(table, columns)
+        return "\n".join(_row(cells, widths) for cells in table)
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        left = ' style="text-align: left; vertical-align: top"'
+
+        def row(cells: Sequence[str], tag: str) -> str:
+            made = (f"<{tag}{left}>{markup.escape(cell)}</{tag}>" for cell in cells)
+            return "<tr>" + "".join(made) + "</tr>"
+
+        head, rows = self._cells()
+        body = "\n".join(row(cells, "td") for cells in rows)
+        return f"<table>\n<thead>{row(head, 'th')}</thead>\n<tbody>\n{body}\n</tbody>\n</table>"
+
+    def _cells(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+        """The head and the rows of the table; ``source`` only where an entry has one."""
+        head = ("name", "equation", "parameters", "source")
+        rows = [(e.name, e.equation, ", ".join(_labels(e)), e.source) for e in self._rows]
+        if any(source for *_, source in rows):
+            return head, rows
+        return head[:3], [row[:3] for row in rows]
+
+
+def effects() -> Catalogue:
+    """The catalogue of effects that a model may declare or a diagnosis may name.
+
+    Effects that the user registered with :func:`lugrectl.block` are in it.
+    """
+    return _listed("effect")
+
+
+def laws() -> Catalogue:
+    """The friction laws: what ``[friction] model`` in a model file may be."""
+    return _listed("friction")
+
+
+def observers() -> Catalogue:
+    """The friction observers: what ``observer=`` of a loop may be."""
+    return _listed("observer")
+
+
+def controllers() -> Catalogue:
+    """The controllers and what stands beside them: error, compensation, feedforward, prefilter."""
+    return _listed("controller")
+
+
+def _listed(kind: str) -> Catalogue:
+    """The blocks in the order of the package's modules, whatever was imported first."""
+    own = [made for name, made in members(kind).items() if name not in VARIANTS]
+    return Catalogue(kind, [Entry.of(made) for made in sorted(own, key=_place)])
+
+
+def _place(made: Block) -> int:
+    module = made.home.removeprefix(f"{__package__}.blocks.").split(".")[0]
+    return DECLARING.index(module) if module in DECLARING else len(DECLARING)
+
+
+def _facts(p: P) -> dict[str, Any]:
+    values = {k: getattr(p, k) for k in ("value", "low", "high", "neutral")}
+    finite = {k: v if v is not None and math.isfinite(v) else None for k, v in values.items()}
+    return finite | {"unit": p.unit}
+
+
+def _labels(entry: Entry) -> list[str]:
+    return [f"{k} [{p.unit}]" for k, p in entry.parameters.items()]
+
+
+def _bounds(p: P) -> str:
+    if p.choices:
+        return " or ".join(f"{c:g}" for c in p.choices)
+    low, high = _number(p.low), _number(p.high)
+    if p.low == -math.inf:
+        return "any value" if p.high == math.inf else f"at most {high}"
+    return f"at least {low}" if p.high == math.inf else f"{low} to {high}"
+
+
+def _number(value: float) -> str:
+    named = {math.inf: "infinity", math.pi: "pi", -math.pi: "-pi"}
+    return named.get(value, f"{value:g}")
+
+
+def _filled(text: str, first: str, later: str | None = None) -> str:
+    later = first if later is None else later
+    return textwrap.fill(
+        text, WIDTH, initial_indent=first, subsequent_indent=later, break_on_hyphens=False
+    )
+
+
+def _words(cell: str) -> list[str]:
+    """What is not broken over two lines; a name stays beside its unit."""
+    return re.findall(r"\w+ \[[^]]*\],?|\S+", cell)
+
+
+def _widths(table: Sequence[Sequence[str]], columns: int) -> list[int]:
+    """Of each column its longest word at least, and what is left shared out."""
+    least = [
+        max(len(word) for cell in col for word in _words(cell)) for col in zip(*table, strict=True)
+    ]
+    parts = _PARTS[: len(least)]
+    left = columns - sum(least) - 2 * (len(least) - 1)
+    return [w + max(left, 0) * part // sum(parts) for w, part in zip(least, parts, strict=True)]
+
+
+def _row(cells: Sequence[str], widths: Sequence[int]) -> str:
+    """Cells side by side, each wrapped to its column."""
+    wrapped = [_wrapped(c, w) for c, w in zip(cells, widths, strict=True)]
+    lines = [
+        "  ".join(part.ljust(w) for part, w in zip(parts, widths, strict=True)).rstrip()
+        for parts in zip_longest(*wrapped, fillvalue="")
+    ]
+    return "\n".join(lines)
+
+
+def _wrapped(cell: str, width: int) -> list[str]:
+    lines = [""]
+    for word in _words(cell):
+        longer = f"{lines[-1]} {word}".strip()
+        lines[-1:] = [longer] if len(longer) <= width else [lines[-1], word]
+    return lines

@@ -1,0 +1,152 @@
+"""Velocity control of a drive whose torque acts late, J dw/dt = u(t - h) - F.
+
+A predictor is a model of the drive without the delay, driven by u. It knows the friction h ahead;
+the measured velocity only corrects it: ws = wp + (w - wp(t - h)).
+
+With a LuGre law, or any other that a plant may have, the predictor is a second plant::
+
+    lg.plant(believed, name="predictor", inputs=["u", "none"], outputs=["theta_p", "wp", "Fp"])
+    lg.smith_velocity()                       # w, wp, wp_late -> ws
+    lg.error(inputs=["r", "ws"]), lg.pi(1.6, 0.0), lg.compensation(inputs=["Fp"])
+
+and wp_late is wp through a dead time of h. With Coulomb friction that is not known,
+``friedland_park_observer(p, inputs=["w", "u_late"])`` finds ahat from the torque that acts, and
+:func:`coulomb_predictor` and :func:`coulomb_compensation` use it. Friction along a known
+reference needs neither: ``natural_observer(p, inputs=["r"])``, or another law,
+``friction("two_state", inputs=["r"], outputs=["Fhat"])``, beside a feed-forward.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from .block import block
+from .bristle_observers import DERIVED
+from .friction import EPS, FV, J, coulomb
+from .observers import believed
+from .plant import acceleration
+
+if TYPE_CHECKING:
+    import control as ct
+
+    from .model import Model, Parameters
+
+MORGUL = "Odabas and Morgul, 2014 (Friedland-Park with a time delay)"
+RUDERMAN = "Ruderman, IEEE Trans. Industrial Electronics, 2014"
+
+
+@block("controller", name="smith_velocity", out="ws", source=f"{DERIVED} {RUDERMAN}")
+def _smith(w, wp, wp_late):
+    """ws = wp + (w - wp_late)."""
+    return wp + (w - wp_late)
+
+
+@block(
+    "controller",
+    name="coulomb_predictor",
+    out="wp",
+    states="wp",
+    source=f"{DERIVED} {MORGUL}",
+)
+def _coulomb_predictor(u, ahat, wp, J: Any = J, Fv=FV, eps: Any = EPS):
+    """J dwp/dt = u - ahat sign(wp) - Fv wp, sign(wp) = tanh(wp/eps)."""
+    (F,) = coulomb(wp, Fc=ahat, Fv=Fv, eps=eps)
+    return acceleration(u, F, 0.0, J)
+
+
+@block("controller", name="coulomb_compensation", out="u", source=f"{DERIVED} {MORGUL}")
+def _coulomb_compensation(ws, ahat, Fv=FV, eps: Any = EPS):
+    """u = ahat sign(ws) + Fv ws, sign(ws) = tanh(ws/eps)."""
+    (F,) = coulomb(ws, Fc=ahat, Fv=Fv, eps=eps)
+    return F
+
+
+def smith_velocity(
+    *,
+    name: str = "smith_velocity",
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> ct.NonlinearIOSystem:
+    """The predicted velocity with the measured error of the prediction: inputs w, wp, wp_late.
+
+    ws = wp + (w - wp_late), the output; wp_late is wp delayed by the dead time of the drive.
+
+    Parameters
+    ----------
+    name, inputs, outputs : str, list of str
+        Block name and, in order, other names for the signals.
+
+    Notes
+    -----
+    Without the correction the model moves while the drive sticks. With exact parameters and equal
+    states w(t + h) = wp(t), and the loop is that without delay, h later. A wrong friction level
+    is not found by it: Fc and Fs 20 % low or high cost most of the gain.
+
+    Status: derived here, in the spirit of the feed-forward friction observer of Ruderman (2014);
+    the equations of the original could not be confirmed.
+    """
+    return _smith.system(name=name, inputs=inputs, outputs=outputs)
+
+
+def coulomb_predictor(
+    p: Parameters | Model,
+    *,
+    name: str = "coulomb_predictor",
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> ct.NonlinearIOSystem:
+    """A drive with the Coulomb friction that an observer has found: inputs u, ahat, output wp.
+
+    J dwp/dt = u - ahat sign(wp) - Fv wp.
+
+    Parameters
+    ----------
+    p : Parameters or Model
+        Gives J and Fv.
+    name, inputs, outputs : str, list of str
+        Block name and, in order, other names for the signals.
+
+    Raises
+    ------
+    InputError
+        When J or Fv has no value.
+
+    Notes
+    -----
+    On a drive with F = a sign(w) + Fv w the error e = w(t + h) - wp(t) has J e de/dt <=
+    -Fv e^2 + |a - ahat| |e|, because the sign increases: it converges for every delay once ahat
+    does. The law of ahat contains no delay if its u is the torque that acts. On bristles this
+    holds only where friction does not fall with speed. A gain k of the observer of 0.02 is better
+    than 0.1 here. Start the controller stronger than stiction, because ahat starts at 0.
+
+    Status: derived here, in the spirit of Odabas and Morgul (2014), whose equations could not be
+    confirmed; only the velocity loop, and a predictor that contains friction.
+    """
+    return believed(_coulomb_predictor, p, name=name, inputs=inputs, outputs=outputs)
+
+
+def coulomb_compensation(
+    p: Parameters | Model,
+    *,
+    name: str = "coulomb_compensation",
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> ct.NonlinearIOSystem:
+    """The friction at the predicted velocity: inputs ws, ahat, output u.
+
+    u = ahat sign(ws) + Fv ws.
+
+    Parameters
+    ----------
+    p : Parameters or Model
+        Gives Fv.
+    name, inputs, outputs : str, list of str
+        Block name and, in order, other names for the signals.
+
+    Raises
+    ------
+    InputError
+        When Fv has no value.
+    """
+    return believed(_coulomb_compensation, p, name=name, inputs=inputs, outputs=outputs)

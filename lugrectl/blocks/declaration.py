@@ -1,0 +1,208 @@
+"""What a declaration of a block must say, checked where it is declared."""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from ..core.errors import InputError
+from ..core.validation import shown
+
+if TYPE_CHECKING:
+    from .block import Block
+
+KINDS = ("friction", "plant", "observer", "controller", "effect")
+SEEN = ("t", "theta", "w", "u", "d", "load")  # signals of a drive that an effect may read
+ACTS = ("torque", "input", "sensor")
+SENSED = ("w_m", "theta_m")
+TRIED = (0.3, -0.7, 0.2)  # values of the signals with which a function is run once
+SMALL = 1e-9
+
+
+def kind_of(kind: str) -> str:
+    """A known kind; InputError with the nearest one for anything else."""
+    if kind not in KINDS:
+        raise InputError(f"there is no kind of block {kind!r}; {_nearest(kind, KINDS)}")
+    return kind
+
+
+def signature(name: str, function: Callable[..., Any], parameter: type) -> tuple[list[str], dict]:
+    """The names of the signals, and the parameters by name; ``parameter`` is the class P."""
+    signals, parameters = [], {}
+    for key, one in inspect.signature(function).parameters.items():
+        if one.kind in (one.VAR_POSITIONAL, one.VAR_KEYWORD):
+            raise InputError(
+                f"{name}: the function takes *{key}; name each signal and each parameter."
+            )
+        if isinstance(one.default, parameter):
+            parameters[key] = one.default
+        elif one.default is one.empty:
+            signals.append(key)
+        else:
+            raise InputError(
+                f"{name}: the default of {key} is {shown(one.default)}; declare the parameter as "
+                f"{key}=P({shown(one.default)}, unit)."
+            )
+    return signals, parameters
+
+
+def check(made: Block, known: Iterable[str]) -> None:
+    """InputError where a declaration cannot be meant.
+
+    Parameters
+    ----------
+    known : iterable of str
+        The parameters of all friction laws, on which an effect may act.
+    """
+    _check_names(made)
+    if made.kind in ("effect", "friction"):
+        _check_signals(made)
+    if made.kind == "effect":
+        _check_acts(made, [*known])
+    elif made.acts:
+        raise InputError(
+            f"{made.name}: acts belongs to effects, not to a block of the kind {made.kind}."
+        )
+    results = _tried(made, {k: p.value for k, p in made.parameters.items()})
+    if results is not None:
+        _check_count(made, results)
+    if made.kind == "effect" and made.acts:
+        _check_neutral(made)
+
+
+def _check_names(made: Block) -> None:
+    for what, names in (("out", made.outputs), ("states", made.states)):
+        for name in names:
+            if not name.isidentifier() or names.count(name) > 1:
+                raise InputError(f"{made.name}: {what} names {name!r}, which is no single name.")
+    if not made.outputs:
+        raise InputError(f"{made.name}: out names no output.")
+    if len(made.start) != len(made.states):
+        raise InputError(
+            f"{made.name}: start must give one of its inputs, or 0, for each of its states "
+            f"({', '.join(made.states) or 'none'})."
+        )
+    for name in made.start:
+        if name not in ("0", *made.inputs):
+            raise InputError(f"{made.name}: start names {name!r}; {_nearest(name, made.inputs)}")
+
+
+def _check_signals(made: Block) -> None:
+    for name in made.inputs:
+        if name not in SEEN:
+            raise InputError(
+                f"{made.name} reads {name}, a signal that no drive has; {_nearest(name, SEEN)} A "
+                "parameter needs a default: name=P(value, unit)."
+            )
+    if "load" in made.inputs and (made.load or "input" in made.acts):
+        raise InputError(f"{made.name} reads load, which is known only after the loads and u.")
+
+
+def _check_acts(made: Block, known: Sequence[str]) -> None:
+    levels = [*dict.fromkeys(["J", *known])]
+    for act in made.acts:
+        if act not in ACTS and act.removeprefix("+") not in levels:
+            raise InputError(
+                f"{made.name} acts on {act!r}, which no drive has; "
+                f"{_nearest(act.removeprefix('+'), [*ACTS, *levels])}"
+            )
+    fresh, many = made.fresh, len(made.acts)
+    if "sensor" in made.acts and (many > 1 or set(made.outputs) != {*SENSED}):
+        raise InputError(
+            f"{made.name} acts on the sensor: its outputs must be {' '.join(SENSED)}, and it acts "
+            "on nothing else."
+        )
+    if many and "sensor" not in made.acts and len(fresh) not in (1, many):
+        raise InputError(
+            f"{made.name} has {len(fresh)} outputs and acts on {', '.join(made.acts)}: give one "
+            "output for all, or one for each."
+        )
+
+
+def _check_count(made: Block, results: tuple[Any, ...]) -> None:
+    wanted = [f"output {k}" for k in made.fresh] + [f"rate of {k}" for k in made.states]
+    if len(results) != len(wanted):
+        raise InputError(
+            f"{made.name} returns {len(results)} values, but {len(wanted)} are declared: "
+            f"{', '.join(wanted) or 'none'}."
+        )
+    for what, value in zip(wanted, results, strict=True):
+        try:
+            float(value)
+        except (TypeError, ValueError):
+            raise InputError(f"{made.name}: the {what} is {shown(value)}, no number.") from None
+
+
+def _check_neutral(made: Block) -> None:
+    """An effect has a neutral value, and with it changes nothing."""
+    neutral = {k: p.neutral for k, p in made.parameters.items() if p.neutral is not None}
+    if not neutral:
+        raise InputError(
+            f"{made.name} has no neutral value, at which it changes nothing: give one parameter "
+            "neutral=0.0 (or math.inf, for a limit): P(value, unit, neutral=0.0)."
+        )
+    first = next(iter(neutral))
+    values = {k: p.value for k, p in made.parameters.items()} | {first: neutral[first]}
+    results = None if made.states else _tried(made, values)
+    if results is None:
+        return
+    given = dict(zip(made.reads, _signals(made), strict=False))
+    for name, value in zip(made.fresh, results, strict=True):
+        still = {"w_m": given.get("w"), "theta_m": given.get("theta")}.get(name, 0.0)
+        still = given.get("u") if made.acts == ("input",) else still
+        if still is not None and not abs(float(value) - still) <= SMALL:
+            raise InputError(
+                f"{made.name}: with {first} = {neutral[first]:g}, its neutral value, it must "
+                f"change nothing, but {name} is {float(value):g} instead of {still:g}."
+            )
+
+
+def _signals(made: Block) -> list[float]:
+    return [TRIED[i % len(TRIED)] for i in range(len(made.reads) + len(made.states))]
+
+
+def _tried(made: Block, values: dict[str, float]) -> tuple[Any, ...] | None:
+    """What the function returns; None where it cannot be run yet, or not at these values."""
+    import numpy as np
+
+    try:
+        with np.errstate(all="ignore"):
+            results = made.function(*map(np.float64, _signals(made)), **values)
+    except (NameError, ArithmeticError):  # a helper is defined below it; 1/0 of plain numbers
+        return None
+    except Exception as error:
+        raise InputError(
+            f"{made.name} cannot be run: {type(error).__name__}: {error}. Its arguments are "
+            f"{', '.join([*made.reads, *made.states, *values])}."
+        ) from error
+    return results if isinstance(results, tuple) else (results,)
+
+
+def _nearest(name: str, known: Sequence[str]) -> str:
+    near = difflib.get_close_matches(name, known, n=1)
+    return f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known) or 'none'}."
+
+
+def is_same(known: Block, function: Callable[..., Any], home: str) -> bool:
+    """Whether a block is declared again: its function has the same name and the same place."""
+    if known.home == home == "__main__":
+        return True
+    old = known.function
+    names = [getattr(f, "__qualname__", None) for f in (old, function)]
+    files = [getattr(getattr(f, "__code__", None), "co_filename", "") for f in (old, function)]
+    homes = known.home == home or files[0] == files[1] != ""
+    return None not in names and names[0] == names[1] and homes
+
+
+def as_function(made: Block) -> Block:
+    """The block with the docstring and the signature of its function."""
+    same = {
+        "__doc__": made.function.__doc__,
+        "__wrapped__": made.function,
+        "__signature__": inspect.signature(made.function),
+    }
+    for key, value in same.items():
+        object.__setattr__(made, key, value)
+    return made

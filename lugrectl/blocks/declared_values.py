@@ -1,0 +1,152 @@
+"""What a model states of a value besides the value: held, bounded, known with an uncertainty."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ..core.errors import InputError
+from ..core.validation import number, positive
+
+KEYS = ("value", "fixed", "min", "max", "std")
+
+
+@dataclass(frozen=True)
+class Stated:
+    """``fixed``: the value is held. ``low`` and ``high``: the fit stays between them. ``std``:
+    the value is the mean of a Gaussian prior with this standard deviation. None: not stated."""
+
+    fixed: bool = False
+    low: float | None = None
+    high: float | None = None
+    std: float | None = None
+
+    def clipped(self, value: float) -> float:
+        """The value, or the bound beyond which it lies."""
+        value = value if self.low is None else max(value, self.low)
+        return value if self.high is None else min(value, self.high)
+
+    @property
+    def bounded(self) -> bool:
+        return self.low is not None or self.high is not None
+
+    def table(self) -> dict[str, Any]:
+        """As in a model file, without the value."""
+        given = {"fixed": self.fixed or None, "min": self.low, "max": self.high, "std": self.std}
+        return {k: v for k, v in given.items() if v is not None}
+
+    def words(self) -> str:
+        """For a row of a table: "held", "0.1 to 0.5, prior +-0.02"."""
+        if self.fixed:
+            return "held"
+        ends = [f"{x:g}" if x is not None else "" for x in (self.low, self.high)]
+        text = f"{ends[0]} to {ends[1]}" if all(ends) else f"at least {ends[0]}"
+        text = text if ends[0] else f"at most {ends[1]}"
+        prior = f"prior +-{self.std:g}" if self.std is not None else ""
+        return ", ".join(filter(None, [text if self.bounded else "", prior]))
+
+
+def stated(
+    given: Mapping[str, Any], value: float | None, check: Callable[..., Any], where: str
+) -> Stated:
+    """What the table of a value states, ``{value = 0.285, fixed = true}``.
+
+    ``check(x, where=...)`` raises InputError for a number that the parameter cannot have.
+
+    Raises
+    ------
+    InputError
+        For an unknown key, a bound or a standard deviation that cannot be meant, a value outside
+        its bounds, ``fixed`` or ``std`` without a value.
+    """
+    unknown(given, KEYS, where)
+    fixed, std = given.get("fixed", False), given.get("std")
+    if not isinstance(fixed, bool):
+        raise InputError(f"{where}: fixed must be true or false, not {fixed!r}.")
+    low, high = (_bound(given.get(end), check, f"{where}: {end}") for end in ("min", "max"))
+    std = None if std is None else positive(std, f"{where}: std")
+    if value is None and (fixed or std is not None):
+        raise InputError(f"{where}: {'fixed' if fixed else 'std'} needs a value beside it.")
+    if low is not None and high is not None and low >= high:
+        raise InputError(f"{where}: min = {low:g} must be below max = {high:g}.")
+    made = Stated(fixed, low, high, std)
+    if value is not None and made.clipped(value) != value:
+        raise InputError(
+            f"{where}: value = {value:g} lies outside its own bounds, "
+            f"{Stated(low=low, high=high).words()}."
+        )
+    return made
+
+
+def _bound(given: Any, check: Callable[..., Any], where: str) -> float | None:
+    if given is None:
+        return None
+    bound = number(given, where)
+    return bound if bound == 0.0 else check(bound, where=where)  # 0 is a bound of a value above 0
+
+
+def unknown(table: Mapping[str, Any], known: Iterable[str], where: str) -> None:
+    """Raise InputError for a key that is not known, with the nearest one that is."""
+    for key in table:
+        if key not in known:
+            hint = difflib.get_close_matches(str(key), list(known), n=1)
+            meant = f" Did you mean '{hint[0]}'?" if hint else ""
+            raise InputError(f"{where}: unknown key '{key}'; known: {', '.join(known)}.{meant}")
+
+
+def holding(
+    values: Mapping[str, float | None],
+    before: Mapping[str, Stated],
+    names: Iterable[Any],
+    where: str,
+) -> dict[str, Stated]:
+    """The statements with these values held; the name of an effect holds all of its values.
+
+    Raises
+    ------
+    InputError
+        For a name that is not known, or a value that is not declared.
+    """
+    made = dict(before)
+    for name in names:
+        keys = [k for k in values if k == name or k.startswith(f"{name}.")]
+        if not keys:
+            hint = difflib.get_close_matches(str(name), list(values), n=1)
+            meant = f" Did you mean '{hint[0]}'?" if hint else ""
+            raise InputError(
+                f"{where}: the model has no value named '{name}'; it has {', '.join(values)}."
+                f"{meant}"
+            )
+        for key in keys:
+            if values[key] is None:
+                raise InputError(f"{where}: {key} has no declared value to hold: give it one.")
+            old = made.get(key, Stated())
+            made[key] = Stated(True, old.low, old.high, old.std)
+    return made
+
+
+def refuse_crossed(
+    values: Mapping[str, float | None], said: Mapping[str, Stated], where: str
+) -> None:
+    """Raise InputError if no Fs that is allowed lies above an Fc that is allowed."""
+    most, least = _end(values, said, "Fs", "high"), _end(values, said, "Fc", "low")
+    if most < least:
+        raise InputError(
+            f"{where}: Fs is at most {most:g} and Fc at least {least:g}, but stiction cannot be "
+            "less than Coulomb friction: hold one of them at most, or give other bounds."
+        )
+
+
+def _end(
+    values: Mapping[str, float | None], said: Mapping[str, Stated], key: str, end: str
+) -> float:
+    """The farthest value that a parameter may have; infinite if nothing limits it."""
+    none = math.inf if end == "high" else -math.inf
+    one, value = said.get(key, Stated()), values.get(key)
+    if one.fixed and value is not None:
+        return value
+    bound = getattr(one, end)
+    return none if bound is None else bound

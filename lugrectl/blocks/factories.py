@@ -1,0 +1,70 @@
+"""Friction laws and effects by name, as python-control blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from .aliases import block_named
+from .law_forms import formed
+
+if TYPE_CHECKING:
+    import control as ct
+
+
+def friction(
+    law: str,
+    *,
+    name: str | None = None,
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+    **values: Any,
+) -> ct.NonlinearIOSystem:
+    """A friction law as a block: input w (rad/s), output F (N m), which opposes positive w.
+
+    Parameters
+    ----------
+    law : str
+        Name in the list ``lugrectl.laws()``: "viscous", "coulomb", "stribeck", "lugre", ...
+    values
+        Parameters of the law (Fc, Fs, Fv, vs, sigma0, sigma1, ...); default: Table 1. Also what
+        gives a law its form: ``delta``, ``elements``, ``stiffness``, ``share``.
+
+    Raises
+    ------
+    InputError
+        For an unknown law or parameter, or a value outside its bounds.
+    """
+    made, own = formed(block_named("friction", law, what="friction law"), values, law)
+    return made.system(name=name, inputs=inputs, outputs=outputs, **own)
+
+
+def effect(
+    kind: str,
+    *,
+    name: str | None = None,
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+    **values: Any,
+) -> ct.NonlinearIOSystem:
+    """An effect of the catalogue as a block.
+
+    A torque effect has the output d (N m), which is added to any other load torque of that name.
+    An input effect has the input u and the output u. The output of a level effect is the
+    relative change of the friction parameters that it acts on; a model builds it into
+    :func:`lugrectl.plant`.
+
+    Parameters
+    ----------
+    kind : str
+        Name in the catalogue (``lugrectl effects``), or a common one: ``cogging``.
+    values
+        Its parameters; those left out have their neutral value.
+
+    Raises
+    ------
+    InputError
+        For an unknown effect or parameter, or a value outside its bounds.
+    """
+    made = block_named("effect", kind)
+    return made.system(name=name, inputs=inputs, outputs=outputs, **values)

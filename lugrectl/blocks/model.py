@@ -1,0 +1,403 @@
+"""The declared model: plant, friction and effects, with TOML in and out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from functools import partial
+from types import MappingProxyType
+from typing import Any
+
+from ..core.display import Row, Shown
+from ..core.errors import InputError
+from ..core.provenance import SourceFile
+from ..core.validation import TINY, real, shown
+from . import effects as _effects  # noqa: F401  fills the registry
+from .aliases import block_named
+from .block import Block, unit_for
+from .declared_values import Stated, holding, refuse_crossed, stated
+from .declared_values import unknown as _known
+from .friction import J as J_DECLARATION
+from .law_forms import form_keys, formed, with_usual, written_form
+
+
+@dataclass(frozen=True, repr=False)
+class Parameters(Shown):
+    """A drive with LuGre friction: J, sigma0, sigma1, Fc, Fs, Fv, vs in SI units.
+
+    kg m2, N m/rad, N m s/rad, N m, N m, N m s/rad, rad/s; letters as in the source paper.
+    """
+
+    J: float = math.nan
+    sigma0: float = math.nan
+    sigma1: float = math.nan
+    Fc: float = math.nan
+    Fs: float = math.nan
+    Fv: float = math.nan
+    vs: float = math.nan
+
+    def __post_init__(self) -> None:
+        left = [f.name for f in fields(self) if getattr(self, f.name) is f.default]
+        if left:
+            raise InputError(
+                f"Parameters: {', '.join(left)} missing; Model.of(J=0.002) takes some values and "
+                "leaves the others to be identified."
+            )
+        for key, value in Model.of(self).known().items():
+            object.__setattr__(self, key, value)
+
+    def friction(self) -> dict[str, float]:
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "J"}
+
+    def _rows(self) -> Iterable[Row]:
+        model = Model.of(self)
+        return [Row(k, v, model.unit(k)) for k, v in model.values().items()]
+
+
+def table1() -> Parameters:
+    """The parameters of the source paper's Table 1."""
+    return Parameters(J=0.0022, sigma0=260.0, sigma1=0.6, Fc=0.285, Fs=0.335, Fv=0.018, vs=0.01)
+
+
+@dataclass(frozen=True, repr=False)
+class Part(Shown):
+    """A block with values, where None marks one to be identified."""
+
+    key: str
+    block: Block
+    values: Mapping[str, float | None]
+
+    def _title(self) -> str:
+        return self.key
+
+    def _rows(self) -> Iterable[Row]:
+        own = self.block.own
+        return [_value_row(k, v, own[k].unit) for k, v in self.values.items()]
+
+
+@dataclass(frozen=True, repr=False)
+class Model(Shown):
+    """A declared model: inertia, one friction law, any number of effects.
+
+    ``values()`` is flat: ``J``, the friction parameters by name, effects as ``key.parameter``.
+    ``stated`` says by such a key what is held, bounded or known with an uncertainty. ``file`` is
+    the model file that was read, None once anything was changed.
+    """
+
+    name: str
+    motion: str
+    J: float | None
+    friction: Part
+    effects: tuple[Part, ...] = ()
+    stated: Mapping[str, Stated] = field(default_factory=dict)
+    file: SourceFile | None = field(default=None, init=False, repr=False, compare=False)
+
+    @classmethod
+    def of(
+        cls,
+        given: Any = MappingProxyType({}),
+        *,
+        J: Any = None,
+        friction: str | None = None,
+        effects: Any = None,
+        name: str | None = None,
+        motion: str | None = None,
+        **values: Any,
+    ) -> Model:
+        """A model from values by name: ``Model.of(J=0.002, Fc=0.3)``, ``Model.of(table1())``.
+
+        Parameters
+        ----------
+        given : Parameters, Model, dict or path, optional
+            What to start from; else nothing is known.
+        J : float, optional
+            In kg m2 (kg on a linear drive). What is left out here and below is identified.
+        friction : str, optional
+            The law, "lugre" unless given.
+        effects : list of str or dict, optional
+            Declared effects by name, or ``{"name": "gravity", "amplitude": 0.2}``; one will do.
+        name, motion : str, optional
+            "drive" and "rotary" unless given.
+        values : float or dict
+            Parameters of the friction law, ``Fc=0.3``. Any value may be a dict as in a model file:
+            ``{"value": 0.3, "fixed": True}`` holds it, ``{"min": 0.1, "max": 0.5}`` bounds it,
+            ``{"value": 0.3, "std": 0.02}`` is a prior.
+
+        Raises
+        ------
+        InputError
+            As :func:`read_model` for what stands in a file.
+        """
+        from .as_model import (  # which make models
+            as_model,
+            changed,
+        )
+
+        own = {"J": J, "friction": friction, "effects": effects, "name": name, "motion": motion}
+        changes = {k: v for k, v in (own | values).items() if v is not None}
+        return changed(given, changes, "Model.of") if changes else as_model(given)
+
+    def values(self) -> dict[str, float | None]:
+        flat: dict[str, float | None] = {"J": self.J, **self.friction.values}
+        for part in self.effects:
+            flat |= {f"{part.key}.{k}": v for k, v in part.values.items()}
+        return flat
+
+    def part(self, key: str) -> Part:
+        """The effect of that key."""
+        return next(part for part in self.effects if part.key == key)
+
+    def known(self) -> dict[str, float]:
+        """``values()`` without those that are not known yet."""
+        return {k: v for k, v in self.values().items() if v is not None}
+
+    def fix(self, *names: str, what: str = "fix") -> Model:
+        """The model with these declared values held: ``model.fix("J", "Fc")``.
+
+        ``"gravity.phase"`` is one value of an effect, ``"gravity"`` all of them. InputError for a
+        name that the model does not have, or a value that is not declared; it starts with ``what``.
+        """
+        made = replace(self, stated=holding(self.values(), self.stated, names, what))
+        refuse_crossed(made.values(), made.stated, what)
+        return made
+
+    def held(self) -> set[str]:
+        """The keys of the values that no fit may change."""
+        return {k for k, one in self.stated.items() if one.fixed}
+
+    def kept(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Values for a fit: held ones as declared, the others inside their stated bounds."""
+        made, own = dict(values), self.values() if self.stated else {}
+        for key in self.stated.keys() & made.keys():
+            value, one = own.get(key), self.stated[key]
+            made[key] = value if one.fixed and value is not None else one.clipped(made[key])
+        return made
+
+    def with_values(self, flat: Mapping[str, float | None]) -> Model:
+        """The same structure with other values; names left out stay as they are."""
+        all_values = self.values() | dict(flat)
+
+        def own(part: Part, prefix: str) -> Part:
+            return replace(part, values={k: all_values[prefix + k] for k in part.values})
+
+        return replace(
+            self,
+            J=all_values["J"],
+            friction=own(self.friction, ""),
+            effects=tuple(own(part, f"{part.key}.") for part in self.effects),
+        )
+
+    def with_effect(self, name: str, values: Mapping[str, float | None] | None = None) -> Model:
+        """The model with one more effect; a second of a name gets the key ``name_2``.
+
+        Common names are understood (``cogging`` is ``torque_ripple``); InputError for others.
+        """
+        made, given = block_named("effect", name), values or {}
+        used = sum(part.block.name == made.name for part in self.effects)
+        key = made.name if not used else f"{made.name}_{used + 1}"
+        values = {k: given.get(k, None if p.fitted else p.value) for k, p in made.own.items()}
+        return replace(self, effects=(*self.effects, Part(key, made, values)))
+
+    def declarations(self) -> dict[str, Any]:
+        """The parameter declarations (unit, bounds) under the names of ``values()``."""
+        flat = {"J": J_DECLARATION, **self.friction.block.parameters}
+        for part in self.effects:
+            flat |= {f"{part.key}.{k}": p for k, p in part.block.own.items()}
+        return flat
+
+    def unit(self, key: str) -> str:
+        p = self.declarations()[key]
+        return p.unit if p.angle else unit_for(p.unit, self.motion)
+
+    def remarks(self) -> tuple[str, ...]:
+        """What looks wrong about the values, one sentence each."""
+        Fs, Fc = self.friction.values.get("Fs"), self.friction.values.get("Fc")
+        if Fs is None or Fc is None or Fs >= Fc:
+            return ()
+        return (
+            f"model {self.name}: Fs = {Fs:g} is below Fc = {Fc:g}, but stiction cannot be less "
+            "than Coulomb friction; the fit starts from and keeps an Fs that is not.",
+        )
+
+    def to_dict(self, *, stated: bool = False) -> dict[str, Any]:
+        """A dict nested like the TOML file; values that are not known yet are left out.
+
+        With ``stated`` a value of which more is stated is a table, as in the file.
+        """
+
+        def known(values: Mapping[str, float | None], prefix: str = "") -> dict[str, Any]:
+            more = {k: self.stated.get(prefix + k) for k in values} if stated else {}
+            tables = {k: one.table() for k, one in more.items() if one and one.table()}
+            plain = {k: v for k, v in values.items() if v is not None or k in tables}
+            return {k: {"value": v, **tables[k]} if k in tables else v for k, v in plain.items()}
+
+        effects = [{"name": p.block.name, **known(p.values, f"{p.key}.")} for p in self.effects]
+        return {
+            "name": self.name,
+            "motion": self.motion,
+            "plant": known({"J": self.J}),
+            "friction": written_form(self.friction.block) | known(self.friction.values),
+            "effects": effects,
+        }
+
+    def statements(self) -> dict[str, dict[str, Any]]:
+        """What is stated of its values besides them, by key: ``{"Fc": {"fixed": True}}``."""
+        return {k: self.stated[k].table() for k in self.values() if k in self.stated}
+
+    def _title(self) -> str:
+        return f"Model {self.name}: {self.motion}, {self.friction.block.name} friction"
+
+    def _rows(self) -> Iterable[Row]:
+        rows = [
+            _value_row(k, v, self.unit(k), self.stated.get(k)) for k, v in self.values().items()
+        ]
+        bare = [part.key for part in self.effects if not part.values]
+        return [*rows, *(Row(key, "no parameters") for key in bare)]
+
+
+def _value_row(key: str, value: float | None, unit: str, more: Stated | None = None) -> Row:
+    note = f"({words})" if more and (words := more.words()) else ""
+    unit = "" if unit == "1" else unit
+    return Row(key, "to be identified" if value is None else value, unit, note)
+
+
+def model_from_dict(data: Mapping[str, Any], where: str) -> Model:
+    """Build a model from a dictionary nested like the TOML file.
+
+    Raises
+    ------
+    InputError
+        For an unknown key, friction model or effect, a value that is not a number or is outside
+        its bounds, or what cannot be meant of it; the message starts with ``where``.
+    """
+    _known(data, ("name", "motion", "plant", "friction", "effects"), where)
+    motion = data.get("motion", "rotary")
+    if motion not in ("rotary", "linear"):
+        raise InputError(f"{where}: motion must be 'rotary' or 'linear', not {motion!r}.")
+    plant, friction = _table(data, "plant", where), _table(data, "friction", where)
+    _known(plant, ("J",), f"{where}: [plant]")
+    law = friction.get("model", "lugre")
+    friction = with_usual(law, friction, f"{where}: [friction]")
+    part = _part(law, "friction", friction, f"{where}: [friction]", "friction model")
+    model = Model(
+        name=_text(data.get("name", "drive"), f"{where}: name"),
+        motion=motion,
+        J=_number(plant.get("J"), J_DECLARATION, f"{where}: [plant] J"),
+        friction=part,
+        stated=_statements(plant, {"J": J_DECLARATION}, f"{where}: [plant]")
+        | _statements(friction, part.block.own, f"{where}: [friction]"),
+    )
+    effects = data.get("effects", [])
+    if not isinstance(effects, list):
+        raise InputError(f"{where}: write [[effects]] above each effect.")
+    for entry in effects:
+        model = _with_entry(model, entry, f"{where}: [[effects]]")
+    refuse_crossed(model.values(), model.stated, where)
+    return model
+
+
+def check_values(model: Model, where: str) -> None:
+    """Raise InputError if a model was given a value that none of a file could have."""
+    declared = model.declarations()
+    for key, value in model.values().items():
+        _number(value, declared[key], f"{where}: {key}")
+    refuse_crossed(model.values(), model.stated, where)
+
+
+def restated(model: Model, tables: Mapping[str, Any], where: str) -> Model:
+    """The model with what tables state of its values, by key, as ``Model.statements`` has it."""
+    values, declared = model.values(), model.declarations()
+    _known(tables, values, f"{where}: stated")
+    whole = {k: {"value": values[k], **_table(tables, k, where)} for k in tables}
+    made = replace(model, stated=_statements(whole, declared, where))
+    refuse_crossed(values, made.stated, where)
+    return made
+
+
+def _with_entry(model: Model, entry: Any, where: str) -> Model:
+    """The model with the effect of one entry of a file."""
+    if not isinstance(entry, Mapping):
+        raise InputError(f"{where} must be a table with a name, not {shown(entry)}.")
+    if "name" not in entry:
+        raise InputError(f'{where} needs a name, such as name = "gravity".')
+    use = _part(entry["name"], "effect", entry, where, "effect")
+    twin = next((part for part in model.effects if _alike(part, use)), None)
+    if twin is not None:
+        raise InputError(
+            f"{where} {use.block.name} is declared twice, and no record can distinguish the "
+            "two: keep one of them."
+        )
+    made = model.with_effect(use.block.name, use.values)
+    more = _statements(entry, use.block.own, f"{where} {use.block.name}")
+    own = {f"{made.effects[-1].key}.{k}": one for k, one in more.items()}
+    return replace(made, stated={**made.stated, **own})
+
+
+def _statements(entry: Mapping[str, Any], own: Mapping[str, Any], where: str) -> dict[str, Stated]:
+    """What the tables among the values of an entry state, by name."""
+    made = {}
+    for key, p in own.items():
+        given, at = entry.get(key), f"{where} {key}"
+        if isinstance(given, Mapping):
+            made[key] = stated(given, _number(given, p, at), partial(_number, p=p), at)
+    return {k: one for k, one in made.items() if one != Stated()}
+
+
+def _alike(one: Part, other: Part) -> bool:
+    """True if two effects add up to one of their kind, because they differ in strength and phase
+    at most. Two ripples of different or of unknown harmonics do not."""
+    if one.block.name != other.block.name:
+        return False
+    own = one.block.own
+    differing = [k for k, p in own.items() if p.fitted and p.neutral is None and p.span is None]
+    if {"input", "sensor"} & {*one.block.acts} and len(own) == 1:
+        differing = [*own]  # two lags in series are a filter of second order
+    known = all(one.values[k] is not None for k in differing)
+    return known and all(one.values[k] == other.values[k] for k in differing)
+
+
+def _part(name: Any, kind: str, entry: Any, where: str, what: str) -> Part:
+    made = block_named(kind, name, where=where, what=what)
+    where = f"{where} {name}" if kind == "effect" else where
+    tag = "model" if what == "friction model" else "name"
+    _known(entry, (tag, *made.own, *form_keys(made)), where)
+    made, entry = formed(made, entry, where)
+    values = {
+        k: _number(entry.get(k), p, f"{where} {k}") if k in entry or p.fitted else p.value
+        for k, p in made.own.items()
+    }
+    return Part(made.name, made, values)
+
+
+def _table(data: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any]:
+    table = data.get(key, {})
+    if not isinstance(table, Mapping):
+        raise InputError(f"{where}: {key} must be a table, written [{key}].")
+    return table
+
+
+def _number(value: Any, p: Any, where: str) -> float | None:
+    value = value.get("value") if isinstance(value, Mapping) else value
+    if value is None:
+        return None
+    value = real(given := value)
+    if value is None or not (math.isfinite(value) or value == p.neutral):
+        quotes = " (remove the quotes)" if isinstance(given, str) else ""
+        raise InputError(f"{where} must be a finite number, not {shown(given)}{quotes}.")
+    if p.choices and value not in p.choices:
+        known = " or ".join(f"{c:g}" for c in p.choices)
+        raise InputError(f"{where} = {value:g}; it must be {known}.")
+    if value < p.low or value > p.high:
+        rule = "negative" if value < 0 <= p.low else f"outside [{p.low:g}, {p.high:g}]"
+        rule = "not above 0" if value == 0 < p.low < TINY else rule
+        raise InputError(
+            f"{where} = {value:g} is {rule}; give a value in {p.unit} or leave it out."
+        )
+    return value
+
+
+def _text(value: Any, where: str) -> str:
+    if not isinstance(value, str):
+        raise InputError(f"{where} must be a text, not {shown(value)}.")
+    return value

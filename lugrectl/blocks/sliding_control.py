@@ -1,0 +1,359 @@
+"""Controllers that act on s = de/dt + lam e, and the block that computes it.
+
+Their torque adds to the Fhat of an observer, as that of pi and pid does: u = J ar - KD s + Fhat.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..core.errors import InputError
+from .block import P, block
+from .bristle_observers import DERIVED
+from .controllers import MEASURED
+from .friction import FC, FS, SIGMA0, VS, J, level, relaxation
+from .observers import believed
+
+if TYPE_CHECKING:
+    import control as ct
+
+    from .model import Model, Parameters
+
+LAM = P(20.0, "1/s", 0.0)
+KD = P(0.1, "N m s/rad", 0.0)
+SLOTINE = "Slotine and Li, IEEE Trans. Automatic Control 33(11), 1988"
+KELLY = "Canudas de Wit and Kelly, Asian J. Control 9(3), 2007"
+CHEN = "Chen et al., Int. J. Robust and Nonlinear Control, 2022"
+XU = "Xu et al., Int. J. Control, Automation and Systems, 2022"
+
+
+@block("controller", name="sliding_error", out="s ar", source=SLOTINE)
+def _sliding_error(theta, w, r, dr, ddr, lam=LAM):
+    """s = (w - dr) + lam (theta - r), ar = ddr - lam (w - dr)."""
+    return w - dr + lam * (theta - r), ddr - lam * (w - dr)
+
+
+@block("controller", name="sliding_error_velocity", out="s ar")
+def _sliding_error_velocity(w, r, dr):
+    """s = w - r, ar = dr."""
+    return w - r, 1.0 * dr
+
+
+@block("controller", name="slotine_li", out="u", source=f"{SLOTINE}, without adaptation; {KELLY}")
+def _slotine_li(s, ar, J=J, KD=KD):
+    """u = J ar - KD s."""
+    return J * ar - KD * s
+
+
+@block("controller", name="adaptive_slotine_li", out="u", states="Jhat Fvhat Fchat", source=SLOTINE)
+def _adaptive_slotine_li(
+    s,
+    ar,
+    w,
+    Jhat,
+    Fvhat,
+    Fchat,
+    KD=KD,
+    gJ: Any = P(1e-4, "kg m2 s2/rad2", 0.0),
+    gv: Any = P(0.01, "N m s2/rad3", 0.0),
+    gc: Any = P(0.3, "N m/rad", 0.0),
+    eps=P(0.01, "rad/s", 1e-12),
+):
+    """u = Jhat ar + Fvhat w + Fchat sign(w) - KD s, sign(w) = tanh(w/eps),
+    dJhat/dt = -gJ ar s, dFvhat/dt = -gv w s, dFchat/dt = -gc sign(w) s.
+    """
+    side = np.tanh(w / eps)
+    u = Jhat * ar + Fvhat * w + Fchat * side - KD * s
+    return u, -gJ * ar * s, -gv * w * s, -gc * side * s
+
+
+@block(
+    "controller",
+    name="dual_observer_control",
+    out="u",
+    states="z0 z1 S0 S1 T",
+    source=f"{DERIVED} {CHEN}",
+)
+def _dual_observer(
+    s,
+    ar,
+    w,
+    z0,
+    z1,
+    S0,
+    S1,
+    T,
+    J=J,
+    sigma0=SIGMA0,
+    Fc=FC,
+    Fs=FS,
+    vs=VS,
+    KD=KD,
+    k0: Any = P(0.35, "1", 0.0),
+    k1: Any = P(1e-3, "s", 0.0),
+    g0: Any = P(1e6, "N m/rad3", 0.0),
+    g1: Any = P(1.0, "N m s2/rad3", 0.0),
+    g2: Any = P(0.1, "N m s2/rad3", 0.0),
+):
+    """u = J ar - KD s + S0 z0 - S1 a z1 + T w, a = sigma0 |w|/h(w),
+    dz0/dt = w - a z0 - k0 s, dz1/dt = w - a z1 + k1 a s,
+    dS0/dt = -g0 s z0, dS1/dt = g1 s a z1, dT/dt = -g2 s w.
+    """
+    a = relaxation(w, sigma0, level(w, Fc, Fs, vs))
+    u = J * ar - KD * s + S0 * z0 - S1 * a * z1 + T * w
+    dz0, dz1 = w - a * z0 - k0 * s, w - a * z1 + k1 * a * s
+    return u, dz0, dz1, -g0 * s * z0, g1 * s * a * z1, -g2 * s * w
+
+
+@block("controller", name="backstepping_smc", out="u surface", states="q", source=f"{DERIVED} {XU}")
+def _backstepping(
+    s,
+    ar,
+    q,
+    J=J,
+    a: Any = P(30.0, "1/s", 0.0),
+    b: Any = P(2.0, "(rad/s)^(1-gamma)/s", 0.0),
+    gamma: Any = P(0.6, "1", 1e-3, 1.0),
+    ks: Any = P(100.0, "1/s", 0.0),
+    eps: Any = P(5.0, "rad/s2", 0.0),
+    phi: Any = P(0.01, "rad/s", 1e-12),
+):
+    """u = J (ar - dq/dt - ks y - eps y/sqrt(y^2 + phi^2)), y = s + q,
+    dq/dt = a s + b |s|^gamma sign(s).
+    """
+    surface = s + q
+    dq = a * s + b * s * (s * s + 1e-10) ** (0.5 * (gamma - 1.0))
+    switch = eps * surface / np.sqrt(surface * surface + phi * phi)
+    return J * (ar - dq - ks * surface - switch), surface, dq
+
+
+_ERRORS = {"velocity": _sliding_error_velocity, "position": _sliding_error}
+
+
+def sliding_error(
+    lam: float = 20.0,
+    kind: str = "position",
+    *,
+    name: str = "sliding_error",
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> ct.NonlinearIOSystem:
+    """The error on which Slotine-Li controllers act: inputs theta, w, r, dr, ddr, outputs s, ar.
+
+    s = (w - dr) + lam (theta - r), ar = ddr - lam (w - dr).
+
+    Parameters
+    ----------
+    lam : float
+        Rate in 1/s at which the position error decays once s = 0; not used for a velocity.
+    kind : "velocity" or "position"
+        For a velocity s = w - r and ar = dr, from the inputs w, r, dr.
+    name, inputs, outputs : str, list of str
+        Block name and, in order, other names for the signals.
+
+    Raises
+    ------
+    InputError
+        For another kind or a negative lam.
+
+    Notes
+    -----
+    d(w)/dt - ar = ds/dt. It is a block of its own on purpose: a controller that puts out both u,
+    which needs Fhat, and s, from which an observer computes Fhat, would be an algebraic loop.
+    """
+    if kind not in _ERRORS:
+        raise InputError(f"unknown kind {kind!r}; known: {', '.join(MEASURED)}.")
+    own = {"lam": lam} if kind == "position" else {}
+    return _ERRORS[kind].system(name=name, inputs=inputs, outputs=outputs, **own)
+
+
+def slotine_li(
+    p: Parameters | Model,
+    KD: float = 0.1,
+    *,
+    name: str = "slotine_li",
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> ct.NonlinearIOSystem:
+    """The controller u = J ar - KD s: inputs s, ar of :func:`sliding_error`, output u.
+
+    Parameters
+    ----------
+    p : Parameters or Model
+        Gives J.
+    KD : float
+        Gain in N m s/rad.
+    name, inputs, outputs : str, list of str
+        Block name and, in order, other names for the signals.
+
+    Raises
+    ------
+    InputError
+        When J has no value or KD is negative.
+
+    Notes
+    -----
+    Beside an observer whose Fhat is added by :func:`lugrectl.compensation`, J ds/dt + KD s =
+    Fhat - F. With the existing observer and its e wired to s (gain k without unit),
+    V = J s^2/2 + sigma0 (z - zhat)^2/(2 k) has
+    dV/dt = -(KD + sigma1 k) s^2 + sigma0 sigma1 x s (z - zhat) - sigma0^2 x (z - zhat)^2/k,
+    x = |w|/h(w): never above 0 exactly where x <= (4/sigma1)(1 + KD/(k sigma1)). Then s and e go
+    to 0. :func:`lugrectl.lyapunov_observer` removes the condition.
+
+    Status: the structure is that of Canudas de Wit and Kelly (2007), a Slotine-Li controller
+    without adaptation beside a LuGre observer; their equations could not be confirmed, and the
+    law is derived here.
+
+    References
+    ----------
+    Slotine and Li, IEEE Trans. Automatic Control 33(11), 1988.
+    """
+    return believed(_slotine_li, p, name=name, inputs=inputs, outputs=outputs, KD=KD)
+
+
+def adaptive_slotine_li(
+    KD: float = 0.1,
+    gJ: float = 1e-4,
+    gv: float = 0.01,
+    gc: float = 0.3,
+    *,
+    name: str = "adaptive_slotine_li",
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> ct.NonlinearIOSystem:
+    """Slotine-Li with adaptation from nothing: inputs s, ar, w, output u.
+
+    u = Jhat ar + Fvhat w + Fchat sign(w) - KD s, sign(w) = tanh(w/eps),
+    dJhat/dt = -gJ ar s, dFvhat/dt = -gv w s, dFchat/dt = -gc sign(w) s.
+
+    Parameters
+    ----------
+    KD : float
+        Gain in N m s/rad.
+    gJ, gv, gc : float
+        Adaptation gains >= 0 in kg m2 s2/rad2, N m s2/rad3, N m/rad.
+    name, inputs, outputs : str, list of str
+        Block name and, in order, other names for the signals.
+
+    Raises
+    ------
+    InputError
+        When a gain is negative.
+
+    Notes
+    -----
+    Uses no parameter of the drive. On a drive with F = Fc sign(w) + Fv w, the same sign(w), and
+    V = J s^2/2 + (J - Jhat)^2/(2 gJ) + (Fv - Fvhat)^2/(2 gv) + (Fc - Fchat)^2/(2 gc),
+    dV/dt = -KD s^2. On bristles the difference between the two friction laws remains, and at rest
+    Fchat continues to adapt to a standing error: for a set-point use
+    :func:`lugrectl.dual_observer_control`. eps is a parameter of the block, 0.01 rad/s.
+
+    References
+    ----------
+    Slotine and Li, IEEE Trans. Automatic Control 33(11), 1988.
+    """
+    gains = {"KD": KD, "gJ": gJ, "gv": gv, "gc": gc}
+    return _adaptive_slotine_li.system(name=name, inputs=inputs, outputs=outputs, **gains)
+
+
+def dual_observer_control(
+    p: Parameters | Model,
+    KD: float = 0.1,
+    *,
+    name: str = "dual_observer_control",
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+    **gains: float,
+) -> ct.NonlinearIOSystem:
+    """State feedback that adapts sigma0, sigma1 and Fv: inputs s, ar, w, output u.
+
+    u = J ar - KD s + S0 z0 - S1 a z1 + T w, a = sigma0 |w|/h(w),
+    dz0/dt = w - a z0 - k0 s, dz1/dt = w - a z1 + k1 a s,
+    dS0/dt = -g0 s z0, dS1/dt = g1 s a z1, dT/dt = -g2 s w.
+
+    Parameters
+    ----------
+    p : Parameters or Model
+        Gives J and the parameters of a(w): only the ratio h(w)/sigma0 is used.
+    KD : float
+        Gain in N m s/rad.
+    gains : float
+        k0, k1, g0, g1, g2, each >= 0; those left out keep their defaults.
+    name, inputs, outputs : str, list of str
+        Block name and, in order, other names for the signals.
+
+    Raises
+    ------
+    InputError
+        When a parameter has no value, or a gain is unknown or negative.
+
+    Notes
+    -----
+    Two copies of the bristles, because z appears in F = sigma0 z + sigma1 (w - a z) + Fv w with
+    two signs. S0, S1 and T stand for sigma0, sigma1 and sigma1 + Fv and start at 0. With
+    e0 = z - z0, e1 = z - z1 and
+    V = J s^2/2 + sigma0 e0^2/(2 k0) + sigma1 e1^2/(2 k1) + (sigma0 - S0)^2/(2 g0) +
+    (sigma1 - S1)^2/(2 g1) + (sigma1 + Fv - T)^2/(2 g2),
+    dV/dt = -KD s^2 - sigma0 a e0^2/k0 - sigma1 a e1^2/k1: s and the position error go to 0 from
+    every start for every smooth bounded reference, a constant one too. S0, S1 and T need not
+    become the parameters.
+
+    Status: derived here, in the spirit of the adaptive dynamic state feedback of Chen et al.
+    (2022), whose equations could not be confirmed; there all LuGre parameters are unknown, here
+    h(w)/sigma0 is known.
+    """
+    return believed(_dual_observer, p, name=name, inputs=inputs, outputs=outputs, KD=KD, **gains)
+
+
+def backstepping_smc(
+    p: Parameters | Model,
+    ks: float = 100.0,
+    eps: float = 5.0,
+    *,
+    name: str = "backstepping_smc",
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+    **gains: float,
+) -> ct.NonlinearIOSystem:
+    """Backstepping with an integral fast terminal sliding mode: inputs s, ar, outputs u, surface.
+
+    u = J (ar - dq/dt - ks y - eps y/sqrt(y^2 + phi^2)), y = surface = s + q,
+    dq/dt = a s + b |s|^gamma sign(s).
+
+    Parameters
+    ----------
+    p : Parameters or Model
+        Gives J.
+    ks, eps : float
+        In 1/s and rad/s2.
+    gains : float
+        a in 1/s, b, gamma (0 to 1) and phi in rad/s; those left out keep their defaults.
+    name, inputs, outputs : str, list of str
+        Block name and, in order, other names for the signals.
+
+    Raises
+    ------
+    InputError
+        When J has no value, or a gain is unknown or out of bounds.
+
+    Notes
+    -----
+    Uses the Fhat of :func:`lugrectl.extended_state_observer`, added by
+    :func:`lugrectl.compensation`. s is that of :func:`lugrectl.sliding_error`, lam its virtual
+    control. With the observer's error eD the closed loop is
+    dy/dt = -eD/J - ks y - eps y/sqrt(y^2 + phi^2), so that in the end |y| <= sup|eD|/(J ks),
+    |s| <= 2 |y| and |e| <= |s|/lam; |eD| <= (2/p) sup|dF/dt| for the observer's bandwidth p.
+    |s|^gamma is smoothed at |s| below 1e-5 rad/s. With eps/phi = 500 1/s the switching is the
+    fastest rate of the loop beside ks. Noise of w reaches u with the factor J (lam + a + ks).
+    Start the observer's what at w.
+
+    Status: derived here, in the spirit of the abstract of Xu et al. (2022): one joint, a linear
+    virtual control, so that no power is singular and u needs no saturation, and a smoothed
+    switching.
+    """
+    return believed(
+        _backstepping, p, name=name, inputs=inputs, outputs=outputs, ks=ks, eps=eps, **gains
+    )

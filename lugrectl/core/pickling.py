@@ -1,0 +1,92 @@
+"""What pickles, and one sentence about what does not."""
+
+from __future__ import annotations
+
+import importlib
+import pickle
+import sys
+from typing import Any
+
+from .errors import InputError
+
+BY_VALUE = ("cloudpickle", "dill")  # picklers that carry functions themselves, not their names
+
+
+class NotPicklable(InputError, pickle.PicklingError):
+    """A system holds something that cannot be pickled; the sentence names the block."""
+
+
+def carried(what: str, value: Any, cure: str = "") -> None:
+    """Raise NotPicklable where a part of a system cannot be pickled; ``cure``: what to do.
+
+    Nothing is raised where functions are copied, or carried by value: cloudpickle can do that.
+    """
+    try:
+        pickle.dumps(value)
+    except NotPicklable:
+        raise
+    except Exception:
+        if not _functions_are_carried():
+            is_what, usual = _described(value)
+            raise NotPicklable(
+                f"{what} is {is_what}, which cannot be pickled: {cure or usual}."
+            ) from None
+
+
+def _described(value: Any) -> tuple[str, str]:
+    """What it is, and what to do about it."""
+    where = "at the top level of a module or of a notebook cell"
+    name = str(getattr(value, "__qualname__", ""))
+    if str(getattr(value, "__module__", "")).startswith("control."):
+        return "a function that python-control made", "give the block a function of your own"
+    if "<lambda>" in name:
+        return "a lambda", f"write it with def {where}"
+    if name:
+        return f"the function {name.split('.')[-1]}", f"define it {where}, under this name"
+    return f"an object of the class {type(value).__name__}", f"define what it holds {where}"
+
+
+def _functions_are_carried() -> bool:
+    frame: Any = sys._getframe(1)
+    while frame is not None:
+        home = str(frame.f_globals.get("__name__", "")).split(".")
+        if home[0] == "copy" or any(name in home for name in BY_VALUE):
+            return True
+        frame = frame.f_back
+    return False
+
+
+def declared(kind: str, name: str, home: str) -> Any:
+    """A registered block, its module imported where that is needed.
+
+    Raises
+    ------
+    InputError
+        When this session has no such block.
+    """
+    from ..blocks.block import REGISTRY
+
+    if (kind, name) not in REGISTRY and home not in ("__main__", "__mp_main__", ""):
+        try:
+            importlib.import_module(home)
+        except ImportError:
+            pass
+    if (kind, name) not in REGISTRY:
+        where = "the notebook cell or script" if home == "__main__" else f"the module {home}"
+        raise InputError(
+            f"the {kind} '{name}' is not declared in this session: run {where} that declares it "
+            "with @block, then load again."
+        )
+    return REGISTRY[kind, name]
+
+
+def rebuilt(function: Any) -> Any:
+    """The block of a function that knows how to build it."""
+    return function.block()
+
+
+def from_fields(cls: type, state: dict[str, Any]) -> Any:
+    """A frozen object from its fields."""
+    made: Any = object.__new__(cls)
+    made.__dict__.update(state)
+    return made

@@ -1,0 +1,282 @@
+"""Friction laws compared on a log: which one predicts best what no fit has seen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
+
+from ..blocks.as_model import as_model, changed, judged_by
+from ..blocks.block import members, unit_for
+from ..blocks.model import Model
+from ..core.display import Grid, grid_html, grid_text, number
+from ..core.errors import InputError, Refused
+from ..core.progress import Progress, Wanted, reporter, shows_progress
+from ..core.result import ComparedRows, library, plain
+from ..core.validation import share, shown
+from ..friction_maps.points import is_map
+from ..identification.likelihood.held_out_run import adapted
+from ..identification.likelihood.initial_values import holding
+from ..identification.likelihood.likelihood import loglik, whitened
+from ..identification.likelihood.parameters import free_keys
+from ..identification.likelihood.simulation_error import judge
+from ..identification.selection import ALPHA, levels, paired, standard_error
+from ..parallel.blas_threads import one_blas_thread
+from ..record import Record, refuse_dead
+from .question import Asked
+from .study import Prepared, begin, prepared
+
+AUTO = "auto"
+OF_MAP = (
+    "Runs at a steady speed each show no bristle: friction laws cannot be compared on them.",
+    "Record motion that reverses.",
+)
+CHOSEN = "The friction law {0} was chosen: {1}"
+ALONE = "it predicts held-out samples best."
+AMONG = "it has the fewest parameters of those that this record cannot distinguish (beside it {0})."
+
+
+@dataclass(frozen=True)
+class ComparedLaw:
+    """One friction law, fitted to the training samples.
+
+    ``elpd`` is the natural logarithm of how much more probable it makes the held-out samples than
+    the chosen law does, ``se`` the standard error of that. ``torque`` is the RMS of the held-out
+    residual torque in ``unit``, ``error`` that of the simulated motion. ``parameters`` counts the
+    free ones. All are None, and ``reason`` says why, where the law could not be fitted.
+    """
+
+    name: str
+    elpd: float | None = None
+    se: float | None = None
+    torque: float | None = None
+    error: float | None = None
+    parameters: int | None = None
+    reason: str | None = None
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python."""
+        return plain(asdict(self))
+
+
+class LawComparison(ComparedRows[ComparedLaw]):
+    """The answer of :func:`compare_laws`: rows by place or by name, the best first.
+
+    ``chosen`` is the simplest law that no other predicts better than; ``model`` the declared model
+    with that law and the values that both have; ``unit`` that of ``torque``.
+    """
+
+    def __init__(
+        self, rows: Iterable[ComparedLaw], chosen: str, alike: Sequence[str], model: Model
+    ) -> None:
+        self._rows = tuple(rows)
+        self.chosen, self.alike, self.model = chosen, tuple(alike), model
+        self.unit = unit_for("N m", model.motion)
+
+    @property
+    def sentence(self) -> str:
+        """Which law was chosen, and why."""
+        others = ", ".join(self.alike)
+        return CHOSEN.format(self.chosen, AMONG.format(others) if others else ALONE)
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python: the chosen law, those as good, a dictionary for each law."""
+        return {
+            "chosen": self.chosen,
+            "alike": list(self.alike),
+            "unit": self.unit,
+            "laws": [row.summary() for row in self],
+        }
+
+    def to_frame(self) -> Any:
+        """A DataFrame with the names as index; InputError without pandas."""
+        pandas = library("pandas")
+        return pandas.DataFrame([row.summary() for row in self]).set_index("name")
+
+    def grid(self) -> Grid:
+        """The table as it is shown."""
+        head = ("law", "predicts better by", "+-", f"torque [{self.unit}]", "parameters")
+        return Grid(head, "lrrrr", tuple(map(self._cells, self)))
+
+    def _cells(self, row: ComparedLaw) -> tuple[str, ...]:
+        if row.elpd is None:
+            return (row.name, "not fitted", "", "", "")
+        gain = "0" if row.name == self.chosen else f"{row.elpd:,.1f}"
+        se = "" if row.name == self.chosen else f"{row.se:,.1f}"
+        return (row.name, gain, se, number(row.torque, 3), str(row.parameters))
+
+    def __repr__(self) -> str:
+        return "\n".join([self.sentence, *grid_text(self.grid())])
+
+    __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        return f"<p>{self.sentence}</p>{grid_html(self.grid())}"
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """A law's fit and how well it predicts each held-out window."""
+
+    name: str
+    windows: np.ndarray
+    torque: float
+    error: float
+    parameters: int
+
+
+@shows_progress
+@one_blas_thread()
+def compare_laws(
+    record: Any,
+    model: Any,
+    laws: Sequence[str] | str | None = None,
+    *,
+    holdout: Any = None,
+    horizon: float = 1.0,
+    alpha: float = ALPHA,
+    progress: Wanted = None,
+) -> LawComparison:
+    """Fit a drive with each friction law, and choose the simplest that predicts as well as any.
+
+        elpd = sum over held-out windows of log p(window | law) - log p(window | chosen law)
+
+    p is the density of the one-step predictions (innovations) of the fitted law. A law is left
+    out of the choice if another is better by more than the standard error over the windows allows
+    (one-sided, ``alpha``); of those that stay, the one with the fewest free parameters is chosen.
+    An effect that is missing from the model is missing beside every law; a law that imitates it
+    may be chosen for that. ``diagnose(..., law="auto")`` therefore finds the effects first.
+
+    Parameters
+    ----------
+    record, model, holdout, horizon
+        As for :func:`lugrectl.diagnose`. Values of the declared law are kept in laws that have
+        them; all others are fitted.
+    laws : names, a name or None
+        Those to compare, as :func:`lugrectl.laws` lists them; None: all.
+    alpha : float
+        Chance that a law is left out although it predicts as well as the best.
+    progress : callable, True, False or None
+        As for :func:`lugrectl.diagnose`.
+
+    Returns
+    -------
+    LawComparison
+
+    Raises
+    ------
+    InputError
+        When an argument cannot be meant, or a file cannot be read or understood.
+    Refused
+        When no law can be fitted to this record.
+    """
+    horizon, _ = judged_by(horizon, 0)
+    names, bar = law_names(laws), NormalDist().inv_cdf(1.0 - share(alpha, "alpha"))
+    asked = Asked.of(record, model, holdout)
+    report = reporter(progress)
+    report(0.0, "torque balance")
+    ready = _ready(asked, horizon)
+    fits, refused = _fitted(ready, asked.model, names, report)
+    return _chosen(fits, refused, asked.model, bar)
+
+
+def under_law(work: Callable[..., Any], record: Any, model: Any, law: Any, **options: Any) -> Any:
+    """The answer of ``work`` under another friction law; under the best one for "auto".
+
+    Laws are compared beside the effects that are found under the declared one: a law must not
+    imitate an effect that is missing.
+    """
+    if law != AUTO:
+        return work(record, changed(model, {"friction": law}, "law"), **options)
+    first, declared = work(record, model, **options), as_model(model)
+    beside = declared
+    for finding in first.effects if first.verdict == "found" else ():
+        values = {k: e.value for k, e in finding.parameters.items()}
+        beside = beside.with_effect(finding.name, values)
+    shared = {k: options[k] for k in ("holdout", "horizon", "progress")}
+    try:
+        laws = compare_laws(record, beside, **shared)
+    except Refused:  # then the first answer says why
+        return first
+    if laws.chosen != declared.friction.block.name:
+        first = work(record, changed(declared, {"friction": laws.chosen}, "law"), **options)
+    return replace(first, laws=laws)
+
+
+def law_names(given: Any) -> list[str]:
+    """The names of laws: of all where None is given; InputError for one that does not exist."""
+    known = list(members("friction"))
+    if given is None:
+        return known
+    names = [given] if isinstance(given, str) else given
+    if not (isinstance(names, Iterable) and names):
+        raise InputError(f"laws must be names of friction laws, not {shown(given)}.")
+    for name in names:
+        if name not in known:
+            raise InputError(f"unknown friction law {shown(name)}; known: {', '.join(known)}.")
+    return list(dict.fromkeys(names))
+
+
+def _ready(asked: Asked, horizon: float) -> Prepared:
+    """The records, split, with the values from which every law starts."""
+    record, holdout = asked.records(), asked.holdout()
+    if not isinstance(record, Record) and is_map(record):
+        raise Refused(*OF_MAP)
+    refuse_dead([record] if isinstance(record, Record) else record)
+    ready = prepared(record, asked.model, holdout, horizon)
+    friction = levels(asked.plain.stretches, asked.model, asked.plain)
+    return ready.from_values(asked.starts(friction)).earlier(asked.plain)
+
+
+def _fitted(
+    ready: Prepared, model: Model, names: Sequence[str], report: Progress
+) -> tuple[list[_Fit], dict[str, str]]:
+    """The fits of the laws, and why others could not be fitted."""
+    fits, refused = [], {}
+    for i, name in enumerate(names):
+        report(0.1 + 0.9 * i / len(names), f"friction law {name}")
+        try:
+            fits.append(_fit(ready, name, changed(model, {"friction": name}, "laws")))
+        except Refused as no:
+            refused[name] = str(no)
+    if not fits:
+        raise Refused(next(iter(refused.values())))
+    return fits, refused
+
+
+def _fit(ready: Prepared, name: str, model: Model) -> _Fit:
+    job = begin(replace(ready, model=holding(model, ready.data)), lambda *_: None)
+    test = job.parts.test
+    found = adapted(job.base, test, job.declared)
+    white = whitened(found.predictor, [found.values], test, found.noise)[0]
+    each = loglik(found.predictor, white, found.noise, found.values, test)
+    judged = judge(found.predictor, found.values, found.noise, test, found.noise)
+    count = len(free_keys(found.predictor))
+    return _Fit(name, np.nan_to_num(each, nan=-1e300), judged.torque, judged.error, count)
+
+
+def _chosen(
+    fits: Sequence[_Fit], refused: Mapping[str, str], model: Model, bar: float
+) -> LawComparison:
+    best = max(fits, key=lambda f: f.windows.sum())
+    able = [f for f in fits if f is best or not _beaten(best, f, bar)]
+    simplest = min(able, key=lambda f: (f.parameters, -f.windows.sum()))
+    rows = [_row(f, simplest) for f in sorted(fits, key=lambda f: -f.windows.sum())]
+    rows += [ComparedLaw(name, reason=why) for name, why in refused.items()]
+    alike = [f.name for f in able if f is not simplest]
+    made = changed(model, {"friction": simplest.name}, "laws")
+    return LawComparison(rows, simplest.name, alike, made)
+
+
+def _beaten(best: _Fit, other: _Fit, bar: float) -> bool:
+    gain, se = paired(best.windows, other.windows)
+    return gain > bar * se
+
+
+def _row(f: _Fit, chosen: _Fit) -> ComparedLaw:
+    d = f.windows - chosen.windows
+    se = standard_error(d) if f is not chosen else 0.0
+    return ComparedLaw(f.name, float(d.sum()), se, f.torque, f.error, f.parameters)

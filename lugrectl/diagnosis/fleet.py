@@ -1,0 +1,379 @@
+"""Many logs, each diagnosed separately: a fleet of axes."""
+
+from __future__ import annotations
+
+import inspect
+import os
+import time
+import warnings
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import closing
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from multiprocessing import parent_process
+from pathlib import Path
+from typing import Any, cast
+
+from ..blocks.as_model import as_model, is_last, is_record, judged_by
+from ..blocks.model import Model
+from ..core.display import Row, Shown
+from ..core.errors import InputError, Refused
+from ..core.progress import Wanted, reporter, shows_progress
+from ..core.provenance import Provenance, SourceFile, provenance, stamp
+from ..core.result import Result, library, plain
+from ..core.validation import shown
+from ..parallel.jobs import JobError, run_jobs
+from ..parallel.workers import Sent, one_thread_each, record_files, there
+from ..record import Record, read_log
+from ..record.columns.arrays import is_table, source_of
+from ..results.diagnosis_result import VERDICTS, Diagnosis
+
+FAILED = "failed"
+_READING = ("columns", "units", "scale", "rate")
+Progress = Callable[[float, str], None]
+Logs = Any  # a path, a table, a Record, or several of them
+
+
+@dataclass(frozen=True, repr=False)
+class Outcome(Shown):
+    """The result for one log.
+
+    ``document`` is the diagnosis as plain data, None if the log could not be read; ``reason``
+    says why there is no answer, ``exit_code`` is that of the command line.
+    """
+
+    file: str
+    exit_code: int = 0
+    seconds: float | None = None
+    document: Mapping[str, Any] | None = None
+    reason: str | None = None
+    diagnosis: Diagnosis | None = field(default=None, repr=False)
+
+    @property
+    def verdict(self) -> str:
+        """The diagnosis's verdict, or "failed"."""
+        return self.document["verdict"] if self.document else FAILED
+
+    @property
+    def files(self) -> list[SourceFile]:
+        """The files that the diagnosis was made from."""
+        known = (self.document or {}).get("provenance") or {}
+        return [SourceFile(f["name"], f["sha256"]) for f in known.get("files", ())]
+
+    def row(self) -> dict[str, Any]:
+        """One line of a table, as plain data; errors are RMS in ``unit``."""
+        d = self.document or {}
+        error = d.get("error") or {}
+        keys = ("signal", "unit", "declared", "refitted", "augmented", "noise_floor")
+        return {
+            "file": self.file,
+            "verdict": self.verdict,
+            "effects": [_effect(e, d["verdict"]) for e in d.get("effects", ())],
+            "depends_on": d.get("depends_on", []),
+            **{k: error.get(k) for k in keys},
+            "seconds": self.seconds,
+            "message": self.reason or d.get("experiment"),
+        }
+
+    def _title(self) -> str:
+        return f"Outcome {self.file}: {self.verdict}"
+
+    def _rows(self) -> Iterable[Row]:
+        effects = ", ".join(e["name"] for e in (self.document or {}).get("effects", ()))
+        rows = [Row("effects", effects), Row("reason", self.reason), Row("took", self.seconds, "s")]
+        return [row for row in rows if row.value]
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python, as in the JSON document."""
+        return {
+            "file": self.file,
+            "exit_code": self.exit_code,
+            "seconds": self.seconds,
+            "diagnosis": self.document,
+            "reason": self.reason,
+        }
+
+
+def _effect(found: Mapping[str, Any], verdict: str) -> dict[str, Any]:
+    parameters = found["parameters"].items()
+    tied = found["alternatives"] if verdict == "ambiguous" else []
+    return {
+        "name": found["name"],
+        "values": {k: p["value"] for k, p in parameters},
+        "units": {k: p["unit"] for k, p in parameters},
+        "alternatives": [a["name"] for a in tied],
+    }
+
+
+@dataclass(frozen=True, repr=False)
+class Fleet(Result):
+    """The answer of :func:`lugrectl.diagnose_each`, in the order of the logs.
+
+    ``unfinished`` names the logs that were not diagnosed because of an interrupt.
+    """
+
+    outcomes: tuple[Outcome, ...] = field(repr=False)
+    unfinished: tuple[str, ...] = ()
+    model: Model | None = field(default=None, repr=False)
+    provenance: Provenance | None = field(default=None, repr=False)
+
+    @cached_property
+    def rows(self) -> list[dict[str, Any]]:
+        """One plain dict per log: file, verdict, effects, errors (RMS), seconds, message."""
+        return [outcome.row() for outcome in self.outcomes]
+
+    @property
+    def diagnoses(self) -> dict[str, Diagnosis]:
+        """The diagnoses by file, without those that were not kept."""
+        return {o.file: o.diagnosis for o in self.outcomes if o.diagnosis is not None}
+
+    @property
+    def failed(self) -> dict[str, str]:
+        """Why a log has no diagnosis, by file; a refused one has a diagnosis that says why."""
+        return {o.file: o.reason or "" for o in self.outcomes if o.document is None}
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """The number of logs with each verdict; the last is "failed"."""
+        verdicts = [o.verdict for o in self.outcomes]
+        return {name: verdicts.count(name) for name in (*VERDICTS, FAILED)}
+
+    @property
+    def exit_code(self) -> int:
+        """0 when every log was answered, else the highest code of a single log."""
+        return max((o.exit_code for o in self.outcomes), default=0)
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python, as in the JSON document; never NaN or Infinity."""
+        return plain(
+            {
+                "schema": 1,
+                "records": [outcome.summary() for outcome in self.outcomes],
+                "counts": self.counts,
+                "unfinished": self.unfinished,
+                "provenance": self.provenance.summary() if self.provenance else None,
+            }
+        )
+
+    def to_frame(self) -> Any:
+        """A DataFrame of :attr:`rows`, the effects as text; InputError without pandas."""
+        rows = [row | {"effects": "; ".join(e["name"] for e in row["effects"])}
+                | {"depends_on": ", ".join(row["depends_on"])} for row in self.rows]  # fmt: skip
+        return library("pandas").DataFrame(rows)
+
+    def save(self, folder: str | Path) -> list[Path]:
+        """Write index.html, summary.csv and a folder for each diagnosis that was kept.
+
+        Each of these holds report.html, report.json and, unless refused, model.toml. Returns the
+        paths of the index and the table. Raises InputError where nothing can be written.
+        """
+        from ..report.fleet_page import write_all
+
+        return write_all(self, folder)
+
+    def _title(self) -> str:
+        counts = ", ".join(f"{n} {verdict}" for verdict, n in self.counts.items() if n)
+        return f"Fleet of {len(self.outcomes)}: {counts or 'none finished'}"
+
+    def _rows(self) -> Iterable[Row]:
+        rows = [Row("against", self.model.name)] if self.model else []
+        for verdict, count in self.counts.items():
+            files = [o.file for o in self.outcomes if o.verdict == verdict]
+            rows += [Row(verdict, files)] if count else []
+        return rows + ([Row("unfinished", self.unfinished)] if self.unfinished else [])
+
+    def __str__(self) -> str:
+        from ..report.fleet_page import text
+
+        return text(self)
+
+    def _repr_html_(self) -> str:
+        from ..report.fleet_page import fragment
+
+        return fragment(self)
+
+
+@shows_progress
+def diagnose_each(
+    records: Logs,
+    model: Any,
+    *,
+    jobs: int = 1,
+    executor: Executor | None = None,
+    progress: Wanted = None,
+    keep: bool = True,
+    **options: Any,
+) -> Fleet:
+    """Diagnose every log separately against one declared model.
+
+    A log that cannot be read or answered does not stop the others. An interrupt (Ctrl-C) ends
+    the work and returns the results so far.
+
+    Parameters
+    ----------
+    records : path, folder, pattern, DataFrame, dict of arrays, Record, or several of them
+        A folder stands for all its .csv, .mat, .npz and .parquet files. Each file is read by the
+        process that diagnoses it, one at a time.
+    model : Model, Parameters, dict or path
+        The declared model; missing values are identified for each log.
+    jobs : int
+        Number of processes, each with one numerical thread (a script then needs
+        ``if __name__ == "__main__":``); 1 works in the calling process.
+    executor : concurrent.futures.Executor
+        Runs the jobs instead (threads, Dask, MPI) and is not shut down.
+    progress : callable, True, False or None
+        ``progress(fraction, what)`` over all logs, or whether to show a bar. None: in Jupyter only.
+    keep : bool
+        False keeps rows and documents only, not the diagnoses with their samples: for fleets
+        larger than memory.
+    options
+        ``columns units scale rate`` of :func:`lugrectl.read_record` and ``holdout`` (None or
+        "last"), ``horizon``, ``seed`` of :func:`lugrectl.diagnose`.
+
+    Raises
+    ------
+    InputError
+        For an empty folder, a path of nothing, a pattern without match, jobs below 1, another
+        holdout, or an argument that cannot be meant.
+    """
+    if isinstance(records, (str, os.PathLike)):
+        there(records)
+    return run_each(
+        records,
+        model,
+        jobs=jobs,
+        executor=executor,
+        progress=reporter(progress),
+        keep=keep,
+        **options,
+    )
+
+
+def run_each(
+    records: Logs,
+    model: Model,
+    *,
+    jobs: int = 1,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+    keep: bool = True,
+    render: Callable[[Diagnosis], Any] | None = None,
+    done: Callable[[Outcome, Any], Outcome] | None = None,
+    command: str = "lugrectl.diagnose_each",
+    **options: Any,
+) -> Fleet:
+    """:func:`diagnose_each`; ``render`` turns a diagnosis into files in the worker process, and
+    ``done`` receives them in this process as soon as the log is done. ``command`` is for the
+    provenance."""
+    logs, model = record_files(_several(records)), as_model(model)
+    if not (executor is None or hasattr(executor, "submit")):
+        raise InputError(f"executor must be a concurrent.futures.Executor, not {shown(executor)}.")
+    names = _names(logs)
+    reading, options = _split(options, model)
+    report = reporter(progress)
+    here = executor is None and jobs == 1
+    made: dict[int, Outcome] = {}
+
+    def within(fraction: float, what: str) -> None:
+        at = len(made)
+        report((at + fraction) / len(logs), f"{at + 1} of {len(logs)}: {what}")
+
+    carried = model if here else Sent.of(model)
+    task = Task(carried, reading, options, keep, render, within if here else None, command)
+    report(0.0, f"0 of {len(logs)}")
+    try:
+        with one_thread_each(not here and executor is None):
+            found = run_jobs(task, logs, executor=executor, jobs=jobs)
+            with closing(cast("Generator[tuple[int, Any]]", found)):
+                for index, answer in found:
+                    outcome, extra = _outcome(names[index], answer)
+                    made[index] = done(outcome, extra) if done else outcome
+                    report(len(made) / len(logs), f"{len(made)} of {len(logs)}")
+    except KeyboardInterrupt:
+        pass
+    left = tuple(name for i, name in enumerate(names) if i not in made)
+    outcomes = tuple(made[i] for i in sorted(made))
+    files = [file for outcome in outcomes for file in outcome.files]
+    return Fleet(outcomes, left, model, provenance(command, [model, *files]))
+
+
+@dataclass(frozen=True)
+class Task:
+    """The work on one log, in any process; returns the outcome and what was rendered."""
+
+    model: Model | Sent
+    reading: Mapping[str, Any]
+    options: Mapping[str, Any]
+    keep: bool
+    render: Callable[[Diagnosis], Any] | None
+    progress: Progress | None
+    command: str = "lugrectl.diagnose_each"
+
+    def __call__(self, log: Any) -> tuple[Outcome, Any]:
+        began = time.perf_counter()
+        model = self.model.open() if isinstance(self.model, Sent) else self.model
+        with warnings.catch_warnings():
+            if parent_process() is not None:  # a worker's stderr is the user's terminal
+                warnings.simplefilter("ignore")
+            d = stamp(self._diagnosed(log, model), self.command, [log, model])
+            extra = self.render(d) if self.render else None
+        refused = d.verdict == "refused"
+        outcome = Outcome(
+            file="",
+            exit_code=Refused.exit_code if refused else 0,
+            seconds=round(time.perf_counter() - began, 2),
+            document=d.summary(),
+            reason=d.reason if refused else None,
+            diagnosis=d if self.keep else None,
+        )
+        return outcome, extra
+
+    def _diagnosed(self, log: Any, model: Model) -> Diagnosis:
+        if not isinstance(log, Record):
+            log = read_log(log, motion=model.motion, **self.reading)
+        from .diagnose import diagnose  # not needed for a log that cannot be read
+
+        return diagnose(log, model, progress=self.progress or False, **self.options)
+
+
+def _outcome(name: str, answer: Any) -> tuple[Outcome, Any]:
+    if isinstance(answer, JobError):
+        return Outcome(name, answer.exit_code, reason=answer.sentence), None
+    outcome, extra = answer
+    return replace(outcome, file=name), extra
+
+
+def _several(records: Logs) -> list[Any]:
+    if is_record(records):
+        return [records]
+    if not isinstance(records, Iterable):
+        raise InputError(f"records must be a path or a list of records, not {shown(records)}.")
+    return list(records)
+
+
+def _names(logs: Sequence[Any]) -> list[str]:
+    """A name for each log; records of one source are numbered."""
+    used: dict[str, int] = {}
+    names = []
+    for log in logs:
+        name = source_of(log) if is_table(log) else getattr(log, "source", None) or str(log)
+        used[name] = used.get(name, 0) + 1
+        names.append(name if used[name] == 1 else f"{name} ({used[name]})")
+    return names
+
+
+def _split(options: Mapping[str, Any], model: Model) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The options of the reader and those of the diagnosis; TypeError for an unknown one."""
+    from .diagnose import diagnose
+
+    reading = {k: v for k, v in options.items() if k in _READING}
+    rest = {k: v for k, v in options.items() if k not in _READING}
+    if not (rest.get("holdout") is None or is_last(rest["holdout"])):
+        raise InputError(
+            "the errors of each log are computed on its own samples: holdout must be 'last' or "
+            "left out, not a file."
+        )
+    inspect.signature(diagnose).bind(None, model, progress=None, **rest)
+    judged_by(rest.get("horizon", 1.0), rest.get("seed", 0))
+    return reading, rest

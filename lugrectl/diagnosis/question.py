@@ -1,0 +1,89 @@
+"""What a user asks about: logs, a model, what is held out; read once, and answered plainly."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from ..blocks.as_model import as_holdout, as_logs, as_model
+from ..blocks.model import Model
+from ..identification.balance import Balance
+from ..identification.selection import completed
+from ..record import Log, Record, record_of
+from .plain_answer import plain_answer
+
+
+@dataclass(frozen=True)
+class Asked:
+    """The logs of one drive, the declared model, and what is held out, as the user gave it.
+
+    ``several`` says that a list of runs was given. ``seen`` holds the records read so far.
+    """
+
+    logs: tuple[Log | Record, ...]
+    several: bool
+    model: Model
+    held_out: Any = None
+    seen: list[Record] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, record: Any, model: Any, holdout: Any = None) -> Asked:
+        """What is meant; InputError where an argument or a file cannot be understood."""
+        made = as_model(model)
+        logs, several = as_logs(record, made.motion)
+        return cls(logs, several, made, holdout)
+
+    @cached_property
+    def plain(self) -> Balance:
+        """The torque balance of the logs as they were recorded."""
+        logs = [log.log if isinstance(log, Record) else log for log in self.logs]
+        return plain_answer([log for log in logs if log is not None], self.model)
+
+    def starts(self, friction: Mapping[str, float]) -> dict[str, float]:
+        """Values from which a fit starts: of the plain answer, of effects declared without values,
+        and inertia and friction as the comparison has them."""
+        plain = self.plain
+        left_open = completed(plain.stretches, self.model, plain)
+        return {**plain.values(), **friction, **left_open}
+
+    def records(self) -> Record | list[Record]:
+        """The logs on uniform time: one record, or a list; Refused where one has no motion."""
+        for log in self.logs[len(self.seen) :]:
+            self.seen.append(record_of(log))
+        return self.seen if self.several else self.seen[0]
+
+    def holdout(self) -> str | Record | None:
+        """None, "last" or a record of its own."""
+        return as_holdout(self.held_out, self.seen, self.model.motion)
+
+
+def balance(record: Any, model: Any = None) -> Balance:
+    """The plain torque balance of a log, as it stands beside every diagnosis; in a second.
+
+        u(t - T) = J dw/dt + Fc sign(w) + Fv w + constant + gravity(theta) + effects + residual
+
+    in means over windows, by a robust regression: see :mod:`lugrectl.identification.balance`.
+    An effect that is neither declared nor a term biases the values beyond their intervals.
+
+    Parameters
+    ----------
+    record : path, DataFrame, dict of arrays or Record, or a list of them
+        The runs of one drive.
+    model : Model, Parameters, dict or path
+        The declared model: its effects are further terms, its held values are known. None:
+        nothing is known.
+
+    Returns
+    -------
+    Balance
+        ``parameters`` with 95 % intervals, SI (J in kg m2, Fc in N m, Fv in N m s/rad, u_delay in
+        s; on a linear axis kg, N, N s/m, s), the sums that are certain, the friction curve.
+
+    Raises
+    ------
+    InputError
+        When an argument cannot be meant, or a file cannot be read or understood.
+    """
+    return Asked.of(record, {} if model is None else model).plain

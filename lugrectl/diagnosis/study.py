@@ -1,0 +1,277 @@
+"""The study that diagnosis and identification share: data, hold-out, refitted model, errors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..blocks.block import unit_for
+from ..blocks.model import Model
+from ..engine.runtime.backend import compiler
+from ..identification.balance import Balance
+from ..identification.dataset.dataset import Data, prepare
+from ..identification.dataset.derived_speed import on_theta_alone
+from ..identification.dataset.folds import ENOUGH_OF_MANY, MOST, Split, split
+from ..identification.dataset.run_effects import MOST_RUNS, alike, repeating, statements
+from ..identification.dataset.sensor_noise import Noise
+from ..identification.dataset.windows import Windows, spread, windows
+from ..identification.likelihood.initial_values import begun, completed, holding, lifted
+from ..identification.likelihood.likelihood import tune
+from ..identification.likelihood.local_maxima import surest, with_others
+from ..identification.likelihood.maximise import Fitted, again, identified_covariance, tuned
+from ..identification.likelihood.predictor import Predictor
+from ..identification.likelihood.simulation_error import Judged, free_run, judge, sensed_torque
+from ..identification.likelihood.torque_delay import ahead, dated
+from ..record import Record, consistent, long_enough_to_judge, pooled
+from ..results.covariance import Joint, Residuals, residuals_of
+from ..results.diagnosis_result import Estimate
+
+SLOWLY = "first guess (slow: there is neither a C compiler nor numba; install lugrectl[fast])"
+UNIDENTIFIED = "{} cannot be identified separately from {}; only a combination is determined."
+UNIDENTIFIED_ALONE = "{} cannot be identified from {}; its value is one choice among many."
+DATED = (
+    "The torque column lags the motion by {0:.2g} ms, as the mean of the previous interval or the "
+    "log of another device does. It was shifted {0:.2g} ms earlier."
+)
+
+LAG = "velocity_sensor_lag"
+GIVEN_UP = 100.0  # log-likelihood that a fit to all samples may lose on the first windows
+
+Progress = Callable[[float, str], None]
+_Models = dict[str, tuple[Predictor, Mapping[str, float], Noise] | None]
+
+
+@dataclass(frozen=True)
+class Job:
+    """Records prepared for fitting and judging, and the best fit of the declared model."""
+
+    records: tuple[Record, ...]
+    declared: Model
+    data: Data
+    parts: Split
+    base: Fitted
+    doubts: tuple[str, ...] = ()
+    recorded: Data | None = None  # before its torque was corrected
+
+    @property
+    def messages(self) -> tuple[str, ...]:
+        """What was noticed about the model and the records."""
+        moved = (DATED.format(1e3 * self.data.ahead),) if self.data.ahead else ()
+        noticed = (m for r in self.records for m in r.messages)
+        return (*self.declared.remarks(), *noticed, *self.doubts, *moved)
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Records prepared for fitting and judging, before any fit."""
+
+    records: tuple[Record, ...]
+    every: tuple[Record, ...]
+    model: Model
+    data: Data
+    parts: Split
+    doubts: tuple[str, ...]
+
+    def from_values(self, plain: Mapping[str, float]) -> Prepared:
+        """The same with values from which fits start."""
+        return replace(self, data=replace(self.data, plain=plain))
+
+    def earlier(self, plain: Balance) -> Prepared:
+        """The same with the torque earlier, where it was written down late: a simulation, too,
+        needs the torque of its instant."""
+        by = plain.written_late(self.data.dt)
+        return replace(self, data=ahead(self.data, by / self.data.dt)) if by else self
+
+
+def prepared(
+    record: Record | Sequence[Record],
+    model: Model,
+    holdout: str | Record | None,
+    horizon: float,
+) -> Prepared:
+    """The records split into training and held-out samples; Refused where they cannot be judged."""
+    records = (record,) if isinstance(record, Record) else tuple(record)
+    apart = (holdout,) if isinstance(holdout, Record) else ()
+    checked = map(consistent, (*records, *apart))  # a record made of arrays was not checked yet
+    every = pooled([*checked])
+    records = every[: len(records)]
+    for one in every:
+        long_enough_to_judge(one)
+    data = prepare(every)
+    held_out = sum(r.samples for r in records) if apart else None
+    parts = split(data, horizon, last=holdout == "last", held_out=held_out)
+    filtering = any(part.block.name == LAG for part in model.effects)
+    alone = None if filtering else on_theta_alone(every, data)
+    data, doubts = (data, ()) if alone is None else (alone[0], (alone[1],))
+    if 1 < len(records) <= MOST_RUNS:
+        data = replace(data, differing=tuple(range(1, len(records))))
+    model = holding(model, data)
+    return Prepared(records, tuple(every), model, data, parts, doubts)
+
+
+def begin(asked: Prepared, report: Progress) -> Job:
+    """The declared model refitted to the training samples."""
+    records, model, data, parts = asked.records, asked.model, asked.data, asked.parts
+    base = _declared(model, data, parts.train, report)
+    moved = dated(base)
+    if moved is None:
+        return Job(records, model, data, parts, base, asked.doubts)
+    shifted = moved.predictor.data
+    return Job(records, model, shifted, parts, moved, asked.doubts, recorded=data)
+
+
+def _declared(model: Model, data: Data, train: Windows, report: Progress) -> Fitted:
+    """The best fit of the declared model, including its undeclared values."""
+    report(0.02, "first guess" if compiler() else SLOWLY)
+    started = lifted(completed(model, replace(data, differing=()), train))
+    report(0.05, "refitting the declared model")
+    return begun(Predictor(started, data), train, model)
+
+
+def compared(job: Job, fitted: Fitted) -> Job:
+    """The same job with messages on how, by a fit, its runs differ."""
+    predictor = fitted.predictor
+    return noted(job, *statements(predictor.data, fitted.values, repeating(predictor.model)))
+
+
+def unidentified(flat: Sequence[Sequence[str]], source: str) -> list[str]:
+    """A sentence for each direction that ``source`` does not identify, with its keys."""
+    return [
+        (UNIDENTIFIED if len(keys) > 1 else UNIDENTIFIED_ALONE).format(" and ".join(keys), source)
+        for keys in flat
+    ]
+
+
+def noted(job: Job, *messages: str) -> Job:
+    """The same job with more messages."""
+    return replace(job, doubts=(*job.doubts, *messages))
+
+
+def as_recorded(job: Job, report: Progress) -> Job:
+    """The same job with the torque as it was recorded."""
+    if job.recorded is None:
+        return job
+    report(0.1, "refitting with the recorded torque")
+    base = again(replace(job.base, predictor=job.base.predictor.on(job.recorded)))
+    return replace(job, data=job.recorded, recorded=None, base=base)
+
+
+def on_everything(fitted: Fitted, job: Job) -> Fitted:
+    """Parameters from all samples of the training records, for use after the judging.
+
+    A whole file or a last half that is held out stays so. The first fit is kept if the new one is
+    far less likely on its windows: an effect that acted once, at the end, may be in none of the new
+    windows.
+    """
+    if not job.parts.in_sample:
+        return with_others(fitted)
+    train = job.parts.train
+    where = windows(job.data.runs, train.burn, train.length)
+    where = spread(where, MOST, ENOUGH_OF_MANY)
+    opened = [k for k, v in job.declared.values().items() if v is None]
+    whole = surest(fitted, where, opened)
+    there = tuned(replace(fitted, values=whole.values))
+    return whole if there.total > fitted.total - GIVEN_UP else fitted
+
+
+def estimates(fitted: Fitted) -> dict[str, Estimate]:
+    """Every fitted parameter with unit and 95 % interval, and the held ones."""
+    model = fitted.predictor.model
+    intervals = fitted.intervals()
+    declared, held = model.declarations(), model.held()
+    return {
+        k: Estimate(v, model.unit(k), intervals.get(k), held=k in held)
+        for k, v in fitted.values.items()
+        if k in declared and declared[k].fitted
+    }
+
+
+def joint(fitted: Fitted) -> Joint:
+    """The joint distribution of the free parameters: their covariance in SI units."""
+    C, values, coords = identified_covariance(fitted), fitted.values, fitted.free
+    slope = []
+    for c in coords:  # of the value over its coordinate
+        x = c.into(values)
+        ahead = c.back(x + c.step, values) - values[c.key]
+        slope.append(
+            ahead / c.step if ahead else (values[c.key] - c.back(x - c.step, values)) / c.step
+        )
+    D = np.array(slope)
+    found = np.array([values[c.key] for c in coords])
+    positive = np.array([c.kind in ("log", "excess") for c in coords], bool) & (found > 0)
+    return Joint(tuple(c.key for c in coords), found, C * np.outer(D, D), positive)
+
+
+def residuals(fitted: Fitted) -> Residuals:
+    """The tests of what the one-step predictions of a fit leave, of w where it is fitted."""
+    channel = int(fitted.noise.recorded()[-1])
+    e = fitted.innovations[..., channel]
+    u = fitted.predictor.data.u[fitted.where.counted].reshape(e.shape)
+    return residuals_of(("theta", "w")[channel], e, u)
+
+
+def score(job: Job, final: Fitted) -> dict[str, Any]:
+    """The three errors of the JSON format, and under "judged" what they were computed from.
+
+    They are errors against the log as it was recorded, also if the fit used a corrected torque.
+    """
+    base, final = _on_recorded(job.base, job), _on_recorded(final, job)
+    models, data, parts = _models(job, base, final), job.data, job.parts
+    judged = {
+        name: judge(*found, parts.test, base.noise) if found else None
+        for name, found in models.items()
+    }
+    error = {
+        "signal": data.signal,
+        "unit": data.unit,
+        "samples": int(parts.test.counted.size),
+        "horizon": parts.test.length * data.dt,
+        **{k: j.error if j else None for k, j in judged.items()},
+        "noise_floor": float(data.floor),
+        "fit": _fit(data.measured[parts.test.counted], judged),
+    }
+    torque = {k: j.torque if j else None for k, j in judged.items()}
+    noise = sensed_torque(final.predictor, final.values, base.noise)
+    torque["noise_floor"] = min([noise, *(x for x in torque.values() if x is not None)])
+    unit = unit_for("N m", data.motion)
+    free = _free_error(job, models)
+    return {"error": error, "free_error": free, "torque_error": {"unit": unit, **torque},
+            "judged": judged}  # fmt: skip
+
+
+def _fit(measured: np.ndarray, judged: Mapping[str, Judged | None]) -> dict[str, float | None]:
+    """How much of the motion a model simulates, in %: 100 (1 - RMS error / spread), NRMSE."""
+    spread = max(float(np.std(measured)), 1e-300)
+    return {k: 100.0 * (1.0 - j.error / spread) if j else None for k, j in judged.items()}
+
+
+def _models(job: Job, base: Fitted, final: Fitted) -> _Models:
+    """Predictor, values and noise of the declared, refitted and augmented model."""
+    declared, given = None, job.declared.values()
+    if None not in given.values():
+        known = job.declared.known() | alike(base.predictor.data)
+        noise, _ = tune(base.predictor, known, base.where, base.noise)
+        declared = base.predictor, known, noise
+    return {
+        "declared": declared,
+        "refitted": (base.predictor, base.values, base.noise),
+        "augmented": (final.predictor, final.values, final.noise),
+    }
+
+
+def _on_recorded(fitted: Fitted, job: Job) -> Fitted:
+    """The same values with the torque as it was recorded; the noise follows it."""
+    if job.recorded is None:
+        return fitted
+    data = fitted.predictor.data.moved(job.recorded.u, 0.0)
+    return tuned(replace(fitted, predictor=fitted.predictor.on(data)))
+
+
+def _free_error(job: Job, models: _Models) -> dict[str, Any]:
+    runs = job.parts.free
+    errors = {name: free_run(*found, runs) if found else None for name, found in models.items()}
+    data = job.data
+    return {"signal": data.signal, "unit": data.unit, "in_sample": job.parts.in_sample, **errors}

@@ -1,0 +1,290 @@
+"""Code of an adaptive run whose steps end on the time grid and at kinks and jumps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ..expression.graph import Node, rename, symbols_in
+from ..tracing.equations import Program
+from .events import (
+    HELPERS,
+    REST,
+    Parts,
+    nearest_before,
+    nearest_zero,
+    nesting,
+    start_sides,
+    start_sizes,
+    turns,
+)
+from .filippov import names, settle, sliding
+from .python_source import Emitter, early_first, indent, reciprocals
+from .rosenbrock import Equations, step
+from .switching import freeze_modes
+
+# l0, l1, ... are the switching functions after the trial step, a0, a1, ... before it, m0, m1,
+# ... their sides during it: +1, -1, 0 for exactly 0, nan for NaN. A step must not pass a zero:
+# the length at which it meets one is bracketed between `low` and `high` and found by regula
+# falsi with the weights of Anderson and Bjorck (BIT 13, 1973), every fourth time by bisection. A
+# switching function within DEAD times its largest value counts as zero; a step that starts there
+# takes the side on which it ends. If it also ends there, the function does not limit the step.
+# If many events follow each other without a step that ends FAR from all zeros, kinks are no
+# longer located in the interval (noise about zero), and a jump that continues to switch (a relay
+# that sticks) makes the remaining interval be stepped in short steps. A run that would never get
+# through an interval is ended.
+#
+# The error of a state counts relative to its present value s, so that a small motion after a large
+# start is right; s is at least `floor` = atol / rtol, and SMALL of the largest value b so far,
+# below which rounding would decide.
+_RUN = """
+DEAD = 1e-11
+SMALL = 1e-7
+FAR = 1e5
+PATIENCE = 40
+TRIALS = 65536
+
+{helpers}
+{robust}
+@fast
+def run(grid, u, held, x_start, p, rtol, floor, x_out, status):
+{unpack}
+{fixed}
+    h_next = 0.01 * (grid[1] - grid[0])
+    v_low, v_high, last, tries, steps = 0.0, 0.0, 0, 0, 0
+    for k in range(len(grid) - 1):
+        dt = grid[k + 1] - grid[k]
+        t, done, low, high, events, relays = grid[k], 0.0, 0.0, 0.0, 0, 0
+        first_step, due = steps, 0.0
+{interval}
+        for again in range({nesting} if k == 0 else 1):
+{sides}
+{sizes}
+        while done < dt:
+{settle}
+            left = dt - done
+            if high > 0.0:
+                h = 0.5 * (low + high)
+                if tries % 4 != 3:
+                    h = low + (high - low) * (v_low / (v_low - v_high))
+                tries += 1
+            elif h_next > 0.999 * left:
+                h = left
+            elif h_next > 0.5 * left:
+                h = 0.5 * left
+            else:
+                h = h_next
+            if relays >= PATIENCE:
+                h = min(h, left, 1e-3 * dt)
+                status[3] = t
+{step}
+            steps += 1
+            stuck = False
+            if steps - first_step >= TRIALS:
+                stuck, first_step, due = done <= due, steps, done + 1e-5 * dt
+{weights}
+            error = sqrt({error}) / rtol
+            if stuck or not error <= 1.0 and not (relays >= PATIENCE and error < inf):
+                h_next = h * max(0.1, 0.9 / sqrt(sqrt(error))) if error < inf else 0.1 * h
+                low, high = 0.0, 0.0
+                if stuck or h_next < 1e-13 * dt or t + h_next == t:
+                    status[0], status[1], status[4] = k, t, steps
+{blame}
+                    return False
+                continue
+{leads}
+            crossed = worst < -1.0 and events < 2 * PATIENCE
+            if crossed and low == 0.0 and high == 0.0:
+                flipped = False
+{flip_at_start}
+                if flipped:
+                    continue
+                first = 1e300
+{before}
+                v_low, tries, last = max(first, 1.0), 0, 0
+            if crossed:
+                if last == -1:
+                    v_low *= 1.0 - worst / v_high if worst > v_high else 0.5
+                high, v_high, last = h, worst, -1
+            elif high > 0.0 and worst > 1.0:
+                if last == 1:
+                    v_high *= 1.0 - worst / v_low if worst < v_low else 0.5
+                low, v_low, last = h, worst, 1
+            if (crossed or low == h) and t + low < t + high and high - low > 1e-15 * dt:
+                continue
+{accept}
+            t, done = t + h, done + h
+            if left - h <= 1e-13 * dt:
+                done = dt
+            if high > 0.0:
+                low, high, events = 0.0, 0.0, events + 1
+            else:
+                if worst > FAR and relays < PATIENCE:
+                    events, relays = 0, 0
+                longer = h * min(5.0, 0.9 / sqrt(sqrt(max(error, 1e-8))))
+                h_next = longer if h >= h_next else max(longer, h_next)
+{store}
+    status[4] = steps
+    return True
+"""
+
+
+def adaptive_code(program: Program, kind: str) -> str:
+    """The function ``run``; ``kind`` "numba" or "python" (errors of ``math`` are caught)."""
+    parts = _parts(program)
+    fixed = [node.value for node in program.p] if kind == "numba" else []
+    nodes = parts.step
+    if kind == "numba":
+        nodes = early_first(reciprocals(nodes), parts.states)
+    step_code = _Section(_names("ne", len(parts.states)), nodes, "b", fixed)
+    start = _Section(_names("a", len(parts.leads)), parts.leads, "c", fixed)
+    end = _Section(_names("l", len(parts.leads)), _at_end(program, parts.leads), "d", fixed)
+    rest, after = _rests(program, parts, fixed)
+    sections = (step_code, start, end, rest, after)
+    write = _Section.plain if kind == "numba" else _Section.guarded
+    return _RUN.format(
+        helpers=HELPERS + (REST if parts.slides.parts else ""),
+        robust="" if kind == "numba" else "".join(part.robust() for part in sections),
+        unpack=indent(_unpack(program, parts), 1),
+        fixed=indent([line for part in sections for line in part.emitter.head], 1),
+        interval=indent(_interval(parts), 2),
+        nesting=nesting(parts.leads),
+        sides=indent(write(start) + start_sides(parts), 3),
+        sizes=indent(start_sizes(parts), 2),
+        settle=indent(settle(parts.slides, parts.states, write(rest)), 3),
+        step=indent(write(step_code), 3),
+        weights=indent(_weights(len(parts.states)), 3),
+        error=" + ".join(f"g{i} * g{i}" for i in range(len(parts.states))) or "0.0",
+        blame=indent(_blame(len(parts.states)), 5),
+        leads=indent(_end_inputs(parts) + write(end) + nearest_zero(parts, write(after)), 3),
+        before=indent(nearest_before(parts), 4),
+        flip_at_start=indent(turns(parts, at_start=True), 4),
+        accept=indent(_accept(parts), 3),
+        store=indent([f"out{i}[k + 1] = {x}" for i, x in enumerate(parts.states)], 2),
+    )
+
+
+def _names(letters: str, count: int) -> list[str]:
+    return [f"{letter}{i}" for letter in letters for i in range(count)]
+
+
+class _Section:
+    """Code that leaves the values of nodes in named variables."""
+
+    def __init__(
+        self, names: list[str], nodes: Sequence[Node], prefix: str, fixed: Sequence[str]
+    ) -> None:
+        self.names, self.nodes, self.prefix = names, nodes, prefix
+        self.emitter = Emitter("scalar", prefix, fixed)
+        self.codes = self.emitter.write(nodes)
+
+    def plain(self) -> list[str]:
+        pairs = zip(self.names, self.codes, strict=True)
+        return self.emitter.body + [f"{name} = {code}" for name, code in pairs]
+
+    def guarded(self) -> list[str]:
+        """In plain Python an overflow raises; the values are then computed by NumPy's rules."""
+        if not self.names:
+            return []
+        again = f"{', '.join(self.names)}, = robust_{self.prefix}({', '.join(self._arguments())})"
+        tried = ["    " + line for line in self.plain()]
+        return ["try:", *tried, "except (ArithmeticError, ValueError):", f"    {again}"]
+
+    def robust(self) -> str:
+        """The same code as a function that returns inf or nan where ``math`` would raise."""
+        emitter = Emitter("array", self.prefix)
+        values = "".join(f"{code}, " for code in emitter.write(self.nodes))
+        lines = [f"{name} = np.float64({name})" for name in self._arguments()]
+        lines += [*emitter.body, f"return [float(v) for v in ({values})]"]
+        head = f"def robust_{self.prefix}({', '.join(self._arguments())}):\n"
+        return head + "    with np.errstate(all='ignore'):\n" + indent(lines, 2) + "\n\n\n"
+
+    def _arguments(self) -> list[str]:
+        return sorted(symbols_in(self.nodes))
+
+
+def _parts(program: Program) -> Parts:
+    graph = program.graph
+    smooth, leads, jumps = freeze_modes(program.xdot, {node.value for node in program.p})
+    slopes = [graph.symbol(f"du{i}") for i in range(len(program.u))]
+    slides = sliding(program, smooth, leads, jumps)
+    equations = Equations(graph, program.t, program.x, program.u, slides.rates, slopes)
+    after, error = step(equations, divided=True)
+    return Parts(
+        [node.value for node in program.x],
+        [node.value for node in program.u],
+        after + error,
+        leads,
+        jumps,
+        slides,
+    )
+
+
+def _rests(program: Program, parts: Parts, fixed: Sequence[str]) -> tuple[_Section, _Section]:
+    """The code that decides whether jumps rest, before a step and after it."""
+    slides = parts.slides
+    weights = [*slides.parts.values(), *slides.steps.values()]
+    moves = [(f"move{j}_{i}", n) for i, m in slides.moves.items() for j, n in m.items()]
+    begin = [*names(slides), *(name for name, _ in moves)]
+    late = _at_end(program, weights[: len(slides.parts)])
+    return (
+        _Section(begin, [*weights, *(node for _, node in moves)], "rest", fixed),
+        _Section(names(slides, "end_")[: len(late)], late, "late", fixed),
+    )
+
+
+def _at_end(program: Program, leads: Sequence[Node]) -> list[Node]:
+    """The switching functions in terms of the state, inputs and time after the step."""
+    graph = program.graph
+    to = {x.index: graph.symbol(f"n{i}") for i, x in enumerate(program.x)}
+    to |= {u.index: graph.symbol(f"v{i}") for i, u in enumerate(program.u)}
+    to[program.t.index] = program.t + graph.symbol("h")
+    return rename(leads, to)
+
+
+def _unpack(program: Program, parts: Parts) -> list[str]:
+    lines = [f"{p.value} = p[{i}]" for i, p in enumerate(program.p)]
+    for i, x in enumerate(program.x):
+        lines += [f"{x.value} = x_start[{i}]", f"s{i} = b{i} = max(abs({x.value}), floor)"]
+        lines += [f"q{i} = 1.0 / s{i}"]
+        lines += [f"out{i} = x_out[{i}]", f"out{i}[0] = {x.value}"]
+    lines += [f"in{i} = u[{i}]" for i in range(len(program.u))]
+    lines += [f"{letter}{i} = 0.0" for i in range(len(parts.leads)) for letter in "mr"]
+    return lines + [f"on{i} = 0.0" for i in parts.slides.parts]
+
+
+def _interval(parts: Parts) -> list[str]:
+    lines = []
+    for i, u in enumerate(parts.inputs):
+        slope = f"0.0 if held else (in{i}[k + 1] - in{i}[k]) / dt"
+        lines += [f"{u} = in{i}[k]", f"d{u} = {slope}"]
+    return lines
+
+
+def _end_inputs(parts: Parts) -> list[str]:
+    return [f"v{i} = {u} + h * d{u}" for i, u in enumerate(parts.inputs)]
+
+
+def _weights(states: int) -> list[str]:
+    """The errors relative to the present values; divides only if a state grows."""
+    lines = []
+    for i in range(states):
+        lines += [f"o{i} = q{i} if abs(n{i}) <= s{i} else 1.0 / abs(n{i})", f"g{i} = e{i} * o{i}"]
+    return lines
+
+
+def _blame(states: int) -> list[str]:
+    """The state with the largest error, or the first that is NaN."""
+    lines = ["largest = -1.0"]
+    for i in range(states):
+        lines += [f"part = abs(g{i})", "if largest == largest and not part <= largest:"]
+        lines += [f"    status[2], largest = {i}, part"]
+    return lines
+
+
+def _accept(parts: Parts) -> list[str]:
+    lines = turns(parts, at_start=False)
+    lines += [f"a{i} = l{i}" for i in range(len(parts.leads))]
+    for i, x in enumerate(parts.states):
+        lines += [f"{x} = n{i}", f"b{i} = max(b{i}, abs({x}))"]
+        lines += [f"s{i} = max(abs({x}), SMALL * b{i}, floor)", f"q{i} = 1.0 / s{i}"]
+    return lines + [f"{u} = v{i}" for i, u in enumerate(parts.inputs)]

@@ -1,0 +1,193 @@
+"""Straight-line code for expressions: for floats with ``math``, or for arrays with NumPy."""
+
+from __future__ import annotations
+
+import heapq
+from collections import Counter
+from collections.abc import Iterable, Sequence
+
+from ..expression.graph import Node, reachable, substitute
+from ..expression.operations import OPS
+
+SCALAR_HEADER = """from math import (
+    acos, asin, atan, atan2, cos, cosh, exp, expm1, inf, isfinite, log, log10, log1p, nan,
+    pow, sin, sinh, sqrt, tan, tanh
+)
+from math import floor as floored
+"""
+ARRAY_HEADER = "import numpy as np\nfrom numpy import inf, nan\n"
+
+_INFIX = {"add", "subtract", "multiply", "divide", "negative"}
+_LONGEST = 70
+# exp is 0 there, but the library is slow to return it; tests for nan, and functions that few
+# libraries provide for several numbers at once, keep compilers from vectorising
+_OWN = {
+    ("scalar", "exp"): "(0.0 if {0} < -745.2 else exp({0}))",
+    ("wide", "exp"): "exp(max({0}, -700.0))",
+    ("wide", "maximum"): "max({0}, {1})",
+    ("wide", "minimum"): "min({0}, {1})",
+    ("wide", "tanh"): "(1.0 - 2.0 / (1.0 + exp(max(min(2.0 * {0}, 700.0), -700.0))))",
+}
+_NAMED_TWICE = {"sign", "maximum", "minimum", "exp"}
+
+
+class Emitter:
+    """Writes each node once: nodes that depend on ``fixed`` symbols only go into ``head``.
+
+    Parameters
+    ----------
+    kind : str
+        "scalar", "array", or "wide": for floats, in a form that can be vectorised.
+    prefix : str
+        First letters of the variables that it creates.
+    fixed : iterable of str
+        Symbols that do not change inside the loop for which the code is written.
+    """
+
+    def __init__(self, kind: str, prefix: str = "v", fixed: Iterable[str] = ()) -> None:
+        self.kind, self.prefix, self.fixed = kind, prefix, frozenset(fixed)
+        self.head: list[str] = []
+        self.body: list[str] = []
+
+    def write(self, roots: Sequence[Node]) -> list[str]:
+        """Write the code of the roots; returns the expressions that hold their values."""
+        nodes = reachable(roots)
+        still = self._still(nodes)
+        user = self._single_users(nodes, roots)
+        text: dict[int, str] = {}
+        for node in nodes:
+            text[node.index] = code = self._code(node, text)
+            if not node.args:
+                continue
+            only = user.get(node.index)
+            same_place = only is not None and still[only] == still[node.index]
+            if same_place and node.op in _INFIX and len(code) < _LONGEST:
+                text[node.index] = f"({code})"
+                continue
+            text[node.index] = name = f"{self.prefix}{node.index}"
+            (self.head if still[node.index] else self.body).append(f"{name} = {code}")
+        return [text[root.index] for root in roots]
+
+    def _still(self, nodes: Sequence[Node]) -> dict[int, bool]:
+        still: dict[int, bool] = {}
+        for node in nodes:
+            own = node.op != "symbol" or node.value in self.fixed
+            still[node.index] = own and all(still[a.index] for a in node.args)
+        return still
+
+    @staticmethod
+    def _single_users(nodes: Sequence[Node], roots: Sequence[Node]) -> dict[int, int]:
+        """The user of each node that is used exactly once, and only once in the user's code."""
+        uses: dict[int, list[int]] = {}
+        for node in nodes:
+            for argument in node.args:
+                often = 2 if node.op in _NAMED_TWICE else 1
+                uses.setdefault(argument.index, []).extend([node.index] * often)
+        for root in roots:
+            uses.setdefault(root.index, []).extend([-1, -1])
+        return {index: users[0] for index, users in uses.items() if len(users) == 1}
+
+    def _code(self, node: Node, text: dict[int, str]) -> str:
+        if node.op == "symbol":
+            return node.value
+        if node.op == "constant":
+            return repr(node.value) if node.value >= 0 else f"({node.value!r})"
+        op = OPS[node.op]
+        template = op.array if self.kind == "array" else op.scalar
+        template = _OWN.get((self.kind, node.op), template)
+        return template.format(*(text[a.index] for a in node.args))
+
+
+def reciprocals(roots: Sequence[Node]) -> list[Node]:
+    """The roots with a (1/b) in place of a/b: equal except for rounding.
+
+    For compiled code: 1/b is shared, moves out of the loop if b does not change, and can be
+    computed before a is known.
+    """
+
+    def rule(node: Node, args: tuple[Node, ...]) -> Node | None:
+        plain = node.op != "divide" or args[0].is_constant(1.0)
+        return None if plain else args[0] * (1.0 / args[1])
+
+    return substitute(roots, rule)
+
+
+_SUMS = ("add", "subtract")
+_COST = {"divide": 4, "sqrt": 5, "exp": 12, "log": 12, "sin": 12, "cos": 12, "tanh": 20}
+
+
+def early_first(roots: Sequence[Node], late: Iterable[str]) -> list[Node]:
+    """The roots with the terms of each sum added in the order in which they become known.
+
+    Equal except for rounding. ``late`` names the symbols that are known last. The longest chain
+    of operations limits the speed of compiled code; other work is done in parallel with it.
+    """
+    nodes = reachable(roots)
+    uses = Counter([a.index for n in nodes for a in n.args] + 2 * [root.index for root in roots])
+    known = _Known(late)
+    new: dict[int, Node] = {}
+    for node in nodes:
+        terms = _terms(node, uses) if node.op in _SUMS else []
+        # (x + 1e16) - 1e16 must not be reordered
+        plain = any(n.is_constant() and abs(n.value) > 1e6 for _, n in terms)
+        if len(terms) > 2 and not plain:
+            new[node.index] = _added([(sign, new[n.index]) for sign, n in terms], known)
+        else:
+            args = [new[a.index] for a in node.args]
+            new[node.index] = node.graph.make(node.op, *args) if args else node
+    return [new[root.index] for root in roots]
+
+
+class _Known:
+    """The number of products after which a value is known: 0 if it does not depend on ``late``."""
+
+    def __init__(self, late: Iterable[str]) -> None:
+        self.late, self.when = frozenset(late), dict[int, int]()
+
+    def __call__(self, node: Node) -> int:
+        if node.index not in self.when:
+            first = max(map(self, node.args), default=int(node.value in self.late))
+            self.when[node.index] = first and first + _COST.get(node.op, 1)
+        return self.when[node.index]
+
+
+def _terms(node: Node, uses: Counter[int]) -> list[tuple[int, Node]]:
+    """A sum as signs and terms, through inner sums that nothing else uses."""
+    found, stack = [], [(1, node)]
+    while stack:
+        sign, one = stack.pop()
+        inner = one is node or uses[one.index] == 1
+        if inner and one.op == "negative":
+            stack.append((-sign, one.args[0]))
+        elif inner and one.op in _SUMS:
+            stack.append((sign if one.op == "add" else -sign, one.args[1]))
+            stack.append((sign, one.args[0]))
+        else:
+            found.append((sign, one))
+    return found
+
+
+def _added(terms: Sequence[tuple[int, Node]], known: _Known) -> Node:
+    make = terms[0][1].graph.make
+    heap = [(known(node), i, sign, node) for i, (sign, node) in enumerate(terms)]
+    heapq.heapify(heap)
+    count = len(heap)
+    while len(heap) > 1:
+        (_, _, sign, a), (_, _, other, b) = heapq.heappop(heap), heapq.heappop(heap)
+        if sign < 0 < other:
+            sign, other, a, b = other, sign, b, a
+        total = make("add" if sign == other else "subtract", a, b)
+        heapq.heappush(heap, (known(total), count, sign, total))
+        count += 1
+    _, _, sign, total = heap[0]
+    return total if sign > 0 else make("negative", total)
+
+
+def indent(lines: Iterable[str], depth: int) -> str:
+    """The lines as one text, indented by ``depth`` steps; ``pass`` if there are none."""
+    return "\n".join("    " * depth + line for line in (list(lines) or ["pass"]))
+
+
+def lines_of(text: str) -> list[str]:
+    """The lines of a filled template, without the empty ones."""
+    return [line for line in text.split("\n") if line]

@@ -1,0 +1,1 @@
+"""Expression graphs: operations, the NumPy protocol that builds them, derivatives."""

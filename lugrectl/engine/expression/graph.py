@@ -1,0 +1,225 @@
+"""Expression graphs: every distinct expression of scalars exists once, as a node.
+
+Equal expressions are the same object, arguments have lower indices than their users, and
+simplifications do not change the value by even one bit for finite arguments.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from .numpy_protocol import Symbolic
+from .operations import OPS
+
+
+class Node(Symbolic):
+    """A constant, a symbol, or an operation on other nodes."""
+
+    __slots__ = ("graph", "op", "args", "value", "index")
+    __hash__ = object.__hash__  # pyright: ignore[reportAssignmentType]
+
+    def __init__(self, graph: Graph, op: str, args: tuple[Node, ...], value: Any) -> None:
+        self.graph, self.op, self.args, self.value = graph, op, args, value
+        self.index = len(graph.nodes)
+
+    def is_constant(self, value: float | None = None) -> bool:
+        return self.op == "constant" and (value is None or self.value == value)
+
+    def __repr__(self) -> str:
+        if self.op in ("constant", "symbol"):
+            return str(self.value)
+        return f"{self.op}({', '.join(map(repr, self.args))})"
+
+
+class Graph:
+    """The table of nodes; only ``make`` creates one."""
+
+    def __init__(self) -> None:
+        self.nodes: list[Node] = []
+        self._table: dict[Any, Node] = {}
+
+    def _node(self, op: str, args: tuple[Node, ...] = (), value: Any = None) -> Node:
+        key = (op, value, *(a.index for a in args))
+        node = self._table.get(key)
+        if node is None:
+            node = Node(self, op, args, value)
+            self.nodes.append(node)
+            self._table[key] = node
+        return node
+
+    def constant(self, value: float) -> Node:
+        value = float(value)
+        return self._node("constant", (), value if value == value else np.nan)
+
+    def symbol(self, name: str) -> Node:
+        return self._node("symbol", (), name)
+
+    def make(self, op: str, *args: Any) -> Node:
+        """The node of an operation, simplified; numbers become constants."""
+        nodes = tuple(a if isinstance(a, Node) else self.constant(a) for a in args)
+        if all(a.op == "constant" for a in nodes):
+            with np.errstate(all="ignore"):
+                return self.constant(OPS[op].value(*(a.value for a in nodes)))
+        simpler = SIMPLER[op](*nodes) if op in SIMPLER else None
+        return self._node(op, nodes) if simpler is None else simpler
+
+    def total(self, terms: Iterable[Any]) -> Node:
+        """Sum, from left to right."""
+        result = self.constant(0.0)
+        for term in terms:
+            result = self.make("add", result, term)
+        return result
+
+
+def _ordered(op: str, a: Node, b: Node) -> Node | None:
+    """A commutative operation with its arguments in a fixed order."""
+    return None if a.index <= b.index else a.graph.make(op, b, a)
+
+
+def _add(a: Node, b: Node) -> Node | None:
+    if a.is_constant(0.0):
+        return b
+    if b.is_constant(0.0):
+        return a
+    if b.op == "negative":
+        return a - b.args[0]
+    if a.op == "negative":
+        return b - a.args[0]
+    return _ordered("add", a, b)
+
+
+def _subtract(a: Node, b: Node) -> Node | None:
+    if b.is_constant(0.0):
+        return a
+    if a.is_constant(0.0):
+        return -b
+    if a is b:
+        return a.graph.constant(0.0)
+    return a + b.args[0] if b.op == "negative" else None
+
+
+def _multiply(a: Node, b: Node) -> Node | None:
+    for one, other in ((a, b), (b, a)):
+        if one.is_constant(0.0):
+            return one
+        if one.is_constant(1.0):
+            return other
+        if one.is_constant(-1.0):
+            return -other
+        if one.op == "negative":
+            return -(one.args[0] * other)
+    return _ordered("multiply", a, b)
+
+
+def _divide(a: Node, b: Node) -> Node | None:
+    if a.is_constant(0.0) or b.is_constant(1.0):
+        return a
+    if b.is_constant(-1.0):
+        return -a
+    return -(a.args[0] / b) if a.op == "negative" else None
+
+
+def _power(a: Node, b: Node) -> Node | None:
+    powers: dict[float, Callable[[], Any]] = {
+        0.0: lambda: a.graph.constant(1.0),
+        0.5: lambda: np.sqrt(a),
+        1.0: lambda: a,
+        2.0: lambda: a * a,
+        3.0: lambda: a * a * a,
+        -1.0: lambda: 1.0 / a,
+    }
+    return powers[b.value]() if b.op == "constant" and b.value in powers else None
+
+
+def _negative(a: Node) -> Node | None:
+    return a.args[0] if a.op == "negative" else None
+
+
+def _absolute(a: Node) -> Node | None:
+    return abs(a.args[0]) if a.op == "negative" else (a if a.op == "absolute" else None)
+
+
+def _where(condition: Node, yes: Node, no: Node) -> Node | None:
+    if yes is no:
+        return yes
+    if condition.op == "constant":
+        return yes if condition.value else no
+    return None
+
+
+SIMPLER: dict[str, Callable[..., Node | None]] = {
+    "add": _add,
+    "subtract": _subtract,
+    "multiply": _multiply,
+    "divide": _divide,
+    "power": _power,
+    "negative": _negative,
+    "absolute": _absolute,
+    "where": _where,
+}
+
+
+def reachable(roots: Iterable[Node]) -> list[Node]:
+    """All nodes that the roots need, arguments before users."""
+    found: dict[int, Node] = {}
+    stack = list(roots)
+    while stack:
+        node = stack.pop()
+        if node.index not in found:
+            found[node.index] = node
+            stack.extend(node.args)
+    return [found[i] for i in sorted(found)]
+
+
+def outline(groups: Sequence[Sequence[Node]]) -> tuple[Any, ...]:
+    """What groups of nodes say, as a hashable value, constants to the last bit."""
+    nodes = reachable(node for group in groups for node in group)
+    place = {node.index: i for i, node in enumerate(nodes)}
+    rows = tuple(
+        (n.op, n.value if n.op == "symbol" else None, *(place[a.index] for a in n.args))
+        for n in nodes
+    )
+    constants = np.array([n.value for n in nodes if n.op == "constant"], dtype=float)
+    places = tuple(tuple(place[node.index] for node in group) for group in groups)
+    return rows, constants.tobytes(), places
+
+
+def substitute(
+    roots: Sequence[Node], rule: Callable[[Node, tuple[Node, ...]], Node | None]
+) -> list[Node]:
+    """The roots with nodes replaced: ``rule(node, new_arguments)`` gives the new node or None."""
+    new: dict[int, Node] = {}
+    for node in reachable(roots):
+        args = tuple(new[a.index] for a in node.args)
+        changed = rule(node, args)
+        if changed is None:
+            same = all(a is b for a, b in zip(args, node.args, strict=True))
+            changed = node if same else node.graph.make(node.op, *args)
+        new[node.index] = changed
+    return [new[root.index] for root in roots]
+
+
+def rename(roots: Sequence[Node], to: Mapping[int, Node]) -> list[Node]:
+    """The roots with symbols replaced; ``to`` is keyed by the symbol's index."""
+    return substitute(roots, lambda node, args: to.get(node.index))
+
+
+def symbols_in(roots: Iterable[Node]) -> set[str]:
+    return {node.value for node in reachable(roots) if node.op == "symbol"}
+
+
+def evaluate(roots: Sequence[Node], values: Mapping[str, Any]) -> list[Any]:
+    """Values of the roots, node by node with NumPy; symbols by name, broadcast."""
+    known: dict[int, Any] = {}
+    with np.errstate(all="ignore"):
+        for node in reachable(roots):
+            if node.op == "constant":
+                known[node.index] = np.float64(node.value)
+            elif node.op == "symbol":
+                known[node.index] = np.asarray(values[node.value], dtype=float)[()]
+            else:
+                known[node.index] = OPS[node.op].value(*(known[a.index] for a in node.args))
+    return [known[root.index] for root in roots]

@@ -1,0 +1,233 @@
+"""NumPy operations on nodes: operators, ufuncs, np.where, np.clip and np.interp build nodes."""
+
+from __future__ import annotations
+
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
+
+from .operations import DERIVED, OPS
+
+WITH = "arithmetic, np.where, np.sign, np.abs, np.clip, np.interp, np.exp, np.sin and their like"
+POINTS = 50  # most points of np.interp: steps end at each, and each takes time to compile
+
+
+class TraceError(TypeError):
+    """A block's function cannot be traced symbolically."""
+
+
+class Symbolic(NDArrayOperatorsMixin):
+    """Behaviour of a node inside a block's function."""
+
+    __slots__ = ()
+    graph: Any
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+        return apply_ufunc(ufunc, method, inputs, options)
+
+    def __array_function__(self, function: Any, types: Any, args: Any, options: Any) -> Any:
+        return apply_function(function, args, options)
+
+    def __bool__(self) -> NoReturn:
+        raise TraceError(
+            "a Python branch (if, and, or, min, max) depends on a signal; "
+            "write np.where, np.minimum or np.maximum"
+        )
+
+    def __float__(self) -> NoReturn:
+        raise TraceError(
+            "a signal is turned into a number (float(), math.*, or an entry of a float array); "
+            "write np.* functions and np.array([...])"
+        )
+
+    __int__ = __index__ = __complex__ = __float__
+
+    def __round__(self, digits: Any = None) -> Any:
+        return np.rint(self) if digits is None else np.rint(self * 10.0**digits) / 10.0**digits
+
+    def __floor__(self) -> Any:
+        return np.floor(self)
+
+    def __ceil__(self) -> Any:
+        return np.ceil(self)
+
+    def __trunc__(self) -> Any:
+        return np.trunc(self)
+
+    def clip(self, low: Any = None, high: Any = None) -> Any:
+        return _clip(self, low, high)
+
+
+def _method(name: str) -> Any:
+    """NumPy calls ``element.exp()`` for ``np.exp`` of an array of objects."""
+    return lambda self: apply_ufunc(getattr(np, name), "__call__", (self,), {})
+
+
+for _name, _op in OPS.items():
+    if isinstance(_op.value, np.ufunc) and _op.value.nin == 1:
+        setattr(Symbolic, _name, _method(_name))
+for _name in (
+    "ceil",
+    "rint",
+    "trunc",
+    "square",
+    "reciprocal",
+    "fabs",
+    "degrees",
+    "radians",
+    "deg2rad",
+    "rad2deg",
+):
+    setattr(Symbolic, _name, _method(_name))
+
+
+class SignalArray(np.ndarray):
+    """An array of nodes that applies ufuncs and FUNCTIONS to its nodes."""
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+        if method != "__call__" or ufunc is np.matmul:
+            plain = (np.asarray(a) if isinstance(a, np.ndarray) else a for a in inputs)
+            return signal_array(getattr(ufunc, method)(*plain, **options))
+        return apply_ufunc(ufunc, method, inputs, options)
+
+    def __array_function__(self, function: Any, types: Any, args: Any, options: Any) -> Any:
+        if function in FUNCTIONS:
+            return apply_function(function, args, options)
+        return super().__array_function__(function, types, args, options)
+
+
+def signal_array(values: Any) -> Any:
+    """The nodes as a SignalArray; a single node is returned as it is."""
+    if isinstance(values, Symbolic):
+        return values
+    array = np.empty(np.shape(values), dtype=object)
+    array[...] = values
+    return array.view(SignalArray)
+
+
+def apply_ufunc(ufunc: np.ufunc, method: str, inputs: Any, options: dict[str, Any]) -> Any:
+    """A ufunc on nodes, element by element for arrays."""
+    out = options.pop("out", None)
+    if method != "__call__" or options:
+        raise TraceError(f"np.{ufunc.__name__}.{method} with options cannot be traced")
+    if out is None and not any(isinstance(a, (np.ndarray, list, tuple)) for a in inputs):
+        return _scalar(ufunc.__name__, inputs)
+    inputs = [_listed(a) for a in inputs]
+    result = _elementwise(lambda *args: _scalar(ufunc.__name__, args), inputs)
+    if out is not None and isinstance(out[0], np.ndarray):
+        out[0][...] = result
+        return out[0]
+    return result
+
+
+def _scalar(name: str, args: Any) -> Any:
+    node = next((a for a in args if isinstance(a, Symbolic)), None)
+    if node is None:
+        return getattr(np, name)(*args)
+    if name in DERIVED:
+        return DERIVED[name](*args)
+    if name not in OPS:
+        raise TraceError(f"np.{name} of a signal cannot be traced; write it with {WITH}")
+    return node.graph.make(name, *args)
+
+
+def _elementwise(function: Any, inputs: Any) -> Any:
+    if not any(isinstance(a, np.ndarray) and a.ndim for a in inputs):
+        return function(*(a[()] if isinstance(a, np.ndarray) else a for a in inputs))
+    cells = np.broadcast(*(_cell(a) for a in inputs))
+    result = np.empty(cells.shape, dtype=object)
+    for place, values in enumerate(cells):
+        result.flat[place] = function(*values)
+    return result.view(SignalArray)
+
+
+def _cell(value: Any) -> np.ndarray:
+    if isinstance(value, np.ndarray):
+        return value.view(np.ndarray)
+    cell = np.empty((), dtype=object)
+    cell[()] = value
+    return cell
+
+
+def _where(condition: Any, yes: Any, no: Any) -> Any:
+    def choose(c: Any, a: Any, b: Any) -> Any:
+        if not isinstance(c, Symbolic):
+            return a if c else b
+        return c.graph.make("where", c, a, b)
+
+    return _elementwise(choose, [_listed(a) for a in (condition, yes, no)])
+
+
+def _clip(value: Any, low: Any = None, high: Any = None, **bounds: Any) -> Any:
+    low, high = bounds.get("a_min", bounds.get("min", low)), bounds.get("a_max", high)
+    high = bounds.get("max", high)
+    value = value if low is None else np.maximum(value, low)
+    return value if high is None else np.minimum(value, high)
+
+
+def _interp(
+    x: Any, xp: Any, fp: Any, left: Any = None, right: Any = None, period: Any = None
+) -> Any:
+    """np.interp by kinks: (f_1 + f_n)/2 + sum of (change of slope) |x - xp_i|/2, x clipped."""
+    places, values = [float(v) for v in xp], list(fp)
+    gaps = np.diff(places)
+    if period is not None or np.any(gaps <= 0.0) or len(values) != len(places):
+        raise TraceError(
+            "np.interp is traced only without a period and with increasing points, one value each"
+        )
+    if len(places) > POINTS:
+        raise TraceError(
+            f"np.interp over {len(places)} points is not traced: give at most {POINTS}, or "
+            "use lg.tabulated, which rounds the corners"
+        )
+    slopes = [(b - a) / gap for a, b, gap in zip(values, values[1:], gaps.tolist(), strict=False)]
+    inside = np.clip(_listed(x), places[0], places[-1])
+    result = 0.5 * (values[0] + values[-1]) + 0.0 * inside
+    for place, before, after in zip(places, [0.0, *slopes], [*slopes, 0.0], strict=True):
+        result = result + 0.5 * (after - before) * np.abs(inside - place)
+    result = result if left is None else _where(x < places[0], left, result)
+    return result if right is None else _where(x > places[-1], right, result)
+
+
+def _select(conditions: Any, choices: Any, default: Any = 0.0) -> Any:
+    """np.select: the first choice whose condition holds."""
+    result = default
+    for condition, choice in reversed([*zip(conditions, choices, strict=True)]):
+        result = _where(condition, choice, result)
+    return result
+
+
+def _round(value: Any, decimals: Any = 0, **options: Any) -> Any:
+    scale = 10.0 ** int(decimals)
+    return np.rint(_listed(value) * scale) / scale if decimals else np.rint(_listed(value))
+
+
+def _fix(value: Any, **options: Any) -> Any:
+    return np.trunc(_listed(value))
+
+
+def _listed(value: Any) -> Any:
+    return signal_array(value) if isinstance(value, (list, tuple)) else value
+
+
+FUNCTIONS = {
+    np.where: _where,
+    np.clip: _clip,
+    np.interp: _interp,
+    np.select: _select,
+    np.fix: _fix,
+} | {function: _round for function in (np.round, np.around)}
+
+
+def apply_function(function: Any, args: Any, options: dict[str, Any]) -> Any:
+    """A NumPy function on nodes: our own version, or NumPy's on an array of objects."""
+    if function in FUNCTIONS:
+        return FUNCTIONS[function](*args, **options)
+    return function(*[_boxed(a) for a in args], **options)
+
+
+def _boxed(value: Any) -> Any:
+    if isinstance(value, Symbolic):
+        return _cell(value).view(SignalArray)
+    return [_boxed(v) for v in value] if isinstance(value, (list, tuple)) else value

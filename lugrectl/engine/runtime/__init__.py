@@ -1,0 +1,1 @@
+"""Generated code compiled, kept and run."""

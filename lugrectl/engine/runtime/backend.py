@@ -1,0 +1,128 @@
+"""Loads generated source as a module: a file in the cache directory, so that numba can keep its
+machine code there for the next process."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import importlib.util
+import os
+import sys
+import threading
+from collections.abc import Mapping
+from functools import cache, partial
+from types import ModuleType
+
+from ..codegen.python_source import ARRAY_HEADER, SCALAR_HEADER
+from .c_compiler import Native, has_compiler
+from .disk_cache import cache_dir, keep
+
+# a b + c may be rounded once; the other options of fastmath would change the meaning of the code
+NUMBA_HEADER = """from numba import njit
+from numpy import floor as floored
+
+fast = njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+small = njit(error_model="numpy", fastmath={"contract"})
+"""
+HEADERS: Mapping[str, str] = {
+    "numba": SCALAR_HEADER + NUMBA_HEADER,
+    "python": SCALAR_HEADER
+    + "import numpy as np\n\n\ndef fast(function):\n    return function\n\n\nsmall = fast\n",
+    "numpy": ARRAY_HEADER + "\n\ndef fast(function):\n    return function\n",
+    "c": "",
+    "wide": "",
+    "even": "",
+}
+
+_LOADING, _THREAD = threading.RLock(), threading.local()
+
+DEEP = 20_000  # numba follows the branches of a function by recursion, two calls for each
+
+
+@cache
+def has_numba() -> bool:
+    """Whether numba is installed and works with this NumPy."""
+    try:
+        importlib.import_module("numba")
+    except ImportError:
+        return False
+    return True
+
+
+def compiler() -> str | None:
+    """The compiler of loops over lanes: "c" (as fast as "numba", compiled in a tenth of the
+    time), else "numba", else None."""
+    return "c" if has_compiler() else "numba" if has_numba() else None
+
+
+def load(source: str, backend: str) -> ModuleType:
+    """The module of a source text; ``fast`` marks the functions that numba compiles.
+
+    Parameters
+    ----------
+    source : str
+        Function definitions, decorated by ``fast``, or by ``small`` if only these call them.
+    backend : str
+        "numba", "python" (the same text, not compiled), "numpy", or, for the one function
+        ``run``, "c" or "wide": C that computes several turns of its innermost loops at once;
+        "even" is "wide" with the values of "c", to the last digit.
+    """
+    text = HEADERS[backend] + "\n\n" + source
+    name = f"lugrectl_{backend}_{hashlib.sha256(text.encode()).hexdigest()[:20]}"
+    with _LOADING:  # another thread must not see a partly loaded module
+        if name not in sys.modules:
+            make = _MAKERS.get(backend, _direct)
+            sys.modules[name] = make(text, name)
+        return sys.modules[name]
+
+
+def _direct(text: str, name: str) -> ModuleType:
+    module = ModuleType(name)
+    exec(compile(text, f"<{name}>", "exec"), module.__dict__)
+    return module
+
+
+def _native(text: str, name: str, *, wide: bool = False, fused: bool = True) -> ModuleType:
+    module = ModuleType(name)
+    module.__dict__["run"] = Native(text, wide=wide, fused=fused)
+    return module
+
+
+def _from_file(text: str, name: str) -> ModuleType:
+    sys.setrecursionlimit(max(sys.getrecursionlimit(), DEEP))
+    path = cache_dir() / f"{name}.py"
+    if not path.exists():
+        keep(path, text)
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+_MAKERS = {
+    "numba": _from_file,
+    "c": _native,
+    "wide": partial(_native, wide=True),
+    "even": partial(_native, wide=True, fused=False),
+}
+
+
+def threads() -> int:
+    """The number of threads for compiled code: the processors, or $NUMBA_NUM_THREADS; 1 in a
+    thread marked by :func:`alone`."""
+    if getattr(_THREAD, "alone", False):
+        return 1
+    asked = os.environ.get("NUMBA_NUM_THREADS", "")
+    return max(1, int(asked)) if asked.isdigit() else _processors()
+
+
+def _processors() -> int:
+    given = getattr(os, "sched_getaffinity", None)  # not on every system
+    return len(given(0)) if given else os.cpu_count() or 1
+
+
+def alone() -> None:
+    """Mark the calling thread: it must not start other threads."""
+    _THREAD.alone = True

@@ -1,0 +1,284 @@
+"""Many fixed-step runs of one system along one record."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import cached_property
+
+import control as ct
+import numpy as np
+
+from ...core.errors import InputError
+from ..codegen.fixed_step import lane_code
+from ..codegen.relay import sharpened
+from ..codegen.simd import is_wide, wide_code
+from ..expression.operations import WIDTH
+from ..tracing.equations import Program
+from ..tracing.tracer import trace
+from .backend import compiler, load, threads
+from .c_compiler import has_wide
+
+Rounding = tuple[np.ndarray, np.ndarray]
+
+LEAST_WIDE = 4  # from this many lanes on a block is faster than one lane after another
+
+
+class Lanes:
+    """Many fixed-step runs (lanes) of one traced system along one record.
+
+    Parameters
+    ----------
+    system : control.NonlinearIOSystem
+        Block or interconnection in continuous time, traced once, as it is now.
+    backend : str or None
+        "c", "numba", "numpy", or None: the first one available. "c" computes several lanes at
+        once if compiler, processor and library support it.
+    outputs : sequence of str or None
+        The requested outputs, in order; None for all.
+    sharp : collection of str
+        Parameters that only smooth a sign: tanh(x/p) of a state x is treated as sign(x).
+
+    Attributes
+    ----------
+    states, inputs, outputs, parameters : tuple of str
+    defaults : ndarray
+        Parameter values of the system, in the order of ``parameters``.
+
+    Raises
+    ------
+    TraceError
+        When the system's functions cannot be traced.
+    """
+
+    def __init__(
+        self,
+        system: ct.NonlinearIOSystem,
+        *,
+        backend: str | None = None,
+        outputs: Sequence[str] | None = None,
+        sharp: Collection[str] = (),
+    ) -> None:
+        self.backend = backend or compiler() or "numpy"
+        self.program = sharpened(_chosen(trace(system), outputs), sharp)
+        self.states, self.inputs = self.program.states, self.program.inputs
+        self.outputs, self.parameters = self.program.outputs, self.program.parameters
+        self.defaults = self.program.defaults.copy()
+        kind = "array" if self.backend == "numpy" else "scalar"
+        self._run: Callable[..., None] = load(lane_code(self.program, kind), self.backend).run
+
+    @cached_property
+    def _wide(self) -> Callable[..., None] | None:
+        """The loop over blocks of lanes, if available."""
+        if self.backend != "c" or not has_wide() or not is_wide(self.program):
+            return None
+        return load(wide_code(self.program), "wide").run
+
+    @property
+    def compiled(self) -> bool:
+        """Whether the loop is machine code."""
+        return self.backend != "numpy"
+
+    def run(
+        self,
+        x0: np.ndarray,
+        start: np.ndarray,
+        length: int,
+        u: np.ndarray,
+        p: np.ndarray,
+        *,
+        dt: float,
+        substeps: int = 2,
+        t0: float | np.ndarray = 0.0,
+        series: np.ndarray | None = None,
+        y: np.ndarray | None = None,
+        seen: np.ndarray | None = None,
+        gain: np.ndarray | None = None,
+        rounding: Rounding | None = None,
+        per_substep: bool = False,
+        rtol: float = 1e-4,
+        floor: np.ndarray | float = 0.0,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Run L lanes over ``length`` samples each; sample k of the record is at t0 + k dt,
+        where each lane may have its own t0, (L,).
+
+        At each sample the output is stored, then the state corrected by
+        ``gain @ (y - output)`` if ``y`` is given, then integrated over dt in ``substeps``
+        equal steps (or more, see ``rtol``) with the input held. A lane that diverges ends in
+        inf or nan.
+
+        Parameters
+        ----------
+        x0 : (L, n)
+            States at the start.
+        start : (L,) int
+            Sample at which each lane begins.
+        length : int
+            Samples per lane.
+        u : (N, m) or (S, N, m)
+            Inputs, held over each sample interval; with ``per_substep`` N substeps rows, held
+            over each substep.
+        p : (L, q)
+            Parameters.
+        series : (L,) int
+            The input set that each lane uses (default 0).
+        y : (N, ny) or (M, N, ny)
+            Measured outputs; nan: no correction by that output at that sample.
+        seen : (L,) int
+            The measured set that each lane uses (default 0).
+        gain : (n, ny) or (L, n, ny)
+            Correction gain.
+        rounding : tuple of (N, ny) and (ny,) arrays
+            Part of a correction to leave out, and the size of ``y - output`` up to which it is
+            left out: samples that repeat one rounded value count as one.
+        rtol : float
+            A substep whose estimated error exceeds this part of the largest value that the
+            state has had in the lane is divided (a crossing of zero speed under static
+            friction); inf: never.
+        floor : float or (n,)
+            Lower limit of that largest value, for lanes at rest.
+
+        Returns
+        -------
+        y_hat : (L, length, ny)
+            Outputs before the correction.
+        x : (L, n)
+            States after the last interval.
+
+        Raises
+        ------
+        InputError
+            When the shapes do not fit together or a lane leaves the record.
+
+        Notes
+        -----
+        L-stable Rosenbrock steps of order 4. A step ends where a state reaches zero whose own
+        rate contains its sign (see :mod:`.codegen.relay`); other kinks are not located. A
+        condition on time is weighted by its share of the step. At the default rtol a result, as a
+        function of the parameters, has noise of about 1e-7 of its range: finite differences need
+        much larger steps.
+        """
+        given = self.arguments(
+            x0, start, length, u, p, dt=dt, substeps=substeps, t0=t0, series=series, y=y, seen=seen,
+            gain=gain, rounding=rounding, per_substep=per_substep, rtol=rtol, floor=floor,
+        )  # fmt: skip
+        count = len(given[0])
+        y_hat = np.empty((count, length, len(self.outputs)))
+        x_end = np.empty((count, len(self.states)))
+        wide = self._wide if count >= LEAST_WIDE and length else None
+        given = (*given, y_hat, x_end)
+        steps, block = count * length * substeps, WIDTH if wide else 1
+        self.spread(wide or self._run, given, count, steps, block)
+        return y_hat, x_end
+
+    def arguments(
+        self,
+        x0: np.ndarray,
+        start: np.ndarray,
+        length: int,
+        u: np.ndarray,
+        p: np.ndarray,
+        *,
+        dt: float,
+        substeps: int,
+        t0: float | np.ndarray,
+        series: np.ndarray | None,
+        y: np.ndarray | None,
+        seen: np.ndarray | None,
+        gain: np.ndarray | None,
+        rounding: Rounding | None,
+        per_substep: bool,
+        rtol: float,
+        floor: np.ndarray | float,
+    ) -> tuple:
+        """The arguments of a loop over lanes, from those of :meth:`run`: checked, in one layout."""
+        x0, p = self._rows(x0, self.states, "x0"), self._rows(p, self.parameters, "p")
+        u, stride = self._inputs(u, substeps if per_substep else 1)
+        count, samples = len(x0), u.shape[1] // stride
+        start = _indices(start, count, samples - length, "start")
+        series = _indices(0 if series is None else series, count, len(u) - 1, "series")
+        y, gain = self._correction(y, gain, count, samples)
+        seen = _indices(0 if seen is None else seen, count, max(len(y) - 1, 0), "seen")
+        if len(p) != count:
+            raise InputError(f"p has {len(p)} rows for {count} lanes.")
+        ny = len(self.outputs)
+        dull, half = (np.empty((0, ny)), np.zeros(ny)) if rounding is None else rounding
+        fixed = (x0, start, int(length), u, stride, series, p, y, seen, gain, gain.size > 0)
+        fixed = (*fixed, _plain(dull), _plain(half))
+        clock = _plain(np.broadcast_to(np.asarray(t0, dtype=float), (count,)))
+        least = _plain(np.broadcast_to(np.asarray(floor, dtype=float), (len(self.states),)))
+        return (*fixed, clock, float(dt), int(substeps), float(rtol), least)
+
+    def spread(
+        self, loop: Callable[..., None], arguments: tuple, count: int, steps: int, block: int = 1
+    ) -> None:
+        """All lanes in one call, or in chunks of whole blocks on threads (compiled code releases
+        the GIL)."""
+        workers = threads() if self.compiled and steps > 20_000 else 1
+        blocks = -(-count // block)
+        with np.errstate(all="ignore"):
+            if min(workers, blocks) < 2:
+                loop(*arguments, 0, count)
+                return
+            edges = block * np.linspace(0, blocks, min(blocks, 4 * workers) + 1).astype(int)
+            edges = np.minimum(edges, count).tolist()
+            with ThreadPoolExecutor(workers) as pool:
+                jobs = [
+                    pool.submit(loop, *arguments, a, b)
+                    for a, b in zip(edges, edges[1:], strict=False)
+                ]
+                for job in jobs:
+                    job.result()
+
+    def _rows(self, values: np.ndarray, names: Sequence[str], label: str) -> np.ndarray:
+        rows = _plain(np.atleast_2d(values))
+        if rows.ndim != 2 or rows.shape[1] != len(names):
+            raise InputError(f"{label} needs the columns {', '.join(names)}, not {rows.shape}.")
+        return rows
+
+    def _inputs(self, u: np.ndarray, stride: int) -> tuple[np.ndarray, int]:
+        u = np.asarray(u, dtype=float)
+        u = _plain(u if u.ndim == 3 else u[None])
+        if u.ndim != 3 or u.shape[2] != len(self.inputs) or u.shape[1] % stride:
+            raise InputError(
+                f"u needs the columns {', '.join(self.inputs)} and whole samples, not {u.shape}."
+            )
+        return u, stride
+
+    def _correction(
+        self, y: np.ndarray | None, gain: np.ndarray | None, count: int, samples: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        n, ny = len(self.states), len(self.outputs)
+        if y is None or gain is None:
+            return np.empty((0, 0, ny)), np.empty((0, n, ny))
+        y, gain = np.asarray(y, dtype=float), np.asarray(gain, dtype=float)
+        y = _plain(y if y.ndim == 3 else y[None])
+        if y.shape[1:] != (samples, ny) or gain.shape not in ((n, ny), (count, n, ny)):
+            raise InputError(
+                f"y must be ({samples}, {ny}) and gain ({n}, {ny}) or ({count}, {n}, {ny}); "
+                f"they are {y.shape[1:]} and {gain.shape}."
+            )
+        return y, _plain(np.broadcast_to(gain, (count, n, ny)))
+
+
+def _plain(values: np.ndarray, kind: type = float) -> np.ndarray:
+    """The array in a fixed memory layout, so that only one version is compiled."""
+    return np.require(values, kind, ["C", "W"])
+
+
+def _indices(values: np.ndarray | int, count: int, highest: int, label: str) -> np.ndarray:
+    whole = _plain(np.broadcast_to(np.asarray(values), (count,)), np.int64)
+    if np.any(whole < 0) or np.any(whole > highest):
+        raise InputError(f"{label} must be between 0 and {highest}: else a lane leaves the record.")
+    return whole
+
+
+def _chosen(program: Program, outputs: Sequence[str] | None) -> Program:
+    if outputs is None:
+        return program
+    unknown = [name for name in outputs if name not in program.outputs]
+    if unknown:
+        raise InputError(f"{program.name} has no output '{unknown[0]}'; it has {program.outputs}.")
+    y = tuple(program.y[program.outputs.index(name)] for name in outputs)
+    return replace(program, outputs=tuple(outputs), y=y)

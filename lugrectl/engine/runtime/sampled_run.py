@@ -1,0 +1,187 @@
+"""A compiled run of a net of continuous and sampled blocks."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Iterator
+from copy import copy
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..codegen.sampled_data import held_code, signal_code
+from ..tracing.network import Net
+from ..tracing.network_equations import Hybrid
+from .adaptive_run import Diverged, floor_of
+from .backend import has_numba, load
+
+_HERE = threading.local()
+FEW = 2000  # grid points; 25 times as many if there are no continuous states
+
+
+@contextlib.contextmanager
+def interpreted() -> Iterator[None]:
+    """Nets that this thread runs meanwhile stay in plain Python: for short runs of many nets."""
+    before, _HERE.plain = getattr(_HERE, "plain", False), True
+    try:
+        yield
+    finally:
+        _HERE.plain = before
+
+
+@dataclass(frozen=True)
+class Course:
+    """The times at which a net is stepped, the updates there, and the points to keep.
+
+    Parameters
+    ----------
+    grid : (N,) ndarray
+        Times of updates and requested times.
+    given : (m, N) ndarray
+        External inputs.
+    flags : (groups, N) ndarray
+        1 for an update of a sample time, 0.5 if only its outputs are requested.
+    column : (N,) ndarray of int
+        Index among the kept points, -1: not kept.
+    hold : bool
+        Inputs are held between grid points.
+    """
+
+    grid: np.ndarray
+    given: np.ndarray
+    flags: np.ndarray
+    column: np.ndarray
+    hold: bool
+
+    @property
+    def ticks(self) -> np.ndarray:
+        return np.asarray((self.flags > 0.0).any(axis=0))
+
+    @property
+    def kept(self) -> np.ndarray:
+        return np.flatnonzero(self.column >= 0)
+
+
+@dataclass(frozen=True)
+class Track:
+    """Continuous states, sampled states and signals at the kept points; ``unsettled`` as in
+    :class:`lugrectl.engine.runtime.adaptive_run.Run`."""
+
+    x: np.ndarray
+    q: np.ndarray
+    y: np.ndarray
+    unsettled: float
+
+
+class Held:
+    """Compiled run and signals of a net.
+
+    Parameters
+    ----------
+    hybrid : Hybrid
+        The equations of the net, as ``trace_net`` gives them.
+    backend : str or None
+        "numba", "python", or None: plain Python for up to FEW grid points, because compiling
+        would take much longer than running; beyond that numba, if it can be imported.
+    """
+
+    def __init__(self, hybrid: Hybrid, backend: str | None = None) -> None:
+        self.hybrid = hybrid
+        self.backend, self._points = backend, 0
+        self._runs: dict[str, Any] = {}
+        self._signals = load(signal_code(self.hybrid), "numpy").signals
+
+    def of(self, hybrid: Hybrid) -> Held:
+        """The same code for equations of the same outline, which may have other defaults."""
+        made = copy(self)
+        made.hybrid = hybrid
+        return made
+
+    def _chosen(self, points: int) -> str:
+        if getattr(_HERE, "plain", False):
+            return "python"
+        self._points += points
+        few = FEW if self.hybrid.flow.x else 25 * FEW
+        return self.backend or ("numba" if self._points > few and has_numba() else "python")
+
+    def run(
+        self,
+        course: Course,
+        x: np.ndarray,
+        q: np.ndarray,
+        p: np.ndarray,
+        rtol: float,
+        atol: float | None = None,
+    ) -> Track:
+        """The track that starts at the states x, q.
+
+        Raises
+        ------
+        Diverged
+            Names the state, or the sampled block and its output or state, and the time.
+        """
+        net, kept = self.hybrid.net, course.kept
+        counts = (len(x), len(q), len(net.held), len(net.held) if net.earlier else 0)
+        out = [np.empty((count, len(kept))) for count in counts]
+        now = [x.copy(), q.copy(), np.zeros(len(net.held))]
+        status = np.array([0.0, 0.0, 0.0, np.nan, 0.0])
+        fixed = (course.grid, course.given, course.ticks, course.flags, course.column)
+        backend = self._chosen(len(course.grid))
+        code = self._call(
+            backend, (*fixed, course.hold, p, float(rtol), floor_of(rtol, atol)), now, out, status
+        )
+        if code == 1:
+            label = self.hybrid.flow.states[int(status[2])]
+            raise Diverged(
+                f"{net.name}: state {label} grows without bound, is not a number, or changes "
+                f"faster than steps can follow, at t = {status[1]:.6g} s."
+            )
+        if code == 2:
+            raise Diverged(not_finite(net, now[1], now[2], status[1]))
+        y = np.empty((len(net.signals), len(kept)))
+        u = np.vstack([course.given[:, kept], out[2]])
+        with np.errstate(all="ignore"):
+            self._signals(course.grid[kept], out[0], u, out[3], p, y)
+        return Track(out[0], out[1], y, float(status[3]))
+
+    def _generated(self, backend: str) -> Any:
+        if backend not in self._runs:
+            assert self.hybrid.tick is not None
+            text = held_code(self.hybrid, self.hybrid.tick, backend)
+            self._runs[backend] = load(text, backend).alternate
+        return self._runs[backend]
+
+    def _call(self, backend: str, fixed: Any, now: Any, out: Any, status: np.ndarray) -> int:
+        """Call the generated function; with lists in plain Python, where they are faster."""
+        run = self._generated(backend)
+        *arrays, hold, p, rtol, floor = fixed
+        if backend == "numba":
+            arrays = [np.require(a, requirements=["C", "W"]) for a in (*arrays, p)]
+            return run(*arrays[:-1], bool(hold), arrays[-1], rtol, floor, *now, *out, status)
+        arrays, lists, kept = ([a.tolist() for a in group] for group in (arrays, now, out))
+        code = run(*arrays, bool(hold), p.tolist(), rtol, floor, *lists, *kept, status)
+        for targets, values in ((now, lists), (out, kept)):
+            for target, rows in zip(targets, values, strict=True):
+                target[...] = np.array(rows).reshape(target.shape)
+        return code
+
+
+def not_finite(net: Net, q: np.ndarray, h: np.ndarray, t: float) -> str:
+    """The sampled block with an output or a state that is not a number."""
+    for (i, j), value in zip(net.held, h, strict=True):
+        if not np.isfinite(value):
+            part = net.parts[i]
+            return (
+                f"{net.name}: output {part.outputs[j]} of block {part.block.name} is {value} at "
+                f"t = {t:.6g} s."
+            )
+    for part, place in zip(net.parts, net.places, strict=True):
+        for label, value in zip(part.block.state_labels or (), q[place], strict=False):
+            if part.sampled and not np.isfinite(value):
+                return (
+                    f"{net.name}: state {label} of block {part.block.name} is {value} at "
+                    f"t = {t:.6g} s."
+                )
+    return f"{net.name}: a sampled signal is not a number at t = {t:.6g} s."

@@ -1,0 +1,192 @@
+"""One sample of a continuous system: whether its rates are affine, and the step where not."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from ..expression.affine import affine
+from ..expression.graph import Node
+from ..expression.numpy_protocol import TraceError
+from ..tracing.equations import Program
+from ..tracing.ingredients import described, is_number
+from ..tracing.tracer import trace
+from .adaptive_run import Adaptive, Diverged
+from .backend import has_numba
+from .memo import ALONE
+
+RTOL = 1e-6  # error allowed in a substep, relative to the largest value of each state
+FEW = 4000  # samples; compiling takes as long as so many in plain Python
+SIZES = 10.0 ** np.arange(-6, 7)  # of the states at which a function without a trace is tried
+CLOSE = 1e-9
+
+
+@dataclass
+class _Kind:
+    """What is known of the rates while the parameters in ``fixed`` have these values."""
+
+    fixed: Mapping[str, Any]
+    affine: bool
+    program: Program | None
+    engines: dict[str, Adaptive] = field(default_factory=dict)
+    calls: int = 0
+
+    def engine(self, program: Program) -> Adaptive:
+        self.calls += 1
+        backend = "numba" if self.calls > FEW and has_numba() else "python"
+        if backend not in self.engines:
+            self.engines[backend] = Adaptive(program, backend)
+        return self.engines[backend]
+
+
+class Substeps:
+    """A continuous system over one sample, in substeps of at most ``longest`` s.
+
+    Whether the rates are affine in the states is decided by the traced equations, with all
+    parameters and inputs as symbols. A function that cannot be traced is tried at states from
+    1e-6 to 1e6 and at other parameters; a point without a finite value does not count.
+    """
+
+    def __init__(self, system: Any, longest: float) -> None:
+        self.system, self.longest = system, longest
+        self._kinds: list[_Kind] = []
+        self._last: tuple[Any, Any] = (None, None)
+
+    def again(self) -> None:
+        """A run begins: what a function of the user reads from outside may have changed."""
+        if described(self.system, by_trace=False) is None:
+            self._kinds.clear()
+            self._last = (None, None)
+
+    def affine(self, params: Mapping[str, Any]) -> bool:
+        """Whether the rates are affine in the states, at any inputs."""
+        return self._kind(params).affine
+
+    def _kind(self, params: Mapping[str, Any]) -> _Kind:
+        for known in self._kinds:
+            if all(_equal(params[k], v) for k, v in known.fixed.items()):
+                return known
+        own = {k: v for k, v in params.items() if k in self.system.params and not _symbolic(v)}
+        with ALONE:
+            try:
+                program = trace(self.system, own)
+            except TraceError:
+                made = _Kind({}, affine_by_probes(self.system), None)
+            else:
+                fixed = {k: v for k, v in own.items() if k in program.fixed or not is_number(v)}
+                made = _Kind(fixed, None not in affine(program.xdot, program.x), program)
+        self._kinds.append(made)
+        return self._kind(params) if any(map(_symbolic, params.values())) else made
+
+    def step(
+        self, x: np.ndarray, before: np.ndarray, now: np.ndarray, params: Mapping[str, Any]
+    ) -> np.ndarray:
+        """The states after a sample, from the time and the inputs at its start and its end.
+
+        Raises
+        ------
+        Diverged
+            Names the state and the time.
+        """
+        own = {k: v for k, v in params.items() if k in self.system.params}
+        kind = self._kind(own)
+        values = tuple(v if is_number(v) else id(v) for v in own.values())
+        asked = (id(kind), x.tobytes(), before.tobytes(), now.tobytes(), values)
+        last = self._last  # output and update of a block ask for the same step
+        if last[0] != asked:
+            self._last = last = asked, self._stepped(kind, x, before, now, own)
+        return last[1].copy()
+
+    def _stepped(
+        self, kind: _Kind, x: np.ndarray, before: np.ndarray, now: np.ndarray, own: Any
+    ) -> np.ndarray:
+        count = int(np.ceil((now[0] - before[0]) / self.longest - 1e-9))
+        grid = before[:, None] + (now - before)[:, None] * (np.arange(count + 1) / count)
+        if kind.program is None:
+            return self._by_scipy(x, grid, own)
+        engine, p = kind.engine(kind.program), kind.program.arguments(own)
+        run = engine.run(grid[0], grid[1:], x, p, hold=False, rtol=RTOL)
+        if np.isfinite(run.unsettled):
+            warnings.warn(
+                f"{self.system.name}: a sign or comparison switches without end near t = "
+                f"{run.unsettled:.6g} s; the result there is coarse: write np.tanh(w/eps) for "
+                "np.sign(w).",
+                RuntimeWarning,
+                stacklevel=2,
+            )
+        return run.states[:, -1]
+
+    def _by_scipy(self, x: np.ndarray, grid: np.ndarray, own: Mapping[str, Any]) -> np.ndarray:
+        t, inputs = grid[0], grid[1:]
+
+        def rates(now: float, state: np.ndarray) -> Any:
+            u = np.array([np.interp(now, t, row) for row in inputs])
+            return np.reshape(self.system.updfcn(now, state, u, own), -1)
+
+        options = {"method": "LSODA", "rtol": RTOL, "atol": 1e-4 * RTOL, "max_step": self.longest}
+        done = solve_ivp(rates, (t[0], t[-1]), x, **options)
+        last = done.y[:, -1]
+        if not done.success or not np.all(np.isfinite(last)):
+            bad = int(np.argmax(~np.isfinite(last)))
+            raise Diverged(
+                f"{self.system.name}: state {self.system.state_labels[bad]} cannot be continued "
+                f"at t = {done.t[-1]:.6g} s: {done.message}"
+            )
+        return last
+
+
+def _symbolic(value: Any) -> bool:
+    return isinstance(value, Node)
+
+
+def _equal(one: Any, other: Any) -> bool:
+    if _symbolic(one):
+        raise TraceError("a parameter decides which equations there are: it is needed as a number")
+    return one is other or bool(np.array_equal(one, other))
+
+
+def affine_by_probes(system: Any) -> bool:
+    """Whether f(a + b) + f(0) = f(a) + f(b) at states of all sizes and at other parameters.
+
+    False also if no point gives finite values.
+    """
+    random, seen = np.random.default_rng(0), False
+    for params in _variants(system.params, random):
+        for size in np.repeat(SIZES, 4):
+            u = random.standard_normal(system.ninputs) * 10.0 ** random.uniform(-3.0, 3.0)
+            u = np.abs(u) if random.random() < 0.5 else u
+            a, b = size * random.standard_normal((2, system.nstates))
+            t = abs(random.standard_normal())
+            parts = [_rates(system, t, x, u, params) for x in (a + b, 0.0 * a, a, b)]
+            if any(part is None for part in parts):
+                continue
+            values = np.array(parts) * np.array([[1.0], [1.0], [-1.0], [-1.0]])
+            scale = np.abs(values).max(axis=0) + 1e-300
+            if not np.all(np.abs(values.sum(axis=0)) <= CLOSE * scale):
+                return False
+            seen = True
+    return seen
+
+
+def _rates(system: Any, t: float, x: Any, u: Any, params: Mapping[str, Any]) -> np.ndarray | None:
+    """The rates at a point; None if there are none."""
+    try:
+        with np.errstate(all="ignore"):
+            values = np.reshape(np.asarray(system.updfcn(t, x, u, params), dtype=float), -1)
+    except (ArithmeticError, ValueError, RuntimeError):
+        return None
+    return values if np.isfinite(values).all() else None
+
+
+def _variants(params: Mapping[str, Any], random: Any) -> Iterator[dict[str, Any]]:
+    """The parameters as they are, then with all numbers changed."""
+    yield dict(params)
+    for size in (0.3, 3.0, 30.0) if any(map(is_number, params.values())) else ():
+        moved = {k: v * (1.0 + size * random.random()) for k, v in params.items() if is_number(v)}
+        shifted = {k: v if v else size * random.standard_normal() for k, v in moved.items()}
+        yield {**params, **shifted}

@@ -1,0 +1,1 @@
+"""From a python-control system to its equations."""

@@ -1,0 +1,92 @@
+"""What a system consists of, where nothing in it can change without being seen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import control as ct
+import numpy as np
+
+from ...core.control_pickling import own_functions
+from .tracer import single
+from .verify import AGAIN, Differs, check
+
+PLAIN = (ct.NonlinearIOSystem, ct.StateSpace, ct.InterconnectedSystem, ct.LinearICSystem)
+
+
+def described(system: Any, *, by_trace: bool = True) -> Any:
+    """All that decides what a system does, as a hashable value; None where it cannot be known.
+
+    Of blocks of this package and of matrices it is known at once. A function of a user may read
+    anything: a global, an entry of a dictionary, an array. Such a block is described by the
+    equations that a trace of it gives now, or not at all without ``by_trace``. Parameters that
+    are no numbers, and those that decide which equations there are, leave a system undescribed.
+
+    The system's ``_update_params`` was called before. Raises TraceError for a block that keeps
+    values between calls.
+    """
+    if type(system) not in PLAIN or "_rhs" in vars(system) or "_out" in vars(system):
+        return None
+    if not numbers_alone(system.params):
+        return None
+    inside = _inside(system, by_trace)
+    if inside is None:
+        return None
+    labels = (system.input_labels, system.output_labels, system.state_labels)
+    values = np.array([float(v) for v in system.params.values()]).tobytes()
+    params = (tuple(system.params), values)
+    return type(system), system.name, system.dt, *map(tuple, labels), params, inside
+
+
+def _inside(system: Any, by_trace: bool) -> Any:
+    if isinstance(system, ct.InterconnectedSystem):
+        blocks = tuple(described(block, by_trace=by_trace) for block in system.syslist)
+        wires = _arrays(system.connect_map, system.input_map, system.output_map)
+        return None if None in blocks or wires is None else (blocks, wires)
+    if isinstance(system, ct.StateSpace):
+        matrices = _arrays(system.A, system.B, system.C, system.D)
+        return matrices if own_functions(system) else None
+    functions = [system.updfcn] if system.nstates else []
+    found = tuple(_function(f) for f in (*functions, system.outfcn))
+    if None in found:
+        return _equations(system) if by_trace else None
+    return found
+
+
+def _equations(block: Any) -> Any:
+    """What a trace of a single block gives, compared with the block itself."""
+    params = dict(block._current_params)
+    try:
+        program = single(block)
+        check(program, block, params, AGAIN)
+    except Differs:  # by itself: among other blocks an even number of calls may hide it
+        raise
+    except Exception:  # the trace of the whole says which block, and why
+        return None
+    return None if program.fixed else program.outline()
+
+
+def _function(function: Any) -> Any:
+    """A function of this package and the systems that it works with."""
+    ours = str(type(function).__module__).startswith("lugrectl.")
+    systems = function.rests_on() if ours and hasattr(function, "rests_on") else None
+    if systems is None:
+        return None
+    inside = tuple(described(system, by_trace=False) for system in systems)
+    return None if None in inside else (function, *inside)
+
+
+def _arrays(*values: Any) -> Any:
+    arrays = [np.asarray(v) for v in values]
+    if any(a.dtype.kind not in "biuf" for a in arrays):
+        return None
+    return tuple((a.shape, a.dtype.str, a.tobytes()) for a in arrays)
+
+
+def numbers_alone(given: Mapping[str, Any]) -> bool:
+    return all(is_number(v) for v in given.values())
+
+
+def is_number(value: Any) -> bool:
+    return isinstance(value, (int, float, np.number)) and not isinstance(value, bool)

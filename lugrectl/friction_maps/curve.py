@@ -1,0 +1,211 @@
+"""Random-effects regression: friction and effects fitted to a map by weighted least squares.
+
+``u = F(w) + r(w)`` at every point, without inertia. The variance of a point is that of its mean
+plus a run-to-run variance, the same for all, estimated from the misfit (Paule and Mandel, 1982).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares, root_scalar
+from scipy.stats import t as student
+
+from ..blocks.model import Model
+from ..identification.likelihood.maximise import flat
+from ..identification.likelihood.parameters import Coordinate, coordinates, free_keys, inside
+from ..identification.likelihood.predictor import Predictor, Values
+from ..identification.likelihood.priors import known, missed, stated_cost, weak
+from ..identification.likelihood.simulation_error import rms
+from ..identification.unknown_torque.discrepancy import inverse
+from .points import Points, laid
+
+ROUNDS = 6  # of weights and values in turn, at most
+SETTLED = 0.02  # relative change of the weights that ends them
+FIRST = 15  # steps from every start
+GUESS = 0.02  # of the torque, for its standard deviation before anything is fitted
+STARTS = 2  # best starts that are followed to the end
+FLAT = 1e-6  # of the scaled information, below which a direction is not identified
+NUDGE = 1e-3  # step of a coordinate, to see whether the map identifies it
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A model fitted to points; ``sigma`` is the standard deviation of each.
+
+    Plant values stay within a factor of ``anchor``.
+    """
+
+    predictor: Predictor
+    at: Points
+    values: dict[str, float]
+    coords: tuple[Coordinate, ...]
+    sigma: np.ndarray
+    anchor: dict[str, float]
+
+    @property
+    def model(self) -> Model:
+        return self.predictor.model
+
+    @property
+    def residual(self) -> np.ndarray:
+        """Torque that the model does not explain at the points, N m."""
+        return self.predictor.torque(self.values)
+
+    def cost(self, sigma: np.ndarray) -> float:
+        """Sum of squared misfits in units of ``sigma``."""
+        return float(np.sum((self.residual / sigma) ** 2))
+
+    @property
+    def misfit(self) -> float:
+        """Twice the negative log-likelihood, up to a constant."""
+        prior = 2.0 * stated_cost(self.coords, self.values)
+        return self.cost(self.sigma) + 2.0 * float(np.sum(np.log(self.sigma))) + prior
+
+    def torque(self, w: np.ndarray) -> np.ndarray:
+        """The model's torque at other speeds, N m."""
+        zero = np.zeros_like(w)
+        other = self.predictor.on(laid(Points(w, zero, zero, zero, zero), self.model.motion))
+        return -other.torque(self.values)
+
+    def missed(self, at: Points) -> np.ndarray:
+        """The residual at other points."""
+        return at.u - self.torque(at.w)
+
+    def intervals(self) -> dict[str, tuple[float, float]]:
+        """95 % intervals from the curvature, of identified values that are not at a bound."""
+        free, x = len(self.at.w) - len(self.coords), _into(self)
+        if free < 1 or not len(x):
+            return {}
+        covariance, made = inverse(self.information), {}
+        unidentified = {key for keys in self.flat() for key in keys} | set(self.ends())
+        moved = [(_at(self, x - e), _at(self, x + e)) for e in np.diag(_steps(self))]
+        for c in self.coords:
+            rate = np.array([b[c.key] - a[c.key] for a, b in moved]) / (2.0 * _steps(self))
+            half = float(student.ppf(0.975, free) * np.sqrt(rate @ covariance @ rate))
+            value = self.values[c.key]
+            if c.key not in unidentified:
+                made[c.key] = (max(value - half, c.low), min(value + half, c.high))
+        return made
+
+    @property
+    def information(self) -> np.ndarray:
+        """Of the coordinates; its inverse is their covariance."""
+        x = _into(self)
+        slopes = np.array([_slope(self, x, i) / self.sigma for i in range(len(x))])
+        return slopes @ slopes.T + known(self.coords, self.values, bounds=True)
+
+    def flat(self) -> list[tuple[str, ...]]:
+        """Keys of which the map identifies a combination only."""
+        return flat(self.information, self.coords, FLAT) if self.coords else []
+
+    def ends(self) -> tuple[str, ...]:
+        """The values at a limit of their range."""
+        return tuple(
+            c.key
+            for c in self.coords
+            if c.kind == "log" and not c.low * 1.001 < self.values[c.key] < c.high / 1.001
+        )
+
+    def size(self, key: str) -> float:
+        """RMS torque of an effect at the points, over that of friction."""
+        block = self.model.part(key).block
+        off = block.parameters[block.gain].neutral or 0.0
+        without = {**self.values, f"{key}.{block.gain}": off}
+        change = self.predictor.torque(without) - self.residual
+        return rms(change) / rms(self.predictor.friction(self.values))
+
+
+def fit(model: Model, at: Points, starts: Sequence[Values], anchor: Values) -> Curve:
+    """The best fit from several starts; a value missing in ``anchor`` is anchored at its start."""
+    even = np.full(len(at.w), GUESS * float(np.std(at.u)) or 1.0)
+    predictor = Predictor(model, laid(at, model.motion))
+    tried = []
+    for start in starts:
+        around = model.kept({**start, **anchor})
+        coords = coordinates(predictor, free_keys(predictor), around)
+        open_ = Curve(predictor, at, inside(coords, start, model), (), even, around)
+        shown = [c for c in coords if _shows(replace(open_, coords=(c,)))]
+        tried.append(_stepped(replace(open_, coords=tuple(shown)), FIRST))
+    best = sorted(tried, key=lambda curve: curve.misfit)[:STARTS]
+    return min(map(_settled, best), key=lambda curve: curve.misfit)
+
+
+def refit(curve: Curve, at: Points) -> Curve:
+    """The same model on other points, from its current values."""
+    even = np.full(len(at.w), float(np.median(curve.sigma)))
+    predictor = curve.predictor.on(laid(at, curve.model.motion))
+    return _settled(replace(curve, predictor=predictor, at=at, sigma=even))
+
+
+def _settled(curve: Curve) -> Curve:
+    """Values and weights in turn."""
+    for _ in range(ROUNDS):
+        curve, before = _stepped(curve), curve.sigma
+        curve = replace(curve, sigma=np.sqrt(curve.at.error**2 + _scatter(curve) ** 2))
+        if np.allclose(before, curve.sigma, rtol=SETTLED):
+            break
+    return _stepped(curve)
+
+
+def _stepped(curve: Curve, most: int | None = None) -> Curve:
+    """Least squares with a weak prior, which keeps values that are not identified at their
+    anchor, and with the priors that the model states."""
+    if not curve.coords:
+        return curve
+    believed = np.sqrt(weak(curve.coords))
+    center = np.array([c.into(curve.anchor) for c in curve.coords])
+
+    def miss(x: np.ndarray) -> np.ndarray:
+        values = _at(curve, x)
+        torque = curve.predictor.torque(values) / curve.sigma
+        return np.concatenate([torque, believed * (x - center), missed(curve.coords, values)])
+
+    done = least_squares(miss, _into(curve), x_scale="jac", max_nfev=most)
+    return replace(curve, values=_at(curve, done.x))
+
+
+def _scatter(curve: Curve) -> float:
+    """Standard deviation from run to run: what the errors of the means do not explain."""
+    square, own = curve.residual**2, curve.at.error**2
+    free = max(len(square) - len(curve.coords), 1)
+    floor = 1e-4 * float(np.std(curve.at.u))
+    most = float(np.sqrt(np.sum(square) / free)) + floor
+
+    def excess(scatter: float) -> float:
+        return float(np.sum(square / (own + scatter**2))) - free
+
+    if excess(floor) <= 0.0:
+        return floor
+    return float(root_scalar(excess, bracket=(floor, most)).root) if excess(most) < 0.0 else most
+
+
+def _into(curve: Curve) -> np.ndarray:
+    return np.array([c.into(curve.values) for c in curve.coords])
+
+
+def _at(curve: Curve, x: np.ndarray) -> dict[str, float]:
+    made = dict(curve.values)
+    for c, value in zip(curve.coords, x, strict=True):
+        made[c.key] = c.back(float(value), made)
+    return made
+
+
+def _shows(curve: Curve) -> bool:
+    """True if the map depends on the one free value at all."""
+    return bool(np.any(_slope(curve, _into(curve), 0)))
+
+
+def _slope(curve: Curve, x: np.ndarray, i: int) -> np.ndarray:
+    """Derivative of the residual along one coordinate; one-sided at its bound."""
+    c, along = curve.coords[i], _steps(curve) * (np.arange(len(x)) == i)
+    ends = [_at(curve, x + s * along) for s in (-1.0, 1.0)]
+    behind, ahead = (curve.predictor.torque(values) for values in ends)
+    apart = c.into(ends[1]) - c.into(ends[0])
+    return (ahead - behind) / apart if apart else np.zeros_like(ahead)
+
+
+def _steps(curve: Curve) -> np.ndarray:
+    return np.array([NUDGE if c.kind in ("log", "excess") else c.step for c in curve.coords])

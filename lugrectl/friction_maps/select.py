@@ -1,0 +1,222 @@
+"""Stepwise selection: which effects are significant in a map of torque over speed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from scipy.stats import f as fisher
+from scipy.stats import norm, rankdata
+
+from ..blocks.block import Block, members
+from ..blocks.model import Model
+from ..identification.candidates.applicable import worth_trying
+from ..identification.likelihood.parameters import typical
+from ..identification.selection import LEAST
+from ..results.diagnosis_result import Candidate
+from .curve import Curve, fit
+from .points import Points, laid
+
+CHANCE = 0.01  # probability that any effect is named although nothing is missing
+ALIKE = 4.0  # misfit, in variances, within which two models explain a map equally well
+MOST_EFFECTS = 3
+STEPS = 30.0  # size of a test step, in typical steps
+DRAWS, CHANCE_LEFT = 999, 0.01  # permutations of the residuals, and the level of their test
+
+Named = tuple[str, Curve]
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """An accepted effect, and what explains the map equally well."""
+
+    key: str
+    name: str
+    tied: tuple[Candidate, ...]
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The best fit of the declared law, that with the accepted effects, and all candidates."""
+
+    base: Curve
+    final: Curve
+    steps: tuple[Chosen, ...]
+    ranking: tuple[Candidate, ...]
+
+
+def choose(base: Curve, say: Callable[[str], None]) -> Choice:
+    """Add the effect that explains most, refit everything, repeat.
+
+    If several explain a map equally well each is followed: a later effect may distinguish them.
+    """
+    tried = _tried(base, say, 1)
+    ends = _followed(base, tried, say, 1)
+    least = min(len(curve.coords) for _, curve in ends)
+    steps, final = min(ends, key=lambda end: end[1].misfit + ALIKE * (len(end[1].coords) - least))
+    made = [_looked_again(final, *step) for step in steps]
+    return Choice(base, final, tuple(made), _ranking(base, tried))
+
+
+def _tried(current: Curve, say: Callable[[str], None], turn: int) -> list[Named]:
+    """The model with each candidate, best first."""
+    say(f"trying effects that depend on speed, round {turn}")
+    tried = [(name, _with(current, name)) for name in candidates(current.model)]
+    return sorted(tried, key=lambda one: one[1].misfit)
+
+
+def _followed(
+    current: Curve, tried: Sequence[Named], say: Callable[[str], None], turn: int
+) -> list[tuple[list[tuple[str, list[str]]], Curve]]:
+    """All ways on: the keys of the effects added, what explained as much, and the model."""
+    chance = CHANCE / max(len(tried), 1)
+    sound = [(n, c) for n, c in tried if by_chance(current, c) < chance and _worth(c)]
+    even, ways = _even(sound), []
+    for name, curve in even:
+        step = curve.model.effects[-1].key, [n for n, _ in even if n != name]
+        more = [] if turn == MOST_EFFECTS else _tried(curve, say, turn + 1)
+        ways += [([step, *rest], end) for rest, end in _followed(curve, more, say, turn + 1)]
+    return ways or [([], current)]
+
+
+def candidates(model: Model) -> list[str]:
+    """Applicable effects that a drive at steady speed shows by its speed alone."""
+    return [name for name in worth_trying(model) if is_static(members("effect")[name])]
+
+
+def is_static(made: Block) -> bool:
+    """True if an effect shows at a steady speed, by this speed alone."""
+    bare = not (made.states or made.exact) and (made.load or not made.timed)
+    acts = {act.removeprefix("+") for act in made.acts}
+    return bare and set(made.inputs) <= {"w"} and acts <= {"torque", "Fc", "Fs", "Fv"}
+
+
+def _worth(curve: Curve) -> bool:
+    return curve.size(curve.model.effects[-1].key) > LEAST
+
+
+def by_chance(before: Curve, after: Curve) -> float:
+    """Probability that chance reduces the misfit as much (F test, weights of the larger model).
+
+    The point that gains most in each direction is left out: what one speed shows is no law.
+    """
+    gains = (before.residual**2 - after.residual**2) / after.sigma**2
+    ways = [gains[after.at.w * side > 0.0] for side in (-1.0, 1.0)]
+    certain = sum(way.sum() - way.max() for way in ways if len(way))
+    more = len(after.coords) - len(before.coords)
+    free = len(gains) - len(after.coords) - len(ways)
+    if more < 1 or free < 1:
+        return 1.0
+    return float(fisher.sf(certain / more / max(after.cost(after.sigma) / free, 1.0), more, free))
+
+
+def left_over(curve: Curve, seed: int) -> bool:
+    """True if the residual still depends on speed (permutation test).
+
+    Then residuals of neighbours in speed are alike, or those of the same speed in both directions.
+    The test uses ranks: one run far off is no evidence.
+    """
+    ways = [curve.at.w * side > 0.0 for side in (-1.0, 1.0)]
+    order = [np.flatnonzero(way)[np.argsort(np.abs(curve.at.w[way]))] for way in ways]
+    ranks = rankdata(curve.residual / curve.sigma)
+    sizes, e = [np.abs(curve.at.w[o]) for o in order], norm.ppf(ranks / (len(ranks) + 1.0))
+    draw = np.random.default_rng(seed)
+    seen = _alike(sizes, [e[o] for o in order])
+    drawn = [_alike(sizes, [draw.permutation(e[o]) for o in order]) for _ in range(DRAWS)]
+    rare = (1 + np.sum(np.array(drawn) >= seen, axis=0)) / (DRAWS + 1)
+    size = float(np.std(curve.residual)) / float(np.std(curve.at.u))
+    return bool(min(rare) <= 0.5 * CHANCE_LEFT and size > LEAST)
+
+
+def _alike(sizes: Sequence[np.ndarray], ways: Sequence[np.ndarray]) -> tuple[float, float]:
+    """How alike residuals of neighbours in speed are, and those of the two directions."""
+    beside = sum(float(np.sum(e[1:] * e[:-1])) for e in ways)
+    if not all(map(len, ways)):
+        return beside, -np.inf
+    there = np.interp(sizes[0], sizes[1], ways[1])
+    return beside, abs(float(np.sum(ways[0] * there)))
+
+
+def _with(current: Curve, name: str) -> Curve:
+    """The best fit with one more effect."""
+    made = members("effect")[name]
+    model = current.model.with_effect(name, {k: p.value for k, p in made.own.items()})
+    key = model.effects[-1].key
+    starts = [
+        plant
+        | {k: v for k, v in own.items() if k in plant}
+        | {f"{key}.{k}": float(own.get(k, p.value)) for k, p in made.own.items()}
+        for own in _starts(current, made)
+        for plant in (current.values, current.anchor)
+    ]
+    return fit(model, current.at, starts, current.anchor)
+
+
+def _starts(current: Curve, made: Block) -> list[dict[str, float]]:
+    """Sets of values that the effect proposes, or a small one at each point of its grids."""
+    log = laid(current.at, current.model.motion).log
+    if made.tries:
+        return made.tries(log, current.values)
+    little = STEPS * typical(made.parameters[made.gain], log)
+    grids = {k: p.grid(log).tolist() for k, p in made.own.items() if p.grid}
+    return [{made.gain: little} | dict(zip(grids, one, strict=True))
+            for one in product(*grids.values())]  # fmt: skip
+
+
+def _even(sound: Sequence[Named]) -> list[Named]:
+    """Those that explain the map as well as the first."""
+    if not sound:
+        return []
+    top = sound[0][1]
+    most = top.cost(top.sigma) + ALIKE
+    return [(name, curve) for name, curve in sound if curve.cost(top.sigma) < most]
+
+
+def _looked_again(whole: Curve, key: str, others: Sequence[str]) -> Chosen:
+    """An effect with the ties that explain as much beside the later effects, too."""
+    tied = []
+    if others:
+        without = _without(whole, key)
+        tried = [(name, _with(without, name)) for name in others]
+        even = [(n, c) for n, c in tried if c.cost(whole.sigma) < whole.cost(whole.sigma) + ALIKE]
+        tied = [_candidate(without, n, c) for n, c in even]
+    return Chosen(key, whole.model.part(key).block.name, tuple(tied))
+
+
+def _without(whole: Curve, key: str) -> Curve:
+    rest = tuple(part for part in whole.model.effects if part.key != key)
+    values, anchor = (
+        {k: v for k, v in of.items() if not k.startswith(f"{key}.")}
+        for of in (whole.values, whole.anchor)
+    )
+    return fit(replace(whole.model, effects=rest), whole.at, [values], anchor)
+
+
+def _ranking(current: Curve, tried: Sequence[tuple[str, Curve]]) -> tuple[Candidate, ...]:
+    made = [_candidate(current, name, curve) for name, curve in tried]
+    return tuple(sorted(made, key=lambda c: -c.score))
+
+
+def _candidate(before: Curve, name: str, after: Curve) -> Candidate:
+    key = after.model.effects[-1].key + "."
+    own = {k.removeprefix(key): v for k, v in after.values.items() if k.startswith(key)}
+    whole = before.cost(after.sigma)
+    gain = whole - after.cost(after.sigma)
+    return Candidate(name, 0.5 * gain, gain / whole, own)
+
+
+def started(model: Model, at: Points) -> list[dict[str, float]]:
+    """Start values of a fit: the declared ones, and guesses where one is missing."""
+    given, size = model.values(), np.abs(at.w)
+    A = np.column_stack([np.sign(at.w), at.w])
+    level, slope = np.linalg.lstsq(A, at.u, rcond=None)[0]
+    Fc = given.get("Fc") or max(float(level), 0.05 * float(np.std(at.u)))
+    guess = {"Fc": Fc, "Fs": 1.2 * Fc, "Fv": max(float(slope), 0.05 * Fc / size.max())}
+    known = {k: v for k, v in given.items() if v is not None}
+    default = {k: p.value for k, p in model.declarations().items()}
+    whole = {k: float(v) for k, v in (default | guess | known).items() if k in given}
+    falls = np.quantile(size, [0.05, 0.15, 0.3, 0.5]) if "vs" in given else []
+    elsewhere = [whole | {"vs": float(vs)} for vs in falls]
+    return elsewhere if "vs" in given and "vs" not in known else [whole, *elsewhere]

@@ -1,0 +1,173 @@
+"""What the record is: its sensors, whether it is a map, its terms and widths."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...blocks.model import Model
+from ...record.stretch import Stretch
+from .choose_terms import Travel, plain_terms, travel_of, turns_enough, widths_of
+from .constants import (
+    DECLARED_DELAY,
+    DELAY_SAMPLES,
+    DELAY_SECONDS,
+    REST_IN_NOISE,
+    REST_IN_SPEED,
+)
+from .declared import DELAY, Use, held_terms, uses_of
+from .fit import Setting
+from .friction_shapes import with_rest
+from .motion import Sensors, with_speed
+from .speed_channel import Comparison, sensors_of
+from .steady import as_points, evenly, steady, width_of_map
+from .terms import Term
+from .track import Track, tracks_of
+from .windows import Source
+
+
+@dataclass(frozen=True)
+class Unanswerable:
+    """A record without an answer, and why; ``torque`` is that of a dead channel."""
+
+    notes: tuple[str, ...]
+    torque: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """All that a fit needs, and what was noticed on the way."""
+
+    model: Model
+    source: Source
+    terms: tuple[Term, ...]
+    uses: tuple[Use, ...]
+    held: Mapping[str, float]
+    widths: tuple[float, ...]
+    setting: Setting
+    speed: float
+    travel: Travel
+    is_map: bool
+    comparison: Comparison | None
+    notes: tuple[str, ...]
+
+    @property
+    def tracks(self) -> Sequence[Track]:
+        return self.source.tracks
+
+    @property
+    def sensors(self) -> Sensors:
+        return self.source.sensors
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """The tracks with their speed, and what was noticed of the channels."""
+
+    tracks: list[Track]
+    sensors: Sensors
+    comparison: Comparison | None
+    notes: tuple[str, ...]
+    speed: float
+    noise: float
+    is_map: bool
+
+
+def ground_of(
+    stretches: Sequence[Stretch], model: Model, held: Mapping[str, float]
+) -> Ground | Unanswerable:
+    """The record prepared for a fit."""
+    tracks = tracks_of(stretches)
+    if not tracks:
+        return Unanswerable(("No stretch of the record has more than 12 good samples.",))
+    if tracks[0].theta is None and tracks[0].w is None:
+        return Unanswerable(("the runs have no motion signal in common: theta or w.",))
+    seen = _seen(tracks, held)
+    if isinstance(seen, Unanswerable):
+        return seen
+    return _map(seen, model, held) if seen.is_map else _moving(seen, model, held)
+
+
+def _seen(tracks: list[Track], held: Mapping[str, float]) -> Seen | Unanswerable:
+    """What the channels show, before any fit."""
+    sensors, comparison, notes = sensors_of(tracks)
+    if tracks[0].theta is None and not sensors.use_w:
+        return Unanswerable(tuple(notes))
+    still = steady(tracks, sensors)
+    dead = _dead(tracks, still is not None, held)
+    if dead is not None:
+        sentence = f"u is {dead:.4g} in every row: the torque channel is dead."
+        return Unanswerable((*notes, sentence), dead)
+    tracks, speed, noise = with_speed(still or tracks, sensors)
+    if not speed > 0:
+        return Unanswerable((*notes, "nothing moves."))
+    if still is not None:
+        notes = [
+            *notes,
+            "The runs keep one speed each: they are a map, which does not show J.",
+        ]
+    return Seen(tracks, sensors, comparison, tuple(notes), speed, noise, still is not None)
+
+
+def _dead(tracks: Sequence[Track], is_map: bool, held: Mapping[str, float]) -> float | None:
+    """The torque, if it has one value throughout and nothing else is known of the torque."""
+    first = float(tracks[0].u[tracks[0].ok][0])
+    same = all(np.all(p.u[p.ok] == first) for p in tracks)
+    if not same or held.get("J") or (is_map and first != 0):
+        return None
+    return first
+
+
+def _moving(seen: Seen, model: Model, held: Mapping[str, float]) -> Ground:
+    """Runs whose speed changes: J and a delay of u are fitted."""
+    rest = max(REST_IN_NOISE * seen.noise, REST_IN_SPEED * seen.speed)
+    seen = replace(seen, tracks=with_rest(seen.tracks, rest))
+    dt = float(np.median([p.dt for p in seen.tracks]))
+    prior, delay = min(DELAY_SAMPLES * dt, max(DELAY_SECONDS, dt)), 0.0
+    for part in model.effects:
+        if part.block.name == DELAY:
+            known = held.get(f"{part.key}.delay")
+            prior, delay = (DECLARED_DELAY, 0.0) if known is None else (0.0, known)
+    travel = travel_of(seen.tracks, across=False)
+    setting = Setting(rest, prior, delay=delay)
+    return _with_terms(seen, model, held, travel, widths_of(seen.tracks), setting)
+
+
+def _map(seen: Seen, model: Model, held: Mapping[str, float]) -> Ground:
+    """Runs at one speed each."""
+    tracks = with_rest(as_points(seen.tracks), 0.0)
+    travel = travel_of(tracks, across=True)
+    width = width_of_map(tracks, travel, seen.speed, turns_enough(model, travel, True))
+    seen = replace(seen, tracks=evenly(tracks, width))
+    return _with_terms(seen, model, held, travel, [width / 2, width], Setting(0.0, 0.0))
+
+
+def _with_terms(
+    seen: Seen,
+    model: Model,
+    held: Mapping[str, float],
+    travel: Travel,
+    widths: list[float],
+    setting: Setting,
+) -> Ground:
+    uses, unused = uses_of(model, seen.tracks, held, travel.middle)
+    terms = plain_terms(model, travel, seen.is_map)
+    terms += [term for use in uses for term in use.terms]
+    known = held_terms(held, uses, terms)
+    tracks = [replace(p, load=np.zeros(len(p))) for p in seen.tracks]
+    return Ground(
+        model=model,
+        source=Source(tracks, seen.sensors, known),
+        terms=tuple(t for t in terms if all(t is not k for k, _ in known)),
+        uses=tuple(uses),
+        held=held,
+        widths=tuple(widths),
+        setting=replace(setting, held=tuple((term.key, value) for term, value in known)),
+        speed=seen.speed,
+        travel=travel,
+        is_map=seen.is_map,
+        comparison=seen.comparison,
+        notes=(*seen.notes, *unused),
+    )

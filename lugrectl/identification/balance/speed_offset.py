@@ -1,0 +1,152 @@
+"""The offset of a speed that was logged alone: friction turns over where the motion stands still.
+
+u = ... + Fc sign(w - w0) + Fv (w - w0),    w0 by Gauss and Newton
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .constants import (
+    CLEARLY,
+    MOST_OFFSET,
+    OFFSETS,
+    REST_IN_NOISE,
+    REST_IN_SPEED,
+    ROUNDS_OF_OFFSET,
+    SETTLED,
+    SLIDING,
+    STANDING,
+    WHOLLY,
+)
+from .estimate import first_fit
+from .fit import Fit, fit, regress
+from .friction_shapes import with_rest
+from .motion import with_speed
+from .problem import Ground
+from .regression import densities
+from .terms import Term
+from .track import Track
+from .windows import Source
+
+KEY = "w_offset"
+
+
+@dataclass(frozen=True)
+class Shifted:
+    """sign(w - offset)."""
+
+    offset: float
+
+    def __call__(self, track: Track) -> np.ndarray:
+        return np.sign(track.speed - self.offset)
+
+
+@dataclass(frozen=True)
+class Slope:
+    """Derivative of Fc sign(w - w0) + Fv (w - w0) with w0, by a difference over ``step``."""
+
+    Fc: float
+    Fv: float
+    step: float
+
+    def __call__(self, track: Track) -> np.ndarray:
+        ends = np.sign(track.speed - self.step) - np.sign(track.speed + self.step)
+        return self.Fc * ends / (2 * self.step) - self.Fv
+
+
+def with_offset(ground: Ground) -> Ground:
+    """The record with an offset of w as a term, where that is clearly more likely than none."""
+    if ground.is_map or ground.tracks[0].theta is not None:
+        return ground
+    plain = first_fit(ground)
+    if plain is None or not {"J", "Fc"} <= {*plain.names} or _stands(plain):
+        return ground
+    start = _likely(ground, plain)
+    found, made = _refined(ground, plain, start)
+    if made is None or _gain(made, plain) < CLEARLY:
+        return ground
+    return found
+
+
+def _stands(made: Fit) -> bool:
+    """Whether the drive is seen to stand where w is 0: then w has no offset."""
+    d = made.windows
+    a = np.abs(d.X[:, made.names.index("J")])
+    still = (d.rest > WHOLLY) & (a <= 2 * d.noise_a)
+    return bool(np.count_nonzero(still) > STANDING * len(still))
+
+
+def _gain(made: Fit, plain: Fit) -> float:
+    """By how much the first fit is more likely, over the windows in which the drive moves.
+
+    Windows at rest have an open torque: a fit without rest is not more likely for that.
+    """
+    one, other = (_by_window(f) for f in (made, plain))
+    both = [k for k in one if k in other and max(one[k][1], other[k][1]) < SLIDING]
+    gain = sum(one[k][0] - other[k][0] for k in both)
+    J, before = (abs(f.value("J", 1.0)) + 1e-300 for f in (made, plain))
+    return gain + len(both) * float(np.log(J / before))
+
+
+def _by_window(made: Fit) -> dict[tuple[int, float], tuple[float, float]]:
+    """Log density and share of rest by piece and time."""
+    d = made.windows
+    rows = zip(d.piece, d.t, densities(made.solution), d.rest, strict=True)
+    return {(int(piece), float(t)): (float(p), float(rest)) for piece, t, p, rest in rows}
+
+
+def _likely(ground: Ground, plain: Fit) -> float:
+    """The most likely offset of a coarse grid, on the windows of one width."""
+    terms, m = list(plain.terms), len(plain.terms)
+    place = plain.names.index("Fc")
+    offsets = ground.speed * np.linspace(-MOST_OFFSET, MOST_OFFSET, OFFSETS)
+    shapes = [Term("Fc", Shifted(float(x)), friction=True) for x in offsets]
+    windows = ground.source.windows(
+        plain.half_width, [*terms, *shapes], plain.setting.rest, plain.windows.delay
+    )
+    if windows is None:
+        return 0.0
+    best, score = 0.0, plain.score
+    for i, offset in enumerate(offsets):
+        picked = [m + i if k == place else k for k in range(m)]
+        named = [shapes[i] if k == place else term for k, term in enumerate(terms)]
+        tried = regress(windows.only(picked), named, plain.setting, plain.delay, plain)
+        if tried.score > score:
+            best, score = float(offset), tried.score
+    return best
+
+
+def _refined(ground: Ground, plain: Fit, offset: float) -> tuple[Ground, Fit | None]:
+    """Gauss and Newton from an offset: the record about it, and its fit."""
+    levels, found, made = plain, ground, None
+    for _ in range(ROUNDS_OF_OFFSET):
+        found = _about(ground, offset, levels)
+        made = fit(found.source, plain.half_width, found.terms, found.setting, plain.delay)
+        if made is None:
+            return ground, None
+        i = made.names.index(KEY)
+        if abs(made.p[i]) < SETTLED * np.sqrt(made.V[i, i]):
+            break
+        most = MOST_OFFSET * ground.speed / OFFSETS  # half a step of the grid
+        offset += float(np.clip(made.p[i], -most, most))
+        levels = made
+    return found, made
+
+
+def _about(ground: Ground, offset: float, levels: Fit) -> Ground:
+    """The record with its speed taken from ``offset`` on, and what remains of it as a term."""
+    sensors = replace(ground.sensors, offset=offset)
+    tracks, speed, noise = with_speed(ground.tracks, sensors)
+    rest = max(REST_IN_NOISE * noise, REST_IN_SPEED * speed)
+    tracks = with_rest(tracks, rest)
+    term = Term(KEY, Slope(levels.value("Fc"), levels.value("Fv"), rest))
+    return replace(
+        ground,
+        source=Source(tracks, sensors, ground.source.held),
+        terms=(*ground.terms, term),
+        setting=replace(ground.setting, rest=rest),
+        speed=speed,
+    )

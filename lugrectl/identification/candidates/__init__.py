@@ -1,0 +1,1 @@
+"""Whatever may be missing: each effect as columns of the regression."""

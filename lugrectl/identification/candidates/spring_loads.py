@@ -1,0 +1,93 @@
+"""Loads behind a spring or a gap: their frequency, damping and gap are searched."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import product
+
+import numpy as np
+
+from ...blocks.block import Block
+from .base_model import Base, Columns
+from .candidate import Entry
+from .driven_load import of_unit_load, torques
+
+SLOWEST, FASTEST = 4.0, 60.0  # Hz of a load on its spring
+FREQUENCIES, DAMPINGS = 22, (0.03, 0.1, 0.3)
+GAP_FREQUENCIES, GAP_DAMPING = (45.0, 80.0, 140.0), 0.3
+SOFT_FREQUENCIES, SOFT_DAMPING = (5.0, 7.5, 11.0, 17.0, 26.0), 0.2
+GAPS = 90  # behind a hard spring a gap that is 5 % off loses most of what it explains
+SOFTEST_HARD = 35.0  # Hz: below, a spring behind a gap is a soft one
+SOFT = 3  # every so many gaps are enough behind a soft one
+EDGE = 0.84  # of the slowest: below, it is an inertia that falls with frequency and no spring
+CRITICAL, FASTEST_AT_ALL = 0.95, 400.0  # damping ratio, Hz
+ZOOMS = (1.0, 1.0, 0.4, 0.16)  # rounds of the polish: their steps over the first ones
+STEPS = (0.1, 0.4)  # of frequency and damping, in logarithms
+AT_ONCE = 4_000_000  # samples of loads that are kept at a time
+
+Shape = tuple[float, ...]  # frequency, damping ratio, gap if there is one
+
+
+def springs(base: Base, block: Block) -> Iterator[Entry]:
+    """The most likely frequency, damping and gap of an inertia behind a spring."""
+    if {"load_inertia", "stiffness", "damping"} - {*block.own} or base.record.motion.dt > 0.02:
+        return
+    grid, steps = _places(base, block)
+    known = base.known.get(block.name)
+    best = _best(base, block, grid) if known is None else known
+    soft = "gap" in block.own and best is not None and best[0] < SOFTEST_HARD
+    steps = [*STEPS, SOFT * steps[-1]] if soft else steps
+    for zoom in ZOOMS[2 if known else 0 :]:
+        if best is None:
+            return
+        best = _best(base, block, _around(best, [zoom * s for s in steps]))
+    if best is None or best[0] < EDGE * SLOWEST or best[1] > CRITICAL:
+        return
+    made = Columns.free(_columns(base, block, [best]), 0.0)
+    names = ("frequency", "damping_ratio", "gap")
+    values: dict[str, float] = dict(zip(names, best, strict=False))
+    yield Entry(block.name, values, made, cost=float(np.log(len(grid))), inertial=True)
+
+
+def _places(base: Base, block: Block) -> tuple[list[Shape], list[float]]:
+    """All shapes to try, and their distances in logarithms."""
+    m = base.record.motion
+    if "gap" not in block.own:
+        top = min(FASTEST, 0.3 / m.dt)
+        frequencies = np.geomspace(SLOWEST, top, FREQUENCIES).tolist()
+        return list(product(frequencies, DAMPINGS)), list(STEPS)
+    reach = min(float(np.ptp(m.theta)), 2 * np.pi)
+    gaps = 2 * np.geomspace(max(m.count, 4e-4 * reach), 0.04 * reach, GAPS)
+    near = 0.6 * float(np.log(gaps[1] / gaps[0]))
+    hard = product(GAP_FREQUENCIES, [GAP_DAMPING], gaps.tolist())
+    soft = product(SOFT_FREQUENCIES, [SOFT_DAMPING], gaps[::SOFT].tolist())
+    return [*hard, *soft], [*STEPS, near]
+
+
+def _around(shape: Shape, steps: Sequence[float]) -> list[Shape]:
+    """The shape and its neighbours, a step in the logarithm of each of its values."""
+    turns = product(*[(-s, 0.0, s) for s in steps])
+    return [tuple(float(x * np.exp(d)) for x, d in zip(shape, t, strict=True)) for t in turns]
+
+
+def _best(base: Base, block: Block, shapes: Sequence[Shape]) -> Shape | None:
+    """The shape that explains most; None if an inertia above 0 explains nothing."""
+    shapes = [s for s in shapes if 0.8 * SLOWEST < s[0] < FASTEST_AT_ALL and s[1] <= 1.0]
+    if not shapes:
+        return None
+    gains, b = base.gains(_columns(base, block, shapes))
+    gains = np.where(b > 0, gains, -1.0)
+    i = int(np.argmax(gains))
+    return shapes[i] if gains[i] > 0 else None
+
+
+def _columns(base: Base, block: Block, shapes: Sequence[Shape]) -> np.ndarray:
+    """The torques of loads of 1 kg m2 in the windows, (m, shapes), each computed once."""
+    kept: dict[Shape, np.ndarray] = base.record.once(("loads", block.name), None, dict)
+    m, narrow = base.record.motion, base.record.rows.narrow
+    new, many = [s for s in shapes if s not in kept], max(1, AT_ONCE // len(m))
+    for i in range(0, len(new), many):
+        part = new[i : i + many]
+        made = narrow @ torques(block, m.path, m.dt, [of_unit_load(*s) for s in part])
+        kept.update(zip(part, np.ascontiguousarray(made.T), strict=True))
+    return np.stack([kept[s] for s in shapes], axis=1)

@@ -1,0 +1,80 @@
+"""The parameters of a contender in the terms of its block: start values for a fit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...blocks.block import REGISTRY, Block
+from ...blocks.model import Model
+from .base_model import LEVELS, Base
+from .candidate import Contender
+from .driven_load import of_unit_load
+from .effect_columns import spanned
+from .friction_terms import FORCES, NAMES
+
+
+def values_of(c: Contender, model: Model) -> dict[str, float]:
+    """All parameters of a named effect, within the bounds of their declaration."""
+    block = REGISTRY["effect", c.name]
+    found = _own(c, block)
+    whole = {k: p.value for k, p in block.own.items()} | found
+    return {k: float(np.clip(v, block.own[k].low, block.own[k].high)) for k, v in whole.items()}
+
+
+def _own(c: Contender, block: Block) -> dict[str, float]:
+    if "damping_ratio" in c.values:
+        return _load(c, block)
+    if not c.own and c.u is None:
+        return {k: v for k, v in c.values.items() if k in block.own}
+    if c.u is not None:
+        return _of_torque(c, block)
+    free, b = spanned(block), c.coefficients
+    b = b[:2] if c.entry.by_run else b  # of the first run: there the phase counts from
+    found = {k: v for k, v in c.values.items() if k in block.own}
+    if free is None:
+        return found | {block.gain: float(b[0])}
+    if free in found:
+        return found
+    if block.own[free].angle:
+        size, angle = float(np.hypot(*b)), float(np.arctan2(b[1], b[0]))
+        return found | {block.gain: size, free: angle}
+    middle = float(np.mean(c.base.record.motion.theta))
+    return found | {block.gain: float(b[0]), free: middle + float(b[1] / b[0])}
+
+
+def zeros_of(c: Contender) -> dict[int, float]:
+    """Shifts of theta, by run, with which an effect has one phase in all runs."""
+    if not c.entry.by_run:
+        return {}
+    order = float(c.values["harmonic"])
+    phases = [float(np.arctan2(b, a)) for a, b in c.coefficients.reshape(-1, 2)]
+    runs = np.unique(c.base.record.motion.run).tolist()
+    turned = [float(np.angle(np.exp(1j * (phase - phases[0])))) for phase in phases]
+    return {int(run): x / order for run, x in zip(runs[1:], turned[1:], strict=True)}
+
+
+def _of_torque(c: Contender, block: Block) -> dict[str, float]:
+    """A delay counts beyond the hold of u, which is half a sample on average."""
+    found = {k: v for k, v in c.values.items() if k in block.own}
+    if block.own[block.gain].unit != "s":
+        return found
+    dt, shift = c.base.record.motion.dt, c.base.record.shift
+    return {k: max(v + shift - 0.5 * dt, 0.1 * dt) for k, v in found.items()}
+
+
+def _load(c: Contender, block: Block) -> dict[str, float]:
+    inertia = float(c.coefficients[0])
+    frequency, damping = c.values["frequency"], c.values["damping_ratio"]
+    unit = of_unit_load(frequency, damping, c.values.get("gap"))
+    scaled = ("load_inertia", "stiffness", "damping")
+    return {k: v * inertia if k in scaled else v for k, v in unit.items() if k in block.own}
+
+
+def levels_of(base: Base) -> dict[str, float]:
+    """Inertia and friction of a base: start values for the plant."""
+    b = dict(zip(NAMES, base.made.b[LEVELS].tolist(), strict=True))
+    static = sum(b[k] for k in FORCES)
+    found = {"J": base.J, "Fc": b["Fc"], "Fv": b["Fv"], "vs": base.law.vs}
+    if static > b["Fc"] > 0:
+        found["Fs"] = static
+    return found | {"sigma0": b["Fc"] / base.law.x0}

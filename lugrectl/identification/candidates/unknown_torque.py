@@ -1,0 +1,55 @@
+"""An unknown torque as a row of the table: a smooth function of some signals.
+
+Splines or waves with a Gaussian prior on their coefficients; its width is one of two, the more
+likely one. It competes like any effect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from ..unknown_torque.smooth_functions import Surfaces, of_law, of_motion, of_torque
+from .base_model import Base, Columns, rms
+from .candidate import Entry
+
+AMPLITUDES = (0.04, 0.2)  # width of the prior, in friction
+
+
+def entries(base: Base) -> Iterator[Entry]:
+    """An entry for each set of signals and width of the prior."""
+    size = base.friction_rms
+    for signals, bases in _bases(base).items():
+        for C in bases:
+            own = np.sqrt(np.mean(C**2, axis=0))
+            own = np.maximum(own, 1e-3 * rms(own) + 1e-300)
+            for amplitude in AMPLITUDES if not base.view.quick else (0.1,):
+                prior = (own / (amplitude * size)) ** 2
+                free = np.full(C.shape[1], np.inf)
+                cost = float(np.log(3 * len(bases)))
+                yield Entry(
+                    "unknown(" + ", ".join(signals) + ")",
+                    {"amplitude": amplitude},
+                    Columns(C, prior, -free, free),
+                    cost=cost,
+                    depends_on=frozenset(signals),
+                )
+
+
+def _bases(base: Base) -> Surfaces:
+    """Columns (m, k) for each set of signals; more than one way for a position that turns."""
+    record, m, u = base.record, base.record.motion, base.u
+
+    def once(key: str, of: object, make: Callable[[], Surfaces]) -> Surfaces:
+        return record.once(key, of, lambda: _in_windows(base, make()))
+
+    return {
+        **once("unknown of motion", None, lambda: of_motion(m)),
+        **once("unknown of torque", u, lambda: of_torque(m, u)),
+        **once("unknown of law", base.law, lambda: of_law(m, base.law.z)),
+    }
+
+
+def _in_windows(base: Base, surfaces: Surfaces) -> Surfaces:
+    return {k: [base.record.mean(x) for x in v] for k, v in surfaces.items()}

@@ -1,0 +1,94 @@
+"""Blocked cross-validation: which samples are used for fitting and which are held out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ...core.errors import Refused
+from ...engine.runtime.backend import compiler
+from .dataset import Data
+from .windows import Windows, spread, windows
+
+BLOCK = 2.0  # s, least length of a held-out block
+GAP = 0.25  # s, between training and held-out samples; also the observer's lead-in
+WINDOWS = (1.0, 0.5, 0.25)  # s, possible lengths of a training window (counted samples)
+FEWEST = 25  # samples of such a window, at least
+ENOUGH = 8  # windows: the longest length that gives as many is used
+LEAST = 4  # training windows; a record with fewer is refused
+MOST = 200_000  # counted samples to fit on; from a longer record, windows spread over it
+ENOUGH_OF_MANY = 24  # windows of such a record, at least
+
+
+@dataclass(frozen=True)
+class Split:
+    """Training windows, held-out windows (one for each restart), in samples."""
+
+    train: Windows
+    test: Windows
+    free: tuple[tuple[int, int], ...]
+    in_sample: bool
+
+
+def split(
+    data: Data,
+    horizon: float,
+    *,
+    last: bool = False,
+    held_out: int | None = None,
+) -> Split:
+    """Hold out every other block, the last half, or all runs from sample ``held_out`` on.
+
+    Raises
+    ------
+    Refused
+        If the record is too short for both parts.
+    """
+    gap = max(2, round(GAP / data.dt))
+    span = max(1, round(horizon / data.dt))
+    if held_out is not None:
+        train = [(a, b) for a, b in data.runs if b <= held_out]
+        test = [(a, b) for a, b in data.runs if a >= held_out]
+    elif last:
+        train, test = _halves(data.runs)
+    else:
+        train, test = _alternate(data.runs, gap, span, data.dt)
+    possible = WINDOWS if compiler() else WINDOWS[-1:]  # NumPy is slow per step, not per window
+    lengths = [max(FEWEST, round(length / data.dt)) for length in possible]
+    cuts = [windows(train, gap, length) for length in lengths]
+    fitting = next((cut for cut in cuts if len(cut.start) >= ENOUGH), cuts[-1])
+    judging = windows(test, gap, span)
+    if len(fitting.start) < LEAST or not len(judging.start):
+        raise Refused(
+            "The record is too short to fit the model and to check it on held-out samples.",
+            f"Record at least {8 * (max(BLOCK, horizon) + GAP):.0f} s of motion"
+            + (", shorten --horizon" if horizon > BLOCK else "")
+            + ", or give a second run with --holdout.",
+        )
+    whole = test if (last or held_out is not None) else list(data.runs)
+    fitting = spread(fitting, MOST, ENOUGH_OF_MANY)
+    return Split(fitting, judging, tuple(whole), not (last or held_out is not None))
+
+
+def _halves(runs: Sequence[tuple[int, int]]) -> tuple[list, list]:
+    middle = (runs[0][0] + runs[-1][1]) // 2
+    train = [(a, min(b, middle)) for a, b in runs if a < middle]
+    return train, [(max(a, middle), b) for a, b in runs if b > middle]
+
+
+def _alternate(
+    runs: Sequence[tuple[int, int]], gap: int, span: int, dt: float
+) -> tuple[list, list]:
+    """Alternating blocks of whole horizons, at least BLOCK long; each starts with a gap.
+
+    The last block of a run extends to its end.
+    """
+    restarts = max(1, -(-round(BLOCK / dt) // span))
+    length = gap + restarts * span
+    starts = [range(a, b - length + 1, length) for a, b in runs]
+    blocks = [
+        (s, b if s == each[-1] else s + length)
+        for each, (_, b) in zip(starts, runs, strict=True)
+        for s in each
+    ]
+    return blocks[0::2], blocks[1::2]

@@ -1,0 +1,1 @@
+"""The robust regression of torque on motion that every candidate shares."""

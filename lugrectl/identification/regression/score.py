@@ -1,0 +1,142 @@
+"""The score of a row of the table: how well it predicts blocks that it has not seen.
+
+The influence function gives the fit without a block, d_b = -(H - H_b)^-1 s_b; the density of the
+block under that fit is then exact. It is the density of the motion given the torque, so that the
+residual counts over the inertia: what imitates u takes the inertia away and gains nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache, cached_property
+
+import numpy as np
+from scipy.special import ndtri, stdtrit
+
+from .numbers import ALPHA, TRUSTED
+from .robust_regression import Scale, Solution, density, weights
+
+CLIPS = (3.0, 10.0, 30.0)  # nats at which differences of blocks are cut: how many, not how much
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """The parts of the rows, in order: ``cuts`` are their ends."""
+
+    cuts: np.ndarray
+
+    @classmethod
+    def of(cls, t: np.ndarray, duration: float, length: float) -> Blocks:
+        """Blocks of about ``length`` s over rows at the times t."""
+        many = max(12, int(duration / length))
+        which = np.minimum((t / duration * many).astype(int), many - 1)
+        return cls(np.searchsorted(which, np.arange(many + 1)))
+
+    def __len__(self) -> int:
+        return len(self.cuts) - 1
+
+    @cached_property
+    def full(self) -> np.ndarray:
+        """The blocks that have rows."""
+        return np.flatnonzero(np.diff(self.cuts))
+
+    @cached_property
+    def places(self) -> np.ndarray:
+        """The rows of each full block, (full blocks, most rows); m beyond its end."""
+        first, many = self.cuts[self.full], np.diff(self.cuts)[self.full]
+        each = np.arange(many.max(initial=0))
+        return np.where(each < many[:, None], first[:, None] + each, self.cuts[-1])
+
+    def apart(self, x: np.ndarray) -> np.ndarray:
+        """Rows (m, ...) block by block, (full blocks, most rows, ...), with 0 in place of none."""
+        return np.concatenate([x, np.zeros((1, *x.shape[1:]))])[self.places]
+
+    def sums(self, x: np.ndarray) -> np.ndarray:
+        """The sum over each block (blocks,), 0 of none."""
+        return np.add.reduceat(np.append(x, 0.0), self.cuts[:-1]) * (np.diff(self.cuts) > 0)
+
+
+def left_out(
+    made: Solution,
+    X: np.ndarray,
+    prior: np.ndarray,
+    scale: Scale,
+    blocks: Blocks,
+    factor: float,
+) -> np.ndarray:
+    """The log density of each block under the fit without it, (blocks,)."""
+    Z, moved = X[:, made.free], moves(made, X, prior, scale, blocks)
+    each_row = np.repeat(moved, np.diff(blocks.cuts)[blocks.full], axis=0)
+    change = np.einsum("ij,ij->i", Z, each_row) / scale.sigma
+    return blocks.sums(density(factor * (made.r - change)))
+
+
+def moves(
+    made: Solution, X: np.ndarray, prior: np.ndarray, scale: Scale, blocks: Blocks
+) -> np.ndarray:
+    """How the free coefficients move when a block is left out, (full blocks, free)."""
+    on, r = made.free, made.r
+    Z, pull = X[:, on], weights(r) * r / scale.sigma
+    each = blocks.apart(Z * (np.sqrt(made.weight) / scale.sigma)[:, None])
+    own = each.transpose(0, 2, 1) @ each
+    H = own.sum(axis=0)
+    size = np.diag(H).copy()
+    floor = size.max() * (size < 1e-24 * size.max())
+    H[np.diag_indices(len(H))] += prior[on] + 1e-9 * size + floor
+    slopes = np.add.reduceat(Z * pull[:, None], blocks.cuts[blocks.full])
+    try:
+        return -np.linalg.solve(H - own, slopes[:, :, None])[:, :, 0]
+    except np.linalg.LinAlgError:
+        return np.zeros_like(slopes)
+
+
+def seen(made: Solution, blocks: Blocks, factor: float) -> np.ndarray:
+    """The log density of each block under the fit to all, (blocks,): for screening."""
+    return blocks.sums(density(factor * made.r))
+
+
+def paired(a: np.ndarray, b: np.ndarray, together: int = 1) -> tuple[float, float]:
+    """Difference of two scores and its standard error over paired blocks.
+
+    ``together``: so many blocks in a row count as one.
+
+    Differences count as they are or cut at a few nats, whichever is surer: what matters is how
+    many blocks show an effect, not how much one of them shows.
+    """
+    d = a - b
+    d = np.append(d, np.zeros(-len(d) % together)).reshape(-1, together).sum(axis=1)
+    total, seen, se = float(d.sum()), np.count_nonzero(d), standard_error(d)
+    for clip in CLIPS:
+        cut = np.clip(d, -clip, clip)
+        z = float(cut.sum() / (np.sqrt(len(d)) * cut.std(ddof=1) + 1e-9))
+        if z * np.sign(total) > abs(total) / se:
+            se = abs(total) / abs(z)
+    return total, se * _widened(seen)
+
+
+def standard_error(d: np.ndarray) -> float:
+    """That of the sum of paired differences (blocks,), as they are: what a table shows.
+
+    :func:`paired` decides; where every block agrees, its cut differences leave no error to show.
+    """
+    return float(np.sqrt(len(d)) * d.std(ddof=1)) + 1e-9
+
+
+def losses(d: np.ndarray) -> float:
+    """What chance gives and takes, from groups of blocks that are predicted worse.
+
+    What a law of friction does not have lasts for a stroke: neighbouring blocks lose together. An
+    effect that acts in a part of the record only gains there and loses nowhere.
+    """
+    most, many = 0.0, 1
+    while len(d) >= TRUSTED * many:
+        sums = np.append(d, np.zeros(-len(d) % many)).reshape(-1, many).sum(axis=1)
+        most = max(most, float(np.sqrt(2.0 * np.sum(np.minimum(sums, 0.0) ** 2))))
+        many *= 2
+    return most
+
+
+@cache
+def _widened(blocks: int) -> float:
+    """How much wider a one-sided interval is for the few blocks from which its error is known."""
+    return float(stdtrit(max(blocks - 1, 1), 1.0 - ALPHA) / ndtri(1.0 - ALPHA))

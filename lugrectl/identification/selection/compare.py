@@ -1,0 +1,193 @@
+"""The door: compare(stretches, model, plain)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ...blocks.model import Model
+from ...record.stretch import Stretch
+from ..balance import Balance
+from ..balance.speed_channel import sensors_of
+from ..balance.track import tracks_of
+from ..candidates.base_model import WEIGHT, Record
+from ..candidates.candidate import Contender
+from ..candidates.friction_shape import settled
+from ..candidates.start_values import levels_of, values_of, zeros_of
+from ..regression.numbers import ALPHA, HELD, LEAST, LOST, MOST_ROWS, MOST_SAMPLES, OFF
+from ..regression.score import standard_error
+from ..regression.smooth_motion import Motion, motion_of
+from ..regression.weak_form import Width, quick, rows_of, spacing, usable, widths
+from .budget import budget, detectable
+from .comparison import Compared, Comparison, Named
+from .table import Table
+from .verdict import Decision, decide
+
+NOTHING = "The torque balance determines nothing: the record is too short."
+SHORT = (
+    "The drive slides for too short a time to compare explanations: {} windows of {:.2g} ms of it, "
+    "of {} that are needed."
+)
+
+
+def compare(
+    stretches: Sequence[Stretch],
+    model: Model,
+    plain: Balance,
+    least: float = LEAST,
+    alpha: float = ALPHA,
+) -> Comparison:
+    """What is missing from a declared model, by one comparison.
+
+    The verdict is "refused", with the reason as its message, where the torque has nothing to do
+    with the motion, or follows it.
+
+    Parameters
+    ----------
+    stretches : sequence of Stretch
+        The samples of one drive, from one log or several.
+    model : Model
+        The declared model.
+    plain : Balance
+        The plain answer of the same samples.
+    least : float
+        The smallest torque that matters, as a share of RMS friction torque.
+    alpha : float
+        Chance of naming something on a record on which nothing is missing.
+
+    Returns
+    -------
+    Comparison
+        Verdict, effects with start values (SI), table in nats, budget in N m and as shares of RMS
+        friction torque. The equation is that of the package's docstring; models that explain
+        equally well are kept in the spirit of Hansen, Lunde and Nason, *The model confidence set*,
+        Econometrica 79(2), 2011. Rests are left out: there friction may be anything.
+    """
+    if plain.refused or not plain.names:
+        said = plain.refused or (plain.notes or (NOTHING,))[-1]
+        return Comparison("refused", messages=(said,), least=least)
+    began = time.perf_counter()
+    with np.errstate(all="ignore"):  # a record without noise divides by nearly 0
+        record = record_of(stretches, model, plain)
+        if len(record.rows) < WEIGHT:  # fewer than it has terms
+            said = SHORT.format(len(record.rows), 2e3 * record.rows.h, WEIGHT)
+            return Comparison("refused", messages=(said,), least=least, stretches=0)
+        found = decide(record, least, alpha)
+        made = _result(found, model, least)
+    return replace(made, seconds=time.perf_counter() - began)
+
+
+def levels(stretches: Sequence[Stretch], model: Model, plain: Balance) -> dict[str, float]:
+    """Inertia and friction of the declared model on a record: start values for a fit."""
+    with np.errstate(all="ignore"):
+        return levels_of(settled(record_of(stretches, model, plain)))
+
+
+def _result(found: Decision, model: Model, least: float) -> Comparison:
+    table, base = found.table, found.last
+    assert table is not None
+    inside = [c for c in found.effects if c is not found.gravity and not found.only_inertia]
+    seen = found.verdict == "adequate" and base.record.sure
+    return Comparison(
+        verdict=found.verdict,
+        effects=tuple(_named(c, model) for c in found.effects),
+        alternatives=tuple(_named(c, model) for c in found.alternatives),
+        depends_on=tuple(sorted(found.depends_on)),
+        rows=tuple(_rows(table)),
+        budget=tuple(budget(base, inside, found.unknown)),
+        detectable=tuple(detectable(table, least)) if seen else (),
+        messages=found.messages,
+        plant=levels_of(base),
+        alone=levels_of(table.base),
+        least=least,
+        only_inertia=found.only_inertia,
+        events=found.events,
+        stretches=base.record.independent,
+    )
+
+
+def _named(c: Contender, model: Model) -> Named:
+    return Named(c.name, values_of(c, model), c.share, zeros_of(c))
+
+
+def _rows(table: Table) -> list[Compared]:
+    """The declared model and all contenders, the best first."""
+    base = table.base
+    own = int(base.made.free.sum())
+    rows = [Compared("declared", 0.0, 0.0, 0.0, own)]
+    for c in table.rows:
+        se = standard_error(c.blocks - c.base.score)
+        rows.append(Compared(c.name, c.gain, se, c.share, own + c.own + len(c.values)))
+    return rows
+
+
+def record_of(stretches: Sequence[Stretch], model: Model, plain: Balance) -> Record:
+    """Motion, windows and blocks of a record."""
+    tracks = tracks_of(stretches)
+    sensors, speeds, _ = sensors_of(tracks)
+    motion = motion_of(tracks, sensors, model.motion)
+    declared = {k: v for k, v in model.known().items() if "." not in k}
+    J, sure = _inertia(plain, declared)
+    width, sure = _width(motion, declared, J, sure)
+    held = (declared["J"] / OFF, np.inf) if declared.get("J") else J
+    motion = motion.part(_share(motion, width.h))
+    has = frozenset(model.friction.block.own)
+    lag = None
+    if speeds is not None and not sensors.one_source:
+        lag = float(speeds.values[2]), float(np.sqrt(speeds.covariance[2, 2]))
+    rows = rows_of(motion, width.h)
+    made = Record.of(motion, rows, declared, held, sure, width.heavy, model.effects, has, lag)
+    logged = plain.written_late(motion.dt)
+    made = replace(made, logged=-logged, lighter=_lighter(plain, declared))
+    return made.later(-logged) if logged else made
+
+
+def _lighter(plain: Balance, declared: dict[str, float]) -> float | None:
+    """The inertia of the plain answer, where it is certainly far below the declared one."""
+    known = plain.parameters.get("J") or plain.uncertain.get("J")
+    J = declared.get("J")
+    far = J and known and known.ci95 and known.ci95[1] < J / OFF
+    return known.value if known and far else None
+
+
+def _share(m: Motion, h: float) -> float:
+    """Share of a long motion that says enough."""
+    return min(1.0, MOST_SAMPLES / len(m), MOST_ROWS * spacing(m, h) / len(m))
+
+
+def _inertia(plain: Balance, declared: dict[str, float]) -> tuple[tuple[float, float] | None, bool]:
+    """The inertia of the plain answer, widened, and whether it is known at all."""
+    known = plain.parameters.get("J") or plain.uncertain.get("J")
+    if known is None or known.ci95 is None:
+        return None, bool(declared.get("J"))
+    half = max(0.5 * (known.ci95[1] - known.ci95[0]), HELD * abs(known.value))
+    sure = known.value > 0 and half < 0.5 * known.value
+    if known.value > 0 and half < 0.3 * known.value:
+        return (known.value - half, known.value + half), True
+    return None, sure or bool(declared.get("J"))
+
+
+def _width(
+    m: Motion, declared: dict[str, float], J: tuple[float, float] | None, sure: bool
+) -> tuple[Width, bool]:
+    """The narrowest windows in which noise is small and the inertia is that of wider ones."""
+    known = declared.get("J")
+    tried: list[Width] = []
+    for h in widths(m):
+        one = quick(m, h, known, declared.get("Fc"))
+        if one is not None:
+            tried.append(one)
+            if known and usable(one, declared=True):
+                return one, sure
+    if not tried:
+        return Width(widths(m)[0], np.nan, np.nan, 1.0, np.inf, 1.0, False, 0.0), False
+    least = min(tried, key=lambda w: max(w.noisy, w.lost / LOST))
+    good = [w for w in tried if usable(w, declared=False)]
+    if known or J is None:
+        return (good or [least])[0], sure and bool(known)
+    middle, half = 0.5 * (J[0] + J[1]), 0.5 * (J[1] - J[0])
+    near = [w for w in good if abs(w.J - middle) < half + w.se]
+    return (near or [min(tried, key=lambda w: abs(w.J - middle))])[0], sure

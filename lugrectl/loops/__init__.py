@@ -1,0 +1,1 @@
+"""Ready-made loops: blocks connected by their signal names alone."""

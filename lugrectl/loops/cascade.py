@@ -1,0 +1,218 @@
+"""The loop that drives have: position, speed and current in cascade."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import control as ct
+
+from ..blocks import controllers
+from ..blocks.drive import current_lag, dead_time, limiter, proportional
+from ..blocks.drive import notch as notch_block
+from ..blocks.observers import Gain
+from ..blocks.plant import load_outputs, plant
+from ..core.errors import InputError
+from ..core.validation import flag, one_name, real, shown
+from .friction_loops import OUTPUTS, _models
+from .parts import OWN, error_s, loop_observer
+
+if TYPE_CHECKING:
+    from ..blocks.model import Model, Parameters
+
+POSITION = {"motor": "theta", "load": "theta_load"}
+
+
+def cascade_loop(
+    p: Parameters | Model,
+    observer: str | None = None,
+    *,
+    kv: float = 20.0,
+    kp: float = 1.6,
+    ki: float = 16.0,
+    limit: float | None = None,
+    tracking: float | None = None,
+    speed_limit: float | None = None,
+    notch: float | Sequence[float] | Mapping[str, float] | None = None,
+    lag: float = 0.0,
+    delay: float = 0.0,
+    feedback: str = "motor",
+    K1: Gain | str | None = OWN,
+    K2: Gain | str | None = OWN,
+    k: float | str | None = OWN,
+    gains: Mapping[str, Any] | None = None,
+    observer_parameters: Parameters | Model | None = None,
+    feedforward: bool = False,
+    load: bool = False,
+    name: str = "cascade_loop",
+) -> ct.InterconnectedSystem:
+    """P position control around PI velocity control, with limit, current loop and dead time.
+
+    w_ref = kv (r - theta), u = clip((kp + ki/s)(w_ref - w) + Fhat, -limit, limit); the motor's
+    torque is u after the dead time and the lag of the current loop.
+
+    Parameters
+    ----------
+    p : Parameters or Model
+        The plant; friction and effects of a whole model act inside it.
+    observer : str or None
+        As in :func:`velocity_loop`; it sees the limited torque u and the position error e. One
+        that takes s = (w - dr) + 20 (theta - r) adds the input dr.
+    kv : float
+        Gain of the position controller in 1/s.
+    kp, ki : float
+        Gains of the velocity controller in N m s/rad and N m/rad.
+    limit : float, optional
+        Largest torque of the drive in N m, on the sum of controller, compensation and
+        feed-forward.
+    tracking : float, optional
+        Time of the back-calculation in s that keeps the integral from winding up at the limit;
+        default kp/ki, ``np.inf`` for none. See :func:`lugrectl.pi`.
+    speed_limit : float, optional
+        Largest speed reference of the position controller in rad/s.
+    notch : float, tuple or dict, optional
+        A notch in front of the limit: its frequency in Hz, or (frequency, damping, depth), or
+        these by name. See :func:`lugrectl.notch`.
+    lag : float
+        Time constant of the current loop in s; 0: none.
+    delay : float
+        Dead time between command and current in s; 0: none. See :func:`lugrectl.dead_time`.
+    feedback : "motor" or "load"
+        Where the position is measured: theta, or theta_load of a model with a load behind
+        ``elastic_coupling`` or ``backlash``. The speed is that of the motor.
+    K1, K2, k, gains, observer_parameters
+        As in :func:`velocity_loop`; k is in 1/s.
+    feedforward : bool
+        Add the inputs dr, the derivative of r in rad/s, to the speed reference, and ddr in
+        rad/s2, times the plant's J, to the torque.
+    load : bool
+        Add the input d, a load torque in N m that opposes positive w.
+    name : str
+        Name of the loop.
+
+    Returns
+    -------
+    control.InterconnectedSystem
+        Inputs r [, dr, ddr] [, d]; outputs theta, w, F, Fhat, u, e, w_ref, then u_motor (the
+        torque that reaches the motor, with a lag or a delay) and theta_load, w_load where they
+        exist. e is the position error. Blocks, whose parameters are set at simulation time by
+        their key (``params={"limiter.limit": 2.0}``): plant, *observer*_observer, proportional,
+        pi, notch, limiter, dead_time, current_lag, feedforward.
+
+    Raises
+    ------
+    InputError
+        For an unknown observer, a parameter that is missing or out of bounds, or
+        ``feedback="load"`` without a load of its own.
+
+    Notes
+    -----
+    The velocity loop crosses over near kp/J (727 1/s for Table 1), the position loop near kv:
+    keep kv and ki/kp well below kp/J, and kp/J below about 0.5/(lag + delay). The same loop can
+    be wired by hand from the blocks that carry these names.
+    """
+    p, believed = _models(p, observer_parameters)
+    measured = _measured(p, feedback)
+    estimate = loop_observer(observer, believed, {"K1": K1, "K2": K2, "k": k}, gains)
+    before, behind = _before_the_drive(notch, limit), _behind_the_drive(lag, delay)
+    torque, shaping = _chain(before, "u_cmd", "u")
+    _, actuating = _chain(behind, "u", "u_motor")
+    motor = "u_motor" if actuating else "u"
+    parts = [
+        plant(p, inputs=[motor, "d"]),
+        estimate,
+        controllers.error("position", inputs=["r", measured]),
+        proportional(kv, math.inf if speed_limit is None else speed_limit),
+        controllers.error("velocity", name="speed_error", inputs=["w_ref", "w"], outputs=["e_w"]),
+        _velocity_controller(kp, ki, limit, tracking, torque),
+        controllers.compensation(outputs=[torque]),
+        *shaping,
+        *actuating,
+    ]
+    ahead, sliding = flag(feedforward, "feedforward"), "s" in estimate.input_labels
+    if sliding:
+        parts.append(error_s("position", None, {"theta": measured}))
+    if ahead:
+        parts += [
+            controllers.compensation(name="speed_feedforward", inputs=["dr"], outputs=["w_ref"]),
+            controllers.feedforward(p, "position", outputs=[torque]),
+        ]
+    return ct.interconnect(
+        parts,
+        inputs=["r", *["dr"] * (ahead or sliding), *["ddr"] * ahead, *["d"] * flag(load, "load")],
+        outputs=[*OUTPUTS, "w_ref", *["u_motor"] * bool(actuating), *load_outputs(p)],
+        # empty: else two loops in one system would share the values of the last one
+        params={},
+        check_unused=False,
+        name=one_name(name),
+    )
+
+
+def _measured(p: Model, feedback: str) -> str:
+    if feedback not in POSITION:
+        raise InputError(f"feedback must be 'motor' or 'load', not {shown(feedback)}.")
+    signal = POSITION[feedback]
+    if feedback == "load" and signal not in load_outputs(p):
+        raise InputError(
+            f"feedback = 'load': {p.name} has no load of its own; declare elastic_coupling or "
+            "backlash."
+        )
+    return signal
+
+
+def _velocity_controller(
+    kp: float, ki: float, limit: float | None, tracking: float | None, torque: str
+) -> Any:
+    if limit is None:
+        if tracking is not None:
+            raise InputError("cascade_loop: tracking belongs to a limit: give limit in N m too.")
+        return controllers.pi(kp, ki, inputs=["e_w"], outputs=[torque])
+    time = controllers.tracking_time(kp, ki, tracking, "cascade_loop")
+    return controllers.pi(kp, ki, tracking=time, inputs=["e_w", "excess"], outputs=[torque])
+
+
+Maker = Callable[[list[str], str], Any]
+
+
+def _before_the_drive(given: Any, limit: float | None) -> list[Maker]:
+    """The notch and the limit, each made with its input and its output."""
+    made: list[Maker] = []
+    if given is not None:
+        made.append(lambda i, o: notch_block(*_notch_values(given), inputs=i, outputs=[o]))
+    if limit is not None:
+        made.append(lambda i, o: limiter(limit, inputs=i, outputs=[o, "excess"]))
+    return made
+
+
+def _notch_values(given: Any) -> tuple[Any, ...]:
+    """Frequency, damping and depth, as far as they are given."""
+    own = {"frequency": None, "damping": 0.5, "depth": 0.1}
+    if isinstance(given, Mapping) and "frequency" in given and {*given} <= {*own}:
+        return tuple({**own, **given}.values())
+    values = (given,) if real(given) is not None else given
+    if not isinstance(values, (list, tuple)) or not 1 <= len(values) <= 3:
+        raise InputError(
+            "notch must be a frequency in Hz, or (frequency, damping, depth), or these by name, "
+            f"not {shown(given)}."
+        )
+    return tuple(values)
+
+
+def _behind_the_drive(lag: float, delay: float) -> list[Maker]:
+    """The dead time and the current loop, those that are not 0."""
+    made: list[Maker] = []
+    if real(delay) != 0.0:
+        made.append(lambda i, o: dead_time(delay, inputs=i, outputs=[o]))
+    if real(lag) != 0.0:
+        made.append(lambda i, o: current_lag(lag, inputs=i, outputs=[o]))
+    return made
+
+
+def _chain(makers: Sequence[Maker], first: str, last: str) -> tuple[str, list[Any]]:
+    """Blocks in series from one signal to another, and the name at the start of the chain."""
+    if not makers:
+        return last, []
+    names = [first, *(f"{first}_{k}" for k in range(1, len(makers))), last]
+    pairs = zip(makers, names, names[1:], strict=False)
+    return first, [make([i], o) for make, i, o in pairs]

@@ -1,0 +1,309 @@
+"""Ready-made loops: blocks connected by their signal names alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import control as ct
+
+from ..blocks import controllers
+from ..blocks.as_model import as_model
+from ..blocks.drive import limiter
+from ..blocks.observers import Gain, observer_block
+from ..blocks.plant import plant
+from ..core.errors import InputError
+from ..core.validation import flag, one_name, positive
+from .parts import (
+    OWN,
+    SLIDING,
+    both,
+    controller_block,
+    controller_named,
+    derivatives,
+    error_s,
+    mapped,
+)
+from .parts import loop_observer as _observer
+
+if TYPE_CHECKING:
+    from ..blocks.model import Model, Parameters
+
+OUTPUTS = ("theta", "w", "F", "Fhat", "u", "e")
+PI = {"kp": 1.6, "ki": 0.16}
+PID = {"kp": 15.0, "ki": 1.55, "kd": 0.0, "tau": None}
+
+
+def velocity_loop(
+    p: Parameters | Model,
+    observer: str | None = None,
+    *,
+    kp: float = 1.6,
+    ki: float = 0.16,
+    K1: Gain | str | None = OWN,
+    K2: Gain | str | None = OWN,
+    k: float | str | None = OWN,
+    gains: Mapping[str, Any] | None = None,
+    observer_parameters: Parameters | Model | None = None,
+    prefilter: bool | float = False,
+    feedforward: bool = False,
+    load: bool = False,
+    limit: float | None = None,
+    tracking: float | None = None,
+    controller: str | None = None,
+    controller_gains: Mapping[str, Any] | None = None,
+    name: str = "velocity_loop",
+    **more: Any,
+) -> ct.InterconnectedSystem:
+    """PI velocity control with friction compensation, u = (kp + ki/s)(r - w) + Fhat.
+
+    Parameters
+    ----------
+    p : Parameters or Model
+        The plant; friction and effects of a whole model act inside it.
+    observer : str or None
+        "natural", "existing", "proposed", "temperature", "disturbance", or the name of any
+        registered observer (``lugrectl.observers()``) whose inputs are among theta, w, u, e, r,
+        s. None: Fhat = 0.
+    kp, ki : float
+        N m s/rad, N m/rad.
+    K1, K2, k : float, optional
+        Gains of the proposed (K1, K2: numbers or functions of w; -10.24, 22) and existing (k;
+        0.35) observer, or of another that has them; the observer's own default where left out.
+    gains : dict, optional
+        Any other parameters of the observer by name, ``gains={"tau": 0.005}``. They may be given
+        as arguments as well, ``bandwidth=300``: so ``**design_gains(p, observer=...).gains``.
+    observer_parameters : Parameters or Model, optional
+        The parameters used by the observer; default: those of the plant.
+    prefilter : bool or float
+        Filter the input r by pole/(s + pole); True is the source paper's 2/(s + 2).
+    feedforward : bool
+        Add u = J dr with the plant's J. dr, the derivative of r in rad/s2, becomes an input;
+        with a prefilter it is the exact derivative of the filtered reference, not an input.
+    load : bool
+        Add the input d, a load torque in N m that opposes positive w.
+    limit : float, optional
+        Largest torque of the drive in N m. It acts on the sum of controller, compensation and
+        feed-forward; u is the limited torque, which the observer sees too.
+    tracking : float, optional
+        Time of the back-calculation in s that keeps the integral from winding up at the limit;
+        default kp/ki, ``np.inf`` for none. See :func:`lugrectl.pi`.
+    controller : str, optional
+        Another controller instead of the PI: "slotine_li", "adaptive_slotine_li",
+        "dual_observer_control", "repetitive_control", "backstepping_smc", or any registered one
+        (``lugrectl.controllers()``) with an output u. It uses the observer's parameters, acts on
+        s = w - r, and contains J dr: dr becomes an input as with ``feedforward``, which is then
+        refused. An observer that is corrected by e then takes s.
+    controller_gains : dict, optional
+        Parameters of that controller by name.
+    name : str
+        Name of the loop.
+
+    Returns
+    -------
+    control.InterconnectedSystem
+        Inputs r [, dr] [, d]; outputs theta, w, F, Fhat, u, e. With a prefilter e refers to the
+        filtered reference. Parameters of a block are set at simulation time by its key,
+        ``params={"plant.Fc": 0.3}``, and change no other block; blocks: plant,
+        *observer*_observer, pi, feedforward, prefilter, limiter.
+
+    Raises
+    ------
+    InputError
+        For an unknown observer or controller, a gain that it does not have, or a parameter that
+        is missing or out of bounds.
+
+    Notes
+    -----
+    Source paper, fig. sys (a). Stiff: with python-control, simulate with
+    ``solve_ivp_method="LSODA"`` and an atol of 1e-8 or less, because z is about 1e-3. SciPy's
+    BDF and Radau can stop with an error: no rate depends on theta, so the finite difference step
+    that they use for theta grows until it overflows.
+    """
+    shared, own = {"K1": K1, "K2": K2, "k": k}, {"kp": kp, "ki": ki}
+    p, believed = _models(p, observer_parameters)
+    act = _Controller("velocity", controller, controller_gains, own, observer)
+    act.limited(limit, tracking)
+    estimate = _observer(observer, believed, shared, both(observer, gains, more), act.sliding)
+    inputs, reference, names = _reference(p, act, prefilter, feedforward)
+    parts = [plant(p), estimate, *act.blocks(believed, names), *reference]
+    return _closed(parts, inputs, load, name, limit)
+
+
+def position_loop(
+    p: Parameters | Model,
+    observer: str | None = None,
+    *,
+    kp: float = 15.0,
+    ki: float = 1.55,
+    kd: float = 0.0,
+    tau: float | None = None,
+    K1: Gain | str | None = OWN,
+    K2: Gain | str | None = OWN,
+    k: float | str | None = OWN,
+    gains: Mapping[str, Any] | None = None,
+    observer_parameters: Parameters | Model | None = None,
+    prefilter: bool | float = False,
+    feedforward: bool = False,
+    load: bool = False,
+    limit: float | None = None,
+    tracking: float | None = None,
+    controller: str | None = None,
+    controller_gains: Mapping[str, Any] | None = None,
+    name: str = "position_loop",
+    **more: Any,
+) -> ct.InterconnectedSystem:
+    """PID position control with friction compensation.
+
+    u = (kp + ki/(tau s + 1))(r - theta) - kd w + Fhat; tau None or 0: pure integral action.
+
+    Parameters
+    ----------
+    kp, ki, kd, tau : float
+        N m/rad, N m/rad (pure integral: N m/(rad s)), N m s/rad, s.
+    feedforward : bool
+        Add u = J ddr with the plant's J. ddr, the second derivative of r in rad/s2, becomes an
+        input, also with a prefilter; the prefilter then filters it as well.
+    controller, controller_gains
+        As in :func:`velocity_loop`, with s = (w - dr) + lam (theta - r), lam (1/s, 20) among the
+        gains: dr and ddr become inputs; with a prefilter r and dr, the derivatives of the
+        filtered reference are exact. An observer that takes s needs dr too.
+    p, observer, K1, K2, k, gains, observer_parameters, prefilter, load, limit, tracking, name
+        As in :func:`velocity_loop`; e is the position error, k is in 1/s. tau belongs to the
+        controller: give that of the disturbance observer in ``gains``.
+
+    Returns
+    -------
+    control.InterconnectedSystem
+        Inputs r [, dr] [, ddr] [, d]; outputs theta, w, F, Fhat, u, e. The controller's block
+        is ``pid``, or has the controller's name.
+
+    Raises
+    ------
+    InputError
+        For an unknown observer or controller, or a parameter that is missing or out of bounds.
+
+    Notes
+    -----
+    Source paper, fig. sys (b). Its gains, the defaults, make the compensated loop unstable:
+    J s^3 + kp s + ki has no s^2 term, and the growth has a time constant of 19 s. kd > 0 with
+    kd kp > J ki makes it stable.
+    """
+    shared, own = {"K1": K1, "K2": K2, "k": k}, {"kp": kp, "ki": ki, "kd": kd, "tau": tau}
+    p, believed = _models(p, observer_parameters)
+    act = _Controller("position", controller, controller_gains, own, observer)
+    act.limited(limit, tracking)
+    estimate = _observer(observer, believed, shared, both(observer, gains, more), act.sliding)
+    inputs, reference, names = _reference(p, act, prefilter, feedforward)
+    parts = [plant(p), estimate, *act.blocks(believed, names), *reference]
+    return _closed(parts, inputs, load, name, limit)
+
+
+def _models(p: Any, believed: Any) -> tuple[Model, Model]:
+    """The plant's model, and what the observer believes."""
+    made = as_model(p, "p")
+    return made, made if believed is None else as_model(believed, "observer_parameters")
+
+
+class _Controller:
+    """The controller of a loop: its PI or PID, or another one by name."""
+
+    def __init__(self, kind: str, name: Any, gains: Any, own: dict[str, Any], observer: Any):
+        self.kind, self.gains, self.own = kind, gains, own
+        self.torque = "u"
+        self.tracking: dict[str, Any] = {}
+        self.usual = usual = "pi" if kind == "velocity" else "pid"
+        self.made = None if name is None or name == usual else controller_block(name)
+        if self.made is None and mapped(gains, "controller_gains"):
+            raise InputError(f"controller_gains belong to another controller; {usual} has its own.")
+        if self.made is not None:
+            default = PI if kind == "velocity" else PID
+            if strange := [k for k, v in own.items() if v != default[k]]:
+                raise InputError(
+                    f"{strange[0]} is a gain of {usual}; give those of {self.made.name} in "
+                    "controller_gains."
+                )
+        seen = () if observer is None else observer_block(observer).inputs
+        read = () if self.made is None else self.made.inputs
+        self.sliding = bool({*SLIDING} & {*read})
+        self.with_s = self.sliding or "s" in seen
+        self.needs = derivatives(kind, [*read, *(s for s in seen if s == "s")])
+
+    def limited(self, limit: float | None, tracking: float | None) -> None:
+        """Put a limit behind the sum of all torques, which holds the integral back."""
+        if limit is None:
+            if tracking is not None:
+                loop = f"{self.kind}_loop"
+                raise InputError(f"{loop}: tracking belongs to a limit: give limit in N m too.")
+            return
+        if self.made is None:
+            kp, ki = self.own["kp"], self.own["ki"]
+            time = controllers.tracking_time(kp, ki, tracking, f"{self.kind}_loop")
+            self.tracking = {"tracking": time}
+        elif tracking is not None:
+            raise InputError(
+                f"tracking holds back the integral of {self.usual}; leave it out with "
+                f"{self.made.name}."
+            )
+        self.torque = "u_cmd"
+
+    def blocks(self, believed: Model, names: Mapping[str, str]) -> list[Any]:
+        """The controller, with the sliding error before it where something reads s."""
+        before = [error_s(self.kind, self.gains, names)] if self.with_s else []
+        if self.made is not None:
+            made = controller_named(self.made, believed, self.gains, names, self.torque)
+            return [*before, made]
+        make = controllers.pi if self.kind == "velocity" else controllers.pid
+        return [*before, make(**self.own, **self.tracking, outputs=[self.torque])]
+
+
+def _reference(
+    p: Model, act: _Controller, prefilter: bool | float, feedforward: bool
+) -> tuple[list[str], list[Any], dict[str, str]]:
+    """The loop's reference inputs, the blocks from them to the error and the feed-forward, and
+    what the loop calls the reference and its derivatives.
+    """
+    kind, needs = act.kind, act.needs
+    measured, derivative = controllers.MEASURED[kind], controllers.DERIVATIVE[kind]
+    if flag(feedforward, "feedforward") and derivative in needs:
+        raise InputError("feedforward=True: this controller contains J times the acceleration.")
+    wanted = [k for k in ("dr", "ddr") if k in needs or (feedforward and k == derivative)]
+    names, inputs, smooth = {}, ["r", *wanted], []
+    if not (prefilter is False or prefilter is None):
+        # the input keeps its name, so the filtered signals need other names
+        names = {k: f"{k}_filtered" for k in inputs}
+        pole = 2.0 if prefilter is True else positive(prefilter, "prefilter", "1/s")
+        which, inputs = _FILTERS[tuple(wanted)]
+        outputs = list(names.values())
+        smooth = [controllers.prefilter(pole, which, inputs=inputs, outputs=outputs)]
+    parts = [*smooth, controllers.error(kind, inputs=[names.get("r", "r"), measured])]
+    if feedforward:
+        ahead = [names.get(derivative, derivative)]
+        parts.append(controllers.feedforward(p, kind, inputs=ahead, outputs=[act.torque]))
+    return list(inputs), parts, names
+
+
+_FILTERS = {  # derivatives wanted: kind of the prefilter, inputs of the loop
+    (): (None, ["r"]),
+    ("dr",): ("velocity", ["r"]),
+    ("ddr",): ("position", ["r", "ddr"]),
+    ("dr", "ddr"): ("motion", ["r", "dr"]),
+}
+
+
+def _closed(
+    parts: list[Any], inputs: list[str], load: bool, name: str, limit: float | None = None
+) -> ct.InterconnectedSystem:
+    if limit is None:
+        parts = [*parts, controllers.compensation()]
+    else:
+        parts = [*parts, controllers.compensation(outputs=["u_cmd"]), limiter(limit)]
+    return ct.interconnect(
+        parts,
+        inputs=inputs + ["d"] * flag(load, "load"),
+        outputs=list(OUTPUTS),
+        # empty: else two loops in one system would share the values of the last one
+        params={},
+        check_unused=False,
+        name=one_name(name),
+    )

@@ -1,0 +1,151 @@
+"""What a ready-made loop is built of: its observer and its controller, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from ..blocks.aliases import VARIANTS, meant
+from ..blocks.block import Block, members
+from ..blocks.controllers import DERIVATIVE
+from ..blocks.observers import believed, observer_block
+from ..blocks.sliding_control import sliding_error
+from ..core.errors import InputError
+from ..core.validation import real, shown
+
+if TYPE_CHECKING:
+    import control as ct
+
+    from ..blocks.model import Model
+
+OWN = "own"  # a gain that is left out: the observer's own default
+SEEN = ("theta", "w", "u", "e", "r", "s")
+READ = ("theta", "w", "e", "r", "dr", "ddr", "s", "ar")
+SLIDING = ("s", "ar")
+ARGUMENTS = (  # of a loop
+    *("observer", "kp", "ki", "kd", "tau", "K1", "K2", "k", "gains", "observer_parameters", "load"),
+    *("prefilter", "feedforward", "limit", "tracking", "controller", "controller_gains", "name"),
+)
+
+
+def loop_observer(
+    name: str | None,
+    p: Model,
+    shared: Mapping[str, Any],
+    gains: Mapping[str, Any] | None,
+    sliding: bool = False,
+) -> ct.NonlinearIOSystem:
+    """The observer of a loop with its gains.
+
+    ``sliding``: the controller acts on s, and so does an observer that is corrected by e.
+    """
+    made = observer_block("no_observer" if name is None else name)
+    _fits(made, SEEN)
+    if "Fhat" not in made.outputs:
+        raise InputError(f"{made.name} has no output Fhat; an observer in a loop needs one.")
+    known = {}
+    for gain, value in shared.items():
+        absent = gain not in made.parameters
+        if value is OWN or (absent and (value is None or real(value) == 0.0)):
+            continue
+        if absent:
+            who = "without an observer there is" if name is None else f"the observer {name!r} has"
+            raise InputError(f"{gain} = {shown(value)}: {who} no such gain; leave it out.")
+        if value is None:
+            own = f"{made.parameters[gain].value:g}"
+            raise InputError(f"{gain} = None is no gain: leave it out for the default, {own}.")
+        known[gain] = value
+    inputs = [("s" if signal == "e" and sliding else signal) for signal in made.inputs]
+    return believed(made, p, inputs=inputs, **(known | mapped(gains, "gains")))
+
+
+def mapped(gains: Any, what: str) -> dict[str, Any]:
+    """Gains by name."""
+    if not (gains is None or isinstance(gains, Mapping)):
+        raise InputError(f"{what} must be a dict of numbers by name, not {shown(gains)}.")
+    return dict(gains or {})
+
+
+def both(name: str | None, gains: Any, more: Mapping[str, Any]) -> dict[str, Any]:
+    """Gains of an observer given as a dict and as arguments."""
+    known, made = mapped(gains, "gains"), observer_block("no_observer" if name is None else name)
+    for key in more:
+        if key not in made.parameters:
+            raise InputError(
+                f"{key} is no argument of the loop and no parameter of {made.name}; "
+                f"{meant(key, (*made.parameters, *ARGUMENTS))}"
+            )
+    if twice := sorted({*known} & {*more}):
+        raise InputError(f"{twice[0]} is given twice: in gains and as an argument.")
+    return known | dict(more)
+
+
+def controller_block(name: Any) -> Block:
+    """The registered controller of a name, one that puts out u from what a loop offers.
+
+    Raises
+    ------
+    InputError
+        When there is no controller of that name, or a loop cannot contain it.
+    """
+    known = {k: b for k, b in members("controller").items() if k not in VARIANTS}
+    made = known.get(name) if isinstance(name, str) else None
+    if made is None:
+        able = [k for k, b in known.items() if not _misfit(b)]
+        raise InputError(f"unknown controller {shown(name)}; {meant(name, able)}")
+    _fits(made, READ)
+    if why := _misfit(made):
+        raise InputError(f"{made.name} is not the controller of a loop: {why}.")
+    return made
+
+
+def _misfit(made: Block) -> str:
+    if "u" not in made.outputs:
+        return "it has no output u"
+    return "" if set(made.inputs) & {"e", *SLIDING} else "it reads no error"
+
+
+def _fits(made: Block, offered: Sequence[str]) -> None:
+    strange = [s for s in made.inputs if s not in offered]
+    if strange:
+        raise InputError(
+            f"{made.name} needs {', '.join(strange)}; a ready-made loop offers "
+            f"{', '.join(offered)}: wire it with control.interconnect."
+        )
+
+
+def controller_named(
+    made: Block,
+    p: Model,
+    gains: Mapping[str, Any] | None,
+    names: Mapping[str, str],
+    torque: str = "u",
+) -> ct.NonlinearIOSystem:
+    """The controller of a loop with its gains; lam is a gain of the sliding error.
+
+    ``names``: what the loop calls the reference and its derivatives; ``torque``: what it calls u.
+    """
+    own = {k: v for k, v in mapped(gains, "controller_gains").items() if k != "lam"}
+    inputs = [names.get(k, k) for k in made.inputs]
+    outputs = [torque if k == "u" else k for k in made.outputs]
+    return believed(made, p, inputs=inputs, outputs=outputs, **own)
+
+
+def error_s(
+    kind: str, gains: Mapping[str, Any] | None, names: Mapping[str, str]
+) -> ct.NonlinearIOSystem:
+    """The sliding error of a loop."""
+    lam = mapped(gains, "controller_gains").get("lam", 20.0)
+    measured = ["theta", "w"] if kind == "position" else ["w"]
+    wanted = [*measured, *("r", "dr", "ddr")[: 1 + len(measured)]]
+    return sliding_error(lam, kind, inputs=[names.get(k, k) for k in wanted])
+
+
+def derivatives(kind: str, signals: Sequence[str]) -> list[str]:
+    """The derivatives of the reference from which these signals of a loop are computed."""
+    needs = {"s": {"dr"}, "ar": {"dr", "ddr"}} if kind == "position" else {"ar": {"dr"}}
+    wanted = set().union(*(needs.get(k, {k}) for k in signals))
+    known = ("dr", "ddr") if kind == "position" else ("dr",)
+    if kind == "velocity" and "ddr" in wanted:
+        raise InputError(f"a velocity loop has no ddr, only {DERIVATIVE[kind]}.")
+    return [k for k in known if k in wanted]

@@ -1,0 +1,150 @@
+"""The answer of a recommendation: observers in order, each with reasons, and those left out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ..core.display import Row, Shown, number
+from ..core.errors import InputError
+from ..core.result import Result, library, plain
+from ..design import Certificate
+
+
+@dataclass(frozen=True, repr=False)
+class Candidate(Shown):
+    """One admissible observer.
+
+    ``worst``: the largest RMS error over all cases, in the unit of the recommendation, and
+    ``worst_case``, which it is; ``errors`` has all by case. ``load``: the same with a load step
+    and exact parameters. ``noise``: RMS torque in N m that the sensor causes. ``gains``: for
+    ``velocity_loop(p, name, **gains)``; ``certificate``: what they guarantee, None where there is
+    no rule. ``reads``: signals; ``knows``: parameters of the drive that it must know. ``complete``:
+    whether every parameter was tried wrong, or the level of friction only.
+    """
+
+    name: str
+    worst: float
+    worst_case: str
+    errors: Mapping[str, float]
+    load: float
+    noise: float
+    gains: Mapping[str, Any]
+    certificate: Certificate | None
+    reads: tuple[str, ...]
+    knows: tuple[str, ...]
+    complete: bool
+    reasons: tuple[str, ...] = ()
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python."""
+        own = {k: getattr(self, k) for k in self.__dataclass_fields__}
+        own["gains"] = {k: "a function of w" if callable(v) else v for k, v in self.gains.items()}
+        own["certificate"] = self.certificate.summary() if self.certificate is not None else None
+        return plain(own)
+
+    def _title(self) -> str:
+        return f"Candidate {self.name}"
+
+    def _rows(self) -> Iterable[Row]:
+        return [Row("" if i else "reasons", said) for i, said in enumerate(self.reasons)]
+
+
+@dataclass(frozen=True, repr=False)
+class Recommendation(Result):
+    """The answer of :func:`lugrectl.recommend_observer`.
+
+    ``ranked``: candidates, the best first; ``refused``: names of those that are not admissible,
+    each with the reason. ``none``: the RMS error without an observer in ``unit``, of ``signal``.
+    ``drive``: what was assumed about the drive; ``controller``: its gains.
+    """
+
+    ranked: tuple[Candidate, ...]
+    refused: Mapping[str, str]
+    none: float
+    signal: str
+    unit: str
+    motion: str
+    drive: Mapping[str, Any]
+    controller: Mapping[str, float]
+    messages: tuple[str, ...] = ()
+
+    @property
+    def best(self) -> Candidate | None:
+        """The candidate in the first place; None if no observer is admissible."""
+        return self.ranked[0] if self.ranked else None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The admissible observers in order."""
+        return tuple(row.name for row in self.ranked)
+
+    def __bool__(self) -> bool:
+        return bool(self.ranked)
+
+    def __len__(self) -> int:
+        return len(self.ranked)
+
+    def __getitem__(self, which: Any) -> Candidate:
+        """A candidate by place or by name."""
+        if not isinstance(which, str):
+            return self.ranked[which]
+        short = which.removesuffix("_observer")
+        if short in self.names:
+            return self.ranked[self.names.index(short)]
+        if short in self.refused:
+            raise InputError(f"{short} is not admissible: {self.refused[short]}")
+        raise InputError(f"{which!r} was not considered; there is {', '.join(self.names)}.")
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python."""
+        own = {k: getattr(self, k) for k in self.__dataclass_fields__ if k != "ranked"}
+        best = self.best.name if self.best else None
+        return plain({"best": best, "ranked": [row.summary() for row in self.ranked], **own})
+
+    def to_frame(self) -> Any:
+        """A DataFrame, a row for each observer in order, then those that are not admissible."""
+        pandas = library("pandas")
+        keys = ("name", "worst", "worst_case", "load", "noise")
+        rows = [{"admissible": True, **{k: getattr(row, k) for k in keys},
+                 "reason": " ".join(row.reasons)} for row in self.ranked]  # fmt: skip
+        rows += [{"admissible": False, "name": k, "reason": v} for k, v in self.refused.items()]
+        columns = [*keys[1:], "admissible", "reason"]
+        return pandas.DataFrame(rows, columns=["name", *columns]).set_index("name")
+
+    def _title(self) -> str:
+        best = self.best.name if self.best else "none"
+        return f"Recommended observer: {best}"
+
+    def _rows(self) -> Iterable[Row]:
+        rows = [
+            Row(f"{i + 1}. {row.name}", " ".join(row.reasons)) for i, row in enumerate(self.ranked)
+        ]
+        for why in dict.fromkeys(self.refused.values()):
+            names = ", ".join(k for k, other in self.refused.items() if other == why)
+            rows.append(Row("not admissible", f"{names}: {why}"))
+        drive = f"{self.drive['rate']:g} Hz, {', '.join(self.drive['measured'])} measured"
+        rows.append(Row("drive", drive, "", f"(from {self.drive['source']})"))
+        rows.append(Row("without", f"{number(self.none, 3)} {self.unit}", "", "RMS error"))
+        return [*rows, *(Row("note", said) for said in self.messages)]
+
+    def __repr__(self) -> str:
+        """The first three, how many follow, and how many are not admissible."""
+        lines = [self._title()]
+        for i, row in enumerate(self.ranked[:3]):
+            first = row.reasons[0]
+            lines.append(f"  {i + 1}. {row.name}: {first[:1].lower()}{first[1:]}")
+        more, out = self.names[3:], ", ".join(self.refused)
+        lines += [f"  then {', '.join(more)}"] if more else []
+        lines += [f"  not admissible: {out}"] if out else []
+        return "\n".join(lines)
+
+    def __str__(self) -> str:
+        return super().__repr__()
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the errors of the candidates, exact to worst, into ``ax`` or a new figure."""
+        from ..report.recommendation_plot import errors
+
+        return errors(self, ax)

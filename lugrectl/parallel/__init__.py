@@ -1,0 +1,1 @@
+"""Independent jobs on threads, processes and clusters."""

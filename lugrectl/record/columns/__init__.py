@@ -1,0 +1,1 @@
+"""Columns: which one is which channel, and in which unit."""

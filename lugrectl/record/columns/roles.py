@@ -1,0 +1,172 @@
+"""Which column of a table is which channel: named by the user, by its role, or by a usual name."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...core.errors import InputError
+from ..files.table import Table
+from .column_names import fitting, split_unit, usual_names, usual_unit
+from .units import ROLES, did_you_mean, likeness, nearest
+
+_WORDS = {"t": "time", "u": "torque", "w": "velocity", "theta": "position"}
+
+
+@dataclass(frozen=True)
+class Choice:
+    role: str
+    index: int
+    implied: str | None  # unit that the column's name alone implies
+
+
+def choose_columns(
+    table: Table, named: Mapping[str, str], *, need_time: bool
+) -> tuple[list[Choice], list[str]]:
+    """Return the column of each role: named by the user, by its role, or by a usual name."""
+    choices = {role: _named(table, role, name) for role, name in named.items()}
+    taken = Counter(choice.index for choice in choices.values())
+    for role, choice in choices.items():
+        if taken[choice.index] > 1:
+            raise InputError(f"--columns: column '{named[role]}' is given to more than one role.")
+    doubtful: dict[str, list[int]] = {}
+    said: list[str] = []
+    for role in (r for r in ROLES if r not in named):
+        free = [i for i in range(len(table.names)) if i not in taken]
+        fits, implied = fitting(table.plain, role, free)
+        if len(fits) > 1 and _same(table, fits):
+            said.append(f"{_among(table, role, fits)}; they hold the same values.")
+            fits = fits[:1]
+        if len(fits) == 1:
+            choices[role] = Choice(role, fits[0], implied)
+        elif fits:
+            doubtful[role] = fits
+    _complete(table, choices, doubtful, need_time)
+    said += _usual_said(table, choices, named)
+    said += [f"{_among(table, role, fits)}; it was left out." for role, fits in doubtful.items()]
+    if not {"w", "theta"} & set(named):  # no note if the user named one
+        said += _unused_said(table, choices, doubtful)
+    return [choices[role] for role in ROLES if role in choices], said
+
+
+def _named(table: Table, role: str, name: str) -> Choice:
+    wanted = {name, split_unit(name)[0]}
+    fits = [i for i, column in enumerate(table.names) if column in wanted]
+    fits = fits or [i for i, column in enumerate(table.plain) if column == name]
+    if not fits and name.isdecimal() and 1 <= int(name) <= len(table.names):
+        fits = [int(name) - 1]
+    if len(fits) != 1:
+        problem = "occurs twice in" if fits else "is not in"
+        raise InputError(
+            f"Column '{name}' for {role} {problem} {table.source}"
+            f"{'' if fits else did_you_mean(name, table.names)}; its columns are {table.listed()}."
+        )
+    return Choice(role, fits[0], usual_unit(role, table.plain[fits[0]]))
+
+
+def fits_role(names: Sequence[str], role: str) -> bool:
+    """True if a column of these names may be the role."""
+    return bool(fitting(names, role, range(len(names)))[0])
+
+
+def _same(table: Table, fits: Sequence[int]) -> bool:
+    """Whether columns that may be one role hold the same values."""
+    try:
+        first, *others = table.load(list(fits))[0]
+    except InputError:
+        return False
+    return all(np.array_equal(first, other, equal_nan=True) for other in others)
+
+
+def _complete(
+    table: Table,
+    choices: Mapping[str, Choice],
+    doubtful: Mapping[str, list[int]],
+    need_time: bool,
+) -> None:
+    """Raise InputError if a required role has no column."""
+    needed = [("u",), ("w", "theta"), *([("t",)] if need_time else [])]
+    for roles in needed:
+        if any(role in choices for role in roles):
+            continue
+        role = next((r for r in roles if r in doubtful), roles[-1])
+        if role in doubtful:
+            start, near = _among(table, role, doubtful[role]), None
+        else:
+            words = " or ".join(f"{r} ({_WORDS[r]})" for r in roles)
+            start = f"{table.source} has no column for {words}"
+            near = _misspelt(table, roles, {choice.index for choice in choices.values()})
+        if not choices and not doubtful:
+            raise InputError(_nothing_known(table, need_time))
+        how = f": name the column with --columns {role}=NAME"
+        if near is not None:
+            meant, name = near
+            pair = f"{meant}={name}" if name.isidentifier() else f'"{meant}={name}"'
+            how = f". If '{name}' is {meant}, rename it, or give --columns {pair}"
+        raise InputError(
+            f"{start}; its columns are {table.listed()}{how}"
+            f"{', or give --rate HZ' if role == 't' else ''}.{' ' * bool(table.hint)}{table.hint}"
+        )
+
+
+def _misspelt(table: Table, roles: Sequence[str], taken: Collection[int]) -> tuple[str, str] | None:
+    """The role and the column, not taken yet, with the nearest names; None if none are near."""
+    free = [name for i, name in enumerate(table.names) if i not in taken and name]
+    known = ((r, name) for r in roles for name in (r, *usual_names(r)) if len(name) > 2)
+    found = [(r, name, near) for r, name in known if (near := nearest(name, free)) is not None]
+    if not found:
+        return None
+    role, _, column = max(found, key=lambda one: likeness(*one[1:]))
+    return role, column
+
+
+def _nothing_known(table: Table, need_time: bool) -> str:
+    """A sentence for a table whose names say nothing, with the option that names its columns."""
+    roles = ["t", "u", "theta"] if need_time else ["u", "theta"]
+    clear = all(table.names) and len(set(table.names)) == len(table.names)
+    names = table.names if clear else [str(i + 1) for i in range(len(table.names))]
+    pairs = ",".join(f"{r}={n}" for r, n in zip(roles, names, strict=False))
+    start = (
+        f"{table.source}: its columns are {table.listed()}, which say nothing of torque and motion"
+        if table.headed
+        else f"{table.source} has no header (its numbers begin in {table.where(0)})"
+    )
+    how = "name them" if table.headed else "give the numbers of its columns, counted from 1"
+    return f'{start}: {how}, for instance --columns "{pairs}".' + (
+        f" {table.hint}" if table.hint else ""
+    )
+
+
+def _among(table: Table, role: str, fits: list[int]) -> str:
+    alike = {table.names[i] for i in fits}
+    twice = len(alike) < len(fits)
+    names = ", ".join(f"'{table.names[i]}'" + f" ({i + 1})" * twice for i in fits)
+    return f"{role} could be any of the columns {names} of {table.source}"
+
+
+def _usual_said(table: Table, choices: Mapping[str, Choice], named: Mapping[str, str]) -> list[str]:
+    taken = [
+        f"{role} = '{table.names[choice.index]}'"
+        for role, choice in choices.items()
+        if role not in named and table.names[choice.index] != role
+    ]
+    return [f"Columns were identified by usual names: {', '.join(taken)}."] if taken else []
+
+
+def _unused_said(
+    table: Table, choices: Mapping[str, Choice], doubtful: Mapping[str, list[int]]
+) -> list[str]:
+    """A note on unused columns if w or theta has no column: its name may be misspelt."""
+    taken = {choice.index for choice in choices.values()}
+    left = [f"'{name}'" for i, name in enumerate(table.names) if i not in taken and name]
+    missing = next((r for r in ("w", "theta") if r not in choices and r not in doubtful), None)
+    if missing is None or not left:
+        return []
+    names = ", ".join(left[:6]) + (f" and {len(left) - 6} more" if len(left) > 6 else "")
+    return [
+        f"No column was found for {missing}; not used: {names}. If {missing} is among them, give "
+        f"--columns {missing}=NAME."
+    ]

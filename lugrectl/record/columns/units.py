@@ -1,0 +1,209 @@
+"""Units of logged channels: the names understood and their factors to SI."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...core.errors import InputError
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit: SI value = ``factor`` times the number in this unit.
+
+    ``motion`` is the kind of drive the unit belongs to, None when it fits both;
+    quantity "raw" has no SI meaning before the user's own scale is applied.
+    """
+
+    name: str
+    quantity: str
+    factor: float
+    motion: str | None = None
+
+
+UNITS = {
+    unit.name: unit
+    for unit in (
+        Unit("s", "time", 1.0),
+        Unit("ms", "time", 1e-3),
+        Unit("us", "time", 1e-6),
+        Unit("ns", "time", 1e-9),
+        Unit("min", "time", 60.0),
+        Unit("rad", "position", 1.0, "rotary"),
+        Unit("mrad", "position", 1e-3, "rotary"),
+        Unit("deg", "position", np.pi / 180, "rotary"),
+        Unit("rev", "position", 2 * np.pi, "rotary"),
+        Unit("rad/s", "velocity", 1.0, "rotary"),
+        Unit("mrad/s", "velocity", 1e-3, "rotary"),
+        Unit("deg/s", "velocity", np.pi / 180, "rotary"),
+        Unit("rpm", "velocity", np.pi / 30, "rotary"),
+        Unit("rev/s", "velocity", 2 * np.pi, "rotary"),
+        Unit("N m", "torque", 1.0, "rotary"),
+        Unit("mN m", "torque", 1e-3, "rotary"),
+        Unit("uN m", "torque", 1e-6, "rotary"),
+        Unit("kN m", "torque", 1e3, "rotary"),
+        Unit("N cm", "torque", 1e-2, "rotary"),
+        Unit("N mm", "torque", 1e-3, "rotary"),
+        Unit("kgf cm", "torque", 0.0980665, "rotary"),
+        Unit("ozf in", "torque", 0.00706155183333, "rotary"),
+        Unit("lbf in", "torque", 0.1129848290276, "rotary"),
+        Unit("lbf ft", "torque", 1.3558179483314, "rotary"),
+        Unit("m", "position", 1.0, "linear"),
+        Unit("cm", "position", 1e-2, "linear"),
+        Unit("mm", "position", 1e-3, "linear"),
+        Unit("um", "position", 1e-6, "linear"),
+        Unit("m/s", "velocity", 1.0, "linear"),
+        Unit("cm/s", "velocity", 1e-2, "linear"),
+        Unit("mm/s", "velocity", 1e-3, "linear"),
+        Unit("um/s", "velocity", 1e-6, "linear"),
+        Unit("m/min", "velocity", 1 / 60, "linear"),
+        Unit("mm/min", "velocity", 1e-3 / 60, "linear"),
+        Unit("N", "torque", 1.0, "linear"),
+        Unit("mN", "torque", 1e-3, "linear"),
+        Unit("kN", "torque", 1e3, "linear"),
+        Unit("A", "raw", 1.0),
+        Unit("mA", "raw", 1.0),
+        Unit("V", "raw", 1.0),
+        Unit("mV", "raw", 1.0),
+        Unit("%", "raw", 1.0),
+        Unit("counts", "raw", 1.0),
+        Unit("counts/s", "raw", 1.0),
+        Unit("degC", "temperature", 1.0),
+        Unit("K", "temperature", 1.0),
+    )
+}
+
+# Other spellings, after spaces, dots and stars are removed; the words in any case.
+_WORDS = {
+    **dict.fromkeys(("sec", "second", "seconds", "secs"), "s"),
+    **dict.fromkeys(("msec", "millisecond", "milliseconds", "millis"), "ms"),
+    **dict.fromkeys(("usec", "microsecond", "microseconds", "micros"), "us"),
+    **dict.fromkeys(("nsec", "nanosecond", "nanoseconds", "nanos"), "ns"),
+    **dict.fromkeys(("minute", "minutes"), "min"),
+    **dict.fromkeys(("radian", "radians"), "rad"),
+    **dict.fromkeys(("degree", "degrees", "degs"), "deg"),
+    **dict.fromkeys(("turn", "turns", "revs", "revolution", "revolutions"), "rev"),
+    **dict.fromkeys(("rad/sec", "radps", "rad/second", "rads-1", "rads^-1", "rad_s"), "rad/s"),
+    **dict.fromkeys(("deg/sec", "degps", "dps", "degs-1", "degs^-1", "deg_s"), "deg/s"),
+    **dict.fromkeys(("degree/s", "degrees/s", "degree/sec", "degrees/sec"), "deg/s"),
+    **dict.fromkeys(("1/min", "r/min", "u/min", "rev/min", "min-1", "min^-1", "turns/min"), "rpm"),
+    **dict.fromkeys(("rps", "rev/sec", "turn/s", "turns/s", "turns/sec", "revs/s"), "rev/s"),
+    **dict.fromkeys(("rev_s", "turns_s"), "rev/s"),
+    **dict.fromkeys(("m_s", "mps", "m/sec"), "m/s"),
+    **dict.fromkeys(("mm_s", "mmps", "mm/sec"), "mm/s"),
+    **dict.fromkeys(("n-m", "newtonmetre", "newtonmeter", "newton-meter", "newton-metre"), "Nm"),
+    "n_m": "Nm",
+    **dict.fromkeys(("oz-in", "ozin", "ozf-in"), "ozfin"),
+    **dict.fromkeys(("lb-in", "lbin", "lbf-in", "inlb", "in-lb"), "lbfin"),
+    **dict.fromkeys(("lb-ft", "lbft", "lbf-ft", "ftlb", "ft-lb", "ft-lbf"), "lbfft"),
+    **dict.fromkeys(("kgcm", "kg-cm", "kgf-cm"), "kgfcm"),
+    **dict.fromkeys(("metre", "meter", "metres", "meters"), "m"),
+    **dict.fromkeys(("millimetre", "millimeter", "millimetres", "millimeters"), "mm"),
+    **dict.fromkeys(("newton", "newtons"), "N"),
+    **dict.fromkeys(("amp", "amps", "ampere", "amperes"), "A"),
+    **dict.fromkeys(("volt", "volts"), "V"),
+    **dict.fromkeys(("percent", "pct"), "%"),
+    **dict.fromkeys(("count", "cnt", "cnts", "cts", "inc", "incs", "increments"), "counts"),
+    **dict.fromkeys(("tick", "ticks", "pulse", "pulses", "lsb", "digits"), "counts"),
+    **dict.fromkeys(("count/s", "ticks/s", "cnt/s", "inc/s", "pulses/s"), "counts/s"),
+    **dict.fromkeys(("celsius", "degc"), "degC"),
+}
+_SPELLINGS = {"C": "degC", "mN-m": "mNm", "mN_m": "mNm"}
+# Only where upper case cannot mean something else (MN m is not mN m).
+_ANY_CASE = ("rad", "deg", "rev", "rad/s", "deg/s", "rev/s", "rpm", "mrad", "mrad/s")
+
+_QUANTITIES = {
+    "t": ("time",),
+    "u": ("torque", "raw"),
+    "w": ("velocity", "raw"),
+    "theta": ("position", "raw"),
+    "r": ("position", "velocity", "raw"),
+    "d": ("torque", "raw"),
+    "temperature": ("temperature", "raw"),
+    "theta_load": ("position", "raw"),
+}
+_SI = {
+    "rotary": {"t": "s", "u": "N m", "w": "rad/s", "theta": "rad", "d": "N m"},
+    "linear": {"t": "s", "u": "N", "w": "m/s", "theta": "m", "d": "N"},
+}
+
+# What a factor to SI is computed from.
+_HOW = {
+    ("u", "A"): ": the torque constant times the gear ratio",
+    ("u", "mA"): ": the torque constant times the gear ratio",
+    ("theta", "counts"): ": 2 pi / counts per turn",
+    ("w", "counts/s"): ": 2 pi / counts per turn",
+}
+
+ROLES = tuple(_QUANTITIES)
+
+
+def si_unit(role: str, motion: str) -> str:
+    """Return the SI unit of a role; empty if it has none (r, temperature)."""
+    return _SI[motion].get("theta" if role == "theta_load" else role, "")
+
+
+def parse_unit(text: str) -> Unit | None:
+    """Return the unit that ``text`` names, or None if it is unknown."""
+    bare = re.sub(r"[\s.*·⋅]", "", re.sub(r"\s+per\s+|_per_", "/", text))
+    bare = bare.replace("µ", "u").replace("μ", "u").replace("⁻¹", "-1")
+    bare = bare.replace("°C", "degC").replace("°", "deg")
+    bare = _SPELLINGS.get(bare) or _WORDS.get(bare.lower(), bare)
+    if bare.lower() in _ANY_CASE:
+        bare = bare.lower()
+    return next((u for name, u in UNITS.items() if name.replace(" ", "") == bare), None)
+
+
+def fits(role: str, unit: Unit) -> bool:
+    """Whether a channel of this role can be in the unit."""
+    return unit.quantity in _QUANTITIES[role]
+
+
+def role_unit(role: str, text: str, *, scaled: bool, where: str) -> Unit:
+    """Return the unit ``text`` of a role, checked to fit the role.
+
+    Raises InputError when the unit is unknown, measures something else, or is raw
+    (A, V, %, counts) without a scale. ``where`` begins the sentence.
+    """
+    unit = parse_unit(text)
+    if unit is None:
+        names = [u.name for u in UNITS.values() if u.quantity in _QUANTITIES[role]]
+        raise InputError(
+            f"{where}: the unit '{text}' of {role} is not known{did_you_mean(text, names)}; "
+            f"known for {role}: {', '.join(names)}."
+        )
+    if unit.quantity not in _QUANTITIES[role]:
+        names = [u.name for u in UNITS.values() if u.quantity in _QUANTITIES[role]]
+        raise InputError(
+            f"{where}: {role} cannot be in {unit.name}; known for {role}: {', '.join(names)}."
+        )
+    if unit.quantity == "raw" and not scaled:
+        how = _HOW.get((role, unit.name), "")
+        raise InputError(
+            f"{where}: {role} is in {unit.name}, which needs its factor to SI: "
+            f"give --scale {role}=FACTOR (SI value per {unit.name}{how})."
+        )
+    return unit
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Return ' (did you mean x?)' if the word resembles a known one, else an empty text."""
+    near = nearest(word, known)
+    return f" (did you mean '{near}'?)" if near else ""
+
+
+def likeness(one: str, other: str) -> float:
+    """How much two words resemble each other, up to 1."""
+    return difflib.SequenceMatcher(None, one.lower(), other.lower()).ratio()
+
+
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """The known word that a word resembles most; None if it resembles none."""
+    by_lower = {name.lower(): name for name in known}
+    near = difflib.get_close_matches(word.lower(), by_lower, n=1, cutoff=0.6)
+    return by_lower[near[0]] if near else None

@@ -1,0 +1,1 @@
+"""Files: tables of named columns from each format."""

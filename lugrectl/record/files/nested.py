@@ -1,0 +1,141 @@
+"""Columns out of nested content: structs, dicts, lists of dicts, matrices, structured arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from .dates import is_stamp, seconds
+from .table import heads
+
+_MOST = 200  # columns of one matrix
+_DEPTH = 12
+_SHORT = 0.01  # of the longest column; shorter ones are parameters, no samples
+Column = tuple[str, str, str | None, np.ndarray]  # name, plain name, unit, values
+
+
+def columns_of(content: Any) -> list[Column]:
+    """The columns of nested content, each 1-D, named as ``--columns`` takes them.
+
+    ``rec.x[2]`` is the second column of the matrix x (N x 6 or 6 x N) in the struct rec.
+    """
+    found = list(_flat("", content, "", _DEPTH))
+    longest = max((len(values) for *_, values in found), default=0)
+    found = [c for c in found if len(c[2]) > max(1, _SHORT * longest)]
+    described = heads([name for name, _, _ in found])
+    made = []
+    for (name, unit), (_, label, values) in zip(
+        ((n, u) for n, _, u in described), found, strict=True
+    ):
+        plain = heads([label or name])[0]
+        dated = values.dtype.kind in "US"
+        values = seconds(list(values)) if dated else values
+        made.append((name, plain[1], "s" if dated else unit or plain[2], values))
+    return made
+
+
+def _flat(name: str, value: Any, label: str, depth: int) -> Iterator[tuple[str, str, np.ndarray]]:
+    """(name, label, values) of each column below a value."""
+    if depth == 0 or value is None:
+        return
+    if isinstance(value, dict):
+        yield from _of_dict(name, value, depth)
+        return
+    if (
+        isinstance(value, (list, tuple))
+        or getattr(getattr(value, "dtype", None), "kind", "") == "O"
+    ):
+        yield from _of_list(name, list(np.ravel(value)) if hasattr(value, "dtype") else value,
+                            label, depth)  # fmt: skip
+        return
+    array = np.asarray(value)
+    if array.dtype.names:
+        for field in array.dtype.names:
+            yield from _flat(_below(name, field), array[field], "", depth - 1)
+        return
+    yield from _of_array(name, array, label)
+
+
+def _below(name: str, field: Any) -> str:
+    return f"{name}.{field}" if name else str(field)
+
+
+def _of_dict(name: str, value: dict[Any, Any], depth: int) -> Iterator[Any]:
+    columns, data = value.get("columns"), value.get("data")
+    if isinstance(columns, list) and isinstance(data, list) and data:  # pandas, orient="split"
+        rows = [row for row in data if isinstance(row, list) and len(row) == len(columns)]
+        for i, column in enumerate(columns):
+            yield from _flat(_below(name, column), [row[i] for row in rows], "", depth - 1)
+        return
+    keys = [str(key) for key in value]
+    if len(keys) > 20 and all(key.isdecimal() for key in keys):  # pandas, orient="columns"
+        yield from _flat(name, list(value.values()), "", depth - 1)
+        return
+    label = value.get("label", value.get("Name", ""))
+    for key, inner in value.items():
+        if not str(key).startswith("__"):
+            named = label if isinstance(label, str) and str(key) in ("values", "Data") else ""
+            yield from _flat(_below(name, key), inner, named, depth - 1)
+
+
+def _of_list(name: str, value: Sequence[Any], label: str, depth: int) -> Iterator[Any]:
+    if not len(value):
+        return
+    if all(isinstance(item, dict) for item in value):
+        if len(value) >= 20:  # a dict for each sample
+            rows = [_one_row(item) for item in value]
+            for key in rows[0]:
+                yield from _flat(_below(name, key), [row.get(key) for row in rows], "", 1)
+            return
+        for i, item in enumerate(value):
+            yield from _flat(f"{name}[{i + 1}]", item, "", depth - 1)
+        return
+    if all(isinstance(item, str) or item is None for item in value):
+        if sum(is_stamp(item or "") for item in value) > len(value) / 2:
+            yield name, label or "time", np.array([item or "" for item in value])
+        return
+    try:
+        if any(isinstance(item, (str, bytes)) for item in value):
+            return
+        made = np.array([np.nan if item is None else item for item in value])
+    except (ValueError, TypeError):  # of unequal lengths: arrays of their own
+        if len(value) < 20:
+            for i, item in enumerate(value):
+                yield from _flat(f"{name}[{i + 1}]", item, "", depth - 1)
+        return
+    if made.dtype != object:
+        yield from _of_array(name, made, label)
+
+
+def _one_row(item: dict[Any, Any], prefix: str = "") -> dict[str, Any]:
+    """The numbers of one sample by dotted name, those of a list by index from 1."""
+    row: dict[str, Any] = {}
+    for key, value in item.items():
+        if isinstance(value, dict):
+            row |= _one_row(value, f"{prefix}{key}.")
+        elif isinstance(value, list):
+            row |= {f"{prefix}{key}[{i + 1}]": v for i, v in enumerate(value)}
+        else:
+            row[f"{prefix}{key}"] = value
+    return row
+
+
+def _of_array(name: str, array: np.ndarray, label: str) -> Iterator[tuple[str, str, np.ndarray]]:
+    if array.dtype.kind == "M":
+        array = (array - array.ravel()[:1]).astype("timedelta64[ns]") / np.timedelta64(1, "s")
+        label = label or "time"
+    array = np.squeeze(array)
+    if array.dtype.kind not in "fiub":
+        return
+    if array.ndim == 1:
+        yield name, label, array
+    if array.ndim != 2 or min(array.shape) > _MOST or max(array.shape) < 20:
+        return
+    if array.shape[0] < array.shape[1]:
+        array = array.T
+    labels = [part.strip() for part in label.split(",")]
+    for i in range(array.shape[1]):
+        named = labels[i] if len(labels) == array.shape[1] else ""
+        yield (f"{name}[{i + 1}]" if name else str(i + 1)), named, array[:, i]

@@ -1,0 +1,236 @@
+"""Tables of named columns from text, JSON, MAT, NPY, NPZ, HDF5, Parquet and Excel files."""
+
+from __future__ import annotations
+
+import gzip
+import importlib.util
+import json
+import os
+import pickle
+import subprocess
+import sys
+import tempfile
+import zipfile
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.errors import InputError
+from ...core.validation import like_it
+from . import child_process
+from .mat_file import Damaged, Opaque, read_mat
+from .nested import columns_of
+from .table import Table, array_table
+from .text_table import lines_table, read_text
+
+# Endings of the files that can be read; in a folder, files of others are passed over.
+SUFFIXES = (".csv .tsv .txt .dat .lvm .json .mat .npy .npz .h5 .hdf5 .parquet .xlsx").split()
+# Beginnings of files that are no log.
+_OTHERS = (
+    (b"\x89PNG", "an image"), (b"\xff\xd8\xff", "an image"), (b"GIF8", "an image"),
+    (b"BM", "an image"), (b"II*\0", "an image"), (b"%PDF", "a PDF document"),
+    (b"\xd0\xcf\x11\xe0", "an old Excel or Word file; save it as .xlsx or CSV"),
+    (b"SQLite format 3", "a database, as a ROS 2 bag is; export its topics as CSV"),
+    (b"7z\xbc\xaf", "an archive; unpack it first"),
+    (b"Rar!", "an archive; unpack it first"), (b"\x7fELF", "a program"),
+    (b"\x89MCAP", "an MCAP file; export its topics as CSV, for instance with PlotJuggler"),
+)  # fmt: skip
+_EXTRA = 'install it with pip install "lugrectl[files]"'
+
+
+def read_table(path: str | Path) -> Table:
+    """Open a file of columns; its first bytes, not its name, decide its format.
+
+    Raises InputError if the file is missing, a directory, empty or of an unknown format.
+    """
+    path = Path(path)
+    try:
+        if path.is_dir():
+            raise InputError(f"{path} is a directory; name the file with the record.")
+        if not path.exists():
+            raise InputError(f"{path}: no such file{like_it(path)}.")
+        with path.open("rb") as file:
+            head = file.read(512)
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}.") from None
+    if not head.strip():
+        raise InputError(f"{path.name} is empty.")
+    return _reader(path, head)(path)
+
+
+def _reader(path: Path, head: bytes) -> Callable[[Path], Table]:
+    for start, what in _OTHERS:
+        if head.startswith(start) and (start != b"BM" or b"\0" in head):
+            raise InputError(f"{path.name} is no log that can be read: it is {what}.")
+    if head.startswith(b"\x1f\x8b"):
+        return _read_gzip
+    if head.startswith(b"MATLAB 7.3") or head.startswith(b"\x89HDF"):
+        return _read_hdf
+    if head.startswith(b"MATLAB 5.0") or path.suffix.lower() == ".mat":
+        return _read_mat
+    if head.startswith(b"\x93NUMPY"):
+        return _read_npy
+    if head.startswith(b"PK\x03\x04"):
+        return _read_zip
+    if head.startswith(b"PAR1"):
+        return _read_parquet
+    if head.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"["):
+        return _read_json
+    return read_text
+
+
+def read_stdin() -> tuple[Table, bytes]:
+    """The table on standard input, and its bytes."""
+    data = sys.stdin.buffer.read()
+    return _of_bytes("stdin", data), data
+
+
+def _of_bytes(name: str, data: bytes) -> Table:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / name
+        path.write_bytes(data)
+        return read_table(path)
+
+
+def _read_gzip(path: Path) -> Table:
+    try:
+        data = gzip.decompress(path.read_bytes())
+    except (OSError, EOFError, zlib.error) as error:
+        raise InputError(f"{path.name} is not a readable gzip file: {error}.") from None
+    return _of_bytes(path.name.removesuffix(".gz"), data)
+
+
+# ---- arrays by name -----------------------------------------------------------------
+
+
+def _read_mat(path: Path) -> Table:
+    try:
+        content = read_mat(path.read_bytes())
+    except Damaged as error:
+        raise InputError(f"{path.name} is not a readable MAT file: {error}.") from None
+    hidden = [name for name, value in content.items() if isinstance(value, Opaque)]
+    hint = ""
+    if hidden:
+        hint = (
+            f"'{hidden[0]}' is an object such as a timeseries or a table, which only MATLAB can "
+            f"read: save its numbers, for instance x = {hidden[0]}.Data; save('x.mat', 'x')."
+        )
+    return _array_table(path, content, hint)
+
+
+def _read_npy(path: Path) -> Table:
+    try:
+        return _array_table(path, np.load(path, allow_pickle=False))
+    except InputError:
+        raise
+    except Exception as error:  # numpy raises many kinds on a damaged file
+        raise InputError(f"{path.name} is not a readable NPY file: {error}.") from None
+
+
+def _read_zip(path: Path) -> Table:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = archive.namelist()
+    except Exception as error:  # zipfile raises many kinds on a damaged file
+        raise InputError(f"{path.name} is not a readable NPZ file: {error}.") from None
+    if "[Content_Types].xml" in names:
+        return _read_sheet(path)
+    if not any(name.endswith(".npy") for name in names):
+        raise InputError(f"{path.name} is an archive of files; unpack it and name the log in it.")
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            return _array_table(path, {name: arrays[name] for name in arrays.files})
+    except InputError:
+        raise
+    except Exception as error:  # numpy raises many kinds on a damaged file
+        raise InputError(f"{path.name} is not a readable NPZ file: {error}.") from None
+
+
+def _read_json(path: Path) -> Table:
+    data = path.read_bytes()
+    try:
+        content = json.loads(data.decode("utf-8-sig"))
+    except (ValueError, RecursionError) as whole:
+        try:  # one document in each line
+            content = [json.loads(line) for line in data.splitlines() if line.strip()]
+        except (ValueError, RecursionError):
+            if path.suffix.lower() in (".json", ".jsonl", ".ndjson"):
+                raise InputError(f"{path.name} is not readable JSON: {whole}.") from None
+            return read_text(path)
+    return _array_table(path, content)
+
+
+def _read_hdf(path: Path) -> Table:
+    _needed("h5py", f"{path.name} is a MATLAB v7.3 (HDF5) file", "save it in MATLAB with the "
+            "option '-v7'")  # fmt: skip
+    return _array_table(path, _by_child("hdf", path, "HDF5"))
+
+
+def _read_parquet(path: Path) -> Table:
+    _needed("pyarrow.parquet", f"{path.name} is a Parquet file", "save it as CSV")
+    return _array_table(path, _by_child("parquet", path, "Parquet"))
+
+
+def _read_sheet(path: Path) -> Table:
+    """The first sheet that holds a table, read as the lines of a text."""
+    _needed("openpyxl", f"{path.name} is an Excel file", "save it as CSV")
+    import openpyxl  # pyright: ignore[reportMissingImports, reportMissingModuleSource]
+
+    try:
+        book = openpyxl.load_workbook(path, read_only=True, data_only=True)
+        sheets = [
+            ["\t".join(map(_sheet_cell, row)) for row in sheet.iter_rows(values_only=True)]
+            for sheet in book.worksheets
+        ]
+        book.close()
+    except Exception as error:  # openpyxl raises many kinds on a damaged file
+        raise InputError(f"{path.name} is not a readable Excel file: {error}.") from None
+    problem = InputError(f"{path.name} holds no sheet.")
+    for lines in sheets:
+        try:
+            return lines_table(path.name, lines)
+        except InputError as error:
+            problem = error
+    raise problem
+
+
+def _sheet_cell(value: Any) -> str:
+    return "" if value is None else str(value).replace("\t", " ").replace("\n", " ")
+
+
+def _needed(module: str, what: str, instead: str) -> None:
+    """InputError that names the extra if a library is not installed."""
+    hidden = module in sys.modules and sys.modules[module] is None
+    if hidden or importlib.util.find_spec(module.split(".")[0]) is None:
+        raise InputError(f"{what}, which needs {module.split('.')[0]}: {_EXTRA}, or {instead}.")
+
+
+def _by_child(how: str, path: Path, kind: str) -> Any:
+    """What the library reads in a process of its own, which a damaged file may bring down."""
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
+    command = [sys.executable, "-P", child_process.__file__, how, str(path.resolve())]
+    done = subprocess.run(command, capture_output=True, env=environment)
+    try:
+        good, answer = pickle.loads(done.stdout)
+    except Exception:  # it ended before it could answer
+        good, answer = False, f"the library that reads it ended with code {done.returncode}"
+    if not good:
+        raise InputError(f"{path.name} is not a readable {kind} file: {answer.rstrip('.')}.")
+    return answer
+
+
+def _array_table(path: Path, content: Any, hint: str = "") -> Table:
+    columns = columns_of(content)
+    if len(columns) < 2:
+        found = ", ".join(name for name, *_ in columns) or "none"
+        raise InputError(
+            f"{path.name} needs at least two one-dimensional numeric arrays of equal length "
+            f"(found: {found}).{' ' * bool(hint)}{hint}"
+        )
+    headed = not all(name.isdecimal() for name, *_ in columns)
+    if not headed:
+        columns = [(name, "", unit, values) for name, _, unit, values in columns]
+    return array_table(path.name, columns, hint, headed)

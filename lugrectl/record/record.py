@@ -1,0 +1,171 @@
+"""The Record: the content of a log in SI units on uniform time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from zlib import crc32
+
+import numpy as np
+
+from ..core.display import Row, Shown
+from ..core.errors import InputError
+from ..core.provenance import SourceFile
+from ..core.validation import array
+from .columns.units import si_unit
+from .log import Log, log_of_arrays
+
+_MOTIONS = ("rotary", "linear")
+_ROLES = ("t", "u", "w", "theta", "r", "d", "temperature", "theta_load")
+
+LEFT_OUT = 0.001  # of the changes of a signal: so few may be anything
+
+
+def smallest_step(x: np.ndarray) -> float:
+    """The smallest change of a sampled signal (N,) between samples, due to its resolution.
+
+    In the signal's unit. The smallest thousandth of the changes is left out. 0 for a constant, and
+    for a signal that always goes one way: its smallest change is a part of the motion.
+    """
+    x = x[np.isfinite(x)]
+    steps = np.diff(x)
+    moved = steps[np.abs(steps) > 1e-9 * max(float(np.ptp(x)), 1e-300)] if len(x) else steps
+    up = np.count_nonzero(moved > 0)
+    if max(up, len(moved) - up) >= (1.0 - LEFT_OUT) * len(steps):  # nowhere at rest
+        return 0.0
+    return float(np.quantile(np.abs(moved), LEFT_OUT)) if len(moved) else 0.0
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Record(Shown):
+    """A measured log: float64 channels of one length N, in SI units.
+
+    ``u`` (N m or N) is held between samples. ``w`` (rad/s or m/s) or ``theta`` (rad or m),
+    or both, are present; ``r``, ``d``, ``temperature`` and ``theta_load`` are None when not
+    recorded. ``t`` (s) starts at its recorded value and runs in steps of ``dt``.
+
+    ``gaps`` holds the index of the first sample after each stretch of lost samples: only there
+    ``t`` jumps by more than ``dt``, and no simulation may run across.
+    ``dropped`` counts the samples of the file that were missing or merged; ``messages`` report
+    all that was noticed and changed. If channels were interpolated, ``resolution`` holds by role
+    the smallest step of the recorded motion, in the channel's unit; without a recorded theta its
+    ``theta`` is that of the integrated ``w``, in rad or m. ``file`` is the file that it was read
+    from, with its SHA-256. ``log`` holds the rows as they were recorded; those of a record made of
+    arrays, or changed after reading, are its own samples.
+
+    Raises InputError when the channels differ in length, hold NaN, or w and theta are missing.
+    """
+
+    t: np.ndarray
+    u: np.ndarray
+    w: np.ndarray | None = None
+    theta: np.ndarray | None = None
+    r: np.ndarray | None = None
+    d: np.ndarray | None = None
+    temperature: np.ndarray | None = None
+    theta_load: np.ndarray | None = None
+    dt: float = 0.0
+    motion: str = "rotary"
+    source: str = "record"
+    dropped: int = 0
+    messages: tuple[str, ...] = ()
+    gaps: tuple[int, ...] = ()
+    resolution: Mapping[str, float] = field(default_factory=dict)
+    file: SourceFile | None = None
+    log: Log | None = field(default=None, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        for role, values in self.channels().items():
+            if type(values) is not np.ndarray or values.dtype != np.float64:
+                values = array(values, f"{self.source}: {role}")
+            values = np.ascontiguousarray(values)
+            if values.ndim != 1 or values.shape != np.shape(self.t):
+                raise InputError(f"{self.source}: {role} must be one-dimensional, as long as t.")
+            if not np.isfinite(values).all():
+                raise InputError(f"{self.source}: {role} holds values that are not finite.")
+            object.__setattr__(self, role, values)
+        if self.w is None and self.theta is None:
+            raise InputError(f"{self.source}: a record needs w or theta.")
+        if self.motion not in _MOTIONS:
+            raise InputError(f"motion must be 'rotary' or 'linear', not '{self.motion}'.")
+        if not self.dt > 0 and len(self.t) > 1:
+            object.__setattr__(self, "dt", float(np.median(np.diff(self.t))))
+        if not self.dt > 0:
+            raise InputError(f"{self.source}: the time step dt must be positive.")
+        if self.log is None or self.log.of not in (0, self.checksum()):
+            log = log_of_arrays(self.source, self.channels(), self.motion, self.gaps)
+            object.__setattr__(self, "log", replace(log, of=self.checksum()))
+
+    def checksum(self) -> int:
+        """A number that changes with the samples of torque and motion."""
+        made = 1
+        for role in ("u", "w", "theta"):
+            values = getattr(self, role)
+            made = made if values is None else crc32(values, crc32(role.encode(), made))
+        return made
+
+    def read_from(self, log: Log) -> Record:
+        """The same record, with the log that it was read from."""
+        return replace(self, log=replace(log, of=self.checksum()))
+
+    def _title(self) -> str:
+        return f"Record {self.source}: {self.motion}"
+
+    def _rows(self) -> Iterable[Row]:
+        length = f"{self.samples} at {self.rate:.6g} Hz, {self.duration:.6g} s"
+        lost = f"({self.dropped} dropped)" if self.dropped else ""
+        return [
+            Row("samples", length, "", lost),
+            *(Row(k, _span(x), si_unit(k, self.motion)) for k, x in self.channels().items()),
+            *([Row("gaps", len(self.gaps))] if self.gaps else []),
+            *([Row("messages", len(self.messages))] if self.messages else []),
+        ]
+
+    def channels(self) -> dict[str, np.ndarray]:
+        """Return the channels that are present, by role, with t first."""
+        return {role: getattr(self, role) for role in _ROLES if getattr(self, role) is not None}
+
+    @property
+    def samples(self) -> int:
+        """Number of samples N."""
+        return len(self.t)
+
+    @property
+    def rate(self) -> float:
+        """Sampling rate in Hz."""
+        return float(f"{1 / self.dt:.12g}")
+
+    @property
+    def duration(self) -> float:
+        """Recorded time in s, with the step of the last sample, without gaps."""
+        return self.samples / self.rate
+
+    def segments(self) -> list[slice]:
+        """Return the stretches without a gap, in order."""
+        edges = [0, *self.gaps, self.samples]
+        return [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]
+
+    def slice(self, a: int, b: int) -> Record:
+        """Return samples a to b - 1 as a record; ``messages`` and ``dropped`` do not change."""
+        a, b, _ = slice(a, b).indices(self.samples)
+        if b <= a:
+            raise InputError(f"{self.source}: the slice {a}:{b} holds no sample.")
+        cut = {role: values[a:b] for role, values in self.channels().items()}
+        return replace(self, **cut, gaps=tuple(g - a for g in self.gaps if a < g < b))
+
+    def with_messages(self, *messages: str) -> Record:
+        """Return the record with sentences added, each once."""
+        return replace(self, messages=tuple(dict.fromkeys((*self.messages, *messages))))
+
+    def summary(self) -> dict[str, int | float]:
+        """Return samples, rate (Hz), duration (s) and dropped as plain numbers."""
+        return {
+            "samples": self.samples,
+            "rate": self.rate,
+            "duration": self.duration,
+            "dropped": self.dropped,
+        }
+
+
+def _span(x: np.ndarray) -> str:
+    return f"{x.min():.6g} to {x.max():.6g}" if len(x) else "empty"

@@ -1,0 +1,295 @@
+"""Stamps as data: rows without a true time, timers that wrap, time that starts again."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .outliers import HUGE
+from .resampling import HELD
+from .rows import Stamped, count
+
+FEWEST = 12  # rows in one piece; fewer show no motion
+FILL = 3  # most rows missing in a row that do not make a gap
+_EXACT = 0.01  # stamps this close to the grid (in steps) count as on it
+_JITTER = 0.2  # steps that vary by more hide missing rows
+_BESIDE = 25  # rows on either side of a gap that show whether time was lost
+_WILD = 200  # most rows in a row whose stamps are wrong while the rows around them go on
+_RATES = (5.0, 5e5)  # Hz; outside, the unit of time may be wrong
+UNIT_OF_T = (
+    "if t is not in the stated or assumed unit, give its unit, e.g. --units t=ms (or s, us)."
+)
+_TICKS = (1.0, 1e-3, 1e-6, 1e-7, 1e-9)  # s, of timers that count up to a power of two
+
+
+def put_in_time(log: Stamped) -> None:
+    """Leave out rows without a true stamp, unwrap timers, and cut where time starts again."""
+    _without_time(log)
+    _empty_rows(log)
+    _wild(log)
+    _back(log)
+    _even_out(log)
+    _merge_doubles(log)
+    _gaps(log)
+    _jitter(log)
+    _say_rate(log)
+
+
+def _say_rate(log: Stamped) -> None:
+    steps = np.diff(log.t)[~log.new[1:]]
+    if len(steps) and steps.max() > 0 and not plausible(typical_step(steps)):
+        log.say(f"t gives a sampling rate of {1 / typical_step(steps):.6g} Hz: {UNIT_OF_T}")
+
+
+def _without_time(log: Stamped) -> None:
+    with np.errstate(invalid="ignore"):
+        none = ~np.isfinite(log.t) | (np.abs(log.t) >= HUGE)
+    if none.any():
+        log.say(f"t is missing in {count(int(none.sum()), 'row')}: left out.")
+        log.keep(~none)
+
+
+def _empty_rows(log: Stamped) -> None:
+    """Rows of zeros in all columns, t included: a buffer that was not filled."""
+    empty = np.ones(len(log.t), bool)
+    for x in (log.t, *(log.channels[role] for role in log.required)):
+        empty &= x == 0
+    if len(empty):
+        empty[0] &= len(empty) > 1 and bool(empty[1])  # a log may begin at rest
+    if empty.any() and not empty.all():
+        first = int(empty.argmax())
+        where = f"in {count(int(empty.sum()), 'row')}, first at {log.place(first)}"
+        log.say(f"All columns are 0 {where}: left out.")
+        log.keep(~empty)
+
+
+def usual_step(t: np.ndarray) -> float:
+    """The median of the steps forward, in s; 0 without any."""
+    steps = np.diff(t)
+    ahead = steps[steps > 0]
+    return float(np.median(ahead)) if len(ahead) else 0.0
+
+
+def _wild(log: Stamped) -> None:
+    """Leave out rows with stamps off the line of those around them."""
+    dt, wild = usual_step(log.t), np.zeros(len(log.t), bool)
+    for k in np.flatnonzero(np.diff(log.t) < 0):
+        bad = _off_line(log.t, int(k), dt)
+        wild[bad] = True
+    if not wild.any():
+        return
+    rows = np.flatnonzero(wild)
+    if len(rows) == 1:
+        log.say(
+            f"t at {log.place(rows[0])} is {log.t[rows[0]]:.9g} s, which does not go on from the "
+            "rows around it: left out."
+        )
+    else:
+        log.say(
+            f"t does not go on from the rows around it in {count(len(rows), 'row')}, first at "
+            f"{log.place(rows[0])} ({log.t[rows[0]]:.9g} s): left out."
+        )
+    log.keep(~wild)
+
+
+def _off_line(t: np.ndarray, k: int, dt: float) -> slice:
+    """The rows about a step back from k to k + 1 without which time goes on; none for good."""
+    for m in range(1, _WILD + 1):
+        for a, b in ((k, k + m + 1), (k - m, k + 1)):
+            if a >= 0 and b < len(t) and 0.3 * dt * m < t[b] - t[a] < 3 * dt * (m + 1):
+                return slice(a + 1, b)
+    return slice(0, 0)
+
+
+def _back(log: Stamped) -> None:
+    """Where time goes back for good, a timer wrapped or another run begins."""
+    dt = usual_step(log.t)
+    t, shift = log.t.copy(), np.zeros(len(log.t))
+    wraps: list[tuple[int, float]] = []
+    for k in np.flatnonzero(np.diff(log.t) < 0):
+        period = log.t[k] + dt - log.t[k + 1]
+        known = _timer(float(period), dt)
+        if known or _goes_on(log, int(k)):
+            wraps.append((int(k) + 1, known or float(period)))
+            shift[k + 1 :] += known or period
+        else:
+            log.new[k + 1] = True
+            log.say(
+                f"Time starts again at {log.place(int(k) + 1)} (from {log.t[k]:.9g} s to "
+                f"{log.t[k + 1]:.9g} s): the parts are treated separately."
+            )
+    log.t = t + shift
+    if wraps:
+        row, period = wraps[0]
+        log.say(
+            f"t wraps by {period:.10g} s at {log.place(row)}"
+            f"{f' and {len(wraps) - 1} times more' if len(wraps) > 1 else ''}: unwrapped."
+        )
+
+
+def _timer(period: float, dt: float) -> float:
+    """The period of the timer that wraps: a power of two of its ticks; 0 if it is none."""
+    for tick in _TICKS:
+        power = tick * 2.0 ** np.rint(np.log2(max(period / tick, 1.0)))
+        if power >= 2.0**8 * tick and power > 20 * dt and abs(power - period) <= 2 * dt:
+            return float(power)
+    return 0.0
+
+
+def _goes_on(log: Stamped, k: int) -> bool:
+    """Whether the motion goes on from row k to the next as it does around them."""
+    theta, w = log.position, log.channels.get("w")
+    x = np.cumsum(w) if theta is None and w is not None else theta
+    if x is None:
+        return False
+    before, after = np.diff(x[max(k - 10, 0) : k + 1]), np.diff(x[k + 1 : k + 12])
+    if not len(before) or not len(after):
+        return False
+    own, sides = x[k + 1] - x[k], (np.median(before), np.median(after))
+    usual = float(np.mean(sides))
+    if not np.isfinite(usual) or usual == 0:
+        return False  # at rest nothing shows
+    return bool(max(abs(own - usual), abs(sides[0] - sides[1])) <= 0.3 * abs(usual))
+
+
+# ---- the step -----------------------------------------------------------------------
+
+
+def multiples(steps: np.ndarray, dt: float) -> np.ndarray:
+    """How many steps of the clock each step of the stamps is; 1 where they only jitter."""
+    whole = np.maximum(np.rint(steps / dt), 1).astype(int)
+    off = np.abs(steps / dt - whole)
+    jitters = len(steps) > 0 and np.quantile(off, 0.99) > _JITTER
+    return np.ones(len(steps), int) if jitters else whole
+
+
+def typical_step(steps: np.ndarray) -> float:
+    """The step of the clock in s: the median, or the mean where steps vary a lot."""
+    dt = float(np.median(steps))
+    if dt > 0 and np.quantile(np.abs(steps / dt - np.maximum(np.rint(steps / dt), 1)), 0.99) < 0.2:
+        return dt
+    return float(np.mean(steps))
+
+
+def plausible(dt: float) -> bool:
+    """Whether this is the step in s of a servo log."""
+    return _RATES[0] <= 1 / dt < _RATES[1]
+
+
+def nice(dt: float) -> float:
+    """Remove the last digits, which are rounding of the stamps."""
+    short = float(f"{dt:.6g}")
+    return short if abs(short - dt) < 1e-9 * dt else float(f"{dt:.12g}")
+
+
+def _even_out(log: Stamped) -> None:
+    """Stamps rounded to few digits: the even grid that they were rounded from."""
+    t = log.t.copy()
+    for part in log.parts():
+        if part.stop - part.start > FEWEST and _rounded(t[part]):
+            grid = np.arange(part.stop - part.start)
+            dt = nice(float(np.polyfit(grid, t[part] - t[part.start], 1)[0]))
+            t[part] = t[part.start] + dt * grid
+            log.say(f"t is rounded coarsely relative to its step: {dt:.6g} s was used throughout.")
+    log.t = t
+
+
+def _rounded(t: np.ndarray) -> bool:
+    """Whether the stamps are an even grid rounded to few digits, without jitter or loss."""
+    steps = np.diff(t)
+    typical, spread = float(np.mean(steps)), np.ptp(steps)
+    if spread < 2 * _EXACT * typical or steps.min() > 0 and steps.max() > 4 * typical:
+        return False
+    _, shares = np.unique(np.rint(steps / (_EXACT * typical)), return_counts=True)
+    if len(shares) != 2 or shares.min() < 0.02 * len(steps):
+        return False
+    grid, since = np.arange(len(t)), t - t[0]
+    error = since - np.polyval(np.polyfit(grid, since, 1), grid)
+    return bool(np.abs(error).max() < 0.7 * spread)
+
+
+def _merge_doubles(log: Stamped) -> None:
+    """Merge rows of one stamp: the last value of a held channel, the mean of the others."""
+    first = np.r_[True, np.diff(log.t) > 0] | log.new
+    if first.all():
+        return
+    starts = np.flatnonzero(first)
+    counts = np.diff(np.r_[starts, len(first)])
+    channels = {}
+    for role, values in log.channels.items():
+        good = np.isfinite(values)
+        if role in HELD:
+            channels[role] = values[starts + counts - 1]
+        else:
+            total = np.add.reduceat(np.where(good, values, 0.0), starts)
+            with np.errstate(invalid="ignore"):
+                channels[role] = total / np.add.reduceat(good.astype(float), starts)
+    merged = len(first) - len(starts)
+    log.keep(first)
+    log.channels = channels
+    log.dropped += merged
+    log.say(f"t is repeated in {count(merged, 'row')}: merged into one per time stamp.")
+
+
+def _gaps(log: Stamped) -> None:
+    """Begin a new part after a longer loss of rows; leave out parts of a few rows."""
+    for part in log.parts():
+        t = log.t[part]
+        if len(t) < 2:
+            continue
+        dt = typical_step(np.diff(t))
+        for k in np.flatnonzero(np.diff(t) > (FILL + 1.5) * dt):
+            missing = _missing(t, int(k), dt)
+            if missing > FILL + 0.5:
+                log.new[part.start + k + 1] = True
+    scraps = np.zeros(len(log.t), bool)
+    for part in log.parts():
+        scraps[part] = part.stop - part.start < FEWEST
+    if scraps.any() and not scraps.all():
+        log.dropped += int(scraps.sum())
+        log.say(
+            f"{count(int(scraps.sum()), 'sample')} in stretches shorter than {FEWEST} samples "
+            "between gaps were left out."
+        )
+        log.keep(~scraps)
+    _say_gaps(log)
+
+
+def _missing(t: np.ndarray, k: int, dt: float) -> float:
+    """The number of rows lost after row k: stamps that are only late are made up for soon."""
+    before, after = t[max(k - _BESIDE + 1, 0) : k + 1], t[k + 1 : k + 1 + _BESIDE]
+    start = np.median(before - dt * np.arange(1 - len(before), 1))
+    end = np.median(after - dt * np.arange(1, len(after) + 1))
+    return float(end - start) / dt
+
+
+def _say_gaps(log: Stamped) -> None:
+    parts = log.parts()
+    jumps = [
+        (log.t[b.start] - log.t[a.stop - 1], a) for a, b in zip(parts, parts[1:], strict=False)
+    ]
+    dt = usual_step(log.t)
+    gaps = [(jump, a) for jump, a in jumps if jump > 1.5 * dt]
+    if gaps:
+        lost = round(sum(float(jump) - dt for jump, _ in gaps) / dt)
+        log.say(
+            f"About {lost} samples are lost in {count(len(gaps), 'gap')}, the first at "
+            f"t = {log.t[gaps[0][1].stop - 1]:.6g} s; the parts are treated separately."
+        )
+
+
+def _jitter(log: Stamped) -> None:
+    """Say how much the stamps jitter."""
+    worst, rms, step = 0.0, 0.0, 0.0
+    for part in log.parts():
+        steps = np.diff(log.t[part])
+        if len(steps) < 2:
+            continue
+        dt = typical_step(steps)
+        off = steps - dt * multiples(steps, dt)
+        if np.abs(np.cumsum(off)).max() > _EXACT * dt and np.abs(off).max() > _EXACT * dt:
+            worst, rms, step = max(worst, np.abs(off).max()), max(rms, np.std(off)), dt
+    if worst:
+        log.say(
+            f"t jitters by up to {100 * worst / step:.3g} % of its step of {step:.6g} s "
+            f"({rms:.2g} s RMS): resampled to an even step (u held, motion interpolated)."
+        )

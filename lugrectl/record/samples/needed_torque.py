@@ -1,0 +1,160 @@
+"""The torque that the motion needs: a rough balance that shows where a torque was not read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import oaconvolve
+
+from .clock import FEWEST, typical_step
+from .outliers import bridged
+from .rows import Stamped
+
+_WIDTHS = (4, 6, 9, 14, 20, 30, 45, 70)  # samples, half-widths of the windows that are tried
+_LONGEST = 0.15  # s, half-width of the widest window
+_REST = 0.03  # of the top speed; below, friction is not known from the motion
+_ROUNDS = 12  # of the robust fit
+
+
+@dataclass(frozen=True, eq=False)
+class Needed:
+    """The balance ``u = J a + Fc sign(w) + Fv w + T0 + load(theta)``, averaged over windows.
+
+    ``torque`` (N,) is what the motion needs about each row, NaN where it is not known; ``scale``
+    is the usual difference to the recorded one; ``moving`` marks the rows where the drive moves.
+    ``width`` is the half-width of the windows in rows.
+    """
+
+    torque: np.ndarray
+    scale: float
+    moving: np.ndarray
+    width: int
+    parts: tuple[slice, ...]
+
+    @property
+    def kernel(self) -> np.ndarray:
+        """The weights of the average, on rows about each row."""
+        return _kernel(self.width, 0)
+
+    def averaged(self, u: np.ndarray) -> np.ndarray:
+        """A torque (N,) averaged as the balance is; NaN at the ends of the parts."""
+        made = np.full(len(u), np.nan)
+        for part in self.parts:
+            made[part] = _over(u[part], self.kernel)
+        return made
+
+    def missing(self, u: np.ndarray) -> np.ndarray:
+        """What the motion needs beyond a torque (N,), averaged."""
+        return self.torque - self.averaged(u)
+
+
+def needed(log: Stamped, unknown: np.ndarray | None = None) -> Needed | None:
+    """Fit the balance to the rows of a log, but for those where u is ``unknown``.
+
+    None if the motion explains less than half of the torque.
+    """
+    u, x, w = (log.channels.get(role) for role in ("u", "theta", "w"))
+    parts = tuple(p for p in log.parts() if p.stop - p.start >= 4 * FEWEST)
+    if u is None or not parts or not np.isfinite(u).any():
+        return None
+    skip = ~np.isfinite(u) if unknown is None else ~np.isfinite(u) | unknown
+    torque = bridged(u, skip)
+    motion = x if x is not None else w
+    if motion is None or np.isfinite(motion).sum() < FEWEST:
+        return None
+    motion = bridged(motion, ~np.isfinite(motion))
+    steps = np.concatenate([np.diff(log.t[p]) for p in parts])
+    dt, longest = typical_step(steps), max(p.stop - p.start for p in parts)
+    tried = [
+        _fit(parts, torque, motion, skip, dt, width, x is not None, log.motion == "rotary")
+        for width in _WIDTHS
+        if width * dt <= max(_LONGEST, _WIDTHS[0] * dt) and 6 * width < longest
+    ]
+    found = [(share, fit) for share, fit in filter(None, tried)]
+    share, best = min(found, key=lambda pair: pair[0], default=(1.0, None))
+    return best if share < 0.5 else None
+
+
+def _fit(
+    parts: Sequence[slice],
+    u: np.ndarray,
+    motion: np.ndarray,
+    skip: np.ndarray,
+    dt: float,
+    width: int,
+    position: bool,
+    rotary: bool,
+) -> tuple[float, Needed] | None:
+    """The balance with windows of one width, and the share of torque that it leaves."""
+    n = len(u)
+    a, w, mean, near = (np.full(n, np.nan) for _ in range(4))
+    k0, k1, k2 = (_kernel(width, order) for order in range(3))
+    first, second = (k1 / dt, k2 / dt**2) if position else (k0, k1 / dt)
+    for p in parts:
+        w[p], a[p] = _over(motion[p], first), _over(motion[p], second)
+        mean[p], near[p] = _over(u[p], k0), _over(skip[p].astype(float), k0)
+    known = np.isfinite(a) & np.isfinite(mean)
+    if known.sum() < 4 * FEWEST:
+        return None
+    top = float(np.quantile(np.abs(w[known]), 0.95))
+    if not top > 0:
+        return None
+    rest = np.abs(np.nan_to_num(w)) <= _REST * top
+    sign, still = np.full(n, np.nan), np.full(n, np.nan)
+    for p in parts:
+        sign[p] = _over(np.where(rest[p], 0.0, np.sign(np.nan_to_num(w[p]))), k0)
+        still[p] = _over(rest[p].astype(float), k0)
+    columns = [a, w, sign, np.ones(n)]
+    if position:
+        columns += [np.sin(motion), np.cos(motion)] if rotary else [motion - motion.mean()]
+    x = np.column_stack(columns)
+    known &= np.isfinite(sign)
+    moving = known & (np.nan_to_num(still) < 0.02) & (np.abs(np.nan_to_num(sign)) > 0.98)
+    used = np.flatnonzero(moving & (np.nan_to_num(near) < 0.02))[:: max(1, width // 3)]
+    if len(used) < 3 * x.shape[1]:
+        return None
+    p, scale = _robust(x[used], mean[used])
+    usual = 1.4826 * float(np.median(np.abs(mean[used] - np.median(mean[used]))))
+    share = scale / max(usual, 1e-300)
+    return share, Needed(np.where(known, x @ p, np.nan), scale, moving, width, tuple(parts))
+
+
+def _robust(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, float]:
+    """Least squares with weights of a Student density (nu = 2): coefficients and usual error."""
+    size = np.linalg.norm(x, axis=0)
+    size[size == 0] = 1.0
+    weight, p, scale = np.ones(len(y)), np.zeros(x.shape[1]), 0.0
+    for _ in range(_ROUNDS):
+        root = np.sqrt(weight)
+        p = np.linalg.lstsq(x / size * root[:, None], y * root, rcond=1e-9)[0] / size
+        r = y - x @ p
+        scale = 1.4826 * float(np.median(np.abs(r))) + 1e-12 * float(np.abs(y).max())
+        if not scale > 0:
+            break
+        weight = 3.0 / (2.0 + (r / scale) ** 2)
+    return p, scale
+
+
+def _kernel(width: int, order: int) -> np.ndarray:
+    """Weights on samples -width..width for the average, the slope or the curvature of a signal,
+    exact for parabolas."""
+    s = np.arange(-width, width + 1) / (width + 1)
+    bump = (1 - s**2) ** 4
+    powers = np.vander(s, 4, increasing=True)
+    want = np.zeros(4)
+    want[order] = (1.0, 1.0, 2.0)[order] / (width + 1) ** order
+    basis = powers * bump[:, None]
+    return basis @ np.linalg.solve(powers.T @ basis, want)
+
+
+def _over(x: np.ndarray, kernel: np.ndarray) -> np.ndarray:
+    """The windows about each sample; NaN where they reach beyond the ends."""
+    half = len(kernel) // 2
+    made = np.full(len(x), np.nan)
+    if len(x) > 2 * half:
+        middle = x[len(x) // 2]
+        made[half : len(x) - half] = oaconvolve(x - middle, kernel[::-1], "valid")
+        made[half : len(x) - half] += middle * kernel.sum()
+    return made

@@ -1,0 +1,62 @@
+"""What of a log can be used: rows in time, without bad samples, positions without jumps."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..log import Log
+from .bad_samples import leave_out_bad_samples, leave_out_huge, say_missing
+from .clock import put_in_time
+from .even_stamps import use_true_times
+from .position_jumps import make_continuous, unwrap_positions
+from .rows import Stamped, smallest_steps
+from .sample_and_hold import keep_renewed
+from .torque_faults import leave_out_untrue_torque, unwrap_torque
+
+
+def usable(log: Log) -> Stamped:
+    """The rows of a log that can be used, each finding as a sentence.
+
+    Stamps are put in order, bad samples become nan, wrapped positions are unwrapped, and a part
+    begins where time or position do not go on. Nothing is filled in or resampled. The result is
+    kept with the log, since the plain answer and the finer fit both need it; the caller gets its
+    own copy.
+    """
+    checksum = log.checksum()
+    if log.kept.checksum != checksum:
+        log.kept.value = _found(log)
+        log.kept.checksum = checksum
+    return log.kept.value.copy()
+
+
+def _found(log: Log) -> Stamped:
+    made = Stamped.of(log)
+    _without_empty(made)
+    put_in_time(made)
+    say_missing(made)
+    leave_out_huge(made)
+    unwrap_positions(made)
+    use_true_times(made)
+    leave_out_bad_samples(made, "theta", "w")
+    make_continuous(made)
+    made.steps = smallest_steps(made.channels)  # a bad sample would hide them
+    unwrap_torque(made)  # its wraps would look like bad samples
+    leave_out_bad_samples(made, "u")
+    keep_renewed(made)
+    leave_out_untrue_torque(made)
+    return made
+
+
+def _without_empty(log: Stamped) -> None:
+    """Leave out a load of zeros, and a signal that holds next to no number."""
+    for role in ("d", "theta_load"):
+        if role in log.channels and not log.channels[role].any():
+            del log.channels[role]
+            log.say(f"{role} is 0 in every row: left out.")
+    for role, other in (("w", "theta"), ("theta", "w"), ("d", "u")):
+        if not {role, other} <= set(log.channels):
+            continue
+        shares = {r: float(np.isfinite(log.channels[r]).mean()) for r in (role, other)}
+        if shares[role] < 0.5 * shares[other]:
+            del log.channels[role]
+            log.say(f"{role} has a number in {100 * shares[role]:.2g} % of the rows: left out.")

@@ -1,0 +1,102 @@
+"""The plots of the linear checks: Re T and Nyquist, |G| with its maximum, Bode with the band."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..core.errors import InputError
+from ..linear.curve import curve
+from .canvas import on_pyplot, style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+MARK, LINE = "#c0392b", "#2c5f8a"
+
+
+def realness(verdict: Any, ax: Any = None) -> Sequence[Axes]:
+    """Re T(jw) with the band edge and the margin, and the Nyquist curve."""
+    edge = verdict.band_edge
+    w, T = curve(verdict._source, *([edge] if math.isfinite(edge) else []))
+    good = np.isfinite(T)
+    w, re, im = w[good], np.real(T[good]), np.imag(T[good])
+
+    def real(own: Axes) -> None:
+        own.semilogx(w, re, color=LINE)
+        own.axhline(0.0, color="0.4", lw=0.8)
+        size = np.max(np.abs(re), initial=0.0)
+        own.set_yscale("symlog", linthresh=max(1e-3 * size, 1e-300))
+        if 0 < edge < w[-1]:
+            own.axvline(edge, color=MARK, ls="--", label=f"band edge {edge:.4g} rad/s")
+            own.legend()
+        margin = f", margin {verdict.margin:.4g} 1/s" if math.isfinite(verdict.margin) else ""
+        own.set(xlabel="w [rad/s]", ylabel="Re T(jw)", title=f"{verdict.classification}{margin}")
+
+    def nyquist(own: Axes) -> None:
+        own.plot(re, im, color=LINE)
+        own.axvline(0.0, color=MARK, ls="--", label="Re T = 0")
+        own.set(xlabel="Re T(jw)", ylabel="Im T(jw)", title="Nyquist, w > 0")
+        own.legend()
+
+    return _panels([real, nyquist], ax)
+
+
+def gain(verdict: Any, ax: Any = None) -> Sequence[Axes]:
+    """|T(jw)| with its largest value."""
+    at = verdict.frequency
+    w, T = curve(verdict._source, *([at] if math.isfinite(at) else []))
+
+    def size(own: Axes) -> None:
+        own.loglog(w, np.abs(T), color=LINE)
+        if math.isfinite(verdict.gain):
+            place = "as w grows" if math.isinf(at) else f"at {at:.4g} rad/s"
+            label = f"largest: {verdict.gain:.4g} {place}"
+            own.axhline(verdict.gain, color=MARK, ls="--", label=label)
+            if w[0] <= at <= w[-1]:
+                own.plot([at], [verdict.gain], "o", color=MARK)
+            own.legend()
+        own.set(xlabel="w [rad/s]", ylabel="|T(jw)|", title="L2 gain")
+
+    return _panels([size], ax)
+
+
+def band(verdict: Any, ax: Any = None) -> Sequence[Axes]:
+    """Magnitude and phase with the bandwidth."""
+    width = verdict.bandwidth
+    w, T = curve(verdict._source, *([width] if math.isfinite(width) else []))
+    with np.errstate(divide="ignore"):
+        decibel = 20 * np.log10(np.abs(T))
+
+    def magnitude(own: Axes) -> None:
+        own.semilogx(w, decibel, color=LINE)
+        if math.isfinite(width):
+            label = f"bandwidth {width:.4g} rad/s ({verdict.hertz:.4g} Hz)"
+            own.axvline(width, color=MARK, ls="--", label=label)
+            own.plot([width], [np.interp(np.log(width), np.log(w), decibel)], "o", color=MARK)
+            own.legend()
+        own.set(xlabel="w [rad/s]", ylabel="|T(jw)| [dB]", title="Bandwidth")
+
+    def phase(own: Axes) -> None:
+        own.semilogx(w, np.degrees(np.unwrap(np.angle(T))), color=LINE)
+        if math.isfinite(width):
+            own.axvline(width, color=MARK, ls="--")
+        own.set(xlabel="w [rad/s]", ylabel="phase [deg]")
+
+    return _panels([magnitude, phase], ax)
+
+
+def _panels(panels: list[Any], ax: Any) -> Sequence[Axes]:
+    """Draw into a new figure, or into as many Axes as are given (the first panels)."""
+    if ax is None:
+        return on_pyplot(panels)
+    given = list(np.ravel(np.asarray(ax, dtype=object)))
+    if len(given) > len(panels) or not all(hasattr(one, "plot") for one in given):
+        raise InputError(f"ax must be an Axes, or a list of up to {len(panels)} of them.")
+    with style():
+        for panel, own in zip(panels, given, strict=False):
+            panel(own)
+    return given

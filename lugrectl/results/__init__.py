@@ -1,0 +1,1 @@
+"""Results of a diagnosis: small frozen objects."""

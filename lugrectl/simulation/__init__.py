@@ -1,0 +1,1 @@
+"""Time responses of python-control systems: continuous, sampled, and both together."""

@@ -1,0 +1,198 @@
+"""Times, inputs and initial states in the forms that a user may give."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import control as ct
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.integrate import OdeSolver
+
+from ..core.errors import InputError
+from ..core.validation import array, flag, positive, real, shown, within
+
+METHODS = ("rosenbrock", "LSODA", "BDF", "Radau", "RK45", "RK23", "DOP853")
+FINEST = 1e-14  # least rtol: below it a step cannot be distinguished from rounding
+
+
+def system(given: Any, what: str = "system") -> Any:
+    """A python-control system that can be simulated, a transfer function as a state space.
+
+    InputError for anything else, and for a system whose sizes are not known.
+    """
+    if isinstance(given, ct.TransferFunction):
+        try:
+            given = ct.ss(given)
+        except Exception as error:  # not proper, or several channels without Slycot
+            raise InputError(
+                f"{given.name}: this transfer function has no state-space form here ({error}); "
+                "give a proper one with one input and one output, or a control.StateSpace."
+            ) from None
+    if isinstance(given, ct.FrequencyResponseData):
+        raise InputError(
+            f"{what}: {given.name} is a frequency response, which has no states to simulate; give "
+            "a transfer function or a state space of it."
+        )
+    if not isinstance(given, ct.NonlinearIOSystem):
+        raise InputError(f"{what} must be a python-control system, not {shown(given)}.")
+    if None in (given.nstates, given.ninputs, given.noutputs):
+        raise InputError(f"{given.name}: give its inputs=, outputs= and states= in ct.nlsys.")
+    return given
+
+
+def settings(rtol: Any, hold: Any = False, method: Any = None, squeeze: Any = None) -> float:
+    """The accuracy as a float; InputError for a value that is not usable."""
+    made = positive(rtol, "rtol")
+    if not FINEST <= made < 1.0:
+        raise InputError(f"rtol must lie between {FINEST:g} and 1, not {made:g}.")
+    flag(hold, "hold")
+    solver = isinstance(method, type) and issubclass(method, OdeSolver)
+    if not (method is None or solver or (isinstance(method, str) and method in METHODS)):
+        raise InputError(f"method must be one of {', '.join(METHODS)}, not {shown(method)}.")
+    if squeeze is not None:
+        flag(squeeze, "squeeze")
+    return made
+
+
+def parameters(systems: Sequence[Any], params: Any) -> None:
+    """InputError if ``params`` is no dict, or a value is outside the bounds of its block."""
+    if params is None:
+        return
+    if not isinstance(params, Mapping):
+        raise InputError(
+            "params must be a dict of values by name, such as {'plant.Fc': 0.3}, "
+            f"not {shown(params)}."
+        )
+    declared, defaults = _declared(systems)
+    for key, value in params.items():
+        if key in declared:
+            within(value, f"params: {key}", declared[key])
+        elif real(defaults.get(key)) is not None and not _is_value(value):
+            raise InputError(f"params: {key} must be a number, not {shown(value)}.")
+
+
+def _is_value(value: Any) -> bool:
+    made = real(value)
+    return made is not None and made == made
+
+
+def _declared(systems: Sequence[Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """By key: the declarations of the package's blocks, and the default values of all."""
+    declared, defaults = {}, {}
+    for block in systems:
+        inner = _declared(getattr(block, "syslist", ()))
+        own = getattr(getattr(block, "outfcn", None), "declared", {})
+        declared |= inner[0] | own
+        defaults |= inner[1] | dict(block.params)
+    return declared, defaults
+
+
+def times(t: ArrayLike | None, timepts: ArrayLike | None = None) -> np.ndarray:
+    """The times as an array; InputError if they do not increase, or are given twice."""
+    if t is not None and timepts is not None:
+        raise InputError("the times are given twice: give t or timepts.")
+    grid = array(timepts if t is None else t, "t")
+    if grid.ndim != 1 or not len(grid) or not np.all(np.isfinite(grid)):
+        raise InputError("t must be a list of finite times.")
+    back = np.flatnonzero(np.diff(grid) <= 0)
+    if len(back):
+        k = int(back[0])
+        raise InputError(f"t must increase; after {grid[k]:g} s comes {grid[k + 1]:g} s.")
+    return grid
+
+
+def inputs(name: str, labels: Sequence[str], t: np.ndarray, given: Any) -> np.ndarray:
+    """The inputs as (m, N), by name or in every form that python-control takes."""
+    if isinstance(given, Mapping):
+        return by_name(name, labels, t, given)
+    rows: Any = 0.0 if given is None else given
+    if isinstance(rows, (list, tuple)) and len(rows) != len(t):
+        rows = _stacked(rows, len(t)) if rows else 0.0
+    u = array(rows, "inputs")
+    count = len(labels)
+    if u.ndim == 0:
+        u = np.full((count, len(t)), float(u))
+    if u.ndim == 1 and count == 1:
+        u = u[None]
+    if u.shape != (count, len(t)):
+        raise InputError(
+            f"{name} needs inputs ({', '.join(labels)}) of shape ({count}, {len(t)}), "
+            f"not {u.shape}."
+        )
+    _finite(labels, t, u)
+    return u
+
+
+def by_name(
+    name: str, labels: Sequence[str], t: np.ndarray, given: Mapping[str, Any]
+) -> np.ndarray:
+    """Inputs from a dict, each a number or (N,); 0 if left out."""
+    strange = [k for k in given if k not in labels]
+    if strange:
+        known = ", ".join(labels) or "none"
+        raise InputError(f"{name}: there is no external input '{strange[0]}'; known: {known}.")
+    u = np.zeros((len(labels), len(t)))
+    for row, label in zip(u, labels, strict=True):
+        values = array(given.get(label, 0.0), f"input {label}")
+        if values.shape not in ((), (len(t),)):
+            raise InputError(
+                f"input {label} must be a finite number or {len(t)} of them, not {values.shape}."
+            )
+        row[:] = values
+    _finite(labels, t, u)
+    return u
+
+
+def _finite(labels: Sequence[str], t: np.ndarray, u: np.ndarray) -> None:
+    bad = np.argwhere(~np.isfinite(u))
+    if len(bad):
+        i, k = bad[0]
+        raise InputError(f"input {labels[i]} is {u[i, k]} at t = {t[k]:.6g} s.")
+
+
+def _stacked(parts: Sequence[Any], samples: int) -> np.ndarray:
+    """The parts of a list as rows: numbers, (N,) or (m, N)."""
+    rows = [_row(part, samples, f"inputs[{i}]") for i, part in enumerate(parts)]
+    widths = {row.shape[1] for row in rows}
+    if widths != {samples}:
+        raise InputError(f"the parts of inputs must have {samples} samples, not {sorted(widths)}.")
+    return np.vstack(rows)
+
+
+def _row(part: Any, samples: int, name: str) -> np.ndarray:
+    row = array(part, name)
+    if row.ndim > 2:
+        raise InputError(f"{name} must be a number, (N,) or (m, N), not {row.shape}.")
+    if row.ndim == 2 or (row.ndim == 1 and len(row) == samples):
+        return np.atleast_2d(row)
+    return np.outer(row, np.ones(samples))
+
+
+def start(name: str, states: int, x0: Any, what: str = "x0") -> np.ndarray:
+    """Initial states: a number for all, or a list that is padded with zeros.
+
+    A list of parts, one for each block as python-control takes them, must have all states.
+    """
+    x0 = 0.0 if x0 is None else x0
+    ragged = isinstance(x0, (list, tuple)) and len({np.shape(_part(p, what)) for p in x0}) > 1
+    if ragged:
+        values = np.concatenate([np.ravel(_part(part, what)) for part in x0])
+    else:
+        values = array(x0, what)
+        if values.ndim == 0:
+            values = np.full(states, float(values))
+        values = values.ravel()
+    if len(values) > states or (ragged and len(values) != states):
+        raise InputError(f"{name} has {states} states, {what} has {len(values)}.")
+    if not np.all(np.isfinite(values)):
+        raise InputError(f"{name}: {what} must be finite.")
+    return np.concatenate([values, np.zeros(states - len(values))])
+
+
+def _part(part: Any, what: str) -> np.ndarray:
+    made = array(part, what)
+    if made.ndim > 1:
+        raise InputError(f"{what} must be a number or lists of numbers, not {shown(part)}.")
+    return made

@@ -1,0 +1,247 @@
+"""Continuous blocks together with sampled ones, which hold their outputs between updates."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import control as ct
+import numpy as np
+
+from ..core.errors import InputError
+from ..engine.runtime.adaptive_run import Diverged
+from ..engine.runtime.growth import bounded
+from ..engine.runtime.sampled_run import Course, Track
+from ..engine.runtime.select import compiled_net, engine
+from ..engine.tracing.network import Net, Part
+from ..engine.tracing.network_equations import state_labels
+from . import arguments
+
+NEAR = 1e-6  # of the shortest sample time: updates and times closer than that are the same
+
+
+def simulate_blocks(
+    blocks: Sequence[Any],
+    t: np.ndarray,
+    inputs: Any,
+    x0: Any,
+    *,
+    params: Mapping[str, Any] | None,
+    method: str | None,
+    hold: bool,
+    rtol: float,
+    atol: float | None,
+    squeeze: bool | None,
+) -> ct.TimeResponseData:
+    """The list form of :func:`lugrectl.simulate`."""
+    net, periods = wired(blocks)
+    u = arguments.inputs(net.name, net.outside, t, inputs)
+    start = arguments.start(net.name, net.count(True) + net.count(False), x0)
+    course = _course(t, u, periods, hold)
+    track = followed(net, course, start, params, method, rtol, atol)
+    return ct.TimeResponseData(
+        t,
+        track.y,
+        in_order(net, track.x, track.q),
+        u,
+        params=dict(params) if params else None,
+        issiso=len(net.outside) == len(net.signals) == 1,
+        output_labels=list(net.signals),
+        input_labels=list(net.outside),
+        state_labels=list(state_labels(net)),
+        sysname=net.name,
+        title="Input/output response for " + net.name,
+        squeeze=squeeze,
+    )
+
+
+def simulate_discrete(
+    system: Any, t: np.ndarray, u: np.ndarray, x0: np.ndarray, params: Mapping[str, Any] | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """States and outputs of a discrete-time system at its samples t; TraceError if it cannot."""
+    part = Part(system, tuple(system.input_labels), tuple(system.output_labels), 0)
+    net = Net(system.name, (part,), part.inputs, 1)
+    held = compiled_net(net, params)
+    course = Course(t, u, np.ones((1, len(t))), np.arange(len(t)), True)
+    p = held.hybrid.flow.arguments(params)
+    track = held.run(course, np.zeros(0), x0, p, 1.0)
+    return track.q, track.y
+
+
+def wired(blocks: Sequence[Any], name: str = "blocks") -> tuple[Net, list[float]]:
+    """The net of a list of blocks and its sample times.
+
+    Raises
+    ------
+    InputError
+        For an item that is not a block, two blocks of one name, or dt = True without a sample
+        time.
+    """
+    systems = [arguments.system(b, "a block") for b in blocks]
+    names = [b.name for b in systems]
+    twice = [k for k in names if names.count(k) > 1]
+    if twice or not systems:
+        raise InputError(
+            f"two blocks are called {twice[0]}: give one of them another name="
+            if twice
+            else "the list of blocks is empty."
+        )
+    rates = [_rate(b, systems) for b in systems]
+    periods = sorted({rate for rate in rates if rate is not None})
+    parts = [
+        Part(
+            b,
+            tuple(b.input_labels),
+            tuple(b.output_labels),
+            None if rate is None else periods.index(rate),
+        )
+        for b, rate in zip(systems, rates, strict=True)
+    ]
+    return Net(name, tuple(parts), _outside(parts), len(periods)), periods
+
+
+def together(blocks: Sequence[Any], name: str = "blocks") -> Any:
+    """The interconnection of continuous blocks: outputs are all signals, inputs those that no
+    block outputs."""
+    net, _ = wired(blocks, name)
+    try:
+        return _interconnected(net, [part.block for part in net.parts], name)
+    except RuntimeError:  # python-control linearises what is linear, and passes no loop
+        return _interconnected(net, [_general(part.block) for part in net.parts], name)
+
+
+def _interconnected(net: Net, parts: Sequence[Any], name: str) -> Any:
+    return ct.interconnect(
+        parts,
+        inputs=list(net.outside),
+        outputs=list(net.signals),
+        params={},
+        check_unused=False,
+        name=name,
+    )
+
+
+def _general(block: Any) -> Any:
+    """A linear block as a general one with the same functions; any other as it is."""
+    if not isinstance(block, ct.StateSpace) or isinstance(block, ct.InterconnectedSystem):
+        return block
+    return ct.nlsys(
+        block.updfcn if block.nstates else None,
+        block.outfcn,
+        inputs=block.input_labels,
+        outputs=block.output_labels,
+        states=block.state_labels or None,
+        name=block.name,
+        dt=block.dt,
+    )
+
+
+def _rate(block: Any, blocks: Sequence[Any]) -> float | None:
+    """The sample time in s, None in continuous time; dt = True takes that of the others."""
+    if not block.isdtime(strict=True):
+        return None
+    if block.dt is not True:
+        return float(block.dt)
+    known = {float(b.dt) for b in blocks if b.isdtime(strict=True) and b.dt is not True}
+    if len(known) != 1:
+        raise InputError(f"{block.name} has dt=True: give it a sample time in s.")
+    return known.pop()
+
+
+def _outside(parts: Sequence[Part]) -> tuple[str, ...]:
+    """Signals that a block reads and no block outputs, in the order in which they are read."""
+    made = {k for part in parts for k in part.outputs}
+    return tuple(dict.fromkeys(k for part in parts for k in part.inputs if k not in made))
+
+
+def _course(t: np.ndarray, u: np.ndarray, periods: Sequence[float], hold: bool) -> Course:
+    """Updates at the multiples of each sample time, between the first and the last time."""
+    near = NEAR * min(periods)
+    grid, ticks = t, []
+    for dt in periods:
+        first, last = np.ceil(t[0] / dt - NEAR), np.floor(t[-1] / dt + NEAR)
+        ticks.append(dt * np.arange(first, last + 1))
+        grid = _joined(grid, ticks[-1], near)
+    flags = np.zeros((len(periods), len(grid)))
+    for row, own in zip(flags, ticks, strict=True):
+        row[_nearest(grid, own)] = 1.0
+        row[0] = max(row[0], 0.5)  # before the first update: the output of the initial state
+    column = np.full(len(grid), -1)
+    column[_nearest(grid, t)] = np.arange(len(t))
+    if hold:
+        given = u[:, np.searchsorted(t, grid + near, side="right") - 1]
+    else:
+        given = np.array([np.interp(grid, t, row) for row in u]).reshape(len(u), len(grid))
+    return Course(grid, given, flags, column, hold)
+
+
+def _joined(grid: np.ndarray, more: np.ndarray, near: float) -> np.ndarray:
+    """The grid, with the other times added that are not in it."""
+    if not len(more):
+        return grid
+    new = more[np.abs(grid[_nearest(grid, more)] - more) > near]
+    return np.sort(np.concatenate([grid, new]))
+
+
+def _nearest(grid: np.ndarray, times: np.ndarray) -> np.ndarray:
+    right = np.clip(np.searchsorted(grid, times), 1, max(len(grid) - 1, 1))
+    left = right - 1
+    right = np.minimum(right, len(grid) - 1)
+    return np.where(times - grid[left] <= grid[right] - times, left, right)
+
+
+def followed(
+    net: Net,
+    course: Course,
+    start: np.ndarray,
+    params: Mapping[str, Any] | None,
+    method: str | None,
+    rtol: float,
+    atol: float | None = None,
+) -> Track:
+    """The simulated track of a net from its initial states, one block after the other."""
+    chosen, p = engine(net, params, method)
+    sampled = is_sampled(net)
+    track = chosen.run(course, start[~sampled], start[sampled], p, rtol, atol)
+    if np.isfinite(track.unsettled):
+        warnings.warn(
+            f"{net.name}: a sign or comparison switches without end near t = "
+            f"{track.unsettled:.6g} s; the result there is coarse: write np.tanh(w/eps) for "
+            "np.sign(w).",
+            RuntimeWarning,
+            stacklevel=4,
+        )
+    t = course.grid[course.kept]
+    _all_finite(net, t, track.y)
+    labels = [state_labels(net, sampled=kind) for kind in (False, True)]
+    labels = [
+        *([f"state {k}" for k in row] for row in labels),
+        [f"output {k}" for k in net.signals],
+    ]
+    driven, looped = [course.given, start], len(net.parts) > 1
+    bounded(net.name, t, [track.x, track.q, track.y], labels, driven, looped=looped)
+    return track
+
+
+def is_sampled(net: Net) -> np.ndarray:
+    """For each state in the blocks' order, whether it belongs to a sampled block."""
+    return np.array([part.sampled for part in net.parts for _ in range(part.nstates)], dtype=bool)
+
+
+def in_order(net: Net, x: np.ndarray, q: np.ndarray) -> np.ndarray:
+    sampled = is_sampled(net)
+    states = np.empty((len(sampled), x.shape[1]))
+    states[~sampled], states[sampled] = x, q
+    return states
+
+
+def _all_finite(net: Net, t: np.ndarray, y: np.ndarray) -> None:
+    bad = np.argwhere(~np.isfinite(y.T))
+    if len(bad):
+        k, i = bad[0]
+        label = net.signals[i]
+        names = ", ".join(net.parts[j].block.name for j, _ in net.sources[label])
+        raise Diverged(
+            f"{net.name}: output {label} of block {names} is {y[i, k]} at t = {t[k]:.6g} s."
+        )

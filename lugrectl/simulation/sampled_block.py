@@ -1,0 +1,371 @@
+"""Discrete-time forms of blocks for a sampled drive, exact at constant speed or in substeps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import control as ct
+import numpy as np
+from scipy.linalg import expm
+
+from ..core.errors import InputError
+from ..core.validation import names, positive
+from ..engine.expression.numpy_protocol import TraceError, signal_array
+from ..engine.runtime.substeps import Substeps
+from . import arguments
+
+SERIES = [1.0 / math.factorial(k + 3) for k in range(12, -1, -1)]  # phi3, highest power first
+
+
+def sampled(
+    system: ct.NonlinearIOSystem,
+    dt: float,
+    *,
+    held: Sequence[str] | None = None,
+    substep: float | None = None,
+    name: str | None = None,
+) -> ct.NonlinearIOSystem:
+    """A block in discrete time, its states advanced jointly and exactly at constant speed.
+
+    x[k+1] = x[k] + dt phi1(A dt) f(x[k], v[k]) + dt phi2(A dt) (f(x[k], v[k+1]) - f(x[k], v[k]))
+    for dx/dt = f(x, v), A = df/dx at the inputs in the middle of the step. Rates that are not
+    affine in x are integrated in substeps.
+
+    Parameters
+    ----------
+    system : control.NonlinearIOSystem
+        A continuous block. The rates are affine in the states at given inputs for the natural,
+        existing, proposed, Friedland-Park, friction-state, normal-force, Lyapunov, disturbance and
+        extended-state observers, and for all controllers without a limit of their own; not for
+        the adaptive, temperature and position observers.
+    dt : float
+        Sample time in s.
+    held : list of str, optional
+        Inputs that are held between samples, as a drive holds its torque; all others are linear
+        between samples. Default: the inputs declared as "u" and "excess", whatever ``inputs=`` of
+        the block calls them.
+    substep : float, optional
+        Longest substep in s where the rates are not affine; default dt/4. Each is as short as an
+        error of 1e-6, relative to the largest value of each state in the sample, needs, and ends
+        where a limit or a sign switches.
+    name : str, optional
+        Default: the system's name.
+
+    Returns
+    -------
+    control.NonlinearIOSystem
+        With the inputs, outputs and parameters of the system. States: those of the system at the
+        last sample, the inputs at that sample (``last_w`` ...), and ``begun``, 0 before the
+        first sample, at which the states are not advanced.
+
+    Raises
+    ------
+    InputError
+        For a dt or a substep that is not positive, a system that is discrete or has no states,
+        or an unknown input in ``held``.
+
+    Notes
+    -----
+    phi1(x) = (e^x - 1)/x, phi2(x) = (phi1(x) - 1)/x. At constant speed, with the other inputs
+    linear between samples, the result equals that of the continuous block, and is as stable. A
+    speed that changes within a step is replaced by its value in the middle, which leaves an
+    error of second order in dt.
+
+    That the rates are affine is decided by the block's equations, for all values of its inputs
+    and parameters; a function that cannot be traced is tried at states from 1e-6 to 1e6 and at
+    other parameters. Rates that are affine in a range only (a limit, c x^3 with c = 0) count as
+    not affine. Substeps follow the inputs between the samples; they are called at each sample,
+    not traced, which takes some 0.2 ms.
+
+    The block calls the functions of ``system`` at each sample, so it follows what they read; the
+    default parameters are a copy, and whether the rates are affine is decided when a run begins.
+    The outputs use the current sample; held inputs act from the current sample on.
+    """
+    system = arguments.system(system)
+    dt = positive(dt, "dt, the sample time,", "seconds")
+    _fits(system)
+    labels = list(system.input_labels)
+    keep = usually_held(system) if held is None else names(held, "held")
+    strange = [s for s in keep if s not in labels]
+    if strange:
+        raise InputError(f"{system.name} has no input {strange[0]}; it has {', '.join(labels)}.")
+    longest = dt / 4 if substep is None else positive(substep, "substep", "seconds")
+    step = _Step(system, float(dt), tuple(s in keep for s in labels), float(longest))
+    step.substeps.affine(system.params)  # what cannot be evaluated is refused here
+    return in_steps(step, _Answer(step), name)
+
+
+def in_steps(step: Any, answer: Any, name: str | None = None) -> ct.NonlinearIOSystem:
+    """The discrete block of a step of a continuous one.
+
+    ``step`` has the ``system``, ``dt`` in s, and ``state(t, s, v, params)``, the system's states
+    at the sample that is being taken; ``answer`` is the output function.
+    """
+    system = step.system
+    return ct.nlsys(
+        _Moved(step),
+        answer,
+        inputs=list(system.input_labels),
+        outputs=list(system.output_labels),
+        states=[*system.state_labels, *(f"last_{s}" for s in system.input_labels), "begun"],
+        params=dict(system.params),
+        name=name or system.name,
+        dt=step.dt,
+    )
+
+
+def usually_held(system: Any) -> list[str]:
+    """The inputs that a drive holds, by the names with which the block declares them."""
+    made = getattr(system.outfcn, "block", None)
+    own = system.input_labels if made is None else made.inputs
+    pairs = zip(own, system.input_labels, strict=False)
+    return [label for name, label in pairs if name in ("u", "excess")]
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """One step of :func:`sampled`; ``held`` says so of each input."""
+
+    system: Any
+    dt: float
+    held: tuple[bool, ...]
+    longest: float
+
+    @property
+    def substeps(self) -> Substeps:
+        """Kept beside the step, which pickles without it."""
+        if self not in _SUBSTEPS:
+            _SUBSTEPS[self] = Substeps(self.system, self.longest)
+        return _SUBSTEPS[self]
+
+    def state(self, t: Any, s: Any, v: Any, params: Any) -> np.ndarray:
+        """The states of the system at the sample that is being taken."""
+        n = int(self.system.nstates)
+        s, v = np.asanyarray(s), np.asanyarray(v)
+        before = signals([t - self.dt, *s[n:-1]])
+        now = signals([t, *np.where(np.array(self.held, dtype=bool), s[n:-1], v)])
+        rates = _functions(self.system)(params)[0]
+        if object in (before.dtype, now.dtype):  # the engine follows the equations
+            self.substeps.again()
+            if not self.substeps.affine(params):
+                raise TraceError("runs in substeps: it is called at each sample")
+            return np.where(s[-1] < 0.5, s[:n], advance(rates, s[:n], before, now, self.dt))
+        if s[-1] < 0.5:
+            self.substeps.again()
+            return s[:n]
+        if not self.substeps.affine(params):
+            return self.substeps.step(s[:n], before, now, params)
+        return advance(rates, s[:n], before, now, self.dt, _remembered)
+
+
+_SUBSTEPS: WeakKeyDictionary[_Step, Substeps] = WeakKeyDictionary()
+
+
+@dataclass(frozen=True)
+class OfStep:
+    """A function of a step."""
+
+    step: Any
+
+    def rests_on(self) -> tuple[Any, ...]:
+        """The systems whose state decides the answers: the engine looks at them."""
+        return (self.step.system,)
+
+
+class _Moved(OfStep):
+    """The update function of a sampled block."""
+
+    def __call__(self, t: float, s: Any, v: Any, params: Any) -> np.ndarray:
+        return np.concatenate([self.step.state(t, s, v, params), v, [1.0]])
+
+
+class _Answer(OfStep):
+    """The output function of a sampled block."""
+
+    def __call__(self, t: float, s: Any, v: Any, params: Any) -> np.ndarray:
+        _, outputs = _functions(self.step.system)(params)
+        return outputs(self.step.state(t, s, v, params), np.array([t, *v]))
+
+
+def advance(
+    rates: Callable[[Any, Any], Any],
+    x: np.ndarray,
+    before: np.ndarray,
+    now: np.ndarray,
+    dt: float,
+    respond: Callable[[Any, Any, Any], np.ndarray] | None = None,
+) -> np.ndarray:
+    """One step of dx/dt = rates(x, v), affine in x, as :func:`sampled` describes it.
+
+    Parameters
+    ----------
+    rates : callable
+        ``rates(x, v)`` of shape (n, ...), elementwise in the trailing axes.
+    x : (n, ...) ndarray
+        States; a batch of any shape in the trailing axes.
+    before, now : (m, ...) ndarray
+        Inputs at the start and the end of the step.
+    dt : float
+        Length of the step in s.
+    respond : callable, optional
+        In place of :func:`ramp_response`.
+
+    Returns
+    -------
+    (n, ...) ndarray
+    """
+    start = rates(x, before)
+    change = rates(x, now) - start
+    middle = 0.5 * (before + now)
+    rest, units = rates(0.0 * x, middle), np.eye(len(x))
+    columns = [rates((0.0 * x.T + unit).T, middle) - rest for unit in units]
+    return x + dt * (respond or ramp_response)(dt * np.stack(columns, axis=1), start, change)
+
+
+def _remembered(B: np.ndarray, start: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """ramp_response of numbers: output and update of a block ask for the same step."""
+    return _ramp(len(B), np.concatenate([B.ravel(), start, change]).tobytes())
+
+
+@lru_cache(maxsize=16)  # of numbers alone, so that nothing else can have changed
+def _ramp(n: int, numbers: bytes) -> np.ndarray:
+    values = np.frombuffer(numbers)
+    return ramp_response(values[: n * n].reshape(n, n), values[n * n : -n], values[-n:])
+
+
+def ramp_response(B: np.ndarray, start: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """phi1(B) start + phi2(B) change: x(1) for dx/ds = B x + start + change s, x(0) = 0.
+
+    Parameters
+    ----------
+    B : (n, n, ...) ndarray
+        Closed form for n = 1 and 2; otherwise ``scipy.linalg.expm``.
+    start, change : (n, ...) ndarray
+
+    Returns
+    -------
+    (n, ...) ndarray
+    """
+    B, start, change = signals(B), signals(start), signals(change)
+    if len(B) == 1:
+        one, two = _phi(B[0])
+        return one * start + two * change
+    if len(B) == 2:
+        return _by_polynomials(B, start, change)
+    return _by_expm(B, start, change)
+
+
+def _by_polynomials(B: np.ndarray, start: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """f(B) = a + b B for phi1 and phi2, where b is the slope of f between the eigenvalues.
+
+    phi1 and phi2 are divided differences of e^x with one and two nodes at 0. A difference of
+    three or four nodes ends with the two that are farthest apart, which avoids cancellation.
+    """
+    middle, half = 0.5 * (B[0, 0] + B[1, 1]), 0.5 * (B[0, 0] - B[1, 1])
+    gap = half * half + B[0, 1] * B[1, 0]
+    trace, det = 2.0 * middle, B[0, 0] * B[1, 1] - B[0, 1] * B[1, 0]
+    reach = np.sqrt(np.abs(gap))
+    size = np.where(gap >= 0.0, np.abs(middle) + reach, np.sqrt(np.abs(middle**2 - gap)))
+    near, paired = _by_series(trace, det, size < 0.5), _by_pair(middle, reach, det, gap < 0.0)
+    apart = _by_recursion(middle, reach, det, (gap >= 0.0) & (size >= 0.5))
+    (a1, b1, a2, b2) = (
+        np.where(size < 0.5, n, np.where(gap < 0.0, c, r))
+        for n, c, r in zip(near, paired, apart, strict=True)
+    )
+    turned = [
+        b1 * (B[i, 0] * start[0] + B[i, 1] * start[1])
+        + b2 * (B[i, 0] * change[0] + B[i, 1] * change[1])
+        for i in range(2)
+    ]
+    return np.array([a1 * start[i] + a2 * change[i] + turned[i] for i in range(2)])
+
+
+def _by_series(trace: Any, det: Any, here: Any) -> tuple[Any, Any, Any, Any]:
+    """Both eigenvalues small: phi(k) = 1/k! + B phi(k+1), B^2 = trace B - det."""
+    trace, det = np.where(here, trace, 0.0), np.where(here, det, 0.0)
+    a, b = SERIES[0], 0.0
+    for factor in SERIES[1:]:
+        a, b = factor - det * b, a + trace * b
+    a2, b2 = 0.5 - det * b, a + trace * b
+    return 1.0 - det * b2, a2 + trace * b2, a2, b2
+
+
+def _by_pair(middle: Any, reach: Any, det: Any, here: Any) -> tuple[Any, Any, Any, Any]:
+    """Eigenvalues middle +- i reach, not small: e^B = a0 + b0 B, B phi(k+1) = phi(k) - 1/k!."""
+    reach, det = np.where(here, reach, 1.0), np.where(here, det, 1.0)
+    trace, growth = 2.0 * middle, np.exp(np.where(here, middle, 0.0))
+    b0 = growth * np.sin(reach) / reach
+    a0 = growth * np.cos(reach) - middle * b0
+    b1 = (1.0 - a0) / det
+    a1 = b0 - trace * b1
+    b2 = (1.0 - a1) / det
+    return a1, b1, b1 - trace * b2, b2
+
+
+def _by_recursion(middle: Any, reach: Any, det: Any, here: Any) -> tuple[Any, Any, Any, Any]:
+    """Real eigenvalues, the larger one not small: divided differences that end with it."""
+    large = np.where(here, middle + np.where(middle < 0.0, -reach, reach), 1.0)
+    small = np.where(here, det, 0.0) / large
+    highest = np.where(large > small, large, small)
+    width = np.abs(large - small)
+    distinct = np.where(width > 0.0, width, 1.0)
+    b0 = np.exp(highest) * np.where(width > 0.0, -np.expm1(-distinct) / distinct, 1.0)
+    one, two = _phi(small)
+    b1 = (b0 - one) / large
+    b2 = (b1 - two) / large
+    return one - b1 * small, b1, two - b2 * small, b2
+
+
+def _by_expm(B: np.ndarray, start: np.ndarray, change: np.ndarray) -> np.ndarray:
+    n = len(B)
+    W = np.zeros((n + 2, n + 2, *B.shape[2:]))
+    W[:n, :n], W[:n, n], W[:n, n + 1], W[n, n + 1] = B, change, start, 1.0
+    whole = expm(np.moveaxis(W, (0, 1), (-2, -1)))
+    return np.moveaxis(whole[..., :n, -1], -1, 0)
+
+
+def _phi(x: Any) -> tuple[Any, Any]:
+    """phi1, phi2, where phi0 = e^x and phi(k+1) = (phi(k) - 1/k!)/x."""
+    small = np.abs(x) < 0.5
+    near, far = np.where(small, x, 0.0), np.where(small, 1.0, x)
+    three = SERIES[0]
+    for factor in SERIES[1:]:
+        three = factor + near * three
+    one = np.expm1(far) / far
+    two = np.where(small, 0.5 + near * three, (one - 1.0) / far)
+    return np.where(small, 1.0 + near * two, one), two
+
+
+def _functions(system: Any) -> Callable[[Any], tuple[Any, Any]]:
+    """Rates and outputs as functions of the states and the inputs; the first input is time."""
+
+    def evaluate(params: Any) -> tuple[Any, Any]:
+        def rates(x: Any, v: Any) -> Any:
+            return signals(system.updfcn(v[0], x, v[1:], params))
+
+        def outputs(x: Any, v: Any) -> Any:
+            if system.outfcn is None:
+                return x[: system.noutputs]
+            return signals(system.outfcn(v[0], x, v[1:], params))
+
+        return rates, outputs
+
+    return evaluate
+
+
+def signals(values: Any) -> np.ndarray:
+    """An array of numbers, or of what the engine traces."""
+    array = np.asarray(values)
+    return signal_array(array) if array.dtype == object else array
+
+
+def _fits(system: Any) -> None:
+    if system.isdtime(strict=True):
+        raise InputError(f"{system.name} is discrete already (dt = {system.dt}).")
+    if not system.nstates:
+        raise InputError(f"{system.name} has no states: use it as it is, with sampled blocks.")

@@ -1,0 +1,162 @@
+"""What looks wrong about a wiring: an input that nothing feeds, a feedback of the wrong sign."""
+
+from __future__ import annotations
+
+import difflib
+import warnings
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import control as ct
+import numpy as np
+
+from ..engine.tracing.network import Net, Part
+
+OPTIONAL = ("d",)  # a load: 0 is what is usually meant
+AT = (1e-2, 1.0, 1e2, 1e4)  # 1/s: points of the positive real axis
+TINY = 1e-6  # step of the differences
+
+
+def warn_of_wiring(net: Net, given: Any, params: Mapping[str, Any] | None) -> None:
+    """Warn of inputs that nothing feeds, and of a feedback with the wrong sign."""
+    if isinstance(given, Mapping):
+        for label in net.outside:
+            if label not in given and label not in OPTIONAL and (said := _unfed(net, label)):
+                warnings.warn(said, RuntimeWarning, stacklevel=4)
+    ends = [(i, j) for i, part in enumerate(net.parts) for j in range(len(part.outputs))]
+    column = {end: k for k, end in enumerate(ends)}
+    rows = []
+    for label in (k for part in net.parts for k in part.inputs):
+        rows.append(np.zeros(len(ends)))
+        rows[-1][[column[end] for end in net.sources.get(label, [])]] = 1.0
+    _warn_of_sign(net.name, [part.block for part in net.parts], np.array(rows), params)
+
+
+def warn_of_interconnection(system: Any, params: Mapping[str, Any] | None) -> None:
+    """Warn of a feedback with the wrong sign among the blocks of an interconnection."""
+    if isinstance(system, ct.InterconnectedSystem):
+        matrix = np.asarray(system.connect_map, dtype=float)
+        _warn_of_sign(system.name, list(system.syslist), matrix, params)
+
+
+def _unfed(net: Net, label: str) -> str:
+    """The warning on an input that nothing feeds; empty where no output is left over for it."""
+    readers = ", ".join(part.block.name for part in net.parts if label in part.inputs)
+    read = {k for part in net.parts for k in part.inputs}
+    idle = [
+        p
+        for p in net.parts
+        if p.outputs and not read & {*p.outputs} and label not in p.inputs and _may_feed(p, label)
+    ]
+    near = difflib.get_close_matches(label, [k for k in net.signals if k not in read], n=1)
+    if near:
+        makers = dict.fromkeys(net.parts[i].block.name for i, _ in net.sources[near[0]])
+        hint = f"Did you mean {near[0]} of {', '.join(makers)}?"
+    elif idle:
+        unread = "; ".join(f"{', '.join(p.outputs)} of {p.block.name}" for p in idle)
+        hint = f"Nothing reads {unread}: is it meant?"
+    else:
+        return ""
+    return (
+        f"{net.name}: nothing feeds the input {label} of {readers}; it is 0. {hint} Give "
+        f"inputs={{'{label}': 0}} if 0 is meant."
+    )
+
+
+def _may_feed(part: Part, label: str) -> bool:
+    """Whether an idle block looks like a forgotten source: an observer is often only watched."""
+    made = _declared(part.block)
+    return made is None or made.kind != "observer" or label.startswith("F")
+
+
+def _declared(block: Any) -> Any:
+    """The declaration of a block of this package, of the continuous one where it is sampled."""
+    return getattr(_continuous(block).outfcn, "block", None)
+
+
+def _continuous(block: Any) -> Any:
+    return getattr(getattr(block.outfcn, "step", None), "system", block)
+
+
+def _warn_of_sign(
+    name: str, blocks: Sequence[Any], matrix: np.ndarray, params: Mapping[str, Any] | None
+) -> None:
+    """Warn where an error e that rises makes itself rise further.
+
+    v = matrix y are the inputs of all blocks, y their outputs. For each controller that reads e,
+    the loop is cut there; its gain on the positive real axis must not be positive.
+    """
+    entries = np.cumsum([0, *(block.ninputs for block in blocks)])
+    for i, block in enumerate(blocks):
+        made = _declared(block)
+        if made is None or made.kind != "controller" or "e" not in made.inputs:
+            continue
+        row = entries[i] + made.inputs.index("e")
+        if _plainly_right(block, blocks, matrix, row, params):
+            continue
+        try:
+            gains = [_loop_gain(blocks, matrix, row, s, params) for s in AT]
+        except Exception:  # a block that cannot be evaluated at rest is reported by the simulation
+            continue
+        if all(np.isfinite(gain) and gain > 0.0 for gain in gains):
+            warnings.warn(
+                f"{name}: the feedback through {block.name} has the wrong sign: it drives the "
+                "error away from zero. The controllers here act on e = measured - reference "
+                "(lugrectl.error) with positive gains.",
+                RuntimeWarning,
+                stacklevel=5,
+            )
+
+
+def _plainly_right(
+    block: Any, blocks: Sequence[Any], matrix: np.ndarray, row: int, params: Any
+) -> bool:
+    """Whether e comes from ``error`` with a measured signal that a block puts out, and no gain
+    is negative."""
+    values = {**block.params, **(params or {})}
+    gains = [values[k] for k in block.params if k.rpartition(".")[2] in ("kp", "ki", "kd")]
+    ends = np.concatenate([[i] * b.noutputs for i, b in enumerate(blocks)]).astype(int)
+    sources = np.flatnonzero(matrix[row])
+    if len(sources) != 1 or matrix[row, sources[0]] < 0 or not all(g >= 0 for g in gains):
+        return False
+    source = int(ends[sources[0]])
+    made = _declared(blocks[source])
+    first = sum(b.ninputs for b in blocks[:source])
+    return (
+        made is not None
+        and made.name == "error"
+        and not matrix[first].any()
+        and bool((matrix[first + 1] >= 0).all() and matrix[first + 1].any())
+    )
+
+
+def _loop_gain(blocks: Sequence[Any], matrix: np.ndarray, row: int, s: float, params: Any) -> float:
+    """What arrives at an input for 1 put in there, at the point s of the real axis."""
+    parts = [_gain(block, s, params) for block in blocks]
+    whole = np.zeros((matrix.shape[1], matrix.shape[0]))
+    r = c = 0
+    for part in parts:
+        whole[r : r + part.shape[0], c : c + part.shape[1]] = part
+        r, c = r + part.shape[0], c + part.shape[1]
+    H = matrix @ whole
+    others = [k for k in range(len(H)) if k != row]
+    rest = np.eye(len(others)) - H[np.ix_(others, others)]
+    reached = np.linalg.solve(rest, H[others, row])
+    return float(H[row, row] + H[row, others] @ reached)
+
+
+def _gain(block: Any, s: float, params: Any) -> np.ndarray:
+    """C (s - A)^-1 B + D of a block at rest, in discrete time at exp(s dt)."""
+    block = _continuous(block)
+    n, m = int(block.nstates or 0), int(block.ninputs)
+
+    def values(at: np.ndarray) -> np.ndarray:
+        given = (0.0, at[:n], at[n:], params)
+        rates = block.dynamics(*given) if n else np.zeros(0)
+        return np.concatenate([np.ravel(rates), np.ravel(block.output(*given))])
+
+    steps = TINY * np.eye(n + m)
+    J = np.array([(values(h) - values(-h)) / (2 * TINY) for h in steps]).T
+    A, B, C, D = J[:n, :n], J[:n, n:], J[n:, :n], J[n:, n:]
+    at = np.exp(min(s * float(block.dt), 50.0)) if block.isdtime(strict=True) else s
+    return D + C @ np.linalg.solve(at * np.eye(n) - A, B) if n else D

@@ -1,0 +1,242 @@
+"""Sweeps: collect all results, or yield them chunk by chunk."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..core import validation
+from ..core.errors import InputError
+from ..core.progress import Bar, Wanted, bar_for, reporter, shows_progress
+from ..engine.runtime.backend import threads
+from ..parallel.jobs import JobError, Progress, run_jobs
+from .gather import Gathered
+from .prepare import Prepared, prepare, sendable
+from .sweep_result import Sweep
+from .worker import Block, Traced, work
+
+_ASKED_AHEAD = 16  # number of workers assumed for an executor that does not give it
+
+
+@shows_progress
+def sweep(
+    system: Any,
+    t: ArrayLike,
+    inputs: Any = None,
+    params: Any = None,
+    *,
+    x0: ArrayLike | Sequence[Any] | None = None,
+    seeds: int | Sequence[int] | None = None,
+    outputs: Sequence[str] | None = None,
+    states: bool | Sequence[str] = False,
+    hold: bool = False,
+    rtol: float = 1e-6,
+    executor: Executor | None = None,
+    jobs: int | None = None,
+    chunk: int | None = None,
+    progress: Wanted = None,
+    reduce: Callable[[np.ndarray, np.ndarray], Any] | None = None,
+) -> Sweep:
+    """Run a system for many parameter sets, initial states or random inputs.
+
+    Each member is the result of
+    ``simulate(system, t, inputs, x0, params=row, hold=hold, rtol=rtol)`` for its row of the table.
+
+    Parameters
+    ----------
+    system : control.NonlinearIOSystem or list of them
+        As for ``simulate``; traced and compiled once for all members.
+    t : (N,) array_like
+        Increasing times in s.
+    inputs : array_like, list or callable
+        As for ``simulate``, for all members; or a function that returns a member's inputs. Its
+        argument is the member's number, or with ``seeds`` its ``numpy.random.Generator``.
+    params : dict of columns, list of dicts, structured array or DataFrame
+        The table: a row for each member; a number in a dict is used for all members.
+    x0 : array_like
+        (L, n): a row for each member; else as for ``simulate``, for all members.
+    seeds : int or list of int or SeedSequence
+        The number of members, whose generators are spawned from one ``SeedSequence(0)``; or a
+        seed for each. A member's random numbers do not depend on chunks, jobs or the executor.
+    outputs : list of str
+        Outputs to return; default all.
+    states : bool or list of str
+        States to return in ``.x``; default none.
+    hold, rtol
+        As for ``simulate``.
+    executor : concurrent.futures.Executor
+        Runs the chunks: threads, processes, ``dask.distributed.Client.get_executor()``, mpi4py,
+        Ray. Only generated source text and numbers are sent, never the system, so blocks need
+        not be picklable. Workers need lugrectl, and numba if this process has it.
+    jobs : int
+        Without ``executor``: with numba, the number of threads (default: all cores). Without
+        numba members run one after the other by default, because Python threads would not run in
+        parallel and new processes would re-run a script without
+        ``if __name__ == "__main__":``; ``jobs`` above 1 starts that many processes. With
+        ``executor``: its number of workers, if it does not give it itself.
+    chunk : int
+        Members in a task; default by the number of workers and the size of the results.
+    progress : callable, True, False or None
+        ``progress(fraction, what)`` after each chunk, or whether to show a bar. None: in
+        Jupyter only.
+    reduce : callable
+        ``reduce(t, y)`` with y (ny, N) returns a number or an array, of the same shape for all
+        members. It is called in the process that simulated the member; ``.reduced`` holds the
+        results and ``.y`` is None.
+
+    Returns
+    -------
+    Sweep
+        ``.y`` (L, ny, N), ``.x``, ``.params``, ``.done``, ``.failed``. A member that fails (it
+        diverges, or ``inputs`` raises for it) has nan rows and a sentence in ``.failed``, and
+        one warning counts them. On Ctrl-C the finished members are returned, with a warning.
+
+    Raises
+    ------
+    InputError
+        For a table of unknown form, numbers of members that differ, unknown names, shapes that
+        do not fit, and a function that cannot be sent to a process.
+
+    Notes
+    -----
+    A system that cannot be traced, or whose equations change with a swept parameter, is simulated
+    member by member in this process, with one warning. The same holds for sampled blocks, without
+    a warning.
+
+    Examples
+    --------
+    >>> table = {"plant.Fc": np.linspace(0.2, 0.4, 1000), "pi.kp": 1.6}
+    >>> s = lg.sweep(loop, t, r, table, outputs=["w"])
+    >>> s["w"].shape
+    (1000, 10001)
+
+    On a cluster (extra ``cluster``):
+
+    >>> from dask.distributed import Client
+    >>> with Client("tcp://scheduler:8786") as client:
+    ...     s = lg.sweep(loop, t, r, table, executor=client.get_executor())
+    """
+    made = prepare(system, t, inputs, params, x0, seeds, outputs, states, hold, rtol, reduce)
+    gathered = Gathered(made)
+    blocks = _blocks(made, executor, jobs, chunk, reporter(progress), gathered)
+    try:
+        for index, block in blocks:
+            gathered.take(index, block)
+    except KeyboardInterrupt:
+        gathered.interrupted = True
+    finally:
+        blocks.close()
+    result = gathered.result()
+    if result.message:
+        warnings.warn(result.message, RuntimeWarning, stacklevel=2)
+    return result
+
+
+def sweep_chunks(
+    system: Any,
+    t: ArrayLike,
+    inputs: Any = None,
+    params: Any = None,
+    *,
+    x0: ArrayLike | Sequence[Any] | None = None,
+    seeds: int | Sequence[int] | None = None,
+    outputs: Sequence[str] | None = None,
+    states: bool | Sequence[str] = False,
+    hold: bool = False,
+    rtol: float = 1e-6,
+    executor: Executor | None = None,
+    jobs: int | None = None,
+    chunk: int | None = None,
+    progress: Wanted = None,
+    reduce: Callable[[np.ndarray, np.ndarray], Any] | None = None,
+) -> Iterator[Sweep]:
+    """The same as :func:`sweep`, as an iterator of parts in the order in which they finish.
+
+    Memory grows with the chunks in progress (two for each worker), not with the number of
+    members; ``.members`` gives the members in a part. Failures are in each part's ``.failed``,
+    without a warning; Ctrl-C is raised after the finished parts.
+
+    Examples
+    --------
+    >>> peak = np.concatenate([s["w"].max(axis=1) for s in lg.sweep_chunks(loop, t, r, table)])
+    """
+    made = prepare(system, t, inputs, params, x0, seeds, outputs, states, hold, rtol, reduce)
+    bar = bar_for(progress)
+    return _parts(made, _blocks(made, executor, jobs, chunk, bar), bar)
+
+
+def _parts(made: Prepared, blocks: Generator[tuple[range, Any]], bar: Bar) -> Iterator[Sweep]:
+    try:
+        for index, block in blocks:
+            part = Gathered(made, index)
+            part.take(index, block)
+            yield replace(part.result(), message=None)
+    finally:
+        blocks.close()
+        bar.close()
+
+
+def _blocks(
+    made: Prepared,
+    executor: Executor | None,
+    jobs: int | None,
+    chunk: int | None,
+    progress: Progress | None,
+    whole: Gathered | None = None,
+) -> Generator[tuple[range, Block | JobError]]:
+    """Check the arguments at once; then yield each task's members with their answers."""
+    for name, number in (("jobs", jobs), ("chunk", chunk)):
+        if number is not None:
+            validation.whole(number, name, 1)
+    if executor is not None and not hasattr(executor, "submit"):
+        raise InputError(
+            f"executor must be a concurrent.futures.Executor, not {validation.shown(executor)}."
+        )
+    compiled = isinstance(made.plan.solver, Traced) and made.plan.solver.portable.backend == "numba"
+    if not made.carried:
+        executor, jobs = None, 1
+    elif executor is None:
+        jobs = jobs or (min(threads(), os.cpu_count() or 1) if compiled else 1)
+    sendable(made, executor, processes=executor is None and not compiled and (jobs or 1) > 1)
+    places: dict[str, Any] = {}
+    if whole is not None and executor is None and (compiled or jobs == 1):
+        places = whole.places()
+    return _run(made, executor, jobs, chunk, progress, compiled, places)
+
+
+def _run(
+    made: Prepared,
+    executor: Executor | None,
+    jobs: int | None,
+    chunk: int | None,
+    progress: Progress | None,
+    by_threads: bool,
+    places: dict[str, Any],
+) -> Generator[tuple[range, Block | JobError]]:
+    workers = jobs or getattr(executor, "_max_workers", None) or _ASKED_AHEAD
+    alone = executor is None and workers == 1
+    size = chunk or (1 if alone and not by_threads else made.chunk(workers))
+    own = None
+    if by_threads and executor is None and workers > 1:
+        own = executor = ThreadPoolExecutor(workers)
+    function, done = partial(work, made.plan), 0
+    found = run_jobs(function, made.tasks(size, places), executor=executor, jobs=workers)
+    try:
+        for number, block in found:
+            index = range(number * size, min((number + 1) * size, made.count))
+            yield index, block
+            done += len(index)
+            if progress is not None:
+                progress(done / made.count, f"{done} of {made.count} members")
+    finally:
+        getattr(found, "close", lambda: None)()
+        if own is not None:
+            own.shutdown(cancel_futures=True)
