@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _HOMES = {
-    "blocks.block": "block P",
+    "blocks.block": "P",
+    "blocks.declaration": "block",
     "blocks.bristle_observers": "friction_state_observer lyapunov_observer normal_force_observer "
     "temperature_observer",
     "blocks.comparison_observers": "adaptive_observer disturbance_observer extended_state_observer "
@@ -36,20 +37,20 @@ _HOMES = {
     "natural_decay",
     "diagnosis.question": "balance",
     "diagnosis.diagnose": "diagnose",
-    "engine.runtime.adaptive_run": "Diverged",
     "sweeps": "Sweep sweep sweep_chunks",
-    "core.errors": "InputError Refused",
+    "core.errors": "Diverged InputError Refused",
     "diagnosis.fleet": "Fleet diagnose_each",
     "diagnosis.identify": "identify",
-    "diagnosis.compare_laws": "LawComparison compare_laws",
+    "diagnosis.compare_laws": "compare_laws",
+    "diagnosis.law_comparison": "LawComparison",
     "linear": "bandwidth bandwidth_check check_designs l2_check position_T position_loop_tf "
     "spr_check spr_repair velocity_T velocity_loop_tf",
     "loops.friction_loops": "position_loop velocity_loop",
     "simulation.sampled_response": "simulate_sampled",
-    "blocks.model": "Model Parameters table1",
-    "blocks.model_file": "read_model write_model",
+    "blocks.model": "Model Parameters read_model table1 write_model",
     "record": "Record read_record",
-    "results.diagnosis_result": "Diagnosis Table",
+    "diagnosis.result": "Diagnosis",
+    "results.findings": "Table",
     "simulation.sampled_block": "sampled",
     "simulation.response": "simulate",
 }
@@ -71,10 +72,7 @@ def __dir__() -> list[str]:
 
 
 if TYPE_CHECKING:
-    from .blocks.block import (  # noqa: F401
-        P,
-        block,
-    )
+    from .blocks.block import P  # noqa: F401
     from .blocks.bristle_observers import (  # noqa: F401
         friction_state_observer,
         lyapunov_observer,
@@ -107,6 +105,7 @@ if TYPE_CHECKING:
         coulomb_predictor,
         smith_velocity,
     )
+    from .blocks.declaration import block  # noqa: F401
     from .blocks.drive import (  # noqa: F401
         current_lag,
         dead_time,
@@ -121,10 +120,8 @@ if TYPE_CHECKING:
     from .blocks.model import (  # noqa: F401
         Model,
         Parameters,
-        table1,
-    )
-    from .blocks.model_file import (  # noqa: F401
         read_model,
+        table1,
         write_model,
     )
     from .blocks.observers import (  # noqa: F401
@@ -154,6 +151,7 @@ if TYPE_CHECKING:
         compensate,
     )
     from .core.errors import (  # noqa: F401
+        Diverged,
         InputError,
         Refused,
     )
@@ -167,18 +165,16 @@ if TYPE_CHECKING:
         excitation,
         natural_decay,
     )
-    from .diagnosis.compare_laws import (  # noqa: F401
-        LawComparison,
-        compare_laws,
-    )
+    from .diagnosis.compare_laws import compare_laws  # noqa: F401
     from .diagnosis.diagnose import diagnose  # noqa: F401
     from .diagnosis.fleet import (  # noqa: F401
         Fleet,
         diagnose_each,
     )
     from .diagnosis.identify import identify  # noqa: F401
+    from .diagnosis.law_comparison import LawComparison  # noqa: F401
     from .diagnosis.question import balance  # noqa: F401
-    from .engine.runtime.adaptive_run import Diverged  # noqa: F401
+    from .diagnosis.result import Diagnosis  # noqa: F401
     from .linear import (  # noqa: F401
         bandwidth,
         bandwidth_check,
@@ -203,10 +199,7 @@ if TYPE_CHECKING:
         recommend_observer,
     )
     from .record import Record, read_record  # noqa: F401
-    from .results.diagnosis_result import (  # noqa: F401
-        Diagnosis,
-        Table,
-    )
+    from .results.findings import Table  # noqa: F401
     from .simulation.bristle_deflection import deflection  # noqa: F401
     from .simulation.response import simulate  # noqa: F401
     from .simulation.sampled_block import sampled  # noqa: F401

@@ -5,20 +5,15 @@ from __future__ import annotations
 import math
 
 import lugrectl as lg
+from lugrectl.blocks.block import P, members
 from lugrectl.blocks.catalogue import Entry
 from lugrectl.blocks.catalogue import _bounds as bounds  # the words of the command line
 from lugrectl.blocks.catalogue import _number as number
-from lugrectl.blocks.block import P, members
 
 from . import signatures
 from .rst import code, escaped, filled, listed, literal, prose, table, title, toctree
+from .signatures import FOLDERS
 
-FOLDERS = {
-    "effect": ("effects", lg.effects),
-    "friction": ("laws", lg.laws),
-    "observer": ("observers", lg.observers),
-    "controller": ("controllers", lg.controllers),
-}
 TITLES = {
     "effects": "Effects",
     "laws": "Friction laws",

@@ -10,17 +10,19 @@ import lugrectl as lg
 from .rst import escaped, filled, literal, prose, table, title, toctree
 
 TOPICS = {  # topic: the modules whose public names it holds
-    "blocks": "spec blocks.plant blocks.drive blocks.table bristles",
-    "observers": "blocks.observers blocks.comparison blocks.bristle_observers "
-    "blocks.position_observers comparing",
-    "controllers": "blocks.controllers blocks.delayed blocks.learning blocks.sliding",
+    "blocks": "blocks.block blocks.declaration blocks.plant blocks.drive blocks.table "
+    "simulation.bristle_deflection",
+    "observers": "blocks.observers blocks.comparison_observers blocks.bristle_observers "
+    "blocks.position_observers observer_comparison",
+    "controllers": "blocks.controllers blocks.dead_time_control blocks.repetitive_control "
+    "blocks.sliding_control",
     "laws": "",
-    "effects": "blocks.library",
-    "loops": "loops cascade simulation mixed sampling engine",
+    "effects": "blocks.factories",
+    "loops": "loops simulation",
     "checks": "linear design",
-    "diagnosis": "diagnosis fleet compensating",
-    "records": "record model model_file results errors",
-    "ensembles": "ensemble",
+    "diagnosis": "diagnosis compensated_loop",
+    "records": "record blocks.model results",
+    "ensembles": "sweeps",
 }
 NAMED = {  # names whose topic is not that of their module
     "observers": "observers",
@@ -30,6 +32,9 @@ NAMED = {  # names whose topic is not that of their module
     "compare_laws": "laws",
     "LawComparison": "laws",
     "effects": "effects",
+    "Diverged": "loops",
+    "InputError": "records",
+    "Refused": "records",
     "Diagnosis": "diagnosis",
     "Table": "diagnosis",
     "__version__": "records",

@@ -10,10 +10,17 @@ from pathlib import Path
 import numpy as np
 
 import lugrectl as lg
-from lugrectl.blocks.catalogue import Entry
 from lugrectl.blocks.block import members
+from lugrectl.blocks.catalogue import Entry
 
 from .motions import DRIVE, LATE, Motion, friction, motion, tracking
+
+FOLDERS = {
+    "effect": ("effects", lg.effects),
+    "friction": ("laws", lg.laws),
+    "observer": ("observers", lg.observers),
+    "controller": ("controllers", lg.controllers),
+}
 
 SHARE = 0.2  # of the RMS friction torque: how strong an effect is drawn
 FINE = np.array([0.2, 0.3, 0.4, 0.5, 0.63, 0.8, 1.0, 1.25, 1.6, 2.0, 2.5, 3.2, 4.0, 5.0])
@@ -96,8 +103,6 @@ def _strength(entry: Entry) -> str:
 
 def pictures(folder: Path) -> Iterator[tuple[str, bytes]]:
     """Path and PNG of every entry whose picture is missing or older than the code."""
-    from .entries import FOLDERS
-
     sources = [*Path(__file__).parent.glob("*.py"), *Path(lg.__file__).parent.rglob("*.py")]
     newest = max(source.stat().st_mtime for source in sources)
     for name, listing in FOLDERS.values():

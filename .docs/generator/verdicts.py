@@ -10,8 +10,9 @@ import numpy as np
 
 import lugrectl as lg
 from lugrectl.core.errors import Refused
+from lugrectl.diagnosis.result import VERDICTS, Diagnosis
 from lugrectl.report.wording import headline
-from lugrectl.results.diagnosis_result import VERDICTS, Candidate, Diagnosis, Estimate, Finding
+from lugrectl.results.findings import Candidate, Estimate, Finding
 
 from .rst import filled, literal, prose, table, title, toctree
 

@@ -9,16 +9,16 @@ DECLARING = (
     "effects",
     "friction",
     "bristle_laws",
-    "elements",
+    "multi_element_laws",
     "observers",
-    "comparison",
+    "comparison_observers",
     "bristle_observers",
     "position_observers",
     "controllers",
     "drive",
-    "sliding",
-    "learning",
-    "delayed",
+    "sliding_control",
+    "repetitive_control",
+    "dead_time_control",
 )
 
 

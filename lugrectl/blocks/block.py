@@ -14,21 +14,22 @@ the symbolic scalars of the engine.
 
 from __future__ import annotations
 
+import copy
+import importlib
 import inspect
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
+from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..core.display import Row, Shown
 from ..core.errors import InputError
-from ..core.pickling import carried, declared, from_fields, rebuilt
+from ..core.pickling import carried, from_fields, rebuilt
 from ..core.unit_names import unit_for as unit_for
-from ..core.validation import one_name, renamed, shown, within
-from .block_functions import Outputs, Rates, WithInputs, is_steady
-from .declaration import as_function, check, is_same, kind_of, signature
+from ..core.validation import one_name, renamed, within
 
 if TYPE_CHECKING:  # slow to import, and the catalogue does without it
     import control as ct
@@ -260,127 +261,6 @@ class _Registry(dict[tuple[str, str], Block]):
 REGISTRY = _Registry()
 
 
-def block(
-    kind: str,
-    *,
-    out: str,
-    states: str = "",
-    name: str = "",
-    acts: str = "",
-    confused: str = "",
-    experiment: str = "",
-    exact: Callable[..., np.ndarray] | None = None,
-    tries: Callable[..., list[dict[str, float]]] | None = None,
-    start: str = "",
-    load: bool = False,
-    abrupt: bool = False,
-    source: str = "",
-) -> Callable[[Callable[..., Any]], Block]:
-    """Declare a function as a block of a kind and enter it in the registry.
-
-    Parameters
-    ----------
-    kind : str
-        "friction", "plant", "observer", "controller" or "effect".
-    out, states : str
-        Names, separated by spaces; an output that is a state need not be returned.
-    name : str
-        The block's name, if it is not the name of the function.
-    acts : str
-        For an effect, what its output does: "torque" (added to the resisting side), "input"
-        (replaces u), "sensor" (the outputs are the sensor signals), names of parameters that
-        it multiplies by 1 + output, or names with a plus ("+Fc") to which it adds the output.
-        One output serves all acts; otherwise each act has its own.
-    confused, experiment : str
-        For an effect: the effects that look similar in a record, and what to record to
-        distinguish them.
-    exact : callable
-        ``exact(u, dt, **values)`` of an input effect on a held input: the mean of its output
-        over each cell.
-    tries : callable
-        ``tries(log, values)``: complete sets of its parameters to try on a friction map (runs at
-        steady speed), if a linear step from the neutral value cannot find them. ``values`` holds
-        the plant's parameters; a set may contain plant parameters too, which are then changed
-        with it.
-    start : str
-        For each state the input to which it is equal in equilibrium, or 0; default all 0.
-    load : bool
-        True for a torque effect that is a load: load-dependent friction includes it.
-    abrupt : bool
-        True if the torque jumps with the sign of w. The diagnosis lets it build up like the
-        friction of the bristles.
-    source : str
-        Where the equation comes from: paper, year, number of the equation.
-
-    Raises
-    ------
-    InputError
-        When another block of the kind has the name (a cell or module that is run again replaces
-        its own block), or the declaration cannot be meant: an unknown kind, signal or act, a
-        default that is no P, another number of returned values, an effect without a neutral value.
-    """
-
-    for what, given in (("kind", kind), ("out", out), ("states", states), ("acts", acts)):
-        if not isinstance(given, str):
-            raise InputError(
-                f"{what} must be a text, names separated by spaces, not {shown(given)}."
-            )
-
-    def declare(function: Callable[..., Any]) -> Block:
-        if not callable(function):
-            raise InputError(f"a block is declared of a function, not of {shown(function)}.")
-        made = replace(
-            _declared(function, name, kind, tuple(out.split()), tuple(states.split())),
-            acts=tuple(acts.split()),
-            confused=tuple(confused.split()),
-            experiment=experiment,
-            exact=exact,
-            tries=tries,
-            start=tuple(start.split()) or ("0",) * len(states.split()),
-            load=load,
-            abrupt=abrupt,
-            source=source,
-        )
-        ours = _is_ours(made.home)
-        known = REGISTRY if ours else registered()  # of the package, those so far
-        if not ours:
-            laws = (b.parameters for (of, _), b in known.items() if of == "friction")
-            check(made, [key for law in laws for key in law])
-        before = dict(known).get((kind, made.name))
-        if before is not None and not is_same(before, function, made.home):
-            raise InputError(f"{kind}: a block named '{made.name}' exists; choose another name.")
-        REGISTRY[kind, made.name] = as_function(made)
-        return made
-
-    return declare
-
-
-def _declared(
-    function: Callable[..., Any],
-    name: str,
-    kind: str,
-    out: tuple[str, ...],
-    states: tuple[str, ...],
-) -> Block:
-    name = name or function.__name__
-    signals, parameters = signature(name, function, P)
-    timed = bool(signals) and signals[0] == "t"
-    inputs = tuple(s for s in signals[timed:] if s not in states)
-    if tuple(signals[timed:]) != inputs + states:
-        raise InputError(f"{name}: signals come first, then states {states}.")
-    return Block(
-        name=name,
-        kind=kind_of(kind),
-        function=function,
-        inputs=inputs,
-        outputs=out,
-        states=states,
-        parameters=parameters,
-        timed=timed,
-        home=function.__module__,
-    )
-
-
 def members(kind: str) -> dict[str, Block]:
     """The registered blocks of a kind, by name: those of the package, then the user's own."""
     return {name: made for (of, name), made in registered().items() if of == kind}
@@ -394,5 +274,139 @@ def registered() -> _Registry:
     return REGISTRY
 
 
-def _is_ours(home: str) -> bool:
+def is_ours(home: str) -> bool:
     return home.startswith(f"{__package__}.")
+
+
+def declared(kind: str, name: str, home: str) -> Any:
+    """A registered block, its module imported where that is needed.
+
+    Raises
+    ------
+    InputError
+        When this session has no such block.
+    """
+    if (kind, name) not in REGISTRY and home not in ("__main__", "__mp_main__", ""):
+        try:
+            importlib.import_module(home)
+        except ImportError:
+            pass
+    if (kind, name) not in REGISTRY:
+        where = "the notebook cell or script" if home == "__main__" else f"the module {home}"
+        raise InputError(
+            f"the {kind} '{name}' is not declared in this session: run {where} that declares it "
+            "with @block, then load again."
+        )
+    return REGISTRY[kind, name]
+
+
+class Called:
+    """A block with values: ``keys`` of python-control by parameter, and ``functions`` of the
+    user in place of parameters."""
+
+    __slots__ = ("__weakref__", "_fresh", "_steady", "block", "functions", "keys", "name")
+
+    def __init__(
+        self,
+        block: Block,
+        name: str,
+        keys: Mapping[str, str],
+        functions: Mapping[str, Callable[..., Any]],
+    ) -> None:
+        self.block, self.name, self.keys, self.functions = block, name, keys, functions
+        self._fresh, self._steady = block.fresh, not functions and block.is_steady()
+
+    def values(self, t: Any, x: Any, u: Any, params: Mapping[str, Any]) -> tuple[Any, ...]:
+        """Outputs that are not states, then the rates."""
+        block = self.block
+        signals = [t] if block.timed else []
+        if getattr(u, "ndim", 1) == 0:  # control.describing_function gives a number
+            u = u.reshape(1)
+        signals += [u[i] for i in range(len(block.inputs))]
+        signals += [x[i] for i in range(len(block.states))]
+        return block(*signals, **{k: params[q] for k, q in self.keys.items()}, **self.functions)
+
+    @property
+    def declared(self) -> dict[str, Any]:
+        """The declarations of the parameters by python-control's key."""
+        return {q: self.block.parameters[k] for k, q in self.keys.items()}
+
+    def rests_on(self) -> tuple[Any, ...] | None:
+        """The systems whose state decides the answers besides the arguments: none; None where
+        anything else may."""
+        return () if self._steady else None
+
+    def __reduce__(self) -> Any:
+        for key, function in self.functions.items():
+            carried(f"{self.name}.{key}", function)
+        return type(self), (self.block, self.name, dict(self.keys), dict(self.functions))
+
+    def __deepcopy__(self, memo: Any) -> Called:
+        functions = copy.deepcopy(self.functions, memo)
+        return type(self)(self.block, self.name, self.keys, functions)
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__.lower()} of the block {self.block.name}>"
+
+
+class Rates(Called):
+    """dx/dt of a block."""
+
+    __slots__ = ()
+
+    def __call__(self, t: Any, x: Any, u: Any, params: Mapping[str, Any]) -> np.ndarray:
+        return np.array(self.values(t, x, u, params)[len(self._fresh) :])
+
+
+class Outputs(Called):
+    """The outputs of a block."""
+
+    __slots__ = ()
+
+    def __call__(self, t: Any, x: Any, u: Any, params: Mapping[str, Any]) -> np.ndarray:
+        fresh = self._fresh
+        out = dict(zip(fresh, self.values(t, x, u, params), strict=False)) if fresh else {}
+        for i, state in enumerate(self.block.states):
+            out.setdefault(state, x[i])
+        return np.array([out[o] for o in self.block.outputs])
+
+
+@dataclass(frozen=True)
+class WithInputs:
+    """The function of a block some of whose parameters are inputs, after its own."""
+
+    of: Block
+    names: tuple[str, ...]
+
+    def __call__(self, *signals: Any, **values: Any) -> tuple[Any, ...]:
+        own, many = len(self.of.inputs) + self.of.timed, len(self.names)
+        given = dict(zip(self.names, signals[own : own + many], strict=True))
+        return self.of(*signals[:own], *signals[own + many :], **values, **given)
+
+    def block(self) -> Block:
+        return self.of.with_inputs(self.names)
+
+
+def is_steady(value: Any) -> bool:
+    """Whether a value cannot change, nor what it reads when it is called.
+
+    True of numbers, texts, blocks and functions of this package, and of what is built from them
+    alone; False of everything else, a function of the user first of all.
+    """
+    if value is None or isinstance(value, (bool, int, float, str)):
+        return True
+    if isinstance(value, tuple):
+        return all(map(is_steady, value))
+    if not _is_of_this_package(value):
+        return False
+    if isinstance(value, FunctionType):
+        return value.__closure__ is None
+    if hasattr(value, "is_steady"):
+        return value.is_steady()
+    frozen = is_dataclass(value) and type(value).__dataclass_params__.frozen  # pyright: ignore
+    return frozen and all(is_steady(getattr(value, f.name)) for f in fields(value))
+
+
+def _is_of_this_package(value: Any) -> bool:
+    home = value if isinstance(value, FunctionType) else type(value)
+    return str(home.__module__).startswith("lugrectl.")

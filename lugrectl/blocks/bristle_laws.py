@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from .block import P, block
+from .block import P
+from .declaration import block
 from .friction import FC, FS, FV, SIGMA0, SIGMA1, VS, bristle_torque, level, relaxation
 
 KAPPA = P(0.7, "1", 0.01, 0.99, usual=True)

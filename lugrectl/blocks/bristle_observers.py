@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from .block import P, block
+from .block import P
+from .declaration import block
 from .friction import (
     FC,
     FS,

@@ -12,13 +12,14 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.validation import number
-from .block import P, block
+from .block import P
+from .declaration import block
 from .friction import PAPER, J
+from .model import Model, Parameters, as_model
 
 if TYPE_CHECKING:
     import control as ct
 
-    from .model import Model, Parameters
 
 KP, KI = P(1.6, "N m s/rad"), P(0.16, "N m/rad")
 KP_ANGLE, KI_ANGLE = P(15.0, "N m/rad"), P(1.55, "N m/(rad s)")
@@ -338,8 +339,6 @@ def feedforward(
     -----
     Source paper, eq. Canudas_u.
     """
-    from .as_model import as_model
-
     _kind(kind, list(DERIVATIVE))
     wanted = [DERIVATIVE[kind]] if inputs is None else inputs
     J = as_model(p, "p").J

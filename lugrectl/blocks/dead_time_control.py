@@ -21,8 +21,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from .block import block
 from .bristle_observers import DERIVED
+from .declaration import block
 from .friction import EPS, FV, J, coulomb
 from .observers import believed
 from .plant import acceleration

@@ -5,13 +5,14 @@ from __future__ import annotations
 import difflib
 import inspect
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
 
 from ..core.errors import InputError
 from ..core.validation import shown
-
-if TYPE_CHECKING:
-    from .block import Block
+from .block import REGISTRY, Block, P, is_ours, registered
 
 KINDS = ("friction", "plant", "observer", "controller", "effect")
 SEEN = ("t", "theta", "w", "u", "d", "load")  # signals of a drive that an effect may read
@@ -165,8 +166,6 @@ def _signals(made: Block) -> list[float]:
 
 def _tried(made: Block, values: dict[str, float]) -> tuple[Any, ...] | None:
     """What the function returns; None where it cannot be run yet, or not at these values."""
-    import numpy as np
-
     try:
         with np.errstate(all="ignore"):
             results = made.function(*map(np.float64, _signals(made)), **values)
@@ -206,3 +205,124 @@ def as_function(made: Block) -> Block:
     for key, value in same.items():
         object.__setattr__(made, key, value)
     return made
+
+
+def block(
+    kind: str,
+    *,
+    out: str,
+    states: str = "",
+    name: str = "",
+    acts: str = "",
+    confused: str = "",
+    experiment: str = "",
+    exact: Callable[..., np.ndarray] | None = None,
+    tries: Callable[..., list[dict[str, float]]] | None = None,
+    start: str = "",
+    load: bool = False,
+    abrupt: bool = False,
+    source: str = "",
+) -> Callable[[Callable[..., Any]], Block]:
+    """Declare a function as a block of a kind and enter it in the registry.
+
+    Parameters
+    ----------
+    kind : str
+        "friction", "plant", "observer", "controller" or "effect".
+    out, states : str
+        Names, separated by spaces; an output that is a state need not be returned.
+    name : str
+        The block's name, if it is not the name of the function.
+    acts : str
+        For an effect, what its output does: "torque" (added to the resisting side), "input"
+        (replaces u), "sensor" (the outputs are the sensor signals), names of parameters that
+        it multiplies by 1 + output, or names with a plus ("+Fc") to which it adds the output.
+        One output serves all acts; otherwise each act has its own.
+    confused, experiment : str
+        For an effect: the effects that look similar in a record, and what to record to
+        distinguish them.
+    exact : callable
+        ``exact(u, dt, **values)`` of an input effect on a held input: the mean of its output
+        over each cell.
+    tries : callable
+        ``tries(log, values)``: complete sets of its parameters to try on a friction map (runs at
+        steady speed), if a linear step from the neutral value cannot find them. ``values`` holds
+        the plant's parameters; a set may contain plant parameters too, which are then changed
+        with it.
+    start : str
+        For each state the input to which it is equal in equilibrium, or 0; default all 0.
+    load : bool
+        True for a torque effect that is a load: load-dependent friction includes it.
+    abrupt : bool
+        True if the torque jumps with the sign of w. The diagnosis lets it build up like the
+        friction of the bristles.
+    source : str
+        Where the equation comes from: paper, year, number of the equation.
+
+    Raises
+    ------
+    InputError
+        When another block of the kind has the name (a cell or module that is run again replaces
+        its own block), or the declaration cannot be meant: an unknown kind, signal or act, a
+        default that is no P, another number of returned values, an effect without a neutral value.
+    """
+
+    for what, given in (("kind", kind), ("out", out), ("states", states), ("acts", acts)):
+        if not isinstance(given, str):
+            raise InputError(
+                f"{what} must be a text, names separated by spaces, not {shown(given)}."
+            )
+
+    def declare(function: Callable[..., Any]) -> Block:
+        if not callable(function):
+            raise InputError(f"a block is declared of a function, not of {shown(function)}.")
+        made = replace(
+            _declared(function, name, kind, tuple(out.split()), tuple(states.split())),
+            acts=tuple(acts.split()),
+            confused=tuple(confused.split()),
+            experiment=experiment,
+            exact=exact,
+            tries=tries,
+            start=tuple(start.split()) or ("0",) * len(states.split()),
+            load=load,
+            abrupt=abrupt,
+            source=source,
+        )
+        ours = is_ours(made.home)
+        known = REGISTRY if ours else registered()  # of the package, those so far
+        if not ours:
+            laws = (b.parameters for (of, _), b in known.items() if of == "friction")
+            check(made, [key for law in laws for key in law])
+        before = dict(known).get((kind, made.name))
+        if before is not None and not is_same(before, function, made.home):
+            raise InputError(f"{kind}: a block named '{made.name}' exists; choose another name.")
+        REGISTRY[kind, made.name] = as_function(made)
+        return made
+
+    return declare
+
+
+def _declared(
+    function: Callable[..., Any],
+    name: str,
+    kind: str,
+    out: tuple[str, ...],
+    states: tuple[str, ...],
+) -> Block:
+    name = name or function.__name__
+    signals, parameters = signature(name, function, P)
+    timed = bool(signals) and signals[0] == "t"
+    inputs = tuple(s for s in signals[timed:] if s not in states)
+    if tuple(signals[timed:]) != inputs + states:
+        raise InputError(f"{name}: signals come first, then states {states}.")
+    return Block(
+        name=name,
+        kind=kind_of(kind),
+        function=function,
+        inputs=inputs,
+        outputs=out,
+        states=states,
+        parameters=parameters,
+        timed=timed,
+        home=function.__module__,
+    )

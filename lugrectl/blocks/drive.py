@@ -14,7 +14,8 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.validation import number, one_name, positive, renamed
-from .block import P, block
+from .block import P
+from .declaration import block
 from .effects.actuator import actuator_lag, actuator_saturation, input_delay
 
 if TYPE_CHECKING:

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from .block import P, block
+from .block import P
+from .declaration import block
 from .law_forms import FORMS, Form
 
 J = P(0.0022, "kg m2", 1e-12)

@@ -3,23 +3,30 @@
 from __future__ import annotations
 
 import math
+import os
+import re
+import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
-from types import MappingProxyType
+from pathlib import Path
+from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
 from ..core.display import Row, Shown
 from ..core.errors import InputError
 from ..core.provenance import SourceFile
-from ..core.validation import TINY, real, shown
-from . import effects as _effects  # noqa: F401  fills the registry
+from ..core.validation import TINY, as_path, is_file, like_it, real, shown
+from . import effects as every_effect  # noqa: F401  fills the registry
 from .aliases import block_named
-from .block import Block, unit_for
+from .block import Block, members, unit_for
 from .declared_values import Stated, holding, refuse_crossed, stated
 from .declared_values import unknown as _known
 from .friction import J as J_DECLARATION
 from .law_forms import form_keys, formed, with_usual, written_form
+
+_MODEL = "a Model, Parameters, a dict or the path of a model file"
+_FILE = ("name", "motion", "plant", "friction", "effects")
 
 
 @dataclass(frozen=True, repr=False)
@@ -129,11 +136,6 @@ class Model(Shown):
         InputError
             As :func:`read_model` for what stands in a file.
         """
-        from .as_model import (  # which make models
-            as_model,
-            changed,
-        )
-
         own = {"J": J, "friction": friction, "effects": effects, "name": name, "motion": motion}
         changes = {k: v for k, v in (own | values).items() if v is not None}
         return changed(given, changes, "Model.of") if changes else as_model(given)
@@ -401,3 +403,184 @@ def _text(value: Any, where: str) -> str:
     if not isinstance(value, str):
         raise InputError(f"{where} must be a text, not {shown(value)}.")
     return value
+
+
+def read_model(path: str | Path) -> Model:
+    """Read a model file in TOML; ``lugrectl model`` prints a commented one.
+
+    Raises
+    ------
+    InputError
+        When the file is missing, is not TOML, or holds an unknown key or a wrong value.
+    """
+    path = as_path(path, "the model file")
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such model file{like_it(path)}.") from None
+    except IsADirectoryError:
+        raise InputError(f"{path} is a folder: name a model file, such as my.toml.") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read as a text file in UTF-8 ({error}).") from None
+    except (ValueError, RecursionError) as error:  # more than what TOMLDecodeError covers
+        raise InputError(f"{path}: not a TOML file: {error}{_decimal_comma(path)}.") from None
+    model = model_from_dict(data, str(path))
+    object.__setattr__(model, "file", SourceFile.of(path))
+    return model
+
+
+def _decimal_comma(path: Path) -> str:
+    """What to do where a number has a decimal comma, which TOML does not know."""
+    found = re.search(r"^\s*(\w+\s*=\s*-?\d+),(\d+)\s*(#.*)?$", path.read_text("utf-8"), re.M)
+    return f"; write {found[1]}.{found[2]} with a decimal point" if found else ""
+
+
+def write_model(model: Model, path: str | Path) -> None:
+    """Write a model as the TOML file that :func:`read_model` reads.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be written, or the model holds what a file cannot: a value that is
+        no number or outside its bounds, half of a surrogate pair in its name.
+    """
+
+    model, path = as_model(model), as_path(path, "path")
+    text = model_toml(model)
+    model_from_dict(tomllib.loads(text), f"model {model.name}")
+    try:
+        path.write_bytes(text.encode())
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror or error}.") from None
+
+
+def model_toml(model: Model) -> str:
+    """The model file's text, with the unit of each value as a comment."""
+    data, lines = model.to_dict(stated=True), []
+    lines += [f"name = {_quoted(data['name'])}", f'motion = "{data["motion"]}"', "", "[plant]"]
+    lines += _rows(data["plant"], "", model)
+    lines += ["", "[friction]", f"model = {_quoted(data['friction'].pop('model'))}"]
+    lines += _rows(data["friction"], "", model)
+    for part, entry in zip(model.effects, data["effects"], strict=True):
+        lines += ["", "[[effects]]", f"name = {_quoted(entry.pop('name'))}"]
+        lines += _rows(entry, f"{part.key}.", model)
+    return "\n".join(lines) + "\n"
+
+
+def _rows(values: Mapping[str, Any], prefix: str, model: Model) -> list[str]:
+    own = {k: model.unit(prefix + k) for k in values if prefix + k in model.declarations()}
+    units = {k: "  # " + "".join(c for c in u if c.isprintable()) for k, u in own.items()}
+    return [f"{_key(k)} = {_written(v)}{units.get(k, '')}" for k, v in values.items()]
+
+
+def _written(value: Any) -> str:
+    """A number, a list of numbers, or the table of one of which more is stated."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int):
+        return str(value)
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_written, value)) + "]"
+    if not isinstance(value, Mapping):
+        return repr(float(value))
+    return "{" + ", ".join(f"{k} = {_written(v)}" for k, v in value.items() if v is not None) + "}"
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _quoted(name)
+
+
+def _quoted(text: str) -> str:
+    """A TOML string; quotes, backslashes and control characters are escaped.
+
+    InputError for half of a surrogate pair, which no TOML file can hold.
+    """
+    if half := re.search("[\ud800-\udfff]", text):
+        raise InputError(
+            f"the name {ascii(text)} holds half of a surrogate pair, {ascii(half[0])}, which no "
+            "TOML file can hold: give it another name."
+        )
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + re.sub(r"[\x00-\x1f\x7f]", lambda c: f"\\u{ord(c[0]):04x}", escaped) + '"'
+
+
+def as_model(given: Any, what: str = "model") -> Model:
+    """The model that is meant; InputError names the argument ``what``."""
+    if isinstance(given, Model):
+        check_values(given, what)
+        return given
+    if isinstance(given, Parameters):
+        values = {"model": "lugre", **given.friction()}
+        return model_from_dict({"plant": {"J": given.J}, "friction": values}, "parameters")
+    if is_file(given):
+        return read_model(given)
+    if isinstance(given, Mapping):
+        return _from_dict(given, what)
+    raise InputError(f"{what} must be {_MODEL}, not {shown(given)}.")
+
+
+def _from_dict(given: Mapping[Any, Any], what: str) -> Model:
+    """A dict nested like a model file, or one of values by name, ``{"J": 0.002}``."""
+    if isinstance(given.get("stated"), Mapping):  # the model of a JSON document
+        plain = _from_dict({k: v for k, v in given.items() if k != "stated"}, what)
+        return restated(plain, given["stated"], what)
+    flat = set(given) - {*_FILE}
+    if "plant" in given or not (flat or isinstance(given.get("friction"), str)):
+        return model_from_dict({**given, "effects": _effects(given.get("effects"))}, what)
+    return changed({}, {str(k): v for k, v in given.items()}, what)
+
+
+def changed(given: Any, changes: Mapping[str, Any], what: str) -> Model:
+    """The model ``given``, {} for one of which nothing is known, with other values by name.
+
+    ``J``, ``name``, ``motion``, ``friction`` (the law), ``effects`` (added to those that it has);
+    anything else is a parameter of the law.
+    """
+    data = as_model(given).to_dict(stated=True)
+    changes = {k: v for k, v in changes.items() if v is not None}
+    data |= {k: changes.pop(k) for k in ("name", "motion") if k in changes}
+    if "J" in changes:
+        data["plant"] = {"J": changes.pop("J")}
+    data["effects"] = [*data["effects"], *_effects(changes.pop("effects", None))]
+    law = changes.pop("friction", None)
+    law = dict(law) if isinstance(law, Mapping) else {} if law is None else {"model": law}
+    data["friction"] = _law(data["friction"], law | changes)
+    return model_from_dict(data, what)
+
+
+def _law(before: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """The friction table with what is given; another law keeps the values that it has, too."""
+    name, laws = given.get("model", before["model"]), members("friction")
+    made = laws.get(name) if isinstance(name, str) else None
+    if made is None:
+        return {**before, "model": name, **given}
+    own, had = ({**m.own, **form_keys(m)} for m in (made, laws[before["model"]]))
+    # n is another number in each law
+    kept = {k for k, p in own.items() if not p.usual or p == had.get(k)}
+    return {**{k: v for k, v in before.items() if k in kept}, "model": name, **given}
+
+
+def _effects(given: Any) -> list[Any]:
+    """Entries as in a model file from names, dicts or a list of both."""
+    if given is None:
+        return []
+    if isinstance(given, (str, Mapping, Part)):
+        given = [given]
+    if not isinstance(given, Iterable):
+        raise InputError(f"effects must be a list of names or dicts, not {shown(given)}.")
+    return [_entry(one) for one in given]
+
+
+def _entry(given: Any) -> Any:
+    if isinstance(given, str):
+        return {"name": given}
+    if isinstance(given, Part):
+        return {"name": given.block.name, **given.values}
+    return given
+
+
+def values_of(p: Any, what: str = "p") -> Any:
+    """An object with the parameters as attributes: p itself, or the values of a model."""
+    if isinstance(p, (Model, str, os.PathLike, Mapping)):
+        return SimpleNamespace(**as_model(p, what).values())
+    return p

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 from ..core.errors import InputError
 from ..core.validation import real, shown
 from .aliases import meant
-from .block import Block, P, block, members
+from .block import Block, P, members
+from .declaration import block
 from .friction import (
     FC,
     FS,
@@ -28,12 +29,12 @@ from .friction import (
     bristle_torque,
     lugre,
 )
+from .model import Model, Parameters, as_model
 from .plant import acceleration
 
 if TYPE_CHECKING:
     import control as ct
 
-    from .model import Model, Parameters
 
 Gain = float | Callable[[Any], Any]
 
@@ -158,8 +159,6 @@ def believed(
     InputError
         For an unknown gain, or when p does not give a parameter that the block needs.
     """
-    from .as_model import as_model
-
     model = as_model(p, "p")
     have = model.values()
     needed = [k for k in ("J", *lugre.parameters) if k in made.parameters and k not in gains]

@@ -12,11 +12,10 @@ from .block import Block
 from .effects.inertia import load_motion
 from .embedding import Part, through_sensors
 from .friction import J
+from .model import Model, Parameters, as_model
 
 if TYPE_CHECKING:
     import control as ct
-
-    from .model import Model, Parameters
 
 
 def acceleration(u: Any, F: Any, d: Any, J: Any) -> Any:
@@ -246,8 +245,6 @@ def plant(
     theta minus the twist of the coupling. The outputs of a second coupling are theta_load_2,
     w_load_2.
     """
-    from .as_model import as_model
-
     model = as_model(of)
     return _system(assemble(model, loads=_loads(model)), model, name, inputs, outputs)
 
@@ -273,8 +270,6 @@ def sensor(
     InputError
         When a parameter of a sensor effect has no value yet.
     """
-    from .as_model import as_model
-
     model = as_model(of)
     uses = [Part(f"{use.key}.", use.block) for use in model.effects]
     parts = tuple(part for part in uses if "sensor" in part.block.acts)

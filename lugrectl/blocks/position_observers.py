@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .block import P, block
+from .block import P
 from .bristle_observers import DERIVED
+from .declaration import block
 from .friction import EPS, FC, FS, FV, SIGMA0, SIGMA1, VS, J, bristle, bristle_torque
 from .observers import observer
 from .plant import acceleration

@@ -13,13 +13,13 @@ from ..core.validation import flag, one_name, positive, renamed, shown, within
 from .block import REGISTRY, Block, P
 from .bristle_observers import DERIVED
 from .friction import J
+from .model import Model, Parameters, as_model
 from .observers import believed
 from .sliding_control import CHEN
 
 if TYPE_CHECKING:
     import control as ct
 
-    from .model import Model, Parameters
 
 HARMONICS = 9
 PARAMETERS = {
@@ -185,8 +185,6 @@ def repetitive_memory(
     al. (2022); the equations of the original could not be confirmed.
     """
     import control as ct
-
-    from .as_model import as_model
 
     J = as_model(p, "p").J
     if J is None:

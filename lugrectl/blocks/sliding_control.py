@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.errors import InputError
-from .block import P, block
+from .block import P
 from .bristle_observers import DERIVED
 from .controllers import MEASURED
+from .declaration import block
 from .friction import FC, FS, SIGMA0, VS, J, level, relaxation
 from .observers import believed
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from importlib import resources
@@ -16,19 +15,12 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.errors import InputError, Refused
 from ..core.provenance import stamp
+from .inputs import AUTO, chosen, files, fixed, reading
+from .output import print_out
 
 if TYPE_CHECKING:
     from ..blocks.model import Model
     from ..record import Log
-
-
-AUTO = "auto"  # of --law
-
-
-def print_out(text: str) -> None:
-    """Print with one newline at the end; escape what the terminal's encoding cannot show."""
-    encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
-    print(text.rstrip("\n").encode(encoding, "backslashreplace").decode(encoding))
 
 
 def diagnose(a: Namespace) -> int:
@@ -105,7 +97,7 @@ def reproduce(a: Namespace) -> int:
 
 
 def _main_job(work: Any, a: Namespace) -> int:
-    from ..blocks.model_file import read_model
+    from ..blocks.model import read_model
     from ..report import check_folder, text, write
 
     model = fixed(read_model(a.model), a)
@@ -127,7 +119,7 @@ def _main_job(work: Any, a: Namespace) -> int:
 
 def _answered(work: Any, a: Namespace, model: Model) -> Any:
     """The result of ``work``; a record that cannot answer gives the verdict "refused"."""
-    from ..diagnosis.plain_answer import refusal
+    from ..diagnosis.refusal import refusal
     from .progress import Bar
 
     logs, holdout = _read_all(a, model)
@@ -139,12 +131,6 @@ def _answered(work: Any, a: Namespace, model: Model) -> Any:
             return work(record, model, progress=bar, **options)
     except Refused as no:
         return refusal(no, model, [], no.plain)
-
-
-def chosen(a: Namespace) -> dict[str, float]:
-    """The options of the search that were given."""
-    given = {k: getattr(a, k, None) for k in ("time_limit", "least", "alpha")}
-    return {k: v for k, v in given.items() if v is not None}
 
 
 def _read_all(a: Namespace, model: Model) -> tuple[list[Log], Any]:
@@ -162,38 +148,10 @@ def _read_all(a: Namespace, model: Model) -> tuple[list[Log], Any]:
     return logs, _read(a.holdout, a, model) if apart else a.holdout
 
 
-def files(names: Sequence[str]) -> list[str]:
-    """The named files, those of a folder, and those of a pattern that the shell did not expand."""
-    from ..parallel.workers import files_of
-
-    return [str(path) for name in names for path in files_of(name)]
-
-
 def _read(name: str, a: Namespace, model: Model) -> Log:
     from ..record import read_log
 
     return read_log(name, **reading(a), motion=model.motion)
-
-
-def reading(a: Namespace) -> dict[str, Any]:
-    """The options that say how to read a record."""
-    pairs = {
-        k: ",".join(v) if (v := getattr(a, k)) else None for k in ("columns", "units", "scale")
-    }
-    return {**pairs, "rate": a.rate}
-
-
-def fixed(model: Model, a: Namespace) -> Model:
-    """The model with the law of --law, and the values of --fix held."""
-    from ..blocks.as_model import changed
-
-    law, file = getattr(a, "law", None), model.file
-    law = None if law == AUTO else law
-    model = model if law is None else changed(model, {"friction": law}, "--law")
-    names = [n.strip() for given in getattr(a, "fix", None) or [] for n in given.split(",")]
-    made = model.fix(*filter(None, names), what="--fix") if names else model
-    object.__setattr__(made, "file", file)  # the command says what was changed beside it
-    return made
 
 
 def _spare(a: Namespace) -> None:

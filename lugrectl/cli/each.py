@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.errors import InputError
-from .commands import chosen, fixed, print_out, reading
+from .inputs import chosen, fixed, reading
+from .output import print_out
 from .progress import Bar
 
 if TYPE_CHECKING:
@@ -22,10 +23,11 @@ INTERRUPTED, UNEXPECTED = 130, 70
 
 def each(a: Namespace) -> int:
     """Diagnose, print and write; the exit code is the highest of the logs'."""
-    from ..blocks.model_file import read_model
+    from ..blocks.model import read_model
     from ..diagnosis.fleet import run_each
-    from ..parallel.workers import passed_over, record_files
     from ..record import parse_pairs
+    from ..record.as_record import record_files
+    from ..record.log_files import passed_over
     from ..report import content
 
     if a.holdout not in (None, "last"):

@@ -11,7 +11,7 @@ from importlib import resources
 from typing import Any
 
 from ..core.errors import InputError
-from .commands import print_out
+from .output import print_out
 
 # The source paper's gains, by loop; K2 of the proposed observer.
 PAPER = {"velocity": {"kp": 1.6, "ki": 0.16}, "position": {"kp": 15.0, "ki": 1.55}}
@@ -53,8 +53,7 @@ def check(a: Namespace) -> int:
 
 def _parameters(a: Namespace) -> tuple[Any, str]:
     """An object with the parameters that a check needs, and the model's name."""
-    from ..blocks.model import table1
-    from ..blocks.model_file import read_model
+    from ..blocks.model import read_model, table1
 
     if a.model is None:
         return table1(), "Table 1"

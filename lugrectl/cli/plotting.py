@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import InputError
-from .commands import files, print_out, reading
+from .inputs import files, reading
+from .output import print_out
 
 if TYPE_CHECKING:
     from ..blocks.model import Model
@@ -36,8 +37,7 @@ def plot(a: Namespace) -> int:
 
 def _read(a: Namespace) -> tuple[list[Log], Model]:
     """The logs, and the model; one of which nothing is known where none is given."""
-    from ..blocks.as_model import changed
-    from ..blocks.model_file import read_model
+    from ..blocks.model import changed, read_model
     from ..record import read_log
 
     model = None if a.model is None else read_model(a.model)

@@ -12,17 +12,16 @@ import control as ct
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..blocks.as_model import as_model, as_record
 from ..blocks.block import unit_for
 from ..blocks.controllers import MEASURED
-from ..blocks.model import Model
+from ..blocks.model import Model, as_model
 from ..blocks.observers import Gain, observer_block
-from ..core.errors import InputError
+from ..core.errors import Diverged, InputError
 from ..core.progress import Progress, Wanted, reporter, shows_progress
 from ..core.validation import shown
-from ..engine.runtime.adaptive_run import Diverged
 from ..identification.likelihood.simulation_error import rms
-from ..results.diagnosis_result import Table
+from ..record.as_record import as_record
+from ..results.findings import Table
 from ..simulation.response import simulate
 from .feedforward import sorted_out, with_table
 from .gains import controller, observer_gains

@@ -12,6 +12,7 @@ import numpy as np
 from ..blocks.controllers import MEASURED
 from ..core.display import Row, Shown
 from ..core.result import Result, library, plain
+from ..core.views import view
 from ..design import Certificate
 
 LOOPS = {
@@ -109,6 +110,4 @@ class Compensation(Result):
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the tracking errors over time, into ``ax`` or a new figure; returns the Axes."""
-        from ..report.loop_plots import tracking
-
-        return tracking(self, ax)
+        return view("loop_plots.tracking")(self, ax)

@@ -24,3 +24,8 @@ class Refused(ValueError):
     def __init__(self, reason: str, experiment: str | None = None) -> None:
         super().__init__(reason)
         self.experiment = experiment
+
+
+class Diverged(Refused):
+    """The solution of a system cannot be continued: it grows without bound, becomes NaN, or
+    changes faster than steps can follow."""

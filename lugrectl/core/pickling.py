@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import pickle
 import sys
 from typing import Any
@@ -54,30 +53,6 @@ def _functions_are_carried() -> bool:
             return True
         frame = frame.f_back
     return False
-
-
-def declared(kind: str, name: str, home: str) -> Any:
-    """A registered block, its module imported where that is needed.
-
-    Raises
-    ------
-    InputError
-        When this session has no such block.
-    """
-    from ..blocks.block import REGISTRY
-
-    if (kind, name) not in REGISTRY and home not in ("__main__", "__mp_main__", ""):
-        try:
-            importlib.import_module(home)
-        except ImportError:
-            pass
-    if (kind, name) not in REGISTRY:
-        where = "the notebook cell or script" if home == "__main__" else f"the module {home}"
-        raise InputError(
-            f"the {kind} '{name}' is not declared in this session: run {where} that declares it "
-            "with @block, then load again."
-        )
-    return REGISTRY[kind, name]
 
 
 def rebuilt(function: Any) -> Any:

@@ -182,3 +182,8 @@ def renamed(block: str, what: str, own: Sequence[str], wanted: Sequence[str] | N
     if len(wanted) != len(own):
         raise InputError(f"{block} has the {what} {', '.join(own)}: give {len(own)} names.")
     return wanted
+
+
+def is_file(given: Any) -> bool:
+    """Whether this is a path."""
+    return isinstance(given, (str, os.PathLike))

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..blocks.as_model import values_of
+from ..blocks.model import values_of
 from ..core.errors import InputError
 from ..core.validation import number
 

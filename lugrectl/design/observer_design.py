@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..blocks.aliases import meant
-from ..blocks.as_model import values_of
+from ..blocks.model import values_of
 from ..blocks.observers import observer_block
 from ..core.display import Row
 from ..core.errors import InputError

@@ -6,14 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from ..blocks.as_model import judged_by
 from ..blocks.block import members
 from ..core.deadline import within
 from ..core.errors import Refused
 from ..core.progress import Progress, Wanted, reporter, shows_progress
 from ..core.provenance import stamped
 from ..core.validation import positive, share
-from ..friction_maps.friction_map import diagnose_map
 from ..friction_maps.points import is_map
 from ..identification.candidates.applicable import signals_of
 from ..identification.likelihood.held_out_run import adapted
@@ -26,16 +24,19 @@ from ..identification.selection import ALPHA, LEAST, Comparison, Named, compare
 from ..identification.unknown_torque.table import tabulate
 from ..parallel.blas_threads import one_blas_thread
 from ..record import Record, refuse_dead
-from ..results.diagnosis_result import Candidate, Diagnosis, Estimate, Finding, Table
+from ..results.findings import Candidate, Estimate, Finding, Table
 from .compare_laws import under_law
 from .never_worse import failure, refuse_without_inertia
 from .one_direction import next_way, not_alone, one_way
 from .parameter_changes import against_held, at_bounds, far_off
-from .plain_answer import plainly, refusal, values_for, with_plain
+from .plain_answer import plainly, values_for
 from .plot_data import residual_torque, traces
-from .question import Asked
+from .question import Asked, judged_by
 from .record_length import longer, short
 from .record_length import said as length_of
+from .refusal import refusal, with_plain
+from .result import Diagnosis
+from .steady_runs import diagnose_map
 from .study import (
     Job,
     begin,
@@ -94,7 +95,7 @@ def diagnose(
         differ in the offset of the torque, in friction (by a factor) and, if no declared effect
         depends on theta, in the zero of theta. These differences are fitted relative to the first
         run and reported in ``messages``. Four or more runs at a steady speed each, of any rates,
-        are one friction map: see :func:`lugrectl.friction_maps.friction_map.diagnose_map`.
+        are one friction map: see :func:`lugrectl.friction_maps.steady_runs.diagnose_map`.
     model : Model, Parameters, dict or path
         The declared model; missing values are identified. Files are read with its motion.
     holdout : None, "last", or a record as above

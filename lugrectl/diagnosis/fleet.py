@@ -15,19 +15,23 @@ from multiprocessing import parent_process
 from pathlib import Path
 from typing import Any, cast
 
-from ..blocks.as_model import as_model, is_last, is_record, judged_by
-from ..blocks.model import Model
+from ..blocks.model import Model, as_model
+from ..blocks.sent_model import Sent
 from ..core.display import Row, Shown
 from ..core.errors import InputError, Refused
 from ..core.progress import Wanted, reporter, shows_progress
 from ..core.provenance import Provenance, SourceFile, provenance, stamp
 from ..core.result import Result, library, plain
 from ..core.validation import shown
+from ..core.views import view
+from ..parallel.blas_threads import one_thread_each
 from ..parallel.jobs import JobError, run_jobs
-from ..parallel.workers import Sent, one_thread_each, record_files, there
 from ..record import Record, read_log
+from ..record.as_record import is_last, is_record, record_files
 from ..record.columns.arrays import is_table, source_of
-from ..results.diagnosis_result import VERDICTS, Diagnosis
+from ..record.log_files import there
+from .question import judged_by
+from .result import VERDICTS, Diagnosis
 
 FAILED = "failed"
 _READING = ("columns", "units", "scale", "rate")
@@ -168,9 +172,7 @@ class Fleet(Result):
         Each of these holds report.html, report.json and, unless refused, model.toml. Returns the
         paths of the index and the table. Raises InputError where nothing can be written.
         """
-        from ..report.fleet_page import write_all
-
-        return write_all(self, folder)
+        return view("fleet_page.write_all")(self, folder)
 
     def _title(self) -> str:
         counts = ", ".join(f"{n} {verdict}" for verdict, n in self.counts.items() if n)
@@ -184,14 +186,10 @@ class Fleet(Result):
         return rows + ([Row("unfinished", self.unfinished)] if self.unfinished else [])
 
     def __str__(self) -> str:
-        from ..report.fleet_page import text
-
-        return text(self)
+        return view("fleet_page.text")(self)
 
     def _repr_html_(self) -> str:
-        from ..report.fleet_page import fragment
-
-        return fragment(self)
+        return view("fleet_page.fragment")(self)
 
 
 @shows_progress

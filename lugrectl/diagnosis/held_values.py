@@ -13,7 +13,7 @@ from ..core.display import with_interval
 from ..identification.balance import Balance, balance
 from ..identification.balance.result import LEVELS
 from ..record import Stretch
-from ..results.diagnosis_result import Estimate
+from ..results.findings import Estimate
 
 OFF = 1.5  # times another value: farther than a missing effect takes the balance
 SHARE = 0.05  # of the torque that such a value must leave more ...

@@ -6,24 +6,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from ..blocks.as_model import judged_by
 from ..blocks.model import Model
 from ..core.display import Row, estimated
 from ..core.errors import Refused
 from ..core.progress import Progress, Wanted, reporter, shows_progress
 from ..core.provenance import Provenance, stamped
-from ..core.result import Fitted
 from ..core.result import plain as jsonable
 from ..friction_maps.curve import refit
-from ..friction_maps.friction_map import (
-    Fits,
-    begin_map,
-    errors_of,
-    estimates_of,
-    final_model,
-    map_of,
-    messages_of,
-)
 from ..friction_maps.points import is_map
 from ..identification.balance import Balance
 from ..identification.likelihood.local_maxima import other_optima
@@ -32,14 +21,26 @@ from ..identification.selection import levels
 from ..parallel.blas_threads import one_blas_thread
 from ..record import Record, refuse_dead
 from ..results.covariance import Joint, Residuals
-from ..results.diagnosis_result import Estimate, FrictionMap, Traces
-from .compare_laws import LawComparison, under_law
+from ..results.findings import Estimate, FrictionMap, Traces
+from ..results.fitted import Fitted
+from .compare_laws import under_law
+from .law_comparison import LawComparison
 from .never_worse import failure, refuse_without_inertia
 from .one_direction import not_alone, one_way
 from .parameter_changes import against_held, at_bounds, far_off
-from .plain_answer import plainly, with_plain
+from .plain_answer import plainly
 from .plot_data import residual_torque, traces
-from .question import Asked
+from .question import Asked, judged_by
+from .refusal import with_plain
+from .steady_runs import (
+    Fits,
+    begin_map,
+    errors_of,
+    estimates_of,
+    final_model,
+    map_of,
+    messages_of,
+)
 from .study import (
     begin,
     compared,

@@ -11,7 +11,7 @@ from ..blocks.block import unit_for
 from ..blocks.model import Model
 from ..core.errors import Refused
 from ..identification.balance import Balance
-from ..identification.balance.kernels import weights
+from ..identification.balance.track import weights
 from ..identification.dataset.dataset import Data
 from ..identification.likelihood.maximise import Fitted
 from .question import Asked

@@ -12,7 +12,7 @@ from ..identification.balance import Balance
 from ..identification.balance.result import Combination
 from ..identification.dataset.run_effects import MOST_RUNS
 from ..record import Stretch
-from ..results.diagnosis_result import Estimate
+from ..results.findings import Estimate
 
 ONE_WAY = (
     "This log moves in one direction only, so {0} is not determined alone: in the fitted model it "

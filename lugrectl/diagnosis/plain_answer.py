@@ -5,21 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
 
 from ..blocks.model import Model
-from ..core.errors import Refused
 from ..identification.balance import Balance, balance, unlike
 from ..identification.balance.result import LEVELS, Combination
 from ..identification.likelihood.initial_values import lifted
-from ..record import Log, Record, Stretch, stretches
-from ..results.diagnosis_result import Diagnosis, Estimate
-from .duplicate_messages import said_once
+from ..record import Log, Stretch, stretches
+from ..results.findings import Estimate
 from .held_values import against_stated
 from .one_direction import of_runs
-
-if TYPE_CHECKING:
-    from .question import Asked
 
 LOAD, WAY = "constant_torque", "the other direction"
 TAKEN = "{} is taken as declared, {:.6g} {}: this log does not determine it alone."
@@ -115,28 +109,3 @@ def _reading(logs: Sequence[Log]) -> list[str]:
     """How the logs were read; what is not so in all of them, with the name of the log."""
     common = set(logs[0].messages).intersection(*(log.messages for log in logs))
     return [m if m in common else f"{log.source}: {m}" for log in logs for m in log.messages]
-
-
-def refusal(
-    no: Refused, model: Model, records: Sequence[Record], plain: Balance | None = None
-) -> Diagnosis:
-    """The diagnosis "refused" with its reason; ``records`` are those that could be read."""
-    notes = plain.said if plain is not None else ()
-    said = [message for record in records for message in record.messages]
-    return Diagnosis(
-        "refused",
-        reason=str(no),
-        experiment=no.experiment,
-        declared=model,
-        record=records[0] if records else None,
-        records=tuple(records),
-        messages=said_once(said, notes),
-        plain=plain,
-    )
-
-
-def with_plain(result: Any, asked: Asked) -> Any:
-    """A result with the plain answer beside it, and what was noticed when the logs were read."""
-    said = (*asked.plain.reading, *asked.plain.against)
-    messages = said_once(result.messages, said)
-    return replace(result, plain=asked.plain, messages=messages, records=tuple(asked.seen))

@@ -9,7 +9,7 @@ import numpy as np
 from ..identification.dataset.windows import windows
 from ..identification.likelihood.maximise import Fitted
 from ..identification.likelihood.simulation_error import Judged, missing_torque
-from ..results.diagnosis_result import Traces
+from ..results.findings import Traces
 from .study import Job
 
 

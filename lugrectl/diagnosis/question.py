@@ -7,11 +7,12 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from ..blocks.as_model import as_holdout, as_logs, as_model
-from ..blocks.model import Model
+from ..blocks.model import Model, as_model
+from ..core.validation import positive, whole
 from ..identification.balance import Balance
 from ..identification.selection import completed
 from ..record import Log, Record, record_of
+from ..record.as_record import as_holdout, as_logs
 from .plain_answer import plain_answer
 
 
@@ -87,3 +88,8 @@ def balance(record: Any, model: Any = None) -> Balance:
         When an argument cannot be meant, or a file cannot be read or understood.
     """
     return Asked.of(record, {} if model is None else model).plain
+
+
+def judged_by(horizon: Any, seed: Any) -> tuple[float, int]:
+    """The time between restarts in s, and the seed."""
+    return positive(horizon, "horizon", "seconds"), whole(seed, "seed")

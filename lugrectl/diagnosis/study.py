@@ -27,7 +27,7 @@ from ..identification.likelihood.simulation_error import Judged, free_run, judge
 from ..identification.likelihood.torque_delay import ahead, dated
 from ..record import Record, consistent, long_enough_to_judge, pooled
 from ..results.covariance import Joint, Residuals, residuals_of
-from ..results.diagnosis_result import Estimate
+from ..results.findings import Estimate
 
 SLOWLY = "first guess (slow: there is neither a C compiler nor numba; install lugrectl[fast])"
 UNIDENTIFIED = "{} cannot be identified separately from {}; only a combination is determined."

@@ -15,9 +15,17 @@ from scipy.stats import t as student
 
 from ..blocks.model import Model
 from ..identification.likelihood.maximise import flat
-from ..identification.likelihood.parameters import Coordinate, coordinates, free_keys, inside
+from ..identification.likelihood.parameters import (
+    Coordinate,
+    coordinates,
+    free_keys,
+    inside,
+    known,
+    missed,
+    stated_cost,
+    weak,
+)
 from ..identification.likelihood.predictor import Predictor, Values
-from ..identification.likelihood.priors import known, missed, stated_cost, weak
 from ..identification.likelihood.simulation_error import rms
 from ..identification.unknown_torque.discrepancy import inverse
 from .points import Points, laid

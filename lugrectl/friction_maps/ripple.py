@@ -12,7 +12,7 @@ from ..blocks.block import Block, members, unit_for
 from ..identification.candidates.applicable import worth_trying
 from ..identification.likelihood.simulation_error import rms
 from ..record import Record
-from ..results.diagnosis_result import Candidate, Estimate, Finding
+from ..results.findings import Candidate, Estimate, Finding
 from .curve import Curve
 from .points import angle, torque, turns
 

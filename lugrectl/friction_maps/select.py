@@ -13,9 +13,10 @@ from scipy.stats import norm, rankdata
 from ..blocks.block import Block, members
 from ..blocks.model import Model
 from ..identification.candidates.applicable import worth_trying
+from ..identification.candidates.search_ranges import grid_of, sets_of
 from ..identification.likelihood.parameters import typical
 from ..identification.selection import LEAST
-from ..results.diagnosis_result import Candidate
+from ..results.findings import Candidate
 from .curve import Curve, fit
 from .points import Points, laid
 
@@ -157,10 +158,10 @@ def _with(current: Curve, name: str) -> Curve:
 def _starts(current: Curve, made: Block) -> list[dict[str, float]]:
     """Sets of values that the effect proposes, or a small one at each point of its grids."""
     log = laid(current.at, current.model.motion).log
-    if made.tries:
-        return made.tries(log, current.values)
+    if sets := sets_of(made):
+        return sets(log, current.values)
     little = STEPS * typical(made.parameters[made.gain], log)
-    grids = {k: p.grid(log).tolist() for k, p in made.own.items() if p.grid}
+    grids = {k: grid(log).tolist() for k in made.own if (grid := grid_of(made, k))}
     return [{made.gain: little} | dict(zip(grids, one, strict=True))
             for one in product(*grids.values())]  # fmt: skip
 

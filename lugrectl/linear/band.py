@@ -13,6 +13,7 @@ import numpy as np
 
 from lugrectl.core.errors import InputError
 
+from ..core.views import view
 from .exact import Poly, add, hurwitz, odd_roots, positive_roots, real_product, scale
 from .floating import Model, level_crossings
 from .measured import crossings, is_measured
@@ -57,9 +58,7 @@ class BandwidthVerdict(Verdict):
 
         ``ax``: an Axes for the first, or two; else a new figure.
         """
-        from ..report.check_plots import band
-
-        return band(self, ax)
+        return view("check_plots.band")(self, ax)
 
 
 def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lugrectl.blocks.as_model import values_of
+from lugrectl.blocks.model import values_of
 from lugrectl.core.errors import InputError
 from lugrectl.core.result import Result
 from lugrectl.core.validation import array as numbers

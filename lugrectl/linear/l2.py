@@ -9,9 +9,10 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from lugrectl.blocks.as_model import values_of
+from lugrectl.blocks.model import values_of
 from lugrectl.core.errors import InputError
 
+from ..core.views import view
 from .exact import (
     add,
     at,
@@ -49,9 +50,7 @@ class L2Verdict(Verdict):
 
     def plot(self, ax: Any = None) -> Any:
         """Draw |G(jw)| with its largest value, into ``ax`` or a new figure; returns the Axes."""
-        from ..report.check_plots import gain
-
-        return gain(self, ax)
+        return view("check_plots.gain")(self, ax)
 
 
 def l2_check(p: Any, K2: float | None = None) -> L2Verdict:

@@ -9,7 +9,7 @@ from typing import Any
 
 import control as ct
 
-from lugrectl.blocks.as_model import values_of
+from lugrectl.blocks.model import values_of
 from lugrectl.core.errors import InputError
 
 from .controller import Controller, read_controller

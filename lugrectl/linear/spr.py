@@ -10,6 +10,7 @@ from typing import Any
 
 import control as ct
 
+from ..core.views import view
 from .exact import (
     Poly,
     axis_roots,
@@ -60,9 +61,7 @@ class SprVerdict(Verdict):
 
         ``ax``: an Axes for the first, or two; else a new figure.
         """
-        from ..report.check_plots import realness
-
-        return realness(self, ax)
+        return view("check_plots.realness")(self, ax)
 
 
 def spr_check(T: Any) -> SprVerdict:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import control as ct
 
 from ..blocks import controllers
-from ..blocks.as_model import as_model
 from ..blocks.drive import limiter
+from ..blocks.model import as_model
 from ..blocks.observers import Gain, observer_block
 from ..blocks.plant import plant
 from ..core.errors import InputError

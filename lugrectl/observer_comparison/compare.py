@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..blocks.aliases import meant
-from ..blocks.as_model import as_model
 from ..blocks.block import members
+from ..blocks.model import as_model
 from ..blocks.observers import observer_block
 from ..core.errors import InputError
 from ..core.progress import Wanted, reporter, shows_progress

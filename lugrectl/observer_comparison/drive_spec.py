@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from ..blocks.aliases import meant
-from ..blocks.as_model import as_record, is_record
 from ..blocks.block import unit_for
 from ..core.errors import InputError
 from ..core.validation import number, positive, real, share, shown
 from ..identification.dataset.sensor_noise import sensor_noise
 from ..record import Record
+from ..record.as_record import as_record, is_record
 from ..record.record import smallest_step
 from .sampled_drive import Sensing
 

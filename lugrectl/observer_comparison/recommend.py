@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from ..blocks.as_model import as_model
-from ..blocks.model import Model
+from ..blocks.model import Model, as_model
 from ..blocks.observers import observer_block
 from ..blocks.plant import plant
 from ..core.errors import InputError
 from ..core.progress import Wanted, reporter, shows_progress
-from ..core.result import Fitted, plain
+from ..core.result import plain
 from ..core.validation import flag, shown
 from ..design import Certificate, design_gains
 from ..design.observer_rules import RULES, SAMPLED
+from ..results.fitted import Fitted
 from .compare import chosen_observers
 from .drive_spec import DriveSpec, drive_spec, units
 from .loop import Terms

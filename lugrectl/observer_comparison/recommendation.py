@@ -9,6 +9,7 @@ from typing import Any
 from ..core.display import Row, Shown, number
 from ..core.errors import InputError
 from ..core.result import Result, library, plain
+from ..core.views import view
 from ..design import Certificate
 
 
@@ -145,6 +146,4 @@ class Recommendation(Result):
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the errors of the candidates, exact to worst, into ``ax`` or a new figure."""
-        from ..report.recommendation_plot import errors
-
-        return errors(self, ax)
+        return view("recommendation_plot.errors")(self, ax)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..blocks.observers import observer_block
-from ..engine.runtime.adaptive_run import Diverged
+from ..core.errors import Diverged
 from ..simulation.response import simulate
 from .comparison import Compared
 from .loop import OUTPUTS, Terms, closed

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..blocks.observers import observer_block
-from ..core.errors import InputError
-from ..engine.runtime.adaptive_run import Diverged
+from ..core.errors import Diverged, InputError
 from .drive_spec import DriveSpec
 from .loop import Terms
 from .sampled_drive import Sensing, rms, sampled_run

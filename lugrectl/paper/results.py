@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -11,7 +12,13 @@ from ..blocks.model import Parameters
 from ..core.display import Row, Shown
 from ..core.provenance import Provenance
 from ..core.result import Result, plain
+from ..core.views import view
+from ..design import PAPER
+from ..report.wording import number
 from .bench import Outcome, Trace
+
+HOLDS, FAILS = "holds", "does not hold"
+SMALL = 1e-6  # a smaller value counts as 0
 
 
 @dataclass(frozen=True, repr=False)
@@ -84,6 +91,7 @@ class Reproduction(Result):
     figures: tuple[PaperFigure, ...]
     growth: Growth | None
     outcomes: tuple[Outcome, ...]
+    claims: tuple[Claim, ...] = ()
     provenance: Provenance | None = None
 
     def outcome(self, key: str) -> Outcome | None:
@@ -96,8 +104,6 @@ class Reproduction(Result):
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as in the JSON document; never NaN or Infinity."""
-        from .wording import claims, slips
-
         return plain(
             {
                 "schema": 1,
@@ -106,7 +112,7 @@ class Reproduction(Result):
                 "figures": [f.summary() for f in self.figures],
                 "growth": self.growth.summary() if self.growth else None,
                 "studies": [o.summary() for o in self.outcomes],
-                "claims": [asdict(c) for c in claims(self)],
+                "claims": [asdict(c) for c in self.claims],
                 "slips": list(slips()),
                 "provenance": self.provenance.summary() if self.provenance else None,
             }
@@ -117,9 +123,7 @@ class Reproduction(Result):
 
         Raises InputError when the folder cannot be written.
         """
-        from .page import write
-
-        return write(self, folder)
+        return view("page.write", "paper")(self, folder)
 
     def _title(self) -> str:
         return "Reproduction of the source paper"
@@ -132,11 +136,37 @@ class Reproduction(Result):
         ]
 
     def __str__(self) -> str:
-        from .page import text
-
-        return text(self)
+        return view("page.text", "paper")(self)
 
     def _repr_html_(self) -> str:
-        from .page import fragment
+        return view("page.fragment", "paper")(self)
 
-        return fragment(self)
+
+@dataclass(frozen=True)
+class Claim:
+    """A statement of the source paper, what was found, and whether it holds."""
+
+    paper: str
+    found: str
+    status: str
+
+
+def slips() -> tuple[dict[str, str], ...]:
+    """Labels of the paper that do not hold as printed: label, status, note."""
+    return tuple(
+        {"label": p.label, "status": p.status, "note": p.note} for p in PAPER if p.status != HOLDS
+    )
+
+
+def width_of(r: Reproduction, loop: str, label: str, level: str = "-3dB") -> Width:
+    return next(w for w in r.widths if (w.loop, w.label, w.level) == (loop, label, level))
+
+
+def milli(value: float) -> str:
+    """A value in thousandths, three digits; "diverges" for infinity."""
+    if not math.isfinite(value):
+        return "diverges"
+    if value < SMALL:
+        return "<0.001"
+    value *= 1e3
+    return number(value, 3 if value >= 0.1 else 2)

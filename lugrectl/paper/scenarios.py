@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from typing import Any
 
 import control as ct
@@ -14,6 +15,7 @@ from ..core.progress import Wanted, reporter, shows_progress
 from ..linear import bandwidth_check, position_loop_tf, velocity_loop_tf
 from . import studies
 from .bench import Bench, Trace, rms, run
+from .claims import claims
 from .results import Growth, PaperFigure, Reproduction
 from .setting import Case, Compensation, Measure, Reference, Study
 from .widths import same_width, same_width_spr, widths
@@ -91,7 +93,8 @@ def reproduce(
     outcomes = tuple(run(bench, study, tick) for study in chosen)
     wanted = only is None or "position-pi" in only
     grown = growth(bench) if wanted else None
-    return Reproduction(p, widths(p), tuple(figures), grown, outcomes)
+    made = Reproduction(p, widths(p), tuple(figures), grown, outcomes)
+    return replace(made, claims=claims(made))
 
 
 def _chosen(known: tuple[Study, ...], only: Collection[str] | None) -> list[Study]:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any
 
-from ..design import PAPER
 from ..linear.verdict import show_poles
-from ..report.wording import NONE, Grid, Section, number
+from ..report.wording import NONE, Grid, Section
 from .bench import Outcome, Row
-from .results import PaperFigure, Reproduction, Width
+from .results import SMALL, PaperFigure, Reproduction, milli, slips, width_of
 
 UNITS = {
     "J": ("kg m2", "total inertia"),
@@ -22,29 +19,11 @@ UNITS = {
     "Fv": ("N m s/rad", "viscous friction"),
     "vs": ("rad/s", "Stribeck velocity"),
 }
-SMALL = 1e-6  # a smaller value counts as 0
-HOLDS, FAILS = "holds", "does not hold"
-
-
-@dataclass(frozen=True)
-class Claim:
-    """A statement of the source paper, what was found, and whether it holds."""
-
-    paper: str
-    found: str
-    status: str
-
-
-def slips() -> tuple[dict[str, str], ...]:
-    """Labels of the paper that do not hold as printed: label, status, note."""
-    return tuple(
-        {"label": p.label, "status": p.status, "note": p.note} for p in PAPER if p.status != HOLDS
-    )
 
 
 def headline(r: Reproduction) -> tuple[str, str]:
     """The title of the page and its first paragraph."""
-    v, pi = (_width(r, loop, "paper's PI") for loop in ("velocity", "position"))
+    v, pi = (width_of(r, loop, "paper's PI") for loop in ("velocity", "position"))
     return "The position PI of the paper is unstable once friction is compensated", (
         f"Its velocity loop is confirmed ({v.hertz:.1f} Hz). "
         f"Its position loop crosses -3 dB at {pi.hertz:.1f} Hz, but its poles are "
@@ -55,66 +34,9 @@ def headline(r: Reproduction) -> tuple[str, str]:
     )
 
 
-def claims(r: Reproduction) -> tuple[Claim, ...]:
-    """The statements of the paper that can be checked by simulation."""
-    made = list(_bandwidth_claims(r))
-    if figure := r.figure("velocity"):
-        none, best = (milli(list(figure.errors.values())[i]) for i in (1, 2))
-        made.append(
-            Claim(
-                "Velocity: friction degrades the PI severely, the proposed observer is a remedy",
-                f"{none} against {best} mrad/s RMS, with exact observer parameters, where the "
-                "natural observer does the same; with wrong ones see the tables",
-                HOLDS,
-            )
-        )
-    if figure := r.figure("position"):
-        none, best = (milli(list(figure.errors.values())[i]) for i in (1, 2))
-        made.append(
-            Claim(
-                "Position: the proposed observer performs well",
-                f"{best} mrad RMS over 1 to 5 s, {none} with no observer (step of 1 rad, "
-                "prefilter, exact parameters); later it grows without bound",
-                FAILS,
-            )
-        )
-    if r.growth:
-        made.append(
-            Claim(
-                "(not in the paper) growth of the compensated position loop",
-                f"time constant {r.growth.predicted:.2f} s from the poles, "
-                f"{r.growth.simulated:.2f} s in simulation over {r.growth.window[0]:g} to "
-                f"{r.growth.window[1]:g} s with the {r.growth.observer}",
-                "unstable",
-            )
-        )
-    return tuple(made)
-
-
-def _bandwidth_claims(r: Reproduction) -> Iterator[Claim]:
-    v, half = (_width(r, "velocity", "paper's PI", level) for level in ("-3dB", "half-power"))
-    left = _width(r, "velocity", "paper's PI, Fv left in")
-    yield Claim(
-        "Velocity PI: around 115 Hz at -3 dB",
-        f"{v.hertz:.1f} Hz (half power {half.hertz:.1f} Hz; Fv left in {left.hertz:.1f} Hz)",
-        HOLDS,
-    )
-    pi, left = (_width(r, "position", f"paper's PI{x}") for x in ("", ", Fv left in"))
-    yield Claim(
-        "Position PI: approximately 20 Hz",
-        f"|T| crosses -3 dB at {pi.hertz:.1f} Hz, but the loop is unstable and has no bandwidth; "
-        f"stable with Fv left uncompensated (Fv Kp > J Ki, {left.hertz:.1f} Hz)",
-        FAILS,
-    )
-
-
-def _width(r: Reproduction, loop: str, label: str, level: str = "-3dB") -> Width:
-    return next(w for w in r.widths if (w.loop, w.label, w.level) == (loop, label, level))
-
-
 def opening(r: Reproduction) -> list[Section]:
     """Paper against toolkit, Table 1, bandwidths."""
-    rows = tuple((c.paper, c.found, c.status) for c in claims(r))
+    rows = tuple((c.paper, c.found, c.status) for c in r.claims)
     compared = Section(
         "Paper and recomputation", (), Grid(("paper", "recomputed", ""), "lll", rows)
     )
@@ -239,16 +161,6 @@ def _ranking(o: Outcome, index: int) -> str:
     )
     window = f"{m.window[0]:g} to {m.window[1]:g} s"
     return f"Best first in this scenario, {row.label}, {window}, RMS in m{m.unit}: {said}."
-
-
-def milli(value: float) -> str:
-    """A value in thousandths, three digits; "diverges" for infinity."""
-    if not math.isfinite(value):
-        return "diverges"
-    if value < SMALL:
-        return "<0.001"
-    value *= 1e3
-    return number(value, 3 if value >= 0.1 else 2)
 
 
 def closing() -> list[Section]:

@@ -1,22 +1,13 @@
 """Measured logs: from the columns of a file to a Record in SI units on uniform time."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-from dataclasses import replace
-from typing import Any
-
-from ..core.errors import InputError
 from .columns.options import parse_pairs
-from .consistency import audit, named, refuse_dead
+from .consistency import named, refuse_dead
 from .log import Log, read_log
 from .pooling import pooled
+from .read import consistent, read_record, record_of
 from .record import Record
-from .recorded_speed import fitting_speed
-from .samples.usable import usable
-from .stretch import Stretch
-from .stretches import stretches
-from .uniform_time import long_enough_to_judge, uniform
+from .stretches import Stretch, stretches
+from .uniform_time import long_enough_to_judge
 
 __all__ = [
     "Log",
@@ -33,84 +24,3 @@ __all__ = [
     "refuse_dead",
     "stretches",
 ]
-
-
-def read_record(
-    path: Any,
-    *,
-    columns: Mapping[str, str] | str | None = None,
-    units: Mapping[str, str] | str | None = None,
-    scale: Mapping[str, float] | str | None = None,
-    rate: float | None = None,
-    motion: str | None = None,
-) -> Record:
-    """Read a measured log: text, JSON, MAT, NPY, NPZ; with ``files`` HDF5, Parquet, Excel.
-
-    Bad samples are found first and left out; the record's messages name them. ``record.log``
-    keeps the rows as they were recorded.
-
-    Parameters
-    ----------
-    path : a path, "-" for standard input, or a Log; or the columns themselves: a dict of arrays
-        or a pandas DataFrame, whose names may carry units as in a file, ``w [rpm]``. If no column
-        is t, the index of a DataFrame is taken for it where it holds times or is named t or time.
-        A Record is returned unchanged.
-    columns : role -> name of the column, or its number from 1, for columns not named by their
-        role; ``rec.x[2]`` is the second column of the matrix x in the struct rec.
-    units : role -> unit, in place of the unit in the header; without any unit, SI is assumed.
-    scale : role -> factor on the raw value, before the unit; needed for A, V, % and counts.
-    rate : sampling rate in Hz, needed when there is no t; a column of t is then not used.
-    motion : "rotary" or "linear", taken from the units when not given.
-
-    Each of the first three may be a text such as "t=time,u=torque".
-
-    Raises
-    ------
-    InputError : the file or an argument cannot be read or understood.
-    Refused : there is no motion in it: a dead channel, or fewer than 12 rows in one piece.
-    """
-    if isinstance(path, Record):
-        return _as_it_is(path, columns=columns, units=units, scale=scale, rate=rate)
-    if isinstance(path, Log):
-        return record_of(path)
-    log = read_log(path, columns=columns, units=units, scale=scale, rate=rate, motion=motion)
-    return record_of(log)
-
-
-def record_of(log: Log | Record) -> Record:
-    """A log on uniform time, without its bad samples; Refused where there is no motion in it."""
-    if isinstance(log, Record):
-        return log
-    return replace(audit(_uniform(log), log.labels), file=log.file).read_from(log)
-
-
-def _as_it_is(record: Record, **options: Any) -> Record:
-    for what, value in options.items():
-        if value is not None:
-            raise InputError(f"{what} is for a log that is still to be read, not for a Record.")
-    return record
-
-
-def _uniform(log: Log) -> Record:
-    record = uniform(usable(log))
-    return replace(record, messages=(*log.messages, *record.messages))
-
-
-def consistent(record: Record, labels: Mapping[str, str | None] | None = None) -> Record:
-    """The record on uniform time, without bad samples, and w consistent with d theta/dt.
-
-    ``labels`` are the units by role that the user stated, as for ``audit``. theta in rad, w in
-    rad/s (m, m/s on a linear axis); the record's messages report each change. A w that does not
-    fit d theta/dt is left out. Raises Refused if too little is left.
-    """
-    log = record.log
-    assert log is not None  # a record always has one
-    made = record
-    if log.channels["u"] is record.u:  # it was never read
-        found = _uniform(log)
-        if found.messages:
-            messages = (*record.messages, *found.messages)
-            dropped = record.dropped + found.dropped
-            made = replace(found, messages=messages, dropped=dropped, file=record.file)
-    made = fitting_speed(made, labels)
-    return made if made.log is log else made.read_from(log)

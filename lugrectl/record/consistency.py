@@ -16,6 +16,11 @@ from .recorded_speed import fitting_speed
 _SLOW_BAND = 5.0  # Hz
 _SURE = 8.0  # standard errors
 _STEADY = 0.1  # least change of a speed, as a share of it, by which signals can be compared
+_DEAD = {
+    "u": "dead torque channel, or a drive that coasts",
+    "w": "nothing moves",
+    "theta": "nothing moves",
+}
 
 
 def audit(record: Record, labels: Mapping[str, str | None] | None = None) -> Record:
@@ -36,12 +41,6 @@ def audit(record: Record, labels: Mapping[str, str | None] | None = None) -> Rec
 
 
 # ---- dead channels ------------------------------------------------------------------
-
-_DEAD = {
-    "u": "dead torque channel, or a drive that coasts",
-    "w": "nothing moves",
-    "theta": "nothing moves",
-}
 
 
 def named(records: Sequence[Record]) -> str:

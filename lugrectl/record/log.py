@@ -18,10 +18,10 @@ from .columns.arrays import FORMS, is_table, table_of
 from .columns.options import check_used, factors, texts
 from .columns.roles import Choice, choose_columns
 from .columns.streams import merged
+from .columns.table import Table
 from .columns.units import Unit, role_unit, si_unit
 from .columns.unsigned import signed
 from .files.readers import read_stdin, read_table
-from .files.table import Table
 from .row_places import Places, TableRows
 
 _FAST = {"rotary": 400.0, "linear": 20.0}  # rad/s, m/s: above, a w without unit may not be in SI

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,7 +11,6 @@ from .log import Log
 from .samples.clock import FEWEST, typical_step
 from .samples.rows import Stamped
 from .samples.usable import usable
-from .stretch import Stretch
 
 
 def stretches(logs: Sequence[Log]) -> tuple[list[Stretch], list[str]]:
@@ -66,3 +66,25 @@ def _near(grid: np.ndarray, t: np.ndarray, dt: float) -> np.ndarray:
     after = after.clip(0, len(t) - 1)
     before = (after - (t[after] > grid + 1e-6 * dt)).clip(0)
     return inside & (t[after] - t[before] < 2.5 * dt)
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """Uniform time, nothing filtered: at most the stamps are interpolated.
+
+    ``run`` is the index of the log that it comes from, ``dt`` the step in s. ``t`` (s), ``u``
+    (N m or N), ``theta`` (rad or m) and ``w`` (rad/s or m/s) are (M,), theta and w None where
+    not recorded, ``d`` (M,) the measured load torque. ``ok`` (M,) is False where a sample is
+    missing, bad or bridged over more than a sample. ``jitter`` is the RMS distance of the stamps
+    from even ones, in steps.
+    """
+
+    run: int
+    dt: float
+    t: np.ndarray
+    u: np.ndarray
+    theta: np.ndarray | None
+    w: np.ndarray | None
+    ok: np.ndarray
+    jitter: float = 0.0
+    d: np.ndarray | None = None

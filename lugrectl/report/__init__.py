@@ -8,7 +8,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from ..blocks.model_file import model_toml
+from ..blocks.model import model_toml
 from ..core.display import grid_text as _grid_text
 from ..core.errors import InputError
 from .atomic import nearest, write_together

@@ -15,6 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 SIZE = (6.4, 3.3)  # inches, of one plot
 _RC: dict[Any, Any] = {
@@ -93,3 +97,18 @@ def style() -> Any:
     import matplotlib
 
     return matplotlib.rc_context(_RC)
+
+
+def headed(ax: Axes, title: str) -> None:
+    """Set the title, with the legend in one line between it and the axes."""
+    ax.set_title(title, pad=22)
+    ax.legend(
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=3,
+        fontsize="small",
+        borderaxespad=0.2,
+        borderpad=0.0,
+        handlelength=1.4,
+        columnspacing=1.2,
+    )

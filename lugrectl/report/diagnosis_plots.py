@@ -11,7 +11,7 @@ import numpy as np
 from ..blocks.block import unit_for
 from ..core.errors import InputError
 from . import comparison_section, friction_map_plots, loop_plots
-from .canvas import drawn, inline_svg, on_pyplot
+from .canvas import drawn, headed, inline_svg, on_pyplot
 from .views import Residual, binned, motion_of, residual, rms_over_time, simulated, stretch
 from .wording import readable
 
@@ -37,7 +37,7 @@ def motion(d: Any, ax: Axes) -> Axes:
     for name, color, values in _models(d):
         ax.plot(t, values[cut], color=color, lw=1.3, label=f"simulated, {name}")
     ax.set(xlabel="t [s]", ylabel="{} [{}]".format(*_signal(d)), xlim=(t[0], t[-1]))
-    _headed(ax, "Measured and simulated, held-out samples")
+    headed(ax, "Measured and simulated, held-out samples")
     return ax
 
 
@@ -58,7 +58,7 @@ def error(d: Any, ax: Axes) -> Axes:
     ax.set(xlabel="t [s]", ylabel=f"RMS error of {name} [{unit}]")
     ax.set_xlim(traces.t[0], traces.t[-1])
     ax.set_ylim(bottom=0)
-    _headed(ax, "Error over the record, held-out samples")
+    headed(ax, "Error over the record, held-out samples")
     return ax
 
 
@@ -82,7 +82,7 @@ def torque(d: Any, ax: Axes) -> Axes:
     ax.set(xlabel=view.label, ylabel=f"{name}{times} [{unit}]", xlim=(edges[0], edges[-1]))
     margin = 0.15 * (max(shown) - min(shown))
     ax.set_ylim(min(shown) - margin, max(shown) + margin)
-    _headed(ax, f"{name.capitalize()}{', held-out samples' * view.held_out}")
+    headed(ax, f"{name.capitalize()}{', held-out samples' * view.held_out}")
     return ax
 
 
@@ -189,18 +189,3 @@ def _some(n: int) -> np.ndarray:
     if n <= _POINTS:
         return np.arange(n)
     return np.random.default_rng(0).choice(n, _POINTS, replace=False)
-
-
-def _headed(ax: Axes, title: str) -> None:
-    """Set the title, with the legend in one line between it and the axes."""
-    ax.set_title(title, pad=22)
-    ax.legend(
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.0),
-        ncols=3,
-        fontsize="small",
-        borderaxespad=0.2,
-        borderpad=0.0,
-        handlelength=1.4,
-        columnspacing=1.2,
-    )

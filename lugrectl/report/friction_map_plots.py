@@ -54,9 +54,9 @@ def _labelled(made: Any, ax: Axes, which: str, values: np.ndarray) -> float:
 
 
 def _titled(ax: Axes, made: Any, title: str) -> Axes:
-    from .diagnosis_plots import _headed
+    from .canvas import headed
 
-    _headed(ax, title.format(_name(made)))
+    headed(ax, title.format(_name(made)))
     return ax
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from ..identification.balance import Balance
-    from ..record.stretch import Stretch
+    from ..record.stretches import Stretch
 
 MEASURED, FITTED, LEFT_OUT = "#3b4450", COLOURS["after"], "#e9b44c"
 NOTICED = "What was noticed."

@@ -22,7 +22,7 @@ BAND = 1.96  # standard errors of a 95 % interval
 @drawn
 def table(made: Any, ax: Axes) -> Axes:
     """The table with its 95 % band; two lines if each direction has its own."""
-    from .diagnosis_plots import _headed
+    from .canvas import headed
 
     rows, errors = np.atleast_2d(made.values), np.atleast_2d(made.error)
     ways = _WAYS if len(rows) == 2 else (("table", COLOURS["after"]),)
@@ -38,14 +38,14 @@ def table(made: Any, ax: Axes) -> Axes:
     turn = " modulo one turn" if made.periodic else ""
     name = "torque" if made.unit == "N m" else "force"
     ax.set(xlabel=f"{signal}{turn} [{unit}]", ylabel=f"{name} [{made.unit}]", xlim=(x[0], x[-1]))
-    _headed(ax, f"Unexplained {name} over {signal}, as a table")
+    headed(ax, f"Unexplained {name} over {signal}, as a table")
     return ax
 
 
 @drawn
 def tracking(made: Any, ax: Axes) -> Axes:
     """Motion minus reference over time, for the loops that stayed stable."""
-    from .diagnosis_plots import _headed
+    from .canvas import headed
 
     errors = {key: run.y - run.r for key, run in made.runs.items()}
     factor, unit = readable([float(np.max(np.abs(e))) for e in errors.values()], made.unit)
@@ -55,5 +55,5 @@ def tracking(made: Any, ax: Axes) -> Axes:
     ax.set(xlabel="t [s]", ylabel=f"error of {signal} [{unit}]")
     ax.margins(x=0.0)
     if made.runs:
-        _headed(ax, "Tracking error in simulation")
+        headed(ax, "Tracking error in simulation")
     return ax

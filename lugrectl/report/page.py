@@ -5,7 +5,7 @@ from __future__ import annotations
 import html as markup
 from typing import Any
 
-from ..blocks.model_file import model_toml
+from ..blocks.model import model_toml
 from ..core.display import grid_html as _grid_html
 from .comparison_section import BUDGET
 from .section import Section

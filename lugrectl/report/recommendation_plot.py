@@ -19,7 +19,7 @@ def errors(made: Any, ax: Axes) -> Axes:
     """A line for each candidate from its smallest to its largest error; the best is on top."""
     from matplotlib.ticker import LogLocator, NullFormatter
 
-    from .diagnosis_plots import _headed
+    from .canvas import headed
 
     rows = list(reversed(made.ranked))
     ends = np.array([[min(row.errors.values()), row.worst] for row in rows]).reshape(-1, 2)
@@ -36,5 +36,5 @@ def errors(made: Any, ax: Axes) -> Axes:
     ax.xaxis.set_minor_formatter(NullFormatter())
     ax.set_yticklabels([row.name for row in rows])
     ax.legend(fontsize=8)
-    _headed(ax, "Observers on this drive")
+    headed(ax, "Observers on this drive")
     return ax

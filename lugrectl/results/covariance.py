@@ -12,6 +12,7 @@ from ..core.display import Row
 from ..core.errors import InputError
 from ..core.result import Result, library
 from ..core.validation import whole
+from ..core.views import view
 
 LAGS = 25
 TINY = 1e-150  # its square is still above 0
@@ -124,9 +125,7 @@ class Residuals(Result):
 
     def plot(self, ax: Any = None) -> Any:
         """Draw both correlations with their bound, into ``ax`` or a new figure."""
-        from ..report.residual_plots import correlations
-
-        return correlations(self, ax)
+        return view("residual_plots.correlations")(self, ax)
 
     def _title(self) -> str:
         return f"Residuals of {self.signal}"

@@ -9,8 +9,7 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from ..core.errors import InputError
-from ..engine.runtime.adaptive_run import Diverged
+from ..core.errors import Diverged, InputError
 from ..engine.runtime.growth import bounded
 from ..engine.runtime.sampled_run import Course, Track
 from ..engine.runtime.select import compiled_net, engine

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import lapack
 
-from ..blocks.as_model import as_model
 from ..blocks.friction import bristle, free_bristle
+from ..blocks.model import as_model
 from ..core.errors import InputError
 from ..core.validation import array, positive
 from ..engine.codegen.python_source import Emitter, indent

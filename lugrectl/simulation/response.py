@@ -11,14 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
-from ..core.errors import InputError
+from ..core.errors import Diverged, InputError
 from ..core.validation import positive
 from ..engine.expression.numpy_protocol import TraceError
-from ..engine.runtime.adaptive_run import Diverged
 from ..engine.runtime.growth import bounded, quiet, stopped
-from ..engine.runtime.locate_fault import Instant, culprit
 from ..engine.runtime.memo import compiled
 from ..engine.runtime.slow_functions import said_if_slow
+from ..engine.tracing.locate_fault import Instant, culprit
 from . import arguments
 from .block_list import simulate_blocks, simulate_discrete, together, wired
 from .wiring_warnings import warn_of_interconnection, warn_of_wiring

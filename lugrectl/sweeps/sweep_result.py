@@ -11,6 +11,7 @@ import numpy as np
 from ..core.display import Row
 from ..core.errors import InputError
 from ..core.result import Result, library, plain
+from ..core.views import view
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -139,9 +140,7 @@ class Sweep(Result):
 
         Draws into ``ax``, or into a new figure that shows itself.
         """
-        from ..report.sweep_plots import band
-
-        return band(self, ax, output)
+        return view("sweep_plots.band")(self, ax, output)
 
     def _signals(self) -> list[str]:
         outputs = self.outputs if self.y is not None else ()

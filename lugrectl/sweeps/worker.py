@@ -10,8 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..core.errors import InputError
-from ..engine.runtime.adaptive_run import Diverged
+from ..core.errors import Diverged, InputError
 from ..engine.runtime.growth import bounded
 from ..engine.runtime.portable import Portable
 from ..parallel.jobs import JobError

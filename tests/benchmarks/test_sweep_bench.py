@@ -16,7 +16,7 @@ import pytest
 import lugrectl as lg
 from lugrectl.engine.runtime.backend import threads
 
-from ..ensembles import lag
+from ..cases.ensembles import lag
 from . import item
 from .test_simulate_bench import shortest
 

@@ -12,8 +12,8 @@ from lugrectl.engine import Lanes
 from lugrectl.engine.runtime import batch_run
 from lugrectl.engine.runtime.c_compiler import has_wide
 
-from ..systems import DT, torque
-from ..test_wide import WIDE, plant
+from ..cases.systems import DT, torque
+from ..engine.test_simd import WIDE, plant
 from .test_held_bench import shortest
 
 pytestmark = pytest.mark.slow

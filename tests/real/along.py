@@ -15,8 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from lugrectl.blocks.as_model import as_model
-from lugrectl.blocks.model import Model
+from lugrectl.blocks.model import Model, as_model
 from lugrectl.blocks.plant import assemble
 from lugrectl.identification.balance.estimate import estimate
 from lugrectl.identification.balance.problem import Ground, ground_of

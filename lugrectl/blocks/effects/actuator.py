@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ..block import P, block
-from . import hints
+from ..block import P
+from ..declaration import block
 from .loads import PHASE
 
 
@@ -121,7 +121,7 @@ def torque_constant_ripple(
     u,
     theta,
     ratio=P(0.0, "1", 0.0, 0.95, neutral=0.0),
-    harmonic=P(2.0, "1/rev", 1e-3, 1e9, grid=hints.orders, whole=True),
+    harmonic=P(2.0, "1/rev", 1e-3, 1e9, whole=True),
     phase=PHASE,
 ):
     """u' = u (1 + a sin(N theta + phi)).

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ..block import P, block
+from ..block import P
+from ..declaration import block
 from ..friction import EPS, FC, FS, SIGMA1, VS, bristle, bristle_torque, level
-from . import hints
 
 SHARED_FC, SHARED_FS = replace(FC, shared=True), replace(FS, shared=True)
 SHARED_VS, SHARED_EPS = replace(VS, shared=True), replace(EPS, shared=True)
@@ -44,7 +44,7 @@ def quadratic_drag(w, coefficient: Any = P(0.0, "N m s2/rad2", 0.0, neutral=0.0)
 def sublinear_viscous(
     w,
     coefficient: Any = P(0.0, "N m (s/rad)^n", 0.0, neutral=0.0),
-    exponent: Any = P(0.5, "1", 0.02, 0.98, grid=hints.exponents),
+    exponent: Any = P(0.5, "1", 0.02, 0.98),
     eps: Any = EPS,
 ):
     """r_e = c |w|^n sign(w), 0 < n < 1.
@@ -95,7 +95,6 @@ def dwell_stiction(
     acts="Fc",
     confused="sublinear_viscous presliding dwell_stiction",
     experiment="record many constant speeds, from the slowest steady one upwards",
-    tries=hints.stictions,
 )
 def stribeck(w, Fs=P(0.0, "N m", 0.0, neutral=0.0), vs: Any = VS, Fc: Any = SHARED_FC):
     """G = 1 + max(Fs/Fc - 1, 0) exp(-(w/vs)^2).

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ..block import P, block
+from ..block import P
+from ..declaration import block
 from ..friction import J
-from . import hints
 from .levels import RATIO
 from .loads import PHASE
 
@@ -26,7 +26,7 @@ DAMPING = P(0.01, "N m s/rad", 0.0)
     confused="friction_step pose_dependent_inertia",
     experiment="accelerate and brake along the same path before and after the change",
 )
-def inertia_step(t, ratio: Any = RATIO, time=P(0.0, "s", grid=hints.instants)):
+def inertia_step(t, ratio: Any = RATIO, time=P(0.0, "s")):
     """J (1 + a) from t0.
 
     A payload picked up or put down at the speed of the drive. In a log: from one time on the
@@ -47,7 +47,7 @@ def pose_dependent_inertia(
     theta,
     w,
     ratio=P(0.0, "1", 0.0, 0.9, neutral=0.0),
-    harmonic=P(1.0, "1/rev", 1e-3, 1e9, grid=hints.low_orders, whole=True),
+    harmonic=P(1.0, "1/rev", 1e-3, 1e9, whole=True),
     phase=PHASE,
     J: Any = SHARED_J,
 ):

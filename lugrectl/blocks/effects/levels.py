@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..block import P, block
-from . import hints
+from ..block import P
+from ..declaration import block
 from .loads import PHASE
 
 RATIO = P(0.0, "1", -0.95, 20.0, neutral=0.0)
@@ -22,7 +22,7 @@ RATIO = P(0.0, "1", -0.95, 20.0, neutral=0.0)
 def position_dependent_friction(
     theta,
     ratio=P(0.0, "1", 0.0, 0.95, neutral=0.0),
-    harmonic=P(1.0, "1/rev", 1e-3, 1e9, grid=hints.orders, whole=True),
+    harmonic=P(1.0, "1/rev", 1e-3, 1e9, whole=True),
     phase=PHASE,
 ):
     """G = 1 + a sin(N theta + phi).
@@ -77,7 +77,7 @@ def viscous_asymmetry(w, ratio=P(0.0, "1", -1.0, 1.0, neutral=0.0)):
 def thermal_drift(
     t,
     ratio=RATIO,
-    time_constant=P(10.0, "s", 1e-9, grid=hints.durations),
+    time_constant=P(10.0, "s", 1e-9),
 ):
     """G, Fv scaled by 1 + a (1 - exp(-t/tau)).
 
@@ -114,7 +114,7 @@ def load_dependent_friction(load, coefficient=P(0.0, "1", 0.0, 20.0, neutral=0.0
     confused="thermal_drift inertia_step",
     experiment="repeat the run, check whether the change recurs, and log the temperature",
 )
-def friction_step(t, ratio=RATIO, time=P(0.0, "s", grid=hints.instants)):
+def friction_step(t, ratio=RATIO, time=P(0.0, "s")):
     """G = 1 + a from t0.
 
     In a log: the residual torque times sign(w) jumps at one time. A drift that is faster than

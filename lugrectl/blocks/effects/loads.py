@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ..block import P, block
-from . import hints
+from ..block import P
+from ..declaration import block
 
 PHASE = P(0.0, "rad", -np.pi, np.pi, span=(0.0, np.pi / 2), angle=True)
 AMPLITUDE = P(0.0, "N m", 0.0, neutral=0.0)
@@ -59,7 +59,7 @@ def gravity(theta, amplitude=AMPLITUDE, phase=PHASE):
 def torque_ripple(
     theta,
     amplitude: Any = AMPLITUDE,
-    harmonic=P(2.0, "1/rev", 1e-3, 1e9, grid=hints.harmonics, whole=True),
+    harmonic=P(2.0, "1/rev", 1e-3, 1e9, whole=True),
     phase=PHASE,
 ):
     """r_e = A sin(N theta + phi).
@@ -126,7 +126,7 @@ def hard_stop(
 def periodic_disturbance(
     t,
     amplitude: Any = AMPLITUDE,
-    frequency: Any = P(1.0, "Hz", 1e-9, 1e6, grid=hints.frequencies),
+    frequency: Any = P(1.0, "Hz", 1e-9, 1e6),
     phase=PHASE,
 ):
     """r_e = A sin(2 pi f t + phi).

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ..block import P, block
+from ..block import P
+from ..declaration import block
 from .loads import PHASE
 
 

@@ -7,16 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...core.errors import Refused
+from ...core.errors import Diverged
 from ..codegen.adaptive_step import adaptive_code
 from ..codegen.outputs import output_code
 from ..tracing.equations import Program
 from .backend import has_numba, load
-
-
-class Diverged(Refused):
-    """The solution of a system cannot be continued: it grows without bound, becomes NaN, or
-    changes faster than steps can follow."""
 
 
 @dataclass(frozen=True)

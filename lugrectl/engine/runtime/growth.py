@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from .adaptive_run import Diverged
+from ...core.errors import Diverged
 
 BOUND = 1e15  # of what starts and drives a run: beyond it no digit of a double is about the start
 HALVED = 1e-4  # in the first half of the run at most this part: it grows like an exponential

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from ..tracing.instant import Unsolved
+from ...core.errors import Diverged
+from ..tracing.instant import AlgebraicLoop, Unsolved
 from ..tracing.network import Net
 from ..tracing.network_equations import state_labels, trace_net
 from ..tracing.pointwise import settled_values
-from ..tracing.tracer import AlgebraicLoop
-from .adaptive_run import Adaptive, Diverged
+from .adaptive_run import Adaptive
 from .growth import quiet, stopped
 from .sampled_run import Course, Track, not_finite
 from .slow_functions import said_if_slow

@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from ...core.errors import Diverged
 from ..codegen.sampled_data import held_code, signal_code
 from ..tracing.network import Net
 from ..tracing.network_equations import Hybrid
-from .adaptive_run import Diverged, floor_of
+from .adaptive_run import floor_of
 from .backend import has_numba, load
 
 _HERE = threading.local()

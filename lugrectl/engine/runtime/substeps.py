@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from ...core.errors import Diverged
 from ..expression.affine import affine
 from ..expression.graph import Node
 from ..expression.numpy_protocol import TraceError
 from ..tracing.equations import Program
 from ..tracing.ingredients import described, is_number
 from ..tracing.tracer import trace
-from .adaptive_run import Adaptive, Diverged
+from .adaptive_run import Adaptive
 from .backend import has_numba
 from .memo import ALONE
 

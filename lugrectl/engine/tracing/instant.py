@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
+from ...core.errors import InputError
 from ..expression.affine import affine, solve
 from ..expression.graph import Graph, Node, evaluate, reachable, rename
 
@@ -114,3 +115,7 @@ def _usable(divisor: Node, values: Mapping[str, float]) -> bool:
     names = {node.value for node in reachable([divisor]) if node.op == "symbol"}
     found = float(evaluate([divisor], {k: values.get(k, TRIED) for k in names})[0])
     return abs(found) > LEAST or not names <= {*values}
+
+
+class AlgebraicLoop(InputError):
+    """Outputs that depend on themselves without a state in between, and cannot be solved."""

@@ -10,9 +10,9 @@ import numpy as np
 
 from ..expression.graph import Graph, Node, rename
 from .equations import Program
-from .instant import Rows, Unsolved, settled
+from .instant import AlgebraicLoop, Rows, Unsolved, settled
 from .network import Net
-from .tracer import AlgebraicLoop, _Tracer, single
+from .tracer import _Tracer, single
 from .verify import check
 
 Answer = Callable[[int, Sequence[Node]], list[Node]]

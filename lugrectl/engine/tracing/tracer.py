@@ -20,12 +20,8 @@ from ...core.errors import InputError
 from ..expression.graph import Graph, Node, symbols_in
 from ..expression.numpy_protocol import TraceError, signal_array
 from .equations import Program
-from .instant import Rows, Unsolved, loop_message, settled
+from .instant import AlgebraicLoop, Rows, Unsolved, loop_message, settled
 from .verify import check
-
-
-class AlgebraicLoop(InputError):
-    """Outputs that depend on themselves without a state in between, and cannot be solved."""
 
 
 def trace(system: ct.NonlinearIOSystem, params: Mapping[str, Any] | None = None) -> Program:

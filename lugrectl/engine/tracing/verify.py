@@ -70,7 +70,7 @@ def _own(system: Any, t: float, x: Any, u: Any, params: Mapping[str, Any]) -> np
 
 
 def _block_by_block(system: Any, t: float, x: Any, u: Any) -> np.ndarray | None:
-    from ..runtime.locate_fault import Probe  # it imports the tracer, which imports this module
+    from .locate_fault import Probe  # it imports the tracer, which imports this module
 
     probe = Probe(t)
     try:

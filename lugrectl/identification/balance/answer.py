@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy import stats
 
-from ...results.diagnosis_result import Estimate
-from .constants import COHERENT_BLOCKS, CONFIDENCE, SHARE_OF_TORQUE, SHARE_OF_VALUE, SLIDES
+from ...results.findings import Estimate
+from .constants import COHERENT_BLOCKS, CONFIDENCE, SHARE_OF_TORQUE, SHARE_OF_VALUE, SLIDES, STEEP
 from .contradictions import contradictions, left_of, one_direction
 from .estimate import Estimated
 from .fit import Fit
 from .friction_curve import curve
-from .identifiable import combinations, is_certain
-from .parameters import Answer, answers
+from .parameters import Answer, answers, combinations, is_certain
 from .problem import Ground
 from .result import Balance, Combination, Residual
-from .small_angle import BEND, CONSTANT, separated
 from .speed_offset import KEY as OFFSET
 
 TWO_SIDED = 0.5 + CONFIDENCE / 2
+CONSTANT, SLOPE, BEND = "constant_torque", "slope", "bend"
 
 
 def answer(ground: Ground, found: Estimated) -> Balance:
@@ -174,3 +175,21 @@ def _joint(own: list[Answer], V: np.ndarray, more: np.ndarray) -> np.ndarray:
 def _residual(made: Fit) -> Residual:
     d = made.windows
     return Residual(d.t, d.run, made.r, d.rest < SLIDES)
+
+
+def separated(made: Fit, V: np.ndarray) -> tuple[Fit, np.ndarray]:
+    """The fit, and its covariance, with gravity's part in the constant taken off the constant.
+
+    The fit has (constant + b) and the bend b (cos(x) - 1). With any phase alike, b / a is the
+    tangent of an even angle: ``b`` has the prior STEEP^2 (a^2 + var a). Without the prior, a record
+    in which no bend can be seen would know nothing of a constant torque that no gravity disturbs.
+    """
+    if not {CONSTANT, SLOPE, BEND} <= {*made.names}:
+        return made, V
+    k, a, b = (made.names.index(key) for key in (CONSTANT, SLOPE, BEND))
+    prior = STEEP**2 * (made.p[a] ** 2 + V[a, a])
+    gain = V[:, b] / (V[b, b] + prior)
+    p, V = made.p - gain * made.p[b], V - np.outer(gain, V[b])
+    change = np.eye(len(p))
+    change[k, b] = -1.0
+    return replace(made, p=change @ p), change @ V @ change.T

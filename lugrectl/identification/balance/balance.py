@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...blocks.model import Model
-from ...record.stretch import Stretch
+from ...record.stretches import Stretch
 from .answer import answer
 from .coasting import UNIT_INERTIA, coasting
 from .estimate import estimate

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...blocks.model import Model
-from ...record.stretch import Stretch
+from ...record.stretches import Stretch
 from .constants import (
     ALIKE,
     ANOTHER_FRICTION,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...results.diagnosis_result import Estimate
+from ...results.findings import Estimate
 from .constants import (
     ALL_LEFT,
     LITTLE,

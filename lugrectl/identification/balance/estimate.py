@@ -1,12 +1,12 @@
-"""The fit of a record: width, delay, friction near rest."""
+"""The fit of a record: width of the windows, delay of u, friction near rest."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .choose_shape import Chosen, turns_often, with_dip, with_turning
 from .constants import (
     CLEARLY,
     COST_OF_SHAPES,
@@ -17,13 +17,13 @@ from .constants import (
     ROUNDS_OF_LOAD,
     SLOWEST_DIP,
 )
-from .fit import Fit, fit, independent
-from .friction_shapes import shapes_near_rest
+from .fit import Fit, Setting, fit, independent
+from .friction_shapes import Chosen, shapes_near_rest, turns_often, with_dip, with_turning
 from .interval import interval, unexplained
 from .load_torque import with_load
 from .problem import Ground
-from .terms import ECCENTRICITY
-from .width_and_delay import best_width
+from .terms import ECCENTRICITY, Term
+from .windows import Source
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,3 +133,33 @@ def _follows(made: Fit) -> bool:
     power = made.windows.du[:, 0] ** 2
     changes = float(power.sum() ** 2 / np.sum(power**2)) / independent(made)
     return changes > FEWEST_CHANGES
+
+
+def best_width(
+    source: Source, widths: Sequence[float], terms: Sequence[Term], setting: Setting
+) -> Fit | None:
+    """The fit with the least expected error of J, Fc and Fv, from wide windows to narrow ones.
+
+    Wide windows suffer from what they average away, narrow ones from noise: so the width
+    follows from the noise of the record.
+    """
+    tried, delay = [], 0.0
+    for half_width in reversed(widths):
+        made = fit(source, half_width, terms, setting, delay)
+        if made is not None:
+            tried.append(made)
+            delay = made.delay
+    if not tried:
+        return None
+    return _with_inertia(source, min(tried, key=lambda f: f.merit))
+
+
+def _with_inertia(source: Source, made: Fit) -> Fit:
+    """Of (J, T) and (-J, T + 2 J / Fv), which have one gain and one phase, the first."""
+    J, Fv = made.value("J"), made.value("Fv")
+    if not (made.setting.delay_prior and J < 0 < Fv and "J" in made.names):
+        return made
+    other = fit(source, made.half_width, made.terms, made.setting, made.delay + 2 * J / Fv)
+    if other is None or other.value("J") < 0 or other.score < made.score - CLEARLY:
+        return made
+    return other

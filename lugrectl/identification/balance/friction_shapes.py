@@ -1,4 +1,4 @@
-"""What friction may do near rest: shapes that turn over, dip, or hold."""
+"""What friction may do near rest: shapes that turn over, dip, or hold, and their choice."""
 
 from __future__ import annotations
 
@@ -8,9 +8,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..dataset.measured_bristle import GONE, along
-from .constants import DIPS, REST_TORQUE, TURNS
+from .constants import (
+    CLEARLY,
+    DIP_SPEEDS,
+    DIPS,
+    FEWEST_TURNS,
+    LEAST_COLUMN,
+    REST_TORQUE,
+    RISE,
+    SIGNIFICANT,
+    TURN_DISTANCES,
+    TURNS,
+)
+from .fit import Fit, fit, independent, regress
 from .terms import Term
 from .track import Track
+from .windows import Source
 
 
 @dataclass(frozen=True)
@@ -89,3 +102,111 @@ def _with_rest(track: Track, limit: float) -> Track:
     before = np.sign(track.speed[moving[np.maximum(i - 1, 0)]]) * (i > 0)
     after = np.sign(track.speed[moving[np.minimum(i, len(moving) - 1)]]) * (i < len(moving))
     return replace(track, stopping=rests * before, starting=rests * after)
+
+
+@dataclass(frozen=True, eq=False)
+class Chosen:
+    """A fit with the shape that was taken.
+
+    ``anchor`` is that fit in the first comparison, ``others`` all fits of that comparison.
+    """
+
+    fit: Fit
+    anchor: Fit | None = None
+    others: tuple[Fit, ...] = ()
+
+
+def with_turning(source: Source, made: Fit, speed: float) -> Chosen:
+    """Coulomb friction that turns over within a distance, where that is clearly more likely."""
+    length = speed * made.half_width
+    low, high, count = TURN_DISTANCES
+    distances = length * np.geomspace(low, high, count)
+    shapes = [Term("Fc", Bristle(float(x)), friction=True) for x in distances]
+    if "Fc" not in made.names:
+        return Chosen(made)
+    place = made.names.index("Fc")
+    return _choose(source, made, shapes, place)
+
+
+def with_dip(source: Source, made: Fit, speed: float, lowest: float) -> Chosen:
+    """Friction that falls with speed (Stribeck), or is lower right at rest."""
+    speeds = np.geomspace(lowest, max(0.25 * speed, 1.01 * lowest), DIP_SPEEDS)
+    shapes = [Term("dip", Dip(float(v), n), friction=True) for v in speeds for n in (1, 2)]
+    return _choose(source, made, shapes, None, RISE * speed)
+
+
+def _choose(
+    source: Source, made: Fit, shapes: Sequence[Term], place: int | None, rise: float = 0.0
+) -> Chosen:
+    """The most likely of the shapes, in the place of a term or beside all of them."""
+    terms, m = list(made.terms), len(made.terms)
+    setting = made.setting
+    all_of = source.windows(made.half_width, [*terms, *shapes], setting.rest, made.delay)
+    if all_of is None:
+        return Chosen(made)
+    plain = regress(all_of.only(range(m)), terms, setting, made.delay)
+    tried = []
+    for i, shape in enumerate(shapes):
+        if np.abs(all_of.X[:, m + i]).max() <= LEAST_COLUMN:
+            continue
+        picked = [m + i if k == place else k for k in range(m)]
+        named = [shape if k == place else term for k, term in enumerate(terms)]
+        if place is None:
+            picked, named = [*picked, m + i], [*named, shape]
+        tried.append(regress(all_of.only(picked), named, setting, made.delay, plain))
+    if place is None:
+        tried = [f for f in tried if _is_dip(f, m, rise)]
+    if not tried:
+        return Chosen(made)
+    best = max(tried, key=lambda f: f.score)
+    others = (plain, *tried)
+    if best.score <= plain.score + CLEARLY:
+        return Chosen(made, plain, others)
+    again = fit(source, made.half_width, best.terms, setting, made.delay)
+    return Chosen(again, best, others) if again else Chosen(made, plain, others)
+
+
+def _is_dip(made: Fit, at: int, rise: float) -> bool:
+    """A dip is significant; friction that is lower near rest is so right at rest only."""
+    column = made.terms[at].column
+    assert isinstance(column, Dip)
+    significant = abs(made.p[at]) > SIGNIFICANT * np.sqrt(made.V[at, at])
+    return bool(significant and (made.p[at] > 0 or column.speed < rise))
+
+
+def reversals(tracks: Sequence[Track], rest: float) -> int:
+    """How often the motion turns."""
+    moving = [np.sign(p.speed[np.abs(p.speed) >= rest]) for p in tracks]
+    return sum(int(np.count_nonzero(np.diff(side))) for side in moving)
+
+
+def turns_often(tracks: Sequence[Track], rest: float) -> bool:
+    """Whether there are reversals enough to see how friction turns over."""
+    return reversals(tracks, rest) >= FEWEST_TURNS
+
+
+def spread(taken: Fit, anchor: Fit, others: Sequence[Fit]) -> np.ndarray:
+    """sum_j pi_j (p_j - p)(p_j - p)', over fits j that the windows hardly distinguish.
+
+    pi_j is proportional to exp(score_j / k), with k windows for each independent one. p are the
+    values of ``anchor``.
+    """
+    score = np.array([f.score for f in others]) / independent(taken)
+    share = np.exp(score - score.max())
+    share /= share.sum()
+    gap = np.array([difference(taken, f, anchor) for f in others])
+    return (share[:, None] * gap).T @ gap
+
+
+def difference(taken: Fit, other: Fit, anchor: Fit) -> np.ndarray:
+    """What ``other`` says of the coefficients of ``taken``, minus what ``anchor`` says of them."""
+    own = dict(zip(anchor.names, anchor.p, strict=False))
+    said = dict(zip(other.names, other.p, strict=False))
+    gap = np.zeros(len(taken.p))
+    for i, name in enumerate(taken.names):
+        if name in own and name in said:
+            gap[i] = said[name] - own[name]
+    m, n, k = len(taken.names), len(other.names), len(anchor.names)
+    if len(taken.p) > m and len(other.p) > n and len(anchor.p) > k:
+        gap[m:] = other.p[n:] - anchor.p[k:]
+    return gap

@@ -1,4 +1,4 @@
-"""The covariance of the answer: beyond the blocks of one fit, what other fits would have said."""
+"""The covariance of the answer: beyond the blocks of one fit, what others would have said."""
 
 from __future__ import annotations
 
@@ -9,12 +9,22 @@ import numpy as np
 
 from ..unknown_torque.discrepancy import Motion, Rows, discrepancy
 from .channel_noise import quantum
-from .choose_shape import Chosen, difference, spread
-from .choose_terms import Travel
-from .constants import ENCODER_ERROR, RATIO_OF_NEIGHBOURS, REST_TO_TRY, SCALE_ERROR
+from .constants import (
+    ENCODER_ERROR,
+    LOADED,
+    PASSES_OF_SIZE,
+    RATIO_OF_NEIGHBOURS,
+    REST_TO_TRY,
+    SCALE_ERROR,
+    SLOW_TURN,
+    SLOW_TURNS,
+)
 from .fit import Fit, fit, independent, wide_covariance
-from .friction_uncertainty import allowance
+from .friction_shapes import Between, Chosen, difference, spread
+from .terms import Term, Travel
 from .windows import Source
+
+TORQUES = ("J", "Fc", "Fv", "constant_torque", "slope", "gravity.sin", "gravity.cos")
 
 
 def interval(
@@ -103,3 +113,38 @@ def _sizes(made: Fit) -> np.ndarray:
     if "constant_torque" in made.names:
         sizes[made.names.index("constant_torque")] = made.value("Fc")
     return sizes
+
+
+def allowance(source: Source, made: Fit) -> np.ndarray:
+    """The mean of (C z)(C z)' over what z may be (m, m)."""
+    Z = _columns(source, made)
+    if Z is None:
+        return np.zeros_like(made.V)
+    fit, X = made.solution, made.problem.X
+    W = (fit.t / fit.variance)[:, None]
+    B = X.T @ (W * Z)
+    C = np.linalg.solve(fit.A, B)
+    own = Z - X @ np.linalg.solve(X.T @ (W * X) + np.diag(fit.P), B)
+    S = own.T @ (W * own) / independent(made)
+    score = own.T @ (W[:, 0] * fit.r) / independent(made)
+    square, mean = np.eye(len(score)), 1.0
+    for _ in range(PASSES_OF_SIZE):
+        spread = np.linalg.inv(S + np.eye(len(score)) / mean)
+        z = spread @ score
+        square = np.outer(z, z) + spread
+        mean = float(np.trace(square)) / len(score)
+    return C @ square @ C.T
+
+
+def _columns(source: Source, made: Fit) -> np.ndarray | None:
+    """Friction that rises with the load, or turns over slowly, of usual size (n, effects)."""
+    if "Fc" not in made.names:
+        return None
+    travel = max(float(np.ptp(np.cumsum(p.speed)) * p.dt) for p in source.tracks)
+    turns = [Term(f"slow turn {x}", Between(0.0, x * travel)) for x in SLOW_TURNS]
+    windows = source.windows(made.half_width, turns, made.setting.rest, made.windows.delay)
+    if windows is None:
+        return None
+    d, at = made.windows, [i for i, name in enumerate(made.names) if name in TORQUES]
+    load = np.abs(d.X[:, at] @ made.p[at]) * d.X[:, made.names.index("Fc")]
+    return np.c_[LOADED * load, SLOW_TURN * made.problem.level * windows.X]

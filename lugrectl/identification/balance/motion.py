@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .constants import CLEAN_SPEED, SMOOTHINGS, TOP_SPEED
-from .kernels import means, weights
-from .track import Track
+from .track import Track, means, weights
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...blocks.model import Model
-from ...record.stretch import Stretch
-from .choose_terms import Travel, plain_terms, travel_of, turns_enough, widths_of
+from ...record.stretches import Stretch
 from .constants import (
     DECLARED_DELAY,
     DELAY_SAMPLES,
@@ -23,7 +22,7 @@ from .friction_shapes import with_rest
 from .motion import Sensors, with_speed
 from .speed_channel import Comparison, sensors_of
 from .steady import as_points, evenly, steady, width_of_map
-from .terms import Term
+from .terms import Term, Travel, plain_terms, travel_of, turns_enough, widths_of
 from .track import Track, tracks_of
 from .windows import Source
 

@@ -11,8 +11,9 @@ import numpy as np
 
 from ...core.display import Row, estimated
 from ...core.result import Result, library
-from ...record.stretch import Stretch
-from ...results.diagnosis_result import Estimate
+from ...core.views import view
+from ...record.stretches import Stretch
+from ...results.findings import Estimate
 
 LEVELS = ("J", "Fc", "Fv")  # inertia and friction: terms of every drive
 
@@ -142,9 +143,7 @@ class Balance(Result):
 
     def plot(self) -> Any:
         """Draw the log as it was read, the friction curve and the fit; returns the Axes."""
-        from ...report.log_plot import plot
-
-        return plot(self)
+        return view("log_plot.plot")(self)
 
     def _title(self) -> str:
         return "Plain torque balance"

@@ -24,9 +24,8 @@ from .constants import (
     STUDENT,
     UNRELATED,
 )
-from .kernels import means, weights
 from .motion import Sensors
-from .track import Track
+from .track import Track, means, weights
 
 
 @dataclass(frozen=True, eq=False)

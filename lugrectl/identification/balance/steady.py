@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from .choose_terms import Travel
 from .constants import (
     FEWEST_SAMPLES,
     MANY_RUNS,
@@ -20,6 +19,7 @@ from .constants import (
     TURN,
 )
 from .motion import Sensors, window_means
+from .terms import Travel
 from .track import Track
 
 

@@ -16,10 +16,9 @@ from .constants import (
     STEP,
     WINDOWS_PER_TERM,
 )
-from .kernels import means, weights
 from .motion import Means, Sensors, window_means
 from .terms import Term
-from .track import Track
+from .track import Track, means, weights
 
 
 @dataclass(frozen=True, eq=False)

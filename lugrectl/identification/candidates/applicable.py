@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ...blocks.block import P, members
+from ...blocks.block import Block, members
 from ...blocks.model import Model
+from .search_ranges import grid_of
 
 TURNING = ("gravity", "encoder_eccentricity")  # once per turn: not tried on a linear axis
 
@@ -21,7 +22,7 @@ def worth_trying(model: Model) -> list[str]:
     names = []
     for name, made in members("effect").items():
         levels = {a.removeprefix("+") for a in made.acts} - {"torque", "input", "sensor"}
-        again = name in used and not any(_repeats(p) for p in made.own.values())
+        again = name in used and not any(_repeats(made, key) for key in made.own)
         idle = len(levels) == len(made.acts) and not levels & has
         turning = name in TURNING and model.motion == "linear"
         own = {k for k, p in made.own.items() if p.fitted}
@@ -30,9 +31,10 @@ def worth_trying(model: Model) -> list[str]:
     return names
 
 
-def _repeats(p: P) -> bool:
+def _repeats(made: Block, key: str) -> bool:
     """True if two effects of a kind can differ in it: another harmonic, the other side."""
-    return bool(p.choices) or bool(p.grid and p.unit != "s")
+    p = made.own[key]
+    return bool(p.choices) or (grid_of(made, key) is not None and p.unit != "s")
 
 
 def signals_of(names: Sequence[str]) -> tuple[str, ...]:

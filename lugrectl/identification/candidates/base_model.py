@@ -14,8 +14,7 @@ from ...blocks.model import Part
 from ..regression.numbers import APART, BLOCK, TIMING
 from ..regression.robust_regression import Scale, Solution, solve
 from ..regression.score import Blocks, left_out, seen
-from ..regression.smooth_motion import Motion
-from ..regression.time_shift import shifted, spline
+from ..regression.smooth_motion import Motion, shifted, spline
 from ..regression.weak_form import Rows, rms
 from .declared_effects import TURNING, applied
 from .friction_terms import FORCES, NAMES, VISCOUS, Law, Laws

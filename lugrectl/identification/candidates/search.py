@@ -8,13 +8,14 @@ import numpy as np
 from scipy.optimize import minimize
 
 from ...blocks.block import Block, members
-from ..regression.time_shift import shifted, spline
+from ..regression.smooth_motion import shifted, spline
 from . import dwell_stiction
 from .base_model import OFFSET, TURN, Base, Columns, rms
 from .candidate import Entry
 from .declared_effects import through
 from .effect_columns import by_run, column, columns, over, searched, spanned
 from .friction_terms import NAMES
+from .search_ranges import grid_of
 from .spring_loads import springs
 
 WAYS = 2  # values of an order that are entered
@@ -156,7 +157,7 @@ def _of_each_run(
 
 
 def _grid(base: Base, block: Block, key: str) -> np.ndarray:
-    declared = block.own[key].grid
+    declared = grid_of(block, key)
     m, rows = base.record.motion, base.record.rows
     if declared is None:
         return np.zeros(0)

@@ -15,11 +15,19 @@ from ..dataset.sensor_noise import Noise
 from ..dataset.windows import Windows
 from ..unknown_torque.discrepancy import inverse, unit_diagonal
 from .change_times import placed
-from .likelihood import loglik, tune, whitened
-from .parameters import Coordinate, coordinates, free_keys, inside, is_instant
+from .likelihood import loglik, slopes, tune, whitened
+from .parameters import (
+    Coordinate,
+    Prior,
+    coordinates,
+    free_keys,
+    inside,
+    is_instant,
+    known,
+    stated_cost,
+    weak,
+)
 from .predictor import Predictor, Values
-from .priors import Prior, known, stated_cost, weak
-from .sensitivities import slopes
 
 FLAT = 1e-8  # of the scaled information, below which a direction is not identified
 ANYWHERE = 1e50  # how far an unidentified coordinate may move

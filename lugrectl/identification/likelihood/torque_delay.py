@@ -12,9 +12,8 @@ from ...blocks.effects.actuator import held_late
 from ...core.errors import Refused
 from ..dataset.dataset import Data
 from ..dataset.derived_speed import filtered
-from .likelihood import whitened
+from .likelihood import slopes, whitened
 from .maximise import Fitted, again, refitted
-from .sensitivities import slopes
 
 LATE = 100.0  # least gain in log-likelihood for a shifted torque, without the best window
 GONE = 0.3  # share of the unpredicted torque that the shift must remove

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from ..unknown_torque.discrepancy import Motion, Rows, discrepancy
+from .likelihood import slopes
 from .maximise import Fitted
-from .priors import known, weak
-from .sensitivities import slopes
+from .parameters import known, weak
 
 BLOCK = 0.02  # s, over which functions of the signals change little
 

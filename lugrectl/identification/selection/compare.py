@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...blocks.model import Model
-from ...record.stretch import Stretch
+from ...record.stretches import Stretch
 from ..balance import Balance
 from ..balance.speed_channel import sensors_of
 from ..balance.track import tracks_of

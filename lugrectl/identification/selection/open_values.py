@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...blocks.model import Model, Part
-from ...record.stretch import Stretch
+from ...record.stretches import Stretch
 from ..balance import Balance
 from ..candidates.candidate import Contender, enter
 from ..candidates.friction_shape import settled

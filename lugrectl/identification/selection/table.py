@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -17,7 +17,7 @@ from ..candidates.candidate import Contender, Entry, enter
 from ..candidates.friction_level import levelled
 from ..candidates.friction_shape import settled
 from ..candidates.position_error import corrected
-from ..regression.numbers import COARSE, LEAST
+from ..regression.numbers import COARSE, LEAST, MORE
 from ..regression.robust_regression import Scale, solve, weights
 
 SETTLE = 20.0  # nats from which the base is settled beside the likeliest effect
@@ -185,3 +185,27 @@ def _with_prior(c: Contender, base: Base) -> Columns:
     k = X.shape[1]
     prior = np.mean(X**2, axis=0) / (RICH * base.friction_rms) ** 2
     return Columns(X, prior, np.full(k, -np.inf), np.full(k, np.inf))
+
+
+@dataclass(frozen=True)
+class Bars:
+    """The least share of friction that matters, and standard errors that chance does not reach."""
+
+    least: float
+    z: float
+
+    def proven(self, table: Table, contenders: Sequence[Contender]) -> list[Contender]:
+        """Those better than the base by more than the choice among so many may give."""
+        bar = bar_of(table.named)
+        above = [(c, *c.above(table.base)) for c in contenders]
+        return [c for c, d, se in above if d > bar and d > self.z * se]
+
+    def open_in(self, table: Table) -> float:
+        """Nats of a torque that matters and stays unexplained: models may well differ as much."""
+        large = [c for c in table.unknown if c.share > self.least]
+        return max((c.gain for c in self.proven(table, large)), default=0.0)
+
+
+def bar_of(choice: Sequence[object]) -> float:
+    """Nats that the best of a choice may gain by chance."""
+    return float(np.log(max(len(choice), 1))) + MORE

@@ -9,20 +9,23 @@ from statistics import NormalDist
 import numpy as np
 
 from ...blocks.block import unit_for
+from ..balance import UNRELATED
 from ..candidates import friction_laws, speed_lag
-from ..candidates.base_model import Base, Record
+from ..candidates.base_model import Base, Record, rms
 from ..candidates.candidate import Contender, enter
 from ..candidates.refined_friction import each_in_its_own_law, in_its_own_law
 from ..regression.numbers import (
     ALIKE_SCALES,
     ALPHA,
     FAR,
+    HALF,
     HALF_RESPONSE,
     HIDING,
     KNOWN_TIME,
     LEAST,
     MORE,
     MOST,
+    OFF,
     REST,
     SECOND,
     SECOND_GAIN,
@@ -33,10 +36,8 @@ from ..regression.numbers import (
 )
 from ..regression.score import paired
 from . import stepwise
-from .contradiction import contradiction
 from .events import Events, events, explained
-from .significance import Bars, bar_of
-from .table import ALIKE, Table, as_good, best_of, decided, tabulate
+from .table import ALIKE, Bars, Table, as_good, bar_of, best_of, decided, tabulate
 
 MOST_ALTERNATIVES = 3
 MOST_BESIDE = 3  # other effects beside which two explanations are compared again
@@ -51,6 +52,11 @@ LOADED = (
     "The inertia is {:.2g} times the declared one. It may be a load behind a coupling: windows of "
     "{:.2g} ms, which this record needs, do not show a resonance above about {:.2g} Hz. Or the "
     "declared value is wrong."
+)
+TOO_HEAVY = (
+    "Torque and acceleration contradict the declared inertia of {0:.3g} {1}: the log shows "
+    "{2:.3g} {1}, less than 1/{3:g} of it. u is not the torque that causes this motion, or J or u "
+    "is in another unit."
 )
 
 
@@ -378,3 +384,19 @@ def _with_weight(found: Decision, heavy: Contender, also: tuple[Contender, ...])
     if found.effects or found.depends_on:
         return made
     return replace(made, verdict="ambiguous" if also else "found", alternatives=also)
+
+
+def contradiction(last: Base) -> str | None:
+    """Why no drive is as the last model says; None if one may be."""
+    record = last.record
+    declared = record.declared.get("J")
+    if declared and record.lighter is not None and record.J and last.J < 1.01 * record.J[0]:
+        unit = unit_for("kg m2", record.motion.motion)
+        return TOO_HEAVY.format(declared, unit, record.lighter, OFF)
+    left = _left(last)
+    return UNRELATED.format(left) if left > HALF else None  # an effect as large would be unseen
+
+
+def _left(base: Base) -> float:
+    """What a model leaves, as a share of the torque."""
+    return rms(base.made.r) * base.view.scale.sigma / max(rms(base.y), 1e-300)

@@ -13,9 +13,9 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.validation import array, real, shown
-from ..files.table import Table, heads
 from .column_names import split_unit
 from .roles import fits_role
+from .table import Table, heads
 
 FORMS = "a path, a pandas DataFrame, a dict of arrays or a Record"
 

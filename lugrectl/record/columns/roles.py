@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.errors import InputError
-from ..files.table import Table
 from .column_names import fitting, split_unit, usual_names, usual_unit
+from .table import Table
 from .units import ROLES, did_you_mean, likeness, nearest
 
 _WORDS = {"t": "time", "u": "torque", "w": "velocity", "theta": "position"}

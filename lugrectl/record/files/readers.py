@@ -20,10 +20,10 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.validation import like_it
+from ..columns.table import Table, array_table
 from . import child_process
 from .mat_file import Damaged, Opaque, read_mat
 from .nested import columns_of
-from .table import Table, array_table
 from .text_table import lines_table, read_text
 
 # Endings of the files that can be read; in a folder, files of others are passed over.

@@ -13,12 +13,11 @@ import numpy as np
 
 from ...core.errors import InputError
 from ..columns.column_names import split_unit as split_unit
+from ..columns.table import Columns, epoch_said, epoch_unit, heads, joined_stamps, time_columns
+from ..columns.table import Table as Table
 from ..columns.units import parse_unit
 from .cells import DECIMAL_COMMAS, is_missing, is_number, number, with_remark, without_commas
 from .dates import is_stamp, seconds
-from .preambles import keyed, preamble_units
-from .table import Columns, epoch_said, epoch_unit, heads, joined_stamps, time_columns
-from .table import Table as Table
 
 _SNIFF = 400  # lines read to find the delimiter, the header and the first row
 _STEADY = 10  # rows of numbers in a row that begin the data
@@ -391,3 +390,28 @@ def _where(lines: list[str], first: int, row: int) -> str:
         if count == row:
             return f"line {place}"
     return f"row {row + 1}"
+
+
+def keyed(rows: list[list[str]], width: int) -> tuple[list[str], list[str] | None] | None:
+    """A header of key and value by turns, as automation scopes write it: a time per channel."""
+    found = {}
+    for row in rows:
+        if len(row) == width and width % 2 == 0 and row[0] and len(set(row[::2])) == 1:
+            found[row[0]] = row[1::2]
+    if "Name" not in found:
+        return None
+    key = next((key for key in found if "time" in key.lower()), "")
+    time = split_unit(key)[1] or "ms"
+    below = next((found[key] for key in found if key.lower().startswith("unit")), [""] * width)
+    names = [name for value in found["Name"] for name in (f"{value}.time", value)]
+    return names, [unit for value in below for unit in (time, value)]
+
+
+def preamble_units(rows: list[list[str]], header: list[str]) -> list[str] | None:
+    """Units in a line of the preamble whose first cell is a word such as Y_Unit_Label."""
+    for row in rows:
+        cells = row[1:]
+        if len(row) == len(header) and "unit" in row[0].lower() and any(cells):
+            if all(parse_unit(cell) for cell in cells if cell):
+                return ["", *cells]
+    return None

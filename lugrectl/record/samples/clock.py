@@ -1,10 +1,11 @@
-"""Stamps as data: rows without a true time, timers that wrap, time that starts again."""
+"""Stamps as data: rows without a true time, timers that wrap, jitter, time that starts again."""
 
 from __future__ import annotations
 
 import numpy as np
+from scipy import ndimage
 
-from .outliers import HUGE
+from .outliers import HUGE, bridged, off_cubic_in_time
 from .resampling import HELD
 from .rows import Stamped, count
 
@@ -19,6 +20,8 @@ UNIT_OF_T = (
     "if t is not in the stated or assumed unit, give its unit, e.g. --units t=ms (or s, us)."
 )
 _TICKS = (1.0, 1e-3, 1e-6, 1e-7, 1e-9)  # s, of timers that count up to a power of two
+_WIDTH = 51  # rows over which the true clock is even
+_SMOOTHER = 1.5  # times, to believe the count of rows more than the stamps
 
 
 def put_in_time(log: Stamped) -> None:
@@ -293,3 +296,41 @@ def _jitter(log: Stamped) -> None:
             f"t jitters by up to {100 * worst / step:.3g} % of its step of {step:.6g} s "
             f"({rms:.2g} s RMS): resampled to an even step (u held, motion interpolated)."
         )
+
+
+def use_true_times(log: Stamped) -> None:
+    """Replace stamps by a smooth clock where that makes the motion much smoother."""
+    x = log.channels.get("theta", log.channels.get("w"))
+    if x is None:
+        return
+    t = log.t.copy()
+    for part in log.parts():
+        values = x[part]
+        good = np.isfinite(values)
+        if part.stop - part.start > 2 * _WIDTH and good.mean() > 0.5:
+            t[part] = _believed(log.t[part], bridged(values, ~good))
+    if not np.array_equal(t, log.t):
+        rms = float(np.std(t - log.t))
+        log.say(
+            f"The motion is much smoother over an even clock than over the stamps of t: they were "
+            f"given late ({rms:.2g} s RMS), and the even clock was used."
+        )
+        log.t = t
+
+
+def _believed(t: np.ndarray, x: np.ndarray) -> np.ndarray:
+    steps = np.diff(t)
+    if np.std(steps) < 0.02 * np.mean(steps) or steps.max() > 20 * np.mean(steps):
+        return t
+    rows = np.arange(len(t))
+    line = np.polyval(np.polyfit(rows, t, 1), rows)
+    late = ndimage.median_filter(t - line, _WIDTH, mode="nearest")
+    even = line + ndimage.uniform_filter1d(late, _WIDTH, mode="nearest")
+    if np.any(np.diff(even) <= 0) or np.abs(np.diff(late)).max() > 3 * np.mean(steps):
+        return t  # rows are missing
+    return even if _roughness(t, x) > _SMOOTHER * _roughness(even, x) else t
+
+
+def _roughness(t: np.ndarray, x: np.ndarray) -> float:
+    """The usual distance of a sample from the cubic in time through its neighbours."""
+    return float(np.nanmean(np.sqrt(off_cubic_in_time(t, x))) ** 2)

@@ -6,8 +6,7 @@ import numpy as np
 
 from ..log import Log
 from .bad_samples import leave_out_bad_samples, leave_out_huge, say_missing
-from .clock import put_in_time
-from .even_stamps import use_true_times
+from .clock import put_in_time, use_true_times
 from .position_jumps import make_continuous, unwrap_positions
 from .rows import Stamped, smallest_steps
 from .sample_and_hold import keep_renewed

@@ -1,0 +1,42 @@
+"""A diagnosis that refuses, with the plain answer beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from ..blocks.model import Model
+from ..core.errors import Refused
+from ..identification.balance import Balance
+from ..record import Record
+from .duplicate_messages import said_once
+from .result import Diagnosis
+
+if TYPE_CHECKING:
+    from .question import Asked
+
+
+def refusal(
+    no: Refused, model: Model, records: Sequence[Record], plain: Balance | None = None
+) -> Diagnosis:
+    """The diagnosis "refused" with its reason; ``records`` are those that could be read."""
+    notes = plain.said if plain is not None else ()
+    said = [message for record in records for message in record.messages]
+    return Diagnosis(
+        "refused",
+        reason=str(no),
+        experiment=no.experiment,
+        declared=model,
+        record=records[0] if records else None,
+        records=tuple(records),
+        messages=said_once(said, notes),
+        plain=plain,
+    )
+
+
+def with_plain(result: Any, asked: Asked) -> Any:
+    """A result with the plain answer beside it, and what was noticed when the logs were read."""
+    said = (*asked.plain.reading, *asked.plain.against)
+    messages = said_once(result.messages, said)
+    return replace(result, plain=asked.plain, messages=messages, records=tuple(asked.seen))

@@ -1,0 +1,105 @@
+"""Records in any of the forms in which people have them: a path, a table, a Record."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from ..core.errors import InputError
+from ..core.validation import is_file, shown
+from .columns.arrays import FORMS, is_table
+from .log import Log, read_log
+from .log_files import files_of
+from .read import read_record
+from .record import Record
+
+
+def is_last(given: Any) -> bool:
+    """Whether the last half is to be held out."""
+    return isinstance(given, str) and given == "last"
+
+
+def is_record(given: Any) -> bool:
+    """Whether this is one record, in any form, rather than several."""
+    return is_file(given) or isinstance(given, (Log, Record)) or is_table(given)
+
+
+def as_record(given: Any, motion: str | None = None, what: str = "record") -> Record:
+    """The record that is meant, read for a drive of that motion; InputError names the argument."""
+    if isinstance(given, Record):
+        return given
+    if is_record(given):
+        return read_record(given, motion=motion)
+    raise InputError(f"{what} must be {FORMS}, not {shown(given)}.")
+
+
+def as_log(given: Any, motion: str | None = None, what: str = "record") -> Log | Record:
+    """The log that is meant, its rows as recorded; a Record is returned as it is."""
+    if isinstance(given, (Log, Record)):
+        return given
+    if is_record(given):
+        return read_log(given, motion=motion)
+    raise InputError(f"{what} must be {FORMS}, not {shown(given)}.")
+
+
+def as_logs(given: Any, motion: str | None = None) -> tuple[tuple[Log | Record, ...], bool]:
+    """The logs that are meant, and whether a list of them was given."""
+    if is_file(given) and os.path.isdir(given):  # a folder stands for the logs in it
+        from .log_files import files_of
+
+        given = files_of(given)
+    if is_record(given) or not isinstance(given, Iterable):
+        return (as_log(given, motion),), False
+    found = tuple(as_log(one, motion, "each record") for one in given)
+    if not found:
+        raise InputError("record is an empty list: give at least one record.")
+    return found, True
+
+
+def as_holdout(
+    given: Any, records: Record | Sequence[Record], motion: str | None = None
+) -> str | Record | None:
+    """None, "last" or a record of its own."""
+    if given is None or is_last(given):
+        return given
+    if not is_record(given):
+        raise InputError(f"holdout must be None, 'last', {FORMS}, not {shown(given)}.")
+    made = as_record(given, motion, "holdout")
+    every = records if isinstance(records, Sequence) else [records]
+    if any(same_samples(made, record) for record in every):
+        raise InputError(
+            "holdout holds the same samples as a record to fit to: give a run of its own or 'last'."
+        )
+    return made
+
+
+def same_samples(one: Record, other: Record) -> bool:
+    """Whether two records have the same samples of torque and motion."""
+    if one is other:
+        return True
+    mine, theirs = one.channels(), other.channels()
+    return one.samples == other.samples and all(
+        role in theirs and bool((mine[role] == theirs[role]).all())
+        for role in ("u", "w", "theta")
+        if role in mine
+    )
+
+
+def record_files(logs: Iterable[Any]) -> list[Any]:
+    """The logs with folders and patterns replaced by the files they stand for, each file once.
+
+    A folder stands for its files of SUFFIXES, axis2 before axis10; a pattern
+    (``*``, ``?``, ``**``) for what it matches, unless a file has that very name.
+
+    Raises InputError for a folder without such files and for a pattern without match.
+    """
+    found: dict[Any, Any] = {}
+    for log in logs:
+        if not is_record(log):
+            raise InputError(f"each log must be a path, a table or a Record, not {shown(log)}.")
+        for one in files_of(log) if is_file(log) else [log]:
+            found.setdefault(os.path.abspath(one) if is_file(one) else id(one), one)
+    if not found:
+        raise InputError("there is no record to diagnose.")
+    return list(found.values())

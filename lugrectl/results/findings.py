@@ -1,0 +1,256 @@
+"""Results of a diagnosis: small frozen objects, plain data, no drawing and no printing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import control as ct
+import numpy as np
+
+from ..blocks.block import members, unit_for
+from ..blocks.table import tabulated
+from ..core.display import Row, Shown, estimated
+from ..core.result import Result, library
+from ..core.result import plain as jsonable
+from ..core.views import view
+
+AGAINST_HELD = "The record contradicts held values"  # a note that the headline repeats
+
+
+@dataclass(frozen=True, repr=False)
+class Estimate(Shown):
+    """A fitted value with its unit and 95 % interval (None if it cannot be determined).
+
+    ``held``: the value was declared as fixed, and no fit has changed it. ``together``: the sum
+    that the value stands for, where the record does not determine it alone.
+    """
+
+    value: float
+    unit: str
+    ci95: tuple[float, float] | None = None
+    held: bool = False
+    together: str = ""
+
+    def summary(self) -> dict[str, Any]:
+        made = {"value": self.value, "unit": self.unit, "ci95": self.ci95 and list(self.ci95)}
+        made |= {"held": True} if self.held else {}
+        return made | ({"together": self.together} if self.together else {})
+
+    def _title(self) -> str:
+        return estimated("", self).text()
+
+    def _rows(self) -> Iterable[Row]:
+        return ()
+
+
+@dataclass(frozen=True, repr=False)
+class Candidate(Shown):
+    """One effect that was tried: how much better it explains the training samples.
+
+    ``score`` is the gain in log-likelihood over the refitted model, ``share`` the part of the
+    residual torque's power that it removes, ``parameters`` its fitted values.
+    """
+
+    name: str
+    score: float
+    share: float
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, repr=False)
+class Finding(Shown):
+    """An effect missing from the declared model, and others that would explain the same."""
+
+    name: str
+    parameters: Mapping[str, Estimate]
+    alternatives: tuple[Candidate, ...] = ()
+
+    @classmethod
+    def of(
+        cls, key: str, name: str, estimates: Mapping[str, Estimate], tied: tuple[Candidate, ...]
+    ) -> Finding:
+        """The effect ``name`` with its parameters, taken from the model's estimates of ``key``."""
+        prefix = f"{key}."
+        own = {k.removeprefix(prefix): e for k, e in estimates.items() if k.startswith(prefix)}
+        return cls(name, own, tied)
+
+    def apart(self, how: str | None = None) -> str:
+        """The experiment that distinguishes it from its alternatives; "" if it has none."""
+        others = " or ".join(c.name for c in self.alternatives)
+        how = how or members("effect")[self.name].experiment
+        return f"to distinguish {self.name} from {others}: {how}" if others else ""
+
+    def summary(self) -> dict[str, Any]:
+        return {
+            "name": self.name,
+            "parameters": {k: v.summary() for k, v in self.parameters.items()},
+            "alternatives": [{"name": a.name, "score": a.score} for a in self.alternatives],
+        }
+
+    def _title(self) -> str:
+        return f"Finding: {self.name}"
+
+    def _rows(self) -> Iterable[Row]:
+        rows = [estimated(k, e) for k, e in self.parameters.items()]
+        others = ", ".join(c.name for c in self.alternatives)
+        return [*rows, Row("alternatives", others)] if others else rows
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Traces(Shown):
+    """Arrays behind the plots, one value for each sample of the first record.
+
+    ``simulated`` maps "declared", "refitted", "augmented" to the error signal simulated with
+    restarts on held-out samples (NaN elsewhere); ``residual`` maps the same names to the
+    residual torque; ``signals`` holds theta, w, u, t smoothed; ``held_out`` marks the samples.
+    """
+
+    t: np.ndarray
+    measured: np.ndarray
+    held_out: np.ndarray
+    simulated: Mapping[str, np.ndarray]
+    residual: Mapping[str, np.ndarray]
+    signals: Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Table(Result):
+    """An unexplained residual torque as a table over the signals it depends on: no physics.
+
+    ``signals``: the table's abscissa, followed by "w" if each direction has its own values.
+    ``points`` (n,) in the abscissa's SI unit; ``values`` (n,), or (2, n) for w > 0 and w < 0,
+    positive where they resist; ``error`` their standard errors; ``periodic``: repeats every 2 pi.
+    ``share``: part of the residual torque's power that such a table predicts on windows that it
+    was not fitted to (below 0 if it is worse than no table); ``share95`` its 95 % interval over
+    ``windows`` windows. ``rms``: of the tabulated torque along the record.
+    """
+
+    signals: tuple[str, ...]
+    points: np.ndarray
+    values: np.ndarray
+    error: np.ndarray
+    periodic: bool
+    share: float
+    share95: tuple[float, float]
+    rms: float
+    unit: str
+    windows: int
+    motion: str = "rotary"
+
+    @property
+    def name(self) -> str:
+        """The table's name in words."""
+        over = self.signals[0] + " and the direction of w" * (len(self.signals) == 2)
+        return f"unexplained residual over {over} (table, no physics)"
+
+    def block(
+        self,
+        *,
+        name: str = "table",
+        inputs: Sequence[str] | None = None,
+        outputs: Sequence[str] | None = None,
+    ) -> ct.NonlinearIOSystem:
+        """The table as a block with output d: :func:`lugrectl.tabulated`."""
+        return tabulated(
+            self.signals[0],
+            self.points,
+            self.values,
+            periodic=self.periodic,
+            name=name,
+            inputs=inputs,
+            outputs=outputs,
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python, as under "table" in the JSON document."""
+        return jsonable(
+            {
+                "name": self.name,
+                "signals": list(self.signals),
+                "unit": self.unit,
+                "periodic": self.periodic,
+                "points": self.points.tolist(),
+                "values": self.values.tolist(),
+                "standard_error": self.error.tolist(),
+                "share": self.share,
+                "share_ci95": list(self.share95),
+                "rms": self.rms,
+                "windows": self.windows,
+            }
+        )
+
+    def to_frame(self) -> Any:
+        """A DataFrame, a row for each point: the signal, torque and standard error, of tables for
+        each direction with "w > 0" and "w < 0" behind the names."""
+        columns: dict[str, Any] = {self.signals[0]: self.points}
+        for name, values in (("torque", self.values), ("standard_error", self.error)):
+            if values.ndim == 1:
+                columns[name] = values
+            else:
+                columns |= {f"{name}, w > 0": values[0], f"{name}, w < 0": values[1]}
+        return library("pandas").DataFrame(columns)
+
+    def _title(self) -> str:
+        return f"Table: {self.name}"
+
+    def _rows(self) -> Iterable[Row]:
+        low, high = (100.0 * share for share in self.share95)
+        return [
+            Row(self.signals[0], self.points),
+            Row("values", self.values, self.unit),
+            Row("RMS along the record", self.rms, self.unit),
+            Row("share of the residual's power", f"{100.0 * self.share:.0f} %", "",
+                f"({low:.0f} to {high:.0f} %, {self.windows} windows)"),
+        ]  # fmt: skip
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the table with its 95 % band, into ``ax`` or a new figure; returns the Axes."""
+        return view("loop_plots.table")(self, ax)
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class FrictionMap(Result):
+    """Torque over speed of runs at steady speed, one point for each run.
+
+    ``w`` (n,), ``u`` (n,) and its standard ``error`` (n,), SI; ``held_out`` (n,) marks what no
+    fit saw before the errors were taken. ``at`` (m,) are speeds over which ``curves`` maps
+    "refitted" and "augmented" to torque (m,). ``swing`` are the orders of a turn at which the
+    torque swings, each with its amplitude and 95 % interval.
+    """
+
+    w: np.ndarray
+    u: np.ndarray
+    error: np.ndarray
+    held_out: np.ndarray
+    at: np.ndarray
+    curves: Mapping[str, np.ndarray]
+    motion: str
+    swing: tuple[tuple[int, Estimate], ...] = ()
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python, as under "map" in the JSON document."""
+        points = {k: getattr(self, k).tolist() for k in ("w", "u", "error", "held_out")}
+        return jsonable(points | {"swing": [{"order": n} | e.summary() for n, e in self.swing]})
+
+    def to_frame(self) -> Any:
+        """A DataFrame, a row for each run: w, u, error, held_out."""
+        return library("pandas").DataFrame(
+            {k: getattr(self, k) for k in ("w", "u", "error", "held_out")}
+        )
+
+    def _rows(self) -> Iterable[Row]:
+        torque = unit_for("N m", self.motion)
+        return [
+            Row("runs", len(self.w), "", f"({int(self.held_out.sum())} held out)"),
+            Row("w", self.w, unit_for("rad/s", self.motion)),
+            Row("u", self.u, torque),
+            Row("standard error", self.error, torque),
+            *(estimated(f"swing, order {n}", e) for n, e in self.swing),
+        ]
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the points with their 95 % bars and the models' curves, into ``ax`` or a new figure;
+        returns the Axes."""
+        return view("friction_map_plots.torque")(self, ax)

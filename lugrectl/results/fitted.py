@@ -1,0 +1,165 @@
+"""What a diagnosis and an identification have in common: fitted parameters and their forms."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, overload
+
+import numpy as np
+
+from ..core.display import Grid, Row, brief, grid_html, grid_text, number, with_interval
+from ..core.errors import InputError
+from ..core.views import view
+
+if TYPE_CHECKING:
+    from ..blocks.model import Model
+    from ..record import Record
+    from .covariance import Joint, Residuals
+    from .findings import Estimate
+from ..core.result import NamedRows, Result, library, plain
+
+
+class Parameter(NamedTuple):
+    """A fitted value and its 95 % interval (None if it cannot be determined) in ``unit``;
+    ``declared`` is the value in the model file, None if it gives none."""
+
+    name: str
+    value: float
+    low: float | None
+    high: float | None
+    unit: str
+    declared: float | None
+
+
+class ParameterTable(NamedRows[Parameter]):
+    """Fitted parameters, a row for each: ``table[0]``, ``table["J"].value``, ``"J" in table``."""
+
+    def __init__(self, estimates: Mapping[str, Estimate], declared: Model | None = None) -> None:
+        before = declared.values() if declared is not None else {}
+        self._estimates = dict(estimates)
+        self._rows = tuple(
+            Parameter(name, e.value, *(e.ci95 or (None, None)), e.unit, before.get(name))
+            for name, e in estimates.items()
+        )
+
+    @overload
+    def __getitem__(self, which: int | str) -> Parameter: ...
+    @overload
+    def __getitem__(self, which: slice) -> tuple[Parameter, ...]: ...  # type: ignore[override]
+    def __getitem__(self, which: int | str | slice) -> Any:
+        if not isinstance(which, str):
+            return self._rows[which]
+        if which not in self.names:
+            known = ", ".join(self.names) or "none"
+            raise InputError(f"there is no fitted parameter '{which}'; there is {known}.")
+        return self._rows[self.names.index(which)]
+
+    def to_dict(self) -> dict[str, dict[str, Any]]:
+        """Plain Python: name -> value, low, high, unit, declared."""
+        return plain({row.name: {k: v for k, v in row._asdict().items() if k != "name"}
+                      for row in self})  # fmt: skip
+
+    def to_frame(self) -> Any:
+        """A DataFrame with the names as index; InputError where pandas is not installed."""
+        pandas = library("pandas")
+        frame = pandas.DataFrame(list(self), columns=list(Parameter._fields))
+        numbers = {k: float for k in ("value", "low", "high", "declared")}
+        return frame.astype(numbers).set_index("name")
+
+    def _grid(self) -> Grid:
+        rows = []
+        for row in self:
+            value, interval = with_interval(self._estimates[row.name])
+            rows.append((row.name, number(row.declared), value, interval, row.unit))
+        head = ("parameter", "declared", "fitted", "95 % interval", "unit")
+        return Grid(head, "lrrrl", tuple(rows))
+
+    def __repr__(self) -> str:
+        return "\n".join(grid_text(self._grid())) if self else "no fitted parameters"
+
+    def _repr_html_(self) -> str:
+        return grid_html(self._grid()) if self else "<p>no fitted parameters</p>"
+
+
+class Fitted(Result):
+    """What a diagnosis and an identification have in common."""
+
+    estimates: Mapping[str, Estimate]
+    declared: Model | None
+    error: Mapping[str, Any] | None
+    record: Record | None
+    records: tuple[Record, ...]
+    messages: tuple[str, ...]
+    joint: Joint | None
+    residuals: Residuals | None
+
+    @property
+    def covariance(self) -> Joint:
+        """The joint covariance of the fitted parameters: ``.matrix``, ``.names``, ``.to_frame()``.
+
+        Raises InputError where nothing was fitted.
+        """
+        if self.joint is None:
+            raise InputError("this result has no fit, and so no covariance of its parameters.")
+        return self.joint
+
+    def sample(self, n: int, seed: int | None = None) -> dict[str, np.ndarray]:
+        """n random sets of the fitted parameters, drawn together: name -> (n,)."""
+        return self.covariance.sample(n, seed)
+
+    @property
+    def parameters(self) -> ParameterTable:
+        """Fitted parameters: name, value, low and high of the 95 % interval, unit, declared."""
+        return ParameterTable(self.estimates, self.declared)
+
+    def to_frame(self) -> Any:
+        """The fitted parameters as a DataFrame; InputError where pandas is not installed."""
+        return self.parameters.to_frame()
+
+    def save(self, folder: str | Path) -> list[Path]:
+        """Write report.html, report.json and model.toml into a folder, all or none.
+
+        The folder is made when it is missing. A refusal has no model, so no model.toml. Returns
+        the paths. Raises InputError where nothing can be written.
+        """
+        return view("write")(self, folder)
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw what there is: motion, error, residual, budget, in a figure that shows itself.
+
+        Returns an array of Axes, one for each panel; a single one where there is one panel. Into
+        a given ``ax`` the first panel is drawn, measured and simulated motion where there is any,
+        and ``ax`` is returned. Raises InputError where there is nothing to draw.
+        """
+        return view("diagnosis_plots.overview")(self, ax)
+
+    def _records(self) -> list[dict[str, Any]]:
+        """All records with their names, as under "records" in the JSON document."""
+        every = self.records or ((self.record,) if self.record is not None else ())
+        return [{"name": r.source, **r.summary()} for r in every]
+
+    def _error_rows(self, names: tuple[str, str]) -> list[Row]:
+        """The error of two models, one after the other."""
+        if not self.error:
+            return []
+        values = [number(self.error.get(name), 3) for name in names]
+        name = f"error of {self.error['signal']}"
+        return [Row(name, " -> ".join(values), self.error["unit"], f"({' -> '.join(names)})")]
+
+    def _last_rows(self) -> list[Row]:
+        rows = []
+        if len(self.records) > 1:
+            length = f"{sum(r.samples for r in self.records)} samples"
+            rows.append(Row("records", f"{brief([r.source for r in self.records])}: {length}"))
+        elif self.record is not None:
+            source, facts = self.record.source, self.record.summary()
+            length = f"{facts['samples']} samples at {facts['rate']:g} Hz"
+            rows.append(Row("record", f"{source}, {length}"))
+        return rows + ([Row("messages", len(self.messages))] if self.messages else [])
+
+    def __str__(self) -> str:
+        return view("text")(self)
+
+    def _repr_html_(self) -> str:
+        return view("fragment")(self)

@@ -1,0 +1,1 @@
+"""Drives, logs and systems that several tests use."""

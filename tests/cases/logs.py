@@ -1,0 +1,75 @@
+"""Log files of a small simulated machine, whole or broken on purpose, for the tests of reading."""
+
+import functools
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lugrectl.core.errors import InputError
+from lugrectl.record import read_record
+
+DATA = Path(os.environ.get("LUGRECTL_DATA", Path(__file__).parents[3] / "shared" / "data"))
+measured = pytest.mark.skipif(not DATA.is_dir(), reason=f"no measured data at {DATA}")
+
+
+@functools.cache
+def machine(n=3000, dt=1e-3, J=2e-3, Fc=0.2, Fv=0.02, seed=1):
+    """A mass with Coulomb and viscous friction, by explicit Euler; torque held over dt."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(n) * dt
+    u = 0.6 * np.sin(2 * np.pi * 0.7 * t) + 0.3 * np.sin(2 * np.pi * 2.3 * t + 1.0)
+    u += 0.1 * np.sin(2 * np.pi * 7.1 * t)
+    w, theta = np.zeros(n), np.zeros(n)
+    speed = angle = 0.0
+    for k in range(n):
+        w[k], theta[k] = speed, angle
+        for _ in range(10):
+            speed += dt / 10 / J * (u[k] - Fc * math.tanh(speed / 0.05) - Fv * speed)
+            angle += dt / 10 * speed
+    w += 1e-3 * rng.standard_normal(n)
+    return {"t": t, "u": u, "w": w, "theta": np.round(theta / 1e-5) * 1e-5}
+
+
+def rows(columns, delimiter=",", form="{:.9g}"):
+    return "".join(
+        delimiter.join(form.format(v) for v in row) + "\n" for row in zip(*columns, strict=True)
+    )
+
+
+def write(path, text, encoding="utf-8"):
+    path.write_bytes(text.encode(encoding))
+    return path
+
+
+def csv(tmp_path, head="t,u,w,theta", change=None, keep=None, name="run.csv"):
+    """Write the machine's log; ``change`` maps lines of text to lines, ``keep`` selects rows."""
+    log = machine()
+    keep = slice(None) if keep is None else keep
+    lines = [head, *rows([log[r][keep] for r in ("t", "u", "w", "theta")]).splitlines()]
+    return write(tmp_path / name, "\n".join(change(lines) if change else lines) + "\n")
+
+
+def cell(line, column, text):
+    """Return a change that puts text into one cell of line ``line`` (from 1)."""
+
+    def change(lines):
+        cells = lines[line - 1].split(",")
+        cells[column] = text
+        lines[line - 1] = ",".join(cells)
+        return lines
+
+    return change
+
+
+def refused(kind, path, *words, **options):
+    with pytest.raises(kind) as caught:
+        read_record(path, **options)
+    sentence = str(caught.value)
+    for word in words:
+        assert word in sentence, sentence
+    assert "\n" not in sentence and sentence.endswith(".")
+    assert caught.value.exit_code == (2 if kind is InputError else 3)
+    return sentence

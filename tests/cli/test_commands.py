@@ -1,0 +1,389 @@
+"""The command line: exit codes, one JSON document, sentences instead of tracebacks."""
+
+import io
+import json
+import math
+import shutil
+import subprocess
+import sys
+from types import ModuleType
+
+import control as ct
+import numpy as np
+import pytest
+
+from lugrectl.blocks.model import Model, read_model, table1, write_model
+from lugrectl.cli import commands, main
+from lugrectl.cli.progress import Bar
+from lugrectl.core.errors import InputError, Refused
+from lugrectl.diagnosis.result import Diagnosis
+from lugrectl.results.findings import Candidate, Estimate, Finding
+
+from ..cases.made_up import answered
+
+MODEL = Model.of(table1())
+
+
+def found(**changes):
+    ripple = {"amplitude": 0.05, "harmonic": 8.0, "phase": 0.1}
+    finding = Finding("torque_ripple", {k: Estimate(v, "1") for k, v in ripple.items()})
+    return Diagnosis(
+        "found",
+        (finding,),
+        ranking=(Candidate("torque_ripple", 9.0, math.nan),),
+        model=MODEL.with_effect("torque_ripple", ripple),
+        declared=MODEL,
+        **changes,
+    )
+
+
+@pytest.fixture
+def job(monkeypatch):
+    """Stands for lugrectl.diagnose: notes how it is called and returns or raises ``answer``."""
+    fake = ModuleType("lugrectl.diagnosis.diagnose")
+
+    def work(record, model, **options):
+        fake.calls.append((record, model, options))
+        return answered(fake.answer, record, model)
+
+    fake.calls, fake.answer = [], found()
+    fake.diagnose = fake.identify = work
+    for name in ("diagnose", "identify"):
+        monkeypatch.setitem(sys.modules, f"lugrectl.diagnosis.{name}", fake)
+    return fake
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch):
+    """A folder with two records and a model, as the working directory."""
+    for name, phase in (("one.csv", 0.0), ("two.csv", 0.7)):
+        t = np.arange(2000) * 1e-3
+        u = 0.1 * np.sin(6.0 * t + phase) + 0.02 * np.sin(41.0 * t)
+        w = np.r_[0.0, np.cumsum(u)[:-1]] * 1e-3 / 0.0022
+        head = "t [s],u [N m],w [rad/s]"
+        np.savetxt(tmp_path / name, np.c_[t, u, w], "%.9g", ",", header=head, comments="")
+    write_model(MODEL, tmp_path / "model.toml")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def one_document(text):
+    def refuse(word):
+        raise AssertionError(word)
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def run(capsys, line):
+    code = main(line.split())
+    streams = capsys.readouterr()
+    return code, streams.out, streams.err
+
+
+# --- diagnose, identify, demo ------------------------------------------------------------
+
+
+def test_diagnose_prints_the_report(files, job, capsys):
+    code, out, err = run(capsys, "diagnose one.csv --model model.toml")
+    assert code == 0 and out.startswith("found: torque_ripple") and err == ""
+    assert sorted(p.name for p in files.iterdir()) == ["model.toml", "one.csv", "two.csv"]
+
+
+def test_options_reach_the_work(files, job, capsys):
+    line = "diagnose one.csv two.csv --model model.toml --holdout last --horizon 0.5 --seed 7"
+    assert run(capsys, line)[0] == 0
+    records, model, options = job.calls[0]
+    assert [r.source for r in records] == ["one.csv", "two.csv"] and model == MODEL
+    progress = options.pop("progress")
+    assert options == {"holdout": "last", "horizon": 0.5, "seed": 7, "time_limit": 270.0}
+    assert callable(progress)
+
+
+def test_record_options_reach_the_reader(files, job, capsys):
+    text = (files / "one.csv").read_text()
+    (files / "odd.csv").write_text(text.replace("t [s],u [N m],w [rad/s]", "a,b,c"))
+    line = "diagnose odd.csv --model model.toml --columns t=a,u=b --columns w=c --units w=rpm"
+    assert run(capsys, f"{line} --scale u=2")[0] == 0
+    assert run(capsys, "diagnose one.csv --model model.toml")[0] == 0
+    odd, plain = job.calls[0][0], job.calls[1][0]
+    odd, plain = odd.channels, plain.channels
+    assert np.allclose(odd["u"], 2 * plain["u"])
+    assert np.allclose(odd["w"], plain["w"] * np.pi / 30)
+
+
+def test_json_is_one_document_and_nothing_else(files, job, capsys):
+    code, out, err = run(capsys, "diagnose one.csv --model model.toml --json --out made")
+    assert code == 0 and one_document(out)["verdict"] == "found"
+    assert "report.html" in err and one_document((files / "made/report.json").read_text())
+
+
+def test_out_writes_the_three_files(files, job, capsys):
+    code, out, _ = run(capsys, "diagnose one.csv --model model.toml --out made/here")
+    made = files / "made" / "here"
+    assert code == 0 and str(made.relative_to(files)) in out
+    assert {p.name for p in made.iterdir()} == {"report.html", "report.json", "model.toml"}
+    assert read_model(made / "model.toml").effects[0].block.name == "torque_ripple"
+
+
+def test_identify_takes_the_same_options(files, job, capsys):
+    code, out, _ = run(capsys, "identify one.csv --model model.toml --holdout two.csv --json")
+    assert code == 0 and one_document(out) and job.calls[0][2]["holdout"].source == "two.csv"
+
+
+def test_demo_uses_what_ships_and_says_where_the_report_is(files, job, capsys, monkeypatch):
+    (files / "demo").mkdir()
+    shutil.copy("one.csv", files / "demo" / "record.csv")
+    shutil.copy("model.toml", files / "demo" / "model.toml")
+    monkeypatch.setattr(commands.resources, "files", lambda package: files)
+    code, out, _ = run(capsys, "demo")
+    assert code == 0 and out.startswith("found") and "lugrectl-demo" in out.splitlines()[-1]
+    assert (files / "lugrectl-demo" / "report.html").exists()
+    assert run(capsys, "demo --json --out other")[0] == 0 and (files / "other").is_dir()
+
+
+# --- what can go wrong -------------------------------------------------------------------
+
+
+def refused(line, capsys, code=2):
+    """The one sentence that a failing command prints, on stderr only."""
+    got, out, err = run(capsys, line)
+    assert got == code and out == "" and "Traceback" not in err
+    assert len(err.splitlines()) == 1
+    return err
+
+
+def test_a_record_that_cannot_answer_is_refused(files, job, capsys):
+    job.answer = Refused("one.csv: u is constant.", "move the drive")
+    code, out, err = run(capsys, "diagnose one.csv --model model.toml --json --out made")
+    document = one_document(out)
+    assert code == 3 and document["verdict"] == "refused" and len(err.splitlines()) == 2
+    assert document["reason"] == "one.csv: u is constant."
+    assert document["experiment"] == "move the drive" and document["record"]["samples"] == 2000
+    code, out, _ = run(capsys, "diagnose one.csv --model model.toml")
+    assert code == 3 and out.startswith("refused") and "u is constant." in out
+    job.answer = Diagnosis("refused", reason="too short.")
+    assert run(capsys, "diagnose one.csv --model model.toml")[0] == 3
+
+
+def test_a_refusal_writes_its_report_without_a_model(files, job, capsys):
+    job.answer = Refused("one.csv: u is constant.", "move the drive")
+    code, out, err = run(capsys, "diagnose one.csv --model model.toml --out made")
+    assert code == 3 and err == "" and "report: made/report.html (and report.json)" in out
+    assert {p.name for p in (files / "made").iterdir()} == {"report.html", "report.json"}
+    document = one_document((files / "made" / "report.json").read_text())
+    assert document["verdict"] == "refused" and document["reason"] == "one.csv: u is constant."
+    assert "u is constant." in (files / "made" / "report.html").read_text()
+
+
+def test_a_log_of_three_rows_is_refused(files, capsys):
+    lines = (files / "one.csv").read_text().splitlines()
+    (files / "three.csv").write_text("\n".join(lines[:4]))
+    code, out, _ = run(capsys, "diagnose three.csv --model model.toml --json")
+    assert code == 3 and one_document(out)["verdict"] == "refused"
+
+
+@pytest.mark.parametrize(
+    ("line", "word"),
+    [
+        ("diagnose none.csv --model model.toml", "none.csv"),
+        ("diagnose one.csv --model none.toml", "none.toml"),
+        ("diagnose one.csv --model one.csv", "one.csv"),
+        ("diagnose one.csv --model model.toml --units w=furlong", "furlong"),
+        ("diagnose one.csv --model model.toml --columns nonsense", "nonsense"),
+        ("diagnose one.csv --model model.toml --holdout none.csv", "none.csv"),
+        ("diagnose one.csv one.csv --model model.toml", "twice"),
+        ("diagnose one.csv --model model.toml --out one.csv", "not a folder"),
+        ("diagnose one.csv --model model.toml --out .", "overwrite"),
+    ],
+)
+def test_wrong_input_is_one_sentence(files, job, capsys, line, word):
+    before = {p.name: p.read_bytes() for p in files.iterdir()}
+    assert word in refused(line, capsys)
+    assert not job.calls and {p.name: p.read_bytes() for p in files.iterdir()} == before
+
+
+@pytest.mark.parametrize("how", ["path", "link"])
+def test_the_holdout_must_not_be_a_training_file(files, job, capsys, how):
+    name = {"path": "./one.csv", "link": "link.csv"}[how]
+    if how == "link":
+        (files / "link.csv").symlink_to("one.csv")
+    line = f"diagnose two.csv one.csv --model model.toml --holdout {name}"
+    assert "--holdout" in refused(line, capsys) and not job.calls
+    assert run(capsys, "diagnose one.csv --model model.toml --holdout two.csv")[0] == 0
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "nonsense",
+        "diagnose",
+        "diagnose one.csv",
+        "diagnose one.csv --mod model.toml",
+        "diagnose one.csv --model model.toml --rate fast",
+        "diagnose one.csv --model model.toml --horizon 0",
+        "diagnose one.csv --model model.toml --seed -1",
+        "check",
+        "check h-infinity",
+        "check spr --kp nan",
+        "check spr --position --velocity",
+    ],
+)
+def test_wrong_usage_exits_2(files, job, capsys, line):
+    code, out, err = run(capsys, line)
+    assert code == 2 and out == "" and "lugrectl" in err.splitlines()[-1]
+
+
+def test_a_misspelt_option_is_named_with_its_command(files, job, capsys):
+    code, out, err = run(capsys, "diagnose one.csv --model model.toml --hold last")
+    assert code == 2 and out == "" and not job.calls
+    assert err.splitlines()[-1].startswith("lugrectl diagnose: error: unrecognized arguments")
+    assert "did you mean --holdout?" in err
+    code, out, err = run(capsys, "effects --nothing-like-it")
+    assert code == 2 and "did you mean" not in err
+
+
+def test_errors_of_the_work(files, job, capsys, monkeypatch):
+    line = "diagnose one.csv --model model.toml --json"
+    job.answer = InputError("model.toml: J is missing.")
+    assert "J is missing." in refused(line, capsys)
+    job.answer = KeyboardInterrupt()
+    assert "interrupted" in refused(line, capsys, 130)
+    job.answer = ZeroDivisionError("by\nnothing")
+    assert "ZeroDivisionError: by nothing" in refused(line, capsys, 70)
+    monkeypatch.setenv("LUGRECTL_DEBUG", "1")
+    assert "Traceback" in run(capsys, line)[2]
+
+
+def test_a_reader_that_leaves_a_pipe_is_no_error():
+    command = [sys.executable, "-m", "lugrectl", "effects"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.close()
+        assert process.stderr.read() == b"" and process.wait(60) == 141
+
+
+def test_version_and_help_do_not_load_what_only_the_work_needs():
+    script = (
+        "import sys; from lugrectl.cli import main\n"
+        "codes = [main(['--version']), main(['--help'])]\n"
+        "heavy = {'numba', 'lugrectl.diagnosis.diagnose', 'lugrectl.report'}\n"
+        "sys.exit(f'{codes} {heavy & set(sys.modules)}' if any(codes) or heavy & set(sys.modules)"
+        " else 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("lugrectl ") and "diagnose" in done.stdout
+
+
+# --- check -------------------------------------------------------------------------------
+
+
+def test_bandwidth_of_the_paper_loops(capsys):
+    code, out, _ = run(capsys, "check bandwidth --json")
+    loop = ct.tf([1.6, 0.16], [0.0022, 1.6, 0.16])
+    document = one_document(out)
+    assert code == 0 and document["loop"] == "velocity" and document["holds"]
+    assert document["bandwidth"] == pytest.approx(ct.bandwidth(loop), rel=1e-3)
+    assert document["hertz"] == pytest.approx(115.5, abs=0.05)
+    code, out, _ = run(capsys, "check bandwidth --position")
+    assert code == 1 and out.startswith("unstable loop") and "poles +0.05" in out
+
+
+@pytest.mark.parametrize(
+    ("options", "code"),
+    [
+        ("", 1),  # the paper's PI: an integrator is never SPR
+        ("--kp 15", 1),
+        ("--kp 15 --kd 5.08e-6", 0),
+        ("--kp 15 --kd 5.06e-6", 1),
+        ("--velocity --kp 1.6", 0),
+        ("--velocity", 1),
+    ],
+)
+def test_spr_on_both_sides_of_its_condition(files, capsys, options, code):
+    """PD on position: SPR iff sigma1 Kd > sigma0 J; here sigma0 J / sigma1 = 5.07e-6."""
+    J = 5.07e-6 * 0.6 / 260.0
+    write_model(MODEL.with_values({"J": J}), files / "light.toml")
+    got, out, _ = run(capsys, f"check spr --model light.toml {options} --json")
+    document = one_document(out)
+    assert got == code and document["holds"] == (code == 0)
+    assert document["loop"] == ("velocity" if "--velocity" in options else "position")
+
+
+def test_l2_gain_and_its_gains(capsys):
+    code, out, _ = run(capsys, "check l2 --json")
+    assert code == 0 and one_document(out)["gain"] == pytest.approx(22 / 260)
+    code, out, _ = run(capsys, "check l2 --K2 0 --json")
+    document = one_document(out)
+    assert code == 0 and document["gain"] == pytest.approx(0.0022 / 0.6)
+    assert document["frequency"] is None
+    code, out, err = run(capsys, "check l2 --kp 3 --json")
+    assert code == 0 and one_document(out) and "--kp" in err
+
+
+def test_l2_of_a_model_without_bristle_damping(files, capsys):
+    write_model(MODEL.with_values({"sigma1": 0.0}), files / "stiff.toml")
+    code, out, _ = run(capsys, "check l2 --model stiff.toml")
+    assert code == 1 and out.startswith("no finite L2 gain") and "sigma1 = 0" in out
+
+
+def test_gains_not_given_are_zero_but_the_paper_has_some(capsys):
+    def gains(options):
+        return one_document(run(capsys, f"check spr --json {options}")[1])["gains"]
+
+    assert gains("") == {"kp": 15.0, "ki": 1.55, "kd": 0.0}
+    assert gains("--velocity") == {"kp": 1.6, "ki": 0.16, "kd": 0.0}
+    assert gains("--kd 2") == {"kp": 0.0, "ki": 0.0, "kd": 2.0}
+    assert gains("--kp 1 --ki 2 --tau 0.5") == {"kp": 1.0, "ki": 2.0, "kd": 0.0, "tau": 0.5}
+
+
+def test_checks_say_what_the_model_must_declare(files, capsys):
+    (files / "c.toml").write_text('[plant]\nJ = 0.0022\n[friction]\nmodel = "coulomb"\n')
+    for name in ("l2", "spr"):
+        sentence = refused(f"check {name} --model c.toml", capsys)
+        assert "coulomb" in sentence and "lugre" in sentence
+    assert run(capsys, "check bandwidth --model c.toml")[0] == 0
+    (files / "m.toml").write_text('[friction]\nmodel = "lugre"\nsigma0 = 260.0\n')
+    assert "J and sigma1" in refused("check l2 --model m.toml", capsys)
+
+
+@pytest.mark.parametrize("name", ["l2", "spr", "bandwidth"])
+def test_check_text_answers_first(name, capsys):
+    _, out, _ = run(capsys, f"check {name}")
+    assert "Table 1" in out.splitlines()[0] and max(map(len, out.splitlines())) <= 80
+
+
+# --- template, progress ------------------------------------------------------------------
+
+
+def test_the_model_template_can_be_read_as_it_is_and_filled_in(files, capsys):
+    code, out, _ = run(capsys, "model")
+    (files / "my.toml").write_text(out)
+    model = read_model(files / "my.toml")
+    assert code == 0 and all(v is None for v in model.values().values())
+    assert one_document(run(capsys, "model --json")[1])["toml"].strip() == out.strip()
+    filled = [
+        line.removeprefix("# ") if " = " in line or "[[" in line else line
+        for line in out.splitlines()
+        if not line.startswith("# Effects")
+    ]
+    (files / "full.toml").write_text("\n".join(filled))
+    model = read_model(files / "full.toml")
+    assert model.values() == MODEL.values() | {"gravity.amplitude": 0.2, "gravity.phase": 0.0}
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_progress_shows_on_a_terminal_and_leaves_nothing_behind():
+    shown = Terminal()
+    with Bar(shown) as bar:
+        bar(0.5, "refitting")
+        bar(1.0, "done")
+    assert "50 %  refitting" in shown.getvalue() and shown.getvalue().endswith("\r\x1b[K")
+    assert len(Bar.line(0.3, "long " * 99, 60)) == 60
+    silent = io.StringIO()
+    with Bar(silent) as bar:
+        bar(0.5, "refitting")
+    assert silent.getvalue() == ""

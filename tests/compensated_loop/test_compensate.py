@@ -1,0 +1,205 @@
+"""Tracking error before and after a model is augmented, in simulation."""
+
+import json
+import math
+from types import SimpleNamespace
+
+import control as ct
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import lugrectl as lg
+from lugrectl.blocks.model import model_from_dict
+from lugrectl.cli import main
+from lugrectl.compensated_loop import effects_torque
+from lugrectl.core.errors import InputError
+from lugrectl.report import fragment, text
+from lugrectl.results.findings import Table
+
+from ..cases.made_up import bare
+
+MODEL = lg.Model.of(lg.table1())
+FULL = (
+    MODEL.with_effect("gravity", {"amplitude": 0.1, "phase": 0.3})
+    .with_effect("torque_ripple", {"amplitude": 0.04, "harmonic": 6.0, "phase": 0.0})
+    .with_effect("coulomb_asymmetry", {"ratio": 0.15})
+)
+
+
+@pytest.fixture(scope="module")
+def velocity():
+    return lg.compensate(FULL, declared=MODEL)
+
+
+def test_the_augmented_model_tracks_better(velocity):
+    assert velocity.after < 0.1 * velocity.before < 0.1 * velocity.none
+    assert velocity.compensated == ("gravity", "torque_ripple", "coulomb_asymmetry")
+    assert not velocity.left and not velocity.messages
+    assert velocity.certificate and velocity.certificate.rate > 0.0
+
+
+def test_errors_are_those_of_the_runs(velocity):
+    for key in ("none", "before", "after"):
+        run = velocity.runs[key]
+        own = math.sqrt(np.mean((run.y - run.r) ** 2))
+        assert getattr(velocity, key) == pytest.approx(own)
+
+
+def test_the_loops_are_systems_that_python_control_simulates(velocity):
+    loop, run = velocity.loop["before"], velocity.runs["before"]
+    assert isinstance(loop, ct.InterconnectedSystem)
+    t = run.t[:101]
+    dr = np.gradient(run.r, run.t)[:101]
+    x0 = np.zeros(loop.nstates)
+    x0[loop.state_labels.index("plant_theta")] = -2.0 / np.pi
+    response = ct.input_output_response(
+        loop,
+        t,
+        [run.r[:101], dr],
+        x0,
+        solve_ivp_method="LSODA",
+        solve_ivp_kwargs={"rtol": 1e-7, "atol": 1e-10},
+    )
+    w = response.outputs[loop.output_labels.index("w")]
+    assert np.max(np.abs(w - run.y[:101])) < 1e-2 * np.ptp(run.y[:101])
+
+
+@pytest.mark.slow
+def test_position_loop_too():
+    c = lg.compensate(FULL, loop="position", observer="natural")
+    assert c.unit == "rad" and c.after < 0.1 * c.before < 0.1 * c.none
+    assert set(c.controller) == {"kp", "ki", "kd"}
+
+
+def test_with_nothing_added_nothing_changes():
+    c = lg.compensate(MODEL, declared=lg.table1())
+    assert c.before == c.after < 1e-3 * c.none
+    assert not c.compensated and not c.left
+
+
+def test_a_delay_is_not_compensated_and_a_loop_that_runs_away_is_said():
+    late = MODEL.with_effect("input_delay", {"delay": 0.02})
+    c = lg.compensate(late, kp=1.6, ki=0.16)
+    assert [name for name, _ in c.left] == ["input_delay"] and not c.compensated
+    assert "between the command and the motor" in c.left[0][1]
+    assert c.after == math.inf and not c.runs
+    assert any("unstable" in m and "augmented" in m for m in c.messages)
+    said = c.summary()
+    json.dumps(said, allow_nan=False)
+    assert said["after"] is None
+    assert len(c.plot(Figure().subplots()).lines) == 0
+
+
+def test_gains_given_are_used_and_certified():
+    gains = {"K1": -10.24, "K2": 22.0}
+    loops = lg.compensate(MODEL, kp=1.6, ki=0.16, observer="proposed", **gains)
+    assert loops.gains["before"] == loops.gains["after"] == gains
+    assert loops.controller == {"kp": 1.6, "ki": 0.16}
+    assert loops.certificate.rate == pytest.approx(lg.certify(lg.table1(), **gains).rate)
+
+
+def test_default_reference_stays_inside_the_record():
+    t = np.arange(0.0, 12.0, 1e-3)
+    theta = 5.0 + 0.7 * np.sin(3.0 * t)
+    record = lg.Record(t=t, u=0.0 * t, theta=theta, w=2.1 * np.cos(3.0 * t))
+    run = lg.compensate(MODEL, loop="position", record=record, observer=None).runs["none"]
+    assert theta.min() < run.r.min() and run.r.max() < theta.max()
+    speed = np.gradient(run.r, run.t)
+    assert 0.3 < np.abs(speed).max() < 2.1
+
+
+@pytest.mark.parametrize(
+    "options, said",
+    [
+        ({"loop": "torque"}, "unknown loop"),
+        ({"kd": 1.0}, "kd"),
+        ({"K1": -1.0}, "both K1 and K2"),
+        ({"bandwidth": -1.0}, "bandwidth"),
+        ({"reference": ([0.0, 1.0], [0.0])}, "reference"),
+        ({"reference": ([0.0, 2.0, 1.0], [0.0, 0.0, 0.0])}, "increase"),
+        ({"observer": "strange"}, "unknown observer"),
+    ],
+)
+def test_wrong_usage_is_one_sentence(options, said):
+    with pytest.raises(InputError, match=said):
+        lg.compensate(MODEL, **options)
+
+
+def test_another_friction_law_needs_another_observer():
+    law = lg.Model.of(lg.table1())
+    coulomb = model_from_dict(
+        {"plant": {"J": law.J}, "friction": {"model": "coulomb", "Fc": 0.3, "Fv": 0.02}}, "here"
+    )
+    with pytest.raises(InputError, match="disturbance"):
+        lg.compensate(coulomb)
+
+
+# --- the torque that is fed forward ------------------------------------------------------
+
+
+def test_torque_effects_are_fed_forward_as_they_act():
+    model = MODEL.with_effect("gravity", {"amplitude": 0.2, "phase": 0.5})
+    model = model.with_effect("quadratic_drag", {"coefficient": 0.03})
+    block = effects_torque(model)
+    assert block.nstates == 0
+    for w, theta in ((0.0, 1.0), (-2.0, 0.3), (3.0, -4.0)):
+        expected = 0.2 * np.sin(theta + 0.5) + 0.03 * w * abs(w)
+        assert block.output(0.0, [], [w, theta])[0] == pytest.approx(expected)
+
+
+def test_a_level_effect_settles_at_the_difference_of_friction():
+    block = effects_torque(MODEL.with_effect("coulomb_asymmetry", {"ratio": 0.1}))
+    t = np.linspace(0.0, 1.0, 201)
+    for w in (1.0, -1.0):
+        u = np.ravel(lg.simulate(block, t, {"w_m": w, "theta_m": 0.0}).outputs)
+        assert u[0] == pytest.approx(0.0, abs=1e-9)  # no step at the start
+        assert u[-1] == pytest.approx(0.1 * 0.285, rel=1e-3)
+
+
+def test_what_cannot_be_compensated_makes_no_block():
+    assert effects_torque(MODEL) is None
+    late = MODEL.with_effect("actuator_lag", {"time_constant": 0.01})
+    values = {"load_inertia": 1e-3, "stiffness": 20.0, "damping": 0.01}
+    assert effects_torque(late.with_effect("elastic_coupling", values)) is None
+
+
+def test_a_table_acts_and_is_compensated():
+    x = np.linspace(-2.0, 2.0, 9)
+    values = 0.08 * np.cos(2 * x)
+    table = Table(("theta",), x, values, 0 * x, False, 0.5, (0.4, 0.6), 0.05, "N m", 9)
+    c = lg.compensate(MODEL, observer="natural", table=table)
+    assert c.after < 0.2 * c.before and c.compensated == (table.name,)
+
+
+# --- reports and command line ------------------------------------------------------------
+
+
+def test_reports_carry_table_and_compensation(velocity):
+    x = np.linspace(-2.0, 2.0, 9)
+    table = Table(("theta",), x, np.cos(x), 0 * x + 0.1, False, 0.5, (0.4, 0.6), 0.05, "N m", 9)
+    d = SimpleNamespace(**vars(bare("unexplained")) | {"table": table, "compensation": velocity})
+    said = text(d)
+    assert max(map(len, said.splitlines())) <= 80
+    assert "Unexplained residual over theta (table, no physics)" in said
+    assert "explains 50 %" in said and "velocity loop" in said
+    page = fragment(d)
+    assert 'aria-label="table"' in page and 'aria-label="tracking"' in page
+
+
+@pytest.mark.slow
+def test_command_line(tmp_path, capsys):
+    from importlib import resources
+
+    folder = resources.files("lugrectl") / "demo"
+    line = ["diagnose", str(folder / "record.csv"), "--model", str(folder / "model.toml")]
+    assert main([*line, "--compensate", "velocity", "--json", "--out", str(tmp_path / "x")]) == 0
+    made = json.loads(capsys.readouterr().out)["compensation"]
+    assert made["after"] < made["before"] and made["loop"] == "velocity"
+    assert "Compensation in simulation" in (tmp_path / "x" / "report.html").read_text()
+
+
+def test_each_closes_no_loop(capsys):
+    line = ["diagnose", "a.csv", "--model", "m.toml", "--each", "--compensate", "velocity"]
+    assert main(line) == 2
+    assert "--each" in capsys.readouterr().err

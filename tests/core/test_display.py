@@ -1,0 +1,250 @@
+"""How objects show themselves: a few lines with units, HTML that no name can break."""
+
+import ast
+from dataclasses import replace
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import lugrectl as lg
+from lugrectl.blocks.block import members
+from lugrectl.core.display import Row, Shown, brief
+from lugrectl.core.errors import InputError
+from lugrectl.diagnosis.identify import Identification
+from lugrectl.diagnosis.result import Diagnosis
+from lugrectl.results.findings import Estimate, FrictionMap, Table
+
+from ..cases.made_up import HOSTILE, bare, diagnosis
+from ..report.test_report import Page
+
+P = lg.table1()
+T = np.linspace(0.0, 1.0, 101)
+
+
+def identification():
+    d = diagnosis()
+    return Identification(d.estimates, d.error, d.model, d.record, d.messages, d.declared, d.traces)
+
+
+def table(values=(0.1, -0.1, 0.2)):
+    values, points = np.array(values), np.array([0.0, 1.0, 2.0])
+    error = 0.01 + 0 * values
+    return Table(("theta",), points, values, error, False, 0.4, (0.3, 0.5), 0.1, "N m", 9)
+
+
+def friction_map():
+    w = np.array([-2.0, -1.0, 1.0, 2.0])
+    curves = {"refitted": 0.3 * np.sign(w), "augmented": 0.31 * np.sign(w)}
+    swing = ((2, Estimate(0.01, "N m", (0.008, 0.012))),)
+    held_out = np.array([True, False, False, True])
+    return FrictionMap(w, 0.3 * np.sign(w), 0 * w + 0.01, held_out, w, curves, "rotary", swing)
+
+
+@pytest.fixture(scope="module")
+def compensation():
+    t = np.linspace(0.0, 0.5, 201)
+    return lg.compensate(lg.Model.of(P), reference=(t, np.sin(4.0 * t)))
+
+
+@pytest.fixture(scope="module")
+def sweep():
+    return lg.sweep(lg.pi(1.6, 0.16), T, np.sin(T), {"pi.kp": np.linspace(1.0, 2.0, 5)})
+
+
+@pytest.fixture(scope="module")
+def things(compensation, sweep):
+    d = diagnosis()
+    return {
+        "Diagnosis": d,
+        "refusal": diagnosis("refused"),
+        "Identification": identification(),
+        "Record": d.record,
+        "Model": d.model,
+        "Parameters": P,
+        "Part": d.model.effects[0],
+        "Block": members("friction")["lugre"],
+        "Compensation": compensation,
+        "Certificate": lg.certify(P, -10.24, 22.0),
+        "Design": lg.design_gains(P, "time-varying"),
+        "Sweep": sweep,
+        "Fleet": lg.Fleet((), unfinished=(HOSTILE,), model=replace(d.model, name=HOSTILE)),
+        "Table": table(),
+        "FrictionMap": friction_map(),
+        "Finding": d.effects[0],
+        "Candidate": d.ranking[0],
+        "Estimate": d.estimates["J"],
+        "Traces": d.traces,
+        "L2Verdict": lg.l2_check(P, K2=22.0),
+        "SprVerdict": lg.spr_check(lg.position_T(P, kp=15.0)),
+        "BandwidthVerdict": lg.bandwidth_check(lg.velocity_loop_tf(P, kp=1.6, ki=0.16)),
+        "DesignChecks": lg.check_designs(P, kp=np.linspace(1.0, 2.0, 9), K2=22.0),
+        "Excitation": lg.excitation(np.sin(6.3 * T), T),
+        "parameters": d.parameters,
+    }
+
+
+KEYS = (
+    "Diagnosis refusal Identification Record Model Parameters Part Block Compensation Certificate "
+    "Design Sweep Fleet Table FrictionMap Finding Candidate Estimate Traces L2Verdict SprVerdict "
+    "BandwidthVerdict DesignChecks Excitation parameters"
+).split()
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_every_object_shows_itself_in_a_few_lines(things, key):
+    said = repr(things[key])
+    assert 0 < len(said) < 1200 and len(said.splitlines()) <= 20
+    assert max(map(len, said.splitlines())) <= 100
+    assert " at 0x" not in said and "array(" not in said and "function" not in said
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_the_html_of_every_object_is_whole_and_safe(things, key):
+    page = Page(things[key]._repr_html_())  # fails for a tag that is left open
+    assert "script" not in page.tags and page.said
+
+
+def test_names_that_are_html_are_shown_as_they_are(things):
+    for key in ("Record", "Fleet", "refusal"):
+        assert HOSTILE.split("&")[0].strip() in "".join(Page(things[key]._repr_html_()).said)
+
+
+@pytest.mark.parametrize(
+    "key, lines",
+    [
+        ("Model", ["Model drive: rotary, lugre friction", "sigma0 260 N m/rad"]),
+        ("Parameters", ["Parameters", "J 0.0022 kg m2", "vs 0.01 rad/s"]),
+        ("Record", ["samples 12000 at 1000 Hz, 12 s", "u -0.3 to 0.3 N m"]),
+        ("Estimate", ["0.00220 kg m2 (0.00213 to 0.00227)"]),
+        ("Finding", ["Finding: torque_ripple", "amplitude 0.0501 N m (0.0489 to 0.0513)"]),
+        ("L2Verdict", ["L2Verdict: holds", "gain 0.0846154 s", "frequency 0 rad/s"]),
+        ("SprVerdict", ["SprVerdict: does not hold", "margin 0 1/s", "band_edge 82.5723 rad/s"]),
+        ("BandwidthVerdict", ["bandwidth 725.648 rad/s", "hertz 115.49 Hz"]),
+        ("Design", ["K1 -1.58889 +0.953333 |w|/h(w)"]),
+        ("Certificate", ["Certificate certify: holds, rate 95.3093 1/s"]),
+        ("Block", ["Block lugre (friction)", "inputs w", "sigma1 0.6 N m s/rad"]),
+        ("Sweep", ["Sweep pi: 5 of 5 members simulated, 101 samples to 1 s."]),
+        ("Table", ["values 3 values, -0.1 to 0.2 N m"]),
+        ("FrictionMap", ["runs 4 (2 held out)", "swing, order 2 0.0100 N m (0.0080 to 0.0120)"]),
+        ("Identification", ["J 0.00220 kg m2 (0.00213 to 0.00227)"]),
+        ("refusal", ["Diagnosis: refused", "reason u is constant."]),
+    ],
+)
+def test_values_stand_with_their_units(things, key, lines):
+    said = [" ".join(line.split()) for line in repr(things[key]).splitlines()]
+    assert not set(lines) - set(said)
+
+
+def test_a_diagnosis_in_short_says_verdict_effects_and_error():
+    said = " ".join(repr(diagnosis()).split())
+    assert said.startswith("Diagnosis: found: torque_ripple")
+    assert "torque_ripple.amplitude 0.0501 N m (0.0489 to 0.0513)" in said
+    assert "error of w 0.210 -> 0.0210 rad/s (refitted -> augmented)" in said
+    assert str(diagnosis()) != repr(diagnosis())
+
+
+def test_a_value_to_be_identified_is_said():
+    model = lg.Model.of(P).with_values({"Fc": None})
+    assert "Fc to be identified" in " ".join(repr(model).split())
+
+
+def test_linear_drives_have_linear_units():
+    model = replace(lg.Model.of(P), motion="linear")
+    assert "J 0.0022 kg sigma0 260 N/m" in " ".join(repr(model).split())
+
+
+def test_arrays_are_shown_by_size_and_range():
+    assert brief(np.arange(12000.0)) == "12000 values, 0 to 11999"
+    assert brief(np.array([np.nan, np.inf])) == "2 values"
+    assert brief(np.zeros((2, 3))) == "2 x 3 values, 0 to 0"
+    assert brief(np.array([True, False])) == "1 of 2"
+    assert brief(list(range(100))) == "0, 1, 2, 3, 4, 5 and 94 more"
+
+
+def test_names_with_line_breaks_stay_on_their_line():
+    class Odd(Shown):
+        def _rows(self):
+            return [Row("a", "one\ntwo", "N m")]
+
+    assert repr(Odd()) == "Odd\n  a  one two N m"
+    said = repr(replace(lg.Model.of(P), name="two\nlines"))
+    assert said.splitlines()[0] == "Model two lines: rotary, lugre friction"
+
+
+# --- pictures ----------------------------------------------------------------------------
+
+
+@pytest.fixture(params=["Identification", "Compensation", "Sweep", "Table", "FrictionMap"])
+def drawable(request, things):
+    return things[request.param]
+
+
+def test_plots_show_in_pyplot_and_return_their_axes(drawable):
+    axes = np.atleast_1d(drawable.plot())
+    assert plt.get_fignums() == [axes[0].figure.number]
+    assert all(ax.has_data() and ax.figure is axes[0].figure for ax in axes)
+
+
+def test_plots_draw_into_the_axes_given(drawable):
+    ax = Figure().subplots()
+    assert drawable.plot(ax=ax) is ax and ax.has_data()
+    assert not plt.get_fignums()
+
+
+def test_a_diagnosis_returns_an_array_of_axes_or_the_only_one():
+    axes = diagnosis().plot()
+    assert isinstance(axes, np.ndarray) and axes.shape == (4,)
+    assert [ax.get_xlabel() for ax in axes[:2]] == ["t [s]", "t [s]"]
+    assert diagnosis(traces=None).plot().get_title(loc="left") == "Torque budget"
+
+
+def test_an_identification_draws_what_it_simulated():
+    axes = identification().plot()
+    labels = [line.get_label() for line in axes[0].lines]
+    assert labels == ["measured", "simulated, refitted"] and len(axes) == 3
+
+
+def test_pages_leave_no_figure_behind(tmp_path):
+    before = diagnosis().plot()[0].figure.number
+    diagnosis()._repr_html_()
+    diagnosis().save(tmp_path)
+    assert plt.get_fignums() == [before]
+
+
+def test_what_cannot_be_drawn_leaves_no_figure_behind(compensation):
+    empty = lg.sweep(lg.pi(1.6, 0.16), T, np.sin(T), {"pi.kp": [1.0]}, reduce=lambda t, y: 1.0)
+    for thing in (empty, Diagnosis("adequate"), diagnosis("refused")):
+        with pytest.raises(InputError, match="to plot"):
+            thing.plot()
+    assert not plt.get_fignums()
+
+
+def test_the_users_style_stays_his():
+    before = dict(plt.rcParams)
+    bare()._repr_html_(), diagnosis().plot()
+    assert dict(plt.rcParams) == before
+
+
+CELLS = (
+    "from tests.cases.made_up import diagnosis",
+    "diagnosis().plot()",
+    "diagnosis().plot();",
+    "axes = diagnosis().plot()",
+    "import matplotlib.pyplot as plt; plt.get_fignums()",
+)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_cell_shows_its_picture_once_with_and_without_semicolon(monkeypatch):
+    nbclient, nbformat = (pytest.importorskip(name) for name in ("nbclient", "nbformat"))
+    monkeypatch.delenv("MPLBACKEND", raising=False)
+    cells = [nbformat.v4.new_code_cell(cell) for cell in CELLS]
+    notebook = nbformat.v4.new_notebook(cells=cells)
+    nbclient.NotebookClient(notebook, timeout=100, kernel_name="python3").execute()
+    pictures = [
+        sum("image/png" in output.get("data", {}) for output in cell.outputs) for cell in cells
+    ]
+    assert pictures == [0, 1, 1, 1, 0]
+    assert ast.literal_eval(cells[-1].outputs[0]["data"]["text/plain"]) == []

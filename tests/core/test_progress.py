@@ -1,0 +1,192 @@
+"""Who sees the progress of long work, and where."""
+
+import io
+import sys
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.core import progress
+from lugrectl.core.errors import InputError
+from lugrectl.core.progress import Bar, Called, Cell, Terminal, Widget, bar_for, shows_progress
+from lugrectl.paper import reproduce
+
+from ..cases.logs import csv as log
+
+T = np.linspace(0.0, 1.0, 101)
+PI = lg.pi(1.6, 0.16)
+TABLE = {"pi.kp": np.linspace(1.0, 2.0, 4)}
+
+
+class Screen(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def terminal(monkeypatch):
+    """A terminal as stderr."""
+    monkeypatch.setattr(sys, "stderr", Screen())
+    return sys.stderr
+
+
+@pytest.fixture
+def kernel(monkeypatch):
+    """As if a Jupyter kernel ran this."""
+    monkeypatch.setattr(progress, "in_notebook", lambda: True)
+
+
+@pytest.mark.parametrize("wanted", [None, False])
+def test_a_script_shows_nothing_unless_asked(wanted, monkeypatch):
+    screen = terminal(monkeypatch)
+    lg.sweep(PI, T, T, TABLE, progress=wanted)
+    assert type(bar_for(wanted)) is Bar and screen.getvalue() == ""
+
+
+def test_true_shows_a_bar_on_a_terminal_and_takes_it_away(monkeypatch):
+    screen = terminal(monkeypatch)
+    with bar_for(True) as bar:
+        bar(0.5, "half way")
+    said = screen.getvalue()
+    assert "50 %  half way" in said and said.endswith("\r\x1b[K")
+
+
+def test_true_is_silent_where_stderr_is_a_file(monkeypatch):
+    for stream in (io.StringIO(), None):
+        monkeypatch.setattr(sys, "stderr", stream)
+        with bar_for(True) as bar:
+            bar(0.5, "half way")
+        assert stream is None or stream.getvalue() == ""
+
+
+def test_a_function_gets_every_report():
+    said = []
+    lg.sweep(PI, T, T, TABLE, progress=lambda part, what: said.append((part, what)), chunk=1)
+    assert said[-1] == (1.0, "4 of 4 members") and len(said) == 4
+    assert isinstance(bar_for(print), Called)
+
+
+@pytest.mark.parametrize("wanted", ["yes", 3])
+def test_anything_else_is_refused_in_one_sentence(wanted):
+    with pytest.raises(InputError, match="progress must be a function, True, False or None"):
+        lg.sweep(PI, T, T, TABLE, progress=wanted)
+
+
+def test_long_work_takes_every_kind_of_progress():
+    """Each of them is wrapped by the one place that decides."""
+    for work in (
+        *(lg.diagnose, lg.identify, lg.compensate),
+        *(lg.sweep, lg.diagnose_each, reproduce),
+    ):
+        with pytest.raises(InputError, match="progress must be"):
+            work("any", "thing", progress="yes") if work is not reproduce else work(progress="yes")
+
+
+def test_chunks_of_a_sweep_report_and_end_with_their_bar(monkeypatch):
+    screen = terminal(monkeypatch)
+    parts = list(lg.sweep_chunks(PI, T, T, TABLE, chunk=1, progress=True))
+    assert len(parts) == 4 and "of 4 members" in screen.getvalue()
+    assert screen.getvalue().endswith("\r\x1b[K")
+
+
+def test_the_studies_of_the_paper_report():
+    said = []
+    reproduce(only=["initial"], progress=lambda part, what: said.append(part))
+    assert said and said[-1] == 1.0
+
+
+def test_the_loops_of_a_compensation_report():
+    said = []
+    model = lg.Model.of(lg.table1())
+    reference = (T, np.sin(4.0 * T))
+    lg.compensate(model, reference=reference, progress=lambda part, what: said.append(what))
+    assert len(said) == 3 and all(what.startswith("simulating the loop ") for what in said)
+
+
+# --- notebooks ---------------------------------------------------------------------------
+
+
+def test_a_notebook_gets_a_bar_without_asking(kernel, monkeypatch):
+    for has, kind in ((True, Widget), (False, Cell)):
+        monkeypatch.setattr(progress, "_has_widgets", lambda has=has: has)
+        assert type(bar_for(None)) is type(bar_for(True)) is kind
+        assert type(bar_for(False)) is Bar
+
+
+def test_only_a_kernel_is_a_notebook(monkeypatch):
+    class Shell:
+        kernel = object()
+
+    class IPython:
+        shell = None
+
+        @classmethod
+        def get_ipython(cls):
+            return cls.shell
+
+    monkeypatch.delitem(sys.modules, "IPython", raising=False)
+    assert not progress.in_notebook()
+    monkeypatch.setitem(sys.modules, "IPython", IPython)
+    assert not progress.in_notebook()  # IPython was imported, but does not run this
+    IPython.shell = object()
+    assert not progress.in_notebook()  # IPython on a terminal
+    IPython.shell = Shell()
+    assert progress.in_notebook()
+
+
+def test_short_work_in_a_notebook_gets_no_bar(kernel):
+    with bar_for(None) as bar:
+        bar(0.0, "begin")
+        bar(1.0, "end")
+    assert isinstance(bar, (Widget, Cell)) and not bar._begun
+
+
+def test_the_bar_of_a_notebook_moves_and_goes(monkeypatch):
+    pytest.importorskip("tqdm")
+    monkeypatch.setattr(progress, "_AFTER", 0.0)
+    terminal(monkeypatch)
+    with Widget() as bar:
+        bar(0.25, "fitting")
+        assert bar._bar.n == 25 and bar._bar.desc == "fitting"
+    assert bar._bar.disable and bar._bar.n == 100
+
+
+def test_the_plain_bar_of_a_notebook_escapes_and_goes(monkeypatch):
+    pytest.importorskip("IPython")
+    monkeypatch.setattr(progress, "_AFTER", 0.0)
+    shown = []
+    monkeypatch.setattr(Cell, "_show", lambda self, text: shown.append(text))
+    with Cell() as bar:
+        bar._place = object()
+        bar(0.25, "<b>")
+    assert shown == ['<progress max="1" value="0.250"></progress> 25 % &lt;b&gt;', ""]
+
+
+def test_the_bar_goes_when_the_work_fails(monkeypatch):
+    screen = terminal(monkeypatch)
+
+    @shows_progress
+    def work(*, progress=None):
+        progress(0.1, "soon")
+        raise RuntimeError("broken")
+
+    with pytest.raises(RuntimeError, match="broken"):
+        work(progress=True)
+    assert screen.getvalue().endswith("\r\x1b[K")
+
+
+def test_one_bar_for_a_whole_fleet(kernel, monkeypatch, tmp_path):
+    """The diagnoses inside must not open bars of their own, in threads neither."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    made = []
+    monkeypatch.setattr(progress, "Widget", lambda: made.append(1) or Bar())
+    monkeypatch.setattr(progress, "_has_widgets", lambda: True)
+    model = lg.Model.of(lg.table1())
+    with ThreadPoolExecutor(2) as pool:
+        fleet = lg.diagnose_each([log(tmp_path, name="short.csv")], model, executor=pool)
+    assert len(fleet.outcomes) == 1 and made == [1]
+
+
+def test_a_terminal_cuts_the_line_to_its_width(monkeypatch):
+    assert len(Terminal.line(0.3, "long " * 99, 60)) == 60

@@ -1,0 +1,218 @@
+"""A result says by what and from what it was computed."""
+
+import hashlib
+import json
+import pickle
+import sys
+from dataclasses import replace
+from datetime import datetime, timedelta, timezone
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl import report
+from lugrectl.cli import main
+from lugrectl.core import provenance
+from lugrectl.core.errors import Refused
+from lugrectl.core.provenance import SourceFile, stamp, stamped
+from lugrectl.diagnosis.result import Diagnosis
+
+from ..cases.made_up import HOSTILE, answered, bare
+
+NOON = datetime(2026, 3, 4, 12, 0, 5, tzinfo=timezone(timedelta(hours=2)))
+
+
+@pytest.fixture
+def noon(monkeypatch):
+    monkeypatch.setattr(provenance, "now", lambda: NOON)
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch):
+    """A record and a model as the working directory."""
+    t = np.arange(2000) * 1e-3
+    u = 0.1 * np.sin(6.0 * t) + 0.02 * np.sin(41.0 * t)
+    w = np.r_[0.0, np.cumsum(u)[:-1]] * 1e-3 / 0.0022
+    columns, head = np.c_[t, u, w], "t [s],u [N m],w [rad/s]"
+    np.savetxt(tmp_path / "run.csv", columns, "%.9g", ",", header=head, comments="")
+    lg.write_model(lg.Model.of(lg.table1()), tmp_path / "my model.toml")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def job(monkeypatch):
+    """Stands for the work: stamped as it is, and quick."""
+    fake = ModuleType("lugrectl.diagnosis.diagnose")
+    fake.answer = bare()
+
+    @stamped("lugrectl.diagnose")
+    def work(record, model, *, holdout=None, horizon=1.0, seed=0, time_limit=1.0, progress=None):
+        return answered(fake.answer, record, model)
+
+    fake.diagnose = fake.identify = work
+    for name in ("diagnose", "identify"):
+        monkeypatch.setitem(sys.modules, f"lugrectl.diagnosis.{name}", fake)
+    return fake
+
+
+def sha(path):
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def known(folder, *names):
+    return [{"name": name, "sha256": sha(folder / name)} for name in names]
+
+
+# --- files -------------------------------------------------------------------------------
+
+
+def test_a_record_and_a_model_carry_the_file_that_was_read(files):
+    record, model = lg.read_record("run.csv"), lg.read_model("my model.toml")
+    assert record.file == SourceFile("run.csv", sha(files / "run.csv"))
+    assert record.file.path == "run.csv" and record.slice(0, 100).file == record.file
+    assert model.file.sha256 == sha(files / "my model.toml")
+    assert pickle.loads(pickle.dumps(model)).file == model.file
+    assert pickle.loads(pickle.dumps(record)).file == record.file
+
+
+def test_a_changed_model_is_no_longer_that_of_the_file(files):
+    model = lg.read_model("my model.toml")
+    assert model.with_values({"J": 1.0}).file is None
+    assert model.with_effect("gravity").file is None
+    assert replace(model, name="other").file is None
+
+
+def test_a_hash_is_of_bytes_wherever_they_come_from(tmp_path):
+    (tmp_path / "big").write_bytes(bytes(range(256)) * 5000)
+    found = SourceFile.of(tmp_path / "big")
+    assert found == SourceFile.of_bytes("big", (tmp_path / "big").read_bytes())
+    assert SourceFile.of(tmp_path) is None and SourceFile.of(tmp_path / "none") is None
+
+
+# --- stamps ------------------------------------------------------------------------------
+
+
+def test_from_python_version_date_and_files_are_known(files, noon):
+    @stamped("lugrectl.diagnose")
+    def work(record, model, *, holdout=None):
+        return Diagnosis("adequate")
+
+    record, model = lg.read_record("run.csv"), lg.read_model("my model.toml")
+    made = work(record, model).summary()["provenance"]
+    assert made == {
+        "version": provenance.version(),
+        "date": "2026-03-04T12:00:05+02:00",
+        "command": "lugrectl.diagnose",
+        "files": known(files, "run.csv", "my model.toml"),
+    }
+    by_path = work("run.csv", model="my model.toml", holdout="last")
+    assert by_path.summary()["provenance"] == made
+    twice = work([record, record], model, holdout=record)
+    assert twice.summary()["provenance"] == made
+    arrays = work(replace(record, file=None), lg.Model.of(lg.table1()))
+    assert arrays.provenance.files == ()
+
+
+def test_the_public_functions_are_stamped():
+    for work in (lg.diagnose, lg.identify):
+        code, names = work, set()
+        while hasattr(code, "__wrapped__"):
+            names.add(code.__code__.co_name)
+            code = code.__wrapped__
+        assert "stamping" in names
+
+
+def test_a_diagnosis_put_together_by_hand_has_none():
+    assert bare().summary()["provenance"] is None
+    assert "Provenance" not in report.html(bare())
+
+
+def test_a_stamp_keeps_the_files_and_leaves_other_results_alone(files):
+    first = stamp(bare(), "one", [files / "run.csv"])
+    again = stamp(first, "two", [files / "my model.toml"])
+    assert again.provenance.command == "two" and again.provenance.files == first.provenance.files
+    assert stamp({"a": 1}, "one") == {"a": 1}
+
+
+def test_the_date_has_its_time_zone():
+    date = datetime.fromisoformat(provenance.provenance("x").date)
+    assert date.tzinfo is not None and abs(date - datetime.now().astimezone()) < timedelta(hours=1)
+
+
+# --- command line ------------------------------------------------------------------------
+
+
+def run(capsys, *words):
+    code = main(list(words))
+    return code, capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", ["diagnose", "identify"])
+def test_the_command_stands_as_it_was_typed(files, job, noon, capsys, command):
+    words = [command, "run.csv", "--model", "my model.toml", "--json", "--out", "made"]
+    code, out = run(capsys, *words)
+    document = json.loads(out)
+    assert code == 0 and document["provenance"] == {
+        "version": provenance.version(),
+        "date": "2026-03-04T12:00:05+02:00",
+        "command": f"lugrectl {command} run.csv --model 'my model.toml' --json --out made",
+        "files": known(files, "run.csv", "my model.toml"),
+    }
+    assert json.loads((files / "made" / "report.json").read_text()) == document
+
+
+def test_the_same_input_gives_the_same_json_but_for_the_date(files, job, capsys, monkeypatch):
+    words = ["diagnose", "run.csv", "--model", "my model.toml", "--json"]
+    made = []
+    for year in (2026, 2031):
+        date = NOON.replace(year=year)
+        monkeypatch.setattr(provenance, "now", lambda date=date: date)
+        made.append(run(capsys, *words)[1])
+    assert made[0] != made[1] and made[0].replace("2026-", "2031-") == made[1]
+
+
+def test_a_refusal_names_its_files_too(files, job, noon, capsys):
+    words = ["diagnose", "run.csv", "--model", "my model.toml", "--json"]
+    job.answer = Refused("u is constant.")
+    code, out = run(capsys, *words)
+    assert code == 3
+    assert json.loads(out)["provenance"]["files"] == known(files, "run.csv", "my model.toml")
+
+
+def test_each_log_and_the_table_say_it(files, job, noon, capsys):
+    words = ["diagnose", "run.csv", "--model", "my model.toml", "--each", "--jobs", "1", "--json"]
+    code, out = run(capsys, *words)
+    document = json.loads(out)
+    whole, (log,) = document["provenance"], document["records"]
+    assert code == 0 and whole["command"].startswith("lugrectl diagnose run.csv")
+    assert log["diagnosis"]["provenance"]["files"] == known(files, "run.csv", "my model.toml")
+    assert whole["files"] == known(files, "my model.toml", "run.csv")
+    fleet = lg.diagnose_each("run.csv", lg.read_model("my model.toml"))
+    assert fleet.provenance.command == "lugrectl.diagnose_each"
+    assert fleet.diagnoses["run.csv"].provenance.command == "lugrectl.diagnose_each"
+
+
+def test_the_page_ends_with_it_in_small_print(files, job, noon, capsys):
+    run(capsys, "diagnose", "run.csv", "--model", "my model.toml", "--out", "made")
+    page = (files / "made" / "report.html").read_text()
+    end = page[page.index("<h2>Provenance</h2>") :]
+    assert "<h2>" not in end[4:] and sha(files / "run.csv") in end
+    assert "2026-03-04T12:00:05+02:00" in end and "my model.toml" in end
+    hostile = stamp(bare(), HOSTILE)
+    assert HOSTILE not in report.html(hostile)
+    assert "Provenance" not in report.text(hostile)
+
+
+def test_the_paper_says_version_and_date(noon, capsys, monkeypatch):
+    import lugrectl.paper as paper
+
+    quick = paper.Reproduction(lg.table1(), (), (), None, ())
+    monkeypatch.setattr(paper, "reproduce", lambda progress: quick)
+    monkeypatch.setattr("lugrectl.paper.claims.claims", lambda r: ())
+    code, out = run(capsys, "reproduce", "--json")
+    made = json.loads(out)["provenance"]
+    assert code == 0 and made["command"] == "lugrectl reproduce --json"
+    assert made["version"] == provenance.version() and made["date"].startswith("2026-03-04T12")

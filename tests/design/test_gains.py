@@ -1,0 +1,328 @@
+"""Gain design, certificates and excitation."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.linalg import eigh
+
+import lugrectl as lg
+from lugrectl.design import certify, design_gains, excitation, natural_decay
+from lugrectl.design.dynamics import error_matrices
+
+from ..cases.error_systems import (
+    drives,
+    errors_at,
+    h,
+    matrices,
+    open_system,
+    propagator,
+    simulated,
+    values_of,
+)
+
+P = lg.table1()
+PAPER_GAINS = (-10.24, 22.0)
+powers = st.floats(-3, 3)
+
+
+def paper_design():
+    beta = 2 * (P.sigma1 * 1e4 + P.sigma0) / (P.J * 10.24)
+    return design_gains(P, "constant", C=1.0, alpha=1e4, beta=beta)
+
+
+def test_the_papers_gains():
+    """alpha = 1e4 1/s and beta/C = 5.56e5; 91.3 1/s by its V, 95.3 1/s by the best one."""
+    design = paper_design()
+    assert (design.K1, design.K2) == (pytest.approx(-10.24), pytest.approx(22.0))
+    own = design.certificate
+    assert own.alpha == pytest.approx(1e4) and own.beta == pytest.approx(5.56e5, rel=1e-3)
+    assert own.rate == pytest.approx(91.32, abs=0.01)
+    best = certify(P, *PAPER_GAINS)
+    assert best.rate == pytest.approx(95.309, abs=1e-3)
+    assert best.rate == pytest.approx(-best.pole_at_rest, rel=1e-9)
+    poles = np.linalg.eigvals(matrices(P, 0.0, *PAPER_GAINS))
+    assert poles.max() == pytest.approx(best.pole_at_rest, rel=1e-9)
+
+
+def test_the_rate_holds_in_exact_arithmetic():
+    """-dV/dt - 2 r V is positive semidefinite at w = 0 and grows with |w|: no rounding in it."""
+    for cert, (K1, K2) in [
+        (paper_design().certificate, (paper_design().K1, paper_design().K2)),
+        (certify(P, *PAPER_GAINS), PAPER_GAINS),
+    ]:
+        J, s0, s1, k1, k2 = (Fraction(v) for v in (P.J, P.sigma0, P.sigma1, K1, K2))
+        b = Fraction(cert.beta) / 2
+        A, B = (s1 / J) ** 2 + b, 2 * s1 / J
+        K3, r = (k2 - s1 * k1) / J, Fraction(cert.rate) * (1 - Fraction(1, 10**9))
+        top = B * s0 / J - 2 * r * A
+        low = B * k1 + 2 * K3 - 2 * r
+        cross = (B * K3 + 2 * s0 / J + 2 * A * k1) / 2 - r * B
+        assert top > 0 and low > 0 and top * low >= cross**2
+        assert 2 * A - B * s1 / J == 2 * b > 0
+        assert float(A) == pytest.approx(cert.A) and float(B) == pytest.approx(cert.B)
+
+
+def test_matrices_are_those_of_the_observer_block():
+    """M0 + a M1 against the difference of drive and observer, and e_f against the blocks."""
+    M0, M1 = error_matrices(P, *PAPER_GAINS)
+    plant, made = lg.plant(P), lg.proposed_observer(P, *PAPER_GAINS)
+    for w in (0.0, 0.004, -0.3):
+        for ez, ew in [(1e-4, 0.0), (0.0, 0.01), (-2e-4, 0.02)]:
+            _, dw, dz = plant.dynamics(0, [0, w, 1e-3], [0.2, 0])
+            inner = made.dynamics(0, [1e-3 - ez, w - ew], [w, 0.2])
+            expected = (M0 + P.sigma0 * abs(w) / h(P, w) * M1) @ [ez, ew]
+            assert np.array([dz, dw]) - inner == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def test_certificate_matrices_and_rate():
+    cert = certify(P, *PAPER_GAINS)
+    M0, M1 = error_matrices(P, *PAPER_GAINS)
+    assert cert.Q0 == pytest.approx(-(cert.P @ M0 + M0.T @ cert.P))
+    assert cert.Q1 == pytest.approx(-(cert.P @ M1 + M1.T @ cert.P), abs=1e-6)
+    for a in (0.0, 3.0, 1e3, 1e6):
+        least = eigh(cert.Q0 + a * cert.Q1, cert.P, eigvals_only=True)[0] / 2
+        assert cert.rate_at(a) == pytest.approx(least, rel=1e-6)
+    assert np.all(np.diff(cert.rate_at(np.logspace(-2, 6, 50))) >= 0)
+    assert cert.rate_at(0.0) == cert.rate
+
+
+@given(powers, powers, powers, powers)
+def test_no_other_V_does_better(j, k1, k2, corner):
+    """Random quadratic forms, with B = 2 C sigma1/J and without, at rest and at ever higher
+    speeds."""
+    p = replace(P, J=2e-3 * 10**j, sigma1=0.6 * 10 ** (corner / 3))
+    K1, K2 = -10 * 10**k1, p.J * 1e3 * 10 ** (k2 / 2)
+    cert = certify(p, K1, K2)
+    random = np.random.default_rng(0)
+    q = p.sigma1 / p.J
+    off = random.choice([-1, 1], 1500) * random.uniform(0.05, 1, 1500)
+    near = q * (1 + np.concatenate([np.zeros(500), off]))
+    size = near**2 + cert.beta / 2 * 10.0 ** random.normal(0, 1, 2000)
+    V = np.stack([np.stack([size, near], -1), np.stack([near, np.ones(2000)], -1)], -2)
+    root = np.linalg.inv(np.linalg.cholesky(V))
+    worst = np.full(2000, np.inf)
+    for a in (0.0, *(p.sigma0 / p.sigma1 * np.logspace(-1, 17, 10))):
+        M = matrices(p, a, K1, K2)
+        Q = root @ -(V @ M + M.T @ V) @ root.swapaxes(-1, -2)
+        worst = np.minimum(worst, np.linalg.eigvalsh(Q)[:, 0] / 2)
+    assert cert.rate > 0
+    assert worst.max() <= cert.rate * (1 + 3e-3)
+    assert cert.rate <= -cert.pole_at_rest * (1 + 1e-9)
+
+
+@pytest.mark.parametrize(
+    "K1, K2, words",
+    [
+        (1.0, 22.0, "unstable pole"),
+        (1.0, -22.0, "unstable pole"),
+        (0.0, 22.0, "K1 = 0"),
+        (-10.0, -1.0, "K2 = -1 < 0"),
+    ],
+)
+def test_gains_without_a_certificate(K1, K2, words):
+    cert = certify(P, K1, K2)
+    assert not cert and cert.rate is None and cert.P is None and words in cert.conditions[0]
+    fast = np.linspace(0, 1e5, 2001)
+    worst = np.linalg.eigvals(matrices(P, fast, K1, K2)).real.max()
+    assert worst > 0 or (K1 == 0.0 and worst == pytest.approx(0, abs=1e-6))
+    with pytest.raises(lg.InputError, match="no certificate"):
+        cert.V(1e-3, 0.0)
+    json.dumps(cert.summary(), allow_nan=False)
+
+
+def test_the_speed_named_for_negative_K2_is_where_the_pole_crosses():
+    ratio = P.sigma0 * 10.0  # K1/K2 = 10 rad/(N m s)
+    for factor, sign in [(1.01, 1.0), (0.99, -1.0)]:
+        det = np.linalg.det(matrices(P, ratio * factor, -10.0, -1.0))
+        assert np.sign(det) == -sign
+    assert "above 10 rad" in certify(P, -10.0, -1.0).conditions[0]
+
+
+@pytest.mark.parametrize(
+    "p, K1, K2",
+    [(P, -1.0, 0.0), (P, 0.0, P.sigma0 * P.J / P.sigma1), (replace(P, sigma1=0.0), -1.0, 2.0)],
+)
+def test_stable_without_a_rate(p, K1, K2):
+    """Edges at which V never grows but at one speed does not decay everywhere."""
+    cert = certify(p, K1, K2)
+    assert cert and cert.rate is None and "no rate" in cert.conditions[0]
+    for a in (0.0, 1.0, 1e3, 1e6):
+        M = matrices(p, a, K1, K2)
+        scale = np.diag(1 / np.sqrt(np.diag(cert.P)))
+        Q = scale @ -(cert.P @ M + M.T @ cert.P) @ scale
+        assert np.linalg.eigvalsh(Q)[0] >= -1e-9 * np.abs(Q).max()
+
+
+def held(p, count, rate, random):
+    """Held velocities from rest to fast, and times around the certificate's own."""
+    w = p.vs * 10.0 ** random.uniform(-4, 4, count)
+    w[random.random(count) < 0.4] = 0.0
+    return w, 10.0 ** random.uniform(-2, 0, count) / rate
+
+
+def never_slower(p, seed):
+    """Every step of the exact error system against the certificates of random gains."""
+    random = np.random.default_rng(seed)
+    corner = p.sigma0 / p.sigma1
+    alpha, weight = 10.0 ** random.uniform(-1.5, 1.5, 2)
+    beta = 2 * (p.sigma1 / p.J) ** 2 * weight
+    constant = design_gains(p, "constant", alpha=corner * alpha, beta=beta)
+    gains = -(10.0 ** random.uniform(-2, 2)), p.J * corner * 10.0 ** random.uniform(-1.5, 1.5)
+    varying = design_gains(p, "time-varying", alpha=p.J * corner * alpha)
+    for cert, K1, K2 in [
+        (constant.certificate, constant.K1, constant.K2),
+        (certify(p, *gains), *gains),
+        (varying.certificate, varying.K1, varying.K2),
+    ]:
+        w, tau = held(p, 25, cert.rate or corner, random)
+        a = p.sigma0 * w / h(p, w)
+        K1, K2 = (K(w) if callable(K) else K for K in (K1, K2))
+        unit = np.sqrt(np.diag(cert.P))  # errors of equal weight in V
+        M = unit[:, None] * matrices(p, a, K1, K2) / unit
+        path = errors_at(propagator(M, tau), random.normal(size=2)) / unit
+        kept = cert.V(*path[:, 1].T) / cert.V(*path[:, 0].T)
+        assert np.all(kept <= np.exp(-2 * cert.rate_at(a) * tau) * (1 + 1e-6))
+        if cert.rate is not None:
+            assert np.all(cert.rate_at(a) >= cert.rate * (1 - 1e-9))
+
+
+def test_simulated_errors_never_decay_slower_than_the_certificate():
+    for seed, p in enumerate(drives(100, 7)):
+        never_slower(p, seed)
+
+
+@pytest.mark.slow
+def test_simulated_errors_of_1000_drives_never_decay_slower_than_the_certificate():
+    for seed, p in enumerate(drives(1000, 8)):
+        never_slower(p, 1000 + seed)
+
+
+def loaded(p, seed):
+    """Drive and observer simulated under a random torque, wrong initial state."""
+    random = np.random.default_rng(seed)
+    gains = -(10.0 ** random.uniform(-1, 1)), p.J * p.sigma0 / p.sigma1 * random.uniform(0.3, 10)
+    cert = certify(p, *gains)
+    t = np.linspace(0, 5 / cert.rate, 301)
+    u = p.Fs * random.uniform(0, 3) * np.sin(random.uniform(0.2, 20) * cert.rate * t)
+    u = u + np.repeat(p.Fs * random.uniform(-1, 1, 7), 43)
+    bristles = p.Fc / p.sigma0
+    x0 = [0.0, 0.0, 0.0, bristles * random.uniform(-1, 1), cert.rate * bristles]
+    keys = values_of(p, "proposed_observer", K1=gains[0], K2=gains[1])
+    found = simulated(open_system(), t, u, x0, params=keys)
+    V = cert.V(found["ez"], found["ew"])
+    speed = np.abs(found["w"]).max()
+    grain = cert.V(1e-5 * bristles, 1e-6 * speed)  # what the solver's tolerance leaves
+    assert np.all(np.sqrt(V) <= np.sqrt(V[0]) * np.exp(-cert.rate * t) * (1 + 1e-3) + grain**0.5)
+
+
+def test_drives_under_random_torques_keep_the_certificate():
+    for seed, p in enumerate(drives(30, 9)):
+        loaded(p, seed)
+
+
+@pytest.mark.slow
+def test_1000_drives_under_random_torques_keep_the_certificate():
+    for seed, p in enumerate(drives(1000, 10)):
+        loaded(p, 1000 + seed)
+
+
+@given(powers, powers, powers)
+def test_the_best_certificate_is_never_below_the_papers(c, al, be):
+    """lemma6's own V is one of those that certify looks at."""
+    scale = (P.sigma1 / P.J) ** 2
+    design = design_gains(P, C=10**c, alpha=433 * 10 ** (al / 2), beta=scale * 10 ** (c + be / 2))
+    own, best = design.certificate, certify(P, design.K1, design.K2)
+    assert own.rate > 0 and best.rate >= own.rate * (1 - 3e-3)
+    assert own.rate < P.sigma0 / P.sigma1
+    assert own.B**2 - 4 * own.A * own.C == pytest.approx(-2 * own.beta * own.C, rel=1e-6)
+
+
+def test_bound_is_reached_and_not_passed():
+    cert = certify(P, *PAPER_GAINS)
+    most_ez, most_ew = cert.bound(1e-3, 0.2)
+    angle = np.linspace(0, 2 * np.pi, 20001)
+    shape = np.linalg.inv(np.linalg.cholesky(cert.P).T) @ np.stack([np.cos(angle), np.sin(angle)])
+    ez, ew = np.sqrt(cert.V(1e-3, 0.2)) * shape
+    assert (np.abs(ez).max(), np.abs(ew).max()) == pytest.approx((most_ez, most_ew), rel=1e-6)
+
+
+def test_defaults_put_the_poles_where_they_say():
+    corner = P.sigma0 / P.sigma1
+    design = design_gains(P)
+    poles = np.sort(np.linalg.eigvals(matrices(P, 0.0, design.K1, design.K2)))
+    assert poles == pytest.approx([-2 * corner, -corner])
+    assert design.certificate.rate == pytest.approx(corner / (1 + np.sqrt(1.25) + 0.5))
+    varying = design_gains(P, "time-varying")
+    M = matrices(P, 0.0, varying.K1(0.0), varying.K2(0.0))
+    assert np.trace(M) == pytest.approx(-2 * corner) and np.linalg.det(M) == pytest.approx(
+        corner**2
+    )
+    assert varying.certificate.pole_at_rest == pytest.approx(-corner, rel=1e-6)
+
+
+def test_scheduled_gains_work_in_the_ready_loop():
+    design = design_gains(P, "bounded", M=5.0)
+    loop = lg.velocity_loop(P, "proposed", **design.gains)
+    t = np.linspace(0, 0.2, 201)
+    found = lg.simulate(loop, t, 0.3 + 0 * t)
+    assert abs(found.outputs[loop.output_labels.index("w")][-1] - 0.3) < 0.02
+
+
+def test_summaries_are_plain():
+    for method, more in [("constant", {}), ("time-varying", {}), ("bounded", {"M": 2.0})]:
+        design = design_gains(lg.Model.of(P), method, **more)
+        text = json.dumps(design.summary(), allow_nan=False)
+        assert json.loads(text)["certificate"]["holds"] is True
+        assert design.certificate.lemma in str(design.certificate)
+
+
+@pytest.mark.parametrize(
+    "call, words",
+    [
+        (lambda: design_gains(P, "best"), "time-varying, bounded, constant"),
+        (lambda: design_gains(P, A=1.0), "no choice 'A'"),
+        (lambda: design_gains(P, alpha=-1.0), "alpha must be a positive number"),
+        (lambda: design_gains(P, "bounded"), "needs M"),
+        (lambda: design_gains(P, "bounded", M=0), "M must be a positive number"),
+        (lambda: design_gains(replace(P, sigma1=0.0)), "needs sigma1 > 0"),
+        (lambda: design_gains(replace(P, sigma1=0.0), "time-varying"), "give A"),
+        (lambda: design_gains(replace(P, Fc=0.0)), "Fc = 0"),
+        (lambda: certify(lg.Model.of(P).with_values({"Fs": None}), -1, 1), "need Fs"),
+        (lambda: certify(P, np.abs, 1.0), "K1 must be a number"),
+        (lambda: certify(P, -1.0, float("nan")), "K2 must be finite"),
+        (lambda: excitation([1.0], [0.0]), "one length"),
+        (lambda: excitation([1.0, np.nan], [0.0, 1.0]), "finite"),
+        (lambda: excitation([1.0, 1.0, 1.0], [0.0, 1.0, 0.5]), "after 1 s comes 0.5 s"),
+        (lambda: excitation([1.0, 1.0], [0.0, 1.0], T=2.0), "longer than the log"),
+        (lambda: natural_decay(P, [1.0, 2.0], [0.0, 0.0]), "t must increase"),
+    ],
+)
+def test_wrong_usage_is_one_sentence(call, words):
+    with pytest.raises(lg.InputError, match=words) as raised:
+        call()
+    assert "\n" not in str(raised.value) and str(raised.value).endswith(".")
+
+
+@given(st.lists(st.floats(-1, 1), min_size=3, max_size=12), st.floats(0.05, 1.0))
+def test_least_travel_is_that_of_every_window(samples, share):
+    """beta against windows at 2000 starts: never above one, and reached by one."""
+    t, w = np.arange(len(samples)) * 0.1, np.array(samples)
+    T = share * t[-1]
+    found = excitation(w, t, T)
+    fine = np.linspace(0, t[-1], 40001)
+    speed = np.abs(np.interp(fine, t, w))
+    travel = np.concatenate([[0], np.cumsum((speed[1:] + speed[:-1]) / 2 * np.diff(fine))])
+    starts = np.linspace(0, t[-1] - T, 2000)
+    each = np.interp(starts + T, fine, travel) - np.interp(starts, fine, travel)
+    assert found.beta <= each.min() + 1e-7
+    assert found.beta >= each.min() - 2 * t[-1] / 2000
+    between = float(np.max(np.abs(np.diff(w)))) / 0.1 * fine[1]  # a zero between two instants
+    assert found.slowest == pytest.approx(speed.min(), abs=between + 1e-9)
+    assert excitation(3 * w, t, T).beta == pytest.approx(3 * found.beta, abs=1e-12)

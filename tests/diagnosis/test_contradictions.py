@@ -1,0 +1,168 @@
+"""Records that no drive with the declared model can have are refused; odd but sound ones not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lugrectl import diagnose, identify
+from lugrectl.core.errors import Refused
+from lugrectl.diagnosis.question import Asked
+from lugrectl.identification.selection import compare
+from lugrectl.record import Record, refuse_dead
+from tests.rig import make
+
+from ..cases.common import model_of, record_of
+
+RATE, N = 500.0, 8000
+T = np.arange(N) / RATE
+
+
+@pytest.fixture(scope="module")
+def case():
+    return make("none", machine="stage", excitation="torque", seed=31, rate=RATE, duration=16.0)
+
+
+@pytest.fixture(scope="module")
+def plain(case):
+    return record_of(case)
+
+
+@pytest.fixture(scope="module")
+def model(case):
+    return model_of(case)
+
+
+@pytest.fixture(scope="module")
+def rotary(model):
+    return replace(model, motion="rotary", J=0.01)
+
+
+def compared(record, model):
+    asked = Asked.of(record, model)
+    return compare(asked.plain.stretches, asked.model, asked.plain)
+
+
+def refused(record, model):
+    found = compared(record, model)
+    assert found.verdict == "refused"
+    (said,) = found.messages
+    return said
+
+
+def shifted(x, k):
+    """x, k samples later."""
+    return np.concatenate([np.full(max(k, 0), x[0]), x[max(-k, 0) : len(x) - max(k, 0)],
+                           np.full(max(-k, 0), x[-1])])  # fmt: skip
+
+
+def driven(speed, J=0.01, Fc=0.2, Fv=0.05, seed=0):
+    """The torque that a speed takes, with noise on both."""
+    rng = np.random.default_rng(seed)
+    u = J * np.append(np.diff(speed), 0.0) * RATE + Fc * np.tanh(speed / 1e-3) + Fv * speed
+    w = speed + 1e-3 * rng.standard_normal(len(speed))
+    return Record(T, u + 1e-3 * rng.standard_normal(len(speed)), w, dt=1 / RATE)
+
+
+@pytest.mark.parametrize("value", [0.0, 3.0])
+def test_constant_channels_are_refused(plain, value):
+    for role in ("u", "w", "theta"):
+        record = replace(plain, **{role: np.full(N, value)})
+        with pytest.raises(Refused, match=f"{role} is constant"):
+            refuse_dead([record])
+
+
+def test_a_dead_torque_is_refused_by_both_questions(plain, model):
+    dead = replace(plain, u=np.full(N, 0.5))
+    assert "u is constant" in diagnose(dead, model).reason
+    with pytest.raises(Refused, match="u is constant"):
+        identify([dead, dead], model)
+
+
+@pytest.mark.parametrize("of", ["w", "theta", "a"])
+@pytest.mark.parametrize("share", [0.3, -0.3])
+def test_a_copy_of_another_column_is_no_torque(plain, model, of, share):
+    x = {"w": plain.w, "theta": plain.theta, "a": np.gradient(plain.w, plain.dt)}[of]
+    said = refused(replace(plain, u=share * x), model)
+    assert "contradict" in said or "mpossible" in said or "negative" in said
+
+
+def test_the_torque_of_another_run_is_refused(plain, model):
+    assert "unexplained" in refused(replace(plain, u=plain.u[::-1].copy()), model)
+    noise = np.random.default_rng(1).standard_normal(N)
+    assert "unexplained" in refused(replace(plain, u=noise), model)
+
+
+def test_the_other_sign_is_said(plain, model):
+    assert "wrong sign" in refused(replace(plain, u=-plain.u), model)
+
+
+@pytest.mark.parametrize("factor", [8.0, 1e4])
+def test_an_inertia_far_too_large_is_said(plain, model, factor):
+    assert "another unit" in refused(plain, replace(model, J=model.J * factor))
+
+
+@pytest.mark.parametrize("factor", [1e-3, 0.1])
+def test_an_inertia_far_too_small_is_said_with_the_answer(plain, model, factor):
+    found = compared(plain, replace(model, J=model.J * factor))
+    assert found.verdict == "adequate" and "times the declared one" in " ".join(found.messages)
+
+
+def test_a_motion_of_a_few_steps_is_too_short(plain, model):
+    q = float(np.ptp(plain.theta)) / 6
+    coarse = replace(plain, w=None, theta=np.round(plain.theta / q) * q)
+    assert "too short" in refused(coarse, model)
+
+
+@pytest.mark.parametrize("late", [3, 25])
+def test_a_torque_that_is_written_down_late_is_no_missing_effect(plain, model, late):
+    """By the clock of another device: 6 and 50 ms."""
+    found = compared(replace(plain, u=shifted(plain.u, late)), model)
+    assert found.verdict == "adequate"
+
+
+def test_the_fit_takes_a_late_torque_earlier(case, plain, model):
+    d = diagnose(replace(plain, u=shifted(plain.u, 25)), model)
+    assert d.verdict == "adequate" and "lags the motion by 50 ms" in " ".join(d.messages)
+    assert d.model.J == pytest.approx(case.truth["plant"]["J"], rel=1e-3)
+    assert d.error["refitted"] < 10.0 * d.error["noise_floor"]
+
+
+def test_an_early_torque_is_a_delay(plain, model):
+    found = compared(replace(plain, u=shifted(plain.u, -8)), model)
+    assert [e.name for e in found.effects] == ["input_delay"]
+    assert found.effects[0].values["delay"] == pytest.approx(0.016, abs=0.002)
+
+
+@pytest.mark.parametrize("early", [1, 2, 10])
+def test_an_early_speed_beside_the_position_changes_nothing(plain, model, early):
+    assert compared(replace(plain, w=shifted(plain.w, -early)), model).verdict == "adequate"
+
+
+def test_a_late_speed_is_a_filter(plain, model):
+    found = compared(replace(plain, w=shifted(plain.w, 10)), model)
+    assert [e.name for e in found.effects] == ["velocity_sensor_lag"]
+
+
+def test_one_direction_and_one_speed_are_answered(rotary):
+    assert compared(driven(2.0 + np.sin(3 * T) + 0.5 * np.sin(7 * T)), rotary).verdict == "adequate"
+    turns = np.clip(40 * np.sin(1.3 * T), -1.0, 1.0) * 2.0
+    assert compared(driven(turns), rotary).verdict == "adequate"
+
+
+def test_a_negative_inertia_is_refused(rotary):
+    said = refused(driven(2.0 * np.sin(3 * T) + np.sin(11 * T), J=-0.02), rotary)
+    assert "contradict the declared inertia" in said
+
+
+def test_a_drive_that_coasts_most_of_the_time_is_sound(rotary):
+    """Kicked by a held torque, one way and the other, and left alone."""
+    rng, dt, w = np.random.default_rng(0), 1 / RATE, 0.0
+    kicks, u, speed = rng.uniform(0.8, 2.0, N), np.zeros(N), np.zeros(N)
+    for k in range(N):
+        speed[k] = w + 1e-3 * rng.standard_normal()
+        u[k] = kicks[k // 50] * (1.0 if T[k] % 4 < 2 else -1.0) * (T[k] % 2 < 0.5)
+        for _ in range(10):
+            w += 0.1 * dt / 0.01 * (u[k] - 0.2 * np.tanh(w / 0.02) - 0.05 * w)
+    assert np.mean(u == 0.0) > 0.5
+    assert compared(Record(T, u, speed, dt=dt), rotary).verdict == "adequate"

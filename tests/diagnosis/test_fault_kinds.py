@@ -1,0 +1,259 @@
+"""A log with one fault is answered as the sound log is, and the fault is said with its place."""
+
+import functools
+import sys
+
+import numpy as np
+import pytest
+
+from lugrectl.diagnosis.question import Asked
+
+from ..cases.balance_drive import FC, FV, J, simulate, torque
+
+DT, COUNT = 2e-3, 2 * np.pi / 65536
+TRUE = {"J": J, "Fc": FC, "Fv": FV}
+
+
+@functools.cache
+def recorded(seconds=9.0, seed=4):
+    """t, u, theta and w of the drive, and nothing wrong with them."""
+    u = np.round(torque(seconds, DT, seed), 6)
+    theta, w = simulate(u, DT)
+    return np.arange(len(u)) * DT, u, np.floor(theta / COUNT) * COUNT, w
+
+
+def columns(*more, seconds=9.0, seed=4):
+    """Copies of the channels t, u and theta, and of those in ``more``."""
+    made = dict(zip(("t", "u", "theta", "w"), recorded(seconds, seed), strict=True))
+    return {k: x.copy() for k, x in made.items() if k in ("t", "u", "theta", *more)}
+
+
+def write(folder, log, name="log.csv", between=","):
+    """A text file of the columns; numbers with 9 digits, everything else as it is."""
+    lines = [between.join(log)]
+    for row in zip(*log.values(), strict=True):
+        lines.append(between.join(x if isinstance(x, str) else f"{x:.9g}" for x in row))
+    path = folder / name
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def put(role, row, value):
+    def change(log):
+        log[role][row] = value
+        return log
+
+    return change
+
+
+def added(role, row, value):
+    def change(log):
+        log[role][row] += value
+        return log
+
+    return change
+
+
+def held(every, *roles):
+    """Values renewed every few rows only."""
+
+    def change(log):
+        rows = np.arange(len(log["t"])) // every * every
+        return {k: x[rows] if k in roles else x for k, x in log.items()}
+
+    return change
+
+
+def with_w(change):
+    """A log with w in it, changed."""
+
+    def made(log):
+        log["w"] = change(recorded()[3].copy())
+        return log
+
+    return made
+
+
+def frozen(log):
+    log["theta"][1800:1900] = log["theta"][1800]
+    return log
+
+
+def late(rows):
+    def change(log):
+        log["u"] = np.r_[np.full(rows, log["u"][0]), log["u"][:-rows]]
+        return log
+
+    return change
+
+
+def without_numbers(log):
+    log["theta"][2200:2247] = np.nan
+    return log
+
+
+def pasted(log):
+    log["theta"][2750:] += 1.9
+    return log
+
+
+def counter(bits):
+    """theta in counts of a register of so many bits."""
+
+    def change(log):
+        log["theta"] = np.rint(log["theta"] / COUNT) % 2**bits
+        return log
+
+    return change
+
+
+def timer(log):
+    log["t [us]"] = np.rint(log.pop("t") * 1e6 + 2**24 - 3e6) % 2**24
+    return {k: log[k] for k in ("t [us]", "u", "theta")}
+
+
+def wrapped(log):
+    """u in steps of 1/250 N m in 8 bits with sign."""
+    log["u"] = ((np.rint(log["u"] * 250) + 128) % 256 - 128) / 250
+    return log
+
+
+def register(log):
+    log["u"] = np.clip(log["u"], -0.42, 0.42)
+    return log
+
+
+def no_answer(log):
+    log["u"][np.random.default_rng(2).uniform(size=len(log["u"])) < 0.02] = 0.0
+    return log | {"d": np.zeros(len(log["t"]))}
+
+
+def not_filled(log):
+    return {k: np.r_[x, np.zeros(250)] for k, x in log.items()}
+
+
+def enabled_late(log):
+    """Zeros in u and theta for 2 s, before the drive moves from 1.3 rad on."""
+    rest = np.zeros(1000)
+    log["u"], log["theta"] = np.r_[rest, log["u"]], np.r_[rest, log["theta"] + 1.3]
+    log["t"] = np.arange(len(log["u"])) * DT
+    return log
+
+
+def past_midnight(log):
+    at = np.rint(log["t"] * 1000).astype(int) + (24 * 3600 - 4) * 1000
+    day = at % (24 * 3600 * 1000)
+    clock = [
+        f"{m // 3600000:02}:{m // 60000 % 60:02}:{m // 1000 % 60:02}.{m % 1000:03}" for m in day
+    ]
+    return log | {"t": clock}
+
+
+def polled(log):
+    """Sampled when a host asked: often a little, sometimes much too late."""
+    rng = np.random.default_rng(8)
+    delay = rng.exponential(1.5e-4, len(log["t"]))
+    delay[rng.uniform(size=len(delay)) < 0.02] += 5e-3
+    t = np.maximum.accumulate(log["t"] + delay) + 1e-6 * np.arange(len(delay))
+    theta = np.interp(t, log["t"], log["theta"])
+    rows = np.minimum((t / DT).astype(int), len(t) - 1)
+    return {"t": t, "u": log["u"][rows], "theta": np.floor(theta / COUNT) * COUNT}
+
+
+def typed_over(log):
+    cells = [f"{x:.9g}" for x in log["u"]]
+    cells[700] = "-30 (was 0.2)"
+    return log | {"u": cells}
+
+
+KINDS = {
+    "a torque far off": (put("u", 3021, 5.0), "u at line 3023 is 5 N m"),
+    "1e30 in the position": (put("theta", 1500, 1e30), "theta at line 1502 is 1e+30 rad"),
+    "the largest float": (put("u", 77, sys.float_info.max), "u at line 79 is 1.79769e+308 N m"),
+    "a code in the position": (put("theta", 2600, -9999.0), "theta at line 2602 is -9999 rad"),
+    "a position a turn off": (added("theta", 1201, -2 * np.pi), "theta at line 1203 is "),
+    "a row without a time": (put("t", 1998, 0.0), "t at line 2000 is 0 s"),
+    "a position that stands still": (frozen, "theta stands at"),
+    "all renewed every third row": (held(3, "u", "theta"), "renewed only every 6 ms"),
+    "torque renewed every third row": (held(3, "u"), "u is renewed only every 6 ms"),
+    "a torque reported late": (late(7), "u comes 14 ms late"),
+    "a torque reported very late": (late(20), "u comes 40 ms late"),
+    "a position without numbers": (without_numbers, "no number in 47 rows from line 2202 on"),
+    "two runs pasted together": (pasted, "at line 2752, which is no motion"),
+    "a timer that wraps": (timer, "t wraps by 16.777216 s at line 1502"),
+    "a torque register that wraps": (wrapped, "u wraps by 1.024 N m"),
+    "a torque register at its end": (register, "u stays at the end of its register, 0.42 N m"),
+    "zeros where no answer came": (no_answer, "u is exactly 0 N m in "),
+    "a buffer that was not filled": (
+        not_filled,
+        "All columns are 0 in 250 rows, first at line 4502",
+    ),
+    "a drive that is enabled late": (enabled_late, "theta stands at 0 rad for 1000 rows"),
+    "times of day past midnight": (past_midnight, None),
+    "stamps of a host": (polled, "t jitters by up to"),
+    "a cell typed over by hand": (typed_over, "line 702, column 'u' was typed over"),
+    "a speed with an offset": (with_w(lambda w: w + 0.3), None),
+    "a slower speed": (with_w(lambda w: w[np.arange(len(w)) // 8 * 8]), "w is renewed only every"),
+    "a late speed": (with_w(lambda w: np.r_[w[:1].repeat(4), w[:-4]]), "w is 8.0"),
+}
+
+
+def holds(plain, within=0.02):
+    """The values are right, and the truth is within the intervals or next to them."""
+    for key, true in TRUE.items():
+        found = plain.parameters[key]
+        low, high = found.ci95
+        assert found.value == pytest.approx(true, rel=within), key
+        assert low - (high - low) <= true <= high + (high - low), key
+
+
+def said(plain, words):
+    """One sentence and no more says so."""
+    said = (*plain.reading, *plain.notes)
+    assert len([note for note in said if words in note]) == 1, said
+
+
+def test_the_sound_log_is_answered_without_a_note(tmp_path):
+    plain = Asked.of(write(tmp_path, columns()), {}).plain
+    holds(plain, within=0.01)
+    assert (*plain.reading, *plain.notes) == ()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_log_with_one_fault_is_answered_and_the_fault_is_said(tmp_path, kind):
+    change, words = KINDS[kind]
+    plain = Asked.of(write(tmp_path, change(columns())), {}).plain
+    holds(plain, within=0.03)
+    if words:
+        said(plain, words)
+
+
+@pytest.mark.parametrize("bits", [12, 16])
+def test_a_counter_that_wraps_needs_its_factor_only(tmp_path, bits):
+    from lugrectl.record import read_log
+
+    path = write(tmp_path, counter(bits)(columns()))
+    holds(Asked.of(read_log(path, scale={"theta": COUNT}), {}).plain)
+
+
+def test_short_runs_are_one_data_set(tmp_path):
+    parts = [slice(k, k + 850) for k in range(0, 4250, 850)]
+    paths = [
+        write(tmp_path, {k: x[part] for k, x in columns().items()}, f"run{i}.csv")
+        for i, part in enumerate(parts)
+    ]
+    holds(Asked.of(paths, {}).plain)
+
+
+def test_columns_between_blanks_are_read(tmp_path):
+    holds(Asked.of(write(tmp_path, columns(), "log.txt", between="   "), {}).plain)
+
+
+def test_a_note_on_one_of_several_logs_names_it(tmp_path):
+    paths = [
+        write(tmp_path, columns(), "first.csv"),
+        write(tmp_path, put("u", 901, -4.0)(columns(seed=5)), "second.csv"),
+    ]
+    plain = Asked.of(paths, {}).plain
+    holds(plain)
+    said(plain, "second.csv: u at line 903 is -4 N m")

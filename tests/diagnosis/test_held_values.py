@@ -1,0 +1,284 @@
+"""Values that are held, bounded or known with an uncertainty, and values that cannot be."""
+
+import json
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.blocks.declared_values import Stated
+from lugrectl.cli import main
+from lugrectl.core.errors import InputError
+from lugrectl.diagnosis.steady_runs import begin_map, estimates_of, messages_of
+from lugrectl.friction_maps.curve import refit
+from lugrectl.identification.likelihood.parameters import (
+    Prior,
+    coordinates,
+    free_keys,
+    inside,
+    known,
+    rates,
+)
+
+TRUE = {"J": 2e-3, "Fv": 0.02}
+
+
+@pytest.fixture(scope="module")
+def log():
+    """A mass in oil, exactly: J dw/dt = u - Fv w, u held."""
+    rng, dt, n = np.random.default_rng(1), 4e-3, 3000
+    t = np.arange(n) * dt
+    u = 0.3 * np.sin(4.4 * t) + 0.15 * np.sin(14.5 * t + 1.0) + 0.1 * np.sin(44.0 * t)
+    w, theta, still = np.zeros(n), np.zeros(n), np.exp(-TRUE["Fv"] * dt / TRUE["J"])
+    for k in range(n - 1):
+        end = u[k] / TRUE["Fv"]
+        w[k + 1] = end + (w[k] - end) * still
+        theta[k + 1] = theta[k] + end * dt + (w[k] - w[k + 1]) * TRUE["J"] / TRUE["Fv"]
+    w, theta = w + 1e-2 * rng.standard_normal(n), theta + 1e-4 * rng.standard_normal(n)
+    return lg.read_record({"t": t, "u": u, "w": w, "theta": theta})
+
+
+def fitted(log, **values):
+    return lg.identify(log, lg.Model.of(friction="viscous", **values))
+
+
+def held(value):
+    return {"value": value, "fixed": True}
+
+
+EVERY = {
+    "J": {"value": 0.0022, "fixed": True},
+    "Fc": {"min": 0.1, "max": 0.5},
+    "Fs": {"value": 0.3, "std": 0.02},
+    "vs": {"value": 0.01, "min": 0.001},
+}
+
+
+def test_what_is_stated_of_a_value_is_written_and_read_again(tmp_path):
+    gravity = {"name": "gravity", "amplitude": {"value": 0.2, "fixed": True}}
+    model = lg.Model.of(**EVERY, effects=gravity)
+    lg.write_model(model, tmp_path / "m.toml")
+    text = (tmp_path / "m.toml").read_text()
+    assert "J = {value = 0.0022, fixed = true}" in text and "Fc = {min = 0.1, max = 0.5}" in text
+    again = lg.read_model(tmp_path / "m.toml")
+    assert again == model and again.held() == {"J", "gravity.amplitude"}
+    assert again.stated["Fs"] == Stated(std=0.02) and again.values()["Fc"] is None
+
+
+def test_a_model_says_what_is_stated_and_keeps_plain_numbers():
+    model = lg.Model.of(**EVERY)
+    assert "0.0022 kg m2 (held)" in repr(model) and "(0.1 to 0.5)" in repr(model)
+    assert "prior +-0.02" in repr(model) and "at least 0.001" in repr(model)
+    assert model.to_dict()["plant"] == {"J": 0.0022}
+    assert lg.Model.of({**model.to_dict(), "stated": model.statements()}) == model
+    assert json.loads(json.dumps(model.statements()))["J"] == {"fixed": True}
+
+
+def test_a_plain_number_takes_the_place_of_what_was_stated():
+    model = lg.Model.of(lg.Model.of(**EVERY), J=0.003)
+    assert model.held() == set() and model.stated["Fc"] == Stated(low=0.1, high=0.5)
+
+
+def test_fix_holds_values_of_the_plant_the_friction_and_effects():
+    model = lg.Model.of(lg.table1(), effects={"name": "gravity", "amplitude": 0.2, "phase": 0.0})
+    assert model.fix("J", "Fc", "gravity.phase").held() == {"J", "Fc", "gravity.phase"}
+    assert model.fix("gravity").held() == {"gravity.amplitude", "gravity.phase"}
+    assert model.held() == set()
+
+
+WRONG = [
+    ({"J": {"value": 1.0, "fixed": 1}}, "J: fixed must be true or false"),
+    ({"J": {"fixed": True}}, "J: fixed needs a value"),
+    ({"J": {"std": 0.1}}, "J: std needs a value"),
+    ({"J": {"value": 1.0, "std": 0.0}}, "std must be a positive number"),
+    ({"J": {"value": 1.0, "min": 2.0}}, "lies outside its own bounds, at least 2"),
+    ({"J": {"min": 2.0, "max": 1.0}}, "min = 2 must be below max = 1"),
+    ({"J": {"min": -2.0}}, "min = -2 is negative"),
+    ({"J": {"max": "a"}}, "max must be a number"),
+    ({"J": {"valu": 2.0}}, "Did you mean 'value'?"),
+    ({"J": {"value": True}}, "J must be a finite number"),
+    ({"J": {"value": -1.0, "fixed": True}}, "J = -1 is negative"),
+    ({"Fc": held(0.3), "Fs": held(0.2)}, "Fs is at most 0.2 and Fc at least 0.3"),
+    ({"Fc": {"min": 0.3}, "Fs": {"max": 0.2}}, "Fs is at most 0.2 and Fc at least 0.3"),
+]
+
+
+@pytest.mark.parametrize(("values", "words"), WRONG, ids=range(len(WRONG)))
+def test_what_cannot_be_stated_of_a_value_is_one_sentence(values, words):
+    with pytest.raises(InputError) as said:
+        lg.Model.of(**values)
+    assert words in str(said.value) and "\n" not in str(said.value)
+
+
+@pytest.mark.parametrize("key", ["J", "sigma0", "vs", "Fc"])
+@pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf"), "1", True, 1j, [1.0], 10**400])
+def test_impossible_values_are_an_input_error_where_the_model_is_given(key, value):
+    with pytest.raises(InputError, match=key):
+        lg.Model.of(**{key: value})
+    model = lg.Model.of(lg.table1()).with_values({key: value})
+    with pytest.raises(InputError, match=key):
+        lg.diagnose("run.csv", model)
+
+
+@pytest.mark.parametrize("names", [("Fd",), ("sigma0",), ("gravity",), (3,), ("",)])
+def test_fix_names_what_the_model_does_not_have(names):
+    with pytest.raises(InputError, match="^fix: "):
+        lg.Model.of(J=0.002).fix(*names)
+
+
+@pytest.mark.parametrize("fix", ["Fd", "Fc,sigma0", "gravity.phase"])
+def test_a_wrong_fix_on_the_command_line_is_one_sentence_with_exit_2(tmp_path, capsys, fix):
+    (tmp_path / "m.toml").write_text("[plant]\nJ = 0.002\n[friction]\nFc = 0.2\n")
+    for command in ("diagnose", "identify"):
+        typed = [command, "run.csv", "--model", str(tmp_path / "m.toml"), "--fix", fix]
+        assert main(typed) == 2
+        said = capsys.readouterr().err
+        assert "--fix: " in said and said.count("\n") == 1
+
+
+def test_a_file_with_an_impossible_value_is_named_with_the_key(tmp_path, capsys):
+    path = tmp_path / "m.toml"
+    path.write_text("[plant]\nJ = 0.002\n[friction]\nvs = {value = 0, fixed = true}\n")
+    assert main(["identify", "run.csv", "--model", str(path)]) == 2
+    assert f"{path}: [friction] vs = 0 is not above 0" in capsys.readouterr().err
+
+
+def test_held_values_are_not_fitted_and_are_reported_without_interval(log):
+    found = fitted(log, J=held(2.2e-3), Fv=0.02)
+    assert found.model.values()["J"] == 2.2e-3 and found.estimates["J"].held
+    assert found.estimates["J"].ci95 is None and found.estimates["Fv"].ci95 is not None
+    said = found.to_dict()
+    assert said["parameters"]["J"]["held"] is True and said["model"]["plant"] == {"J": 2.2e-3}
+    assert said["model"]["stated"] == {"J": {"fixed": True}}
+    assert "held" in str(found) and found.model.held() == {"J"}
+    said = [m for m in found.messages if "contradicts held values" in m]
+    assert len(said) == 1 and "J is held at 0.0022, but would be 0.00" in said[0]
+
+
+def test_everything_may_be_held(log):
+    found = fitted(log, **{k: held(v) for k, v in TRUE.items()})
+    assert {k: found.model.values()[k] for k in TRUE} == TRUE
+    assert found.error["refitted"] == pytest.approx(found.error["declared"], rel=1e-6)
+    assert not any("held" in m for m in found.messages)
+
+
+def test_bounds_bound_and_a_value_at_its_bound_is_said(log):
+    found = fitted(log, J={"value": 2.3e-3, "min": 2.1e-3}, Fv={"min": 0.01, "max": 0.05})
+    assert found.model.values()["J"] == pytest.approx(2.1e-3, rel=1e-6)
+    assert found.estimates["J"].ci95[0] >= 2.1e-3 * (1 - 1e-9)
+    assert found.estimates["Fv"].value == pytest.approx(0.02, rel=0.2)
+    assert any("J lies at its declared min = 0.0021" in m for m in found.messages)
+
+
+def test_a_prior_pulls_and_a_declared_value_that_the_fit_left_is_said_with_both(log):
+    free, strong = fitted(log, J=2.2e-3, Fv=0.02), fitted(log, J={"value": 2.2e-3, "std": 1e-9})
+    low, high = free.estimates["J"].ci95
+    assert low < 2e-3 < high and high - low < 1e-4
+    said = [m for m in free.messages if "beyond their 95 % intervals" in m]
+    assert len(said) == 1 and "J is 0.00" in said[0] and "declared 0.0022 kg m2" in said[0]
+    assert strong.estimates["J"].value == pytest.approx(2.2e-3, rel=1e-4)
+    assert np.ptp(strong.estimates["J"].ci95) < 0.1 * (high - low)
+
+
+class Bare:
+    """A predictor as the coordinates see it."""
+
+    def __init__(self, model):
+        self.model, self.data = model, SimpleNamespace(dt=1e-3)
+
+    def declarations(self):
+        return self.model.declarations()
+
+
+WHOLE = {"J": 0.002, "sigma0": 260.0, "sigma1": 0.6, "Fc": 0.3, "Fs": 0.4, "Fv": 0.02, "vs": 0.01}
+
+
+def spread_of(**changes):
+    model = lg.Model.of(**(WHOLE | changes))
+    anchor = model.kept(WHOLE)
+    made = coordinates(Bare(model), free_keys(Bare(model)), anchor)
+    return model, made, {c.key: c for c in made}
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"Fs": 0.2}, {"Fs": held(0.25)}, {"Fc": held(0.3)}, {"Fs": {"value": 0.4, "max": 0.45}}],
+)
+def test_no_step_of_a_fit_leads_to_stiction_below_coulomb_friction(changes):
+    model, made, _ = spread_of(**changes)
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        values = inside(made, {k: v * rng.uniform(0.2, 5.0) for k, v in WHOLE.items()}, model)
+        assert values["Fs"] >= values["Fc"]
+        for c in made:
+            values[c.key] = c.back(c.into(values) + rng.normal(scale=3.0), values)
+        assert values["Fs"] >= values["Fc"] * (1.0 - 1e-12)
+        assert all(model.kept(values)[k] == values[k] for k in values)
+
+
+def test_the_rates_of_values_are_their_derivatives():
+    _, made, _ = spread_of()
+    values = dict(WHOLE)
+    for j, c in enumerate(made):
+        ahead = dict(values)
+        for q in made:  # in their order, as a step of the fit
+            ahead[q.key] = q.back(q.into(values) + 1e-6 * (q is c), ahead)
+        slope = [(ahead[q.key] - values[q.key]) / 1e-6 for q in made]
+        assert rates(made, values)[:, j] == pytest.approx(slope, rel=1e-3, abs=1e-6)
+
+
+def test_the_pull_of_a_prior_is_the_slope_of_its_cost():
+    _, made, _ = spread_of(Fs={"value": 0.4, "std": 0.03}, J={"value": 0.002, "std": 1e-4})
+    prior, values = Prior.at(made, WHOLE), WHOLE | {"Fs": 0.47, "J": 0.0018, "Fc": 0.33}
+    pull, _ = prior.pull(values)
+    for j, c in enumerate(made):
+        ahead = dict(values)
+        for q in made:
+            ahead[q.key] = q.back(q.into(values) + 1e-5 * (q is c), ahead)
+        slope = (prior.cost(ahead) - prior.cost(values)) / 1e-5
+        assert pull[j] == pytest.approx(-slope, rel=1e-2, abs=1e-2)
+
+
+def test_two_bounds_count_as_an_even_distribution_between_them():
+    _, made, own = spread_of(Fv={"value": 0.02, "min": 0.01, "max": 0.03})
+    i = made.index(own["Fv"])
+    size = 0.02 / np.sqrt(12.0) / WHOLE["Fv"]
+    assert known(made, WHOLE, bounds=True)[i, i] == pytest.approx(size**-2)
+    assert not np.any(known(made, WHOLE))
+
+
+def runs_at_steady_speed():
+    rng = np.random.default_rng(3)
+    made = []
+    for w in np.r_[np.geomspace(0.5, 20.0, 8), -np.geomspace(0.5, 20.0, 8)]:
+        t = np.arange(500) * 1e-2
+        u = np.sign(w) * 0.2 + 0.02 * w + rng.normal(scale=0.01, size=len(t))
+        speed = w + rng.normal(scale=0.01, size=len(t))
+        made.append(lg.Record(t=t, u=u, w=speed, source=f"run {w:.2g}", motion="rotary"))
+    return made
+
+
+def test_a_map_with_stiction_declared_below_friction_is_answered():
+    model = lg.Model.of(friction="stribeck", Fc=0.2, Fs=0.15, Fv=0.02, vs=0.5)
+    found = lg.identify(runs_at_steady_speed(), model)
+    values = found.model.values()
+    assert values["Fs"] >= values["Fc"] and values["Fc"] == pytest.approx(0.2, rel=0.1)
+    assert any("Fs = 0.15 is below Fc" in m for m in found.messages)
+
+
+def test_a_map_of_runs_at_steady_speed_honours_them_too():
+    model = lg.Model.of(friction="coulomb", Fc=held(0.21), Fv={"value": 0.03, "min": 0.022})
+    fits = begin_map(runs_at_steady_speed(), model, None, lambda *_: None)
+    whole = refit(fits.base, fits.whole)
+    assert whole.values["Fc"] == 0.21 and whole.values["Fv"] == pytest.approx(0.022, rel=1e-4)
+    made = estimates_of(whole)
+    assert made["Fc"].held and made["Fc"].ci95 is None
+    prior = replace(model, stated={"Fc": Stated(std=1e-6)})
+    pulled = begin_map(runs_at_steady_speed(), prior, None, lambda *_: None).base
+    assert pulled.values["Fc"] == pytest.approx(0.21, rel=1e-3)
+    free = lg.Model.of(friction="coulomb", Fc=0.21, Fv=0.02)
+    fits = begin_map(runs_at_steady_speed(), free, None, lambda *_: None)
+    said = " ".join(messages_of(fits, refit(fits.base, fits.whole)))
+    assert "Fc is 0.2" in said and "declared 0.21 N m" in said

@@ -1,0 +1,68 @@
+"""Measured records and the bench of simulated ones, where they are at hand."""
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from lugrectl import diagnose, read_model, read_record
+from lugrectl.blocks.model import model_from_dict
+
+DATA = Path(os.environ.get("LUGRECTL_DATA", Path(__file__).parents[3] / "shared" / "data"))
+pytestmark = pytest.mark.skipif(
+    not DATA.exists(), reason=f"the measured records are not at {DATA} (set LUGRECTL_DATA)"
+)
+EXPECTED = {
+    "01": ("adequate", []),
+    "02": ("found", ["torque_ripple"]),
+    "03": ("found", ["input_delay"]),
+    "04": ("found", ["friction_step"]),
+}
+
+
+def bench(number):
+    folder = DATA / "bench" / number
+    truth = json.loads((folder / "truth.json").read_text())
+    return diagnose(read_record(folder / "record.csv"), read_model(folder / "model.toml")), truth
+
+
+@pytest.mark.parametrize("number", EXPECTED)
+@pytest.mark.slow
+@pytest.mark.sample
+def test_bench(number):
+    result, truth = bench(number)
+    assert (result.verdict, [f.name for f in result.effects]) == EXPECTED[number]
+    for name, value in truth["parameters"].items():
+        found = result.effects[0].parameters[name]
+        assert found.value == pytest.approx(value, rel=0.05)
+        if found.ci95 is not None:
+            assert found.ci95[0] <= value <= found.ci95[1]
+
+
+@pytest.mark.slow
+@pytest.mark.sample
+def test_bench_stranger():
+    result, _ = bench("08")
+    assert result.verdict == "unexplained" and "theta" in result.depends_on
+
+
+@pytest.mark.slow
+def test_positioning_system():
+    """EMPS: the published model, position only, raw drive command."""
+    record = read_record(
+        DATA / "emps" / "DATA_EMPS.mat",
+        columns={"theta": "qm", "u": "vir"},
+        units={"theta": "m", "u": "N"},
+        scale={"u": 35.15},
+    )
+    published = {
+        "motion": "linear",
+        "plant": {"J": 95.1089},
+        "friction": {"model": "coulomb", "Fc": 20.3935, "Fv": 203.5034},
+        "effects": [{"name": "constant_torque", "torque": -3.1648}],
+    }
+    result = diagnose(record, model_from_dict(published, "published"))
+    assert result.effects and result.error["signal"] == "theta"
+    assert result.error["augmented"] <= 0.5 * result.error["refitted"]
+    assert result.free_error["augmented"] < 6.74e-3

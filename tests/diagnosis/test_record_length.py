@@ -1,0 +1,60 @@
+"""An answer from a short record says that it is short, and how long to record next."""
+
+import numpy as np
+import pytest
+
+from lugrectl import Model, diagnose
+from lugrectl.core.errors import Refused
+from lugrectl.diagnosis.record_length import longer, said
+from lugrectl.diagnosis.refusal import refusal
+from lugrectl.identification.balance import Balance
+from lugrectl.record import Record
+from lugrectl.report import text
+
+from ..cases.balance_drive import simulate, torque
+
+DT = 1e-3
+
+
+def log(seconds):
+    """A drive with a load that its model does not contain: columns of a log."""
+    u = torque(seconds, DT, seed=3)
+    theta, _ = simulate(u, DT, load=lambda theta, w: 0.06 * np.sin(6.0 * theta))
+    noise = np.random.default_rng(0).normal(0.0, 1e-4, len(u))
+    return {"t": DT * np.arange(len(u)), "u": u, "theta": theta + noise}
+
+
+@pytest.fixture(scope="module")
+def one_second():
+    return diagnose(log(1.0), Model.of(J=0.002, Fc=0.2, Fv=0.02))
+
+
+def test_a_second_long_record_says_how_long_it_is_and_how_much_was_compared(one_second):
+    notes = " ".join(one_second.messages)
+    assert "The record is short: 1 s, in which" in notes and "independent stretches" in notes
+
+
+def test_a_short_record_says_how_long_to_record_next(one_second):
+    assert one_second.experiment is not None
+    assert one_second.experiment.startswith("Record 18 s or more of such motion first")
+
+
+def test_the_length_to_record_grows_where_the_drive_moves_little():
+    t = np.arange(0.0, 20.0, 0.01)
+    record = Record(t=t, u=np.sin(t), w=np.sin(t))
+    assert "Record 160 s or more" in longer([record], 3)
+    assert "Record 18 s or more in which the drive moves" in longer([record], 0)
+    assert longer([record], 3, "Then so.").endswith("short. Then so.")
+
+
+def test_many_stretches_are_only_counted():
+    t = np.arange(0.0, 20.0, 0.01)
+    sentence = said([Record(t=t, u=np.sin(t), w=np.sin(t))], 60)
+    assert "20 s" in sentence and "60 independent" in sentence and "short" not in sentence
+
+
+def test_a_note_of_the_plain_balance_is_printed_once():
+    plain = Balance(notes=("Fc is taken as declared.",), reading=("t is even.",))
+    no = refusal(Refused("The drive hardly slides."), Model.of(J=0.002), [], plain)
+    assert "Fc is taken as declared." in no.messages
+    assert text(no).count("Fc is taken as declared.") == text(no).count("t is even.") == 1

@@ -1,0 +1,39 @@
+"""A torque of the wrong sign: what was done with it is said exactly, with the option to use."""
+
+import numpy as np
+import pytest
+
+from lugrectl import Model, diagnose, identify
+from lugrectl.report import text
+
+from ..cases.balance_drive import FC, simulate, torque
+
+DT = 2e-3
+DECLARED = Model.of(J=0.004, Fc=FC, Fv=0.006)
+
+
+@pytest.fixture(scope="module")
+def turned():
+    u = torque(8.0, DT, seed=3)
+    theta, _ = simulate(u, DT)
+    noise = np.random.default_rng(0).normal(0.0, 1e-4, len(u))
+    return {"t": DT * np.arange(len(u)), "u": -u, "theta": theta + noise}
+
+
+def test_a_refusal_names_the_option_and_claims_no_change(turned):
+    no = diagnose(turned, DECLARED)
+    assert no.verdict == "refused" and "wrong sign. Give --scale u=-1" in no.reason
+    assert "was changed" not in " ".join(no.messages)
+    assert text(no).count("wrong sign") == 1
+
+
+def test_a_fit_with_the_other_sign_says_where_it_was_changed(turned):
+    found = identify(turned, DECLARED)
+    (said,) = [m for m in found.messages if "sign was changed" in m]
+    assert "not in the plain torque balance" in said and "--scale u=-1" in said
+    assert found.estimates["J"].value == pytest.approx(0.004, rel=0.01)
+    assert "wrong sign" in found.plain.refused
+
+
+def test_the_option_repairs_it(turned):
+    assert not identify(turned | {"u": -turned["u"]}, DECLARED).plain.refused

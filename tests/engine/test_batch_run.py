@@ -1,0 +1,295 @@
+"""Many runs side by side, against SciPy, closed forms and plain loops; the cache of their code."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+import warnings
+
+import control as ct
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import lugrectl as lg
+from lugrectl.blocks.model import model_from_dict
+from lugrectl.core.errors import InputError
+from lugrectl.engine import Lanes
+from lugrectl.engine.runtime import disk_cache
+
+from ..cases.systems import DT, full_model, torque, velocity_loop
+
+
+def runs(system, backend: str, count: int = 3, samples: int = 200, **options):
+    lanes = Lanes(system, backend=backend)
+    random = np.random.default_rng(5)
+    p = lanes.defaults * random.uniform(0.9, 1.1, (count, len(lanes.defaults)))
+    x0 = 1e-3 * random.standard_normal((count, len(lanes.states)))
+    u = torque(samples)[:, : len(lanes.inputs)]
+    start = np.arange(count) * 10
+    return lanes.run(x0, start, samples - 10 * count, u, p, dt=DT, **options)
+
+
+@pytest.mark.parametrize(
+    "make", [lambda: lg.plant(full_model()), lambda: velocity_loop(lg.plant(lg.table1()))]
+)
+def test_all_backends_give_the_same_numbers(make, backend: str) -> None:
+    compiled, arrays = runs(make(), backend), runs(make(), "numpy")
+    for a, b in zip(compiled, arrays, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-10, atol=1e-12)
+
+
+def held_radau(system, u: np.ndarray, x0: np.ndarray) -> np.ndarray:
+    """States at the samples, integrated interval by interval."""
+    system._update_params(None)
+    states = [np.asarray(x0, dtype=float)]
+    for k, held in enumerate(u[:-1]):
+        part = solve_ivp(
+            lambda t, x, held=held: system._rhs(t, x, held),
+            (k * DT, (k + 1) * DT),
+            states[-1],
+            method="Radau",
+            rtol=1e-7,
+            atol=1e-12,
+        )
+        states.append(part.y[:, -1])
+    return np.array(states)
+
+
+STIFF = lg.Parameters(J=1.0, sigma0=1e5, sigma1=316.0, Fc=1.0, Fs=1.5, Fv=0.4, vs=1e-3)
+
+
+@pytest.mark.parametrize(("parameters", "amplitude"), [(lg.table1(), 0.5), (STIFF, 3.0)])
+def test_lanes_against_radau(parameters: lg.Parameters, amplitude: float) -> None:
+    plant, u = lg.plant(parameters), torque(60, amplitude)
+    lanes = Lanes(plant, outputs=["theta", "w"])
+    y, _ = lanes.run(np.zeros((1, 3)), [0], 60, u, lanes.defaults[None], dt=DT)
+    exact = held_radau(plant, u, np.zeros(3))[:, :2]
+    assert np.max(np.abs(y[0] - exact) / np.max(np.abs(exact), axis=0)) < 2e-5
+
+
+@pytest.mark.parametrize("law", ["coulomb", "stribeck"])
+def test_static_friction_laws_through_zero_speed(law: str) -> None:
+    friction = {"model": law, "Fc": 0.285, "Fv": 0.018}
+    friction |= {"Fs": 0.335, "vs": 0.01} if law == "stribeck" else {}
+    model = model_from_dict({"plant": {"J": 0.0022}, "friction": friction}, "test")
+    plant, u = lg.plant(model), torque(120)
+    lanes = Lanes(plant, outputs=["theta", "w"], backend="numpy")
+    y, _ = lanes.run(np.zeros((1, 2)), [0], 120, u, lanes.defaults[None], dt=DT)
+    exact = held_radau(plant, u, np.zeros(2))
+    assert np.max(np.abs(y[0] - exact) / np.max(np.abs(exact), axis=0)) < 5e-3
+
+
+def lag_block() -> ct.NonlinearIOSystem:
+    """dx/dt = a (u - x): a step of length h is x + (1 - e^(-a h)) (u - x)."""
+    return ct.nlsys(
+        lambda t, x, u, p: p["a"] * (u[0] - x[0]),
+        None,
+        inputs="u",
+        outputs="x",
+        states="x",
+        params={"a": 40.0},
+        name="lag",
+    )
+
+
+def test_correction_is_made_before_the_interval(backend: str) -> None:
+    """A plain loop with the closed form of each interval; nan leaves the state alone."""
+    random = np.random.default_rng(2)
+    u, y = random.standard_normal((30, 1)), random.standard_normal((30, 1))
+    y[7:9] = np.nan
+    lanes = Lanes(lag_block(), backend=backend)
+    rates, starts, gain = np.array([40.0, 90.0]), [0, 5], np.array([[[0.2]], [[0.5]]])
+    got, end = lanes.run(
+        np.ones((2, 1)), starts, 20, u, rates[:, None], dt=DT, y=y, gain=gain, substeps=4
+    )
+    for lane in range(2):
+        x = 1.0
+        for j in range(20):
+            k = starts[lane] + j
+            assert got[lane, j, 0] == pytest.approx(x, abs=1e-8)
+            x += 0.0 if np.isnan(y[k, 0]) else gain[lane, 0, 0] * (y[k, 0] - x)
+            x += (1 - np.exp(-rates[lane] * DT)) * (u[k, 0] - x)
+        assert end[lane, 0] == pytest.approx(x, abs=1e-8)
+
+
+def test_rows_for_substeps_and_input_sets(backend: str) -> None:
+    u = np.random.default_rng(4).standard_normal((2, 40, 1))
+    lanes = Lanes(lag_block(), backend=backend)
+    got, _ = lanes.run(
+        np.zeros((2, 1)),
+        [0, 3],
+        7,
+        u,
+        np.full((2, 1), 40.0),
+        dt=DT,
+        substeps=4,
+        series=[1, 0],
+        per_substep=True,
+    )
+    for lane, (own, start) in enumerate([(1, 0), (0, 3)]):
+        x = 0.0
+        for j in range(7):
+            assert got[lane, j, 0] == pytest.approx(x, abs=1e-9)
+            for held in u[own, 4 * (start + j) : 4 * (start + j + 1), 0]:
+                x += (1 - np.exp(-40.0 * DT / 4)) * (held - x)
+
+
+def test_a_step_in_time_counts_by_its_share(backend: str) -> None:
+    """dx/dt = 1 from t0 on: the integral is exact for any t0 in the step."""
+    block = ct.nlsys(
+        lambda t, x, u, p: np.where(t >= p["t0"], 1.0, 0.0) + 0.0 * x[0],
+        None,
+        inputs=0,
+        outputs="x",
+        states="x",
+        params={"t0": 0.0},
+        name="late",
+    )
+    lanes = Lanes(block, backend=backend)
+    late = np.array([0.0, 0.0031, 0.00425, 0.005, 1.0])
+    _, end = lanes.run(np.zeros((5, 1)), 0, 10, np.zeros((10, 0)), late[:, None], dt=DT)
+    np.testing.assert_allclose(end[:, 0], np.maximum(0.01 - late, 0.0), atol=1e-15)
+
+
+def test_one_lane_that_blows_up_leaves_the_others_alone(backend: str) -> None:
+    block = ct.nlsys(
+        lambda t, x, u, p: p["a"] * x[0] ** 3 + u[0],
+        None,
+        inputs="u",
+        outputs="x",
+        states="x",
+        params={"a": -1.0},
+        name="cubic",
+    )
+    lanes = Lanes(block, backend=backend)
+    p = np.array([[-1.0], [1e6], [-1.0]])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        y, end = lanes.run(np.ones((3, 1)), 0, 50, np.zeros((50, 1)), p, dt=DT)
+    assert not np.isfinite(end[1, 0])
+    np.testing.assert_allclose(
+        y[[0, 2], :, 0], (1 / np.sqrt(1 + 2 * DT * np.arange(50)),) * 2, rtol=1e-6
+    )
+
+
+def test_a_run_without_hope_gives_up_its_error_control() -> None:
+    """Its right side is noise at any step: 10,000 steps a sample would be four million here."""
+    block = ct.nlsys(
+        lambda t, x, u, p: p["a"] * np.where(np.cos(1e9 * x[0]) > 0.0, 1.0, -1.0) - x[0],
+        None,
+        inputs=0,
+        outputs="x",
+        states="x",
+        params={"a": 0.0},
+        name="noise",
+    )
+    lanes = Lanes(block, backend="numpy")
+    before = time.process_time()
+    p = np.array([[0.0], [1e9]])
+    y, end = lanes.run(np.ones((2, 1)), 0, 400, np.zeros((400, 0)), p, dt=DT)
+    assert time.process_time() - before < 10.0
+    assert np.all(np.isfinite(end))
+    np.testing.assert_allclose(y[0, :, 0], np.exp(-DT * np.arange(400)), rtol=1e-6)
+
+
+def test_friction_that_no_machine_has_ends_in_time() -> None:
+    """Steps that were too long shrank without end: such a run took minutes."""
+    law = {"model": "coulomb", "Fc": 40.0, "Fv": 40.0, "eps": 2e-5}
+    model = model_from_dict({"plant": {"J": 20.0}, "friction": law}, "absurd")
+    lanes = Lanes(lg.plant(model.with_effect("stribeck", {"Fs": 1e8, "vs": 0.2})), backend="numpy")
+    u, y = np.zeros((30, len(lanes.inputs))), np.zeros((30, len(lanes.outputs)))
+    u[:, 0], y[:, 1] = 60.0 * np.sin(0.1 * np.arange(30) + 0.5), 0.5
+    before = time.process_time()
+    lanes.run(np.array([[0.0, 0.5]]), 0, 30, u, lanes.defaults[None], dt=5e-3, substeps=3, y=y,
+              gain=0.1 * np.eye(2, len(lanes.outputs)))  # fmt: skip
+    assert time.process_time() - before < 8.0
+
+
+def test_order_four_without_step_control(backend: str) -> None:
+    """dx/dt = -x^2 cos t has x = 1/(1 + sin t): halving the step divides the error by 16."""
+    block = ct.nlsys(
+        lambda t, x, u, p: -(x[0] ** 2) * np.cos(t),
+        None,
+        inputs=0,
+        outputs="x",
+        states="x",
+        name="riccati",
+    )
+    lanes = Lanes(block, backend=backend)
+    errors = []
+    for substeps in (1, 2, 4):
+        _, end = lanes.run(
+            np.ones((1, 1)),
+            0,
+            10,
+            np.zeros((10, 0)),
+            np.zeros((1, 0)),
+            dt=0.1,
+            substeps=substeps,
+            rtol=np.inf,
+        )
+        errors.append(abs(end[0, 0] - 1 / (1 + np.sin(1.0))))
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.all(np.abs(orders - 4.0) < 0.4)
+
+
+def test_wrong_shapes_are_said(backend: str) -> None:
+    lanes = Lanes(lg.plant(lg.table1()), backend=backend)
+    p, u = lanes.defaults[None], np.zeros((10, 2))
+    with pytest.raises(InputError, match="x0 needs the columns theta, w, z"):
+        lanes.run(np.zeros((1, 2)), 0, 10, u, p, dt=DT)
+    with pytest.raises(InputError, match="start must be between 0 and 5"):
+        lanes.run(np.zeros((1, 3)), 6, 5, u, p, dt=DT)
+    with pytest.raises(InputError, match="u needs the columns u, d"):
+        lanes.run(np.zeros((1, 3)), 0, 5, u[:, :1], p, dt=DT)
+    with pytest.raises(InputError, match="no output 'q'"):
+        Lanes(lg.plant(lg.table1()), outputs=["q"])
+
+
+CHILD = """
+import sys, numpy as np, control as ct
+from lugrectl.engine import Lanes
+block = ct.nlsys(lambda t, x, u, p: -p["a"] * x[0], None, inputs=0, outputs="x", states="x",
+                 params={"a": 1.0}, name="decay")
+lanes = Lanes(block, backend="numba")
+lanes.run(np.ones((1, 1)), 0, 5, np.zeros((5, 0)), np.ones((1, 1)), dt=0.1)
+print(sum(lanes._run.stats.cache_hits.values()), sum(lanes._run.stats.cache_misses.values()))
+"""
+
+
+def test_a_second_process_finds_the_compiled_code(tmp_path) -> None:
+    pytest.importorskip("numba")
+    environment = os.environ | {
+        "LUGRECTL_CACHE": str(tmp_path),
+        "PYTHONPATH": os.pathsep.join(p for p in sys.path if p),
+    }
+    counts = [
+        subprocess.run(
+            [sys.executable, "-c", CHILD],
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout.split()
+        for _ in range(2)
+    ]
+    assert counts == [["0", "1"], ["1", "0"]]
+    assert [path.suffix for path in tmp_path.glob("*.p*")] == [".py"]
+
+
+def test_a_cache_that_cannot_be_written_is_replaced(tmp_path, monkeypatch) -> None:
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("LUGRECTL_CACHE", str(tmp_path / "file" / "below"))
+    assert disk_cache.cache_dir().is_dir()
+
+
+def test_a_full_cache_drops_its_older_half(tmp_path) -> None:
+    for age in range(6):
+        path = tmp_path / f"lugrectl_numba_{age}.py"
+        path.write_text("")
+        os.utime(path, (age, age))
+    disk_cache.make_room(tmp_path, most=6)
+    assert sorted(p.stem[-1] for p in tmp_path.iterdir()) == ["3", "4", "5"]

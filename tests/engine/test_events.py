@@ -1,0 +1,176 @@
+"""Kinks and jumps: where they are met, and that a run ends whatever its switching functions do."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import control as ct
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import lugrectl as lg
+from lugrectl.blocks.model import model_from_dict
+from lugrectl.core.errors import Diverged
+from lugrectl.engine.runtime import adaptive_run
+from lugrectl.engine.tracing.tracer import trace
+
+W = 5.0
+Signal = Callable[[Any, Any], Any]
+
+
+@pytest.fixture(autouse=True)
+def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
+
+
+def turning(rate: Signal) -> ct.NonlinearIOSystem:
+    """x0 = cos(W t), x1 its rate, and the integral of a function of them."""
+
+    def update(t: Any, x: Any, u: Any, p: Any) -> Any:
+        return np.array([x[1], -W * W * x[0], rate(t, x)])
+
+    return ct.nlsys(update, None, states=3, inputs=0, outputs=3, name="turning")
+
+
+def last(rate: Signal, t: np.ndarray, rtol: float = 1e-9) -> float:
+    return lg.simulate(turning(rate), t, x0=[1.0, 0.0, 0.0], rtol=rtol).states[2, -1]
+
+
+def area(wave: Callable[[np.ndarray], np.ndarray], end: float) -> float:
+    """Its integral by the midpoint rule."""
+    t = (np.arange(2_000_000) + 0.5) * end / 2_000_000
+    return float(np.mean(wave(t)) * end)
+
+
+ABSENT: dict[str, Signal] = {
+    "zero": lambda t, x: np.abs(0.0 * np.maximum(x[0], x[1]) * x[0]),
+    "zero up to rounding": lambda t, x: np.abs((x[0] + 1.0) - 1.0 - x[0]),
+    "sign of zero": lambda t, x: np.sign(1e-300 * np.minimum(x[0] * x[0], 0.0)),
+    "touches zero": lambda t, x: 0.0 * np.abs(1.0 - x[0]),
+    "zero at last": lambda t, x: np.sign(np.maximum(0.4 - t, 0.0) * x[1]) + (t < 0.4),
+    "zero, then not": lambda t, x: 0.0 * np.sign(np.maximum(t - 2.2, 0.0) * x[1]),
+    "zero now and then": lambda t, x: 0.0 * np.abs(np.maximum(np.sin(9.0 * t), 0.0) * x[1]),
+    "at least zero": lambda t, x: np.where(0.0 * x[0] >= 0.0, 0.0, 1.0),
+    "above zero": lambda t, x: np.where(0.0 * x[0] > 0.0, 1.0, 0.0),
+    "constant": lambda t, x: np.abs(3.0 + 0.0 * x[0]) - 3.0,
+    "infinite": lambda t, x: np.clip(0.0 * x[0], -np.inf, np.inf),
+}
+
+
+@pytest.mark.parametrize("idle", ABSENT.values(), ids=ABSENT)
+@pytest.mark.parametrize("points", [2, 12, 500])
+def test_a_function_at_zero_does_not_keep_others_from_being_met(idle: Signal, points: int) -> None:
+    t = np.linspace(0.0, 5.5, points)
+    exact = area(lambda t: np.abs(np.cos(W * t)), 5.5)
+    assert last(lambda t, x: np.abs(x[0]) + idle(t, x), t) == pytest.approx(exact, abs=1e-6)
+
+
+def test_effects_at_neutral_change_nothing_and_take_no_time() -> None:
+    """hard_stop has |stiffness (theta - position)| with stiffness 0."""
+    model = model_from_dict(
+        {"plant": {"J": 0.0022}, "friction": {"model": "coulomb", "Fc": 0.3, "Fv": 0.02}}, "test"
+    )
+    idle = model.with_effect("hard_stop", {"position": 0.1, "stiffness": 0.0, "side": 1.0})
+    idle = idle.with_effect("load_dependent_friction", {"coefficient": 0.0})
+    t = np.linspace(0.0, 0.05, 11)
+    u = [0.9 * np.sin(30.0 * t), 0.0]
+    bare, ours = (lg.simulate(lg.plant(m), t, u).states for m in (model, idle))
+    np.testing.assert_allclose(ours, bare, rtol=0, atol=1e-6 * np.max(np.abs(bare)))
+
+
+def test_hundreds_of_kinks_within_one_interval_are_all_met() -> None:
+    exact = area(lambda t: np.abs(np.cos(W * t)), 200.3)
+    assert last(lambda t, x: np.abs(x[0]), np.array([0.0, 200.3])) == pytest.approx(exact, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "rate",
+    [
+        lambda t, x: np.abs(np.sqrt(x[0])),
+        lambda t, x: np.sign(np.sqrt(x[0])),
+        lambda t, x: np.maximum(np.sqrt(x[0]), 0.5),
+        lambda t, x: np.minimum(0.5, np.sqrt(x[0])),
+    ],
+)
+def test_a_switching_function_that_is_no_number_ends_the_run(rate: Signal) -> None:
+    """sqrt(cos W t) from t = pi / 10 on."""
+    with pytest.raises(Diverged, match=r"state x\[2\] .* at t = 0.31"):
+        last(rate, np.linspace(0.0, 5.0, 11))
+
+
+def test_a_comparison_with_no_number_is_false_as_in_numpy() -> None:
+    t = np.linspace(0.0, 5.5, 200)
+    exact = area(lambda t: np.cos(W * t) > 0.25, 5.5)
+    ours = last(lambda t, x: np.where(np.sqrt(x[0]) > 0.5, 1.0, 0.0), t)
+    assert ours == pytest.approx(exact, abs=1e-5)
+
+
+def test_what_cannot_be_followed_ends_soon_and_by_name() -> None:
+    fast = ct.nlsys(
+        lambda t, x, u, p: np.array([np.sin(1e13 * t)]), None, states=1, inputs=0, outputs=1
+    )
+    with pytest.raises(Diverged, match=r"state x\[0\] .* faster than steps can follow"):
+        lg.simulate(fast, np.linspace(0.0, 5.0, 3))
+
+
+def test_a_condition_and_its_opposite_switch_together() -> None:
+    """sign by two comparisons: 0 between them at no instant."""
+    t = np.linspace(0.0, 5.5, 12)
+
+    def two(t: Any, x: Any) -> Any:
+        return np.where(x[0] > x[1], 1.0, np.where(x[0] < x[1], -1.0, 7.0))
+
+    zeros = (np.arange(1, 9) * np.pi - np.arctan(1.0 / W)) / W
+    edges = np.array([0.0, *zeros, 5.5])  # cos(W t) > -W sin(W t) from the start
+    exact = np.sum(np.diff(edges) * (-1.0) ** np.arange(9))
+    assert last(two, t) == pytest.approx(exact, abs=1e-8)
+
+
+PIECES = st.sampled_from(["abs", "sign", "where", "max", "zero", "touch", "late"])
+NUMBERS = st.floats(-2.0, 2.0).map(lambda v: round(v, 2))
+
+
+def _piece(name: str, a: Any, b: Any, t: Any) -> Any:
+    made: dict[str, Callable[[], Any]] = {
+        "abs": lambda: np.abs(a - b),
+        "sign": lambda: np.sign(a),
+        "where": lambda: np.where((a > b) & (a < 1.0), -a, b),
+        "max": lambda: np.maximum(a, b) - np.clip(b, -0.3, 0.3),
+        "zero": lambda: np.sign(0.0 * np.maximum(a, b)),
+        "touch": lambda: np.abs(a * a),
+        "late": lambda: np.abs(np.maximum(np.sin(7.0 * t), 0.0) * a),
+    }
+    return made[name]()
+
+
+@settings(max_examples=60, derandomize=True)
+@given(
+    st.lists(st.tuples(PIECES, st.integers(0, 2), st.integers(0, 2), NUMBERS), max_size=5),
+    st.lists(NUMBERS, min_size=9, max_size=9),
+    st.lists(NUMBERS, min_size=3, max_size=3),
+    st.integers(2, 6),
+)
+def test_every_run_ends(pieces: list, matrix: list, x0: list, points: int) -> None:
+    """In states for all times, in a warning, or in Diverged, and in few steps."""
+
+    def update(t: Any, x: Any, u: Any, p: Any) -> Any:
+        rates = list(np.array(matrix).reshape(3, 3) @ np.array(x))
+        for i, (name, j, k, gain) in enumerate(pieces):
+            rates[i % 3] = rates[i % 3] + gain * _piece(name, x[j], x[k] - 0.5 * gain, t)
+        return np.array(rates)
+
+    system = ct.nlsys(update, None, states=3, inputs=0, outputs=3, name="random")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        engine = adaptive_run.Adaptive(trace(system), "python")
+    t = np.linspace(0.0, 2.0, points)
+    try:
+        run = engine.run(t, np.empty((0, points)), np.array(x0), np.empty(0), hold=True, rtol=1e-5)
+    except Diverged:
+        return
+    assert np.all(np.isfinite(run.states))
+    assert run.steps < 20_000

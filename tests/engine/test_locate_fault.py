@@ -1,0 +1,64 @@
+"""Errors of simulate() name the block at fault, traced or not."""
+
+from __future__ import annotations
+
+import control as ct
+import numpy as np
+import pytest
+
+from lugrectl.core.errors import Diverged
+from lugrectl.engine import AlgebraicLoop
+from lugrectl.engine.runtime import adaptive_run
+from lugrectl.simulation.response import simulate
+
+
+@pytest.fixture(autouse=True)
+def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Plain Python: nothing to compile."""
+    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
+
+
+def _log_of_a_fall(branch: bool) -> ct.NonlinearIOSystem:
+    """x falls from 1 to 0 in one second; its logarithm is scaled by a block behind."""
+    first = ct.nlsys(
+        lambda t, x, u, p: -1.0 + 0 * x, None, inputs=0, outputs=["x"], states=1, name="fall"
+    )
+    curve = ct.nlsys(
+        None,
+        lambda t, x, u, p: np.sqrt(u[0]) if not branch or u[0] < 9 else 0.0,
+        inputs=["x"],
+        outputs=["y"],
+        dt=None,
+        name="curve",
+    )
+    gain = ct.nlsys(
+        None, lambda t, x, u, p: 2 * u[0], inputs=["y"], outputs=["v"], dt=None, name="gain"
+    )
+    return ct.interconnect([first, curve, gain], outputs=["v"], inputs=False, name="chain")
+
+
+@pytest.mark.parametrize("branch", [False, True])
+@pytest.mark.filterwarnings("ignore:block curve:RuntimeWarning")
+def test_the_block_that_makes_a_nan_is_named(branch: bool) -> None:
+    """Not the ones behind it, and not as the algebraic loop that python-control reports."""
+    with pytest.raises(Diverged, match=r"chain: output y of block curve is nan at t = 1[.\d]* s"):
+        simulate(_log_of_a_fall(branch), np.linspace(0, 2, 17), x0=1.0)
+
+
+@pytest.mark.filterwarnings("ignore:block one:RuntimeWarning")
+def test_an_algebraic_loop_is_named_without_a_trace() -> None:
+    def gain(name, source, target, function):
+        return ct.nlsys(None, function, inputs=source, outputs=target, name=name, dt=None)
+
+    loop = ct.interconnect(
+        [
+            gain("one", "a", "b", lambda t, x, u, p: 0.5 * u[0] + (1.0 if u[0] > 5 else 0.5)),
+            gain("two", "b", "a", lambda t, x, u, p: 0.5 * u[0]),
+            gain("after", "b", "c", lambda t, x, u, p: u[0]),
+        ],
+        inputs="a",
+        outputs="c",
+        check_unused=False,
+    )
+    with pytest.raises(AlgebraicLoop, match="through one, two;"):
+        simulate(loop, [0.0, 1.0], 1.0)

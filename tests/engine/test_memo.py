@@ -1,0 +1,388 @@
+"""A value that a block reads from outside changes between two calls: the new one counts."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from types import SimpleNamespace
+from typing import Any
+
+import control as ct
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.blocks.block import REGISTRY, P
+from lugrectl.blocks.declaration import block
+from lugrectl.engine.runtime import adaptive_run
+from lugrectl.identification.likelihood import effect_inputs
+
+T = np.linspace(0.0, 1.0, 11)
+U = 3.0 * np.cos(4.0 * T)
+LIMIT = 1.0
+VALUES: dict[str, Any] = {"limit": 1.0}
+
+
+@pytest.fixture(autouse=True)
+def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is kept is the same without numba, which takes seconds to compile."""
+    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
+    monkeypatch.setattr("lugrectl.engine.runtime.sampled_run.has_numba", lambda: False)
+
+
+def lag(limit: Any, name: str = "lag", dt: Any = None) -> ct.NonlinearIOSystem:
+    """dx/dt = clip(u) - x; ``limit`` is called for the limit."""
+    return ct.nlsys(
+        lambda t, x, u, p: np.clip(u[0], -limit(), limit()) - (0.5 if dt else 1.0) * x,
+        None,
+        inputs="u",
+        outputs="y",
+        states="y",
+        name=name,
+        **({"dt": dt} if dt else {}),
+    )
+
+
+def own(system: Any, u: Any = U) -> np.ndarray:
+    """python-control's answer."""
+    options: dict[str, Any] = {}
+    if not system.isdtime(strict=True):
+        options = {"solve_ivp_kwargs": {"rtol": 1e-8, "atol": 1e-10}, "solve_ivp_method": "LSODA"}
+    return np.atleast_2d(ct.input_output_response(system, T, u, **options).outputs)
+
+
+def ours(system: Any, u: Any = U, **options: Any) -> np.ndarray:
+    return np.atleast_2d(lg.simulate(system, T, u, **options).outputs)
+
+
+class Schedule:
+    """A block's functions as methods, and as an object that is called."""
+
+    def __init__(self, limit: float) -> None:
+        self.limit = limit
+
+    def __call__(self, t: Any, x: Any, u: Any, p: Any) -> Any:
+        return np.clip(u[0], -self.limit, self.limit) - x
+
+    @property
+    def bound(self) -> float:
+        return self.limit
+
+
+def called(function: Any) -> Any:
+    return ct.nlsys(function, None, inputs="u", outputs="y", states="y", name="called")
+
+
+def by_closure() -> Any:
+    limit = 1.0
+
+    def change() -> None:
+        nonlocal limit
+        limit = 2.0
+
+    return lag(lambda: limit), change
+
+
+def by_global() -> Any:
+    return lag(lambda: LIMIT), lambda: globals().update(LIMIT=2.0)
+
+
+def by_dictionary() -> Any:
+    return lag(lambda: VALUES["limit"]), lambda: VALUES.update(limit=2.0)
+
+
+def by_list() -> Any:
+    values = [0.0, [1.0]]
+    return lag(lambda: values[1][0]), lambda: values[1].__setitem__(0, 2.0)
+
+
+def by_attribute() -> Any:
+    drive = SimpleNamespace(motor=SimpleNamespace(limit=1.0))
+    return lag(lambda: drive.motor.limit), lambda: setattr(drive.motor, "limit", 2.0)
+
+
+def by_property() -> Any:
+    schedule = Schedule(1.0)
+    return lag(lambda: schedule.bound), lambda: setattr(schedule, "limit", 2.0)
+
+
+def by_array() -> Any:
+    table = np.array([0.3, 1.0])
+    return lag(lambda: table[1]), lambda: table.__setitem__(1, 2.0)
+
+
+def by_default_argument() -> Any:
+    def rate(t, x, u, p, limit=1.0):
+        return np.clip(u[0], -limit, limit) - x
+
+    return called(rate), lambda: setattr(rate, "__defaults__", (2.0,))
+
+
+def by_partial() -> Any:
+    part = partial(lambda values, t, x, u, p: np.clip(u[0], -values[0], values[0]) - x, [1.0])
+    return called(part), lambda: part.args[0].__setitem__(0, 2.0)
+
+
+def by_callable_object() -> Any:
+    schedule = Schedule(1.0)
+    return called(schedule), lambda: setattr(schedule, "limit", 2.0)
+
+
+def by_class_attribute() -> Any:
+    class Limits:
+        limit = 1.0
+
+    return lag(lambda: Limits.limit), lambda: setattr(Limits, "limit", 2.0)
+
+
+def by_other_function() -> Any:
+    steps = {"limit": lambda: 1.0}
+    return lag(lambda: steps["limit"]()), lambda: steps.update(limit=lambda: 2.0)
+
+
+def by_update_function() -> Any:
+    system = lag(lambda: 1.0)
+    return system, lambda: setattr(system, "updfcn", lag(lambda: 2.0).updfcn)
+
+
+def by_matrix() -> Any:
+    system = ct.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
+    return system, lambda: system.A.__setitem__((0, 0), -2.0)
+
+
+def by_parameters() -> Any:
+    system = lg.pi(1.6, 0.16)
+    return system, lambda: system.params.update({"pi.kp": 3.0})
+
+
+def by_wiring() -> Any:
+    system = ct.interconnect([lag(lambda: 1.0)], inputs="u", outputs="y")
+    return system, lambda: system.input_map.__setitem__((0, 0), 0.5)
+
+
+def by_gain_of_an_observer() -> Any:
+    gains = [-10.0]
+    made = lg.proposed_observer(lg.table1(), K1=lambda w: gains[0] + 0.0 * w)
+    names = ["Fhat", "zhat", "what"]
+    system = ct.interconnect([made], inputs=["u"], outputs=names, check_unused=False, params={})
+    return system, lambda: gains.__setitem__(0, -1.0)
+
+
+def by_a_block_inside() -> Any:
+    values = [1.0]
+    smooth = ct.ss([[-3.0]], [[3.0]], [[1.0]], [[0.0]], inputs="r", outputs="u", name="smooth")
+    system = ct.interconnect([smooth, lag(lambda: values[0])], inputs="r", outputs="y")
+    return system, lambda: values.__setitem__(0, 2.0)
+
+
+def in_discrete_time() -> Any:
+    values = [1.0]
+    return lag(lambda: values[0], dt=0.1), lambda: values.__setitem__(0, 2.0)
+
+
+def by_a_sampled_block() -> Any:
+    values = [1.0]
+    return lg.sampled(lag(lambda: values[0]), 0.1), lambda: values.__setitem__(0, 2.0)
+
+
+WAYS = [
+    by_closure,
+    by_global,
+    by_dictionary,
+    by_list,
+    by_attribute,
+    by_property,
+    by_array,
+    by_default_argument,
+    by_partial,
+    by_callable_object,
+    by_class_attribute,
+    by_other_function,
+    by_update_function,
+    by_matrix,
+    by_parameters,
+    by_wiring,
+    by_gain_of_an_observer,
+    by_a_block_inside,
+    in_discrete_time,
+    by_a_sampled_block,
+]
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_the_new_value_counts(way, monkeypatch):
+    monkeypatch.setattr("lugrectl.simulation.response.LONG", 0)  # discrete systems are traced too
+    monkeypatch.setitem(globals(), "LIMIT", 1.0)
+    monkeypatch.setitem(VALUES, "limit", 1.0)
+    system, change = way()
+    before = ours(system)
+    np.testing.assert_allclose(before, own(system), atol=2e-5, rtol=1e-4)
+    change()
+    now = own(system)
+    assert np.max(np.abs(now - before)) > 0.01  # the case can fail
+    np.testing.assert_allclose(ours(system), now, atol=2e-5, rtol=1e-4)
+
+
+def test_what_acts_only_far_from_the_origin_counts():
+    """A value that is not seen at small states and inputs."""
+    values = {"threshold": 50.0}
+    brake = called(
+        lambda t, x, u, p: u[0] - np.where(np.abs(x) > values["threshold"], 30.0 * x, 0.0)
+    )
+    ours(brake, 90.0)
+    values["threshold"] = 10.0
+    stopped = ours(brake, 90.0)
+    np.testing.assert_allclose(stopped[0, -1], 10.0, rtol=1e-4)
+
+
+def test_a_value_and_its_return_are_both_seen():
+    values = [1.0]
+    system = lag(lambda: values[0])
+    ends = []
+    for values[0] in (1.0, 2.0, 1.0, 0.5, 2.0):
+        ends.append(ours(system)[0, 5])
+    assert ends[0] == ends[2] and ends[1] == ends[4]
+    assert len(set(ends)) == 3
+
+
+def test_a_function_that_takes_the_place_of_a_dead_one_is_another():
+    """The memory of a function that is gone, and with it its id, serves the next one."""
+    system = lag(lambda: 1.0)
+    for limit in (1.0, 2.0, 0.5, 1.5, 0.7):
+        system.updfcn = eval("lambda t, x, u, p: np.clip(u[0], -limit, limit) - x", globals() | {
+            "limit": limit
+        })  # fmt: skip
+        np.testing.assert_allclose(ours(system), own(system), atol=1e-4)
+
+
+def test_a_branch_that_a_new_value_opens_is_followed_or_said():
+    """What can no longer be traced is left to LSODA, as in a first call."""
+    values = {"branch": False}
+
+    def rate(t, x, u, p):
+        return -x if values["branch"] and t > 0.45 else u[0] - x
+
+    system = called(rate)
+    ours(system)
+    values["branch"] = True
+    with pytest.warns(RuntimeWarning, match="block called"):
+        found = ours(system)
+    np.testing.assert_allclose(found, own(system), atol=1e-3)
+
+
+def test_a_parameter_that_becomes_a_list_is_read_again():
+    system = ct.nlsys(
+        lambda t, x, u, p: p["table"][0] * u[0] - x,
+        None,
+        inputs="u",
+        outputs="y",
+        states="y",
+        params={"table": [1.0]},
+        name="listed",
+    )
+    for system.params["table"][0] in (1.0, 2.0):
+        np.testing.assert_allclose(ours(system), own(system), atol=1e-4)
+
+
+def test_names_that_change_are_those_of_the_answer():
+    system = lg.pi(1.6, 0.16)
+    lg.simulate(system, T, U)
+    system.set_outputs(["torque"])
+    system.set_inputs(["miss"])
+    found = lg.simulate(system, T, {"miss": U})
+    assert found.output_labels == ["torque"] and found.input_labels == ["miss"]
+    table = lg.sweep(system, T, {"miss": U}, {"pi.kp": [1.0, 2.0]}, outputs=["torque"])
+    assert table["torque"].shape == (2, len(T))
+
+
+@pytest.mark.parametrize("delay", [0, 1])
+def test_a_sampled_drive_sees_a_new_value(delay):
+    values = [1.0]
+    plant = ct.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]], inputs="u", outputs="y", name="plant")
+    law = ct.nlsys(
+        None,
+        lambda t, x, u, p: np.clip(5.0 * (u[1] - u[0]), -values[0], values[0]),
+        inputs=["y", "r"],
+        outputs="u",
+        dt=0.1,
+        name="law",
+    )
+    ends = []
+    for values[0] in (1.0, 2.0):
+        kept = lg.simulate_sampled(plant, law, T, 9.0, delay=delay)
+        ends.append(np.asarray(kept.outputs)[0, -1])
+    steps = len(T) - 1 - delay
+    expected = [limit * (1.0 - np.exp(-0.1 * steps)) for limit in (1.0, 2.0)]
+    np.testing.assert_allclose(ends, expected, rtol=1e-5)
+
+
+def test_a_list_of_blocks_sees_a_new_value():
+    values = [1.0]
+    blocks = [lag(lambda: values[0]), lg.sampled(lg.pi(1.0, 0.0, outputs=["u"]), 0.1)]
+    first = lg.simulate(blocks, T, {"e": -9.0}).outputs[0, -1]
+    values[0] = 2.0
+    second = lg.simulate(blocks, T, {"e": -9.0}).outputs[0, -1]
+    np.testing.assert_allclose([first, second], np.array([1, 2]) * (1 - np.exp(-1)), rtol=1e-4)
+
+
+@pytest.mark.parametrize("run", [lg.sweep, lambda *given: next(lg.sweep_chunks(*given, chunk=2))])
+def test_a_sweep_sees_a_new_value(run):
+    values = [1.0]
+    system = lag(lambda: values[0])
+    system.params["unused"] = 0.0
+    for values[0] in (1.0, 2.0):
+        found = run(system, T, U, {"unused": [0.0, 1.0]})
+        np.testing.assert_allclose(found["y"], np.repeat(own(system), 2, axis=0), atol=1e-4)
+
+
+def test_an_effect_that_a_cell_declares_again_is_the_new_one():
+    """A notebook cell that is run again replaces its block; what was compiled goes with it."""
+    ends = []
+
+    def cell(factor):
+        def slow(w, x, c=P(1.0, "N m", neutral=0.0), tau=P(0.5, "s", 1e-3)):
+            return c * x, (factor * w - x) / tau
+
+        slow.__module__ = "__main__"
+        return slow
+
+    for slow in (cell(1.0), cell(3.0)):
+        try:
+            made = block("effect", name="again", out="d", states="x", acts="torque")(slow)
+            log: Any = SimpleNamespace(t=T, u=U, dt=T[1], runs=[(0, len(T))])
+            one = [{"c": 1.0, "tau": 0.5}]
+            ends.append(effect_inputs.run_alone(made, log, {"w": np.ones(len(T))}, one)[0, -1, 0])
+            system = made.system()
+            np.testing.assert_allclose(ours(system), own(system), atol=1e-4)
+        finally:
+            REGISTRY.pop(("effect", "again"), None)
+    assert ends[1] == pytest.approx(3.0 * ends[0])
+
+
+def test_blocks_of_the_package_are_not_traced_again(monkeypatch):
+    """Nothing that they read can change: the second call costs no trace."""
+    loop = lg.velocity_loop(lg.table1(), "proposed")
+    lg.simulate(loop, T, 0.1)
+    for name in ("runtime.memo.traced", "tracing.ingredients.single"):
+        monkeypatch.setattr(f"lugrectl.engine.{name}", None)
+    lg.simulate(loop, T, 0.2)
+
+
+def test_threads_do_not_see_each_other_s_parameters():
+    system = ct.nlsys(
+        lambda t, x, u, p: -p["rate"] * x,
+        None,
+        inputs="u",
+        outputs="y",
+        states="y",
+        params={"rate": 1.0},
+        name="decay",
+    )
+    rates = np.tile([0.5, 1.0, 2.0, 4.0], 10)
+
+    def end(rate: float) -> float:
+        return lg.simulate(system, T, 0.0, 1.0, params={"rate": rate}).outputs[-1]
+
+    with ThreadPoolExecutor(4) as pool:
+        ends = list(pool.map(end, rates.tolist()))
+    np.testing.assert_allclose(ends, np.exp(-rates), rtol=1e-4)

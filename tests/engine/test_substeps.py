@@ -1,0 +1,123 @@
+"""Blocks whose rates are not affine in their states, in discrete time: found, and right."""
+
+import control as ct
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.simulation.response import simulate
+from lugrectl.simulation.sampled_block import sampled
+
+from ..simulation.test_sampled_block import DT, P, sine_error, step_response
+
+
+def lone(rate, name="lone", **params):
+    """dx/dt = rate(x, v, params), y = x."""
+    return ct.nlsys(
+        lambda t, x, u, p: [rate(x[0], u[0], p)],
+        lambda t, x, u, p: [x[0]],
+        inputs=["v"],
+        outputs=["y"],
+        states=["x"],
+        name=name,
+        params=params,
+    )
+
+
+def largest_difference(block, dt, v, seconds, params=None, method="LSODA"):
+    """Of the sampled block, run by python-control, against the continuous one."""
+    t = np.arange(0, seconds, dt)
+    exact = simulate(block, t, v(t), rtol=1e-9, params=params, method=method).outputs
+    found = ct.input_output_response(sampled(block, dt), t, v(t), params=params).outputs
+    return np.abs(found - exact).max()
+
+
+@pytest.mark.parametrize(
+    ("rate", "v", "dt", "bound"),
+    [
+        (lambda x, v, p: v - 1000 * np.clip(x, -5, 5), lambda t: 8000 + 0 * t, 1e-3, 2e-3),
+        (
+            lambda x, v, p: v - 800 * np.where(np.abs(x) > 4, x - 4 * np.sign(x), 0.0),
+            lambda t: 100 * np.sin(4 * np.pi * t),
+            4e-3,
+            1e-3,
+        ),
+        (lambda x, v, p: v - 3 * np.sign(x), lambda t: 2 * np.sin(9 * t), 0.01, 1e-4),
+        (lambda x, v, p: v - x * x * x, lambda t: 50 * np.sin(20 * t), 5e-3, 1e-4),
+    ],
+    ids=["limited return", "stop", "sign", "cubic"],
+)
+def test_rates_that_are_affine_in_a_range_only_are_right(rate, v, dt, bound):
+    rests = lone(rate).updfcn(0.0, [1e-9], [0.0], {})[0] < -1.0  # LSODA cannot follow that
+    method = None if rests else "LSODA"
+    assert largest_difference(lone(rate), dt, v, 0.3, method=method) < bound
+
+
+@pytest.mark.parametrize("c", [0.0, 3.0])
+def test_a_parameter_of_the_call_does_not_spoil_the_form(c):
+    """c = 0 by default, where the rates are affine."""
+    block = lone(lambda x, v, p: v - x - p["c"] * x**3, c=0.0)
+    assert largest_difference(block, 0.1, lambda t: 2 + 0 * t, 2.0, {"c": c}) < 1e-4
+
+
+@pytest.mark.parametrize("slope", [np.sqrt, np.log])
+def test_a_nan_away_from_the_inputs_is_no_verdict(slope):
+    """-sqrt(v) x and -log(v) x are affine, and exact while v is constant."""
+    block = lone(lambda x, v, p: 1.0 - slope(v) * x)
+    made = sampled(block, 0.1)
+    y = step_response(made, np.full((1, 20), 3.0), [0.0, 3.0, 1.0], 20)[0]
+    a = slope(3.0)
+    assert y == pytest.approx((1 - np.exp(-a * 0.1 * np.arange(1, 21))) / a, rel=1e-12)
+
+
+def test_what_the_engine_follows_and_what_it_calls_agree():
+    """An affine block is traced; the adaptive observer runs in substeps, in a mixed list too."""
+    t = DT * np.arange(80)
+    w, u = 0.3 * np.sin(40 * t), 0.4 * np.cos(40 * t)
+    made = sampled(lg.adaptive_observer(P), DT)
+    one = step_response(made, np.array([w, u]), [1e-3, 0.0, 0.0], 80)
+    other = simulate([made, lg.prefilter()], t, {"w": w, "u": u}, [1e-3]).outputs
+    assert np.asarray(other)[:4] == pytest.approx(one, rel=1e-9)
+
+
+def test_the_adaptive_observer_follows_the_continuous_one():
+    assert sine_error(lg.adaptive_observer(P), [1e-3, 0.1, 0.0], DT) < 1e-3
+
+
+@pytest.mark.filterwarnings("ignore:block lone:RuntimeWarning")
+@pytest.mark.parametrize("edge", [1e-5, 5.0, 1e5])
+def test_a_branch_that_cannot_be_traced_is_found_at_any_size(edge):
+    block = lone(lambda x, v, p: v - 100 * (x if x < edge else edge))
+    assert largest_difference(block, 0.01, lambda t: 200 * edge + 0 * t, 0.1) < 1e-3 * edge
+
+
+@pytest.mark.filterwarnings("ignore:block lone:RuntimeWarning")
+def test_a_branch_on_a_parameter_is_found_although_it_is_not_taken():
+    block = lone(lambda x, v, p: v - float(x) * (1 + (abs(x) if p["c"] > 1 else 0.0)), c=0.5)
+    assert largest_difference(block, 0.1, lambda t: 2 + 0 * t, 1.0, {"c": 2.0}) < 1e-3
+
+
+def test_an_untraceable_affine_block_stays_exact():
+    block = lone(lambda x, v, p: 1.0 - float(v) * float(x))
+    y = step_response(sampled(block, 0.1), np.full((1, 5), 3.0), [0.0, 3.0, 1.0], 5)[0]
+    assert y == pytest.approx((1 - np.exp(-0.3 * np.arange(1, 6))) / 3, rel=1e-12)
+
+
+def test_what_a_function_reads_is_read_again_when_a_run_begins():
+    """Affine while the gain of the cubic term is 0; later it is not."""
+    outside = {"c": 0.0}
+    block = lone(lambda x, v, p: v - x - outside["c"] * x**3)
+    made, t = sampled(block, 0.1), 0.1 * np.arange(20)
+    for c in (0.0, 3.0):
+        outside["c"] = c
+        exact = simulate(block, t, 2.0, rtol=1e-9).outputs
+        assert ct.input_output_response(made, t, 2.0 + 0 * t).outputs == pytest.approx(
+            exact, abs=1e-5
+        )
+        assert simulate(made, t, 2.0).outputs == pytest.approx(exact, abs=1e-5)
+
+
+def test_a_state_that_grows_without_bound_is_named():
+    block = lone(lambda x, v, p: x * x, name="burst")
+    with pytest.raises(lg.Refused, match="burst: state x"):
+        step_response(sampled(block, 1.0), np.zeros((1, 5)), [2.0], 5)

@@ -1,0 +1,151 @@
+"""The rules of the house: one-way imports, the top level, lint, types, what may be imported."""
+
+from __future__ import annotations
+
+import ast
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from lugrectl.core.views import view
+
+ROOT = Path(__file__).parents[2]
+PACKAGE = ROOT / "lugrectl"
+FLOORS = {  # of each folder, from the ground up: a room imports from lower floors only
+    ".": [
+        {"core"},
+        {"blocks", "engine", "parallel", "record"},
+        {"linear", "loops", "results", "simulation"},
+        {"design", "identification", "sweeps"},
+        {"compensated_loop", "friction_maps", "observer_comparison", "report"},
+        {"diagnosis", "paper"},
+        {"cli"},
+        {"__main__", "demo"},
+    ],
+    "engine": [{"expression"}, {"tracing"}, {"codegen"}, {"runtime"}],
+    "identification": [
+        {"dataset"},
+        {"unknown_torque"},
+        {"balance", "likelihood"},
+        {"regression"},
+        {"candidates"},
+        {"selection"},
+    ],
+}
+SHOWING = {"report", "paper", "cli", "__main__", "demo"}  # rooms that draw and print
+ARROWS = 100  # between the rooms of the package, at most
+LINES = 70  # of a function without its docstring, at most
+
+
+def room(path: Path) -> str:
+    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+def imported(path: Path) -> set[tuple[str, ...]]:
+    """The modules of the package that a file imports, at its top or within a function."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.level:
+            base = path.relative_to(PACKAGE).parts[: -node.level]
+            module = tuple(node.module.split(".")) if node.module else ()
+            names = [()] if module else [(alias.name,) for alias in node.names]
+            found |= {(*base, *module, *name) for name in names}
+    return found
+
+
+def arrows(folder: str) -> set[tuple[str, str]]:
+    """Which room of a folder imports which."""
+    inside = () if folder == "." else (folder,)
+    found = set()
+    for path in (PACKAGE / folder).rglob("*.py"):
+        own = path.relative_to(PACKAGE / folder).parts[0].removesuffix(".py")
+        for module in imported(path):
+            if module[: len(inside)] == inside and len(module) > len(inside):
+                found.add((own, module[len(inside)]))
+    return {(a, b) for a, b in found if a != b and "__init__" not in (a, b)}
+
+
+@pytest.mark.parametrize("folder", FLOORS)
+def test_imports_run_one_way(folder):
+    floor = {name: i for i, names in enumerate(FLOORS[folder]) for name in names}
+    for one, other in arrows(folder):
+        assert floor[other] < floor[one], f"{one} imports {other}, which is not below it"
+
+
+def test_rooms_are_few_and_known():
+    rooms = {room(path) for path in PACKAGE.rglob("*.py")} - {"__init__"}
+    assert rooms <= set.union(*FLOORS["."])
+    assert len(FLOORS["."]) <= 8 and len(arrows(".")) <= ARROWS
+
+
+def test_computing_neither_draws_nor_prints():
+    for path in PACKAGE.rglob("*.py"):
+        if room(path) in SHOWING:
+            continue
+        tree = ast.parse(path.read_text())
+        calls = [n.func for n in ast.walk(tree) if isinstance(n, ast.Call)]
+        assert "print" not in [f.id for f in calls if isinstance(f, ast.Name)], path
+        assert "matplotlib" not in path.read_text(), path
+
+
+def test_top_level_holds_what_it_should():
+    if not (ROOT / ".git").exists():
+        pytest.skip("not a git checkout")
+    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True)
+    tops = {line.split("/")[0] for line in listed.stdout.splitlines()}
+    extra = {t for t in tops if not t.startswith(".")}
+    assert extra <= {"pyproject.toml", "lugrectl", "tests", "notebooks", "README.md", "LICENSE"}
+
+
+def test_functions_are_short():
+    for path in PACKAGE.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.FunctionDef):
+                body = node.body[1:] if ast.get_docstring(node) else node.body
+                lines = body[-1].end_lineno - body[0].lineno + 1 if body else 0
+                assert lines <= LINES, f"{path.name}: {node.name} has {lines} lines"
+
+
+def test_what_a_result_shows_itself_with_exists():
+    for path in PACKAGE.rglob("*.py"):
+        for call in ast.walk(ast.parse(path.read_text())):
+            if isinstance(call, ast.Call) and getattr(call.func, "id", "") == "view":
+                assert callable(view(*[ast.literal_eval(a) for a in call.args])), path
+
+
+@pytest.mark.parametrize("arguments", [["check"], ["format", "--check"]])
+def test_ruff(arguments):
+    if shutil.which("ruff") is None and not (Path(sys.executable).parent / "ruff").exists():
+        pytest.skip("ruff is not installed")
+    command = [sys.executable, "-m", "ruff", *arguments, "lugrectl", "tests", "notebooks"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.sample
+def test_types():
+    pytest.importorskip("basedpyright")
+    command = [sys.executable, "-m", "basedpyright", "--pythonpath", sys.executable]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
+
+
+def test_quick_commands_load_nothing_heavy():
+    code = (
+        "import sys, lugrectl.cli as c; c.main(['--version']); "
+        "sys.exit(any(m in sys.modules for m in ('control', 'matplotlib', 'numba', 'scipy')))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0 and "lugrectl" in done.stdout
+
+
+def test_no_public_name_is_hidden_by_a_module():
+    """``lg.NAME`` must stay the function, whichever module of that name is loaded first."""
+    import lugrectl
+
+    rooms = {room(path) for path in PACKAGE.rglob("*.py")}
+    assert not rooms & set(lugrectl._HOME)

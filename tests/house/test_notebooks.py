@@ -1,0 +1,79 @@
+"""The notebooks are stored as they ran, and run again from top to bottom."""
+
+import base64
+import io
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from .. import notebooks
+
+nbclient = pytest.importorskip("nbclient")
+nbformat = pytest.importorskip("nbformat")
+README = Path(__file__).parents[2] / "README.md"
+PAGES = ["benchmark", "method", "observers", "paper", "tour"]
+each = pytest.mark.parametrize("path", notebooks.paths(), ids=lambda p: p.stem)
+
+
+def code(path):
+    return [c for c in nbformat.read(path, as_version=4).cells if c.cell_type == "code"]
+
+
+def test_there_are_five_pages_and_readme_links_to_each():
+    assert [p.stem for p in notebooks.paths()] == PAGES
+    text = README.read_text()
+    assert [name for name in PAGES if f"notebooks/{name}.ipynb" not in text] == []
+
+
+@each
+def test_a_page_is_stored_as_it_ran(path):
+    """Every cell has run, in order, without an error, and something is shown."""
+    cells = code(path)
+    assert [c.execution_count for c in cells] == list(range(1, len(cells) + 1))
+    outputs = [output for c in cells for output in c.outputs]
+    assert outputs and not [o for o in outputs if o.output_type == "error"]
+    assert not [o for o in outputs if o.get("name") == "stderr"]
+
+
+@each
+def test_a_page_is_small(path):
+    assert path.stat().st_size < notebooks.LARGEST
+
+
+@each
+def test_a_page_says_first_what_it_answers(path):
+    first = nbformat.read(path, as_version=4).cells[0]
+    assert first.cell_type == "markdown" and first.source.startswith("# ")
+
+
+@each
+def test_a_page_asserts_nothing(path):
+    """Checks belong into the tests; a page is to be read."""
+    assert not [c.source for c in code(path) if c.source.lstrip().startswith("assert")]
+
+
+@pytest.mark.filterwarnings("ignore")
+@each
+@pytest.mark.slow
+@pytest.mark.sample
+def test_a_page_runs_again(path):
+    cells = [c for c in notebooks.executed(path).cells if c.cell_type == "code"]
+    assert [c.execution_count for c in cells] == list(range(1, len(cells) + 1))
+
+
+def test_what_differs_from_run_to_run_is_not_stored():
+    pixel = io.BytesIO()
+    Image.new("RGB", (1, 1)).save(pixel, format="png")
+    image = nbformat.v4.new_output(
+        "display_data",
+        {"image/png": base64.b64encode(pixel.getvalue()).decode(), "text/plain": "<Figure>"},
+        metadata={"needs_background": "light"},
+    )
+    bar = nbformat.v4.new_output("display_data", {notebooks.WIDGET: {"model_id": "3f"}})
+    cell = nbformat.v4.new_code_cell("1", outputs=[bar, image], execution_count=1)
+    cell.metadata = {"execution": {"iopub.execute_input": "2026-11-26"}}
+    made = notebooks.plain(nbformat.v4.new_notebook(cells=[cell]))
+    assert made.cells[0].metadata == {} and made.cells[0].id == "cell-0"
+    assert [list(output.data) for output in made.cells[0].outputs] == [["image/png"]]
+    nbformat.validate(made)

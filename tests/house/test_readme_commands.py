@@ -1,0 +1,92 @@
+"""What README prints is run as it is printed."""
+
+import re
+import shlex
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.cli import main
+
+TEXT = (Path(__file__).parents[2] / "README.md").read_text()
+
+
+def block(text: str, language: str = "") -> str:
+    """The first fenced block of a language in a part of README."""
+    found = re.search(rf"^```{language}\n(.*?)^```", text, re.M | re.S)
+    assert found
+    return found[1]
+
+
+def section(title: str) -> str:
+    return TEXT.split(f"## {title}\n")[1].split("\n## ")[0]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder with a short log of a drive at a sampling rate of 250 Hz."""
+    t = np.arange(0, 12, 4e-3)
+    u = np.sin(2.0 * t) * (0.4 + 0.1 * np.sin(0.5 * t))
+    w = lg.simulate(lg.plant(lg.table1()), t, {"u": u}, hold=True).outputs["w"]
+    noise = np.random.default_rng(0).normal(0, 1e-3, len(t))
+    lines = np.c_[t, u, w + noise]
+    np.savetxt(tmp_path / "run.csv", lines, "%.9g", ",", header="t,u,w [rad/s]", comments="")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_the_commands_for_an_own_log(folder, capsys):
+    commands = [
+        shlex.split(line, comments=True) for line in block(section("Your own log")).splitlines()
+    ]
+    assert [words[0] for words in commands] == ["source", "lugrectl", "lugrectl"]
+    template, diagnose = commands[1], commands[2]
+    assert template[2:3] == [">"] and main(template[1:2]) == 0
+    (folder / template[3]).write_text(capsys.readouterr().out)
+    assert main(diagnose[1:]) == 0
+    assert capsys.readouterr().out.startswith("adequate\n")
+    assert (folder / "report" / "report.html").stat().st_size > 10_000
+
+
+def test_the_options_for_names_units_and_scales(folder):
+    options = re.search(r"`(--columns u=vir [^`]+)`", " ".join(TEXT.split()))
+    t = np.arange(0.0, 4.0, 0.01)
+    vir, theta = np.cos(5.0 * t), 90.0 * np.sin(2.0 * t)
+    head = "t,vir,theta"
+    np.savetxt("log.csv", np.c_[t, vir, theta], "%.9g", ",", header=head, comments="")
+    words = shlex.split(options[1])
+    given = dict(zip([w.strip("-") for w in words[::2]], words[1::2], strict=True))
+    record = lg.read_record("log.csv", **given)
+    np.testing.assert_allclose(record.u, 35.15 * vir, atol=1e-7)
+    np.testing.assert_allclose(record.theta, np.radians(theta), atol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.sample
+@pytest.mark.filterwarnings("ignore:.*non-interactive")
+def test_the_lines_of_python(folder, capsys):
+    names = {}
+    exec(compile(block(section("In Python"), "python"), "README.md", "exec"), names)
+    assert names["result"].verdict == "found"
+    assert [effect.name for effect in names["result"].effects] == ["torque_ripple"]
+    assert "found: torque_ripple" in capsys.readouterr().out
+    assert (folder / "report" / "model.toml").exists()
+    plt.close("all")
+
+
+@pytest.mark.parametrize("property", ["l2", "spr", "bandwidth"])
+def test_the_checks(property, capsys):
+    assert "`lugrectl check l2|spr|bandwidth`" in TEXT
+    assert main(["check", property]) in (0, 1)
+    assert capsys.readouterr().out
+
+
+def test_the_lists(capsys):
+    said = section("What there is")
+    assert main(["effects"]) == 0
+    assert f"**Effects**: {len(lg.effects())}," in said
+    for listed in ("laws", "observers", "controllers"):
+        assert f"`lg.{listed}()`" in said and len(getattr(lg, listed)())

@@ -1,0 +1,78 @@
+"""A speed that is off at rest, a torque that hardly changes, and sums that say nothing."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.identification.balance import balance
+from lugrectl.identification.balance.parameters import combinations
+
+from ..cases.balance_drive import FC, FV, J, simulate, stretch, torque
+
+MODEL = lg.Model.of(friction="coulomb")
+DT = 2e-3
+
+
+def answered(offset, seconds=10.0):
+    """The balance of a run of u and w alone, w off by a constant."""
+    u = torque(seconds, DT)
+    _, w = simulate(u, DT)
+    noise = np.random.default_rng(3).normal(0.0, 0.02, len(u))
+    return balance([stretch(u, DT, w=w + noise + offset)], MODEL)
+
+
+@pytest.fixture(scope="module")
+def shifted():
+    return answered(0.5)
+
+
+@pytest.mark.parametrize(
+    "key, truth", [("J", J), ("Fc", FC), ("Fv", FV), ("w_offset", 0.5), ("constant_torque", 0.0)]
+)
+def test_an_offset_of_the_speed_is_no_torque(shifted, key, truth):
+    low, high = shifted.parameters[key].ci95
+    assert low <= truth <= high
+    assert any("rad/s too high" in note for note in shifted.notes)
+
+
+def test_a_true_speed_has_no_offset():
+    found = answered(0.0)
+    assert "w_offset" not in found.names
+    low, high = found.parameters["Fc"].ci95
+    assert low <= FC <= high
+
+
+def test_a_drive_that_stands_at_zero_has_no_offset():
+    t = np.arange(0.0, 10.0, DT)
+    w = np.where(t % 5.0 < 2.5, 0.0, np.where(t < 5.0, 4.0, -4.0))
+    w = np.convolve(w, np.ones(50) / 50, "same")
+    a = np.gradient(w, DT)
+    u = J * a + np.where(w > 0, 2 * FC, -FC) * (w != 0) + FV * w  # friction of one side is larger
+    assert "w_offset" not in balance([stretch(u, DT, w=w)], MODEL).names
+
+
+def test_a_delay_from_few_changes_of_torque_is_not_certain():
+    dt = 0.04
+    t = np.arange(0.0, 20.0, dt)
+    w = np.select([t < 5.0, t < 10.0, t < 15.0], [0.0, 20.0, -20.0], 0.0)
+    w = np.convolve(w, np.ones(5) / 5, "same")
+    u = J * np.gradient(w, dt) + FC * np.sign(w) + FV * w
+    found = balance([stretch(np.roll(u, 4), dt, w=w)], MODEL)
+    delay = found.parameters.get("u_delay")
+    assert delay is None or abs(delay.value) < dt
+
+
+@pytest.mark.parametrize("value, count", [(0.3, 0), (9.0, 1)])
+def test_a_sum_wider_than_its_value_is_not_certain(value, count):
+    rms = np.array([1.0, 0.05])
+    made = SimpleNamespace(
+        names=["gravity.sin", "gravity.cos"],
+        rms=rms,
+        p=np.array([value + 1.0, -20.0]),
+        torque=10.0,
+    )
+    scaled = 0.0225 * np.ones((2, 2)) + 50.0 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    found = combinations(made, scaled / np.outer(rms, rms), 2.0, made.names, "rotary")
+    assert len(found) == count  # half-width 0.6 N m, 6 % of the torque

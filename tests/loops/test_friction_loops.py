@@ -1,0 +1,333 @@
+"""Ready-made loops against closed forms, the paper's figures and each other."""
+
+import itertools
+
+import control as ct
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.blocks.block import REGISTRY
+from lugrectl.blocks.declaration import block
+from lugrectl.blocks.model import model_from_dict
+from lugrectl.blocks.observers import natural_observer
+from lugrectl.loops.friction_loops import position_loop, velocity_loop
+
+from ..cases.wired import (
+    LOW,
+    OMEGA,
+    OUTPUTS,
+    H,
+    P,
+    T,
+    at,
+    outputs,
+    s,
+    signal,
+    simulate,
+    state,
+    transfer,
+)
+
+# Observer Fc and Fs 20 % low, the paper's gains, no feed-forward, all states zero at t = 0.
+
+
+@pytest.fixture(scope="module")
+def tracking_error():
+    """RMS of e in rad/s over one period of 0.1 sin(2 pi t), after half a second."""
+    t = np.arange(0, 1.5001, 5e-3)
+
+    def rms(observer, **gains):
+        loop = velocity_loop(P, observer, observer_parameters=LOW, **gains)
+        resp = simulate(loop, t, 0.1 * np.sin(2 * np.pi * t), rtol=1e-5, atol=1e-8)
+        return np.sqrt(np.mean(signal(resp, "e")[t > 0.5] ** 2))
+
+    found = {name: rms(name) for name in (None, "natural", "existing", "proposed")}
+    return found | {"existing at k = 20": rms("existing", k=20.0)}
+
+
+@pytest.mark.slow
+@pytest.mark.sample
+def test_observers_with_friction_levels_20_percent_low(tracking_error):
+    rms = tracking_error
+    assert rms["proposed"] < min(rms["natural"], rms["existing"])
+    assert max(rms["natural"], rms["existing"], rms["proposed"]) < rms[None]
+
+
+@pytest.mark.slow
+@pytest.mark.sample
+def test_the_four_figures(tracking_error):
+    """As published in the README, in mrad/s."""
+    figures = {None: 69.9, "natural": 31.3, "existing": 16.5, "proposed": 11.6}
+    for name, value in figures.items():
+        assert 1e3 * tracking_error[name] == pytest.approx(value, rel=0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.sample
+def test_the_ranking_belongs_to_the_gains(tracking_error):
+    assert tracking_error["existing at k = 20"] < tracking_error["proposed"]
+
+
+@pytest.mark.parametrize("observer", ["natural", "proposed"])
+def test_exact_compensation_gives_the_frictionless_loop(observer):
+    t = np.arange(0, 0.2501, 1e-3)
+    r = np.where(t < 0.12, 4.0 * t, 0.48) - 0.3 * np.sin(40 * t)
+    loop = velocity_loop(P, observer)
+    resp = simulate(loop, t, r, rtol=1e-8, atol=1e-11)
+    assert signal(resp, "w") == pytest.approx(ct.forced_response(T, t, r).outputs, abs=2e-6)
+    assert signal(resp, "Fhat") == pytest.approx(signal(resp, "F"), abs=2e-6)
+    assert signal(resp, "e") == pytest.approx(signal(resp, "w") - r, abs=1e-12)
+
+
+def test_without_observer_the_estimate_is_zero_and_friction_acts():
+    t = np.arange(0, 0.1001, 1e-3)
+    resp = simulate(velocity_loop(P), t, np.full_like(t, 0.05))
+    assert not signal(resp, "Fhat").any()
+    assert signal(resp, "F")[-1] == pytest.approx(0.08, abs=0.02)  # kp r held by the bristles
+    assert abs(signal(resp, "w")[-1]) < 0.01
+
+
+@pytest.mark.parametrize("observer", ["natural", "existing", "proposed"])
+@pytest.mark.parametrize("make", [velocity_loop, position_loop])
+def test_loops_with_exact_compensation_are_linear_at_rest(make, observer):
+    """The existing observer too, when k = 0."""
+    closed = T if make is velocity_loop else (15 + 1.55 / s) / (P.J * s**2 + 15 + 1.55 / s)
+    found = transfer(make(P, observer, k=0.0), "w" if make is velocity_loop else "theta")
+    assert found == pytest.approx(at(closed), rel=1e-4)
+
+
+def test_the_position_loop_of_the_paper_is_unstable():
+    """J s^3 + Kp s + Ki, in motion as well: (theta, w, q) does not see the bristles."""
+    expected = np.roots([P.J, 0.0, 15.0, 1.55])
+    assert max(expected.real) == pytest.approx(0.0517, abs=5e-5)
+    loop = position_loop(P, "natural")
+    moving = state(loop, plant_w=0.3, plant_z=1e-3, natural_observer_zhat=1e-3)
+    for x in (np.zeros(loop.nstates), moving):
+        poles = np.linalg.eigvals(ct.linearize(loop, x, [0.0]).A)
+        for pole in expected:
+            assert min(abs(poles - pole)) < 1e-3
+    damped = position_loop(P, "natural", kd=0.5)
+    poles = np.linalg.eigvals(ct.linearize(damped, np.zeros(damped.nstates), [0.0]).A)
+    for pole in np.roots([P.J, 0.5, 15.0, 1.55]):
+        assert pole.real < 0 and min(abs(poles - pole)) < 1e-3
+
+
+def test_filtered_integral_and_damping_reach_the_position_loop():
+    controller = 15 + 1.55 / (0.2 * s + 1)
+    closed = controller / (P.J * s**2 + 0.3 * s + controller)
+    found = transfer(position_loop(P, "natural", kd=0.3, tau=0.2), "theta")
+    assert found == pytest.approx(at(closed), rel=1e-4)
+
+
+def test_prefilter_stands_in_front():
+    assert transfer(velocity_loop(P, "natural", prefilter=True), "w") == pytest.approx(
+        at(H * T), rel=1e-4
+    )
+    slow = velocity_loop(P, "natural", prefilter=0.5)
+    assert transfer(slow, "w") == pytest.approx(at(0.5 / (s + 0.5) * T), rel=1e-4)
+    assert transfer(slow, "e") == pytest.approx(at(0.5 / (s + 0.5) * (T - 1)), rel=1e-3)
+
+
+@pytest.mark.parametrize(("smooth", "reference"), [(False, ct.tf(1, 1)), (True, H)])
+def test_feedforward_makes_the_loops_follow_their_reference(smooth, reference):
+    loop = velocity_loop(P, "proposed", prefilter=smooth, feedforward=True)
+    found = transfer(loop, "w")
+    if not smooth:
+        found = found + 1j * OMEGA * transfer(loop, "w", "dr")
+    assert found == pytest.approx(at(reference), rel=1e-4)
+    loop = position_loop(P, "proposed", prefilter=smooth, feedforward=True)
+    found = transfer(loop, "theta") + (1j * OMEGA) ** 2 * transfer(loop, "theta", "ddr")
+    assert found == pytest.approx(at(reference), rel=1e-4)
+
+
+def test_load_opposes_positive_velocity():
+    """w/d = -s/(J s^2 + Kp s + Ki) with exact compensation."""
+    loop = velocity_loop(P, "natural", load=True)
+    assert transfer(loop, "w", "d") == pytest.approx(
+        at(-s / (P.J * s**2 + 1.6 * s + 0.16)), rel=1e-4
+    )
+
+
+OPTIONS = list(itertools.product((False, True), repeat=3))
+
+
+@pytest.mark.parametrize("observer", [None, "natural", "existing", "proposed"])
+@pytest.mark.parametrize(("make", "rate"), [(velocity_loop, "dr"), (position_loop, "ddr")])
+def test_signals_of_every_ready_loop(make, rate, observer):
+    for smooth, ahead, load in OPTIONS:
+        loop = make(P, observer, prefilter=smooth, feedforward=ahead, load=load)
+        derived = smooth and make is velocity_loop
+        wanted = ["r"] + [rate] * (ahead and not derived) + ["d"] * load
+        assert loop.input_labels == wanted
+        assert loop.output_labels == OUTPUTS
+        assert loop.name == make.__name__
+        assert loop.state_labels[:3] == ["plant_theta", "plant_w", "plant_z"]
+
+
+@pytest.mark.parametrize("make", [velocity_loop, position_loop])
+@pytest.mark.parametrize("observer", [None, "natural", "existing", "proposed"])
+def test_no_signal_of_a_ready_loop_hangs_in_the_air(make, observer):
+    """Only the observer's states may stay unread, and nothing but d without a source."""
+    for smooth, ahead, load in OPTIONS:
+        loop = make(P, observer, prefilter=smooth, feedforward=ahead, load=load)
+        inputs, unread = loop.check_unused_signals(print_warning=False)
+        names = {loop.syslist[i].output_labels[j] for i, j in unread}
+        assert names <= {"zhat", "what"}
+        assert {loop.syslist[i].input_labels[j] for i, j in inputs} == (set() if load else {"d"})
+
+
+# Parameters stay where they belong.
+
+
+def levels(z, w):
+    """F of the LuGre law for any Fc, Fs, Fv."""
+
+    def F(Fc, Fs=P.Fs, Fv=P.Fv):
+        h = Fc + (Fs - Fc) * np.exp(-((w / P.vs) ** 2))
+        return P.sigma0 * z + P.sigma1 * (w - P.sigma0 * abs(w) / h * z) + Fv * w
+
+    return F
+
+
+def test_plant_and_observer_keep_their_own_values():
+    z, w = 1e-3, 0.3
+    F = levels(z, w)
+    loop = velocity_loop(P, "natural", observer_parameters=LOW)
+    x = state(loop, plant_w=w, plant_z=z, natural_observer_zhat=z)
+    out = outputs(loop, x, 0.0)
+    assert out["F"] == pytest.approx(F(P.Fc)) and out["Fhat"] == pytest.approx(F(LOW.Fc, LOW.Fs))
+    out = outputs(loop, x, 0.0, {"plant.Fc": 0.5})
+    assert out["F"] == pytest.approx(F(0.5)) and out["Fhat"] == pytest.approx(F(LOW.Fc, LOW.Fs))
+    out = outputs(loop, x, 0.0, {"natural_observer.Fc": 0.5})
+    assert out["F"] == pytest.approx(F(P.Fc)) and out["Fhat"] == pytest.approx(F(0.5, LOW.Fs))
+    again = outputs(loop, x, 0.0)
+    assert again["F"] == pytest.approx(F(P.Fc))
+
+
+def test_own_wiring_keeps_values_apart_without_params():
+    z, w = 1e-3, 0.3
+    loop = ct.interconnect(
+        [lg.plant(P), natural_observer(LOW)],
+        inputs=["u"],
+        outputs=["F", "Fhat"],
+        check_unused=False,
+    )
+    assert loop.params["plant.Fc"] == P.Fc and loop.params["natural_observer.Fc"] == LOW.Fc
+    x = state(loop, plant_w=w, plant_z=z, natural_observer_zhat=z)
+    out = outputs(loop, x, 0.0)
+    assert out["F"] == pytest.approx(levels(z, w)(P.Fc))
+    assert out["Fhat"] == pytest.approx(levels(z, w)(LOW.Fc, LOW.Fs))
+
+
+def test_two_ready_loops_in_one_system_do_not_share_values():
+    axes = [velocity_loop(q, "natural", name=n) for q, n in ((P, "one"), (LOW, "two"))]
+    both = ct.interconnect(
+        axes,
+        connections=False,
+        inplist=["one.r", "two.r"],
+        outlist=["one.F", "two.F"],
+        inputs=["r1", "r2"],
+        outputs=["F1", "F2"],
+    )
+    x = np.tile([0.0, 0.3, 1e-3, 1e-3, 0.0], 2)
+    out = outputs(both, x, [0.0, 0.0])
+    assert out["F1"] == pytest.approx(levels(1e-3, 0.3)(P.Fc))
+    assert out["F2"] == pytest.approx(levels(1e-3, 0.3)(LOW.Fc, LOW.Fs))
+
+
+def test_gains_can_be_changed_at_simulation_time():
+    loop = velocity_loop(P, "proposed")
+    x = np.zeros(loop.nstates)
+    assert outputs(loop, x, 1.0)["u"] == pytest.approx(1.6)
+    assert outputs(loop, x, 1.0, {"pi.kp": 5.0})["u"] == pytest.approx(5.0)
+    loop = position_loop(P, "existing", k=2.0, observer_parameters=LOW)
+    names = [sub.name for sub in loop.syslist]
+    assert names == ["plant", "existing_observer", "pid", "error", "compensation"]
+    assert loop.syslist[1].params["existing_observer.k"] == 2.0
+
+
+def test_K1_may_be_a_function_in_a_loop():
+    loop = velocity_loop(P, "proposed", K1=lambda w: -10.24 + 0.0 * w)
+    x = state(loop, plant_w=0.2, plant_z=1e-3, proposed_observer_what=0.5)
+    assert loop.dynamics(0, x, [0.1]) == pytest.approx(
+        velocity_loop(P, "proposed").dynamics(0, x, [0.1]), rel=1e-14
+    )
+
+
+# Models and other observers.
+
+
+def test_a_whole_model_stands_in_for_the_plant():
+    model = lg.Model.of(P).with_effect("gravity", {"amplitude": 0.2, "phase": 0.4})
+    loop = position_loop(model, "natural")
+    x = state(loop, plant_theta=0.3)
+    pull = 0.2 * np.sin(0.7)
+    assert loop.dynamics(0, x, [0.3])[1] == pytest.approx(-pull / P.J)
+    assert loop.dynamics(0, x, [0.3], params={"plant.gravity.amplitude": 0.0})[1] == 0.0
+
+
+def test_a_model_without_lugre_friction_needs_observer_parameters():
+    text = {"plant": {"J": P.J}, "friction": {"model": "coulomb", "Fc": 0.285, "Fv": 0.018}}
+    model = model_from_dict(text, "here")
+    assert velocity_loop(model).output_labels == OUTPUTS
+    with pytest.raises(lg.InputError, match="natural_observer needs sigma0"):
+        velocity_loop(model, "natural")
+    loop = velocity_loop(model, "natural", observer_parameters=P)
+    assert transfer(loop, "Fhat").shape == OMEGA.shape
+
+
+@pytest.fixture
+def registered():
+    """Observers that a user registers; taken out again."""
+    before = set(REGISTRY)
+
+    @block("observer", out="Fhat")
+    def coulomb_guess(w, Fc=REGISTRY["lugre"].parameters["Fc"]):
+        """Fhat = Fc tanh(w)."""
+        return Fc * np.tanh(w)
+
+    @block("observer", out="Fhat")
+    def needs_current(current):
+        """Fhat = i."""
+        return current
+
+    @block("observer", out="zhat", states="zhat")
+    def no_torque(w, zhat):
+        """dzhat/dt = w."""
+        return w
+
+    yield
+    for name in set(REGISTRY) - before:
+        del REGISTRY[name]
+
+
+def test_any_registered_observer_can_be_named(registered):
+    loop = velocity_loop(P, "coulomb_guess", observer_parameters=LOW)
+    out = outputs(loop, state(loop, plant_w=0.5), 0.5)
+    assert out["Fhat"] == pytest.approx(LOW.Fc * np.tanh(0.5))
+    assert out["u"] == pytest.approx(out["Fhat"])
+    with pytest.raises(lg.InputError, match="needs_current needs current"):
+        velocity_loop(P, "needs_current")
+    with pytest.raises(lg.InputError, match="no output Fhat"):
+        velocity_loop(P, "no_torque")
+
+
+@pytest.mark.parametrize("make", [velocity_loop, position_loop])
+def test_unknown_observer_names_the_known_ones(make):
+    with pytest.raises(lg.InputError, match="'kalman'.*natural, existing, proposed"):
+        make(P, "kalman")
+
+
+def test_full_names_of_observers_work_too():
+    assert velocity_loop(P, "natural_observer").syslist[1].name == "natural_observer"
+
+
+def test_parameters_without_a_value_are_refused():
+    unknown = lg.Model.of(P).with_values({"Fc": None})
+    with pytest.raises(lg.InputError, match="Fc"):
+        velocity_loop(unknown)
+    with pytest.raises(lg.InputError, match="Fc"):
+        velocity_loop(P, "natural", observer_parameters=unknown)
+    with pytest.raises(lg.InputError, match="kp"):
+        velocity_loop(P, kp=None)

@@ -1,0 +1,310 @@
+"""``lugrectl reproduce``: its figures against closed forms, its rankings, its page."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import control as ct
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.cli import main
+from lugrectl.core.errors import InputError
+from lugrectl.paper import bench as running
+from lugrectl.paper import page, reproduce, scenarios, studies, text, write
+from lugrectl.paper.bench import Bench, rms
+from lugrectl.paper.figures import thinned
+from lugrectl.paper.results import milli
+from lugrectl.paper.setting import Case, Reference
+
+P = lg.table1()
+SOME = ("velocity", "friction-level", "standstill")
+
+
+@pytest.fixture(scope="module")
+def some():
+    """What most tests read."""
+    return reproduce(only=SOME)
+
+
+@pytest.fixture(scope="module")
+def bench():
+    return Bench(P)
+
+
+@pytest.fixture(scope="module")
+def written(some, tmp_path_factory):
+    return write(some, tmp_path_factory.mktemp("page") / "new" / "deep")
+
+
+def level(some, percent):
+    """RMS error of the velocity loop by compensation, observer's Fc and Fs off by percent."""
+    outcome = some.outcome("friction-level")
+    row = next(r for r in outcome.rows if r.x == percent)
+    return {c.short: v for c, v in zip(outcome.study.compensations, row.rms, strict=True)}
+
+
+# --- numbers -----------------------------------------------------------------------------
+
+
+def width(some, loop, label, kind="-3dB"):
+    return next(w for w in some.widths if (w.loop, w.label, w.level) == (loop, label, kind))
+
+
+def test_bandwidths_of_the_velocity_loop(some):
+    """(kp s + ki)/(J s^2 + kp s + ki), and the same with Fv left in the plant."""
+    for label, more in (("paper's PI", 0.0), ("paper's PI, Fv left in", P.Fv)):
+        T = ct.tf([1.6, 0.16], [P.J, 1.6 + more, 0.16])
+        for kind, fall in (("-3dB", 10 ** (-3 / 20)), ("half-power", 0.5**0.5)):
+            if more and kind == "half-power":
+                continue
+            w = 2 * np.pi * width(some, "velocity", label, kind).hertz
+            assert abs(T(1j * w)) == pytest.approx(fall, rel=1e-9)
+    assert width(some, "velocity", "paper's PI").hertz == pytest.approx(115.5, abs=0.05)
+    assert width(some, "velocity", "paper's PI", "half-power").hertz == pytest.approx(
+        115.8, abs=0.05
+    )
+    assert width(some, "velocity", "paper's PI, Fv left in").hertz == pytest.approx(114.2, abs=0.05)
+
+
+def test_the_position_pi_is_called_unstable_with_its_poles(some):
+    found = width(some, "position", "paper's PI")
+    assert not found.stable and found.hertz == pytest.approx(20.4, abs=0.05)
+    expected = np.roots([P.J, 0.0, 15.0, 1.55])
+    assert np.sort_complex(found.poles) == pytest.approx(np.sort_complex(expected))
+    assert found.poles[0].real == pytest.approx(1 / 19.35, rel=1e-3)
+    assert width(some, "position", "paper's PI, Fv left in").stable
+
+
+@pytest.mark.parametrize("label", ["PID", "PD"])
+def test_the_stable_controllers_have_the_same_crossing(some, label):
+    w = width(some, "position", label)
+    g = w.gains
+    T = ct.tf([g["kp"], g["ki"]], [P.J, g["kd"], g["kp"], g["ki"]])
+    crossing = 2 * np.pi * width(some, "position", "paper's PI").hertz
+    assert abs(T(1j * crossing)) == pytest.approx(10 ** (-3 / 20), rel=1e-9)
+    assert (
+        w.stable and max(T.poles().real) <= 1e-9 and w.hertz * 2 * np.pi == pytest.approx(crossing)
+    )
+
+
+def test_only_the_pd_meets_the_existing_observers_condition(some):
+    classes = {w.label: w.spr for w in some.widths if w.loop == "position"}
+    assert classes["PD"] == "SPR" and classes["PID"] == classes["paper's PI"] == "not PR"
+
+
+# --- simulations -------------------------------------------------------------------------
+
+
+def test_exact_compensation_is_the_frictionless_loop(some):
+    free, without, proposed = some.figure("velocity").responses
+    assert proposed.y == pytest.approx(free.y, abs=1e-6)
+    assert max(abs(without.y - free.y)) > 0.05
+    loop = ct.tf([1.6, 0.16], [P.J, 1.6, 0.16])
+    error = abs(loop(2j * np.pi) - 1) * 0.1 / np.sqrt(2)  # of whole periods, at rest
+    assert list(some.figure("velocity").errors.values())[2] == pytest.approx(error, rel=2e-3)
+
+
+@pytest.mark.parametrize("column", [1, 2, 5])
+def test_a_run_by_python_control(bench, column):
+    """Fc and Fs 20 % low, with LSODA and the observer's own parameters in place of overrides."""
+    c = studies.OBSERVERS[column]
+    low = replace(P, Fc=0.8 * P.Fc, Fs=0.8 * P.Fs)
+    case = Case("", studies.SINE, (), scale={"Fc": 0.8, "Fs": 0.8}, duration=0.2, dt=2e-3)
+    t, ours = bench.respond("velocity", studies.VELOCITY, c, case)
+    loop = lg.velocity_loop(P, c.observer, observer_parameters=low, **c.gains)
+    options = {"solve_ivp_method": "LSODA", "solve_ivp_kwargs": {"rtol": 1e-7, "atol": 1e-11}}
+    theirs = ct.input_output_response(loop, t, 0.1 * np.sin(2 * np.pi * t), **options)
+    for name in ("w", "F", "Fhat", "u", "e"):
+        values = theirs.outputs[loop.output_labels.index(name)]
+        assert ours[name] == pytest.approx(values, abs=1e-4 * max(abs(values)))
+
+
+@pytest.mark.parametrize("percent", [-30, -20, -10, 10, 20, 40])
+def test_ranking_at_the_papers_gains(some, percent):
+    """Velocity loop, no feed-forward, 0.1 rad/s at 1 Hz; k = 0.35, K1 = -10.24, K2 = 22."""
+    e = level(some, percent)
+    assert e["proposed"] < e["k 0.35"] < e["natural"] < e["none"]
+
+
+@pytest.mark.parametrize("percent", [-30, -20, -10, 0, 10, 20, 40])
+def test_another_gain_turns_the_ranking_over(some, percent):
+    """The same loop with k = 20 instead of 0.35."""
+    e = level(some, percent)
+    assert e["k 20"] < e["k 5"] < e["proposed"]
+
+
+def test_a_strong_pi_without_observer_is_not_far_off(some):
+    assert level(some, -20)["Ki 160"] == pytest.approx(level(some, -20)["proposed"], rel=0.2)
+    assert level(some, -30)["Ki 160"] < level(some, -30)["proposed"]
+    assert level(some, -20)["Ki 5200"] < level(some, -20)["k 20"]
+
+
+def test_natural_and_proposed_agree_when_all_is_exact(some):
+    e = level(some, 0)
+    assert e["natural"] == pytest.approx(e["proposed"], rel=1e-4)
+    assert e["natural"] == pytest.approx(0.61e-3, abs=0.01e-3)
+    assert e["k 0.35"] == pytest.approx(0.25e-3, abs=0.01e-3)
+
+
+def test_held_at_rest_only_the_proposed_observer_corrects(some):
+    outcome = some.outcome("standstill")
+    rows = {(r.label, r.measure.signal): i for i, r in enumerate(outcome.rows)}
+    moves, misses = rows["held", "w"], rows["held", "F - Fhat"]
+    for short in ("natural", "k 0.35", "k 20"):
+        assert outcome.value(moves, short) == 0.0
+        assert outcome.value(misses, short) == pytest.approx(P.sigma0 * 1e-3)
+    assert outcome.value(misses, "proposed") < 1e-6 and outcome.value(moves, "proposed") > 0.05
+
+
+def test_the_position_pi_grows_as_its_poles_say(bench):
+    found = scenarios.growth(bench)
+    assert found.predicted == pytest.approx(1 / max(np.roots([P.J, 0, 15.0, 1.55]).real))
+    assert found.simulated == pytest.approx(found.predicted, rel=1e-3)
+
+
+def test_the_stable_pid_settles_where_the_pi_grows(bench):
+    case = Case("", Reference("step", 1.0, prefilter=True), (), duration=62.0, dt=4e-3)
+    proposed = studies.OBSERVERS[-1]
+    late = {}
+    for name, gains in (("pi", studies.POSITION), ("pid", scenarios.same_width(P))):
+        t, y = bench.respond("position", gains, proposed, case)
+        late[name] = rms(t, y["e"], (60.0, 62.0))
+    assert late["pi"] > 0.2 and late["pid"] < 1e-5
+
+
+@pytest.mark.parametrize("kind, loop", [("sine", "velocity"), ("raised", "position")])
+def test_references_are_what_the_loops_prefilter_makes(kind, loop):
+    t = np.arange(0, 2.0005, 1e-3)
+    r, rate = Reference(kind, 0.1, 1.0, prefilter=True).inputs(t, loop, True)
+    w = 2 * np.pi
+    command = ct.tf([2.0], [1, 2]) * (
+        ct.tf([0.1 * w], [1, 0, w**2]) if kind == "sine" else ct.tf([0.1 * w**2], [1, 0, w**2, 0])
+    )
+    assert r == pytest.approx(ct.impulse_response(command, t).outputs, abs=1e-6)
+    order = 1 if loop == "velocity" else 2
+    slope = r
+    for _ in range(order):
+        slope = np.gradient(slope, t)
+    assert rate[5:-5] == pytest.approx(slope[5:-5], abs=1e-3)
+
+
+def test_a_loop_that_runs_away_is_said_so(monkeypatch, bench):
+    def fail(*_, **__):
+        raise running.Diverged("w grows")
+
+    monkeypatch.setattr(running, "simulate", fail)
+    outcome = running.run(bench, studies.mismatch("friction-level", "Fc", "Fs"), lambda what: None)
+    assert milli(outcome.rows[0].rms[0]) == "diverges"
+
+
+def test_thinning_loses_no_peak():
+    t = np.arange(50_000) * 2e-3
+    y = np.sin(82.6 * t) * np.exp(t / 50)
+    x, shown = thinned(t, y)
+    assert len(x) <= 800 and np.all(np.diff(x) >= 0)
+    assert max(shown) == max(y) and min(shown) == min(y)
+
+
+# --- text, page, files -------------------------------------------------------------------
+
+
+def test_the_text_says_it_plainly_and_names_gains(some):
+    said = text(some)
+    assert "unstable" in said.splitlines()[0]
+    flat = " ".join(said.split())
+    assert "+0.05167 +- 82.57j" in flat and "19.4 s" in flat
+    assert max(map(len, said.splitlines())) <= 80
+    for part in re.findall(r"Best first[^\n]*(?:\n  [^\n]*)*", said):
+        flat = " ".join(part.split())
+        assert "K1 = -10.24, K2 = 22" in flat and "k = 0.35" in flat and "k = 20" in flat
+
+
+def test_json_has_no_nan_and_every_column_its_gains(some):
+    def refuse(word):
+        raise AssertionError(word)
+
+    document = json.loads(some.to_json(), parse_constant=refuse)
+    assert document["schema"] == 1 and document["parameters"]["sigma0"] == 260.0
+    for study in document["studies"]:
+        names = [c["name"] for c in study["columns"]]
+        assert study["scenario"] and all(list(r["rms"]) == names for r in study["rows"])
+    columns = {c["name"]: c["gains"] for c in document["studies"][0]["columns"]}
+    assert columns["proposed"] == {"K1": -10.24, "K2": 22.0} and columns["k 20"] == {"k": 20.0}
+    assert {s["status"] for s in document["slips"]} - {"holds"}
+
+
+class Reader(HTMLParser):
+    """Collects what a page would fetch, its ids and the figures' number."""
+
+    def __init__(self):
+        super().__init__()
+        self.fetched, self.ids, self.figures = [], [], 0
+
+    def handle_starttag(self, tag, attrs):
+        self.figures += tag == "figure"
+        for key, value in attrs:
+            if key == "id":
+                self.ids.append(value)
+            outside = key in ("src", "href", "xlink:href") and not value.startswith(("#", "data:"))
+            if outside or tag in ("script", "link"):
+                self.fetched.append((tag, value))
+
+
+def test_the_page_stands_alone(some, written):
+    made = written[0].read_text()
+    reader = Reader()
+    reader.feed(made)
+    assert not reader.fetched and "http" not in made and "@import" not in made
+    assert reader.figures == len(some.figures) + len(some.outcomes)
+    assert len(reader.ids) == len(set(reader.ids))
+    assert "unstable" in made
+
+
+def test_files_are_written_both_or_none(some, written, tmp_path, monkeypatch):
+    assert sorted(p.name for p in written[0].parent.iterdir()) == [
+        "reproduce.html",
+        "reproduce.json",
+    ]
+    assert json.loads(written[1].read_text()) == some.summary()
+    (tmp_path / "taken").write_text("mine")
+    with pytest.raises(InputError, match="choose another"):
+        write(some, tmp_path / "taken")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("lugrectl.report.atomic.os.replace", full)
+    monkeypatch.setattr(page, "html", lambda r: "<html>")
+    with pytest.raises(InputError, match="No space left"):
+        write(some, tmp_path)
+    assert [p.name for p in tmp_path.iterdir()] == ["taken"]
+
+
+def test_unknown_studies_are_named():
+    with pytest.raises(InputError, match="friction-level"):
+        reproduce(only=["friction"])
+
+
+@pytest.mark.parametrize("out", [False, True])
+def test_the_command(some, capsys, monkeypatch, tmp_path, out):
+    monkeypatch.setattr("lugrectl.paper.reproduce", lambda progress: some)
+    monkeypatch.setattr(page, "html", lambda r: "<html>")
+    monkeypatch.chdir(tmp_path)
+    assert main(["reproduce", *(["--out", "made"] if out else [])]) == 0
+    shown = capsys.readouterr().out
+    assert shown.startswith("The position PI of the paper is unstable")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["made"] * out
+    assert main(["reproduce", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["schema"] == 1
+
+
+def test_a_folder_that_cannot_be_written_is_noticed_before_the_work(capsys, monkeypatch, tmp_path):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr("lugrectl.paper.reproduce", lambda progress: pytest.fail("ran"))
+    assert main(["reproduce", "--out", str(tmp_path / "file")]) == 2
+    assert "not a folder" in capsys.readouterr().err

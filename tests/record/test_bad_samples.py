@@ -1,0 +1,262 @@
+"""Bad samples are found on the rows as recorded, said with place and value, and left out."""
+
+import numpy as np
+import pytest
+
+from lugrectl.record import read_log, read_record
+
+from ..cases.damaged_drive import columns, marked, seen, sound
+from ..cases.logs import rows, write
+
+U_W = [("u", "theta"), ("u", "w"), ("u", "w", "theta")]
+
+
+@pytest.mark.parametrize("roles", U_W)
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("rate, counts", [(500.0, 8192), (200.0, 2000), (1000.0, 100_000)])
+def test_a_sound_log_gets_no_note(roles, seed, rate, counts):
+    log = columns(*roles, seed=seed, rate=rate, counts=counts)
+    found, said = seen(log)
+    assert said == [] and len(found) == 1 and found[0].ok.all()
+    for role in roles:
+        np.testing.assert_allclose(getattr(found[0], role), log[role], atol=1e-9)
+
+
+@pytest.mark.parametrize("role", ["u", "w", "theta"])
+@pytest.mark.parametrize("row", [0, 7, 2500, 5998, 5999])
+@pytest.mark.parametrize("value", [1e30, -1e308, np.finfo(float).max, -9999.0, 40.0])
+def test_one_bad_sample_is_named_with_its_row_and_value(role, row, value):
+    log = columns("u", "w", "theta")
+    log[role][row] = value
+    found, said = seen(log)
+    (sentence,) = said
+    assert sentence.startswith(f"{role} at row {row} is {value:.6g} ")
+    assert sentence.endswith("left out.")
+    clean = sound()[role]
+    low, high = clean.min(), clean.max()
+    assert all(low <= x <= high for s in found for x in getattr(s, role)[s.ok])
+
+
+@pytest.mark.parametrize("row", [333, 4123])
+def test_a_file_s_bad_sample_is_named_with_its_line(tmp_path, row):
+    """The header counts, and so do remarks."""
+    log = columns("u", "theta")
+    log["u"][row] = 2.5
+    text = rows(log.values()).splitlines()
+    text.insert(50, "# the fan was on")
+    path = write(tmp_path / "a.csv", "t,u,theta\n" + "\n".join(text) + "\n")
+    record = read_record(path)
+    assert record.messages == (
+        f"u at line {row + 3} is 2.5 N m, far off its neighbours: left out.",
+    )
+    assert record.samples == 6000 and record.dropped == 1 and record.gaps == ()
+    assert record.u[row] == pytest.approx(sound()["u"][row - 1])
+    assert record.log.channels["u"][row] == 2.5 and record.log.where(row) == f"line {row + 3}"
+
+
+@pytest.mark.parametrize("turn", [2 * np.pi, -2 * np.pi, 0.5])
+def test_one_reading_of_an_encoder_that_is_off_is_no_wrap_and_no_cut(turn):
+    log = columns("u", "theta")
+    log["theta"][2501] += turn
+    found, said = seen(log)
+    (sentence,) = said
+    assert "theta at row 2501" in sentence and len(found) == 1 and found[0].ok.all()
+    np.testing.assert_allclose(found[0].theta, sound()["theta"], atol=2e-2)
+
+
+@pytest.mark.parametrize("role, size", [("u", 0.5), ("w", 9.0), ("theta", 1.0)])
+@pytest.mark.parametrize("many", [10, 60])
+def test_scattered_outliers_are_counted(role, size, many):
+    rng = np.random.default_rng(many)
+    log = columns("u", "w", "theta")
+    at = rng.choice(np.arange(5, 5990, 6), many, replace=False)
+    log[role][at] += size * rng.choice([-1, 1], many) * rng.uniform(1, 2, many)
+    found, said = seen(log)
+    (sentence,) = said
+    assert f"{role} is far off its neighbours in " in sentence
+    assert int(sentence.split(" in ")[1].split()[0]) >= 0.95 * many
+    assert f"first at row {at.min()}" in sentence
+    assert all(s.ok.mean() > 0.999 for s in found)
+
+
+@pytest.mark.parametrize("share", [0.02, 0.1, 0.2])
+@pytest.mark.parametrize("role, code", [("u", 0.0), ("u", -3.2767), ("w", 0.0), ("theta", 65.535)])
+def test_a_code_that_comes_again_and_again_is_no_value(role, code, share):
+    log = columns("u", "w", "theta")
+    lost = np.random.default_rng(4).random(6000) < share
+    log[role][lost] = code
+    found, said = seen(log)
+    assert any(f"{role} is exactly {code:.6g}" in s and "left out" in s for s in said)
+    clean, wrong = sound()[role], 0
+    for s in found:
+        at = np.rint(s.t * 500).astype(int)
+        wrong += int((np.abs(getattr(s, role) - clean[at]) > 0.2 * np.ptp(clean))[s.ok].sum())
+    assert wrong <= 2
+
+
+@pytest.mark.parametrize("first, rows_", [(1500, 150), (2800, 60), (4600, 300)])
+def test_a_position_that_stands_while_the_drive_goes_on_is_left_out(first, rows_):
+    log = columns("u", "theta")
+    moved = np.abs(log["theta"][first + rows_] - log["theta"][first])
+    log["theta"][first : first + rows_] = log["theta"][first]
+    found, said = seen(log)
+    assert moved > 0.05
+    (sentence,) = said
+    assert "theta stands at" in sentence and "and then jumps" in sentence
+    bad = marked(found, log["t"])
+    assert abs(bad.min() - first) <= 2 and abs(bad.max() - (first + rows_)) <= 2
+    assert np.ptp(np.diff(np.r_[bad.min(), bad])[1:]) == 0
+
+
+@pytest.mark.parametrize("first", [600, 4900])
+@pytest.mark.parametrize("value", [None, 0.0])
+def test_a_torque_that_stands_while_the_motion_needs_another_is_left_out(first, value):
+    log = columns("u", "theta")
+    level = 0.0 if value == 0 else log["u"][:-150]
+    off = np.convolve(np.ones(150), np.abs(log["u"]), "valid")[:-1] / 150 - np.abs(level)
+    turning = np.convolve(np.ones(150), np.abs(sound()["w"]) > 1, "valid")[:-1] > 130
+    first += int(np.argmax((np.abs(off) > 0.1)[first:] & turning[first:]))  # the drive goes on
+    log["u"][first : first + 150] = log["u"][first] if value is None else value
+    _, said = seen(log)
+    (sentence,) = said or [f"{first}"]
+    assert "u stands at" in sentence and f"from row {first} on" in sentence
+
+
+@pytest.mark.parametrize("rows_", [2, 30, 120])
+@pytest.mark.parametrize("first", [1500, 4100])
+def test_rows_of_zeros_in_the_middle_are_left_out(first, rows_):
+    log = columns("u", "theta")
+    for role in ("u", "theta"):
+        log[role][first : first + rows_] = 0.0
+    found, said = seen(log)
+    assert any(s.startswith("theta ") and "left out" in s for s in said)
+    bad = marked(found, log["t"])
+    assert rows_ <= 2 or len(bad) >= rows_
+    for s in found:
+        at = np.rint(s.t * 500).astype(int)
+        clean = sound()["theta"][at]
+        off = (s.theta - clean)[s.ok]
+        assert np.ptp(off) < 0.05
+
+
+@pytest.mark.parametrize("rows_", [1500, 40])
+def test_zeros_before_the_drive_is_enabled_are_left_out(rows_):
+    log = columns("u", "theta")
+    log["theta"] += 2.5
+    empty = np.zeros(rows_)
+    log = {role: np.r_[empty, x] for role, x in log.items()}
+    log["t"] = np.arange(len(log["u"])) / 500.0
+    found, said = seen(log)
+    (sentence,) = said
+    assert f"theta stands at 0 rad for {rows_} rows from row 0 on" in sentence
+    assert len(found) == 1 and found[0].t[0] == pytest.approx(rows_ / 500.0)
+    assert read_record(log).samples == 6000
+
+
+@pytest.mark.parametrize("roles", U_W)
+def test_a_buffer_that_was_not_filled_is_left_out(roles):
+    log = {role: np.r_[x, np.zeros(400)] for role, x in columns(*roles).items()}
+    found, said = seen(log)
+    assert said == ["All columns are 0 in 400 rows, first at row 6000: left out."]
+    assert len(found) == 1 and len(found[0].t) == 6000 and found[0].ok.all()
+
+
+@pytest.mark.parametrize("limit", [0.3, 0.27])
+def test_a_register_at_its_end_is_left_out_where_the_motion_needs_more(limit):
+    log = columns("u", "theta")
+    beyond = np.abs(log["u"]) >= limit
+    log["u"] = log["u"].clip(-limit, limit)
+    found, said = seen(log)
+    assert sum("end of its register" in s for s in said) == 2
+    assert np.abs(np.concatenate([s.u[s.ok] for s in found])).max() <= limit
+    assert len(np.setdiff1d(np.flatnonzero(beyond), marked(found, log["t"]))) < 0.1 * beyond.sum()
+
+
+@pytest.mark.parametrize("bits, step", [(8, 1 / 400), (7, 1 / 200), (10, 1 / 1600)])
+def test_a_torque_register_that_wraps_is_unwrapped_as_the_motion_shows(bits, step):
+    log, span = columns("u", "theta"), 2**bits * step
+    true = np.round(log["u"] / step) * step
+    log["u"] = (true + span / 2) % span - span / 2
+    wrapped = np.abs(log["u"] - true) > span / 2
+    found, said = seen(log)
+    (sentence,) = said
+    assert wrapped.sum() > 20 and f"u wraps by {span:.6g} N m in" in sentence
+    assert np.mean(np.abs(found[0].u - true)[wrapped] < 1e-9) > 0.95
+    assert np.abs(found[0].u - true)[~wrapped].max() < 1e-9
+
+
+def test_a_column_of_zeros_beside_the_motion_is_no_load():
+    log = columns("u", "theta") | {"d": np.zeros(6000)}
+    record = read_record(log)
+    assert record.d is None and record.messages == ("d is 0 in every row: left out.",)
+
+
+@pytest.mark.parametrize("every", [2, 4, 10])
+@pytest.mark.parametrize("held", [("u", "theta"), ("u",), ("theta",)])
+def test_channels_renewed_every_few_rows_are_used_where_they_were_sampled(every, held):
+    log = columns("u", "theta", rate=1000.0)
+    at = np.arange(6000) // every * every
+    for role in held:
+        log[role] = log[role][at]
+    found, said = seen(log)
+    (sentence,) = said
+    assert sentence.startswith(" and ".join(held)) and f"only every {every} ms" in sentence
+    assert found[0].dt == pytest.approx(every * 1e-3)
+    np.testing.assert_allclose(found[0].theta, columns("theta", rate=1000.0)["theta"][::every])
+
+
+def test_a_slower_second_signal_is_left_out():
+    log = columns("u", "w", "theta")
+    log["w"] = log["w"][np.arange(6000) // 10 * 10]
+    found, said = seen(log)
+    assert said == ["w is renewed only every 20 ms: left out, as theta is renewed in every row."]
+    assert found[0].w is None and found[0].theta is not None
+
+
+def test_a_torque_program_of_few_levels_is_held_on_purpose():
+    rng = np.random.default_rng(2)
+    u = np.repeat(rng.choice([-0.5, 0.0, 0.5], 300), 20)
+    w = np.zeros(6000)
+    for k in range(1, 6000):
+        w[k] = w[k - 1] + 2e-3 / 0.01 * (u[k - 1] - 0.1 * np.tanh(w[k - 1] / 0.1) - 0.05 * w[k - 1])
+    t = np.arange(6000) * 2e-3
+    found, said = seen({"t": t, "u": u, "theta": np.cumsum(w) * 2e-3})
+    assert said == [] and len(found[0].t) == 6000
+
+
+def test_a_log_keeps_what_was_recorded():
+    log = columns("u", "theta")
+    log["u"][10], log["theta"][20] = np.nan, 1e30
+    made = read_log(log)
+    np.testing.assert_array_equal(made.channels["u"], log["u"])
+    np.testing.assert_array_equal(made.channels["theta"], log["theta"])
+    assert made.where(10) == "row 10" and made.messages == () and made.motion == "rotary"
+
+
+def test_a_short_torque_that_the_motion_shows_is_no_outlier():
+    """One row of a hammer's size; the speed changes by as much as it should."""
+    rng = np.random.default_rng(5)
+    t = np.arange(4000) * 2e-3
+    u = 0.3 * np.sin(2 * np.pi * 0.7 * t) + 0.002 * rng.standard_normal(4000)
+    u[[1200, 2500]] += [3.0, -2.5]
+    w, theta = np.zeros(4000), np.zeros(4000)
+    for k in range(1, 4000):
+        friction = 0.1 * np.tanh(w[k - 1] / 0.05) + 0.02 * w[k - 1]
+        w[k] = w[k - 1] + 2e-3 / 0.004 * (u[k - 1] - friction)
+        theta[k] = theta[k - 1] + 2e-3 * w[k]
+    assert seen({"t": t, "u": u, "theta": np.round(theta / 1e-4) * 1e-4})[1] == []
+    u[3000] = 3.0  # this one moved nothing
+    (sentence,) = seen({"t": t, "u": u, "theta": np.round(theta / 1e-4) * 1e-4})[1]
+    assert sentence == "u at row 3000 is 3 N m, far off its neighbours: left out."
+
+
+@pytest.mark.parametrize("rate", [200.0, 60.0])
+def test_a_start_within_a_row_is_no_jump_where_two_signals_agree(rate):
+    """A light motor that is kicked and stops at once, logged slowly."""
+    t = np.arange(0, 8, 1 / rate)
+    w = np.where((t > 2.0) & (t < 2.0 + 1.5 / rate), 4.0, 0.0)
+    w += np.where((t > 5.0) & (t < 5.0 + 3.5 / rate), -3.0, 0.0)
+    theta = np.round(np.cumsum(w) / rate / 7e-4) * 7e-4
+    u = np.where(w != 0, 0.05 * np.sign(w), 0.0)
+    found, said = seen({"t": t, "u": u, "w": w, "theta": 716 + theta})
+    assert not any("left out" in s or "no motion" in s for s in said) and len(found) == 1

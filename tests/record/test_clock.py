@@ -1,0 +1,188 @@
+"""Stamps are data: wrapped timers, wild stamps, restarts, jitter, lost rows."""
+
+import numpy as np
+import pytest
+
+from lugrectl.record import read_record
+
+from ..cases.damaged_drive import columns, seen, sound
+
+
+@pytest.mark.parametrize("row", [2, 700, 3001, 5998])
+@pytest.mark.parametrize("value", [0.0, -5.0, 1e6, np.nan, 1e300])
+def test_one_row_without_a_true_time_is_left_out(row, value):
+    log = columns("u", "theta")
+    log["t"][row] = value
+    found, said = seen(log)
+    (sentence,) = said
+    assert sentence.startswith("t ") and "left out" in sentence
+    assert not 0 <= value < 1e30 or f"row {row}" in sentence
+    assert len(found) == 1 and found[0].ok.all() and len(found[0].t) >= 5999
+    at = np.rint(found[0].t * 500).astype(int)
+    np.testing.assert_allclose(found[0].theta, sound()["theta"][at], atol=2e-2)
+    assert read_record(log).gaps == ()
+
+
+def test_a_few_rows_with_the_stamp_of_a_mark_are_left_out():
+    log = columns("u", "theta")
+    log["t"][[100, 101, 102, 4000]] = 0.0
+    found, said = seen(log)
+    (sentence,) = said
+    assert "in 4 rows, first at row 100 (0 s)" in sentence
+    assert sum(len(s.t) for s in found) >= 5990
+
+
+@pytest.mark.parametrize("unit, bits", [("us", 32), ("us", 16), ("ms", 16), ("ms", 8), ("us", 24)])
+def test_a_timer_that_wraps_is_unwrapped(unit, bits):
+    log = columns("u", "theta")
+    scale, period = {"us": 1e6, "ms": 1e3}[unit], 2.0**bits
+    ticks = np.round(log["t"] * scale + period - 3e-3 * scale)
+    log["t"] = ticks % period
+    wraps = int((np.diff(log["t"]) < 0).sum())
+    found, said = seen(log, units={"t": unit})
+    (sentence,) = said
+    assert f"t wraps by {period / scale:.10g} s" in sentence and "unwrapped" in sentence
+    assert wraps == 1 or f"{wraps - 1} times more" in sentence
+    assert len(found) == 1 and len(found[0].t) == 6000 and found[0].dt == pytest.approx(2e-3)
+
+
+def test_a_clock_past_midnight_goes_on():
+    log = columns("u", "theta")
+    log["t"] = (log["t"] + 86395.0) % 86400.0
+    found, said = seen(log)
+    assert len(said) == 1 and "t wraps by 86400 s at row 2500" in said[0]
+    assert len(found) == 1 and len(found[0].t) == 6000
+
+
+@pytest.mark.parametrize("cut", [2000, 3500])
+@pytest.mark.parametrize("roles", [("u", "theta"), ("u", "w")])
+def test_a_clock_that_starts_again_begins_another_run(cut, roles):
+    log, other = columns(*roles), columns(*roles, seed=2)
+    log = {k: np.r_[log[k][:cut], other[k][: 5000 - cut]] for k in log}
+    found, said = seen(log)
+    assert any(f"Time starts again at row {cut}" in s for s in said)
+    assert [len(s.t) for s in found] == [cut, 5000 - cut]
+    record = read_record(log)
+    assert record.gaps == (cut,) and (np.diff(record.t) > 0).all()
+
+
+def test_stamps_of_a_host_are_used_as_they_are_and_their_jitter_is_said():
+    """Polled by a computer: late by a little, at times by a lot; each sample is of its stamp."""
+    rng = np.random.default_rng(3)
+    due = np.arange(5500) * 2e-3 + 0.3
+    late = rng.exponential(2e-4, 5500) + 4e-3 * (rng.random(5500) < 0.01)
+    t = np.maximum.accumulate(due + late) + 1e-6 * np.arange(5500)
+    fine = columns("u", "w", "theta", counts=65536)
+    log = {"t": t, "u": np.interp(t, fine["t"], fine["u"])}
+    log["theta"] = np.interp(t, fine["t"], fine["theta"])
+    found, said = seen(log)
+    assert len(said) == 1 and "t jitters by up to" in said[0] and "RMS" in said[0]
+    assert len(found) == 1 and found[0].ok.mean() > 0.95
+    true = np.interp(found[0].t, fine["t"], fine["theta"])
+    assert np.abs(found[0].theta - true)[found[0].ok].max() < 0.01
+    record = read_record(log)
+    assert record.dt == pytest.approx(2e-3, rel=1e-3) and record.gaps == ()
+
+
+@pytest.mark.parametrize("roles", [("u", "theta"), ("u", "w")])
+def test_even_samples_that_were_stamped_late_keep_an_even_clock(roles):
+    rng = np.random.default_rng(8)
+    log = columns(*roles, counts=1_000_000)
+    if "w" in roles:
+        log["w"] = np.gradient(sound(counts=1_000_000)["theta"], 2e-3)
+    log["t"] = np.maximum.accumulate(log["t"] + rng.exponential(8e-4, 6000)) + 1e-7 * log["t"]
+    found, said = seen(log)
+    assert any("even clock was used" in s for s in said)
+    s = found[0]
+    assert np.std(s.t - (s.t[0] + s.dt * np.arange(len(s.t)))) < 1e-9
+    true = log[roles[1]][: len(s.t)]
+    off = getattr(s, roles[1]) - true
+    assert np.std(off) < 0.03 * np.std(true)
+
+
+def test_stamps_rounded_to_more_than_a_row_are_an_even_grid():
+    log = columns("u", "theta")
+    log["t"] = np.floor(log["t"] / 0.01) * 0.01
+    found, said = seen(log)
+    assert len(said) == 1 and "rounded" in said[0]
+    assert found[0].dt == pytest.approx(2e-3, rel=1e-4) and len(found[0].t) == 6000
+
+
+def test_lost_rows_with_exact_stamps_keep_the_stamps():
+    kept = np.sort(np.random.default_rng(1).choice(6000, 5400, replace=False))
+    log = {role: x[kept] for role, x in columns("u", "theta").items()}
+    found, _ = seen(log)
+    for s in found:
+        assert s.dt == pytest.approx(2e-3)
+        np.testing.assert_allclose(s.t * 500, np.rint(s.t * 500), atol=1e-6)
+        at = np.rint(s.t * 500).astype(int)
+        held = np.isin(at, kept)
+        np.testing.assert_allclose(s.theta[held], sound()["theta"][at[held]])
+        beside = np.isin(at - 1, kept) & np.isin(at + 1, kept)
+        inner = slice(2, -2)
+        assert s.ok[inner][(held | beside)[inner]].all()
+        long_lost = ~held & ~np.isin(at - 1, kept) & ~np.isin(at + 1, kept)
+        assert not s.ok[inner][long_lost[inner]].any()
+
+
+def test_a_gap_ends_a_stretch():
+    log = {role: np.delete(x, slice(3000, 3100)) for role, x in columns("u", "theta").items()}
+    found, said = seen(log)
+    assert [len(s.t) for s in found] == [3000, 2900]
+    assert said == [
+        "About 100 samples are lost in 1 gap, the first at t = 5.998 s; the parts are treated "
+        "separately."
+    ]
+
+
+@pytest.mark.parametrize("role", ["u", "theta"])
+@pytest.mark.parametrize("missing", [5, 60])
+def test_a_run_without_numbers_in_one_channel_is_not_ok_there(role, missing):
+    log = columns("u", "theta")
+    log[role][3000 : 3000 + missing] = np.nan
+    found, said = seen(log)
+    (s,) = found
+    assert len(s.t) == 6000 and not s.ok[3000 : 3000 + missing].any()
+    assert s.ok.sum() == 6000 - missing
+    record = read_record(log)
+    assert record.gaps == (3000,) and record.samples == 6000 - missing
+    sentence = f"{role} has no number in {missing} rows from row 3000 on: the record is cut there."
+    assert said == [sentence] and record.messages == (sentence,)
+
+
+def test_a_slow_log_is_read_and_its_rate_is_said():
+    log = columns("u", "w")
+    log = {role: x[::128] for role, x in log.items()}
+    found, said = seen(log)
+    assert len(found) == 1 and found[0].dt == pytest.approx(0.256)
+    assert any("3.90625 Hz" in s and "--units t=ms" in s for s in said)
+    assert read_record(log).samples == 47
+
+
+def test_many_short_runs_are_stretches_of_their_runs():
+    from lugrectl.record import read_log, stretches
+
+    log = columns("u", "theta")
+    logs = [read_log({k: x[a : a + 380] for k, x in log.items()}) for a in range(0, 5700, 380)]
+    found, said = stretches(logs)
+    assert [s.run for s in found] == list(range(15)) and said == []
+    assert all(len(s.t) == 380 and s.ok.all() for s in found)
+
+
+def test_what_is_said_of_several_logs_names_the_log():
+    from lugrectl.record import read_log, stretches
+
+    bad = columns("u", "theta")
+    bad["u"][77] = 9.0
+    _, said = stretches([read_log(columns("u", "theta")), read_log(bad)])
+    assert said == ["the dict of arrays: u at row 77 is 9 N m, far off its neighbours: left out."]
+
+
+def test_pieces_of_a_dozen_rows_can_be_prepared_for_the_fit():
+    from lugrectl.identification.dataset.dataset import prepare
+
+    log = columns("u", "theta", rate=1000.0)
+    log["u"][[*range(300, 310), *range(322, 340)]] = np.nan
+    record = read_record(log)
+    assert [s.stop - s.start for s in record.segments()] == [300, 12, 5660]
+    assert np.isfinite(prepare([record]).log.theta).all()

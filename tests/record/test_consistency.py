@@ -1,0 +1,399 @@
+"""What is noticed about a record, and above all what is left alone when nothing is wrong."""
+
+import functools
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.signal import lfilter
+
+from lugrectl.core.errors import Refused
+from lugrectl.record import Record, consistent, read_record
+from lugrectl.record.consistency import audit as checked
+from lugrectl.record.consistency import torque_fit
+from lugrectl.record.samples.position_jumps import unwrapped
+
+from ..cases.logs import DATA, measured
+
+
+def audit(record):
+    """What reading does with the rows of a record."""
+    return checked(consistent(record))
+
+
+@functools.cache
+def bench(number):
+    return read_record(DATA / "bench" / f"{number:02d}" / "record.csv")
+
+
+def run(n=8000, dt=1e-3, J=2e-3, Fc=0.2, Fv=0.02, gravity=0.0, spring=0.0, seed=1):
+    """A mass with friction, pendulum and spring, by Euler; torque held over dt."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(n) * dt
+    u = 0.7 * np.sin(2 * np.pi * 0.6 * t) + 0.35 * np.sin(2 * np.pi * 2.3 * t + 1.0)
+    u += 0.1 * np.sin(2 * np.pi * 7.1 * t) + gravity * rng.uniform(0.5, 1.0)
+    w, theta = np.zeros(n), np.zeros(n)
+    speed = angle = 0.0
+    for k in range(n):
+        w[k], theta[k] = speed, angle
+        for _ in range(5):
+            load = gravity * math.sin(angle) + spring * angle
+            speed += dt / 5 / J * (u[k] - load - Fc * math.tanh(speed / 0.1) - Fv * speed)
+            angle += dt / 5 * speed
+    w += 2e-3 * rng.standard_normal(n)
+    return Record(t, u, w, np.round(theta / 1e-4) * 1e-4, dt=dt, source="run")
+
+
+PLAIN = run()
+RPM, DEG, TURN = np.pi / 30, np.pi / 180, 2 * np.pi
+
+
+def said(record):
+    return " ".join(record.messages)
+
+
+# ---- nothing wrong ------------------------------------------------------------------
+
+SOUND = [
+    PLAIN,
+    run(gravity=0.4),
+    run(spring=0.3),
+    run(Fc=0.02, Fv=0.0, J=2e-2),
+    run(n=1000),
+    run(n=300, dt=5e-3),
+    replace(PLAIN, motion="linear"),
+    replace(PLAIN, gaps=(3000, 6000)),
+]
+
+
+@pytest.mark.parametrize("record", SOUND)
+@pytest.mark.parametrize("without", [None, "w", "theta"])
+def test_a_sound_record_stays_as_it_is(record, without):
+    record = replace(record, **{without: None}) if without else record
+    seen = audit(record)
+    assert seen.messages == ()
+    for role, values in record.channels().items():
+        np.testing.assert_array_equal(getattr(seen, role), values)
+
+
+@measured
+@pytest.mark.parametrize("number", range(1, 9))
+@pytest.mark.parametrize("without", [None, "w", "theta"])
+def test_measured_records_keep_their_sign_and_lose_a_wrong_one(number, without):
+    record = bench(number)
+    record = replace(record, **{without: None}) if without else record
+    assert audit(record).messages == ()
+    turned = audit(replace(record, u=-record.u))
+    np.testing.assert_array_equal(turned.u, record.u)
+    assert "sign was changed" in said(turned) and len(turned.messages) == 1
+
+
+@measured
+def test_emps_keeps_its_sign_and_loses_a_wrong_one():
+    path = DATA / "emps" / "DATA_EMPS.mat"
+    right = read_record(path, scale="u=35.15", units="theta=m")
+    wrong = read_record(path, scale="u=-35.15", units="theta=m")
+    assert "sign" not in said(right) and "sign was changed" in said(wrong)
+    np.testing.assert_array_equal(right.u, wrong.u)
+
+
+@measured
+@pytest.mark.parametrize(
+    "path", sorted((DATA / "screw-drive").rglob("*.csv")), ids=lambda p: p.stem
+)
+def test_steady_runs_of_a_screw_drive_keep_their_sign(path):
+    assert "sign" not in said(read_record(path, scale={"u": 9.84e-5}))
+
+
+# ---- sign of the torque -------------------------------------------------------------
+
+
+@pytest.mark.parametrize("record", SOUND)
+@pytest.mark.parametrize("without", [None, "w", "theta"])
+def test_a_turned_torque_is_turned_back_or_at_least_said(record, without):
+    record = replace(record, **{without: None}) if without else record
+    seen = audit(replace(record, u=-record.u))
+    assert len(seen.messages) == 1
+    if record.samples >= 8000:
+        assert "sign was changed" in said(seen)
+    if "sign was changed" in said(seen):
+        np.testing.assert_array_equal(seen.u, record.u)
+    else:
+        assert "--scale u=-1" in said(seen)
+        np.testing.assert_array_equal(seen.u, -record.u)
+
+
+def test_a_sensor_beyond_a_soft_coupling_does_not_turn_the_torque():
+    """Two masses, resonance at 3 Hz, driven above it: the load moves against the torque."""
+    n, dt, k, c = 8000, 1e-3, 0.5 * (2 * np.pi * 3) ** 2, 0.5
+    t = np.arange(n) * dt
+    u = 30 * np.sin(2 * np.pi * 7 * t) + 10 * np.sin(2 * np.pi * 11 * t) + 2 * np.sin(2 * np.pi * t)
+    x1 = v1 = x2 = v2 = 0.0
+    w, theta = np.zeros(n), np.zeros(n)
+    for i in range(n):
+        w[i], theta[i] = v2, x2
+        for _ in range(5):
+            force = k * (x1 - x2) + c * (v1 - v2)
+            v1 += dt / 5 * (u[i] - force - math.tanh(v1 / 0.01))
+            v2 += dt / 5 * (force - math.tanh(v2 / 0.01))
+            x1, x2 = x1 + dt / 5 * v1, x2 + dt / 5 * v2
+    assert "was changed" not in said(audit(Record(t, u, w, theta, dt=dt)))
+
+
+def test_the_fit_finds_the_balance_of_the_machine():
+    fit = torque_fit(PLAIN)
+    assert fit is not None and fit.r2 > 0.98 and fit.inertia_t > 20 and fit.power_t > 20
+    turned = torque_fit(replace(PLAIN, u=-PLAIN.u))
+    assert turned is not None
+    assert turned.inertia_t == pytest.approx(-fit.inertia_t) and turned.r2 == pytest.approx(fit.r2)
+
+
+# ---- wrapped angles -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("low", [0.0, -np.pi])
+@pytest.mark.parametrize("turns", [1, 2])
+def test_wrapped_angles_are_unwrapped(low, turns):
+    span = turns * TURN
+    assert np.ptp(PLAIN.theta) > span
+    wrapped = (PLAIN.theta - low) % span + low
+    seen = audit(replace(PLAIN, theta=wrapped))
+    assert "theta jumps" in said(seen) and len(seen.messages) == 1
+    shift = seen.theta - PLAIN.theta
+    np.testing.assert_allclose(shift, shift[0], atol=1e-9)
+    assert shift[0] / span == pytest.approx(round(shift[0] / span), abs=1e-9)
+
+
+def test_wrapped_degrees_without_a_unit_are_converted():
+    theta, told = unwrapped("theta", np.rad2deg(PLAIN.theta) % 360)
+    np.testing.assert_allclose(theta, PLAIN.theta - PLAIN.theta[0], atol=1e-9)
+    assert len(told) == 1 and "deg" in told[0]
+
+
+def test_wrapped_angles_are_unwrapped_before_they_are_resampled(tmp_path):
+    rng = np.random.default_rng(2)
+    t = np.arange(4000) * 1e-3
+    stamps = t + 1e-3 * rng.uniform(-0.04, 0.04, len(t))
+    angle = 1 + 6 * np.sin(3 * stamps)
+    wrapped = np.where(np.arange(4000) == 1500, np.nan, angle % TURN)
+    np.savez(tmp_path / "a.npz", t=stamps, u=np.cos(3 * stamps), theta=wrapped)
+    record = read_record(tmp_path / "a.npz")
+    assert record.theta is not None and record.dropped == 1
+    np.testing.assert_allclose(record.theta, 1 + 6 * np.sin(3 * record.t), atol=1e-4)
+
+
+@given(st.lists(st.floats(-0.4, 0.4), min_size=20, max_size=200))
+def test_unwrapping_never_invents_a_jump(steps):
+    """A smooth angle that never nears half a turn in one step is left alone."""
+    theta = np.cumsum(steps)
+    seen, told = unwrapped("theta", theta)
+    assert told == [] and seen is theta
+
+
+def test_one_outlier_is_no_wrap():
+    theta = np.sin(np.arange(1000) * 0.01)
+    theta[500] += 4.0
+    assert unwrapped("theta", theta)[1] == []
+
+
+# ---- w against theta ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("role", "factor", "unit"),
+    [
+        ("w", 1 / RPM, "rpm"),
+        ("w", 1 / DEG, "deg/s"),
+        ("w", 1 / TURN, "rev/s"),
+        ("theta", 1 / DEG, "deg"),
+        ("theta", 1 / TURN, "rev"),
+    ],
+)
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_mixed_up_unit_is_put_right(role, factor, unit, sign):
+    wrong = replace(PLAIN, **{role: getattr(PLAIN, role) * factor})
+    seen = audit(replace(wrong, w=sign * wrong.w))
+    assert f"{role} is taken in" in said(seen) and f"in fact in {unit}" in said(seen)
+    np.testing.assert_allclose(seen.w, PLAIN.w, rtol=1e-12)
+    np.testing.assert_allclose(seen.theta, PLAIN.theta, rtol=1e-12)
+    assert len(seen.messages) == (1 if sign > 0 else 2)
+
+
+def test_units_stated_decide_which_channel_is_wrong(tmp_path):
+    """w is 57.3 times d theta/dt: w in deg/s, or theta stated in deg though it is in rad."""
+    np.savez(tmp_path / "a.npz", **{"t": PLAIN.t, "u": PLAIN.u, "w [rad/s]": PLAIN.w / DEG,
+                                    "theta": PLAIN.theta})  # fmt: skip
+    np.testing.assert_allclose(read_record(tmp_path / "a.npz").w, PLAIN.w, rtol=1e-12)
+    np.savez(tmp_path / "b.npz", **{"t": PLAIN.t, "u": PLAIN.u, "w [rpm]": PLAIN.w,
+                                    "theta": PLAIN.theta})  # fmt: skip
+    seen = read_record(tmp_path / "b.npz")
+    np.testing.assert_allclose(seen.w, PLAIN.w, rtol=1e-12)
+    assert "w is stated in rpm but in fact in rad/s" in said(seen)
+
+
+def test_millimetres_on_a_linear_drive():
+    linear = replace(PLAIN, motion="linear")
+    seen = audit(replace(linear, w=1e3 * PLAIN.w))
+    np.testing.assert_allclose(seen.w, PLAIN.w, rtol=1e-12)
+    assert "mm/s" in said(seen)
+
+
+@pytest.mark.parametrize("offset", [0.3, -0.2])
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_a_speed_that_is_off_by_a_constant_is_said_and_not_used(offset, noise):
+    rng = np.random.default_rng(0)
+    seen = audit(replace(PLAIN, w=PLAIN.w + offset + noise * rng.standard_normal(8000)))
+    (sentence,) = seen.messages
+    assert seen.w is None and f"too {'high' if offset > 0 else 'low'}" in sentence
+    assert float(sentence.split()[2]) == pytest.approx(abs(offset), rel=0.1)
+
+
+@pytest.mark.parametrize("speed", [0.5, -3.0, 40.0])
+def test_a_speed_beside_an_angle_is_compared_only_where_it_varies(speed):
+    rng = np.random.default_rng(4)
+    t = np.arange(1500) * 2e-3
+    w = speed + 2e-3 * rng.standard_normal(1500)
+    theta = np.round(speed * t / 1e-4) * 1e-4
+    u = np.full(1500, 0.2 * np.sign(speed)) + 1e-3 * rng.standard_normal(1500)
+    seen = audit(Record(t, u, w, theta, source="steady"))
+    assert seen.messages == () and seen.w is not None
+    constant = audit(Record(t, np.full(1500, 0.2), w, theta))
+    assert constant.messages == ()
+    wrong = audit(Record(t, u, 30 / np.pi * w, theta))
+    assert "in fact in rpm" in said(wrong)
+
+
+def test_the_sign_follows_the_position():
+    seen = audit(replace(PLAIN, w=-PLAIN.w))
+    np.testing.assert_array_equal(seen.w, PLAIN.w)
+    assert seen.messages == ("w has the opposite sign of d theta/dt: its sign was changed.",)
+
+
+@pytest.mark.parametrize("n", [12, 39, 60, 120])
+def test_a_few_samples_are_left_as_they_are(n):
+    """Slow signals without their ends are nothing then."""
+    few = run().slice(500, 500 + n)
+    assert audit(few).w is not None and audit(few).messages == ()
+
+
+@pytest.mark.parametrize("factor", [0.9, 1.06, 3.7, -5.0])
+def test_another_ratio_means_that_w_is_ignored(factor):
+    seen = audit(replace(PLAIN, w=factor * PLAIN.w))
+    assert seen.w is None and f"{factor:.4g} times" in said(seen)
+
+
+def test_theta_and_w_in_each_other_s_place_are_exchanged():
+    seen = audit(replace(PLAIN, w=PLAIN.theta, theta=PLAIN.w))
+    np.testing.assert_array_equal(seen.w, PLAIN.w)
+    np.testing.assert_array_equal(seen.theta, PLAIN.theta)
+    assert seen.messages == ("theta is d w/dt: the two were exchanged.",)
+
+
+def test_an_unrelated_w_is_ignored():
+    other = run(seed=9, J=4e-3).w[::-1]
+    assert audit(replace(PLAIN, w=other.copy())).w is None
+
+
+@settings(max_examples=15)
+@given(st.floats(0.98, 1.02), st.floats(0, 0.5))
+def test_small_errors_and_noise_of_w_are_left_alone(factor, noise):
+    rng = np.random.default_rng(0)
+    w = factor * PLAIN.w + noise * np.std(PLAIN.w) * rng.standard_normal(PLAIN.samples)
+    seen = audit(replace(PLAIN, w=w))
+    assert seen.messages == () and seen.w is not None
+
+
+def lag_in(sentence):
+    return float(sentence.split("lags theta by ")[1].split(" ms")[0])
+
+
+@pytest.mark.parametrize("tau", [4e-3, 20e-3, 60e-3])
+def test_a_filtered_velocity_is_said_and_left(tau):
+    """First-order filter of time constant tau: its group delay at low frequency is tau."""
+    a = np.exp(-PLAIN.dt / tau)
+    filtered = replace(PLAIN, w=lfilter([1 - a], [1, -a], PLAIN.w))
+    seen = audit(filtered)
+    np.testing.assert_array_equal(seen.w, filtered.w)
+    (sentence,) = seen.messages
+    assert lag_in(sentence) == pytest.approx(1e3 * PLAIN.dt * a / (1 - a), rel=0.05)
+
+
+@pytest.mark.parametrize("late", [1, 3])
+def test_a_late_velocity_is_said_from_one_and_a_half_samples(late):
+    seen = audit(replace(PLAIN, w=np.r_[np.zeros(late), PLAIN.w[:-late]]))
+    assert len(seen.messages) == (late == 3)
+    assert late == 1 or lag_in(said(seen)) == pytest.approx(3.0, rel=0.05)
+
+
+# ---- dead and saturated channels ----------------------------------------------------
+
+
+@pytest.mark.parametrize("value", [0.0, 5.0, -1e-3])
+def test_constant_torque_is_refused(value):
+    with pytest.raises(Refused, match="dead torque channel"):
+        audit(replace(PLAIN, u=np.full(PLAIN.samples, value)))
+
+
+def test_torque_of_noise_is_refused():
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(PLAIN.samples)
+    with pytest.raises(Refused, match="dead torque channel"):
+        audit(replace(PLAIN, u=0.2 + noise))
+
+
+def test_white_torque_that_moves_the_machine_is_not_noise():
+    rng = np.random.default_rng(0)
+    u = 40 * rng.standard_normal(4000)
+    w, speed = np.zeros(4000), 0.0
+    for k in range(4000):
+        w[k] = speed
+        speed += 1e-3 * (u[k] - 0.1 * math.tanh(speed / 0.01) - 0.5 * speed)
+    t = np.arange(4000) * 1e-3
+    assert audit(Record(t, u, w, np.cumsum(w) * 1e-3, dt=1e-3)).messages == ()
+
+
+@pytest.mark.parametrize("role", ["w", "theta"])
+def test_constant_motion_is_refused(role):
+    with pytest.raises(Refused, match=f"{role} is constant .*nothing moves"):
+        audit(replace(PLAIN, **{role: np.zeros(PLAIN.samples)}))
+
+
+def test_motion_within_the_sensor_is_refused():
+    dither = 1e-4 * (np.arange(PLAIN.samples) // 7 % 2)
+    with pytest.raises(Refused, match="2 values"):
+        audit(replace(PLAIN, w=None, theta=dither))
+    noise = np.random.default_rng(0).standard_normal(PLAIN.samples)
+    with pytest.raises(Refused, match="nothing moves"):
+        audit(replace(PLAIN, w=noise, theta=None))
+
+
+def test_a_torque_at_the_end_of_its_register_is_left_out():
+    """The machine moved with more than the log says."""
+    limit = float(np.quantile(PLAIN.u, 0.9))
+    seen = audit(replace(PLAIN, u=np.minimum(PLAIN.u, limit)))
+    assert "end of its register" in said(seen) and f"{limit:.6g}" in said(seen)
+    assert seen.samples < 0.92 * PLAIN.samples and seen.u.max() < limit
+
+
+def test_a_drive_at_its_limit_is_said_and_left():
+    """The machine moved with what the log says."""
+    u, w = np.clip(PLAIN.u, -0.5, 0.5), np.zeros(8000)
+    for k in range(1, 8000):
+        friction = 0.2 * math.tanh(w[k - 1] / 0.1) + 0.02 * w[k - 1]
+        w[k] = w[k - 1] + 1e-3 / 2e-3 * (u[k - 1] - friction)
+    limited = Record(PLAIN.t, u, w, np.cumsum(w) * 1e-3, dt=1e-3)
+    seen = audit(limited)
+    assert "saturates" in said(seen) and seen.samples == 8000
+    levels = np.where(np.sin(7 * PLAIN.t) > 0, 0.6, -0.6)
+    assert "saturates" not in said(audit(replace(PLAIN, u=levels)))
+
+
+def test_sentences_are_sentences(tmp_path):
+    wrong = replace(PLAIN, w=-PLAIN.w / RPM, u=-np.minimum(PLAIN.u, 0.5), theta=PLAIN.theta % TURN)
+    seen = audit(wrong)
+    assert len(seen.messages) == 5, seen.messages
+    for sentence in seen.messages:
+        assert sentence.endswith(".") and "\n" not in sentence and len(sentence) < 200
+        assert sentence.split()[0] in ("u", "w", "theta")

@@ -1,0 +1,314 @@
+"""Logs as programs and drives write them: what is read, and what the one sentence names."""
+
+import gzip
+import io
+import json
+
+import numpy as np
+import pytest
+import scipy.io
+
+from lugrectl.core.errors import InputError
+from lugrectl.record import read_record
+
+from ..cases.logs import machine, refused, rows, write
+
+LOG = {k: v[:1500] for k, v in machine().items()}
+T, U, W, THETA = (LOG[k] for k in ("t", "u", "w", "theta"))
+TURN = 2 * np.pi
+
+
+def same(record, atol=1e-9, u=U, theta=THETA):
+    np.testing.assert_allclose(record.u, u, atol=atol)
+    np.testing.assert_allclose(record.theta, theta, atol=atol)
+    assert record.rate == pytest.approx(1000.0, rel=1e-6)
+    return record
+
+
+def table(head, *columns, delimiter=",", before="", after=""):
+    body = rows(columns, delimiter)
+    if after:
+        body = body.replace("\n", after + "\n")
+    return before + head + "\n" + body
+
+
+# ---- names, units, paths ------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("head", "factors"),
+    [
+        ("time_us,speed_rad_s,torque_Nm,pos_rev", (1e6, 1, 1, 1 / TURN)),
+        ("t_ms,velRpm,torque_mNm,angle_deg", (1e3, 30 / np.pi, 1e3, 360 / TURN)),
+        ("time / s,speed / rpm,u / N cm,theta / deg", (1, 30 / np.pi, 100, 360 / TURN)),
+        ("t (sec),omega (deg/s),torque (Nm),position (turns)", (1, 360 / TURN, 1, 1 / TURN)),
+        ("Timestamp [ns],Velocity [rps],Torque [ozf in],Angle [mrad]",
+         (1e9, 1 / TURN, 1 / 0.00706155183333, 1e3)),
+    ],
+)  # fmt: skip
+def test_a_unit_is_read_wherever_it_stands(tmp_path, head, factors):
+    columns = [x * f for x, f in zip((T, W, U, THETA), factors, strict=True)]
+    same(read_record(write(tmp_path / "a.csv", table(head, *columns))), atol=1e-6)
+
+
+def test_a_unit_behind_a_comma_in_a_quoted_name(tmp_path):
+    head = '"time, ms","angle, deg","torque, mN m"'
+    path = write(tmp_path / "a.csv", table(head, 1e3 * T, np.degrees(THETA), 1e3 * U))
+    same(read_record(path), atol=1e-6)
+
+
+def test_theta_m_is_the_measured_angle_and_no_length(tmp_path):
+    path = write(tmp_path / "a.csv", table("t,u,theta_m", T, U, THETA))
+    assert same(read_record(path)).motion == "rotary"
+
+
+@pytest.mark.parametrize("name", ["Iq_measured", "motor_current_mA", "u [counts]"])
+def test_a_raw_torque_asks_for_its_factor(tmp_path, name):
+    path = write(tmp_path / "a.csv", table(f"t,{name},theta", T, U, THETA))
+    refused(InputError, path, "--scale u=FACTOR")
+    same(read_record(path, scale={"u": 1.0}))
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "__time,/joint_states/knee/position,/joint_states/knee/effort",
+        "%time,field.position0,field.effort0",
+        "timestamp,position[0],effort[0]",
+        "time,/enc/angle/data,/drive/torque/data",
+        "Time,Axis 2.ActPos,Axis 2.ActTorque",
+    ],
+)
+def test_paths_of_topics_are_read_by_their_last_word(tmp_path, head):
+    same(read_record(write(tmp_path / "a.csv", table(head, T, THETA, U))))
+
+
+def test_two_joints_are_listed_by_the_names_that_columns_takes(tmp_path):
+    head = "__time,/js/hip/position,/js/knee/position,/js/hip/effort,/js/knee/effort"
+    path = write(tmp_path / "a.csv", table(head, T, THETA, W, U, W))
+    refused(InputError, path, "'/js/hip/effort'", "'/js/knee/effort'", "--columns u=NAME")
+    named = "u=/js/hip/effort,theta=/js/hip/position"
+    same(read_record(path, columns=named))
+
+
+def test_a_column_that_is_there_twice_is_used_once_and_said(tmp_path):
+    path = write(tmp_path / "a.csv", table("t,theta,u,u", T, THETA, U, U))
+    assert any("same values" in m for m in same(read_record(path)).messages)
+    path = write(tmp_path / "b.csv", table("t,theta,u,u", T, THETA, U, W))
+    refused(InputError, path, "'u' (column 3)", "'u' (column 4)")
+    same(read_record(path, columns="u=3"))
+
+
+# ---- time ---------------------------------------------------------------------------
+
+
+def clock(seconds):
+    day = seconds % 86400
+    return f"{int(day // 3600):02d}:{int(day // 60 % 60):02d}:{day % 60:06.3f}"
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        (lambda s: "", ""),
+        (lambda s: "2023-12-31 " if s < 86400 else "2024-01-01 ", "Z"),
+        (lambda s: "28.02.2023 " if s < 86400 else "01.03.2023 ", ""),
+    ],
+)  # fmt: skip
+def test_dates_and_times_of_day_run_over_midnight(tmp_path, before, after):
+    stamps = [before(s) + clock(s) + after for s in np.round(T + 86399.2, 3)]
+    body = "".join(f"{a};{b:.9g};{c:.9g}\n" for a, b, c in zip(stamps, U, THETA, strict=True))
+    record = same(
+        read_record(
+            write(
+                tmp_path / "a.csv",
+                "when [],u,theta\n".replace("when []", "time").replace(",", ";") + body,
+            )
+        )
+    )
+    assert record.t[0] == 0.0  # fmt: skip
+
+
+def test_an_unnamed_column_of_stamps_is_t(tmp_path):
+    body = "".join(
+        f"2024-05-05T10:00:{s:09.6f},{b:.9g},{c:.9g}\n" for s, b, c in zip(T, U, THETA, strict=True)
+    )
+    same(read_record(write(tmp_path / "a.csv", ",u,theta\n" + body)))
+
+
+@pytest.mark.parametrize("per", [10**9, 10**6, 10**3])
+def test_seconds_since_1970_are_known_by_their_size(tmp_path, per):
+    whole = 1_650_000_000 * per + np.rint(T * per).astype(np.int64)
+    body = "".join(f"{a},{b:.9g},{c:.9g}\n" for a, b, c in zip(whole, U, THETA, strict=True))
+    record = same(read_record(write(tmp_path / "a.csv", "timestamp,u,theta\n" + body)))
+    assert any("since 1970" in m for m in record.messages)
+
+
+def test_seconds_and_nanoseconds_in_two_columns_are_one_time(tmp_path):
+    ms = np.rint(1e3 * T).astype(int) + 600
+    head = "header.stamp.secs,header.stamp.nsecs,u,theta"
+    path = write(tmp_path / "a.csv", table(head, 1700 + ms // 1000, ms % 1000 * 10**6, U, THETA))
+    same(read_record(path))
+
+
+def test_a_rate_takes_the_place_of_t_and_a_period_is_no_rate(tmp_path):
+    path = write(tmp_path / "a.csv", table("t,u,theta", 7 * T, U, THETA))
+    said = same(read_record(path, rate=1000)).messages
+    assert any("in place of the column 't'" in m for m in said)
+    refused(InputError, path, "--rate is in Hz", "give --rate 1000", rate=0.001)
+    refused(InputError, path, "exclude each other", rate=1000, columns="t=t")
+
+
+def test_rows_of_two_topics_are_merged_on_those_of_the_motion(tmp_path):
+    lines = [
+        f"{t:.6g},{u:.9g}," if k % 2 else f"{t:.6g},,{x:.9g}"
+        for k, (t, u, x) in enumerate(zip(T, U, THETA, strict=True))
+    ]
+    path = write(tmp_path / "a.csv", "__time,/m/torque,/e/angle\n" + "\n".join(lines) + "\n")
+    record = read_record(path)
+    assert record.samples == 750 and record.rate == pytest.approx(500.0)
+    np.testing.assert_allclose(record.theta, THETA[::2], atol=1e-8)
+    np.testing.assert_allclose(record.u[1:-1], U[2:-2:2], atol=0.01)
+    assert any("different rows" in m for m in record.messages)
+
+
+# ---- text ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("delimiter", [" ", "   ", " | "])
+@pytest.mark.parametrize("mark", ["", "# ", "% ", "// "])
+def test_blanks_and_pipes_separate_columns(tmp_path, delimiter, mark):
+    head = mark + delimiter.join(["t", "theta", "u"])
+    same(read_record(write(tmp_path / "a.txt", table(head, T, THETA, U, delimiter=delimiter))))
+
+
+def test_names_and_units_in_two_comments(tmp_path):
+    before = "%Date:,today\r\n%stamp,torque,position\r\n"
+    text = table("%[ms],[N m],[turns]", 1e3 * T, U, THETA / TURN, before=before, after=";")
+    path = write(tmp_path / "a.csv", text)
+    same(read_record(path))
+
+
+def test_units_with_blanks_in_a_header_of_blanks(tmp_path):
+    path = write(
+        tmp_path / "a.dat", table("t [s]  u [N m]  theta [rad]", T, U, THETA, delimiter="  ")
+    )
+    same(read_record(path))  # fmt: skip
+
+
+def test_text_without_header_asks_for_numbers_and_takes_them(tmp_path):
+    path = write(tmp_path / "a.txt", rows([THETA, T, U], " "))
+    refused(InputError, path, "no header", "line 1", '--columns "t=1,u=2,theta=3"')
+    same(read_record(path, columns="t=2,u=3,theta=1"))
+
+
+@pytest.mark.parametrize("after", [";", "; "])
+def test_a_delimiter_at_the_end_of_rows_adds_no_column(tmp_path, after):
+    path = write(tmp_path / "a.csv", table("t;u;theta", T, U, THETA, delimiter=";", after=after))
+    same(read_record(path))
+
+
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be", "utf-8-sig", "utf-16"])
+def test_encodings_with_and_without_mark(tmp_path, encoding):
+    same(read_record(write(tmp_path / "a.csv", table("t,u,theta", T, U, THETA), encoding)))
+
+
+def test_thousands_fortran_and_absent_values(tmp_path):
+    body = "".join(
+        f"{1000 * t + 7000:,.0f};{1000 * u:,.6f};{x:.9E}\n".replace("E", "D")
+        for t, u, x in zip(T, U, THETA, strict=True)
+    )
+    path = write(tmp_path / "a.csv", "t [ms];u [mN m];theta [rad]\n" + body)
+    assert any("thousands" in m for m in same(read_record(path), atol=1e-7).messages)
+    lines = table("t,u,theta", T, U, THETA).splitlines()
+    lines[701] = lines[701].split(",")[0] + ",#N/A," + lines[701].split(",")[2]
+    record = read_record(write(tmp_path / "b.csv", "\n".join(lines)))
+    np.testing.assert_allclose(np.delete(record.u, 700), np.delete(U, 700), atol=1e-8)
+
+
+def test_preambles_of_measuring_programs(tmp_path):
+    before = (
+        "LabVIEW Measurement\t\nSeparator\tTab\n***End_of_Header***\t\n\t\nChannels\t2\t\t\n"
+        "Samples\t9\t9\t\nY_Unit_Label\tmN m\tdeg\t\nX0\t0\t0\t\nDelta_X\t0.001\t0.001\t\n"
+        "***End_of_Header***\t\t\t\n"
+    )
+    head = "X_Value\ttorque\tposition\tComment"
+    text = table(head, T, 1e3 * U, np.degrees(THETA), delimiter="\t", before=before, after="\t")
+    same(read_record(write(tmp_path / "a.lvm", text)), atol=1e-7)
+    before = (
+        "Name;Project\nFile;x.svdx\n\nName;ActPos;Name;ActTorque\nSymbolName;A.P;SymbolName;A.T\n"
+        "Data-Type;REAL64;Data-Type;REAL64\nSampleTime[ms];1;SampleTime[ms];1\n"
+    )
+    columns = 1e3 * T, np.degrees(THETA), 1e3 * T, U
+    text = table("Unit;deg;Unit;N m", *columns, delimiter=";", before=before)
+    same(read_record(write(tmp_path / "b.csv", text)), atol=1e-7)
+
+
+def test_standard_input_is_read(monkeypatch):
+    data = table("t\tu\ttheta", T, U, THETA, delimiter="\t").encode()
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(data)))
+    record = same(read_record("-"))
+    assert record.source == "stdin" and record.file is not None and record.file.name == "stdin"
+
+
+def test_a_compressed_text_is_read(tmp_path):
+    path = tmp_path / "a.csv.gz"
+    path.write_bytes(gzip.compress(table("t,u,theta", T, U, THETA).encode()))
+    same(read_record(path))
+
+
+# ---- nested -------------------------------------------------------------------------
+
+
+def test_columns_of_a_matrix_in_a_struct_are_named_by_number(tmp_path):
+    path = tmp_path / "a.mat"
+    for x in (np.vstack([THETA, W, U]), np.column_stack([THETA, W, U])):
+        scipy.io.savemat(path, {"rec": {"in": {"x": x}, "clk": T}}, do_compression=True)
+        refused(InputError, path, "'rec.in.x[1]'", "'rec.clk'", "--columns")
+        columns = "t=rec.clk,theta=rec.in.x[1],u=rec.in.x[3]"
+        same(read_record(path, columns=columns), atol=0)
+
+
+def test_simulink_exports(tmp_path):
+    path, tall = tmp_path / "a.mat", {"values": np.column_stack([THETA, U])}
+    scipy.io.savemat(path, {"out": {"time": T, "signals": tall | {"label": "angle, torque"}}})
+    same(read_record(path), atol=0)
+    each = np.array(
+        [{"values": THETA[:, None], "label": "theta"}, {"values": U[:, None], "label": "u"}],
+        dtype=object,
+    )
+    scipy.io.savemat(path, {"Scope": {"time": T[:, None], "signals": each}})
+    same(read_record(path), atol=0)
+    series = {"torque": {"Time": T, "Data": U}, "position": {"Time": T, "Data": THETA}}
+    scipy.io.savemat(path, {"logs": series})
+    same(read_record(path), atol=0)
+
+
+@pytest.mark.parametrize("orient", ["list", "split", "records", "columns"])
+def test_json_of_every_orientation(tmp_path, orient):
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame({"theta": THETA, "u": U, "time": T})
+    if orient == "list":
+        text = json.dumps({"meta": {"kp": 3.0}, "log": frame.to_dict("list")})
+    else:
+        text = frame.to_json(orient=orient, double_precision=12)
+    same(read_record(write(tmp_path / "a.json", text)), atol=1e-9)
+    lines = "\n".join(json.dumps(row) for row in frame.to_dict("records"))
+    same(read_record(write(tmp_path / "b.json", lines)), atol=1e-9)
+
+
+def test_numpy_matrices_and_structured_arrays(tmp_path):
+    np.save(tmp_path / "a.npy", np.column_stack([U, THETA, T]))
+    refused(InputError, tmp_path / "a.npy", "--columns")
+    same(read_record(tmp_path / "a.npy", columns="u=1,theta=2,t=3"), atol=0)
+    np.savez(tmp_path / "b.npz", run=np.rec.fromarrays([U, T, THETA], names="torque,t,angle"))
+    same(read_record(tmp_path / "b.npz"), atol=0)
+
+
+def test_excel_is_read(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    for row in [["t [s]", "u [N m]", "theta [rad]"], *zip(T, U, THETA, strict=True)]:
+        book.active.append([x if isinstance(x, str) else float(x) for x in row])
+    book.save(tmp_path / "a.xlsx")
+    same(read_record(tmp_path / "a.xlsx"))

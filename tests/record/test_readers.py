@@ -1,0 +1,175 @@
+"""Text, MAT and NPZ files: every layout that is understood, every one that is named and refused."""
+
+import time
+
+import numpy as np
+import pytest
+import scipy.io
+
+from lugrectl.core.errors import InputError
+from lugrectl.record import read_record
+from lugrectl.record.files.readers import read_table
+
+from ..cases.logs import cell, csv, machine, refused, rows, write
+
+# ---- text files ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "latin-1"])
+def test_delimiters_and_encodings(tmp_path, delimiter, encoding):
+    log = machine()
+    head = delimiter.join(["t [s]", "u [N·m]", "theta [rad]"])
+    body = rows([log["t"], log["u"], log["theta"]], delimiter)
+    path = write(tmp_path / "a.txt", f"{head}\r\n" + body + "\n\n", encoding)
+    record = read_record(path)
+    assert record.w is None and record.theta is not None
+    np.testing.assert_allclose(record.theta, log["theta"], atol=1e-12)
+
+
+@pytest.mark.parametrize("delimiter", [";", "\t"])
+def test_decimal_commas_are_read_and_said(tmp_path, delimiter):
+    log = machine()
+    body = rows([log["t"], log["u"], log["theta"]], delimiter).replace(".", ",")
+    record = read_record(
+        write(tmp_path / "a.csv", delimiter.join(["t", "u", "theta"]) + "\n" + body)
+    )
+    np.testing.assert_allclose(record.u, log["u"], rtol=1e-8)
+    assert any("Decimal commas" in m for m in record.messages)
+
+
+def test_decimal_commas_between_commas_are_not_guessed(tmp_path):
+    log = machine()
+    body = rows([log["t"], log["u"], log["theta"]], ",", "{:.6f}").replace(".", ",")
+    refused(InputError, write(tmp_path / "a.csv", "t,u,theta\n" + body), "decimal commas", "line 2")
+
+
+def test_points_and_commas_together_are_not_guessed(tmp_path):
+    log = machine()
+    lines = rows([log["t"], log["u"], log["theta"]], ";", "{:.6f}").splitlines()
+    lines[50:] = [line.replace(".", ",") for line in lines[50:]]
+    path = write(tmp_path / "a.csv", "t;u;theta\n" + "\n".join(lines))
+    refused(InputError, path, "line 52", "decimal")
+
+
+def test_recorder_export_with_preamble_and_units_line(tmp_path):
+    log = machine()
+    head = (
+        "Date:;2020-07-08 21:54:05\nIndex:;0x30D3;0x30D2;0x0000;0x0000\nMax. samples:;500\n"
+        "Scale:;0;True;100.000;0.500;-400.500;399.500\n"
+        "# remark\n"
+        ";Velocity actual value averaged;Torque actual value averaged\nms;rpm;%\n"
+    )
+    body = rows([1e3 * log["t"], log["w"] * 30 / np.pi, log["u"] / 0.01], ";")
+    path = write(tmp_path / "a.csv", head + body)
+    refused(InputError, path, "%", "--scale u=")
+    record = read_record(path, scale={"u": 0.01})
+    np.testing.assert_allclose(record.t, log["t"], atol=1e-12)
+    np.testing.assert_allclose(record.w, log["w"], rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(record.u, log["u"], rtol=1e-7)
+    assert any("usual names" in m and "Torque actual" in m for m in record.messages)
+    assert any("0.01 times" in m for m in record.messages)
+
+
+def test_comments_blank_lines_quotes_and_unused_text(tmp_path):
+    log = machine()
+    lines = rows([log["t"], log["u"], log["theta"]]).splitlines()
+    lines = [f'"{i}",{line},ok' for i, line in enumerate(lines)]
+    lines.insert(100, "# operator left the room")
+    lines.insert(200, "")
+    path = write(tmp_path / "a.csv", "n,t (s),u (N m),theta (rad),state\n" + "\n".join(lines))
+    record = read_record(path)
+    np.testing.assert_allclose(record.u, log["u"], rtol=1e-8)
+
+
+def test_header_in_a_comment(tmp_path):
+    log = machine()
+    path = tmp_path / "a.csv"
+    table = np.column_stack([log["t"], log["u"], log["w"]])
+    np.savetxt(path, table, delimiter=",", header="saved by hand\nt [s],u [mN m],w [rad/s]")
+    np.testing.assert_allclose(read_record(path).u, 1e-3 * log["u"], rtol=1e-12)
+
+
+def test_a_last_line_cut_off_is_left_out(tmp_path):
+    path = csv(tmp_path, change=lambda lines: [*lines[:-1], "2.999,0.1"])
+    record = read_record(path)
+    assert record.samples == 2999 and any("cut off" in m for m in record.messages)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (cell(2, 1, "abc"), ["line 2", "'u'", "'abc'"]),
+        (cell(1500, 3, "1.2.3"), ["line 1500", "'theta'"]),
+        (cell(3001, 2, "12_3"), ["line 3001", "'w'"]),
+        (lambda x: [*x[:700], "1,2,3,4,5", *x[700:]], ["line 701", "5 cells", "4 columns"]),
+        (lambda x: x[1:], ["no header", "line 1"]),
+        (lambda x: x[:1], ["no"]),
+        (lambda x: [line.split(",")[1] for line in x], ["one column"]),
+        (lambda x: ["t,u,u,theta", *x[1:]], ["u could be any"]),
+        (lambda x: ["t,u", *x[1:]], ["4 cells", "names 2"]),
+        (lambda x: ["hello", "world"], ["not a table"]),
+    ],
+)
+def test_broken_text_is_named(tmp_path, change, words):
+    refused(InputError, csv(tmp_path, change=change), "run.csv", *words)
+
+
+def test_files_that_are_none(tmp_path):
+    refused(InputError, tmp_path / "absent.csv", "no such file")
+    refused(InputError, tmp_path, "directory")
+    refused(InputError, write(tmp_path / "e.csv", ""), "empty")
+    refused(InputError, write(tmp_path / "f.csv", "\n \n\n"), "empty")
+    refused(InputError, write(tmp_path / "g.csv", "# only a remark\n"), "empty")
+    junk = tmp_path / "junk.csv"
+    junk.write_bytes(bytes(range(256)) * 8)
+    refused(InputError, junk, "neither text")
+    for name, start in (("a.mat", b"MATLAB 5.0 MAT-file"), ("b.npz", b"PK\x03\x04")):
+        (tmp_path / name).write_bytes(start + b"\x01\x02 broken" * 40)
+        refused(InputError, tmp_path / name, "not a readable")
+
+
+def test_long_logs_load_at_speed(tmp_path):
+    log, reps = machine(), 100
+    t = np.arange(3000 * reps) * 1e-3
+    one = rows([log["u"], log["theta"]]).splitlines() * reps
+    text = "t,u,theta\n" + "\n".join(f"{a:.3f},{b}" for a, b in zip(t, one, strict=True))
+    path = write(tmp_path / "big.csv", text)
+    start = time.process_time()
+    table = read_table(path)
+    columns, _ = table.load([0, 1, 2])
+    assert len(columns) == 3 and len(columns[0]) == 300_000
+    assert time.process_time() - start < 3.0  # a million rows in 10 s on a slow machine
+
+
+# ---- MAT and NPZ --------------------------------------------------------------------
+
+
+def test_mat_columns_scalars_and_structs(tmp_path):
+    log = machine()
+    path = tmp_path / "a.mat"
+    scipy.io.savemat(path, {k: v[:, None] for k, v in log.items()} | {"kp": 3.0, "name": "x"})
+    np.testing.assert_array_equal(read_record(path).u, log["u"])
+    scipy.io.savemat(path, {"log": {"t": log["t"], "torque": log["u"], "pos": log["theta"]}})
+    record = read_record(path, columns="t=log.t,u=log.torque,theta=log.pos")
+    np.testing.assert_array_equal(record.theta, log["theta"])
+    scipy.io.savemat(path, {"t": log["t"], "u": log["u"][:-1], "w": log["w"]})
+    refused(InputError, path, "differ in length", "u 2999")
+    scipy.io.savemat(path, {"a": 1.0, "b": "text"})
+    refused(InputError, path, "at least two")
+
+
+def test_npz(tmp_path):
+    log = machine()
+    np.savez(tmp_path / "a.npz", **log)
+    np.testing.assert_array_equal(read_record(tmp_path / "a.npz").w, log["w"])
+
+
+@pytest.mark.parametrize(
+    ("name", "start", "module"),
+    [("a.mat", b"MATLAB 7.3 MAT-file", "h5py"), ("a.parquet", b"PAR1", "pyarrow.parquet")],
+)
+def test_extra_formats_name_their_extra(tmp_path, monkeypatch, name, start, module):
+    monkeypatch.setitem(__import__("sys").modules, module, None)
+    (tmp_path / name).write_bytes(start + b" " * 600)
+    refused(InputError, tmp_path / name, 'pip install "lugrectl[files]"', name)

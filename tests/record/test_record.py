@@ -1,0 +1,270 @@
+"""The Record, its columns and units, and real data where it is at hand."""
+
+import re
+
+import numpy as np
+import pytest
+import scipy.io
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from lugrectl.core.errors import InputError
+from lugrectl.record import Record, parse_pairs, read_record
+from lugrectl.record.columns.units import UNITS, parse_unit
+
+from ..cases.logs import DATA, csv, machine, measured, refused
+
+# ---- the Record ---------------------------------------------------------------------
+
+
+def test_reads_what_was_written(tmp_path):
+    log = machine()
+    record = read_record(csv(tmp_path, "t [s],u [N m],w [rad/s],theta [rad]"))
+    for role, values in log.items():
+        np.testing.assert_allclose(getattr(record, role), values, rtol=1e-8, atol=1e-12)
+        assert getattr(record, role).dtype == np.float64
+    assert record.messages == () and record.gaps == () and record.source == "run.csv"
+    assert record.motion == "rotary" and record.dt == 1e-3 and record.r is None
+    assert record.summary() == {"samples": 3000, "rate": 1000.0, "duration": 3.0, "dropped": 0}
+    assert type(record.summary()["samples"]) is int
+
+
+def test_record_slices_keep_gaps_in_place():
+    t = np.r_[np.arange(10), 50 + np.arange(10), 90 + np.arange(5)] * 0.1
+    record = Record(t, u=t, w=t, gaps=(10, 20))
+    assert record.dt == pytest.approx(0.1)
+    assert record.segments() == [slice(0, 10), slice(10, 20), slice(20, 25)]
+    part = record.slice(5, 22)
+    assert part.gaps == (5, 15) and part.samples == 17
+    np.testing.assert_array_equal(part.u, t[5:22])
+    assert record.slice(10, 20).gaps == ()
+    assert record.with_messages("One.", "Two.").with_messages("3.").messages == (
+        "One.",
+        "Two.",
+        "3.",
+    )
+    with pytest.raises(AttributeError):
+        record.dt = 1.0  # type: ignore[misc]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"w": np.zeros(4)},
+        {"w": np.r_[np.zeros(4), np.nan]},
+        {"w": None},
+        {"motion": "sideways"},
+        {"dt": -1.0, "t": np.zeros(5)},
+    ],
+)
+def test_record_refuses_arrays_that_are_no_record(wrong):
+    good = {"t": np.arange(5.0), "u": np.zeros(5), "w": np.zeros(5)}
+    assert Record(**good).samples == 5
+    with pytest.raises(InputError):
+        Record(**(good | wrong))
+
+
+# ---- columns, units, scale ----------------------------------------------------------
+
+
+def test_pairs_of_the_command_line():
+    assert parse_pairs("t=time, u=torque", "columns") == {"t": "time", "u": "torque"}
+    assert parse_pairs("u=Torque, actual [N m],t=Time", "columns") == {
+        "u": "Torque, actual [N m]",
+        "t": "Time",
+    }
+    for text in ("35.15", "u=", "=x", "", "u=a,u=b", "thet=x"):
+        with pytest.raises(InputError) as caught:
+            parse_pairs(text, "columns")
+        assert "--columns" in str(caught.value)
+    with pytest.raises(InputError, match="did you mean 'theta'"):
+        parse_pairs("thet=x", "units")
+
+
+@given(
+    st.dictionaries(
+        st.sampled_from(["t", "u", "w", "theta", "d"]),
+        st.text("abcxyz [].-/()", min_size=1).map(str.strip).filter(bool),
+        min_size=1,
+    )
+)
+def test_pairs_round_trip(pairs):
+    assert parse_pairs(",".join(f"{k}={v}" for k, v in pairs.items()), "columns") == pairs
+
+
+def test_usual_names_only_when_one_fits(tmp_path):
+    record = read_record(csv(tmp_path, "Time [s],Motor torque [N m],speed,pos"))
+    assert record.theta is not None and record.w is not None
+    refused(InputError, csv(tmp_path, "t,torque,speed_demand,position error"), "no column for w")
+    refused(InputError, csv(tmp_path, "t,torque,motor torque,pos"), "no", columns="u=x")
+    sentence = refused(InputError, csv(tmp_path, "t,u,angle,position"), "theta could be any")
+    assert "--columns theta=" in sentence
+    kept = read_record(csv(tmp_path, "t,u,w,x"), columns="theta=x")
+    assert kept.theta is not None
+    left = read_record(csv(tmp_path, "t,u,speed,velocity"), columns="theta=velocity")
+    assert left.w is not None
+
+
+def test_a_motion_signal_lost_to_a_slip_in_its_name_is_said(tmp_path):
+    table = "t,u,theta,ww,extra\n" + "".join(f"{k / 100},{k % 7},{k / 9},1,2\n" for k in range(400))
+    (tmp_path / "a.csv").write_text(table)
+    (said,) = (m for m in read_record(tmp_path / "a.csv").messages if "ww" in m)
+    assert "No column was found for w" in said and "'extra'" in said and "--columns w=NAME" in said
+    named = read_record(tmp_path / "a.csv", columns="theta=theta")
+    assert not any("ww" in m for m in named.messages)
+
+
+def test_an_own_name_goes_before_a_usual_one(tmp_path):
+    record = read_record(csv(tmp_path, "t,u,torque,theta"))
+    np.testing.assert_allclose(record.u, machine()["u"], rtol=1e-8)
+
+
+def test_missing_and_misspelt_columns(tmp_path):
+    path = csv(tmp_path, "t,trque,w,theta")
+    refused(
+        InputError,
+        path,
+        "'trque'",
+        "'theta'",
+        "If 'trque' is u, rename it, or give --columns u=trque.",
+    )
+    refused(InputError, path, "'torqe'", "did you mean 'trque'", columns={"u": "torqe"})
+    refused(InputError, path, "more than one role", columns="u=w,w=w")
+    refused(InputError, csv(tmp_path, "a,u,w,theta"), "column for t", "--rate")
+    refused(InputError, path, "no role 'torque'", columns={"torque": "trque"})
+    refused(InputError, csv(tmp_path), "names d", scale="d=2")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"units": "theta=degre"}, ["'degre'", "did you mean 'deg'", "rev"]),
+        ({"units": "theta=rpm"}, ["theta cannot be in rpm", "rad"]),
+        ({"units": "u=furlong"}, ["'furlong'", "N m", "mN m"]),
+        ({"units": "u=A"}, ["A", "--scale u="]),
+        ({"units": "u=%"}, ["%", "--scale u="]),
+        ({"units": "theta=mm,w=rad/s"}, ["mm", "rad/s", "linear"]),
+        ({"units": "theta=rad", "motion": "linear"}, ["rad", "linear"]),
+        ({"motion": "oblique"}, ["oblique"]),
+        ({"scale": "u=big"}, ["'big'"]),
+        ({"scale": {"u": 0.0}}, ["0"]),
+        ({"rate": -5.0}, ["rate"]),
+    ],
+)
+def test_wrong_options(tmp_path, options, words):
+    refused(InputError, csv(tmp_path), *words, **options)
+
+
+def test_unknown_unit_in_the_header_names_its_column(tmp_path):
+    path = csv(tmp_path, "t,u [furlong],w,theta")
+    refused(InputError, path, "run.csv", "'u'", "'furlong'")
+    assert read_record(path, units={"u": "N m"}).samples == 3000
+
+
+def test_current_by_its_usual_name_needs_a_scale(tmp_path):
+    refused(InputError, csv(tmp_path, "t,current,w,theta"), "is in A", "--scale u=")
+    record = read_record(csv(tmp_path, "t,current,w,theta"), scale="u=0.5")
+    np.testing.assert_allclose(record.u, 0.5 * machine()["u"], rtol=1e-8)
+
+
+SI = {  # written down again on purpose: factor to SI of what a user may write
+    "ms": 1e-3, "µs": 1e-6, "sec": 1.0, "deg": 0.017453292519943295, "°": 0.017453292519943295,
+    "rev": 6.283185307179586, "rpm": 0.10471975511965977, "RPM": 0.10471975511965977,
+    "deg/s": 0.017453292519943295, "Nm": 1.0, "N*m": 1.0, "N.m": 1.0, "N·m": 1.0,
+    "mNm": 1e-3, "mm": 1e-3, "µm": 1e-6, "mm/s": 1e-3, "N": 1.0, "1/min": 0.10471975511965977,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", SI)
+def test_unit_spellings(text):
+    unit = parse_unit(text)
+    assert unit is not None and unit.factor == pytest.approx(SI[text], rel=1e-12)
+
+
+@pytest.mark.parametrize("text", ["", "MN m", "nm", "kg", "m/s2", "Rad s"])
+def test_units_not_understood(text):
+    assert parse_unit(text) is None
+
+
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_units_and_names_come_back(tmp_path, data):
+    """Whatever units and names the columns carry, the SI values are those of the machine."""
+    log = machine(1200)
+    motion = data.draw(st.sampled_from(["rotary", "linear"]))
+    quantities = {"t": "time", "u": "torque", "w": "velocity", "theta": "position"}
+    order = data.draw(st.permutations(list(quantities)))
+    names = data.draw(
+        st.lists(
+            st.from_regex(r"[A-Z][a-z]{0,5}", fullmatch=True), min_size=4, max_size=4, unique=True
+        )
+    )
+    units = {
+        role: data.draw(
+            st.sampled_from(
+                [u for u in UNITS.values() if u.quantity == q and u.motion in (None, motion)]
+            )
+        )
+        for role, q in quantities.items()
+    }
+    arrays = {
+        f"{name} [{units[role].name}]": log[role] / units[role].factor
+        for role, name in zip(order, names, strict=True)
+    }
+    np.savez(tmp_path / "a.npz", **arrays)
+    record = read_record(tmp_path / "a.npz", columns=dict(zip(order, names, strict=True)))
+    assert record.motion == motion and record.messages == ()
+    for role in order:
+        np.testing.assert_allclose(getattr(record, role), log[role], rtol=1e-9, atol=1e-12)
+
+
+def test_a_doubtful_range_without_unit_is_said(tmp_path):
+    log = machine()
+    fast = {"t": log["t"], "u": log["u"], "w": 60 * log["w"]}
+    np.savez(tmp_path / "a.npz", **fast)
+    assert any("w has no unit" in m for m in read_record(tmp_path / "a.npz").messages)
+    assert read_record(tmp_path / "a.npz", units="w=rad/s").messages == ()
+    counts = {"t": log["t"], "u": log["u"], "theta": np.round(log["theta"] / 1e-3)}
+    np.savez(tmp_path / "a.npz", **counts)
+    refused(InputError, tmp_path / "a.npz", "whole numbers", "--scale theta=FACTOR")
+
+
+# ---- real files ---------------------------------------------------------------------
+
+
+@measured
+@pytest.mark.parametrize("number", range(1, 9))
+def test_bench_records_come_in_untouched(number):
+    path = DATA / "bench" / f"{number:02d}" / "record.csv"
+    raw = np.loadtxt(path, delimiter=",", skiprows=1)
+    record = read_record(path)
+    assert record.messages == () and record.dropped == 0 and record.rate == 1000.0
+    for column, role in enumerate(("t", "u", "theta", "w")):
+        np.testing.assert_allclose(getattr(record, role), raw[:, column], atol=1e-12)
+
+
+@measured
+def test_emps_record():
+    path = DATA / "emps" / "DATA_EMPS.mat"
+    refused(InputError, path, "V", "--scale u=")
+    record = read_record(path, columns="theta=qm,u=vir", units="theta=m", scale="u=35.15")
+    raw = scipy.io.loadmat(path)
+    assert record.motion == "linear" and record.rate == 1000.0 and record.samples == 24841
+    assert record.w is None and record.dropped == 0
+    np.testing.assert_array_equal(record.u, 35.15 * raw["vir"].ravel())
+    np.testing.assert_array_equal(record.theta, raw["qm"].ravel())
+    assert all(re.match("u is 35.15 times", m) for m in record.messages)
+
+
+@measured
+@pytest.mark.parametrize("name", ["start_stop/200.csv", "steady_state/0.096kg/n120.csv"])
+def test_screw_drive_exports(name):
+    path = DATA / "screw-drive" / name
+    refused(InputError, path, "%", "--scale u=")
+    record = read_record(path, scale={"u": 9.84e-5})
+    assert record.samples == 500 and record.w is not None and record.dropped == 0
+    rpm = np.loadtxt(
+        path, delimiter=";", skiprows=path.read_text().split("ms;rpm")[0].count("\n") + 1
+    )
+    np.testing.assert_allclose(record.w * 30 / np.pi, rpm[:, 1], atol=1e-9)
+    assert record.dt == pytest.approx(1e-3 * np.diff(rpm[:, 0]).mean(), rel=1e-9)

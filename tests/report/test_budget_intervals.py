@@ -1,0 +1,51 @@
+"""The budget has intervals only where they are honest: not beside a large unexplained torque."""
+
+import numpy as np
+import pytest
+
+from lugrectl import Model
+from lugrectl.diagnosis.question import Asked
+from lugrectl.identification.selection import compare
+from lugrectl.report.comparison_section import budget
+
+from ..cases.balance_drive import FC, simulate, torque
+from ..cases.made_up import diagnosis
+
+DT = 2e-3
+MODEL = Model.of(J=0.004, Fc=FC, Fv=0.006)
+
+
+def odd(theta, w):
+    """A torque that is like no effect in the catalogue."""
+    return 0.1 * np.sin(3.3 * np.sin(0.8 * theta) + 0.3 * theta**2)
+
+
+def compared(load=None):
+    u = torque(10.0, DT, seed=3)
+    theta, _ = simulate(u, DT, load=load)
+    theta = theta + np.random.default_rng(0).normal(0.0, 1e-4, len(u))
+    plain = Asked.of({"t": DT * np.arange(len(u)), "u": u, "theta": theta}, MODEL).plain
+    return compare(plain.stretches, MODEL, plain)
+
+
+@pytest.fixture(scope="module")
+def unexplained():
+    return compared(odd)
+
+
+def test_no_interval_stands_beside_a_large_unexplained_torque(unexplained):
+    shares = {s.term: s.share for s in unexplained.budget}
+    assert max(shares["left"], shares.get("unknown torque", 0.0)) > 0.1
+    assert all(s.ci95 is None for s in unexplained.budget)
+
+
+def test_the_report_says_why(unexplained):
+    said = budget(diagnosis(comparison=unexplained)).footnote
+    assert "There are no intervals: a large torque is not explained" in said
+
+
+def test_intervals_stay_where_the_model_explains_the_torque():
+    found = compared()
+    terms = {s.term: s for s in found.budget}
+    assert all(terms[k].ci95 is not None for k in ("inertia", "coulomb", "viscous"))
+    assert "no intervals" not in budget(diagnosis(comparison=found)).footnote

@@ -1,0 +1,187 @@
+"""Plots of made-up diagnoses."""
+
+from dataclasses import replace
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.figure import Figure
+
+from lugrectl import report
+from lugrectl.blocks.block import members
+from lugrectl.blocks.model import Model, table1
+from lugrectl.core.errors import InputError
+from lugrectl.diagnosis.result import Diagnosis
+from lugrectl.report import comparison_section, diagnosis_plots, views
+
+from ..cases.made_up import PHI, A, N, diagnosis, effect, traces
+
+# --- plots -------------------------------------------------------------------------------
+
+
+def test_overview_draws_every_plot_into_one_figure_of_pyplot():
+    axes = diagnosis_plots.overview(diagnosis())
+    assert len(axes) == 4 and plt.get_fignums() == [axes[0].figure.number]
+    assert list(axes) == axes[0].figure.axes
+
+
+def test_overview_draws_into_the_axes_given():
+    ax = Figure().subplots()
+    assert diagnosis().plot(ax) is ax and len(ax.lines) == 3
+
+
+def test_nothing_to_plot_is_said():
+    for d in (diagnosis("refused"), Diagnosis("adequate")):
+        assert diagnosis_plots.available(d) == []
+        with pytest.raises(InputError, match="nothing to plot"):
+            d.plot()
+    for draw in (diagnosis_plots.motion, diagnosis_plots.error, diagnosis_plots.torque):
+        with pytest.raises(InputError):
+            draw(diagnosis("refused"))
+
+
+def test_missing_traces_leave_only_their_own_plot_out():
+    tr, nan = traces(), np.full(12000, np.nan)
+    assert diagnosis_plots.available(diagnosis(traces=None)) == ["budget"]
+    assert diagnosis_plots.available(diagnosis(traces=replace(tr, simulated={}))) == [
+        "budget",
+        "torque",
+    ]
+    blank = replace(tr, simulated={"refitted": nan}, residual={"refitted": nan})
+    assert diagnosis_plots.available(diagnosis(traces=blank, comparison=None)) == []
+
+
+def test_the_stretch_shown_is_the_worst_held_out_one():
+    tr = traces()
+    cut = views.stretch(tr)
+    assert tr.t[cut.stop - 1] - tr.t[cut.start] == pytest.approx(views.STRETCH, abs=0.01)
+    assert tr.t[cut.start] <= 6.3 and tr.t[cut.stop - 1] >= 7.3
+    ax = diagnosis_plots.motion(diagnosis())
+    low, high = ax.get_xlim()
+    assert low <= 6.3 and high >= 7.3 and ax.get_ylabel() == "w [rad/s]"
+
+
+def test_error_over_time_agrees_with_the_error_itself():
+    tr = traces()
+    error = tr.measured - tr.simulated["refitted"]
+    edges, rms = views.rms_over_time(tr.t, error)
+    share, _ = np.histogram(tr.t[tr.held_out], edges)
+    total = np.sqrt(np.nansum(share * rms**2) / tr.held_out.sum())
+    assert total == pytest.approx(np.sqrt(np.nanmean(error**2)), rel=1e-12)
+    assert np.isnan(rms[edges[1:] < 1.9]).all()
+
+
+@given(st.lists(st.tuples(st.floats(0, 1), st.floats(-9, 9)), min_size=1), st.integers(1, 9))
+def test_bin_means_add_up_to_the_mean(points, bins):
+    x, y = np.array(points).T
+    edges = np.linspace(0, 1, bins + 1)
+    centres, mean = views.binned(x, y, edges, least=1)
+    count, _ = np.histogram(x, edges)
+    assert np.nansum(mean * count) == pytest.approx(y.sum(), abs=1e-9)
+    assert np.array_equal(np.isnan(mean), count == 0) and len(centres) == bins
+
+
+def test_residual_of_a_ripple_is_shown_over_one_turn():
+    view = views.residual(diagnosis())
+    assert view.label == "theta modulo one turn [rad]" and view.held_out
+    centres, mean = views.binned(view.x, view.before, np.linspace(0, 2 * np.pi, 65))
+    good = np.isfinite(mean)
+    assert np.allclose(mean[good], A * np.sin(N * centres[good] + PHI), atol=0.012)
+    assert np.sqrt(np.mean(view.after**2)) < 0.011
+
+
+@pytest.mark.parametrize(
+    ("finding", "label"),
+    [
+        (effect("torque_ripple", harmonic=48.0), "theta modulo 0.1309 rad [rad]"),
+        (effect("gravity", amplitude=0.1), "theta modulo one turn [rad]"),
+        (effect("return_spring", stiffness=0.1), "theta [rad]"),
+        (effect("quadratic_drag", coefficient=0.1), "w [rad/s]"),
+        (effect("friction_step", ratio=0.1, time=5.0), "t [s]"),
+        (effect("periodic_disturbance", frequency=4.0), "t modulo 0.25 s [s]"),
+        (effect("input_delay", delay=0.002), "du/dt [N m/s]"),
+        (effect("someones_own"), "theta modulo one turn [rad]"),
+    ],
+)
+def test_residual_is_shown_against_the_signal_that_explains_it(finding, label):
+    assert views.residual(diagnosis(effects=(finding,))).label == label
+
+
+def test_a_change_of_friction_level_is_shown_with_the_sign_taken_out():
+    tr = traces()
+    step = 0.03 * (tr.t > 6.0) * np.sign(tr.signals["w"])
+    tr = replace(tr, residual={"refitted": step, "augmented": 0.0 * step})
+    d = diagnosis(effects=(effect("friction_step", ratio=0.1, time=6.0),), traces=tr)
+    view = views.residual(d)
+    assert view.times == "w" and np.allclose(view.before, 0.03 * (view.x > 6.0))
+    assert "x sign(w)" in diagnosis_plots.torque(d).get_ylabel()
+
+
+@pytest.mark.parametrize(
+    ("pair", "over", "times"),
+    [
+        (("w", "a"), "w", "a"),
+        (("u", "w"), "w", "u"),
+        (("t", "u"), "t", "u"),
+        (("theta", "w"), "theta", "w"),
+    ],
+)
+def test_a_product_of_two_signals_is_shown_over_one_with_the_sign_of_the_other(pair, over, times):
+    tr = traces()
+    tr = replace(tr, signals={**tr.signals, "a": np.gradient(tr.signals["w"], tr.t)})
+    d = replace(diagnosis("unexplained", traces=tr), depends_on=pair)
+    view, ax = views.residual(d), diagnosis_plots.torque(d)
+    assert view.times == times and view.label.startswith(over)
+    assert f"x sign({times})" in ax.get_ylabel()
+
+
+def test_the_budget_has_a_bar_for_each_term_with_its_share():
+    d = diagnosis()
+    ax = comparison_section.bars(d)
+    names = [label.get_text() for label in ax.get_yticklabels()][::-1]
+    assert names == ["coulomb", "viscous", "torque_ripple", "not explained", "of it sensor noise"]
+    assert [bar.get_width() for bar in ax.patches][::-1][2] == pytest.approx(11.0)
+    assert ax.texts[2].get_text() == "11 %"
+
+
+def test_linear_drives_have_linear_labels():
+    linear = replace(Model.of(table1()), motion="linear")
+    found = effect("torque_ripple", harmonic=2 * np.pi / 0.5)
+    ax = diagnosis_plots.torque(diagnosis(model=linear, effects=(found,)))
+    assert ax.get_ylabel() == "residual force [N]"
+    assert ax.get_xlabel() == "theta modulo 0.5 m [m]"
+
+
+def test_residual_of_an_unexplained_record_hangs_on_what_was_named():
+    view = views.residual(diagnosis("unexplained"))
+    assert view.label.startswith("theta") and view.after is None
+    d = diagnosis("unexplained", depends_on=("t",), effects=(effect("quadratic_drag"),))
+    assert views.residual(d).label == "t [s]"
+    assert "quadratic_drag explains a part" in " ".join(report.text(d).split())
+
+
+def test_without_held_out_samples_the_whole_record_is_shown():
+    tr = replace(traces(), held_out=np.zeros(12000, bool))
+    view = views.residual(diagnosis(traces=tr))
+    assert not view.held_out and len(view.x) == 12000
+
+
+@pytest.mark.parametrize("name", members("effect"))
+def test_every_effect_of_the_catalogue_can_be_reported(name):
+    values = members("effect")[name].defaults()
+    d = diagnosis(effects=(effect(name, **values),))
+    assert members("effect")[name].equation.rstrip(".") in report.text(d)
+    assert diagnosis_plots.torque(d).get_xlabel()
+
+
+def test_small_errors_are_drawn_with_a_prefix():
+    made = diagnosis()
+    small = replace(made.traces, measured=1e-3 * made.traces.measured)
+    small = replace(small, simulated={k: 1e-3 * v for k, v in small.simulated.items()})
+    d = replace(made, traces=small)
+    (before, *_), (after, *_) = (
+        diagnosis_plots.error(x).get_ylabel().split("[")[::-1] for x in (made, d)
+    )
+    assert before == "rad/s]" and after in ("mrad/s]", "urad/s]")

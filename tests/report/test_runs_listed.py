@@ -1,0 +1,75 @@
+"""Of several runs, every one is named: in the text, the page, the JSON and the short repr."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lugrectl import Model, diagnose, read_record
+from lugrectl.identification.selection import Share
+from lugrectl.report import html, text
+from lugrectl.report.comparison_section import COLOURS, bars
+from lugrectl.results.findings import FrictionMap
+
+from ..cases.balance_drive import FC, simulate, torque
+from ..cases.made_up import bare, diagnosis
+
+DT = 2e-3
+
+
+def run(folder, name, seconds, seed):
+    u = torque(seconds, DT, seed=seed)
+    theta, _ = simulate(u, DT)
+    rows = np.column_stack([DT * np.arange(len(u)), u, theta])
+    np.savetxt(folder / name, rows, delimiter=",", header="t,u,theta", comments="")
+    return folder / name
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs")
+    runs = [run(folder, "morning.csv", 1.2, 1), run(folder, "evening.csv", 1.6, 2)]
+    return diagnose(runs, Model.of(J=0.004, Fc=FC, Fv=0.006))
+
+
+def test_every_run_is_named_in_the_text_the_page_and_the_repr(found):
+    for said in (text(found), html(found)):
+        assert "morning.csv: 600 samples" in said and "evening.csv: 800 samples" in said
+    assert "morning.csv, evening.csv: 1400 samples" in repr(found)
+
+
+def test_json_lists_all_records_and_their_files(found):
+    d = found.to_dict()
+    assert [r["name"] for r in d["records"]] == ["morning.csv", "evening.csv"]
+    assert d["records"][0] == {"name": "morning.csv", **d["record"]}
+    assert [f["name"] for f in d["provenance"]["files"]] == ["morning.csv", "evening.csv"]
+
+
+def test_a_single_record_is_listed_as_before():
+    d = bare()
+    assert d.to_dict()["records"] == [{"name": d.record.source, **d.to_dict()["record"]}]
+    assert replace(d, record=None).to_dict()["records"] == []
+
+
+def test_the_runs_of_a_map_are_named_and_many_runs_end_in_names():
+    t = np.arange(0.0, 2.0, 0.01)
+    log = {"t": t, "u": np.sin(t), "w": np.sin(t)}
+    runs = tuple(replace(read_record(log), source=f"run{i}.csv") for i in range(10))
+    said = text(replace(bare(), records=runs))
+    assert said.count("samples at") == 8 and "2 more: run8.csv and run9.csv." in said
+    w, held = np.arange(10.0), np.zeros(10, bool)
+    map = FrictionMap(w, w, w, held, w, {"refitted": w}, "rotary")
+    said = " ".join(text(replace(bare(), records=runs, map=map)).split())
+    assert "10 runs at steady speed: run0.csv, run1.csv," in said
+
+
+def test_gravity_has_the_colour_of_an_effect_in_the_budget():
+    d = diagnosis()
+    heavy = Share("gravity", 0.1, 0.3, None, ("theta",))
+    ax = bars(replace(d, comparison=replace(d.comparison, budget=(heavy, *d.comparison.budget))))
+    colours = {
+        tick.get_text(): bar.get_facecolor()
+        for tick, bar in zip(ax.get_yticklabels(), ax.patches, strict=True)
+    }
+    assert colours["gravity"] == colours["torque_ripple"] != colours["coulomb"]
+    assert COLOURS["effect"] != COLOURS["friction"]

@@ -1,0 +1,249 @@
+"""What results hand out: a table of parameters, dict, JSON, pandas, files. They pickle."""
+
+import importlib
+import json
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl import report
+from lugrectl.blocks.model import read_model
+from lugrectl.core.errors import InputError
+from lugrectl.diagnosis.fleet import Outcome
+from lugrectl.diagnosis.identify import Identification
+from lugrectl.report.log_plot import drawings
+from lugrectl.results.findings import Estimate
+from lugrectl.results.fitted import ParameterTable
+
+from ..cases.made_up import bare, diagnosis
+from ..core.test_display import friction_map, identification, table
+
+P = lg.table1()
+T = np.linspace(0.0, 1.0, 101)
+
+
+@pytest.fixture(scope="module")
+def found():
+    """A short record, diagnosed and identified."""
+    rng = np.random.default_rng(0)
+    t = np.arange(4000) * 2e-3
+    u = 0.5 * np.sin(2.0 * t) + 0.3 * np.sin(7.0 * t)
+    theta, w, _ = lg.simulate(lg.plant(P), t, [u, 0 * t], hold=True).outputs
+    noise = rng.normal(size=(2, len(t)))
+    record = lg.Record(t=t, u=u, w=w + 1e-3 * noise[0], theta=theta + 1e-5 * noise[1])
+    model = lg.Model.of(P).with_values({"J": 0.002, "Fc": None})
+    return {"record": record, "model": model, "identified": lg.identify(record, model)}
+
+
+def fleet():
+    d, no = bare(), bare("refused")
+    outcomes = [Outcome(f, document=x.summary(), diagnosis=x) for f, x in (("a", d), ("b", no))]
+    return lg.Fleet((*outcomes, Outcome("c", 2, reason="no such file.")), model=d.model)
+
+
+# --- the table of parameters --------------------------------------------------------------
+
+
+def parameters():
+    J, Fv = Estimate(0.0022, "kg m2", (0.0021, 0.0023)), Estimate(0.018, "N m s/rad")
+    declared = lg.Model.of(P).with_values({"J": 0.0024, "Fv": None})
+    return ParameterTable({"J": J, "Fv": Fv}, declared)
+
+
+def test_rows_are_found_by_number_and_by_name():
+    rows = parameters()
+    assert len(rows) == 2 and rows.names == ("J", "Fv") and "J" in rows and "K" not in rows
+    assert rows[0] == rows["J"] == ("J", 0.0022, 0.0021, 0.0023, "kg m2", 0.0024)
+    assert rows["Fv"].low is None and rows[-1].declared is None
+    assert [row.value for row in rows] == [0.0022, 0.018] and rows[0:1] == (rows[0],)
+
+
+def test_an_unknown_parameter_is_said():
+    with pytest.raises(InputError, match="no fitted parameter 'Fs'; there is J, Fv"):
+        parameters()["Fs"]
+
+
+def test_the_table_prints_declared_fitted_and_interval():
+    said = [line.split() for line in str(parameters()).splitlines()]
+    assert said[0] == ["parameter", "declared", "fitted", "95", "%", "interval", "unit"]
+    assert said[1] == ["J", "0.002400", "0.00220", "0.00210", "to", "0.00230", "kg", "m2"]
+    assert said[2][:4] == ["Fv", "-", "0.018", "-"]
+    assert str(ParameterTable({})) == "no fitted parameters"
+
+
+def test_the_table_becomes_a_frame_with_numbers():
+    pytest.importorskip("pandas")
+    frame = parameters().to_frame()
+    assert frame.loc["J", "high"] == 0.0023 and frame.loc["J", "unit"] == "kg m2"
+    assert np.isnan(frame.loc["Fv", "low"]) and frame["declared"].dtype == float
+
+
+def test_a_diagnosis_has_its_parameters_with_what_was_declared():
+    d = diagnosis()
+    assert d.parameters["J"].declared == 0.0024 and d.parameters["J"].unit == "kg m2"
+    assert diagnosis("refused").parameters.names == ()
+
+
+# --- forms -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("make", [diagnosis, identification, table, friction_map, fleet])
+def test_dict_json_and_summary_agree(make):
+    result = make()
+    assert result.to_dict() == result.summary() == json.loads(result.to_json())
+
+
+def test_numbers_that_json_has_not_become_null():
+    check = lg.l2_check(replace(P, sigma1=0.0), K2=22.0)
+    assert check.gain == np.inf and json.loads(check.to_json())["gain"] is None
+
+
+def test_every_result_becomes_a_frame():
+    pytest.importorskip("pandas")
+    assert list(diagnosis().to_frame().index) == list(identification().to_frame().index) == ["J"]
+    assert list(table().to_frame()) == ["theta", "torque", "standard_error"]
+    both = table([[0.1, 0.2, 0.3], [0.2, 0.3, 0.4]])
+    assert list(both.to_frame()["torque, w < 0"]) == [0.2, 0.3, 0.4]
+    assert list(friction_map().to_frame()["held_out"]) == [True, False, False, True]
+    rows = fleet().to_frame()
+    assert list(rows["verdict"]) == ["found", "refused", "failed"]
+    assert rows.loc[0, "effects"] == "torque_ripple"
+
+
+def test_simulated_loops_become_a_frame_over_loop_and_time():
+    pytest.importorskip("pandas")
+    c = lg.compensate(lg.Model.of(P), reference=(T, np.sin(4.0 * T)))
+    frame = c.to_frame()
+    assert frame.index.names == ["loop", "t"] and list(frame) == ["r", "y", "u"]
+    error = frame.loc["none", "y"] - frame.loc["none", "r"]
+    assert np.sqrt(np.mean(error**2)) == pytest.approx(c.none)
+
+
+def test_a_sweep_becomes_the_same_frame_under_both_names():
+    pytest.importorskip("pandas")
+    s = lg.sweep(lg.pi(1.6, 0.16), T, np.sin(T), {"pi.kp": [1.0, 2.0]})
+    assert s.to_frame().equals(s.to_pandas()) and s.to_dict() == s.summary()
+
+
+def test_without_pandas_one_sentence_says_what_to_install(monkeypatch):
+    real = importlib.import_module
+
+    def missing(name, *rest):
+        if name == "pandas":
+            raise ImportError(name)
+        return real(name, *rest)
+
+    monkeypatch.setattr("lugrectl.core.result.import_module", missing)
+    for result in (diagnosis(), table(), friction_map(), fleet()):
+        with pytest.raises(InputError, match="pandas is not installed; python -m pip install"):
+            result.to_frame()
+
+
+# --- files -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("make", [bare, identification])
+def test_save_writes_page_document_and_model(tmp_path, make):
+    result = make()
+    paths = result.save(tmp_path / "out")
+    assert [p.name for p in paths] == ["report.html", "report.json", "model.toml"]
+    assert json.loads(paths[1].read_text()) == result.to_dict()
+    assert read_model(paths[2]).values() == result.model.values()
+
+
+def test_save_of_a_refusal_writes_no_model(tmp_path):
+    paths = bare("refused").save(tmp_path)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["report.html", "report.json"]
+    assert "u is constant." in paths[0].read_text()
+
+
+def test_save_says_where_it_cannot_write(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be written there"):
+        bare().save(tmp_path / "file")
+
+
+def test_save_of_a_fleet_writes_index_table_and_reports(tmp_path):
+    index, rows = fleet().save(tmp_path)
+    assert 'href="a/report.html"' in index.read_text() and "c,failed" in rows.read_text()
+    assert sorted(p.name for p in (tmp_path / "a").iterdir()) == sorted(report.FILES)
+    assert not (tmp_path / "b" / "model.toml").exists() and not (tmp_path / "c").exists()
+
+
+# --- an identification as users see it -----------------------------------------------------
+
+
+def test_an_identification_prints_declared_beside_fitted(found):
+    made = found["identified"]
+    lines = [line.split() for line in str(made).splitlines()]
+    assert lines[0] == ["identified"]
+    assert next(line for line in lines if line[:1] == ["J"])[1] == "0.002000"
+    assert next(line for line in lines if line[:1] == ["Fc"])[1] == "-"
+    row = made.parameters["J"]
+    assert row.low < row.value < row.high and row.declared == 0.002
+
+
+def test_an_identification_draws_measured_and_simulated(found):
+    axes = found["identified"].plot()
+    assert axes[0].get_ylabel() == "w [rad/s]" and axes[0].get_title(loc="left")
+    log = drawings(found["identified"].plain)
+    assert found["identified"]._repr_html_().count("<figure>") == len(axes) + len(log)
+
+
+# --- pickling ----------------------------------------------------------------------------
+
+
+def same(a, b):
+    """Whether two arrays or values are equal, NaN to NaN."""
+    if isinstance(a, np.ndarray):
+        return np.array_equal(a, b, equal_nan=True)
+    return a == b
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        diagnosis,
+        identification,
+        table,
+        friction_map,
+        fleet,
+        parameters,
+        lambda: diagnosis().record,
+        lambda: diagnosis().model,
+        lambda: P,
+        lambda: lg.certify(P, -10.24, 22.0),
+        lambda: lg.design_gains(P, "time-varying"),
+        lambda: lg.l2_check(P, K2=22.0),
+        lambda: lg.spr_check(lg.position_T(P, kp=15.0)),
+        lambda: lg.bandwidth_check(lg.velocity_loop_tf(P, kp=1.6, ki=0.16)),
+        lambda: lg.check_designs(P, kp=T, K2=22.0),
+        lambda: lg.excitation(np.sin(6.3 * T), T),
+        lambda: lg.sweep(lg.pi(1.6, 0.16), T, np.sin(T), {"pi.kp": [1.0, 2.0]}),
+    ],
+)
+def test_results_pickle(make):
+    thing = make()
+    again = pickle.loads(pickle.dumps(thing))
+    assert type(again) is type(thing) and repr(again) == repr(thing)
+    if hasattr(thing, "summary"):
+        assert again.summary() == thing.summary()
+
+
+def test_what_was_computed_pickles_whole(found):
+    made = found["identified"]
+    made.plot(), made.parameters, str(made)  # nothing that these leave behind is in the way
+    again = pickle.loads(pickle.dumps(made))
+    assert isinstance(again, Identification) and again.model == made.model
+    for role, values in made.record.channels().items():
+        assert same(values, again.record.channels()[role])
+    assert same(again.traces.simulated["refitted"], made.traces.simulated["refitted"])
+
+
+def test_a_compensation_pickles_but_for_its_loops():
+    c = lg.compensate(lg.Model.of(P), reference=(T, np.sin(4.0 * T)))
+    again = pickle.loads(pickle.dumps(replace(c, loop={})))
+    assert again.summary() == c.summary() and same(again.runs["after"].y, c.runs["after"].y)

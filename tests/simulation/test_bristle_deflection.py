@@ -1,0 +1,108 @@
+"""The deflection along a measured velocity against the law itself, step by step."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+import lugrectl as lg
+from lugrectl.simulation import bristle_deflection
+from lugrectl.simulation.bristle_deflection import BLOCK, CHUNK, deflection
+from lugrectl.simulation.response import simulate
+
+from ..conftest import there
+
+P, DT = lg.table1(), 1e-3
+
+
+@pytest.fixture(params=["numba", "c", None])
+def way(request, monkeypatch):
+    made_by = there(request.param)
+    monkeypatch.setattr(bristle_deflection, "compiler", lambda: made_by)
+
+
+def by_hand(w, dt, z):
+    """The recursion of the docstring, with its limit at w = 0, in 80-bit numbers."""
+    out = []
+    for speed in np.asarray(w, dtype=np.longdouble):
+        out.append(z)
+        h = P.Fc + (P.Fs - P.Fc) * np.exp(-((speed / P.vs) ** 2))
+        a = P.sigma0 * abs(speed) / h
+        z = z + (-np.expm1(-a * dt) * (speed / a - z) if a > 0 else 0.0)
+    return np.array(out, dtype=float)
+
+
+def test_every_sample_follows_the_closed_form(way):
+    random = np.random.default_rng(1)
+    w = random.standard_normal(300) * 10.0 ** random.uniform(-9, 2, 300)
+    w[40:60] = 0.0
+    np.testing.assert_allclose(deflection(w, DT, P, 3e-4), by_hand(w, DT, 3e-4), rtol=1e-11)
+
+
+@given(st.floats(-100.0, 100.0), st.floats(-2e-3, 2e-3))
+def test_a_constant_velocity_relaxes_to_h_over_sigma0(w, z0):
+    z = deflection(np.full(50, w), DT, P, z0)
+    h = P.Fc + (P.Fs - P.Fc) * np.exp(-((w / P.vs) ** 2))
+    end, a = np.sign(w) * h / P.sigma0, P.sigma0 * abs(w) / h
+    exact = end + (z0 - end) * np.exp(-a * DT * np.arange(50)) if w else np.full(50, z0)
+    # at creep the end is far away: compare with the way there
+    np.testing.assert_allclose(z, exact, rtol=1e-9, atol=1e-15)
+
+
+def test_a_held_velocity_is_what_the_law_itself_gives():
+    w = np.repeat([0.0, 0.5, -0.02, 3.0, -3.0], 20)
+    friction = lg.friction("lugre")
+    z, kept = 2e-4, []
+    for speed in w:
+        kept.append(z)
+        rate = lambda t, x, v=speed: friction.dynamics(0.0, x, [v])  # noqa: E731
+        z = solve_ivp(rate, (0, DT), [z], method="Radau", rtol=1e-10, atol=1e-14).y[0, -1]
+    np.testing.assert_allclose(deflection(w, DT, P, 2e-4), kept, rtol=1e-7, atol=1e-12)
+
+
+def test_along_a_sine_it_converges_to_the_continuous_bristle():
+    def error(dt):
+        t = np.arange(0, 1, dt)
+        w = np.sin(2 * np.pi * t)
+        exact = simulate(lg.friction("lugre"), t, w, rtol=1e-8).states[0]
+        return np.abs(deflection(w, dt, P) - exact).max()
+
+    assert 1.8 < error(1e-3) / error(5e-4) < 2.2
+
+
+def test_blocks_and_threads_change_nothing(way):
+    """Across the seams of blocks and chunks; a run can be cut anywhere."""
+    w = 0.3 * np.sin(np.arange(2 * CHUNK + BLOCK + 5) / 500.0)
+    whole = deflection(w, DT, P, 1e-4)
+    for cut in (1, BLOCK, CHUNK + 7):
+        rest = deflection(w[cut:], DT, P, whole[cut])
+        np.testing.assert_allclose(rest, whole[cut:], rtol=1e-12, atol=1e-18)
+
+
+def test_all_ways_agree(way, monkeypatch):
+    w = np.random.default_rng(2).standard_normal(20_000)
+    compiled = deflection(w, DT, P)
+    monkeypatch.setattr(bristle_deflection, "compiler", lambda: None)
+    np.testing.assert_allclose(deflection(w, DT, P), compiled, rtol=1e-11, atol=1e-17)
+
+
+def test_many_records_at_once(way):
+    w = np.random.default_rng(3).standard_normal((3, 500))
+    z = deflection(w, DT, P, [0.0, 1e-3, -1e-3])
+    assert z.shape == (3, 500)
+    np.testing.assert_array_equal(z[1], deflection(w[1], DT, P, 1e-3))
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: deflection([0.0, np.nan], DT, P), "velocity is nan at sample 1"),
+        (lambda: deflection([0.0], 0.0, P), "sample time"),
+        (lambda: deflection(np.zeros((2, 2, 2)), DT, P), "must be"),
+        (lambda: deflection(np.zeros((2, 5)), DT, P, [1.0, 2.0, 3.0]), "2 of them"),
+    ],
+)
+def test_what_does_not_fit_is_said(call, said):
+    with pytest.raises(lg.InputError, match=said):
+        call()

@@ -1,0 +1,121 @@
+"""Loops that a user wires with control.interconnect, by signal names alone."""
+
+import control as ct
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.blocks.controllers import compensation, error, feedforward, pi, prefilter
+from lugrectl.blocks.effects import gravity
+from lugrectl.blocks.observers import existing_observer, natural_observer, proposed_observer
+from lugrectl.loops.friction_loops import velocity_loop
+
+from ..cases.wired import LOW, OUTPUTS, H, P, T, at, s, signal, simulate, state, transfer
+
+
+def test_cascade_of_position_and_velocity_loop():
+    """Outer P on position, inner PI on velocity, friction compensated exactly."""
+    loop = ct.interconnect(
+        [
+            lg.plant(P),
+            proposed_observer(P),
+            compensation(),
+            error("position", name="outer_error", outputs="e_theta"),
+            pi(20.0, 0.0, name="outer", inputs="e_theta", outputs="w_ref"),
+            error("velocity", name="inner_error", inputs=["w_ref", "w"], outputs="e_w"),
+            pi(1.6, 0.16, name="inner", inputs="e_w"),
+        ],
+        inputs=["r"],
+        outputs=["theta", "w", "w_ref", "u"],
+        check_unused=False,
+    )
+    inner = T / s
+    closed = 20 * inner / (1 + 20 * inner)
+    assert transfer(loop, "theta") == pytest.approx(at(closed), rel=1e-4)
+    assert transfer(loop, "w_ref") == pytest.approx(at(20 * (1 - closed)), rel=1e-3)
+    t = np.arange(0, 0.2001, 1e-3)
+    r = 0.05 * (1 - np.cos(20 * t))
+    resp = simulate(loop, t, r, rtol=1e-7, atol=1e-10)
+    expected = ct.forced_response(ct.minreal(closed, verbose=False), t, r).outputs
+    assert signal(resp, "theta") == pytest.approx(expected, abs=2e-6)
+
+
+def test_two_observers_side_by_side_on_one_plant():
+    """The first drives the loop; the second, 20 % low, only watches."""
+    system = ct.interconnect(
+        [
+            lg.plant(P),
+            error(),
+            pi(),
+            compensation(),
+            natural_observer(P),
+            existing_observer(LOW, name="second", outputs=["F2", "z2"]),
+            proposed_observer(LOW, name="third", outputs=["F3", "z3", "w3"]),
+        ],
+        inputs=["r"],
+        outputs=["w", "F", "Fhat", "F2", "F3", "e"],
+        check_unused=False,
+    )
+    t = np.arange(0, 0.2001, 1e-3)
+    r = 0.3 * np.sin(2 * np.pi * 5 * t)
+    resp = simulate(system, t, r)
+    assert signal(resp, "w") == pytest.approx(ct.forced_response(T, t, r).outputs, abs=1e-4)
+    assert signal(resp, "Fhat") == pytest.approx(signal(resp, "F"), abs=1e-4)
+    late = t > 0.1
+    for name in ("F2", "F3"):
+        miss = np.abs(signal(resp, name) - signal(resp, "F"))[late]
+        assert 0.01 < miss.mean() < 0.06  # a fifth of the friction level
+
+
+def test_external_load_and_an_effect_add_up_on_d():
+    system = ct.interconnect(
+        [lg.plant(P), gravity.system(amplitude=0.2, phase=0.3)],
+        inputs=["u", "d"],
+        outputs=["theta", "w", "F"],
+        check_unused=False,
+    )
+    x = state(system, plant_theta=0.5)
+    pull = 0.2 * np.sin(0.8)
+    assert system.dynamics(0, x, [0.4, 0.07])[1] == pytest.approx((0.4 - pull - 0.07) / P.J)
+    neutral = ct.interconnect(
+        [lg.plant(P), gravity.system()], inputs=["u", "d"], outputs=["w"], check_unused=False
+    )
+    assert neutral.dynamics(0, x, [0.4, 0.07]) == pytest.approx(
+        lg.plant(P).dynamics(0, x, [0.4, 0.07])
+    )
+
+
+def test_own_loop_with_prefilter_and_feedforward_equals_the_ready_one():
+    parts = [
+        lg.plant(P),
+        proposed_observer(LOW),
+        pi(),
+        prefilter(kind="velocity"),
+        error(),
+        feedforward(P),
+        compensation(),
+    ]
+    own = ct.interconnect(parts, inputs=["r_cmd", "d"], outputs=OUTPUTS, check_unused=False)
+    ready = velocity_loop(
+        P,
+        "proposed",
+        observer_parameters=LOW,
+        prefilter=True,
+        feedforward=True,
+        load=True,
+    )
+    rng = np.random.default_rng(1)
+    for x, u in zip(rng.normal(size=(20, 7)), rng.normal(size=(20, 2)), strict=True):
+        x = x * [1, 0.1, 1e-3, 1e-3, 0.1, 1, 1]
+        assert own.dynamics(0, x, u) == pytest.approx(ready.dynamics(0, x, u), rel=1e-12)
+        assert own.output(0, x, u) == pytest.approx(ready.output(0, x, u), rel=1e-12)
+
+
+def test_plain_prefilter_feeds_an_own_loop():
+    own = ct.interconnect(
+        [lg.plant(P), natural_observer(P), pi(), prefilter(), error(), compensation()],
+        inputs=["r_cmd"],
+        outputs=["w"],
+        check_unused=False,
+    )
+    assert transfer(own, "w", "r_cmd") == pytest.approx(at(H * T), rel=1e-4)

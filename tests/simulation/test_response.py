@@ -1,0 +1,385 @@
+"""simulate() against python-control with LSODA, closed forms, and what it must refuse."""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import replace
+
+import control as ct
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+import lugrectl as lg
+from lugrectl.core.errors import Diverged, InputError
+from lugrectl.engine import AlgebraicLoop
+from lugrectl.engine.runtime import adaptive_run
+from lugrectl.simulation.response import simulate
+
+from ..cases.systems import pi, velocity_loop
+
+TIGHT = {"rtol": 1e-9, "atol": 1e-13}
+
+
+@pytest.fixture(autouse=True)
+def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Plain Python where a test does not ask for both backends: nothing to compile."""
+    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
+    monkeypatch.setattr("lugrectl.engine.runtime.memo._traced", {})
+
+
+@pytest.fixture(params=["numba", "python"])
+def backend(
+    request: pytest.FixtureRequest, interpreted: None, monkeypatch: pytest.MonkeyPatch
+) -> str:
+    """With and without numba."""
+    if request.param == "numba":
+        pytest.importorskip("numba")
+    monkeypatch.setattr(adaptive_run, "has_numba", lambda: request.param == "numba")
+    return request.param
+
+
+def block(update, output=None, *, inputs=0, outputs=1, states=1, name="block", **options):
+    return ct.nlsys(
+        update, output, inputs=inputs, outputs=outputs, states=states, name=name, **options
+    )
+
+
+def reference(system, t, u, x0=0.0, *, jump: float = math.inf, method="LSODA", params=None):
+    """States by solve_ivp on the system's own functions, restarted at each sample and jump."""
+    system._update_params(params)
+    u = np.atleast_2d(u)
+    edges = np.sort(np.append(t, jump))[: len(t) + (jump < t[-1])]
+    x = np.zeros(system.nstates) + x0
+    kept = [x]
+    for a, b in zip(edges, edges[1:], strict=False):
+        part = solve_ivp(
+            lambda s, y: system._rhs(s, y, [np.interp(s, t, row) for row in u]),
+            (a, b),
+            x,
+            method,
+            **TIGHT,
+        )
+        x = part.y[:, -1]
+        kept += [x] if b != jump else []
+    return np.array(kept).T
+
+
+def worst(a, b) -> float:
+    """Largest deviation of each row, relative to the row's largest value."""
+    a, b = np.atleast_2d(a), np.atleast_2d(b)
+    return float(np.max(np.max(np.abs(a - b), axis=1) / np.max(np.abs(b), axis=1)))
+
+
+def test_velocity_loop_as_python_control_sees_it(backend: str) -> None:
+    loop, t = velocity_loop(lg.plant(lg.table1())), np.arange(0, 0.1, 1e-3)
+    r, x0 = np.sin(2 * np.pi * 10 * t), np.array([0.0, 0.0, 2e-4, 0.0])
+    ours = simulate(loop, t, r, x0)
+    theirs = ct.input_output_response(
+        loop, t, r, x0, solve_ivp_method="LSODA", solve_ivp_kwargs=TIGHT
+    )
+    assert worst(ours.states, theirs.states) < 2e-6
+    assert worst(ours.outputs, theirs.outputs) < 2e-6
+
+
+MANY = (
+    lg.Model.of(lg.table1())
+    .with_effect("input_delay", {"delay": 0.003})
+    .with_effect("friction_step", {"ratio": 0.3, "time": 0.0503})
+    .with_effect("coulomb_asymmetry", {"ratio": 0.1})
+    .with_effect("gravity", {"amplitude": 0.2, "phase": 0.4})
+)
+
+
+def test_many_effects_in_the_plant(backend: str) -> None:
+    loop, t = velocity_loop(lg.plant(MANY)), np.arange(0, 0.1, 1e-3)
+    r = np.sin(2 * np.pi * 10 * t)
+    assert worst(simulate(loop, t, r, rtol=1e-8).states, _many(loop, t, r)) < 1e-6
+
+
+_kept: dict[str, np.ndarray] = {}
+
+
+def _many(loop, t, r) -> np.ndarray:
+    """The same for both backends."""
+    if "many" not in _kept:
+        _kept["many"] = reference(loop, t, r, jump=0.0503)
+    return _kept["many"]
+
+
+def test_a_static_block() -> None:
+    t = np.linspace(0, 1, 5)
+    static = ct.nlsys(None, lambda t, x, u, p: np.tanh(u) + t, inputs=1, outputs=1, dt=None)
+    ours, theirs = simulate(static, t, t**2), ct.input_output_response(static, t, t**2)
+    np.testing.assert_allclose(ours.outputs, theirs.outputs)
+    assert ours.output_labels == theirs.output_labels
+
+
+@pytest.mark.parametrize("hold", [False, True])
+def test_linear_system_in_closed_form(backend: str, hold: bool) -> None:
+    """dx/dt = A x + B u with held or linear input, on uneven times, by matrix exponentials."""
+    a, b = np.array([[0.0, 1.0], [-400.0, -3.0]]), np.array([[0.0], [1.0]])
+    system = ct.ss(a, b, np.eye(2), 0)
+    random = np.random.default_rng(3)
+    t = np.cumsum(random.uniform(0.001, 0.03, 60))
+    u, x = random.standard_normal(60), np.array([1.0, 0.0])
+    states = [x]
+    for k in range(59):
+        h, slope = t[k + 1] - t[k], 0.0 if hold else (u[k + 1] - u[k]) / (t[k + 1] - t[k])
+        big = np.zeros((4, 4))
+        big[:2, :2], big[:2, 2:3], big[2, 3] = a, b, 1.0
+        x = (expm(big * h) @ np.array([*x, u[k], slope]))[:2]
+        states.append(x)
+    ours = simulate(system, t, u, [1.0, 0.0], hold=hold, rtol=1e-9)
+    assert worst(ours.states, np.array(states).T) < 1e-7
+
+
+def test_matched_loop_with_exact_observer_is_linear() -> None:
+    """Fhat = F from equal parameters and states: T(s) = (kp s + ki)/(J s^2 + kp s + ki)."""
+    p, kp, ki = lg.table1(), 1.6, 0.16
+
+    def rate(t, x, u, q):
+        w, z = u
+        h = p.Fc + (p.Fs - p.Fc) * np.exp(-((w / p.vs) ** 2))
+        return w - p.sigma0 * np.abs(w) / h * x[0]
+
+    def torque(t, x, u, q):
+        return p.sigma0 * x[0] + p.sigma1 * rate(t, x, [u[0], 0], q) + p.Fv * u[0]
+
+    observer = ct.nlsys(
+        lambda t, x, u, q: rate(t, x, [u[0], 0], q),
+        torque,
+        inputs="w",
+        outputs="u",
+        states="zhat",
+        name="observer",
+    )
+    error = ct.summing_junction(["w", "-r"], "e", name="error")
+    loop = ct.interconnect(
+        [lg.plant(p), pi(), observer, error],
+        inputs="r",
+        outputs=["w", "e"],
+        params={},
+        check_unused=False,
+    )
+    t = np.arange(0, 1, 1e-3)
+    r = np.sin(2 * np.pi * t)
+    linear = ct.tf([kp, ki], [p.J, kp, ki])
+    exact = ct.forced_response(linear, t, r).outputs
+    assert worst(simulate(loop, t, r).outputs[0], exact) < 1e-6
+
+
+@pytest.mark.parametrize("amplitude", [1.2, 3.0])
+def test_textbook_lugre_needs_no_tuning(amplitude: float) -> None:
+    """In presliding (below Fs) and beyond."""
+    stiff = lg.Parameters(J=1.0, sigma0=1e5, sigma1=316.0, Fc=1.0, Fs=1.5, Fv=0.4, vs=1e-3)
+    plant, t = lg.plant(stiff), np.arange(0, 0.1, 1e-3)
+    u = np.vstack([amplitude * np.sin(2 * np.pi * 15 * t), 0 * t])
+    assert worst(simulate(plant, t, u).states, reference(plant, t, u, method="Radau")) < 5e-6
+
+
+def test_events_are_met_exactly(backend: str) -> None:
+    """dx/dt = sign(t - 0.3371) + 2 (t >= 0.6): corners of the integral on and off the grid."""
+    system = block(
+        lambda t, x, u, p: np.sign(t - 0.3371) + 2.0 * (t >= p["t0"]), params={"t0": 0.6}
+    )
+    t = np.linspace(0, 1, 11)
+    for start in (0.6, 0.65):
+        x = simulate(system, t, params={"t0": start}).states[0]
+        exact = np.abs(t - 0.3371) - 0.3371 + 2 * np.maximum(t - start, 0)
+        np.testing.assert_allclose(x, exact, atol=1e-9)
+
+
+def test_bouncing_between_limits() -> None:
+    """A saturated integrator of a cosine and a relay oscillator with a known period."""
+    saturated = block(lambda t, x, u, p: np.clip(2 * np.cos(t), -1.0, 1.0))
+    t = np.linspace(0, 6, 61)
+    corner = np.pi / 3
+    x = simulate(saturated, t, rtol=1e-9).states[0]
+    k = np.searchsorted(t, 2.0)
+    exact = corner + 2 * (np.sin(t[k]) - np.sin(corner))
+    assert x[k] == pytest.approx(exact, abs=1e-7)
+    relay = block(lambda t, x, u, p: np.array([x[1], -np.sign(x[0])]), states=2, outputs=2)
+    t = np.linspace(0, 8 * math.sqrt(2), 9)  # from x = 1 at rest: period 4 sqrt(2)
+    swing = simulate(relay, t, x0=[1.0, 0.0]).states[0]
+    np.testing.assert_allclose(swing[[0, 2, 4, 6, 8]], [1, -1, 1, -1, 1], atol=1e-7)
+
+
+def test_a_relay_that_sticks_stays() -> None:
+    stuck = block(lambda t, x, u, p: u[0] - np.sign(x[0]), inputs=1)
+    x = simulate(stuck, np.linspace(0, 2, 21), 0.5, 0.3).states[0]
+    np.testing.assert_allclose(x[[3, -1]], [0.15, 0.0], atol=1e-12)
+
+
+def test_a_relay_that_never_settles_is_said(backend: str) -> None:
+    """The swings of x'' = -sign(x) - sign(x')/2 shrink by 3 each: endless by t = 5.5."""
+    swing = block(
+        lambda t, x, u, p: np.array([x[1], -np.sign(x[0]) - 0.5 * np.sign(x[1])]),
+        states=2,
+        outputs=2,
+    )
+    with pytest.warns(RuntimeWarning, match="switches without end"):
+        x = simulate(swing, np.linspace(0, 8, 21), x0=[1.0, 0.0]).states
+    assert np.max(np.abs(x[:, -1])) < 1e-3
+
+
+def test_other_parameters_need_no_new_code() -> None:
+    loop, t = velocity_loop(lg.plant(lg.table1())), np.arange(0, 0.03, 1e-3)
+    r = np.sin(50 * t)
+    simulate(loop, t, r)
+    changed = {"plant.Fc": 0.2, "pi.kp": 0.8}
+    generated = [name for name in sys.modules if name.startswith("lugrectl_")]
+    ours = simulate(loop, t, r, params=changed)
+    assert [name for name in sys.modules if name.startswith("lugrectl_")] == generated
+    assert worst(ours.states, reference(loop, t, r, params=changed)) < 2e-6
+    assert ours.params == changed
+
+
+def test_a_changed_block_is_traced_again() -> None:
+    gain = [1.0]
+    system = block(lambda t, x, u, p: -gain[0] * x[0])
+    first = simulate(system, [0.0, 1.0], x0=1.0).states[0, -1]
+    gain[0] = 2.0
+    second = simulate(system, [0.0, 1.0], x0=1.0).states[0, -1]
+    assert (first, second) == (
+        pytest.approx(np.exp(-1), rel=1e-5),
+        pytest.approx(np.exp(-2), rel=1e-5),
+    )
+
+
+def test_a_branch_falls_back_with_a_warning() -> None:
+    odd = block(lambda t, x, u, p: -x[0] if x[0] > 0 else x[0], name="odd")
+    with pytest.warns(RuntimeWarning, match=r"block odd.*test_response.py line \d+.*LSODA"):
+        x = simulate(odd, np.linspace(0, 1, 5), x0=1.0).states[0]
+    np.testing.assert_allclose(x, np.exp(-np.linspace(0, 1, 5)), rtol=1e-5)
+
+
+@pytest.mark.parametrize("method", ["RK45", "Radau"])
+def test_scipy_methods_linear_and_held(method: str) -> None:
+    lag, t = ct.ss([[-2.0]], [[2.0]], [[1.0]], [[0.0]]), np.linspace(0, 1, 11)
+    u = np.cos(9 * t)
+    for hold in (False, True):
+        ours = simulate(lag, t, u, hold=hold)
+        theirs = simulate(lag, t, u, hold=hold, method=method, rtol=1e-8)
+        np.testing.assert_allclose(ours.outputs, theirs.outputs, atol=1e-5)
+
+
+def test_discrete_time_is_python_controls() -> None:
+    system, t = ct.ss([[0.5]], [[1.0]], [[1.0]], [[0.0]], dt=0.1), np.arange(5) * 0.1
+    ours, theirs = simulate(system, t, np.ones(5)), ct.input_output_response(system, t, np.ones(5))
+    np.testing.assert_array_equal(ours.outputs, theirs.outputs)
+
+
+def test_blow_up_names_state_and_time(backend: str) -> None:
+    """dx/dt = x^2 from 1 ends at t = 1; exp overflows in plain Python."""
+    for rate in (
+        lambda t, x, u, p: np.array([x[0] ** 2, 0.0]),
+        lambda t, x, u, p: np.array([np.exp(x[0]) * np.exp(-1.0), 0.0]),
+    ):
+        system = block(rate, states=["big", "calm"], outputs=2, name="fuse")
+        with pytest.raises(Diverged, match=r"fuse: state big .* t = 1 s"):
+            simulate(system, np.linspace(0, 2, 9), x0=[1.0, 0.0])
+
+
+def test_nan_names_signal_and_time() -> None:
+    root = block(lambda t, x, u, p: np.sqrt(1.0 - t) + 0 * x[0], name="root")
+    with pytest.raises(Diverged, match=r"root: state x\[0\] .* t = 1 s"):
+        simulate(root, np.linspace(0, 2, 9))
+    log = block(lambda t, x, u, p: -1.0 + 0 * x[0], lambda t, x, u, p: np.log(x[0]), name="log")
+    with pytest.raises(Diverged, match=r"log: output y\[0\] is .* at t = 1 s"):
+        simulate(log, np.linspace(0, 2, 9), x0=1.0)
+
+
+def test_a_guarded_division_is_no_error(backend: str) -> None:
+    """The branch not taken may divide by zero, in a rate and in a condition."""
+    safe = block(
+        lambda t, x, u, p: np.where(
+            p["a"] > 0, -x[0] / p["a"], np.where(x[0] > np.where(x[0] > 3, 1 / p["a"], 1.0), 0, 9)
+        ),
+        params={"a": 0.0},
+    )
+    assert simulate(safe, [0.0, 1.0], x0=2.0).states[0, -1] == 2.0
+
+
+def test_wrong_use_is_said_in_one_sentence() -> None:
+    loop, t = velocity_loop(lg.plant(lg.table1())), np.arange(0, 0.01, 1e-3)
+    bad = np.ones(10)
+    bad[4] = np.nan
+    with pytest.raises(InputError, match="input r is nan at t = 0.004 s"):
+        simulate(loop, t, bad)
+    with pytest.raises(InputError, match="t must increase; after 2 s comes 1 s"):
+        simulate(loop, [0, 2, 1], 0)
+    with pytest.raises(InputError, match=r"inputs \(r\) of shape \(1, 10\)"):
+        simulate(loop, t, np.ones(7))
+    with pytest.raises(InputError, match="4 states, x0 has 5"):
+        simulate(loop, t, 0, np.zeros(5))
+    with pytest.raises(InputError, match="no block reads the parameter 'plant.Fx'"):
+        simulate(loop, t, 0, params={"plant.Fx": 1.0})
+
+
+def test_nan_at_the_points_of_comparison_is_no_algebraic_loop() -> None:
+    """python-control calls a NaN inside an interconnection an algebraic loop."""
+    root = ct.nlsys(
+        None, lambda t, x, u, p: np.sqrt(u[0]), inputs="x", outputs="v", name="root", dt=None
+    )
+    drain = ct.nlsys(
+        lambda t, x, u, p: -u[0], None, inputs="v", outputs="x", states="x", name="drain"
+    )
+    tank = ct.interconnect([root, drain], outputs="x")
+    x = simulate(tank, np.linspace(0, 1, 5), x0=1.0).states[0]
+    np.testing.assert_allclose(x, (1 - np.linspace(0, 1, 5) / 2) ** 2, rtol=1e-6)
+
+
+def test_an_algebraic_loop_names_its_blocks() -> None:
+    def gain(name, source, target):
+        return ct.nlsys(
+            None,
+            lambda t, x, u, p: 0.5 * np.tanh(u[0]),
+            inputs=source,
+            outputs=target,
+            name=name,
+            dt=None,
+        )
+
+    loop = ct.interconnect(
+        [gain("one", "a", "b"), gain("two", "b", "a")], inputs="a", outputs="b", check_unused=False
+    )
+    with pytest.raises(AlgebraicLoop, match="through one, two;"):
+        simulate(loop, [0.0, 1.0], 1.0)
+
+
+def test_inputs_in_every_form_of_python_control() -> None:
+    plant, t = lg.plant(lg.table1()), np.arange(0, 0.02, 1e-3)
+    wave = 0.5 * np.sin(50 * t)
+    expected = simulate(plant, t, np.vstack([wave, np.full(20, 0.1)])).states
+    for form in ([wave, 0.1], [wave, np.full(20, 0.1)], [np.vstack([wave, wave * 0 + 0.1])]):
+        np.testing.assert_array_equal(simulate(plant, t, form).states, expected)
+    np.testing.assert_array_equal(simulate(plant, t).states, simulate(plant, t, 0.0).states)
+
+
+def test_two_drives_of_unequal_friction_in_one_loop() -> None:
+    p = lg.table1()
+    off = replace(p, sigma0=234.0, Fc=0.2565, Fs=0.3015)
+    second = lg.plant(off, name="second", inputs=["u", "d2"], outputs=["th2", "w2", "F2"])
+    error = ct.summing_junction(["w", "-r"], "e", name="error")
+    loop = ct.interconnect(
+        [lg.plant(p), second, pi(), error],
+        inputs="r",
+        outputs=["w", "w2"],
+        params={},
+        check_unused=False,
+    )
+    t = np.arange(0, 0.1, 1e-3)
+    r = 0.3 * np.sin(2 * np.pi * 12 * t)
+    assert worst(simulate(loop, t, r).states, reference(loop, t, r)) < 5e-6
+
+
+def test_inputs_by_name() -> None:
+    plant, t = lg.plant(lg.table1()), np.arange(0, 0.02, 1e-3)
+    wave = 0.5 * np.sin(50 * t)
+    expected = simulate(plant, t, np.vstack([wave, np.full(20, 0.1)])).states
+    np.testing.assert_array_equal(simulate(plant, t, {"d": 0.1, "u": wave}).states, expected)
+    with pytest.raises(InputError, match="there is no external input 'x'; known: u, d"):
+        simulate(plant, t, {"x": 1.0})

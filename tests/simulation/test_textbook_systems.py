@@ -1,0 +1,290 @@
+"""Textbook systems of other fields through simulate(), as users write them.
+
+The models are those of Astrom and Murray, Feedback Systems, chapters 3 to 5: speed control of a
+car, predators and prey, a balanced pendulum, a steered vehicle. Reference: python-control's own
+simulation at tight tolerance.
+"""
+
+from __future__ import annotations
+
+import math
+
+import control as ct
+import numpy as np
+import pytest
+
+from lugrectl.engine.runtime import adaptive_run
+from lugrectl.simulation.response import simulate
+
+TIGHT = {"rtol": 1e-10, "atol": 1e-12}
+RATIOS = [40.0, 25.0, 16.0, 12.0, 10.0]  # wheel to engine speed, 1/m
+
+
+@pytest.fixture(autouse=True)
+def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Plain Python: nothing to compile."""
+    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
+
+
+def agrees(system, t, u, x0, *, rtol=1e-9, within=1e-7, **options) -> None:
+    """States and outputs, relative to the largest value of each."""
+    ours = simulate(system, t, u, x0, rtol=rtol, squeeze=False, **options)
+    theirs = ct.input_output_response(
+        system,
+        t,
+        u,
+        x0,
+        solve_ivp_method="DOP853",
+        solve_ivp_kwargs=TIGHT,
+        squeeze=False,
+        **options,
+    )
+    for a, b in ((ours.states, theirs.states), (ours.outputs, theirs.outputs)):
+        scale = np.abs(b).max(axis=1, keepdims=True) + 1e-12
+        assert np.max(np.abs(np.asarray(a) - np.asarray(b)) / scale) < within
+
+
+# Speed control: m dv/dt = n u T(n v) - m g sin(slope) - m g Cr sign(v) - rho Cd A |v| v / 2.
+
+
+def torque(omega, params):
+    """T = Tm (1 - beta (omega/omega_m - 1)^2), never negative."""
+    Tm, peak = params.get("Tm", 190.0), params.get("omega_m", 420.0)
+    return np.clip(Tm * (1 - params.get("beta", 0.4) * (omega / peak - 1) ** 2), 0, None)
+
+
+def car_rate(t, x, u, params):
+    m, g, n = params.get("m", 1600.0), 9.8, RATIOS[int(params.get("gear", 4)) - 1]
+    v, throttle, slope = x[0], np.clip(u[0], 0, 1), u[1]
+    push = n * throttle * torque(n * v, params)
+    drag = 0.5 * 1.3 * 0.32 * 2.4 * abs(v) * v
+    return [(push - m * g * np.sin(slope) - m * g * 0.01 * np.sign(v) - drag) / m]
+
+
+def car(rate=car_rate, **options):
+    return ct.nlsys(
+        rate, None, inputs=["throttle", "slope"], outputs=["v"], states=["v"], name="car", **options
+    )
+
+
+def cruise(body):
+    """PI control of the speed; the throttle is what the clip in the car leaves of it."""
+    control = ct.nlsys(
+        lambda t, x, u, params: u[0] - u[1],
+        lambda t, x, u, params: params["kp"] * (u[0] - u[1]) + params["ki"] * x[0],
+        inputs=["v_ref", "v"],
+        outputs=["throttle"],
+        states=["sum"],
+        params={"kp": 0.5, "ki": 0.1},
+        name="control",
+    )
+    return ct.interconnect(
+        [control, body],
+        inputs=["v_ref", "slope"],
+        outputs=["v", "throttle"],
+        params={},
+        name="loop",
+    )
+
+
+T = np.linspace(0, 20, 81)
+HILL = np.where(T <= 5, 0.0, np.where(T >= 6, 4.0, 4.0 * (T - 5))) * np.pi / 180
+
+
+def test_a_car_alone():
+    agrees(car(), T, [0.6 + 0 * T, HILL], [20.0])
+
+
+def test_a_car_uphill_under_control():
+    agrees(cruise(car()), T, [20 + 2 * (T > 10), HILL], [0.0, 20.0])
+
+
+def test_gear_and_mass_are_parameters():
+    """The gear is an index, so each gear is traced on its own; the mass is only a number."""
+    body, u = car(params={"m": 1600.0, "gear": 4}), [0.6 + 0 * T, HILL]
+    speeds = []
+    for params in ({"m": 1600.0}, {"m": 2000.0}, {"m": 1600.0, "gear": 5}):
+        agrees(body, T, u, [20.0], params=params)
+        speeds.append(float(simulate(body, T, u, [20.0], params=params).outputs[0, -1]))
+    assert len({round(v, 3) for v in speeds}) == 3
+
+
+def by_branch(t, x, u, params):
+    if u[0] < 0:
+        return [-x[0]]
+    return car_rate(t, x, u, params)
+
+
+def by_max(t, x, u, params):
+    return car_rate(t, x, [max(0.0, min(u[0], 1.0)), u[1]], params)
+
+
+def by_sine(t, x, u, params):
+    return [car_rate(t, x, [u[0], 0.0], params)[0] - 9.8 * math.sin(u[1])]
+
+
+def by_gear_signal(t, x, u, params):
+    gear = int(3.5 + 0.4 * np.tanh(u[0]))
+    return car_rate(t, x, u, {**params, "gear": gear})
+
+
+@pytest.mark.parametrize("rate", [by_branch, by_max, by_sine, by_gear_signal])
+def test_what_cannot_be_followed_is_said_and_still_right(rate):
+    """One warning, with block and line; the answer is that of python-control."""
+    line = rate.__code__.co_firstlineno
+    loop, t = cruise(car(rate)), np.linspace(0, 3, 13)
+    u, x0 = [20 + 0 * t, 0.05 * np.sin(t)], [8.0, 19.5]
+    with pytest.warns(RuntimeWarning) as said:
+        ours = simulate(loop, t, u, x0, rtol=1e-9)
+    assert len(said) == 1
+    place = str(said[0].message)
+    assert "block car" in place and "test_textbook_systems.py" in place and "LSODA" in place
+    assert line < int(place.split("line ")[1].split(":")[0]) <= line + 3
+    theirs = ct.input_output_response(
+        loop, t, u, x0, solve_ivp_method="DOP853", solve_ivp_kwargs=TIGHT
+    )
+    np.testing.assert_allclose(ours.outputs, theirs.outputs, rtol=1e-6, atol=1e-8)
+
+
+def test_a_map_by_interpolation():
+    """A torque map as a table is followed, its kinks met; a periodic one is left to python-control,
+    with the warning."""
+    speeds, torques = [0.0, 150.0, 300.0, 420.0, 600.0], [100.0, 150.0, 180.0, 190.0, 170.0]
+
+    def rate(t, x, u, params):
+        return [0.01 * u[0] * np.interp(12 * x[0], speeds, torques) - 0.02 * x[0]]
+
+    def turning(t, x, u, params):
+        return [0.01 * u[0] * np.interp(12 * x[0], speeds, torques, period=600.0) - 0.02 * x[0]]
+
+    t = np.linspace(0, 5, 21)
+    agrees(car(rate), t, [0.5 + 0 * t, 0 * t], [20.0], within=1e-6)
+    with pytest.warns(
+        RuntimeWarning, match=r"block car, .*test_textbook_systems.py line \d+: .*LSODA"
+    ):
+        agrees(car(turning), t, [0.5 + 0 * t, 0 * t], [20.0], within=1e-6)
+
+
+# Predators and prey: dH/dt = r H (1 - H/k) - a H L/(c + H), dL/dt = b a H L/(c + H) - d L.
+
+
+def hunt(t, x, u, params):
+    r, d, b = params.get("r", 1.6), params.get("d", 0.56), params.get("b", 0.6)
+    k, a, c = params.get("k", 125), params.get("a", 3.2), params.get("c", 50)
+    H, L = x
+    caught = a * H * L / (c + H)
+    return np.array([(r + u[0]) * H * (1 - H / k) - caught, b * caught - d * L])
+
+
+def woods():
+    return ct.nlsys(
+        hunt, None, inputs=["food"], outputs=["H", "L"], states=["H", "L"], name="woods"
+    )
+
+
+def test_hares_and_lynxes_alone():
+    t = np.linspace(0, 70, 141)
+    agrees(woods(), t, 0 * t, [20.0, 35.0])
+
+
+def test_hares_and_lynxes_with_feedback():
+    """The food is a saturated function of the population: np.where and np.maximum."""
+    keeper = ct.nlsys(
+        None,
+        lambda t, x, u, params: np.where(u[0] < 30, 0.02 * (u[1] - np.maximum(u[0], 10)), 0.0),
+        inputs=["L", "goal"],
+        outputs=["food"],
+        dt=None,
+        name="keeper",
+    )
+    whole = ct.interconnect(
+        [woods(), keeper], inputs=["goal"], outputs=["H", "L"], params={}, name="park"
+    )
+    t = np.linspace(0, 20, 101)
+    agrees(whole, t, 30 + 0 * t, [20.0, 15.0], within=1e-5)  # the reference steps over the jump
+
+
+# A balanced pendulum: (J + m l^2) th'' = m g l sin(th) - g th' + l cos(th) u.
+
+
+def pendulum(sine=np.sin, cosine=np.cos):
+    def rate(t, x, u, params):
+        m, length, J, damping = 0.2, 0.3, 0.006, params.get("damping", 0.01)
+        total = J + m * length**2
+        swing = m * 9.8 * length * sine(x[0]) - damping * x[1] + length * cosine(x[0]) * u[0]
+        return [x[1], swing / total]
+
+    return ct.nlsys(rate, None, inputs=["u"], outputs=["th", "om"], states=2, name="pendulum")
+
+
+def balanced(body):
+    control = ct.nlsys(
+        None,
+        lambda t, x, u, params: np.clip(-8.0 * (u[0] - u[2]) - 1.0 * u[1], -2.0, 2.0),
+        inputs=["th", "om", "goal"],
+        outputs=["u"],
+        dt=None,
+        name="control",
+    )
+    return ct.interconnect([body, control], inputs=["goal"], outputs=["th", "u"], params={})
+
+
+def test_a_pendulum_falls():
+    t = np.linspace(0, 3, 61)
+    agrees(pendulum(), t, 0.02 * np.sin(t), [0.1, 0.0], within=1e-6)
+
+
+def test_a_pendulum_is_balanced():
+    t = np.linspace(0, 3, 61)
+    agrees(balanced(pendulum()), t, 0.1 + 0 * t, [0.6, 0.0], within=1e-6)
+
+
+def test_a_pendulum_with_math_functions():
+    t = np.linspace(0, 1, 11)
+    with pytest.warns(RuntimeWarning, match=r"block pendulum.*test_textbook_systems.py line \d+"):
+        ours = simulate(balanced(pendulum(math.sin, math.cos)), t, 0.1, [0.6, 0.0], rtol=1e-9)
+    exact = simulate(balanced(pendulum()), t, 0.1, [0.6, 0.0], rtol=1e-9)
+    np.testing.assert_allclose(ours.outputs, exact.outputs, atol=1e-7)
+
+
+# Steering: x' = v cos(th + al)/cos(al), y' = v sin(th + al)/cos(al), th' = v tan(de)/b,
+# al = arctan(a tan(de)/b).
+
+
+def vehicle():
+    def rate(t, x, u, params):
+        a, b, limit = params.get("a", 1.5), params.get("b", 3.0), params.get("limit", 0.5)
+        v, steer = u[0], np.clip(u[1], -limit, limit)
+        slip = np.arctan2(a * np.tan(steer), b)
+        along, across = np.cos(x[2] + slip), np.sin(x[2] + slip)
+        return [v * along / np.cos(slip), v * across / np.cos(slip), v / b * np.tan(steer)]
+
+    return ct.nlsys(
+        rate,
+        lambda t, x, u, params: x[:2],
+        inputs=["v", "steer"],
+        outputs=["x", "y"],
+        states=["px", "py", "heading"],
+        name="vehicle",
+    )
+
+
+def test_a_vehicle_steered_to_and_fro():
+    t = np.linspace(0, 8, 81)
+    agrees(vehicle(), t, [10 + 0 * t, 0.05 * np.sin(t)], [0.0, 1.0, 0.1])
+
+
+def test_a_vehicle_that_changes_lane():
+    lane = ct.nlsys(
+        lambda t, x, u, params: [(u[0] - x[0]) / 0.1, u[1] - u[0]],
+        lambda t, x, u, params: 0.1 * (u[1] - u[0]) - 0.05 * (u[0] - x[0]) / 0.1,
+        inputs=["y", "lane"],
+        outputs=["steer"],
+        states=["filtered", "sum"],
+        name="driver",
+    )
+    whole = ct.interconnect(
+        [vehicle(), lane], inputs=["v", "lane"], outputs=["x", "y", "steer"], params={}, name="road"
+    )
+    t = np.linspace(0, 8, 81)
+    agrees(whole, t, [10 + 0 * t, 3.0 * (t > 1)], [0.0, 0.0, 0.0, 0.0, 0.0])
