@@ -50,7 +50,7 @@ _HOMES = {
     "blocks.model": "Model Parameters read_model table1 write_model",
     "record": "Record read_record",
     "diagnosis.result": "Diagnosis",
-    "results.findings": "Table",
+    "estimates.findings": "Table",
     "simulation.sampled_block": "sampled",
     "simulation.response": "simulate",
 }
@@ -60,6 +60,8 @@ __all__ = sorted([*_HOME, "__version__"])  # pyright: ignore[reportUnsupportedDu
 
 
 def __getattr__(name: str) -> Any:
+    if name == "results":
+        return import_module(".results", __name__)
     if name not in _HOME:
         raise AttributeError(f"module 'lugrectl' has no attribute '{name}'")
     value = getattr(import_module(f".{_HOME[name]}", __name__), name)
@@ -175,6 +177,7 @@ if TYPE_CHECKING:
     from .diagnosis.law_comparison import LawComparison  # noqa: F401
     from .diagnosis.question import balance  # noqa: F401
     from .diagnosis.result import Diagnosis  # noqa: F401
+    from .estimates.findings import Table  # noqa: F401
     from .linear import (  # noqa: F401
         bandwidth,
         bandwidth_check,
@@ -199,7 +202,6 @@ if TYPE_CHECKING:
         recommend_observer,
     )
     from .record import Record, read_record  # noqa: F401
-    from .results.findings import Table  # noqa: F401
     from .simulation.bristle_deflection import deflection  # noqa: F401
     from .simulation.response import simulate  # noqa: F401
     from .simulation.sampled_block import sampled  # noqa: F401

@@ -21,7 +21,7 @@ TOPICS = {  # topic: the modules whose public names it holds
     "loops": "loops simulation",
     "checks": "linear design",
     "diagnosis": "diagnosis compensated_loop",
-    "records": "record blocks.model results",
+    "records": "record blocks.model estimates",
     "ensembles": "sweeps",
 }
 NAMED = {  # names whose topic is not that of their module

@@ -11,8 +11,8 @@ import numpy as np
 import lugrectl as lg
 from lugrectl.core.errors import Refused
 from lugrectl.diagnosis.result import VERDICTS, Diagnosis
+from lugrectl.estimates.findings import Candidate, Estimate, Finding
 from lugrectl.report.wording import headline
-from lugrectl.results.findings import Candidate, Estimate, Finding
 
 from .rst import filled, literal, prose, table, title, toctree
 

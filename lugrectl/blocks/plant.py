@@ -209,7 +209,7 @@ def _applied(
 
 
 def plant(
-    of: Parameters | Model,
+    p: Parameters | Model,
     *,
     name: str = "plant",
     inputs: Sequence[str] | None = None,
@@ -222,7 +222,7 @@ def plant(
 
     Parameters
     ----------
-    of : Parameters or Model
+    p : Parameters or Model
         LuGre parameters, or a whole model: friction, input, level and torque effects inside;
         its sensor effects make the block :func:`lugrectl.sensor`.
     name, inputs, outputs : str, list of str
@@ -245,12 +245,12 @@ def plant(
     theta minus the twist of the coupling. The outputs of a second coupling are theta_load_2,
     w_load_2.
     """
-    model = as_model(of)
+    model = as_model(p)
     return _system(assemble(model, loads=_loads(model)), model, name, inputs, outputs)
 
 
 def sensor(
-    of: Parameters | Model,
+    p: Parameters | Model,
     *,
     name: str = "sensor",
     inputs: Sequence[str] | None = None,
@@ -260,7 +260,7 @@ def sensor(
 
     Parameters
     ----------
-    of : Parameters or Model
+    p : Parameters or Model
         Gives the sensor effects, which act in series; without any the signals are not changed.
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
@@ -270,7 +270,7 @@ def sensor(
     InputError
         When a parameter of a sensor effect has no value yet.
     """
-    model = as_model(of)
+    model = as_model(p)
     uses = [Part(f"{use.key}.", use.block) for use in model.effects]
     parts = tuple(part for part in uses if "sensor" in part.block.acts)
     return _system(_Sensing(parts).block(), model, name, inputs, outputs)

@@ -45,17 +45,14 @@ def each(a: Namespace) -> int:
         fleet = run_each(
             files,
             model,
+            how,
+            {"holdout": a.holdout, "horizon": a.horizon, "seed": a.seed, **chosen(a)},
             jobs=a.jobs or min(processors(), len(files)),
             progress=bar,
             keep=False,
             render=content if out else None,
             done=out,
             command=a.typed,
-            holdout=a.holdout,
-            horizon=a.horizon,
-            **chosen(a),
-            seed=a.seed,
-            **how,
         )
     where = ""
     try:

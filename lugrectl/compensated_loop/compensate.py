@@ -17,11 +17,11 @@ from ..blocks.controllers import MEASURED
 from ..blocks.model import Model, as_model
 from ..blocks.observers import Gain, observer_block
 from ..core.errors import Diverged, InputError
+from ..core.numeric import rms
 from ..core.progress import Progress, Wanted, reporter, shows_progress
 from ..core.validation import shown
-from ..identification.likelihood.simulation_error import rms
+from ..estimates.findings import Table
 from ..record.as_record import as_record
-from ..results.findings import Table
 from ..simulation.response import simulate
 from .feedforward import sorted_out, with_table
 from .gains import controller, observer_gains

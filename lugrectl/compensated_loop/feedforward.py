@@ -11,7 +11,7 @@ import control as ct
 from ..blocks.block import Block
 from ..blocks.model import Model, Part
 from ..blocks.plant import assemble
-from ..results.findings import Table
+from ..estimates.findings import Table
 
 _REASONS = (
     ("input", "it acts between the command and the motor"),

@@ -13,7 +13,7 @@ from ..blocks.model import Model
 from ..blocks.observers import observer, observer_block
 from ..blocks.plant import plant, sensor
 from ..blocks.sliding_control import sliding_error
-from ..results.findings import Table
+from ..estimates.findings import Table
 from .feedforward import effects_torque
 
 OUTPUTS = ("theta", "w", "F", "Fhat", "u", "e")

@@ -12,6 +12,7 @@ from ..core.errors import Refused
 from ..core.progress import Progress, Wanted, reporter, shows_progress
 from ..core.provenance import stamped
 from ..core.validation import positive, share
+from ..estimates.findings import Candidate, Estimate, Finding, Table
 from ..friction_maps.points import is_map
 from ..identification.candidates.applicable import signals_of
 from ..identification.likelihood.held_out_run import adapted
@@ -24,7 +25,6 @@ from ..identification.selection import ALPHA, LEAST, Comparison, Named, compare
 from ..identification.unknown_torque.table import tabulate
 from ..parallel.blas_threads import one_blas_thread
 from ..record import Record, refuse_dead
-from ..results.findings import Candidate, Estimate, Finding, Table
 from .compare_laws import under_law
 from .never_worse import failure, refuse_without_inertia
 from .one_direction import next_way, not_alone, one_way

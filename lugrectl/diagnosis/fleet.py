@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import os
 import time
 import warnings
@@ -24,17 +23,18 @@ from ..core.provenance import Provenance, SourceFile, provenance, stamp
 from ..core.result import Result, library, plain
 from ..core.validation import shown
 from ..core.views import view
+from ..identification.selection import ALPHA, LEAST
 from ..parallel.blas_threads import one_thread_each
 from ..parallel.jobs import JobError, run_jobs
 from ..record import Record, read_log
 from ..record.as_record import is_last, is_record, record_files
 from ..record.columns.arrays import is_table, source_of
 from ..record.log_files import there
+from .diagnose import LIMIT, diagnose
 from .question import judged_by
 from .result import VERDICTS, Diagnosis
 
 FAILED = "failed"
-_READING = ("columns", "units", "scale", "rate")
 Progress = Callable[[float, str], None]
 Logs = Any  # a path, a table, a Record, or several of them
 
@@ -197,11 +197,21 @@ def diagnose_each(
     records: Logs,
     model: Any,
     *,
+    columns: Mapping[str, str] | str | None = None,
+    units: Mapping[str, str] | str | None = None,
+    scale: Mapping[str, float] | str | None = None,
+    rate: float | None = None,
+    holdout: str | None = None,
+    horizon: float = 1.0,
+    seed: int = 0,
+    least: float = LEAST,
+    alpha: float = ALPHA,
+    time_limit: float = LIMIT,
+    law: str | None = None,
     jobs: int = 1,
     executor: Executor | None = None,
     progress: Wanted = None,
     keep: bool = True,
-    **options: Any,
 ) -> Fleet:
     """Diagnose every log separately against one declared model.
 
@@ -215,6 +225,11 @@ def diagnose_each(
         process that diagnoses it, one at a time.
     model : Model, Parameters, dict or path
         The declared model; missing values are identified for each log.
+    columns, units, scale, rate
+        How to read each log, as in :func:`lugrectl.read_record`.
+    holdout : None or "last"
+    horizon, seed, least, alpha, time_limit, law
+        As in :func:`lugrectl.diagnose`.
     jobs : int
         Number of processes, each with one numerical thread (a script then needs
         ``if __name__ == "__main__":``); 1 works in the calling process.
@@ -225,9 +240,6 @@ def diagnose_each(
     keep : bool
         False keeps rows and documents only, not the diagnoses with their samples: for fleets
         larger than memory.
-    options
-        ``columns units scale rate`` of :func:`lugrectl.read_record` and ``holdout`` (None or
-        "last"), ``horizon``, ``seed`` of :func:`lugrectl.diagnose`.
 
     Raises
     ------
@@ -237,20 +249,32 @@ def diagnose_each(
     """
     if isinstance(records, (str, os.PathLike)):
         there(records)
+    options = {
+        "holdout": holdout,
+        "horizon": horizon,
+        "seed": seed,
+        "least": least,
+        "alpha": alpha,
+        "time_limit": time_limit,
+        "law": law,
+    }
     return run_each(
         records,
         model,
+        {"columns": columns, "units": units, "scale": scale, "rate": rate},
+        options,
         jobs=jobs,
         executor=executor,
         progress=reporter(progress),
         keep=keep,
-        **options,
     )
 
 
 def run_each(
     records: Logs,
     model: Model,
+    reading: Mapping[str, Any],
+    options: Mapping[str, Any],
     *,
     jobs: int = 1,
     executor: Executor | None = None,
@@ -259,16 +283,17 @@ def run_each(
     render: Callable[[Diagnosis], Any] | None = None,
     done: Callable[[Outcome, Any], Outcome] | None = None,
     command: str = "lugrectl.diagnose_each",
-    **options: Any,
 ) -> Fleet:
-    """:func:`diagnose_each`; ``render`` turns a diagnosis into files in the worker process, and
-    ``done`` receives them in this process as soon as the log is done. ``command`` is for the
-    provenance."""
+    """:func:`diagnose_each`, with the options of ``read_record`` and of ``diagnose``.
+
+    ``render`` turns a diagnosis into files in the worker process, and ``done`` receives them in
+    this process as soon as the log is done. ``command`` is for the provenance.
+    """
     logs, model = record_files(_several(records)), as_model(model)
     if not (executor is None or hasattr(executor, "submit")):
         raise InputError(f"executor must be a concurrent.futures.Executor, not {shown(executor)}.")
     names = _names(logs)
-    reading, options = _split(options, model)
+    _check_options(options)
     report = reporter(progress)
     here = executor is None and jobs == 1
     made: dict[int, Outcome] = {}
@@ -330,8 +355,6 @@ class Task:
     def _diagnosed(self, log: Any, model: Model) -> Diagnosis:
         if not isinstance(log, Record):
             log = read_log(log, motion=model.motion, **self.reading)
-        from .diagnose import diagnose  # not needed for a log that cannot be read
-
         return diagnose(log, model, progress=self.progress or False, **self.options)
 
 
@@ -361,17 +384,11 @@ def _names(logs: Sequence[Any]) -> list[str]:
     return names
 
 
-def _split(options: Mapping[str, Any], model: Model) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The options of the reader and those of the diagnosis; TypeError for an unknown one."""
-    from .diagnose import diagnose
-
-    reading = {k: v for k, v in options.items() if k in _READING}
-    rest = {k: v for k, v in options.items() if k not in _READING}
-    if not (rest.get("holdout") is None or is_last(rest["holdout"])):
+def _check_options(options: Mapping[str, Any]) -> None:
+    """InputError for what cannot be meant, before any log is read."""
+    if not (options["holdout"] is None or is_last(options["holdout"])):
         raise InputError(
             "the errors of each log are computed on its own samples: holdout must be 'last' or "
             "left out, not a file."
         )
-    inspect.signature(diagnose).bind(None, model, progress=None, **rest)
-    judged_by(rest.get("horizon", 1.0), rest.get("seed", 0))
-    return reading, rest
+    judged_by(options["horizon"], options["seed"])

@@ -10,10 +10,10 @@ import numpy as np
 from ..blocks.block import unit_for
 from ..blocks.model import Model
 from ..core.display import with_interval
+from ..estimates.findings import Estimate
 from ..identification.balance import Balance, balance
 from ..identification.balance.result import LEVELS
 from ..record import Stretch
-from ..results.findings import Estimate
 
 OFF = 1.5  # times another value: farther than a missing effect takes the balance
 SHARE = 0.05  # of the torque that such a value must leave more ...

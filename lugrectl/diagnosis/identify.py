@@ -12,6 +12,9 @@ from ..core.errors import Refused
 from ..core.progress import Progress, Wanted, reporter, shows_progress
 from ..core.provenance import Provenance, stamped
 from ..core.result import plain as jsonable
+from ..estimates.covariance import Joint, Residuals
+from ..estimates.findings import Estimate, FrictionMap, Traces
+from ..estimates.fitted import Fitted
 from ..friction_maps.curve import refit
 from ..friction_maps.points import is_map
 from ..identification.balance import Balance
@@ -20,9 +23,6 @@ from ..identification.likelihood.value_discrepancy import with_discrepancy
 from ..identification.selection import levels
 from ..parallel.blas_threads import one_blas_thread
 from ..record import Record, refuse_dead
-from ..results.covariance import Joint, Residuals
-from ..results.findings import Estimate, FrictionMap, Traces
-from ..results.fitted import Fitted
 from .compare_laws import under_law
 from .law_comparison import LawComparison
 from .never_worse import failure, refuse_without_inertia

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from ..blocks.model import Model
+from ..estimates.findings import Estimate
 from ..identification.balance import Balance
 from ..identification.balance.result import Combination
 from ..identification.dataset.run_effects import MOST_RUNS
 from ..record import Stretch
-from ..results.findings import Estimate
 
 ONE_WAY = (
     "This log moves in one direction only, so {0} is not determined alone: in the fitted model it "

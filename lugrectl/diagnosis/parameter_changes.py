@@ -10,9 +10,9 @@ import numpy as np
 
 from ..blocks.model import Model
 from ..core.display import with_interval
+from ..estimates.findings import AGAINST_HELD, Estimate
 from ..identification.likelihood.maximise import Fitted, fit
 from ..identification.likelihood.parameters import is_instant
-from ..results.findings import AGAINST_HELD, Estimate
 
 FAR = 0.2  # of the declared value, from which a change may have the causes below
 ALIKE = 0.05  # relative spread within which factors count as equal

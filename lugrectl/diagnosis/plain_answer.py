@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ..blocks.model import Model
+from ..estimates.findings import Estimate
 from ..identification.balance import Balance, balance, unlike
 from ..identification.balance.result import LEVELS, Combination
 from ..identification.likelihood.initial_values import lifted
 from ..record import Log, Stretch, stretches
-from ..results.findings import Estimate
 from .held_values import against_stated
 from .one_direction import of_runs
 

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ..estimates.findings import Traces
 from ..identification.dataset.windows import windows
 from ..identification.likelihood.maximise import Fitted
 from ..identification.likelihood.simulation_error import Judged, missing_torque
-from ..results.findings import Traces
 from .study import Job
 
 

@@ -10,16 +10,16 @@ from ..blocks.model import Model
 from ..core.display import Row, estimated
 from ..core.provenance import Provenance
 from ..core.result import plain as jsonable
+from ..estimates.fitted import Fitted
 from ..record import Record
-from ..results.fitted import Fitted
 
 if TYPE_CHECKING:
     from ..compensated_loop import Compensation
+    from ..estimates.covariance import Joint, Residuals
     from ..identification.balance import Balance
     from ..identification.selection import Comparison
-    from ..results.covariance import Joint, Residuals
     from .law_comparison import LawComparison
-from ..results.findings import Candidate, Estimate, Finding, FrictionMap, Table, Traces
+from ..estimates.findings import Candidate, Estimate, Finding, FrictionMap, Table, Traces
 
 VERDICTS = ("adequate", "found", "ambiguous", "unexplained", "refused")
 

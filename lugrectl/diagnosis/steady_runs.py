@@ -11,15 +11,15 @@ import numpy as np
 from ..blocks.block import unit_for
 from ..blocks.model import Model, Part
 from ..core.errors import InputError, Refused
+from ..core.numeric import rms
+from ..estimates.findings import Estimate, Finding, FrictionMap
 from ..friction_maps.curve import Curve, fit, refit
 from ..friction_maps.points import Points, is_steady, laid, points, refuse_narrow
 from ..friction_maps.ripple import Swing, finding_of, sentence, swings
 from ..friction_maps.select import choose, is_static, left_over, started
 from ..identification.candidates.applicable import signals_of
 from ..identification.likelihood.initial_values import holding, lifted
-from ..identification.likelihood.simulation_error import rms
 from ..record import Record
-from ..results.findings import Estimate, Finding, FrictionMap
 from .parameter_changes import far_off
 from .result import Diagnosis
 from .study import Progress, unidentified

@@ -11,6 +11,8 @@ import numpy as np
 from ..blocks.block import unit_for
 from ..blocks.model import Model
 from ..engine.runtime.backend import compiler
+from ..estimates.covariance import Joint, Residuals, residuals_of
+from ..estimates.findings import Estimate
 from ..identification.balance import Balance
 from ..identification.dataset.dataset import Data, prepare
 from ..identification.dataset.derived_speed import on_theta_alone
@@ -26,8 +28,6 @@ from ..identification.likelihood.predictor import Predictor
 from ..identification.likelihood.simulation_error import Judged, free_run, judge, sensed_torque
 from ..identification.likelihood.torque_delay import ahead, dated
 from ..record import Record, consistent, long_enough_to_judge, pooled
-from ..results.covariance import Joint, Residuals, residuals_of
-from ..results.findings import Estimate
 
 SLOWLY = "first guess (slow: there is neither a C compiler nor numba; install lugrectl[fast])"
 UNIDENTIFIED = "{} cannot be identified separately from {}; only a combination is determined."

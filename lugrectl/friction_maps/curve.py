@@ -14,6 +14,7 @@ from scipy.optimize import least_squares, root_scalar
 from scipy.stats import t as student
 
 from ..blocks.model import Model
+from ..core.numeric import rms
 from ..identification.likelihood.maximise import flat
 from ..identification.likelihood.parameters import (
     Coordinate,
@@ -26,7 +27,6 @@ from ..identification.likelihood.parameters import (
     weak,
 )
 from ..identification.likelihood.predictor import Predictor, Values
-from ..identification.likelihood.simulation_error import rms
 from ..identification.unknown_torque.discrepancy import inverse
 from .points import Points, laid
 

@@ -9,10 +9,10 @@ import numpy as np
 from scipy import signal, stats
 
 from ..blocks.block import Block, members, unit_for
+from ..core.numeric import rms
+from ..estimates.findings import Candidate, Estimate, Finding
 from ..identification.candidates.applicable import worth_trying
-from ..identification.likelihood.simulation_error import rms
 from ..record import Record
-from ..results.findings import Candidate, Estimate, Finding
 from .curve import Curve
 from .points import angle, torque, turns
 

@@ -12,11 +12,11 @@ from scipy.stats import norm, rankdata
 
 from ..blocks.block import Block, members
 from ..blocks.model import Model
+from ..estimates.findings import Candidate
 from ..identification.candidates.applicable import worth_trying
 from ..identification.candidates.search_ranges import grid_of, sets_of
 from ..identification.likelihood.parameters import typical
 from ..identification.selection import LEAST
-from ..results.findings import Candidate
 from .curve import Curve, fit
 from .points import Points, laid
 

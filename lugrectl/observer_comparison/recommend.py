@@ -17,7 +17,7 @@ from ..core.result import plain
 from ..core.validation import flag, shown
 from ..design import Certificate, design_gains
 from ..design.observer_rules import RULES, SAMPLED
-from ..results.fitted import Fitted
+from ..estimates.fitted import Fitted
 from .compare import chosen_observers
 from .drive_spec import DriveSpec, drive_spec, units
 from .loop import Terms

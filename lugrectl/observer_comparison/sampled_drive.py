@@ -76,11 +76,6 @@ def rounded(x: Any, step: float) -> Any:
     return step * ((x / step + WHOLE) - WHOLE) if step else x
 
 
-def rms(x: np.ndarray) -> float:
-    """Root mean square."""
-    return float(np.sqrt(np.mean(np.square(x))))
-
-
 def encoder(sensing: Sensing) -> ct.NonlinearIOSystem:
     """The sensor as a block: inputs theta, w, n_theta, n_w, outputs theta_m, w_m."""
     given = (sensing.resolution, sensing.dt, sensing.speed_noise is not None)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..blocks.model import Parameters
 from ..core.display import Shown
-from ..engine import Diverged
+from ..core.errors import Diverged
 from ..loops.friction_loops import position_loop, velocity_loop
 from ..simulation.response import simulate
 from .setting import Case, Compensation, Measure, Study

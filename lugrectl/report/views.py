@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..blocks.block import Block, members, unit_for
-from ..results.findings import Traces
+from ..estimates.findings import Traces
 
 STRETCH = 2.0  # s of measured and simulated motion that are shown
 UNITS = {"theta": "rad", "w": "rad/s", "u": "N m", "t": "s"}

@@ -9,7 +9,7 @@ from typing import Any
 from ..blocks.block import members
 from ..core.display import NONE, Grid, number
 from ..core.display import with_interval as _with_interval
-from ..results.findings import AGAINST_HELD, Estimate
+from ..estimates.findings import AGAINST_HELD, Estimate
 from . import comparison_section
 from .section import Section
 

@@ -1,1 +1,32 @@
-"""Results of a diagnosis: small frozen objects."""
+"""The classes of all results, for type hints and ``isinstance``: ``lg.results.SprVerdict``."""
+
+from ..compensated_loop.result import Compensation, Run
+from ..design import Certificate, Design, Excitation, ObserverDesign
+from ..diagnosis.fleet import Fleet, Outcome
+from ..diagnosis.identify import Identification
+from ..diagnosis.law_comparison import ComparedLaw, LawComparison
+from ..diagnosis.result import Diagnosis
+from ..estimates.covariance import Joint, Residuals
+from ..estimates.findings import Candidate, Estimate, Finding, FrictionMap, Table, Traces
+from ..estimates.fitted import Parameter, ParameterTable
+from ..identification.balance import Balance
+from ..identification.selection import Comparison
+from ..linear.band import BandwidthVerdict
+from ..linear.designs import DesignChecks
+from ..linear.l2 import L2Verdict
+from ..linear.repair import Repair
+from ..linear.spr import SprVerdict
+from ..observer_comparison import ObserverComparison, Recommendation
+from ..observer_comparison.comparison import Compared
+from ..observer_comparison.recommendation import Candidate as RankedObserver
+from ..paper.results import Reproduction
+from ..sweeps import Sweep
+
+__all__ = [
+    "Balance", "BandwidthVerdict", "Candidate", "Certificate", "Compared", "ComparedLaw",
+    "Comparison", "Compensation", "Design", "DesignChecks", "Diagnosis", "Estimate", "Excitation",
+    "Finding", "Fleet", "FrictionMap", "Identification", "Joint", "L2Verdict", "LawComparison",
+    "ObserverComparison", "ObserverDesign", "Outcome", "Parameter", "ParameterTable",
+    "RankedObserver", "Recommendation", "Repair", "Reproduction", "Residuals", "Run", "SprVerdict",
+    "Sweep", "Table", "Traces",
+]  # fmt: skip

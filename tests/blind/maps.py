@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import lugrectl as lg
 from lugrectl.blocks.model import model_from_dict
 from lugrectl.core.errors import Refused
-from lugrectl.results.findings import Finding
+from lugrectl.estimates.findings import Finding
 
 from ..rig.steady import EFFECTS, STRANGERS, draw
 from .__main__ import seeds

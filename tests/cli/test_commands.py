@@ -17,7 +17,7 @@ from lugrectl.cli import commands, main
 from lugrectl.cli.progress import Bar
 from lugrectl.core.errors import InputError, Refused
 from lugrectl.diagnosis.result import Diagnosis
-from lugrectl.results.findings import Candidate, Estimate, Finding
+from lugrectl.estimates.findings import Candidate, Estimate, Finding
 
 from ..cases.made_up import answered
 

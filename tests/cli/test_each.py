@@ -1,8 +1,7 @@
 """lugrectl diagnose --each: options, exit codes, files, interrupt."""
 
 import json
-import sys
-from types import ModuleType
+from types import SimpleNamespace
 
 import pytest
 
@@ -19,15 +18,16 @@ from ..cases.made_up import answered, bare
 @pytest.fixture
 def job(monkeypatch):
     """Stands for the diagnosis, in this process; ``answers`` by the name of the log."""
-    fake = ModuleType("lugrectl.diagnosis.diagnose")
+    fake = SimpleNamespace()
 
     def work(record, model, **options):
         fake.calls.append(options)
         answer = fake.answers.get(record.source, "found")
         return answered(bare(answer) if isinstance(answer, str) else answer, record, model)
 
-    fake.calls, fake.answers, fake.diagnose = [], {}, work
-    monkeypatch.setitem(sys.modules, "lugrectl.diagnosis.diagnose", fake)
+    fake.calls, fake.answers = [], {}
+    for home in ("fleet", "diagnose"):
+        monkeypatch.setattr(f"lugrectl.diagnosis.{home}.diagnose", work)
     monkeypatch.setattr(each, "processors", lambda: 1)
     return fake
 

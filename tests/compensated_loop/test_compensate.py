@@ -14,8 +14,8 @@ from lugrectl.blocks.model import model_from_dict
 from lugrectl.cli import main
 from lugrectl.compensated_loop import effects_torque
 from lugrectl.core.errors import InputError
+from lugrectl.estimates.findings import Table
 from lugrectl.report import fragment, text
-from lugrectl.results.findings import Table
 
 from ..cases.made_up import bare
 

@@ -14,7 +14,7 @@ from lugrectl.core.display import Row, Shown, brief
 from lugrectl.core.errors import InputError
 from lugrectl.diagnosis.identify import Identification
 from lugrectl.diagnosis.result import Diagnosis
-from lugrectl.results.findings import Estimate, FrictionMap, Table
+from lugrectl.estimates.findings import Estimate, FrictionMap, Table
 
 from ..cases.made_up import HOSTILE, bare, diagnosis
 from ..report.test_report import Page

@@ -5,11 +5,10 @@ import io
 import json
 import os
 import pickle
-import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
@@ -19,6 +18,7 @@ import lugrectl as lg
 from lugrectl.blocks.block import REGISTRY, P
 from lugrectl.blocks.sent_model import Sent
 from lugrectl.core.errors import InputError, Refused
+from lugrectl.diagnosis import fleet as fleet_module
 from lugrectl.diagnosis.fleet import Outcome, run_each
 from lugrectl.diagnosis.result import VERDICTS
 from lugrectl.parallel import blas_threads
@@ -37,17 +37,17 @@ MODEL = lg.Model.of(lg.table1())
 @pytest.fixture
 def job(monkeypatch):
     """Stands for lugrectl.diagnose: answers by the name of the log, and notes the calls."""
-    fake = ModuleType("lugrectl.diagnosis.diagnose")
+    fake = SimpleNamespace()
 
-    def work(record, model, *, holdout=None, horizon=1.0, seed=0, time_limit=1.0, progress=None):
+    def work(record, model, *, holdout=None, horizon=1.0, seed=0, progress=None, **more):
         fake.calls.append((record, {"holdout": holdout, "horizon": horizon, "seed": seed}))
         if progress:
             progress(0.5, "half")
         answer = fake.answers.get(record.source.split(".")[0], "found")
         return answered(bare(answer) if isinstance(answer, str) else answer, record, model)
 
-    fake.calls, fake.answers, fake.diagnose = [], {}, work
-    monkeypatch.setitem(sys.modules, "lugrectl.diagnosis.diagnose", fake)
+    fake.calls, fake.answers = [], {}
+    monkeypatch.setattr(fleet_module, "diagnose", work)
     return fake
 
 
@@ -61,6 +61,9 @@ def logs(tmp_path):
     (folder / "empty.csv").write_text("")
     (folder / "notes.txt").write_text("mine")
     return folder
+
+
+OPTIONS = {"holdout": None, "horizon": 1.0, "seed": 0}
 
 
 def refuse(word):
@@ -322,7 +325,7 @@ def test_what_is_rendered_arrives_log_by_log(logs, job):
         arrived.append((Path(outcome.file).name, extra, len(job.calls)))
         return outcome
 
-    fleet = run_each(logs, MODEL, render=lambda d: d.verdict, done=done, keep=False)
+    fleet = run_each(logs, MODEL, {}, OPTIONS, render=lambda d: d.verdict, done=done, keep=False)
     assert arrived == [
         ("axis1.csv", "found", 1),
         ("axis2.csv", "found", 2),

@@ -8,8 +8,8 @@ import pytest
 from lugrectl import Model, identify
 from lugrectl.diagnosis.one_direction import next_way, not_alone, one_way
 from lugrectl.diagnosis.question import Asked
+from lugrectl.estimates.findings import Estimate
 from lugrectl.report import text
-from lugrectl.results.findings import Estimate
 
 from ..cases.balance_drive import FC, simulate
 

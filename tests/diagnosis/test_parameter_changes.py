@@ -7,7 +7,7 @@ from lugrectl import Model, diagnose
 from lugrectl.blocks.model import model_from_dict
 from lugrectl.core.display import with_interval
 from lugrectl.diagnosis.parameter_changes import far_off
-from lugrectl.results.findings import Estimate
+from lugrectl.estimates.findings import Estimate
 
 from ..cases.balance_drive import simulate, torque
 

@@ -11,8 +11,8 @@ import pytest
 import lugrectl as lg
 from lugrectl.blocks.block import members
 from lugrectl.diagnosis.result import Diagnosis
+from lugrectl.estimates.findings import Candidate, Estimate, Finding
 from lugrectl.record import read_log
-from lugrectl.results.findings import Candidate, Estimate, Finding
 
 from ..cases.logs import machine
 from ..real import held_out, judges, page

@@ -18,12 +18,12 @@ FLOORS = {  # of each folder, from the ground up: a room imports from lower floo
     ".": [
         {"core"},
         {"blocks", "engine", "parallel", "record"},
-        {"linear", "loops", "results", "simulation"},
+        {"linear", "loops", "estimates", "simulation"},
         {"design", "identification", "sweeps"},
         {"compensated_loop", "friction_maps", "observer_comparison", "report"},
         {"diagnosis", "paper"},
         {"cli"},
-        {"__main__", "demo"},
+        {"__main__", "demo", "results"},
     ],
     "engine": [{"expression"}, {"tracing"}, {"codegen"}, {"runtime"}],
     "identification": [

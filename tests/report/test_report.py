@@ -16,8 +16,8 @@ from lugrectl.blocks.model import Model, read_model, table1
 from lugrectl.core.errors import InputError
 from lugrectl.diagnosis.identify import Identification
 from lugrectl.diagnosis.result import VERDICTS
+from lugrectl.estimates.findings import Estimate
 from lugrectl.report import atomic, diagnosis_plots, wording
-from lugrectl.results.findings import Estimate
 
 from ..cases.made_up import HOSTILE, bare, diagnosis
 

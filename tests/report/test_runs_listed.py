@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from lugrectl import Model, diagnose, read_record
+from lugrectl.estimates.findings import FrictionMap
 from lugrectl.identification.selection import Share
 from lugrectl.report import html, text
 from lugrectl.report.comparison_section import COLOURS, bars
-from lugrectl.results.findings import FrictionMap
 
 from ..cases.balance_drive import FC, simulate, torque
 from ..cases.made_up import bare, diagnosis

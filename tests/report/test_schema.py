@@ -13,7 +13,7 @@ from lugrectl.cli import main
 from lugrectl.core.provenance import SourceFile, provenance
 from lugrectl.diagnosis.identify import Identification
 from lugrectl.diagnosis.result import VERDICTS
-from lugrectl.results.findings import Estimate, FrictionMap, Table
+from lugrectl.estimates.findings import Estimate, FrictionMap, Table
 
 from ..cases.made_up import bare
 

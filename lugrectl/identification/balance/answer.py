@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
-from ...results.findings import Estimate
+from ...estimates.findings import Estimate
 from .constants import COHERENT_BLOCKS, CONFIDENCE, SHARE_OF_TORQUE, SHARE_OF_VALUE, SLIDES, STEEP
 from .contradictions import contradictions, left_of, one_direction
 from .estimate import Estimated

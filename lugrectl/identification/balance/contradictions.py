@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...results.findings import Estimate
+from ...estimates.findings import Estimate
 from .constants import (
     ALL_LEFT,
     LITTLE,

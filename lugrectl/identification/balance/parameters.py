@@ -9,7 +9,7 @@ import numpy as np
 
 from ...blocks.block import unit_for
 from ...blocks.model import Model
-from ...results.findings import Estimate
+from ...estimates.findings import Estimate
 from .constants import MOST_PARTS, SHARE_OF_TORQUE, SHARE_OF_VALUE, SMALL_PART, SNAP
 from .declared import DELAY, Use
 from .fit import Fit

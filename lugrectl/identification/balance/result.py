@@ -12,8 +12,8 @@ import numpy as np
 from ...core.display import Row, estimated
 from ...core.result import Result, library
 from ...core.views import view
+from ...estimates.findings import Estimate
 from ...record.stretches import Stretch
-from ...results.findings import Estimate
 
 LEVELS = ("J", "Fc", "Fv")  # inertia and friction: terms of every drive
 

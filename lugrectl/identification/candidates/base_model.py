@@ -11,11 +11,12 @@ import numpy as np
 from scipy.sparse import csr_matrix, diags
 
 from ...blocks.model import Part
+from ...core.numeric import rms
 from ..regression.numbers import APART, BLOCK, TIMING
 from ..regression.robust_regression import Scale, Solution, solve
 from ..regression.score import Blocks, left_out, seen
 from ..regression.smooth_motion import Motion, shifted, spline
-from ..regression.weak_form import Rows, rms
+from ..regression.weak_form import Rows
 from .declared_effects import TURNING, applied
 from .friction_terms import FORCES, NAMES, VISCOUS, Law, Laws
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
+from ...core.numeric import rms
 from ..dataset.sensor_noise import Noise
 from ..dataset.windows import Windows
 from .predictor import Predictor, Values
@@ -89,9 +90,3 @@ def free_run(
         e = predictor.data.measured[a:b] - y[0, 0, :, channel]
         squares, count = squares + float(e @ e), count + len(e)
     return float(np.sqrt(squares / count))
-
-
-def rms(e: np.ndarray) -> float:
-    """Root mean square; inf where a simulation diverged."""
-    with np.errstate(over="ignore"):
-        return float(np.sqrt(np.mean(e**2)))

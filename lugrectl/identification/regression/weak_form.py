@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_matrix
 
+from ...core.numeric import rms
 from .numbers import LOST, NOISE, STILL, WIDTHS
 from .smooth_motion import Motion
 
@@ -218,11 +219,6 @@ def _quick(
         heavy=heavy,
         driven=float(drag / (torque * np.mean(np.abs(m.w)) + 1e-300)),
     )
-
-
-def rms(x: np.ndarray) -> float:
-    """Root mean square."""
-    return float(np.sqrt(np.mean(x**2)))
 
 
 def usable(w: Width, declared: bool) -> bool:

@@ -10,7 +10,7 @@ from scipy.linalg import solve
 
 from ...blocks.block import unit_for
 from ...blocks.friction import EPS
-from ...results.findings import Table
+from ...estimates.findings import Table
 from ..dataset.dataset import Log
 from .hat_functions import around, hats, turn, wraps
 

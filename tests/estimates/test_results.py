@@ -14,9 +14,9 @@ from lugrectl.blocks.model import read_model
 from lugrectl.core.errors import InputError
 from lugrectl.diagnosis.fleet import Outcome
 from lugrectl.diagnosis.identify import Identification
+from lugrectl.estimates.findings import Estimate
+from lugrectl.estimates.fitted import ParameterTable
 from lugrectl.report.log_plot import drawings
-from lugrectl.results.findings import Estimate
-from lugrectl.results.fitted import ParameterTable
 
 from ..cases.made_up import bare, diagnosis
 from ..core.test_display import friction_map, identification, table
