@@ -2,28 +2,17 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 import pytest
 
 import lugrectl as lg
 from lugrectl.simulation import bristle_deflection
 
+from .timing import milliseconds
+
 pytestmark = pytest.mark.slow
 N, DT, P = 1_000_000, 1e-3, lg.table1()
 SPEED = np.sin(np.linspace(0.0, 600.0, N))
-
-
-def shortest(job, times: int = 25) -> float:
-    """Milliseconds of the quickest run."""
-    job()
-    spent = []
-    for _ in range(times):
-        start = time.perf_counter()
-        job()
-        spent.append(time.perf_counter() - start)
-    return 1e3 * min(spent)
 
 
 def plain_loop(w: np.ndarray) -> float:
@@ -42,8 +31,8 @@ def test_deflection_of_a_million_samples(way, target, monkeypatch, record_proper
     if way == "numba":
         pytest.importorskip("numba")
     monkeypatch.setattr(bristle_deflection, "compiler", lambda: way)
-    spent = shortest(lambda: lg.deflection(SPEED, DT, P))
-    ratio = shortest(lambda: plain_loop(SPEED), 3) / spent
+    spent = milliseconds(lambda: lg.deflection(SPEED, DT, P), 25)
+    ratio = milliseconds(lambda: plain_loop(SPEED), 3) / spent
     record_property("ms", spent)
     print(f"\n{way}: {spent:.1f} ms for {N} samples, {ratio:.0f} times a Python loop")
     assert spent <= target

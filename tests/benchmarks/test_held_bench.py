@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +9,8 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.engine.runtime import sampled_run, select
+
+from .timing import milliseconds
 
 pytestmark = pytest.mark.slow
 DT, P = 1e-3, lg.table1()
@@ -19,16 +20,6 @@ def blocks():
     low = replace(P, sigma0=0.9 * P.sigma0, Fc=0.9 * P.Fc, Fs=0.9 * P.Fs)
     parts = [lg.pi(1.6, 0.16), lg.proposed_observer(low)]
     return [lg.plant(P), lg.error(), lg.compensation(), *(lg.sampled(b, DT) for b in parts)]
-
-
-def shortest(job, times: int) -> float:
-    """Milliseconds of the quickest run."""
-    spent = []
-    for _ in range(times):
-        start = time.perf_counter()
-        job()
-        spent.append(time.perf_counter() - start)
-    return 1e3 * min(spent)
 
 
 @pytest.mark.parametrize(("way", "target"), [("numba", 100.0), ("python", 1000.0)])
@@ -41,10 +32,10 @@ def test_ten_seconds_at_1_khz(way, target, monkeypatch, record_property):
     net, t = blocks(), DT * np.arange(10_001)
     r = {"r": np.sin(2 * np.pi * t)}
     fast = lg.simulate(net, t, r)
-    spent = shortest(lambda: lg.simulate(net, t, r), 7)
+    spent = milliseconds(lambda: lg.simulate(net, t, r), 7)
     monkeypatch.setattr(select, "compiled_net", _cannot)
     slow = lg.simulate(net, t[:1001], {"r": r["r"][:1001]})
-    ratio = 10 * shortest(lambda: lg.simulate(net, t[:1001], {"r": r["r"][:1001]}), 1) / spent
+    ratio = 10 * milliseconds(lambda: lg.simulate(net, t[:1001], {"r": r["r"][:1001]}), 1) / spent
     np.testing.assert_allclose(fast.outputs[:, :1001], slow.outputs, rtol=1e-6, atol=1e-9)
     record_property("ms", spent)
     print(f"\n{way}: {spent:.1f} ms, {ratio:.0f} times as fast as calling the sampled blocks")

@@ -19,19 +19,9 @@ from lugrectl.engine.runtime import adaptive_run
 from lugrectl.engine.runtime.memo import compiled
 
 from . import c_loop, item
+from .timing import shortest
 
 pytestmark = [pytest.mark.slow, pytest.mark.benchmark(timer=time.process_time)]
-
-
-def shortest(
-    run: Callable[[], Any], times: int, clock: Callable[[], float] = time.perf_counter
-) -> float:
-    taken = []
-    for _ in range(times):
-        start = clock()
-        run()
-        taken.append(clock() - start)
-    return min(taken)
 
 
 def simulate() -> Callable[[], Any]:

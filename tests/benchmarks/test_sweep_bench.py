@@ -18,7 +18,7 @@ from lugrectl.engine.runtime.backend import threads
 
 from ..cases.ensembles import lag
 from . import item
-from .test_simulate_bench import shortest
+from .timing import shortest
 
 pytestmark = pytest.mark.slow
 L, AIM = 1000, 1.5  # members, s on two cores

@@ -13,8 +13,8 @@ from lugrectl.engine.runtime import batch_run
 from lugrectl.engine.runtime.c_compiler import has_wide
 
 from ..cases.systems import DT, torque
-from ..engine.test_simd import WIDE, plant
-from .test_held_bench import shortest
+from ..cases.wide import WIDE, plant
+from .timing import milliseconds
 
 pytestmark = pytest.mark.slow
 
@@ -30,7 +30,7 @@ def test_several_at_once_are_quicker(effect, monkeypatch):
 
     def spent(least: int) -> float:
         monkeypatch.setattr(batch_run, "LEAST_WIDE", least)
-        return shortest(lambda: made.run(x0, np.zeros(64, int), 1000, u, p, dt=DT), 5)
+        return milliseconds(lambda: made.run(x0, np.zeros(64, int), 1000, u, p, dt=DT), 5)
 
     ratio = spent(1000) / spent(1)
     print(f"\n{effect}: {ratio:.1f} times as quick")

@@ -1,7 +1,6 @@
 """Controllers, feed-forward and prefilter against their transfer functions."""
 
 import control as ct
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -9,22 +8,11 @@ from hypothesis import strategies as st
 import lugrectl as lg
 from lugrectl.blocks.controllers import compensation, error, feedforward, pi, pid, prefilter
 
+from ..cases.transfer import s, same
+
 P = lg.table1()
-OMEGA = np.array([0.03, 0.7, 2.0, 11.0, 83.0, 900.0])
-s = ct.tf("s")
 gains = st.floats(0.0, 100.0)
 signals = st.floats(-10.0, 10.0)
-
-
-def response(block, output=0, input=0):
-    """Frequency response of a block from one input to one output."""
-    linear = ct.linearize(block, np.zeros(block.nstates), np.zeros(block.ninputs))
-    return np.array([linear(1j * w, squeeze=False)[output, input] for w in OMEGA])
-
-
-def same(block, transfer, output=0, input=0):
-    expected = np.array([transfer(1j * w) for w in OMEGA])
-    assert response(block, output, input) == pytest.approx(expected, rel=1e-6, abs=1e-9)
 
 
 def test_pi_is_minus_its_transfer_function():

@@ -11,7 +11,7 @@ from lugrectl.engine.runtime import adaptive_run
 from lugrectl.simulation.response import simulate
 from lugrectl.simulation.sampled_block import sampled
 
-from .test_controllers import response, s, same
+from ..cases.transfer import response, s, same
 
 T = np.arange(0, 0.5, 1e-3)
 

@@ -12,34 +12,14 @@ import lugrectl as lg
 from lugrectl.blocks.block import members
 from lugrectl.core.display import Row, Shown, brief
 from lugrectl.core.errors import InputError
-from lugrectl.diagnosis.identify import Identification
 from lugrectl.diagnosis.result import Diagnosis
-from lugrectl.estimates.findings import Estimate, FrictionMap, Table
 
+from ..cases.html_page import Page
 from ..cases.made_up import HOSTILE, bare, diagnosis
-from ..report.test_report import Page
+from ..cases.shown_results import friction_map, identification, table
 
 P = lg.table1()
 T = np.linspace(0.0, 1.0, 101)
-
-
-def identification():
-    d = diagnosis()
-    return Identification(d.estimates, d.error, d.model, d.record, d.messages, d.declared, d.traces)
-
-
-def table(values=(0.1, -0.1, 0.2)):
-    values, points = np.array(values), np.array([0.0, 1.0, 2.0])
-    error = 0.01 + 0 * values
-    return Table(("theta",), points, values, error, False, 0.4, (0.3, 0.5), 0.1, "N m", 9)
-
-
-def friction_map():
-    w = np.array([-2.0, -1.0, 1.0, 2.0])
-    curves = {"refitted": 0.3 * np.sign(w), "augmented": 0.31 * np.sign(w)}
-    swing = ((2, Estimate(0.01, "N m", (0.008, 0.012))),)
-    held_out = np.array([True, False, False, True])
-    return FrictionMap(w, 0.3 * np.sign(w), 0 * w + 0.01, held_out, w, curves, "rotary", swing)
 
 
 @pytest.fixture(scope="module")

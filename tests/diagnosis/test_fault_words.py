@@ -11,7 +11,7 @@ from lugrectl.diagnosis.duplicate_messages import said_once
 from lugrectl.diagnosis.question import Asked
 from lugrectl.record.files.cells import with_remark
 
-from .test_fault_kinds import columns, late, put, with_w, write
+from ..cases.faulty_logs import columns, late, put, with_w, write
 
 LATE = "w is 8.00 ms behind dtheta/dt: shifted by that time."
 

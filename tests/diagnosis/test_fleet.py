@@ -26,10 +26,10 @@ from lugrectl.parallel.blas_threads import one_thread_each
 from lugrectl.record.as_record import record_files
 from lugrectl.report import fleet_page
 
+from ..cases.html_page import Page
 from ..cases.logs import csv as log
 from ..cases.logs import machine, rows, write
 from ..cases.made_up import HOSTILE, answered, bare
-from ..report.test_report import Page
 
 MODEL = lg.Model.of(lg.table1())
 

@@ -6,8 +6,6 @@ import control as ct
 import numpy as np
 import pytest
 
-import lugrectl as lg
-from lugrectl.blocks.model import model_from_dict
 from lugrectl.core.errors import InputError
 from lugrectl.engine import Lanes
 from lugrectl.engine.codegen.simd import is_wide
@@ -15,26 +13,9 @@ from lugrectl.engine.runtime import batch_run, c_compiler
 from lugrectl.engine.runtime.c_compiler import has_wide
 
 from ..cases.systems import DT, torque
+from ..cases.wide import FRICTION, WIDE, plant
 
 pytestmark = pytest.mark.skipif(not has_wide(), reason="this machine computes one at a time")
-
-LUGRE = {"model": "lugre", "sigma0": 100.0, "sigma1": 0.1, "Fc": 0.1, "Fs": 0.15, "Fv": 0.01,
-         "vs": 0.01}  # fmt: skip
-FRICTION = {"lugre": LUGRE, "coulomb": {"model": "coulomb", "Fc": 0.1, "Fv": 0.01}}
-# a sine with a cosine, a power, least and most, a hyperbolic tangent, time
-EFFECTS = {
-    "gravity": {"amplitude": 0.05, "phase": 0.3},
-    "sublinear_viscous": {"coefficient": 0.02, "exponent": 0.5},
-    "actuator_saturation": {"limit": 0.2},
-    "return_spring": {"stiffness": 0.1, "rest": 0.1},
-    "thermal_drift": {"ratio": 0.3, "time_constant": 0.05},
-}
-WIDE = [None, *EFFECTS]
-
-
-def plant(law: str, effect: str | None = None):
-    model = model_from_dict({"plant": {"J": 1e-3}, "friction": FRICTION[law]}, "drawn")
-    return lg.plant(model.with_effect(effect, EFFECTS[effect]) if effect else model)
 
 
 def ran(system, count: int, wide: bool, monkeypatch, samples: int = 150, blow_up: bool = False):

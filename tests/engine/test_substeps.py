@@ -8,7 +8,7 @@ import lugrectl as lg
 from lugrectl.simulation.response import simulate
 from lugrectl.simulation.sampled_block import sampled
 
-from ..simulation.test_sampled_block import DT, P, sine_error, step_response
+from ..cases.sampled import DT, P, sine_error, step_response
 
 
 def lone(rate, name="lone", **params):

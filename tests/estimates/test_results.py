@@ -19,7 +19,7 @@ from lugrectl.estimates.fitted import ParameterTable
 from lugrectl.report.log_plot import drawings
 
 from ..cases.made_up import bare, diagnosis
-from ..core.test_display import friction_map, identification, table
+from ..cases.shown_results import friction_map, identification, table
 
 P = lg.table1()
 T = np.linspace(0.0, 1.0, 101)

@@ -100,6 +100,18 @@ def test_top_level_holds_what_it_should():
     assert extra <= {"pyproject.toml", "lugrectl", "tests", "notebooks", "README.md", "LICENSE"}
 
 
+def test_tests_stand_alone():
+    """No test file imports another, nor a private name of the package."""
+    for path in (ROOT / "tests").rglob("test_*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom):
+                module = (node.module or "").split(".")
+                names = [alias.name for alias in node.names]
+                assert not [n for n in (module[-1], *names) if n.startswith("test_")], path
+                ours = module[0] == "lugrectl"
+                assert not (ours and [n for n in names if n.startswith("_")]), path
+
+
 def test_functions_are_short():
     for path in PACKAGE.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):

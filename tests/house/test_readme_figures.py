@@ -5,7 +5,7 @@ import json
 import pytest
 
 from ..blind import front, readme, slim
-from ..generators.test_blind_counting import effect, line, ripple
+from ..cases.blind_results import effect, line, ripple
 
 TEXT = "before\n<!-- figures:right -->\nold\n<!-- end -->\nbetween\n<!-- demo -->\n<!-- end -->\n"
 

@@ -7,7 +7,7 @@ from lugrectl.blocks.model import model_from_dict
 from lugrectl.identification.dataset.dataset import prepare
 from lugrectl.identification.dataset.folds import split
 from lugrectl.identification.dataset.windows import windows
-from lugrectl.identification.likelihood.change_times import _between, place
+from lugrectl.identification.likelihood.change_times import between, place
 from lugrectl.identification.likelihood.likelihood import whitened
 from lugrectl.identification.likelihood.predictor import Predictor
 
@@ -42,6 +42,6 @@ def test_the_windows_elsewhere_do_not_matter(stepped):
 def test_windows_around_an_instant():
     where, t = windows([(0, 400)], 20, 60), np.arange(400) * 0.01
     assert len(where.start) == 6
-    assert np.array_equal(_between(where, t, 0.9, 0.9).start, [60])
-    assert np.array_equal(_between(where, t, 0.7, 1.3).start, [0, 60, 120])
-    assert not len(_between(where, t, 3.99, 3.99).start)
+    assert np.array_equal(between(where, t, 0.9, 0.9).start, [60])
+    assert np.array_equal(between(where, t, 0.7, 1.3).start, [0, 60, 120])
+    assert not len(between(where, t, 3.99, 3.99).start)

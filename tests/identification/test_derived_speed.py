@@ -11,7 +11,7 @@ from lugrectl.identification.dataset.dataset import prepare
 from lugrectl.identification.dataset.derived_speed import (
     DIFFERENCED,
     REPEATED,
-    _coherent,
+    are_coherent,
     filtered,
     on_theta_alone,
     repeats,
@@ -83,7 +83,7 @@ def test_a_second_sensor_is_kept(record):
 def test_a_swinging_coupling_makes_no_repetition_of_two_sensors():
     """Its fast motion alone makes them coherent where there is hardly any as a rule."""
     data = prepare([record_of(sample("elastic_coupling", 126500))])
-    assert all(_coherent(data.y[a:b]) for a, b in data.runs)
+    assert all(are_coherent(data.y[a:b]) for a, b in data.runs)
     assert not repeats(data)
 
 

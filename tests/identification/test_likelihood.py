@@ -12,7 +12,7 @@ from lugrectl.blocks.model import model_from_dict
 from lugrectl.diagnosis.result import VERDICTS
 from lugrectl.identification.dataset.dataset import prepare
 from lugrectl.identification.dataset.folds import GAP, split
-from lugrectl.identification.likelihood.initial_values import Start, _turned
+from lugrectl.identification.likelihood.initial_values import Start
 from lugrectl.identification.likelihood.likelihood import (
     WORST,
     compared,
@@ -208,7 +208,7 @@ def test_a_phase_that_was_declared_wrong_is_turned(plain):
 
     def turned(phase):
         start = Start(base.values | {"gravity.phase": phase}, base.noise, 0.0)
-        return _turned(base.predictor, base.where, start).values["gravity.phase"]
+        return turned(base.predictor, base.where, start).values["gravity.phase"]
 
     assert turned(0.4) == 0.4
     assert abs(turned(2.3) - 0.4) < 0.8

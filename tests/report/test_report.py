@@ -3,7 +3,6 @@
 import json
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +18,7 @@ from lugrectl.diagnosis.result import VERDICTS
 from lugrectl.estimates.findings import Estimate
 from lugrectl.report import atomic, diagnosis_plots, wording
 
+from ..cases.html_page import Page
 from ..cases.made_up import HOSTILE, bare, diagnosis
 
 # --- text --------------------------------------------------------------------------------
@@ -122,35 +122,6 @@ def test_readable_units_change_no_value(values, unit):
 
 
 # --- HTML --------------------------------------------------------------------------------
-
-VOID = {"meta", "br", "hr", "img", "link", "input"}
-
-
-class Page(HTMLParser):
-    """Open tags as a stack, so that a tag left open or closed twice is noticed."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.stack, self.tags, self.attributes, self.said = [], [], [], []
-        self.feed(text)
-        self.close()
-        assert not self.stack
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append(tag)
-        self.attributes += attrs
-        if tag not in VOID:
-            self.stack.append(tag)
-
-    def handle_startendtag(self, tag, attrs):
-        self.tags.append(tag)
-        self.attributes += attrs
-
-    def handle_endtag(self, tag):
-        assert self.stack.pop() == tag
-
-    def handle_data(self, data):
-        self.said.append(data)
 
 
 @pytest.mark.parametrize("verdict", VERDICTS)

@@ -19,7 +19,8 @@ from lugrectl.blocks.comparison_observers import (
 from lugrectl.simulation.response import simulate
 from lugrectl.simulation.sampled_block import advance, ramp_response, sampled
 
-P, DT = lg.table1(), 1e-3
+from ..cases.sampled import DT, P, inputs_of, sine_error, step_response
+
 SPEEDS = [0.0, 1e-6, 1e-3, 0.01, 0.1, 1.0, 2.5, 10.0, 100.0]
 entries = st.floats(-1.0, 1.0)
 sizes = st.sampled_from([1e-9, 1e-4, 0.1, 1.0, 10.0])
@@ -38,10 +39,6 @@ def h(w):
     return P.Fc + (P.Fs - P.Fc) * np.exp(-((w / P.vs) ** 2))
 
 
-def inputs_of(system, **signals):
-    return np.array([signals[k] for k in system.input_labels])
-
-
 def transition(observer, w):
     """The matrix by which the states of two samples at constant w hang together."""
 
@@ -51,13 +48,6 @@ def transition(observer, w):
     v, n = inputs_of(observer, w=w, u=0.1, e=0.0), observer.nstates
     still = advance(rates, np.zeros(n), v, v, DT)
     return np.column_stack([advance(rates, unit, v, v, DT) - still for unit in np.eye(n)])
-
-
-def step_response(block, u, x0, steps):
-    """Outputs (ny, steps) of a discrete block."""
-    t = block.dt * np.arange(steps)
-    x0 = [*x0, *[0.0] * (block.nstates - len(x0))]
-    return np.atleast_2d(ct.input_output_response(block, t, u, x0, squeeze=False).outputs)
 
 
 # The closed form.
@@ -156,31 +146,6 @@ def test_existing_observer_takes_a_linear_error_exactly():
 
 
 # A speed that changes.
-
-
-def sine_error(observer, x0, dt):
-    """Largest error of Fhat along 2 s of a 1 rad/s, 1 Hz sine, against the continuous block.
-
-    The torque is the one that a drive with LuGre friction needs, held between samples.
-    """
-    t = dt * np.arange(round(2 / dt) + 1)
-    wave = ct.nlsys(
-        None,
-        lambda t, x, u, p: np.array([np.sin(2 * np.pi * t), 0.3 * np.sin(7 * t)]),
-        inputs=[],
-        outputs=["w", "e"],
-        name="wave",
-    )
-    w, e = np.sin(2 * np.pi * t), 0.3 * np.sin(7 * t)
-    F = simulate(lg.friction("lugre"), t, w).outputs
-    u = F + 2 * np.pi * P.J * np.cos(2 * np.pi * t)
-    inputs = [k for k in ("u",) if k in observer.input_labels]
-    along = ct.interconnect(
-        [wave, observer], inputs=inputs, outputs=["Fhat"], params={}, check_unused=False
-    )
-    exact = simulate(along, t, u if inputs else None, x0, hold=True, rtol=1e-8, squeeze=False)
-    found = step_response(sampled(observer, dt), inputs_of(observer, w=w, u=u, e=e), x0, len(t))
-    return np.abs(found[0] - np.asarray(exact.outputs)[0]).max()
 
 
 @pytest.mark.parametrize(("observer", "x0"), OBSERVERS)

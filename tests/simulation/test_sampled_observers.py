@@ -9,7 +9,7 @@ from lugrectl.simulation.response import simulate
 from lugrectl.simulation.sampled_block import sampled
 
 from ..cases.observed import P, believing, longer, sampled_velocity_error
-from .test_sampled_block import step_response
+from ..cases.sampled import step_response
 
 DT, LOW = 1e-3, believing(0.8)
 MOTION = ("theta", "w", "e", "s", "r", "dr", "ddr", "ar")

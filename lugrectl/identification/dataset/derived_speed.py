@@ -122,7 +122,7 @@ def _together(y: np.ndarray) -> bool:
     independent sensors coherent as well. So it is also required that theta predicts w with an
     error below the noise of w, or that w was low-pass filtered.
     """
-    return _coherent(y) and (_falls(y[:, 1]) or _surprise(y) < SURPRISE)
+    return are_coherent(y) and (_falls(y[:, 1]) or _surprise(y) < SURPRISE)
 
 
 def _surprise(y: np.ndarray) -> float:
@@ -145,7 +145,7 @@ def _surprise(y: np.ndarray) -> float:
     return (size / sensor_noise(y[:, 1])) ** 2
 
 
-def _coherent(y: np.ndarray) -> bool:
+def are_coherent(y: np.ndarray) -> bool:
     """True if the channels, differenced to remove ramps, are coherent in ``BAND``."""
     f, both = coherence(np.diff(y[:, 0], 2), np.diff(y[1:, 1]), nperseg=SEGMENT)
     low, high = BAND

@@ -55,7 +55,7 @@ def place(
 
     def loglik(times: np.ndarray) -> np.ndarray:
         """Without the windows that are the same for all of these times."""
-        some = _between(where, t, float(np.min(times)), float(np.max(times)))
+        some = between(where, t, float(np.min(times)), float(np.max(times)))
         if not len(some.start):
             return np.zeros(len(times))
         sets = [dict(values) | {key: float(time)} for time in times]
@@ -89,7 +89,7 @@ def place(
     return (middle if is_within(middle) else center), (low, high)
 
 
-def _between(where: Windows, t: np.ndarray, first: float, last: float) -> Windows:
+def between(where: Windows, t: np.ndarray, first: float, last: float) -> Windows:
     """The windows that overlap the interval from ``first`` to ``last``."""
     ends = where.start + where.burn + where.length - 1
     return replace(where, start=where.start[(t[where.start] <= last) & (t[ends] >= first)])

@@ -90,7 +90,7 @@ def begun(predictor: Predictor, train: Windows, declared: Model) -> Fitted:
     anchor = predictor.model.known() | alike(data)
     guesses = [anchor | guess for guess in _guesses(declared, anchor, data)]
     starts = [anchor, _balanced_start(predictor, anchor), *guesses]
-    start = _turned(predictor, train, likeliest(predictor, train, data.noise, starts))
+    start = turned(predictor, train, likeliest(predictor, train, data.noise, starts))
     free = free_keys(predictor)
     return _unbound(fit(predictor, start.values, free, train, start.noise, anchor=anchor), opened)
 
@@ -141,7 +141,7 @@ def _balanced_start(predictor: Predictor, anchor: Mapping[str, float]) -> dict[s
     return inside(free, values, predictor.model)
 
 
-def _turned(predictor: Predictor, train: Windows, start: Start) -> Start:
+def turned(predictor: Predictor, train: Windows, start: Start) -> Start:
     """The values with the phases of declared effects turned, where that is more likely.
 
     Angles and times have a different zero in each log.
