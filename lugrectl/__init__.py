@@ -13,6 +13,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "blocks.block": "P",
     "blocks.declaration": "block",
+    "blocks.extending": "load_blocks",
     "blocks.bristle_observers": "friction_state_observer lyapunov_observer normal_force_observer "
     "temperature_observer",
     "blocks.comparison_observers": "adaptive_observer disturbance_observer extended_state_observer "
@@ -115,6 +116,7 @@ if TYPE_CHECKING:
         notch,
         proportional,
     )
+    from .blocks.extending import load_blocks  # noqa: F401
     from .blocks.factories import (  # noqa: F401
         effect,
         friction,

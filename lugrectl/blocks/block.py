@@ -15,7 +15,6 @@ the symbolic scalars of the engine.
 from __future__ import annotations
 
 import copy
-import importlib
 import inspect
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -30,6 +29,7 @@ from ..core.errors import InputError
 from ..core.pickling import carried, from_fields, rebuilt
 from ..core.unit_names import unit_for as unit_for
 from ..core.validation import one_name, renamed, within
+from .extending import fetch, load_installed, place
 
 if TYPE_CHECKING:  # slow to import, and the catalogue does without it
     import control as ct
@@ -51,7 +51,7 @@ class P:
         Value at which an effect changes nothing.
     span : tuple of float or None
         Two values whose effects, combined linearly, give the effect at any value (0 and
-        pi/2 for a phase): the tracer then need not search this parameter.
+        pi/2 for a phase): the tracer then need not search this parameter, if that is true.
     grid : callable or None
         ``grid(log)`` returns the values to try on a log, for a parameter in which the effect is
         not linear.
@@ -192,7 +192,7 @@ class Block(Shown):
         """A registered block pickles by kind and name, a composed one by its parts."""
         known = REGISTRY.get((self.kind, self.name))
         if known is self:
-            return declared, (self.kind, self.name, self.home)
+            return declared, (self.kind, self.name, place(self.home))
         build = getattr(self.function, "block", None)
         if build is not None and is_dataclass(self.function) and build() == self:
             return rebuilt, (self.function,)
@@ -267,10 +267,11 @@ def members(kind: str) -> dict[str, Block]:
 
 
 def registered() -> _Registry:
-    """The registry with the package's own blocks in it, whatever was imported so far."""
+    """The registry with the blocks of the package and of installed ones, whatever was imported."""
     from . import fill  # they import this module
 
     fill()
+    load_installed()
     return REGISTRY
 
 
@@ -288,7 +289,7 @@ def declared(kind: str, name: str, home: str) -> Any:
     """
     if (kind, name) not in REGISTRY and home not in ("__main__", "__mp_main__", ""):
         try:
-            importlib.import_module(home)
+            fetch(home)
         except ImportError:
             pass
     if (kind, name) not in REGISTRY:

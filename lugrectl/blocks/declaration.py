@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import difflib
 import inspect
+import itertools
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
@@ -19,6 +21,7 @@ SEEN = ("t", "theta", "w", "u", "d", "load")  # signals of a drive that an effec
 ACTS = ("torque", "input", "sensor")
 SENSED = ("w_m", "theta_m")
 TRIED = (0.3, -0.7, 0.2)  # values of the signals with which a function is run once
+SIZES, SHARES = (1.0, 3.7, -11.3), (-1.3, 0.4, 2.2)  # of them, and of a span
 SMALL = 1e-9
 
 
@@ -160,15 +163,54 @@ def _check_neutral(made: Block) -> None:
             )
 
 
+def true_spans(made: Block) -> dict[str, Any]:
+    """The parameters, without a span that the function does not fulfil: that one is searched.
+
+    A phase must combine as f(x) = cos(x) f(0) + sin(x) f(pi/2), anything else in a straight line.
+    """
+
+    def at(key: str, x: float, size: float) -> np.ndarray:
+        still = made.parameters[made.gain].neutral or 0.0
+        values = {k: p.value for k, p in made.parameters.items()} | {key: x}
+        gains = (1.0 if math.isinf(still) else still + 1.0, still)
+        found = [_tried(made, values | {made.gain: gain}, size) for gain in gains]
+        if found[0] is None or found[1] is None:
+            return np.full(1, np.nan)
+        return np.array(found[0], float) - np.array(found[1], float)  # what it changes
+
+    def holds(key: str, p: Any) -> bool:
+        first, second = p.span
+        if p.angle and not np.allclose(p.span, (0.0, math.pi / 2)):
+            return False
+        for size, x in itertools.product(SIZES, SHARES):
+            parts = (math.cos(x), math.sin(x)) if p.angle else (1.0 - x, x)
+            there = x if p.angle else first + x * (second - first)
+            found = [at(key, value, size) for value in (there, first, second)]
+            if not np.all(np.isfinite(found)):
+                return False
+            mixed = parts[0] * found[1] + parts[1] * found[2]
+            if not np.allclose(found[0], mixed, 1e-6, 1e-9 * np.abs(found).max()):
+                return False
+        return True
+
+    if made.kind != "effect" or not made.acts:
+        return dict(made.parameters)
+    return {
+        k: p if p.span is None or holds(k, p) else replace(p, span=None)
+        for k, p in made.parameters.items()
+    }
+
+
 def _signals(made: Block) -> list[float]:
     return [TRIED[i % len(TRIED)] for i in range(len(made.reads) + len(made.states))]
 
 
-def _tried(made: Block, values: dict[str, float]) -> tuple[Any, ...] | None:
+def _tried(made: Block, values: dict[str, float], size: float = 1.0) -> tuple[Any, ...] | None:
     """What the function returns; None where it cannot be run yet, or not at these values."""
     try:
         with np.errstate(all="ignore"):
-            results = made.function(*map(np.float64, _signals(made)), **values)
+            signals = [np.float64(size * x) for x in _signals(made)]
+            results = made.function(*signals, **values)
     except (NameError, ArithmeticError):  # a helper is defined below it; 1/0 of plain numbers
         return None
     except Exception as error:
@@ -293,6 +335,7 @@ def block(
         if not ours:
             laws = (b.parameters for (of, _), b in known.items() if of == "friction")
             check(made, [key for law in laws for key in law])
+            made = replace(made, parameters=true_spans(made))
         before = dict(known).get((kind, made.name))
         if before is not None and not is_same(before, function, made.home):
             raise InputError(f"{kind}: a block named '{made.name}' exists; choose another name.")

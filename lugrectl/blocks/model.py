@@ -16,17 +16,19 @@ from typing import Any
 from ..core.display import Row, Shown
 from ..core.errors import InputError
 from ..core.provenance import SourceFile
-from ..core.validation import TINY, as_path, is_file, like_it, real, shown
+from ..core.result import write_whole
+from ..core.validation import TINY, as_path, is_file, like_it, real, shown, text
 from . import effects as every_effect  # noqa: F401  fills the registry
 from .aliases import block_named
 from .block import Block, members, unit_for
 from .declared_values import Stated, holding, refuse_crossed, stated
 from .declared_values import unknown as _known
+from .extending import files_of_blocks, load_named
 from .friction import J as J_DECLARATION
 from .law_forms import form_keys, formed, with_usual, written_form
 
 _MODEL = "a Model, Parameters, a dict or the path of a model file"
-_FILE = ("name", "motion", "plant", "friction", "effects")
+_FILE = ("name", "motion", "blocks", "plant", "friction", "effects")
 
 
 @dataclass(frozen=True, repr=False)
@@ -89,7 +91,7 @@ class Model(Shown):
 
     ``values()`` is flat: ``J``, the friction parameters by name, effects as ``key.parameter``.
     ``stated`` says by such a key what is held, bounded or known with an uncertainty. ``file`` is
-    the model file that was read, None once anything was changed.
+    the model file that was read, None once anything was changed; ``blocks`` the files it names.
     """
 
     name: str
@@ -98,6 +100,7 @@ class Model(Shown):
     friction: Part
     effects: tuple[Part, ...] = ()
     stated: Mapping[str, Stated] = field(default_factory=dict)
+    blocks: tuple[str, ...] = field(default=(), compare=False)
     file: SourceFile | None = field(default=None, init=False, repr=False, compare=False)
 
     @classmethod
@@ -264,8 +267,8 @@ def _value_row(key: str, value: float | None, unit: str, more: Stated | None = N
     return Row(key, "to be identified" if value is None else value, unit, note)
 
 
-def model_from_dict(data: Mapping[str, Any], where: str) -> Model:
-    """Build a model from a dictionary nested like the TOML file.
+def model_from_dict(data: Mapping[str, Any], where: str, folder: str | Path = "") -> Model:
+    """Build a model from a dictionary nested like the TOML file, its ``blocks`` in ``folder``.
 
     Raises
     ------
@@ -273,7 +276,8 @@ def model_from_dict(data: Mapping[str, Any], where: str) -> Model:
         For an unknown key, friction model or effect, a value that is not a number or is outside
         its bounds, or what cannot be meant of it; the message starts with ``where``.
     """
-    _known(data, ("name", "motion", "plant", "friction", "effects"), where)
+    _known(data, ("name", "motion", "blocks", "plant", "friction", "effects"), where)
+    blocks = load_named(data.get("blocks", []), folder, where)
     motion = data.get("motion", "rotary")
     if motion not in ("rotary", "linear"):
         raise InputError(f"{where}: motion must be 'rotary' or 'linear', not {motion!r}.")
@@ -283,12 +287,13 @@ def model_from_dict(data: Mapping[str, Any], where: str) -> Model:
     friction = with_usual(law, friction, f"{where}: [friction]")
     part = _part(law, "friction", friction, f"{where}: [friction]", "friction model")
     model = Model(
-        name=_text(data.get("name", "drive"), f"{where}: name"),
+        name=text(data.get("name", "drive"), f"{where}: name"),
         motion=motion,
         J=_number(plant.get("J"), J_DECLARATION, f"{where}: [plant] J"),
         friction=part,
         stated=_statements(plant, {"J": J_DECLARATION}, f"{where}: [plant]")
         | _statements(friction, part.block.own, f"{where}: [friction]"),
+        blocks=blocks,
     )
     effects = data.get("effects", [])
     if not isinstance(effects, list):
@@ -399,12 +404,6 @@ def _number(value: Any, p: Any, where: str) -> float | None:
     return value
 
 
-def _text(value: Any, where: str) -> str:
-    if not isinstance(value, str):
-        raise InputError(f"{where} must be a text, not {shown(value)}.")
-    return value
-
-
 def read_model(path: str | Path) -> Model:
     """Read a model file in TOML; ``lugrectl model`` prints a commented one.
 
@@ -424,7 +423,7 @@ def read_model(path: str | Path) -> Model:
         raise InputError(f"{path}: cannot be read as a text file in UTF-8 ({error}).") from None
     except (ValueError, RecursionError) as error:  # more than what TOMLDecodeError covers
         raise InputError(f"{path}: not a TOML file: {error}{_decimal_comma(path)}.") from None
-    model = model_from_dict(data, str(path))
+    model = model_from_dict(data, str(path), path.parent)
     object.__setattr__(model, "file", SourceFile.of(path))
     return model
 
@@ -446,10 +445,10 @@ def write_model(model: Model, path: str | Path) -> None:
     """
 
     model, path = as_model(model), as_path(path, "path")
-    text = model_toml(model)
-    model_from_dict(tomllib.loads(text), f"model {model.name}")
+    content = model_toml(model)
+    model_from_dict(tomllib.loads(content), f"model {model.name}")
     try:
-        path.write_bytes(text.encode())
+        write_whole(path, content.encode())
     except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror or error}.") from None
 
@@ -457,7 +456,10 @@ def write_model(model: Model, path: str | Path) -> None:
 def model_toml(model: Model) -> str:
     """The model file's text, with the unit of each value as a comment."""
     data, lines = model.to_dict(stated=True), []
-    lines += [f"name = {_quoted(data['name'])}", f'motion = "{data["motion"]}"', "", "[plant]"]
+    lines += [f"name = {_quoted(data['name'])}", f'motion = "{data["motion"]}"']
+    if files := own_files(model):
+        lines += [f"blocks = [{', '.join(map(_quoted, files))}]"]
+    lines += ["", "[plant]"]
     lines += _rows(data["plant"], "", model)
     lines += ["", "[friction]", f"model = {_quoted(data['friction'].pop('model'))}"]
     lines += _rows(data["friction"], "", model)
@@ -465,6 +467,12 @@ def model_toml(model: Model) -> str:
         lines += ["", "[[effects]]", f"name = {_quoted(entry.pop('name'))}"]
         lines += _rows(entry, f"{part.key}.", model)
     return "\n".join(lines) + "\n"
+
+
+def own_files(model: Model) -> list[str]:
+    """The files with blocks of the user's own that a model names or uses."""
+    used = files_of_blocks(p.block.home for p in (model.friction, *model.effects))
+    return [*dict.fromkeys([*model.blocks, *used])]
 
 
 def _rows(values: Mapping[str, Any], prefix: str, model: Model) -> list[str]:
@@ -545,7 +553,7 @@ def changed(given: Any, changes: Mapping[str, Any], what: str) -> Model:
     law = changes.pop("friction", None)
     law = dict(law) if isinstance(law, Mapping) else {} if law is None else {"model": law}
     data["friction"] = _law(data["friction"], law | changes)
-    return model_from_dict(data, what)
+    return replace(model_from_dict(data, what), blocks=as_model(given).blocks)
 
 
 def _law(before: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:

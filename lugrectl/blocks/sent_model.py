@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 import pickle
 from dataclasses import dataclass
 
 from ..core.errors import InputError
 from .block import REGISTRY, members
+from .extending import fetch, place
 from .model import Model
 
 
@@ -21,7 +21,7 @@ class Sent:
 
     @classmethod
     def of(cls, model: Model) -> Sent:
-        own = [(b.name, b.home) for b in members("effect").values()]
+        own = [(b.name, place(b.home)) for b in members("effect").values()]
         return cls(pickle.dumps(model), tuple(e for e in own if not _ours(e[1])))
 
     def open(self) -> Model:
@@ -39,7 +39,7 @@ def _known(kind: str, name: str, home: str) -> None:
     """Import the module of a registered block if necessary; InputError if it stays unknown."""
     if (kind, name) not in REGISTRY:
         with contextlib.suppress(ImportError):
-            importlib.import_module(home)
+            fetch(home)
     if (kind, name) not in REGISTRY:
         raise InputError(
             f"the {kind} '{name}' is not known in the worker processes; define it in a module "

@@ -8,8 +8,10 @@ import shlex
 import sys
 import traceback
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import Any
 
+from ..core.errors import NotLoaded
 from ..parallel.blas_threads import BLAS
 from .options import parser
 
@@ -27,14 +29,32 @@ def main(argv: Sequence[str] | None = None) -> int:
     with warnings.catch_warnings():
         if argv is None and not sys.warnoptions:
             warnings.simplefilter("ignore")
-        code = _run(argv)
+        with _own_warnings():
+            code = _run(argv)
     return code
+
+
+@contextlib.contextmanager
+def _own_warnings() -> Iterator[None]:
+    """Say in one line each which installed package's blocks are not there."""
+    others = warnings.showwarning
+
+    def show(message: Any, category: Any, *place: Any, **more: Any) -> None:
+        if issubclass(category, NotLoaded):
+            _said(f"warning: {message}", 0)
+        else:
+            others(message, category, *place, **more)
+
+    warnings.showwarning = show
+    warnings.simplefilter("always", NotLoaded)
+    yield
 
 
 def _run(argv: Sequence[str] | None) -> int:
     try:
         arguments = parser().parse_args(argv)
         arguments.typed = shlex.join(["lugrectl", *(sys.argv[1:] if argv is None else argv)])
+        _load(getattr(arguments, "blocks", ()))
         code = arguments.run(arguments)
         sys.stdout.flush()
         return code
@@ -48,6 +68,15 @@ def _run(argv: Sequence[str] | None) -> int:
         return BROKEN_PIPE
     except Exception as error:
         return _failed(error)
+
+
+def _load(files: Sequence[str]) -> None:
+    """Declare the blocks of the files of --blocks."""
+    if files:
+        from ..blocks.extending import load_blocks
+
+        for file in files:
+            load_blocks(file)
 
 
 def _failed(error: Exception) -> int:

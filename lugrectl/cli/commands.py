@@ -97,6 +97,7 @@ def reproduce(a: Namespace) -> int:
 
 
 def _main_job(work: Any, a: Namespace) -> int:
+    from ..blocks.extending import files_loaded
     from ..blocks.model import read_model
     from ..report import check_folder, text, write
 
@@ -105,7 +106,8 @@ def _main_job(work: Any, a: Namespace) -> int:
     if a.out is not None:
         check_folder(a.out)
         _spare(a)
-    result = stamp(_answered(work, a, model), a.typed, [*a.records, model, a.holdout])
+    sources = [*a.records, model, a.holdout, *files_loaded()]
+    result = stamp(_answered(work, a, model), a.typed, sources)
     refused = getattr(result, "verdict", None) == "refused"
     written = write(result, a.out) if a.out is not None else []
     print_out(result.to_json() if a.json else text(result))

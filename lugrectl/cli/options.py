@@ -89,6 +89,14 @@ def _command(made: Any, name: str, run: Callable[..., int], what: str) -> argpar
     )
     command.set_defaults(run=run, parser=command)
     command.add_argument("--json", action="store_true", help="one JSON document on stdout")
+    command.add_argument(
+        "--blocks",
+        action="append",
+        default=[],
+        metavar="FILE.py",
+        help="Python file with effects, friction laws or observers of your own, each declared "
+        "with @lugrectl.block; may be given several times",
+    )
     return command
 
 

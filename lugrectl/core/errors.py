@@ -1,4 +1,4 @@
-"""The two ways in which an input can fail, each with its exit code."""
+"""The two ways in which an input can fail, each with its exit code, and one warning."""
 
 from __future__ import annotations
 
@@ -9,6 +9,10 @@ class InputError(ValueError):
     """Wrong usage, or a file that cannot be read or understood (exit code 2)."""
 
     exit_code = 2
+
+
+class NotLoaded(UserWarning):
+    """The blocks of an installed package are not there."""
 
 
 class Refused(ValueError):

@@ -167,6 +167,13 @@ def names(value: Any, what: str) -> list[str]:
     return list(made)
 
 
+def text(value: Any, name: str) -> str:
+    """A text; InputError names the argument."""
+    if not isinstance(value, str):
+        raise InputError(f"{name} must be a text, not {shown(value)}.")
+    return value
+
+
 def as_path(value: Any, name: str) -> Path:
     """A path; InputError for what is no name of a file."""
     if not isinstance(value, (str, os.PathLike)) or "\0" in str(value):

@@ -335,10 +335,10 @@ class Task:
 
     def __call__(self, log: Any) -> tuple[Outcome, Any]:
         began = time.perf_counter()
-        model = self.model.open() if isinstance(self.model, Sent) else self.model
         with warnings.catch_warnings():
             if parent_process() is not None:  # a worker's stderr is the user's terminal
                 warnings.simplefilter("ignore")
+            model = self.model.open() if isinstance(self.model, Sent) else self.model
             d = stamp(self._diagnosed(log, model), self.command, [log, model])
             extra = self.render(d) if self.render else None
         refused = d.verdict == "refused"

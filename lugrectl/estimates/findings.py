@@ -59,6 +59,9 @@ class Candidate(Shown):
     parameters: Mapping[str, float] = field(default_factory=dict)
 
 
+ELSEWHERE = "record a run with other speeds, positions and loads"
+
+
 @dataclass(frozen=True, repr=False)
 class Finding(Shown):
     """An effect missing from the declared model, and others that would explain the same."""
@@ -78,8 +81,9 @@ class Finding(Shown):
 
     def apart(self, how: str | None = None) -> str:
         """The experiment that distinguishes it from its alternatives; "" if it has none."""
-        others = " or ".join(c.name for c in self.alternatives)
-        how = how or members("effect")[self.name].experiment
+        others, known = " or ".join(c.name for c in self.alternatives), members("effect")
+        names = [n for n in (self.name, *(c.name for c in self.alternatives)) if n in known]
+        how = how or next((h for n in names if (h := known[n].experiment)), ELSEWHERE)
         return f"to distinguish {self.name} from {others}: {how}" if others else ""
 
     def summary(self) -> dict[str, Any]:

@@ -160,7 +160,8 @@ def _without_time(
 
 
 def _si(values: np.ndarray, unit: Unit | None, factor: float | None) -> np.ndarray:
-    with np.errstate(over="ignore"):  # a mark of a missing value may be as large as a float goes
+    # a mark of a missing value may be as large as a float goes, or a NaN that signals
+    with np.errstate(over="ignore", invalid="ignore"):
         return values * ((1.0 if factor is None else factor) * (unit.factor if unit else 1.0))
 
 

@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import os
+import platform
+import re
 import secrets
 import shutil
+import time
 from collections.abc import Mapping
 from pathlib import Path
+
+_OLD = 86_400.0  # s after which what another machine left behind is removed
+_PREFIX = ".lugrectl-"
 
 
 def nearest(path: Path) -> Path:
@@ -18,11 +24,15 @@ def write_together(content: Mapping[str, str], folder: Path) -> None:
     """Write texts by file name into a folder, which is created if it is missing.
 
     Everything is written to a hidden folder first, so that only renaming remains. On failure
-    the previous state is restored and OSError is raised.
+    the previous state is restored and OSError is raised. A process that is killed leaves the
+    folder as it was or with all files of one run; where the folder was there already, it may
+    leave a part of them, but then without the first, and never files of two runs. What it left
+    behind is removed by the next one.
     """
     folder = folder.absolute()
     base = nearest(folder)
-    staged = base / f".lugrectl-{secrets.token_hex(6)}"
+    _clear(base)
+    staged = base / f"{_mine()}{secrets.token_hex(6)}"
     staged.mkdir()
     try:
         for name, body in content.items():
@@ -49,18 +59,58 @@ def _settle(staged: Path, folder: Path) -> None:
 
 
 def _exchange(staged: Path, folder: Path, names: list[str]) -> None:
-    """Rename into an existing folder; on failure the previous files are restored."""
-    done: list[str] = []
+    """Rename into an existing folder; on failure the previous files are restored.
+
+    The first file goes first and comes last: where it is, the others are of the same run.
+    """
     try:
         for name in names:
-            done.append(name)
             if (folder / name).exists():
                 os.replace(folder / name, staged / f"old-{name}")
+        for name in reversed(names):
             os.replace(staged / name, folder / name)
     except BaseException:
-        for name in done:
+        for name in names:
             if (staged / f"old-{name}").exists():
                 os.replace(staged / f"old-{name}", folder / name)
             elif not (staged / name).exists():
                 (folder / name).unlink(missing_ok=True)
         raise
+
+
+def _mine(pid: int | None = None) -> str:
+    """What the names of this process's hidden folders begin with."""
+    host = "".join(c for c in platform.node() if c.isalnum()) or "host"
+    return f"{_PREFIX}{host}-{os.getpid() if pid is None else pid}-"
+
+
+def _clear(base: Path) -> None:
+    """Remove the hidden folders of processes that ended before they could."""
+    for left in base.glob(f"{_PREFIX}*"):
+        found = re.fullmatch(r"\.lugrectl-\w+-(\d+)-[0-9a-f]{12}", left.name)
+        if found is None:
+            continue
+        pid = int(found[1])
+        here = left.name.startswith(_mine(pid))
+        if _age(left) > _OLD or (here and not _runs(pid)):
+            shutil.rmtree(left, ignore_errors=True)
+
+
+def _age(path: Path) -> float:
+    try:
+        return time.time() - path.stat().st_mtime
+    except OSError:
+        return 0.0
+
+
+def _runs(pid: int) -> bool:
+    """Whether a process of this machine runs; where that cannot be asked, it may."""
+    if os.name != "posix":
+        return True
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True

@@ -1,5 +1,6 @@
 """Model files: what is written can be read, and what cannot be meant is one sentence."""
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -93,6 +94,40 @@ def test_two_ripples_of_unknown_harmonics_are_allowed(tmp_path):
     assert len(lg.read_model(write(tmp_path, HEAD + twice)).effects) == 2
 
 
+PLACES = {  # key: a file in which it has the value {}
+    "name": "name = {}\n" + HEAD,
+    "motion": "motion = {}\n" + HEAD,
+    "blocks": "blocks = {}\n" + HEAD,
+    "plant": "plant = {}\n",
+    "friction": "friction = {}\n",
+    "effects": "effects = {}\n" + HEAD,
+    "J": "[plant]\nJ = {}\n",
+    "model": "[friction]\nmodel = {}\n",
+    "Fc": HEAD + "Fc = {}\n",
+    "gravity amplitude": HEAD + '[[effects]]\nname = "gravity"\namplitude = {}\n',
+    "[[effects]]": HEAD + "[[effects]]\nname = {}\n",
+    "min": HEAD + "Fc = {{min = {}}}\n",
+    "fixed": HEAD + "Fc = {{value = 0.1, fixed = {}}}\n",
+    "std": HEAD + "Fc = {{value = 0.1, std = {}}}\n",
+}
+SHAPES = ["[1.0]", "[[]]", "{a = 1}", "2024-05-06", "07:32:00", '"x"', "[{}]", "nan", "[true]"]
+MEANT = {("name", '"x"')}  # what may be written there
+
+
+@pytest.mark.parametrize("key", PLACES)
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_wrong_shape_is_one_sentence_with_file_and_key(tmp_path, key, shape):
+    path = write(tmp_path, PLACES[key].format(shape))
+    if (key, shape) in MEANT:
+        assert lg.read_model(path).name == "x"
+        return
+    with pytest.raises(InputError) as said:
+        lg.read_model(path)
+    text = str(said.value)
+    assert text.startswith(str(path)) and "\n" not in text and len(text) < 700
+    assert key in text.replace("'", "") or "[friction]" in text or "[[effects]]" in text
+
+
 def values_of(p: P):
     """A value that a parameter can have, or None for one to be identified."""
     if p.choices:
@@ -104,16 +139,39 @@ def values_of(p: P):
 
 
 @st.composite
+def tabled(draw, p: P):
+    """A value as a table: held, bounded, with an uncertainty, some of these or none."""
+    value = draw(values_of(p))
+    if value is None or not math.isfinite(value) or p.choices:
+        return value
+    made: dict = {"value": value}
+    size = max(abs(value), 1e-3)
+    if draw(st.booleans()):
+        made["fixed"] = True
+    if draw(st.booleans()):
+        made["std"] = draw(st.floats(1e-9, 1e3))
+    low, high = value - size * draw(st.floats(0.01, 3.0)), value + size
+    if draw(st.booleans()) and low >= p.low:
+        made["min"] = low
+    if draw(st.booleans()) and high <= p.high:
+        made["max"] = high
+    return draw(st.sampled_from([made, {k: v for k, v in made.items() if k in ("min", "max")}]))
+
+
+@st.composite
 def models(draw):
     law = draw(st.sampled_from(sorted(members("friction"))))
     own = members("friction")[law].own
-    values = {k: draw(values_of(p)) for k, p in own.items()}
-    values = {k: v for k, v in values.items() if v is not None}
+    values = {k: draw(st.one_of(values_of(p), tabled(p))) for k, p in own.items() if p.fitted}
+    values = {k: v for k, v in values.items() if v not in (None, {})}
     names = draw(st.lists(st.sampled_from(sorted(members("effect"))), max_size=3, unique=True))
     effects = []
     for name in names:
-        drawn = {k: draw(values_of(p)) for k, p in members("effect")[name].own.items()}
-        effects.append({"name": name, **{k: v for k, v in drawn.items() if v is not None}})
+        kept = members("effect")[name].own.items()
+        drawn = {k: draw(st.one_of(values_of(p), tabled(p))) for k, p in kept if p.fitted}
+        effects.append({"name": name, **{k: v for k, v in drawn.items() if v not in (None, {})}})
+    if any(isinstance(values.get(k), dict) for k in ("Fs", "Fc")):
+        values.pop("Fs", None)  # bounds that cross are refused
     return lg.Model.of(
         J=draw(st.one_of(st.none(), st.floats(1e-9, 1e6))),
         friction=law,

@@ -10,11 +10,12 @@ import pytest
 
 import lugrectl as lg
 from lugrectl import report
+from lugrectl.blocks.block import REGISTRY
 from lugrectl.blocks.model import read_model
 from lugrectl.core.errors import InputError
 from lugrectl.diagnosis.fleet import Outcome
 from lugrectl.diagnosis.identify import Identification
-from lugrectl.estimates.findings import Estimate
+from lugrectl.estimates.findings import Candidate, Estimate, Finding
 from lugrectl.estimates.fitted import ParameterTable
 from lugrectl.report.log_plot import drawings
 
@@ -247,3 +248,12 @@ def test_a_compensation_pickles_but_for_its_loops():
     c = lg.compensate(lg.Model.of(P), reference=(T, np.sin(4.0 * T)))
     again = pickle.loads(pickle.dumps(replace(c, loop={})))
     assert again.summary() == c.summary() and same(again.runs["after"].y, c.runs["after"].y)
+
+
+def test_what_distinguishes_an_effect_without_an_experiment_is_that_of_its_rival(monkeypatch):
+    one = Finding("gravity", {}, (Candidate("hard_stop", 1.0, 0.1),))
+    silent = replace(REGISTRY["effect", "gravity"], experiment="")
+    monkeypatch.setitem(REGISTRY, ("effect", "gravity"), silent)
+    assert one.apart().endswith(REGISTRY["effect", "hard_stop"].experiment)
+    alone = Finding("gravity", {}, (Candidate("unknown(theta)", 1.0, 0.1),))
+    assert "record a run with other speeds" in alone.apart()

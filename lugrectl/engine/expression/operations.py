@@ -47,9 +47,13 @@ def _infix(function: Callable[..., Any], sign: str, partials: Any = None) -> Op:
 
 
 def _power_partials(result: Any, base: Any, exponent: Any) -> tuple[Any, Any]:
-    if exponent.is_constant():
+    """At a base of 0, where |w|^p has no slope for p < 1 and log has no value, both are 0."""
+    if exponent.is_constant() and exponent.value >= 1.0:
         return exponent * base ** (exponent.value - 1.0), None
-    return exponent * result / base, result * np.log(base)
+    zero = np.equal(base, 0.0)
+    safe = np.where(zero, 1.0, base)
+    slope = np.where(zero, 0.0, exponent * result / safe)
+    return slope, None if exponent.is_constant() else np.where(zero, 0.0, result * np.log(safe))
 
 
 OPS: dict[str, Op] = {

@@ -22,7 +22,8 @@ def applied(parts: Sequence[Part], m: Motion) -> np.ndarray:
     """The torque behind the declared effects on the input, (n,)."""
     u = m.u
     for part in parts:
-        if "input" in part.block.acts and _known(part):
+        unknown = part.block.states and part.block.exact is None
+        if "input" in part.block.acts and _known(part) and not unknown:
             u = through(part.block, _values(part), u, m)
     return u
 

@@ -22,7 +22,8 @@ FAR = 1e4  # rad from which single precision is too coarse for the highest order
 
 def searched(block: Block) -> list[str]:
     """The parameters in which the effect is not linear."""
-    return [k for k, p in block.own.items() if k != block.gain and p.fitted and p.span is None]
+    linear = (block.gain, spanned(block))
+    return [k for k, p in block.own.items() if k not in linear and p.fitted]
 
 
 def spanned(block: Block) -> str | None:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 
 import numpy as np
-from scipy.optimize import minimize
 
 from ...blocks.block import Block, members
 from ..regression.smooth_motion import shifted, spline
 from . import dwell_stiction
+from .any_parameters import over_all, simplex
 from .base_model import OFFSET, TURN, Base, Columns, rms
 from .candidate import Entry
 from .declared_effects import through
@@ -61,6 +61,8 @@ def _pointless(base: Base, block: Block) -> bool:
 def entries(base: Base, block: Block) -> Iterator[Entry]:
     """An entry or a few for an effect."""
     free = searched(block)
+    if block.states and "input" in block.acts and block.exact is None:
+        return  # one of the user's own, to be declared: its states are not known along the record
     if block.states and "Fs" in block.acts:
         yield from dwell_stiction.entries(base, block)
     elif block.states and "input" not in block.acts:
@@ -71,12 +73,14 @@ def entries(base: Base, block: Block) -> Iterator[Entry]:
         yield from _of_load(base, block)
     elif not free:
         yield from _linear(base, block)
-    elif any(block.own[k].passed for k in free):
+    elif {*free} == {"position", "side"} and block.own["position"].passed:
         yield _stop(base, block)
-    elif free == ["frequency"]:
+    elif free == ["frequency"] and block.reads == ("t",) and spanned(block):
         yield _sinusoid(base, block)
-    elif len(free) == 1:
+    elif len(free) == 1 and grid_of(block, free[0]) is not None:
         yield from _over_grid(base, block, free[0])
+    else:
+        yield from over_all(base, block, free)
 
 
 def _linear(base: Base, block: Block) -> Iterator[Entry]:
@@ -179,16 +183,6 @@ def _polished(base: Base, block: Block, key: str, grid: np.ndarray, i: int, pair
         return float(base.gains_of_pairs(C)[0] if pair else base.gains(C)[0][0])
 
     return float(simplex(lambda p: gain(p[0]), [grid[i]], [0.3 * step], POLISH)[0])
-
-
-def simplex(
-    gain: Callable[[np.ndarray], float], x: Sequence[float], step: Sequence[float], evaluations: int
-) -> np.ndarray:
-    """The largest gain near x, by Nelder and Mead."""
-    start = np.asarray(x, float)
-    corners = np.vstack([start, start + np.diag(step)])
-    options = {"initial_simplex": corners, "maxfev": evaluations}
-    return minimize(lambda p: -gain(p), start, method="Nelder-Mead", options=options).x
 
 
 def _sinusoid(base: Base, block: Block) -> Entry:

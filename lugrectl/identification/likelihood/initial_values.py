@@ -35,6 +35,7 @@ EXCESS = 1.05  # start of Fs over Fc, where the declared one is below
 ENOUGH, MANY_WINDOWS = 40_000, 24  # counted samples and windows on which starts are compared
 COARSE = 2e-3  # s, longest sampling interval there
 STRIBECK_SPEEDS = (1e-3, 5e-3, 2e-2, 0.1, 0.4)  # vs as a share of the largest speed
+FACTORS = (0.4, 2.5)  # on the default of a parameter that only one law has
 
 
 class Start(NamedTuple):
@@ -190,12 +191,24 @@ def _guesses(asked: Model, values: Mapping, data: Data) -> list[dict[str, float]
     opened = {k for k, v in asked.values().items() if v is None}
     J, Fc, speed = values["J"] or 0.0, values.get("Fc") or 0.0, data.log.fastest
     guesses = []
-    for z, v in product(DEFLECTIONS, STRIBECK_SPEEDS):
+    for more, z, v in product(_own(asked), DEFLECTIONS, STRIBECK_SPEEDS):
         sigma0 = Fc / (z * speed) if Fc else 1.0
         guess = {"sigma0": sigma0, "sigma1": np.sqrt(sigma0 * J), "Fs": 1.2 * Fc, "vs": v * speed}
-        missing = {k: float(g) for k, g in guess.items() if k in opened}
+        missing = {k: float(g) for k, g in guess.items() if k in opened} | more
         guesses.append(asked.kept(_ordered(values, missing)))
     return [g for i, g in enumerate(guesses) if g and g not in guesses[:i]]
+
+
+def _own(asked: Model) -> list[dict[str, float]]:
+    """Undeclared parameters that only this law has: their defaults, then each one changed."""
+    own = {k: p for k, p in asked.friction.block.own.items() if k not in (*BALANCED, "sigma1")}
+    usual = {k: p.value for k, p in own.items() if asked.friction.values.get(k, 0.0) is None}
+    changed = [
+        usual | {k: float(np.clip(factor * usual[k], own[k].low, own[k].high))}
+        for k in usual
+        for factor in FACTORS
+    ]
+    return [usual, *changed]
 
 
 def _ordered(values: Mapping, missing: dict[str, float]) -> dict[str, float]:

@@ -7,6 +7,7 @@ import importlib.util
 import json
 import os
 import pickle
+import re
 import subprocess
 import sys
 import tempfile
@@ -38,6 +39,8 @@ _OTHERS = (
     (b"Rar!", "an archive; unpack it first"), (b"\x7fELF", "a program"),
     (b"\x89MCAP", "an MCAP file; export its topics as CSV, for instance with PlotJuggler"),
 )  # fmt: skip
+_LONG = 160  # characters of what a library says that a sentence repeats
+_LONGEST, _SLOWEST = 18.0, 4e6  # s, and bytes/s beyond, that a library may take for a file
 _EXTRA = 'install it with pip install "lugrectl[files]"'
 
 
@@ -99,7 +102,7 @@ def _read_gzip(path: Path) -> Table:
     try:
         data = gzip.decompress(path.read_bytes())
     except (OSError, EOFError, zlib.error) as error:
-        raise InputError(f"{path.name} is not a readable gzip file: {error}.") from None
+        raise InputError(f"{path.name} is not a readable gzip file: {_why(error)}.") from None
     return _of_bytes(path.name.removesuffix(".gz"), data)
 
 
@@ -110,7 +113,7 @@ def _read_mat(path: Path) -> Table:
     try:
         content = read_mat(path.read_bytes())
     except Damaged as error:
-        raise InputError(f"{path.name} is not a readable MAT file: {error}.") from None
+        raise InputError(f"{path.name} is not a readable MAT file: {_why(error)}.") from None
     hidden = [name for name, value in content.items() if isinstance(value, Opaque)]
     hint = ""
     if hidden:
@@ -127,7 +130,7 @@ def _read_npy(path: Path) -> Table:
     except InputError:
         raise
     except Exception as error:  # numpy raises many kinds on a damaged file
-        raise InputError(f"{path.name} is not a readable NPY file: {error}.") from None
+        raise InputError(f"{path.name} is not a readable NPY file: {_why(error)}.") from None
 
 
 def _read_zip(path: Path) -> Table:
@@ -135,7 +138,7 @@ def _read_zip(path: Path) -> Table:
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()
     except Exception as error:  # zipfile raises many kinds on a damaged file
-        raise InputError(f"{path.name} is not a readable NPZ file: {error}.") from None
+        raise InputError(f"{path.name} is not a readable NPZ file: {_why(error)}.") from None
     if "[Content_Types].xml" in names:
         return _read_sheet(path)
     if not any(name.endswith(".npy") for name in names):
@@ -146,7 +149,7 @@ def _read_zip(path: Path) -> Table:
     except InputError:
         raise
     except Exception as error:  # numpy raises many kinds on a damaged file
-        raise InputError(f"{path.name} is not a readable NPZ file: {error}.") from None
+        raise InputError(f"{path.name} is not a readable NPZ file: {_why(error)}.") from None
 
 
 def _read_json(path: Path) -> Table:
@@ -158,7 +161,7 @@ def _read_json(path: Path) -> Table:
             content = [json.loads(line) for line in data.splitlines() if line.strip()]
         except (ValueError, RecursionError):
             if path.suffix.lower() in (".json", ".jsonl", ".ndjson"):
-                raise InputError(f"{path.name} is not readable JSON: {whole}.") from None
+                raise InputError(f"{path.name} is not readable JSON: {_why(whole)}.") from None
             return read_text(path)
     return _array_table(path, content)
 
@@ -187,7 +190,7 @@ def _read_sheet(path: Path) -> Table:
         ]
         book.close()
     except Exception as error:  # openpyxl raises many kinds on a damaged file
-        raise InputError(f"{path.name} is not a readable Excel file: {error}.") from None
+        raise InputError(f"{path.name} is not a readable Excel file: {_why(error)}.") from None
     problem = InputError(f"{path.name} holds no sheet.")
     for lines in sheets:
         try:
@@ -201,6 +204,13 @@ def _sheet_cell(value: Any) -> str:
     return "" if value is None else str(value).replace("\t", " ").replace("\n", " ")
 
 
+def _why(error: Any) -> str:
+    """What a library says of a damaged file, in a short clause without the bytes that it quotes."""
+    text = "".join(c if c.isprintable() else " " for c in str(error))
+    text = " ".join(re.sub(r"(\\\\x[0-9a-f]{2})+", " ", text).split()) or type(error).__name__
+    return (text if len(text) <= _LONG else f"{text[: _LONG - 4]} ...").rstrip(".")
+
+
 def _needed(module: str, what: str, instead: str) -> None:
     """InputError that names the extra if a library is not installed."""
     hidden = module in sys.modules and sys.modules[module] is None
@@ -212,14 +222,23 @@ def _by_child(how: str, path: Path, kind: str) -> Any:
     """What the library reads in a process of its own, which a damaged file may bring down."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     command = [sys.executable, "-P", child_process.__file__, how, str(path.resolve())]
-    done = subprocess.run(command, capture_output=True, env=environment)
+    longest = _LONGEST + path.stat().st_size / _SLOWEST
     try:
-        good, answer = pickle.loads(done.stdout)
-    except Exception:  # it ended before it could answer
-        good, answer = False, f"the library that reads it ended with code {done.returncode}"
+        done = subprocess.run(command, capture_output=True, env=environment, timeout=longest)
+    except subprocess.TimeoutExpired:
+        good, answer = False, f"the library that reads it did not end within {longest:.0f} s"
+    else:
+        good, answer = _answer_of(done)
     if not good:
-        raise InputError(f"{path.name} is not a readable {kind} file: {answer.rstrip('.')}.")
+        raise InputError(f"{path.name} is not a readable {kind} file: {_why(answer)}.")
     return answer
+
+
+def _answer_of(done: subprocess.CompletedProcess[bytes]) -> tuple[bool, Any]:
+    try:
+        return pickle.loads(done.stdout)
+    except Exception:  # it ended before it could answer
+        return False, f"the library that reads it ended with code {done.returncode}"
 
 
 def _array_table(path: Path, content: Any, hint: str = "") -> Table:

@@ -162,7 +162,7 @@ def _described(layout: _Layout, tail: list[list[str]]) -> _Layout:
     names = tuple(n or plain[c] for c, n in enumerate(layout.names))
     epoch = {}
     for c in time_columns(plain, units):
-        present = [number(x) for x in columns[c] if is_number(x)]
+        present = [number(x) for x in columns[c] if is_number(x) and not is_stamp(x)]
         unit = epoch_unit(present[0], present[-1]) if present else None
         if unit is not None:
             epoch[c] = unit

@@ -126,4 +126,4 @@ def over_loss(log: Stamped, role: str) -> np.ndarray:
     """Where a speed may be the difference of a position over lost rows, as many times too large."""
     if role != "w":
         return np.zeros(len(log.t), bool)
-    return np.diff(log.t, prepend=log.t[0]) > 1.5 * usual_step(log.t)
+    return np.diff(log.t, prepend=log.t[:1]) > 1.5 * usual_step(log.t)

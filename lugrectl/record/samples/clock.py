@@ -200,7 +200,12 @@ def _rounded(t: np.ndarray) -> bool:
     """Whether the stamps are an even grid rounded to few digits, without jitter or loss."""
     steps = np.diff(t)
     typical, spread = float(np.mean(steps)), np.ptp(steps)
-    if spread < 2 * _EXACT * typical or steps.min() > 0 and steps.max() > 4 * typical:
+    if (
+        typical <= 0.0
+        or spread < 2 * _EXACT * typical
+        or steps.min() > 0
+        and steps.max() > 4 * typical
+    ):
         return False
     _, shares = np.unique(np.rint(steps / (_EXACT * typical)), return_counts=True)
     if len(shares) != 2 or shares.min() < 0.02 * len(steps):

@@ -1,0 +1,116 @@
+"""Malformed files are one sentence of ours, or numbers that their text says: tests/fuzz."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+
+from ..fuzz.__main__ import ALL
+from ..fuzz.checks import wrong_with
+from ..fuzz.files import CYCLE, described
+
+CHILD = ("hdf", "parquet")  # read in a process of its own, which takes half a second
+KINDS = [(n, CYCLE[n % len(CYCLE)]) for n in range(300)]
+QUICK = [n for n, kind in KINDS if kind not in CHILD][:192]
+QUICK += [n for n, kind in KINDS if kind in CHILD][:8]
+
+
+@pytest.mark.parametrize("part", range(8))
+def test_a_malformed_file_is_one_sentence_or_read_as_it_says(tmp_path, part):
+    pytest.importorskip("h5py")
+    pytest.importorskip("pyarrow")
+    wrong = []
+    for number in QUICK[part::8]:
+        kind, ways, said = wrong_with(number, tmp_path)
+        wrong += [described(number, kind, ways, said)] if said else []
+    assert wrong == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", range(0, ALL, 250))
+def test_all_malformed_files_without_a_crash(first):
+    pytest.importorskip("h5py")
+    pytest.importorskip("pyarrow")
+    run = [sys.executable, "-m", "tests.fuzz", str(first), str(first + 250)]
+    root = Path(__file__).parents[2]
+    done = subprocess.run(run, capture_output=True, text=True, cwd=root, timeout=1800)
+    assert done.returncode == 0, done.stdout + done.stderr[-500:]
+
+
+# ---- one of each kind that was found ------------------------------------------------
+
+
+def rows(n=60):
+    t = np.arange(n) * 2e-3
+    return t, 0.3 * np.sin(20 * t), np.cos(17 * t)
+
+
+def test_a_table_without_any_row_left_is_one_sentence(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("t,u,w,theta\n0.0,,,\n,,,\n")
+    with pytest.raises((lg.InputError, lg.Refused)) as said:
+        lg.read_record(path)
+    assert "\n" not in str(said.value)
+
+
+def test_a_time_of_day_among_seconds_is_one_sentence(tmp_path):
+    t, u, w = rows()
+    lines = [f"{a:.4f},{b:.5f},{c:.5f}" for a, b, c in zip(t, u, w, strict=True)]
+    lines[-2] = lines[-2].replace("0.1160", "12:34:56")
+    path = tmp_path / "a.csv"
+    path.write_text("t,u,w\n" + "\n".join(lines) + "\n")
+    with pytest.raises(lg.InputError, match="a.csv.*12:34:56"):
+        lg.read_record(path)
+
+
+def test_a_signalling_nan_is_a_missing_sample(tmp_path):
+    t, u, w = rows()
+    u[7] = np.frombuffer(b"\x01\0\0\0\0\0\xf0\x7f")[0]
+    np.savez(tmp_path / "a.npz", t=t, u=u, w=w)
+    assert lg.read_record(tmp_path / "a.npz").samples > 0
+
+
+def test_stamps_that_do_not_go_forward_raise_no_warning(tmp_path):
+    t, u, w = rows()
+    with pytest.raises((lg.InputError, lg.Refused)):
+        lg.read_record({"t": np.where(np.arange(60) % 2, 1.0, 1.0), "u": u, "w": w})
+
+
+def test_what_a_library_says_of_a_damaged_file_is_short_and_printable(tmp_path):
+    np.savez(tmp_path / "a.npz", t=np.arange(99.0), u=np.arange(99.0))
+    data = bytearray((tmp_path / "a.npz").read_bytes())
+    data[26] = 200  # the length of a name
+    (tmp_path / "a.npz").write_bytes(data)
+    with pytest.raises(lg.InputError, match="a.npz is not a readable NPZ file") as said:
+        lg.read_record(tmp_path / "a.npz")
+    assert len(str(said.value)) < 250 and str(said.value).isprintable()
+
+
+def test_a_library_that_hangs_is_ended(tmp_path, monkeypatch):
+    from lugrectl.record.files import readers
+
+    (tmp_path / "hang.py").write_text("import time\ntime.sleep(60)\n")
+    (tmp_path / "a.parquet").write_bytes(b"PAR1" + b"\0" * 100)
+    monkeypatch.setattr(readers.child_process, "__file__", str(tmp_path / "hang.py"))
+    monkeypatch.setattr(readers, "_LONGEST", 0.3)
+    pytest.importorskip("pyarrow")
+    with pytest.raises(lg.InputError, match="a.parquet .* did not end within 0 s"):
+        lg.read_record(tmp_path / "a.parquet")
+
+
+def test_a_number_that_the_text_does_not_say_is_noticed(tmp_path):
+    from lugrectl.record import read_log
+
+    from ..fuzz.checks import not_in_text
+
+    t, u, w = rows()
+    table = np.c_[t, u, w]
+    np.savetxt(tmp_path / "a.csv", table, "%.5f", ",", header="t,u,w", comments="")
+    log = read_log(tmp_path / "a.csv")
+    assert not_in_text(tmp_path / "a.csv", log) is None
+    log.channels["w"][9] += 1e-5
+    assert "w = " in str(not_in_text(tmp_path / "a.csv", log))

@@ -1,0 +1,127 @@
+"""Names of files, columns, effects and models do nothing in a report, whatever they hold."""
+
+import shutil
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl import report
+from lugrectl.blocks.block import REGISTRY
+from lugrectl.diagnosis.fleet import Fleet
+from lugrectl.estimates.findings import Candidate, Estimate, Finding
+from lugrectl.report import diagnosis_plots, fleet_page
+
+from ..cases.html_page import Page
+from ..cases.made_up import diagnosis
+from ..fuzz.files import motion
+
+ACT = "document.title='ran'"
+NAMES = {
+    "script": f"<script>{ACT}</script>",
+    "image": f'"><img src=x onerror="{ACT}">',
+    "style": "</style></title></svg><svg onload=" + ACT + ">",
+    "comment": "--><!-- ]]> &lt;b&gt;",
+    "attribute": f"' onmouseover='{ACT}",
+    "math": r"$\frac{1}{$ a_{b}$ \notthere $",
+    "control": "a\x00b\x0b\x1b[31m\u202e\ud7ff",
+}
+BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
+
+
+@pytest.fixture(autouse=True)
+def clean():
+    """The registry as it was: the blocks declared here go."""
+    before = dict(REGISTRY)
+    yield
+    for key in [*REGISTRY]:
+        if key not in before:
+            del REGISTRY[key]
+
+
+def named(name):
+    """A diagnosis in which everything that a user names has this name."""
+
+    def own(theta, amplitude=lg.P(0.0, f"N m {name}", 0.0, neutral=0.0)):
+        return amplitude * np.sin(theta)
+
+    own.__doc__ = f"r_e = {name}"
+    lg.block("effect", out="d", acts="torque", name=name, confused=name, experiment=name)(own)
+    d = diagnosis()
+    model = replace(d.model, name=name).with_effect(name, {"amplitude": 0.1})
+    found = Finding(name, {"amplitude": Estimate(0.1, f"N m {name}", (0.0, 1.0))},
+                    (Candidate(name, 3.0, 0.1),))  # fmt: skip
+    return replace(
+        d,
+        effects=(found,),
+        model=model,
+        declared=model,
+        depends_on=(name,),
+        experiment=name,
+        messages=(f"{name}, line 3: {name}",),
+        ranking=(Candidate(name, 3.0, 0.1), *d.ranking),
+        record=replace(d.record, source=name),
+    )
+
+
+def safe(text):
+    page = Page(text)
+    assert not {"script", "link", "iframe", "object", "embed"} & set(page.tags)
+    sources = [v for k, v in page.attributes if k in ("src", "href", "xlink:href")]
+    assert all(v.startswith(("#", "data:image/png;base64,")) for v in sources)
+    assert not [k for k, _ in page.attributes if k.startswith("on")]
+    return "".join(page.said)
+
+
+@pytest.mark.parametrize("name", NAMES.values(), ids=NAMES)
+def test_a_name_is_text_in_the_report_and_in_its_pictures(name):
+    d = named(name)
+    said = safe(report.html(d))
+    if "\x00" not in name:
+        assert name in said
+    assert d._repr_html_() and diagnosis_plots.drawings(d)
+
+
+@pytest.mark.parametrize("name", NAMES.values(), ids=NAMES)
+def test_a_name_is_text_in_the_table_of_many_logs(name):
+    fleet = Fleet((), unfinished=(name,), model=replace(lg.Model.of(lg.table1()), name=name))
+    safe(fleet_page.fragment(fleet))
+    safe(lg.Model.of(fleet.model)._repr_html_())
+
+
+@pytest.mark.parametrize("name", NAMES.values(), ids=NAMES)
+def test_a_column_or_file_of_any_name_is_read_and_shown(name, tmp_path):
+    log = {k: v[:300] for k, v in motion().items()}
+    log[name] = log.pop("theta")
+    try:
+        record = lg.read_record(log, columns={"theta": name})
+    except lg.InputError as error:  # a comma or a sign of equality in a list of columns
+        assert "\n" not in str(error)
+        return
+    safe(replace(record, source=name)._repr_html_())
+
+
+@pytest.mark.slow
+@pytest.mark.sample
+@pytest.mark.skipif(BROWSER is None, reason="chromium is not installed")
+@pytest.mark.parametrize("name", list(NAMES.values())[:5], ids=list(NAMES)[:5])
+def test_a_browser_runs_nothing_of_a_report(name, tmp_path):
+    page = tmp_path / "report.html"
+    page.write_text(report.html(named(name)), errors="replace")
+    run = [
+        str(BROWSER),
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--virtual-time-budget=2000",
+    ]
+    done = subprocess.run(
+        [*run, f"--user-data-dir={tmp_path / 'profile'}", "--dump-dom", page.as_uri()],
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert "</html>" in done.stdout, done.stderr[-500:]
+    assert "<title>ran</title>" not in done.stdout
