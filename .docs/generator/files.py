@@ -14,7 +14,7 @@ from lugrectl.blocks.declared_values import KEYS, Stated
 from .entries import bounds, label, number
 from .rst import code, filled, listed, literal, prose, table, title
 
-TOP = ("name", "motion", "plant", "friction", "effects")
+TOP = ("name", "motion", "blocks", "plant", "friction", "effects")
 
 
 def pages() -> dict[str, str]:

@@ -230,7 +230,7 @@ class Block(Shown):
         }
         keys = {k: f"{name}.{k}" for k in numbers}
         called = (self, name, keys, functions)
-        return ct.nlsys(
+        made = ct.nlsys(
             Rates(*called) if self.states else None,
             Outputs(*called),
             inputs=renamed(name, "inputs", self.inputs, inputs),
@@ -240,6 +240,7 @@ class Block(Shown):
             name=name,
             **({} if self.states else {"dt": None}),
         )
+        return described(made, self)
 
 
 class _Registry(dict[tuple[str, str], Block]):
@@ -411,3 +412,28 @@ def is_steady(value: Any) -> bool:
 def _is_of_this_package(value: Any) -> bool:
     home = value if isinstance(value, FunctionType) else type(value)
     return str(home.__module__).startswith("lugrectl.")
+
+
+def described(system: Any, block: Block) -> Any:
+    """The system, with a sentence for control.describing_function where it can say nothing."""
+    why = ""
+    if block.states:
+        why = f"has the states {', '.join(block.states)}, so its output depends on the past"
+    elif len(block.inputs) != 1:
+        why = f"has {len(block.inputs)} inputs"
+    if why:
+        system.describing_function = NoDescribingFunction(f"{system.name} {why}")
+    return system
+
+
+class NoDescribingFunction:
+    """What control.describing_function calls of a block that has none."""
+
+    def __init__(self, why: str) -> None:
+        self.why = why
+
+    def __call__(self, amplitude: Any) -> complex:
+        raise InputError(
+            f"{self.why}: a describing function is for blocks without states and with one input, "
+            "such as lugrectl.friction('coulomb'); simulate this one with a sine instead."
+        )

@@ -7,11 +7,15 @@ import math
 import sys
 import textwrap
 from argparse import Namespace
+from functools import partial
 from importlib import resources
 from typing import Any
 
 from ..core.errors import InputError
+from .given import facts as transfer_facts
+from .given import transfer, written
 from .output import print_out
+from .plotting import drawn, format_of
 
 # The source paper's gains, by loop; K2 of the proposed observer.
 PAPER = {"velocity": {"kp": 1.6, "ki": 0.16}, "position": {"kp": 15.0, "ki": 1.55}}
@@ -31,8 +35,15 @@ def check(a: Namespace) -> int:
     from .. import linear
 
     loop = a.loop or ("position" if a.property == "spr" else "velocity")
-    p, name = _parameters(a)
-    if a.property == "l2":
+    kind = None if a.plot is None else format_of(a.plot, "--plot")
+    T = transfer(a)
+    p, name = _parameters(a) if T is None else (None, None)
+    level = "half-power" if a.half_power else "-3dB"
+    if T is not None:
+        checks = {"l2": linear.l2_check, "spr": linear.spr_check}
+        own = checks.get(a.property, partial(linear.bandwidth_check, level=level))
+        gains, about, verdict = {}, {"transfer": transfer_facts(a)}, own(T)
+    elif a.property == "l2":
         gains = {"K2": PAPER_K2 if a.K2 is None else a.K2}
         verdict, about = linear.l2_check(p, **gains), {}
     elif a.property == "spr":
@@ -42,12 +53,14 @@ def check(a: Namespace) -> int:
     else:
         gains, about = _gains(a, loop), {"loop": loop, "prefilter": bool(a.prefilter)}
         made = linear.position_loop_tf if loop == "position" else linear.velocity_loop_tf
-        level = "half-power" if a.half_power else "-3dB"
         verdict = linear.bandwidth_check(made(p, **gains, prefilter=bool(a.prefilter)), level)
     _unused(a)
     facts = {"schema": 1, "check": a.property, **about, "model": name, "gains": gains}
     facts |= verdict.summary()
+    said = drawn(verdict, a.plot, kind, "--plot") if kind else ""
     print_out(_document(facts) if a.json else _check_text(facts))
+    if said:
+        print(f"lugrectl: {said}", file=sys.stderr)
     return 0 if verdict else 1
 
 
@@ -87,8 +100,11 @@ def _unused(a: Namespace) -> None:
         ("prefilter", "half_power"),
     )
     names = {"l2": loop + filters, "spr": ("K2", *filters), "bandwidth": ("K2",)}[a.property]
+    if a.num is not None:
+        names = ("model", "K2", *loop, "prefilter", *filters[1:])
+        names = names[: -1 if a.property == "bandwidth" else None]
     extra = [f"--{k.replace('_', '-')}" for k in names if getattr(a, k) is not None]
-    extra += [f"--{a.loop}"] if a.property == "l2" and a.loop else []
+    extra += [f"--{a.loop}"] if a.loop and (a.property == "l2" or a.num is not None) else []
     if extra:
         said = f"note: {', '.join(extra)} has no effect on {a.property} and was not used."
         print(f"lugrectl: {said}", file=sys.stderr)
@@ -99,8 +115,11 @@ def _check_text(facts: dict[str, Any]) -> str:
     gains = ", ".join(f"{k} {v:g}" for k, v in facts["gains"].items())
     gains += ", prefilter 2/(s + 2)" if facts.get("prefilter") else ""
     said = [facts[k].rstrip(".") + "." for k in ("reason", "meaning", "repair") if facts.get(k)]
+    what = f"{about}{facts['model']}, {gains}"
+    if "transfer" in facts:
+        what = written(facts["transfer"])
     lines = [
-        f"{_answer(facts)}: {about}{facts['model']}, {gains}",
+        f"{_answer(facts)}: {what}",
         *(textwrap.fill(s, 80, initial_indent="  ", subsequent_indent="  ") for s in said),
     ]
     known = {k: unit for k, unit in _UNITS.items() if k in facts and not math.isnan(facts[k])}
@@ -114,7 +133,7 @@ def _answer(facts: dict[str, Any]) -> str:
     if facts["check"] == "spr":
         return "SPR" if facts["holds"] else "not SPR"
     if not facts["stable"]:
-        return "unstable loop"
+        return "unstable T" if "transfer" in facts else "unstable loop"
     return f"bandwidth {facts['hertz']:.4g} Hz" if facts["holds"] else "no bandwidth"
 
 

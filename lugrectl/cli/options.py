@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
 from ..core.provenance import version
-from . import commands, lookups, plotting
+from . import commands, given, lookups, plotting
 from .overview import overview
 
 
@@ -219,6 +219,14 @@ def _checks(command: argparse.ArgumentParser) -> None:
     add("--derivative-filter", type=_finite, metavar="X", help="kd s/(X s + 1), X in s")
     add("--prefilter", action="store_true", default=None, help="2/(s + 2) in front of the loop")
     add(
+        "--num",
+        metavar="1,10",
+        help="check T = num/den instead: its numerator, highest power first",
+    )
+    add("--den", metavar="1,2,0.5", help="denominator of T")
+    add("--dt", type=_positive, metavar="S", help="T(z) with this sample time (default: T(s))")
+    add("--plot", metavar="FILE", help="draw the verdict: .png, .svg, .pdf or .jpg")
+    add(
         "--half-power",
         action="store_true",
         default=None,
@@ -238,8 +246,8 @@ class _Parser(argparse.ArgumentParser):
         return found
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        self._given = list(sys.argv[1:] if args is None else args)
-        return super().parse_known_args(args, namespace)
+        self._given = given.joined(sys.argv[1:] if args is None else args)
+        return super().parse_known_args(self._given, namespace)
 
     def error(self, message: str) -> NoReturn:
         """Leave with code 2 after one sentence; no usage in front of it."""

@@ -26,10 +26,10 @@ def plot(a: Namespace) -> int:
     from ..diagnosis.plain_answer import plain_answer
     from ..report import plain_text
 
-    kind = None if a.out is None else _format(a.out)
+    kind = None if a.out is None else format_of(a.out)
     logs, model = _read(a)
     balance = plain_answer(logs, model)
-    written = _drawn(balance, a.out, kind)
+    written = drawn(balance, a.out, kind)
     print_out(balance.to_json() if a.json else plain_text(balance))
     print(f"lugrectl: {written}", file=sys.stderr)
     return 0
@@ -46,17 +46,18 @@ def _read(a: Namespace) -> tuple[list[Log], Model]:
     return logs, model or changed({}, {"motion": logs[0].motion}, "model")
 
 
-def _format(out: str) -> str:
+def format_of(out: str, option: str = "--out") -> str:
+    """The kind of picture that a name asks for; InputError where there is none."""
     kind = Path(out).suffix.lower().lstrip(".")
     if kind not in FORMATS:
-        raise InputError(f"--out {out}: the picture must be a file .{', .'.join(FORMATS)}.")
+        raise InputError(f"{option} {out}: the picture must be a file .{', .'.join(FORMATS)}.")
     if not Path(out).absolute().parent.is_dir():
-        raise InputError(f"--out {out}: there is no folder {Path(out).parent}.")
+        raise InputError(f"{option} {out}: there is no folder {Path(out).parent}.")
     return kind
 
 
-def _drawn(balance: Any, out: str | None, kind: str | None) -> str:
-    """Draw; returns what there is to say about it."""
+def drawn(result: Any, out: str | None, kind: str | None, option: str = "--out") -> str:
+    """Draw a result; returns what there is to say about it."""
     import matplotlib
 
     if out is not None:
@@ -65,20 +66,22 @@ def _drawn(balance: Any, out: str | None, kind: str | None) -> str:
 
     if out is None and matplotlib.get_backend().lower() == "agg":
         return f"{NO_SCREEN}."
-    figure = balance.plot()[0].figure
+    figure = result.plot()[0].figure
     if out is None:
         plt.show()
         return "shown."
     made = io.BytesIO()
     figure.savefig(made, format=kind, dpi=130)
     plt.close(figure)
-    _write(Path(out), made.getvalue())
+    _write(Path(out), made.getvalue(), option)
     return f"picture: {out}"
 
 
-def _write(path: Path, content: bytes) -> None:
+def _write(path: Path, content: bytes, option: str) -> None:
     """Write a file whole or not at all."""
     try:
         write_whole(path, content)
     except OSError as error:
-        raise InputError(f"--out {path} cannot be written ({error.strerror or error}).") from None
+        raise InputError(
+            f"{option} {path} cannot be written ({error.strerror or error})."
+        ) from None

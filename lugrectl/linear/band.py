@@ -9,14 +9,14 @@ from fractions import Fraction
 from typing import Any
 
 import control as ct
-import numpy as np
 
-from lugrectl.core.errors import InputError
-
+from ..core.errors import InputError
 from ..core.views import view
 from .exact import Poly, add, hurwitz, odd_roots, positive_roots, real_product, scale
 from .floating import Model, level_crossings
+from .floating_sampled import SampledModel
 from .measured import crossings, is_measured
+from .sampled import Sampled, is_sampled, sample_time
 from .transfer import number, read_transfer
 from .verdict import Verdict, show_poles
 
@@ -34,7 +34,8 @@ class BandwidthVerdict(Verdict):
 
     ``bandwidth`` in rad/s and ``hertz``: the first fall of |T(jw)| through the level; nan
     without a DC gain (T(0) zero or infinite), inf if never below. ``crossings``: all crossings
-    in rad/s, falling and rising in turn. ``poles`` in 1/s, rightmost first.
+    in rad/s, falling and rising in turn. ``poles`` in 1/s, rightmost first (sampled: in z, the
+    largest first).
     """
 
     bandwidth: float
@@ -71,47 +72,65 @@ def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:
     factors; touching the level does not count as a crossing. A state-space model of more than 6
     states is decided in floating point, at the cost of a few eigenvalue problems.
 
-    T : continuous SISO control.TransferFunction or StateSpace, or a pair (num, den); or a
-    measured response, control.frd: its lowest frequency then stands for DC, the crossing is
-    interpolated (dB over log w), and T counts as stable. Raises InputError if T is none of these,
-    or for an unknown level.
+    Of a sampled T(z), T(exp(jw dt)) is meant, up to half the sampling rate, w in rad/s (per sample
+    where T.dt is True), ``poles`` are in z, and the same arithmetic decides.
+
+    T : SISO control.TransferFunction or StateSpace, or a pair (num, den); or a measured response,
+    control.frd: its lowest frequency then stands for DC, the crossing is interpolated (dB over
+    log w), and T counts as stable. Raises InputError if T is none of these, or for an unknown
+    level.
     """
     c = level_power(level)
     if is_measured(T):
         return _measured(T, c, level).of(T)
     if isinstance(T, ct.StateSpace) and (found := _floating(T, c, level)):
         return found.of(T)
-    transfer = read_transfer(T)
-    num, den, _ = transfer
-    poles, stable = transfer.poles, hurwitz(den)
+    if is_sampled(T):
+        sampled = Sampled.of(T)
+        (num, den), stable, frequency = sampled.in_v, sampled.stable, sampled.frequency
+        poles, hidden = sampled.poles, sampled.hidden
+    else:
+        transfer = read_transfer(T)
+        num, den, _ = transfer
+        stable, frequency = hurwitz(den), float
+        poles, hidden = transfer.poles, transfer.hidden
     dc = bool(num) and bool(num[0]) and bool(den[0])
-    crossings = _crossings(num, den, c) if dc else ()
-    width = (crossings[0] if crossings else math.inf) if dc else math.nan
+    found = tuple(map(frequency, _crossings(num, den, c))) if dc else ()
+    width = (found[0] if found else math.inf) if dc else math.nan
     reason = _reason(num, den, width, level)
+    reason += f"; {hidden}" if hidden else ""
+    return _verdict(width, found, stable, poles, reason, is_sampled(T)).of(T)
+
+
+def _verdict(
+    width: float,
+    found: tuple[float, ...],
+    stable: bool,
+    poles: tuple[complex, ...],
+    reason: str,
+    sampled: bool,
+) -> BandwidthVerdict:
     if not stable:
-        reason = f"T is not stable (poles {show_poles(poles)} 1/s): {reason}"
-    if transfer.hidden:
-        reason += f"; {transfer.hidden}"
-    verdict = BandwidthVerdict(width, width / (2 * math.pi), crossings, stable, poles, reason)
-    return verdict.of(T)
+        shown = f"z = {show_poles(poles)}" if sampled else f"poles {show_poles(poles)} 1/s"
+        reason = f"T is not stable ({shown}): {reason}"
+    return BandwidthVerdict(width, width / (2 * math.pi), found, stable, poles, reason)
 
 
 def _floating(T: Any, c: Fraction, level: str | float) -> BandwidthVerdict | None:
     """The verdict on a state-space model of many states; None where exact arithmetic decides."""
-    model = Model.of(T)
-    if len(model.A) <= EXACT or min(abs(model.poles)) <= model.uncertain:
-        return None
-    if np.abs(np.real(model.poles)).min() <= model.uncertain:
+    sampled = is_sampled(T)
+    model = SampledModel.of(T) if sampled else Model.of(T)
+    if len(model.A) <= EXACT or not model.decided:
         return None
     dc, slack = model.at(0.0)
     if abs(dc) <= slack:
         return None
-    found, poles = level_crossings(model, float(c)), tuple(map(complex, model.poles))
-    width, stable = found[0] if found else math.inf, bool(poles[0].real < 0)
-    reason = _falls(width, level, abs(dc))
-    if not stable:
-        reason = f"T is not stable (poles {show_poles(poles)} 1/s): {reason}"
-    return BandwidthVerdict(width, width / (2 * math.pi), found, stable, poles, reason)
+    found = level_crossings(model, float(c))
+    if sampled:
+        found = tuple(2 * math.atan(v) / sample_time(T) for v in found)
+    width = found[0] if found else math.inf
+    poles, reason = tuple(map(complex, model.poles)), _falls(width, level, abs(dc))
+    return _verdict(width, found, model.stable, poles, reason, sampled)
 
 
 def _measured(T: Any, c: Fraction, level: str | float) -> BandwidthVerdict:

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from lugrectl.core.errors import InputError
-
+from ..core.errors import InputError
 from .exact import Poly, add, divide, gcd, mul, poly, scale
 from .transfer import number, read_transfer
 

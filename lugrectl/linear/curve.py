@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import control as ct
 import numpy as np
 
-from lugrectl.core.errors import InputError
-
+from ..core.errors import InputError
 from .measured import is_measured, response
+from .sampled import is_sampled, sample_time
 
 POINTS = 800
 BEYOND = 30.0  # the grid reaches this factor beyond the outermost pole, zero or mark
+ROUND = 81  # points about each pole
+NEAR = 0.999  # of half the sampling rate: T often has a zero there, and no phase
 
 
 def curve(source: Any, *marks: float) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies in rad/s and T(jw), of anything that the checks take.
+    """Frequencies in rad/s and T(jw), or T(exp(jw dt)) up to half the sampling rate, of anything
+    that the checks take.
 
     ``marks`` are frequencies that the grid must include.
     """
@@ -25,14 +29,52 @@ def curve(source: Any, *marks: float) -> tuple[np.ndarray, np.ndarray]:
     if is_measured(source):
         return response(source)
     T = source if isinstance(source, ct.TransferFunction | ct.StateSpace) else _made(source)
-    places = np.abs([*T.poles(), *T.zeros(), *marks])
+    dt = sample_time(T) if is_sampled(T) else None
+    with np.errstate(all="ignore"):
+        poles, zeros = (np.asarray(x, dtype=complex) for x in (T.poles(), T.zeros()))
+        poles, zeros = (x if dt is None else np.log(x) / dt for x in (poles, zeros))
+    places = np.abs(np.concatenate([poles, zeros]))
+    end = math.inf if dt is None else math.pi / dt
+    places = np.append(places[places <= NEAR * end], marks)
     places = places[np.isfinite(places) & (places > 0)]
     if not len(places):
-        places = np.ones(1)
-    w = np.geomspace(places.min() / BEYOND, places.max() * BEYOND, POINTS)
-    w = np.unique(np.concatenate([w, places]))
+        places = np.ones(1) if dt is None else np.array([end / BEYOND])
+    top = places.max() * BEYOND if dt is None else NEAR * end
+    low = places.min() / BEYOND
+    peaks = _about(poles)
+    peaks = peaks[(peaks > low) & (peaks < top)]
+    w = np.unique(np.concatenate([np.geomspace(low, top, POINTS), places, peaks]))
     with np.errstate(all="ignore"):
-        return w, np.ravel(np.asarray(T(1j * w, warn_infinite=False)))
+        return w, _one_channel(
+            T(1j * w if dt is None else np.exp(1j * w * dt), warn_infinite=False)
+        )
+
+
+def _about(poles: Any) -> np.ndarray:
+    """Frequencies about the poles, so close that a resonance is a round curve."""
+    poles = poles[np.isfinite(poles)]
+    steps = np.tan(np.linspace(-1.5, 1.5, ROUND))
+    return (np.abs(poles.imag)[:, None] + np.abs(poles.real)[:, None] * steps).ravel()
+
+
+def _one_channel(values: Any) -> np.ndarray:
+    """The response of one channel; of several, the largest singular value."""
+    values = np.asarray(values)
+    if values.ndim < 3:
+        return np.ravel(values)
+    return np.linalg.norm(np.moveaxis(values, -1, 0), 2, axis=(1, 2))
+
+
+def name(source: Any) -> str:
+    """What is drawn: "T(jw)", or "T(exp(jw dt))" of a sampled system."""
+    return "T(exp(jw dt))" if is_sampled(source) else "T(jw)"
+
+
+def size(source: Any) -> str:
+    """The name of its size, of several channels that of the largest singular value."""
+    if getattr(source, "ninputs", 1) * getattr(source, "noutputs", 1) == 1:
+        return f"|{name(source)}|"
+    return f"largest singular value of {name(source)}"
 
 
 def _made(pair: Any) -> Any:

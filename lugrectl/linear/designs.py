@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lugrectl.blocks.model import values_of
-from lugrectl.core.errors import InputError
-from lugrectl.core.result import Result
-from lugrectl.core.validation import array as numbers
-from lugrectl.core.validation import shown
-
+from ..blocks.model import values_of
+from ..core.errors import InputError
+from ..core.result import Result
+from ..core.validation import array as numbers
+from ..core.validation import shown
 from . import closed_forms as forms
 from .band import bandwidth_check, level_power
 from .loops import position_loop_tf, velocity_loop_tf

@@ -17,8 +17,7 @@ import numpy as np
 from scipy.linalg import eig, schur, solve_triangular
 from scipy.optimize import brentq
 
-from lugrectl.core.errors import InputError
-
+from ..core.errors import InputError
 from .transfer import require_continuous_siso
 from .verdict import show_poles
 
@@ -67,19 +66,38 @@ class Model:
         """A real part of a pole in 1/s below which rounding decides on its side."""
         return 1e3 * EPS * self.norm
 
+    @property
+    def stable(self) -> bool:
+        return bool(self.poles[0].real < 0)
+
+    @property
+    def decided(self) -> bool:
+        """Whether no pole is so near to the axis that rounding decides on its side."""
+        return bool(np.abs(np.real(self.poles)).min() > self.uncertain)
+
     def at(self, w: float) -> tuple[complex, float]:
         """T(jw), and what rounding of the matrices may change of it."""
         S, b, c = self.triangular
-        M = (1j * w - self.shift) * np.eye(len(S)) - S
+        s = self.point(w)
+        M = s * np.eye(len(S)) - S
         right = solve_triangular(M, b)
         left = solve_triangular(M, c, trans=1)
         reach = float(np.linalg.norm(left) * np.linalg.norm(right))
         size = float(np.linalg.norm(c) * np.linalg.norm(right)) + abs(self.D)
-        return complex(c @ right) + self.D, EPS * ((self.norm + w) * reach + size)
+        return complex(c @ right) + self.D, EPS * ((self.norm + abs(s)) * reach + size)
+
+    def point(self, w: float) -> complex:
+        """Where on the axis, moved by the shift, w is."""
+        return 1j * w - self.shift
+
+    @property
+    def marks(self) -> np.ndarray:
+        """The poles, in the variable whose imaginary axis the frequencies lie on."""
+        return self.poles
 
     def places(self, zeros: np.ndarray) -> np.ndarray:
         """0, the frequencies of zeros and poles, points between them and beyond, in rad/s."""
-        marks = np.concatenate([zeros, self.poles])
+        marks = np.concatenate([zeros, self.marks])
         marks = np.concatenate([np.abs(marks), np.abs(np.imag(marks))])
         marks = np.sort(marks[np.isfinite(marks) & (marks > 0)])
         marks = marks[np.append(True, np.diff(marks) > SINGLE * marks[1:])] if len(marks) else marks
@@ -92,7 +110,7 @@ class Model:
         """The zeros of T(s) + T(-s)."""
         A = self.A + self.shift * np.eye(len(self.A))
         zero = np.zeros_like(A)
-        return _zeros(
+        return zeros_of(
             np.block([[A, zero], [zero, -A.T]]),
             np.vstack([self.B, self.C.T]),
             np.hstack([self.C, -self.B.T]),
@@ -102,7 +120,7 @@ class Model:
     def level_zeros(self, square: float) -> np.ndarray:
         """The zeros of T(s) T(-s) - square."""
         A, B, C, D = self.A, self.B, self.C, self.D
-        return _zeros(
+        return zeros_of(
             np.block([[A, np.zeros_like(A)], [-C.T @ C, -A.T]]),
             np.vstack([B, -C.T * D]),
             np.hstack([D * C, B.T]),
@@ -110,11 +128,11 @@ class Model:
         )
 
 
-def _zeros(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: float) -> np.ndarray:
-    """The finite zeros of a system with one input and one output."""
+def zeros_of(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: Any) -> np.ndarray:
+    """The finite zeros of a system with as many inputs as outputs."""
     scale = math.sqrt(max(np.linalg.norm(B), 1e-300) / max(np.linalg.norm(C), 1e-300))
-    left = np.block([[A, B / scale], [C * scale, np.array([[D]])]])
-    right = np.diag([*np.ones(len(A)), 0.0])
+    left = np.block([[A, B / scale], [C * scale, np.atleast_2d(D)]])
+    right = np.diag([*np.ones(len(A)), *np.zeros(len(C))])
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
         pairs: Any = eig(left, right, right=False, homogeneous_eigvals=True)
@@ -140,7 +158,7 @@ def realness(model: Model) -> Realness:
         return Realness("", "no poles")
     first = model.poles[0].real
     if first > -model.uncertain:
-        if first <= model.uncertain or not _is_seen(model):
+        if first <= model.uncertain or not is_seen(model):
             return Realness("", "a pole on the axis, or one that cancels")
         shown = show_poles([p for p in map(complex, model.poles) if p.real > model.uncertain])
         return Realness("not PR", f"T has poles right of the imaginary axis ({shown} 1/s)", 0.0)
@@ -165,11 +183,11 @@ def realness(model: Model) -> Realness:
     return Realness("SPR", reason, math.inf, _margin(model))
 
 
-def _is_seen(model: Model) -> bool:
-    """Whether the rightmost pole is in T(s): its residue is not zero."""
+def is_seen(model: Model, size: Any = np.real) -> bool:
+    """Whether the rightmost pole (the one of the largest ``size``) has a residue that is not 0."""
     found: Any = eig(model.A, left=True)
     poles, left, right = found
-    k = int(np.argmax(np.real(poles)))
+    k = int(np.argmax(size(poles)))
     to, of = left[:, k].conj(), right[:, k]
     residue = (model.C[0] @ of) * (to @ model.B[:, 0]) / (to @ of)
     sizes = np.linalg.norm(model.C) * np.linalg.norm(model.B)
@@ -192,12 +210,12 @@ def _not_real(
     if end < -least:
         below = below | (w >= w[-1])
     first = int(np.argmax(below))
-    low = _crossing(lambda x: model.at(x)[0].real, w, first, real) if first else 0.0
+    low = crossing(lambda x: model.at(x)[0].real, w, first, real) if first else 0.0
     after = np.flatnonzero(~below[first:])
     high = math.inf
     if len(after):
         k = first + int(after[0])
-        high = _crossing(lambda x: model.at(x)[0].real, w, k, real)
+        high = crossing(lambda x: model.at(x)[0].real, w, k, real)
     to = f"{low:.6g} < w < {high:.6g} rad/s" if high < math.inf else f"w > {low:.6g} rad/s"
     more = f" and at {many} higher places" if (many := _more(below, first)) else ""
     edge = low if first and (real[1:first] > 0).any() else 0.0
@@ -209,7 +227,7 @@ def _more(below: np.ndarray, first: int) -> int:
     return int(np.count_nonzero(np.diff(later.astype(int)) == 1))
 
 
-def _crossing(function: Any, w: np.ndarray, k: int, values: np.ndarray) -> float:
+def crossing(function: Any, w: np.ndarray, k: int, values: np.ndarray) -> float:
     """Where a function changes its sign between w[k - 1] and w[k]."""
     if values[k - 1] * values[k] >= 0:
         return float(w[k])
@@ -248,4 +266,4 @@ def level_crossings(model: Model, power: float) -> tuple[float, ...]:
     w = model.places(model.level_zeros(square))
     values = np.array([above(x) for x in w])
     ends = np.flatnonzero((values[1:] < 0) != (values[:-1] < 0)) + 1
-    return tuple(_crossing(above, w, int(k), values) for k in ends)
+    return tuple(crossing(above, w, int(k), values) for k in ends)

@@ -9,9 +9,8 @@ from typing import Any
 
 import control as ct
 
-from lugrectl.blocks.model import values_of
-from lugrectl.core.errors import InputError
-
+from ..blocks.model import values_of
+from ..core.errors import InputError
 from .controller import Controller, read_controller
 from .exact import Poly, add, mul, poly
 from .transfer import number, parameter, to_float

@@ -9,7 +9,7 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from lugrectl.core.errors import InputError
+from ..core.errors import InputError
 
 FREQUENT = 2  # least number of frequencies
 

@@ -11,6 +11,7 @@ from typing import Any
 import control as ct
 
 from ..core.views import view
+from . import floating_sampled
 from .exact import (
     Poly,
     axis_roots,
@@ -26,6 +27,8 @@ from .loops import LoopT
 from .measured import is_measured, realness
 from .realness import band_edge, classify, margin
 from .repair import Repair, find_repair
+from .sampled import Sampled, is_sampled
+from .sampled import realness as of_sampled
 from .transfer import Transfer, read_transfer
 from .verdict import Verdict, show_poles
 
@@ -39,9 +42,10 @@ class SprVerdict(Verdict):
 
     ``classification``: "SPR", "WSPR" (Re T(jw) > 0 at every finite w, but not T(s - eps)
     positive real for any eps > 0), "PR", "not PR". ``margin``: the largest eps in 1/s for which
-    T(s - eps) is positive real; inf for a positive constant, 0 unless SPR. ``band_edge``: end of
-    the band (0+, band_edge) with Re T(jw) > 0 in rad/s; inf if it has no end, 0 if Re T is not
-    positive just above w = 0. ``repair``: a sentence on the change of the controller that makes T
+    T(s - eps) is positive real, of a sampled T(z) T(exp(-eps dt) z); inf for a positive constant,
+    0 unless SPR. ``band_edge``: end of the band (0+, band_edge) with Re T(jw) > 0 in rad/s; inf if
+    it has no end (sampled: if it reaches half the sampling rate), 0 if Re T is not positive just
+    above w = 0. ``repair``: a sentence on the change of the controller that makes T
     SPR; None for an SPR T, if ``spr_repair`` finds no such change, and for a T that was not made
     by ``position_T`` or ``velocity_T``.
     """
@@ -89,13 +93,21 @@ def spr_check(T: Any) -> SprVerdict:
     T(s) + T(-s): time grows with the third power of the order. Where the rounding of its matrices
     may decide, as after a change of coordinates, T counts as PR and the reason says so.
 
-    T : continuous SISO control.TransferFunction or StateSpace, or a pair (num, den) in
+    A sampled T(z) is SPR iff its poles lie inside the unit circle and Re T(exp(jw dt)) > 0 at
+    every w, 0 and half the sampling rate among them: the circle is closed, so there is no WSPR.
+    z = (1 + v)/(1 - v) makes a rational function of v of it, on which the same exact arithmetic
+    decides. Without a direct part (a delay of one sample at least) no T(z) is positive real.
+    Where T.dt is True, w and the margin are per sample.
+
+    T : SISO control.TransferFunction or StateSpace, continuous or sampled, or a pair (num, den) in
         descending powers of s; or a measured response, control.frd: the verdict then holds for
         its frequencies alone, and its margin is nan. Raises InputError if it is none of these.
     """
     if is_measured(T):
         kind, edge, reason = realness(T)
         return SprVerdict(kind, math.nan, edge, f"{kind}: {reason}.").of(T)
+    if is_sampled(T):
+        return _sampled(T).of(T)
     model = Model.of(T) if isinstance(T, ct.StateSpace) else None
     if model is not None and len(model.A) > EXACT and (found := realness_of(model)).kind:
         return _floating(found).of(T)
@@ -111,6 +123,17 @@ def spr_check(T: Any) -> SprVerdict:
         reason += f"; {transfer.hidden}"
     verdict = SprVerdict(kind, eps, edge, f"{kind}: {reason}.", repair and repair.sentence)
     return verdict.of(T)
+
+
+def _sampled(T: Any) -> SprVerdict:
+    """The verdict on T(z)."""
+    states = isinstance(T, ct.StateSpace)
+    if states and T.nstates > EXACT and (found := floating_sampled.realness(T)).kind:
+        return _floating(found)
+    kind, eps, edge, reason = of_sampled(Sampled.of(T))
+    if states and kind != "PR" and (found := floating_sampled.realness(T)).rounded:
+        return _floating(found)
+    return SprVerdict(kind, eps, edge, f"{kind}: {reason}.")
 
 
 def _floating(found: Realness) -> SprVerdict:

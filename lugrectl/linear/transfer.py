@@ -11,9 +11,8 @@ from typing import Any, NamedTuple
 import control as ct
 import numpy as np
 
-from lugrectl.core.errors import InputError
-from lugrectl.core.validation import shown
-
+from ..core.errors import InputError
+from ..core.validation import shown
 from .exact import Poly, divide, gcd, hurwitz, poly
 from .verdict import show_poles
 
@@ -87,6 +86,11 @@ def read_transfer(T: Any, name: str = "T") -> Transfer:
     """
     if isinstance(T, ct.TransferFunction | ct.StateSpace):
         require_continuous_siso(T, name)
+    return lowest_terms(*coefficients(T, name))
+
+
+def coefficients(T: Any, name: str = "T") -> tuple[Poly, Poly]:
+    """Numerator and denominator as they are given, in s or, of a sampled T, in z."""
     if isinstance(T, ct.TransferFunction):
         num, den = (
             _descending(T.num[0][0], "numerator", name),
@@ -103,7 +107,7 @@ def read_transfer(T: Any, name: str = "T") -> Transfer:
         )
     if not den:
         raise InputError(f"The denominator of {name}(s) is zero.")
-    return lowest_terms(num, den)
+    return num, den
 
 
 def lowest_terms(num: Poly, den: Poly) -> Transfer:
@@ -112,13 +116,18 @@ def lowest_terms(num: Poly, den: Poly) -> Transfer:
     return Transfer(divide(num, common)[0], divide(den, common)[0], common)
 
 
-def require_continuous_siso(T: Any, name: str) -> None:
-    """InputError, which calls T ``name``, for several channels or discrete time."""
+def require_siso(T: Any, name: str) -> None:
+    """InputError, which calls T ``name``, for several channels."""
     if (T.ninputs, T.noutputs) != (1, 1):
         raise InputError(
             f"{name} has {T.ninputs} inputs and {T.noutputs} outputs, but the check is for one of "
             f"each; pick one channel, such as {name}[0, 0]."
         )
+
+
+def require_continuous_siso(T: Any, name: str) -> None:
+    """InputError, which calls T ``name``, for several channels or discrete time."""
+    require_siso(T, name)
     if T.isdtime(strict=True):
         raise InputError(
             f"{name} is discrete-time (dt = {T.dt}), but the check is for continuous time; "

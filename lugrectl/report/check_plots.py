@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.errors import InputError
-from ..linear.curve import curve
+from ..linear.curve import curve, name
+from ..linear.curve import size as size_of
 from .canvas import on_pyplot, style
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ def realness(verdict: Any, ax: Any = None) -> Sequence[Axes]:
     """Re T(jw) with the band edge and the margin, and the Nyquist curve."""
     edge = verdict.band_edge
     w, T = curve(verdict._source, *([edge] if math.isfinite(edge) else []))
+    of = name(verdict._source)
     good = np.isfinite(T)
     w, re, im = w[good], np.real(T[good]), np.imag(T[good])
 
@@ -33,13 +35,14 @@ def realness(verdict: Any, ax: Any = None) -> Sequence[Axes]:
         if 0 < edge < w[-1]:
             own.axvline(edge, color=MARK, ls="--", label=f"band edge {edge:.4g} rad/s")
             own.legend()
-        margin = f", margin {verdict.margin:.4g} 1/s" if math.isfinite(verdict.margin) else ""
-        own.set(xlabel="w [rad/s]", ylabel="Re T(jw)", title=f"{verdict.classification}{margin}")
+        shown = verdict and math.isfinite(verdict.margin)
+        margin = f", margin {verdict.margin:.4g} 1/s" if shown else ""
+        own.set(xlabel="w [rad/s]", ylabel=f"Re {of}", title=f"{verdict.classification}{margin}")
 
     def nyquist(own: Axes) -> None:
         own.plot(re, im, color=LINE)
         own.axvline(0.0, color=MARK, ls="--", label="Re T = 0")
-        own.set(xlabel="Re T(jw)", ylabel="Im T(jw)", title="Nyquist, w > 0")
+        own.set(xlabel=f"Re {of}", ylabel=f"Im {of}", title="Nyquist, w > 0")
         own.legend()
 
     return _panels([real, nyquist], ax)
@@ -49,6 +52,7 @@ def gain(verdict: Any, ax: Any = None) -> Sequence[Axes]:
     """|T(jw)| with its largest value."""
     at = verdict.frequency
     w, T = curve(verdict._source, *([at] if math.isfinite(at) else []))
+    of = size_of(verdict._source)
 
     def size(own: Axes) -> None:
         own.loglog(w, np.abs(T), color=LINE)
@@ -59,7 +63,7 @@ def gain(verdict: Any, ax: Any = None) -> Sequence[Axes]:
             if w[0] <= at <= w[-1]:
                 own.plot([at], [verdict.gain], "o", color=MARK)
             own.legend()
-        own.set(xlabel="w [rad/s]", ylabel="|T(jw)|", title="L2 gain")
+        own.set(xlabel="w [rad/s]", ylabel=of, title="L2 gain")
 
     return _panels([size], ax)
 
@@ -68,6 +72,7 @@ def band(verdict: Any, ax: Any = None) -> Sequence[Axes]:
     """Magnitude and phase with the bandwidth."""
     width = verdict.bandwidth
     w, T = curve(verdict._source, *([width] if math.isfinite(width) else []))
+    of = size_of(verdict._source)
     with np.errstate(divide="ignore"):
         decibel = 20 * np.log10(np.abs(T))
 
@@ -78,7 +83,7 @@ def band(verdict: Any, ax: Any = None) -> Sequence[Axes]:
             own.axvline(width, color=MARK, ls="--", label=label)
             own.plot([width], [np.interp(np.log(width), np.log(w), decibel)], "o", color=MARK)
             own.legend()
-        own.set(xlabel="w [rad/s]", ylabel="|T(jw)| [dB]", title="Bandwidth")
+        own.set(xlabel="w [rad/s]", ylabel=f"{of} [dB]", title="Bandwidth")
 
     def phase(own: Axes) -> None:
         own.semilogx(w, np.degrees(np.unwrap(np.angle(T))), color=LINE)

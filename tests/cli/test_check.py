@@ -62,3 +62,57 @@ def test_options_without_a_part_are_named(capsys):
     )
     code, out, err = run(capsys, "spr --ki 1 --tau 1 --leak 1")
     assert code == 2 and not out and "tau and leak" in err
+
+
+def test_a_transfer_function_is_checked_as_it_is_typed(capsys):
+    code, out, _ = run(capsys, "spr --num 1,10 --den 1,2,0.5")
+    assert code == 1 and out.startswith("not SPR: T(s) = (s + 10)/(s^2 + 2 s + 0.5)\n")
+    code, out, _ = run(capsys, "l2 --num -1,2 --den 1,-0.5 --dt 0.01 --json")
+    found = json.loads(out)
+    assert code == 0 and found["gain"] == pytest.approx(2.0)
+    assert found["transfer"] == {"num": [-1, 2], "den": [1, -0.5], "dt": 0.01}
+    assert found["model"] is None and found["gains"] == {}
+    code, out, _ = run(capsys, "bandwidth --num 1 --den 1,1 --half-power --json")
+    assert code == 0 and json.loads(out)["bandwidth"] == pytest.approx(1.0)
+    code, out, _ = run(capsys, "bandwidth --num=1 --den=1,-1")
+    assert code == 1 and out.startswith("unstable T: T(s) = (1)/(s - 1)")
+
+
+def test_decimals_of_a_typed_transfer_function_are_exact(capsys):
+    """sigma1 Kd = sigma0 J holds for these decimals, for none of their floats."""
+    _, out, _ = run(capsys, "spr --num 0.6,260 --den 0.0003,0.13,15 --json")
+    assert json.loads(out)["classification"] == "WSPR"
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("l2 --num 1 --den 1,x", "--den is '1,x', but numbers in descending powers"),
+        ("l2 --num 1 --den 1e400", "--den is '1e400', but numbers"),
+        ("l2 --num 1 --den 0", "--den is zero"),
+        ("l2 --num 1", "--den is missing"),
+        ("spr --den 1", "--num is missing"),
+        ("spr --dt 0.1", "--dt is the sample time of T(z): give --num and --den too"),
+        ("spr --num 1 --den 1 --dt -1", "-1 is not above 0"),
+        ("spr --plot a.gif", "--plot a.gif: the picture must be a file .png"),
+        ("spr --plot /no/such/folder/a.png", "--plot /no/such/folder/a.png: there is no folder"),
+    ],
+)
+def test_a_transfer_function_that_cannot_be_understood_is_one_sentence(capsys, line, words):
+    code, out, err = run(capsys, line)
+    assert code == 2 and out == "" and words in err and err.count("\n") == 1
+
+
+def test_options_that_a_typed_transfer_function_leaves_without_a_part_are_named(capsys):
+    _, _, err = run(capsys, "bandwidth --num 1 --den 1,1 --position --kp 3 --half-power")
+    assert "--kp, --position has no effect" in err and "half-power" not in err
+
+
+@pytest.mark.parametrize("what", ["spr", "l2", "bandwidth"])
+@pytest.mark.parametrize("T", ["", "--num 1,10 --den 1,2,0.5", "--num 1,0.2 --den 1,-0.4 --dt 0.1"])
+def test_the_verdict_is_drawn_into_a_file(capsys, tmp_path, what, T):
+    file = tmp_path / "check.png"
+    code, out, err = run(capsys, f"{what} {T} --plot {file} --json")
+    assert code in (0, 1) and json.loads(out)["check"] == what
+    assert file.read_bytes()[:4] == b"\x89PNG" and f"picture: {file}" in err
+    assert [*tmp_path.iterdir()] == [file]

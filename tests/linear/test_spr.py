@@ -170,8 +170,7 @@ def test_spr_of_state_space_is_exact_and_drops_hidden_modes():
 @pytest.mark.parametrize(
     ("T", "word"),
     [
-        (ct.tf([1], [1, 0.5], 0.01), "discrete-time"),
-        (ct.ss(0.5, 1, 1, 0, True), "discrete-time"),
+        (ct.ss(-np.eye(2) / 2, np.eye(2), np.eye(2), 0, 0.01), "2 inputs"),
         (ct.ss(-np.eye(2), np.eye(2), np.eye(2), 0), "2 inputs"),
         (([1], [0, 0]), "denominator of T"),
         (([1], [1, math.nan]), "denominator"),

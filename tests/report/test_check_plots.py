@@ -88,3 +88,43 @@ def test_a_verdict_is_the_same_after_a_pickle_and_can_be_drawn(T):
     again = pickle.loads(pickle.dumps(found))
     assert again.summary().keys() == found.summary().keys() and "_source" not in found.summary()
     assert len(again.plot()) == 2
+
+
+SAMPLED = ct.sample_system(FALLS, 0.1, "tustin")  # with a zero at half the sampling rate
+
+
+@pytest.mark.parametrize("T", [SAMPLED, ct.ss(SAMPLED), ct.tf([1, 0.2], [1, -0.5], True)])
+@pytest.mark.parametrize("check", CHECKS.values(), ids=CHECKS)
+def test_a_sampled_verdict_is_drawn_on_the_circle_up_to_half_the_rate(check, T):
+    dt = 1.0 if T.dt is True else T.dt
+    axes = check(T).plot()
+    curve = axes[0].lines[0].get_data()
+    assert 0.99 * np.pi / dt < curve[0][-1] <= np.pi / dt
+    at = np.array([T(np.exp(1j * w * dt)) for w in curve[0]])
+    wanted = {lg.spr_check: at.real, lg.l2_check: abs(at)}.get(check, 20 * np.log10(abs(at)))
+    assert curve[1] == pytest.approx(wanted, rel=1e-9)
+    assert "T(exp(jw dt))" in axes[0].get_ylabel()
+
+
+def test_a_zero_at_half_the_rate_does_not_squeeze_the_picture():
+    (ax,) = lg.l2_check(SAMPLED).plot()
+    assert ax.get_ylim()[0] > 1e-9
+
+
+def test_only_an_spr_verdict_shows_a_margin():
+    assert "margin" not in lg.spr_check(FALLS).plot()[0].get_title("left")
+
+
+def test_several_channels_are_drawn_by_their_largest_singular_value():
+    T = ct.ss(np.diag([-1.0, -2.0]), np.eye(2), np.eye(2), np.zeros((2, 2)))
+    (ax,) = lg.l2_check(T).plot()
+    w, size = ax.lines[0].get_data()
+    assert size == pytest.approx(1 / np.hypot(1, w), rel=1e-9)
+    assert ax.get_ylabel() == "largest singular value of T(jw)"
+
+
+def test_a_sharp_resonance_is_a_round_curve():
+    _, nyquist = lg.spr_check(ct.tf([1, 0], [1, 1e-3, 1])).plot()
+    re, im = nyquist.lines[0].get_data()
+    steps = np.abs(np.diff(re + 1j * im))
+    assert steps.max() < 0.06 * np.max(re)  # a circle of diameter max(re)

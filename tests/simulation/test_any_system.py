@@ -3,6 +3,8 @@ measured responses, friction laws in a describing function."""
 
 from __future__ import annotations
 
+import pickle
+
 import control as ct
 import numpy as np
 import pytest
@@ -103,3 +105,46 @@ def test_a_friction_law_without_states_has_a_describing_function(amplitude):
     law = lg.friction("coulomb", Fc=0.3, Fv=0.02)
     (found,) = ct.describing_function(law, [amplitude], num_points=4000)
     assert found == pytest.approx(4 * 0.3 / (np.pi * amplitude) + 0.02, rel=1e-2)
+
+
+LAWS = [law.name for law in lg.laws()]
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_every_law_has_a_describing_function_or_says_in_one_sentence_why_not(name):
+    law = lg.friction(name)
+    for one in (law, pickle.loads(pickle.dumps(law)), law.copy(name="other")):
+        if law.nstates:
+            with pytest.raises(lg.InputError, match=r"states .*: a describing function is for"):
+                ct.describing_function(one, [0.5, 1.0])
+        else:
+            found = ct.describing_function(one, [0.5, 1.0], num_points=2000)
+            angle = np.linspace(0, 2 * np.pi, 2000, endpoint=False)
+            wanted = [
+                np.mean([float(np.squeeze(law(a * x))) * 2 * x / a for x in np.sin(angle)])
+                for a in (0.5, 1.0)
+            ]
+            assert found == pytest.approx(np.array(wanted), rel=1e-9)
+
+
+def test_three_laws_are_without_states():
+    assert [name for name in LAWS if not lg.friction(name).nstates] == [
+        "viscous",
+        "coulomb",
+        "stribeck",
+    ]
+
+
+def test_a_block_of_two_inputs_has_no_describing_function_and_says_so():
+    with pytest.raises(lg.InputError, match="error has 2 inputs: a describing function is for"):
+        ct.describing_function(lg.error(), 1.0)
+
+
+def test_a_loop_with_a_law_still_answers_the_describing_function_method():
+    """The limit cycle of the relay-like Coulomb law: where -1/N(A) meets H."""
+    law = lg.friction("coulomb", Fc=1.0, Fv=0.0)
+    H = ct.tf([1], [1, 2, 1, 0])
+    response = ct.describing_function_response(H, law, np.linspace(0.2, 2, 50), refine=True)
+    (amplitude, frequency) = response.intersections[0]
+    assert frequency == pytest.approx(1.0, rel=1e-2)  # phase -180 degrees at 1 rad/s, |H| = 1/2
+    assert amplitude == pytest.approx(2 / np.pi, rel=3e-2)

@@ -1,0 +1,153 @@
+"""Checks of a sampled state-space model in floating point, as those of a continuous one.
+
+T(z) is evaluated at z = (1 + jv)/(1 - jv) with the matrices as they are. Where its sign may change
+comes from the continuous model with the same values: s stands for v there.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from .floating import EPS as ROUNDING
+from .floating import HALVINGS, Model, Realness, crossing, is_seen
+from .sampled import sample_time
+from .transfer import require_siso
+from .verdict import show_poles
+
+
+class SampledModel(Model):
+    """C (zI - A)^-1 B + D; ``shift``: T(exp(-shift) z) instead. Frequencies are tan(w dt/2)."""
+
+    @classmethod
+    def of(cls, T: Any) -> SampledModel:
+        require_siso(T, "T")
+        A, B, C, D = (np.asarray(M, dtype=float) for M in (T.A, T.B, T.C, T.D))
+        return cls(A, B, C, float(D[0, 0]))
+
+    def point(self, w: float) -> complex:
+        on_circle = -1.0 + 0j if math.isinf(w) else (1 + 1j * w) / (1 - 1j * w)
+        return math.exp(-self.shift) * on_circle
+
+    @property
+    def largest(self) -> float:
+        """The largest |z| of a pole."""
+        return float(np.abs(self.poles).max())
+
+    @cached_property
+    def poles(self) -> np.ndarray:
+        """In z, the largest first."""
+        poles = np.linalg.eigvals(self.A)
+        return poles[np.lexsort((poles.imag, -np.abs(poles)))]
+
+    @property
+    def stable(self) -> bool:
+        return self.largest < 1
+
+    @property
+    def decided(self) -> bool:
+        return bool(np.abs(np.abs(self.poles) - 1).min() > self.uncertain)
+
+    @property
+    def uncertain(self) -> float:
+        """A distance of a pole from the unit circle below which rounding decides on its side."""
+        return 1e3 * ROUNDING * max(self.norm, 1.0)
+
+    @cached_property
+    def marks(self) -> np.ndarray:
+        with np.errstate(all="ignore"):
+            return (self.poles - 1) / (self.poles + 1)
+
+    @property
+    def continuous(self) -> Model:
+        """The model in v: (A - I)(A + I)^-1 and so on."""
+        grow = math.exp(self.shift)
+        A, C = self.A * grow, self.C * grow
+        inverse = np.linalg.inv(A + np.eye(len(A)))
+        return Model(
+            inverse @ (A - np.eye(len(A))),
+            math.sqrt(2) * inverse @ self.B,
+            math.sqrt(2) * C @ inverse,
+            self.D - float((C @ inverse @ self.B)[0, 0]),
+        )
+
+    def realness_zeros(self) -> np.ndarray:
+        return self.continuous.realness_zeros()
+
+    def level_zeros(self, square: float) -> np.ndarray:
+        return self.continuous.level_zeros(square)
+
+    def places(self, zeros: np.ndarray) -> np.ndarray:
+        return np.append(super().places(zeros), math.inf)
+
+
+def realness(T: Any) -> Realness:
+    """The kind of a sampled T; "" where a pole is on the circle or cancels outside it."""
+    model, dt = SampledModel.of(T), sample_time(T)
+    if not len(model.A):
+        return Realness("", "no poles")
+    if model.largest > 1 - model.uncertain:
+        if model.largest <= 1 + model.uncertain or not is_seen(model, np.abs):
+            return Realness("", "a pole on the circle, or one that cancels")
+        shown = show_poles([p for p in map(complex, model.poles) if abs(p) > 1])
+        return Realness("not PR", f"T has poles outside the unit circle (z = {shown})", 0.0)
+    v = model.places(model.realness_zeros())
+    w = 2 * np.arctan(v) / dt
+    real, slack = np.array([(t.real, slack) for t, slack in map(model.at, v)]).T
+    if (real < -slack).any():
+        return _not_real(model, v, real, slack, dt)
+    k = int(np.argmin(real - slack))
+    if real[k] <= slack[k]:
+        reason = f"Re T(exp(jw dt)) >= 0, but it is 0 at w = {w[k]:.6g} rad/s within rounding"
+        return Realness("PR", reason, float(w[k]) or math.inf, rounded=True)
+    k = int(np.argmin(real))
+    reason = (
+        f"poles inside the unit circle (the largest |z| = {model.largest:.6g}) and "
+        f"Re T(exp(jw dt)) > 0 at every w, about {real[k]:.6g} at w = {w[k]:.6g} rad/s"
+    )
+    return Realness("SPR", reason, math.inf, _margin(model) / dt)
+
+
+def _not_real(
+    model: SampledModel, v: np.ndarray, real: np.ndarray, slack: np.ndarray, dt: float
+) -> Realness:
+    """The first band with Re T < 0."""
+    below = real < -slack
+    first = int(np.argmax(below))
+    after = first + int(np.argmin(below[first:]))
+    ends = [0.0, math.inf]
+    for i, k in enumerate((first, after)):
+        if 0 < k and below[k] != below[k - 1]:
+            ends[i] = _crossing(model, v, k, real)
+    low, high = (2 * math.atan(end) / dt for end in ends)
+    edge = low if first and (real[1:first] > 0).any() else 0.0
+    more = "" if not below[after:].any() or after == first else " and at higher places"
+    reason = f"Re T(exp(jw dt)) < 0 for {low:.6g} < w < {high:.6g} rad/s{more}"
+    return Realness("not PR", reason, edge)
+
+
+def _crossing(model: SampledModel, v: np.ndarray, k: int, real: np.ndarray) -> float:
+    angles = np.arctan(v)
+    return math.tan(crossing(lambda x: model.at(math.tan(x))[0].real, angles, k, real))
+
+
+def _margin(model: SampledModel) -> float:
+    """The largest eps dt with T(exp(-eps dt) z) positive real, by bisection."""
+    low, high = 0.0, -math.log(model.largest) if model.largest else 700.0
+    if _scaled_is_real(model, high * (1 - 1e-12)):
+        return high
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if _scaled_is_real(model, middle) else (low, middle)
+    return low
+
+
+def _scaled_is_real(model: SampledModel, eps: float) -> bool:
+    moved = replace(model, shift=eps)
+    vars(moved)["triangular"], vars(moved)["poles"] = model.triangular, model.poles
+    values = map(moved.at, moved.places(moved.realness_zeros()))
+    return all(t.real >= -slack for t, slack in values)
