@@ -206,12 +206,12 @@ def test_a_phase_that_was_declared_wrong_is_turned(plain):
     model = model.with_effect("gravity", {"amplitude": 0.1, "phase": 0.4})
     base = begun(pushed, model).base
 
-    def turned(phase):
+    def phase_of(phase):
         start = Start(base.values | {"gravity.phase": phase}, base.noise, 0.0)
         return turned(base.predictor, base.where, start).values["gravity.phase"]
 
-    assert turned(0.4) == 0.4
-    assert abs(turned(2.3) - 0.4) < 0.8
+    assert phase_of(0.4) == 0.4
+    assert abs(phase_of(2.3) - 0.4) < 0.8
 
 
 @given(st.floats(-20.0, 20.0))

@@ -33,12 +33,14 @@ from .switching import freeze_modes
 # that sticks) makes the remaining interval be stepped in short steps. A run that would never get
 # through an interval is ended.
 #
-# The error of a state counts relative to its present value s, so that a small motion after a large
-# start is right; s is at least `floor` = atol / rtol, and SMALL of the largest value b so far,
-# below which rounding would decide.
+# The error of a state counts relative to its recent size s, so that a small motion after a large
+# start is right, and a zero crossing costs few steps: s fades by FADE a step, and by LEFT while
+# the value is below GONE of it. It is at least `floor` = atol / rtol, and SMALL of the largest
+# value b so far, below which rounding would decide.
 _RUN = """
 DEAD = 1e-11
 SMALL = 1e-7
+FADE, LEFT, GONE = 0.999, 0.5, 0.01
 FAR = 1e5
 PATIENCE = 40
 TRIALS = 65536
@@ -286,5 +288,6 @@ def _accept(parts: Parts) -> list[str]:
     lines += [f"a{i} = l{i}" for i in range(len(parts.leads))]
     for i, x in enumerate(parts.states):
         lines += [f"{x} = n{i}", f"b{i} = max(b{i}, abs({x}))"]
-        lines += [f"s{i} = max(abs({x}), SMALL * b{i}, floor)", f"q{i} = 1.0 / s{i}"]
+        lines += [f"s{i} *= FADE if abs({x}) > GONE * s{i} else LEFT"]
+        lines += [f"s{i} = max(abs({x}), s{i}, SMALL * b{i}, floor)", f"q{i} = 1.0 / s{i}"]
     return lines + [f"{u} = v{i}" for i, u in enumerate(parts.inputs)]
