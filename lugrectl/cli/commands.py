@@ -49,7 +49,12 @@ def _closing(work: Any, loop: str, record: Any, model: Model, **options: Any) ->
         return found
     options["progress"](0.97, "closing the control loop")
     lugre = "sigma1" in model.friction.values
-    options = {"observer": "proposed" if lugre else "disturbance", "record": found.record}
+    options = {
+        "observer": "proposed" if lugre else "disturbance",
+        "record": found.record,
+        "covariance": found.joint,
+        "seed": options.get("seed", 0),
+    }
     try:
         made = compensate(found.model, declared=model, loop=loop, table=found.table, **options)
     except InputError as no:  # the diagnosis is still valid

@@ -61,7 +61,8 @@ def parser() -> argparse.ArgumentParser:
         "--compensate",
         choices=("velocity", "position"),
         help="also close this control loop in simulation: friction compensation with the "
-        "declared and with the augmented model, and the tracking error of both",
+        "declared and with the augmented model, and the tracking error of both, on the exact model "
+        "and on drives like the recorded one",
     )
     _fleet(diagnose)
     _records(_command(made, "identify", commands.identify, "fit the declared model only"))

@@ -19,10 +19,12 @@ from ..blocks.observers import Gain, observer_block
 from ..core.errors import Diverged, InputError
 from ..core.numeric import rms
 from ..core.progress import Progress, Wanted, reporter, shows_progress
-from ..core.validation import shown
+from ..core.validation import shown, whole
+from ..estimates.covariance import Joint
 from ..estimates.findings import Table
 from ..record.as_record import as_record
 from ..simulation.response import simulate
+from .drive import DRAWS, spread
 from .feedforward import sorted_out, with_table
 from .gains import controller, observer_gains
 from .loop import OUTPUTS, Task, closed
@@ -49,6 +51,9 @@ def compensate(
     reference: tuple[ArrayLike, ArrayLike] | None = None,
     record: Any = None,
     table: Table | None = None,
+    covariance: Joint | None = None,
+    draws: int = DRAWS,
+    seed: int = 0,
     progress: Wanted = None,
 ) -> Compensation:
     """Tracking error with the compensation of the declared and of the augmented model.
@@ -84,10 +89,16 @@ def compensate(
         value. Default: a sine of the speed inside the range of ``record``, or of 1 rad/s at
         0.25 Hz.
     record : Record, path, DataFrame or dict of arrays, optional
-        For the default reference.
+        For the default reference, and for the drive that ``drive`` of the result is about: its
+        sample rate, encoder steps and noise of speed and torque.
     table : Table, optional
         An unexplained torque that also acts on the drive. It is compensated "after", unless it
         is a table over u.
+    covariance : Joint, optional
+        ``diagnose(...).covariance``: the drive's parameters are drawn from it, while the
+        compensation believes ``model``. Needs ``record``.
+    draws, seed : int
+        Number of drawn drives, and the seed of parameters and noise.
     progress : callable, True, False or None
         ``progress(fraction, what)``, or whether to show a bar. None: in Jupyter only.
 
@@ -109,6 +120,10 @@ def compensate(
     without d, because it does not model loads. Effects on the command, the sensors, the inertia
     or a second mass are not compensated. The error is that of the motion itself, not of the
     sensor signals.
+
+    In ``none``, ``before`` and ``after`` the simulated drive is exactly the model and the control
+    is continuous: they show what the structure of the compensation can reach. ``drive`` shows
+    what a drive like the recorded one will see.
     """
     if not isinstance(loop, str) or loop not in MEASURED:
         raise InputError(f"unknown loop {shown(loop)}; known: {', '.join(MEASURED)}.")
@@ -121,6 +136,11 @@ def compensate(
     given = {"kp": kp, "ki": ki, "kd": kd}
     if loop == "velocity" and kd is not None:
         raise InputError("a velocity loop has no kd; its gains are kp and ki.")
+    if not (covariance is None or isinstance(covariance, Joint)):
+        raise InputError(
+            f"covariance must be that of a diagnosis, result.covariance, not {shown(covariance)}."
+        )
+    draws, seed = whole(draws, "draws", least=1), whole(seed, "seed")
     task = Task(model, table, loop, controller(given, loop, bandwidth, _value(model, "J")))
     timed = any(part.block.timed for part in (*model.effects, *before.effects))
     timed = timed or (table is not None and table.signals[0] == "t")
@@ -131,8 +151,16 @@ def compensate(
     for key, believed in chosen.items():
         systems[key] = closed(task, believed, observer, designs[key][0], key)
     copies = _copies(observer)
-    runs, errors, messages = _simulated(task, systems, way, copies, reporter(progress))
+    report = reporter(progress)
+    runs, errors, messages = _simulated(task, systems, way, copies, report)
     messages += _useless(errors)
+    unit = unit_for("rad/s" if loop == "velocity" else "rad", model.motion)
+    drive = None
+    if record is not None:
+        own = {"none": {}} | {key: design[0] for key, design in designs.items()}
+        drive = spread(task, {"none": None} | chosen, observer, own, way, record, copies,
+                       covariance, draws, seed, report)  # fmt: skip
+        messages += drive.advice(unit)
     fed, left = sorted_out(model)
     if table is not None:
         fed, left = with_table(table, fed, left)
@@ -142,7 +170,7 @@ def compensate(
         none=errors["none"],
         before=errors["before"],
         after=errors["after"],
-        unit=unit_for("rad/s" if loop == "velocity" else "rad", model.motion),
+        unit=unit,
         controller=task.controller,
         gains={k: d[1] for k, d in designs.items()},
         certificate=designs["after"][2],
@@ -152,6 +180,7 @@ def compensate(
         messages=tuple(messages),
         loop=systems,
         runs=runs,
+        drive=drive,
     )
 
 

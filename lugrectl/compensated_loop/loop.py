@@ -34,21 +34,36 @@ def closed(
     task: Task, believed: Model | None, watcher: str | None, gains: Mapping[str, Any], name: str
 ) -> ct.InterconnectedSystem:
     """The loop around the drive, compensated by the model ``believed`` (None: by nothing)."""
+    model = task.model
+    parts = [plant(model), sensor(model), *control(task, believed, watcher, gains)]
+    parts += [task.table.block()] if task.table is not None else []
+    return ct.interconnect(
+        parts,
+        inputs=["r", "dr", *(["ddr"] if task.kind == "position" else [])],
+        outputs=list(OUTPUTS),
+        params={},  # else blocks with equal keys would share the values of the last one
+        check_unused=False,
+        name=name,
+    )
+
+
+def control(
+    task: Task, believed: Model | None, watcher: str | None, gains: Mapping[str, Any]
+) -> list[ct.NonlinearIOSystem]:
+    """The blocks of the controller, from w_m, theta_m and the reference to u."""
     kind, model = task.kind, task.model
     measured = MEASURED[controllers.MEASURED[kind]]
     own: Any = {"outputs": ["u_fb"]}
     if kind == "velocity":
-        control = [controllers.pi(**task.controller, **own)]
+        feedback = [controllers.pi(**task.controller, **own)]
     else:  # D on the velocity error: on w alone it would act against the reference motion
         lag = controllers.error(name="error_w", inputs=["dr", "w_m"], outputs=["e_w"])
-        control = [lag, controllers.pid(**task.controller, inputs=["e", "e_w"], **own)]
+        feedback = [lag, controllers.pid(**task.controller, inputs=["e", "e_w"], **own)]
     made = observer_block("no_observer" if watcher is None else watcher)
     seen = [MEASURED.get(s, s) for s in made.inputs]
     parts = [
-        plant(model),
-        sensor(model),
         controllers.error(kind, inputs=["r", measured]),
-        *control,
+        *feedback,
         controllers.feedforward(believed or model, kind, **own),
         observer(made.name, believed or model, inputs=seen, **gains),
         controllers.compensation(**own),
@@ -58,16 +73,7 @@ def closed(
         wanted = [*(["theta_m"] if kind == "position" else []), "w_m", "r", "dr"]
         wanted += ["ddr"] if kind == "position" else []
         parts.append(sliding_error(kind=kind, inputs=wanted))
-    parts += [task.table.block()] if task.table is not None else []
-    parts += [] if believed is None else _fed(task, believed)
-    return ct.interconnect(
-        parts,
-        inputs=["r", "dr", *(["ddr"] if kind == "position" else [])],
-        outputs=list(OUTPUTS),
-        params={},  # else blocks with equal keys would share the values of the last one
-        check_unused=False,
-        name=name,
-    )
+    return parts + ([] if believed is None else _fed(task, believed))
 
 
 def _fed(task: Task, believed: Model) -> list[ct.NonlinearIOSystem]:

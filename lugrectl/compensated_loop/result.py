@@ -14,6 +14,7 @@ from ..core.display import Row, Shown
 from ..core.result import Result, library, plain
 from ..core.views import view
 from ..design import Certificate
+from .drive import Spread
 
 LOOPS = {
     "none": "without compensation",
@@ -42,7 +43,8 @@ class Compensation(Result):
     and their simulations under the same three names (no run for a loop that diverged).
     ``compensated``: effects whose torque is fed forward; ``left``: effects that are not, each
     with the reason. ``gains`` are those of the observer in the loops "before" and "after",
-    ``certificate`` what they guarantee "after" (None if there is no design).
+    ``certificate`` what they guarantee "after" (None if there is no design). ``drive``: the same
+    errors on a drive like the recorded one, which is not exactly the model; None without a record.
     """
 
     kind: str
@@ -60,6 +62,7 @@ class Compensation(Result):
     messages: tuple[str, ...]
     loop: Mapping[str, ct.InterconnectedSystem]
     runs: Mapping[str, Run]
+    drive: Spread | None = None
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as under "compensation" in the JSON document."""
@@ -79,6 +82,7 @@ class Compensation(Result):
                 "not_compensated": [{"name": n, "reason": why} for n, why in self.left],
                 "reference": self.reference,
                 "messages": list(self.messages),
+                "drive": self.drive.summary() if self.drive else None,
             }
         )
 
@@ -101,6 +105,7 @@ class Compensation(Result):
         rate = self.certificate.rate if self.certificate else None
         left = ", ".join(name for name, _ in self.left)
         rows = [Row(f"RMS error, {k}", getattr(self, k), self.unit) for k in LOOPS]
+        rows += [] if self.drive is None else self.drive.rows(self.unit)
         rows += [Row(k, v) for k, v in self.controller.items()]
         rows += [Row(k, v) for k, v in self.gains.get("after", {}).items()]
         rows += [Row("observer's rate", rate, "1/s")] if rate else []

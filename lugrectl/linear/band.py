@@ -110,6 +110,8 @@ def _verdict(
     reason: str,
     sampled: bool,
 ) -> BandwidthVerdict:
+    if sampled:
+        reason = reason.replace("|T(jw)|", "|T(exp(jw dt))|")
     if not stable:
         shown = f"z = {show_poles(poles)}" if sampled else f"poles {show_poles(poles)} 1/s"
         reason = f"T is not stable ({shown}): {reason}"

@@ -53,8 +53,9 @@ def curve(source: Any, *marks: float) -> tuple[np.ndarray, np.ndarray]:
 def _about(poles: Any) -> np.ndarray:
     """Frequencies about the poles, so close that a resonance is a round curve."""
     poles = poles[np.isfinite(poles)]
+    real, imag = np.abs(np.real(poles)), np.abs(np.imag(poles))
     steps = np.tan(np.linspace(-1.5, 1.5, ROUND))
-    return (np.abs(poles.imag)[:, None] + np.abs(poles.real)[:, None] * steps).ravel()
+    return (imag[:, None] + real[:, None] * steps).ravel()
 
 
 def _one_channel(values: Any) -> np.ndarray:

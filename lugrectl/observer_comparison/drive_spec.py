@@ -12,11 +12,10 @@ from ..blocks.aliases import meant
 from ..blocks.block import unit_for
 from ..core.errors import InputError
 from ..core.validation import number, positive, real, share, shown
-from ..identification.dataset.sensor_noise import sensor_noise
 from ..record import Record
 from ..record.as_record import as_record, is_record
-from ..record.record import smallest_step
-from .sampled_drive import Sensing
+from ..simulation.encoder import Sensing
+from ..simulation.recorded_sensing import sensing_of
 
 KEYS = (
     *("rate", "noise", "resolution", "speed_noise", "delay", "measured"),
@@ -103,23 +102,18 @@ def _holds_arrays(given: Mapping[Any, Any]) -> bool:
 
 def estimated(record: Record) -> DriveSpec:
     """Rate, noise, step of the encoder and speed of a record."""
-    found: dict[str, Any] = {"noise": 0.0, "resolution": 0.0, "speed_noise": None}
-    if record.theta is not None:
-        found |= _encoder(record.theta, record.resolution.get("theta", 0.0))
-    if record.w is not None:
-        found["speed_noise"] = sensor_noise(record.w, record.resolution.get("w", 0.0))
+    seen = sensing_of(record)
     here = tuple(k for k in ("theta", "w") if getattr(record, k) is not None)
     fast = USUAL * _fast(record)
-    return DriveSpec(record.rate, **found, measured=here, speed=fast or None, source=record.source)
-
-
-def _encoder(theta: np.ndarray, step: float) -> dict[str, float]:
-    """Step and noise of a position; numbers that are much finer than the noise have no step."""
-    step = max(step, smallest_step(theta))
-    size = sensor_noise(theta, step)
-    if step < 0.1 * size:
-        return {"noise": size, "resolution": 0.0}
-    return {"noise": float(np.sqrt(max(size**2 - step**2 / 12.0, 0.0))), "resolution": step}
+    return DriveSpec(
+        record.rate,
+        noise=seen.noise,
+        resolution=seen.resolution,
+        speed_noise=seen.speed_noise,
+        measured=here,
+        speed=fast or None,
+        source=record.source,
+    )
 
 
 def _fast(record: Record) -> float:

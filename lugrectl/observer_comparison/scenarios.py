@@ -12,10 +12,11 @@ import numpy as np
 from ..blocks.observers import observer_block
 from ..core.errors import Diverged
 from ..core.numeric import rms
+from ..simulation.encoder import Sensing, rounded
 from ..simulation.response import simulate
 from .comparison import Compared
 from .loop import OUTPUTS, Terms, closed
-from .sampled_drive import Sensing, rounded, sampled_run
+from .sampled_drive import sampled_run
 
 STEP = 1e-3  # s
 SCENARIOS = (

@@ -11,9 +11,10 @@ import numpy as np
 from ..blocks.observers import observer_block
 from ..core.errors import Diverged, InputError
 from ..core.numeric import rms
+from ..simulation.encoder import Sensing
 from .drive_spec import DriveSpec
 from .loop import Terms
-from .sampled_drive import Sensing, sampled_run
+from .sampled_drive import sampled_run
 
 PERIODS, SETTLED = 1.25, 0.25  # of the reference: simulated, and left out of the error
 FEWEST, MOST = 20, 50_000  # samples of a run

@@ -139,13 +139,15 @@ def _compensation(d: Any) -> Section | None:
         return None
     errors = (c.none, c.before, c.after)
     factor, unit = readable(errors, c.unit)
-    row = (f"{c.kind} loop", unit, *(number(e * factor, 3) for e in errors))
-    grid = Grid(("RMS tracking error", "unit", "none", "before", "after"), "llrrr", (row,))
+    rows = ((f"{c.kind} loop", unit, *(number(e * factor, 3) for e in errors)),)
+    rows += _on_drives(c.drive, factor, unit) if c.drive else ()
+    grid = Grid(("RMS tracking error", "unit", "none", "before", "after"), "llrrr", rows)
     watcher = f"the {c.observer} observer" if c.observer else "no observer"
     lines = [
         "Simulated with the augmented model as the drive. The compensation uses "
         f"{watcher} and the declared model (before) or the augmented model (after).",
     ]
+    lines += [_drives(c.drive)] if c.drive else []
     if c.compensated:
         lines.append(f"Fed forward as a torque: {', '.join(c.compensated)}.")
     lines += [f"Not compensated: {name}; {why}." for name, why in c.left]
@@ -155,6 +157,35 @@ def _compensation(d: Any) -> Section | None:
     if certificate is not None and certificate.rate:
         footnote = f"Observer errors decay at a rate of at least {number(certificate.rate, 3)} 1/s."
     return Section("Compensation in simulation", tuple(lines), grid, footnote)
+
+
+def _on_drives(drive: Any, factor: float, unit: str) -> tuple[tuple[str, ...], ...]:
+    """Rows with the median and the spread of the errors."""
+    found = [[number(e * factor, 3) for e in drive.of(key)] for key in ("none", "before", "after")]
+    many = len(drive.errors["none"])
+    middle = ("on drives, median" if many > 1 else "on a drive", unit, *(m for m, _, _ in found))
+    ends = ("10 to 90 %", "", *(f"{low}..{high}" for _, low, high in found))
+    return (middle, ends) if many > 1 else (middle,)
+
+
+def _drives(drive: Any) -> str:
+    """What the drives of the spread are, in a sentence."""
+    noise = drive.noise
+    parts = [f"control sampled at {number(drive.rate, 4)} Hz"]
+    parts += [f"encoder steps of {number(drive.resolution, 3)}"] if drive.resolution else []
+    parts += [
+        f"noise of {number(noise[key], 2)} in {name}"
+        for key, name in (("theta", "position"), ("w", "speed"), ("u", "torque"))
+        if noise[key] > 0
+    ]
+    many = len(drive.errors["none"])
+    drawn = (
+        f"parameters drawn {many} times from their joint covariance, while the compensation "
+        "believes the estimate"
+        if drive.drawn
+        else "parameters as estimated"
+    )
+    return f"On drives like the recorded one (SI units): {', '.join(parts)}; {drawn}."
 
 
 def _experiment(d: Any) -> Section | None:

@@ -12,7 +12,7 @@ from lugrectl.blocks.model import model_from_dict
 from lugrectl.diagnosis.result import VERDICTS
 from lugrectl.identification.dataset.dataset import prepare
 from lugrectl.identification.dataset.folds import GAP, split
-from lugrectl.identification.likelihood.initial_values import Start
+from lugrectl.identification.likelihood.initial_values import Start, turned
 from lugrectl.identification.likelihood.likelihood import (
     WORST,
     compared,

@@ -6,14 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lugrectl.identification.dataset.dataset import prepare
-from lugrectl.identification.dataset.sensor_noise import (
-    Noise,
-    observer_gain,
-    repeating,
-    sensor_noise,
-    smooth,
-)
+from lugrectl.identification.dataset.sensor_noise import Noise, observer_gain, smooth
 from lugrectl.record import Record
+from lugrectl.record.signal_noise import repeating, sensor_noise
 
 DT = 1e-3
 T = np.arange(0, 8, DT)

@@ -204,6 +204,7 @@ def test_the_bandwidth_of_a_sampled_system_is_where_its_response_falls():
     grown = ct.append(ct.ss(T), *[ct.ss(0.1 * k, 1, 1, 0, 0.01) for k in range(6)])
     many = ct.ss(grown.A, grown.B[:, :1], grown.C[:1], grown.D[:1, :1], 0.01)
     assert lg.bandwidth(many) == pytest.approx(width, rel=1e-9)
+    assert "|T(exp(jw dt))| falls through" in lg.bandwidth_check(T).reason
     with pytest.warns(UnstableLoopWarning, match=r"z = \+1.1"):
         lg.bandwidth(ct.tf([1, 0.3], [1, -1.1], 0.1))
     assert lg.bandwidth(ct.tf([1, 0.01], [1, -0.01], 0.1)) == math.inf

@@ -9,7 +9,7 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.observer_comparison.drive_spec import drive_spec
-from lugrectl.observer_comparison.sampled_drive import rounded
+from lugrectl.simulation.encoder import rounded
 
 from ..cases.observed import P
 

@@ -4,7 +4,6 @@ import copy
 import json
 import math
 from dataclasses import replace
-from importlib import resources
 
 import numpy as np
 import pytest
@@ -16,12 +15,9 @@ from lugrectl.diagnosis.result import VERDICTS
 from lugrectl.estimates.findings import Estimate, FrictionMap, Table
 
 from ..cases.made_up import bare
+from ..cases.schema import SCHEMA, VALID, closed, document
 
 jsonschema = pytest.importorskip("jsonschema")
-SCHEMA = json.loads(
-    (resources.files("lugrectl") / "report" / "report.schema.json").read_text(encoding="utf-8")
-)
-VALID = jsonschema.Draft202012Validator(SCHEMA)
 
 
 def stamped():
@@ -38,10 +34,6 @@ def friction_map():
     w, held = np.array([1.0, 2.0]), np.array([True, False])
     swing = ((1, Estimate(0.1, "N m", (0.0, 0.2))),)
     return FrictionMap(w, w, w, held, w, {"refitted": w}, "rotary", swing)
-
-
-def document(d):
-    return json.loads(d.to_json())
 
 
 def diagnosis(verdict="found", **changes):
@@ -66,17 +58,6 @@ def changed(d, *path, to):
     else:
         at[path[-1]] = to
     return made
-
-
-def closed(schema):
-    """The schema with every object whose keys are listed closed to other keys."""
-    if isinstance(schema, list):
-        return [closed(x) for x in schema]
-    if not isinstance(schema, dict):
-        return schema
-    made = {k: closed(v) for k, v in schema.items()}
-    listed = "properties" in made and made.get("type") == "object" and "required" in made
-    return {"additionalProperties": False, **made} if listed else made
 
 
 def test_the_schema_is_a_schema():

@@ -11,7 +11,8 @@ import numpy as np
 from ...core.errors import InputError, Refused
 from ...record import Record
 from ...record.record import smallest_step
-from .sensor_noise import Noise, repeating, sensor_noise, smooth
+from ...record.signal_noise import repeating, sensor_noise
+from .sensor_noise import Noise, smooth
 
 STEPPED = 3.0  # times the acceleration over 20 ms: above, it is due to an encoder's steps
 

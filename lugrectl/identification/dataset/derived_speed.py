@@ -9,8 +9,8 @@ import numpy as np
 from scipy.signal import coherence, welch
 
 from ...record import Record
+from ...record.signal_noise import NORMAL_MAD, sensor_noise
 from .dataset import Data, prepare
-from .sensor_noise import NORMAL_MAD, sensor_noise
 
 SEGMENT = 256  # samples of one segment of a spectrum
 LEAST_SEGMENTS = 4

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..engine.runtime.substeps import Substeps
-from ..simulation.sampled_block import OfStep, in_steps, sampled, signals, usually_held
+from .sampled_block import OfStep, in_steps, sampled, signals, usually_held
 
 MOST = 24  # Runge-Kutta steps in a sample
 REACH = 1.2  # of a rate times the length of a step; the method is stable up to 2.7

@@ -1,0 +1,161 @@
+"""A cluster of two worker processes carries sweeps and fleets; a killed worker costs no member."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+
+from ..cases.ensembles import T, lag, noise, step_response
+
+pytestmark = pytest.mark.slow
+MEMBERS = 12
+GAINS, TAUS = np.linspace(0.5, 2, MEMBERS), np.linspace(0.05, 0.5, MEMBERS)
+TABLE = {"lag.gain": GAINS, "lag.tau": TAUS}
+
+
+@pytest.fixture
+def client() -> Iterator[Any]:
+    distributed = pytest.importorskip("distributed")
+    import dask
+
+    quiet = {"distributed.worker.daemon": True, "distributed.admin.log-length": 0}
+    options = {"n_workers": 2, "threads_per_worker": 1, "processes": True}
+    with (
+        dask.config.set(quiet),
+        distributed.LocalCluster(**options, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as made,
+    ):
+        pids = set(made.run(os.getpid).values())
+        assert len(pids) == 2 and os.getpid() not in pids
+        yield made
+
+
+class Killer:
+    """A progress callback that kills one worker process when a share of the work is done."""
+
+    def __init__(self, client: Any, share: float) -> None:
+        self.client, self.share, self.killed = client, share, 0
+
+    def __call__(self, fraction: float, what: str = "") -> None:
+        if fraction >= self.share and not self.killed:
+            self.killed = min(self.client.run(os.getpid).values())
+            os.kill(self.killed, signal.SIGKILL)
+
+    def really(self) -> bool:
+        """Whether the process is gone, and the cluster has another one in its place or fewer."""
+        return self.killed > 0 and self.killed not in self.client.run(os.getpid).values()
+
+
+def slowly(member: int) -> float:
+    """A unit step that takes its time, so that a kill meets work in progress."""
+    time.sleep(0.15)
+    return 1.0
+
+
+def noted(folder: str, member: int) -> float:
+    """The same, which leaves a file for each time that a member is computed."""
+    time.sleep(0.15)
+    (Path(folder) / f"{member}-{os.getpid()}-{time.monotonic_ns()}").touch()
+    return 1.0
+
+
+def test_a_sweep_on_two_processes_is_that_of_this_process(client: Any) -> None:
+    here = lg.sweep(lag(), T, noise, TABLE, seeds=MEMBERS, states=True)
+    executor = client.get_executor()
+    there = lg.sweep(lag(), T, noise, TABLE, seeds=MEMBERS, states=True, executor=executor, chunk=2)
+    assert np.array_equal(here.y, there.y) and np.array_equal(here.x, there.x)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.8])
+def test_a_worker_killed_during_a_sweep_loses_no_member(client: Any, share: float) -> None:
+    killer = Killer(client, share)
+    found = lg.sweep(
+        lag(), T, slowly, TABLE, executor=client.get_executor(), chunk=1, progress=killer
+    )
+    assert killer.really()
+    assert found.done.all() and not found.failed
+    assert np.allclose(found["y"], step_response(GAINS, TAUS), atol=1e-4)
+
+
+def test_members_that_came_home_before_the_kill_are_not_computed_again(
+    client: Any, tmp_path: Path
+) -> None:
+    killer, members = Killer(client, 0.0), []
+    parts = lg.sweep_chunks(
+        lag(), T, partial(noted, str(tmp_path)), TABLE, executor=client.get_executor(), chunk=1
+    )
+    for part in parts:
+        members += part.members.tolist()
+        assert np.isfinite(part.y).all()
+        if len(members) == MEMBERS // 2:
+            home = list(members)
+            killer(1.0)
+    assert killer.really() and sorted(members) == list(range(MEMBERS))
+    times = [int(file.name.split("-")[0]) for file in tmp_path.iterdir()]
+    assert set(times) == set(range(MEMBERS))
+    assert all(times.count(member) == 1 for member in home)
+
+
+def logs(folder: Path) -> list[Path]:
+    """Coulomb friction, viscous friction and inertia, each with its own level."""
+    rng, dt = np.random.default_rng(0), 0.004
+    t = dt * np.arange(1500)
+    files = []
+    for k in range(4):
+        w = 2.0 * np.sin(2 * np.pi * (0.5 + 0.1 * k) * t) + np.sin(2 * np.pi * 1.3 * t)
+        F = (0.2 + 0.05 * k) * np.tanh(w / 1e-3) + 0.02 * w
+        u = 0.002 * np.gradient(w, dt) + F
+        rows = np.column_stack([t, u, w + rng.normal(0.0, 1e-3, len(t))])
+        files.append(folder / f"axis{k}.csv")
+        np.savetxt(files[-1], rows, delimiter=",", header="t,u,w", comments="", fmt="%.9g")
+    return files
+
+
+def answers(fleet: Any) -> list[tuple[str, str, Any]]:
+    """What must be the same wherever a log is diagnosed."""
+    return [
+        (Path(o.file).name, o.verdict, (o.document or {}).get("plain", {}).get("parameters"))
+        for o in fleet.outcomes
+    ]
+
+
+@pytest.mark.parametrize("share", [None, 0.25])
+def test_a_fleet_on_two_processes_is_that_of_this_process_even_if_one_is_killed(
+    client: Any, tmp_path: Path, share: float | None
+) -> None:
+    files = logs(tmp_path)
+    model = lg.Model.of(J=0.002, friction="coulomb", Fc=0.25, Fv=0.02)
+    killer = Killer(client, 2.0 if share is None else share)
+    options: dict[str, Any] = {"time_limit": 20.0}
+    there = lg.diagnose_each(
+        files, model, executor=client.get_executor(), progress=killer, **options
+    )
+    here = lg.diagnose_each(files[:1], model, **options)
+    assert share is None or killer.really()
+    assert not there.failed and not there.unfinished and len(there.outcomes) == 4
+    assert answers(there)[0] == answers(here)[0]
+    levels = [entry[2]["Fc"]["value"] for entry in answers(there)]
+    assert levels == pytest.approx([0.2, 0.25, 0.3, 0.35], rel=0.05)
+
+
+def test_a_member_that_kills_every_worker_is_the_only_one_lost(client: Any) -> None:
+    with pytest.warns(RuntimeWarning, match="1 of 12 members failed; member 4"):
+        found = lg.sweep(lag(), T, deadly, TABLE, executor=client.get_executor(), chunk=1)
+    assert set(found.failed) == {4}
+    assert np.allclose(found["y"][found.ok], step_response(GAINS, TAUS)[found.ok], atol=1e-4)
+
+
+def deadly(member: int) -> float:
+    if member == 4:
+        os._exit(1)
+    return 1.0
