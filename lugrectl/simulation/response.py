@@ -72,8 +72,9 @@ def simulate(
     hold : bool
         True to hold inputs between samples, as a drive holds its torque; else they are linear.
     rtol : float
-        Error allowed in a step, relative to the present value of each state (at least 1e-7 of
-        the largest value that it has had).
+        Error allowed in a step, relative to the size of each state: its value, or the largest of
+        its last swing, which is forgotten in about the time in which the state fell (at least
+        1e-7 of the largest value that it has had).
     atol : float, optional
         The same in the unit of the state, for values near zero; default 1e-9 rtol, and 1e-4 rtol
         where SciPy integrates.

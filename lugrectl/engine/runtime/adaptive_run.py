@@ -71,8 +71,9 @@ class Adaptive:
         """States at the times t (N,) for inputs u (m, N), held or linear between them.
 
         The error of each step is at most ``rtol``: the states' errors, each divided by the
-        state's present value (at least ``atol / rtol``, default 1e-9, and 1e-7 of its largest
-        value so far), as the root of the sum of their squares.
+        state's size, as the root of the sum of their squares. The size is the largest value of
+        the last swing, which is forgotten in about the time in which the state fell (at least
+        ``atol / rtol``, default 1e-9, and 1e-7 of its largest value so far).
 
         Raises
         ------
