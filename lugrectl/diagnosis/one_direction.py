@@ -26,6 +26,7 @@ EACH = (
 )
 OVER = 0.1  # s over which a speed is taken
 MOVING = 0.05  # of the top speed: slower, it may be noise
+WAY = "the other direction"
 OTHER = "Record the other direction, too."
 NEXT = "{}, too: it separates the parts of {}."
 
@@ -78,6 +79,22 @@ def of_runs(parts: Sequence[Stretch], found: Balance) -> dict[str, Combination]:
     half = 0.5 * (np.diff(Fc.ci95)[0] + np.diff(load.ci95)[0])
     text = f"Fc {'+' if ways[0] > 0 else '-'} constant_torque"
     return {"Fc": Combination(text, value, Fc.unit, (value - half, value + half), "")}
+
+
+def moves_one_way(parts: Sequence[Stretch]) -> bool:
+    """Whether each run moves in one direction only."""
+    return all(_way([p for p in parts if p.run == run]) for run in {p.run for p in parts})
+
+
+def without_other_way(found: Balance) -> Balance:
+    """The answer of runs in both directions, which need no other one."""
+
+    def cleared(c: Combination) -> Combination:
+        wants = c.to_separate.removeprefix("record ").split(" and ")
+        kept = [w for w in wants if w != WAY] or ["other speeds"]
+        return replace(c, to_separate=f"record {' and '.join(kept)}" if c.to_separate else "")
+
+    return replace(found, combinations=type(found.combinations)(map(cleared, found.combinations)))
 
 
 def _way(run: Sequence[Stretch]) -> int:

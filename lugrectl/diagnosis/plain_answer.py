@@ -13,9 +13,9 @@ from ..identification.balance.result import LEVELS, Combination
 from ..identification.likelihood.initial_values import lifted
 from ..record import Log, Stretch, stretches
 from .held_values import against_stated
-from .one_direction import of_runs
+from .one_direction import WAY, moves_one_way, of_runs, without_other_way
 
-LOAD, WAY = "constant_torque", "the other direction"
+LOAD = "constant_torque"
 TAKEN = "{} is taken as declared, {:.6g} {}: this log does not determine it alone."
 
 OTHERS = "The plain answer is that of the other runs."
@@ -38,6 +38,7 @@ def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
     if against is not None:
         found = against.free if against.hopeless else found
         found = replace(found, against=against.said, hopeless=against.hopeless)
+    found = found if moves_one_way(parts) else without_other_way(found)
     together = _together(found, model, parts)
     declared = {k: v for k, v in model.known().items() if k in LEVELS}
     known = {k: v for k, v in declared.items() if _open(k, found) and _may_be(k, v, found)}
@@ -94,6 +95,8 @@ def _together(found: Balance, model: Model, parts: Sequence[Stretch]) -> dict[st
     A model that declares such a torque has both parts: its fit says itself what it cannot separate.
     """
     if any(part.block.name == LOAD for part in model.effects):
+        return {}
+    if not moves_one_way(parts):
         return {}
     one_way = [c for c in found.combinations if LOAD in _names(c.text) and WAY in c.to_separate]
     alone = {k: c for c in one_way for k in _names(c.text) if k in LEVELS and _open(k, found)}

@@ -12,10 +12,11 @@ import threading
 from collections.abc import Mapping
 from functools import cache, partial
 from types import ModuleType
+from typing import Any
 
 from ..codegen.python_source import ARRAY_HEADER, SCALAR_HEADER
 from .c_compiler import Native, has_compiler
-from .disk_cache import cache_dir, keep
+from .disk_cache import cache_dir, keep, temporary
 
 # a b + c may be rounded once; the other options of fastmath would change the meaning of the code
 NUMBA_HEADER = """from numba import njit
@@ -90,15 +91,36 @@ def _native(text: str, name: str, *, wide: bool = False, fused: bool = True) -> 
 
 def _from_file(text: str, name: str) -> ModuleType:
     sys.setrecursionlimit(max(sys.getrecursionlimit(), DEEP))
-    path = cache_dir() / f"{name}.py"
-    if not path.exists():
+    try:
+        path = cache_dir() / f"{name}.py"
+        keep(path, text)
+    except OSError:  # the disk is full
+        path = temporary() / f"{name}.py"
         keep(path, text)
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     spec.loader.exec_module(module)
+    for function in vars(module).values():
+        _distrust(getattr(function, "_cache", None))
     return module
+
+
+def _distrust(kept: Any) -> None:
+    """Let numba compile again where its own files cannot be read."""
+    if not hasattr(kept, "load_overload"):
+        return
+    read = kept.load_overload
+
+    def load_overload(*given: Any) -> Any:
+        try:
+            return read(*given)
+        except Exception:  # whatever a damaged pickle raises
+            kept.flush()
+            return None
+
+    kept.load_overload = load_overload
 
 
 _MAKERS = {

@@ -20,7 +20,7 @@ import numpy as np
 from ...core.errors import InputError
 from ..codegen.c_source import NUMBER, WHOLE, Kind, c_code
 from ..expression.operations import LIBRARY, WIDTH
-from .disk_cache import cache_dir, keep, whole
+from .disk_cache import cache_dir, is_sound, keep, seal, temporary, whole
 
 _FLAGS = ("-O2", "-fPIC", "-shared", "-fno-math-errno", "-fno-trapping-math")
 _FLAGS += ("-Werror=implicit-function-declaration",)
@@ -37,7 +37,7 @@ static double able(void) {
 }
 """
 _KNOWN = '__attribute__((simd("notinbranch"), const, nothrow, leaf)) double {}(double{});'
-_SUFFIX = ".dll" if sys.platform == "win32" else ".so"
+SUFFIX = ".dll" if sys.platform == "win32" else ".so"
 _LEAST = "def run(a):\n    a[0] = sqrt(a[0])\n"
 _SEVERAL = "def run(a):\n    for i in range({}):\n        a[i] = exp(a[i])\n"
 
@@ -120,14 +120,24 @@ def _compiled(source: str, kinds: tuple[Kind, ...], flags: tuple[str, ...]) -> A
 def _loaded(text: str, flags: tuple[str, ...]) -> Any:
     compiler = _compiler()
     key = repr((text, compiler, flags, platform.machine(), platform.libc_ver()))
-    path = cache_dir() / f"lugrectl_{hashlib.sha256(key.encode()).hexdigest()[:20]}.c"
-    made = path.with_suffix(_SUFFIX)
-    if not made.exists():
-        keep(path, text)
-        _build(compiler, path, made, flags)
+    name = f"lugrectl_{hashlib.sha256(key.encode()).hexdigest()[:20]}.c"
+    try:
+        made = _made(cache_dir() / name, text, compiler, flags)
+    except OSError:  # the disk is full
+        made = _made(temporary() / name, text, compiler, flags)
     run = ctypes.CDLL(str(made)).run
     run.restype = None
     return run
+
+
+def _made(path: Path, text: str, compiler: tuple[str, ...], flags: tuple[str, ...]) -> Path:
+    """The library of a source, built where it is not there or not what it was."""
+    made = path.with_suffix(SUFFIX)
+    if not is_sound(made):
+        keep(path, text)
+        _build(compiler, path, made, flags)
+        seal(made)
+    return made
 
 
 @cache
