@@ -34,8 +34,8 @@ _HOMES = {
     "blocks.catalogue": "controllers effects laws observers",
     "observer_comparison": "ObserverComparison Recommendation compare_observers recommend_observer",
     "compensated_loop": "Compensation compensate",
-    "design": "Certificate Design ObserverDesign PAPER certify design_gains excitation "
-    "natural_decay",
+    "paper.equations": "PAPER",
+    "design": "Certificate Design ObserverDesign certify design_gains excitation natural_decay",
     "diagnosis.question": "balance",
     "diagnosis.diagnose": "diagnose",
     "sweeps": "Sweep sweep sweep_chunks",
@@ -160,7 +160,6 @@ if TYPE_CHECKING:
         Refused,
     )
     from .design import (  # noqa: F401
-        PAPER,
         Certificate,
         Design,
         ObserverDesign,
@@ -203,6 +202,7 @@ if TYPE_CHECKING:
         compare_observers,
         recommend_observer,
     )
+    from .paper.equations import PAPER  # noqa: F401
     from .record import Record, read_record  # noqa: F401
     from .simulation.bristle_deflection import deflection  # noqa: F401
     from .simulation.response import simulate  # noqa: F401

@@ -19,7 +19,7 @@ TOPICS = {  # topic: the modules whose public names it holds
     "laws": "",
     "effects": "blocks.factories",
     "loops": "loops simulation",
-    "checks": "linear design",
+    "checks": "linear design paper",
     "diagnosis": "diagnosis compensated_loop",
     "records": "record blocks.model estimates",
     "ensembles": "sweeps",

@@ -11,11 +11,9 @@ import warnings
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from ..core.errors import NotLoaded
+from ..core.errors import BROKEN_PIPE, INTERRUPTED, UNEXPECTED, NotLoaded
 from ..parallel.blas_threads import BLAS
 from .options import parser
-
-UNEXPECTED, INTERRUPTED, BROKEN_PIPE = 70, 130, 141
 
 
 def main(argv: Sequence[str] | None = None) -> int:

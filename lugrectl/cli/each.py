@@ -10,15 +10,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..core.errors import InputError
+from ..core.errors import INTERRUPTED, UNEXPECTED, InputError
 from .inputs import chosen, fixed, reading
 from .output import print_out
 from .progress import Bar
 
 if TYPE_CHECKING:
     from ..diagnosis.fleet import Fleet, Outcome
-
-INTERRUPTED, UNEXPECTED = 130, 70
 
 
 def each(a: Namespace) -> int:

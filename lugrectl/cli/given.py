@@ -74,11 +74,12 @@ def _polynomial(p: Sequence[float], name: str) -> str:
 
 
 def joined(words: Sequence[str]) -> list[str]:
-    """``--num -1,2`` as ``--num=-1,2``: argparse takes "-1,2" for an option."""
+    """``--num -1 2`` as ``--num=-1 2``: argparse takes "-1" for an option."""
     out: list[str] = []
     for word in words:
-        if out and out[-1] in SIGNED and re.match(r"-[0-9.]", word):
-            out[-1] += f"={word}"
+        option, given, _ = out[-1].partition("=") if out else ("", "", "")
+        if option in SIGNED and re.match(r"[-+]?[0-9.]", word):
+            out[-1] += f" {word}" if given else f"={word}"
         else:
             out.append(word)
     return out

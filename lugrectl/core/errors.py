@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+UNEXPECTED, INTERRUPTED, BROKEN_PIPE = 70, 130, 141  # exit codes of what is no error of the input
+
 
 class InputError(ValueError):
     """Wrong usage, or a file that cannot be read or understood (exit code 2)."""

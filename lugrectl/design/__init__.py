@@ -6,14 +6,11 @@ from .certificate import Certificate, certify
 from .excitation import Excitation, excitation, natural_decay
 from .gains import Design, ScheduledGain, design_gains
 from .observer_design import ObserverDesign
-from .paper import PAPER, Label
 
 __all__ = [
-    "PAPER",
     "Certificate",
     "Design",
     "Excitation",
-    "Label",
     "ObserverDesign",
     "ScheduledGain",
     "certify",

@@ -17,8 +17,8 @@ from ..identification.balance import Balance
 from ..identification.dataset.dataset import Data, prepare
 from ..identification.dataset.derived_speed import on_theta_alone
 from ..identification.dataset.folds import ENOUGH_OF_MANY, MOST, Split, split
+from ..identification.dataset.kalman import Noise
 from ..identification.dataset.run_effects import MOST_RUNS, alike, repeating, statements
-from ..identification.dataset.sensor_noise import Noise
 from ..identification.dataset.windows import Windows, spread, windows
 from ..identification.likelihood.initial_values import begun, completed, holding, lifted
 from ..identification.likelihood.likelihood import tune

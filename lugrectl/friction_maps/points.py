@@ -10,7 +10,7 @@ import numpy as np
 from ..blocks.block import unit_for
 from ..core.errors import Refused
 from ..identification.dataset.dataset import Data, Log
-from ..identification.dataset.sensor_noise import Noise
+from ..identification.dataset.kalman import Noise
 from ..record import Record
 
 LEAST_RUNS = 4

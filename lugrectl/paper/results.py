@@ -13,9 +13,9 @@ from ..core.display import Row, Shown
 from ..core.provenance import Provenance
 from ..core.result import Result, plain
 from ..core.views import view
-from ..design import PAPER
 from ..report.wording import number
 from .bench import Outcome, Trace
+from .equations import PAPER
 
 HOLDS, FAILS = "holds", "does not hold"
 SMALL = 1e-6  # a smaller value counts as 0

@@ -25,14 +25,13 @@ from itertools import islice
 from multiprocessing import get_context
 from typing import Any, TypeVar
 
-from ..core.errors import InputError
+from ..core.errors import UNEXPECTED, InputError
 from ..core.validation import whole
 
 T = TypeVar("T")
 R = TypeVar("R")
 Progress = Callable[[float, str], None]
 Chunk = list[tuple[int, Any]]  # (index, item)
-UNEXPECTED = 70
 _AHEAD = 2  # chunks in progress for each worker: one at work, one waiting
 _UNKNOWN = 16  # number of workers assumed for an executor that does not give it
 

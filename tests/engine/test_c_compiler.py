@@ -114,7 +114,9 @@ def test_a_library_is_made_once(tmp_path, monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(c_compiler, "_build", lambda *_: pytest.fail("compiled again"))
     Native(source)(made)
     assert made[0] == 3.0
-    assert sorted(p.suffix for p in tmp_path.iterdir()) == sorted([".c", c_compiler.SUFFIX, ".sha256"])
+    assert sorted(p.suffix for p in tmp_path.iterdir()) == sorted(
+        [".c", c_compiler.SUFFIX, ".sha256"]
+    )
 
 
 @needs_compiler

@@ -12,7 +12,7 @@ from ...core.errors import InputError, Refused
 from ...record import Record
 from ...record.record import smallest_step
 from ...record.signal_noise import repeating, sensor_noise
-from .sensor_noise import Noise, smooth
+from .kalman import Noise, smooth
 
 STEPPED = 3.0  # times the acceleration over 20 ms: above, it is due to an encoder's steps
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..dataset.sensor_noise import Noise
+from ..dataset.kalman import Noise
 from ..dataset.windows import Windows
 from .likelihood import whitened
 from .predictor import Predictor, Values

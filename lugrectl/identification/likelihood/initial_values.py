@@ -14,8 +14,8 @@ from ...blocks.model import Model, Part
 from ...core.errors import Refused
 from ...engine.runtime.threads import beside
 from ..dataset.dataset import Data, thinned
+from ..dataset.kalman import Noise
 from ..dataset.run_effects import alike
-from ..dataset.sensor_noise import Noise
 from ..dataset.windows import Windows, coarser, spread
 from .likelihood import tune, whitened
 from .maximise import Fitted, again, fit

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...engine.runtime.batch_run import Lanes
 from ...engine.runtime.sensitivity_run import Moved, Tangent
-from ..dataset.sensor_noise import Noise
+from ..dataset.kalman import Noise
 from ..dataset.windows import Windows
 from .parameters import Coordinate
 from .predictor import Predictor, Values

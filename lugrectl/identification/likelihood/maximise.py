@@ -11,7 +11,7 @@ import numpy as np
 from scipy import stats
 
 from ..dataset.dataset import Data
-from ..dataset.sensor_noise import Noise
+from ..dataset.kalman import Noise
 from ..dataset.windows import Windows
 from ..unknown_torque.discrepancy import inverse, unit_diagonal
 from .change_times import placed

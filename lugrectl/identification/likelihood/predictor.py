@@ -24,8 +24,8 @@ from ...blocks.plant import COMMAND, LEVEL, assemble, stage
 from ...core.deadline import check as check_time
 from ...engine.runtime.batch_run import Lanes
 from ..dataset.dataset import Data, picked
+from ..dataset.kalman import Noise, Sensing, observer_gain
 from ..dataset.run_effects import PHASE, differences, displaced, repeating
-from ..dataset.sensor_noise import Noise, Sensing, observer_gain
 from ..dataset.windows import Windows
 from .effect_inputs import UNDOING, Fed, Memory, Values, depends_on_plant, feed, run_alone, run_as
 

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
 from ...core.numeric import rms
-from ..dataset.sensor_noise import Noise
+from ..dataset.kalman import Noise
 from ..dataset.windows import Windows
 from .predictor import Predictor, Values
 

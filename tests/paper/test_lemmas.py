@@ -17,7 +17,7 @@ import sympy as sp
 import lugrectl as lg
 from lugrectl.blocks.block import REGISTRY
 from lugrectl.blocks.friction import level
-from lugrectl.design import PAPER
+from lugrectl.paper.equations import PAPER
 
 from ..cases.error_systems import h
 

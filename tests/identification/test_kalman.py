@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lugrectl.identification.dataset.dataset import prepare
-from lugrectl.identification.dataset.sensor_noise import Noise, observer_gain, smooth
+from lugrectl.identification.dataset.kalman import Noise, observer_gain, smooth
 from lugrectl.record import Record
 from lugrectl.record.signal_noise import repeating, sensor_noise
 

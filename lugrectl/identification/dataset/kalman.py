@@ -1,4 +1,4 @@
-"""Sensor noise variance, the steady-state Kalman gain that goes with it, and a smoother."""
+"""The steady-state Kalman gain of a motion with sensor noise, and its smoother."""
 
 from __future__ import annotations
 
