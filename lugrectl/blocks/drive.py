@@ -219,10 +219,11 @@ def dead_time(
     delay : float
         T in s; 0 passes the command unchanged.
     dt : float, optional
-        Sample time in s. Without it the block is continuous: the Pade approximation of order 2
-        of the effect ``input_delay``, exact to 1 degree of phase up to w T = 1.7. With it the
-        block is discrete and delays by whole samples exactly; for a delay between two whole
-        numbers of samples it mixes the two neighbours, which is the mean over each sample.
+        Sample time in s. Without it the block is continuous: exact in ``lg.simulate``, and
+        elsewhere the Pade approximation of order 2 of the effect ``input_delay``, exact to 1
+        degree of phase up to w T = 1.7. With it the block is discrete and delays by whole samples
+        exactly; for a delay between two whole numbers of samples it mixes the two neighbours,
+        which is the mean over each sample.
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
@@ -234,8 +235,9 @@ def dead_time(
 
     Notes
     -----
-    The Pade form answers a unit step with 1 at the first instant, then -0.4 at its lowest, before
-    it rises to 1. In a loop whose gain has fallen well below 1 at w T = 1.7 this does not matter.
+    The Pade form, which python-control uses, answers a unit step with 1 at the first instant,
+    then -0.4 at its lowest, before it rises to 1. In a loop whose gain has fallen well below 1 at
+    w T = 1.7 this does not matter.
     States of the discrete block: the last commands.
 
     Examples

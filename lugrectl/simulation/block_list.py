@@ -10,12 +10,14 @@ import control as ct
 import numpy as np
 
 from ..core.errors import Diverged, InputError
+from ..engine.runtime.delayed_net_run import run_late
 from ..engine.runtime.growth import bounded
-from ..engine.runtime.sampled_run import Course, Track
+from ..engine.runtime.sampled_run import Course, Held, Track
 from ..engine.runtime.select import compiled_net, engine
 from ..engine.tracing.network import Net, Part
 from ..engine.tracing.network_equations import state_labels
 from . import arguments
+from .dead_time_warning import warn_if_approximate
 
 NEAR = 1e-6  # of the shortest sample time: updates and times closer than that are the same
 
@@ -202,7 +204,11 @@ def followed(
     """The simulated track of a net from its initial states, one block after the other."""
     chosen, p = engine(net, params, method)
     sampled = is_sampled(net)
-    track = chosen.run(course, start[~sampled], start[sampled], p, rtol, atol)
+    starts = start[~sampled], start[sampled]
+    if not isinstance(chosen, Held):
+        warn_if_approximate([part.block for part in net.parts], params)
+    track = run_late(chosen, net, course, *starts, params, rtol, atol)
+    track = track or chosen.run(course, *starts, p, rtol, atol)
     if np.isfinite(track.unsettled):
         warnings.warn(
             f"{net.name}: a sign or comparison switches without end near t = "

@@ -14,12 +14,14 @@ from scipy.integrate import solve_ivp
 from ..core.errors import Diverged, InputError
 from ..core.validation import positive
 from ..engine.expression.numpy_protocol import TraceError
+from ..engine.runtime.delayed_run import delayed
 from ..engine.runtime.growth import bounded, quiet, stopped
 from ..engine.runtime.memo import compiled
 from ..engine.runtime.slow_functions import said_if_slow
 from ..engine.tracing.locate_fault import Instant, culprit
 from . import arguments
 from .block_list import simulate_blocks, simulate_discrete, together, wired
+from .dead_time_warning import warn_if_approximate
 from .wiring_warnings import warn_of_interconnection, warn_of_wiring
 
 LONG = (
@@ -121,6 +123,12 @@ def simulate(
     states at an update are those before it. Blocks without states and sample time act at every
     instant. A sampled block that cannot be traced is called at its updates, without a warning:
     the result is the same.
+
+    A dead time (``lg.dead_time``, the effect ``input_delay``) is exact: its output is the input of
+    T ago, and before that p1 of the initial states (default 0). Its states in the result are the
+    delayed signal and 0. With another method, or beside a block that cannot be traced, it is the
+    Pade approximation of order 2, and a warning reports it; so is a delay below 1/50 000 of the
+    run.
 
     A controller that acts on e makes it smaller: e is measured - reference. A warning names a
     controller of the package in a feedback of the wrong sign, from the blocks' derivatives at
@@ -247,6 +255,7 @@ def _continuous(
         except TraceError as error:
             why = str(error)
             warnings.warn(f"{why}; LSODA is used instead.", RuntimeWarning, stacklevel=3)
+    warn_if_approximate([system], params)
     with (
         said_if_slow(why),
         quiet(),
@@ -268,22 +277,33 @@ def _by_rosenbrock(
     engine = compiled(system, params)
     p = engine.program.arguments(params)
     states = x0[:, None]
-    if system.nstates and len(t) > 1:
+    exact = delayed(engine, system, t, params)
+    y = None
+    if exact is not None:
+        run, y = exact.run(t, u, x0, params, hold=hold, rtol=rtol, atol=atol)
+        states = run.states
+        _settled(system, run.unsettled)
+    elif system.nstates and len(t) > 1:
         run = engine.run(t, u, x0, p, hold=hold, rtol=rtol, atol=atol)
         states = run.states
-        if np.isfinite(run.unsettled):
-            warnings.warn(
-                f"{system.name}: a sign or comparison switches without end near t = "
-                f"{run.unsettled:.6g} s; the result there is coarse: write np.tanh(w/eps) for "
-                "np.sign(w).",
-                RuntimeWarning,
-                stacklevel=4,
-            )
+        _settled(system, run.unsettled)
     elif not system.nstates:
         states = np.empty((0, len(t)))
-    y = engine.outputs(t, states, u, p)
+    if y is None:
+        y = engine.outputs(t, states, u, p)
     _all_finite(system, t, states, u, y)
     return states, y
+
+
+def _settled(system: Any, unsettled: float) -> None:
+    if np.isfinite(unsettled):
+        warnings.warn(
+            f"{system.name}: a sign or comparison switches without end near t = "
+            f"{unsettled:.6g} s; the result there is coarse: write np.tanh(w/eps) for "
+            "np.sign(w).",
+            RuntimeWarning,
+            stacklevel=5,
+        )
 
 
 def _all_finite(system: Any, t: np.ndarray, states: Any, u: np.ndarray, y: np.ndarray) -> None:

@@ -16,6 +16,7 @@ from ..core.errors import InputError
 from ..core.validation import array, shown
 from ..engine.expression.numpy_protocol import TraceError
 from ..engine.runtime.adaptive_run import Adaptive
+from ..engine.runtime.delay_steps import lates
 from ..engine.runtime.memo import compiled
 from ..engine.runtime.portable import Portable
 from ..simulation import arguments
@@ -154,6 +155,8 @@ def _solver(
             portable = Portable.of(engine, outputs)
             keys, defaults = engine.program.keys, engine.program.arguments(fixed)
             places = {i: columns[k] for i, k in enumerate(keys) if k in columns}
+            if _late(engine, defaults, places):
+                return _one_by_one(system, face, t, outputs, columns, hold, rtol)
             return Traced(portable, t, hold, rtol), _Rows(tuple(keys), defaults, places)
         except TraceError as error:
             warnings.warn(
@@ -162,6 +165,26 @@ def _solver(
                 RuntimeWarning,
                 stacklevel=4,
             )
+    return _one_by_one(system, face, t, outputs, columns, hold, rtol)
+
+
+def _late(engine: Adaptive, defaults: np.ndarray, columns: Mapping[int, np.ndarray]) -> bool:
+    """Whether some member has a dead time: its past is kept, which generated code cannot."""
+    p = defaults.copy()
+    for at, values in columns.items():
+        p[at] = np.nanmax(values, initial=-np.inf)
+    return any(delay > 0.0 for delay in lates(engine.program, p).values())
+
+
+def _one_by_one(
+    system: Any,
+    face: Face,
+    t: np.ndarray,
+    outputs: tuple[str, ...],
+    columns: Mapping[str, np.ndarray],
+    hold: bool,
+    rtol: float,
+) -> tuple[Solver, _Rows]:
     names = tuple(columns)
     rows = _Rows(names, np.zeros(len(names)), dict(enumerate(columns.values())))
     places = tuple(face.outputs.index(name) for name in outputs)

@@ -9,6 +9,9 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
+from lugrectl.engine.runtime.memo import compiled
+
+from ..benchmarks import item
 
 T = np.linspace(0, 5, 11)
 
@@ -32,6 +35,35 @@ def test_a_small_motion_after_a_large_start_is_right(start, points):
     late = t >= 1.0
     error = lg.simulate(system, t, 0.0, [start]).outputs - exact(start, t)
     assert np.abs(error[late]).max() < 1e-5
+
+
+@pytest.mark.parametrize("plateau", [1e3, 1e6])
+def test_a_small_motion_after_a_long_stay_at_a_large_value_is_right(plateau):
+    """The stay may be long: what counts is how fast the state fell."""
+    pulled = ct.nlsys(
+        lambda t, x, u, p: np.array([-50 * (x[0] - u[0] - np.sin(20 * t))]),
+        None,
+        inputs="u",
+        outputs="y",
+        states="y",
+        name="pulled",
+    )
+    t = np.linspace(0, 8, 801)
+    y = lg.simulate(pulled, t, np.where(t < 3, plateau, 0.0), hold=True).outputs
+    late = t >= 4.0
+    assert np.abs(y - exact(0.0, t))[late].max() < 1e-5
+
+
+def test_a_zero_crossing_does_not_shorten_the_steps():
+    """The velocity loop of Table 1: one step for each sample and few more."""
+    loop = item.loop()
+    engine = compiled(loop, None)
+    p = engine.program.arguments(None)
+    u = item.r[None, :]
+    run = engine.run(item.t, u, item.x0, p, hold=False, rtol=1e-6)
+    assert run.steps < 13_000  # 18 800 relative to the present values
+    fine = engine.run(item.t, u, item.x0, p, hold=False, rtol=1e-9)
+    assert item.worst(run.states, fine.states) < 1e-6
 
 
 def test_beside_a_large_state_a_small_one_is_right():

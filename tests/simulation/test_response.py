@@ -86,7 +86,7 @@ def test_velocity_loop_as_python_control_sees_it(backend: str) -> None:
 
 MANY = (
     lg.Model.of(lg.table1())
-    .with_effect("input_delay", {"delay": 0.003})
+    .with_effect("actuator_lag", {"time_constant": 0.003})
     .with_effect("friction_step", {"ratio": 0.3, "time": 0.0503})
     .with_effect("coulomb_asymmetry", {"ratio": 0.1})
     .with_effect("gravity", {"amplitude": 0.2, "phase": 0.4})

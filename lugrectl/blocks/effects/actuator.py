@@ -34,6 +34,15 @@ def held_lagging(u: np.ndarray, dt: float, time_constant: float) -> np.ndarray:
     return u + (begins - u) * (1.0 - left) * time_constant / dt
 
 
+def _is_signal(state: Any, delay: Any) -> bool:
+    """Whether the engine keeps the past of u: the state is then u(t - T), and its rate says u."""
+    graph = getattr(state, "graph", None)
+    if graph is None:
+        return False
+    graph.late[state.index] = delay
+    return state.index in graph.exact
+
+
 @block(
     "effect",
     out="u",
@@ -47,11 +56,14 @@ def held_lagging(u: np.ndarray, dt: float, time_constant: float) -> np.ndarray:
 def input_delay(u, p1, p2, delay: Any = P(0.0, "s", 0.0, 0.2, neutral=0.0)):
     """u(t - T).
 
-    For a held input the delay is exact; the continuous block is the Pade approximation of order
-    2, 1 - 12 s T/(s^2 T^2 + 6 s T + 12), exact to 1 degree of phase up to w T = 1.7. In a log:
+    In ``lg.simulate``, and along a log for a held input, the delay is exact; elsewhere
+    (python-control) the block is the Pade approximation of order 2,
+    1 - 12 s T/(s^2 T^2 + 6 s T + 12), exact to 1 degree of phase up to w T = 1.7. In a log:
     the motion follows the torque late, by the same time at all frequencies. An actuator lag with
     tau = T looks the same if the torque changes little within T.
     """
+    if _is_signal(p1, delay):
+        return p1, u, 0.0
     rate = np.where(delay > 0.0, 1.0 / np.maximum(delay, 1e-12), 0.0)
     return u - p2, rate * p2, rate * (12.0 * (u - p1) - 6.0 * p2)
 

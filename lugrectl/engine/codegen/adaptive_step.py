@@ -51,6 +51,7 @@ TRIALS = 65536
 def run(grid, u, held, x_start, p, rtol, floor, x_out, status):
 {unpack}
 {fixed}
+{sizes_before}
     h_next = 0.01 * (grid[1] - grid[0])
     v_low, v_high, last, tries, steps = 0.0, 0.0, 0, 0, 0
     for k in range(len(grid) - 1):
@@ -125,6 +126,7 @@ def run(grid, u, held, x_start, p, rtol, floor, x_out, status):
                 longer = h * min(5.0, 0.9 / sqrt(sqrt(max(error, 1e-8))))
                 h_next = longer if h >= h_next else max(longer, h_next)
 {store}
+{sizes_after}
     status[4] = steps
     return True
 """
@@ -148,6 +150,8 @@ def adaptive_code(program: Program, kind: str) -> str:
         robust="" if kind == "numba" else "".join(part.robust() for part in sections),
         unpack=indent(_unpack(program, parts), 1),
         fixed=indent([line for part in sections for line in part.emitter.head], 1),
+        sizes_before=indent(_sizes(len(parts.states), after=False), 1),
+        sizes_after=indent(_sizes(len(parts.states), after=True), 1),
         interval=indent(_interval(parts), 2),
         nesting=nesting(parts.leads),
         sides=indent(write(start) + start_sides(parts), 3),
@@ -252,6 +256,18 @@ def _unpack(program: Program, parts: Parts) -> list[str]:
     lines += [f"in{i} = u[{i}]" for i in range(len(program.u))]
     lines += [f"{letter}{i} = 0.0" for i in range(len(parts.leads)) for letter in "mr"]
     return lines + [f"on{i} = 0.0" for i in parts.slides.parts]
+
+
+def _sizes(states: int, *, after: bool) -> list[str]:
+    """The sizes of the states in an earlier part of the run, where status has room for them."""
+    lines = ["if len(status) > 5:"]
+    for i in range(states):
+        places = [f"status[{5 + 3 * i + k}]" for k in range(3)]
+        for name, place in zip((f"s{i}", f"b{i}", f"w{i}"), places, strict=True):
+            taken = f"float({place})" if name[0] == "w" else f"max({name}, float({place}))"
+            lines += [f"    {place} = {name}" if after else f"    {name} = {taken}"]
+        lines += [] if after else [f"    q{i} = 1.0 / s{i}"]
+    return lines if states else []
 
 
 def _interval(parts: Parts) -> list[str]:

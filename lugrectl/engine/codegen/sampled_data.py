@@ -38,6 +38,7 @@ def alternate(
         if c >= 0:
 {store}
         if k == last:
+{keep_last}
             return 0
         j = k + 1
         while j < last and not ticks[j]:
@@ -86,6 +87,7 @@ def held_code(hybrid: Hybrid, tick: Tick, kind: str) -> str:
         tick=indent(_tick(hybrid, tick, emitter.body, codes, kind), 3),
         total=" + ".join(f"0.0 * {name}" for name in targets) or "0.0",
         keep=indent(_keep(hybrid, tick), 4),
+        keep_last=indent(_keep(hybrid, tick), 3),
         store=indent(_store("x", hybrid) + _store("h", hybrid), 3),
         flow=indent(_flow(hybrid, kind), 2),
     )

@@ -35,9 +35,16 @@ class Node(Symbolic):
 
 
 class Graph:
-    """The table of nodes; only ``make`` creates one."""
+    """The table of nodes; only ``make`` creates one.
+
+    ``late`` holds the delay of each state that a block declares to be a delayed signal, by the
+    index of the state's symbol; those in ``exact`` are that signal, and their rate is the signal
+    before the delay.
+    """
 
     def __init__(self) -> None:
+        self.late: dict[int, Any] = {}
+        self.exact: frozenset[int] = frozenset()
         self.nodes: list[Node] = []
         self._table: dict[Any, Node] = {}
 

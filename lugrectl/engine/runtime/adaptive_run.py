@@ -67,13 +67,15 @@ class Adaptive:
         hold: bool,
         rtol: float,
         atol: float | None = None,
+        sizes: np.ndarray | None = None,
     ) -> Run:
         """States at the times t (N,) for inputs u (m, N), held or linear between them.
 
         The error of each step is at most ``rtol``: the states' errors, each divided by the
         state's size, as the root of the sum of their squares. The size is the largest value of
         the last swing, which is forgotten in about the time in which the state fell (at least
-        ``atol / rtol``, default 1e-9, and 1e-7 of its largest value so far).
+        ``atol / rtol``, default 1e-9, and 1e-7 of its largest value so far). ``sizes`` (3 n,)
+        carries the sizes from one part of a run to the next: zeros before the first.
 
         Raises
         ------
@@ -81,7 +83,7 @@ class Adaptive:
             Names the state and the time.
         """
         shape = (len(self.program.states), len(t))
-        status = np.array([0.0, 0.0, 0.0, np.nan, 0.0])
+        status = np.append([0.0, 0.0, 0.0, np.nan, 0.0], [] if sizes is None else sizes)
         arguments = [np.require(a, float, ["C", "W"]) for a in (t, u, x0, p)]
         grid, inputs, start, values = arguments
         accuracy = float(rtol), floor_of(rtol, atol)
@@ -99,6 +101,8 @@ class Adaptive:
                 f"{self.program.name}: state {label} grows without bound, is not a number, or "
                 f"changes faster than steps can follow, at t = {status[1]:.6g} s."
             )
+        if sizes is not None:
+            sizes[:] = status[5:]
         return Run(states, int(status[4]), float(status[3]))
 
     def outputs(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:

@@ -76,6 +76,24 @@ class Track:
     unsettled: float
 
 
+@dataclass(frozen=True)
+class Now:
+    """Where a run is: continuous states, sampled states, held values, and the sizes of the
+    continuous states (``Adaptive.run``)."""
+
+    x: np.ndarray
+    q: np.ndarray
+    h: np.ndarray
+    sizes: np.ndarray
+
+    @classmethod
+    def start(cls, hybrid: Hybrid, x: np.ndarray, q: np.ndarray) -> Now:
+        return cls(x.copy(), q.copy(), np.zeros(len(hybrid.net.held)), np.zeros(3 * len(x)))
+
+    def copy(self) -> Now:
+        return Now(self.x.copy(), self.q.copy(), self.h.copy(), self.sizes.copy())
+
+
 class Held:
     """Compiled run and signals of a net.
 
@@ -123,16 +141,32 @@ class Held:
         Diverged
             Names the state, or the sampled block and its output or state, and the time.
         """
+        now = Now.start(self.hybrid, x, q)
+        kept, (states, before, h, b), unsettled = (
+            course.kept,
+            *self.part(course, now, p, rtol, atol),
+        )
+        y = self.signals(course.grid[kept], states, np.vstack([course.given[:, kept], h]), b, p)
+        return Track(states, before, y, unsettled)
+
+    def part(
+        self, course: Course, now: Now, p: np.ndarray, rtol: float, atol: float | None
+    ) -> tuple[list[np.ndarray], float]:
+        """A part of a run from ``now``, which is moved to its end: at the kept points the
+        continuous states, the sampled ones, the held values after and before the update; and
+        when a sign did not settle. Raises as :meth:`run` does."""
         net, kept = self.hybrid.net, course.kept
-        counts = (len(x), len(q), len(net.held), len(net.held) if net.earlier else 0)
+        many = len(now.h)
+        counts = (len(now.x), len(now.q), many, many if net.earlier else 0)
         out = [np.empty((count, len(kept))) for count in counts]
-        now = [x.copy(), q.copy(), np.zeros(len(net.held))]
-        status = np.array([0.0, 0.0, 0.0, np.nan, 0.0])
+        status = np.append([0.0, 0.0, 0.0, np.nan, 0.0], now.sizes)
         fixed = (course.grid, course.given, course.ticks, course.flags, course.column)
+        accuracy = (float(rtol), floor_of(rtol, atol))
         backend = self._chosen(len(course.grid))
         code = self._call(
-            backend, (*fixed, course.hold, p, float(rtol), floor_of(rtol, atol)), now, out, status
+            backend, (*fixed, course.hold, p, *accuracy), [now.x, now.q, now.h], out, status
         )
+        now.sizes[:] = status[5:]
         if code == 1:
             label = self.hybrid.flow.states[int(status[2])]
             raise Diverged(
@@ -140,12 +174,17 @@ class Held:
                 f"faster than steps can follow, at t = {status[1]:.6g} s."
             )
         if code == 2:
-            raise Diverged(not_finite(net, now[1], now[2], status[1]))
-        y = np.empty((len(net.signals), len(kept)))
-        u = np.vstack([course.given[:, kept], out[2]])
+            raise Diverged(not_finite(net, now.q, now.h, status[1]))
+        return out, float(status[3])
+
+    def signals(
+        self, t: np.ndarray, x: np.ndarray, u: np.ndarray, b: np.ndarray, p: np.ndarray
+    ) -> np.ndarray:
+        """All signals (k, N) for states x, inputs and held values u, held values before b."""
+        y = np.empty((len(self.hybrid.y), len(t)))
         with np.errstate(all="ignore"):
-            self._signals(course.grid[kept], out[0], u, out[3], p, y)
-        return Track(out[0], out[1], y, float(status[3]))
+            self._signals(t, x, u, b, p, y)
+        return y
 
     def _generated(self, backend: str) -> Any:
         if backend not in self._runs:

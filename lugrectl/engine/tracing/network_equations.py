@@ -70,23 +70,33 @@ def trace_net(net: Net, params: Mapping[str, Any] | None = None, *, ticks: bool 
     return hybrid
 
 
-def traced_net(net: Net, params: Mapping[str, Any] | None = None, *, ticks: bool = True) -> Hybrid:
-    """As :func:`trace_net`, not yet checked."""
+def traced_net(
+    net: Net,
+    params: Mapping[str, Any] | None = None,
+    *,
+    ticks: bool = True,
+    exact: Sequence[int] = (),
+) -> Hybrid:
+    """As :func:`trace_net`, not yet checked.
+
+    The continuous states ``exact`` of dead times are the delayed signals: :class:`.graph.Graph`.
+    """
     blocks = []
     for part in net.parts:
         part.block._update_params(params)
         if ticks or not part.sampled:
             blocks.append((single(part.block), part.block))
-    return _NetTracer(net).hybrid(ticks, tuple(blocks))
+    return _NetTracer(net, exact).hybrid(ticks, tuple(blocks))
 
 
 class _NetTracer(_Tracer):
     """Symbols for a net and the walk through its parts."""
 
-    def __init__(self, net: Net) -> None:
+    def __init__(self, net: Net, exact: Sequence[int] = ()) -> None:
         self.net, self.graph = net, Graph()
         self.t = self.graph.symbol("t")
         self.x = self._symbols("x", net.count(False))
+        self.graph.exact = frozenset(self.x[i].index for i in exact)
         self.q = self._symbols("q", net.count(True))
         self.g = self._symbols("g", net.groups)
         self.u = self._symbols("u", len(net.outside) + len(net.held))

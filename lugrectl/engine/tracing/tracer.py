@@ -58,9 +58,12 @@ def traced(system: ct.NonlinearIOSystem, params: Mapping[str, Any] | None = None
     return single(system)
 
 
-def single(system: ct.NonlinearIOSystem) -> Program:
-    """As :func:`traced`, in continuous or discrete time, with the parameters that are set."""
-    return _Tracer(system).program()
+def single(system: ct.NonlinearIOSystem, exact: Sequence[int] = ()) -> Program:
+    """As :func:`traced`, in continuous or discrete time, with the parameters that are set.
+
+    The states ``exact`` of dead times are the delayed signals themselves: :class:`.graph.Graph`.
+    """
+    return _Tracer(system, exact).program()
 
 
 @dataclass
@@ -79,10 +82,11 @@ class _Slot:
 class _Tracer:
     """Symbols for one system and the walk through its blocks."""
 
-    def __init__(self, system: ct.NonlinearIOSystem) -> None:
+    def __init__(self, system: ct.NonlinearIOSystem, exact: Sequence[int] = ()) -> None:
         self.system, self.graph = system, Graph()
         self.t = self.graph.symbol("t")
         self.x = self._symbols("x", system.nstates)
+        self.graph.exact = frozenset(self.x[i].index for i in exact)
         self.u = self._symbols("u", system.ninputs)
         self.slots: dict[tuple[str, float], _Slot] = {}
         self.fixed: dict[str, Any] = {}
