@@ -77,7 +77,7 @@ def block_named(kind: str, name: Any, *, where: str = "", what: str = "") -> Blo
     if meant in known:
         return known[meant]
     near = difflib.get_close_matches(own, [*spelt, *common], n=1)
-    hint = f"known: {', '.join(known)}."
+    hint = f"known: {', '.join(known)}; one of your own: --blocks FILE.py, or lg.load_blocks."
     if near:
         close = spelt.get(near[0])
         hint = f"did you mean '{close}'?" if close else f"did you mean '{near[0]}' "

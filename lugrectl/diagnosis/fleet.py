@@ -14,6 +14,7 @@ from multiprocessing import parent_process
 from pathlib import Path
 from typing import Any, cast
 
+from ..blocks.aliases import block_named
 from ..blocks.model import Model, as_model
 from ..blocks.sent_model import Sent
 from ..core.display import Row, Shown
@@ -21,7 +22,7 @@ from ..core.errors import InputError, Refused
 from ..core.progress import Wanted, reporter, shows_progress
 from ..core.provenance import Provenance, SourceFile, provenance, stamp
 from ..core.result import Result, library, plain
-from ..core.validation import shown
+from ..core.validation import positive, share, shown
 from ..core.views import view
 from ..identification.selection import ALPHA, LEAST
 from ..parallel.blas_threads import one_thread_each
@@ -30,6 +31,7 @@ from ..record import Record, read_log
 from ..record.as_record import is_last, is_record, record_files
 from ..record.columns.arrays import is_table, source_of
 from ..record.log_files import there
+from .compare_laws import AUTO
 from .diagnose import LIMIT, diagnose
 from .question import judged_by
 from .result import VERDICTS, Diagnosis
@@ -401,3 +403,8 @@ def _check_options(options: Mapping[str, Any]) -> None:
             "left out, not a file."
         )
     judged_by(options["horizon"], options["seed"])
+    positive(options.get("time_limit", LIMIT), "time_limit", "seconds")
+    share(options.get("least", LEAST), "least")
+    share(options.get("alpha", ALPHA), "alpha")
+    if options.get("law") not in (None, AUTO):
+        block_named("friction", options["law"], where="law", what="friction law")

@@ -352,3 +352,17 @@ def test_a_fleet_says_what_each_diagnosis_says(tmp_path):
     keys = fleet_page.ERRORS
     assert d.verdict == alone.verdict
     assert [d.error[k] for k in keys] == pytest.approx([alone.error[k] for k in keys], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("option", "said"),
+    [
+        ({"law": "lugree"}, "there is no friction law named 'lugree'; did you mean 'lugre'"),
+        ({"time_limit": -1.0}, "time_limit"),
+        ({"alpha": 2.0}, "alpha is 2"),
+        ({"least": 0.0}, "least"),
+    ],
+)
+def test_an_option_that_cannot_be_meant_is_said_once_before_any_log_is_read(logs, option, said):
+    with pytest.raises(lg.InputError, match=said):
+        lg.diagnose_each(logs, MODEL, **option)
