@@ -264,7 +264,7 @@ def _listed(kind: str) -> Catalogue:
 
 
 def _place(made: Block) -> int:
-    module = made.home.removeprefix(f"{__package__}.blocks.").split(".")[0]
+    module = made.home.removeprefix(f"{__package__}.").split(".")[0]
     return DECLARING.index(module) if module in DECLARING else len(DECLARING)
 
 
