@@ -70,11 +70,6 @@ class P:
         True for a position that the motion must cross: the record must show both sides of it.
     usual : bool
         True for a value that is held at its default unless the model gives it.
-
-    Examples
-    --------
-    >>> lg.P(0.3, "N m", 0).unit
-    'N m'
     """
 
     value: float

@@ -215,12 +215,6 @@ def temperature_observer(
 
     Status: derived here, in the spirit of Canudas de Wit and Lischinsky (1997); the equations of
     the original could not be confirmed.
-
-    Examples
-    --------
-    >>> observer = lg.temperature_observer(lg.table1())
-    >>> (observer.input_labels, observer.output_labels)
-    (['w', 'u'], ['Fhat', 'zhat', 'slip'])
     """
     return observer(
         "temperature_observer", p, name=name, inputs=inputs, outputs=outputs, k=k, gamma=gamma
@@ -269,12 +263,6 @@ def friction_state_observer(
 
     Status: derived here, in the spirit of Ruderman and Iwasaki (2015); the equations of the
     original could not be confirmed.
-
-    Examples
-    --------
-    >>> observer = lg.friction_state_observer(lg.table1())
-    >>> (observer.input_labels, observer.output_labels)
-    (['w', 'u'], ['Fhat', 'what'])
     """
     return observer(
         "friction_state_observer",
@@ -328,12 +316,6 @@ def normal_force_observer(
 
     Status: derived here, in the spirit of Canudas de Wit and Lischinsky (1997); the equations of
     the original could not be confirmed.
-
-    Examples
-    --------
-    >>> observer = lg.normal_force_observer(lg.table1())
-    >>> (observer.input_labels, observer.output_labels)
-    (['w', 'e'], ['Fhat', 'zhat', 'scale'])
     """
     return observer(
         "normal_force_observer", p, name=name, inputs=inputs, outputs=outputs, k=k, gamma=gamma
@@ -381,11 +363,5 @@ def lyapunov_observer(
 
     Status: derived here, in the spirit of Freidovich et al. (2010); the equations of the original
     could not be confirmed.
-
-    Examples
-    --------
-    >>> observer = lg.lyapunov_observer(lg.table1())
-    >>> (observer.input_labels, observer.output_labels)
-    (['w', 's'], ['Fhat', 'zhat'])
     """
     return observer("lyapunov_observer", p, name=name, inputs=inputs, outputs=outputs, k=k)

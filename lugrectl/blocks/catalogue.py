@@ -213,47 +213,22 @@ def effects() -> Catalogue:
     """The catalogue of effects that a model may declare or a diagnosis may name.
 
     Effects that the user registered with :func:`lugrectl.block` are in it.
-
-    Examples
-    --------
-    >>> "gravity" in lg.effects()
-    True
-    >>> lg.effects()["gravity"].equation
-    'r_e = A sin(theta + phi)'
     """
     return _listed("effect")
 
 
 def laws() -> Catalogue:
-    """The friction laws: what ``[friction] model`` in a model file may be.
-
-    Examples
-    --------
-    >>> "lugre" in lg.laws()
-    True
-    """
+    """The friction laws: what ``[friction] model`` in a model file may be."""
     return _listed("friction")
 
 
 def observers() -> Catalogue:
-    """The friction observers: what ``observer=`` of a loop may be.
-
-    Examples
-    --------
-    >>> lg.observers().names[:3]
-    ('no_observer', 'natural_observer', 'existing_observer')
-    """
+    """The friction observers: what ``observer=`` of a loop may be."""
     return _listed("observer")
 
 
 def controllers() -> Catalogue:
-    """The controllers and what stands beside them: error, compensation, feedforward, prefilter.
-
-    Examples
-    --------
-    >>> "pi" in lg.controllers()
-    True
-    """
+    """The controllers and what stands beside them: error, compensation, feedforward, prefilter."""
     return _listed("controller")
 
 

@@ -181,12 +181,6 @@ def friedland_park_observer(
     References
     ----------
     Friedland and Park, IEEE Trans. Automatic Control 37(10), 1992.
-
-    Examples
-    --------
-    >>> observer = lg.friedland_park_observer(lg.table1())
-    >>> (observer.input_labels, observer.output_labels)
-    (['w', 'u'], ['Fhat', 'ahat'])
     """
     return observer(
         "friedland_park_observer", p, name=name, inputs=inputs, outputs=outputs, k=k, mu=mu
@@ -235,12 +229,6 @@ def general_coulomb_observer(
 
     Status: derived here, in the spirit of the generalised observer of Odabas (thesis, 2014),
     which could not be confirmed.
-
-    Examples
-    --------
-    >>> observer = lg.general_coulomb_observer(lg.table1())
-    >>> (observer.input_labels, observer.output_labels)
-    (['w', 'u'], ['Fhat', 'ahat'])
     """
     return observer(
         "general_coulomb_observer", p, name=name, inputs=inputs, outputs=outputs, k=k, w0=w0
@@ -279,12 +267,6 @@ def disturbance_observer(
     resisting torques, load included. Noise of w is amplified by J/tau. Start the state
     v = w + tau Fhat/J at w; started at 0 it gives Fhat = -J w/tau. Standard form (Ohnishi),
     derived by substitution.
-
-    Examples
-    --------
-    >>> observer = lg.disturbance_observer(lg.table1())
-    >>> (observer.input_labels, observer.output_labels)
-    (['w', 'u'], ['Fhat'])
     """
     return observer("disturbance_observer", p, name=name, inputs=inputs, outputs=outputs, tau=tau)
 
@@ -321,12 +303,6 @@ def extended_state_observer(
     resisting torques, load included; exact for constant D. Noise of w is amplified by up to
     J p/2. Start the state what at w. Gao's bandwidth parametrisation written in w; derived by
     substitution.
-
-    Examples
-    --------
-    >>> observer = lg.extended_state_observer(lg.table1())
-    >>> (observer.input_labels, observer.output_labels)
-    (['w', 'u'], ['Fhat', 'what'])
     """
     return observer(
         "extended_state_observer",
@@ -384,12 +360,6 @@ def adaptive_observer(
     change, the estimate is right in sliding, and too stiff or too soft before it. Derived here;
     this is not the law of Canudas de Wit and Lischinsky (1997), which adapts by the tracking
     error.
-
-    Examples
-    --------
-    >>> observer = lg.adaptive_observer(lg.table1())
-    >>> (observer.input_labels, observer.output_labels)
-    (['w', 'u'], ['Fhat', 'zhat', 'what', 'scale'])
     """
     return observer(
         "adaptive_observer", p, name=name, inputs=inputs, outputs=outputs, K2=K2, gamma=gamma

@@ -211,12 +211,6 @@ def error(
     ------
     InputError
         For another kind.
-
-    Examples
-    --------
-    >>> block = lg.error()
-    >>> (block.input_labels, block.output_labels)
-    (['r', 'w'], ['e'])
     """
     _kind(kind, list(MEASURED))
     wanted = ["r", MEASURED[kind]] if inputs is None else inputs
@@ -261,12 +255,6 @@ def pi(
     With the default time and the output at its limit, ki q settles at the limit: the output
     leaves it when e changes sign. Back-calculation as in Astrom and Hagglund, Advanced PID
     Control, 2006.
-
-    Examples
-    --------
-    >>> block = lg.pi()
-    >>> (block.input_labels, block.output_labels)
-    (['e'], ['u'])
     """
     names = {"name": name, "inputs": inputs, "outputs": outputs}
     return _built("pi", {"kp": kp, "ki": ki}, limit, tracking, names)
@@ -306,12 +294,6 @@ def pid(
     Notes
     -----
     The C(s) of the source paper, section 2, with D on the measured velocity.
-
-    Examples
-    --------
-    >>> block = lg.pid()
-    >>> (block.input_labels, block.output_labels)
-    (['e', 'w'], ['u'])
     """
     gains = {"kp": kp, "ki": ki, "kd": kd, "tau": 0.0 if tau is None else tau}
     names = {"name": name, "inputs": inputs, "outputs": outputs}
@@ -324,14 +306,7 @@ def compensation(
     inputs: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
 ) -> ct.NonlinearIOSystem:
-    """Friction compensation u = Fhat: input Fhat, output u (source paper, section 2).
-
-    Examples
-    --------
-    >>> block = lg.compensation()
-    >>> (block.input_labels, block.output_labels)
-    (['Fhat'], ['u'])
-    """
+    """Friction compensation u = Fhat: input Fhat, output u (source paper, section 2)."""
     return _compensation.system(name=name, inputs=inputs, outputs=outputs)
 
 
@@ -363,12 +338,6 @@ def feedforward(
     Notes
     -----
     Source paper, eq. Canudas_u.
-
-    Examples
-    --------
-    >>> block = lg.feedforward(lg.table1())
-    >>> (block.input_labels, block.output_labels)
-    (['dr'], ['u'])
     """
     _kind(kind, list(DERIVATIVE))
     wanted = [DERIVATIVE[kind]] if inputs is None else inputs
@@ -404,12 +373,6 @@ def prefilter(
     ------
     InputError
         For another kind, or a pole that is not positive.
-
-    Examples
-    --------
-    >>> block = lg.prefilter()
-    >>> (block.input_labels, block.output_labels)
-    (['r_cmd'], ['r'])
     """
     _kind(kind, list(_PREFILTERS))
     return _PREFILTERS[kind].system(name=name, inputs=inputs, outputs=outputs, pole=pole)

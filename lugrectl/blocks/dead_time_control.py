@@ -85,12 +85,6 @@ def smith_velocity(
 
     Status: derived here, in the spirit of the feed-forward friction observer of Ruderman (2014);
     the equations of the original could not be confirmed.
-
-    Examples
-    --------
-    >>> block = lg.smith_velocity()
-    >>> (block.input_labels, block.output_labels)
-    (['w', 'wp', 'wp_late'], ['ws'])
     """
     return _smith.system(name=name, inputs=inputs, outputs=outputs)
 
@@ -128,12 +122,6 @@ def coulomb_predictor(
 
     Status: derived here, in the spirit of Odabas and Morgul (2014), whose equations could not be
     confirmed; only the velocity loop, and a predictor that contains friction.
-
-    Examples
-    --------
-    >>> block = lg.coulomb_predictor(lg.table1())
-    >>> (block.input_labels, block.output_labels)
-    (['u', 'ahat'], ['wp'])
     """
     return believed(_coulomb_predictor, p, name=name, inputs=inputs, outputs=outputs)
 
@@ -160,11 +148,5 @@ def coulomb_compensation(
     ------
     InputError
         When Fv has no value.
-
-    Examples
-    --------
-    >>> block = lg.coulomb_compensation(lg.table1())
-    >>> (block.input_labels, block.output_labels)
-    (['ws', 'ahat'], ['u'])
     """
     return believed(_coulomb_compensation, p, name=name, inputs=inputs, outputs=outputs)

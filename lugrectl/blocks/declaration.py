@@ -307,15 +307,6 @@ def block(
         When another block of the kind has the name (a cell or module that is run again replaces
         its own block), or the declaration cannot be meant: an unknown kind, signal or act, a
         default that is no P, another number of returned values, an effect without a neutral value.
-
-    Examples
-    --------
-    >>> @lg.block("effect", out="d", acts="torque")
-    ... def cubic(w, c=lg.P(0.0, "N m s3/rad3", 0, neutral=0)):
-    ...     return c * w**3
-    ...
-    >>> lg.effect("cubic", c=0.1).input_labels
-    ['w']
     """
 
     for what, given in (("kind", kind), ("out", out), ("states", states), ("acts", acts)):

@@ -84,12 +84,6 @@ def limiter(
     ``excess`` is 0 while the drive is not at its limit. A controller with ``tracking=`` reads it
     to keep its integral from winding up, wherever the limit stands: behind a notch, or where
     compensation and feed-forward have been added.
-
-    Examples
-    --------
-    >>> block = lg.limiter()
-    >>> (block.input_labels, block.output_labels)
-    (['u_cmd'], ['u', 'excess'])
     """
     return _limiter.system(name=name, inputs=inputs, outputs=outputs, limit=limit)
 
@@ -117,12 +111,6 @@ def proportional(
     ------
     InputError
         For a negative limit.
-
-    Examples
-    --------
-    >>> block = lg.proportional()
-    >>> (block.input_labels, block.output_labels)
-    (['e'], ['w_ref'])
     """
     return _proportional.system(name=name, inputs=inputs, outputs=outputs, kv=kv, limit=limit)
 
@@ -160,12 +148,6 @@ def notch(
     -----
     u = u_cmd - (1 - depth) band, where band = 2 D W s/(s^2 + 2 D W s + W^2) u_cmd has the unit
     of u; states ``band`` and ``area``, W times the integral of band. The gain is 1 at rest.
-
-    Examples
-    --------
-    >>> block = lg.notch(frequency=80.0)
-    >>> (block.input_labels, block.output_labels)
-    (['u_cmd'], ['u'])
     """
     values = {"frequency": frequency, "damping": damping, "depth": depth}
     return _notch.system(name=name, inputs=inputs, outputs=outputs, **values)
@@ -193,12 +175,6 @@ def current_lag(
     ------
     InputError
         For a time constant outside 0 to 10 s.
-
-    Examples
-    --------
-    >>> block = lg.current_lag(1e-3)
-    >>> (block.input_labels, block.output_labels)
-    (['u_cmd'], ['u'])
     """
     signals = {"inputs": inputs or ["u_cmd"], "outputs": outputs}
     return actuator_lag.system(name=name, **signals, time_constant=time_constant)
@@ -239,12 +215,6 @@ def dead_time(
     then -0.4 at its lowest, before it rises to 1. In a loop whose gain has fallen well below 1 at
     w T = 1.7 this does not matter.
     States of the discrete block: the last commands.
-
-    Examples
-    --------
-    >>> block = lg.dead_time(2e-3)
-    >>> (block.input_labels, block.output_labels)
-    (['u_cmd'], ['u'])
     """
     if dt is None:
         signals = {"inputs": inputs or ["u_cmd"], "outputs": outputs}

@@ -48,10 +48,6 @@ def load_blocks(path: str | Path) -> list[str]:
     InputError
         When the file is missing, fails or declares nothing; the sentence names file and line. No
         block of it is declared then.
-
-    Examples
-    --------
-    >>> lg.load_blocks("mine.py")  # doctest: +SKIP
     """
     file, text = _read(path)
     name, digest = _module_name(file), sha256(text).hexdigest()

@@ -34,12 +34,6 @@ def friction(
     ------
     InputError
         For an unknown law or parameter, or a value outside its bounds.
-
-    Examples
-    --------
-    >>> law = lg.friction("coulomb", Fc=0.3, Fv=0.01)
-    >>> law.input_labels, law.output_labels
-    (['w'], ['F'])
     """
     made, own = formed(block_named("friction", law, what="friction law"), values, law)
     return made.system(name=name, inputs=inputs, outputs=outputs, **own)
@@ -71,12 +65,6 @@ def effect(
     ------
     InputError
         For an unknown effect or parameter, or a value outside its bounds.
-
-    Examples
-    --------
-    >>> brake = lg.effect("gravity", amplitude=0.2)
-    >>> (brake.input_labels, brake.output_labels)
-    (['theta'], ['d'])
     """
     made = block_named("effect", kind)
     return made.system(name=name, inputs=inputs, outputs=outputs, **values)

@@ -36,11 +36,6 @@ class Parameters(Shown):
     """A drive with LuGre friction: J, sigma0, sigma1, Fc, Fs, Fv, vs in SI units.
 
     kg m2, N m/rad, N m s/rad, N m, N m, N m s/rad, rad/s; letters as in the source paper.
-
-    Examples
-    --------
-    >>> lg.Parameters(J=0.0022, sigma0=260, sigma1=0.6, Fc=0.28, Fs=0.34, Fv=0.018, vs=0.01).Fc
-    0.28
     """
 
     J: float = math.nan
@@ -70,14 +65,7 @@ class Parameters(Shown):
 
 
 def table1() -> Parameters:
-    """The parameters of the source paper's Table 1.
-
-    Examples
-    --------
-    >>> p = lg.table1()
-    >>> p.Fc, p.Fs
-    (0.285, 0.335)
-    """
+    """The parameters of the source paper's Table 1."""
     return Parameters(J=0.0022, sigma0=260.0, sigma1=0.6, Fc=0.285, Fs=0.335, Fv=0.018, vs=0.01)
 
 
@@ -104,14 +92,6 @@ class Model(Shown):
     ``values()`` is flat: ``J``, the friction parameters by name, effects as ``key.parameter``.
     ``stated`` says by such a key what is held, bounded or known with an uncertainty. ``file`` is
     the model file that was read, None once anything was changed; ``blocks`` the files it names.
-
-    Examples
-    --------
-    >>> model = lg.Model.of(J=0.002, friction="coulomb", Fc=0.3, effects="gravity")
-    >>> model.values()["Fc"]
-    0.3
-    >>> model.effects[0].key
-    'gravity'
     """
 
     name: str
@@ -431,12 +411,6 @@ def read_model(path: str | Path) -> Model:
     ------
     InputError
         When the file is missing, is not TOML, or holds an unknown key or a wrong value.
-
-    Examples
-    --------
-    >>> lg.write_model(lg.Model.of(J=0.002, Fc=0.3), "my.toml")
-    >>> lg.read_model("my.toml").J
-    0.002
     """
     path = as_path(path, "the model file")
     try:
@@ -468,12 +442,6 @@ def write_model(model: Model, path: str | Path) -> None:
     InputError
         When the file cannot be written, or the model holds what a file cannot: a value that is
         no number or outside its bounds, half of a surrogate pair in its name.
-
-    Examples
-    --------
-    >>> lg.write_model(lg.Model.of(lg.table1()), "my.toml")
-    >>> lg.read_model("my.toml").values()["Fs"]
-    0.335
     """
 
     model, path = as_model(model), as_path(path, "path")

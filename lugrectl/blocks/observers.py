@@ -213,12 +213,6 @@ def natural_observer(
     -----
     Source paper, eq. z_hat_dot and F_est. An error of zhat decays only while the drive moves;
     at rest it is constant.
-
-    Examples
-    --------
-    >>> observer = lg.natural_observer(lg.table1())
-    >>> (observer.input_labels, observer.output_labels)
-    (['w'], ['Fhat', 'zhat'])
     """
     return observer("natural_observer", p, name=name, inputs=inputs, outputs=outputs)
 
@@ -254,12 +248,6 @@ def existing_observer(
     -----
     Source paper, eq. Canudas_z. Its stability proof needs the feed-forward J ddr and a strictly
     positive real (sigma1 s + sigma0) / (J s^2 + C(s)); see :func:`lugrectl.spr_check`.
-
-    Examples
-    --------
-    >>> observer = lg.existing_observer(lg.table1())
-    >>> (observer.input_labels, observer.output_labels)
-    (['w', 'e'], ['Fhat', 'zhat'])
     """
     return observer("existing_observer", p, name=name, inputs=inputs, outputs=outputs, k=k)
 
@@ -300,11 +288,5 @@ def proposed_observer(
     Source paper, eq. obs_1 and obs_2; Fhat contains the K1 term. u is the torque that drives
     the plant; the observer does not model a load torque. Its fastest pole is near
     -(K2 - sigma1 K1)/J, -12 790 1/s with the paper's gains: use a stiff solver.
-
-    Examples
-    --------
-    >>> observer = lg.proposed_observer(lg.table1())
-    >>> (observer.input_labels, observer.output_labels)
-    (['w', 'u'], ['Fhat', 'zhat', 'what'])
     """
     return observer("proposed_observer", p, name=name, inputs=inputs, outputs=outputs, K1=K1, K2=K2)

@@ -244,12 +244,6 @@ def plant(
     Source paper, eq. mechanical_sys1. theta is the integral of w and is not wrapped. theta_load is
     theta minus the twist of the coupling. The outputs of a second coupling are theta_load_2,
     w_load_2.
-
-    Examples
-    --------
-    >>> drive = lg.plant(lg.table1())
-    >>> (drive.input_labels, drive.output_labels)
-    (['u', 'd'], ['theta', 'w', 'F'])
     """
     model = as_model(p)
     return _system(assemble(model, loads=_loads(model)), model, name, inputs, outputs)
@@ -275,12 +269,6 @@ def sensor(
     ------
     InputError
         When a parameter of a sensor effect has no value yet.
-
-    Examples
-    --------
-    >>> lag = {"name": "velocity_sensor_lag", "time_constant": 0.002}
-    >>> lg.sensor(lg.Model.of(lg.table1(), effects=lag)).output_labels
-    ['w_m', 'theta_m']
     """
     model = as_model(p)
     uses = [Part(f"{use.key}.", use.block) for use in model.effects]

@@ -143,12 +143,6 @@ def position_coulomb_observer(
     Status: derived here, in the spirit of Tafazoli, de Silva and Lawrence (1998), whose equations
     could not be confirmed; at least the smooth sign, the viscous part and the proof are
     additions.
-
-    Examples
-    --------
-    >>> observer = lg.position_coulomb_observer(lg.table1())
-    >>> (observer.input_labels, observer.output_labels)
-    (['theta', 'u'], ['Fhat', 'ahat', 'what'])
     """
     return observer(
         "position_coulomb_observer", p, name=name, inputs=inputs, outputs=outputs, k=k, L=L
@@ -203,12 +197,6 @@ def position_lugre_observer(
 
     Status: derived here, in the spirit of the observer-based compensation of Olsson and Astrom
     (1996), whose equations could not be confirmed.
-
-    Examples
-    --------
-    >>> observer = lg.position_lugre_observer(lg.table1())
-    >>> (observer.input_labels, observer.output_labels)
-    (['theta', 'u'], ['Fhat', 'zhat', 'what'])
     """
     gains = {"l1": l1, "l2": l2, "l3": l3}
     return observer(

@@ -120,12 +120,6 @@ def repetitive_control(
 
     Status: derived here, in the spirit of the adaptive repetitive learning control of Chen et
     al. (2022); the equations of the original could not be confirmed.
-
-    Examples
-    --------
-    >>> block = lg.repetitive_control(lg.table1())
-    >>> (block.input_labels, block.output_labels)
-    (['s', 'ar'], ['u'])
     """
     if isinstance(harmonics, bool) or not isinstance(harmonics, (int, np.integer)) or harmonics < 1:
         raise InputError(f"harmonics = {shown(harmonics)} must be a whole number above 0, as 9 is.")
@@ -189,12 +183,6 @@ def repetitive_memory(
 
     Status: derived here, in the spirit of the adaptive repetitive learning control of Chen et
     al. (2022); the equations of the original could not be confirmed.
-
-    Examples
-    --------
-    >>> block = lg.repetitive_memory(lg.table1(), period=0.5)
-    >>> (block.input_labels, block.output_labels)
-    (['s', 'ar'], ['u'])
     """
     import control as ct
 

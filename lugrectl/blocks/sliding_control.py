@@ -164,12 +164,6 @@ def sliding_error(
     -----
     d(w)/dt - ar = ds/dt. It is a block of its own on purpose: a controller that puts out both u,
     which needs Fhat, and s, from which an observer computes Fhat, would be an algebraic loop.
-
-    Examples
-    --------
-    >>> block = lg.sliding_error()
-    >>> (block.input_labels, block.output_labels)
-    (['theta', 'w', 'r', 'dr', 'ddr'], ['s', 'ar'])
     """
     if kind not in _ERRORS:
         raise InputError(f"unknown kind {kind!r}; known: {', '.join(MEASURED)}.")
@@ -217,12 +211,6 @@ def slotine_li(
     References
     ----------
     Slotine and Li, IEEE Trans. Automatic Control 33(11), 1988.
-
-    Examples
-    --------
-    >>> block = lg.slotine_li(lg.table1())
-    >>> (block.input_labels, block.output_labels)
-    (['s', 'ar'], ['u'])
     """
     return believed(_slotine_li, p, name=name, inputs=inputs, outputs=outputs, KD=KD)
 
@@ -267,12 +255,6 @@ def adaptive_slotine_li(
     References
     ----------
     Slotine and Li, IEEE Trans. Automatic Control 33(11), 1988.
-
-    Examples
-    --------
-    >>> block = lg.adaptive_slotine_li()
-    >>> (block.input_labels, block.output_labels)
-    (['s', 'ar', 'w'], ['u'])
     """
     gains = {"KD": KD, "gJ": gJ, "gv": gv, "gc": gc}
     return _adaptive_slotine_li.system(name=name, inputs=inputs, outputs=outputs, **gains)
@@ -323,12 +305,6 @@ def dual_observer_control(
     Status: derived here, in the spirit of the adaptive dynamic state feedback of Chen et al.
     (2022), whose equations could not be confirmed; there all LuGre parameters are unknown, here
     h(w)/sigma0 is known.
-
-    Examples
-    --------
-    >>> block = lg.dual_observer_control(lg.table1())
-    >>> (block.input_labels, block.output_labels)
-    (['s', 'ar', 'w'], ['u'])
     """
     return believed(_dual_observer, p, name=name, inputs=inputs, outputs=outputs, KD=KD, **gains)
 
@@ -378,12 +354,6 @@ def backstepping_smc(
     Status: derived here, in the spirit of the abstract of Xu et al. (2022): one joint, a linear
     virtual control, so that no power is singular and u needs no saturation, and a smoothed
     switching.
-
-    Examples
-    --------
-    >>> block = lg.backstepping_smc(lg.table1())
-    >>> (block.input_labels, block.output_labels)
-    (['s', 'ar'], ['u', 'surface'])
     """
     return believed(
         _backstepping, p, name=name, inputs=inputs, outputs=outputs, ks=ks, eps=eps, **gains

@@ -87,12 +87,6 @@ def tabulated(
     Corners are rounded over one fiftieth of the distance between points, which changes f there
     by at most one hundredth of its second difference. The angle of a periodic table is
     arctan2(sin theta, cos theta).
-
-    Examples
-    --------
-    >>> cogging = lg.tabulated("theta", [0.0, 1.0, 2.0], [0.0, 0.1, 0.0])
-    >>> cogging.input_labels
-    ['theta']
     """
     if signal not in SIGNALS:
         raise InputError(f"{name}: no table over {shown(signal)}; known: {', '.join(SIGNALS)}.")

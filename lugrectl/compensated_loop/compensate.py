@@ -124,11 +124,6 @@ def compensate(
     In ``none``, ``before`` and ``after`` the simulated drive is exactly the model and the control
     is continuous: they show what the structure of the compensation can reach. ``drive`` shows
     what a drive like the recorded one will see.
-
-    Examples
-    --------
-    >>> c = lg.compensate("my.toml", loop="position")  # doctest: +SKIP
-    >>> c.before, c.after  # doctest: +SKIP
     """
     if not isinstance(loop, str) or loop not in MEASURED:
         raise InputError(f"unknown loop {shown(loop)}; known: {', '.join(MEASURED)}.")

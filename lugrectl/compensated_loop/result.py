@@ -45,10 +45,6 @@ class Compensation(Result):
     with the reason. ``gains`` are those of the observer in the loops "before" and "after",
     ``certificate`` what they guarantee "after" (None if there is no design). ``drive``: the same
     errors on a drive like the recorded one, which is not exactly the model; None without a record.
-
-    Examples
-    --------
-    >>> lg.compensate("my.toml").after  # doctest: +SKIP
     """
 
     kind: str

@@ -34,11 +34,6 @@ class Certificate(Result):
     A, B, C, alpha, beta and the matrices are None if no V of this form exists; ``conditions``
     then says why. They are None as well for observers other than the proposed one, whose V is of
     another form (see the docstring of the observer).
-
-    Examples
-    --------
-    >>> lg.certify(lg.table1(), K1=-10.24, K2=22.0).holds
-    True
     """
 
     holds: bool
@@ -200,11 +195,6 @@ def certify(p: Any, K1: float, K2: float) -> Certificate:
     w = 0 if g > 0, and min(-K1 sigma1/J, K2/J) if g < 0, with beta/2C = |g|/|K1|. If that ratio
     is so small that P is nearly singular, a larger one is used, which costs less than 0.5 % of
     the rate. Gains for which no such V exists may still be stable for bounded |w|.
-
-    Examples
-    --------
-    >>> lg.certify(lg.table1(), K1=-10.24, K2=22.0).holds
-    True
     """
     m = drive(p)
     K1, K2 = number(K1, "K1"), number(K2, "K2")

@@ -25,12 +25,6 @@ class ObserverDesign(Result):
 
     ``gains`` holds them by name, for ``velocity_loop(p, design.observer, **design.gains)`` or
     ``gains=design.gains`` of any loop. ``choices``: what the rule was given.
-
-    Examples
-    --------
-    >>> design = lg.design_gains(lg.table1(), observer="disturbance")
-    >>> sorted(design.gains)
-    ['tau']
     """
 
     observer: str

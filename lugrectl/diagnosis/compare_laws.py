@@ -89,11 +89,6 @@ def compare_laws(
         When an argument cannot be meant, or a file cannot be read or understood.
     Refused
         When no law can be fitted to this record.
-
-    Examples
-    --------
-    >>> table = lg.compare_laws("run.csv", "my.toml", ["coulomb", "stribeck"])  # doctest: +SKIP
-    >>> table.chosen  # doctest: +SKIP
     """
     horizon, _ = judged_by(horizon, 0)
     names, bar = law_names(laws), NormalDist().inv_cdf(1.0 - share(alpha, "alpha"))

@@ -127,17 +127,6 @@ def diagnose(
     ------
     InputError
         When an argument cannot be meant, or a file cannot be read or understood.
-
-    Examples
-    --------
-    >>> t = np.arange(0, 8, 2e-3)
-    >>> u = 0.5 * np.sin(3 * t) * (1 + 0.5 * np.sin(0.7 * t))
-    >>> drive = lg.plant(lg.Model.of(J=0.002, friction="coulomb", Fc=0.1, Fv=0.01))
-    >>> y = lg.simulate(drive, t, {"u": u, "d": 0 * t}, hold=True)
-    >>> log = {"t": t, "u": u, "w": y.outputs[1]}
-    >>> result = lg.diagnose(log, lg.Model.of(J=0.002, friction="coulomb"))
-    >>> result.verdict
-    'adequate'
     """
     if law is not None:
         options = {"least": least, "alpha": alpha, "time_limit": time_limit, "progress": progress}

@@ -117,10 +117,6 @@ class Fleet(Result):
     """The answer of :func:`lugrectl.diagnose_each`, in the order of the logs.
 
     ``unfinished`` names the logs that were not diagnosed because of an interrupt.
-
-    Examples
-    --------
-    >>> lg.diagnose_each("logs", "my.toml").counts  # doctest: +SKIP
     """
 
     outcomes: tuple[Outcome, ...] = field(repr=False)
@@ -252,11 +248,6 @@ def diagnose_each(
     InputError
         For an empty folder, a path of nothing, a pattern without match, jobs below 1, another
         holdout, or an argument that cannot be meant.
-
-    Examples
-    --------
-    >>> fleet = lg.diagnose_each("logs/*.csv", "my.toml", jobs=4)  # doctest: +SKIP
-    >>> fleet.to_frame()  # doctest: +SKIP
     """
     if isinstance(records, (str, os.PathLike)):
         there(records)

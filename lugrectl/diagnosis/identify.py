@@ -136,11 +136,6 @@ def identify(
         When an argument cannot be meant, or a file cannot be read or understood.
     Refused
         When nothing is certain from this record; ``plain`` of the error says why.
-
-    Examples
-    --------
-    >>> found = lg.identify("run.csv", "my.toml")  # doctest: +SKIP
-    >>> found.parameters["J"]  # doctest: +SKIP
     """
     if law is not None:
         options = {"holdout": holdout, "horizon": horizon, "seed": seed, "progress": progress}

@@ -35,11 +35,6 @@ class Diagnosis(Fitted):
     ``record`` is the first. ``plain`` is the torque balance of the log as it was recorded, there
     for every log that can be read. ``provenance``: version, date, command and files; None for a
     result that was put together by hand.
-
-    Examples
-    --------
-    >>> result = lg.diagnose("run.csv", "my.toml")  # doctest: +SKIP
-    >>> result.verdict, result.effects  # doctest: +SKIP
     """
 
     verdict: str

@@ -79,12 +79,6 @@ def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:
     control.frd: its lowest frequency then stands for DC, the crossing is interpolated (dB over
     log w), and T counts as stable. Raises InputError if T is none of these, or for an unknown
     level.
-
-    Examples
-    --------
-    >>> check = lg.bandwidth_check(ct.tf([10], [1, 10]))
-    >>> check.stable, round(check.bandwidth, 2)
-    (True, 9.98)
     """
     c = level_power(level)
     if is_measured(T):
@@ -159,11 +153,6 @@ def bandwidth(T: Any, level: str | float = "-3dB") -> float:
 
     For an unstable T the crossing is returned with an UnstableLoopWarning that names the poles;
     nan without a DC gain; inf if |T| never falls below the level.
-
-    Examples
-    --------
-    >>> round(lg.bandwidth(ct.tf([10], [1, 10])), 2)
-    9.98
     """
     verdict = bandwidth_check(T, level)
     if not verdict.stable and not math.isnan(verdict.bandwidth):

@@ -86,12 +86,6 @@ def check_designs(
 
     Raises InputError for another loop or level, shapes that do not fit, values that are not
     finite or out of range, and a velocity loop with J + kd <= 0.
-
-    Examples
-    --------
-    >>> checks = lg.check_designs(lg.table1(), kp=[0.4, 1.6], ki=0.16, K2=22.0)
-    >>> len(checks.spr)
-    2
     """
     if not isinstance(loop, str) or loop not in ("velocity", "position"):
         raise InputError(f"loop must be 'velocity' or 'position', not {shown(loop)}.")

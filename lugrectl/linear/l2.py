@@ -82,12 +82,6 @@ def l2_check(p: Any, K2: float | None = None) -> L2Verdict:
     the gain finite, and the reason names it; one right of the axis makes the gain infinite.
 
     Raises InputError for values that are not finite numbers and for sigma0 = sigma1 = 0.
-
-    Examples
-    --------
-    >>> check = lg.l2_check(ct.tf([2], [1, 1]))
-    >>> round(check.gain, 6)
-    2.0
     """
     if isinstance(p, ct.TransferFunction | ct.StateSpace | tuple | list):
         if K2 is not None:

@@ -71,12 +71,6 @@ def position_T(
 
     Raises InputError for values that are not finite, a negative time constant or leak, tau and
     leak together, and a zero denominator.
-
-    Examples
-    --------
-    >>> T = lg.position_T(lg.table1(), kp=15, ki=1.55)
-    >>> lg.spr_check(T).classification
-    'not PR'
     """
     return _error_T(p, 2, read_controller(kp, ki, kd, tau, derivative_filter, leak, controller))
 
@@ -92,13 +86,7 @@ def velocity_T(
     leak: float | None = None,
     controller: Any = None,
 ) -> ct.TransferFunction:
-    """T(s) = (sigma1 s + sigma0)/(J s + C(s)): C as in ``position_T``, on the velocity error.
-
-    Examples
-    --------
-    >>> lg.spr_check(lg.velocity_T(lg.table1(), kp=1.6, ki=0.16)).classification
-    'PR'
-    """
+    """T(s) = (sigma1 s + sigma0)/(J s + C(s)): C as in ``position_T``, on the velocity error."""
     return _error_T(p, 1, read_controller(kp, ki, kd, tau, derivative_filter, leak, controller))
 
 
@@ -121,12 +109,6 @@ def position_loop_tf(
     so it is not in the numerator; give a D on the error as ``controller``. ``prefilter`` adds
     a/(s + a) in front, a in 1/s; True is the source paper's 2/(s + 2). Friction that is not
     compensated (Fv) is not included. Raises InputError as ``position_T``, and for a < 0.
-
-    Examples
-    --------
-    >>> T = lg.position_loop_tf(lg.table1(), kp=15, ki=1.55, kd=0.2)
-    >>> round(lg.bandwidth(T), 1)
-    100.0
     """
     C = read_controller(kp, ki, kd, tau, derivative_filter, leak, controller)
     return _reference_tf(p, 2, C, prefilter, "theta")
@@ -148,12 +130,6 @@ def velocity_loop_tf(
 
     w/r = E(s)/(J s + D(s) + E(s)), all as in ``position_loop_tf``: Kd multiplies the measured
     acceleration, like an added inertia.
-
-    Examples
-    --------
-    >>> T = lg.velocity_loop_tf(lg.table1(), kp=1.6, ki=0.16)
-    >>> round(lg.bandwidth(T) / (2 * np.pi))
-    115
     """
     C = read_controller(kp, ki, kd, tau, derivative_filter, leak, controller)
     return _reference_tf(p, 1, C, prefilter, "w")

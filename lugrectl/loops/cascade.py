@@ -111,12 +111,6 @@ def cascade_loop(
     The velocity loop crosses over near kp/J (727 1/s for Table 1), the position loop near kv:
     keep kv and ki/kp well below kp/J, and kp/J below about 0.5/(lag + delay). The same loop can
     be wired by hand from the blocks that carry these names.
-
-    Examples
-    --------
-    >>> loop = lg.cascade_loop(lg.table1(), limit=1.0)
-    >>> loop.input_labels
-    ['r']
     """
     p, believed = _models(p, observer_parameters)
     measured = _measured(p, feedback)

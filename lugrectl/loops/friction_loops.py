@@ -119,14 +119,6 @@ def velocity_loop(
     ``solve_ivp_method="LSODA"`` and an atol of 1e-8 or less, because z is about 1e-3. SciPy's
     BDF and Radau can stop with an error: no rate depends on theta, so the finite difference step
     that they use for theta grows until it overflows.
-
-    Examples
-    --------
-    >>> t = np.linspace(0, 1, 101)
-    >>> loop = lg.velocity_loop(lg.table1(), "proposed")
-    >>> y = lg.simulate(loop, t, np.sin(6 * t))
-    >>> y.output_labels, y.outputs.shape
-    (['theta', 'w', 'F', 'Fhat', 'u', 'e'], (6, 101))
     """
     shared, own = {"K1": K1, "K2": K2, "k": k}, {"kp": kp, "ki": ki}
     p, believed = _models(p, observer_parameters)
@@ -196,12 +188,6 @@ def position_loop(
     Source paper, fig. sys (b). Its gains, the defaults, make the compensated loop unstable:
     J s^3 + kp s + ki has no s^2 term, and the growth has a time constant of 19 s. kd > 0 with
     kd kp > J ki makes it stable.
-
-    Examples
-    --------
-    >>> loop = lg.position_loop(lg.table1(), "natural", kd=0.2)
-    >>> loop.input_labels
-    ['r']
     """
     shared, own = {"K1": K1, "K2": K2, "k": k}, {"kp": kp, "ki": ki, "kd": kd, "tau": tau}
     p, believed = _models(p, observer_parameters)

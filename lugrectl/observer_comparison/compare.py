@@ -105,11 +105,6 @@ def compare_observers(
 
     The first comparison on a machine compiles two loops for each observer, some seconds for each;
     a later one takes about a second for each observer.
-
-    Examples
-    --------
-    >>> table = lg.compare_observers(lg.table1(), ["natural", None])  # doctest: +SKIP
-    >>> table["natural"]  # doctest: +SKIP
     """
     model = with_bristles(as_model(p, "p"), "p")
     wanted, chosen = _chosen_scenarios(scenarios), chosen_observers(observers)

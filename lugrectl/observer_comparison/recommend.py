@@ -114,11 +114,6 @@ def recommend_observer(
     more than 1.5 times worse than the best after the first three cases are not tried with the
     others. Of observers within 5 % of the best the one that passes least noise to the torque is
     first. The drive has the effects of the model; the observers do not know them.
-
-    Examples
-    --------
-    >>> best = lg.recommend_observer(lg.table1(), rate=1000, resolution=1e-4)  # doctest: +SKIP
-    >>> best.names  # doctest: +SKIP
     """
     model, record = _model(p, record)
     spec = drive_spec(record, _own(locals()), model.motion).completed(_known(model))

@@ -48,13 +48,6 @@ def read_record(
     ------
     InputError : the file or an argument cannot be read or understood.
     Refused : there is no motion in it: a dead channel, or fewer than 12 rows in one piece.
-
-    Examples
-    --------
-    >>> t = np.linspace(0, 1, 101)
-    >>> record = lg.read_record({"t": t, "u": np.sin(9 * t), "w": np.cos(9 * t)})
-    >>> record.samples, round(record.rate)
-    (101, 100)
     """
     if isinstance(path, Record):
         return _as_it_is(path, columns=columns, units=units, scale=scale, rate=rate)

@@ -54,13 +54,6 @@ class Record(Shown):
     arrays, or changed after reading, are its own samples.
 
     Raises InputError when the channels differ in length, hold NaN, or w and theta are missing.
-
-    Examples
-    --------
-    >>> t = np.linspace(0, 1, 101)
-    >>> record = lg.read_record({"t": t, "u [mN m]": np.sin(9 * t), "w [rpm]": np.cos(9 * t)})
-    >>> round(float(abs(record.w).max()), 3)
-    0.105
     """
 
     t: np.ndarray

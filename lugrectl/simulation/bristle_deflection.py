@@ -79,12 +79,6 @@ def deflection(w: ArrayLike, dt: float, p: Parameters | Model, z0: ArrayLike = 0
     Exact for a velocity that is constant between samples, at any speed. The velocity of a real
     drive varies between samples, which leaves an error of first order in dt. Source paper, eq.
     LuGre1, evaluated by the friction law's own function.
-
-    Examples
-    --------
-    >>> z = lg.deflection([0.5, 0.5, -0.5], 1e-3, lg.table1())
-    >>> z.shape
-    (3,)
     """
     dt = positive(dt, "dt, the sample time,", "seconds")
     speed, start = _checked(w, z0)

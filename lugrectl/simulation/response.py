@@ -133,13 +133,6 @@ def simulate(
     A controller that acts on e makes it smaller: e is measured - reference. A warning names a
     controller of the package in a feedback of the wrong sign, from the blocks' derivatives at
     rest.
-
-    Examples
-    --------
-    >>> t = np.linspace(0, 1, 101)
-    >>> y = lg.simulate(ct.tf([1], [1, 1]), t)
-    >>> y.outputs.shape
-    (101,)
     """
     rtol = arguments.settings(rtol, hold, method, squeeze)
     atol = None if atol is None else positive(atol, "atol")

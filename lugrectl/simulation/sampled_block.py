@@ -85,11 +85,6 @@ def sampled(
     The block calls the functions of ``system`` at each sample, so it follows what they read; the
     default parameters are a copy, and whether the rates are affine is decided when a run begins.
     The outputs use the current sample; held inputs act from the current sample on.
-
-    Examples
-    --------
-    >>> lg.sampled(lg.proposed_observer(lg.table1()), 1e-3).dt
-    0.001
     """
     system = arguments.system(system)
     dt = positive(dt, "dt, the sample time,", "seconds")

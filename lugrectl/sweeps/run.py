@@ -113,17 +113,16 @@ def sweep(
 
     Examples
     --------
-    >>> loop, t = lg.velocity_loop(lg.table1(), "proposed"), np.linspace(0, 1, 201)
-    >>> table = {"plant.Fc": np.linspace(0.2, 0.4, 10), "pi.kp": 1.6}
-    >>> s = lg.sweep(loop, t, np.sin(6 * t), table, outputs=["w"])
+    >>> table = {"plant.Fc": np.linspace(0.2, 0.4, 1000), "pi.kp": 1.6}
+    >>> s = lg.sweep(loop, t, r, table, outputs=["w"])
     >>> s["w"].shape
-    (10, 201)
+    (1000, 10001)
 
     On a cluster (extra ``cluster``):
 
-    >>> from dask.distributed import Client  # doctest: +SKIP
-    >>> with Client("tcp://scheduler:8786") as client:  # doctest: +SKIP
-    ...     s = lg.sweep(loop, t, np.sin(6 * t), table, executor=client.get_executor())
+    >>> from dask.distributed import Client
+    >>> with Client("tcp://scheduler:8786") as client:
+    ...     s = lg.sweep(loop, t, r, table, executor=client.get_executor())
     """
     made = prepare(system, t, inputs, params, x0, seeds, outputs, states, hold, rtol, reduce)
     gathered = Gathered(made)
@@ -167,12 +166,7 @@ def sweep_chunks(
 
     Examples
     --------
-    >>> loop, t = lg.velocity_loop(lg.table1(), "proposed"), np.linspace(0, 1, 201)
-    >>> table = {"plant.Fc": np.linspace(0.2, 0.4, 10)}
-    >>> parts = lg.sweep_chunks(loop, t, np.sin(6 * t), table, chunk=5)
-    >>> peak = np.concatenate([part["w"].max(axis=1) for part in parts])
-    >>> peak.shape
-    (10,)
+    >>> peak = np.concatenate([s["w"].max(axis=1) for s in lg.sweep_chunks(loop, t, r, table)])
     """
     made = prepare(system, t, inputs, params, x0, seeds, outputs, states, hold, rtol, reduce)
     bar = bar_for(progress)

@@ -44,13 +44,6 @@ class Sweep(Result):
         Number of a member whose sign or comparison switched without end -> the time in s.
     message : str or None
         A note on the sweep as a whole.
-
-    Examples
-    --------
-    >>> t = np.linspace(0, 1, 101)
-    >>> runs = lg.sweep(ct.tf([1], [1, 1]), t, 1.0)
-    >>> runs.outputs
-    ('y[0]',)
     """
 
     name: str
