@@ -113,19 +113,20 @@ def sweep(
 
     Examples
     --------
-    The peak of the speed error over 50 drives that differ in friction:
+    The speed error of 50 drives that differ in friction:
 
     >>> loop = lg.velocity_loop(lg.table1(), "proposed")
     >>> t = np.linspace(0.0, 1.0, 501)
+    >>> r = 0.1 * np.sin(2 * np.pi * t)
     >>> table = {"plant.Fc": np.linspace(0.2, 0.4, 50), "pi.kp": 1.6}
-    >>> s = lg.sweep(loop, t, 0.1 * np.sin(2 * np.pi * t), table, outputs=["e"])
+    >>> s = lg.sweep(loop, t, r, table, outputs=["e"])
     >>> s["e"].shape
     (50, 501)
 
-    On a cluster (extra ``cluster``), with ``from dask.distributed import Client``:
+    On a cluster (extra ``cluster``), where ``client`` is
+    ``dask.distributed.Client("tcp://scheduler:8786")``:
 
-    >>> client = Client("tcp://scheduler:8786")  # doctest: +SKIP
-    >>> s = lg.sweep(loop, t, 0.1, table, executor=client.get_executor())  # doctest: +SKIP
+    >>> s = lg.sweep(loop, t, r, table, executor=client.get_executor())  # doctest: +SKIP
     """
     made = prepare(system, t, inputs, params, x0, seeds, outputs, states, hold, rtol, reduce)
     gathered = Gathered(made)
