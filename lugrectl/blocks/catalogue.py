@@ -258,10 +258,13 @@ def observers() -> Catalogue:
 
     Examples
     --------
-    The observers that need no velocity:
+    What an observer reads, and the unit of one of its parameters:
 
-    >>> [o.name for o in lg.observers() if "w" not in o.inputs]
-    ['position_coulomb_observer', 'position_lugre_observer']
+    >>> observer = lg.observers()["position_lugre"]
+    >>> observer.name, observer.inputs
+    ('position_lugre_observer', ('theta', 'u'))
+    >>> observer.parameters["sigma0"].unit
+    'N m/rad'
     """
     return _listed("observer")
 
@@ -291,7 +294,7 @@ def _listed(kind: str) -> Catalogue:
 
 
 def _place(made: Block) -> int:
-    module = made.home.removeprefix(f"{__package__}.blocks.").split(".")[0]
+    module = made.home.removeprefix(f"{__package__}.").split(".")[0]
     return DECLARING.index(module) if module in DECLARING else len(DECLARING)
 
 

@@ -58,6 +58,21 @@ def test_the_lists_are_complete():
 
 
 @pytest.mark.parametrize("kind", LISTS)
+def test_a_list_has_one_order_whatever_was_imported_first(kind):
+    def module(item):
+        return item[1].home.split(".")[:3]  # lugrectl.blocks.MODULE
+
+    names, known = LISTS[kind]().names, dict(spec.REGISTRY)
+    try:
+        spec.REGISTRY.clear()
+        spec.REGISTRY.update(sorted(known.items(), key=module, reverse=True))
+        assert LISTS[kind]().names == names
+    finally:
+        spec.REGISTRY.clear()
+        spec.REGISTRY.update(known)
+
+
+@pytest.mark.parametrize("kind", LISTS)
 def test_an_entry_says_equation_and_units(kind):
     for entry in LISTS[kind]():
         assert entry.equation and not entry.equation.endswith(".")
