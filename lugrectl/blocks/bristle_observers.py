@@ -291,8 +291,8 @@ def friction_state_observer(
     >>> observer.input_labels, observer.output_labels
     (['w', 'u'], ['Fhat', 'what'])
     >>> poles = observer.linearize([0.0, 0.0], [0.0, 0.0]).poles()
-    >>> np.round(poles.real.mean())
-    np.float64(-300.0)
+    >>> round(float(poles.real.mean()))
+    -300
     """
     return observer(
         "friction_state_observer",

@@ -70,7 +70,7 @@ def _pi(e, q, kp=KP, ki=KI):
     return action(e, q, kp, ki, 0.0)
 
 
-@block("controller", name="pid", out="u", states="q", source=f"{PAPER}, section 2")
+@block("controller", name="pid", out="u", states="q", source=f"{PAPER}, section 3.1")
 def _pid(e, w, q, kp=KP_ANGLE, ki=KI_ANGLE, kd=KD, tau=TAU):
     """u = kp (-e) + ki q - kd w, tau dq/dt = -e - q (tau = 0: dq/dt = -e).
 
@@ -326,7 +326,7 @@ def pid(
 
     Notes
     -----
-    The C(s) of the source paper, section 2, with D on the measured velocity.
+    The C(s) of the source paper, section 3.1, with D on the measured velocity.
 
     Examples
     --------

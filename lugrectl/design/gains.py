@@ -72,8 +72,8 @@ class Design(Result):
 
     >>> p = lg.table1()
     >>> design = lg.design_gains(p, "time-varying")
-    >>> bool(design.K1(0.0) < design.K1(0.5))
-    True
+    >>> [round(float(design.K1(w)), 2) for w in (0.0, 0.5)]
+    [-1.59, 0.08]
     >>> loop = lg.velocity_loop(p, design.observer, **design.gains)
     """
 
@@ -189,8 +189,8 @@ def design_gains(
     >>> design = lg.design_gains(p)
     >>> sorted(design.gains), bool(design.certificate)
     (['K1', 'K2'], True)
-    >>> bool(design.certificate.rate > 100)
-    True
+    >>> round(design.certificate.rate, 1)
+    165.5
 
     Of a disturbance observer in a drive that runs at 1 kHz:
 

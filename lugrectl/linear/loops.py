@@ -90,7 +90,8 @@ def position_T(
 
     Notes
     -----
-    Source paper, section 2; PD control is SPR exactly if Kp > 0 and sigma1 Kd > sigma0 J.
+    T(s) is that of the source paper, section 3.1. Derived here: with PD control it is SPR exactly
+    if Kp > 0 and sigma1 Kd > sigma0 J.
 
     Examples
     --------

@@ -136,12 +136,11 @@ def arguments(thing: Any) -> list[str]:
 def failures(name: str, doc: str) -> list[str]:
     """What doctest prints about the lines of an example that give something else."""
     out: list[str] = []
-    names = {"__name__": "__main__", "lg": lg, "np": np, "ct": ct}
-    known = [*REGISTRY]
+    names = {"__name__": "example", "lg": lg, "np": np, "ct": ct}
     test = doctest.DocTestParser().get_doctest(doc, names, name, None, None)
     doctest.DocTestRunner(verbose=False, optionflags=FLAGS).run(test, out=out.append)
-    for key in {*REGISTRY} - {*known}:  # a block that the example declared
-        del REGISTRY[key]
+    for key in [key for key, made in REGISTRY.items() if made.home == "example"]:
+        del REGISTRY[key]  # a block that the example declared
     return out
 
 
@@ -154,4 +153,7 @@ def _misplaced(names: list[str]) -> list[str]:
 
 def _returns(thing: Any) -> bool:
     """Whether a function gives back something."""
-    return inspect.isfunction(thing) and inspect.signature(thing).return_annotation != "None"
+    return inspect.isfunction(thing) and inspect.signature(thing).return_annotation not in (
+        "None",
+        None,
+    )
