@@ -9,7 +9,7 @@ from pathlib import Path
 from string import Template
 
 _TEMPLATES = Path(__file__).parents[1] / "templates"
-_LITERAL = re.compile(r"(``.+?``|:\w+:`[^`]+`)")
+_LITERAL = re.compile(r"(``.+?``|:\w+:`[^`]+`|^ *>>> .*(?:\n.*\S.*)*)", re.M)
 
 
 def filled(template: str, /, **parts: str) -> str:
@@ -24,7 +24,7 @@ def escaped(text: str) -> str:
 
 
 def prose(text: str) -> str:
-    """Text of a docstring: its roles and literals stay, other characters are no markup."""
+    """Text of a docstring: its roles, literals and examples stay, all else is no markup."""
     parts = _LITERAL.split(text)
     return "".join(p if i % 2 else escaped(p) for i, p in enumerate(parts))
 

@@ -70,6 +70,14 @@ class P:
         True for a position that the motion must cross: the record must show both sides of it.
     usual : bool
         True for a value that is held at its default unless the model gives it.
+
+    Examples
+    --------
+    A bounded friction level in N m, as an argument of a block of one's own:
+
+    >>> Fc = lg.P(0.3, "N m", low=0.0, neutral=0.0)
+    >>> Fc.value, Fc.unit, Fc.low
+    (0.3, 'N m', 0.0)
     """
 
     value: float

@@ -213,22 +213,77 @@ def effects() -> Catalogue:
     """The catalogue of effects that a model may declare or a diagnosis may name.
 
     Effects that the user registered with :func:`lugrectl.block` are in it.
+
+    Returns
+    -------
+    Catalogue
+        Rows by place or by name; ``print`` shows a table, ``to_frame`` gives a DataFrame.
+
+    Examples
+    --------
+    >>> ripple = lg.effects()["cogging"]  # a common name for it
+    >>> ripple.name, ripple.acts_on
+    ('torque_ripple', ('torque',))
+    >>> "gravity" in lg.effects()
+    True
     """
     return _listed("effect")
 
 
 def laws() -> Catalogue:
-    """The friction laws: what ``[friction] model`` in a model file may be."""
+    """The friction laws: what ``[friction] model`` in a model file may be.
+
+    Returns
+    -------
+    Catalogue
+        Rows by place or by name; ``print`` shows a table, ``to_frame`` gives a DataFrame.
+
+    Examples
+    --------
+    >>> "lugre" in lg.laws()
+    True
+    >>> list(lg.laws()["coulomb"].parameters)
+    ['Fc', 'Fv']
+    """
     return _listed("friction")
 
 
 def observers() -> Catalogue:
-    """The friction observers: what ``observer=`` of a loop may be."""
+    """The friction observers: what ``observer=`` of a loop may be.
+
+    Returns
+    -------
+    Catalogue
+        Rows by place or by name; ``print`` shows a table, ``to_frame`` gives a DataFrame.
+
+    Examples
+    --------
+    What an observer reads, and the unit of one of its parameters:
+
+    >>> observer = lg.observers()["position_lugre"]
+    >>> observer.name, observer.inputs
+    ('position_lugre_observer', ('theta', 'u'))
+    >>> observer.parameters["sigma0"].unit
+    'N m/rad'
+    """
     return _listed("observer")
 
 
 def controllers() -> Catalogue:
-    """The controllers and what stands beside them: error, compensation, feedforward, prefilter."""
+    """The controllers and what stands beside them: error, compensation, feedforward, prefilter.
+
+    Returns
+    -------
+    Catalogue
+        Rows by place or by name; ``print`` shows a table, ``to_frame`` gives a DataFrame.
+
+    Examples
+    --------
+    >>> "pi" in lg.controllers()
+    True
+    >>> lg.controllers()["slotine_li"].equation
+    'u = J ar - KD s'
+    """
     return _listed("controller")
 
 

@@ -164,6 +164,11 @@ def friedland_park_observer(
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
+    Returns
+    -------
+    control.NonlinearIOSystem
+        State zeta in N m.
+
     Raises
     ------
     InputError
@@ -181,6 +186,17 @@ def friedland_park_observer(
     References
     ----------
     Friedland and Park, IEEE Trans. Automatic Control 37(10), 1992.
+
+    Examples
+    --------
+    While the drive moves at w, ahat settles at the rate k mu |w|^(mu - 1)/J:
+
+    >>> p = lg.table1()
+    >>> observer = lg.friedland_park_observer(p, k=0.1, mu=1.5)
+    >>> w, u = 0.5, p.Fc + p.Fv * 0.5
+    >>> pole = observer.linearize([0.0], [w, u]).poles()[0]
+    >>> round(float(pole.real)), round(-0.1 * 1.5 * w**0.5 / p.J)  # 1/s
+    (-48, -48)
     """
     return observer(
         "friedland_park_observer", p, name=name, inputs=inputs, outputs=outputs, k=k, mu=mu
@@ -212,6 +228,11 @@ def general_coulomb_observer(
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
+    Returns
+    -------
+    control.NonlinearIOSystem
+        State zeta in N m.
+
     Raises
     ------
     InputError
@@ -229,6 +250,16 @@ def general_coulomb_observer(
 
     Status: derived here, in the spirit of the generalised observer of Odabas (thesis, 2014),
     which could not be confirmed.
+
+    Examples
+    --------
+    Well above w0 the estimate settles at k/J, here 50 1/s:
+
+    >>> p = lg.table1()
+    >>> observer = lg.general_coulomb_observer(p, k=50 * p.J, w0=0.1)
+    >>> pole = observer.linearize([0.0], [5.0, 0.4]).poles()[0]
+    >>> round(float(pole.real))
+    -50
     """
     return observer(
         "general_coulomb_observer", p, name=name, inputs=inputs, outputs=outputs, k=k, w0=w0
@@ -256,6 +287,11 @@ def disturbance_observer(
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
+    Returns
+    -------
+    control.NonlinearIOSystem
+        State v in rad/s.
+
     Raises
     ------
     InputError
@@ -267,6 +303,17 @@ def disturbance_observer(
     resisting torques, load included. Noise of w is amplified by J/tau. Start the state
     v = w + tau Fhat/J at w; started at 0 it gives Fhat = -J w/tau. Standard form (Ohnishi),
     derived by substitution.
+
+    Examples
+    --------
+    A torque of 0.3 N m that does not move the drive is all friction, after a few tau:
+
+    >>> observer = lg.disturbance_observer(lg.table1(), tau=0.005)
+    >>> t = np.linspace(0.0, 0.05, 101)
+    >>> run = lg.simulate(observer, t, {"u": 0.3, "w": 0.0}, method="LSODA")
+    >>> Fhat = run.outputs.ravel()
+    >>> round(float(Fhat[-1]), 3)
+    0.3
     """
     return observer("disturbance_observer", p, name=name, inputs=inputs, outputs=outputs, tau=tau)
 
@@ -292,6 +339,11 @@ def extended_state_observer(
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
+    Returns
+    -------
+    control.NonlinearIOSystem
+        States what in rad/s and Fhat in N m.
+
     Raises
     ------
     InputError
@@ -303,6 +355,15 @@ def extended_state_observer(
     resisting torques, load included; exact for constant D. Noise of w is amplified by up to
     J p/2. Start the state what at w. Gao's bandwidth parametrisation written in w; derived by
     substitution.
+
+    Examples
+    --------
+    Both poles of the estimate are at -bandwidth:
+
+    >>> observer = lg.extended_state_observer(lg.table1(), bandwidth=200.0)
+    >>> poles = observer.linearize([0.0, 0.0], [0.0, 0.0]).poles()
+    >>> round(float(poles.real.mean()))
+    -200
     """
     return observer(
         "extended_state_observer",
@@ -341,6 +402,11 @@ def adaptive_observer(
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
+    Returns
+    -------
+    control.NonlinearIOSystem
+        States zhat in rad, what in rad/s and excess, without unit.
+
     Raises
     ------
     InputError
@@ -360,6 +426,15 @@ def adaptive_observer(
     change, the estimate is right in sliding, and too stiff or too soft before it. Derived here;
     this is not the law of Canudas de Wit and Lischinsky (1997), which adapts by the tracking
     error.
+
+    Examples
+    --------
+    The speed estimate settles at the rate K2/J, here 500 1/s:
+
+    >>> p = lg.table1()
+    >>> observer = lg.adaptive_observer(p, K2=500 * p.J, gamma=10.0)
+    >>> observer.output_labels
+    ['Fhat', 'zhat', 'what', 'scale']
     """
     return observer(
         "adaptive_observer", p, name=name, inputs=inputs, outputs=outputs, K2=K2, gamma=gamma

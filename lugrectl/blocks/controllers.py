@@ -70,7 +70,7 @@ def _pi(e, q, kp=KP, ki=KI):
     return action(e, q, kp, ki, 0.0)
 
 
-@block("controller", name="pid", out="u", states="q", source=f"{PAPER}, section 2")
+@block("controller", name="pid", out="u", states="q", source=f"{PAPER}, section 3.1")
 def _pid(e, w, q, kp=KP_ANGLE, ki=KI_ANGLE, kd=KD, tau=TAU):
     """u = kp (-e) + ki q - kd w, tau dq/dt = -e - q (tau = 0: dq/dt = -e).
 
@@ -207,10 +207,23 @@ def error(
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
+    Returns
+    -------
+    control.NonlinearIOSystem
+        Without states; output e in rad/s or rad.
+
     Raises
     ------
     InputError
         For another kind.
+
+    Examples
+    --------
+    >>> e = lg.error("position")
+    >>> e.input_labels
+    ['r', 'theta']
+    >>> float(e.output(0.0, [], [1.0, 1.25])[0])  # measured - reference
+    0.25
     """
     _kind(kind, list(MEASURED))
     wanted = ["r", MEASURED[kind]] if inputs is None else inputs
@@ -244,6 +257,11 @@ def pi(
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
+    Returns
+    -------
+    control.NonlinearIOSystem
+        State q in rad on a velocity error.
+
     Raises
     ------
     InputError
@@ -255,6 +273,16 @@ def pi(
     With the default time and the output at its limit, ki q settles at the limit: the output
     leaves it when e changes sign. Back-calculation as in Astrom and Hagglund, Advanced PID
     Control, 2006.
+
+    Examples
+    --------
+    >>> lg.pi(kp=1.6, ki=0.16).output(0.0, [0.0], [0.1])  # 0.1 rad/s too fast
+    array([-0.16])
+
+    With a torque limit of 0.5 N m and anti-windup:
+
+    >>> lg.pi(kp=1.6, ki=0.16, limit=0.5).output(0.0, [0.0], [-1.0])
+    array([0.5])
     """
     names = {"name": name, "inputs": inputs, "outputs": outputs}
     return _built("pi", {"kp": kp, "ki": ki}, limit, tracking, names)
@@ -286,6 +314,11 @@ def pid(
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
+    Returns
+    -------
+    control.NonlinearIOSystem
+        State q in rad s on a position error with pure integral action.
+
     Raises
     ------
     InputError
@@ -293,7 +326,17 @@ def pid(
 
     Notes
     -----
-    The C(s) of the source paper, section 2, with D on the measured velocity.
+    The C(s) of the source paper, section 3.1, with D on the measured velocity.
+
+    Examples
+    --------
+    0.01 rad short of the reference, at 0.2 rad/s:
+
+    >>> pid = lg.pid(kp=15.0, ki=30.0, kd=0.3)
+    >>> pid.input_labels
+    ['e', 'w']
+    >>> np.round(pid.output(0.0, [0.0], [-0.01, 0.2]), 6)
+    array([0.09])
     """
     gains = {"kp": kp, "ki": ki, "kd": kd, "tau": 0.0 if tau is None else tau}
     names = {"name": name, "inputs": inputs, "outputs": outputs}
@@ -306,7 +349,36 @@ def compensation(
     inputs: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
 ) -> ct.NonlinearIOSystem:
-    """Friction compensation u = Fhat: input Fhat, output u (source paper, section 2)."""
+    """Friction compensation u = Fhat: input Fhat, output u (source paper, section 2).
+
+    Its u is added to that of the controller, because both have the same signal name.
+
+    Parameters
+    ----------
+    name, inputs, outputs : str, list of str
+        Block name and, in order, other names for the signals.
+
+    Returns
+    -------
+    control.NonlinearIOSystem
+        Without states; torques in N m.
+
+    Raises
+    ------
+    InputError
+        When ``inputs`` or ``outputs`` are not one name each.
+
+    Examples
+    --------
+    A velocity loop wired by hand, in which Fhat is added to the controller's torque:
+
+    >>> p = lg.table1()
+    >>> control = [lg.error(), lg.pi(1.6, 0.16), lg.natural_observer(p), lg.compensation()]
+    >>> outputs = ["theta", "w", "F", "Fhat", "zhat", "u"]
+    >>> loop = ct.interconnect([*control, lg.plant(p)], inputs=["r", "d"], outputs=outputs)
+    >>> loop.nstates
+    5
+    """
     return _compensation.system(name=name, inputs=inputs, outputs=outputs)
 
 
@@ -330,6 +402,11 @@ def feedforward(
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
+    Returns
+    -------
+    control.NonlinearIOSystem
+        Without states; output u in N m.
+
     Raises
     ------
     InputError
@@ -338,6 +415,14 @@ def feedforward(
     Notes
     -----
     Source paper, eq. Canudas_u.
+
+    Examples
+    --------
+    The torque that accelerates the inertia at 100 rad/s2:
+
+    >>> ff = lg.feedforward(lg.table1())
+    >>> ff.output(0.0, [], [100.0])
+    array([0.22])
     """
     _kind(kind, list(DERIVATIVE))
     wanted = [DERIVATIVE[kind]] if inputs is None else inputs
@@ -369,10 +454,25 @@ def prefilter(
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
+    Returns
+    -------
+    control.NonlinearIOSystem
+        State r, and ddr for "position", in the units of the outputs.
+
     Raises
     ------
     InputError
         For another kind, or a pole that is not positive.
+
+    Examples
+    --------
+    A smooth reference for a velocity loop, with its derivative for the feed-forward:
+
+    >>> smooth = lg.prefilter(2.0, kind="velocity")
+    >>> smooth.output_labels
+    ['r', 'dr']
+    >>> smooth.output(0.0, [0.0], [1.0])  # at a step of 1 rad/s
+    array([0., 2.])
     """
     _kind(kind, list(_PREFILTERS))
     return _PREFILTERS[kind].system(name=name, inputs=inputs, outputs=outputs, pole=pole)

@@ -301,12 +301,31 @@ def block(
     source : str
         Where the equation comes from: paper, year, number of the equation.
 
+    Returns
+    -------
+    callable
+        The decorator. It returns the block, which is still called as the function was.
+
     Raises
     ------
     InputError
         When another block of the kind has the name (a cell or module that is run again replaces
         its own block), or the declaration cannot be meant: an unknown kind, signal or act, a
         default that is no P, another number of returned values, an effect without a neutral value.
+
+    Examples
+    --------
+    The torque of a cable chain, which grows with the angle:
+
+    >>> @lg.block("effect", out="d", acts="torque")
+    ... def cable_chain(theta, stiffness=lg.P(0.0, "N m/rad", neutral=0.0)):
+    ...     '''d = stiffness theta.'''
+    ...     return stiffness * theta
+    >>> lg.effects()["cable_chain"].equation
+    'd = stiffness theta'
+    >>> chain = lg.effect("cable_chain", stiffness=0.2)
+    >>> chain.output(0.0, [], [0.5])
+    array([0.1])
     """
 
     for what, given in (("kind", kind), ("out", out), ("states", states), ("acts", acts)):

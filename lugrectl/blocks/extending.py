@@ -23,7 +23,7 @@ from ..core.errors import InputError, NotLoaded
 from ..core.validation import as_path, like_it
 
 GROUP = "lugrectl.blocks"
-_LOADED: dict[Path, tuple[str, str]] = {}  # file: (name of its module, SHA-256 of its text)
+LOADED: dict[Path, tuple[str, str]] = {}  # file: (name of its module, SHA-256 of its text)
 _looked: list[str] = []  # the groups of entry points that were loaded
 
 
@@ -48,17 +48,31 @@ def load_blocks(path: str | Path) -> list[str]:
     InputError
         When the file is missing, fails or declares nothing; the sentence names file and line. No
         block of it is declared then.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> file = Path("mine.py")
+    >>> lines = [
+    ...     "import lugrectl as lg",
+    ...     "@lg.block('effect', out='d', acts='torque')",
+    ...     "def stiff(theta, k=lg.P(0.0, 'N m/rad3', neutral=0.0)):",
+    ...     "    return k * theta**3",
+    ... ]
+    >>> size = file.write_text(chr(10).join(lines))
+    >>> lg.load_blocks(file)
+    ['stiff']
     """
     file, text = _read(path)
     name, digest = _module_name(file), sha256(text).hexdigest()
-    if _LOADED.get(file) != (name, digest):
+    if LOADED.get(file) != (name, digest):
         with _all_or_none():
             _run(file, text, name)
             if not _declared_by(name):
                 raise InputError(
                     f"{file} declares no block: write @lugrectl.block above each function."
                 )
-        _LOADED[file] = name, digest
+        LOADED[file] = name, digest
     return _declared_by(name)
 
 
@@ -78,13 +92,13 @@ def load_named(given: Any, folder: str | Path, where: str) -> tuple[str, ...]:
 
 def files_of_blocks(homes: Iterable[str]) -> list[str]:
     """The files among the homes of blocks that were loaded by their path."""
-    by_name = {name: str(file) for file, (name, _) in _LOADED.items()}
+    by_name = {name: str(file) for file, (name, _) in LOADED.items()}
     return [*dict.fromkeys(by_name[home] for home in homes if home in by_name)]
 
 
 def files_loaded() -> list[str]:
     """The files that were loaded by their path."""
-    return [str(file) for file in _LOADED]
+    return [str(file) for file in LOADED]
 
 
 def place(home: str) -> str:

@@ -26,14 +26,29 @@ def friction(
     ----------
     law : str
         Name in the list ``lugrectl.laws()``: "viscous", "coulomb", "stribeck", "lugre", ...
-    values
+    name, inputs, outputs : str, list of str
+        Block name (default: that of the law) and, in order, other names for the signals.
+    **values : float
         Parameters of the law (Fc, Fs, Fv, vs, sigma0, sigma1, ...); default: Table 1. Also what
         gives a law its form: ``delta``, ``elements``, ``stiffness``, ``share``.
+
+    Returns
+    -------
+    control.NonlinearIOSystem
+        States are those of the law: z in rad for "lugre", none for a static law.
 
     Raises
     ------
     InputError
         For an unknown law or parameter, or a value outside its bounds.
+
+    Examples
+    --------
+    The Stribeck curve, in N m at 0.01, 0.1 and 1 rad/s:
+
+    >>> law = lg.friction("stribeck", Fc=0.3, Fs=0.4, vs=0.02, Fv=0.02)
+    >>> [round(float(law.output(0.0, [], [w])[0]), 3) for w in (0.01, 0.1, 1.0)]
+    [0.378, 0.302, 0.32]
     """
     made, own = formed(block_named("friction", law, what="friction law"), values, law)
     return made.system(name=name, inputs=inputs, outputs=outputs, **own)
@@ -58,13 +73,30 @@ def effect(
     ----------
     kind : str
         Name in the catalogue (``lugrectl effects``), or a common one: ``cogging``.
-    values
+    name, inputs, outputs : str, list of str
+        Block name (default: that of the effect) and, in order, other names for the signals.
+    **values : float
         Its parameters; those left out have their neutral value.
+
+    Returns
+    -------
+    control.NonlinearIOSystem
+        Parameters keyed ``gravity.amplitude`` ...; their units are those of the catalogue.
 
     Raises
     ------
     InputError
         For an unknown effect or parameter, or a value outside its bounds.
+
+    Examples
+    --------
+    An unbalanced arm, 0.4 N m when it is level:
+
+    >>> arm = lg.effect("gravity", amplitude=0.4)
+    >>> arm.input_labels, arm.output_labels
+    (['theta'], ['d'])
+    >>> np.round(arm.output(0.0, [], [np.pi / 2]), 3)
+    array([0.4])
     """
     made = block_named("effect", kind)
     return made.system(name=name, inputs=inputs, outputs=outputs, **values)

@@ -33,9 +33,33 @@ _FILE = ("name", "motion", "blocks", "plant", "friction", "effects")
 
 @dataclass(frozen=True, repr=False)
 class Parameters(Shown):
-    """A drive with LuGre friction: J, sigma0, sigma1, Fc, Fs, Fv, vs in SI units.
+    """A drive with LuGre friction, in SI units; letters as in the source paper.
 
-    kg m2, N m/rad, N m s/rad, N m, N m, N m s/rad, rad/s; letters as in the source paper.
+    For a drive of which not every value is known see :meth:`Model.of`.
+
+    Parameters
+    ----------
+    J : float
+        Inertia in kg m2.
+    sigma0, sigma1 : float
+        Stiffness in N m/rad and damping in N m s/rad of the bristles.
+    Fc, Fs : float
+        Coulomb friction and stiction in N m.
+    Fv : float
+        Viscous friction in N m s/rad.
+    vs : float
+        Stribeck velocity in rad/s.
+
+    Raises
+    ------
+    InputError
+        When a value is missing, is not a number or is out of bounds.
+
+    Examples
+    --------
+    >>> p = lg.Parameters(J=0.002, sigma0=260.0, sigma1=0.6, Fc=0.3, Fs=0.35, Fv=0.02, vs=0.01)
+    >>> p.Fs
+    0.35
     """
 
     J: float = math.nan
@@ -65,7 +89,20 @@ class Parameters(Shown):
 
 
 def table1() -> Parameters:
-    """The parameters of the source paper's Table 1."""
+    """The parameters of the source paper's Table 1.
+
+    Returns
+    -------
+    Parameters
+        J = 0.0022 kg m2, sigma0 = 260 N m/rad, sigma1 = 0.6 N m s/rad, Fc = 0.285 N m,
+        Fs = 0.335 N m, Fv = 0.018 N m s/rad, vs = 0.01 rad/s.
+
+    Examples
+    --------
+    >>> p = lg.table1()
+    >>> p.Fc, p.Fs
+    (0.285, 0.335)
+    """
     return Parameters(J=0.0022, sigma0=260.0, sigma1=0.6, Fc=0.285, Fs=0.335, Fv=0.018, vs=0.01)
 
 
@@ -89,9 +126,37 @@ class Part(Shown):
 class Model(Shown):
     """A declared model: inertia, one friction law, any number of effects.
 
-    ``values()`` is flat: ``J``, the friction parameters by name, effects as ``key.parameter``.
-    ``stated`` says by such a key what is held, bounded or known with an uncertainty. ``file`` is
-    the model file that was read, None once anything was changed; ``blocks`` the files it names.
+    :meth:`Model.of` builds one from values by name. ``values()`` is flat: ``J``, the friction
+    parameters by name, effects as ``key.parameter``.
+
+    Attributes
+    ----------
+    name : str
+        Of the drive.
+    motion : "rotary" or "linear"
+        It decides the units: N m, rad and kg m2, or N, m and kg.
+    J : float or None
+        Inertia in kg m2 or mass in kg; None is to be identified, here and in all values.
+    friction : Part
+        The friction law as a block, with its values.
+    effects : tuple of Part
+        The declared effects.
+    stated : dict
+        By a key of ``values()`` what is held, bounded or known with an uncertainty.
+    file : SourceFile or None
+        The model file that was read, None once anything was changed.
+    blocks : tuple of str
+        The files with blocks of the user's own that it names.
+
+    Examples
+    --------
+    A drive of which J and Fc are known, and which carries an arm:
+
+    >>> model = lg.Model.of(J=0.0022, Fc=0.285, effects="gravity")
+    >>> model.known()
+    {'J': 0.0022, 'Fc': 0.285}
+    >>> model.fix("J").held()
+    {'J'}
     """
 
     name: str
@@ -407,10 +472,33 @@ def _number(value: Any, p: Any, where: str) -> float | None:
 def read_model(path: str | Path) -> Model:
     """Read a model file in TOML; ``lugrectl model`` prints a commented one.
 
+    Parameters
+    ----------
+    path : str or Path
+        The model file.
+
+    Returns
+    -------
+    Model
+        What the file declares; values that it leaves out are to be identified.
+
     Raises
     ------
     InputError
         When the file is missing, is not TOML, or holds an unknown key or a wrong value.
+
+    Examples
+    --------
+    A drive of which J is known and LuGre friction is to be identified:
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "axis.toml"
+    ...     _ = path.write_text("plant.J = 0.002 # kg m2, from the data sheet")
+    ...     model = lg.read_model(path)
+    >>> model.known(), model.friction.key
+    ({'J': 0.002}, 'lugre')
     """
     path = as_path(path, "the model file")
     try:
@@ -437,11 +525,28 @@ def _decimal_comma(path: Path) -> str:
 def write_model(model: Model, path: str | Path) -> None:
     """Write a model as the TOML file that :func:`read_model` reads.
 
+    Parameters
+    ----------
+    model : Model, Parameters or dict
+        The model to write.
+    path : str or Path
+        The file; one that exists is replaced.
+
     Raises
     ------
     InputError
         When the file cannot be written, or the model holds what a file cannot: a value that is
         no number or outside its bounds, half of a surrogate pair in its name.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> model = lg.Model.of(J=0.0022, effects="gravity")
+    >>> with TemporaryDirectory() as folder:
+    ...     lg.write_model(model, Path(folder) / "axis.toml")
+    ...     lg.read_model(Path(folder) / "axis.toml").known()
+    {'J': 0.0022}
     """
 
     model, path = as_model(model), as_path(path, "path")

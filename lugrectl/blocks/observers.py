@@ -204,6 +204,11 @@ def natural_observer(
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
+    Returns
+    -------
+    control.NonlinearIOSystem
+        State zhat in rad.
+
     Raises
     ------
     InputError
@@ -213,6 +218,16 @@ def natural_observer(
     -----
     Source paper, eq. z_hat_dot and F_est. An error of zhat decays only while the drive moves;
     at rest it is constant.
+
+    Examples
+    --------
+    At a constant speed the estimate settles at the friction h(w) + Fv w:
+
+    >>> p = lg.table1()
+    >>> t = np.linspace(0.0, 0.2, 101)
+    >>> run = lg.simulate(lg.natural_observer(p), t, {"w": 0.1}, method="LSODA")
+    >>> round(float(run.outputs[0, -1]), 3), round(p.Fc + p.Fv * 0.1, 3)
+    (0.287, 0.287)
     """
     return observer("natural_observer", p, name=name, inputs=inputs, outputs=outputs)
 
@@ -239,6 +254,11 @@ def existing_observer(
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
+    Returns
+    -------
+    control.NonlinearIOSystem
+        State zhat in rad.
+
     Raises
     ------
     InputError
@@ -248,6 +268,20 @@ def existing_observer(
     -----
     Source paper, eq. Canudas_z. Its stability proof needs the feed-forward J ddr and a strictly
     positive real (sigma1 s + sigma0) / (J s^2 + C(s)); see :func:`lugrectl.spr_check`.
+
+    Examples
+    --------
+    In the velocity loop, with the gain of the source paper:
+
+    >>> p = lg.table1()
+    >>> loop = lg.velocity_loop(p, "existing", k=0.35)
+    >>> loop.output_labels
+    ['theta', 'w', 'F', 'Fhat', 'u', 'e']
+
+    Whether its proof holds beside a PD position controller:
+
+    >>> bool(lg.spr_check(lg.position_T(p, kp=15.0, kd=1.2)))
+    True
     """
     return observer("existing_observer", p, name=name, inputs=inputs, outputs=outputs, k=k)
 
@@ -278,6 +312,11 @@ def proposed_observer(
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
+    Returns
+    -------
+    control.NonlinearIOSystem
+        States zhat in rad and what in rad/s.
+
     Raises
     ------
     InputError
@@ -288,5 +327,16 @@ def proposed_observer(
     Source paper, eq. obs_1 and obs_2; Fhat contains the K1 term. u is the torque that drives
     the plant; the observer does not model a load torque. Its fastest pole is near
     -(K2 - sigma1 K1)/J, -12 790 1/s with the paper's gains: use a stiff solver.
+
+    Examples
+    --------
+    With gains from a design rule, and the poles of its error at rest:
+
+    >>> p = lg.table1()
+    >>> design = lg.design_gains(p)
+    >>> observer = lg.proposed_observer(p, **design.gains)
+    >>> poles = observer.linearize([0.0, 0.0], [0.0, 0.0]).poles()
+    >>> bool((poles.real < 0).all())
+    True
     """
     return observer("proposed_observer", p, name=name, inputs=inputs, outputs=outputs, K1=K1, K2=K2)

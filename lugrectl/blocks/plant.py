@@ -244,6 +244,18 @@ def plant(
     Source paper, eq. mechanical_sys1. theta is the integral of w and is not wrapped. theta_load is
     theta minus the twist of the coupling. The outputs of a second coupling are theta_load_2,
     w_load_2.
+
+    Examples
+    --------
+    >>> p = lg.table1()
+    >>> lg.plant(p).output_labels
+    ['theta', 'w', 'F']
+
+    A drive with an unbalanced arm; its parameters are changed at simulation time by these keys:
+
+    >>> arm = lg.Model.of(p, effects={"name": "gravity", "amplitude": 0.4, "phase": 0.0})
+    >>> [key for key in lg.plant(arm).params if "gravity" in key]
+    ['plant.gravity.amplitude', 'plant.gravity.phase']
     """
     model = as_model(p)
     return _system(assemble(model, loads=_loads(model)), model, name, inputs, outputs)
@@ -265,10 +277,24 @@ def sensor(
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
+    Returns
+    -------
+    control.NonlinearIOSystem
+        States are those of the sensor effects; outputs in rad/s and rad.
+
     Raises
     ------
     InputError
         When a parameter of a sensor effect has no value yet.
+
+    Examples
+    --------
+    A drive whose speed is filtered before it is read:
+
+    >>> filtered = {"name": "velocity_sensor_lag", "time_constant": 2e-3}
+    >>> drive = lg.Model.of(lg.table1(), effects=filtered)
+    >>> lg.sensor(drive).output_labels
+    ['w_m', 'theta_m']
     """
     model = as_model(p)
     uses = [Part(f"{use.key}.", use.block) for use in model.effects]

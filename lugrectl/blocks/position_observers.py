@@ -119,6 +119,11 @@ def position_coulomb_observer(
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
+    Returns
+    -------
+    control.NonlinearIOSystem
+        States that in rad and zeta in N m.
+
     Raises
     ------
     InputError
@@ -143,6 +148,15 @@ def position_coulomb_observer(
     Status: derived here, in the spirit of Tafazoli, de Silva and Lawrence (1998), whose equations
     could not be confirmed; at least the smooth sign, the viscous part and the proof are
     additions.
+
+    Examples
+    --------
+    For a drive with an encoder only, ahat settles at the rate r = 50 1/s where k = J r:
+
+    >>> p = lg.table1()
+    >>> observer = lg.position_coulomb_observer(p, k=50 * p.J, L=400.0)
+    >>> observer.input_labels, observer.output_labels
+    (['theta', 'u'], ['Fhat', 'ahat', 'what'])
     """
     return observer(
         "position_coulomb_observer", p, name=name, inputs=inputs, outputs=outputs, k=k, L=L
@@ -175,6 +189,11 @@ def position_lugre_observer(
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
+    Returns
+    -------
+    control.NonlinearIOSystem
+        States that in rad, what in rad/s and zhat in rad.
+
     Raises
     ------
     InputError
@@ -197,6 +216,17 @@ def position_lugre_observer(
 
     Status: derived here, in the spirit of the observer-based compensation of Olsson and Astrom
     (1996), whose equations could not be confirmed.
+
+    Examples
+    --------
+    Gains for three poles at -1000 1/s at rest:
+
+    >>> p = lg.table1()
+    >>> design = lg.design_gains(p, observer="position_lugre", pole=1000.0)
+    >>> observer = lg.position_lugre_observer(p, **design.gains)
+    >>> poles = observer.linearize([0.0, 0.0, 0.0], [0.0, 0.0]).poles()
+    >>> round(float(poles.real.mean()), -1)
+    -1000.0
     """
     gains = {"l1": l1, "l2": l2, "l3": l3}
     return observer(

@@ -155,6 +155,11 @@ def sliding_error(
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
+    Returns
+    -------
+    control.NonlinearIOSystem
+        Without states; outputs s in rad/s and ar in rad/s2.
+
     Raises
     ------
     InputError
@@ -164,6 +169,16 @@ def sliding_error(
     -----
     d(w)/dt - ar = ds/dt. It is a block of its own on purpose: a controller that puts out both u,
     which needs Fhat, and s, from which an observer computes Fhat, would be an algebraic loop.
+
+    Examples
+    --------
+    0.01 rad ahead of a reference at rest:
+
+    >>> error = lg.sliding_error(lam=20.0)
+    >>> error.input_labels
+    ['theta', 'w', 'r', 'dr', 'ddr']
+    >>> error.output(0.0, [], [0.01, 0.0, 0.0, 0.0, 0.0])
+    array([0.2, 0. ])
     """
     if kind not in _ERRORS:
         raise InputError(f"unknown kind {kind!r}; known: {', '.join(MEASURED)}.")
@@ -190,6 +205,11 @@ def slotine_li(
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
+    Returns
+    -------
+    control.NonlinearIOSystem
+        Without states; output u in N m.
+
     Raises
     ------
     InputError
@@ -211,6 +231,12 @@ def slotine_li(
     References
     ----------
     Slotine and Li, IEEE Trans. Automatic Control 33(11), 1988.
+
+    Examples
+    --------
+    >>> slotine_li = lg.slotine_li(lg.table1(), KD=0.1)
+    >>> np.round(slotine_li.output(0.0, [], [0.2, 100.0]), 3)  # s = 0.2 rad/s, ar = 100 rad/s2
+    array([0.2])
     """
     return believed(_slotine_li, p, name=name, inputs=inputs, outputs=outputs, KD=KD)
 
@@ -239,6 +265,11 @@ def adaptive_slotine_li(
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
+    Returns
+    -------
+    control.NonlinearIOSystem
+        States Jhat in kg m2, Fvhat in N m s/rad and Fchat in N m.
+
     Raises
     ------
     InputError
@@ -255,6 +286,14 @@ def adaptive_slotine_li(
     References
     ----------
     Slotine and Li, IEEE Trans. Automatic Control 33(11), 1988.
+
+    Examples
+    --------
+    A position loop around a drive of which nothing is known:
+
+    >>> loop = lg.position_loop(lg.table1(), controller="adaptive_slotine_li")
+    >>> loop.input_labels
+    ['r', 'dr', 'ddr']
     """
     gains = {"KD": KD, "gJ": gJ, "gv": gv, "gc": gc}
     return _adaptive_slotine_li.system(name=name, inputs=inputs, outputs=outputs, **gains)
@@ -286,6 +325,11 @@ def dual_observer_control(
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
+    Returns
+    -------
+    control.NonlinearIOSystem
+        States z0, z1 in rad, S0 in N m/rad, S1 and T in N m s/rad.
+
     Raises
     ------
     InputError
@@ -305,6 +349,12 @@ def dual_observer_control(
     Status: derived here, in the spirit of the adaptive dynamic state feedback of Chen et al.
     (2022), whose equations could not be confirmed; there all LuGre parameters are unknown, here
     h(w)/sigma0 is known.
+
+    Examples
+    --------
+    >>> control = lg.dual_observer_control(lg.table1(), KD=0.1)
+    >>> control.state_labels
+    ['z0', 'z1', 'S0', 'S1', 'T']
     """
     return believed(_dual_observer, p, name=name, inputs=inputs, outputs=outputs, KD=KD, **gains)
 
@@ -335,6 +385,11 @@ def backstepping_smc(
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
+    Returns
+    -------
+    control.NonlinearIOSystem
+        State q in rad/s, the unit of s on a position.
+
     Raises
     ------
     InputError
@@ -354,6 +409,15 @@ def backstepping_smc(
     Status: derived here, in the spirit of the abstract of Xu et al. (2022): one joint, a linear
     virtual control, so that no power is singular and u needs no saturation, and a smoothed
     switching.
+
+    Examples
+    --------
+    Beside the observer whose Fhat it uses:
+
+    >>> p = lg.table1()
+    >>> loop = lg.position_loop(p, "extended_state", controller="backstepping_smc")
+    >>> loop.input_labels
+    ['r', 'dr', 'ddr']
     """
     return believed(
         _backstepping, p, name=name, inputs=inputs, outputs=outputs, ks=ks, eps=eps, **gains

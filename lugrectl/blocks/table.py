@@ -87,6 +87,15 @@ def tabulated(
     Corners are rounded over one fiftieth of the distance between points, which changes f there
     by at most one hundredth of its second difference. The angle of a periodic table is
     arctan2(sin theta, cos theta).
+
+    Examples
+    --------
+    A cogging torque that was measured at four angles of a turn:
+
+    >>> angles = [0.0, 1.5708, 3.1416, 4.7124]
+    >>> cogging = lg.tabulated("theta", angles, [0.0, 0.05, 0.0, -0.05], periodic=True)
+    >>> np.round(cogging.output(0.0, [], [0.7854]), 4)  # half way, in N m
+    array([0.025])
     """
     if signal not in SIGNALS:
         raise InputError(f"{name}: no table over {shown(signal)}; known: {', '.join(SIGNALS)}.")

@@ -37,14 +37,46 @@ class Run(Shown):
 class Compensation(Result):
     """The answer of :func:`lugrectl.compensate`.
 
-    ``none``, ``before``, ``after``: RMS of motion minus reference in ``unit`` without
-    compensation, with that of the declared, and with that of the augmented model; infinite if
-    the loop diverges, which ``messages`` then report. ``loop`` and ``runs`` hold the closed loops
-    and their simulations under the same three names (no run for a loop that diverged).
-    ``compensated``: effects whose torque is fed forward; ``left``: effects that are not, each
-    with the reason. ``gains`` are those of the observer in the loops "before" and "after",
-    ``certificate`` what they guarantee "after" (None if there is no design). ``drive``: the same
-    errors on a drive like the recorded one, which is not exactly the model; None without a record.
+    Attributes
+    ----------
+    kind : "velocity" or "position"
+        The loop.
+    observer : str or None
+        The observer in it.
+    none, before, after : float
+        RMS of motion minus reference in ``unit`` without compensation, with that of the declared,
+        and with that of the augmented model; infinite if the loop diverges, which ``messages``
+        then report.
+    unit : str
+        Of these errors.
+    controller : dict
+        Gains of the controller by name.
+    gains : dict
+        Those of the observer in the loops "before" and "after".
+    certificate : Certificate or None
+        What the gains guarantee "after"; None if there is no design.
+    compensated : tuple of str
+        Effects whose torque is fed forward.
+    left : tuple of (str, str)
+        Effects that are not, each with the reason.
+    reference : dict
+        Speed, frequency and duration of the reference.
+    messages : tuple of str
+        What was noticed.
+    loop, runs : dict
+        The closed loops and their simulations under "none", "before", "after" (no run for a loop
+        that diverged).
+    drive : Spread or None
+        The same errors on a drive like the recorded one, which is not exactly the model; None
+        without a record.
+
+    Examples
+    --------
+    The tracking errors over time of a drive whose declared model does not contain a load:
+
+    >>> load = {"name": "constant_torque", "torque": 0.05}
+    >>> drive = lg.Model.of(lg.table1(), effects=load)
+    >>> lg.compensate(drive, declared=lg.table1()).plot()  # doctest: +SKIP
     """
 
     kind: str

@@ -25,15 +25,47 @@ LOSS = 1e-3  # share of the rate given up if the best V would be singular
 class Certificate(Result):
     """V = A e_z^2 + B e_z e_w + C e_w^2 with -dV/dt >= e'(Q0 + a Q1) e, a = sigma0 |w|/h(w).
 
-    ``holds``: V is positive definite and never grows. ``rate``: guaranteed decay of the errors in
-    1/s, V(t) <= V(0) exp(-2 rate t) for every motion; None if no rate is guaranteed without
-    conditions on w. ``alpha`` (in ``alpha_unit``) and ``beta``: the source paper's constants of
-    the lemma named by ``lemma``. ``P``, ``Q0``, ``Q1``: symmetric (2, 2) matrices in (e_z, e_w).
-    ``pole_at_rest``: real part in 1/s of the slowest pole at w = 0, which no rate can exceed.
-    ``valid``: for which motions the certificate holds, where ``conditions`` does not say it.
-    A, B, C, alpha, beta and the matrices are None if no V of this form exists; ``conditions``
-    then says why. They are None as well for observers other than the proposed one, whose V is of
-    another form (see the docstring of the observer).
+    Truthy if it holds. It is the ``certificate`` of a design, or the answer of
+    :func:`lugrectl.certify`.
+
+    Attributes
+    ----------
+    holds : bool
+        V is positive definite and never grows.
+    lemma : str
+        The lemma of the source paper, or the rule, behind it.
+    conditions : tuple of str
+        What it depends on, or why there is none.
+    pole_at_rest : float
+        Real part in 1/s of the slowest pole at w = 0, which no rate can exceed.
+    rate : float or None
+        Guaranteed decay of the errors in 1/s, V(t) <= V(0) exp(-2 rate t) for every motion; None
+        if no rate is guaranteed without conditions on w.
+    A, B, C : float or None
+        The constants of V.
+    alpha, alpha_unit, beta : float, str, float or None
+        The source paper's constants of the lemma, alpha in ``alpha_unit``.
+    P, Q0, Q1 : (2, 2) ndarray or None
+        Symmetric matrices in (e_z, e_w).
+    valid : str or None
+        For which motions the certificate holds, where ``conditions`` does not say it.
+
+    Notes
+    -----
+    A, B, C, alpha, beta and the matrices are None if no V of this form exists. They are None as
+    well for observers other than the proposed one, whose V is of another form (see the docstring
+    of the observer).
+
+    Examples
+    --------
+    The largest errors that can follow a start 0.1 mrad wrong in the deflection, in mrad and
+    mrad/s:
+
+    >>> certificate = lg.certify(lg.table1(), K1=-10.24, K2=22.0)
+    >>> certificate.holds, round(certificate.rate, 1)
+    (True, 95.3)
+    >>> [round(1e3 * bound, 2) for bound in certificate.bound(1e-4)]
+    [0.11, 65.21]
     """
 
     holds: bool
@@ -195,6 +227,19 @@ def certify(p: Any, K1: float, K2: float) -> Certificate:
     w = 0 if g > 0, and min(-K1 sigma1/J, K2/J) if g < 0, with beta/2C = |g|/|K1|. If that ratio
     is so small that P is nearly singular, a larger one is used, which costs less than 0.5 % of
     the rate. Gains for which no such V exists may still be stable for bounded |w|.
+
+    Examples
+    --------
+    The gains of the source paper:
+
+    >>> certificate = lg.certify(lg.table1(), K1=-10.24, K2=22.0)
+    >>> bool(certificate), round(certificate.rate, 1)
+    (True, 95.3)
+
+    With the other sign of K1 there is no such V:
+
+    >>> bool(lg.certify(lg.table1(), K1=10.24, K2=22.0))
+    False
     """
     m = drive(p)
     K1, K2 = number(K1, "K1"), number(K2, "K2")

@@ -89,6 +89,20 @@ def excitation(w: ArrayLike, t: ArrayLike, T: float | None = None) -> Excitation
     Source paper, eq. lemma2_eq. A log shows the excitation for its own duration only: that it
     continues for all t, as lemma2 requires, remains an assumption. Noise counts as motion: for a
     drive at rest beta measures the noise.
+
+    Examples
+    --------
+    A sine of 0.1 rad/s and 1 Hz: in each half period the drive moves 31.8 mrad.
+
+    >>> t = np.linspace(0.0, 5.0, 2001)
+    >>> found = lg.excitation(0.1 * np.sin(2 * np.pi * t), t)
+    >>> round(found.T, 2), round(found.beta, 4)
+    (0.5, 0.0318)
+
+    The decay of the natural observer's error that this guarantees, in 1/s:
+
+    >>> round(found.rate(lg.table1()), 1)
+    49.4
     """
     t, w = _with_crossings(*_series(t, w))
     duration = float(t[-1] - t[0])
@@ -130,6 +144,17 @@ def natural_decay(p: Any, w: ArrayLike, t: ArrayLike) -> np.ndarray:
     -----
     Source paper, eq. proof2_eq. The integral is computed by Gauss quadrature with 8 nodes between
     samples and zero crossings: accurate if w changes by at most about 10 vs between samples.
+
+    Examples
+    --------
+    After 50 ms at 0.1 rad/s about 1 % of the start error is left; at rest all of it stays.
+
+    >>> t = np.linspace(0.0, 0.05, 101)
+    >>> left = lg.natural_decay(lg.table1(), np.full(101, 0.1), t)
+    >>> round(float(left[-1]), 3)
+    0.01
+    >>> float(lg.natural_decay(lg.table1(), np.zeros(101), t)[-1])
+    1.0
     """
     m = drive(p)
     asked, w = _series(t, w)

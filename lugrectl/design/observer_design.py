@@ -25,6 +25,26 @@ class ObserverDesign(Result):
 
     ``gains`` holds them by name, for ``velocity_loop(p, design.observer, **design.gains)`` or
     ``gains=design.gains`` of any loop. ``choices``: what the rule was given.
+
+    Attributes
+    ----------
+    observer : str
+        Its name, without ``_observer``.
+    gains : dict
+        By name, for ``velocity_loop(p, design.observer, **design.gains)`` or ``gains=design.gains``
+        of any loop.
+    choices : dict
+        What the rule was given.
+    certificate : Certificate
+        What the gains guarantee.
+
+    Examples
+    --------
+    >>> p = lg.table1()
+    >>> design = lg.design_gains(p, observer="extended_state", bandwidth=200.0)
+    >>> design.gains
+    {'bandwidth': 200.0}
+    >>> loop = lg.velocity_loop(p, design.observer, **design.gains)
     """
 
     observer: str

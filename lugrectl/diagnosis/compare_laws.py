@@ -82,6 +82,7 @@ def compare_laws(
     Returns
     -------
     LawComparison
+        A row for each law; ``print`` shows a table, ``to_frame`` gives a DataFrame.
 
     Raises
     ------
@@ -89,6 +90,18 @@ def compare_laws(
         When an argument cannot be meant, or a file cannot be read or understood.
     Refused
         When no law can be fitted to this record.
+
+    Examples
+    --------
+    A made-up log of a drive with Coulomb and viscous friction:
+
+    >>> t = 4e-3 * np.arange(3000)
+    >>> w = np.sin(np.pi * t) + 0.5 * np.sin(8.0 * t)
+    >>> noise = 0.002 * np.random.default_rng(0).standard_normal(3000)
+    >>> u = 0.002 * np.gradient(w, t) + 0.3 * np.tanh(w / 1e-3) + 0.02 * w + noise
+    >>> laws = lg.compare_laws({"t": t, "u": u, "w": w}, {"J": 0.002}, ["coulomb", "viscous"])
+    >>> laws.chosen
+    'coulomb'
     """
     horizon, _ = judged_by(horizon, 0)
     names, bar = law_names(laws), NormalDist().inv_cdf(1.0 - share(alpha, "alpha"))

@@ -119,14 +119,36 @@ def diagnose(
     Returns
     -------
     Diagnosis
-
-    Returns a diagnosis with the verdict "refused" where the record cannot say what is missing;
-    its ``plain`` then holds what is certain all the same.
+        With the verdict "refused" where the record cannot say what is missing; its ``plain`` then
+        holds what is certain all the same.
 
     Raises
     ------
     InputError
         When an argument cannot be meant, or a file cannot be read or understood.
+
+    Examples
+    --------
+    Ten runs at steady speeds of a made-up fan drive, of which the declared model contains only
+    Coulomb and viscous friction:
+
+    >>> noise = 0.002 * np.random.default_rng(0).standard_normal((10, 200))
+    >>> speeds = [-3.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0]
+    >>> runs = [
+    ...     {"t": 5e-3 * np.arange(200), "w": w + 0.5 * e,
+    ...      "u": 0.3 * np.sign(w) + 0.02 * w + 0.004 * w * abs(w) + e}
+    ...     for w, e in zip(speeds, noise)
+    ... ]
+    >>> model = lg.Model.of(J=0.0022, friction="coulomb", Fc=0.3, Fv=0.02)
+    >>> found = lg.diagnose(runs, model)
+    >>> found.verdict, found.effects[0].name
+    ('found', 'quadratic_drag')
+    >>> round(found.effects[0].parameters["coefficient"].value, 3)  # N m s2/rad2
+    0.004
+
+    A log of one motion, in a file beside a model file:
+
+    >>> print(lg.diagnose("axis.csv", "axis.toml"))  # doctest: +SKIP
     """
     if law is not None:
         options = {"least": least, "alpha": alpha, "time_limit": time_limit, "progress": progress}

@@ -116,7 +116,24 @@ def _effect(found: Mapping[str, Any], verdict: str) -> dict[str, Any]:
 class Fleet(Result):
     """The answer of :func:`lugrectl.diagnose_each`, in the order of the logs.
 
-    ``unfinished`` names the logs that were not diagnosed because of an interrupt.
+    Attributes
+    ----------
+    outcomes : tuple of Outcome
+        One for each log: its diagnosis, or why there is none.
+    unfinished : tuple of str
+        The logs that were not diagnosed because of an interrupt.
+    model : Model or None
+        The declared model.
+    provenance : Provenance or None
+        Version, date, command and files.
+
+    Examples
+    --------
+    >>> t = 1e-2 * np.arange(400)
+    >>> dead = {"t": t, "u": np.zeros(400), "w": np.sin(t)}
+    >>> fleet = lg.diagnose_each([dead], lg.table1())
+    >>> {name: count for name, count in fleet.counts.items() if count}
+    {'refused': 1}
     """
 
     outcomes: tuple[Outcome, ...] = field(repr=False)
@@ -230,6 +247,7 @@ def diagnose_each(
     columns, units, scale, rate
         How to read each log, as in :func:`lugrectl.read_record`.
     holdout : None or "last"
+        What is held out of each log: every other block, or the last half.
     horizon, seed, least, alpha, time_limit, law
         As in :func:`lugrectl.diagnose`.
     jobs : int
@@ -243,11 +261,34 @@ def diagnose_each(
         False keeps rows and documents only, not the diagnoses with their samples: for fleets
         larger than memory.
 
+    Returns
+    -------
+    Fleet
+        An outcome for each log; ``print`` shows a table, ``to_frame`` gives a DataFrame, ``save``
+        writes a page for each.
+
     Raises
     ------
     InputError
         For an empty folder, a path of nothing, a pattern without match, jobs below 1, another
         holdout, or an argument that cannot be meant.
+
+    Examples
+    --------
+    Two logs of a fleet, in one of which the torque is not recorded and in the other one the motion:
+
+    >>> t = 1e-2 * np.arange(400)
+    >>> logs = [
+    ...     {"t": t, "u": np.zeros(400), "w": np.sin(t)},
+    ...     {"t": t, "u": np.sin(t), "w": np.zeros(400)},
+    ... ]
+    >>> fleet = lg.diagnose_each(logs, lg.table1())
+    >>> [row["verdict"] for row in fleet.rows]
+    ['refused', 'refused']
+
+    A folder of logs, in four processes:
+
+    >>> lg.diagnose_each("logs", "axis.toml", jobs=4).save("report")  # doctest: +SKIP
     """
     if isinstance(records, (str, os.PathLike)):
         there(records)

@@ -42,8 +42,35 @@ class ComparedLaw:
 class LawComparison(ComparedRows[ComparedLaw]):
     """The answer of :func:`compare_laws`: rows by place or by name, the best first.
 
-    ``chosen`` is the simplest law that no other predicts better than; ``model`` the declared model
-    with that law and the values that both have; ``unit`` that of ``torque``.
+    Parameters
+    ----------
+    rows : list of ComparedLaw
+        One for each law.
+    chosen : str
+        The simplest law that no other predicts better than.
+    alike : list of str
+        The laws that this record cannot distinguish from it.
+    model : Model
+        The declared model with that law and the values that both have.
+
+    Attributes
+    ----------
+    unit : str
+        That of ``torque``.
+
+    Examples
+    --------
+    What a comparison of two laws looks like:
+
+    >>> rows = [
+    ...     lg.results.ComparedLaw("stribeck", elpd=0.0, se=0.0, torque=0.002, parameters=5),
+    ...     lg.results.ComparedLaw("viscous", elpd=-800.0, se=25.0, torque=0.2, parameters=2),
+    ... ]
+    >>> laws = lg.results.LawComparison(rows, "stribeck", [], lg.Model.of(friction="stribeck"))
+    >>> laws["viscous"].torque, laws.unit
+    (0.2, 'N m')
+    >>> laws.sentence
+    'The friction law stribeck was chosen: it predicts held-out samples best.'
     """
 
     def __init__(

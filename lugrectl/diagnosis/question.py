@@ -86,6 +86,17 @@ def balance(record: Any, model: Any = None) -> Balance:
     ------
     InputError
         When an argument cannot be meant, or a file cannot be read or understood.
+
+    Examples
+    --------
+    A made-up log of a drive with J = 0.002 kg m2, Fc = 0.3 N m and Fv = 0.02 N m s/rad:
+
+    >>> t = 4e-3 * np.arange(3000)
+    >>> w = np.sin(np.pi * t) + 0.5 * np.sin(8.0 * t)
+    >>> u = 0.002 * np.gradient(w, t) + 0.3 * np.sign(w) + 0.02 * w
+    >>> plain = lg.balance({"t": t, "u": u, "w": w})
+    >>> round(plain.parameters["Fc"].value, 2), round(plain.parameters["Fv"].value, 2)
+    (0.3, 0.02)
     """
     return Asked.of(record, {} if model is None else model).plain
 

@@ -28,13 +28,65 @@ VERDICTS = ("adequate", "found", "ambiguous", "unexplained", "refused")
 class Diagnosis(Fitted):
     """The answer of :func:`lugrectl.diagnose`.
 
-    ``error``, ``free_error`` and ``torque_error`` are the mappings of the JSON format; ``model``
-    is the augmented model (the refitted one if nothing was added, None if refused).
-    ``table`` offers the unexplained torque as a block; ``compensation`` and ``laws`` are set if
-    they were asked for, ``map`` if the records are runs at steady speed. ``records`` are all runs,
-    ``record`` is the first. ``plain`` is the torque balance of the log as it was recorded, there
-    for every log that can be read. ``provenance``: version, date, command and files; None for a
-    result that was put together by hand.
+    ``print`` shows it as a report, ``summary`` gives plain Python as in the JSON document.
+
+    Attributes
+    ----------
+    verdict : str
+        "adequate", "found", "ambiguous", "unexplained" or "refused".
+    effects : tuple of Finding
+        What is missing from the model, with values and with what it may be confused with.
+    depends_on : tuple of str
+        The signals that the residual torque depends on.
+    experiment : str or None
+        What to record next.
+    error, free_error, torque_error : dict or None
+        The mappings of the JSON format: restarted simulation, free run, torque.
+    model : Model or None
+        The augmented model (the refitted one if nothing was added, None if refused).
+    declared : Model or None
+        The model as it was declared.
+    estimates : dict
+        Fitted values with 95 % intervals by key.
+    record, records : Record, tuple of Record
+        The first run and all runs.
+    messages : tuple of str
+        What was noticed.
+    reason : str or None
+        Why the record was refused.
+    ranking : tuple of Candidate
+        The effects that were tried.
+    traces : Traces or None
+        The arrays behind the plots.
+    table : Table or None
+        Offers the unexplained torque as a block.
+    compensation, laws : Compensation, LawComparison or None
+        Set if they were asked for.
+    map : FrictionMap or None
+        Set if the records are runs at steady speed.
+    provenance : Provenance or None
+        Version, date, command and files; None for a result that was put together by hand.
+    plain : Balance or None
+        The torque balance of the log as it was recorded, there for every log that can be read.
+    comparison : Comparison or None
+        Each model beside the declared one, and the torque budget.
+    joint : Joint or None
+        The covariance of the fitted values.
+    residuals : Residuals or None
+        What one-step predictions leave.
+
+    Examples
+    --------
+    A log that cannot answer, why it cannot, and what to record instead:
+
+    >>> t = 1e-2 * np.arange(400)
+    >>> found = lg.diagnose({"t": t, "u": np.zeros(400), "w": np.sin(t)}, lg.table1())
+    >>> found.verdict, found.model
+    ('refused', None)
+    >>> print(found.reason)
+    the dict of arrays: u is constant (0): dead torque channel, ...
+    >>> print(found.experiment)
+    Record a motion that starts, stops and reverses, ...
     """
 
     verdict: str

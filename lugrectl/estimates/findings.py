@@ -123,12 +123,44 @@ class Traces(Shown):
 class Table(Result):
     """An unexplained residual torque as a table over the signals it depends on: no physics.
 
-    ``signals``: the table's abscissa, followed by "w" if each direction has its own values.
-    ``points`` (n,) in the abscissa's SI unit; ``values`` (n,), or (2, n) for w > 0 and w < 0,
-    positive where they resist; ``error`` their standard errors; ``periodic``: repeats every 2 pi.
-    ``share``: part of the residual torque's power that such a table predicts on windows that it
-    was not fitted to (below 0 if it is worse than no table); ``share95`` its 95 % interval over
-    ``windows`` windows. ``rms``: of the tabulated torque along the record.
+    Attributes
+    ----------
+    signals : tuple of str
+        The table's abscissa, followed by "w" if each direction has its own values.
+    points : (n,) ndarray
+        In the abscissa's SI unit.
+    values : (n,) or (2, n) ndarray
+        Torque in ``unit``, positive where it resists; two rows for w > 0 and w < 0.
+    error : ndarray
+        The standard errors of ``values``.
+    periodic : bool
+        It repeats every 2 pi.
+    share : float
+        Part of the residual torque's power that such a table predicts on windows that it was not
+        fitted to (below 0 if it is worse than no table).
+    share95 : (float, float)
+        The 95 % interval of ``share`` over ``windows`` windows.
+    rms : float
+        Of the tabulated torque along the record.
+    unit : str
+        N m, or N on a linear drive.
+    windows : int
+        The number of windows behind ``share95``.
+    motion : "rotary" or "linear"
+        That of the record.
+
+    Examples
+    --------
+    The table of a diagnosis, here a made-up one, as a block that acts on a simulated drive:
+
+    >>> angles, torque = np.array([0.0, 2.0, 4.0]), np.array([0.0, 0.05, -0.05])
+    >>> table = lg.Table(
+    ...     ("theta",), angles, torque, error=0.001 * np.ones(3), periodic=True, share=0.8,
+    ...     share95=(0.7, 0.9), rms=0.035, unit="N m", windows=12,
+    ... )
+    >>> block = table.block()
+    >>> block.input_labels, block.output_labels
+    (['theta'], ['d'])
     """
 
     signals: tuple[str, ...]

@@ -74,18 +74,45 @@ def check_designs(
     Gives the answers of ``l2_check(p, K2)``, ``spr_check(position_T(p, kp, ki, kd))`` and
     ``bandwidth_check(position_loop_tf(p, kp, ki, kd), level)``, or their velocity counterparts,
     by closed forms: the classes exactly for the given floats, the bandwidths to about 1e-9.
-    Designs for which the closed form is uncertain are checked one by one. Pure integral action
-    only. All properties are those of the linear loop with friction compensated.
 
     Parameters
     ----------
-    p : any object with attributes J > 0, sigma0 > 0, sigma1 >= 0, numbers or arrays
-    kp, ki, kd, K2 : numbers or arrays; all of them broadcast
-    loop : "velocity" or "position", for the class and the bandwidth
-    level : as for ``bandwidth_check``
+    p : Parameters, Model or any object with attributes J > 0, sigma0 > 0, sigma1 >= 0
+        SI units; the attributes are numbers or arrays.
+    kp, ki, kd : float or array_like
+        Gains in the units of :func:`position_T` or :func:`velocity_T`; pure integral action only.
+    K2 : float or array_like
+        Observer gain in N m s/rad. It and all the others broadcast.
+    loop : "velocity" or "position"
+        For the class and the bandwidth.
+    level : "-3dB", "half-power" or float
+        As for :func:`bandwidth_check`.
 
-    Raises InputError for another loop or level, shapes that do not fit, values that are not
-    finite or out of range, and a velocity loop with J + kd <= 0.
+    Returns
+    -------
+    DesignChecks
+        Arrays of the broadcast shape: ``l2_gain`` (s), ``l2_frequency`` (rad/s), ``names`` (the SPR
+        classes), ``spr``, ``bandwidth`` (rad/s), ``stable``.
+
+    Raises
+    ------
+    InputError
+        For another loop or level, shapes that do not fit, values that are not finite or out of
+        range, and a velocity loop with J + kd <= 0.
+
+    Notes
+    -----
+    Designs for which the closed form is uncertain are checked one by one. All properties are those
+    of the linear loop with friction compensated.
+
+    Examples
+    --------
+    The least derivative gain of a PD position controller that makes T(s) SPR lies above
+    sigma0 J/sigma1 = 0.953 N m s/rad:
+
+    >>> checks = lg.check_designs(lg.table1(), 15.0, 0.0, [0.9, 1.0], K2=22.0, loop="position")
+    >>> checks.spr.tolist()
+    [False, True]
     """
     if not isinstance(loop, str) or loop not in ("velocity", "position"):
         raise InputError(f"loop must be 'velocity' or 'position', not {shown(loop)}.")

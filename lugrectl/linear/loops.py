@@ -61,16 +61,46 @@ def position_T(
 
     Parameters
     ----------
-    p : any object with attributes J, sigma0, sigma1
-    kp, ki, kd : the gains
-    tau : time constant in s of a filtered integral, I(s) = Ki/(tau s + 1)
-    leak : rate in 1/s of a leaky integral, I(s) = Ki/(s + leak); with neither, or 0, I = Ki/s
-    derivative_filter : time constant Td in s; None or 0 is the pure Kd s
-    controller : X(s), any continuous SISO transfer function as for ``spr_check``, taken in lowest
-        terms and added to the other terms
+    p : Parameters, Model or any object with attributes J, sigma0, sigma1
+        In kg m2, N m/rad, N m s/rad.
+    kp, ki, kd : float
+        Gains in N m/rad, N m/(rad s) (with tau: N m/rad), N m s/rad.
+    tau : float, optional
+        Time constant in s of a filtered integral, I(s) = Ki/(tau s + 1); 0 is none.
+    derivative_filter : float, optional
+        Time constant Td in s; None or 0 is the pure Kd s.
+    leak : float, optional
+        Rate in 1/s of a leaky integral, I(s) = Ki/(s + leak). With neither tau nor leak, I = Ki/s.
+    controller : control.TransferFunction, optional
+        X(s), any continuous transfer function with one input and one output as for
+        :func:`spr_check`, taken in lowest terms and added to the other terms.
 
-    Raises InputError for values that are not finite, a negative time constant or leak, tau and
-    leak together, and a zero denominator.
+    Returns
+    -------
+    control.TransferFunction
+        The position error of the existing observer's loop is -T(s) (z - zhat). It remembers its
+        loop, for :func:`spr_repair`.
+
+    Raises
+    ------
+    InputError
+        For values that are not finite, a negative time constant or leak, tau and leak together,
+        and a zero denominator.
+
+    Notes
+    -----
+    T(s) is that of the source paper, section 3.1. Derived here: with PD control it is SPR exactly
+    if Kp > 0 and sigma1 Kd > sigma0 J.
+
+    Examples
+    --------
+    A PD controller, with and without integral action:
+
+    >>> p = lg.table1()
+    >>> bool(lg.spr_check(lg.position_T(p, kp=15.0, kd=1.2)))
+    True
+    >>> bool(lg.spr_check(lg.position_T(p, kp=15.0, ki=30.0, kd=1.2)))
+    False
     """
     return _error_T(p, 2, read_controller(kp, ki, kd, tau, derivative_filter, leak, controller))
 
@@ -86,7 +116,36 @@ def velocity_T(
     leak: float | None = None,
     controller: Any = None,
 ) -> ct.TransferFunction:
-    """T(s) = (sigma1 s + sigma0)/(J s + C(s)): C as in ``position_T``, on the velocity error."""
+    """T(s) = (sigma1 s + sigma0)/(J s + C(s)): C as in ``position_T``, on the velocity error.
+
+    Parameters
+    ----------
+    p : Parameters, Model or any object with attributes J, sigma0, sigma1
+        In kg m2, N m/rad, N m s/rad.
+    kp, ki, kd : float
+        Gains in N m s/rad, N m/rad (with tau: N m s/rad), N m s2/rad.
+    tau, derivative_filter, leak, controller
+        As in :func:`position_T`.
+
+    Returns
+    -------
+    control.TransferFunction
+        The velocity error of the existing observer's loop is -T(s) (z - zhat). It remembers its
+        loop, for :func:`spr_repair`.
+
+    Raises
+    ------
+    InputError
+        As :func:`position_T`.
+
+    Examples
+    --------
+    A P controller is SPR; a PI is only positive real:
+
+    >>> p = lg.table1()
+    >>> [lg.spr_check(lg.velocity_T(p, kp=1.6, ki=ki)).classification for ki in (0.0, 0.16)]
+    ['SPR', 'PR']
+    """
     return _error_T(p, 1, read_controller(kp, ki, kd, tau, derivative_filter, leak, controller))
 
 
@@ -105,10 +164,42 @@ def position_loop_tf(
     """Reference to position with friction fully compensated (plant 1/(J s^2)).
 
     theta/r = E(s)/(J s^2 + D(s) + E(s)) with E(s) = Kp + I(s) + X(s), D(s) = Kd s/(Td s + 1)
-    and all other terms as in ``position_T``. D acts on the measured velocity, not on the error,
-    so it is not in the numerator; give a D on the error as ``controller``. ``prefilter`` adds
-    a/(s + a) in front, a in 1/s; True is the source paper's 2/(s + 2). Friction that is not
-    compensated (Fv) is not included. Raises InputError as ``position_T``, and for a < 0.
+    and all other terms as in :func:`position_T`.
+
+    Parameters
+    ----------
+    p : Parameters, Model or any object with an attribute J
+        In kg m2.
+    kp, ki, kd, tau, derivative_filter, leak, controller
+        As in :func:`position_T`. D acts on the measured velocity, not on the error, so it is not in
+        the numerator; give a D on the error as ``controller``.
+    prefilter : bool or float
+        Adds a/(s + a) in front, a in 1/s; True is the source paper's 2/(s + 2).
+
+    Returns
+    -------
+    control.TransferFunction
+        theta/r, without unit.
+
+    Raises
+    ------
+    InputError
+        As :func:`position_T`, and for a < 0.
+
+    Notes
+    -----
+    Friction that is not compensated (Fv) is not included.
+
+    Examples
+    --------
+    The loop of the source paper is unstable, because J s^3 + Kp s + Ki has no s^2 term; a
+    derivative gain corrects it:
+
+    >>> p = lg.table1()
+    >>> bool((lg.position_loop_tf(p, kp=15.0, ki=1.55).poles().real < 0).all())
+    False
+    >>> bool((lg.position_loop_tf(p, kp=15.0, ki=1.55, kd=0.3).poles().real < 0).all())
+    True
     """
     C = read_controller(kp, ki, kd, tau, derivative_filter, leak, controller)
     return _reference_tf(p, 2, C, prefilter, "theta")
@@ -128,8 +219,35 @@ def velocity_loop_tf(
 ) -> ct.TransferFunction:
     """Reference to velocity with friction fully compensated (plant 1/(J s)).
 
-    w/r = E(s)/(J s + D(s) + E(s)), all as in ``position_loop_tf``: Kd multiplies the measured
-    acceleration, like an added inertia.
+    w/r = E(s)/(J s + D(s) + E(s)), with the terms of :func:`position_loop_tf`: Kd multiplies the
+    measured acceleration, like an added inertia.
+
+    Parameters
+    ----------
+    p : Parameters, Model or any object with an attribute J
+        In kg m2.
+    kp, ki, kd, tau, derivative_filter, leak, controller
+        As in :func:`velocity_T`.
+    prefilter : bool or float
+        As in :func:`position_loop_tf`.
+
+    Returns
+    -------
+    control.TransferFunction
+        w/r, without unit.
+
+    Raises
+    ------
+    InputError
+        As :func:`position_loop_tf`.
+
+    Examples
+    --------
+    The source paper's PI controller: its slow pole is near -ki/kp.
+
+    >>> T = lg.velocity_loop_tf(lg.table1(), kp=1.6, ki=0.16)
+    >>> np.round(np.sort(T.poles().real), 1).tolist()
+    [-727.2, -0.1]
     """
     C = read_controller(kp, ki, kd, tau, derivative_filter, leak, controller)
     return _reference_tf(p, 1, C, prefilter, "w")

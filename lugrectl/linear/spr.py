@@ -82,6 +82,26 @@ def spr_check(T: Any) -> SprVerdict:
       limit of Re T is required to be positive too, as 1/T must be SPR along with T:
       s + 1/(s + 1) is WSPR only.
 
+    Parameters
+    ----------
+    T : control.TransferFunction, control.StateSpace, control.frd or pair (num, den)
+        A system with one input and one output, continuous or sampled; the pair in descending
+        powers of s; or a measured response: the verdict then holds for its frequencies alone, and
+        its margin is nan.
+
+    Returns
+    -------
+    SprVerdict
+        Truthy if T is SPR; ``classification``, ``margin`` in 1/s, ``band_edge`` in rad/s, the
+        ``reason``, and a ``repair`` where there is one.
+
+    Raises
+    ------
+    InputError
+        If T is none of these.
+
+    Notes
+    -----
     The sign of P is decided by Sturm chains and n + d by Routh, both on rational numbers, never
     on a frequency grid. The given coefficients are taken as exact, so an equality such as
     sigma1 Kd = sigma0 J holds only if it holds for the floats; the reason mentions a coefficient
@@ -99,9 +119,13 @@ def spr_check(T: Any) -> SprVerdict:
     decides. Without a direct part (a delay of one sample at least) no T(z) is positive real.
     Where T.dt is True, w and the margin are per sample.
 
-    T : SISO control.TransferFunction or StateSpace, continuous or sampled, or a pair (num, den) in
-        descending powers of s; or a measured response, control.frd: the verdict then holds for
-        its frequencies alone, and its margin is nan. Raises InputError if it is none of these.
+    Examples
+    --------
+    The velocity loop of the source paper: pure integral action puts a zero at 0.
+
+    >>> check = lg.spr_check(lg.velocity_T(lg.table1(), kp=1.6, ki=0.16))
+    >>> check.classification
+    'PR'
     """
     if is_measured(T):
         kind, edge, reason = realness(T)
@@ -148,14 +172,42 @@ def spr_repair(T: Any) -> Repair | None:
     Position: a filter on the derivative is removed (with a bounded C(s), w^2 Re T tends to
     -sigma0/J); pure integral action gets the least leak, with its gain and Kp unchanged, after
     the least Kd if the controller without the integral needs one; else the least Kd. Velocity:
-    the least leak of a pure or leaky integral. Otherwise, for either loop, the least Kp. The leak
-    is tried for C(s) = Kp + Kd s + I(s) only. In Kd and Kp the set of SPR controllers is an
-    upward interval, because Kd s/(sigma1 s + sigma0) and Kp/(sigma1 s + sigma0) are positive real
-    and add to 1/T; in the leak it is one for Kp >= 0 and sigma1 Kd > sigma0 J. Its end is found
-    by bisection of the exact decision.
+    the least leak of a pure or leaky integral. Otherwise, for either loop, the least Kp.
 
-    Returns None for an SPR T, if no such change helps, for J, sigma0 or sigma1 not above 0 (or
-    Kp < 0 with an integral), and for a T without a known loop.
+    Parameters
+    ----------
+    T : control.TransferFunction
+        As :func:`position_T` or :func:`velocity_T` returned it.
+
+    Returns
+    -------
+    Repair or None
+        ``gains`` are the arguments of the two functions to change, ``sentence`` says it in words.
+        None for an SPR T, if no such change helps, for J, sigma0 or sigma1 not above 0 (or
+        Kp < 0 with an integral), and for a T without a known loop.
+
+    Raises
+    ------
+    InputError
+        If T is none of what :func:`spr_check` takes.
+
+    Notes
+    -----
+    The leak is tried for C(s) = Kp + Kd s + I(s) only. In Kd and Kp the set of SPR controllers is
+    an upward interval, because Kd s/(sigma1 s + sigma0) and Kp/(sigma1 s + sigma0) are positive
+    real and add to 1/T; in the leak it is one for Kp >= 0 and sigma1 Kd > sigma0 J. Its end is
+    found by bisection of the exact decision.
+
+    Examples
+    --------
+    A PD controller with too little damping:
+
+    >>> p = lg.table1()
+    >>> repair = lg.spr_repair(lg.position_T(p, kp=15.0, kd=0.3))
+    >>> {name: round(value, 2) for name, value in repair.gains.items()}
+    {'kd': 0.95}
+    >>> bool(lg.spr_check(lg.position_T(p, **{"kp": 15.0, **repair.gains})))
+    True
     """
     num, den, _ = read_transfer(T)
     if not isinstance(T, LoopT) or classify(num, den) == "SPR":

@@ -71,8 +71,7 @@ def velocity_loop(
         Gains of the proposed (K1, K2: numbers or functions of w; -10.24, 22) and existing (k;
         0.35) observer, or of another that has them; the observer's own default where left out.
     gains : dict, optional
-        Any other parameters of the observer by name, ``gains={"tau": 0.005}``. They may be given
-        as arguments as well, ``bandwidth=300``: so ``**design_gains(p, observer=...).gains``.
+        Any other parameters of the observer by name, ``gains={"tau": 0.005}``.
     observer_parameters : Parameters or Model, optional
         The parameters used by the observer; default: those of the plant.
     prefilter : bool or float
@@ -98,6 +97,9 @@ def velocity_loop(
         Parameters of that controller by name.
     name : str
         Name of the loop.
+    **more : float
+        Other parameters of the observer by name, in place of ``gains``: ``bandwidth=300``, or
+        ``**design_gains(p, observer=...).gains``.
 
     Returns
     -------
@@ -119,6 +121,20 @@ def velocity_loop(
     ``solve_ivp_method="LSODA"`` and an atol of 1e-8 or less, because z is about 1e-3. SciPy's
     BDF and Radau can stop with an error: no rate depends on theta, so the finite difference step
     that they use for theta grows until it overflows.
+
+    Examples
+    --------
+    The RMS error in mrad/s on a sine of 0.1 rad/s, with an observer that believes in 20 % less
+    friction than there is:
+
+    >>> p = lg.table1()
+    >>> less = lg.Model.of(p, Fc=0.8 * p.Fc, Fs=0.8 * p.Fs)
+    >>> loop = lg.velocity_loop(p, "proposed", observer_parameters=less)
+    >>> t = np.linspace(0.0, 1.0, 501)
+    >>> run = lg.simulate(loop, t, 0.1 * np.sin(2 * np.pi * t))
+    >>> e = run.outputs[loop.output_labels.index("e")]
+    >>> round(1e3 * float(np.sqrt(np.mean(e**2))))
+    12
     """
     shared, own = {"K1": K1, "K2": K2, "k": k}, {"kp": kp, "ki": ki}
     p, believed = _models(p, observer_parameters)
@@ -159,6 +175,9 @@ def position_loop(
 
     Parameters
     ----------
+    p, observer, K1, K2, k, gains, observer_parameters, prefilter, load, limit, tracking, name
+        As in :func:`velocity_loop`; e is the position error, k is in 1/s. tau belongs to the
+        controller: give that of the disturbance observer in ``gains``.
     kp, ki, kd, tau : float
         N m/rad, N m/rad (pure integral: N m/(rad s)), N m s/rad, s.
     feedforward : bool
@@ -168,9 +187,8 @@ def position_loop(
         As in :func:`velocity_loop`, with s = (w - dr) + lam (theta - r), lam (1/s, 20) among the
         gains: dr and ddr become inputs; with a prefilter r and dr, the derivatives of the
         filtered reference are exact. An observer that takes s needs dr too.
-    p, observer, K1, K2, k, gains, observer_parameters, prefilter, load, limit, tracking, name
-        As in :func:`velocity_loop`; e is the position error, k is in 1/s. tau belongs to the
-        controller: give that of the disturbance observer in ``gains``.
+    **more : float
+        Other parameters of the observer by name, in place of ``gains``.
 
     Returns
     -------
@@ -188,6 +206,16 @@ def position_loop(
     Source paper, fig. sys (b). Its gains, the defaults, make the compensated loop unstable:
     J s^3 + kp s + ki has no s^2 term, and the growth has a time constant of 19 s. kd > 0 with
     kd kp > J ki makes it stable.
+
+    Examples
+    --------
+    A PID controller with a limit of 2 N m, and compensation by an observer:
+
+    >>> loop = lg.position_loop(lg.table1(), "proposed", kp=15.0, ki=30.0, kd=0.3, limit=2.0)
+    >>> loop.input_labels, loop.output_labels
+    (['r'], ['theta', 'w', 'F', 'Fhat', 'u', 'e'])
+    >>> loop.state_labels[-1]
+    'pid_q'
     """
     shared, own = {"K1": K1, "K2": K2, "k": k}, {"kp": kp, "ki": ki, "kd": kd, "tau": tau}
     p, believed = _models(p, observer_parameters)

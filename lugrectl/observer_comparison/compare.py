@@ -82,6 +82,8 @@ def compare_observers(
         Load torque in N m in "load"; default: half of Fc.
     rates : float or list of float
         Sample rates in Hz in "rate".
+    progress : callable, True, False or None
+        ``progress(fraction, what)``, or whether to show a bar. None: in Jupyter only.
 
     Returns
     -------
@@ -105,6 +107,17 @@ def compare_observers(
 
     The first comparison on a machine compiles two loops for each observer, some seconds for each;
     a later one takes about a second for each observer.
+
+    Examples
+    --------
+    Which observer bears the rounding of an encoder of 20 bits, by the RMS speed error in rad/s:
+
+    >>> found = lg.compare_observers(
+    ...     lg.table1(), ["natural", "disturbance"], scenarios="rounding",
+    ...     resolution=2 * np.pi / 2**20,
+    ... )
+    >>> all(row.rounding < 0.01 for row in found)
+    True
     """
     model = with_bristles(as_model(p, "p"), "p")
     wanted, chosen = _chosen_scenarios(scenarios), chosen_observers(observers)

@@ -93,6 +93,8 @@ def recommend_observer(
         ``{"extended_state": {"bandwidth": 200}}``.
     certified : bool
         Whether only observers whose gains have a certificate are admissible.
+    progress : callable, True, False or None
+        ``progress(fraction, what)``, or whether to show a bar. None: in Jupyter only.
 
     Returns
     -------
@@ -114,6 +116,17 @@ def recommend_observer(
     more than 1.5 times worse than the best after the first three cases are not tried with the
     others. Of observers within 5 % of the best the one that passes least noise to the torque is
     first. The drive has the effects of the model; the observers do not know them.
+
+    Examples
+    --------
+    Two observers for a drive at 1 kHz with an encoder of 20 bits:
+
+    >>> advice = lg.recommend_observer(
+    ...     lg.table1(), observers=["natural", "disturbance"],
+    ...     rate=1000.0, resolution=2 * np.pi / 2**20,
+    ... )
+    >>> advice.best.name
+    'disturbance'
     """
     model, record = _model(p, record)
     spec = drive_spec(record, _own(locals()), model.motion).completed(_known(model))

@@ -56,9 +56,35 @@ class Candidate(Shown):
 class Recommendation(Result):
     """The answer of :func:`lugrectl.recommend_observer`.
 
-    ``ranked``: candidates, the best first; ``refused``: names of those that are not admissible,
-    each with the reason. ``none``: the RMS error without an observer in ``unit``, of ``signal``.
-    ``drive``: what was assumed about the drive; ``controller``: its gains.
+    Attributes
+    ----------
+    ranked : tuple of Candidate
+        The best first, each with its errors, gains and reasons.
+    refused : dict
+        Names of those that are not admissible, each with the reason.
+    none : float
+        The RMS error without an observer in ``unit``.
+    signal, unit : str
+        What the errors are of.
+    motion : "rotary" or "linear"
+        That of the drive.
+    drive : dict
+        What was assumed about the drive.
+    controller : dict
+        Its gains.
+    messages : tuple of str
+        What was noticed.
+
+    Examples
+    --------
+    A drive that measures its speed only, so that no observer may read the position:
+
+    >>> advice = lg.recommend_observer(
+    ...     lg.table1(), observers=["natural", "disturbance", "position_lugre"],
+    ...     rate=1000.0, measured="w", speed_noise=1e-3,
+    ... )
+    >>> advice.names, list(advice.refused)
+    (('disturbance', 'natural'), ['position_lugre'])
     """
 
     ranked: tuple[Candidate, ...]

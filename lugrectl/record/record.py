@@ -40,20 +40,54 @@ def smallest_step(x: np.ndarray) -> float:
 class Record(Shown):
     """A measured log: float64 channels of one length N, in SI units.
 
-    ``u`` (N m or N) is held between samples. ``w`` (rad/s or m/s) or ``theta`` (rad or m),
-    or both, are present; ``r``, ``d``, ``temperature`` and ``theta_load`` are None when not
-    recorded. ``t`` (s) starts at its recorded value and runs in steps of ``dt``.
+    :func:`lugrectl.read_record` makes one of a file; it can be built of arrays as well.
 
-    ``gaps`` holds the index of the first sample after each stretch of lost samples: only there
-    ``t`` jumps by more than ``dt``, and no simulation may run across.
-    ``dropped`` counts the samples of the file that were missing or merged; ``messages`` report
-    all that was noticed and changed. If channels were interpolated, ``resolution`` holds by role
-    the smallest step of the recorded motion, in the channel's unit; without a recorded theta its
-    ``theta`` is that of the integrated ``w``, in rad or m. ``file`` is the file that it was read
-    from, with its SHA-256. ``log`` holds the rows as they were recorded; those of a record made of
-    arrays, or changed after reading, are its own samples.
+    Parameters
+    ----------
+    t : (N,) ndarray
+        In s. It starts at its recorded value and runs in steps of ``dt``.
+    u : (N,) ndarray
+        Torque in N m, or force in N, held between samples.
+    w, theta : (N,) ndarray or None
+        In rad/s and rad, or m/s and m; one of them or both are present.
+    r, d, temperature, theta_load : (N,) ndarray or None
+        Reference, load torque, temperature and position of the load; None when not recorded.
+    dt : float
+        Sample time in s; left out it is that of ``t``.
+    motion : "rotary" or "linear"
+        It decides the units.
+    source : str
+        What messages call the record.
+    dropped : int
+        Samples of the file that were missing or merged.
+    messages : tuple of str
+        All that was noticed and changed.
+    gaps : tuple of int
+        Index of the first sample after each stretch of lost samples: only there ``t`` jumps by
+        more than ``dt``, and no simulation may run across.
+    resolution : dict
+        If channels were interpolated, by role the smallest step of the recorded motion, in the
+        channel's unit; without a recorded theta its ``theta`` is that of the integrated ``w``, in
+        rad or m.
+    file : SourceFile or None
+        The file that it was read from, with its SHA-256.
+    log : Log or None
+        The rows as they were recorded; those of a record built of arrays, or changed after
+        reading, are its own samples.
 
-    Raises InputError when the channels differ in length, hold NaN, or w and theta are missing.
+    Raises
+    ------
+    InputError
+        When the channels differ in length, hold NaN, or w and theta are missing.
+
+    Examples
+    --------
+    >>> t = 1e-3 * np.arange(2000)
+    >>> record = lg.Record(t, u=0.5 * np.sin(6.28 * t), w=0.1 * np.sin(6.28 * t - 0.2))
+    >>> record.rate, record.duration, list(record.channels())
+    (1000.0, 2.0, ['t', 'u', 'w'])
+    >>> record.slice(0, 500).samples
+    500
     """
 
     t: np.ndarray

@@ -79,6 +79,16 @@ def deflection(w: ArrayLike, dt: float, p: Parameters | Model, z0: ArrayLike = 0
     Exact for a velocity that is constant between samples, at any speed. The velocity of a real
     drive varies between samples, which leaves an error of first order in dt. Source paper, eq.
     LuGre1, evaluated by the friction law's own function.
+
+    Examples
+    --------
+    A slow reversal: the bristles bend by h(w)/sigma0, one way and then the other.
+
+    >>> p = lg.table1()
+    >>> w = np.repeat([0.1, -0.1], 500)
+    >>> z = lg.deflection(w, dt=1e-3, p=p)
+    >>> np.round(1e3 * z[[499, 999]], 2)  # mrad
+    array([ 1.1, -1.1])
     """
     dt = positive(dt, "dt, the sample time,", "seconds")
     speed, start = _checked(w, z0)

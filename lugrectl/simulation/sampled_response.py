@@ -73,11 +73,16 @@ def simulate_sampled(
 
     Examples
     --------
+    A velocity loop whose controller and observer run at 1 kHz:
+
     >>> dt, p = 1e-3, lg.table1()
     >>> drive = [lg.error(), lg.compensation(), lg.sampled(lg.pi(1.6, 0.16), dt),
     ...          lg.sampled(lg.proposed_observer(p), dt)]
-    >>> t = dt * np.arange(1000)
-    >>> resp = lg.simulate_sampled(lg.plant(p), drive, t, 0.1 * np.sin(6.28 * t))
+    >>> t = dt * np.arange(500)
+    >>> run = lg.simulate_sampled(lg.plant(p), drive, t, {"r": 0.1 * np.sin(2 * np.pi * t)})
+    >>> w = run.outputs[run.output_labels.index("w")]
+    >>> bool(abs(w - 0.1 * np.sin(2 * np.pi * t)).max() < 0.01)
+    True
     """
     rtol = arguments.settings(rtol)
     plant, drive = arguments.system(plant, "plant"), _drive(drive)

@@ -113,16 +113,20 @@ def sweep(
 
     Examples
     --------
-    >>> table = {"plant.Fc": np.linspace(0.2, 0.4, 1000), "pi.kp": 1.6}
-    >>> s = lg.sweep(loop, t, r, table, outputs=["w"])
-    >>> s["w"].shape
-    (1000, 10001)
+    The speed error of 50 drives that differ in friction:
 
-    On a cluster (extra ``cluster``):
+    >>> loop = lg.velocity_loop(lg.table1(), "proposed")
+    >>> t = np.linspace(0.0, 1.0, 501)
+    >>> r = 0.1 * np.sin(2 * np.pi * t)
+    >>> table = {"plant.Fc": np.linspace(0.2, 0.4, 50), "pi.kp": 1.6}
+    >>> s = lg.sweep(loop, t, r, table, outputs=["e"])
+    >>> s["e"].shape
+    (50, 501)
 
-    >>> from dask.distributed import Client
-    >>> with Client("tcp://scheduler:8786") as client:
-    ...     s = lg.sweep(loop, t, r, table, executor=client.get_executor())
+    On a cluster (extra ``cluster``), where ``client`` is
+    ``dask.distributed.Client("tcp://scheduler:8786")``:
+
+    >>> s = lg.sweep(loop, t, r, table, executor=client.get_executor())  # doctest: +SKIP
     """
     made = prepare(system, t, inputs, params, x0, seeds, outputs, states, hold, rtol, reduce)
     gathered = Gathered(made)
@@ -161,12 +165,39 @@ def sweep_chunks(
     """The same as :func:`sweep`, as an iterator of parts in the order in which they finish.
 
     Memory grows with the chunks in progress (two for each worker), not with the number of
-    members; ``.members`` gives the members in a part. Failures are in each part's ``.failed``,
-    without a warning; Ctrl-C is raised after the finished parts.
+    members. Ctrl-C is raised after the finished parts.
+
+    Parameters
+    ----------
+    system, t, inputs, params, x0, seeds, outputs, states, hold, rtol
+        As for :func:`sweep`: what is simulated.
+    executor, jobs, chunk, progress, reduce
+        As for :func:`sweep`: how the work is shared and what is kept of it.
+
+    Yields
+    ------
+    Sweep
+        Each part; ``.members`` gives the members in it. Failures are in its ``.failed``, without a
+        warning.
+
+    Raises
+    ------
+    InputError
+        As :func:`sweep`.
 
     Examples
     --------
-    >>> peak = np.concatenate([s["w"].max(axis=1) for s in lg.sweep_chunks(loop, t, r, table)])
+    The peak speed of each member, without holding all signals at once. It falls with the friction
+    that the observer does not know of:
+
+    >>> loop = lg.velocity_loop(lg.table1(), "proposed")
+    >>> t = np.linspace(0.0, 1.0, 501)
+    >>> table = {"plant.Fc": np.linspace(0.2, 0.4, 50)}
+    >>> peak = np.full(50, np.nan)
+    >>> for part in lg.sweep_chunks(loop, t, 0.1 * np.sin(2 * np.pi * t), table, chunk=10):
+    ...     peak[part.members] = part["w"].max(axis=1)
+    >>> bool(peak[0] > peak[-1])
+    True
     """
     made = prepare(system, t, inputs, params, x0, seeds, outputs, states, hold, rtol, reduce)
     bar = bar_for(progress)

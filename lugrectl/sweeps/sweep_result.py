@@ -44,6 +44,16 @@ class Sweep(Result):
         Number of a member whose sign or comparison switched without end -> the time in s.
     message : str or None
         A note on the sweep as a whole.
+
+    Examples
+    --------
+    What became of three values of Coulomb friction:
+
+    >>> table = {"plant.Fc": [0.25, 0.285, 0.32]}
+    >>> t = np.linspace(0.0, 1.0, 501)
+    >>> s = lg.sweep(lg.velocity_loop(lg.table1(), "proposed"), t, 0.1 * np.sin(6.28 * t), table)
+    >>> s["w"].shape, bool(s.done.all()), s.failed
+    ((3, 501), True, {})
     """
 
     name: str

@@ -17,16 +17,6 @@ from lugrectl.blocks.block import REGISTRY
 C = lg.P(0.0, "N m s/rad", 0.0, neutral=0.0)
 
 
-@pytest.fixture(autouse=True)
-def clean():
-    """The registry as it was: the blocks declared here go."""
-    before = dict(REGISTRY)
-    yield
-    for key in [*REGISTRY]:
-        if key not in before:
-            del REGISTRY[key]
-
-
 def effect(function, **options):
     return lg.block("effect", **{"out": "d", "acts": "torque", "name": "mine", **options})(function)
 

@@ -44,18 +44,6 @@ MODEL = '{blocks}[plant]\nJ = 0.002\n[friction]\nmodel = "law_of_file"\nFv = 0.0
 MODEL += '[[effects]]\nname = "cubic_of_file"\ncoefficient = 0.01\n'
 
 
-@pytest.fixture(autouse=True)
-def clean():
-    """The registry as it was: the blocks declared here go, and the files are not loaded."""
-    before, loaded = dict(REGISTRY), dict(extending._LOADED)
-    yield
-    for key in [*REGISTRY]:
-        if key not in before:
-            del REGISTRY[key]
-    extending._LOADED.clear()
-    extending._LOADED.update(loaded)
-
-
 @pytest.fixture
 def mine(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -97,6 +97,12 @@ def test_the_table_of_other_tools_names_only_what_there_is():
     assert all(name in lg.laws() for name in re.findall(r'lg\.friction\("(\w+)"', text))
 
 
+def test_the_code_of_an_example_is_shown_as_it_is_typed(generator):
+    example = ">>> for _ in range(2):\n...     r = 0.1 * np.sin(2 * t**2) | {}\n>>> r\n'*a*'"
+    shown = generator.rst.prose(f"e = |w| zhat*\n\n{example}\n\nThen |w|.")
+    assert shown == f"e = \\|w\\| zhat\\*\n\n{example}\n\nThen \\|w\\|."
+
+
 def test_a_signature_is_the_torque_of_the_equation(generator):
     m = generator.motions.motion("travel")
     values = {"amplitude": 0.1, "phase": 0.5}

@@ -78,24 +78,16 @@ def test_the_lines_of_python(folder, capsys):
 
 
 def test_the_cell_with_own_blocks_is_a_file_of_blocks_too(tmp_path):
-    from lugrectl.blocks import extending
-    from lugrectl.blocks.block import REGISTRY
-
-    before, own = dict(REGISTRY), section("In Python").split("--blocks mine.py")[1]
-    try:
-        head = "import numpy as np\nimport lugrectl as lg\n"
-        (tmp_path / "mine.py").write_text(head + block(own, "python"))
-        assert lg.load_blocks(tmp_path / "mine.py") == ["cubic_drag", "smooth", "momentum"]
-        drive = lg.Model.of(J=0.002, friction="smooth", Fc=0.3, effects="cubic_drag")
-        assert [part.key for part in drive.effects] == ["cubic_drag"]
-        t = np.arange(0.0, 0.2, 1e-3)
-        loop = lg.velocity_loop(lg.table1(), observer="momentum")
-        found = lg.simulate(loop, t, np.ones_like(t)).outputs
-        assert abs(found["Fhat"][-1] - found["F"][-1]) < 0.05 * found["F"][-1]
-    finally:
-        for key in set(REGISTRY) - set(before):
-            del REGISTRY[key]
-        extending._LOADED.clear()
+    own = section("In Python").split("--blocks mine.py")[1]
+    head = "import numpy as np\nimport lugrectl as lg\n"
+    (tmp_path / "mine.py").write_text(head + block(own, "python"))
+    assert lg.load_blocks(tmp_path / "mine.py") == ["cubic_drag", "smooth", "momentum"]
+    drive = lg.Model.of(J=0.002, friction="smooth", Fc=0.3, effects="cubic_drag")
+    assert [part.key for part in drive.effects] == ["cubic_drag"]
+    t = np.arange(0.0, 0.2, 1e-3)
+    loop = lg.velocity_loop(lg.table1(), observer="momentum")
+    found = lg.simulate(loop, t, np.ones_like(t)).outputs
+    assert abs(found["Fhat"][-1] - found["F"][-1]) < 0.05 * found["F"][-1]
 
 
 def test_it_stays_short():

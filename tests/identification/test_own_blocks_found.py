@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.blocks.block import REGISTRY
 from lugrectl.identification.balance import balance
 from lugrectl.identification.selection import compare
 
@@ -15,16 +14,6 @@ from ..cases.balance_drive import FC, FV, J, recorded, torque
 MODEL = lg.Model.of(J=1.03 * J, friction="coulomb", Fc=0.9 * FC, Fv=1.1 * FV)
 GAIN = lg.P(0.0, "N m", 0.0, neutral=0.0)
 PI = math.pi
-
-
-@pytest.fixture(autouse=True)
-def clean():
-    """The registry as it was: the blocks declared here go."""
-    before = dict(REGISTRY)
-    yield
-    for key in [*REGISTRY]:
-        if key not in before:
-            del REGISTRY[key]
 
 
 def notches(theta, w):

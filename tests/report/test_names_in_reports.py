@@ -9,7 +9,6 @@ import pytest
 
 import lugrectl as lg
 from lugrectl import report
-from lugrectl.blocks.block import REGISTRY
 from lugrectl.diagnosis.fleet import Fleet
 from lugrectl.estimates.findings import Candidate, Estimate, Finding
 from lugrectl.report import diagnosis_plots, fleet_page
@@ -29,16 +28,6 @@ NAMES = {
     "control": "a\x00b\x0b\x1b[31m\u202e\ud7ff",
 }
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
-
-
-@pytest.fixture(autouse=True)
-def clean():
-    """The registry as it was: the blocks declared here go."""
-    before = dict(REGISTRY)
-    yield
-    for key in [*REGISTRY]:
-        if key not in before:
-            del REGISTRY[key]
 
 
 def named(name):
