@@ -21,25 +21,61 @@ SCALE = P(1.0, "1")
 ROUND = 0.02  # width over which a corner is rounded, as a share of the distance between points
 
 
-def corners(points: ArrayLike, values: ArrayLike) -> tuple[tuple[float, float, float], ...]:
-    """The corners of the line through the points: place, change of slope, half-width."""
-    x, y = np.asarray(points, dtype=float), np.asarray(values, dtype=float)
-    gap = np.diff(x)
-    change = np.diff(np.r_[0.0, np.diff(y) / gap, 0.0])
-    width = ROUND * np.minimum(np.r_[gap[0], gap], np.r_[gap, gap[-1]])
-    return tuple(zip(x.tolist(), change.tolist(), width.tolist(), strict=True))
-
-
-def polyline(x: Any, middle: float, turns: Sequence[tuple[float, float, float]]) -> Any:
-    """Straight lines that turn at x_i, constant outside: (y_1 + y_n)/2 + sum_i c_i |x - x_i| / 2.
+@dataclass(frozen=True)
+class _Line:
+    """Straight lines through points, constant outside them: level + sum_i c_i |x - x_i| / 2.
 
     |x - x_i| is written sqrt((x - x_i)^2 + delta_i^2), delta_i one fiftieth of the distance
     between the points: without kinks a solver need not stop at each point.
     """
-    total = middle + 0.0 * x
-    for place, change, width in turns:
-        total = total + 0.5 * change * np.sqrt((x - place) * (x - place) + width * width)
-    return total
+
+    level: float
+    corners: tuple[tuple[float, float, float], ...]
+    """Place x_i, change of slope c_i, half-width delta_i."""
+
+    @classmethod
+    def through(cls, x: np.ndarray, y: np.ndarray) -> _Line:
+        gap = np.diff(x)
+        slope = np.r_[0.0, np.diff(y) / gap, 0.0]
+        width = np.minimum(np.r_[gap[0], gap], np.r_[gap, gap[-1]])
+        return cls(0.5 * float(y[0] + y[-1]), _corners(x, np.diff(slope), width))
+
+    def __call__(self, x: Any) -> Any:
+        total = self.level + 0.0 * x
+        for place, change, width in self.corners:
+            total = total + 0.5 * change * np.sqrt((x - place) * (x - place) + width * width)
+        return total
+
+
+class _Ring(_Line):
+    """Straight lines through points of one turn, closed: mean + sum_i c_i g(theta - x_i).
+
+    g'' is one impulse less its mean over the turn, so with d = theta - x_i in (-pi, pi]
+    g = |d|/2 - d^2/(4 pi) = pi/4 - a^2/pi, where a = (pi - |d|)/2 = arctan2(cos(d/2), |sin(d/2)|).
+    The c_i sum to zero, so the constant pi/4 drops. |sin(d/2)| is rounded as in :class:`_Line`.
+    """
+
+    @classmethod
+    def through(cls, x: np.ndarray, y: np.ndarray) -> _Ring:
+        gap = np.diff(np.r_[x, x[0] + TURN])
+        slope = np.diff(np.r_[y, y[0]]) / gap
+        mean = float(np.sum(gap * (y + np.roll(y, -1)))) / (2.0 * TURN)
+        change, width = slope - np.roll(slope, 1), np.minimum(gap, np.roll(gap, 1))
+        return cls(mean, _corners(x, change, width))
+
+    def __call__(self, x: Any) -> Any:
+        total, sine, cosine = self.level + 0.0 * x, np.sin(0.5 * x), np.cos(0.5 * x)
+        for place, change, width in self.corners:
+            s, c = np.sin(0.5 * place), np.cos(0.5 * place)
+            away = sine * c - cosine * s
+            a = np.arctan2(cosine * c + sine * s, np.sqrt(away * away + 0.25 * width * width))
+            total = total - change / np.pi * a * a
+        return total
+
+
+def _corners(*of: np.ndarray) -> tuple[tuple[float, float, float], ...]:
+    x, change, width = of
+    return tuple(zip(x.tolist(), change.tolist(), (ROUND * width).tolist(), strict=True))
 
 
 def tabulated(
@@ -85,8 +121,8 @@ def tabulated(
     Notes
     -----
     Corners are rounded over one fiftieth of the distance between points, which changes f there
-    by at most one hundredth of its second difference. The angle of a periodic table is
-    arctan2(sin theta, cos theta).
+    by at most one hundredth of its second difference. A periodic table and all its derivatives
+    repeat every 2 pi.
 
     Examples
     --------
@@ -107,26 +143,20 @@ def tabulated(
             raise InputError(
                 f"{name}: a periodic table must be over theta, with points within one turn."
             )
-        x, rows = around(x, rows)
-    return _table(signal, x, rows, periodic).system(name=name, inputs=inputs, outputs=outputs)
-
-
-def _table(signal: str, x: np.ndarray, rows: np.ndarray, periodic: bool) -> Block:
-    lines = tuple((0.5 * float(y[0] + y[-1]), corners(x, y)) for y in rows)
-    return _Lines(signal, lines, periodic).block()
+    line = _Ring if periodic else _Line
+    block = _Lines(signal, tuple(line.through(x, y) for y in rows)).block()
+    return block.system(name=name, inputs=inputs, outputs=outputs)
 
 
 @dataclass(frozen=True)
 class _Lines:
-    """The function of :func:`tabulated`: a polyline for each direction of w, or for both."""
+    """The function of :func:`tabulated`: a line for each direction of w, or for both."""
 
     signal: str
-    lines: tuple[tuple[float, tuple[tuple[float, float, float], ...]], ...]
-    periodic: bool
+    lines: tuple[_Line, ...]
 
     def __call__(self, *given: Any, scale: Any, eps: Any = EPS.value) -> Any:
-        at = np.arctan2(np.sin(given[0]), np.cos(given[0])) if self.periodic else given[0]
-        first, *others = (polyline(at, *line) for line in self.lines)
+        first, *others = (line(given[0]) for line in self.lines)
         if not others:
             return scale * first
         way = np.tanh(given[1] / eps)
@@ -137,16 +167,6 @@ class _Lines:
         inputs = (*(() if timed else (self.signal,)), *(("w",) if two else ()))
         parameters = {"scale": SCALE} | ({"eps": EPS} if two else {})
         return Block("table", "effect", self, inputs, ("d",), (), parameters, timed=timed)
-
-
-def around(x: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The points of one turn in (-pi, pi], and two more on either side that repeat them."""
-    angle = np.pi - np.mod(np.pi - x, TURN)
-    order = np.argsort(angle)
-    angle, rows = angle[order], rows[:, order]
-    beyond = np.arange(-2, len(x) + 2)
-    turn, index = np.divmod(beyond, len(x))
-    return angle[index] + TURN * turn, rows[:, index]
 
 
 def _checked(name: str, points: ArrayLike, values: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
