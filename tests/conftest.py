@@ -12,7 +12,7 @@ import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
 from lugrectl.blocks import extending  # noqa: E402
-from lugrectl.blocks.block import REGISTRY  # noqa: E402
+from lugrectl.blocks.block import REGISTRY, registered  # noqa: E402
 from lugrectl.engine.runtime.c_compiler import has_compiler  # noqa: E402
 
 matplotlib.use("Agg")  # here: a kernel that a test starts chooses for itself
@@ -31,7 +31,7 @@ def no_figure_stays() -> Iterator[None]:
 @pytest.fixture(autouse=True)
 def no_block_stays() -> Iterator[None]:
     """The blocks that a test declares go with it, and the files that it loads."""
-    before, loaded = set(REGISTRY), dict(extending.LOADED)
+    before, loaded = set(registered()), dict(extending.LOADED)
     yield
     for key in set(REGISTRY) - before:
         del REGISTRY[key]

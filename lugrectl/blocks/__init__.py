@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 from importlib import import_module
 
+AUTO = "auto"  # in place of a friction law: the one that predicts best
 DECLARING = (
     "effects",
     "friction",

@@ -14,6 +14,7 @@ the symbolic scalars of the engine.
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import inspect
 import math
@@ -285,10 +286,19 @@ def registered() -> _Registry:
 
 
 def is_ours(home: str) -> bool:
-    return home.startswith(f"{__package__}.")
+    """Whether a module is one of this package."""
+    return home.partition(".")[0] == "lugrectl"
 
 
-def declared(kind: str, name: str, home: str) -> Any:
+def found(kind: str, name: str, home: str) -> Block | None:
+    """A registered block, its module imported where that is needed; None if there is none."""
+    if (kind, name) not in REGISTRY and home not in ("__main__", "__mp_main__", ""):
+        with contextlib.suppress(ImportError):
+            fetch(home)
+    return dict(REGISTRY).get((kind, name))
+
+
+def declared(kind: str, name: str, home: str) -> Block:
     """A registered block, its module imported where that is needed.
 
     Raises
@@ -296,18 +306,14 @@ def declared(kind: str, name: str, home: str) -> Any:
     InputError
         When this session has no such block.
     """
-    if (kind, name) not in REGISTRY and home not in ("__main__", "__mp_main__", ""):
-        try:
-            fetch(home)
-        except ImportError:
-            pass
-    if (kind, name) not in REGISTRY:
+    made = found(kind, name, home)
+    if made is None:
         where = "the notebook cell or script" if home == "__main__" else f"the module {home}"
         raise InputError(
             f"the {kind} '{name}' is not declared in this session: run {where} that declares it "
             "with @block, then load again."
         )
-    return REGISTRY[kind, name]
+    return made
 
 
 class Called:
@@ -407,7 +413,8 @@ def is_steady(value: Any) -> bool:
         return True
     if isinstance(value, tuple):
         return all(map(is_steady, value))
-    if not _is_of_this_package(value):
+    of = value if isinstance(value, FunctionType) else type(value)
+    if not is_ours(str(of.__module__)):
         return False
     if isinstance(value, FunctionType):
         return value.__closure__ is None
@@ -415,11 +422,6 @@ def is_steady(value: Any) -> bool:
         return value.is_steady()
     frozen = is_dataclass(value) and type(value).__dataclass_params__.frozen  # pyright: ignore
     return frozen and all(is_steady(getattr(value, f.name)) for f in fields(value))
-
-
-def _is_of_this_package(value: Any) -> bool:
-    home = value if isinstance(value, FunctionType) else type(value)
-    return str(home.__module__).startswith("lugrectl.")
 
 
 def described(system: Any, block: Block) -> Any:

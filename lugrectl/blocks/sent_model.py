@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import pickle
 from dataclasses import dataclass
 
 from ..core.errors import InputError
-from .block import REGISTRY, members
-from .extending import fetch, place
+from .block import found, is_ours, members
+from .extending import place
 from .model import Model
 
 
@@ -22,26 +21,14 @@ class Sent:
     @classmethod
     def of(cls, model: Model) -> Sent:
         own = [(b.name, place(b.home)) for b in members("effect").values()]
-        return cls(pickle.dumps(model), tuple(e for e in own if not _ours(e[1])))
+        return cls(pickle.dumps(model), tuple(e for e in own if not is_ours(e[1])))
 
     def open(self) -> Model:
         """The model; raises InputError if one of the user's blocks is not known here."""
         for name, home in self.effects:
-            _known("effect", name, home)
+            if found("effect", name, home) is None:
+                raise InputError(
+                    f"the effect '{name}' is not known in the worker processes; define it in a "
+                    "module that can be imported, or use jobs=1."
+                )
         return pickle.loads(self.packed)
-
-
-def _ours(home: str) -> bool:
-    return home.split(".")[0] == "lugrectl"
-
-
-def _known(kind: str, name: str, home: str) -> None:
-    """Import the module of a registered block if necessary; InputError if it stays unknown."""
-    if (kind, name) not in REGISTRY:
-        with contextlib.suppress(ImportError):
-            fetch(home)
-    if (kind, name) not in REGISTRY:
-        raise InputError(
-            f"the {kind} '{name}' is not known in the worker processes; define it in a module "
-            "that can be imported, or use jobs=1."
-        )

@@ -6,14 +6,10 @@ from argparse import Namespace
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
-    from ..blocks.model import Model
-from typing import TYPE_CHECKING
+from ..blocks import AUTO
 
 if TYPE_CHECKING:
     from ..blocks.model import Model
-
-AUTO = "auto"  # of --law
 
 
 def chosen(a: Namespace) -> dict[str, float]:

@@ -25,9 +25,9 @@ from ..core.progress import Progress
 from ..estimates.covariance import Joint
 from ..record import Record
 from ..record.signal_noise import sensor_noise
-from ..simulation.encoder import COARSE, Sensing, encoder
+from ..simulation.encoder import Sensing, encoder
 from ..simulation.recorded_sensing import sensing_of
-from ..simulation.sampled_response import simulate_sampled
+from ..simulation.sampled_response import COARSE, simulate_sampled
 from ..simulation.stepped_block import at_samples
 from .loop import Task, control
 from .reference import Course

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..blocks import AUTO
 from ..blocks.block import members
 from ..blocks.model import Model, as_model, changed
 from ..core.errors import InputError, Refused
@@ -27,7 +28,6 @@ from .law_comparison import ComparedLaw, LawComparison
 from .question import Asked, judged_by
 from .study import Prepared, begin, prepared
 
-AUTO = "auto"
 OF_MAP = (
     "Runs at a steady speed each show no bristle: friction laws cannot be compared on them.",
     "Record motion that reverses.",

@@ -14,6 +14,7 @@ from multiprocessing import parent_process
 from pathlib import Path
 from typing import Any, cast
 
+from ..blocks import AUTO
 from ..blocks.aliases import block_named
 from ..blocks.model import Model, as_model
 from ..blocks.sent_model import Sent
@@ -31,7 +32,6 @@ from ..record import Record, read_log
 from ..record.as_record import is_last, is_record, record_files
 from ..record.columns.arrays import is_table, source_of
 from ..record.log_files import there
-from .compare_laws import AUTO
 from .diagnose import LIMIT, diagnose
 from .question import judged_by
 from .result import VERDICTS, Diagnosis

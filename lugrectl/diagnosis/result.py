@@ -10,6 +10,7 @@ from ..blocks.model import Model
 from ..core.display import Row, estimated
 from ..core.provenance import Provenance
 from ..core.result import plain as jsonable
+from ..estimates.findings import Candidate, Estimate, Finding, FrictionMap, Table, Traces
 from ..estimates.fitted import Fitted
 from ..record import Record
 
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from ..identification.balance import Balance
     from ..identification.selection import Comparison
     from .law_comparison import LawComparison
-from ..estimates.findings import Candidate, Estimate, Finding, FrictionMap, Table, Traces
 
 VERDICTS = ("adequate", "found", "ambiguous", "unexplained", "refused")
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..core.display import Grid, Row, brief, grid_html, grid_text, number, with_interval
 from ..core.errors import InputError
+from ..core.result import NamedRows, Result, library, plain
 from ..core.views import view
 
 if TYPE_CHECKING:
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from ..record import Record
     from .covariance import Joint, Residuals
     from .findings import Estimate
-from ..core.result import NamedRows, Result, library, plain
 
 
 class Parameter(NamedTuple):

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import math
 import warnings
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from scipy.linalg import eig, schur, solve_triangular
@@ -119,13 +120,30 @@ class Model:
 
     def level_zeros(self, square: float) -> np.ndarray:
         """The zeros of T(s) T(-s) - square."""
-        A, B, C, D = self.A, self.B, self.C, self.D
-        return zeros_of(
-            np.block([[A, np.zeros_like(A)], [-C.T @ C, -A.T]]),
-            np.vstack([B, -C.T * D]),
-            np.hstack([D * C, B.T]),
-            D * D - square,
-        )
+        return level_zeros(self.A, self.B, self.C, np.atleast_2d(self.D), square)
+
+    def shifted(self, eps: float) -> Self:
+        """The same with another shift."""
+        moved = replace(self, shift=eps)
+        vars(moved)["triangular"], vars(moved)["poles"] = self.triangular, self.poles
+        return moved
+
+    def is_real(self) -> bool:
+        """Whether Re T is nowhere negative beyond rounding, where its sign may change."""
+        values = map(self.at, self.places(self.realness_zeros()))
+        return all(t.real >= -slack for t, slack in values)
+
+
+def level_zeros(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, square: float
+) -> np.ndarray:
+    """The zeros of T(-s)^T T(s) - ``square`` I (Boyd, Balakrishnan and Kabamba 1989)."""
+    return zeros_of(
+        np.block([[A, np.zeros_like(A)], [-C.conj().T @ C, -A.conj().T]]),
+        np.vstack([B, -C.conj().T @ D]),
+        np.hstack([D.conj().T @ C, B.conj().T]),
+        D.conj().T @ D - square * np.eye(B.shape[1]),
+    )
 
 
 def zeros_of(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: Any) -> np.ndarray:
@@ -236,24 +254,25 @@ def crossing(function: Any, w: np.ndarray, k: int, values: np.ndarray) -> float:
 
 
 def _margin(model: Model) -> float:
-    """The largest eps with T(s - eps) positive real, by bisection."""
-    low, high = 0.0, -float(model.poles[0].real)
-    if _shifted_is_real(model, high * (1 - 1e-12)):
+    """The largest eps with T(s - eps) positive real."""
+
+    def holds(eps: float) -> bool:
+        moved = model.shifted(eps)
+        end, least = _at_infinity(moved)
+        return end >= -least and moved.is_real()
+
+    return last_that_holds(holds, -float(model.poles[0].real))
+
+
+def last_that_holds(holds: Callable[[float], bool], high: float) -> float:
+    """The largest value up to ``high`` for which it holds, as for all smaller ones; bisection."""
+    if holds(high * (1 - 1e-12)):
         return high
+    low = 0.0
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if _shifted_is_real(model, middle) else (low, middle)
+        low, high = (middle, high) if holds(middle) else (low, middle)
     return low
-
-
-def _shifted_is_real(model: Model, eps: float) -> bool:
-    moved = Model(model.A, model.B, model.C, model.D, eps)
-    vars(moved)["triangular"], vars(moved)["poles"] = model.triangular, model.poles
-    end, least = _at_infinity(moved)
-    if end < -least:
-        return False
-    values = map(moved.at, moved.places(moved.realness_zeros()))
-    return all(t.real >= -slack for t, slack in values)
 
 
 def level_crossings(model: Model, power: float) -> tuple[float, ...]:

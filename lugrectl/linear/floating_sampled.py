@@ -7,15 +7,14 @@ comes from the continuous model with the same values: s stands for v there.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from .floating import EPS as ROUNDING
-from .floating import HALVINGS, Model, Realness, crossing, is_seen
-from .sampled import sample_time
+from .floating import Model, Realness, crossing, is_seen, last_that_holds
+from .sampled import mapped_states, on_circle, sample_time
 from .transfer import require_siso
 from .verdict import show_poles
 
@@ -30,8 +29,7 @@ class SampledModel(Model):
         return cls(A, B, C, float(D[0, 0]))
 
     def point(self, w: float) -> complex:
-        on_circle = -1.0 + 0j if math.isinf(w) else (1 + 1j * w) / (1 - 1j * w)
-        return math.exp(-self.shift) * on_circle
+        return math.exp(-self.shift) * on_circle(w)
 
     @property
     def largest(self) -> float:
@@ -64,16 +62,10 @@ class SampledModel(Model):
 
     @property
     def continuous(self) -> Model:
-        """The model in v: (A - I)(A + I)^-1 and so on."""
+        """The model in v."""
         grow = math.exp(self.shift)
-        A, C = self.A * grow, self.C * grow
-        inverse = np.linalg.inv(A + np.eye(len(A)))
-        return Model(
-            inverse @ (A - np.eye(len(A))),
-            math.sqrt(2) * inverse @ self.B,
-            math.sqrt(2) * C @ inverse,
-            self.D - float((C @ inverse @ self.B)[0, 0]),
-        )
+        A, B, C, D = mapped_states(self.A * grow, self.B, self.C * grow, np.atleast_2d(self.D))
+        return Model(A, B, C, float(D[0, 0]))
 
     def realness_zeros(self) -> np.ndarray:
         return self.continuous.realness_zeros()
@@ -136,18 +128,6 @@ def _crossing(model: SampledModel, v: np.ndarray, k: int, real: np.ndarray) -> f
 
 
 def _margin(model: SampledModel) -> float:
-    """The largest eps dt with T(exp(-eps dt) z) positive real, by bisection."""
-    low, high = 0.0, -math.log(model.largest) if model.largest else 700.0
-    if _scaled_is_real(model, high * (1 - 1e-12)):
-        return high
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if _scaled_is_real(model, middle) else (low, middle)
-    return low
-
-
-def _scaled_is_real(model: SampledModel, eps: float) -> bool:
-    moved = replace(model, shift=eps)
-    vars(moved)["triangular"], vars(moved)["poles"] = model.triangular, model.poles
-    values = map(moved.at, moved.places(moved.realness_zeros()))
-    return all(t.real >= -slack for t, slack in values)
+    """The largest eps dt with T(exp(-eps dt) z) positive real."""
+    high = -math.log(model.largest) if model.largest else 700.0
+    return last_that_holds(lambda eps: model.shifted(eps).is_real(), high)

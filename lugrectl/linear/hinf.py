@@ -20,8 +20,8 @@ from scipy.linalg import schur, solve_sylvester, solve_triangular
 from scipy.optimize import minimize_scalar
 
 from ..core.errors import InputError
-from .floating import EPS, zeros_of
-from .sampled import is_sampled, sample_time
+from .floating import EPS, level_zeros
+from .sampled import is_sampled, mapped_states, on_circle, sample_time
 from .verdict import show_poles
 
 RISE = 1e-11  # of the largest value: the next level is higher by this
@@ -121,9 +121,7 @@ class StateResponse:
         if not len(self.A) or (math.isinf(w) and self.dt is None):
             return _norm(self.D)
         S, B, C = self._triangular
-        point = 1j * w
-        if self.dt is not None:
-            point = -1.0 if math.isinf(w) else (1 + point) / (1 - point)
+        point = 1j * w if self.dt is None else on_circle(w)
         return _norm(self.D + C @ solve_triangular(point * np.eye(len(S)) - S, B))
 
     @cached_property
@@ -131,26 +129,12 @@ class StateResponse:
         """The system itself, or the one in v with the same values."""
         if self.dt is None:
             return self
-        eye = np.eye(len(self.A))
-        inverse = np.linalg.inv(self.A + eye)
-        root = math.sqrt(2)
-        return StateResponse(
-            inverse @ (self.A - eye),
-            root * inverse @ self.B,
-            root * self.C @ inverse,
-            self.D - self.C @ inverse @ self.B,
-        )
+        return StateResponse(*mapped_states(self.A, self.B, self.C, self.D))
 
     def _level_zeros(self, level: float) -> np.ndarray:
-        """The zeros of T(-s)^T T(s) - level^2 I."""
+        """The frequencies with a singular value equal to the level are among these."""
         of = self._continuous
-        A, B, C, D = of.A, of.B, of.C, of.D
-        return zeros_of(
-            np.block([[A, np.zeros_like(A)], [-C.conj().T @ C, -A.conj().T]]),
-            np.vstack([B, -C.conj().T @ D]),
-            np.hstack([D.conj().T @ C, B.conj().T]),
-            D.conj().T @ D - level**2 * np.eye(B.shape[1]),
-        )
+        return level_zeros(of.A, of.B, of.C, of.D, level**2)
 
     def peak(self) -> tuple[float, float]:
         """The norm of a stable system and its frequency in rad/s; inf: approached as w grows."""

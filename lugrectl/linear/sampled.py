@@ -15,6 +15,7 @@ from itertools import pairwise
 from typing import Any
 
 import control as ct
+import numpy as np
 
 from .exact import (
     Poly,
@@ -57,6 +58,25 @@ def mapped(a: Poly, degree: int) -> Poly:
         for i, term in enumerate(mul(up[k], down[degree - k])):
             out[i] += c * term
     return poly(out)
+
+
+def mapped_states(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The model in v of C (zI - A)^-1 B + D, with the same values at z = (1 + v)/(1 - v)."""
+    eye = np.eye(len(A))
+    inverse, root = np.linalg.inv(A + eye), math.sqrt(2)
+    return (
+        inverse @ (A - eye),
+        root * inverse @ B,
+        root * C @ inverse,
+        D - C @ inverse @ B,
+    )
+
+
+def on_circle(v: float) -> complex:
+    """z of jv; -1 of infinity."""
+    return -1.0 + 0j if math.isinf(v) else (1 + 1j * v) / (1 - 1j * v)
 
 
 def inside(a: Poly) -> bool:

@@ -11,8 +11,8 @@ import numpy as np
 from ..blocks.drive import dead_time
 from ..blocks.plant import plant
 from ..engine.runtime.sampled_run import interpreted
-from ..simulation.encoder import COARSE, Sensing, encoder
-from ..simulation.sampled_response import simulate_sampled
+from ..simulation.encoder import Sensing, encoder
+from ..simulation.sampled_response import COARSE, simulate_sampled
 from ..simulation.stepped_block import at_samples
 from .loop import Terms, around
 

@@ -7,9 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from .. import report
-from ..core.errors import InputError
 from ..report import page as look
-from ..report.atomic import write_together
+from ..report.atomic import write_all_or_say
 from ..report.wording import Section
 from .figures import drawings
 from .results import Reproduction
@@ -115,11 +114,4 @@ def write(r: Reproduction, folder: str | Path) -> list[Path]:
     folder = Path(folder)
     report.check_folder(folder)
     content = dict(zip(FILES, (html(r), r.to_json() + "\n"), strict=True))
-    try:
-        write_together(content, folder)
-    except OSError as error:
-        raise InputError(
-            f"{folder}: the page cannot be written there ({error.strerror or error}); "
-            "choose another folder."
-        ) from None
-    return [folder / name for name in FILES]
+    return write_all_or_say(content, folder, "page")

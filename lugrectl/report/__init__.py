@@ -11,7 +11,7 @@ from typing import Any
 from ..blocks.model import model_toml
 from ..core.display import grid_text as _grid_text
 from ..core.errors import InputError
-from .atomic import nearest, write_together
+from .atomic import nearest, write_all_or_say
 from .page import fragment, html
 from .section import Section
 from .wording import headline, sections
@@ -72,15 +72,7 @@ def write(d: Any, folder: str | Path) -> list[Path]:
     A refusal has no model, and so no model.toml. Raises InputError when the folder cannot be
     written.
     """
-    folder, made = Path(folder), content(d)
-    try:
-        write_together(made, folder)
-    except OSError as error:
-        raise InputError(
-            f"{folder}: the report cannot be written there ({error.strerror or error}); "
-            "choose another folder."
-        ) from None
-    return [folder / name for name in made]
+    return write_all_or_say(content(d), Path(folder), "report")
 
 
 def check_folder(folder: str | Path) -> None:

@@ -11,6 +11,8 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
+from ..core.errors import InputError
+
 _OLD = 86_400.0  # s after which what another machine left behind is removed
 _PREFIX = ".lugrectl-"
 
@@ -18,6 +20,18 @@ _PREFIX = ".lugrectl-"
 def nearest(path: Path) -> Path:
     """The path itself, or the nearest parent that exists."""
     return next(p for p in (path, *path.parents) if os.path.lexists(p))
+
+
+def write_all_or_say(content: Mapping[str, str], folder: Path, what: str) -> list[Path]:
+    """As :func:`write_together`; the paths. InputError says that ``what`` cannot be written."""
+    try:
+        write_together(content, folder)
+    except OSError as error:
+        raise InputError(
+            f"{folder}: the {what} cannot be written there ({error.strerror or error}); "
+            "choose another folder."
+        ) from None
+    return [folder / name for name in content]
 
 
 def write_together(content: Mapping[str, str], folder: Path) -> None:

@@ -15,10 +15,6 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 SIZE = (6.4, 3.3)  # inches, of one plot
 _RC: dict[Any, Any] = {

@@ -9,7 +9,6 @@ import control as ct
 import numpy as np
 
 WHOLE = 1.5 * 2.0**52  # a number of this size has no fraction: to add and subtract it rounds
-COARSE = 1e-4  # error allowed in a step of the plant
 
 
 @dataclass(frozen=True)

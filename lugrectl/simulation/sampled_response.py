@@ -20,6 +20,8 @@ from .wiring_warnings import warn_of_wiring
 
 LATE = " after the delay"
 
+COARSE = 1e-4  # error allowed in a step of a plant whose encoder is coarser than that
+
 
 def simulate_sampled(
     plant: ct.NonlinearIOSystem,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,14 @@ INSIDE = 1e-5  # part of a panel by which its ends are moved inwards to find the
 def coefficients(values: np.ndarray, lengths: np.ndarray) -> np.ndarray:
     """Polynomials in the time since the start of each panel, (P, 5), from their values (P, 5)."""
     return (values @ _FIT.T) / lengths[:, None] ** np.arange(5)
+
+
+def polynomial(rows: Any, since: Any) -> Any:
+    """The value of a polynomial from its coefficients, lowest power first: numbers or nodes."""
+    value = rows[-1]
+    for row in rows[-2::-1]:
+        value = value * since + row
+    return value
 
 
 def roughness(values: np.ndarray) -> np.ndarray:
@@ -52,10 +61,7 @@ class History:
     def _values(self, at: np.ndarray, chosen: np.ndarray) -> np.ndarray:
         k = np.maximum(np.searchsorted(self._starts, chosen, side="right") - 1, 0)
         s, rows = at - self._starts[k], self._rows[k]
-        value = rows[..., 4]
-        for i in (3, 2, 1, 0):
-            value = value * s + rows[..., i]
-        return value
+        return polynomial(np.moveaxis(rows, -1, 0), s)
 
     def extend(self, edges: np.ndarray, values: np.ndarray, rtol: float) -> list[float]:
         """Add panels with their values (P, 5); the times at which the delayed signal is not

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..expression.graph import Node, evaluate, rename
 from ..tracing.equations import Program
-from .delay_history import History, coefficients, joined, nodes, roughness
+from .delay_history import History, coefficients, joined, nodes, polynomial, roughness
 
 SEGMENTS = 50_000  # of a run at most; a shorter delay stays an approximation
 HALVINGS = 24  # rounds of them in a segment at most
@@ -78,11 +78,13 @@ def lates(program: Program, p: np.ndarray) -> dict[int, float]:
     }
 
 
-def exact_states(program: Program, p: np.ndarray, t: np.ndarray) -> tuple[int, ...]:
+def exact_states(
+    program: Program, params: Mapping[str, Any] | None, t: np.ndarray
+) -> tuple[int, ...]:
     """The delayed signals whose delay is not too short for the length of the run."""
     if not program.graph.late or len(t) < 2:
         return ()
-    least = (t[-1] - t[0]) / SEGMENTS
+    least, p = (t[-1] - t[0]) / SEGMENTS, program.arguments(params)
     return tuple(i for i, delay in lates(program, p).items() if delay > least)
 
 
@@ -102,10 +104,7 @@ def by_time(
     to = {names[k].index: names[k] + names[m + k] * since for k in range(m)}
     for j, i in enumerate(late):
         rows = names[2 * m + 5 * j : 2 * m + 5 * j + 5]
-        value = rows[4]
-        for row in rows[3::-1]:
-            value = value * since + row
-        to[program.x[i].index] = value
+        to[program.x[i].index] = polynomial(rows, since)
     return rename(roots, to), names
 
 

@@ -42,7 +42,7 @@ def run_late(
     if not isinstance(held, Held):
         return None
     flow = held.hybrid.flow
-    exact = exact_states(flow, flow.arguments(params), course.grid)
+    exact = exact_states(flow, params, course.grid)
     if not exact:
         return None
     with ALONE:
@@ -103,7 +103,7 @@ def _run(
 
 
 class _Alternation:
-    """Where a run of updates and flow is; ``rows`` as of :meth:`.held.Held.part`."""
+    """Where a run of updates and flow is; ``rows`` as of :meth:`Held.part`."""
 
     def __init__(
         self, held: Held, course: Course, now: Now, p: np.ndarray, rtol: float, atol: float | None

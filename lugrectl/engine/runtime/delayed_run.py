@@ -22,7 +22,7 @@ def delayed(
     engine: Adaptive, system: Any, t: np.ndarray, params: Mapping[str, Any] | None
 ) -> Delayed | None:
     """The run with exact dead times; None for a system without any."""
-    exact = exact_states(engine.program, engine.program.arguments(params), t)
+    exact = exact_states(engine.program, params, t)
     if not exact:
         return None
     with ALONE:

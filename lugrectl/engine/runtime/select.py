@@ -47,7 +47,7 @@ def engine(
 
 
 def compiled_net(net: Net, params: Mapping[str, Any] | None = None) -> Held:
-    """The compiled net, as it is at this moment; kept as by :func:`.compiled.compiled`."""
+    """The compiled net, as it is at this moment; kept as by :func:`.memo.compiled`."""
     with ALONE:
         return _found(net, dict(params or {}))
 
@@ -71,7 +71,7 @@ def _found(net: Net, given: Mapping[str, Any]) -> Held:
 
 
 def _described(net: Net, params: Mapping[str, Any] | None) -> Any:
-    """As :func:`.plain.described`."""
+    """As :func:`.ingredients.described`."""
     for part in net.parts:
         part.block._update_params(params)
     blocks = tuple(described(part.block) for part in net.parts)

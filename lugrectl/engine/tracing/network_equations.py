@@ -48,12 +48,12 @@ class Hybrid:
     blocks: tuple[tuple[Program, Any], ...]
 
     def check(self, params: Mapping[str, Any] | None, *scales: Sequence[float]) -> None:
-        """Compare each block with its own equations: :func:`.check.check`."""
+        """Compare each block with its own equations: :func:`.verify.check`."""
         for program, block in self.blocks:
             check(program, block, params, *scales)
 
     def outline(self) -> tuple[Any, ...]:
-        """The equations as a hashable value: :meth:`.program.Program.outline`."""
+        """The equations as a hashable value: :meth:`.equations.Program.outline`."""
         names = tuple((block.name, tuple(block.state_labels)) for _, block in self.blocks)
         tick = (self.tick.q, self.tick.g, self.tick.new_q, self.tick.new_h) if self.tick else ()
         return self.net.wiring, names, self.flow.outline(self.y, *tick)

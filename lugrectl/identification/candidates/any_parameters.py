@@ -17,6 +17,7 @@ from ..regression.smooth_motion import Motion
 from .base_model import Base
 from .candidate import Entry
 from .effect_columns import columns, spanned
+from .search_ranges import grid_of
 
 MANY = (24, 9, 5, 3)  # values of each parameter, where there are 1, 2, 3 or more
 BEST = 3  # of the grid that are polished
@@ -28,7 +29,7 @@ def over_all(base: Base, block: Block, free: Sequence[str]) -> Iterator[Entry]:
     """One entry: the best of a grid of all its parameters, polished together."""
     m, own = base.record.motion, block.own
     many = MANY[min(len(free), len(MANY)) - 1]
-    grids = [_grid(own[k], m, many) for k in free]
+    grids = [_grid(block, k, m, many) for k in free]
     pair = spanned(block) is not None
     low, high = np.array([[own[k].low, own[k].high] for k in free]).T
 
@@ -56,12 +57,13 @@ def over_all(base: Base, block: Block, free: Sequence[str]) -> Iterator[Entry]:
                 inertial="J" in block.acts)  # fmt: skip
 
 
-def _grid(p: P, m: Motion, many: int) -> np.ndarray:
+def _grid(block: Block, key: str, m: Motion, many: int) -> np.ndarray:
     """Values to try, within the bounds of the parameter."""
+    p, tried = block.own[key], grid_of(block, key)
     if p.choices:
         return np.array(p.choices)
-    if p.grid is not None:
-        grid = np.asarray(p.grid(m), float)
+    if tried is not None:
+        grid = np.asarray(tried(m), float)
         return grid[:: max(1, len(grid) // (4 * many))]
     if np.isfinite(p.low) and p.high - p.low <= 2 * np.pi + 1e-9 and p.unit == "rad":
         return p.low + (p.high - p.low) * (np.arange(many) + 0.5) / many
