@@ -71,6 +71,9 @@ class P:
         True for a position that the motion must cross: the record must show both sides of it.
     usual : bool
         True for a value that is held at its default unless the model gives it.
+    smooths : bool
+        True for the width of a sign(x) that is written tanh(x/width) for solvers. Up to the
+        default width, ``simulate`` takes the sign itself.
 
     Examples
     --------
@@ -95,6 +98,7 @@ class P:
     shared: bool = False
     passed: bool = False
     usual: bool = False
+    smooths: bool = False
 
 
 @dataclass(frozen=True, repr=False)
@@ -346,6 +350,11 @@ class Called:
     def declared(self) -> dict[str, Any]:
         """The declarations of the parameters by python-control's key."""
         return {q: self.block.parameters[k] for k, q in self.keys.items()}
+
+    @property
+    def widths(self) -> dict[str, float]:
+        """The largest widths, by python-control's key, that only smooth a sign for solvers."""
+        return {q: p.value for q, p in self.declared.items() if p.smooths}
 
     def rests_on(self) -> tuple[Any, ...] | None:
         """The systems whose state decides the answers besides the arguments: none; None where

@@ -12,7 +12,7 @@ import numpy as np
 
 from .block import P
 from .declaration import block
-from .friction import EPS, FC, FS, FV, SIGMA0, SIGMA1, VS, J, bristle, bristle_torque, coulomb
+from .friction import FC, FS, FV, SIGMA0, SIGMA1, SMOOTH, VS, J, bristle, bristle_torque, coulomb
 from .observers import observer
 from .plant import acceleration
 
@@ -37,7 +37,7 @@ def _friedland_park(
     Fv=FV,
     k: Any = P(0.1, "N m (s/rad)^mu", 0.0),
     mu: Any = P(1.5, "1", 1.0, 10.0),
-    eps: Any = EPS,
+    eps: Any = SMOOTH,
 ):
     """Fhat = ahat sign(w) + Fv w, ahat = zeta - k |w|^mu.
 
@@ -66,7 +66,7 @@ def _general_coulomb(
     Fv=FV,
     k: Any = P(0.11, "N m s/rad", 0.0),
     w0: Any = P(0.1, "rad/s", 1e-12),
-    eps: Any = EPS,
+    eps: Any = SMOOTH,
 ):
     """Fhat = ahat sign(w) + Fv w, ahat = zeta - G, G = k (sqrt(w^2 + w0^2) - w0),
     dzeta/dt = (dG/dw) (u - Fhat) / J.

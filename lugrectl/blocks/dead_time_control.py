@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 from .bristle_observers import DERIVED
 from .declaration import block
-from .friction import EPS, FV, J, coulomb
+from .friction import FV, SMOOTH, J, coulomb
 from .observers import believed
 from .plant import acceleration
 
@@ -49,14 +49,14 @@ def _smith(w, wp, wp_late):
     states="wp",
     source=f"{DERIVED} {MORGUL}",
 )
-def _coulomb_predictor(u, ahat, wp, J: Any = J, Fv=FV, eps: Any = EPS):
+def _coulomb_predictor(u, ahat, wp, J: Any = J, Fv=FV, eps: Any = SMOOTH):
     """J dwp/dt = u - ahat sign(wp) - Fv wp, sign(wp) = tanh(wp/eps)."""
     (F,) = coulomb(wp, Fc=ahat, Fv=Fv, eps=eps)
     return acceleration(u, F, 0.0, J)
 
 
 @block("controller", name="coulomb_compensation", out="u", source=f"{DERIVED} {MORGUL}")
-def _coulomb_compensation(ws, ahat, Fv=FV, eps: Any = EPS):
+def _coulomb_compensation(ws, ahat, Fv=FV, eps: Any = SMOOTH):
     """u = ahat sign(ws) + Fv ws, sign(ws) = tanh(ws/eps)."""
     (F,) = coulomb(ws, Fc=ahat, Fv=Fv, eps=eps)
     return F

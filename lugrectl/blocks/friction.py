@@ -18,7 +18,8 @@ FC = P(0.285, "N m", 0.0)
 FS = P(0.335, "N m", 0.0)
 FV = P(0.018, "N m s/rad", 0.0)
 VS = P(0.01, "rad/s", 1e-12)
-EPS = P(1e-4, "rad/s", 1e-12, fitted=False)
+EPS = P(1e-6, "rad/s", 1e-12, fitted=False, smooths=True)
+SMOOTH = P(1e-4, "rad/s", 1e-12, fitted=False)
 DELTA = P(2.0, "1", 0.3, 20.0, usual=True)
 VD = P(np.inf, "rad/s", 1e-12, neutral=np.inf, usual=True)
 PAPER = "Odabas and Morgul, A Novel Observer Design for LuGre Friction Estimation and Control"
@@ -66,8 +67,10 @@ def viscous(w, Fv=FV):
 def coulomb(w, Fc=FC, Fv=FV, eps=EPS):
     """F = Fc sign(w) + Fv w.
 
-    sign(w) is written tanh(w/eps), so that a solver can come to rest: at |w| > 20 eps the two
-    agree to the last bit. With a torque below Fc the drive creeps at less than eps.
+    At rest F is the torque that holds the drive, up to Fc: ``simulate`` takes the sign itself
+    and a drive below break-away does not move. For solvers that cannot rest, such as those of
+    python-control, sign(w) is written tanh(w/eps): there the drive creeps at less than eps. The
+    two agree to the last bit at |w| > 20 eps. An eps above 1e-6 rad/s holds in ``simulate`` too.
     """
     return Fc * np.tanh(w / eps) + Fv * w
 

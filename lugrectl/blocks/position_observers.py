@@ -14,7 +14,7 @@ import numpy as np
 from .block import P
 from .bristle_observers import DERIVED
 from .declaration import block
-from .friction import EPS, FC, FS, FV, SIGMA0, SIGMA1, VS, J, bristle, bristle_torque
+from .friction import FC, FS, FV, SIGMA0, SIGMA1, SMOOTH, VS, J, bristle, bristle_torque
 from .observers import observer
 from .plant import acceleration
 
@@ -47,7 +47,7 @@ def _position_coulomb(
     Fv=FV,
     k: Any = P(0.11, "N m s/rad", 0.0),
     L: Any = P(400.0, "1/s", 1e-12),
-    eps: Any = EPS,
+    eps: Any = SMOOTH,
 ):
     """Fhat = ahat sign(what) + Fv what, what = L (theta - that), ahat = zeta - k |what|,
     dthat/dt = what - (u - Fhat)/(J L), dzeta/dt = k sign(what) (u - Fhat)/J.

@@ -110,7 +110,7 @@ def tabulated(
     Returns
     -------
     control.NonlinearIOSystem
-        Without states; parameters ``table.scale`` (1) and, for two rows, ``table.eps`` (1e-4
+        Without states; parameters ``table.scale`` (1) and, for two rows, ``table.eps`` (1e-6
         rad/s, as in the ``coulomb`` law).
 
     Raises

@@ -17,7 +17,6 @@ from ..core.progress import Progress, Wanted, reporter, shows_progress
 from ..core.validation import share, shown
 from ..friction_maps.points import is_map
 from ..identification.likelihood.held_out_run import adapted
-from ..identification.likelihood.initial_values import holding
 from ..identification.likelihood.likelihood import loglik, whitened
 from ..identification.likelihood.parameters import free_keys
 from ..identification.likelihood.simulation_error import judge
@@ -178,7 +177,7 @@ def _fitted(
 
 
 def _fit(ready: Prepared, name: str, model: Model) -> _Fit:
-    job = begin(replace(ready, model=holding(model, ready.data)), lambda *_: None)
+    job = begin(replace(ready, model=model), lambda *_: None)
     test = job.parts.test
     found = adapted(job.base, test, job.declared)
     white = whitened(found.predictor, [found.values], test, found.noise)[0]

@@ -14,11 +14,11 @@ from ..core.errors import InputError, Refused
 from ..core.numeric import rms
 from ..estimates.findings import Estimate, Finding, FrictionMap
 from ..friction_maps.curve import Curve, fit, refit
-from ..friction_maps.points import Points, is_steady, laid, points, refuse_narrow
+from ..friction_maps.points import Points, is_steady, points, refuse_narrow
 from ..friction_maps.ripple import Swing, finding_of, sentence, swings
 from ..friction_maps.select import choose, is_static, left_over, started
 from ..identification.candidates.applicable import signals_of
-from ..identification.likelihood.initial_values import holding, lifted
+from ..identification.likelihood.initial_values import lifted
 from ..record import Record
 from .parameter_changes import far_off
 from .result import Diagnosis
@@ -140,7 +140,7 @@ def begin_map(
     progress(0.1, "fitting the declared friction")
     begun = lifted(model)
     starts = started(begun, at)
-    full = holding(model.with_values(starts[0]), laid(at, model.motion))
+    full = model.with_values(starts[0])
     fixed = {k: v for k, v in full.known().items() if not full.declarations()[k].fitted}
     base = fit(full, at, [start | fixed for start in starts], begun.known() | fixed)
     apart = (holdout,) if isinstance(holdout, Record) else ()

@@ -20,7 +20,7 @@ from ..identification.dataset.folds import ENOUGH_OF_MANY, MOST, Split, split
 from ..identification.dataset.kalman import Noise
 from ..identification.dataset.run_effects import MOST_RUNS, alike, repeating, statements
 from ..identification.dataset.windows import Windows, spread, windows
-from ..identification.likelihood.initial_values import begun, completed, holding, lifted
+from ..identification.likelihood.initial_values import begun, completed, lifted
 from ..identification.likelihood.likelihood import tune
 from ..identification.likelihood.local_maxima import surest, with_others
 from ..identification.likelihood.maximise import Fitted, again, identified_covariance, tuned
@@ -108,7 +108,6 @@ def prepared(
     data, doubts = (data, ()) if alone is None else (alone[0], (alone[1],))
     if 1 < len(records) <= MOST_RUNS:
         data = replace(data, differing=tuple(range(1, len(records))))
-    model = holding(model, data)
     return Prepared(records, tuple(every), model, data, parts, doubts)
 
 

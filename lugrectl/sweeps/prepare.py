@@ -19,6 +19,7 @@ from ..engine.runtime.adaptive_run import Adaptive
 from ..engine.runtime.delay_steps import lates
 from ..engine.runtime.memo import compiled
 from ..engine.runtime.portable import Portable
+from ..engine.tracing.tracer import widths
 from ..simulation import arguments
 from . import parameter_table
 from .member import Face
@@ -195,10 +196,12 @@ def _engine(system: Any, columns: Mapping[str, np.ndarray]) -> tuple[Adaptive, d
     """The compiled system, and the values that replaced defaults when it was traced.
 
     It is traced with the system's own defaults first; then with the first member's values, for
-    keys without a default and for those needed as numbers.
+    keys without a default and for those needed as numbers. Of the width of a sign the largest
+    value decides whether the sign is smooth.
     """
-    first = {k: float(v[0]) for k, v in columns.items()}
-    for given in ({}, first):
+    wide = {k: float(np.nanmax(columns[k])) for k in widths(system) if k in columns}
+    first = {k: float(v[0]) for k, v in columns.items()} | wide
+    for given in (wide, first):
         try:
             engine = compiled(system, given)
         except TraceError:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..block import P
 from ..declaration import block
-from ..friction import EPS, FC, FS, SIGMA1, VS, bristle, bristle_torque, level
+from ..friction import EPS, FC, FS, SIGMA1, SMOOTH, VS, bristle, bristle_torque, level
 
 SHARED_FC, SHARED_FS = replace(FC, shared=True), replace(FS, shared=True)
 SHARED_VS, SHARED_EPS = replace(VS, shared=True), replace(EPS, shared=True)
@@ -45,7 +45,7 @@ def sublinear_viscous(
     w,
     coefficient: Any = P(0.0, "N m (s/rad)^n", 0.0, neutral=0.0),
     exponent: Any = P(0.5, "1", 0.02, 0.98),
-    eps: Any = EPS,
+    eps: Any = SMOOTH,
 ):
     """r_e = c |w|^n sign(w), 0 < n < 1.
 

@@ -17,7 +17,7 @@ from .events import (
     start_sizes,
     turns,
 )
-from .filippov import names, settle, sliding
+from .filippov import exactly_at_zero, names, settle, sliding
 from .python_source import Emitter, early_first, indent, reciprocals
 from .rosenbrock import Equations, step
 from .switching import freeze_modes
@@ -302,8 +302,10 @@ def _blame(states: int) -> list[str]:
 def _accept(parts: Parts) -> list[str]:
     lines = turns(parts, at_start=False)
     lines += [f"a{i} = l{i}" for i in range(len(parts.leads))]
+    lines += [f"{x} = n{i}" for i, x in enumerate(parts.states)]
+    lines += exactly_at_zero(parts.slides, parts.states)
     for i, x in enumerate(parts.states):
-        lines += [f"{x} = n{i}", f"z{i} = abs({x})", f"b{i} = max(b{i}, z{i})", *_size(i)]
+        lines += [f"z{i} = abs({x})", f"b{i} = max(b{i}, z{i})", *_size(i)]
     return lines + [f"{u} = v{i}" for i, u in enumerate(parts.inputs)]
 
 

@@ -110,6 +110,15 @@ def names(made: Sliding, prefix: str = "") -> list[str]:
     return [f"{prefix}{name}{i}" for name in ("part", "step") for i in made.parts]
 
 
+def exactly_at_zero(made: Sliding, states: Sequence[str]) -> list[str]:
+    """Code that removes from the states what keeps resting switching functions from zero."""
+    lines = []
+    for i, moves in made.moves.items():
+        lines += [f"if on{i} > 0.0:"]
+        lines += [f"    {states[j]} -= a{i} * move{j}_{i}" for j in moves] + [f"    a{i} = 0.0"]
+    return lines
+
+
 def settle(made: Sliding, states: Sequence[str], weights: Sequence[str]) -> list[str]:
     """Code at the start of a step that decides which jumps rest, by the code ``weights``.
 
@@ -133,8 +142,6 @@ def settle(made: Sliding, states: Sequence[str], weights: Sequence[str]) -> list
     for i in made.parts:
         lines += [f"    if leaving == {i}:", f"        on{i} = 0.0"]
         lines += [f"        m{i} = (1.0 if part{i} < 0.5 else -1.0) if farthest < inf else side{i}"]
-    for i, moves in made.moves.items():
-        lines += [f"events += on{i} != was{i}", f"if on{i} > 0.0:"]
-        lines += [f"    {states[j]} -= a{i} * move{j}_{i}" for j in moves] + [f"    a{i} = 0.0"]
+    lines += [f"events += on{i} != was{i}" for i in made.moves] + exactly_at_zero(made, states)
     near = " or ".join(f"on{i} > 0.0 or abs(a{i}) <= DEAD * r{i}" for i in made.parts)
     return [f"if high == 0.0 and ({near}):", *("    " + line for line in lines)]

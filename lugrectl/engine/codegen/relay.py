@@ -12,7 +12,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from ..expression.graph import Node, reachable, rename, substitute, symbols_in
-from ..tracing.equations import Program
+from ..tracing.equations import Program, with_signs
 from .python_source import Emitter
 from .switching import average_jumps
 
@@ -209,17 +209,8 @@ def _sign(x: Node) -> Node:
 
 def sharpened(program: Program, widths: Collection[str]) -> Program:
     """The program with sign(x) for tanh(x/p) of a state x and a parameter p in ``widths``."""
-    states = {node.index for node in program.x}
-
-    def rule(node: Node, args: tuple[Node, ...]) -> Node | None:
-        if node.op != "tanh" or node.args[0].op != "divide":
-            return None
-        x, width = node.args[0].args
-        known = x.index in states and width.op == "symbol" and width.value in names
-        return _sign(x) if known else None
-
     pairs = zip(program.parameters, program.p, strict=True)
-    names = {node.value for label, node in pairs if label in widths}
-    every = substitute([*program.xdot, *program.y], rule)
-    n = len(program.x)
+    narrow = {node.index for label, node in pairs if label in widths}
+    states = {node.index for node in program.x}
+    every, n = with_signs([*program.xdot, *program.y], narrow, states), len(program.x)
     return replace(program, xdot=tuple(every[:n]), y=tuple(every[n:]))

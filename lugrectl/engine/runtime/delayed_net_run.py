@@ -58,7 +58,8 @@ def _compiled(
     """The code of a net with held inputs in place of its inputs and delayed signals."""
     m = len(net.outside)
     more = tuple(f"held {k}" for k in range(inputs_of(m, len(late)) - m))
-    hybrid = traced_net(replace(net, outside=(*net.outside, *more)), params, exact=late)
+    wide = replace(net, outside=(*net.outside, *more))
+    hybrid = traced_net(wide, params, exact=late).sharpened(params)
     flow, tick = hybrid.flow, hybrid.tick
     assert tick is not None
     zero = flow.graph.constant(0.0)

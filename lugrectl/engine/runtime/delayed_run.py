@@ -29,7 +29,8 @@ def delayed(
         kept = _made.setdefault(engine, {})
         if exact not in kept:
             system._update_params(params)
-            kept[exact] = Delayed(single(system, exact), exact, engine.backend)
+            program = single(system, exact).sharpened(params)
+            kept[exact] = Delayed(program, exact, engine.backend)
     return kept[exact]
 
 

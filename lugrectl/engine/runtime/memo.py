@@ -10,7 +10,7 @@ from ...core.errors import InputError
 from ..expression.graph import symbols_in
 from ..tracing.equations import Program
 from ..tracing.ingredients import described, numbers_alone
-from ..tracing.tracer import traced
+from ..tracing.tracer import smooth_keys, traced
 from ..tracing.verify import AGAIN, check
 from .adaptive_run import Adaptive, chosen_backend
 
@@ -36,16 +36,17 @@ def _compiled(system: Any, given: Mapping[str, Any]) -> Adaptive:
     system._update_params(given)
     if numbers_alone(given):
         plain = described(system)
-    known = (backend, frozenset(given), plain)
+    known = (backend, frozenset(given), smooth_keys(system), plain)
     ready = None if plain is None else _traced.get(known)
     if ready is not None:
         return ready
     program = traced(system, given)
-    key = (backend, program.outline())
+    sharp = program.sharpened(given)
+    key = (backend, sharp.outline())
     before = _traced.get(key)
     check(program, system, given, *([AGAIN] if before else []))
     _no_unknown(system, program, given)
-    engine = before.of(program) if before else Adaptive(program)
+    engine = before.of(sharp) if before else Adaptive(sharp)
     keep(_traced, key, engine)
     if plain is not None and not program.fixed:
         keep(_traced, known, engine)

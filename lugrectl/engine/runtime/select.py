@@ -14,6 +14,7 @@ from ..expression.numpy_protocol import TraceError
 from ..tracing.ingredients import described, is_number, numbers_alone
 from ..tracing.network import Net
 from ..tracing.network_equations import Hybrid, traced_net
+from ..tracing.tracer import smooth_keys
 from ..tracing.verify import AGAIN
 from .interpreted_run import Called
 from .memo import ALONE, default_keys, keep
@@ -54,16 +55,18 @@ def compiled_net(net: Net, params: Mapping[str, Any] | None = None) -> Held:
 
 def _found(net: Net, given: Mapping[str, Any]) -> Held:
     plain = _described(net, given) if numbers_alone(given) else None
-    known = (frozenset(given), plain)
+    smooth = frozenset[str]().union(*(smooth_keys(part.block) for part in net.parts))
+    known = (frozenset(given), smooth, plain)
     ready = None if plain is None else _compiled.get(known)
     if ready is not None:
         return ready
     hybrid = traced_net(net, given)
-    key = hybrid.outline()
+    sharp = hybrid.sharpened(given)
+    key = sharp.outline()
     before = _compiled.get(key)
     hybrid.check(given, *([AGAIN] if before else []))
     _no_unknown(net, hybrid, given)
-    held = before.of(hybrid) if before else Held(hybrid)
+    held = before.of(sharp) if before else Held(sharp)
     keep(_compiled, key, held)
     if plain is not None and not hybrid.flow.fixed:
         keep(_compiled, known, held)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from ..expression.graph import Graph, Node, evaluate, outline
+from ..expression.graph import Graph, Node, evaluate, outline, substitute
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,8 +16,9 @@ class Program:
     """The equations of a system: xdot = f(t, x, u, p), y = g(t, x, u, p) as graph nodes.
 
     ``parameters`` are unique labels, ``keys`` their names in python-control (one key can have
-    different defaults in different blocks), ``defaults`` their values. ``fixed`` holds the keys
-    that were needed as numbers during tracing.
+    different defaults in different blocks), ``defaults`` their values, ``widths`` the largest
+    value up to which each only smooths a sign (0: never). ``fixed`` holds the keys that were
+    needed as numbers during tracing.
     """
 
     name: str
@@ -27,6 +28,7 @@ class Program:
     parameters: tuple[str, ...]
     keys: tuple[str, ...]
     defaults: np.ndarray
+    widths: tuple[float, ...]
     fixed: Mapping[str, Any]
     graph: Graph
     t: Node
@@ -44,6 +46,17 @@ class Program:
         names = (self.name, self.states, self.inputs, self.outputs, self.parameters, self.keys)
         return *names, outline([(self.t,), self.x, self.u, self.p, self.xdot, self.y, *more])
 
+    def sharpened(self, params: Mapping[str, Any] | None) -> Program:
+        """The program with sign(x) for tanh(x/p) where p only smooths the sign for solvers."""
+        roots, n = self.signs([*self.xdot, *self.y], self.arguments(params)), len(self.x)
+        return replace(self, xdot=tuple(roots[:n]), y=tuple(roots[n:]))
+
+    def signs(self, roots: Sequence[Node], p: np.ndarray) -> list[Node]:
+        """The roots with sign(x) for tanh(x/p), at the parameter vector p."""
+        rows = zip(self.p, self.widths, p, strict=True)
+        narrow = {node.index for node, width, value in rows if value <= width}
+        return with_signs(roots, narrow) if narrow else list(roots)
+
     def values(self, t: Any, x: Any, u: Any, p: Any | None = None) -> tuple[np.ndarray, np.ndarray]:
         """(xdot, y) by interpretation; x (n, ...), u (m, ...), p (q, ...) may be batches."""
         numbers = [t, *x, *u, *(self.defaults if p is None else p)]
@@ -59,3 +72,19 @@ class Program:
         params = params or {}
         pairs = zip(self.keys, self.defaults, strict=True)
         return np.array([float(params.get(k, v)) for k, v in pairs])
+
+
+def with_signs(
+    roots: Sequence[Node], widths: Container[int], of: Container[int] | None = None
+) -> list[Node]:
+    """The roots with sign(x) for tanh(x/p), p a node in ``widths``, x one in ``of`` (None: any)."""
+
+    def rule(node: Node, args: tuple[Node, ...]) -> Node | None:
+        if node.op != "tanh" or node.args[0].op != "divide":
+            return None
+        x, width = node.args[0].args
+        if width.index not in widths or not (of is None or x.index in of):
+            return None
+        return args[0].args[0].graph.make("sign", args[0].args[0])
+
+    return substitute(roots, rule)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -51,6 +51,12 @@ class Hybrid:
         """Compare each block with its own equations: :func:`.verify.check`."""
         for program, block in self.blocks:
             check(program, block, params, *scales)
+
+    def sharpened(self, params: Mapping[str, Any] | None) -> Hybrid:
+        """The flow and the signals as :meth:`.equations.Program.sharpened`."""
+        roots = self.flow.signs([*self.flow.xdot, *self.y], self.flow.arguments(params))
+        n = len(self.flow.x)
+        return replace(self, flow=replace(self.flow, xdot=tuple(roots[:n])), y=tuple(roots[n:]))
 
     def outline(self) -> tuple[Any, ...]:
         """The equations as a hashable value: :meth:`.equations.Program.outline`."""
@@ -210,6 +216,7 @@ class _NetTracer(_Tracer):
             parameters=tuple(slot.label(keys) for slot in slots),
             keys=tuple(keys),
             defaults=np.array([slot.value for slot in slots]),
+            widths=tuple(slot.width for slot in slots),
             fixed=self.fixed,
             graph=self.graph,
             t=self.t,

@@ -73,6 +73,7 @@ class _Slot:
     key: str
     value: float
     node: Node
+    width: float = 0.0
     users: list[str] = field(default_factory=list)
 
     def label(self, keys: Sequence[str]) -> str:
@@ -112,7 +113,8 @@ class _Tracer:
         if not isinstance(value, (int, float, np.number)) or isinstance(value, bool):
             return value
         node = self.graph.symbol(f"p{len(self.slots)}")
-        slot = self.slots.setdefault((key, float(value)), _Slot(key, float(value), node))
+        width = widths(block).get(key, 0.0)
+        slot = self.slots.setdefault((key, float(value)), _Slot(key, float(value), node, width))
         slot.users.append(block.name)
         return slot.node
 
@@ -134,6 +136,7 @@ class _Tracer:
             parameters=tuple(slot.label(keys) for slot in slots),
             keys=tuple(keys),
             defaults=np.array([slot.value for slot in slots]),
+            widths=tuple(slot.width for slot in slots),
             fixed=self.fixed,
             graph=self.graph,
             t=self.t,
@@ -251,6 +254,21 @@ def _blocks(system: Any) -> Iterator[Any]:
         return
     for block in system.syslist:
         yield from _blocks(block)
+
+
+def widths(system: Any) -> dict[str, float]:
+    """The largest widths, by key, that only smooth a sign for solvers."""
+    return {k: v for b in _blocks(system) for k, v in getattr(b.outfcn, "widths", {}).items()}
+
+
+def smooth_keys(system: Any) -> frozenset[str]:
+    """The keys of widths, as they are set, that are too large to stand for a sign."""
+    return frozenset(
+        key
+        for block in _blocks(system)
+        for key, width in widths(block).items()
+        if block._current_params[key] > width
+    )
 
 
 def _parts(system: Any, x: Sequence[Node], u: Sequence[Node]) -> list[tuple[Any, Any, Any]]:

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...blocks.friction import EPS
 from ...blocks.model import Model, Part
 from ...core.errors import Refused
 from ...engine.runtime.threads import beside
@@ -27,7 +26,6 @@ BALANCED = ("J", "Fc", "Fv", "Fs", "vs", "sigma0")
 # least values as parts of the torque's std (Fv at top speed, J at the std of the acceleration):
 # a fit stays near its start, so none is near zero
 LEAST = {"J": 0.01, "Fc": 1e-3, "Fv": 0.05}
-CREEP = 1e-5  # of the largest speed, at which static friction may let a sticking drive creep
 ROUNDS = 5  # of fits, each from the values of the previous one
 BETTER = 3.0  # least gain in log-likelihood that counts as an improvement
 TURNS = (0.5 * np.pi, np.pi, -0.5 * np.pi)  # rad, changes of a declared phase
@@ -44,17 +42,6 @@ class Start(NamedTuple):
     values: dict[str, float]
     noise: Noise
     total: float
-
-
-def holding(model: Model, data: Data) -> Model:
-    """The model with a creep speed low enough for static friction to hold a slow drive.
-
-    The default creep speed of the law is small for a motor but large for an axis in metres.
-    """
-    creep = CREEP * data.log.fastest
-    if model.friction.values.get("eps") != EPS.value or not 0.0 < creep < EPS.value:
-        return model
-    return model.with_values({"eps": creep})
 
 
 def completed(model: Model, data: Data, train: Windows) -> Model:

@@ -51,7 +51,8 @@ class Predictor:
         block = assemble(self.core, levels=("torque", *self.levels), sensed=True)
         values: dict[str, Any] = self.core.known()
         system: Any = block.system(**values)
-        smoothing = [f"plant.{k}" for k, v in values.items() if _only_smooths(k, v)]
+        widths = {k: p.value for k, p in block.parameters.items() if p.smooths}
+        smoothing = [f"plant.{k}" for k, width in widths.items() if values[k] <= width]
         self.lanes = Lanes(system, outputs=["theta_m", "w_m"], sharp=smoothing)
         self.keys = [name.split(".", 1)[1] for name in self.lanes.parameters]
         self.substeps = max(1, int(np.ceil(data.dt / STEP - 1e-9)))
@@ -309,11 +310,6 @@ class Predictor:
             limit = np.maximum(plant.get("Fs", 0.0), plant["Fc"])
             made.append(np.clip(F - plant.get("Fv", 0.0) * data.log.w, -limit, limit))
         return np.array(made)
-
-
-def _only_smooths(key: str, value: float) -> bool:
-    """Whether a value is a width over which a sign is smoothed for solvers, not a physical one."""
-    return key.split(".")[-1] == "eps" and value <= EPS.value
 
 
 def _instant_sensor(part: Part) -> bool:

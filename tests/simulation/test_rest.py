@@ -1,0 +1,99 @@
+"""A drive below break-away rests in ``simulate``, though its law is smooth for other solvers."""
+
+import control as ct
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.blocks.model import model_from_dict
+
+HOUR = np.linspace(0.0, 3600.0, 721)
+LAWS = {
+    "a slow direct drive": (20.0, {"model": "coulomb", "Fc": 2.0, "Fv": 1500.0}, 1.5),
+    "a linear axis": (95.0, {"model": "coulomb", "Fc": 20.4, "Fv": 203.5}, 19.0),
+    "stiction": (
+        0.01,
+        {"model": "stribeck", "Fc": 0.3, "Fs": 0.4, "vs": 0.05, "Fv": 0.02},
+        0.35,
+    ),
+    "any exponent": (
+        0.01,
+        {"model": "stribeck", "Fc": 0.3, "Fs": 0.4, "vs": 0.05, "Fv": 0.02, "delta": 0.7},
+        0.35,
+    ),
+}
+
+
+def drive(J, friction, *effects):
+    return lg.plant(
+        model_from_dict({"plant": {"J": J}, "friction": friction, "effects": [*effects]}, "test")
+    )
+
+
+@pytest.mark.parametrize("case", LAWS)
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_load_that_friction_holds_is_held_for_an_hour(case, sign):
+    J, friction, load = LAWS[case]
+    found = lg.simulate(drive(J, friction), HOUR, [sign * load + 0.0 * HOUR, 0.0 * HOUR])
+    theta, w, F = np.asarray(found.outputs)
+    assert np.abs(theta).max() < 1e-10 and np.abs(w).max() < 1e-9
+    assert F[1:] == pytest.approx(sign * load, rel=1e-9)  # of the hold, not of a speed
+
+
+def test_it_is_held_in_a_list_of_blocks_behind_a_dead_time_and_in_a_sweep():
+    J, friction, load = LAWS["stiction"]
+    ends = {"u": load + 0.0 * HOUR}
+    delayed = drive(J, friction, {"name": "input_delay", "delay": 0.01})
+    sampled = lg.sampled(ct.tf([1.0], [0.1, 1.0], inputs="u0", outputs="u"), 0.5)
+    alone = drive(J, friction)
+    moved = [
+        lg.simulate([alone], HOUR, ends),
+        lg.simulate(delayed, HOUR, [ends["u"], 0.0 * HOUR]),
+        lg.simulate([sampled, alone], HOUR, {"u0": ends["u"]}),
+    ]
+    for found in moved:
+        theta = found.outputs[list(found.output_labels).index("theta")]
+        assert np.abs(theta).max() < 1e-9
+    few = HOUR[:50]
+    swept = lg.sweep(alone, few, {"u": ends["u"][:50]}, {"plant.J": [0.01, 1.0]})
+    assert np.abs(swept["theta"]).max() < 1e-9
+    table = {"plant.eps": [1e-6, 1e-4]}
+    smooth = lg.sweep(alone, few, {"u": ends["u"][:50]}, table)["theta"][:, -1]
+    assert 0.0 < smooth[0] < 0.02 * smooth[1]  # one width of a sweep smooths, all do
+
+
+def test_a_width_of_the_users_own_is_simulated_as_it_is():
+    J, friction, load = LAWS["a slow direct drive"]
+    wide = {**friction, "eps": 1e-4}
+    u = [load + 0.0 * HOUR, 0.0 * HOUR]
+    creeping = [
+        lg.simulate(drive(J, wide), HOUR, u).outputs[0, -1],
+        lg.simulate(drive(J, friction), HOUR, u, params={"plant.eps": 1e-4}).outputs[0, -1],
+        lg.simulate([drive(J, friction)], HOUR, {"u": u[0]}, params={"plant.eps": 1e-4}).states[
+            0, -1
+        ],
+    ]
+    # u = Fc tanh(w/eps) + Fv w
+    assert creeping == pytest.approx([0.3029] * 3, rel=1e-2)
+    assert lg.simulate(drive(J, friction), HOUR, u).outputs[0, -1] == 0.0  # and the next one rests
+
+
+def test_friction_at_a_tracking_rate_is_that_of_the_law():
+    w = 7.27e-5  # rad/s, a telescope's
+    for solve in (lg.simulate, ct.input_output_response):
+        F = solve(lg.friction("coulomb", Fc=2.0, Fv=1500.0), [0.0, 1.0], [w, w]).outputs
+        assert np.ravel(F)[-1] == pytest.approx(2.0 + 1500.0 * w, rel=1e-9)
+
+
+@pytest.mark.parametrize("law", ["coulomb", "stribeck"])
+def test_both_solvers_agree_where_a_drive_sticks_and_slides(law):
+    friction = {"model": law, "Fc": 0.285, "Fv": 0.018}
+    friction |= {"Fs": 0.335, "vs": 0.01} if law == "stribeck" else {}
+    t = np.linspace(0.0, 2.0, 2001)
+    u = 0.5 * np.sin(2.0 * np.pi * t) + 0.1 * np.sin(6.6 * np.pi * t)
+    plant = drive(0.0022, friction)
+    ours = lg.simulate(plant, t, [u, 0.0 * t], rtol=1e-8).states
+    options = {"method": "LSODA", "rtol": 1e-8, "atol": 1e-10}
+    theirs = ct.input_output_response(plant, t, [u, 0.0 * t], solve_ivp_kwargs=options).states
+    theta, w = np.abs(np.asarray(ours - theirs)).max(axis=1)
+    assert theta < 2e-5 and w < 5e-4  # eps = 1e-6 rad/s there, none here
