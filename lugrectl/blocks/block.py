@@ -224,14 +224,14 @@ class Block(Shown):
         outputs: Sequence[str] | None = None,
         **values: Any,
     ) -> ct.NonlinearIOSystem:
-        """The block as a NonlinearIOSystem whose parameters are keyed ``name.param``.
+        """The block as a NonlinearIOSystem whose parameters are keyed ``name.param``, and under
+        the new name in a copy.
 
         ``inputs`` and ``outputs`` rename the signals, in the declared order. A value may be a
         function of the block's first signal if the block allows it.
         """
-        import control as ct
-
         from ..core import control_pickling  # noqa: F401  so that the block and its loops pickle
+        from ..core.block_system import BlockSystem
 
         self.check(values)
         name = one_name(self.name if name is None else name)
@@ -243,7 +243,7 @@ class Block(Shown):
         }
         keys = {k: f"{name}.{k}" for k in numbers}
         called = (self, name, keys, functions)
-        made = ct.nlsys(
+        made = BlockSystem(
             Rates(*called) if self.states else None,
             Outputs(*called),
             inputs=renamed(name, "inputs", self.inputs, inputs),
@@ -360,6 +360,14 @@ class Called:
         """The systems whose state decides the answers besides the arguments: none; None where
         anything else may."""
         return () if self._steady else None
+
+    def renamed(self, update: Any, name: str) -> tuple[Any, Any, dict[str, str]]:
+        """Update and output function of the block under a new name, and the new keys by old."""
+        keys = {k: f"{name}.{k}" for k in self.keys}
+        answer = type(self)(self.block, name, keys, self.functions)
+        if isinstance(update, Called):
+            update = type(update)(update.block, name, keys, update.functions)
+        return update, answer, {self.keys[k]: new for k, new in keys.items()}
 
     def __reduce__(self) -> Any:
         for key, function in self.functions.items():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -206,7 +206,7 @@ def repetitive_memory(
     >>> block.nstates, block.dt
     (501, 0.002)
     """
-    import control as ct
+    from ..core.block_system import BlockSystem
 
     J = as_model(p, "p").J
     if J is None:
@@ -218,7 +218,7 @@ def repetitive_memory(
         within(value, f"{name}.{key}", P(0.0, "N m s/rad", 0.0))
     count = max(2, round(period / dt))
     made = _Memory(name, count, float(limit), flag(smooth, "smooth"))
-    return ct.nlsys(
+    return BlockSystem(
         _Remembered(made),
         _Learnt(made),
         inputs=renamed(name, "inputs", ("s", "ar"), inputs),
@@ -263,3 +263,9 @@ class _Learnt:
     def __call__(self, t: Any, x: Any, v: Any, params: Any) -> np.ndarray:
         J, K = (params[f"{self.memory.name}.{k}"] for k in ("J", "K"))
         return np.array([J * v[1] - K * v[0] + self.memory.learnt(x, v[0], params)])
+
+    def renamed(self, update: Any, name: str) -> tuple[Any, Any, dict[str, str]]:
+        """As :meth:`lugrectl.blocks.block.Called.renamed`."""
+        memory, old = replace(self.memory, name=name), self.memory.name
+        keys = {f"{old}.{k}": f"{name}.{k}" for k in ("J", "K", "gamma")}
+        return _Remembered(memory), _Learnt(memory), keys

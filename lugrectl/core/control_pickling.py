@@ -14,6 +14,7 @@ import control as ct
 import numpy as np
 from control.statesp import LinearICSystem
 
+from .block_system import BlockSystem
 from .pickling import carried, from_fields
 
 
@@ -86,5 +87,11 @@ def _wired(system: Any) -> tuple[Any, Any]:
     return update, output
 
 
-for _class in (ct.NonlinearIOSystem, ct.StateSpace, ct.InterconnectedSystem, LinearICSystem):
+for _class in (
+    BlockSystem,
+    ct.NonlinearIOSystem,
+    ct.StateSpace,
+    ct.InterconnectedSystem,
+    LinearICSystem,
+):
     copyreg.pickle(_class, _reduced)  # pyright: ignore[reportArgumentType]

@@ -69,13 +69,14 @@ def parameters(systems: Sequence[Any], params: Any) -> None:
     for key, value in params.items():
         if key in declared:
             within(value, f"params: {key}", declared[key])
-        elif real(defaults.get(key)) is not None and not _is_value(value):
-            raise InputError(f"params: {key} must be a number, not {shown(value)}.")
+        elif real(defaults.get(key)) is not None and not _is_value(value, defaults[key]):
+            raise InputError(f"params: {key} must be a finite number, not {shown(value)}.")
 
 
-def _is_value(value: Any) -> bool:
+def _is_value(value: Any, default: Any) -> bool:
+    """Whether it is a finite number, or an infinite one where the default is infinite too."""
     made = real(value)
-    return made is not None and made == made
+    return made is not None and made == made and (abs(made) < np.inf or abs(default) == np.inf)
 
 
 def _declared(systems: Sequence[Any]) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -13,6 +13,7 @@ import control as ct
 import numpy as np
 from scipy.linalg import expm
 
+from ..core.block_system import BlockSystem
 from ..core.errors import InputError
 from ..core.validation import names, positive
 from ..engine.expression.numpy_protocol import TraceError, signal_array
@@ -115,7 +116,7 @@ def in_steps(step: Any, answer: Any, name: str | None = None) -> ct.NonlinearIOS
     at the sample that is being taken; ``answer`` is the output function.
     """
     system = step.system
-    return ct.nlsys(
+    return BlockSystem(
         _Moved(step),
         answer,
         inputs=list(system.input_labels),
@@ -183,6 +184,15 @@ class OfStep:
     def rests_on(self) -> tuple[Any, ...]:
         """The systems whose state decides the answers: the engine looks at them."""
         return (self.step.system,)
+
+    def renamed(self, update: Any, name: str) -> tuple[Any, Any, dict[str, str]]:
+        """As :meth:`lugrectl.blocks.block.Called.renamed`, with the continuous block inside."""
+        inside = self.step.system
+        if not isinstance(inside, BlockSystem) or not isinstance(update, OfStep):
+            return update, self, {}
+        step = replace(self.step, system=inside.copy(name=name))
+        keys = dict(zip(inside.params, step.system.params, strict=True))
+        return type(update)(step), type(self)(step), keys
 
 
 class _Moved(OfStep):

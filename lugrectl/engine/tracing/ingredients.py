@@ -8,11 +8,18 @@ from typing import Any
 import control as ct
 import numpy as np
 
+from ...core.block_system import BlockSystem
 from ...core.control_pickling import own_functions
 from .tracer import single
 from .verify import AGAIN, Differs, check
 
-PLAIN = (ct.NonlinearIOSystem, ct.StateSpace, ct.InterconnectedSystem, ct.LinearICSystem)
+PLAIN = (
+    BlockSystem,
+    ct.NonlinearIOSystem,
+    ct.StateSpace,
+    ct.InterconnectedSystem,
+    ct.LinearICSystem,
+)
 
 
 def described(system: Any, *, by_trace: bool = True) -> Any:

@@ -1,0 +1,108 @@
+"""A copy of a block, or a block under a new name, is a block of its own."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+
+import control as ct
+import numpy as np
+import pytest
+
+import lugrectl as lg
+
+T = np.linspace(0.0, 0.2, 21)
+OWN = ["theta2", "w2", "F2"]
+
+
+def twin(block=None):
+    made = (block or lg.plant(lg.table1())).copy(name="twin")
+    made.set_outputs(OWN)
+    return made
+
+
+def speeds(blocks, **options):
+    found = lg.simulate(blocks, T, {"u": 0.5}, **options)
+    labels = list(found.output_labels)
+    return [found.outputs[labels.index(k)][-1] for k in ("w", "w2")]
+
+
+def test_a_copy_has_parameters_of_its_own():
+    blocks = [lg.plant(lg.table1()), twin()]
+    plain, same = speeds(blocks)
+    assert plain == same
+    free, kept = speeds(blocks, params={"plant.Fc": 0.1})
+    assert kept == pytest.approx(plain, rel=1e-6) and free > plain + 1.0
+    kept, free = speeds(blocks, params={"twin.Fc": 0.1})
+    assert kept == pytest.approx(plain, rel=1e-6) and free > plain + 1.0
+    system = ct.interconnect(
+        blocks, inputs=["u", "d"], outputs=["w", "w2"], params={}, check_unused=False
+    )
+    own = ct.input_output_response(system, T, [[0.5] * 21, [0.0] * 21], params={"twin.Fc": 0.1})
+    assert own.outputs[1, -1] > own.outputs[0, -1] + 1.0
+
+
+@pytest.mark.parametrize(
+    "carry", [lambda b: b, copy.deepcopy, lambda b: pickle.loads(pickle.dumps(b))]
+)
+def test_a_new_name_changes_the_keys_alone(carry):
+    block = carry(lg.plant(lg.table1()))
+    before = dict(block.params)
+    block.name = "axis"
+    assert list(block.params.values()) == list(before.values())
+    assert list(block.params) == [k.replace("plant", "axis") for k in before]
+    other = lg.plant(lg.table1(), name="axis")
+    x, u = [0.1, 0.2, 1e-4], [0.3, 0.0]
+    np.testing.assert_array_equal(block.dynamics(0, x, u), other.dynamics(0, x, u))
+    np.testing.assert_array_equal(block.output(0, x, u), other.output(0, x, u))
+
+
+def test_a_copy_of_a_copy_leaves_the_first_as_it_is():
+    first = lg.plant(lg.table1())
+    second = first.copy(name="b").copy(name="c")
+    assert all(k.startswith("plant.") for k in first.params)
+    assert all(k.startswith("c.") for k in second.params)
+    assert first.dynamics(0, [0, 0.1, 0], [0.3, 0], {"c.J": 1.0})[1] != pytest.approx(
+        second.dynamics(0, [0, 0.1, 0], [0.3, 0], {"c.J": 1.0})[1]
+    )
+
+
+def test_a_copy_of_a_sampled_block_has_its_own_gains():
+    block = lg.sampled(lg.pi(1.0, 2.0), 1e-3)
+    other = block.copy(name="second")
+    assert set(other.params) == {"second.kp", "second.ki"}
+    e = np.ones(5)
+    t = 1e-3 * np.arange(5)
+    weak = lg.simulate(other, t, e, params={"second.kp": 0.5}).outputs[0]
+    assert weak == -0.5
+    assert lg.simulate(block, t, e).outputs[0] == -1.0
+    with pytest.raises(lg.InputError, match=r"parameter 'pi\.kp'"):
+        lg.simulate([other], t, {"e": e}, params={"pi.kp": 0.5})
+
+
+def test_a_copy_of_a_learning_block_has_its_own_gains():
+    first = lg.repetitive_memory(lg.table1(), 0.01, 1e-3, K=1.0, gamma=0.1, limit=1.0)
+    other = first.copy(name="second")
+    assert set(other.params) == {"second.J", "second.K", "second.gamma"}
+    x, v = np.zeros(other.nstates), np.array([1.0, 0.0])
+    assert other.output(0, x, v, {"second.K": 2.0})[0] == first.output(0, x, v)[0] - 1.0
+
+
+def test_copies_inside_a_loop_are_checked_as_the_block_is():
+    with pytest.raises(lg.InputError, match=r"twin\.J = -1"):
+        lg.simulate(twin(), T, [0.5 + 0 * T, 0 * T], params={"twin.J": -1.0})
+
+
+@pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan])
+def test_a_parameter_of_one_s_own_block_is_finite(value):
+    own = ct.nlsys(
+        lambda t, x, u, p: -p["rate"] * x + u,
+        None,
+        inputs="u",
+        outputs="y",
+        states="y",
+        params={"rate": 1.0},
+        name="own",
+    )
+    with pytest.raises(lg.InputError, match="rate"):
+        lg.simulate(own, T, 1.0, params={"rate": value})
