@@ -174,26 +174,21 @@ def _row(part: Any, samples: int, name: str) -> np.ndarray:
 def start(name: str, states: int, x0: Any, what: str = "x0") -> np.ndarray:
     """Initial states: a number for all, or a list that is padded with zeros.
 
-    A list of parts, one for each block as python-control takes them, must have all states.
+    A list of parts, one for each block as python-control takes them, must have all states, or end
+    with 0; a matrix (a covariance) is taken row by row.
     """
     x0 = 0.0 if x0 is None else x0
-    ragged = isinstance(x0, (list, tuple)) and len({np.shape(_part(p, what)) for p in x0}) > 1
+    ragged = isinstance(x0, (list, tuple)) and len({np.shape(array(p, what)) for p in x0}) > 1
     if ragged:
-        values = np.concatenate([np.ravel(_part(part, what)) for part in x0])
+        values = np.concatenate([array(part, what).ravel() for part in x0])
     else:
         values = array(x0, what)
         if values.ndim == 0:
             values = np.full(states, float(values))
         values = values.ravel()
-    if len(values) > states or (ragged and len(values) != states):
+    short = ragged and len(values) < states and values[-1] != 0.0
+    if len(values) > states or short:
         raise InputError(f"{name} has {states} states, {what} has {len(values)}.")
     if not np.all(np.isfinite(values)):
         raise InputError(f"{name}: {what} must be finite.")
     return np.concatenate([values, np.zeros(states - len(values))])
-
-
-def _part(part: Any, what: str) -> np.ndarray:
-    made = array(part, what)
-    if made.ndim > 1:
-        raise InputError(f"{what} must be a number or lists of numbers, not {shown(part)}.")
-    return made

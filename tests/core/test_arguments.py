@@ -134,7 +134,7 @@ WRONG = [
     (lambda: simulate(T, lambda t: 0.1), "inputs must be .* the function"),
     (lambda: simulate(T, 1j * T), "inputs must be .*complex"),
     (lambda: simulate(T, {"r": "x"}), "input r must be"),
-    (lambda: simulate(T, 0.1, [0.0, np.eye(2)]), "x0 must be"),
+    (lambda: simulate(T, 0.1, [0.0, np.eye(2)]), "has 4 states, x0 has 5"),
     (lambda: simulate(T, 0.1, [[1, 2], [3]]), "has 4 states, x0 has 3"),
     (lambda: simulate(T, 0.1, "zero"), "x0 must be"),
     (lambda: simulate(T, 0.1, {"plant.w": 1.0}), "x0 must be"),
