@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -151,21 +151,21 @@ def _load_side(
     return load_motion(signals["theta"], signals["w"], own["twist"], own["w_load"], inertia)
 
 
-COMMAND, MOTOR, LOAD, LEVEL, TORQUE = range(5)
+STAGES = ("command", "motor", "load", "level", "torque")  # along the signals of a drive
 
 
-def stage(block: Block) -> int:
-    """When an effect acts: on the command, in the motor, as a load, on levels, as another torque.
+def stage(block: Block) -> str:
+    """Where an effect acts: one of ``STAGES``.
 
     Effects in the motor depend on the motion; they act after those of the amplifier, such as
     saturation. An effect that is both a torque and a level acts last, so that its torque uses
     all other levels.
     """
     if "torque" in block.acts:
-        return LOAD if block.load else TORQUE
+        return "load" if block.load else "torque"
     if block.acts != ("input",):
-        return LEVEL
-    return COMMAND if block.inputs == ("u",) else MOTOR
+        return "level"
+    return "command" if block.inputs == ("u",) else "motor"
 
 
 def _applied(
@@ -177,35 +177,47 @@ def _applied(
 ) -> tuple[Any, dict[str, Any]]:
     """All effects: the resisting torque and the plant's values; u and load are set in signals.
 
-    A parameter that the friction law does not have is skipped. Effects on levels read the
-    plant's own values, before any effect and before ``more`` (the other factors) multiplies
-    them: so these scale an added Stribeck peak, too (colder oil).
+    Effects on levels read the plant's own values, before any effect and before ``more`` (the
+    other factors) multiplies them: so these scale an added Stribeck peak, too (colder oil).
     """
-    scaled, added = {**values, **{n: values[n] * (1.0 + x) for n, x in more.items()}}, {}
-    load, torque = signals["d"], signals.get("x_torque", 0.0)
-    for turn in (COMMAND, MOTOR, LOAD, LEVEL, TORQUE):
-        if turn == LEVEL:
-            signals["load"] = load
-        if turn == TORQUE:
-            scaled |= {name: scaled[name] + sum(more) for name, more in added.items()}
+
+    def deeds(at: str, values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
         for part in effects:
-            if stage(part.block) != turn:
-                continue
-            results = part.results(signals, values if turn == LEVEL else scaled)
-            rates[part.prefix] = part.rates(results)
-            for act, out in part.block.deeds(results):
-                name = act.removeprefix("+")
-                if act == "input":
-                    signals["u"] = out
-                elif turn == LOAD:
-                    load = load + out
-                elif act == "torque":
-                    torque = torque + out
-                elif name in scaled and act == name:
-                    scaled[name] = scaled[name] * (1.0 + out)
-                elif name in scaled:
-                    added.setdefault(name, []).append(out)
+            if stage(part.block) == at:
+                results = part.results(signals, values)
+                rates[part.prefix] = part.rates(results)
+                yield from part.block.deeds(results)
+
+    scaled = _leveled(values, [*more.items()])
+    for at in ("command", "motor"):
+        for _, u in deeds(at, scaled):
+            signals["u"] = u  # the next one reads it
+    load = sum((out for _, out in deeds("load", scaled)), signals["d"])
+    signals["load"] = load
+    scaled = _leveled(scaled, [*deeds("level", values)])
+    torque = signals.get("x_torque", 0.0)
+    for act, out in deeds("torque", scaled):
+        if act == "torque":
+            torque = torque + out
+        else:
+            scaled |= _leveled(scaled, [(act, out)])
     return load + torque, scaled
+
+
+def _leveled(values: Mapping[str, Any], deeds: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+    """The values after deeds on levels, which are first multiplied by 1 + x, then increased.
+
+    A level that the friction law does not have is skipped.
+    """
+    made = dict(values)
+    for act, out in deeds:
+        if act in made:
+            made[act] = made[act] * (1.0 + out)
+    for act, out in deeds:
+        name = act.removeprefix("+")
+        if act != name and name in made:
+            made[name] = made[name] + out
+    return made
 
 
 def plant(

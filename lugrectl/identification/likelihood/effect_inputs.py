@@ -12,7 +12,7 @@ from ...blocks.block import Block, members
 from ...blocks.embedding import Part as Placed
 from ...blocks.embedding import borrowed
 from ...blocks.model import Model, Part
-from ...blocks.plant import LEVEL, stage
+from ...blocks.plant import STAGES, stage
 from ...engine.runtime.batch_run import Lanes
 from ...engine.runtime.memo import keep
 from ...engine.tracing.tracer import traced
@@ -66,14 +66,14 @@ def feed(
         x |= {name: friction for name in WARMED if name in x}
     whole = dict(x)  # with the changes by effects inside the plant
     borrowing = any(depends_on_plant(p) for p in model.effects if p.key in outside)
-    for part in sorted(model.effects, key=lambda part: stage(part.block)):
+    for part in sorted(model.effects, key=lambda part: STAGES.index(stage(part.block))):
         block, fed = part.block, part.key in outside
-        lends = borrowing and stage(block) == LEVEL and not block.states
+        lends = borrowing and stage(block) == "level" and not block.states
         if not (fed or block.load or lends) or "sensor" in block.acts:
             continue
         own = {k: values[f"{part.key}.{k}"] for k in block.own}
         if block.own.keys() != block.parameters.keys():
-            plain = stage(block) == LEVEL
+            plain = stage(block) == "level"
             own |= borrowed(block, values if plain else _changed(values, whole, zero))
         out = _outputs(part, signals, own, values, log, memory)
         for act, change in block.deeds(out):

@@ -20,7 +20,7 @@ from ...blocks.friction import EPS, stribeck
 from ...blocks.law_forms import formed
 from ...blocks.model import Model, Part
 from ...blocks.multi_element_laws import MaxwellSlip
-from ...blocks.plant import COMMAND, LEVEL, assemble, stage
+from ...blocks.plant import assemble, stage
 from ...core.deadline import check as check_time
 from ...engine.runtime.batch_run import Lanes
 from ..dataset.dataset import Data, picked
@@ -43,7 +43,7 @@ class Predictor:
     """
 
     def __init__(self, model: Model, data: Data) -> None:
-        traced = [p for p in model.effects if stage(p.block) != COMMAND]
+        traced = [p for p in model.effects if stage(p.block) != "command"]
         self.model, self.data = model, data
         self.inside = frozenset(p.key for p in traced)
         self.levels = tuple(n for n in LEVELS if n == "J" or n in model.friction.values)
@@ -298,7 +298,7 @@ class Predictor:
     ) -> np.ndarray:
         """Friction at the starts (sets, starts) from the torque balance, limited to its greatest
         value there. The torque of effects with states is left out."""
-        raising = [p for p in self.core.effects if p.block.states and stage(p.block) == LEVEL]
+        raising = [p for p in self.core.effects if p.block.states and stage(p.block) == "level"]
         instant = [p for p in self.model.effects if not p.block.states and p.block.exact is None]
         model = replace(self.model, effects=(*instant, *raising))
         keys, data = {p.key for p in model.effects}, picked(self.data, start)
