@@ -550,19 +550,23 @@ def write_model(model: Model, path: str | Path) -> None:
     """
 
     model, path = as_model(model), as_path(path, "path")
-    content = model_toml(model)
-    model_from_dict(tomllib.loads(content), f"model {model.name}")
+    content = model_toml(model, path.parent)
+    model_from_dict(tomllib.loads(model_toml(model)), f"model {model.name}")
     try:
         write_whole(path, content.encode())
     except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror or error}.") from None
 
 
-def model_toml(model: Model) -> str:
-    """The model file's text, with the unit of each value as a comment."""
+def model_toml(model: Model, folder: Path | None = None) -> str:
+    """The model file's text, with the unit of each value as a comment.
+
+    Files with blocks of the user's own are named as seen from the folder of the model file, if
+    it is given.
+    """
     data, lines = model.to_dict(stated=True), []
     lines += [f"name = {_quoted(data['name'])}", f'motion = "{data["motion"]}"']
-    if files := own_files(model):
+    if files := [_seen_from(folder, file) for file in own_files(model)]:
         lines += [f"blocks = [{', '.join(map(_quoted, files))}]"]
     lines += ["", "[plant]"]
     lines += _rows(data["plant"], "", model)
@@ -572,6 +576,15 @@ def model_toml(model: Model) -> str:
         lines += ["", "[[effects]]", f"name = {_quoted(entry.pop('name'))}"]
         lines += _rows(entry, f"{part.key}.", model)
     return "\n".join(lines) + "\n"
+
+
+def _seen_from(folder: Path | None, file: str) -> str:
+    if folder is None:
+        return file
+    try:
+        return Path(os.path.relpath(file, folder.resolve())).as_posix()
+    except ValueError:  # on another drive of Windows
+        return file
 
 
 def own_files(model: Model) -> list[str]:

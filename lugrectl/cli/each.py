@@ -7,6 +7,7 @@ import sys
 from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -48,7 +49,7 @@ def each(a: Namespace) -> int:
             jobs=a.jobs or min(processors(), len(files)),
             progress=bar,
             keep=False,
-            render=content if out else None,
+            render=partial(content, folder=Path(a.out, "log")) if a.out else None,
             done=out,
             command=a.typed,
         )

@@ -58,11 +58,11 @@ def _wrapped(line: str, indent: str, later: str | None = None) -> str:
     )
 
 
-def content(d: Any) -> dict[str, str]:
-    """The files of a report as text, by name; without model.toml where there is no model."""
-    made = {FILES[0]: html(d), FILES[1]: d.to_json() + "\n"}
+def content(d: Any, folder: Path) -> dict[str, str]:
+    """The files of a report in a folder as text, by name; model.toml where there is a model."""
+    made = {FILES[0]: html(d, folder), FILES[1]: d.to_json() + "\n"}
     model = getattr(d, "model", None)
-    return made if model is None else made | {FILES[2]: model_toml(model)}
+    return made if model is None else made | {FILES[2]: model_toml(model, folder)}
 
 
 def write(d: Any, folder: str | Path) -> list[Path]:
@@ -72,7 +72,8 @@ def write(d: Any, folder: str | Path) -> list[Path]:
     A refusal has no model, and so no model.toml. Raises InputError when the folder cannot be
     written.
     """
-    return write_all_or_say(content(d), Path(folder), "report")
+    folder = Path(folder)
+    return write_all_or_say(content(d, folder), folder, "report")
 
 
 def check_folder(folder: str | Path) -> None:

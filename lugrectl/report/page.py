@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html as markup
+from pathlib import Path
 from typing import Any
 
 from ..blocks.model import model_toml
@@ -68,18 +69,21 @@ def fragment(d: Any) -> str:
     return f"<style>{_STYLE}</style>\n{_body(d)}"
 
 
-def html(d: Any) -> str:
-    """The report as one self-contained page: inline style and plots, nothing to fetch."""
+def html(d: Any, folder: Path | None = None) -> str:
+    """The report as one self-contained page: inline style and plots, nothing to fetch.
+
+    Its model file is that of the folder.
+    """
     title = markup.escape(f"lugrectl: {headline(d)[0]}")
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{title}</title>\n<style>{_STYLE}{_PAGE_STYLE}</style>\n</head>\n"
-        f"<body>\n{_body(d, _provenance_html(d))}\n</body>\n</html>\n"
+        f"<body>\n{_body(d, _provenance_html(d), folder)}\n</body>\n</html>\n"
     )
 
 
-def _body(d: Any, end: str = "") -> str:
+def _body(d: Any, end: str = "", folder: Path | None = None) -> str:
     title, meaning = headline(d)
     kind = markup.escape(title.split(":")[0])
     first = f"<h1>{markup.escape(title)}</h1>\n<p>{markup.escape(meaning)}</p>"
@@ -95,7 +99,7 @@ def _body(d: Any, end: str = "") -> str:
             parts += [budget, *log]
         if part.title == "Error before and after":
             parts, figures = parts + [*figures.values()], {}
-    parts += [*figures.values(), _model_html(d), end]
+    parts += [*figures.values(), _model_html(d, folder), end]
     return '<div class="lugrectl">\n' + "\n".join(p for p in parts if p) + "\n</div>"
 
 
@@ -134,10 +138,10 @@ def _log(d: Any) -> str:
     return f'<div class="log">\n{made}\n</div>'
 
 
-def _model_html(d: Any) -> str:
+def _model_html(d: Any, folder: Path | None) -> str:
     if getattr(d, "model", None) is None:
         return ""
-    return f"<h2>Model file</h2>\n<pre>{markup.escape(model_toml(d.model))}</pre>"
+    return f"<h2>Model file</h2>\n<pre>{markup.escape(model_toml(d.model, folder))}</pre>"
 
 
 def _provenance_html(d: Any) -> str:

@@ -156,6 +156,7 @@ def test_what_is_written_names_the_file_and_is_read_in_a_new_process(mine, tmp_p
     model = lg.read_model(tmp_path / "m.toml")
     (tmp_path / "elsewhere").mkdir()
     lg.write_model(lg.Model.of(model, J=0.003), tmp_path / "elsewhere" / "n.toml")
+    assert 'blocks = ["../mine.py"]' in (tmp_path / "elsewhere" / "n.toml").read_text()
     (tmp_path / "sent").write_bytes(pickle.dumps(Sent.of(model)))
     code = (
         "import pickle, lugrectl as lg\n"
