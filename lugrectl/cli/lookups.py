@@ -37,23 +37,25 @@ def check(a: Namespace) -> int:
     loop = a.loop or ("position" if a.property == "spr" else "velocity")
     kind = None if a.plot is None else format_of(a.plot, "--plot")
     T = transfer(a)
+    late = {} if a.dead_time is None else {"dead_time": a.dead_time}
+    T = T if T is None or not late else linear.delayed(T, **late)
     p, name = _parameters(a) if T is None else (None, None)
     level = "half-power" if a.half_power else "-3dB"
     if T is not None:
         checks = {"l2": linear.l2_check, "spr": linear.spr_check}
+        checks |= {"stability": linear.stability_check}
         own = checks.get(a.property, partial(linear.bandwidth_check, level=level))
-        gains, about, verdict = {}, {"transfer": transfer_facts(a)}, own(T)
+        gains, about, verdict = late, {"transfer": transfer_facts(a)}, own(T)
     elif a.property == "l2":
         gains = {"K2": PAPER_K2 if a.K2 is None else a.K2}
         verdict, about = linear.l2_check(p, **gains), {}
-    elif a.property == "spr":
-        gains, about = _gains(a, loop), {"loop": loop}
-        made = linear.position_T if loop == "position" else linear.velocity_T
-        verdict = linear.spr_check(made(p, **gains))
     else:
-        gains, about = _gains(a, loop), {"loop": loop, "prefilter": bool(a.prefilter)}
-        made = linear.position_loop_tf if loop == "position" else linear.velocity_loop_tf
-        verdict = linear.bandwidth_check(made(p, **gains, prefilter=bool(a.prefilter)), level)
+        gains, about = _gains(a, loop) | late, {"loop": loop}
+        own = {"bandwidth": partial(linear.bandwidth_check, level=level)}
+        own |= {"spr": linear.spr_check, "stability": linear.stability_check}
+        if a.property == "bandwidth":
+            about |= {"prefilter": bool(a.prefilter)}
+        verdict = own[a.property](_made(a, loop)(p, **gains, **_filtered(a)))
     _unused(a)
     facts = {"schema": 1, "check": a.property, **about, "model": name, "gains": gains}
     facts |= verdict.summary()

@@ -12,6 +12,8 @@ import control as ct
 
 from ..core.views import view
 from . import floating_sampled
+from .delayed import DelayedTransfer
+from .delayed_checks import realness as delayed_realness
 from .exact import (
     Poly,
     axis_roots,
@@ -87,7 +89,7 @@ def spr_check(T: Any) -> SprVerdict:
     T : control.TransferFunction, control.StateSpace, control.frd or pair (num, den)
         A system with one input and one output, continuous or sampled; the pair in descending
         powers of s; or a measured response: the verdict then holds for its frequencies alone, and
-        its margin is nan.
+        its margin is nan. With an exact dead time: a :class:`DelayedTransfer`.
 
     Returns
     -------
@@ -113,6 +115,18 @@ def spr_check(T: Any) -> SprVerdict:
     T(s) + T(-s): time grows with the third power of the order. Where the rounding of its matrices
     may decide, as after a change of coordinates, T counts as PR and the reason says so.
 
+    With dead times, T = n/d with sums of p(s) exp(-s h) for n and d, Re T(jw) is decided on the
+    axis in floating point, without a grid, and the poles by the argument of d(jw). Then:
+
+    - T = G(s) exp(-s h) with h > 0 and G not zero is never positive real: its phase falls without
+      end, and the reason names the first frequency with Re T < 0. For a proper G with a positive
+      limit as w grows, Re T changes its sign for ever; for a strictly proper one too.
+    - A dead time inside a loop, as in n/(J s + k exp(-s h)), may leave T SPR. It is iff d has no
+      zero right of the axis or on it, Re T(jw) > 0 at every w, and Re T, or w^2 Re T for relative
+      degree 1, stays above a positive number as w grows. For poles of finite number in Re s > -a,
+      T'(s) (or s^2 T'(s)) is bounded there, so that a small shift T(s - eps) takes no more than
+      eps times a constant from it: the condition of Ioannou and Tao holds as without dead time.
+
     A sampled T(z) is SPR iff its poles lie inside the unit circle and Re T(exp(jw dt)) > 0 at
     every w, 0 and half the sampling rate among them: the circle is closed, so there is no WSPR.
     z = (1 + v)/(1 - v) makes a rational function of v of it, on which the same exact arithmetic
@@ -130,6 +144,10 @@ def spr_check(T: Any) -> SprVerdict:
     if is_measured(T):
         kind, edge, reason = realness(T)
         return SprVerdict(kind, math.nan, edge, f"{kind}: {reason}.").of(T)
+    if isinstance(T, DelayedTransfer):
+        kind, eps, edge, reason = delayed_realness(T)
+        reason += f"; {T.hidden}" if T.hidden else ""
+        return SprVerdict(kind, eps, edge, f"{kind}: {reason}.").of(T)
     if is_sampled(T):
         return _sampled(T).of(T)
     model = Model.of(T) if isinstance(T, ct.StateSpace) else None
