@@ -22,7 +22,7 @@ from .transfer import TINY
 
 ROUNDING = 1e-14  # of the sum of its terms: what floating point does not resolve of a value
 PER_OCTAVE = 4
-CELLS = 4_000_000
+CELLS = 2_000_000
 SMALL = 2.0**-48
 WINDOWS = 16  # octaves that are searched for the first changes of a sign that never settles
 
@@ -49,7 +49,7 @@ def signs(F: Quasi) -> Signs:
         return Signs(0, ())
     if F.rational:
         return _exact_signs(F)
-    end = reach(F)
+    end = settled(F)
     if end is not None:
         return _signs(F, end)
     unit, found = 1.0 / max(abs(float(late)) for late, _ in F.terms), None
@@ -66,6 +66,18 @@ def signs(F: Quasi) -> Signs:
     )
 
 
+def settled(F: Quasi) -> float | None:
+    """A frequency in rad/s above which the sign of an even F stays; None where it may never."""
+    if [late for late, _ in F.terms[1:]] != [0, -F.terms[0][0]]:
+        return reach(F)
+    # F0 + 2 Re(F1 exp(-jwT)) has the sign of F0 where F0^2 > 4 |F1|^2
+    own, late = Quasi.of([(0, F.polynomial)]), Quasi.of(F.terms[2:])
+    x = even_odd((own * own + (late * late.mirror()).scaled(-4)).polynomial)[0]
+    if not x or x[-1] <= 0:
+        return None
+    return max(math.sqrt(_outermost([abs(Fraction(c)) for c in x])), TINY)
+
+
 def reach(q: Quasi) -> float | None:
     """A frequency in rad/s above which, and |s| above which right of the axis, the highest power of
     s without dead time outweighs the rest; None where it never does."""
@@ -73,10 +85,18 @@ def reach(q: Quasi) -> float | None:
     own = abs(last.pop(0, Fraction(0))) - sum(map(abs, last.values()))
     if own <= 0:
         return None
-    sizes = [sum(abs(Fraction(p[i])) for _, p in q.terms if i < len(p)) for i in range(most)]
-    # Fujiwara's bound on the roots of own s^n - sum of sizes s^i
-    logs = [(_log(c) - _log(own)) / (most - i) for i, c in enumerate(sizes) if c]
-    return 2.0 * math.exp(max(logs)) if logs else 1.0
+    sizes = [
+        sum((abs(Fraction(p[i])) for _, p in q.terms if i < len(p)), Fraction(0))
+        for i in range(most)
+    ]
+    return _outermost([*sizes, own]) or 1.0
+
+
+def _outermost(sizes: list[Fraction]) -> float:
+    """Fujiwara's bound on the roots of a polynomial with coefficients of these sizes."""
+    most = len(sizes) - 1
+    logs = [(_log(c) - _log(sizes[-1])) / (most - i) for i, c in enumerate(sizes[:-1]) if c]
+    return 2.0 * math.exp(max(logs)) if logs else 0.0
 
 
 class Zeros(NamedTuple):
@@ -109,7 +129,7 @@ def zeros(q: Quasi) -> Zeros:
     if low < 1.0:
         a, b, undecided = _cells(p, *_octaves(low, 1.0), monotone=False)
         if undecided.any():
-            return Zeros(0, m, float(0.5 * (a + b)[undecided][0] * unit))
+            return Zeros(0, m, 0.5 * float((a + b)[undecided][0]) * float(unit))
         turned += float(np.angle(p.at(1j * b) / p.at(1j * a)).sum())
     at_end = p.at(np.array([1j * max(low, 1.0)]))[0]
     top = float(np.angle(at_end / (float(p.leading[0]) * 1j**p.degree)))
@@ -160,13 +180,13 @@ def _signs(F: Quasi, end: float) -> Signs:
     if low >= 1.0:
         return Signs(first, ())
     a, b, undecided = _cells(f, *_octaves(low, 1.0), monotone=True)
-    ends = f.at(1j * np.append(a, b[-1])).real
+    ends = np.real(f.at(1j * np.append(a, b[-1])))
     ends[0] = first
     changed = (ends[1:] < 0) != (ends[:-1] < 0)
     changes = [
-        _between(f, a[k], b[k], ends[k], ends[k + 1]) * unit for k in np.flatnonzero(changed)
+        _between(f, a[k], b[k], ends[k], ends[k + 1]) * float(unit) for k in np.flatnonzero(changed)
     ]
-    touches = 0.5 * (a + b)[undecided & ~changed] * unit
+    touches = 0.5 * (a + b)[undecided & ~changed] * float(unit)
     return Signs(first, tuple(changes), _apart(touches))
 
 
@@ -213,7 +233,7 @@ def _cells(
         middle, h = 0.5 * (a + b), 0.5 * (b - a)
         value, rate = q.at(1j * middle), 1j * slope.at(1j * middle)
         if monotone:
-            value, rate = value.real, rate.real
+            value, rate = np.real(value), np.real(rate)
         curved, noise = bend.bound(b) * h, ROUNDING * q.bound(b)
         clear = np.abs(value) > np.abs(rate) * h + 0.5 * curved * h + noise
         if monotone:

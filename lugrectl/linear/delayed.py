@@ -51,7 +51,8 @@ class DelayedTransfer:
             return cls(Quasi.of([(0, (number(G, name),))]), Quasi.of([(0, (1,))]))
         if isinstance(G, ct.TransferFunction | ct.StateSpace):
             require_continuous_siso(G, name)
-        return reduced(*(Quasi.of([(0, p)]) for p in coefficients(G, name)))
+        num, den = coefficients(G, name)
+        return reduced(Quasi.of([(0, num)]), Quasi.of([(0, den)]))
 
     @property
     def dead_times(self) -> tuple[float, ...]:

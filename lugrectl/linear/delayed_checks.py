@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from ..core.errors import InputError
-from .axis import Signs, reach, signs, zeros
+from .axis import Signs, reach, settled, signs, zeros
 from .delayed import DelayedTransfer
 from .floating import last_that_holds
 from .quasi import Quasi
@@ -213,8 +213,9 @@ def _margin(T: DelayedTransfer) -> float:
 
     def holds(eps: float) -> bool:
         moved = DelayedTransfer(T.num.shifted(eps), T.den.shifted(eps))
+        real = real_part(moved.num, moved.den)
         try:
-            return not _why_not(moved, signs(real_part(moved.num, moved.den)))
+            return settled(real) is not None and not _why_not(moved, signs(real))
         except InputError:
             return False
 

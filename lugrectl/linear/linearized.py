@@ -17,7 +17,7 @@ import numpy as np
 
 from ..blocks.dead_times import DeadTime, dead_times
 from ..core.errors import InputError
-from ..core.validation import shown
+from ..core.validation import array, shown
 from .delayed import DelayedTransfer, reduced
 from .exact import Poly, add, divide, mul, scale
 from .quasi import Quasi
@@ -93,8 +93,7 @@ def linearize(
     linear = _differences(system, x0, u0, t, params)
     inputs = _chosen(input, system.input_labels, "input", late)
     outputs = _chosen(output, system.output_labels, "output", late)
-    cut = _without_pade(*linear, late)
-    A, B, C, D = cut
+    A, B, C, D = _without_pade(linear, late)
     if not any(one.seconds > 0 for one in late):
         names = {
             "inputs": [system.input_labels[k] for k in inputs],
@@ -150,17 +149,18 @@ def _differences(system: Any, x0: Any, u0: Any, t: float, params: Any) -> list[n
     """A, B, C and D by central differences."""
     if isinstance(system, ct.StateSpace):
         return [np.asarray(M, dtype=float) for M in (system.A, system.B, system.C, system.D)]
+    for value, name, many in ((x0, "x0", system.nstates), (u0, "u0", system.ninputs)):
+        if not (np.isscalar(value) or isinstance(value, ct.OperatingPoint)):
+            if len(array(value, name).ravel()) != many:
+                raise InputError(f"{name} needs {many} values, or one for all, such as 0.")
     try:
         one, other = (
             system.linearize(x0, u0, t=t, params=params, eps=step) for step in (STEP, -STEP)
         )
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, RuntimeError) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(
-            f"{system.name} cannot be linearized there ({error}); x0 needs {system.nstates} values "
-            f"and u0 {system.ninputs}."
-        ) from None
+        raise InputError(f"{system.name} cannot be linearized there: {error}.") from None
     pairs = zip((one.A, one.B, one.C, one.D), (other.A, other.B, other.C, other.D), strict=True)
     return [0.5 * (np.asarray(a) + np.asarray(b)) for a, b in pairs]
 
@@ -179,9 +179,10 @@ def _chosen(label: str | None, labels: list[str], what: str, late: list[DeadTime
 
 
 def _without_pade(
-    A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, late: list[DeadTime]
+    linear: list[np.ndarray], late: list[DeadTime]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The system without the states of its dead times, whose inputs and outputs are the last."""
+    A, B, C, D = linear
     first = [one.place for one in late]
     second = [k + 1 for k in first]
     keep = [k for k in range(len(A)) if k not in {*first, *second}]

@@ -98,7 +98,9 @@ def position_T(
     if Kp > 0 and sigma1 Kd > sigma0 J.
 
     With a dead time the observer's torque is late too: the error is -T(s) (z(t) - zhat(t - h)), so
-    that the paper's proof, which needs z - zhat, does not carry over as it stands.
+    that the paper's proof, which needs z - zhat, does not carry over as it stands. Nor is T ever
+    positive real: as w grows, w^2 Re T is (sigma1 Kd cos(w h) - sigma0 J)/J^2, below 0 again and
+    again. In a velocity loop without Kd, Re T tends to sigma1/J, and T may be SPR.
 
     Examples
     --------

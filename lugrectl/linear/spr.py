@@ -115,17 +115,18 @@ def spr_check(T: Any) -> SprVerdict:
     T(s) + T(-s): time grows with the third power of the order. Where the rounding of its matrices
     may decide, as after a change of coordinates, T counts as PR and the reason says so.
 
-    With dead times, T = n/d with sums of p(s) exp(-s h) for n and d, Re T(jw) is decided on the
-    axis in floating point, without a grid, and the poles by the argument of d(jw). Then:
+    With dead times n and d are sums of p(s) exp(-s h). The sign of Re T(jw) and the number of
+    zeros of d right of the axis are decided in floating point, and none is missed between points
+    of a grid:
 
-    - T = G(s) exp(-s h) with h > 0 and G not zero is never positive real: its phase falls without
-      end, and the reason names the first frequency with Re T < 0. For a proper G with a positive
-      limit as w grows, Re T changes its sign for ever; for a strictly proper one too.
-    - A dead time inside a loop, as in n/(J s + k exp(-s h)), may leave T SPR. It is iff d has no
-      zero right of the axis or on it, Re T(jw) > 0 at every w, and Re T, or w^2 Re T for relative
-      degree 1, stays above a positive number as w grows. For poles of finite number in Re s > -a,
-      T'(s) (or s^2 T'(s)) is bounded there, so that a small shift T(s - eps) takes no more than
-      eps times a constant from it: the condition of Ioannou and Tao holds as without dead time.
+    - T = G(s) exp(-s h), h > 0, with a rational G that is not 0, is never PR: the phase of G tends
+      to a limit while -w h falls without end, so that Re T changes its sign for ever. The reason
+      names the first band with Re T < 0; below it T is as good as PR.
+    - With a dead time inside a loop, as in n/(J s + k exp(-s h)), T is SPR iff d has no zero with
+      Re s >= 0, Re T(jw) > 0 at every w, and Re T, or for relative degree 1 w^2 Re T, stays above
+      a positive number as w grows. The condition of Ioannou and Tao carries over, because the
+      zeros of d then stay left of some Re s = -a, and right of it T'(s), or s^2 T'(s), is
+      bounded: Re T(jw - eps), or w^2 times it, is less by no more than eps times a constant.
 
     A sampled T(z) is SPR iff its poles lie inside the unit circle and Re T(exp(jw dt)) > 0 at
     every w, 0 and half the sampling rate among them: the circle is closed, so there is no WSPR.

@@ -100,6 +100,7 @@ def loop(verdict: Any, ax: Any = None) -> Sequence[Axes]:
     w, L = curve(verdict._source, *verdict.crossovers)
     at = np.array(verdict.crossovers)
     turned = np.degrees(np.unwrap(np.angle(L)))
+    turned -= 360.0 * (turned[0] > 90.0)  # an open loop begins with the lag of its integrators
 
     def magnitude(own: Axes) -> None:
         own.loglog(w, np.abs(L), color=LINE)
@@ -120,7 +121,8 @@ def loop(verdict: Any, ax: Any = None) -> Sequence[Axes]:
 
     def nyquist(own: Axes) -> None:
         near = np.abs(L) < NEAR_MINUS_1
-        own.plot(np.where(near, L.real, np.nan), np.where(near, L.imag, np.nan), color=LINE)
+        shown = np.where(near, L, np.nan)
+        own.plot(np.real(shown), np.imag(shown), color=LINE)
         own.plot([-1.0], [0.0], "+", color=MARK, ms=10, label="-1")
         own.set(xlabel="Re L(jw)", ylabel="Im L(jw)", title="Nyquist, w > 0")
         own.legend()
