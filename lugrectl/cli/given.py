@@ -56,14 +56,15 @@ def facts(a: Namespace) -> dict[str, Any]:
         [float(c) for c in _coefficients(text, option)]
         for text, option in ((a.num, "--num"), (a.den, "--den"))
     )
-    return {"num": num, "den": den, "dt": a.dt, "dead_time": a.dead_time}
+    late = {} if a.dead_time is None else {"dead_time": a.dead_time}
+    return {"num": num, "den": den, "dt": a.dt, **late}
 
 
 def written(T: dict[str, Any]) -> str:
     """T(s) = ... or T(z) = ... in one line."""
     name = "s" if T["dt"] is None else "z"
     of = f"T({name}) = ({_polynomial(T['num'], name)})/({_polynomial(T['den'], name)})"
-    of += f" exp(-{T['dead_time']:g} s)" if T["dead_time"] else ""
+    of += f" exp(-{T['dead_time']:g} s)" if T.get("dead_time") else ""
     return of if T["dt"] is None else f"{of}, dt = {T['dt']:g} s"
 
 

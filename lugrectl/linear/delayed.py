@@ -23,8 +23,15 @@ class DelayedTransfer:
 
     T(s) = N(s)/D(s), where N and D are sums of p(s) exp(-sT). Sums, products and quotients with
     each other, numbers and control systems are exact, and so is :meth:`feedback`: no Pade
-    approximation is made. Made by :func:`delayed`, :func:`linearize` and the loops' functions with
-    ``dead_time=``.
+    approximation is made. It is made by :func:`delayed`, :func:`linearize` and the loops'
+    functions with ``dead_time=``, and T(s) of a complex s is its value.
+
+    Attributes
+    ----------
+    num, den : Quasi
+        N and D: ``terms`` are pairs of a dead time in s and a polynomial (lowest power first).
+    cancelled : tuple
+        The factor that N and D had in common, lowest power first.
 
     Examples
     --------

@@ -23,6 +23,7 @@ from .quasi import Quasi
 RISE = 1e-7  # of the gain: nothing is above it by more
 SAME = 1e-12
 LEVELS = 60
+TURNS = 3e4  # rad of phase of a dead time up to which a shifted function is followed
 START = 400  # frequencies at which the search for the largest value begins
 
 
@@ -210,10 +211,13 @@ def _bands(sign: Signs) -> str:
 
 def _margin(T: DelayedTransfer) -> float:
     """The largest eps with T(s - eps) positive real, of an SPR T."""
+    most = max(TURNS / max(T.dead_times), 10.0 * (reach(T.den) or 0.0))
 
     def holds(eps: float) -> bool:
         moved = DelayedTransfer(T.num.shifted(eps), T.den.shifted(eps))
         real = real_part(moved.num, moved.den)
+        if (reach(moved.den) or math.inf) > most:
+            return False  # short of a chain of poles: eps is too large, or so by about 1e-4
         try:
             return settled(real) is not None and not _why_not(moved, signs(real))
         except InputError:

@@ -108,7 +108,7 @@ def coefficients(T: Any, name: str = "T") -> tuple[Poly, Poly]:
     else:
         raise InputError(
             f"{name} is {shown(T)}, but a control.TransferFunction, a control.StateSpace "
-            "or a pair (num, den) is needed; control.linearize makes one of a nonlinear system."
+            "or a pair (num, den) is needed; lg.linearize makes one of a nonlinear system."
         )
     if not den:
         raise InputError(f"The denominator of {name}(s) is zero.")
