@@ -6,7 +6,9 @@ import pytest
 import lugrectl as lg
 from lugrectl.blocks.dead_times import dead_times
 
-LATE = lg.Model.of(J=0.0022, friction="viscous", Fv=0.018, effects=["input_delay"])
+LATE = lg.Model.of(
+    J=0.0022, friction="viscous", Fv=0.018, effects=[{"name": "input_delay", "delay": 5e-3}]
+)
 
 
 def test_each_dead_time_is_found_with_its_states():
