@@ -44,8 +44,9 @@ _HOMES = {
     "diagnosis.identify": "identify",
     "diagnosis.compare_laws": "compare_laws",
     "diagnosis.law_comparison": "LawComparison",
-    "linear": "bandwidth bandwidth_check check_designs l2_check position_T position_loop_tf "
-    "spr_check spr_repair velocity_T velocity_loop_tf",
+    "linear": "DelayedTransfer bandwidth bandwidth_check check_designs delayed l2_check linearize "
+    "position_L position_T position_loop_tf spr_check spr_repair stability_check velocity_L "
+    "velocity_T velocity_loop_tf",
     "loops.friction_loops": "position_loop velocity_loop",
     "simulation.sampled_response": "simulate_sampled",
     "blocks.model": "Model Parameters read_model table1 write_model",
@@ -180,14 +181,20 @@ if TYPE_CHECKING:
     from .diagnosis.result import Diagnosis  # noqa: F401
     from .estimates.findings import Table  # noqa: F401
     from .linear import (  # noqa: F401
+        DelayedTransfer,
         bandwidth,
         bandwidth_check,
         check_designs,
+        delayed,
         l2_check,
+        linearize,
+        position_L,
         position_loop_tf,
         position_T,
         spr_check,
         spr_repair,
+        stability_check,
+        velocity_L,
         velocity_loop_tf,
         velocity_T,
     )

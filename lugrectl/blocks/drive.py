@@ -270,7 +270,7 @@ def dead_time(
     -----
     The Pade form, which python-control uses, answers a unit step with 1 at the first instant,
     then -0.4 at its lowest, before it rises to 1. In a loop whose gain has fallen well below 1 at
-    w T = 1.7 this does not matter.
+    w T = 1.7 this does not matter. :func:`linearize` keeps the dead time exact.
     States of the discrete block: the last commands.
 
     Examples

@@ -25,11 +25,16 @@ def transfer(a: Namespace) -> Any:
     num, den = _coefficients(a.num, "--num"), _coefficients(a.den, "--den")
     if not any(den):
         raise InputError("--den is zero; give the coefficients of a polynomial.")
-    if a.dt is None:
-        return num, den
-    import control as ct
+    made: Any = (num, den)
+    if a.dt is not None:
+        import control as ct
 
-    return ct.tf([float(c) for c in num], [float(c) for c in den], a.dt)
+        made = ct.tf([float(c) for c in num], [float(c) for c in den], a.dt)
+    if a.dead_time is None:
+        return made
+    from ..linear import delayed
+
+    return delayed(made, a.dead_time)
 
 
 def _coefficients(text: str, option: str) -> list[Fraction]:
@@ -51,13 +56,15 @@ def facts(a: Namespace) -> dict[str, Any]:
         [float(c) for c in _coefficients(text, option)]
         for text, option in ((a.num, "--num"), (a.den, "--den"))
     )
-    return {"num": num, "den": den, "dt": a.dt}
+    late = {} if a.dead_time is None else {"dead_time": a.dead_time}
+    return {"num": num, "den": den, "dt": a.dt, **late}
 
 
 def written(T: dict[str, Any]) -> str:
     """T(s) = ... or T(z) = ... in one line."""
     name = "s" if T["dt"] is None else "z"
     of = f"T({name}) = ({_polynomial(T['num'], name)})/({_polynomial(T['den'], name)})"
+    of += f" exp(-{T['dead_time']:g} s)" if T.get("dead_time") else ""
     return of if T["dt"] is None else f"{of}, dt = {T['dt']:g} s"
 
 

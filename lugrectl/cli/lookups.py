@@ -20,6 +20,7 @@ from .plotting import drawn, format_of
 # The source paper's gains, by loop; K2 of the proposed observer.
 PAPER = {"velocity": {"kp": 1.6, "ki": 0.16}, "position": {"kp": 15.0, "ki": 1.55}}
 PAPER_K2 = 22.0
+_MADE = {"spr": "T", "bandwidth": "loop_tf", "stability": "L"}  # of which transfer function
 _UNITS = {
     "gain": "",
     "frequency": "rad/s",
@@ -27,6 +28,8 @@ _UNITS = {
     "hertz": "Hz",
     "margin": "1/s",
     "band_edge": "rad/s",
+    "delay_margin": "s",
+    "phase_margin": "deg",
 }
 
 
@@ -39,21 +42,22 @@ def check(a: Namespace) -> int:
     T = transfer(a)
     p, name = _parameters(a) if T is None else (None, None)
     level = "half-power" if a.half_power else "-3dB"
+    verdict_of = {
+        "l2": linear.l2_check,
+        "spr": linear.spr_check,
+        "bandwidth": partial(linear.bandwidth_check, level=level),
+        "stability": linear.stability_check,
+    }[a.property]
     if T is not None:
-        checks = {"l2": linear.l2_check, "spr": linear.spr_check}
-        own = checks.get(a.property, partial(linear.bandwidth_check, level=level))
-        gains, about, verdict = {}, {"transfer": transfer_facts(a)}, own(T)
+        gains, about, verdict = {}, {"transfer": transfer_facts(a)}, verdict_of(T)
     elif a.property == "l2":
         gains = {"K2": PAPER_K2 if a.K2 is None else a.K2}
         verdict, about = linear.l2_check(p, **gains), {}
-    elif a.property == "spr":
-        gains, about = _gains(a, loop), {"loop": loop}
-        made = linear.position_T if loop == "position" else linear.velocity_T
-        verdict = linear.spr_check(made(p, **gains))
     else:
-        gains, about = _gains(a, loop), {"loop": loop, "prefilter": bool(a.prefilter)}
-        made = linear.position_loop_tf if loop == "position" else linear.velocity_loop_tf
-        verdict = linear.bandwidth_check(made(p, **gains, prefilter=bool(a.prefilter)), level)
+        gains, about = _gains(a, loop), {"loop": loop}
+        made = getattr(linear, f"{loop}_{_MADE[a.property]}")
+        filtered = {"prefilter": bool(a.prefilter)} if a.property == "bandwidth" else {}
+        verdict, about = verdict_of(made(p, **gains, **filtered)), about | filtered
     _unused(a)
     facts = {"schema": 1, "check": a.property, **about, "model": name, "gains": gains}
     facts |= verdict.summary()
@@ -90,16 +94,19 @@ def _gains(a: Namespace, loop: str) -> dict[str, float]:
     """The paper's gains if none is given, else the given ones and 0 for the others."""
     given = {k: getattr(a, k) for k in ("kp", "ki", "kd") if getattr(a, k) is not None}
     gains = {"kp": 0.0, "ki": 0.0, "kd": 0.0} | (given or PAPER[loop])
-    times = {k: getattr(a, k) for k in ("tau", "leak", "derivative_filter")}
+    times = {k: getattr(a, k) for k in ("tau", "leak", "derivative_filter", "dead_time")}
     return gains | {k: v for k, v in times.items() if v is not None}
 
 
 def _unused(a: Namespace) -> None:
-    loop, filters = (
-        ("kp", "ki", "kd", "tau", "leak", "derivative_filter"),
-        ("prefilter", "half_power"),
-    )
-    names = {"l2": loop + filters, "spr": ("K2", *filters), "bandwidth": ("K2",)}[a.property]
+    times = ("tau", "leak", "derivative_filter")
+    loop, filters = ("kp", "ki", "kd", *times), ("prefilter", "half_power")
+    names = {
+        "l2": (*loop, *filters, "dead_time"),
+        "spr": ("K2", *filters),
+        "bandwidth": ("K2",),
+        "stability": ("K2", *filters),
+    }[a.property]
     if a.num is not None:
         names = ("model", "K2", *loop, "prefilter", *filters[1:])
         names = names[: -1 if a.property == "bandwidth" else None]
@@ -132,6 +139,8 @@ def _answer(facts: dict[str, Any]) -> str:
         return "finite L2 gain" if facts["holds"] else "no finite L2 gain"
     if facts["check"] == "spr":
         return "SPR" if facts["holds"] else "not SPR"
+    if facts["check"] == "stability":
+        return "stable loop" if facts["holds"] else "unstable loop"
     if not facts["stable"]:
         return "unstable T" if "transfer" in facts else "unstable loop"
     return f"bandwidth {facts['hertz']:.4g} Hz" if facts["holds"] else "no bandwidth"

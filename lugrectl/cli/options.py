@@ -74,7 +74,7 @@ def parser() -> argparse.ArgumentParser:
     drawing.add_argument("--out", metavar="FILE", help="picture to write: .png, .svg, .pdf or .jpg")
     paper = _command(made, "reproduce", commands.reproduce, "recompute the source paper")
     paper.add_argument("--out", metavar="DIR", help="write reproduce.html and reproduce.json there")
-    _checks(_command(made, "check", lookups.check, "linear checks: l2, spr, bandwidth"))
+    _checks(_command(made, "check", lookups.check, "linear checks: l2, spr, bandwidth, stability"))
     known = _command(made, "effects", lookups.effects, "list the effects, or explain one")
     known.add_argument(
         "name", nargs="?", metavar="NAME", help="an effect; common names such as cogging will do"
@@ -186,11 +186,12 @@ def _checks(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
     add(
         "property",
-        choices=("l2", "spr", "bandwidth"),
+        choices=("l2", "spr", "bandwidth", "stability"),
         help="l2: is the L2 gain of (J s + K2)/(sigma1 s + sigma0), from speed to bristle error "
         "of the proposed observer, finite; spr: is (sigma1 s + sigma0)/(J s^2 + C(s)) for the "
         "position loop, or (sigma1 s + sigma0)/(J s + C(s)) for the velocity loop, strictly "
-        "positive real; bandwidth: bandwidth of the closed loop with friction compensated",
+        "positive real; bandwidth: bandwidth of the closed loop with friction compensated; "
+        "stability: is that loop stable, and how much more dead time does it stand",
     )
     add("--model", metavar="MODEL.toml", help="default: Table 1 of the source paper")
     loop = command.add_mutually_exclusive_group()
@@ -206,7 +207,7 @@ def _checks(command: argparse.ArgumentParser) -> None:
         dest="loop",
         action="store_const",
         const="velocity",
-        help="check the velocity loop (default for bandwidth)",
+        help="check the velocity loop (default for bandwidth and stability)",
     )
     for gain, what in (
         ("kp", "proportional gain (default of kp, ki, kd: the paper's if none is given, else 0)"),
@@ -218,11 +219,18 @@ def _checks(command: argparse.ArgumentParser) -> None:
         add(f"--{gain}", type=_finite, metavar="X", help=what)
     add("--leak", type=_finite, metavar="X", help="leaky integral, ki/(s + X), X in 1/s")
     add("--derivative-filter", type=_finite, metavar="X", help="kd s/(X s + 1), X in s")
+    add(
+        "--dead-time",
+        type=_finite,
+        metavar="S",
+        help="dead time of the torque in the loop, exact; with --num and --den: T(s) exp(-S s)",
+    )
     add("--prefilter", action="store_true", default=None, help="2/(s + 2) in front of the loop")
     add(
         "--num",
         metavar="1,10",
-        help="check T = num/den instead: its numerator, highest power first",
+        help="check T = num/den instead (stability: the open loop): its numerator, highest power "
+        "first",
     )
     add("--den", metavar="1,2,0.5", help="denominator of T")
     add("--dt", type=_positive, metavar="S", help="T(z) with this sample time (default: T(s))")

@@ -1,27 +1,44 @@
 """Linear checks: L2 gain, strict positive realness, bandwidth, and the loops they apply to."""
 
 from .band import BandwidthVerdict, UnstableLoopWarning, bandwidth, bandwidth_check
+from .delayed import DelayedTransfer, delayed
 from .designs import DesignChecks, check_designs
 from .l2 import L2Verdict, l2_check
-from .loops import position_loop_tf, position_T, velocity_loop_tf, velocity_T
+from .linearized import linearize
+from .loops import (
+    position_L,
+    position_loop_tf,
+    position_T,
+    velocity_L,
+    velocity_loop_tf,
+    velocity_T,
+)
 from .repair import Repair
 from .spr import SprVerdict, spr_check, spr_repair
+from .stability import StabilityVerdict, stability_check
 
 __all__ = [
     "BandwidthVerdict",
+    "DelayedTransfer",
     "DesignChecks",
     "L2Verdict",
     "Repair",
     "SprVerdict",
+    "StabilityVerdict",
     "UnstableLoopWarning",
     "bandwidth",
     "bandwidth_check",
     "check_designs",
+    "delayed",
     "l2_check",
+    "linearize",
+    "position_L",
     "position_T",
     "position_loop_tf",
     "spr_check",
     "spr_repair",
+    "stability_check",
+    "velocity_L",
     "velocity_T",
     "velocity_loop_tf",
 ]

@@ -12,6 +12,9 @@ import control as ct
 
 from ..core.errors import InputError
 from ..core.views import view
+from .delayed import DelayedTransfer
+from .delayed_checks import crossings as delayed_crossings
+from .delayed_checks import unstable
 from .exact import Poly, add, hurwitz, odd_roots, positive_roots, real_product, scale
 from .floating import Model, level_crossings
 from .floating_sampled import SampledModel
@@ -35,7 +38,7 @@ class BandwidthVerdict(Verdict):
     ``bandwidth`` in rad/s and ``hertz``: the first fall of |T(jw)| through the level; nan
     without a DC gain (T(0) zero or infinite), inf if never below. ``crossings``: all crossings
     in rad/s, falling and rising in turn. ``poles`` in 1/s, rightmost first (sampled: in z, the
-    largest first).
+    largest first), empty with dead times, where there are infinitely many.
     """
 
     bandwidth: float
@@ -75,7 +78,7 @@ def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:
     T : control.TransferFunction, control.StateSpace, control.frd or pair (num, den)
         A system with one input and one output, continuous or sampled; or a measured response: its
         lowest frequency then stands for DC, the crossing is interpolated (dB over log w), and T
-        counts as stable.
+        counts as stable. With an exact dead time: a :class:`DelayedTransfer`.
     level : "-3dB", "half-power" or float
         How far |T| falls; a negative number is in dB.
 
@@ -96,6 +99,10 @@ def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:
     factors; touching the level does not count as a crossing. A state-space model of more than 6
     states is decided in floating point, at the cost of a few eigenvalue problems.
 
+    With dead times the crossings are isolated in floating point, none is missed between points of
+    a grid, and the poles that are not stable are counted by the argument of the denominator
+    (Nyquist); ``poles`` is then empty. A dead time in front of T does not change its bandwidth.
+
     Of a sampled T(z), T(exp(jw dt)) is meant, up to half the sampling rate, w in rad/s (per sample
     where T.dt is True), ``poles`` are in z, and the same arithmetic decides.
 
@@ -110,6 +117,8 @@ def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:
     c = level_power(level)
     if is_measured(T):
         return _measured(T, c, level).of(T)
+    if isinstance(T, DelayedTransfer):
+        return _delayed(T, c, level).of(T)
     if isinstance(T, ct.StateSpace) and (found := _floating(T, c, level)):
         return found.of(T)
     if is_sampled(T):
@@ -162,6 +171,19 @@ def _floating(T: Any, c: Fraction, level: str | float) -> BandwidthVerdict | Non
     return _verdict(width, found, model.stable, poles, reason, sampled)
 
 
+def _delayed(T: DelayedTransfer, c: Fraction, level: str | float) -> BandwidthVerdict:
+    """The verdict on a transfer function with exact dead times."""
+    dc, found = delayed_crossings(T, c)
+    reason, width = _no_dc("infinite" if math.isinf(dc) else "zero"), math.nan
+    if math.isfinite(dc):
+        width = found[0] if found else math.inf
+        reason = _falls(width, level, dc)
+    cause = unstable(T.den)
+    reason = f"T is not stable ({cause}): {reason}" if cause else reason
+    reason += f"; {T.hidden}" if T.hidden else ""
+    return BandwidthVerdict(width, width / (2 * math.pi), found, not cause, (), reason)
+
+
 def _measured(T: Any, c: Fraction, level: str | float) -> BandwidthVerdict:
     """The verdict on a measured response."""
     found, said = crossings(T, float(c))
@@ -180,7 +202,7 @@ def bandwidth(T: Any, level: str | float = "-3dB") -> float:
 
     Parameters
     ----------
-    T : control.TransferFunction, control.StateSpace, control.frd or pair (num, den)
+    T : control.TransferFunction, DelayedTransfer, control.StateSpace, control.frd or (num, den)
         As for :func:`bandwidth_check`.
     level : "-3dB", "half-power" or float
         As for :func:`bandwidth_check`.
@@ -229,8 +251,12 @@ def _crossings(num: Poly, den: Poly, c: Fraction) -> tuple[float, ...]:
 def _reason(num: Poly, den: Poly, width: float, level: str | float) -> str:
     if math.isnan(width):
         value = "infinite" if num and not den[0] else "zero"
-        return f"T(0) is {value}, so there is no DC gain to measure a bandwidth from"
+        return _no_dc(value)
     return _falls(width, level, abs(float(Fraction(num[0]) / den[0])))
+
+
+def _no_dc(value: str) -> str:
+    return f"T(0) is {value}, so there is no DC gain to measure a bandwidth from"
 
 
 def _falls(width: float, level: str | float, dc: float) -> str:

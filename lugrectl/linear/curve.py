@@ -9,12 +9,15 @@ import control as ct
 import numpy as np
 
 from ..core.errors import InputError
+from .delayed import DelayedTransfer
 from .measured import is_measured, response
 from .sampled import is_sampled, sample_time
+from .transfer import roots
 
 POINTS = 800
 BEYOND = 30.0  # the grid reaches this factor beyond the outermost pole, zero or mark
 ROUND = 81  # points about each pole
+TURNS = 100.0  # rad of phase of the longest dead time that are drawn
 NEAR = 0.999  # of half the sampling rate: T often has a zero there, and no phase
 
 
@@ -28,6 +31,8 @@ def curve(source: Any, *marks: float) -> tuple[np.ndarray, np.ndarray]:
         raise InputError("this verdict was not made by a check, so there is nothing to draw.")
     if is_measured(source):
         return response(source)
+    if isinstance(source, DelayedTransfer):
+        return _delayed(source, *marks)
     T = source if isinstance(source, ct.TransferFunction | ct.StateSpace) else _made(source)
     dt = sample_time(T) if is_sampled(T) else None
     with np.errstate(all="ignore"):
@@ -48,6 +53,21 @@ def curve(source: Any, *marks: float) -> tuple[np.ndarray, np.ndarray]:
         return w, _one_channel(
             T(1j * w if dt is None else np.exp(1j * w * dt), warn_infinite=False)
         )
+
+
+def _delayed(T: DelayedTransfer, *marks: float) -> tuple[np.ndarray, np.ndarray]:
+    """The exact response, at steps that follow the phase of the dead times."""
+    late = max(T.dead_times, default=0.0)
+    own = [w for w in marks if 0 < w < math.inf]
+    sizes = [abs(root) for q in (T.num, T.den) for _, p in q.terms for root in roots(p) if root]
+    places = [*own, *sizes, *([1.0 / late] if late else [])] or [1.0]
+    low, top = min(places) / BEYOND, max(places) * BEYOND
+    if late:
+        top = max(min(top, TURNS / late), *(3.0 * w for w in own), 3.0 / late)
+    steps = np.arange(1, min(top * late * 8.0, 40.0 * POINTS)) / (8.0 * late) if late else []
+    w = np.unique(np.concatenate([np.geomspace(low, top, POINTS), steps, own]))
+    w = w[w >= low]
+    return w, T(1j * w)
 
 
 def _about(poles: Any) -> np.ndarray:

@@ -12,7 +12,9 @@ import control as ct
 from ..blocks.model import values_of
 from ..core.errors import InputError
 from .controller import Controller, read_controller
+from .delayed import DelayedTransfer, dead_time_of, reduced
 from .exact import Poly, add, mul, poly
+from .quasi import Quasi
 from .transfer import number, parameter, to_float
 
 
@@ -53,7 +55,8 @@ def position_T(
     derivative_filter: float | None = None,
     leak: float | None = None,
     controller: Any = None,
-) -> ct.TransferFunction:
+    dead_time: float = 0.0,
+) -> Any:
     """T(s) = (sigma1 s + sigma0)/(J s^2 + C(s)), the SPR condition of the existing observer.
 
     C(s) = Kp + Kd s/(Td s + 1) + I(s) + X(s) acts on the position error (Canudas de Wit et al.,
@@ -74,10 +77,12 @@ def position_T(
     controller : control.TransferFunction, optional
         X(s), any continuous transfer function with one input and one output as for
         :func:`spr_check`, taken in lowest terms and added to the other terms.
+    dead_time : float
+        Dead time h of the torque in s, exact: T(s) = (sigma1 s + sigma0)/(J s^2 + C(s) exp(-s h)).
 
     Returns
     -------
-    control.TransferFunction
+    control.TransferFunction, or with a dead time DelayedTransfer
         The position error of the existing observer's loop is -T(s) (z - zhat). It remembers its
         loop, for :func:`spr_repair`.
 
@@ -92,6 +97,11 @@ def position_T(
     T(s) is that of the source paper, section 3.1. Derived here: with PD control it is SPR exactly
     if Kp > 0 and sigma1 Kd > sigma0 J.
 
+    With a dead time the observer's torque is late too: the error is -T(s) (z(t) - zhat(t - h)), so
+    that the paper's proof, which needs z - zhat, does not carry over as it stands. Nor is T ever
+    positive real: as w grows, w^2 Re T is (sigma1 Kd cos(w h) - sigma0 J)/J^2, below 0 again and
+    again. In a velocity loop without Kd, Re T tends to sigma1/J, and T may be SPR.
+
     Examples
     --------
     A PD controller, with and without integral action:
@@ -102,7 +112,8 @@ def position_T(
     >>> bool(lg.spr_check(lg.position_T(p, kp=15.0, ki=30.0, kd=1.2)))
     False
     """
-    return _error_T(p, 2, read_controller(kp, ki, kd, tau, derivative_filter, leak, controller))
+    C = read_controller(kp, ki, kd, tau, derivative_filter, leak, controller)
+    return _error_T(p, 2, C, dead_time)
 
 
 def velocity_T(
@@ -115,7 +126,8 @@ def velocity_T(
     derivative_filter: float | None = None,
     leak: float | None = None,
     controller: Any = None,
-) -> ct.TransferFunction:
+    dead_time: float = 0.0,
+) -> Any:
     """T(s) = (sigma1 s + sigma0)/(J s + C(s)): C as in ``position_T``, on the velocity error.
 
     Parameters
@@ -124,12 +136,12 @@ def velocity_T(
         In kg m2, N m/rad, N m s/rad.
     kp, ki, kd : float
         Gains in N m s/rad, N m/rad (with tau: N m s/rad), N m s2/rad.
-    tau, derivative_filter, leak, controller
+    tau, derivative_filter, leak, controller, dead_time
         As in :func:`position_T`.
 
     Returns
     -------
-    control.TransferFunction
+    control.TransferFunction, or with a dead time DelayedTransfer
         The velocity error of the existing observer's loop is -T(s) (z - zhat). It remembers its
         loop, for :func:`spr_repair`.
 
@@ -146,7 +158,8 @@ def velocity_T(
     >>> [lg.spr_check(lg.velocity_T(p, kp=1.6, ki=ki)).classification for ki in (0.0, 0.16)]
     ['SPR', 'PR']
     """
-    return _error_T(p, 1, read_controller(kp, ki, kd, tau, derivative_filter, leak, controller))
+    C = read_controller(kp, ki, kd, tau, derivative_filter, leak, controller)
+    return _error_T(p, 1, C, dead_time)
 
 
 def position_loop_tf(
@@ -160,7 +173,8 @@ def position_loop_tf(
     derivative_filter: float | None = None,
     leak: float | None = None,
     controller: Any = None,
-) -> ct.TransferFunction:
+    dead_time: float = 0.0,
+) -> Any:
     """Reference to position with friction fully compensated (plant 1/(J s^2)).
 
     theta/r = E(s)/(J s^2 + D(s) + E(s)) with E(s) = Kp + I(s) + X(s), D(s) = Kd s/(Td s + 1)
@@ -175,10 +189,12 @@ def position_loop_tf(
         the numerator; give a D on the error as ``controller``.
     prefilter : bool or float
         Adds a/(s + a) in front, a in 1/s; True is the source paper's 2/(s + 2).
+    dead_time : float
+        Dead time h of the torque in s, exact: both E(s) and D(s) are then times exp(-s h).
 
     Returns
     -------
-    control.TransferFunction
+    control.TransferFunction, or with a dead time DelayedTransfer
         theta/r, without unit.
 
     Raises
@@ -202,7 +218,7 @@ def position_loop_tf(
     True
     """
     C = read_controller(kp, ki, kd, tau, derivative_filter, leak, controller)
-    return _reference_tf(p, 2, C, prefilter, "theta")
+    return _reference_tf(p, 2, C, prefilter, "theta", dead_time)
 
 
 def velocity_loop_tf(
@@ -216,7 +232,8 @@ def velocity_loop_tf(
     derivative_filter: float | None = None,
     leak: float | None = None,
     controller: Any = None,
-) -> ct.TransferFunction:
+    dead_time: float = 0.0,
+) -> Any:
     """Reference to velocity with friction fully compensated (plant 1/(J s)).
 
     w/r = E(s)/(J s + D(s) + E(s)), with the terms of :func:`position_loop_tf`: Kd multiplies the
@@ -228,12 +245,12 @@ def velocity_loop_tf(
         In kg m2.
     kp, ki, kd, tau, derivative_filter, leak, controller
         As in :func:`velocity_T`.
-    prefilter : bool or float
+    prefilter, dead_time
         As in :func:`position_loop_tf`.
 
     Returns
     -------
-    control.TransferFunction
+    control.TransferFunction, or with a dead time DelayedTransfer
         w/r, without unit.
 
     Raises
@@ -250,36 +267,144 @@ def velocity_loop_tf(
     [-727.2, -0.1]
     """
     C = read_controller(kp, ki, kd, tau, derivative_filter, leak, controller)
-    return _reference_tf(p, 1, C, prefilter, "w")
+    return _reference_tf(p, 1, C, prefilter, "w", dead_time)
+
+
+def position_L(
+    p: Any,
+    kp: float = 0,
+    ki: float = 0,
+    kd: float = 0,
+    tau: float | None = None,
+    *,
+    derivative_filter: float | None = None,
+    leak: float | None = None,
+    controller: Any = None,
+    dead_time: float = 0.0,
+) -> Any:
+    """The open loop L(s) = C(s) exp(-s h)/(J s^2) of a position loop, cut at the torque.
+
+    C(s) as in ``position_T``; friction is fully compensated.
+
+    Parameters
+    ----------
+    p : Parameters, Model or any object with an attribute J
+        In kg m2.
+    kp, ki, kd, tau, derivative_filter, leak, controller, dead_time
+        As in :func:`position_T`.
+
+    Returns
+    -------
+    control.TransferFunction, or with a dead time DelayedTransfer
+        L(s), without unit, for :func:`stability_check`.
+
+    Raises
+    ------
+    InputError
+        As :func:`position_T`.
+
+    Examples
+    --------
+    A PD controller, and how much dead time it stands:
+
+    >>> L = lg.position_L(lg.table1(), kp=15.0, kd=1.2)
+    >>> round(1e3 * lg.stability_check(L).delay_margin, 2)
+    2.84
+    """
+    C = read_controller(kp, ki, kd, tau, derivative_filter, leak, controller)
+    return _open_loop(p, 2, C, dead_time)
+
+
+def velocity_L(
+    p: Any,
+    kp: float = 0,
+    ki: float = 0,
+    kd: float = 0,
+    tau: float | None = None,
+    *,
+    derivative_filter: float | None = None,
+    leak: float | None = None,
+    controller: Any = None,
+    dead_time: float = 0.0,
+) -> Any:
+    """The open loop L(s) = C(s) exp(-s h)/(J s) of a velocity loop, cut at the torque.
+
+    C(s) as in ``velocity_T``; friction is fully compensated.
+
+    Parameters
+    ----------
+    p : Parameters, Model or any object with an attribute J
+        In kg m2.
+    kp, ki, kd, tau, derivative_filter, leak, controller, dead_time
+        As in :func:`velocity_T`.
+
+    Returns
+    -------
+    control.TransferFunction, or with a dead time DelayedTransfer
+        L(s), without unit, for :func:`stability_check`.
+
+    Raises
+    ------
+    InputError
+        As :func:`velocity_T`.
+
+    Examples
+    --------
+    The source paper's PI controller is unstable with a dead time of 2.5 ms:
+
+    >>> L = lg.velocity_L(lg.table1(), kp=1.6, ki=0.16, dead_time=2.5e-3)
+    >>> bool(lg.stability_check(L))
+    False
+    """
+    C = read_controller(kp, ki, kd, tau, derivative_filter, leak, controller)
+    return _open_loop(p, 1, C, dead_time)
 
 
 def closed_den(J: Fraction, order: int, C: Controller) -> Poly:
     """(J s^order + C(s)) times the denominators in C."""
+    return add(*_closed_parts(J, order, C))
+
+
+def _closed_parts(J: Fraction, order: int, C: Controller) -> tuple[Poly, Poly]:
+    """J s^order and C(s), each times the denominators in C."""
     (error_num, error_den), (rate_num, rate_den) = C.on_error, C.derivative
     inertia = mul(poly([0] * order + [J]), mul(error_den, rate_den))
-    return add(inertia, add(mul(error_num, rate_den), mul(rate_num, error_den)))
+    return inertia, add(mul(error_num, rate_den), mul(rate_num, error_den))
 
 
-def _error_T(p: Any, order: int, C: Controller) -> LoopT:
+def _error_T(p: Any, order: int, C: Controller, dead_time: Any) -> Any:
     p = values_of(p)
     J, sigma0, sigma1 = (parameter(p, name) for name in ("J", "sigma0", "sigma1"))
     loop = Loop(J, sigma0, sigma1, order, C)
+    if late := dead_time_of(dead_time):
+        inertia, torque = _closed_parts(J, order, C)
+        return reduced(Quasi.of([(0, loop.T()[0])]), Quasi.of([(0, inertia), (late, torque)]))
     T = LoopT(*rounded(*loop.T()))
     T.loop = loop
     return T
 
 
 def _reference_tf(
-    p: Any, order: int, C: Controller, prefilter: bool | float, output: str
-) -> ct.TransferFunction:
-    num = mul(C.on_error[0], C.derivative[1])
-    den = closed_den(parameter(values_of(p), "J"), order, C)
+    p: Any, order: int, C: Controller, prefilter: bool | float, output: str, dead_time: Any
+) -> ct.TransferFunction | DelayedTransfer:
+    num, filtered = mul(C.on_error[0], C.derivative[1]), (1,)
+    inertia, torque = _closed_parts(parameter(values_of(p), "J"), order, C)
     if prefilter is not False and prefilter is not None:
         pole = number(2 if prefilter is True else prefilter, "prefilter")
         if pole <= 0:
             raise InputError(f"prefilter is {float(pole):g} 1/s, but its pole must be above 0.")
-        num, den = mul(num, (pole,)), mul(den, (pole, 1))
-    return ct.TransferFunction(*rounded(num, den), inputs="r", outputs=output)
+        num, filtered = mul(num, (pole,)), (pole, 1)
+    inertia, torque = mul(inertia, filtered), mul(torque, filtered)
+    if late := dead_time_of(dead_time):
+        return reduced(Quasi.of([(late, num)]), Quasi.of([(0, inertia), (late, torque)]))
+    return ct.TransferFunction(*rounded(num, add(inertia, torque)), inputs="r", outputs=output)
+
+
+def _open_loop(p: Any, order: int, C: Controller, dead_time: Any) -> Any:
+    inertia, torque = _closed_parts(parameter(values_of(p), "J"), order, C)
+    if late := dead_time_of(dead_time):
+        return reduced(Quasi.of([(late, torque)]), Quasi.of([(0, inertia)]))
+    return ct.TransferFunction(*rounded(torque, inertia), inputs="u", outputs="u")
 
 
 def rounded(num: Poly, den: Poly) -> tuple[list[float], list[float]]:

@@ -12,6 +12,8 @@ import control as ct
 
 from ..core.views import view
 from . import floating_sampled
+from .delayed import DelayedTransfer
+from .delayed_checks import realness as delayed_realness
 from .exact import (
     Poly,
     axis_roots,
@@ -87,7 +89,7 @@ def spr_check(T: Any) -> SprVerdict:
     T : control.TransferFunction, control.StateSpace, control.frd or pair (num, den)
         A system with one input and one output, continuous or sampled; the pair in descending
         powers of s; or a measured response: the verdict then holds for its frequencies alone, and
-        its margin is nan.
+        its margin is nan. With an exact dead time: a :class:`DelayedTransfer`.
 
     Returns
     -------
@@ -113,6 +115,19 @@ def spr_check(T: Any) -> SprVerdict:
     T(s) + T(-s): time grows with the third power of the order. Where the rounding of its matrices
     may decide, as after a change of coordinates, T counts as PR and the reason says so.
 
+    With dead times n and d are sums of p(s) exp(-s h). The sign of Re T(jw) and the number of
+    zeros of d right of the axis are decided in floating point, and none is missed between points
+    of a grid:
+
+    - T = G(s) exp(-s h), h > 0, with a rational G that is not 0, is never PR: the phase of G tends
+      to a limit while -w h falls without end, so that Re T changes its sign for ever. The reason
+      names the first band with Re T < 0; below it T is as good as PR.
+    - With a dead time inside a loop, as in n/(J s + k exp(-s h)), T is SPR iff d has no zero with
+      Re s >= 0, Re T(jw) > 0 at every w, and Re T, or for relative degree 1 w^2 Re T, stays above
+      a positive number as w grows. The condition of Ioannou and Tao carries over, because the
+      zeros of d then stay left of some Re s = -a, and right of it T'(s), or s^2 T'(s), is
+      bounded: Re T(jw - eps), or w^2 times it, is less by no more than eps times a constant.
+
     A sampled T(z) is SPR iff its poles lie inside the unit circle and Re T(exp(jw dt)) > 0 at
     every w, 0 and half the sampling rate among them: the circle is closed, so there is no WSPR.
     z = (1 + v)/(1 - v) makes a rational function of v of it, on which the same exact arithmetic
@@ -130,6 +145,10 @@ def spr_check(T: Any) -> SprVerdict:
     if is_measured(T):
         kind, edge, reason = realness(T)
         return SprVerdict(kind, math.nan, edge, f"{kind}: {reason}.").of(T)
+    if isinstance(T, DelayedTransfer):
+        kind, eps, edge, reason = delayed_realness(T)
+        reason += f"; {T.hidden}" if T.hidden else ""
+        return SprVerdict(kind, eps, edge, f"{kind}: {reason}.").of(T)
     if is_sampled(T):
         return _sampled(T).of(T)
     model = Model.of(T) if isinstance(T, ct.StateSpace) else None

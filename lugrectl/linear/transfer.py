@@ -34,13 +34,18 @@ class Transfer(NamedTuple):
     @property
     def hidden(self) -> str:
         """A remark on a mode that is not stable and cancelled from T(s); empty without one."""
-        if hurwitz(self.cancelled):
-            return ""
-        modes = show_poles([s for s in roots(self.cancelled) if s.real >= -TINY * abs(s)])
-        return (
-            f"a mode of the system that is not stable (s = {modes} 1/s) was "
-            "cancelled from T(s): the system itself is not stable"
-        )
+        return says_hidden(self.cancelled)
+
+
+def says_hidden(cancelled: Poly) -> str:
+    """A remark on the zeros of a factor that cancelled, where they are not stable; else empty."""
+    if hurwitz(cancelled):
+        return ""
+    modes = show_poles([s for s in roots(cancelled) if s.real >= -TINY * abs(s)])
+    return (
+        f"a mode of the system that is not stable (s = {modes} 1/s) was "
+        "cancelled from T(s): the system itself is not stable"
+    )
 
 
 def roots(p: Poly) -> tuple[complex, ...]:
@@ -103,7 +108,7 @@ def coefficients(T: Any, name: str = "T") -> tuple[Poly, Poly]:
     else:
         raise InputError(
             f"{name} is {shown(T)}, but a control.TransferFunction, a control.StateSpace "
-            "or a pair (num, den) is needed; control.linearize makes one of a nonlinear system."
+            "or a pair (num, den) is needed; lg.linearize makes one of a nonlinear system."
         )
     if not den:
         raise InputError(f"The denominator of {name}(s) is zero.")
@@ -145,17 +150,28 @@ def _descending(coefficients: Any, what: str, name: str) -> Poly:
 
 
 def _from_state_space(T: Any) -> tuple[Poly, Poly]:
-    """C adj(sI - A) B + D det(sI - A) over det(sI - A), by Faddeev and LeVerrier."""
+    """Numerator and denominator of one channel."""
+    tops, den = state_space_polynomials(T)
+    return tops[0][0], den
+
+
+def state_space_polynomials(T: Any) -> tuple[list[list[Poly]], Poly]:
+    """C adj(sI - A) B + D det(sI - A), by output and input, and det(sI - A), by Faddeev and
+    LeVerrier."""
     A, B, C, D = (_exact_matrix(M) for M in (T.A, T.B, T.C, T.D))
     eye = _exact_matrix(np.eye(T.nstates))
     M = eye
-    num, den = [Fraction(0)], [Fraction(1)]
+    nums, den = [_exact_matrix(np.zeros(D.shape))], [Fraction(1)]
     for k in range(1, T.nstates + 1):
-        num.append((C @ M @ B)[0, 0])
+        nums.append(C @ M @ B)
         AM = A @ M
         den.append(-sum(np.diagonal(AM), Fraction(0)) / k)
         M = AM + den[-1] * eye
-    return poly([n + D[0, 0] * d for n, d in zip(num, den, strict=True)][::-1]), poly(den[::-1])
+    tops = [
+        [poly([n[i, j] + D[i, j] * d for n, d in zip(nums, den, strict=True)][::-1]) for j in row]
+        for i, row in enumerate([range(T.ninputs)] * T.noutputs)
+    ]
+    return tops, poly(den[::-1])
 
 
 def _exact_matrix(M: Any) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The plots of the linear checks: Re T and Nyquist, |G| with its maximum, Bode with the band."""
+"""The plots of the linear checks: Re T and Nyquist, the largest |G|, the band, the open loop."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from .canvas import on_pyplot, style
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+NEAR_MINUS_1 = 5.0  # up to which |L| the Nyquist curve is drawn
 MARK, LINE = "#c0392b", "#2c5f8a"
 
 
@@ -92,6 +93,41 @@ def band(verdict: Any, ax: Any = None) -> Sequence[Axes]:
         own.set(xlabel="w [rad/s]", ylabel="phase [deg]")
 
     return _panels([magnitude, phase], ax)
+
+
+def loop(verdict: Any, ax: Any = None) -> Sequence[Axes]:
+    """Magnitude and phase of the open loop with the crossovers, and the Nyquist curve."""
+    w, L = curve(verdict._source, *verdict.crossovers)
+    at = np.array(verdict.crossovers)
+    turned = np.degrees(np.unwrap(np.angle(L)))
+    turned -= 360.0 * (turned[0] > 90.0)  # an open loop begins with the lag of its integrators
+
+    def magnitude(own: Axes) -> None:
+        own.loglog(w, np.abs(L), color=LINE)
+        own.axhline(1.0, color="0.4", lw=0.8)
+        if len(at):
+            own.plot(at, np.ones(len(at)), "o", color=MARK, label="crossover")
+            own.legend()
+        said = "stable" if verdict else "not stable"
+        if math.isfinite(verdict.delay_margin):
+            said += f", delay margin {verdict.delay_margin:.4g} s"
+        own.set(xlabel="w [rad/s]", ylabel="|L(jw)|", title=f"Closed loop {said}")
+
+    def phase(own: Axes) -> None:
+        own.semilogx(w, turned, color=LINE)
+        own.axhline(-180.0, color="0.4", lw=0.8)
+        own.plot(at, np.interp(at, w, turned), "o", color=MARK)
+        own.set(xlabel="w [rad/s]", ylabel="phase [deg]")
+
+    def nyquist(own: Axes) -> None:
+        near = np.abs(L) < NEAR_MINUS_1
+        shown = np.where(near, L, np.nan)
+        own.plot(np.real(shown), np.imag(shown), color=LINE)
+        own.plot([-1.0], [0.0], "+", color=MARK, ms=10, label="-1")
+        own.set(xlabel="Re L(jw)", ylabel="Im L(jw)", title="Nyquist, w > 0")
+        own.legend()
+
+    return _panels([magnitude, phase, nyquist], ax)
 
 
 def _panels(panels: list[Any], ax: Any) -> Sequence[Axes]:

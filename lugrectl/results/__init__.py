@@ -16,6 +16,7 @@ from ..linear.designs import DesignChecks
 from ..linear.l2 import L2Verdict
 from ..linear.repair import Repair
 from ..linear.spr import SprVerdict
+from ..linear.stability import StabilityVerdict
 from ..observer_comparison import ObserverComparison, Recommendation
 from ..observer_comparison.comparison import Compared
 from ..observer_comparison.recommendation import Candidate as RankedObserver
@@ -28,5 +29,5 @@ __all__ = [
     "Finding", "Fleet", "FrictionMap", "Identification", "Joint", "L2Verdict", "LawComparison",
     "ObserverComparison", "ObserverDesign", "Outcome", "Parameter", "ParameterTable",
     "RankedObserver", "Recommendation", "Repair", "Reproduction", "Residuals", "Run", "SprVerdict",
-    "Sweep", "Table", "Traces",
+    "StabilityVerdict", "Sweep", "Table", "Traces",
 ]  # fmt: skip

@@ -116,3 +116,28 @@ def test_the_verdict_is_drawn_into_a_file(capsys, tmp_path, what, T):
     assert code in (0, 1) and json.loads(out)["check"] == what
     assert file.read_bytes()[:4] == b"\x89PNG" and f"picture: {file}" in err
     assert [*tmp_path.iterdir()] == [file]
+
+
+def test_stability_says_how_much_more_dead_time_the_loop_stands(capsys):
+    code, out, _ = run(capsys, "stability --json")
+    margin = json.loads(out)["delay_margin"]
+    assert code == 0 and margin == pytest.approx(2.16e-3, rel=1e-2)
+    for late, stable in ((0.99 * margin, True), (1.01 * margin, False)):
+        code, out, _ = run(capsys, f"stability --dead-time {late}")
+        assert (code == 0) == stable and out.startswith("stable" if stable else "unstable")
+    code, out, _ = run(capsys, "stability --num 100 --den 1,0 --dead-time 0.01")
+    assert code == 0 and "exp(-0.01 s)" in out and "delay_margin: 0.00570796 s" in out
+
+
+def test_a_dead_time_is_in_the_loop_that_is_checked(capsys):
+    def hertz(options):
+        return json.loads(run(capsys, f"bandwidth --json {options}")[1])["hertz"]
+
+    assert hertz("--dead-time 0.001") > 2 * hertz("--dead-time 0") == 2 * hertz("")
+    assert run(capsys, "bandwidth --dead-time 0.0025")[0] == 1
+    assert run(capsys, "spr --velocity --kp 1.6 --dead-time 0.001")[0] == 0
+    code, out, _ = run(capsys, "spr --position --kp 15 --kd 1.2 --dead-time 0.001")
+    assert code == 1 and "Re T(jw) < 0 first for 1102.06" in " ".join(out.split())
+    assert "--dead-time" in run(capsys, "l2 --dead-time 0.01")[2]
+    code, _, err = run(capsys, "bandwidth --dead-time -1")
+    assert code == 2 and "dead_time is -1 s" in err

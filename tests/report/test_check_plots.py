@@ -128,3 +128,24 @@ def test_a_sharp_resonance_is_a_round_curve():
     re, im = nyquist.lines[0].get_data()
     steps = np.abs(np.diff(re + 1j * im))
     assert steps.max() < 0.06 * np.max(re)  # a circle of diameter max(re)
+
+
+def test_the_open_loop_shows_its_crossovers_and_the_exact_phase():
+    found = lg.stability_check(lg.delayed(ct.tf([100.0], [1.0, 0.0]), 0.01))
+    size, phase, nyquist = found.plot()
+    assert f"stable, delay margin {found.delay_margin:.4g} s" in size.get_title("left")
+    w, turned = phase.lines[0].get_data()
+    assert turned == pytest.approx(-90.0 - np.degrees(0.01 * w), abs=1e-6)
+    assert phase.lines[-1].get_xdata() == pytest.approx([100.0])
+    assert "-1" in words(nyquist)
+
+
+@pytest.mark.parametrize("check", CHECKS.values(), ids=CHECKS)
+def test_the_plots_show_the_exact_response_of_a_dead_time(check):
+    T = lg.delayed(ct.tf([100.0], [1.0, 0.0]), 0.01).feedback()
+    axes = check(T).plot()
+    w, values = axes[0].lines[0].get_data()
+    exact = T(1j * w)
+    assert np.abs(exact) == pytest.approx(values, rel=1e-9) or values == pytest.approx(
+        exact.real if check is lg.spr_check else 20 * np.log10(np.abs(exact)), rel=1e-9
+    )

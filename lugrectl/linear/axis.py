@@ -1,0 +1,273 @@
+"""Quasi-polynomials on the imaginary axis: where the sign changes, and zeros right of the axis.
+
+In a cell about w0 of half-width h, |q(jw) - q(jw0)| <= |q'(jw0)| h + M h^2/2, where M bounds |q''|
+up to the cell's end. A cell in which this is below |q(jw0)| holds no zero; one in which M h is
+below |q'(jw0)| holds at most one change of sign; every other is halved. So nothing is missed
+between points of a grid.
+"""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq
+
+from ..core.errors import InputError
+from .exact import axis_roots, even_odd, hurwitz, mul, odd_roots, positive_roots, squarefree
+from .quasi import Quasi
+from .transfer import TINY
+
+ROUNDING = 1e-14  # of the sum of its terms: what floating point does not resolve of a value
+PER_OCTAVE = 4
+CELLS = 2_000_000
+SMALL = 2.0**-48
+WINDOWS = 16  # octaves that are searched for the first changes of a sign that never settles
+
+
+class Signs(NamedTuple):
+    """The sign just above w = 0, where it changes (rad/s), and where q touches 0.
+
+    ``complete``: whether there are no more changes at higher frequencies.
+    """
+
+    first: int
+    changes: tuple[float, ...]
+    touches: tuple[float, ...] = ()
+    complete: bool = True
+
+
+def signs(F: Quasi) -> Signs:
+    """The signs of F(jw), w > 0, of an even F, which is real there.
+
+    Where the sign never settles as w grows, the changes of the first octaves that have any.
+    Raises InputError where neither can be decided.
+    """
+    if not F:
+        return Signs(0, ())
+    if F.rational:
+        return _exact_signs(F)
+    end = settled(F)
+    if end is not None:
+        return _signs(F, end)
+    unit, found = 1.0 / max(abs(float(late)) for late, _ in F.terms), None
+    for _ in range(WINDOWS):
+        unit *= 2.0
+        found = _signs(F, unit)
+        if len(found.changes) > 1:
+            return found._replace(complete=False)
+    if found and found.changes:
+        return found._replace(complete=False)
+    raise InputError(
+        "as w grows, the sign of a condition on T(jw) stays undecided: its dead times act on the "
+        "highest power of s; add the lag that the drive has."
+    )
+
+
+def settled(F: Quasi) -> float | None:
+    """A frequency in rad/s above which the sign of an even F stays; None where it may never."""
+    if [late for late, _ in F.terms[1:]] != [0, -F.terms[0][0]]:
+        return reach(F)
+    # F0 + 2 Re(F1 exp(-jwT)) has the sign of F0 where F0^2 > 4 |F1|^2
+    own, late = Quasi.of([(0, F.polynomial)]), Quasi.of(F.terms[2:])
+    x = even_odd((own * own + (late * late.mirror()).scaled(-4)).polynomial)[0]
+    if not x or x[-1] <= 0:
+        return None
+    return max(math.sqrt(_outermost([abs(Fraction(c)) for c in x])), TINY)
+
+
+def reach(q: Quasi) -> float | None:
+    """A frequency in rad/s above which, and |s| above which right of the axis, the highest power of
+    s without dead time outweighs the rest; None where it never does."""
+    last, most = q.leading, q.degree
+    own = abs(last.pop(0, Fraction(0))) - sum(map(abs, last.values()))
+    if own <= 0:
+        return None
+    sizes = [
+        sum((abs(Fraction(p[i])) for _, p in q.terms if i < len(p)), Fraction(0))
+        for i in range(most)
+    ]
+    return _outermost([*sizes, own]) or 1.0
+
+
+def _outermost(sizes: list[Fraction]) -> float:
+    """Fujiwara's bound on the roots of a polynomial with coefficients of these sizes."""
+    most = len(sizes) - 1
+    logs = [(_log(c) - _log(sizes[-1])) / (most - i) for i, c in enumerate(sizes[:-1]) if c]
+    return 2.0 * math.exp(max(logs)) if logs else 0.0
+
+
+class Zeros(NamedTuple):
+    """Zeros right of the imaginary axis, at s = 0, and the frequency of one elsewhere on the axis.
+
+    ``right`` is inf where dead times act on the highest power of s too strongly, and a lower bound
+    where a zero lies elsewhere on the axis.
+    """
+
+    right: float
+    origin: int = 0
+    on_axis: float | None = None
+
+
+def zeros(q: Quasi) -> Zeros:
+    """How many zeros are not left of the imaginary axis.
+
+    The argument of q(jw) is followed to ``reach``, beyond which it is that of the leading terms.
+    """
+    if q.rational:
+        return _exact_zeros(q)
+    end = reach(q)
+    if end is None:
+        return Zeros(_without_end(q), q.order())
+    unit = _power_of_2(end)
+    p = _sized(q.stretched(unit))
+    low, m = _start(p)
+    lowest = float(p.taylor(m)) * (1j * low) ** m
+    turned = float(np.angle(p.at(np.array([1j * low])) / lowest)[0])
+    if low < 1.0:
+        a, b, undecided = _cells(p, *_octaves(low, 1.0), monotone=False)
+        if undecided.any():
+            return Zeros(0, m, 0.5 * float((a + b)[undecided][0]) * float(unit))
+        turned += float(np.angle(p.at(1j * b) / p.at(1j * a)).sum())
+    at_end = p.at(np.array([1j * max(low, 1.0)]))[0]
+    top = float(np.angle(at_end / (float(p.leading[0]) * 1j**p.degree)))
+    return Zeros(round((p.degree - m) / 2 + (top - turned) / math.pi), m)
+
+
+def _without_end(q: Quasi) -> float:
+    """inf where infinitely many zeros lie right of the axis; InputError where that is open."""
+    last = q.leading
+    own = abs(last.pop(0, Fraction(0)))
+    late = sorted(map(abs, last.values()))
+    # Of one dead time and equal sizes, a chain of zeros comes as near to the axis as any.
+    if not own or len(late) == 1 or late[-1] > own + sum(late[:-1]):
+        return math.inf
+    raise InputError(
+        "stability is undecided: several dead times act on the highest power of s; add the lag "
+        "that the drive has."
+    )
+
+
+def _exact_signs(F: Quasi) -> Signs:
+    x = even_odd(F.polynomial)[0]
+    lowest = next(c for c in x if c)
+    touching = (1,)
+    for factor in squarefree(x)[1::2]:
+        touching = mul(touching, factor)
+    changes, touches = (
+        tuple(math.sqrt(root) for root in positive_roots(p)) for p in (odd_roots(x), touching)
+    )
+    return Signs(1 if lowest > 0 else -1, changes, touches)
+
+
+def _exact_zeros(q: Quasi) -> Zeros:
+    p = q.polynomial
+    if hurwitz(p):
+        return Zeros(0)
+    on_axis = [w for w in axis_roots(p)[0] if w]
+    roots = np.roots([float(Fraction(c) / p[-1]) for c in reversed(p)])
+    right = int(np.count_nonzero(roots.real > TINY * np.abs(roots)))
+    return Zeros(right, q.order(), on_axis[0] if on_axis else None)
+
+
+def _signs(F: Quasi, end: float) -> Signs:
+    unit = _power_of_2(end)
+    f = _sized(F.stretched(unit))
+    low, m = _start(f)
+    first = 1 if f.taylor(m) * (-1) ** (m // 2) > 0 else -1
+    if low >= 1.0:
+        return Signs(first, ())
+    a, b, undecided = _cells(f, *_octaves(low, 1.0), monotone=True)
+    ends = np.real(f.at(1j * np.append(a, b[-1])))
+    ends[0] = first
+    changed = (ends[1:] < 0) != (ends[:-1] < 0)
+    changes = [
+        _between(f, a[k], b[k], ends[k], ends[k + 1]) * float(unit) for k in np.flatnonzero(changed)
+    ]
+    touches = 0.5 * (a + b)[undecided & ~changed] * float(unit)
+    return Signs(first, tuple(changes), _apart(touches))
+
+
+def _between(f: Quasi, a: float, b: float, at_a: float, at_b: float) -> float:
+    value = lambda w: float(f.at(np.array([1j * w]))[0].real)  # noqa: E731
+    if value(a) * value(b) >= 0:
+        return float(a if abs(at_a) < abs(at_b) else b)
+    found: Any = brentq(value, a, b, xtol=1e-300, rtol=np.float64(1e-14))
+    return float(found)
+
+
+def _apart(w: np.ndarray) -> tuple[float, ...]:
+    """The first of each group of frequencies that are one within rounding."""
+    return tuple(float(x) for k, x in enumerate(w) if not k or x > w[k - 1] * (1 + 1e-5))
+
+
+def _start(f: Quasi) -> tuple[float, int]:
+    """Up to which w the lowest power of the series outweighs the rest, and the power."""
+    m = f.order()
+    lowest = abs(float(f.taylor(m))) * math.factorial(m + 1)
+    rest = f
+    for _ in range(m + 1):
+        rest = rest.derivative()
+    w = 1.0
+    while float(rest.bound(np.array(w))) * w >= lowest and w > 1e-300:
+        w *= 0.5
+    return w, m
+
+
+def _cells(
+    q: Quasi, a: np.ndarray, b: np.ndarray, monotone: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cells in which nothing is hidden, ascending, and which of them rounding leaves undecided."""
+    slope, bend = q.derivative(), q.derivative().derivative()
+    done: list[tuple[np.ndarray, ...]] = []
+    many = 0
+    while len(a):
+        many += len(a)
+        if many > CELLS:
+            raise InputError(
+                "the response turns too often to be followed: dead time times bandwidth is above "
+                "about 1e5; check the unit of the dead time, s."
+            )
+        middle, h = 0.5 * (a + b), 0.5 * (b - a)
+        value, rate = q.at(1j * middle), 1j * slope.at(1j * middle)
+        if monotone:
+            value, rate = np.real(value), np.real(rate)
+        curved, noise = bend.bound(b) * h, ROUNDING * q.bound(b)
+        clear = np.abs(value) > np.abs(rate) * h + 0.5 * curved * h + noise
+        if monotone:
+            clear |= np.abs(rate) > curved + ROUNDING * slope.bound(b)
+        lost = ~clear & ((np.abs(value) + np.abs(rate) * h < noise) | (h < SMALL * b))
+        over = clear | lost
+        done.append((a[over], b[over], lost[over]))
+        a, b, middle = a[~over], b[~over], middle[~over]
+        a, b = np.concatenate([a, middle]), np.concatenate([middle, b])
+    low, high, lost = (np.concatenate(part) for part in zip(*done, strict=True))
+    order = np.argsort(low)
+    return low[order], high[order], lost[order]
+
+
+def _octaves(low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
+    many = math.ceil(PER_OCTAVE * math.log2(high / low))
+    ends = np.geomspace(low, high, many + 1)
+    ends[[0, -1]] = low, high
+    return ends[:-1], ends[1:]
+
+
+def _sized(q: Quasi) -> Quasi:
+    """q over a power of 2, so that its largest coefficient is near 1."""
+    largest = max(abs(Fraction(c)) for _, p in q.terms for c in p)
+    return q.scaled(1 / Fraction(2) ** _exponent(largest))
+
+
+def _power_of_2(w: float) -> Fraction:
+    return Fraction(2) ** math.ceil(math.log2(w))
+
+
+def _exponent(c: Fraction) -> int:
+    return c.numerator.bit_length() - c.denominator.bit_length()
+
+
+def _log(c: Fraction) -> float:
+    return math.log(c.numerator) - math.log(c.denominator)

@@ -1,0 +1,173 @@
+"""Bandwidth, gain and realness with a dead time: closed forms, grids, and Pade where it holds."""
+
+import math
+
+import control as ct
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import brentq
+
+import lugrectl as lg
+from lugrectl.core.errors import InputError
+
+P = lg.table1()
+GAINS = st.floats(0.2, 5.0)
+
+
+def integrator(K, T):
+    return lg.delayed(ct.tf([K], [1.0, 0.0]), T).feedback()
+
+
+def pade(K, T, order=12):
+    """The closed loop of K/s with the Pade form of the dead time."""
+    top, bottom = ct.pade(T, order)
+    return ct.feedback(ct.tf([K], [1.0, 0.0]) * ct.tf(top, bottom))
+
+
+# --- bandwidth ---------------------------------------------------------------------------
+
+
+@given(st.floats(0.05, 1.4))
+@settings(max_examples=25, deadline=None)
+def test_the_bandwidth_of_a_closed_integrator_is_the_root_of_its_equation(turn):
+    """|T|^2 = 1/(1 - 2 x sin(x K T) + x^2), x = w/K."""
+    K = 80.0
+    fall = lambda x: 1 - 2 * x * math.sin(x * turn) + x * x - 10**0.3  # noqa: E731
+    grid = np.linspace(0.0, 4.0, 4001)
+    k = next(k for k in range(4000) if fall(grid[k + 1]) > 0)
+    x = brentq(fall, grid[k], grid[k + 1], xtol=1e-13)
+    assert lg.bandwidth(integrator(K, turn / K)) == pytest.approx(K * x, rel=1e-9)
+
+
+def test_a_dead_time_in_front_changes_no_bandwidth():
+    T = lg.velocity_loop_tf(P, kp=1.6, ki=0.16)
+    plain, late = lg.bandwidth_check(T), lg.bandwidth_check(lg.delayed(T, 0.01))
+    assert late.bandwidth == pytest.approx(plain.bandwidth, rel=1e-13) and late.stable
+    assert late.crossings == pytest.approx(plain.crossings, rel=1e-13)
+
+
+def test_a_delayed_all_pass_never_falls():
+    late = lg.bandwidth_check(lg.delayed(ct.tf([-1.0, 2.0], [1.0, 2.0]), 0.3))
+    assert late.stable and late.bandwidth == math.inf and not late
+
+
+def test_the_bandwidth_of_an_unstable_loop_comes_with_a_warning():
+    with pytest.warns(UserWarning, match="2 poles right"):
+        assert lg.bandwidth(integrator(100.0, 0.016)) > 100
+    assert math.isnan(lg.bandwidth(lg.delayed(ct.tf([1.0], [1.0, 0.0]), 0.1)))
+
+
+# --- gain --------------------------------------------------------------------------------
+
+
+@given(st.floats(0.01, 1.5))
+@settings(max_examples=25, deadline=None)
+def test_the_gain_is_that_of_a_fine_grid_and_never_below(turn):
+    T = integrator(50.0, turn / 50.0)
+    found = lg.l2_check(T)
+    w = np.linspace(1e-3, 300.0, 200_001)
+    seen = np.abs(T(1j * w)).max()
+    assert seen <= found.gain * (1 + 1e-6)
+    assert found.gain == pytest.approx(max(seen, 1.0), rel=1e-4)
+
+
+@pytest.mark.parametrize("turn", [0.3, 1.3])
+def test_the_checks_agree_with_a_pade_form_of_order_12_where_it_holds(turn):
+    exact, near = integrator(50.0, turn / 50.0), pade(50.0, turn / 50.0)
+    assert lg.l2_check(exact).gain == pytest.approx(lg.l2_check(near).gain, rel=1e-6)
+    assert lg.bandwidth(exact) == pytest.approx(lg.bandwidth(near), rel=1e-6)
+    assert lg.bandwidth_check(exact).stable == bool((near.poles().real < 0).all())
+
+
+def test_a_narrow_peak_between_points_of_any_grid_is_found():
+    """A resonance of damping 1e-5 in a loop with a dead time."""
+    mode = ct.tf([1.0], [1.0, 2e-5 * 3.7, 3.7**2])
+    T = lg.delayed(mode * ct.tf([1e-6], [1.0, 1.0]), 0.2).feedback()
+    w = 3.7 * (1 + np.linspace(-1e-3, 1e-3, 400_001))
+    assert lg.l2_check(T).gain == pytest.approx(np.abs(T(1j * w)).max(), rel=1e-6)
+
+
+def test_a_gain_approached_as_w_grows_is_that_of_the_limit():
+    """(s + 0.5 exp(-s))/(s + 1): |T|^2 < 1 near 0 and up to (1 + 0.5/w)^2 beyond."""
+    falling = lg.l2_check(lg.delayed(ct.tf([2.0, 1.0], [1.0, 1.0]), 0.7))
+    assert falling.frequency == math.inf and falling.gain == pytest.approx(2.0, rel=1e-12)
+    echo = 1 + lg.delayed(ct.tf([0.5], [1.0]), 0.3)
+    assert lg.l2_check(echo).gain == pytest.approx(1.5, rel=1e-9)
+
+
+def test_an_unstable_or_improper_loop_has_no_gain():
+    assert lg.l2_check(integrator(100.0, 0.016)).gain == math.inf
+    assert "improper" in lg.l2_check(lg.delayed(ct.tf([1.0, 0.0], [1.0]), 0.1)).reason
+    with pytest.raises(InputError, match="several dead times"):
+        lg.l2_check(1 + lg.delayed(1.0, 0.3) + lg.delayed(0.5, 0.4))
+
+
+# --- realness ----------------------------------------------------------------------------
+
+
+@given(GAINS, st.floats(1e-3, 1.0))
+@settings(max_examples=25, deadline=None)
+def test_a_dead_time_in_front_of_a_lag_ends_realness_where_the_phase_passes_90_deg(a, T):
+    """Re of exp(-jwT)/(jw/a + 1): wT + arctan(w/a) = pi/2."""
+    found = lg.spr_check(lg.delayed(ct.tf([1.0], [1 / a, 1.0]), T))
+    edge = brentq(lambda w: w * T + math.atan(w / a) - math.pi / 2, 0.0, math.pi / T)
+    assert found.classification == "not PR"
+    assert found.band_edge == pytest.approx(edge, rel=1e-9)
+    assert f"Re T(jw) < 0 first for {edge:.6g}"[:35] in found.reason
+
+
+@pytest.mark.parametrize("G", [ct.tf([2.0], [1.0]), ct.tf([1.0, 3.0], [1.0, 1.0])])
+def test_no_rational_function_is_positive_real_behind_a_dead_time(G):
+    found = lg.spr_check(lg.delayed(G, 0.1))
+    assert lg.spr_check(G) and found.classification == "not PR" and found.band_edge > 0
+
+
+@pytest.mark.parametrize("T", [1e-4, 1e-3, 2.1e-3, 2.2e-3])
+def test_a_velocity_loop_may_stay_spr_with_a_dead_time(T):
+    """(sigma1 s + sigma0)/(J s + kp exp(-sT)), stable for kp T/J < pi/2, T < 2.16 ms."""
+    found = lg.spr_check(lg.velocity_T(P, kp=1.6, dead_time=T))
+    w = np.linspace(0.1, 2e5, 400_001)
+    s = 1j * w
+    real = ((P.sigma1 * s + P.sigma0) / (P.J * s + 1.6 * np.exp(-s * T))).real
+    assert bool(found) == (T < 2.16e-3 and bool((real > 0).all()))
+    assert found.reason.startswith("SPR") or "poles right" in found.reason
+
+
+def test_the_margin_is_where_the_shifted_function_ceases_to_be_positive_real():
+    found = lg.spr_check(lg.velocity_T(P, kp=1.6, dead_time=2e-3))
+    w = np.linspace(0.1, 3e4, 300_001)
+
+    def least(eps):
+        s = 1j * w - eps
+        return ((P.sigma1 * s + P.sigma0) / (P.J * s + 1.6 * np.exp(-s * 2e-3))).real.min()
+
+    assert found and least(0.99 * found.margin) > 0 > least(1.01 * found.margin)
+
+
+def test_a_position_loop_is_never_positive_real_with_a_dead_time():
+    for T in (1e-6, 1e-4, 1e-2):
+        assert lg.spr_check(lg.position_T(P, kp=15.0, kd=1.2, dead_time=T)).margin == 0
+
+
+def test_the_weaker_classes_are_seen():
+    lag = ct.tf([1.0], [1.0, 1.0])
+    integral = lg.velocity_T(P, kp=1.6, ki=0.16, dead_time=1e-4)
+    assert lg.spr_check(integral).classification == "PR"  # a zero at s = 0
+    pole = 1 + lg.delayed(0.5, 0.1) + ct.tf([1.0], [1.0, 0.0])
+    assert lg.spr_check(pole).classification == "PR"
+    assert not lg.spr_check(pole - ct.tf([2.0], [1.0, 0.0]))
+    # Re 1/(s^2 + s + 1) alone would be negative from w = 1 on; the echo keeps it above 0
+    assert lg.spr_check(2 * lag + lg.delayed(lag, 0.1) * lag).classification == "SPR"
+    grows = ct.tf([1.0, 0.0], [1.0]) + 2 + lg.delayed(1.0, 0.3)
+    assert lg.spr_check(grows).classification == "SPR"
+    assert not lg.spr_check(grows - ct.tf([2.0, 0.0], [1.0]))
+    assert not lg.spr_check(grows - ct.tf([1.0, 0.0, 0.0], [1.0]))
+
+
+@given(GAINS, st.floats(0.05, 0.9), st.floats(0.01, 2.0))
+@settings(max_examples=25, deadline=None)
+def test_an_echo_below_1_stays_spr(a, echo, T):
+    """Re (a + a echo exp(-jwT)) >= a (1 - echo)."""
+    assert lg.spr_check(a * (1 + lg.delayed(echo, T)))

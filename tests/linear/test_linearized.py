@@ -1,0 +1,96 @@
+"""A loop of blocks is linearized around its dead times, which stay exact."""
+
+import control as ct
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.core.errors import InputError
+
+W = np.array([0.3, 20.0, 400.0, 3000.0])
+S = 1j * W
+VISCOUS = lg.Model.of(J=0.0022, friction="viscous", Fv=0.018)
+
+
+def late_model(delay):
+    return lg.Model.of(VISCOUS, effects=[{"name": "input_delay", "delay": delay}])
+
+
+def cascade(late):
+    """theta/r of a cascade with kv = 20, PI 1.6 and 16, and a drive that acts as ``late``."""
+    w = (1.6 + 16.0 / S) * late / (0.0022 * S + 0.018)
+    return 20.0 * w / S / (1 + w + 20.0 * w / S)
+
+
+@pytest.mark.parametrize(
+    ("model", "options", "dead"),
+    [
+        (VISCOUS, {"delay": 1e-3}, (1e-3,)),
+        (late_model(1e-3), {}, (1e-3,)),
+        (late_model(5e-4), {"delay": 1e-3}, (1.5e-3,)),
+    ],
+)
+def test_the_response_of_a_cascade_holds_the_exact_dead_time(model, options, dead):
+    loop = lg.cascade_loop(model, kv=20.0, kp=1.6, ki=16.0, **options)
+    T = lg.linearize(loop, input="r", output="theta")
+    assert T.dead_times == pytest.approx(dead)
+    assert T(S) == pytest.approx(cascade(np.exp(-S * dead[0])), rel=1e-6)
+
+
+def test_two_dead_times_with_a_lag_between_them_are_both_exact():
+    loop = lg.cascade_loop(late_model(5e-4), kv=20.0, kp=1.6, ki=16.0, delay=1e-3, lag=3e-4)
+    T = lg.linearize(loop, input="r", output="theta")
+    assert T(S) == pytest.approx(cascade(np.exp(-S * 1.5e-3) / (3e-4 * S + 1)), rel=1e-6)
+    assert lg.bandwidth_check(T).stable
+
+
+def test_dead_times_side_by_side_are_exact():
+    """y = e(t - 0.1) + e(t - 0.19), e = u - y/(s + 4)."""
+    blocks = [
+        lg.dead_time(0.1, name="one", inputs=["e"], outputs=["a"]),
+        lg.dead_time(0.19, name="two", inputs=["e"], outputs=["b"]),
+        ct.summing_junction(["a", "b"], "y", name="sum"),
+        ct.ss([[-4.0]], [[1.0]], [[1.0]], [[0.0]], inputs="y", outputs="back", name="lag"),
+        ct.summing_junction(["u", "-back"], "e", name="error"),
+    ]
+    loop = ct.interconnect(blocks, inputs=["u"], outputs=["y"], params={}, check_unused=False)
+    T = lg.linearize(loop)
+    paths = np.exp(-0.1 * S) + np.exp(-0.19 * S)
+    assert T(S) == pytest.approx(paths / (1 + paths / (S + 4)), rel=1e-6)
+
+
+def test_without_a_dead_time_it_is_a_state_space_model():
+    loop = lg.cascade_loop(late_model(0.0), kv=20.0, kp=1.6, ki=16.0)
+    T = lg.linearize(loop, input="r", output="theta")
+    assert isinstance(T, ct.StateSpace) and T.nstates == loop.nstates - 2
+    assert T(S) == pytest.approx(cascade(1.0), rel=1e-6)
+    whole = lg.linearize(loop)
+    assert (whole.input_labels, whole.output_labels) == (loop.input_labels, loop.output_labels)
+
+
+def test_the_operating_point_and_the_parameters_count():
+    """A Stribeck drive at 0.02 rad/s has a falling friction curve, with its own slope."""
+    p = lg.Model.of(J=0.0022, friction="stribeck", Fc=0.2, Fs=0.4, vs=0.01, Fv=0.02, effects=[
+        {"name": "input_delay", "delay": 1e-3},
+    ])  # fmt: skip
+    drive = lg.plant(p)
+    speed = 0.02
+    states = np.zeros(drive.nstates)
+    states[drive.state_index["w"]] = speed
+    curve = lambda w: 0.2 + 0.2 * np.exp(-((w / 0.01) ** 2)) + 0.02 * w  # noqa: E731
+    slope = (curve(speed + 1e-6) - curve(speed - 1e-6)) / 2e-6
+    for late, given in ((1e-3, None), (4e-3, {"plant.input_delay.delay": 4e-3})):
+        T = lg.linearize(drive, states, [0.0, 0.0], input="u", output="w", params=given)
+        assert T(S) == pytest.approx(np.exp(-S * late) / (0.0022 * S + slope), rel=1e-4)
+
+
+def test_wrong_arguments_are_named():
+    loop = lg.cascade_loop(VISCOUS, delay=1e-3)
+    with pytest.raises(InputError, match="give output=, one of theta, w"):
+        lg.linearize(loop, input="r")
+    with pytest.raises(InputError, match="input is 'x', but there is r"):
+        lg.linearize(loop, input="x", output="w")
+    with pytest.raises(InputError, match="x0 needs"):
+        lg.linearize(loop, [1.0, 2.0], input="r", output="w")
+    with pytest.raises(InputError, match="continuous"):
+        lg.linearize(lg.dead_time(2e-3, dt=1e-3))
