@@ -193,7 +193,7 @@ def test_the_correction_by_the_log_leaves_an_exact_prediction_alone(law):
 
 def lanes_of(law, backend=None):
     system = assemble(model_of(law), levels=("torque", "J"), sensed=True).system()
-    return Lanes(system, backend=backend, outputs=["theta_m", "w_m"], sharp=["plant.eps"])
+    return Lanes(system, backend=backend, outputs=["theta_m", "w_m"])
 
 
 def inputs_of(lanes, u):

@@ -101,7 +101,8 @@ def test_the_engine_traces_a_table_as_python_control_evaluates_it():
     slow = ct.input_output_response(loop, t, u, solve_ivp_method="LSODA", solve_ivp_kwargs=options)
     assert np.ptp(slow.outputs[0]) > 1.0
     for a, b in zip(fast.outputs, slow.outputs, strict=True):
-        assert np.max(np.abs(a - b)) < 2e-3 * np.ptp(b)
+        differ = np.abs(a - b)[1:]  # at first it rests, held by friction, which tanh(0) is not
+        assert np.max(differ) < 2e-3 * np.ptp(b)
 
 
 # --- the table of a residual -------------------------------------------------------------

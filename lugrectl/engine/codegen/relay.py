@@ -8,11 +8,11 @@ at zero (Filippov, Differential Equations with Discontinuous Righthand Sides, 19
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from ..expression.graph import Node, reachable, rename, substitute, symbols_in
-from ..tracing.equations import Program, with_signs
+from ..tracing.equations import Program
 from .python_source import Emitter
 from .switching import average_jumps
 
@@ -205,12 +205,3 @@ def _relay(program: Program, rates: Sequence[Node], place: int, places: Sequence
 
 def _sign(x: Node) -> Node:
     return x.graph.make("sign", x)
-
-
-def sharpened(program: Program, widths: Collection[str]) -> Program:
-    """The program with sign(x) for tanh(x/p) of a state x and a parameter p in ``widths``."""
-    pairs = zip(program.parameters, program.p, strict=True)
-    narrow = {node.index for label, node in pairs if label in widths}
-    states = {node.index for node in program.x}
-    every, n = with_signs([*program.xdot, *program.y], narrow, states), len(program.x)
-    return replace(program, xdot=tuple(every[:n]), y=tuple(every[n:]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cached_property
@@ -12,7 +12,6 @@ import numpy as np
 
 from ...core.errors import InputError
 from ..codegen.fixed_step import lane_code
-from ..codegen.relay import sharpened
 from ..codegen.simd import is_wide, wide_code
 from ..expression.operations import WIDTH
 from ..tracing.equations import Program
@@ -31,14 +30,13 @@ class Lanes:
     Parameters
     ----------
     system : control.NonlinearIOSystem
-        Block or interconnection in continuous time, traced once, as it is now.
+        Block or interconnection in continuous time, traced once, as it is now. tanh(x/p) of a
+        state x is sign(x) where the default of p only smooths it.
     backend : str or None
         "c", "numba", "numpy", or None: the first one available. "c" computes several lanes at
         once if compiler, processor and library support it.
     outputs : sequence of str or None
         The requested outputs, in order; None for all.
-    sharp : collection of str
-        Parameters that only smooth a sign: tanh(x/p) of a state x is treated as sign(x).
 
     Attributes
     ----------
@@ -58,10 +56,10 @@ class Lanes:
         *,
         backend: str | None = None,
         outputs: Sequence[str] | None = None,
-        sharp: Collection[str] = (),
     ) -> None:
         self.backend = backend or compiler() or "numpy"
-        self.program = sharpened(_chosen(trace(system), outputs), sharp)
+        program = _chosen(trace(system), outputs)
+        self.program = program.sharpened(of=program.x)
         self.states, self.inputs = self.program.states, self.program.inputs
         self.outputs, self.parameters = self.program.outputs, self.program.parameters
         self.defaults = self.program.defaults.copy()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -46,16 +46,38 @@ class Program:
         names = (self.name, self.states, self.inputs, self.outputs, self.parameters, self.keys)
         return *names, outline([(self.t,), self.x, self.u, self.p, self.xdot, self.y, *more])
 
-    def sharpened(self, params: Mapping[str, Any] | None) -> Program:
-        """The program with sign(x) for tanh(x/p) where p only smooths the sign for solvers."""
-        roots, n = self.signs([*self.xdot, *self.y], self.arguments(params)), len(self.x)
+    def sharpened(
+        self, params: Mapping[str, Any] | None = None, *, of: Sequence[Node] | None = None
+    ) -> Program:
+        """The program with sign(x) for tanh(x/p) where p only smooths the sign for solvers.
+
+        ``of`` are the nodes x of which this is done, None: all.
+        """
+        roots, n = self.signs([*self.xdot, *self.y], params, of), len(self.x)
         return replace(self, xdot=tuple(roots[:n]), y=tuple(roots[n:]))
 
-    def signs(self, roots: Sequence[Node], p: np.ndarray) -> list[Node]:
-        """The roots with sign(x) for tanh(x/p), at the parameter vector p."""
-        rows = zip(self.p, self.widths, p, strict=True)
+    def signs(
+        self,
+        roots: Sequence[Node],
+        params: Mapping[str, Any] | None,
+        of: Sequence[Node] | None = None,
+    ) -> list[Node]:
+        """As :meth:`sharpened`, of any roots."""
+        rows = zip(self.p, self.widths, self.arguments(params), strict=True)
         narrow = {node.index for node, width, value in rows if value <= width}
-        return with_signs(roots, narrow) if narrow else list(roots)
+        if not narrow:
+            return list(roots)
+        where = None if of is None else {node.index for node in of}
+
+        def rule(node: Node, args: tuple[Node, ...]) -> Node | None:
+            if node.op != "tanh" or node.args[0].op != "divide":
+                return None
+            x, width = node.args[0].args
+            if width.index not in narrow or not (where is None or x.index in where):
+                return None
+            return self.graph.make("sign", args[0].args[0])
+
+        return substitute(roots, rule)
 
     def values(self, t: Any, x: Any, u: Any, p: Any | None = None) -> tuple[np.ndarray, np.ndarray]:
         """(xdot, y) by interpretation; x (n, ...), u (m, ...), p (q, ...) may be batches."""
@@ -72,19 +94,3 @@ class Program:
         params = params or {}
         pairs = zip(self.keys, self.defaults, strict=True)
         return np.array([float(params.get(k, v)) for k, v in pairs])
-
-
-def with_signs(
-    roots: Sequence[Node], widths: Container[int], of: Container[int] | None = None
-) -> list[Node]:
-    """The roots with sign(x) for tanh(x/p), p a node in ``widths``, x one in ``of`` (None: any)."""
-
-    def rule(node: Node, args: tuple[Node, ...]) -> Node | None:
-        if node.op != "tanh" or node.args[0].op != "divide":
-            return None
-        x, width = node.args[0].args
-        if width.index not in widths or not (of is None or x.index in of):
-            return None
-        return args[0].args[0].graph.make("sign", args[0].args[0])
-
-    return substitute(roots, rule)

@@ -54,7 +54,7 @@ class Hybrid:
 
     def sharpened(self, params: Mapping[str, Any] | None) -> Hybrid:
         """The flow and the signals as :meth:`.equations.Program.sharpened`."""
-        roots = self.flow.signs([*self.flow.xdot, *self.y], self.flow.arguments(params))
+        roots = self.flow.signs([*self.flow.xdot, *self.y], params)
         n = len(self.flow.x)
         return replace(self, flow=replace(self.flow, xdot=tuple(roots[:n])), y=tuple(roots[n:]))
 

@@ -51,9 +51,7 @@ class Predictor:
         block = assemble(self.core, levels=("torque", *self.levels), sensed=True)
         values: dict[str, Any] = self.core.known()
         system: Any = block.system(**values)
-        widths = {k: p.value for k, p in block.parameters.items() if p.smooths}
-        smoothing = [f"plant.{k}" for k, width in widths.items() if values[k] <= width]
-        self.lanes = Lanes(system, outputs=["theta_m", "w_m"], sharp=smoothing)
+        self.lanes = Lanes(system, outputs=["theta_m", "w_m"])
         self.keys = [name.split(".", 1)[1] for name in self.lanes.parameters]
         self.substeps = max(1, int(np.ceil(data.dt / STEP - 1e-9)))
         self._runs: Memory = {}
