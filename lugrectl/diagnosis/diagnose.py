@@ -26,7 +26,7 @@ from ..identification.unknown_torque.table import tabulate
 from ..parallel.blas_threads import one_blas_thread
 from ..record import Record, refuse_dead
 from .compare_laws import under_law
-from .never_worse import failure, refuse_without_inertia
+from .never_worse import failure, refuse_without_inertia, unneeded
 from .one_direction import next_way, not_alone, one_way
 from .parameter_changes import against_held, at_bounds, far_off
 from .plain_answer import plainly, values_for
@@ -204,6 +204,11 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
     report(0.4, "fitting the model with what is missing")
     fitted_ones = () if found.only_inertia else found.effects
     won = with_effects(job, replace(found, effects=fitted_ones), report)
+    if found.without is not None:
+        fewer = with_effects(job, found.without, report).fit if fitted_ones else won.fit
+        said = unneeded(won.job, fewer, won.fit, found, asked)
+        if said is not None:
+            return _fitted(noted(job, said), found.without, asked, seed, report)
     report(0.8, "errors on held-out samples")
     failed = _failure(won.job, won.fit, asked) if won.compared is not None else None
     if failed:  # its simulation went astray: the values it began with

@@ -18,9 +18,9 @@ from lugrectl.identification.dataset.derived_speed import (
 )
 from tests.blind.plan import Task
 from tests.blind.work import case_of
-from tests.rig import exported, make, sample
+from tests.rig import make, sample
 
-from ..cases.common import model_of, record_of, verdict
+from ..cases.common import model_of, record_of
 
 SMOOTHED = "w smoothed"
 
@@ -97,15 +97,6 @@ def test_differences_alone_are_summed(record, central):
     assert np.allclose(np.diff(alone.y[:, 0]), record.dt * w[1:], atol=1e-9)
     sensed = replace(record, theta=None)
     assert on_theta_alone([sensed], prepare([sensed])) is None
-
-
-@pytest.mark.xfail(strict=True, reason="a delay is named besides")
-@pytest.mark.slow
-def test_a_difference_without_noise_shows_by_coming_half_a_sample_late():
-    """Of a fine encoder at 200 Hz: it looked like the lag of a sensor."""
-    case = exported(sample("quadratic_drag", 135600, hard=True), "a difference alone")
-    result, names = verdict(case)
-    assert (result.verdict, names) == ("found", ["quadratic_drag"])
 
 
 def test_a_filtered_speed_alone_has_no_white_noise(record):
