@@ -92,14 +92,13 @@ def unneeded(job: Job, fewer: Fitted, won: Fitted, found: Comparison, asked: Ask
     ``least`` of the friction torque, and the fit with it leaves no less.
     """
     friction = found.friction
-    if friction is None or found.events or found.only_inertia:
+    fitted = found.verdict in ("found", "ambiguous") and not found.only_inertia
+    if friction is None or found.events or not fitted:  # an unknown torque has no fit to compare
         return None
     before, after = (_left_held_out(job, fitted, asked.plain) for fitted in (fewer, won))
     if before is None or after is None or before > found.least * friction or after < before:
         return None
-    unknown = f"a torque over {', '.join(found.depends_on)}"
-    name = unknown if found.verdict == "unexplained" else found.effects[-1].name
-    return UNNEEDED.format(100.0 * before / friction, name)
+    return UNNEEDED.format(100.0 * before / friction, found.effects[-1].name)
 
 
 def _left_held_out(job: Job, fitted: Fitted, plain: Balance) -> float | None:

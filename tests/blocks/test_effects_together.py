@@ -6,7 +6,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from lugrectl.blocks.plant import COMMAND, assemble, stage
+from lugrectl.blocks.plant import assemble, stage
 from lugrectl.identification.dataset.dataset import prepare
 from lugrectl.identification.likelihood.effect_inputs import feed
 from lugrectl.identification.likelihood.predictor import Predictor
@@ -45,7 +45,7 @@ def acceleration(model, data, keys):
 
 def on_command(model):
     """The keys of effects on the command alone, which are always fed in."""
-    return {part.key for part in model.effects if stage(part.block) == COMMAND}
+    return {part.key for part in model.effects if stage(part.block) == "command"}
 
 
 @pytest.mark.parametrize("pair", PAIRS, ids=lambda p: "-".join(m.name for m in p))
