@@ -168,12 +168,13 @@ import pickle, sys
 import numpy as np
 kept = pickle.load(open(sys.argv[1], "rb"))
 import lugrectl as lg
+from lugrectl.blocks.block import REGISTRY
 t = np.arange(0, 0.2, 1e-3)
 ends = [lg.simulate(s, t, 0.2).states[..., -1].tolist() for s in kept["systems"]]
 drive = kept["drive"]
 ends.append(lg.simulate_sampled(kept["systems"][0], drive, t, 0.2).states[..., -1].tolist())
 ends.append(lg.simulate(lg.plant(kept["model"]), t, 0.2).states[..., -1].tolist())
-print(repr((ends, kept["block"] is lg.spec.REGISTRY["observer", "proposed_observer"])))
+print(repr((ends, kept["block"] is REGISTRY["observer", "proposed_observer"])))
 """
 
 
