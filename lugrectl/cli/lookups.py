@@ -75,7 +75,7 @@ def _parameters(a: Namespace) -> tuple[Any, str]:
     if a.model is None:
         return table1(), "Table 1"
     model = read_model(a.model)
-    needed = ("J",) if a.property == "bandwidth" else ("J", "sigma0", "sigma1")
+    needed = ("J", "sigma0", "sigma1") if a.property in ("l2", "spr") else ("J",)
     values = model.values()
     if set(needed) - set(values):
         raise InputError(

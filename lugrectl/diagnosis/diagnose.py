@@ -26,7 +26,7 @@ from ..identification.unknown_torque.table import tabulate
 from ..parallel.blas_threads import one_blas_thread
 from ..record import Record, refuse_dead
 from .compare_laws import under_law
-from .never_worse import failure, refuse_without_inertia, unneeded
+from .never_worse import failure, refuse_without_inertia
 from .one_direction import next_way, not_alone, one_way
 from .parameter_changes import against_held, at_bounds, far_off
 from .plain_answer import plainly, values_for
@@ -50,6 +50,7 @@ from .study import (
     score,
     unidentified,
 )
+from .unneeded_effect import unneeded
 from .winning_model import with_effects
 
 WORSE = (
@@ -206,7 +207,7 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
     won = with_effects(job, replace(found, effects=fitted_ones), report)
     if found.without is not None:
         fewer = with_effects(job, found.without, report).fit if fitted_ones else won.fit
-        said = unneeded(won.job, fewer, won.fit, found, asked)
+        said = unneeded(won.job, fewer, won.fit, found, asked.plain)
         if said is not None:
             return _fitted(noted(job, said), found.without, asked, seed, report)
     report(0.8, "errors on held-out samples")

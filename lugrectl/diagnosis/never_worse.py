@@ -14,17 +14,10 @@ from ..identification.balance import Balance
 from ..identification.balance.track import weights
 from ..identification.dataset.dataset import Data
 from ..identification.likelihood.maximise import Fitted
-from ..identification.selection import Comparison
-from .plot_data import residual_torque
 from .question import Asked
-from .study import Job
 
 MORE = 1.05  # times what the plain balance leaves; a finer fit that leaves more has failed ...
 POINTS = 0.003  # ... if it is also this share of the RMS torque more
-UNNEEDED = (
-    "The comparison of torques favours {1}, but the model fitted without it predicts the held-out "
-    "samples at least as well: it leaves {0:.2g} % of the friction torque."
-)
 FAILED = (
     "The fit by simulation failed: in the same windows it leaves {:.1f} % of the RMS torque, the "
     "plain torque balance {:.1f} %."
@@ -78,41 +71,13 @@ def share_left(data: Data, residual: np.ndarray, plain: Balance) -> float | None
     """
     if plain.residual is None or not plain.half_width or not plain.left:
         return None
-    pairs = [*_means(data, residual, plain)]
+    pairs = [*window_means(data, residual, plain)]
     squares = sum(float(mine @ mine) for mine, _ in pairs)
     balanced = sum(float(theirs @ theirs) for _, theirs in pairs)
     return plain.left * float(np.sqrt(squares / balanced)) if balanced else None
 
 
-def unneeded(job: Job, fewer: Fitted, won: Fitted, found: Comparison, asked: Asked) -> str | None:
-    """What to say where a fit without the last thing that is missing predicts as well.
-
-    The comparison approximates friction that depends on its past; a fit of predictions does not.
-    So an effect is not missing where, on held-out samples, the fit without it leaves less than
-    ``least`` of the friction torque, and the fit with it leaves no less.
-    """
-    friction = found.friction
-    fitted = found.verdict in ("found", "ambiguous") and not found.only_inertia
-    if friction is None or found.events or not fitted:  # an unknown torque has no fit to compare
-        return None
-    before, after = (_left_held_out(job, fitted, asked.plain) for fitted in (fewer, won))
-    if before is None or after is None or before > found.least * friction or after < before:
-        return None
-    return UNNEEDED.format(100.0 * before / friction, found.effects[-1].name)
-
-
-def _left_held_out(job: Job, fitted: Fitted, plain: Balance) -> float | None:
-    """RMS torque (N m) that a fit leaves of held-out samples, in the windows of the balance."""
-    at, residual = job.parts.test.counted, residual_torque(job, fitted)
-    held_out = np.full(len(residual), np.nan)
-    held_out[at] = residual[at]
-    if plain.residual is None or not plain.half_width:
-        return None
-    mine = [mean for mean, _ in _means(job.data, held_out, plain)]
-    return float(np.sqrt(np.mean(np.concatenate(mine) ** 2))) if mine else None
-
-
-def _means(
+def window_means(
     data: Data, residual: np.ndarray, plain: Balance
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """For each stretch: the residual and that of the balance in the windows, N m."""

@@ -118,6 +118,16 @@ def test_the_verdict_is_drawn_into_a_file(capsys, tmp_path, what, T):
     assert [*tmp_path.iterdir()] == [file]
 
 
+def test_stability_needs_the_inertia_alone(capsys, tmp_path):
+    file = tmp_path / "coulomb.toml"
+    file.write_text('plant.J = 0.0022\n[friction]\nmodel = "coulomb"\n')
+    table, _, _ = run(capsys, "stability")
+    code, out, err = run(capsys, f"stability --model {file} --kp 1.6 --ki 0.16")
+    assert code == table == 0 and "stable loop" in out and not err
+    code, _, err = run(capsys, f"spr --model {file} --kp 1")
+    assert code == 2 and "spr is about LuGre friction" in err
+
+
 def test_stability_says_how_much_more_dead_time_the_loop_stands(capsys):
     code, out, _ = run(capsys, "stability --json")
     margin = json.loads(out)["delay_margin"]

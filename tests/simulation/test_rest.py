@@ -44,7 +44,7 @@ def test_it_is_held_in_a_list_of_blocks_behind_a_dead_time_and_in_a_sweep():
     J, friction, load = LAWS["stiction"]
     ends = {"u": load + 0.0 * HOUR}
     delayed = drive(J, friction, {"name": "input_delay", "delay": 0.01})
-    sampled = lg.sampled(ct.tf([1.0], [0.1, 1.0], inputs="u0", outputs="u"), 0.5)
+    sampled = lg.sampled(ct.tf([1.0], [0.1, 1.0], inputs="u0", outputs="u"), 5.0)
     alone = drive(J, friction)
     moved = [
         lg.simulate([alone], HOUR, ends),
@@ -97,3 +97,23 @@ def test_both_solvers_agree_where_a_drive_sticks_and_slides(law):
     theirs = ct.input_output_response(plant, t, [u, 0.0 * t], solve_ivp_kwargs=options).states
     theta, w = np.abs(np.asarray(ours - theirs)).max(axis=1)
     assert theta < 2e-5 and w < 5e-4  # eps = 1e-6 rad/s there, none here
+
+
+@pytest.mark.parametrize("a", [-2.0, -1e-9, 0.5])
+def test_a_tanh_of_ones_own_is_no_sign(a):
+    """Only a declared width smooths a sign, whatever the value of another parameter."""
+    own = ct.nlsys(
+        lambda t, x, u, p: -np.tanh(x / p["a"]) / (1.0 + np.abs(1.0 / p["a"])),
+        None,
+        inputs="u",
+        outputs="y",
+        states="y",
+        params={"a": a},
+        name="own",
+    )
+    t = np.linspace(0.0, 1.0, 51)
+    ours = lg.simulate(own, t, 0.0, 1e-3).outputs
+    theirs = ct.input_output_response(
+        own, t, 0.0 * t, [1e-3], solve_ivp_kwargs={"rtol": 1e-9, "atol": 1e-12}
+    ).outputs
+    assert np.asarray(ours).ravel() == pytest.approx(np.asarray(theirs).ravel(), abs=1e-6)

@@ -64,7 +64,7 @@ class Program:
     ) -> list[Node]:
         """As :meth:`sharpened`, of any roots."""
         rows = zip(self.p, self.widths, self.arguments(params), strict=True)
-        narrow = {node.index for node, width, value in rows if value <= width}
+        narrow = {node.index for node, width, value in rows if 0.0 < value <= width}
         if not narrow:
             return list(roots)
         where = None if of is None else {node.index for node in of}
