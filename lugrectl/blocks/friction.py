@@ -19,7 +19,7 @@ FS = P(0.335, "N m", 0.0)
 FV = P(0.018, "N m s/rad", 0.0)
 VS = P(0.01, "rad/s", 1e-12)
 EPS = P(1e-6, "rad/s", 1e-12, fitted=False, smooths=True)
-SMOOTH = P(1e-4, "rad/s", 1e-12, fitted=False)
+SMOOTH = P(1e-4, "rad/s", 1e-12, fitted=False)  # of observers and laws that need a slope at rest
 DELTA = P(2.0, "1", 0.3, 20.0, usual=True)
 VD = P(np.inf, "rad/s", 1e-12, neutral=np.inf, usual=True)
 PAPER = "Odabas and Morgul, A Novel Observer Design for LuGre Friction Estimation and Control"

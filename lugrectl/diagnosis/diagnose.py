@@ -50,7 +50,6 @@ from .study import (
     score,
     unidentified,
 )
-from .unneeded_effect import unneeded
 from .winning_model import with_effects
 
 WORSE = (
@@ -205,11 +204,6 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
     report(0.4, "fitting the model with what is missing")
     fitted_ones = () if found.only_inertia else found.effects
     won = with_effects(job, replace(found, effects=fitted_ones), report)
-    if found.without is not None:
-        fewer = with_effects(job, found.without, report).fit if fitted_ones else won.fit
-        said = unneeded(won.job, fewer, won.fit, found, asked.plain)
-        if said is not None:
-            return _fitted(noted(job, said), found.without, asked, seed, report)
     report(0.8, "errors on held-out samples")
     failed = _failure(won.job, won.fit, asked) if won.compared is not None else None
     if failed:  # its simulation went astray: the values it began with

@@ -71,13 +71,13 @@ def share_left(data: Data, residual: np.ndarray, plain: Balance) -> float | None
     """
     if plain.residual is None or not plain.half_width or not plain.left:
         return None
-    pairs = [*window_means(data, residual, plain)]
-    squares = sum(float(mine @ mine) for mine, _ in pairs)
-    balanced = sum(float(theirs @ theirs) for _, theirs in pairs)
+    squares = balanced = 0.0
+    for mine, theirs in _means(data, residual, plain):
+        squares, balanced = squares + float(mine @ mine), balanced + float(theirs @ theirs)
     return plain.left * float(np.sqrt(squares / balanced)) if balanced else None
 
 
-def window_means(
+def _means(
     data: Data, residual: np.ndarray, plain: Balance
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """For each stretch: the residual and that of the balance in the windows, N m."""

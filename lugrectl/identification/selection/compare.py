@@ -91,7 +91,6 @@ def _result(found: Decision, model: Model, least: float) -> Comparison:
     assert table is not None
     inside = [c for c in found.effects if c is not found.gravity and not found.only_inertia]
     seen = found.verdict == "adequate" and base.record.sure
-    fewer = found.fewer()
     return Comparison(
         verdict=found.verdict,
         effects=tuple(_named(c, model) for c in found.effects),
@@ -107,7 +106,6 @@ def _result(found: Decision, model: Model, least: float) -> Comparison:
         only_inertia=found.only_inertia,
         events=found.events,
         stretches=base.record.independent,
-        without=None if fewer is None else _result(fewer, model, least),
     )
 
 

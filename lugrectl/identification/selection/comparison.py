@@ -78,8 +78,7 @@ class Comparison:
     friction beside the effects, ``alone`` those of the declared model without them: start values.
     ``only_inertia``: of the effects the record shows no more than the inertia of a load. ``events``
     are the times (s) of torques that nothing in the table predicts. ``stretches`` counts the
-    independent parts of the motion that were compared; None if that is not known. ``without`` is
-    the same without the effect named last; None where nothing is missing.
+    independent parts of the motion that were compared; None if that is not known.
     """
 
     verdict: str
@@ -97,9 +96,3 @@ class Comparison:
     events: tuple[float, ...] = ()
     seconds: float = 0.0
     stretches: int | None = None
-    without: Comparison | None = None
-
-    @property
-    def friction(self) -> float | None:
-        """RMS friction torque in N m, of which the shares are."""
-        return next((s.rms / s.share for s in self.budget if s.share > 0.0), None)

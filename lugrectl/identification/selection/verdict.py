@@ -82,25 +82,6 @@ class Decision:
     events: tuple[float, ...] = ()
     messages: tuple[str, ...] = field(default=())
 
-    def fewer(self) -> Decision | None:
-        """The same without the effect named last, or without an unknown torque; None: nothing."""
-        if self.verdict not in ("found", "ambiguous", "unexplained"):
-            return None
-        alone = self.unknown is None
-        rest, tied = (self.effects[:-1], ()) if alone else (self.effects, self.alternatives)
-        if not rest:
-            return Decision("adequate", table=self.table)
-        beside = None if rest[-1] is self.gravity else self.beside
-        return replace(
-            self,
-            verdict="ambiguous" if tied else "found",
-            effects=rest,
-            alternatives=tied,
-            depends_on=frozenset(),
-            beside=beside,
-            unknown=None,
-        )
-
     @property
     def last(self) -> Base:
         """The base with all effects in it that are named."""
