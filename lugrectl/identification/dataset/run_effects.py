@@ -76,7 +76,7 @@ def statements(data: Data, values: Mapping[str, float], places: bool) -> tuple[s
         offset, friction = (values[f"run{run + 1}.{name}"] for name in ("offset", "friction"))
         place = []
         if places and data.zeros:
-            moved = data.zeros[run] + values[f"run{run + 1}.phase"] / data.order
+            moved = data.zeros.get(run, 0.0) + values[f"run{run + 1}.phase"] / data.order
             place = [f"theta shifted by {moved:.4g} {of_theta} to match"] if moved else []
         differs = f"torque offset {offset:.3g} {unit}, friction {100.0 * friction:+.1f} %"
         same = place and offset == friction == 0.0

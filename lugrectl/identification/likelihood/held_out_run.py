@@ -22,16 +22,16 @@ PER_PERIOD, FINEST = 12, 600  # phases tried per period, and at most in all
 def adapted(fitted: Fitted, test: Windows, declared: Model) -> Fitted:
     """The same with the nuisance parameters of held-out runs, from their lead-ins alone.
 
-    No sample that is judged is used. Offset and friction are fitted only if the fitted runs differ
-    in them, too; the zero of theta only if no declared effect depends on theta.
+    No sample that is judged is used. The zero of theta is fitted only if no declared effect depends
+    on theta.
     """
     data, runs = fitted.predictor.data, _held_out(fitted, test)
-    free = repeating(fitted.predictor.model) and not knows_places(declared)
-    if not runs or not (data.differing or free):
+    if not runs:
         return fitted
+    free = repeating(fitted.predictor.model) and not knows_places(declared)
     found = _apart(fitted, _with_places(fitted, runs) if free else data, runs)
     kinds = found.predictor.declarations()
-    own = [k for k in _own(found, runs) if k in kinds and (data.differing or kinds[k].angle)]
+    own = [k for k in _own(found, runs) if k in kinds]
     lead = Windows(test.start, test.burn // SETTLED, test.burn - test.burn // SETTLED)
     for key in own:
         if kinds[key].angle:

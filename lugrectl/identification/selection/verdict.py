@@ -58,6 +58,10 @@ TOO_HEAVY = (
     "{2:.3g} {1}, less than 1/{3:g} of it. u is not the torque that causes this motion, or J or u "
     "is in another unit."
 )
+SMALL = (
+    "What is left is not noise alone: a torque of {:.2g} % of friction depends on {}, and a "
+    "simulation adds it up. An unknown torque counts as missing from {:.2g} % on."
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,9 +165,10 @@ def _late(found: Decision, least: float) -> list[Contender]:
 def _of(record: Record, table: Table, bars: Bars) -> Decision:
     good = [c for c in bars.proven(table, table.named) if _matters(c, table, _floor(c, bars.least))]
     good = [c for c in good if _seen(c)] if record.sure else []
-    free = [c for c in bars.proven(table, table.unknown) if c.share > UNKNOWN * bars.least]
+    known = bars.proven(table, table.unknown)
+    free = [c for c in known if c.share > UNKNOWN * bars.least]
     if not good:
-        return _nameless(table, free, bars.least)
+        return _nameless(table, known, bars.least)
     good = each_in_its_own_law(good)
     close = [good[0], *(c for c in good[1:] if as_good(c, good[0]))][: 1 + MOST_ALTERNATIVES]
     beside = tabulate(close[0].joined())
@@ -183,10 +188,17 @@ def _floor(c: Contender, least: float) -> float:
     return KNOWN_TIME * least if known else least
 
 
-def _nameless(table: Table, free: list[Contender], least: float) -> Decision:
+def _nameless(table: Table, known: list[Contender], least: float) -> Decision:
+    """The decision where no effect is named, from the unknown torques that are certain."""
+    free = [c for c in known if c.share > UNKNOWN * least]
     if free:
         return Decision("unexplained", depends_on=free[0].depends_on, table=table, unknown=free[0])
-    return _with_incidents(table, events(table.base), least)
+    found = _with_incidents(table, events(table.base), least)
+    if not known or found.verdict != "adequate":
+        return found
+    on = " and ".join(sorted(known[0].depends_on))
+    said = SMALL.format(100.0 * known[0].share, on, 100.0 * UNKNOWN * least)
+    return replace(found, messages=(*found.messages, said))
 
 
 def _with_incidents(table: Table, odd: Events, least: float) -> Decision:
