@@ -41,9 +41,10 @@ PARTS = (
 
 def rows(base: Base) -> Iterator[Contender]:
     """A row for each part that the declared law does not have; its base is the one without it."""
+    whole = max([base, without(base, [])], key=lambda b: likelihood(b.made.r))
     for part in PARTS:
         if part.parameter not in base.record.has:
-            yield _row(base, part)
+            yield _row(base, whole, part)
 
 
 def without(base: Base, parts: Sequence[Part]) -> Base:
@@ -69,11 +70,9 @@ def _at(base: Base, at: tuple[float, float], gone: Sequence[int]) -> Base:
     return replace(base, law=law, columns=columns, friction=base.friction_rms)
 
 
-def _row(base: Base, part: Part) -> Contender:
-    """What the part brings to a base that has none of it."""
+def _row(base: Base, whole: Base, part: Part) -> Contender:
+    """What the part brings to a base that has none of it; ``whole`` has all of them."""
     less = without(base, [part])
-    whole = without(base, [])
-    whole = max([base, whole], key=lambda b: likelihood(b.made.r))
     values: dict[str, float] = {}
     if part.name == "sublinear_viscous":
         whole, values["exponent"] = _greased(less)
