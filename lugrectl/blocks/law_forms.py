@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from .aliases import block_named
 from .block import Block, P
 
 
@@ -47,11 +46,15 @@ def form_keys(made: Block) -> Mapping[str, P]:
     return form.keys if form else {}
 
 
-def with_usual(law: Any, entry: Mapping[str, Any], where: str) -> Mapping[str, Any]:
-    """The entry of a law with each usual value that it does not give: its default, held."""
-    own = block_named("friction", law, where=where, what="friction model").own
-    usual = {k: p for k, p in own.items() if p.usual and entry.get(k) is None}
-    return {**entry, **{k: {"value": p.value, "fixed": True} for k, p in usual.items()}}
+def usual_values(made: Block, entry: Mapping[str, Any]) -> dict[str, float]:
+    """The usual values of a block that an entry does not give: they are held."""
+    return {k: p.value for k, p in made.own.items() if p.usual and entry.get(k) is None}
+
+
+def with_usual(made: Block, entry: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The entry of a law or effect with each usual value that it does not give: held."""
+    usual = usual_values(made, entry)
+    return {**entry, **{k: {"value": value, "fixed": True} for k, value in usual.items()}}
 
 
 def formed(made: Block, entry: Mapping[str, Any], where: str) -> tuple[Block, Mapping[str, Any]]:

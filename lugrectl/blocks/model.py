@@ -25,7 +25,7 @@ from .declared_values import Stated, holding, refuse_crossed, stated
 from .declared_values import unknown as _known
 from .extending import files_of_blocks, load_named
 from .friction import J as J_DECLARATION
-from .law_forms import form_keys, formed, with_usual, written_form
+from .law_forms import form_keys, formed, usual_values, with_usual, written_form
 
 _MODEL = "a Model, Parameters, a dict or the path of a model file"
 _FILE = ("name", "motion", "blocks", "plant", "friction", "effects")
@@ -262,12 +262,16 @@ class Model(Shown):
         """The model with one more effect; a second of a name gets the key ``name_2``.
 
         Common names are understood (``cogging`` is ``torque_ripple``); InputError for others.
+        A usual value that is not among ``values`` is held.
         """
         made, given = block_named("effect", name), values or {}
         used = sum(part.block.name == made.name for part in self.effects)
         key = made.name if not used else f"{made.name}_{used + 1}"
+        usual = usual_values(made, given)
         values = {k: given.get(k, None if p.fitted else p.value) for k, p in made.own.items()}
-        return replace(self, effects=(*self.effects, Part(key, made, values)))
+        held = {f"{key}.{k}": Stated(fixed=True) for k in usual}
+        part = Part(key, made, values | usual)
+        return replace(self, effects=(*self.effects, part), stated={**self.stated, **held})
 
     def declarations(self) -> dict[str, Any]:
         """The parameter declarations (unit, bounds) under the names of ``values()``."""
@@ -349,7 +353,8 @@ def model_from_dict(data: Mapping[str, Any], where: str, folder: str | Path = ""
     plant, friction = _table(data, "plant", where), _table(data, "friction", where)
     _known(plant, ("J",), f"{where}: [plant]")
     law = friction.get("model", "lugre")
-    friction = with_usual(law, friction, f"{where}: [friction]")
+    made = block_named("friction", law, where=f"{where}: [friction]", what="friction model")
+    friction = with_usual(made, friction)
     part = _part(law, "friction", friction, f"{where}: [friction]", "friction model")
     model = Model(
         name=text(data.get("name", "drive"), f"{where}: name"),
@@ -393,6 +398,8 @@ def _with_entry(model: Model, entry: Any, where: str) -> Model:
         raise InputError(f"{where} must be a table with a name, not {shown(entry)}.")
     if "name" not in entry:
         raise InputError(f'{where} needs a name, such as name = "gravity".')
+    made = block_named("effect", entry["name"], where=where, what="effect")
+    entry = with_usual(made, entry)
     use = _part(entry["name"], "effect", entry, where, "effect")
     twin = next((part for part in model.effects if _alike(part, use)), None)
     if twin is not None:

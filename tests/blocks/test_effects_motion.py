@@ -162,6 +162,32 @@ def test_slow_motion_carries_the_load_along(name):
     assert not np.any(plant.dynamics(0.0, still, [0.0, 0.0])[1:])
 
 
+def test_a_load_slides_to_rest_in_the_gap_under_its_own_friction():
+    """It slows by Fl/Jl and stays: the drive, which coasts on, feels nothing."""
+    load, slowing = 0.7 * J, 4.0
+    values = {"load_inertia": load, "gap": 10.0, "stiffness": 80.0, "damping": 0.0}
+    plant = lg.plant(free().with_effect("backlash", values | {"load_friction": slowing * load}))
+    t = np.linspace(0.0, 0.5, 101)
+    start = states(plant, w=2.0, backlash_w_load=1.0)
+    found = lg.simulate(plant, t, {"u": 0.0 * t}, x0=start)
+    x = dict(zip(plant.state_labels, found.states, strict=True))
+    np.testing.assert_allclose(x["backlash_w_load"], np.maximum(1.0 - slowing * t, 0.0), atol=1e-4)
+    np.testing.assert_allclose(x["w"], 2.0, atol=1e-9)
+
+
+def test_the_friction_of_a_load_is_none_unless_it_is_given():
+    values = {"load_inertia": J, "gap": 0.01, "stiffness": 80.0, "damping": 0.1}
+    without = free().with_effect("backlash", values)
+    assert without.values()["backlash.load_friction"] == 0.0
+    assert "backlash.load_friction" in without.held()
+    given = free().with_effect("backlash", values | {"load_friction": 0.1})
+    assert "backlash.load_friction" not in given.held()
+    entry = {"name": "backlash", "gap": 0.01}
+    declared = lg.Model.of(J=J, friction="coulomb", effects=[entry])
+    assert "backlash.load_friction" in declared.held()
+    assert declared.values()["backlash.stiffness"] is None
+
+
 def test_backlash_runs_free_through_half_the_gap_and_keeps_the_energy():
     load, gap, k, u = 0.7 * J, 0.04, 80.0, 0.05
     values = {"load_inertia": load, "gap": gap, "stiffness": k, "damping": 0.0}

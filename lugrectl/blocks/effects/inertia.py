@@ -9,7 +9,7 @@ import numpy as np
 
 from ..block import P
 from ..declaration import block
-from ..friction import J
+from ..friction import EPS, J
 from .levels import RATIO
 from .loads import PHASE
 
@@ -126,12 +126,18 @@ def backlash(
     gap=P(0.01, "rad", 0.0),
     stiffness: Any = STIFFNESS,
     damping: Any = DAMPING,
+    load_friction=P(0.0, "N m", 0.0, usual=True),
+    eps=EPS,
 ):
-    """r_e = K s + D (w - w_load), s = twist beyond +-gap/2, Jl dw_load/dt = r_e.
+    """r_e = K s + D (w - w_load), s = twist beyond +-gap/2, Jl dw_load/dt = r_e - Fl sign(w_load).
 
     dtwist/dt = w - w_load; no torque while |twist| < gap/2; gap is the total width. twist = 0
-    is the middle of the gap. In a log: after each reversal the drive moves with J alone over a
-    fixed angle, then hits the load. With a gap of 0 it is an elastic coupling; at one small
-    amplitude presliding may look the same.
+    is the middle of the gap. The load has dry friction Fl of its own: with it the load stays where
+    the drive left it, without it the load flies on through the gap. In a log: after each reversal
+    the drive moves with J alone over a fixed angle, then hits the load. With a gap of 0 it is an
+    elastic coupling; at one small amplitude presliding may look the same.
     """
-    return _load_side(w, twist, w_load, load_inertia, gap, stiffness, damping)
+    torque, turning, rate = _load_side(w, twist, w_load, load_inertia, gap, stiffness, damping)
+    there = load_inertia > 0.0
+    slowed = np.where(there, load_friction, 0.0) * np.tanh(w_load / eps)
+    return torque, turning, rate - slowed / np.where(there, load_inertia, 1.0)

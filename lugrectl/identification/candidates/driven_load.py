@@ -76,7 +76,8 @@ def torques(
     if made_by == "numpy":  # a loop in Python takes as long for all as for one
         steps[:] = steps.max()
     order = np.argsort(steps, kind="stable")
-    p = np.array([[float(sets[i][k]) for i in order] for k in block.parameters])
+    known = {k: own.value for k, own in block.parameters.items()}
+    p = np.array([[float((known | sets[i])[k]) for i in order] for k in known])
     run, out = (
         _compiled(block.function, tuple(block.parameters), made_by),
         np.empty((len(v), len(sets))),
@@ -89,10 +90,14 @@ def torques(
     return out if np.all(np.diff(order) > 0) else out[:, np.argsort(order)]
 
 
-def of_unit_load(frequency: float, damping: float, gap: float | None = None) -> dict[str, float]:
-    """The values of a load of 1 kg m2 with that frequency (Hz), damping ratio and gap (rad)."""
+def of_unit_load(
+    frequency: float, damping: float, gap: float | None = None, slowing: float = 0.0
+) -> dict[str, float]:
+    """The values of a load of 1 kg m2 with that frequency (Hz), damping ratio and gap (rad), which
+    its own friction slows by ``slowing`` (rad/s2)."""
     omega = 2 * np.pi * frequency
     values = {"load_inertia": 1.0, "stiffness": omega**2, "damping": 2 * damping * omega}
+    values |= {"load_friction": slowing} if slowing else {}
     return values if gap is None else values | {"gap": gap}
 
 

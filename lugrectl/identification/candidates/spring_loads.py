@@ -1,4 +1,8 @@
-"""Loads behind a spring or a gap: their frequency, damping and gap are searched."""
+"""Loads behind a spring or a gap: their frequency, damping and gap are searched.
+
+Behind a gap, the load's own friction decides where it is when the drive comes back: it is searched,
+too, as the deceleration that it causes.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +20,17 @@ SLOWEST, FASTEST = 4.0, 60.0  # Hz of a load on its spring
 FREQUENCIES, DAMPINGS = 22, (0.03, 0.1, 0.3)
 GAP_FREQUENCIES, GAP_DAMPING = (45.0, 80.0, 140.0), 0.3
 SOFT_FREQUENCIES, SOFT_DAMPING = (5.0, 7.5, 11.0, 17.0, 26.0), 0.2
+SLOWINGS = (
+    0.1,
+    0.14,
+    0.2,
+    0.28,
+    0.4,
+    0.56,
+    0.8,
+    1.1,
+)  # of the deceleration by all friction of the drive
+HARD = 50.0  # Hz of a load with friction in the first search: only its gap counts then
 GAPS = 90  # behind a hard spring a gap that is 5 % off loses most of what it explains
 SOFTEST_HARD = 35.0  # Hz: below, a spring behind a gap is a soft one
 SOFT = 3  # every so many gaps are enough behind a soft one
@@ -23,9 +38,10 @@ EDGE = 0.84  # of the slowest: below, it is an inertia that falls with frequency
 CRITICAL, FASTEST_AT_ALL = 0.95, 400.0  # damping ratio, Hz
 ZOOMS = (1.0, 1.0, 0.4, 0.16)  # rounds of the polish: their steps over the first ones
 STEPS = (0.1, 0.4)  # of frequency and damping, in logarithms
+SLOWING_STEP = 0.35  # of the deceleration by the load's friction
 AT_ONCE = 4_000_000  # samples of loads that are kept at a time
 
-Shape = tuple[float, ...]  # frequency, damping ratio, gap if there is one
+Shape = tuple[float, ...]  # frequency, damping ratio; with a gap: gap, deceleration
 
 
 def springs(base: Base, block: Block) -> Iterator[Entry]:
@@ -36,7 +52,7 @@ def springs(base: Base, block: Block) -> Iterator[Entry]:
     known = base.known.get(block.name)
     best = _best(base, block, grid) if known is None else known
     soft = "gap" in block.own and best is not None and best[0] < SOFTEST_HARD
-    steps = [*STEPS, SOFT * steps[-1]] if soft else steps
+    steps = [*STEPS, SOFT * steps[2], SLOWING_STEP] if soft else steps
     for zoom in ZOOMS[2 if known else 0 :]:
         if best is None:
             return
@@ -44,7 +60,7 @@ def springs(base: Base, block: Block) -> Iterator[Entry]:
     if best is None or best[0] < EDGE * SLOWEST or best[1] > CRITICAL:
         return
     made = Columns.free(_columns(base, block, [best]), 0.0)
-    names = ("frequency", "damping_ratio", "gap")
+    names = ("frequency", "damping_ratio", "gap", "slowing")
     values: dict[str, float] = dict(zip(names, best, strict=False))
     yield Entry(block.name, values, made, cost=float(np.log(len(grid))), inertial=True)
 
@@ -59,14 +75,16 @@ def _places(base: Base, block: Block) -> tuple[list[Shape], list[float]]:
     reach = min(float(np.ptp(m.theta)), 2 * np.pi)
     gaps = 2 * np.geomspace(max(m.count, 4e-4 * reach), 0.04 * reach, GAPS)
     near = 0.6 * float(np.log(gaps[1] / gaps[0]))
-    hard = product(GAP_FREQUENCIES, [GAP_DAMPING], gaps.tolist())
-    soft = product(SOFT_FREQUENCIES, [SOFT_DAMPING], gaps[::SOFT].tolist())
-    return [*hard, *soft], [*STEPS, near]
+    hard = product(GAP_FREQUENCIES, [GAP_DAMPING], gaps.tolist(), [0.0])
+    soft = product(SOFT_FREQUENCIES, [SOFT_DAMPING], gaps[::SOFT].tolist(), [0.0])
+    usual = float(np.median(base.level)) / base.J
+    slowed = product([HARD], [GAP_DAMPING], gaps.tolist(), [usual * s for s in SLOWINGS])
+    return [*hard, *soft, *slowed], [*STEPS, near, SLOWING_STEP]
 
 
 def _around(shape: Shape, steps: Sequence[float]) -> list[Shape]:
     """The shape and its neighbours, a step in the logarithm of each of its values."""
-    turns = product(*[(-s, 0.0, s) for s in steps])
+    turns = product(*[(-s, 0.0, s) if x else (0.0,) for s, x in zip(steps, shape, strict=True)])
     return [tuple(float(x * np.exp(d)) for x, d in zip(shape, t, strict=True)) for t in turns]
 
 

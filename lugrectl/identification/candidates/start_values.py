@@ -17,7 +17,7 @@ def values_of(c: Contender, model: Model) -> dict[str, float]:
     """All parameters of a named effect, within the bounds of their declaration."""
     block = REGISTRY["effect", c.name]
     found = _own(c, block)
-    whole = {k: p.value for k, p in block.own.items()} | found
+    whole = {k: p.value for k, p in block.own.items() if p.fitted and not p.usual} | found
     return {k: float(np.clip(v, block.own[k].low, block.own[k].high)) for k, v in whole.items()}
 
 
@@ -65,9 +65,9 @@ def _of_torque(c: Contender, block: Block) -> dict[str, float]:
 def _load(c: Contender, block: Block) -> dict[str, float]:
     inertia = float(c.coefficients[0])
     frequency, damping = c.values["frequency"], c.values["damping_ratio"]
-    unit = of_unit_load(frequency, damping, c.values.get("gap"))
-    scaled = ("load_inertia", "stiffness", "damping")
-    return {k: v * inertia if k in scaled else v for k, v in unit.items() if k in block.own}
+    own = c.values.get("gap"), c.values.get("slowing", 0.0)
+    unit = of_unit_load(frequency, damping, *own)
+    return {k: v if k == "gap" else v * inertia for k, v in unit.items() if k in block.own}
 
 
 def levels_of(base: Base) -> dict[str, float]:
