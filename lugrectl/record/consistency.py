@@ -17,13 +17,16 @@ _SLOW_BAND = 5.0  # Hz
 _SURE = 8.0  # standard errors
 _STEADY = 0.1  # least change of a speed, as a share of it, by which signals can be compared
 _DEAD = {
-    "u": "dead torque channel, or a drive that coasts",
+    "u": "dead torque channel, a drive that coasts, or one torque throughout, which does not tell "
+    "inertia from friction",
     "w": "nothing moves",
     "theta": "nothing moves",
 }
 
 
-def audit(record: Record, labels: Mapping[str, str | None] | None = None) -> Record:
+def audit(
+    record: Record, labels: Mapping[str, str | None] | None = None, *, alone: bool = True
+) -> Record:
     """Check a record: correct the faults that have one possible cause, report the others.
 
     ``w`` in another unit or of the opposite sign than d theta/dt is converted, and ignored if it
@@ -32,9 +35,10 @@ def audit(record: Record, labels: Mapping[str, str | None] | None = None) -> Rec
     the user stated (None: not stated); they decide which of two channels has the wrong unit.
 
     Raises Refused when ``u`` or the motion is constant or only noise. A constant torque at a
-    steady speed is a point of a friction curve.
+    steady speed is a point of a friction curve; beside other runs (not ``alone``) it may be one of
+    several torques, which :func:`refuse_dead` judges together.
     """
-    _alive(record)
+    _alive(record, alone)
     record = fitting_speed(record, labels)
     record = _torque_sign(record)
     return _saturation(record)
@@ -61,11 +65,13 @@ def refuse_dead(records: Sequence[Record]) -> None:
             )
 
 
-def _alive(record: Record) -> None:
+def _alive(record: Record, alone: bool) -> None:
     for role, meaning in _DEAD.items():
         values = getattr(record, role)
-        if values is not None and np.ptp(values) <= 1e-9 * np.abs(values).max(initial=0.0):
+        if values is not None and _is_constant(values):
             if role != "theta" and values[0] != 0 and _is_steady(record):
+                continue
+            if role == "u" and not alone:
                 continue
             raise Refused(
                 f"{record.source}: {role} is constant ({values[0]:.6g}): {meaning}.",
@@ -82,6 +88,10 @@ def _alive(record: Record) -> None:
             f"{record.source}: w is noise about zero: nothing moves.",
             "Record a motion well above the sensor's noise.",
         )
+
+
+def _is_constant(values: np.ndarray) -> bool:
+    return bool(np.ptp(values) <= 1e-9 * np.abs(values).max(initial=0.0))
 
 
 def _is_steady(record: Record) -> bool:
@@ -126,13 +136,13 @@ class TorqueFit:
 
 
 def torque_fit(record: Record, band: float = BAND) -> TorqueFit | None:
-    """Fit the balance to the longest stretch, up to ``band`` Hz; None without motion, or if the
-    stretch is too short.
+    """Fit the balance to the longest stretch, up to ``band`` Hz; None without motion, under a
+    constant torque, or if the stretch is too short.
 
     The terms include the angle, for a spring, and on a rotary drive its sin and cos, for a
     gravity load.
     """
-    if not long_enough(record, band):
+    if _is_constant(record.u) or not long_enough(record, band):
         return None
     part = longest(record)
     angle, speed = _motion(part)
