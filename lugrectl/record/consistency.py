@@ -16,12 +16,9 @@ from .recorded_speed import fitting_speed
 _SLOW_BAND = 5.0  # Hz
 _SURE = 8.0  # standard errors
 _STEADY = 0.1  # least change of a speed, as a share of it, by which signals can be compared
-_DEAD = {
-    "u": "dead torque channel, a drive that coasts, or one torque throughout, which does not tell "
-    "inertia from friction",
-    "w": "nothing moves",
-    "theta": "nothing moves",
-}
+_DEAD = ("u", "w", "theta")
+_COASTS = "dead torque channel, or a drive that coasts"
+_ONE = "dead torque channel, or one torque throughout, which does not tell inertia from friction"
 
 
 def audit(
@@ -54,19 +51,24 @@ def named(records: Sequence[Record]) -> str:
 
 def refuse_dead(records: Sequence[Record]) -> None:
     """Refuse channels that are constant over all records."""
-    for role, meaning in _DEAD.items():
+    for role in _DEAD:
         given = [r.channels()[role] for r in records if role in r.channels()]
         low, high = min(map(np.min, given), default=0.0), max(map(np.max, given), default=1.0)
         if high - low <= 1e-9 * max(abs(low), abs(high)):
             raise Refused(
-                f"{named(records)}: {role} is constant ({low:.6g}): {meaning}.",
+                f"{named(records)}: {role} is constant ({low:.6g}): {_meaning(role, low)}.",
                 "Record a motion that starts, stops and reverses at several speeds, with its "
                 "torque.",
             )
 
 
+def _meaning(role: str, value: float) -> str:
+    """What a channel that is constant at a value may be."""
+    return "nothing moves" if role != "u" else _COASTS if value == 0 else _ONE
+
+
 def _alive(record: Record, alone: bool) -> None:
-    for role, meaning in _DEAD.items():
+    for role in _DEAD:
         values = getattr(record, role)
         if values is not None and _is_constant(values):
             if role != "theta" and values[0] != 0 and _is_steady(record):
@@ -74,7 +76,8 @@ def _alive(record: Record, alone: bool) -> None:
             if role == "u" and not alone:
                 continue
             raise Refused(
-                f"{record.source}: {role} is constant ({values[0]:.6g}): {meaning}.",
+                f"{record.source}: {role} is constant ({values[0]:.6g}): "
+                f"{_meaning(role, values[0])}.",
                 "Record a motion that starts, stops and reverses, with its torque.",
             )
     if record.theta is not None and len(np.unique(record.theta)) < 4:
