@@ -52,7 +52,7 @@ class Asked:
     def records(self) -> Record | list[Record]:
         """The logs on uniform time: one record, or a list; Refused where one has no motion."""
         for log in self.logs[len(self.seen) :]:
-            self.seen.append(record_of(log))
+            self.seen.append(record_of(log, alone=len(self.logs) == 1))
         return self.seen if self.several else self.seen[0]
 
     def holdout(self) -> str | Record | None:

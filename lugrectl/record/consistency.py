@@ -16,14 +16,14 @@ from .recorded_speed import fitting_speed
 _SLOW_BAND = 5.0  # Hz
 _SURE = 8.0  # standard errors
 _STEADY = 0.1  # least change of a speed, as a share of it, by which signals can be compared
-_DEAD = {
-    "u": "dead torque channel, or a drive that coasts",
-    "w": "nothing moves",
-    "theta": "nothing moves",
-}
+_DEAD = ("u", "w", "theta")
+_COASTS = "dead torque channel, or a drive that coasts"
+_ONE = "dead torque channel, or one torque throughout, which does not tell inertia from friction"
 
 
-def audit(record: Record, labels: Mapping[str, str | None] | None = None) -> Record:
+def audit(
+    record: Record, labels: Mapping[str, str | None] | None = None, *, alone: bool = True
+) -> Record:
     """Check a record: correct the faults that have one possible cause, report the others.
 
     ``w`` in another unit or of the opposite sign than d theta/dt is converted, and ignored if it
@@ -32,9 +32,10 @@ def audit(record: Record, labels: Mapping[str, str | None] | None = None) -> Rec
     the user stated (None: not stated); they decide which of two channels has the wrong unit.
 
     Raises Refused when ``u`` or the motion is constant or only noise. A constant torque at a
-    steady speed is a point of a friction curve.
+    steady speed is a point of a friction curve; beside other runs (not ``alone``) it may be one of
+    several torques, which :func:`refuse_dead` judges together.
     """
-    _alive(record)
+    _alive(record, alone)
     record = fitting_speed(record, labels)
     record = _torque_sign(record)
     return _saturation(record)
@@ -50,25 +51,33 @@ def named(records: Sequence[Record]) -> str:
 
 def refuse_dead(records: Sequence[Record]) -> None:
     """Refuse channels that are constant over all records."""
-    for role, meaning in _DEAD.items():
+    for role in _DEAD:
         given = [r.channels()[role] for r in records if role in r.channels()]
         low, high = min(map(np.min, given), default=0.0), max(map(np.max, given), default=1.0)
         if high - low <= 1e-9 * max(abs(low), abs(high)):
             raise Refused(
-                f"{named(records)}: {role} is constant ({low:.6g}): {meaning}.",
+                f"{named(records)}: {role} is constant ({low:.6g}): {_meaning(role, low)}.",
                 "Record a motion that starts, stops and reverses at several speeds, with its "
                 "torque.",
             )
 
 
-def _alive(record: Record) -> None:
-    for role, meaning in _DEAD.items():
+def _meaning(role: str, value: float) -> str:
+    """What a channel that is constant at a value may be."""
+    return "nothing moves" if role != "u" else _COASTS if value == 0 else _ONE
+
+
+def _alive(record: Record, alone: bool) -> None:
+    for role in _DEAD:
         values = getattr(record, role)
-        if values is not None and np.ptp(values) <= 1e-9 * np.abs(values).max(initial=0.0):
+        if values is not None and _is_constant(values):
             if role != "theta" and values[0] != 0 and _is_steady(record):
                 continue
+            if role == "u" and not alone:
+                continue
             raise Refused(
-                f"{record.source}: {role} is constant ({values[0]:.6g}): {meaning}.",
+                f"{record.source}: {role} is constant ({values[0]:.6g}): "
+                f"{_meaning(role, values[0])}.",
                 "Record a motion that starts, stops and reverses, with its torque.",
             )
     if record.theta is not None and len(np.unique(record.theta)) < 4:
@@ -82,6 +91,10 @@ def _alive(record: Record) -> None:
             f"{record.source}: w is noise about zero: nothing moves.",
             "Record a motion well above the sensor's noise.",
         )
+
+
+def _is_constant(values: np.ndarray) -> bool:
+    return bool(np.ptp(values) <= 1e-9 * np.abs(values).max(initial=0.0))
 
 
 def _is_steady(record: Record) -> bool:
@@ -126,13 +139,13 @@ class TorqueFit:
 
 
 def torque_fit(record: Record, band: float = BAND) -> TorqueFit | None:
-    """Fit the balance to the longest stretch, up to ``band`` Hz; None without motion, or if the
-    stretch is too short.
+    """Fit the balance to the longest stretch, up to ``band`` Hz; None without motion, under a
+    constant torque, or if the stretch is too short.
 
     The terms include the angle, for a spring, and on a rotary drive its sin and cos, for a
     gravity load.
     """
-    if not long_enough(record, band):
+    if _is_constant(record.u) or not long_enough(record, band):
         return None
     part = longest(record)
     angle, speed = _motion(part)

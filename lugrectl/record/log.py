@@ -16,7 +16,7 @@ from ..core.validation import as_path, positive, shown
 from .columns.angle_units import check_angles
 from .columns.arrays import FORMS, is_table, table_of
 from .columns.options import check_used, factors, texts
-from .columns.roles import Choice, choose_columns
+from .columns.roles import Choice, choose_columns, idle_said
 from .columns.streams import merged
 from .columns.table import Table
 from .columns.units import Unit, role_unit, si_unit
@@ -114,6 +114,7 @@ def read_log(
         said += more
         said += _remarks(table, choice, values, found, scaled, drive)
         channels[choice.role] = _si(values, found[choice.role], scaled.get(choice.role))
+    said += [] if "u" in named else idle_said(table, choices, channels["u"])
     if drive == "rotary":
         unstated = {role for role, unit in found.items() if unit is None and role not in scaled}
         check_angles(table.source, channels, rate, unstated)

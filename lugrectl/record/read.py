@@ -82,11 +82,15 @@ def read_record(
     return record_of(log)
 
 
-def record_of(log: Log | Record) -> Record:
-    """A log on uniform time, without its bad samples; Refused where there is no motion in it."""
+def record_of(log: Log | Record, *, alone: bool = True) -> Record:
+    """A log on uniform time, without its bad samples; Refused where there is no motion in it.
+
+    ``alone``: no other run of the drive stands beside it, whose torque may be another.
+    """
     if isinstance(log, Record):
         return log
-    return replace(audit(_uniform(log), log.labels), file=log.file).read_from(log)
+    made = audit(_uniform(log), log.labels, alone=alone)
+    return replace(made, file=log.file).read_from(log)
 
 
 def _as_it_is(record: Record, **options: Any) -> Record:

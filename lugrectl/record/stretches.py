@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .log import Log
-from .samples.clock import FEWEST, typical_step
+from .samples.clock import FEWEST, multiples, typical_step
 from .samples.rows import Stamped
 from .samples.usable import usable
 
@@ -39,10 +39,11 @@ def _stretch(run: int, rows: Stamped, part: slice) -> Stretch | None:
     steps = max(round((t[-1] - t[0]) / dt), 1)
     grid, dt = np.linspace(t[0], t[-1], steps + 1), float(t[-1] - t[0]) / steps
     made, ok = {}, np.ones(len(grid), bool)
+    ticks = np.r_[0, np.cumsum(multiples(np.diff(t), dt))]
     for role, x in values.items():
         good = np.isfinite(x)
         made[role] = np.interp(grid, t[good], x[good])
-        ok &= _near(grid, t[good], dt)
+        ok &= _near(grid, t[good], ticks[good], dt)
     sound = np.flatnonzero(ok)
     if not len(sound):
         return None
@@ -59,13 +60,17 @@ def _jitter(t: np.ndarray, dt: float) -> float:
     return float(np.sqrt(np.mean((off - np.round(off)) ** 2)))
 
 
-def _near(grid: np.ndarray, t: np.ndarray, dt: float) -> np.ndarray:
-    """Whether each instant lies between good samples, with at most one missing."""
+def _near(grid: np.ndarray, t: np.ndarray, ticks: np.ndarray, dt: float) -> np.ndarray:
+    """Whether each instant lies between good samples, with at most one missing.
+
+    ``ticks`` are those of the clock at the good samples: rows that a logger writes in bursts come
+    at long and at short steps, and none of them is missing.
+    """
     after = np.searchsorted(t, grid - 1e-6 * dt)
     inside = (after < len(t)) & (grid > t[0] - 1e-6 * dt)
     after = after.clip(0, len(t) - 1)
     before = (after - (t[after] > grid + 1e-6 * dt)).clip(0)
-    return inside & (t[after] - t[before] < 2.5 * dt)
+    return inside & (ticks[after] - ticks[before] <= 2)
 
 
 @dataclass(frozen=True, eq=False)

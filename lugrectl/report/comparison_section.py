@@ -78,8 +78,8 @@ def limits(d: Any) -> Section | None:
     shown = [limit for limit in found.detectable if limit.share > found.least]
     best = len(found.detectable) - len(shown)
     line = (
-        f"{best} effects would have been seen from {_percent(found.least)} of friction on, with a "
-        "probability of 80 %; smaller ones are not named."
+        f"{best or 'No'} effects would have been seen from {_percent(found.least)} of friction on, "
+        "with a probability of 80 %; smaller ones are not named."
     )
     rows = [(limit.name, _seen_from(limit.share)) for limit in shown]
     grid = Grid(("effect", "seen from"), "lr", tuple(rows)) if rows else None
@@ -87,12 +87,13 @@ def limits(d: Any) -> Section | None:
 
 
 def limits_in_words(d: Any) -> str:
-    """The limits of the effects that show best, for the headline; "" if there are none."""
+    """The limit below which most effects show, for the headline; "" if there is none."""
     found = _comparison(d)
     if found is None or not found.detectable:
         return ""
-    least = _percent(found.detectable[0].share)
-    said = f" Most effects would have shown from {least} of friction on."
+    most = sorted(limit.share for limit in found.detectable)[len(found.detectable) // 2]
+    said = f" Most effects would have shown from {_percent(most)} of friction on."
+    said = said if most < 1.0 else ""
     return f"{said} One incident is not explained: see the notes." if found.events else said
 
 

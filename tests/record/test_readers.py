@@ -7,7 +7,7 @@ import pytest
 import scipy.io
 
 from lugrectl.core.errors import InputError
-from lugrectl.record import read_record
+from lugrectl.record import read_log, read_record
 from lugrectl.record.files.readers import read_table
 
 from ..cases.logs import cell, csv, machine, refused, rows, write
@@ -80,6 +80,19 @@ def test_comments_blank_lines_quotes_and_unused_text(tmp_path):
     path = write(tmp_path / "a.csv", "n,t (s),u (N m),theta (rad),state\n" + "\n".join(lines))
     record = read_record(path)
     np.testing.assert_allclose(record.u, log["u"], rtol=1e-8)
+
+
+@pytest.mark.parametrize("effort, said", [(0.0, True), (1.0, False)])
+def test_a_torque_column_of_zeros_is_said_with_the_columns_that_are_left(tmp_path, effort, said):
+    """As of a driver that publishes no effort, beside the command in a column of its own."""
+    log = machine()
+    body = rows([log["t"], effort * log["u"], log["w"], log["u"]])
+    path = write(tmp_path / "a.csv", "time,joint/effort,joint/velocity,volts/data\n" + body)
+    found = read_log(path).messages
+    words = "'joint/effort' is 0 in every row; not used: 'volts/data'"
+    assert any(words in message for message in found) == said
+    given = read_log(path, columns={"u": "volts/data"}).messages
+    assert not any("0 in every row" in m for m in given)
 
 
 def test_header_in_a_comment(tmp_path):

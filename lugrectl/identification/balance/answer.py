@@ -63,6 +63,7 @@ def answer(ground: Ground, found: Estimated) -> Balance:
         half_width=made.half_width,
         residual=_residual(made),
         refused=against.notes[0] if against.impossible else "",
+        blind=ground.blind,
     )
 
 

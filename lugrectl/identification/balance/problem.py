@@ -13,8 +13,10 @@ from .constants import (
     DECLARED_DELAY,
     DELAY_SAMPLES,
     DELAY_SECONDS,
+    FEWEST_SAMPLES,
     REST_IN_NOISE,
     REST_IN_SPEED,
+    STEADY,
 )
 from .declared import DELAY, Use, held_terms, uses_of
 from .fit import Setting
@@ -25,6 +27,17 @@ from .steady import as_points, evenly, steady, width_of_map
 from .terms import Term, Travel, plain_terms, travel_of, turns_enough, widths_of
 from .track import Track, tracks_of
 from .windows import Source
+
+AT_SPEED = 0.5  # of the top speed of a stretch: above it, no smoothing reaches a start or a stop
+DEAD = "u is {:.4g} in every row: the torque channel is dead."
+ONE = (
+    "u is {:.4g} in every row: the torque channel is dead, or one torque acts throughout. Then any "
+    "inertia fits, with some friction."
+)
+ONE_EACH_WAY = (
+    "At speed, u has one value in each direction ({}): any inertia fits, with some friction. "
+    "Record two or more torques in each direction."
+)
 
 
 @dataclass(frozen=True)
@@ -51,6 +64,7 @@ class Ground:
     is_map: bool
     comparison: Comparison | None
     notes: tuple[str, ...]
+    blind: str
 
     @property
     def tracks(self) -> Sequence[Track]:
@@ -72,6 +86,7 @@ class Seen:
     speed: float
     noise: float
     is_map: bool
+    blind: str
 
 
 def ground_of(
@@ -97,17 +112,21 @@ def _seen(tracks: list[Track], held: Mapping[str, float]) -> Seen | Unanswerable
     still = steady(tracks, sensors)
     dead = _dead(tracks, still is not None, held)
     if dead is not None:
-        sentence = f"u is {dead:.4g} in every row: the torque channel is dead."
-        return Unanswerable((*notes, sentence), dead)
+        return Unanswerable((*notes, (DEAD if dead == 0 else ONE).format(dead)), dead)
     tracks, speed, noise = with_speed(still or tracks, sensors)
     if not speed > 0:
         return Unanswerable((*notes, "nothing moves."))
+    ways = None if held.get("J") else _one_torque_each_way(tracks)
+    blind = "" if ways is None else ONE_EACH_WAY.format(" and ".join(f"{u:.4g}" for u in ways))
+    if blind and still is None:
+        return Unanswerable((*notes, blind))
     if still is not None:
         notes = [
             *notes,
             "The runs keep one speed each: they are a map, which does not show J.",
         ]
-    return Seen(tracks, sensors, comparison, tuple(notes), speed, noise, still is not None)
+    is_map = still is not None
+    return Seen(tracks, sensors, comparison, tuple(notes), speed, noise, is_map, blind)
 
 
 def _dead(tracks: Sequence[Track], is_map: bool, held: Mapping[str, float]) -> float | None:
@@ -117,6 +136,24 @@ def _dead(tracks: Sequence[Track], is_map: bool, held: Mapping[str, float]) -> f
     if not same or held.get("J") or (is_map and first != 0):
         return None
     return first
+
+
+def _one_torque_each_way(tracks: Sequence[Track]) -> list[float] | None:
+    """The torque of each direction, if it is one value at speed while the speed still rises.
+
+    Then ``J a = u - F(w)`` makes a a function of w in each direction: with any J there is a
+    friction F that fits exactly, and noise of the motion decides between them.
+    """
+    found: dict[float, set[float]] = {1.0: set(), -1.0: set()}
+    rises = False
+    for p in tracks:
+        speed = np.abs(p.speed) / np.abs(p.speed[p.ok]).max()
+        fast = p.ok & (speed > AT_SPEED)
+        rises |= np.count_nonzero(fast & (speed < 1 - STEADY)) > 2 * FEWEST_SAMPLES
+        for way, values in found.items():
+            values.update(np.unique(p.u[fast & (np.sign(p.speed) == way)]).tolist())
+    several = any(len(values) > 1 for values in found.values())
+    return None if several or not rises else [u for values in found.values() for u in values]
 
 
 def _moving(seen: Seen, model: Model, held: Mapping[str, float]) -> Ground:
@@ -169,4 +206,5 @@ def _with_terms(
         is_map=seen.is_map,
         comparison=seen.comparison,
         notes=(*seen.notes, *unused),
+        blind=seen.blind,
     )

@@ -73,6 +73,8 @@ class Balance(Result):
         The samples that it was computed from.
     refused : str
         Why nothing can be learnt of the drive; empty where something can.
+    blind : str
+        Why the motion tells nothing of what is missing, though the balance has an answer.
     unlike : tuple of str
         A sentence for each run in another unit or sign than the others. These runs are left out.
     against : tuple of str
@@ -100,6 +102,7 @@ class Balance(Result):
     reading: tuple[str, ...] = ()
     unlike: tuple[str, ...] = ()
     refused: str = ""
+    blind: str = ""
     against: tuple[str, ...] = ()
     hopeless: bool = False
     together: Mapping[str, Combination] = field(default_factory=dict)

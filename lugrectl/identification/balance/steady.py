@@ -45,8 +45,8 @@ def steady(tracks: Sequence[Track], sensors: Sensors) -> list[Track] | None:
 
 
 def as_points(tracks: Sequence[Track]) -> list[Track]:
-    """Each run with one speed and one direction, however its samples flicker."""
-    return [replace(p, speed=np.full(len(p), np.mean(p.speed[p.ok]))) for p in tracks]
+    """Each run with one speed and one direction, however its samples flicker or it starts."""
+    return [replace(p, speed=np.full(len(p), np.median(p.speed[p.ok]))) for p in tracks]
 
 
 def width_of_map(tracks: Sequence[Track], travel: Travel, speed: float, gravity: bool) -> float:

@@ -266,10 +266,10 @@ class Base:
 
     @cached_property
     def friction_rms(self) -> float:
-        """RMS friction torque in the windows."""
+        """RMS friction torque in the windows, of all shapes: large ones may cancel near rest."""
         if self.friction is not None:
             return self.friction
-        mean = self.record.mean(self.coulomb + self.viscous)
+        mean = self.record.mean(self._of(NAMES))
         return max(rms(mean), LEAST_FRICTION * rms(self.y))
 
     @cached_property

@@ -66,8 +66,8 @@ def compare(
         equally well are kept in the spirit of Hansen, Lunde and Nason, *The model confidence set*,
         Econometrica 79(2), 2011. Rests are left out: there friction may be anything.
     """
-    if plain.refused or not plain.names:
-        said = plain.refused or (plain.notes or (NOTHING,))[-1]
+    if plain.refused or plain.blind or not plain.names:
+        said = plain.refused or plain.blind or (plain.notes or (NOTHING,))[-1]
         return Comparison("refused", messages=(said,), least=least)
     began = time.perf_counter()
     with np.errstate(all="ignore"):  # a record without noise divides by nearly 0

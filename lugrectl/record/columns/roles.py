@@ -160,13 +160,29 @@ def _unused_said(
     table: Table, choices: Mapping[str, Choice], doubtful: Mapping[str, list[int]]
 ) -> list[str]:
     """A note on unused columns if w or theta has no column: its name may be misspelt."""
-    taken = {choice.index for choice in choices.values()}
-    left = [f"'{name}'" for i, name in enumerate(table.names) if i not in taken and name]
+    names = _unused(table, choices.values())
     missing = next((r for r in ("w", "theta") if r not in choices and r not in doubtful), None)
-    if missing is None or not left:
+    if missing is None or not names:
         return []
-    names = ", ".join(left[:6]) + (f" and {len(left) - 6} more" if len(left) > 6 else "")
     return [
         f"No column was found for {missing}; not used: {names}. If {missing} is among them, give "
         f"--columns {missing}=NAME."
     ]
+
+
+def idle_said(table: Table, choices: Sequence[Choice], u: np.ndarray) -> list[str]:
+    """A note where the column that was taken for u is 0 throughout: another may hold it."""
+    names = _unused(table, choices)
+    if np.any(u[np.isfinite(u)]) or not names:
+        return []
+    name = next(table.names[choice.index] for choice in choices if choice.role == "u")
+    return [
+        f"'{name}' is 0 in every row; not used: {names}. If u is among them, give --columns u=NAME."
+    ]
+
+
+def _unused(table: Table, choices: Collection[Choice]) -> str:
+    """The names of the columns that have no role; "" if all have one."""
+    taken = {choice.index for choice in choices}
+    left = [f"'{name}'" for i, name in enumerate(table.names) if i not in taken and name]
+    return ", ".join(left[:6]) + (f" and {len(left) - 6} more" if len(left) > 6 else "")

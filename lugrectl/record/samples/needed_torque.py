@@ -106,13 +106,15 @@ def _fit(
     for p in parts:
         sign[p] = _over(np.where(rest[p], 0.0, np.sign(np.nan_to_num(w[p]))), k0)
         still[p] = _over(rest[p].astype(float), k0)
-    columns = [a, w, sign, np.ones(n)]
+    columns = [a, w, np.ones(n), sign]
     if position:
         columns += [np.sin(motion), np.cos(motion)] if rotary else [motion - motion.mean()]
     x = np.column_stack(columns)
     known &= np.isfinite(sign)
     moving = known & (np.nan_to_num(still) < 0.02) & (np.abs(np.nan_to_num(sign)) > 0.98)
     used = np.flatnonzero(moving & (np.nan_to_num(near) < 0.02))[:: max(1, width // 3)]
+    if abs(np.sign(sign[used]).sum()) == len(used):  # one way: Coulomb friction is the constant
+        x = np.delete(x, 3, axis=1)
     if len(used) < 3 * x.shape[1]:
         return None
     p, scale = _robust(x[used], mean[used])

@@ -1,0 +1,89 @@
+"""Step responses: one torque in each run, as of a motor that is switched on."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+
+J, FC, FV, DT, COUNT = 0.65, 9.0, 8.0, 5e-3, np.deg2rad(1.0)
+MODEL = lg.Model.of(friction="coulomb")
+
+
+def switched(torques):
+    """The log of an encoder of 360 counts a turn, from rest, with the torque of each sample."""
+    parts = 10
+    h, w, angle, theta = DT / parts, 0.0, 0.0, []
+    for u in torques:
+        theta.append(angle)
+        for _ in range(parts):
+            drive = u - FV * w
+            if w == 0 and abs(drive) <= FC:
+                continue
+            way = np.sign(w) if w else np.sign(drive)
+            moved = w + (drive - FC * way) / J * h
+            w = 0.0 if w * moved < 0 else moved
+            angle += w * h
+    t = DT * np.arange(len(torques))
+    return {
+        "t": t,
+        "u": np.asarray(torques, float),
+        "theta": np.round(np.array(theta) / COUNT) * COUNT,
+    }
+
+
+def held(torque, rest=0):
+    return switched(np.r_[np.zeros(rest), np.full(300, float(torque))])
+
+
+@pytest.mark.parametrize("runs", [[held(40.0, 100)], [held(40.0, 100), held(-80.0, 100)]])
+def test_one_torque_in_each_direction_does_not_tell_inertia_from_friction(runs):
+    plain = lg.balance(runs)
+    assert not plain.parameters and not plain.combinations
+    assert "one value in each direction (40" in plain.said[-1] and "any inertia" in plain.said[-1]
+    found = lg.diagnose(runs, MODEL)
+    assert found.verdict == "refused" and "two or more torques" in found.reason
+
+
+def test_a_torque_that_changes_at_speed_does():
+    """Switched off at speed the drive coasts: two torques in one direction."""
+    found = lg.balance(switched(np.r_[np.zeros(100), np.full(300, 40.0), np.zeros(100)]))
+    low, high = found.parameters["J"].ci95
+    assert low < J < high
+
+
+def test_runs_at_constant_torques_are_one_data_set():
+    """None of them has a dead channel: together they show friction over the speed."""
+    runs = [held(20.0), held(40.0), held(80.0)]
+    assert lg.diagnose(runs, MODEL).verdict != "refused"
+    plain = lg.balance(runs)
+    assert plain.parameters["Fv"].value == pytest.approx(FV, rel=0.01)
+    both = next(c for c in plain.combinations if c.text == "Fc + constant_torque")
+    assert both.ci95[0] < FC < both.ci95[1]
+
+
+def test_a_steady_run_is_one_point_of_a_map_however_it_starts():
+    """The speed within a run follows its inertia: two points do not give three values."""
+    runs = [held(40.0), held(-80.0)]
+    plain = lg.balance(runs)
+    assert plain.is_map and not {"Fc", "Fv", "constant_torque"} & {*plain.parameters}
+    assert lg.diagnose(runs, MODEL).verdict == "refused"
+
+
+def test_one_constant_torque_is_refused_with_what_it_may_be():
+    found = lg.diagnose(held(40.0), MODEL)
+    assert found.verdict == "refused"
+    assert "dead torque channel" in found.reason and "one torque throughout" in found.reason
+    with pytest.raises(lg.Refused, match="constant"):
+        lg.read_record(held(40.0))
+
+
+def test_a_step_whose_rise_the_log_does_not_show_is_a_point_of_the_friction_curve():
+    """Without a rise nothing contradicts it: friction at that speed is certain."""
+    t = DT * np.arange(400)
+    on = t >= 0.5
+    theta = np.round(np.maximum(t - 0.5, 0.0) * 30.0 / COUNT) * COUNT
+    found = lg.balance({"t": t, "u": 0.25 * on, "theta": theta})
+    assert found.combinations or found.parameters
+    assert not any("any inertia" in said for said in found.said)
