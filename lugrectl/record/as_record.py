@@ -9,9 +9,9 @@ from typing import Any
 from ..core.errors import InputError
 from ..core.validation import is_file, shown
 from .columns.arrays import FORMS, is_table
-from .log import Log, read_log
+from .log import Log
 from .log_files import files_of
-from .read import read_record
+from .read import read_log, read_record
 from .record import Record
 
 
