@@ -56,6 +56,11 @@ WORSE = (
     "On held-out samples the simulation with the added effect misses the motion by {0:.3g} {2}, "
     "without it by {1:.3g}: the comparison of torques stands, its simulation does not gain."
 )
+FREE_WORSE = (
+    "Simulated without restarts, the {3} model misses {4} by {0:.3g} {2}, the declared one by "
+    "{1:.3g} {2}. Without restarts a stop at another instant changes all motion after it: judge "
+    "the models by the errors with restarts and of the torque."
+)
 WITHOUT = "The saved model is the refitted one without it."
 NO_FIT = "Values are those of the balance of torques, without errors of a simulation: {}"
 SAME_UNITS = "Give all runs in one unit and sign, or leave out the run that differs."
@@ -223,7 +228,8 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
     job = compared(job, whole)
     job = noted(job, *unidentified(whole.flat(), "this record"), *((failed,) if failed else ()))
     worse = _worse(scored["error"], found)
-    job = noted(job, *found.messages, *worse, *_length(asked, found))
+    free = _free_worse(scored["free_error"], found)
+    job = noted(job, *found.messages, *worse, *free, *_length(asked, found))
     job = noted(job, *at_bounds(whole), *against_held(whole), *other_optima(whole))
     fitted = estimates(whole)
     if failed:  # curvature at a bad fit says nothing about its errors
@@ -339,6 +345,15 @@ def _worse(error: Mapping[str, Any], found: Comparison) -> list[str]:
     if not found.effects or before is None or after is None or after <= before:
         return []
     return [WORSE.format(after, before, error["unit"])]
+
+
+def _free_worse(error: Mapping[str, Any], found: Comparison) -> list[str]:
+    """A sentence where the free run of the final model is worse than the declared one's."""
+    before, after = error["declared"], error["augmented"]
+    if before is None or after is None or float(f"{after:.3g}") <= float(f"{before:.3g}"):
+        return []
+    final = "augmented" if found.effects else "refitted"
+    return [FREE_WORSE.format(after, before, error["unit"], final, error["signal"])]
 
 
 def _table(final: Fitted, job: Job, found: Comparison, seed: int) -> Table | None:
