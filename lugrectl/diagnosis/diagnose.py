@@ -350,7 +350,7 @@ def _worse(error: Mapping[str, Any], found: Comparison) -> list[str]:
 def _free_worse(error: Mapping[str, Any], found: Comparison) -> list[str]:
     """A sentence where the free run of the final model is worse than the declared one's."""
     before, after = error["declared"], error["augmented"]
-    if before is None or after is None or float(f"{after:.3g}") <= float(f"{before:.3g}"):
+    if before is None or after is None or not float(f"{after:.3g}") > float(f"{before:.3g}"):
         return []
     final = "augmented" if found.effects else "refitted"
     return [FREE_WORSE.format(after, before, error["unit"], final, error["signal"])]

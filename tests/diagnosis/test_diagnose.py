@@ -1,5 +1,7 @@
 """Sentences on errors that a comparison of models does not improve."""
 
+import math
+
 import pytest
 
 from lugrectl.diagnosis.diagnose import _free_worse
@@ -19,6 +21,8 @@ def test_a_free_run_that_gets_worse_is_said_with_both_errors(verdict, final):
     assert f"the {final} model misses w by 0.75 rad/s, the declared one by 0.5 rad/s" in said
 
 
-@pytest.mark.parametrize("pair", [(0.5, 0.4), (0.5, 0.5001), (None, 0.5), (0.5, None)])
+@pytest.mark.parametrize(
+    "pair", [(0.5, 0.4), (0.5, 0.5001), (None, 0.5), (0.5, None), (math.nan, 0.5)]
+)
 def test_a_free_run_that_is_not_worse_needs_no_sentence(pair):
     assert _free_worse(free(*pair), Comparison("adequate")) == []
