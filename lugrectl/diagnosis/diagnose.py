@@ -228,7 +228,7 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
     job = compared(job, whole)
     job = noted(job, *unidentified(whole.flat(), "this record"), *((failed,) if failed else ()))
     worse = _worse(scored["error"], found)
-    free = _free_worse(scored["free_error"], found)
+    free = free_worse(scored["free_error"], found)
     job = noted(job, *found.messages, *worse, *free, *_length(asked, found))
     job = noted(job, *at_bounds(whole), *against_held(whole), *other_optima(whole))
     fitted = estimates(whole)
@@ -347,7 +347,7 @@ def _worse(error: Mapping[str, Any], found: Comparison) -> list[str]:
     return [WORSE.format(after, before, error["unit"])]
 
 
-def _free_worse(error: Mapping[str, Any], found: Comparison) -> list[str]:
+def free_worse(error: Mapping[str, Any], found: Comparison) -> list[str]:
     """A sentence where the free run of the final model is worse than the declared one's."""
     before, after = error["declared"], error["augmented"]
     if before is None or after is None or not float(f"{after:.3g}") > float(f"{before:.3g}"):

@@ -152,7 +152,7 @@ def _terms(parts: Sequence[Any]) -> list[str]:
     """The terms in words; what is left beside an unknown torque is the rest of the unexplained."""
     left = "the rest" if any(s.term == UNKNOWN for s in parts) else "not explained"
     words = {"left": left, "noise": "of it sensor noise"}
-    return [words.get(s.term, s.term) for s in parts]
+    return [words.get(term, term) for term in (str(s.term) for s in parts)]
 
 
 def _whole(parts: Sequence[Any]) -> str:

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from lugrectl.diagnosis.diagnose import _free_worse
+from lugrectl.diagnosis.diagnose import free_worse
 from lugrectl.identification.selection import Comparison
 
 from ..cases.made_up import diagnosis
@@ -17,7 +17,7 @@ def free(declared, augmented):
 @pytest.mark.parametrize("verdict, final", [("found", "augmented"), ("adequate", "refitted")])
 def test_a_free_run_that_gets_worse_is_said_with_both_errors(verdict, final):
     found = Comparison(verdict, effects=diagnosis().effects if verdict == "found" else ())
-    (said,) = _free_worse(free(0.5, 0.75), found)
+    (said,) = free_worse(free(0.5, 0.75), found)
     assert f"the {final} model misses w by 0.75 rad/s, the declared one by 0.5 rad/s" in said
 
 
@@ -25,4 +25,4 @@ def test_a_free_run_that_gets_worse_is_said_with_both_errors(verdict, final):
     "pair", [(0.5, 0.4), (0.5, 0.5001), (None, 0.5), (0.5, None), (math.nan, 0.5)]
 )
 def test_a_free_run_that_is_not_worse_needs_no_sentence(pair):
-    assert _free_worse(free(*pair), Comparison("adequate")) == []
+    assert free_worse(free(*pair), Comparison("adequate")) == []
