@@ -47,7 +47,7 @@ _COMMON = {
 COMMON = {common: name for name, many in _COMMON.items() for common in many.split()}
 
 
-OWN = "one of your own: --blocks FILE.py, or lg.load_blocks."
+OWN = "of your own: --blocks FILE.py, or lg.load_blocks."
 
 
 def block_named(kind: str, name: Any, *, where: str = "", what: str = "") -> Block:
@@ -85,7 +85,7 @@ def block_named(kind: str, name: Any, *, where: str = "", what: str = "") -> Blo
         close = spelt.get(near[0])
         hint = f"did you mean '{close}'" if close else f"did you mean '{near[0]}' "
         hint += "" if close else f"({common[near[0]]})"
-    hint += f"{'?' if near else ';'} {OWN}"
+    hint += f"? One {OWN}" if near else f"; one {OWN}"
     start = f"{where}: " if where else ""
     raise InputError(f"{start}there is no {what or kind} named {name!r}; {hint}")
 

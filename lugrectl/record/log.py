@@ -212,7 +212,8 @@ def _motion(source: str, found: Mapping[str, Unit | None], given: str | None) ->
                 )
         if given not in (None, unit.motion):
             raise InputError(
-                f"{source}: {role} is in {unit.name}, which does not fit motion = '{given}'."
+                f"{source}: {role} is in {unit.name}, which does not fit motion = '{given}'; for a "
+                f'{unit.motion} drive the model needs motion = "{unit.motion}".'
             )
     return given or next((str(unit.motion) for unit in kinds.values()), "rotary")
 

@@ -185,7 +185,7 @@ def test_a_block_of_a_script_is_named_in_the_model_file_and_where_it_is_missing(
     assert '# "drag_of_cell" was declared in a script or a notebook.' in text
     assert "give --blocks FILE.py" in text
     assert "--blocks" not in (tmp_path / "plain.toml").read_text()
-    with pytest.raises(lg.InputError, match="drag_of_cell.*one of your own: --blocks FILE.py"):
+    with pytest.raises(lg.InputError, match="drag_of_cell.*of your own: --blocks FILE.py"):
         lg.read_model(tmp_path / "cell.toml")
 
 
