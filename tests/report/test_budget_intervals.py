@@ -64,7 +64,7 @@ def test_what_the_shares_are_of_is_said_and_what_stays_beside_an_unknown_torque(
     found = diagnosis().comparison
     said = budget(diagnosis(comparison=found))
     whole = found.budget[0].rms / found.budget[0].share
-    assert f"coulomb and viscous together: {number(whole, 3)} N m" in said.footnote
+    assert f"Shares are of {number(whole, 3)} N m, the RMS of the coulomb and" in said.footnote
     assert "not explained" in [row[0] for row in said.grid.rows]
     more = replace(found, budget=(replace(found.budget[0], term="unknown torque"), *found.budget))
     names = [row[0] for row in budget(diagnosis(comparison=more)).grid.rows]
