@@ -66,7 +66,7 @@ def split(
 
 
 def _too_short(data: Data, horizon: float) -> Refused:
-    """What a record lacks for both parts: seconds, or samples in so many seconds."""
+    """What is missing for both parts: seconds, or samples in so many seconds."""
     needed = 8 * (max(BLOCK, horizon) + GAP)
     if sum(b - a for a, b in data.runs) * data.dt < needed:
         what, record = "The record is", f"at least {needed:.0f} s of motion"
