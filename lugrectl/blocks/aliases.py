@@ -47,6 +47,9 @@ _COMMON = {
 COMMON = {common: name for name, many in _COMMON.items() for common in many.split()}
 
 
+OWN = "of your own: --blocks FILE.py, or lg.load_blocks."
+
+
 def block_named(kind: str, name: Any, *, where: str = "", what: str = "") -> Block:
     """The registered block that a name means; an effect may be called by a common name.
 
@@ -77,11 +80,12 @@ def block_named(kind: str, name: Any, *, where: str = "", what: str = "") -> Blo
     if meant in known:
         return known[meant]
     near = difflib.get_close_matches(own, [*spelt, *common], n=1)
-    hint = f"known: {', '.join(known)}; one of your own: --blocks FILE.py, or lg.load_blocks."
+    hint = f"known: {', '.join(known)}"
     if near:
         close = spelt.get(near[0])
-        hint = f"did you mean '{close}'?" if close else f"did you mean '{near[0]}' "
-        hint += "" if close else f"({common[near[0]]})?"
+        hint = f"did you mean '{close}'" if close else f"did you mean '{near[0]}' "
+        hint += "" if close else f"({common[near[0]]})"
+    hint += f"? One {OWN}" if near else f"; one {OWN}"
     start = f"{where}: " if where else ""
     raise InputError(f"{start}there is no {what or kind} named {name!r}; {hint}")
 

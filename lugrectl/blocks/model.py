@@ -20,7 +20,7 @@ from ..core.result import write_whole
 from ..core.validation import TINY, as_path, is_file, like_it, real, shown, text
 from . import effects as every_effect  # noqa: F401  fills the registry
 from .aliases import block_named
-from .block import Block, members, unit_for
+from .block import Block, is_ours, members, unit_for
 from .declared_values import Stated, holding, refuse_crossed, stated
 from .declared_values import unknown as _known
 from .extending import files_of_blocks, load_named
@@ -515,12 +515,21 @@ def read_model(path: str | Path) -> Model:
     except IsADirectoryError:
         raise InputError(f"{path} is a folder: name a model file, such as my.toml.") from None
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as a text file in UTF-8 ({error}).") from None
+        said = f"{path}: cannot be read as a text file in UTF-8 ({error})."
+        raise InputError(f"{said}{_needed(path)}") from None
     except (ValueError, RecursionError) as error:  # more than what TOMLDecodeError covers
-        raise InputError(f"{path}: not a TOML file: {error}{_decimal_comma(path)}.") from None
+        said = f"{path}: not a TOML file: {error}{_decimal_comma(path)}."
+        raise InputError(f"{said}{_needed(path)}") from None
     model = model_from_dict(data, str(path), path.parent)
     object.__setattr__(model, "file", SourceFile.of(path))
     return model
+
+
+def _needed(path: Path) -> str:
+    """What a file is that is no model by its name."""
+    if path.suffix.lower() == ".toml":
+        return ""
+    return " A model is needed here: lugrectl model > my.toml writes one to start from."
 
 
 def _decimal_comma(path: Path) -> str:
@@ -577,10 +586,11 @@ def model_toml(model: Model, folder: Path | None = None) -> str:
         lines += [f"blocks = [{', '.join(map(_quoted, files))}]"]
     lines += ["", "[plant]"]
     lines += _rows(data["plant"], "", model)
-    lines += ["", "[friction]", f"model = {_quoted(data['friction'].pop('model'))}"]
+    law = f"model = {_quoted(data['friction'].pop('model'))}"
+    lines += ["", "[friction]", *_needs(model.friction), law]
     lines += _rows(data["friction"], "", model)
     for part, entry in zip(model.effects, data["effects"], strict=True):
-        lines += ["", "[[effects]]", f"name = {_quoted(entry.pop('name'))}"]
+        lines += ["", "[[effects]]", *_needs(part), f"name = {_quoted(entry.pop('name'))}"]
         lines += _rows(entry, f"{part.key}.", model)
     return "\n".join(lines) + "\n"
 
@@ -598,6 +608,18 @@ def own_files(model: Model) -> list[str]:
     """The files with blocks of the user's own that a model names or uses."""
     used = files_of_blocks(p.block.home for p in (model.friction, *model.effects))
     return [*dict.fromkeys([*model.blocks, *used])]
+
+
+def _needs(part: Part) -> list[str]:
+    """A comment on a block that was declared in Python, in no file that a model can name."""
+    home = part.block.home
+    if is_ours(home) or files_of_blocks([home]):
+        return []
+    where = "a script or a notebook" if home in ("__main__", "__mp_main__") else f"module {home}"
+    return [
+        f"# {_quoted(part.block.name)} was declared in {_quoted(where)[1:-1]}. To read this model",
+        "# elsewhere, put that @lugrectl.block into a file and give --blocks FILE.py.",
+    ]
 
 
 def _rows(values: Mapping[str, Any], prefix: str, model: Model) -> list[str]:

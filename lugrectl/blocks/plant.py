@@ -353,5 +353,6 @@ def _system(
     values = {k: v for k, v in model.values().items() if k in made.parameters}
     missing = [k for k, v in values.items() if v is None]
     if missing:
-        raise InputError(f"{model.name}: {', '.join(missing)} has no value; identify it first.")
+        what = "has no value; identify it" if len(missing) == 1 else "have no values; identify them"
+        raise InputError(f"{model.name}: {', '.join(missing)} {what} first.")
     return made.system(name=name, inputs=inputs, outputs=outputs, **values)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.errors import InputError, Refused
 from ..core.provenance import stamp
-from .inputs import AUTO, chosen, files, fixed, reading
+from .inputs import AUTO, chosen, declared, files, fixed, reading
 from .output import print_out
 
 if TYPE_CHECKING:
@@ -103,10 +103,9 @@ def reproduce(a: Namespace) -> int:
 
 def _main_job(work: Any, a: Namespace) -> int:
     from ..blocks.extending import files_loaded
-    from ..blocks.model import read_model
     from ..report import check_folder, text, write
 
-    model = fixed(read_model(a.model), a)
+    model = fixed(declared(a), a)
     a.records = files(a.records)
     if a.out is not None:
         check_folder(a.out)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.errors import INTERRUPTED, UNEXPECTED, InputError
-from .inputs import chosen, fixed, reading
+from .inputs import chosen, declared, fixed, reading
 from .output import print_out
 from .progress import Bar
 
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 def each(a: Namespace) -> int:
     """Diagnose, print and write; the exit code is the highest of the logs'."""
-    from ..blocks.model import read_model
     from ..diagnosis.fleet import run_each
     from ..record import parse_pairs
     from ..record.as_record import record_files
@@ -34,7 +33,7 @@ def each(a: Namespace) -> int:
             f"--holdout {a.holdout} is one file, but with --each the errors of every log are "
             "computed on its own samples; leave it out, or give --holdout last."
         )
-    model, how = fixed(read_model(a.model), a), reading(a)
+    model, how = fixed(declared(a), a), reading(a)
     for what in ("columns", "units", "scale"):  # a mistake here would make every log fail
         if how[what]:
             parse_pairs(how[what], what)

@@ -33,6 +33,15 @@ def reading(a: Namespace) -> dict[str, Any]:
     return {**pairs, "rate": a.rate}
 
 
+def declared(a: Namespace) -> Model:
+    """The model of --model; InputError where it and a log were swapped."""
+    from ..blocks.model import read_model
+    from ..record.log_files import refuse_swapped
+
+    refuse_swapped(a.records, a.model)
+    return read_model(a.model)
+
+
 def fixed(model: Model, a: Namespace) -> Model:
     """The model with the law of --law, and the values of --fix held."""
     from ..blocks.model import changed

@@ -263,7 +263,9 @@ class _Parser(argparse.ArgumentParser):
         typed, near = next(filter(None, map(self._meant, self._given)), ("", ""))
         hint = f" (did you mean {near}?)" if near else ""
         if "--model" in message and not hint:
+            model = next((word for word in self._given if word.lower().endswith(".toml")), None)
             hint = " (lugrectl model > my.toml writes one to start from)"
+            hint = f" (give --model {model})" if model else hint
         what = message.split(" (choose from")[0] if hint and "choose from" in message else message
         what = what.replace("argument COMMAND: invalid choice:", "there is no command")
         if "are required" in message and near:  # the option that is missing is the misspelt one

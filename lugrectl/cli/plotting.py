@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.errors import InputError
 from ..core.result import write_whole
-from .inputs import files, reading
+from .inputs import declared, files, reading
 from .output import print_out
 
 if TYPE_CHECKING:
@@ -37,10 +37,10 @@ def plot(a: Namespace) -> int:
 
 def _read(a: Namespace) -> tuple[list[Log], Model]:
     """The logs, and the model; one of which nothing is known where none is given."""
-    from ..blocks.model import changed, read_model
+    from ..blocks.model import changed
     from ..record import read_log
 
-    model = None if a.model is None else read_model(a.model)
+    model = None if a.model is None else declared(a)
     motion = None if model is None else model.motion
     logs = [read_log(name, **reading(a), motion=motion) for name in files(a.records)]
     return logs, model or changed({}, {"motion": logs[0].motion}, "model")

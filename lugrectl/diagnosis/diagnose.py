@@ -23,7 +23,7 @@ from ..identification.likelihood.value_discrepancy import with_discrepancy
 from ..identification.selection import ALPHA, LEAST, Comparison, Named, compare
 from ..identification.unknown_torque.table import tabulate
 from ..parallel.blas_threads import one_blas_thread
-from ..record import Record, refuse_dead
+from ..record import Record, refuse_dead, refuse_unlikely_time
 from .compare_laws import under_law
 from .never_worse import failure, refuse_without_inertia
 from .one_direction import next_way, not_alone, one_way
@@ -55,6 +55,11 @@ from .winning_model import with_effects
 WORSE = (
     "On held-out samples the simulation with the added effect misses the motion by {0:.3g} {2}, "
     "without it by {1:.3g}: the comparison of torques stands, its simulation does not gain."
+)
+FREE_WORSE = (
+    "Simulated without restarts, the {3} model misses {4} by {0:.3g} {2}, the declared one by "
+    "{1:.3g} {2}. Without restarts a stop at another instant changes all motion after it: judge "
+    "the models by the errors with restarts and of the torque."
 )
 WITHOUT = "The saved model is the refitted one without it."
 NO_FIT = "Values are those of the balance of torques, without errors of a simulation: {}"
@@ -185,7 +190,9 @@ def _finer(
     holdout = asked.holdout()
     if not isinstance(record, Record) and is_map(record):
         return diagnose_map(record, model, holdout=holdout, seed=seed, progress=report)
-    refuse_dead([record] if isinstance(record, Record) else record)
+    refuse_dead(asked.seen)
+    for one in asked.seen:
+        refuse_unlikely_time(one)
     report(0.05, "comparing explanations")
     found = compare(asked.plain.stretches, model, asked.plain, *limits)
     if found.verdict == "refused":
@@ -221,7 +228,8 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
     job = compared(job, whole, final)
     job = noted(job, *unidentified(whole.flat(), "this record"), *((failed,) if failed else ()))
     worse = _worse(scored["error"], found)
-    job = noted(job, *found.messages, *worse, *_length(asked, found))
+    free = free_worse(scored["free_error"], found)
+    job = noted(job, *found.messages, *worse, *free, *_length(asked, found))
     job = noted(job, *at_bounds(whole), *against_held(whole), *other_optima(whole))
     fitted = estimates(whole)
     if failed:  # curvature at a bad fit says nothing about its errors
@@ -338,6 +346,15 @@ def _worse(error: Mapping[str, Any], found: Comparison) -> list[str]:
     if not found.effects or before is None or after is None or after <= before:
         return []
     return [WORSE.format(after, before, error["unit"])]
+
+
+def free_worse(error: Mapping[str, Any], found: Comparison) -> list[str]:
+    """A sentence where the free run of the final model is worse than the declared one's."""
+    before, after = error["declared"], error["augmented"]
+    if before is None or after is None or not float(f"{after:.3g}") > float(f"{before:.3g}"):
+        return []
+    final = "augmented" if found.effects else "refitted"
+    return [FREE_WORSE.format(after, before, error["unit"], final, error["signal"])]
 
 
 def _table(final: Fitted, job: Job, found: Comparison, seed: int) -> Table | None:

@@ -13,6 +13,7 @@ from ..identification.balance import Balance
 from ..identification.selection import completed
 from ..record import Log, Record, record_of
 from ..record.as_record import as_holdout, as_logs
+from ..record.log_files import refuse_swapped
 from .plain_answer import plain_answer
 
 
@@ -32,6 +33,7 @@ class Asked:
     @classmethod
     def of(cls, record: Any, model: Any, holdout: Any = None) -> Asked:
         """What is meant; InputError where an argument or a file cannot be understood."""
+        refuse_swapped([record], model)
         made = as_model(model)
         logs, several = as_logs(record, made.motion)
         return cls(logs, several, made, holdout)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
@@ -32,6 +32,8 @@ class DelayedTransfer:
         N and D: ``terms`` are pairs of a dead time in s and a polynomial (lowest power first).
     cancelled : tuple
         The factor that N and D had in common, lowest power first.
+    outside : int
+        Number of integrators that the loop around the dead time does not read.
 
     Examples
     --------
@@ -48,6 +50,7 @@ class DelayedTransfer:
     num: Quasi
     den: Quasi
     cancelled: Poly = (1,)
+    outside: int = 0
 
     @classmethod
     def of(cls, G: Any, name: str = "T") -> DelayedTransfer:
@@ -110,7 +113,10 @@ class DelayedTransfer:
                 f"T has {len(late)} dead times in its loop, but open_loop is for one; build the "
                 "open loop from its parts with lg.delayed."
             )
-        return reduced(Quasi.of(late), Quasi.of([(0, self.den.polynomial)]), self.cancelled)
+        made = reduced(Quasi.of(late), Quasi.of([(0, self.den.polynomial)]), self.cancelled)
+        both = made.cancelled
+        zeros = next((k for k, c in enumerate(both) if c), len(both))
+        return replace(made, cancelled=both[min(zeros, self.outside) :])
 
     def __add__(self, other: Any) -> DelayedTransfer:
         b = DelayedTransfer.of(other)

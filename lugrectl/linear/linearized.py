@@ -8,6 +8,7 @@ and with p2 = q - v the signal v that leaves it becomes an input of its own: v =
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from itertools import combinations
 from typing import Any
@@ -70,7 +71,9 @@ def linearize(
     Notes
     -----
     The states of the Pade form keep their places in x0; their values do not matter. Two dead
-    times in one system are exact too.
+    times in one system are exact too. With ``output`` given, an integrator that neither it nor
+    another state reads is left out: the position of a drive whose loop is closed over w. It is no
+    part of ``open_loop`` either, where only the output reads it.
 
     Examples
     --------
@@ -99,12 +102,32 @@ def linearize(
             "inputs": [system.input_labels[k] for k in inputs],
             "outputs": [system.output_labels[k] for k in outputs],
         }
-        return ct.ss(A, B[:, inputs], C[outputs], D[np.ix_(outputs, inputs)], **names)
+        keep = _read(A, C[outputs]) if output is not None else [*range(len(A))]
+        own = A[np.ix_(keep, keep)], B[np.ix_(keep, inputs)], C[np.ix_(outputs, keep)]
+        return ct.ss(*own, D[np.ix_(outputs, inputs)], **names)
     many, made = B.shape[1], [one for one in late if one.seconds > 0]
     columns = [*inputs, *range(many - len(made), many)]
-    rows = [*outputs, *range(len(C) - len(made), len(C))]
-    model = ct.ss(A, B[:, columns], C[rows], D[np.ix_(rows, columns)])
-    return closed_over(model, [number(one.seconds, "delay") for one in made])
+    around = [*range(len(C) - len(made), len(C))]
+    rows = [*outputs, *around]
+    keep = _read(A, C[rows])
+    A, B, C = A[np.ix_(keep, keep)], B[np.ix_(keep, columns)], C[:, keep]
+    model = ct.ss(A, B, C[rows], D[np.ix_(rows, columns)])
+    T = closed_over(model, [number(one.seconds, "delay") for one in made])
+    return replace(T, outside=len(A) - len(_read(A, C[around])))
+
+
+def _read(A: np.ndarray, C: np.ndarray) -> list[int]:
+    """The states without integrators that nothing reads, no other state and no row of C.
+
+    The position of a drive is one in a loop that is closed over its speed only: it adds a pole at
+    s = 0 that is no part of the loop.
+    """
+    keep = [*range(len(A))]
+    while True:
+        free = [k for k in keep if not A[keep, k].any() and not C[:, k].any()]
+        if not free:
+            return keep
+        keep = [k for k in keep if k not in free]
 
 
 def closed_over(model: Any, late: Sequence[Fraction]) -> DelayedTransfer:

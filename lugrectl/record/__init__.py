@@ -2,12 +2,12 @@
 
 from .columns.options import parse_pairs
 from .consistency import named, refuse_dead
-from .log import Log, read_log
+from .log import Log
 from .pooling import pooled
-from .read import consistent, read_record, record_of
+from .read import consistent, read_log, read_record, record_of
 from .record import Record
 from .stretches import Stretch, stretches
-from .uniform_time import long_enough_to_judge
+from .uniform_time import long_enough_to_judge, refuse_unlikely_time
 
 __all__ = [
     "Log",
@@ -22,5 +22,6 @@ __all__ = [
     "read_record",
     "record_of",
     "refuse_dead",
+    "refuse_unlikely_time",
     "stretches",
 ]

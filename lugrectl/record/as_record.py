@@ -6,12 +6,14 @@ import os
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+import numpy as np
+
 from ..core.errors import InputError
 from ..core.validation import is_file, shown
 from .columns.arrays import FORMS, is_table
-from .log import Log, read_log
+from .log import Log
 from .log_files import files_of
-from .read import read_record
+from .read import read_log, read_record
 from .record import Record
 
 
@@ -40,6 +42,11 @@ def as_log(given: Any, motion: str | None = None, what: str = "record") -> Log |
         return given
     if is_record(given):
         return read_log(given, motion=motion)
+    if isinstance(given, np.ndarray):
+        raise InputError(
+            f"{what} is an array without names of its columns: give them as a dict of arrays, such "
+            'as {"t": x[:, 0], "u": x[:, 1], "theta": x[:, 2]}.'
+        )
     raise InputError(f"{what} must be {FORMS}, not {shown(given)}.")
 
 
@@ -49,7 +56,7 @@ def as_logs(given: Any, motion: str | None = None) -> tuple[tuple[Log | Record, 
         from .log_files import files_of
 
         given = files_of(given)
-    if is_record(given) or not isinstance(given, Iterable):
+    if is_record(given) or isinstance(given, np.ndarray) or not isinstance(given, Iterable):
         return (as_log(given, motion),), False
     found = tuple(as_log(one, motion, "each record") for one in given)
     if not found:

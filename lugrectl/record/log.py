@@ -19,7 +19,7 @@ from .columns.options import check_used, factors, texts
 from .columns.roles import Choice, choose_columns, idle_said
 from .columns.streams import merged
 from .columns.table import Table
-from .columns.units import Unit, role_unit, si_unit
+from .columns.units import Unit, parse_unit, role_unit, si_unit
 from .columns.unsigned import signed
 from .files.readers import read_stdin, read_table
 from .row_places import Places, TableRows
@@ -74,13 +74,13 @@ class Log:
 def log_of_arrays(
     source: str, channels: Mapping[str, np.ndarray], motion: str, cuts: tuple[int, ...] = ()
 ) -> Log:
-    """Channels in SI units by role, t among them, as a log; rows are counted from 0."""
+    """Channels in SI units by role, t among them in s, as a log; rows are counted from 0."""
     others = {role: values for role, values in channels.items() if role != "t"}
-    labels: dict[str, str | None] = dict.fromkeys(channels)
+    labels: dict[str, str | None] = {**dict.fromkeys(channels), "t": "s"}
     return Log(source, channels["t"], others, TableRows(), labels, motion, cuts=cuts)
 
 
-def read_log(
+def rows_of(
     path: Any,
     *,
     columns: Mapping[str, str] | str | None = None,
@@ -89,7 +89,8 @@ def read_log(
     rate: float | None = None,
     motion: str | None = None,
 ) -> Log:
-    """Read the rows of a log in SI units; the parameters are those of :func:`read_record`.
+    """The rows of a log in the units that are stated or assumed; parameters as for
+    :func:`read_record`.
 
     Raises InputError if the file or an argument cannot be read or understood.
     """
@@ -107,7 +108,7 @@ def read_log(
     if not len(raw[0]):
         raise InputError(f"{table.source} holds column names but no data.")
     raw, merging = merged([c.role for c in choices], raw)
-    said = [*more, *said, *merging]
+    said = [*more, *said, *merging, *_overridden(table, choices, stated)]
     channels = {}
     for choice, column in zip(choices, raw, strict=True):
         values, more = signed(choice.role, column)
@@ -182,6 +183,22 @@ def _unit(
     return role_unit(choice.role, text, scaled=choice.role in scaled, where=where)
 
 
+def _overridden(table: Table, choices: list[Choice], stated: Mapping[str, str]) -> list[str]:
+    """A note on each unit that the user gave in place of another one in the header."""
+    said = []
+    for choice in choices:
+        given, header = stated.get(choice.role), table.units[choice.index]
+        if not given or not header:
+            continue
+        here = parse_unit(header)
+        if here is None or here != parse_unit(given):
+            said.append(
+                f"The header says {choice.role} [{header}]; --units {choice.role}={given} was "
+                "used in its place."
+            )
+    return said
+
+
 def _motion(source: str, found: Mapping[str, Unit | None], given: str | None) -> str:
     """Return the kind of drive that the units belong to; units of both kinds are an error."""
     if not (given is None or (isinstance(given, str) and given in _FAST)):
@@ -196,7 +213,8 @@ def _motion(source: str, found: Mapping[str, Unit | None], given: str | None) ->
                 )
         if given not in (None, unit.motion):
             raise InputError(
-                f"{source}: {role} is in {unit.name}, which does not fit motion = '{given}'."
+                f"{source}: {role} is in {unit.name}, which does not fit motion = '{given}'; for a "
+                f'{unit.motion} drive the model needs motion = "{unit.motion}".'
             )
     return given or next((str(unit.motion) for unit in kinds.values()), "rotary")
 

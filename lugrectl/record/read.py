@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from ..core.errors import InputError
+from ..core.errors import InputError, Refused
 from .consistency import audit
-from .log import Log, read_log
+from .log import Kept, Log, rows_of
 from .record import Record
-from .recorded_speed import fitting_speed
+from .recorded_speed import fitting_speed, unit_mistake
 from .samples.usable import usable
 from .uniform_time import uniform
 
@@ -80,6 +80,45 @@ def read_record(
         return record_of(path)
     log = read_log(path, columns=columns, units=units, scale=scale, rate=rate, motion=motion)
     return record_of(log)
+
+
+def read_log(
+    path: Any,
+    *,
+    columns: Mapping[str, str] | str | None = None,
+    units: Mapping[str, str] | str | None = None,
+    scale: Mapping[str, float] | str | None = None,
+    rate: float | None = None,
+    motion: str | None = None,
+) -> Log:
+    """Read the rows of a log in SI units; the parameters are those of :func:`read_record`.
+
+    Where w and d theta/dt differ by a factor of two units, one of them is in another unit than
+    was assumed: it is converted here, before anything is computed from the log.
+
+    Raises InputError if the file or an argument cannot be read or understood.
+    """
+    log = rows_of(path, columns=columns, units=units, scale=scale, rate=rate, motion=motion)
+    return _in_one_unit(log)
+
+
+def _in_one_unit(log: Log) -> Log:
+    """The log with w and theta in units that fit each other, and a note on what was converted."""
+    if not {"w", "theta"} <= set(log.channels):
+        return log
+    try:
+        found = unit_mistake(uniform(usable(log)), log.labels)
+    except Refused:  # too short to compare them
+        return log
+    if found is None:
+        return log
+    return replace(
+        log,
+        channels={**log.channels, found.role: log.channels[found.role] * found.factor},
+        labels={**log.labels, found.role: found.unit},
+        messages=(*log.messages, found.said),
+        kept=Kept(),
+    )
 
 
 def record_of(log: Log | Record, *, alone: bool = True) -> Record:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..core.errors import InputError
 from .columns.units import UNITS, Unit, si_unit
 from .motion_band import BLOCKS, long_enough, longest, low_passed, regression
 from .record import Record
+from .samples.clock import plausible
 
 _CLOSE = 0.02  # a ratio this close to that of two units means that these were mixed up
 _SAME = 0.9  # share of a channel's power that the other's derivative must explain
@@ -29,20 +31,80 @@ def fitting_speed(record: Record, labels: Mapping[str, str | None] | None = None
     return _velocity(record, labels or {})
 
 
-def _velocity(record: Record, labels: Mapping[str, str | None]) -> Record:
+@dataclass(frozen=True)
+class Mistake:
+    """A channel that is in another unit than it was taken in.
+
+    ``factor`` is what its values in SI are to be multiplied by, ``unit`` the name of its unit.
+    """
+
+    role: str
+    unit: str
+    factor: float
+    said: str
+
+
+def unit_mistake(record: Record, labels: Mapping[str, str | None]) -> Mistake | None:
+    """The unit that w, theta or t is in, where w and d theta/dt differ by a factor of units.
+
+    None where they agree, or differ by another factor. Raises InputError where the unit of t is
+    the one that is not as assumed: all rates depend on it.
+    """
+    if not _comparable(record):
+        return None
+    found = _compared(record)
+    ratio = found.ratio if found.related else _steady_ratio(record)
+    if not ratio or abs(abs(ratio) - 1) <= _OFF:
+        return None
+    _check_time(record, labels, ratio)
+    return _mistake(record, labels, ratio)
+
+
+def _comparable(record: Record) -> bool:
+    """Whether w and theta are both there, long enough, and change."""
+    if record.w is None or record.theta is None or not long_enough(record):
+        return False
+    return bool(np.ptp(record.w) > 0 and np.ptp(record.theta) > 0)
+
+
+@dataclass(frozen=True)
+class _Compared:
+    """w over d theta/dt, 1 or -1 where it may be that; its lag and the least one, in s."""
+
+    ratio: float
+    agreement: float
+    lag: float = 0.0
+    least_lag: float = 0.0
+
+    @property
+    def related(self) -> bool:
+        return self.agreement >= 0.25
+
+
+def _compared(record: Record) -> _Compared:
     """Compare w with d theta/dt.
 
     Noise in the regressor biases a fitted ratio towards zero, so the two regressions, w on
     d theta/dt and d theta/dt on w, bracket the true ratio. With few swings of the motion it is
     less certain.
     """
-    if record.w is None or record.theta is None or not long_enough(record):
-        return record
-    if np.ptp(record.w) == 0 or np.ptp(record.theta) == 0:
-        return record
     slope, (ratio, lead), (inverse, lag) = _both_ways(record)
     agreement = ratio * inverse
     if agreement < 0.25:
+        return _Compared(0.0, agreement)
+    swings = 1 + np.count_nonzero(np.diff(np.sign(slope - slope.mean())))
+    margin = _OFF + 3 * np.sqrt(max(1 - agreement, 0.0) / swings)
+    low, high = sorted((abs(ratio), abs(1 / inverse)))
+    same = low <= 1 + margin and high >= 1 - margin
+    size = 1.0 if same else float(np.sqrt(ratio / inverse))
+    return _Compared(size * float(np.sign(ratio)), agreement, lag, min(lag, -lead))
+
+
+def _velocity(record: Record, labels: Mapping[str, str | None]) -> Record:
+    if not _comparable(record):
+        return record
+    found = _compared(record)
+    if not found.related:
         steady = _steady_ratio(record)
         if steady:
             same = abs(steady - 1) <= _OFF
@@ -50,25 +112,22 @@ def _velocity(record: Record, labels: Mapping[str, str | None]) -> Record:
         swapped = replace(record, theta=record.w, w=record.theta)
         if _derives(swapped):
             return swapped.with_messages("theta is d w/dt: the two were exchanged.")
-        return _ignored(record, f"has little in common with it (R2 = {max(agreement, 0.0):.2f})")
-    swings = 1 + np.count_nonzero(np.diff(np.sign(slope - slope.mean())))
-    margin = _OFF + 3 * np.sqrt(max(1 - agreement, 0.0) / swings)
-    low, high = sorted((abs(ratio), abs(1 / inverse)))
-    middle = float(np.sqrt(ratio / inverse)) * np.sign(ratio)
-    if low <= 1 + margin and high >= 1 - margin:
-        factor, record = np.sign(ratio), _turned(record) if ratio < 0 else record
+        little = f"has little in common with it (R2 = {max(found.agreement, 0.0):.2f})"
+        return _ignored(record, little)
+    if abs(found.ratio) == 1.0:
+        fits, record = True, _turned(record) if found.ratio < 0 else record
     else:
-        factor, record = _converted(record, labels, float(middle))
-    offset = _offset(record) if factor else 0.0
+        fits, record = _converted(record, labels, found.ratio)
+    offset = _offset(record) if fits else 0.0
     if offset:
         unit = si_unit("w", record.motion)
         return replace(record, w=None).with_messages(
             f"w is {abs(offset):.3g} {unit} too {'high' if offset > 0 else 'low'} against "
             "d theta/dt: w is ignored and the velocity is computed from theta."
         )
-    if factor and min(lag, -lead) > _LAG * record.dt:
+    if fits and found.least_lag > _LAG * record.dt:
         record = record.with_messages(
-            f"w lags theta by {1e3 * lag:.3g} ms, as a filtered velocity does: not changed."
+            f"w lags theta by {1e3 * found.lag:.3g} ms, as a filtered velocity does: not changed."
         )
     return record
 
@@ -157,18 +216,48 @@ def _mistakes(
     return [row[1:] for row in sorted(found, key=lambda row: row[0])]
 
 
+def _mistake(record: Record, labels: Mapping[str, str | None], ratio: float) -> Mistake | None:
+    """The first mix-up of units that makes w so many times d theta/dt."""
+    for expected, role, taken, meant in _mistakes(record, labels):
+        if abs(abs(ratio) / expected - 1) <= _CLOSE:
+            stated = "stated" if labels.get(role) else "taken"
+            return Mistake(
+                role,
+                meant.name,
+                meant.factor / taken.factor,
+                f"{role} is {stated} in {taken.name} but in fact in {meant.name} "
+                f"(w is {abs(ratio):.4g} times d theta/dt): converted.",
+            )
+    return None
+
+
+def _check_time(record: Record, labels: Mapping[str, str | None], ratio: float) -> None:
+    """InputError if a t without a unit is what makes w so many times d theta/dt.
+
+    It is where the others have a stated unit, or where no drive is logged at the rate that s
+    would mean; and where one is at the rate that the other unit means.
+    """
+    if labels.get("t", "s") is not None:
+        return
+    others = labels.get("w") is not None and labels.get("theta") is not None
+    for unit in UNITS.values():
+        if unit.quantity != "time" or abs(abs(ratio) * unit.factor - 1) > _CLOSE:
+            continue
+        if (others or not plausible(record.dt)) and plausible(record.dt * unit.factor):
+            raise InputError(
+                f"{record.source}: t has no unit and does not look like s (w is "
+                f"{abs(ratio):.4g} times d theta/dt): give --units t={unit.name}, or --units t=s "
+                "if that is right."
+            )
+
+
 def _converted(
     record: Record, labels: Mapping[str, str | None], ratio: float
-) -> tuple[float, Record]:
-    """Return the record with the wrong unit corrected, or without w."""
-    for expected, role, taken, meant in _mistakes(record, labels):
-        if abs(abs(ratio) / expected - 1) > _CLOSE:
-            continue
-        values = getattr(record, role) * (meant.factor / taken.factor)
-        stated = "stated" if labels.get(role) else "taken"
-        record = replace(record, **{role: values}).with_messages(
-            f"{role} is {stated} in {taken.name} but in fact in {meant.name} "
-            f"(w is {abs(ratio):.4g} times d theta/dt): converted."
-        )
-        return 1.0, _turned(record) if ratio < 0 else record
-    return 0.0, _ignored(record, f"{ratio:.4g} times it")
+) -> tuple[bool, Record]:
+    """Whether a wrong unit explains the ratio, and the record with it corrected or without w."""
+    found = _mistake(record, labels, ratio)
+    if found is None:
+        return False, _ignored(record, f"{ratio:.4g} times it")
+    values = getattr(record, found.role) * found.factor
+    record = replace(record, **{found.role: values}).with_messages(found.said)
+    return True, _turned(record) if ratio < 0 else record

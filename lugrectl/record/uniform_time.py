@@ -14,6 +14,7 @@ from .samples.rows import Stamped, count, runs
 
 _FILL_SHARE = 0.01  # of the samples: more missing ones of an optional channel are not filled
 _EXACT = 0.01  # stamps this close to the grid (in dt) count as on it
+_UNITS = {"ms": 1e-3, "us": 1e-6}
 _TO_JUDGE = 200, 1.0  # samples and s in one piece that the comparison of models needs
 
 
@@ -206,3 +207,20 @@ def long_enough_to_judge(record: Record) -> None:
             f"{most} samples{whole}; at least {seconds:g} s and {samples} samples are needed.",
             "Record 20 s or more without loss.",
         )
+
+
+def refuse_unlikely_time(record: Record) -> None:
+    """Raise Refused for a log whose t has no unit, and which no drive writes at that rate in s.
+
+    All rates and the inertia depend on the unit of t. A record that was built of arrays is in s.
+    """
+    stated = record.log is None or record.log.labels.get("t", "s") is not None
+    if stated or plausible(record.dt):
+        return
+    unit = next((name for name, k in _UNITS.items() if plausible(record.dt * k)), "ms")
+    raise Refused(
+        f"{record.source}: t has no unit, and read as s it gives a sampling rate of "
+        f"{record.rate:.6g} Hz, at which no drive writes a log: give --units t={unit}, or "
+        "--units t=s if that is right.",
+        f"Write the unit of t into the header, as in t [{unit}].",
+    )

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SIZE = (6.4, 3.3)  # inches, of one plot
+HALF = (4.2, 2.6)  # of one of two side by side on a page
 _RC: dict[Any, Any] = {
     "font.size": 10,
     "font.family": "sans-serif",
@@ -71,13 +72,16 @@ def on_pyplot(panels: list[Callable[[Axes], Any]], columns: int = 1) -> list[Axe
     return axes
 
 
-def inline_svg(panel: Callable[[Axes], Any], name: str) -> str:
-    """One panel as SVG to stand inside an HTML page: no header, no address, ids of its own."""
+def inline_svg(panel: Callable[[Axes], Any], name: str, size: tuple[float, float] = SIZE) -> str:
+    """One panel as SVG to stand inside an HTML page: no header, no address, ids of its own.
+
+    A page scales it to its column: a smaller ``size`` (inches) makes larger letters.
+    """
     from matplotlib.figure import Figure
 
     file = io.StringIO()
     with style():
-        figure = Figure(figsize=SIZE, layout="constrained", dpi=100)
+        figure = Figure(figsize=size, layout="constrained", dpi=100)
         panel(figure.subplots())
         figure.savefig(file, format="svg", dpi=160)
     svg = file.getvalue()

@@ -21,6 +21,11 @@ BIASED = (
     "There are no intervals: a large torque is not explained, and a part of it may count as one of "
     "the other terms."
 )
+SHARES = (
+    "Shares are of {} {}, the RMS of the coulomb and viscous torque together. RMS values do not "
+    "add up: terms act at the same time, with or against each other."
+)
+UNKNOWN = "unknown torque"
 UNNAMED = ("left", "noise")
 
 
@@ -31,13 +36,11 @@ def budget(d: Any) -> Section | None:
         return None
     unit = unit_for("N m", _motion(d))
     rows = [
-        (_term(s.term), number(s.rms, 3), _percent(s.share), _ends(s.ci95), ", ".join(s.signals))
-        for s in found.budget
+        (name, number(s.rms, 3), _percent(s.share), _ends(s.ci95), ", ".join(s.signals))
+        for name, s in zip(_terms(found.budget), found.budget, strict=True)
     ]
     head = ("term", f"RMS [{unit}]", "of friction", "95 % interval", "depends on")
-    footnote = (
-        "Shares are of the RMS friction torque. Terms overlap, so that they do not add up to 100 %."
-    )
+    footnote = SHARES.format(_whole(found.budget), unit)
     if all(s.ci95 is None for s in found.budget):
         footnote = f"{footnote} {BIASED}"
     return Section(BUDGET, (), Grid(head, "lrrrl", tuple(rows)), footnote)
@@ -113,7 +116,7 @@ def bars(d: Any, ax: Axes) -> Axes:
             _percent(s.share), (shares[i], i), xytext=(4, 0), textcoords="offset points",
             va="center", fontsize="small",
         )  # fmt: skip
-    ax.set_yticks(range(len(parts)), [_term(s.term) for s in parts])
+    ax.set_yticks(range(len(parts)), _terms(parts))
     ax.grid(False, axis="y")
     ax.margins(x=0.15)
     ax.set_xlabel("RMS torque [% of friction]")
@@ -146,8 +149,17 @@ def _seen_from(share: float) -> str:
     return _percent(share) if share < 1.0 else "not in this record"
 
 
-def _term(term: str) -> str:
-    return {"left": "not explained", "noise": "of it sensor noise"}.get(term, term)
+def _terms(parts: Sequence[Any]) -> list[str]:
+    """The terms in words; what is left beside an unknown torque is the rest of the unexplained."""
+    left = "the rest" if any(s.term == UNKNOWN for s in parts) else "not explained"
+    words = {"left": left, "noise": "of it sensor noise"}
+    return [words.get(term, term) for term in (str(s.term) for s in parts)]
+
+
+def _whole(parts: Sequence[Any]) -> str:
+    """The RMS torque of which the shares are, from the largest one."""
+    first = max(parts, key=lambda s: s.rms)
+    return number(first.rms / first.share, 3) if first.share > 0 else "0"
 
 
 def _percent(share: float) -> str:

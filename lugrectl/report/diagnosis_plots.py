@@ -12,7 +12,7 @@ from ..blocks.block import unit_for
 from ..core.errors import InputError
 from . import comparison_section, friction_map_plots, loop_plots
 from .canvas import drawn, headed, inline_svg, on_pyplot
-from .views import Residual, binned, motion_of, residual, rms_over_time, simulated, stretch
+from .views import Residual, binned, limits, motion_of, residual, rms_over_time, simulated, stretch
 from .wording import readable
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def error(d: Any, ax: Axes) -> Axes:
         ax.axhline(factor * floor, color=MEASURED, lw=1.0, ls=":", label="sensor noise")
     ax.set(xlabel="t [s]", ylabel=f"RMS error of {name} [{unit}]")
     ax.set_xlim(traces.t[0], traces.t[-1])
-    ax.set_ylim(bottom=0)
+    _from_zero_or_log(ax, [factor * rms for *_, rms in curves])
     headed(ax, "Error over the record, held-out samples")
     return ax
 
@@ -68,16 +68,18 @@ def torque(d: Any, ax: Axes) -> Axes:
     view = residual(d)
     if view is None:
         raise InputError("this diagnosis holds no residual torque to plot.")
-    edges = np.linspace(*_limits(view.x, 0.1), 61)
-    some, shown = _some(len(view.x)), list(_limits(view.before, 1.0))
-    for y, name, color in _residuals(view):
+    edges, unit = view.edges(), unit_for("N m", motion_of(d))
+    some, shown = _some(len(view.x)), list(limits(view.before, 1.0))
+    name = "residual torque" if unit == "N m" else "residual force"
+    factor, unit = readable(shown, unit)
+    shown = [factor * y for y in shown]
+    for torque, label, color in _residuals(view):
+        y = factor * torque
         x, mean = binned(view.x, y, edges)
         ax.plot(view.x[some], y[some], ".", **_DOTS, color=color)
         ax.plot(x, mean, color="white", lw=3.6)
-        ax.plot(x, mean, color=color, lw=2.0, label=f"{name}, mean")
+        ax.plot(x, mean, color=color, lw=2.0, label=f"{label}, mean")
         shown += list(mean[np.isfinite(mean)])
-    unit = unit_for("N m", motion_of(d))
-    name = "residual torque" if unit == "N m" else "residual force"
     times = f" x sign({view.times})" if view.times else ""
     ax.set(xlabel=view.label, ylabel=f"{name}{times} [{unit}]", xlim=(edges[0], edges[-1]))
     margin = 0.15 * (max(shown) - min(shown))
@@ -94,7 +96,8 @@ PANELS: dict[str, tuple[Callable[..., Any], str]] = {
     "motion": (
         motion,
         "Measured and simulated motion over the two held-out seconds where the refitted model has "
-        "its largest error. The models are simulated from the recorded torque alone.",
+        "its largest error. The models are simulated from the recorded torque alone; where they "
+        "jump, they are restarted from the measured motion.",
     ),
     "map": (
         lambda d, ax: friction_map_plots.torque(d.map, ax),
@@ -105,7 +108,7 @@ PANELS: dict[str, tuple[Callable[..., Any], str]] = {
         "Mean torque minus the fitted curves. The bars are the 95 % intervals of the means.",
     ),
     "error": (error, "Error of the simulated motion on held-out samples, in short bins."),
-    "torque": (torque, "Residual torque of the refitted and of the augmented model."),
+    "torque": (torque, "Residual torque: single samples (dots) and their mean (lines)."),
     "table": (
         lambda d, ax: loop_plots.table(d.table, ax),
         "The residual torque as a table, with its 95 % band. It describes the residual without "
@@ -157,6 +160,15 @@ def drawings(d: Any) -> list[tuple[str, str]]:
     ]
 
 
+def _from_zero_or_log(ax: Axes, curves: list[np.ndarray]) -> None:
+    """A logarithmic axis where one of the curves would lie on the axis beside the other."""
+    middles = [float(np.nanmedian(y)) for y in curves]
+    if 0 < min(middles) < 0.1 * max(middles):
+        ax.set_yscale("log")
+    else:
+        ax.set_ylim(bottom=0)
+
+
 def _models(d: Any) -> list[tuple[str, str, np.ndarray]]:
     """Name, colour and trace of each model to draw: refitted and, with effects, augmented."""
     refitted, augmented = (simulated(d.traces, name) for name in ("refitted", "augmented"))
@@ -175,13 +187,6 @@ def _signal(d: Any) -> tuple[str, str]:
     """The signal that errors refer to, and its unit."""
     error = d.error or {}
     return error.get("signal", "w"), error.get("unit") or unit_for("rad/s", motion_of(d))
-
-
-def _limits(values: np.ndarray, cut: float) -> tuple[float, float]:
-    """Range of the finite values without ``cut`` percent at either end; never empty."""
-    finite = values[np.isfinite(values)]
-    low, high = np.percentile(finite, [cut, 100.0 - cut])
-    return (low, high) if high > low else (low - 0.5, high + 0.5)
 
 
 def _some(n: int) -> np.ndarray:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..blocks.block import unit_for
-from .canvas import drawn, inline_svg, on_pyplot
+from .canvas import HALF, drawn, headed, inline_svg, on_pyplot
 from .loop_plots import COLOURS
 from .wording import number, readable
 
@@ -65,7 +65,9 @@ def panels(balance: Balance) -> list[tuple[str, Callable[[Axes], Any]]]:
 def drawings(balance: Balance) -> list[tuple[str, str]]:
     """Caption and inline SVG of each panel but the remarks, which a report has as text."""
     made = [panel for panel in panels(balance) if panel[0] != NOTICED]
-    return [(caption, inline_svg(panel, f"log-{i}")) for i, (caption, panel) in enumerate(made)]
+    return [
+        (caption, inline_svg(panel, f"log-{i}", HALF)) for i, (caption, panel) in enumerate(made)
+    ]
 
 
 @drawn
@@ -112,9 +114,10 @@ def fit(balance: Balance, ax: Axes) -> Axes:
         y = factor * windows.value[which]
         ax.plot(t[which], y, ".", ms=2.0, color=colour, label=label, rasterized=True)
     ax.set(xlabel="t [s]", ylabel=f"residual torque [{unit}]")
-    ax.legend(loc="upper right", ncols=2, fontsize="small", markerscale=3.0)
-    return _titled(ax, f"Plain fit: leaves {number(100.0 * (balance.left or 0.0), 2)} % of "
-                   "the RMS torque")  # fmt: skip
+    left = number(100.0 * (balance.left or 0.0), 2)
+    _titled(ax, "")
+    headed(ax, f"Plain fit: leaves {left} % of the RMS torque")
+    return ax
 
 
 @drawn

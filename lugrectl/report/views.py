@@ -13,6 +13,8 @@ from ..estimates.findings import Traces
 STRETCH = 2.0  # s of measured and simulated motion that are shown
 UNITS = {"theta": "rad", "w": "rad/s", "u": "N m", "t": "s"}
 _BINS = 200  # of the error over the record
+_LEAST = 60  # of the residual over a signal
+_FINE, _IN_BIN = 20, 20  # bins in a cycle of the effect, at so many samples in each
 _TURNS = 12  # harmonics up to this order are shown over one whole turn
 
 
@@ -22,7 +24,8 @@ class Residual:
 
     ``before`` and ``after`` belong to the refitted and the augmented model (``after`` is None
     if they are the same), both multiplied by the sign of the signal ``times``, if any. Samples
-    where ``x`` or ``before`` is NaN are left out.
+    where ``x`` or ``before`` is NaN are left out. ``x`` is shown modulo ``span``, 0 if as it is,
+    in which the effect repeats ``cycles`` times.
     """
 
     x: np.ndarray
@@ -31,6 +34,15 @@ class Residual:
     label: str
     times: str
     held_out: bool
+    span: float = 0.0
+    cycles: float = 1.0
+
+    def edges(self) -> np.ndarray:
+        """Edges of the bins of ``x`` in which the residual is averaged."""
+        if not self.span:
+            return np.linspace(*limits(self.x, 0.1), _LEAST + 1)
+        fine = min(round(_FINE * self.cycles), len(self.x) // _IN_BIN)
+        return np.linspace(0.0, self.span, max(fine, _LEAST) + 1)
 
 
 def motion_of(d: Any) -> str:
@@ -86,7 +98,7 @@ def residual(d: Any) -> Residual | None:
     if before is None or not np.isfinite(before).any():
         return None
     times = _times(d)
-    x, label = _explaining(d, times)
+    x, label, span, cycles = _explaining(d, times)
     after = traces.residual.get("augmented")
     sign = np.sign(traces.signals[times]) if times else np.ones_like(x)
     good = np.isfinite(x) & np.isfinite(before) & np.isfinite(sign)
@@ -103,7 +115,16 @@ def residual(d: Any) -> Residual | None:
         label=label,
         times=times,
         held_out=held_out,
+        span=span,
+        cycles=cycles,
     )
+
+
+def limits(values: np.ndarray, cut: float) -> tuple[float, float]:
+    """Range of the finite values without ``cut`` percent at either end; never empty."""
+    finite = values[np.isfinite(values)]
+    low, high = np.percentile(finite, [cut, 100.0 - cut])
+    return (low, high) if high > low else (low - 0.5, high + 0.5)
 
 
 def _effect(d: Any) -> tuple[Block | None, dict[str, float]]:
@@ -129,9 +150,9 @@ def _times(d: Any) -> str:
     return "w" if "w" in given and not plain else ""
 
 
-def _explaining(d: Any, times: str) -> tuple[np.ndarray, str]:
-    """The abscissa of the residual and its label with unit; never the signal ``times`` of an
-    unexplained residual."""
+def _explaining(d: Any, times: str) -> tuple[np.ndarray, str, float, float]:
+    """The abscissa of the residual, its label with unit, what it is folded over and how often the
+    effect repeats in that; never the signal ``times`` of an unexplained residual."""
     made, values = _effect(d)
     signals = {"t": d.traces.t, **d.traces.signals}
     own = [*made.inputs, *(["t"] if made.timed else [])] if made else []
@@ -140,12 +161,13 @@ def _explaining(d: Any, times: str) -> tuple[np.ndarray, str]:
     motion = motion_of(d)
     unit, x = unit_for(UNITS.get(name, ""), motion), signals[name]
     if made and made.acts == ("input",) and made.states and name == "u":
-        return np.gradient(x, d.traces.t), f"du/dt [{unit}/s]"
+        return np.gradient(x, d.traces.t), f"du/dt [{unit}/s]", 0.0, 1.0
     period = _period(name, made, values, motion)
     if period and np.ptp(x[np.isfinite(x)]) > period:
         turn = "one turn" if period == 2 * np.pi and motion == "rotary" else f"{period:.4g} {unit}"
-        return np.mod(x, period), f"{name} modulo {turn} [{unit}]"
-    return x, f"{name} [{unit}]" if unit else name
+        cycles = max(values.get("harmonic", 1.0) * period / (2 * np.pi), 1.0)
+        return np.mod(x, period), f"{name} modulo {turn} [{unit}]", period, cycles
+    return x, f"{name} [{unit}]" if unit else name, 0.0, 1.0
 
 
 def _period(name: str, made: Block | None, values: dict[str, float], motion: str) -> float | None:

@@ -205,6 +205,9 @@ SINGLE = (
 )
 
 
+RELATIVE = "Improvement is relative to the refitted model."
+
+
 def errors(d: Any) -> Section | None:
     """The before/after table: declared, refitted, augmented, noise floor."""
     error, free, torque = (_get(d, k) for k in ("error", "free_error", "torque_error"))
@@ -229,7 +232,18 @@ def errors(d: Any) -> Section | None:
         return None
     head = ("RMS", "unit", "declared", "refitted", "augmented", "noise", "improved")
     grid = Grid(head, "llrrrrr", tuple(rows))
-    return Section("Error before and after", _scope(error), grid, footnote)
+    lines = _scope(error)
+    if all(row[head.index("augmented")] == number(None, 3) for row in rows):  # an identification
+        return Section("Error before and after", lines, _fitted_only(grid), footnote)
+    lines = tuple(f"{line} {RELATIVE}" for line in lines)
+    return Section("Error before and after", lines, grid, footnote)
+
+
+def _fitted_only(grid: Grid) -> Grid:
+    """The errors without those of a model to which something was added."""
+    keep = [i for i, name in enumerate(grid.head) if name not in ("augmented", "improved")]
+    head, *rows = (tuple(row[i] for i in keep) for row in (grid.head, *grid.rows))
+    return Grid(head, "".join(grid.align[i] for i in keep), tuple(rows))
 
 
 def _scope(error: Mapping[str, Any] | None) -> tuple[str, ...]:
@@ -242,7 +256,7 @@ def _scope(error: Mapping[str, Any] | None) -> tuple[str, ...]:
             f"Measured minus simulated over {error['samples']} held-out samples; the simulation "
             f"is restarted every {error['horizon']:g} s"
         )
-    return (f"{what}. Improvement is relative to the refitted model.",)
+    return (f"{what}.",)
 
 
 def _error_row(d: Any, label: str, error: Mapping[str, Any]) -> tuple[str, ...]:

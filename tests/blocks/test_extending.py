@@ -168,6 +168,27 @@ def test_what_is_written_names_the_file_and_is_read_in_a_new_process(mine, tmp_p
         assert words in done.stdout, done.stderr
 
 
+CELL = """import lugrectl as lg
+
+@lg.block("effect", out="d", acts="torque")
+def drag_of_cell(w, c=lg.P(0.0, "N m s3/rad3", 0.0, neutral=0.0)):
+    return c * w**3
+
+lg.write_model(lg.Model.of(J=0.002, effects=[{"name": "drag_of_cell", "c": 0.1}]), "cell.toml")
+lg.write_model(lg.Model.of(J=0.002, effects=["gravity"]), "plain.toml")
+"""
+
+
+def test_a_block_of_a_script_is_named_in_the_model_file_and_where_it_is_missing(tmp_path):
+    subprocess.run([sys.executable, "-c", CELL], cwd=tmp_path, check=True)
+    text = (tmp_path / "cell.toml").read_text()
+    assert '# "drag_of_cell" was declared in a script or a notebook.' in text
+    assert "give --blocks FILE.py" in text
+    assert "--blocks" not in (tmp_path / "plain.toml").read_text()
+    with pytest.raises(lg.InputError, match="drag_of_cell.*of your own: --blocks FILE.py"):
+        lg.read_model(tmp_path / "cell.toml")
+
+
 @pytest.mark.parametrize(
     ("blocks", "words"),
     [

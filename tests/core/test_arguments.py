@@ -266,7 +266,7 @@ def test_a_record_is_taken_in_every_form(run):
 def test_records_are_read_for_the_motion_of_the_model():
     linear = lg.Model.of(J=2.0, motion="linear")
     assert Asked.of(COLUMNS, linear).records().motion == "linear"
-    with pytest.raises(InputError, match="does not fit motion"):
+    with pytest.raises(InputError, match='does not fit motion.*the model needs motion = "rotary"'):
         Asked.of({**COLUMNS, "w [rpm]": COLUMNS["theta"]}, linear)
 
 
@@ -384,3 +384,20 @@ def test_the_l2_gain_of_a_transfer_function_is_its_largest_value(num, den, gain,
     assert verdict.gain == pytest.approx(gain) and bool(verdict) == np.isfinite(gain)
     assert verdict.frequency == pytest.approx(frequency, nan_ok=True)
     assert lg.l2_check((num, den)) == verdict or np.isnan(frequency)
+
+
+def test_an_array_without_names_is_told_how_to_name_its_columns():
+    with pytest.raises(InputError, match=r"record is an array without names.*dict of arrays"):
+        lg.diagnose(np.zeros((100, 3)), MODEL)
+
+
+@pytest.mark.parametrize(
+    ("known", "words"),
+    [
+        ({"J": 1.0, "Fc": 1.0}, "Fv has no value; identify it first"),
+        ({"J": 1.0}, "Fc, Fv have no values; identify them first"),
+    ],
+)
+def test_values_that_are_missing_are_counted(known, words):
+    with pytest.raises(InputError, match=words):
+        lg.plant(lg.Model.of(friction="coulomb", **known))

@@ -95,6 +95,10 @@ def test_the_budget_says_where_the_torque_goes(weighed):
 def test_a_torque_that_no_effect_has_is_unexplained_and_its_signals_are_said():
     found = said_of(bumps, 24.0)
     assert (found.verdict, found.depends_on) == ("unexplained", ("theta",))
+    shares = {one.term: one.rms for one in found.budget}
+    hidden = np.sqrt(np.mean([bumps(x, 0.0) ** 2 for x in np.linspace(0.0, math.tau, 400)]))
+    assert shares["unknown torque"] == pytest.approx(hidden, rel=0.5)
+    assert shares["noise"] <= shares["left"] < 0.7 * shares["unknown torque"]
     assert found.effects == ()
 
 

@@ -94,3 +94,37 @@ def test_wrong_arguments_are_named():
         lg.linearize(loop, [1.0, 2.0], input="r", output="w")
     with pytest.raises(InputError, match="continuous"):
         lg.linearize(lg.dead_time(2e-3, dt=1e-3))
+
+
+def speed_loop(delay, *more):
+    """A PI closed over w of a plant that has theta too."""
+    model = late_model(delay) if delay else VISCOUS
+    blocks = [lg.plant(model), lg.pi(kp=1.6, ki=16.0), lg.error(), *more]
+    outputs = ["w", "theta"]
+    return ct.interconnect(blocks, inputs=["r"], outputs=outputs, params={}, check_unused=False)
+
+
+@pytest.mark.parametrize("output", ["w", "theta"])
+def test_a_position_outside_the_loop_is_no_mode_of_it(output):
+    T = lg.linearize(speed_loop(1e-3), input="r", output=output)
+    check = lg.stability_check(T.open_loop)
+    own = lg.stability_check(lg.delayed(((1.6, 16.0), (0.0022, 0.018, 0.0)), 1e-3))
+    assert check and "cancelled" not in check.reason
+    assert check.delay_margin == pytest.approx(own.delay_margin, rel=1e-6)
+    assert T.open_loop.cancelled == (1,)
+    assert bool(lg.bandwidth_check(T).stable) is (output == "w")  # theta itself goes on
+
+
+def test_a_position_that_no_output_shows_is_no_mode_of_a_state_space_model():
+    loop = speed_loop(0.0)
+    T = lg.linearize(loop, input="r", output="w")
+    assert T.nstates == loop.nstates - 1 and "cancelled" not in lg.spr_check(T).reason
+    assert lg.linearize(loop).nstates == loop.nstates
+    assert lg.linearize(loop, input="r", output="theta").nstates == loop.nstates
+
+
+def test_a_mode_that_a_state_reads_is_still_said():
+    """An unstable filter beside the loop is no position: nothing bounds it."""
+    wild = ct.ss([[3.0]], [[1.0]], [[1.0]], [[0.0]], inputs="w", outputs="y", name="wild")
+    T = lg.linearize(speed_loop(1e-3, wild), input="r", output="w")
+    assert "s = +3 1/s" in lg.stability_check(T.open_loop).reason

@@ -186,3 +186,13 @@ def test_extra_formats_name_their_extra(tmp_path, monkeypatch, name, start, modu
     monkeypatch.setitem(__import__("sys").modules, module, None)
     (tmp_path / name).write_bytes(start + b" " * 600)
     refused(InputError, tmp_path / name, 'pip install "lugrectl[files]"', name)
+
+
+def test_decimal_commas_between_commas_are_named_where_the_first_rows_are_whole_numbers(tmp_path):
+    """A row 0,0,0 has three cells, 0,5,0,25,0,75 has six: the header seems to belong to none."""
+    lines = ["t,u,theta", "0,0,0", *(f"0,{k:03d},0,5{k:02d},0,{k:02d}1" for k in range(1, 60))]
+    with pytest.raises(InputError, match=r"line 3 has 6 cells but the header names 3.*semicolons"):
+        read_record(write(tmp_path / "a.csv", "\n".join(lines) + "\n"))
+    words = ["recorded by hand", *lines[1:]]
+    with pytest.raises(InputError, match="has no header"):
+        read_record(write(tmp_path / "b.csv", "\n".join(words) + "\n"))

@@ -5,9 +5,16 @@ import re
 import numpy as np
 import pytest
 
+import lugrectl as lg
 from lugrectl.core.errors import Refused
 from lugrectl.identification.dataset.dataset import prepare
-from lugrectl.record import Record, consistent, long_enough_to_judge, read_record
+from lugrectl.record import (
+    Record,
+    consistent,
+    long_enough_to_judge,
+    read_record,
+    refuse_unlikely_time,
+)
 
 from ..cases.logs import cell, csv, machine, refused
 
@@ -55,7 +62,7 @@ def test_a_row_out_of_order_is_left_out(tmp_path):
 
 def test_wrong_time_unit(tmp_path):
     fast = read_record(csv(tmp_path, "t [ms],u,w,theta"))
-    log = machine()
+    log = {role: x for role, x in machine().items() if role != "theta"}  # it would be asked for
     np.savez(tmp_path / "a.npz", **(log | {"t": 1e3 * log["t"]}))
     slow = read_record(tmp_path / "a.npz")
     for record, rate in ((fast, "1e+06 Hz"), (slow, "1 Hz")):
@@ -297,3 +304,17 @@ def test_stamps_in_single_precision_are_a_grid(tmp_path):
     record = read_record(tmp_path / "a.npz")
     assert record.messages == ()
     np.testing.assert_array_equal(record.u, log["u"])
+
+
+def test_a_rate_that_no_drive_has_is_not_judged_without_a_unit_of_time():
+    """Without w beside theta the rate is all that shows it; a stated unit is believed."""
+    log = {role: x for role, x in machine().items() if role != "w"}
+    slow = log | {"t": 1e3 * log["t"]}
+    with pytest.raises(Refused, match=r"t has no unit.*1 Hz.*give --units t=ms, or --units t=s"):
+        refuse_unlikely_time(read_record(slow))
+    refuse_unlikely_time(read_record(slow, units="t=s"))
+    refuse_unlikely_time(read_record(slow, units="t=ms"))
+    refuse_unlikely_time(read_record(slow, rate=1.0))
+    refuse_unlikely_time(Record(**{role: np.asarray(x) for role, x in slow.items()}))
+    refused = lg.diagnose(slow, {"J": 0.002})
+    assert refused.verdict == "refused" and "give --units t=ms" in refused.reason

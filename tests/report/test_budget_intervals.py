@@ -1,9 +1,12 @@
 """The budget has intervals only where they are honest: not beside a large unexplained torque."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from lugrectl import Model
+from lugrectl.core.display import number
 from lugrectl.diagnosis.question import Asked
 from lugrectl.identification.selection import compare
 from lugrectl.report.comparison_section import budget
@@ -20,10 +23,10 @@ def odd(theta, w):
     return 0.1 * np.sin(3.3 * np.sin(0.8 * theta) + 0.3 * theta**2)
 
 
-def compared(load=None):
+def compared(load=None, noise=1e-4):
     u = torque(10.0, DT, seed=3)
     theta, _ = simulate(u, DT, load=load)
-    theta = theta + np.random.default_rng(0).normal(0.0, 1e-4, len(u))
+    theta = theta + np.random.default_rng(0).normal(0.0, noise, len(u))
     plain = Asked.of({"t": DT * np.arange(len(u)), "u": u, "theta": theta}, MODEL).plain
     return compare(plain.stretches, MODEL, plain)
 
@@ -49,3 +52,20 @@ def test_intervals_stay_where_the_model_explains_the_torque():
     terms = {s.term: s for s in found.budget}
     assert all(terms[k].ci95 is not None for k in ("inertia", "coulomb", "viscous"))
     assert "no intervals" not in budget(diagnosis(comparison=found)).footnote
+
+
+@pytest.mark.parametrize("noise", [1e-4, 1e-3])
+def test_the_noise_is_a_part_of_what_is_not_explained(noise):
+    terms = {s.term: s for s in compared(noise=noise).budget}
+    assert terms["noise"].rms <= terms["left"].rms
+
+
+def test_what_the_shares_are_of_is_said_and_what_stays_beside_an_unknown_torque():
+    found = diagnosis().comparison
+    said = budget(diagnosis(comparison=found))
+    whole = found.budget[0].rms / found.budget[0].share
+    assert f"Shares are of {number(whole, 3)} N m, the RMS of the coulomb and" in said.footnote
+    assert "not explained" in [row[0] for row in said.grid.rows]
+    more = replace(found, budget=(replace(found.budget[0], term="unknown torque"), *found.budget))
+    names = [row[0] for row in budget(diagnosis(comparison=more)).grid.rows]
+    assert "the rest" in names and "not explained" not in names

@@ -150,7 +150,7 @@ def test_linear_drives_have_linear_labels():
     linear = replace(Model.of(table1()), motion="linear")
     found = effect("torque_ripple", harmonic=2 * np.pi / 0.5)
     ax = diagnosis_plots.torque(diagnosis(model=linear, effects=(found,)))
-    assert ax.get_ylabel() == "residual force [N]"
+    assert ax.get_ylabel() == "residual force [mN]"
     assert ax.get_xlabel() == "theta modulo 0.5 m [m]"
 
 
@@ -185,3 +185,33 @@ def test_small_errors_are_drawn_with_a_prefix():
         diagnosis_plots.error(x).get_ylabel().split("[")[::-1] for x in (made, d)
     )
     assert before == "rad/s]" and after in ("mrad/s]", "urad/s]")
+
+
+def test_small_residuals_are_drawn_with_the_prefix_of_the_table():
+    made = diagnosis().traces
+    small = replace(made, residual={k: 1e-3 * v for k, v in made.residual.items()})
+    axes = [diagnosis_plots.torque(diagnosis(traces=x)) for x in (made, small)]
+    assert [ax.get_ylabel() for ax in axes] == ["residual torque [mN m]", "residual torque [uN m]"]
+    big, little = (ax.get_ylim() for ax in axes)
+    assert little == pytest.approx(big)
+
+
+def test_a_residual_over_one_turn_shows_all_of_it_and_each_ripple_in_fine_bins():
+    view = views.residual(diagnosis())
+    edges = view.edges()
+    assert (edges[0], edges[-1]) == (0.0, pytest.approx(2 * np.pi))
+    assert len(edges) - 1 == min(20 * N, len(view.x) // 20) >= 60
+    _, mean = views.binned(view.x, view.before, edges)
+    assert np.nanmax(mean) > 0.95 * A
+    assert diagnosis_plots.torque(diagnosis()).get_xlim() == pytest.approx((0.0, 2 * np.pi))
+
+
+def test_an_error_far_below_the_other_is_not_drawn_on_the_axis():
+    made = diagnosis()
+    far = {k: made.traces.measured + f * 0.2 for k, f in (("refitted", 1.0), ("augmented", 0.01))}
+    near = {k: made.traces.measured + f * 0.2 for k, f in (("refitted", 1.0), ("augmented", 0.5))}
+    scales = [
+        diagnosis_plots.error(replace(made, traces=replace(made.traces, simulated=x))).get_yscale()
+        for x in (far, near)
+    ]
+    assert scales == ["log", "linear"]

@@ -93,6 +93,8 @@ def test_an_identification_shows_each_declared_value_beside_the_fitted_one():
     assert re.search(r"parameter +declared +fitted +95 % interval +unit", said)
     assert re.search(r"J +0\.0024\d* +0\.0022\d* +0\.0021\d* to 0\.0023\d* +kg m2", said)
     assert re.search(r"Fv +- +0\.02\d* +- +N m s/rad", said)
+    assert re.search(r"RMS +unit +declared +refitted +noise\n", said)
+    assert "Improvement" not in said and "Improvement" in report.text(diagnosis())
 
 
 @given(st.floats(-1e5, 1e5), st.floats(1e-5, 1e4))

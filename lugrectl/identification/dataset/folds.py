@@ -59,15 +59,26 @@ def split(
     fitting = next((cut for cut in cuts if len(cut.start) >= ENOUGH), cuts[-1])
     judging = windows(test, gap, span)
     if len(fitting.start) < LEAST or not len(judging.start):
-        raise Refused(
-            "The record is too short to fit the model and to check it on held-out samples.",
-            f"Record at least {8 * (max(BLOCK, horizon) + GAP):.0f} s of motion"
-            + (", shorten --horizon" if horizon > BLOCK else "")
-            + ", or give a second run with --holdout.",
-        )
+        raise _too_short(data, horizon)
     whole = test if (last or held_out is not None) else list(data.runs)
     fitting = spread(fitting, MOST, ENOUGH_OF_MANY)
     return Split(fitting, judging, tuple(whole), not (last or held_out is not None))
+
+
+def _too_short(data: Data, horizon: float) -> Refused:
+    """What is missing for both parts: seconds, or samples in so many seconds."""
+    needed = 8 * (max(BLOCK, horizon) + GAP)
+    if sum(b - a for a, b in data.runs) * data.dt < needed:
+        what, record = "The record is", f"at least {needed:.0f} s of motion"
+    else:
+        what = f"At {1 / data.dt:.4g} Hz the record's pieces without loss are"
+        record = f"{needed:.0f} s without loss at {FEWEST / min(WINDOWS):.0f} Hz or more"
+    return Refused(
+        f"{what} too short to fit the model and to check it on held-out samples.",
+        f"Record {record}"
+        + (", shorten --horizon" if horizon > BLOCK else "")
+        + ", or give a second run with --holdout.",
+    )
 
 
 def _halves(runs: Sequence[tuple[int, int]]) -> tuple[list, list]:

@@ -26,8 +26,9 @@ def budget(base: Base, parts: Sequence[Contender], unknown: Contender | None) ->
     """Each term with its RMS in the windows, as a share of friction, largest first.
 
     ``parts`` are the named effects in ``base``, in the order in which they joined; ``unknown`` is
-    an unknown torque beside them. Where a large torque is not explained, there are no intervals: a
-    part of it may look like a term, which no spread over blocks shows.
+    an unknown torque beside them. What is left is what the fit with all of them leaves; the noise
+    is a part of it. Where a large torque is not explained, there are no intervals: a part of it may
+    look like a term, which no spread over blocks shows.
     """
     V = _covariance(base)
     made = [_share(base, V, name, at, signals) for name, at, signals in _terms(base, parts)]
@@ -36,11 +37,12 @@ def budget(base: Base, parts: Sequence[Contender], unknown: Contender | None) ->
         signals = tuple(sorted(unknown.depends_on))
         made.append(_plainly(base, "unknown torque", unknown.torque, signals))
     made.sort(key=lambda s: -s.rms)
-    left = _plainly(base, "left", base.made.r * base.view.scale.sigma, ())
+    rest = base.made.r if unknown is None else unknown.made.r
+    left = _plainly(base, "left", rest * base.view.scale.sigma, ())
     noise = _noise(base)
     if unknown is not None or left.share > max(LARGE, CLEAR * noise.share):
         made = [replace(s, ci95=None) for s in made]
-    return [*made, left, noise]
+    return [*made, left, min(noise, replace(left, term="noise"), key=lambda s: s.rms)]
 
 
 def _terms(

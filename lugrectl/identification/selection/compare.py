@@ -13,7 +13,7 @@ from ...record.stretches import Stretch
 from ..balance import Balance
 from ..balance.speed_channel import sensors_of
 from ..balance.track import tracks_of
-from ..candidates.base_model import WEIGHT, Record
+from ..candidates.base_model import WEIGHT, Base, Record
 from ..candidates.candidate import Contender
 from ..candidates.friction_shape import settled
 from ..candidates.start_values import levels_of, values_of, zeros_of
@@ -97,7 +97,7 @@ def _result(found: Decision, model: Model, least: float) -> Comparison:
         alternatives=tuple(_named(c, model) for c in found.alternatives),
         depends_on=tuple(sorted(found.depends_on)),
         rows=tuple(_rows(table)),
-        budget=tuple(budget(base, inside, found.unknown)),
+        budget=tuple(budget(base, inside, _unknown(found, base))),
         detectable=tuple(detectable(table, least)) if seen else (),
         messages=found.messages,
         plant=levels_of(base),
@@ -107,6 +107,15 @@ def _result(found: Decision, model: Model, least: float) -> Comparison:
         events=found.events,
         stretches=base.record.independent,
     )
+
+
+def _unknown(found: Decision, base: Base) -> Contender | None:
+    """The unknown torque, beside the effects that are named."""
+    table = found.table if found.beside is None or found.beside.base is not base else found.beside
+    own = found.unknown
+    if own is None or own.base is base or table is None or table.base is not base:
+        return own
+    return next((c for c in table.unknown if c.name == own.name), own)
 
 
 def _named(c: Contender, model: Model) -> Named:

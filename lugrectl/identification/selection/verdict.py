@@ -90,7 +90,8 @@ class Decision:
     def last(self) -> Base:
         """The base with all effects in it that are named."""
         assert self.table is not None
-        base = self.table.base if self.beside is None else self.beside.base
+        more = any(c is not self.gravity for c in self.effects)
+        base = self.beside.base if more and self.beside is not None else self.table.base
         second = [c for c in self.effects if c.base is base and self.beside is not None]
         return second[0].joined() if second else base
 

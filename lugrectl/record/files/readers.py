@@ -29,6 +29,7 @@ from .text_table import lines_table, read_text
 
 # Endings of the files that can be read; in a folder, files of others are passed over.
 SUFFIXES = (".csv .tsv .txt .dat .lvm .json .mat .npy .npz .h5 .hdf5 .parquet .xlsx").split()
+MODEL = ".toml"
 # Beginnings of files that are no log.
 _OTHERS = (
     (b"\x89PNG", "an image"), (b"\xff\xd8\xff", "an image"), (b"GIF8", "an image"),
@@ -61,6 +62,8 @@ def read_table(path: str | Path) -> Table:
         raise InputError(f"{path} cannot be read: {error.strerror or error}.") from None
     if not head.strip():
         raise InputError(f"{path.name} is empty.")
+    if path.suffix.lower() == MODEL:
+        raise InputError(f"{path.name} is a model file, not a log: give it as the model.")
     return _reader(path, head)(path)
 
 

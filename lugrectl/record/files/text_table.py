@@ -129,23 +129,39 @@ def _layout(source: str, lines: list[str]) -> _Layout:
         raise InputError(f"{source} has no row of numbers in its first {_SNIFF} lines.")
     found = _headers(lines, rows, start, delimiter, width)
     headed = found is not None
+    if not headed and delimiter == "," and (above := _names_above(rows[:start])) < width and above:
+        raise _mismatch(source, rows[start][0], width, above, delimiter)
     names, plain, units = _name_columns(*(found or (list(map(str, range(1, width + 1))), None)))
     if not headed:
         plain = ("",) * width
     if len(names) == width - 1 and not any(row[-1] for row in tail):
         names, plain, units = (*names, ""), (*plain, ""), (*units, None)
     if len(names) != width:
-        hint = (
-            "if these are decimal commas, separate the columns by semicolons"
-            if delimiter == "," and width > len(names)
-            else "name every column once"
-        )
-        raise InputError(
-            f"{source}: line {rows[start][0] + 1} has {width} cells but the header names "
-            f"{len(names)}; {hint}."
-        )
+        raise _mismatch(source, rows[start][0], width, len(names), delimiter)
     return _described(_Layout(delimiter, width, rows[start][0], names, plain, units,
                               frozenset(), {}, headed), tail)  # fmt: skip
+
+
+def _names_above(rows: Sequence[tuple[int, list[str]]]) -> int:
+    """The number of names in a header that only rows of numbers separate from the data; 0 if none.
+
+    Decimal commas between commas make rows of many lengths: 0,5 but 0.
+    """
+    words = [k for k, (_, cells) in enumerate(rows) if not any(map(is_number, cells))]
+    last = words[-1] if words else len(rows)
+    names = rows[last][1] if last + 1 < len(rows) else []
+    return len(names) if len(names) > 1 and all(names) else 0
+
+
+def _mismatch(source: str, line: int, width: int, names: int, delimiter: str) -> InputError:
+    hint = (
+        "if these are decimal commas, separate the columns by semicolons"
+        if delimiter == "," and width > names
+        else "name every column once"
+    )
+    return InputError(
+        f"{source}: line {line + 1} has {width} cells but the header names {names}; {hint}."
+    )
 
 
 def _is_numeric(cells: Sequence[str]) -> bool:
