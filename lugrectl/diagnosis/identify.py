@@ -242,5 +242,5 @@ def _map_identified(fits: Fits, declared: Model) -> Identification:
         record=fits.records[0],
         messages=messages_of(fits, whole),
         declared=declared,
-        map=map_of(fits, {"refitted": fits.base}),
+        map=map_of(fits, whole, {"refitted": fits.base}),
     )
