@@ -192,7 +192,8 @@ def _finer(
         raise Refused(" ".join(found.messages), _next(asked, found, None))
     try:
         ready = prepared(record, model, holdout, horizon)
-        ready = ready.from_values(asked.starts(found.alone)).earlier(asked.plain)
+        ready = ready.lowered(asked.plain).from_values(asked.starts(found.alone))
+        ready = ready.earlier(asked.plain)
         with within(limit):
             return _fitted(begin(ready, report), found, asked, seed, report)
     except Refused as no:  # the comparison needs no simulation

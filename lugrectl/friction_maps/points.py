@@ -108,7 +108,8 @@ def points(records: Sequence[Record]) -> Points:
     *columns, paths = zip(*rows, strict=True)
     path = np.empty(len(rows), dtype=object)
     path[:] = paths
-    return Points(*map(np.array, columns), path)
+    w, u, error, samples, seconds = map(np.array, columns)
+    return Points(w, u, error, samples, seconds, path)
 
 
 def _point(record: Record) -> tuple[float, float, float, int, float, Path | None]:

@@ -128,6 +128,8 @@ def record_of(stretches: Sequence[Stretch], model: Model, plain: Balance) -> Rec
     """Motion, windows and blocks of a record."""
     tracks = tracks_of(stretches)
     sensors, speeds, _ = sensors_of(tracks)
+    if speeds is None and tracks[0].theta is None:
+        sensors = replace(sensors, offset=plain.speed_offset)
     motion = motion_of(tracks, sensors, model.motion)
     declared = {k: v for k, v in model.known().items() if "." not in k}
     J, sure = _inertia(plain, declared)
