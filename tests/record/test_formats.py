@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import scipy.io
 
-from lugrectl.core.errors import InputError
-from lugrectl.record import read_record
+from lugrectl.core.errors import InputError, Refused
+from lugrectl.record import long_enough_to_judge, read_record
 
 from ..cases.logs import machine, refused, rows, write
 
