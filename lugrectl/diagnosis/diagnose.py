@@ -228,7 +228,9 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
     if failed:  # curvature at a bad fit says nothing about its errors
         fitted = _without_intervals(fitted)
     model = whole.predictor.model.with_values(whole.values)
-    if (failed or found.events) and not won.keys:  # the robust balance knows them better
+    if failed and not won.keys:  # only what the robust balance is certain of
+        fitted, model = plainly(asked.plain, asked.model)
+    elif found.events and not won.keys:  # the robust balance knows them better
         known = values_for(asked.plain, asked.model)
         fitted, model = fitted | known, model.with_values({k: e.value for k, e in known.items()})
     elif failed and worse:  # the table has the values of the saved model, and those of the effect
