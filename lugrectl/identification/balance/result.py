@@ -124,7 +124,7 @@ class Balance(Result):
 
     @property
     def speed_offset(self) -> float:
-        """By how much w says too much where the drive stands, rad/s; 0 where that is not certain."""
+        """By how much w is above 0 where the drive stands, rad/s; 0 where that is not certain."""
         offset = self.parameters.get("w_offset")
         return 0.0 if offset is None else offset.value
 
