@@ -143,7 +143,8 @@ class Curve:
         """The range in which a value was searched, and 0 where it may be 0: that its logarithm
         cannot reach."""
         least = self.predictor.declarations()[c.key].low
-        return 0.0 if least == 0.0 and not c.said.bounded else c.low, c.high
+        open_ = c.kind == "log" and least == 0.0 and not c.said.bounded
+        return 0.0 if open_ else c.low, c.high
 
     @property
     def information(self) -> np.ndarray:
