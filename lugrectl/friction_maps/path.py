@@ -35,7 +35,7 @@ class Path:
         few, most = NODES
         many = int(min(max(np.ptp(theta) / STEP, few), most, len(u)))
         ends = np.arange(many) * len(u) // many
-        size = np.diff([*ends, len(u)])
+        size = np.diff(np.append(ends, len(u)))
         table = np.add.reduceat(np.column_stack([theta, u, columns]), ends) / size[:, None]
         rows = _rows(table[:, 2:])
         return cls(table[:, 0], table[:, 1], rows, columns.shape[1] > 1)
@@ -45,6 +45,6 @@ def _rows(columns: np.ndarray) -> np.ndarray:
     inverse, many = np.linalg.pinv(columns), len(columns)
     ends = np.arange(CELLS) * many // CELLS
     cells = np.add.reduceat(np.eye(many) - columns @ inverse, ends)
-    cells /= np.diff([*ends, many])[:, None]
+    cells /= np.diff(np.append(ends, many))[:, None]
     apart = np.linalg.svd(np.ones((1, CELLS)))[2][1:]
     return np.vstack([inverse[:1], apart @ cells])
