@@ -61,6 +61,7 @@ def check(made: Block, known: Iterable[str]) -> None:
         The parameters of all friction laws, on which an effect may act.
     """
     _check_names(made)
+    _check_values(made)
     if made.kind in ("effect", "friction"):
         _check_signals(made)
     if made.kind == "effect":
@@ -91,6 +92,21 @@ def _check_names(made: Block) -> None:
     for name in made.start:
         if name not in ("0", *made.inputs):
             raise InputError(f"{made.name}: start names {name!r}; {_nearest(name, made.inputs)}")
+
+
+def _check_values(made: Block) -> None:
+    for key, p in made.parameters.items():
+        for what, value in (("default", p.value), ("neutral value", p.neutral)):
+            if value is not None and not p.low <= value <= p.high:
+                raise InputError(
+                    f"{made.name}: the {what} of {key} is {value:g}, outside its bounds of "
+                    f"{p.low:g} to {p.high:g}{'' if p.unit == '1' else ' ' + p.unit}."
+                )
+        if p.choices and p.value not in p.choices:
+            known = ", ".join(f"{x:g}" for x in p.choices)
+            raise InputError(
+                f"{made.name}: the default of {key} is {p.value:g}, none of its choices {known}."
+            )
 
 
 def _check_signals(made: Block) -> None:

@@ -157,7 +157,8 @@ def _ready(asked: Asked, horizon: float) -> Prepared:
     refuse_dead([record] if isinstance(record, Record) else record)
     ready = prepared(record, asked.model, holdout, horizon)
     friction = levels(asked.plain.stretches, asked.model, asked.plain)
-    return ready.from_values(asked.starts(friction)).earlier(asked.plain)
+    ready = ready.lowered(asked.plain).from_values(asked.starts(friction))
+    return ready.earlier(asked.plain)
 
 
 def _fitted(

@@ -199,7 +199,8 @@ def _finer(
         raise Refused(" ".join(found.messages), _next(asked, found, None))
     try:
         ready = prepared(record, model, holdout, horizon)
-        ready = ready.from_values(asked.starts(found.alone)).earlier(asked.plain)
+        ready = ready.lowered(asked.plain).from_values(asked.starts(found.alone))
+        ready = ready.earlier(asked.plain)
         with within(limit):
             return _fitted(begin(ready, report), found, asked, seed, report)
     except Refused as no:  # the comparison needs no simulation
@@ -235,7 +236,9 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
     if failed:  # curvature at a bad fit says nothing about its errors
         fitted = _without_intervals(fitted)
     model = whole.predictor.model.with_values(whole.values)
-    if (failed or found.events) and not won.keys:  # the robust balance knows them better
+    if failed and not won.keys:  # only what the robust balance is certain of
+        fitted, model = plainly(asked.plain, asked.model)
+    elif found.events and not won.keys:  # the robust balance knows them better
         known = values_for(asked.plain, asked.model)
         fitted, model = fitted | known, model.with_values({k: e.value for k, e in known.items()})
         model = lifted(model)

@@ -204,7 +204,8 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
     refuse_dead([record] if isinstance(record, Record) else record)
     ready = prepared(record, model, holdout, horizon)
     friction = levels(asked.plain.stretches, model, asked.plain)
-    job = begin(ready.from_values(asked.starts(friction)).earlier(asked.plain), report)
+    ready = ready.lowered(asked.plain).from_values(asked.starts(friction))
+    job = begin(ready.earlier(asked.plain), report)
     whole = on_everything(job.base, job)
     failed = failure(job.data, residual_torque(job, whole), asked)
     if failed:
@@ -242,5 +243,5 @@ def _map_identified(fits: Fits, declared: Model) -> Identification:
         record=fits.records[0],
         messages=messages_of(fits, whole),
         declared=declared,
-        map=map_of(fits, {"refitted": fits.base}),
+        map=map_of(fits, whole, {"refitted": fits.base}),
     )

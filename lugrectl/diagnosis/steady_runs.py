@@ -16,7 +16,7 @@ from ..estimates.findings import Estimate, Finding, FrictionMap
 from ..friction_maps.curve import Curve, fit, refit
 from ..friction_maps.points import Points, is_steady, points, refuse_narrow
 from ..friction_maps.ripple import Swing, finding_of, sentence, swings
-from ..friction_maps.select import choose, is_static, left_over, started
+from ..friction_maps.select import choose, left_over, shows, started
 from ..identification.candidates.applicable import signals_of
 from ..identification.likelihood.initial_values import lifted
 from ..record import Record
@@ -58,8 +58,10 @@ def diagnose_map(
 ) -> Diagnosis:
     """Find what is missing from the declared friction, by runs at steady speed.
 
-    ``u - d = F(w) + r(w)``: one point for each run, its mean torque over its mean speed, weighted
-    by the error of the mean and by a scatter from run to run. An effect that depends on speed
+    ``u - d = F(w) + r(w, theta)``: one point for each run, its mean torque over its mean speed,
+    weighted by the error of the mean and by a scatter from run to run. Where runs recorded theta
+    and passed less than two turns, an effect over the angle is averaged along each, and the
+    differences of torque in each run count as well. An effect that depends on speed or the angle
     alone, or on nothing, is added if the misfit falls by more than chance allows (F test, 1 % for
     all candidates together) and if its torque is above the least size. The ripple of the torque
     over the angle is reported as well, and named where it is the largest part. Such runs do not
@@ -117,7 +119,7 @@ def diagnose_map(
         record=fits.records[0],
         messages=messages_of(fits, whole) + ((sentence(swing, whole),) if swing else ()),
         ranking=choice.ranking,
-        map=map_of(fits, {"refitted": fits.base, "augmented": choice.final}, swing),
+        map=map_of(fits, whole, {"refitted": fits.base, "augmented": choice.final}, swing),
     )
 
 
@@ -128,7 +130,7 @@ def begin_map(
     progress(0.05, "mean torque over mean speed")
     whole, held_out = _laid_out(records, holdout)
     at = whole.only(~held_out)
-    aside = tuple(part for part in model.effects if not is_static(part.block))
+    aside = tuple(part for part in model.effects if not shows(part.block, whole))
     model = replace(model, effects=tuple(p for p in model.effects if p not in aside))
     where = f"{len(records)} runs at steady speed"
     refuse_narrow(at, model.motion, "Fc" in model.friction.values, where)
@@ -187,7 +189,7 @@ def errors_of(fits: Fits, final: Curve) -> dict[str, Any]:
         "declared": declared,
         "refitted": rms(base.missed(test)),
         "augmented": rms(final.missed(test)),
-        "noise_floor": rms(test.error),
+        "noise_floor": rms(final.on(test).error),
     }
 
 
@@ -230,7 +232,7 @@ def _largest(swing: Swing, whole: Curve, keys: Sequence[str]) -> bool:
 
     A smaller one is reported with its size; its phase, and with that its name, is not known.
     """
-    ripple = swing.amplitude / np.sqrt(2.0) / rms(whole.predictor.friction(whole.values))
+    ripple = swing.amplitude / np.sqrt(2.0) / rms(whole.friction)
     return bool(ripple > max((whole.size(key) for key in keys), default=0.0))
 
 
@@ -251,13 +253,16 @@ def _experiment(verdict: str, found: Sequence[Finding], swinging: bool) -> str |
     return f"{whole[0].upper()}{whole[1:]}." if whole else None
 
 
-def map_of(fits: Fits, models: Mapping[str, Curve], swing: Sequence[Swing] = ()) -> FrictionMap:
-    """The points of the runs, and the curves of fitted models by name."""
-    at, unit = fits.whole, unit_for("N m", fits.declared.motion)
+def map_of(
+    fits: Fits, whole: Curve, models: Mapping[str, Curve], swing: Sequence[Swing] = ()
+) -> FrictionMap:
+    """The points of the runs without what depends on the angle, and the curves of fitted models
+    by name."""
+    at, unit = whole.at, unit_for("N m", fits.declared.motion)
     slow, fast = float(np.min(np.abs(at.w))), float(np.max(np.abs(at.w)))
     half = np.linspace(slow, fast, FINE // 2)
     over = np.concatenate([-half[::-1], half])
     curves = {name: model.torque(over) for name, model in models.items()}
     named = tuple((s.order, Estimate(s.amplitude, unit, (s.low, s.high))) for s in swing)
-    motion = fits.declared.motion
-    return FrictionMap(at.w, at.u, at.error, fits.held_out, over, curves, motion, named)
+    u, motion = whole.without_angle, fits.declared.motion
+    return FrictionMap(at.w, u, whole.error, fits.held_out, over, curves, motion, named)

@@ -37,6 +37,7 @@ DATED = (
     "The torque column lags the motion by {0:.2g} ms, as the mean of the previous interval or the "
     "log of another device does. It was shifted {0:.2g} ms earlier."
 )
+LOWERED = "w is {:.3g} {} too {}: friction turns over at that speed. It was taken off."
 
 LAG = "velocity_sensor_lag"
 GIVEN_UP = 100.0  # log-likelihood that a fit to all samples may lose on the first windows
@@ -85,6 +86,17 @@ class Prepared:
         needs the torque of its instant."""
         by = plain.written_late(self.data.dt)
         return replace(self, data=ahead(self.data, by / self.data.dt)) if by else self
+
+    def lowered(self, plain: Balance) -> Prepared:
+        """The same with the true speed, where one logged alone has an offset: friction turns over
+        where the drive stands, not where w says so."""
+        offset = plain.speed_offset
+        if not offset or np.isfinite(self.data.noise.theta):
+            return self
+        unit = unit_for("rad/s", self.model.motion)
+        said = LOWERED.format(abs(offset), unit, "high" if offset > 0.0 else "low")
+        doubts = (*self.doubts, said)
+        return replace(self, data=self.data.lowered(offset), doubts=doubts)
 
 
 def prepared(

@@ -1,7 +1,8 @@
 """Random-effects regression: friction and effects fitted to a map by weighted least squares.
 
-``u = F(w) + r(w)`` at every point, without inertia. The variance of a point is that of its mean
-plus a run-to-run variance, the same for all, estimated from the misfit (Paule and Mandel, 1982).
+``u = F(w) + mean r(w, theta)`` at every point, without inertia. The variance of a point is that of
+its mean plus a run-to-run variance, the same for all, estimated from the misfit (Paule and Mandel,
+1982). Where the runs pass parts of a turn, the differences in each run are fitted as well.
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ import numpy as np
 from scipy.optimize import least_squares, root_scalar
 from scipy.stats import t as student
 
-from ..blocks.model import Model
+from ..blocks.block import Block
+from ..blocks.model import Model, Part
 from ..core.numeric import rms
 from ..identification.likelihood.maximise import flat
 from ..identification.likelihood.parameters import (
@@ -28,6 +30,7 @@ from ..identification.likelihood.parameters import (
 )
 from ..identification.likelihood.predictor import Predictor, Values
 from ..identification.unknown_torque.discrepancy import inverse
+from .path import CELLS
 from .points import Points, laid
 
 ROUNDS = 6  # of weights and values in turn, at most
@@ -60,11 +63,33 @@ class Curve:
     @property
     def residual(self) -> np.ndarray:
         """Torque that the model does not explain at the points, N m."""
-        return self.predictor.torque(self.values)
+        return self.left(self.values)[: len(self.at.w)]
+
+    def left(self, values: Values) -> np.ndarray:
+        """What these values do not explain: of the means, and of the differences in the runs."""
+        return self.at.rows(self.predictor.torque(values))
+
+    @property
+    def error(self) -> np.ndarray:
+        """Standard errors of the means, from what differs in the runs unexplained, N m."""
+        if not self.at.over_angle:
+            return self.at.error
+        apart = self.left(self.values).reshape(CELLS, -1)[1:]
+        return np.sqrt(np.mean(apart**2, axis=0) / CELLS)
+
+    @property
+    def friction(self) -> np.ndarray:
+        """Torque of the friction law at the points, N m."""
+        return self.at.rows(self.predictor.friction(self.values))[: len(self.at.w)]
 
     def cost(self, sigma: np.ndarray) -> float:
         """Sum of squared misfits in units of ``sigma``."""
-        return float(np.sum((self.residual / sigma) ** 2))
+        return float(np.sum((self.left(self.values) / sigma) ** 2))
+
+    def gains(self, after: Curve) -> np.ndarray:
+        """By how much another model is better at each point, in its variances."""
+        gains = (self.left(self.values) ** 2 - after.left(after.values) ** 2) / after.sigma**2
+        return gains.reshape(-1, len(self.at.w)).sum(axis=0)
 
     @property
     def misfit(self) -> float:
@@ -73,14 +98,29 @@ class Curve:
         return self.cost(self.sigma) + 2.0 * float(np.sum(np.log(self.sigma))) + prior
 
     def torque(self, w: np.ndarray) -> np.ndarray:
-        """The model's torque at other speeds, N m."""
-        zero = np.zeros_like(w)
-        other = self.predictor.on(laid(Points(w, zero, zero, zero, zero), self.model.motion))
-        return -other.torque(self.values)
+        """The model's torque at other speeds, N m, without what depends on the angle."""
+        zero, nowhere = np.zeros_like(w), np.full(len(w), None)
+        at = Points(w, zero, zero, zero, zero, nowhere)
+        return -self.on(at).left(self._at_any_angle)
+
+    @property
+    def without_angle(self) -> np.ndarray:
+        """u at the points without what depends on the angle, N m."""
+        other = self.left(self._at_any_angle)[: len(self.at.w)]
+        return self.at.u + self.residual - other
+
+    @property
+    def _at_any_angle(self) -> dict[str, float]:
+        parts = [part for part in self.model.effects if hangs_on_angle(part.block)]
+        return self.values | dict(_off(part) for part in parts)
+
+    def on(self, at: Points) -> Curve:
+        """The same model and values on other points."""
+        return replace(self, predictor=self.predictor.on(laid(at, self.model.motion)), at=at)
 
     def missed(self, at: Points) -> np.ndarray:
         """The residual at other points."""
-        return at.u - self.torque(at.w)
+        return self.on(at).residual
 
     def intervals(self) -> dict[str, tuple[float, float]]:
         """95 % intervals from the curvature, of identified values that are not at a bound."""
@@ -95,8 +135,16 @@ class Curve:
             half = float(student.ppf(0.975, free) * np.sqrt(rate @ covariance @ rate))
             value = self.values[c.key]
             if c.key not in unidentified:
-                made[c.key] = (max(value - half, c.low), min(value + half, c.high))
+                low, high = self._limits(c)
+                made[c.key] = (max(value - half, low), min(value + half, high))
         return made
+
+    def _limits(self, c: Coordinate) -> tuple[float, float]:
+        """The range in which a value was searched, and 0 where it may be 0: that its logarithm
+        cannot reach."""
+        least = self.predictor.declarations()[c.key].low
+        open_ = c.kind == "log" and least == 0.0 and not c.said.bounded
+        return 0.0 if open_ else c.low, c.high
 
     @property
     def information(self) -> np.ndarray:
@@ -119,16 +167,25 @@ class Curve:
 
     def size(self, key: str) -> float:
         """RMS torque of an effect at the points, over that of friction."""
-        block = self.model.part(key).block
-        off = block.parameters[block.gain].neutral or 0.0
-        without = {**self.values, f"{key}.{block.gain}": off}
-        change = self.predictor.torque(without) - self.residual
-        return rms(change) / rms(self.predictor.friction(self.values))
+        without = self.values | dict([_off(self.model.part(key))])
+        change = (self.left(without) - self.left(self.values))[: len(self.at.w)]
+        return rms(change) / rms(self.friction)
+
+
+def hangs_on_angle(block: Block) -> bool:
+    """True if an effect depends on theta."""
+    return "theta" in block.inputs
+
+
+def _off(part: Part) -> tuple[str, float]:
+    """The strength of an effect and its value at which the effect changes nothing."""
+    gain = part.block.gain
+    return f"{part.key}.{gain}", part.block.parameters[gain].neutral or 0.0
 
 
 def fit(model: Model, at: Points, starts: Sequence[Values], anchor: Values) -> Curve:
     """The best fit from several starts; a value missing in ``anchor`` is anchored at its start."""
-    even = np.full(len(at.w), GUESS * float(np.std(at.u)) or 1.0)
+    even = _even(at, GUESS * float(np.std(at.u)) or 1.0)
     predictor = Predictor(model, laid(at, model.motion))
     tried = []
     for start in starts:
@@ -143,16 +200,15 @@ def fit(model: Model, at: Points, starts: Sequence[Values], anchor: Values) -> C
 
 def refit(curve: Curve, at: Points) -> Curve:
     """The same model on other points, from its current values."""
-    even = np.full(len(at.w), float(np.median(curve.sigma)))
-    predictor = curve.predictor.on(laid(at, curve.model.motion))
-    return _settled(replace(curve, predictor=predictor, at=at, sigma=even))
+    even = _even(at, float(np.median(curve.sigma)))
+    return _settled(replace(curve.on(at), sigma=even))
 
 
 def _settled(curve: Curve) -> Curve:
     """Values and weights in turn."""
     for _ in range(ROUNDS):
         curve, before = _stepped(curve), curve.sigma
-        curve = replace(curve, sigma=np.sqrt(curve.at.error**2 + _scatter(curve) ** 2))
+        curve = replace(curve, sigma=_sigma(curve))
         if np.allclose(before, curve.sigma, rtol=SETTLED):
             break
     return _stepped(curve)
@@ -168,16 +224,28 @@ def _stepped(curve: Curve, most: int | None = None) -> Curve:
 
     def miss(x: np.ndarray) -> np.ndarray:
         values = _at(curve, x)
-        torque = curve.predictor.torque(values) / curve.sigma
+        torque = curve.left(values) / curve.sigma
         return np.concatenate([torque, believed * (x - center), missed(curve.coords, values)])
 
     done = least_squares(miss, _into(curve), x_scale="jac", max_nfev=most)
     return replace(curve, values=_at(curve, done.x))
 
 
+def _even(at: Points, size: float) -> np.ndarray:
+    return np.full((CELLS if at.over_angle else 1) * len(at.w), size)
+
+
+def _sigma(curve: Curve) -> np.ndarray:
+    """Standard deviations of the means, with the scatter from run to run, and of differences."""
+    own = curve.error
+    means = np.sqrt(own**2 + _scatter(curve) ** 2)
+    apart = np.sqrt(CELLS) * np.maximum(own, 1e-12 * rms(curve.at.u))
+    return np.concatenate([means, *[apart] * (CELLS - 1)]) if curve.at.over_angle else means
+
+
 def _scatter(curve: Curve) -> float:
     """Standard deviation from run to run: what the errors of the means do not explain."""
-    square, own = curve.residual**2, curve.at.error**2
+    square, own = curve.residual**2, curve.error**2
     free = max(len(square) - len(curve.coords), 1)
     floor = 1e-4 * float(np.std(curve.at.u))
     most = float(np.sqrt(np.sum(square) / free)) + floor
@@ -210,7 +278,7 @@ def _slope(curve: Curve, x: np.ndarray, i: int) -> np.ndarray:
     """Derivative of the residual along one coordinate; one-sided at its bound."""
     c, along = curve.coords[i], _steps(curve) * (np.arange(len(x)) == i)
     ends = [_at(curve, x + s * along) for s in (-1.0, 1.0)]
-    behind, ahead = (curve.predictor.torque(values) for values in ends)
+    behind, ahead = (curve.left(values) for values in ends)
     apart = c.into(ends[1]) - c.into(ends[0])
     return (ahead - behind) / apart if apart else np.zeros_like(ahead)
 

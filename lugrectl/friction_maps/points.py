@@ -12,10 +12,10 @@ from ..core.errors import Refused
 from ..identification.dataset.dataset import Data, Log
 from ..identification.dataset.kalman import Noise
 from ..record import Record
+from .path import CELLS, Path
 
 LEAST_RUNS = 4
-CELLS = 8  # parts of a run, for the check of its speed and the error of its mean
-STEADY = 0.25  # of the mean speed, by which those parts may differ
+STEADY = 0.25  # of the mean speed, by which the parts of a run may differ
 TURNS = 2.0  # least turns of a run for which the ripple over the angle is removed
 ORDERS = 4  # of this ripple
 ONE_SPEED = 0.1  # relative half-width about the median that holds all speeds
@@ -24,13 +24,29 @@ ONE_SPEED = 0.1  # relative half-width about the median that holds all speeds
 @dataclass(frozen=True)
 class Points:
     """One value for each run: mean speed ``w``, mean torque ``u`` without a recorded load, and
-    the standard ``error`` of this mean; ``samples`` and ``seconds`` over which it was taken."""
+    the standard ``error`` of this mean; ``samples`` and ``seconds`` over which it was taken; the
+    ``path`` over the angle, None where theta was not recorded."""
 
     w: np.ndarray
     u: np.ndarray
     error: np.ndarray
     samples: np.ndarray
     seconds: np.ndarray
+    path: np.ndarray
+
+    @property
+    def over_angle(self) -> bool:
+        """Whether the torque may depend on the angles passed: after whole turns a mean does not."""
+        return all(self.path) and not all(path.whole_turns for path in self.path)
+
+    def rows(self, torque: np.ndarray) -> np.ndarray:
+        """Means of a torque in the runs, from that at the points; from that along all paths the
+        means, followed by the differences in the runs."""
+        if not self.over_angle:
+            return torque
+        ends = np.cumsum([len(path.theta) for path in self.path])
+        parts = zip(self.path, np.split(torque, ends[:-1]), strict=True)
+        return np.array([path.rows @ part for path, part in parts]).T.ravel()
 
     def only(self, which: np.ndarray) -> Points:
         return Points(*(values[which] for values in vars(self).values()))
@@ -89,10 +105,14 @@ def points(records: Sequence[Record]) -> Points:
     error of the mean comes from the residual, by parts of the run.
     """
     rows = [_point(record) for record in records]
-    return Points(*(np.array(column) for column in zip(*rows, strict=True)))
+    *columns, paths = zip(*rows, strict=True)
+    path = np.empty(len(rows), dtype=object)
+    path[:] = paths
+    w, u, error, samples, seconds = map(np.array, columns)
+    return Points(w, u, error, samples, seconds, path)
 
 
-def _point(record: Record) -> tuple[float, float, float, int, float]:
+def _point(record: Record) -> tuple[float, float, float, int, float, Path | None]:
     w = speed(record)
     u = torque(record)
     columns = [np.ones(record.samples)]
@@ -104,18 +124,38 @@ def _point(record: Record) -> tuple[float, float, float, int, float]:
     x = np.linalg.lstsq(A, u, rcond=None)[0]
     means = [np.mean(cell) for cell in np.array_split(u - A @ x, CELLS)]
     error = float(np.std(means, ddof=1)) / np.sqrt(CELLS)
-    return float(np.mean(w)), float(x[0]), error, record.samples, record.duration
+    path = None if record.theta is None else Path.of(record.theta, u, A)
+    return float(np.mean(w)), float(x[0]), error, record.samples, record.duration, path
 
 
 def laid(at: Points, motion: str) -> Data:
-    """The points as independent samples; effects that depend on t or theta cannot be seen."""
-    n = len(at.w)
-    zero, nan, count = np.zeros(n), np.full(n, np.nan), np.arange(float(n))
-    log = Log(count, count, at.w, zero, at.u, zero, 1.0, motion, ())
+    """The points as independent samples, or the nodes of their paths over the angle; effects that
+    depend on t cannot be seen."""
+    w, u, run = at.w, at.u, np.arange(len(at.w), dtype=np.int16)
+    count = np.arange(float(len(w)))
+    if at.over_angle:
+        many = [len(path.theta) for path in at.path]
+        w, run, count = np.repeat(w, many), np.repeat(run, many), np.arange(float(sum(many)))
+        u = np.concatenate([path.u for path in at.path])
+    theta = np.concatenate([path.theta for path in at.path]) if at.over_angle else count
+    zero, nan = np.zeros(len(w)), np.full(len(w), np.nan)
+    log = Log(count, theta, w, zero, u, zero, 1.0, motion, ())
     noise = Noise(1.0, np.nan, 1.0)
-    y = np.column_stack([nan, at.w])
-    run = np.arange(n, dtype=np.int16)
-    return Data(count, at.u, zero, y, 1.0, motion, (), noise, log, run)
+    y = np.column_stack([nan, w])
+    return Data(count, u, zero, y, 1.0, motion, (), noise, log, run)
+
+
+def straight(at: Points, motion: str) -> tuple[float, float]:
+    """Level and slope of the torque over speed, N m and N m s/rad, by least squares; beside a
+    torque of once per turn, on a linear axis of a spring, where the runs pass different angles."""
+    log = laid(at, motion).log
+    columns = [np.sign(log.w), log.w]
+    if at.over_angle:
+        turning = [np.cos(log.theta), np.sin(log.theta)]
+        columns += [log.theta] if motion == "linear" else turning
+    A = np.column_stack([at.rows(x) for x in columns])
+    level, slope = np.linalg.lstsq(A, at.rows(log.u), rcond=None)[0][:2]
+    return float(level), float(slope)
 
 
 def refuse_narrow(at: Points, motion: str, levels: bool, where: str) -> None:
@@ -142,7 +182,8 @@ def refuse_narrow(at: Points, motion: str, levels: bool, where: str) -> None:
             "how friction depends on speed cannot be identified.",
             "Record several speeds, from slow to fast, each twice as fast as the one before.",
         )
-    if float(at.u @ at.w) <= 0.0:
+    level, slope = straight(at, motion)
+    if float(level * size.sum() + slope * (size @ size)) <= 0.0:
         raise Refused(
             f"{where}: the torque opposes the motion that it should sustain.",
             "Check the sign of u; --scale u=-1 reverses it.",

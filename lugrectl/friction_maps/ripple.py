@@ -91,7 +91,7 @@ def _swung(block: Block, whole: Curve) -> float:
     """RMS torque that the effect's strength multiplies; 1 if the strength is a torque."""
     if block.acts == ("torque",):
         return 1.0
-    return rms(whole.at.u if "input" in block.acts else whole.predictor.friction(whole.values))
+    return rms(whole.at.u if "input" in block.acts else whole.friction)
 
 
 def _makes(block: Block, order: int) -> bool:
@@ -111,7 +111,7 @@ def _order(block: Block) -> str:
 
 def sentence(swing: Sequence[Swing], whole: Curve) -> str:
     """The ripple over the angle in one message."""
-    friction = 0.01 * rms(whole.predictor.friction(whole.values))
+    friction = 0.01 * rms(whole.friction)
     orders = [f"{s.order} times per turn by {s.amplitude / friction:.2g} %" for s in swing]
     return (
         f"The torque varies with the angle: {', '.join(orders)} of friction. Its phase in the runs "

@@ -17,13 +17,14 @@ from ..identification.candidates.applicable import worth_trying
 from ..identification.candidates.search_ranges import grid_of, sets_of
 from ..identification.likelihood.parameters import typical
 from ..identification.selection import LEAST
-from .curve import Curve, fit
-from .points import Points, laid
+from .curve import Curve, fit, hangs_on_angle
+from .points import Points, laid, straight
 
 CHANCE = 0.01  # probability that any effect is named although nothing is missing
 ALIKE = 4.0  # misfit, in variances, within which two models explain a map equally well
 MOST_EFFECTS = 3
 STEPS = 30.0  # size of a test step, in typical steps
+QUARTERS = [0.0, np.pi / 2.0, np.pi, -np.pi / 2.0]  # of a phase: one is near enough to start from
 DRAWS, CHANCE_LEFT = 999, 0.01  # permutations of the residuals, and the level of their test
 
 Named = tuple[str, Curve]
@@ -64,7 +65,8 @@ def choose(base: Curve, say: Callable[[str], None]) -> Choice:
 def _tried(current: Curve, say: Callable[[str], None], turn: int) -> list[Named]:
     """The model with each candidate, best first."""
     say(f"trying effects that depend on speed, round {turn}")
-    tried = [(name, _with(current, name)) for name in candidates(current.model)]
+    names = candidates(current.model, current.at)
+    tried = [(name, _with(current, name)) for name in names]
     return sorted(tried, key=lambda one: one[1].misfit)
 
 
@@ -82,16 +84,31 @@ def _followed(
     return ways or [([], current)]
 
 
-def candidates(model: Model) -> list[str]:
-    """Applicable effects that a drive at steady speed shows by its speed alone."""
-    return [name for name in worth_trying(model) if is_static(members("effect")[name])]
+def candidates(model: Model, at: Points) -> list[str]:
+    """Applicable effects that a drive at steady speed shows, by its speed or its angles alone.
+
+    Those over the angle add linearly: a place or a count per turn would be searched in the means
+    of a few runs.
+    """
+    every = [(name, members("effect")[name]) for name in worth_trying(model)]
+    return [
+        name
+        for name, made in every
+        if shows(made, at) and (not hangs_on_angle(made) or _adds_linearly(made))
+    ]
 
 
-def is_static(made: Block) -> bool:
-    """True if an effect shows at a steady speed, by this speed alone."""
+def shows(made: Block, at: Points) -> bool:
+    """True if an effect shows at a steady speed, by this speed alone or by the angles passed."""
     bare = not (made.states or made.exact) and (made.load or not made.timed)
     acts = {act.removeprefix("+") for act in made.acts}
-    return bare and set(made.inputs) <= {"w"} and acts <= {"torque", "Fc", "Fs", "Fv"}
+    read = {"w", "theta"} if at.over_angle else {"w"}
+    return bare and set(made.inputs) <= read and acts <= {"torque", "Fc", "Fs", "Fv"}
+
+
+def _adds_linearly(made: Block) -> bool:
+    """True if an effect is linear in its strength and over the span of its other parameters."""
+    return all(p.span is not None for k, p in made.own.items() if k != made.gain)
 
 
 def _worth(curve: Curve) -> bool:
@@ -103,11 +120,11 @@ def by_chance(before: Curve, after: Curve) -> float:
 
     The point that gains most in each direction is left out: what one speed shows is no law.
     """
-    gains = (before.residual**2 - after.residual**2) / after.sigma**2
+    gains = before.gains(after)
     ways = [gains[after.at.w * side > 0.0] for side in (-1.0, 1.0)]
     certain = sum(way.sum() - way.max() for way in ways if len(way))
     more = len(after.coords) - len(before.coords)
-    free = len(gains) - len(after.coords) - len(ways)
+    free = len(after.sigma) - len(after.coords) - len(ways)
     if more < 1 or free < 1:
         return 1.0
     return float(fisher.sf(certain / more / max(after.cost(after.sigma) / free, 1.0), more, free))
@@ -121,7 +138,7 @@ def left_over(curve: Curve, seed: int) -> bool:
     """
     ways = [curve.at.w * side > 0.0 for side in (-1.0, 1.0)]
     order = [np.flatnonzero(way)[np.argsort(np.abs(curve.at.w[way]))] for way in ways]
-    ranks = rankdata(curve.residual / curve.sigma)
+    ranks = rankdata(curve.residual / curve.sigma[: len(curve.at.w)])
     sizes, e = [np.abs(curve.at.w[o]) for o in order], norm.ppf(ranks / (len(ranks) + 1.0))
     draw = np.random.default_rng(seed)
     seen = _alike(sizes, [e[o] for o in order])
@@ -160,10 +177,16 @@ def _starts(current: Curve, made: Block) -> list[dict[str, float]]:
     log = laid(current.at, current.model.motion).log
     if sets := sets_of(made):
         return sets(log, current.values)
-    little = STEPS * typical(made.parameters[made.gain], log)
+    little = _little(made, current.at, current.model.motion)
     grids = {k: grid(log).tolist() for k in made.own if (grid := grid_of(made, k))}
+    grids |= {k: QUARTERS for k, p in made.own.items() if p.angle and k not in grids}
     return [{made.gain: little} | dict(zip(grids, one, strict=True))
             for one in product(*grids.values())]  # fmt: skip
+
+
+def _little(made: Block, at: Points, motion: str) -> float:
+    """A small strength: at none at all, the other values of an effect show nothing."""
+    return STEPS * typical(made.parameters[made.gain], laid(at, motion).log)
 
 
 def _even(sound: Sequence[Named]) -> list[Named]:
@@ -211,13 +234,17 @@ def _candidate(before: Curve, name: str, after: Curve) -> Candidate:
 def started(model: Model, at: Points) -> list[dict[str, float]]:
     """Start values of a fit: the declared ones, and guesses where one is missing."""
     given, size = model.values(), np.abs(at.w)
-    A = np.column_stack([np.sign(at.w), at.w])
-    level, slope = np.linalg.lstsq(A, at.u, rcond=None)[0]
+    level, slope = straight(at, model.motion)
     Fc = given.get("Fc") or max(float(level), 0.05 * float(np.std(at.u)))
     guess = {"Fc": Fc, "Fs": 1.2 * Fc, "Fv": max(float(slope), 0.05 * Fc / size.max())}
     known = {k: v for k, v in given.items() if v is not None}
     default = {k: p.value for k, p in model.declarations().items()}
+    for part in model.effects:
+        default[f"{part.key}.{part.block.gain}"] = _little(part.block, at, model.motion)
     whole = {k: float(v) for k, v in (default | guess | known).items() if k in given}
     falls = np.quantile(size, [0.05, 0.15, 0.3, 0.5]) if "vs" in given else []
     elsewhere = [whole | {"vs": float(vs)} for vs in falls]
-    return elsewhere if "vs" in given and "vs" not in known else [whole, *elsewhere]
+    starts = elsewhere if "vs" in given and "vs" not in known else [whole, *elsewhere]
+    turned = [k for k, p in model.declarations().items() if p.angle and k not in known]
+    phases = [dict(zip(turned, one, strict=True)) for one in product(QUARTERS, repeat=len(turned))]
+    return [start | phase for start in starts for phase in phases]

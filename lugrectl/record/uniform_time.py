@@ -8,13 +8,14 @@ import numpy as np
 
 from ..core.errors import Refused
 from .record import Record
-from .samples.clock import FEWEST, FILL, UNIT_OF_T, multiples, nice, plausible, typical_step
+from .samples.clock import FEWEST, FILL, multiples, nice, plausible, slow, typical_step
 from .samples.resampling import HELD, between, held_mean, speed
 from .samples.rows import Stamped, count, runs
 
 _FILL_SHARE = 0.01  # of the samples: more missing ones of an optional channel are not filled
 _EXACT = 0.01  # stamps this close to the grid (in dt) count as on it
 _UNITS = {"ms": 1e-3, "us": 1e-6}
+_SLOW = ", at which models of friction cannot be compared"
 _TO_JUDGE = 200, 1.0  # samples and s in one piece that the comparison of models needs
 
 
@@ -195,9 +196,9 @@ def long_enough_to_judge(record: Record) -> None:
     most = max(p.stop - p.start for p in parts)
     samples, seconds = _TO_JUDGE
     if not plausible(record.dt):
+        labels = record.log.labels if record.log is not None else {}
         raise Refused(
-            f"{record.source}: t gives a sampling rate of {record.rate:.6g} Hz, at which models "
-            f"of friction cannot be compared; {UNIT_OF_T}",
+            f"{record.source}: {slow(record.rate, labels, _SLOW)}",
             "Record at 100 Hz or more.",
         )
     if most < samples or most * record.dt < seconds - record.dt / 2:

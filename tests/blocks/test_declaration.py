@@ -49,6 +49,14 @@ def lagging(u, x, T=lg.P(0.0, "s", 0.0, neutral=0.0)):
     return x
 
 
+def beyond(k, low=0.0, high=2.0, **more):
+    return lambda w, c=C, k=lg.P(k, "1", low, high, **more): c * k * w
+
+
+def aside(w, c=lg.P(2.0, "N m", 1.0, 3.0, neutral=0.0)):
+    return c * w
+
+
 WRONG = {
     "acts": (lambda: effect(lambda w, c=C: c * w, acts="torqe"), "'torqe'.*mean 'torque'"),
     "level": (lambda: effect(lambda w, c=C: c * w, acts="+Fcc"), r"'\+Fcc'.*mean 'Fc'"),
@@ -64,6 +72,11 @@ WRONG = {
     "signal": (lambda: effect(lambda omega, c=C: c * omega), "reads omega, a signal that no drive"),
     "near signal": (lambda: effect(lambda thta, c=C: c * thta), "did you mean 'theta'"),
     "raises": (lambda: effect(lambda w, c=C: c * w["x"]), "cannot be run"),
+    "default": (lambda: effect(beyond(5.0)), "default of k is 5, outside its bounds of 0 to 2\\."),
+    "no number": (lambda: effect(beyond(math.nan)), "default of k is nan, outside its bounds"),
+    "bounds": (lambda: effect(beyond(1.0, 2.0, 1.0)), "outside its bounds of 2 to 1"),
+    "neutral": (lambda: effect(aside), "neutral value of c is 0, outside .* of 1 to 3 N m"),
+    "choices": (lambda: effect(beyond(1.0, choices=(0.0, 2.0))), "is 1, none of its choices 0, 2"),
     "out": (lambda: effect(lambda w, c=C: c * w, out=""), "out names no output"),
     "start": (lambda: effect(lagging, acts="input", states="x", start="v"), "start names 'v'"),
     "sensor": (lambda: effect(lambda w, c=C: c * w, acts="sensor"), "outputs must be w_m theta_m"),

@@ -1,12 +1,49 @@
-"""What is held out of a record, and what is said of one that is too short for that."""
+"""What is fitted on, what is held out, and what is said of a record that is too short."""
 
 import numpy as np
 import pytest
 
 from lugrectl.core.errors import Refused
 from lugrectl.identification.dataset.dataset import prepare
-from lugrectl.identification.dataset.folds import split
+from lugrectl.identification.dataset.folds import BLOCK, GAP, split
 from lugrectl.record import Record
+
+DT = 0.005
+
+
+def runs(*seconds):
+    made = []
+    for length in seconds:
+        t = np.arange(0.0, length, DT)
+        noise = np.random.default_rng(len(t)).normal(0.0, 1e-4, len(t))
+        made.append(Record(t=t, u=np.sin(3.0 * t), theta=np.sin(3.0 * t) + noise, motion="rotary"))
+    return prepare(made)
+
+
+def counted(windows):
+    return {int(i) for row in windows.counted for i in row}
+
+
+def test_whole_short_runs_are_held_out():
+    data = runs(*[1.9] * 12)
+    parts = split(data, 1.0)
+    assert len(parts.test.start) == 6 and len(parts.train.start) >= 6
+    assert not counted(parts.train) & counted(parts.test)
+    fitted = {int(data.run[i]) for i in counted(parts.train)}
+    assert fitted == {0, 2, 4, 6, 8, 10}
+
+
+def test_longer_runs_are_cut_into_blocks_and_runs_without_a_horizon_are_left_out():
+    length = round((BLOCK + GAP) / DT)
+    long, tiny = runs(8 * length * DT), runs(8 * length * DT, 1.0)
+    starts = split(long, 1.0).test.start
+    assert np.all(starts // length % 2 == 1)
+    np.testing.assert_array_equal(split(tiny, 1.0).test.start, starts)
+
+
+def test_a_few_seconds_are_too_short():
+    with pytest.raises(Refused, match="too short"):
+        split(runs(1.9), 1.0)
 
 
 def swinging(seconds, rate):

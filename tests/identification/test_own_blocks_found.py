@@ -9,7 +9,7 @@ import lugrectl as lg
 from lugrectl.identification.balance import balance
 from lugrectl.identification.selection import compare
 
-from ..cases.balance_drive import FC, FV, J, recorded, torque
+from ..cases.balance_drive import FC, FV, J, recorded, stretch, torque
 
 MODEL = lg.Model.of(J=1.03 * J, friction="coulomb", Fc=0.9 * FC, Fv=1.1 * FV)
 GAIN = lg.P(0.0, "N m", 0.0, neutral=0.0)
@@ -42,6 +42,27 @@ def test_an_own_effect_is_found_whether_or_not_its_span_is_true(more):
     values = found.effects[0].values
     assert values["amplitude"] == pytest.approx(0.03, rel=0.1)
     assert values["phase"] == pytest.approx(0.8, abs=0.1)
+
+
+@pytest.mark.parametrize("slow, size", [(0.25, 0.03), (1.0, 0.06)])
+def test_a_torque_that_hides_the_inertia_is_found_with_it(slow, size):
+    """The plain balance does not know of the torque; with it, the inertia is certain."""
+    detent_of()
+    dt, chance = 2e-3, np.random.default_rng(1)
+    steps = np.repeat(chance.uniform(-6.0, 6.0, 20), 250)
+    w = slow * np.convolve(steps, np.hanning(200) / np.hanning(200).sum(), "same")
+    theta = np.cumsum(w) * dt
+    friction = FC * np.tanh(w / 1e-3) + FV * w
+    u = J * np.gradient(w, dt) + friction + size * np.tanh(4 * np.sin(5 * theta + 0.8))
+    count = 2 * PI / 65536
+    seen = [stretch(u, dt, np.floor(theta / count) * count)]
+    model = lg.Model.of(friction="coulomb")
+    plain = balance(seen, model)
+    assert "J" not in plain.parameters
+    found = compare(seen, model, plain)
+    assert (found.verdict, [e.name for e in found.effects]) == ("found", ["detent"])
+    assert found.effects[0].values["amplitude"] == pytest.approx(size, rel=0.02)
+    assert found.plant["J"] == pytest.approx(J, rel=0.02)
 
 
 def test_an_own_effect_with_two_parameters_without_a_grid_is_searched():

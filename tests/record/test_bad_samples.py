@@ -24,7 +24,7 @@ def test_a_sound_log_gets_no_note(roles, seed, rate, counts):
 
 @pytest.mark.parametrize("role", ["u", "w", "theta"])
 @pytest.mark.parametrize("row", [0, 7, 2500, 5998, 5999])
-@pytest.mark.parametrize("value", [1e30, -1e308, np.finfo(float).max, -9999.0, 40.0])
+@pytest.mark.parametrize("value", [1e30, -1e308, np.finfo(float).max, -1e20, 1e12, -9999.0, 40.0])
 def test_one_bad_sample_is_named_with_its_row_and_value(role, row, value):
     log = columns("u", "w", "theta")
     log[role][row] = value

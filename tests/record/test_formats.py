@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import scipy.io
 
-from lugrectl.core.errors import InputError
-from lugrectl.record import read_record
+from lugrectl.core.errors import InputError, Refused
+from lugrectl.record import long_enough_to_judge, read_record
 
 from ..cases.logs import machine, refused, rows, write
 
@@ -157,6 +157,16 @@ def test_a_rate_takes_the_place_of_t_and_a_period_is_no_rate(tmp_path):
     assert any("in place of the column 't'" in m for m in said)
     refused(InputError, path, "--rate is in Hz", "give --rate 1000", rate=0.001)
     refused(InputError, path, "exclude each other", rate=1000, columns="t=t")
+
+
+def test_a_rate_that_may_be_the_step_in_ms_is_asked_about(tmp_path):
+    path = write(tmp_path / "a.csv", table("u,theta", U, THETA))
+    (said,) = read_record(path, rate=2.5).messages
+    assert said == "--rate gives 2.5 samples per second; if 2.5 is the step in ms, give --rate 400."
+    with pytest.raises(Refused, match="--rate gives 2.5 samples per second, at which"):
+        long_enough_to_judge(read_record(path, rate=2.5))
+    (slow,) = read_record(write(tmp_path / "b.csv", table("t,u,theta", 400 * T, U, THETA))).messages
+    assert slow.startswith("t gives a sampling rate of 2.5 Hz: if t is not")
 
 
 def test_rows_of_two_topics_are_merged_on_those_of_the_motion(tmp_path):

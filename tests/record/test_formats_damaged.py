@@ -112,7 +112,15 @@ def swing(scale, steps=None, seconds=6.0, amplitude=8.0):
 
 @pytest.mark.parametrize(
     ("scale", "steps", "unit"),
-    [(360, 4096, "deg"), (360, 10000, "deg"), (1, 16384, "rev"), (1, 2**17, "rev")],
+    [
+        (360, 4096, "deg"),
+        (360, 10000, "deg"),
+        (360, 7200, "deg"),
+        (1, 16384, "rev"),
+        (1, 2**17, "rev"),
+        (1, 20000, "rev"),
+        (1, 4000, "rev"),
+    ],
 )
 def test_an_angle_without_unit_is_asked_about(scale, steps, unit):
     log = swing(scale, steps)

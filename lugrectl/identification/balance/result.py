@@ -125,6 +125,12 @@ class Balance(Result):
             return 0.0
         return -delay.value
 
+    @property
+    def speed_offset(self) -> float:
+        """By how much w is above 0 where the drive stands, rad/s; 0 where that is not certain."""
+        offset = self.parameters.get("w_offset")
+        return 0.0 if offset is None else offset.value
+
     def summary(self) -> dict[str, Any]:
         """The answer as plain Python values, as under "plain" in the JSON document."""
         return {

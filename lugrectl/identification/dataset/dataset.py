@@ -91,6 +91,12 @@ class Data:
         """The same motion with a torque that was logged ``ahead`` s late."""
         return replace(self._under(u), ahead=ahead)
 
+    def lowered(self, offset: float) -> Data:
+        """The same with a speed, logged alone, that was so much too high, rad/s."""
+        y = self.y - [0.0, offset]
+        log = _log(self.t, self.u, self.d, y, self.dt, self.motion, self.runs, self.noise)
+        return replace(self, y=y, log=log)
+
     def aligned(self, zeros: Mapping[int, float], order: float) -> Data:
         """The same with theta of these runs shifted (rad, linear: m), for effects that repeat
         ``order`` times per 2 pi of it.

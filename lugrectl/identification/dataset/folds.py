@@ -92,11 +92,13 @@ def _alternate(
 ) -> tuple[list, list]:
     """Alternating blocks of whole horizons, at least BLOCK long; each starts with a gap.
 
-    The last block of a run extends to its end.
+    The last block of a run extends to its end. A shorter run is a block of its own, if it has one
+    horizon.
     """
     restarts = max(1, -(-round(BLOCK / dt) // span))
     length = gap + restarts * span
-    starts = [range(a, b - length + 1, length) for a, b in runs]
+    runs = [(a, b) for a, b in runs if b - a >= gap + span]
+    starts = [range(a, max(b - length, a) + 1, length) for a, b in runs]
     blocks = [
         (s, b if s == each[-1] else s + length)
         for each, (_, b) in zip(starts, runs, strict=True)

@@ -264,8 +264,10 @@ def _measured(
         None if getattr(tracks[0], k) is None else np.concatenate([getattr(p, k) for p in tracks])
         for k in ("theta", "w")
     )
+    if theta is None and w is not None:
+        return None, w - sensors.offset, False
     if theta is None or w is None or not sensors.use_w:
-        return theta, w if theta is None else None, False
+        return theta, None, False
     late = abs(sensors.lag) > 2e-4
     if sensors.one_source and not _jittered(tracks):
         return theta, None, False  # a difference of the encoder says nothing that it does not

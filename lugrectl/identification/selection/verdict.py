@@ -71,7 +71,7 @@ class Decision:
     ``alternatives`` explain the record as well as the first of ``effects``. ``beside`` is the table
     with that one in the base; ``gravity`` joined the base before the first. ``only_inertia``: of
     the effects the record shows no more than the inertia of a load. ``events`` are the times of
-    torques that nothing predicts.
+    torques that nothing predicts. ``suspect`` would be named if the inertia were known.
     """
 
     verdict: str
@@ -85,6 +85,7 @@ class Decision:
     only_inertia: bool = False
     events: tuple[float, ...] = ()
     messages: tuple[str, ...] = field(default=())
+    suspect: Contender | None = None
 
     @property
     def last(self) -> Base:
@@ -165,11 +166,12 @@ def _late(found: Decision, least: float) -> list[Contender]:
 
 def _of(record: Record, table: Table, bars: Bars) -> Decision:
     good = [c for c in bars.proven(table, table.named) if _matters(c, table, _floor(c, bars.least))]
-    good = [c for c in good if _seen(c)] if record.sure else []
+    good = [c for c in good if _seen(c)]
+    suspect, good = (None, good) if record.sure else (next(iter(good), None), [])
     known = bars.proven(table, table.unknown)
     free = [c for c in known if c.share > UNKNOWN * bars.least]
     if not good:
-        return _nameless(table, known, bars.least)
+        return replace(_nameless(table, known, bars.least), suspect=suspect)
     good = each_in_its_own_law(good)
     close = [good[0], *(c for c in good[1:] if as_good(c, good[0]))][: 1 + MOST_ALTERNATIVES]
     beside = tabulate(close[0].joined())

@@ -91,17 +91,22 @@ def _grid(values: np.ndarray, turn: float) -> int | None:
     for n in sorted({2**m for m in range(6, 25)} | {4 * lines for lines in _LINES}):
         size = turn / n
         enough = _SPAN if n & (n - 1) else _SPAN / 4  # the more candidates, the more chance hits
-        if not 0.5 < least / size < 4.5 or _written(size) or np.ptp(values) < enough * size:
+        if not 0.5 < least / size < 4.5 or np.ptp(values) < enough * size:
             continue
-        if abs(np.mean(np.exp(2j * np.pi * values / size))) > _SHARP:
+        if _on_grid(values, size) and not _written(values, size):
             return n
     return None
 
 
-def _written(step: float) -> bool:
-    """Whether a step is 1, 2, 2.5 or 5 of a decimal place: the log may have been rounded to it."""
-    lead = step / 10.0 ** np.floor(np.log10(step) + 1e-9)
-    return bool(np.min(np.abs(np.array([1.0, 2.0, 2.5, 5.0, 10.0]) - lead)) < 1e-6)
+def _on_grid(values: np.ndarray, size: float) -> bool:
+    """Whether values are multiples of a size, up to one offset."""
+    return bool(abs(np.mean(np.exp(2j * np.pi * values / size))) > _SHARP)
+
+
+def _written(values: np.ndarray, size: float) -> bool:
+    """Whether the values are multiples of a decimal place as well, at least as large as a step:
+    the log may have been rounded to it."""
+    return _on_grid(values, 10.0 ** np.ceil(np.log10(size) - 1e-9))
 
 
 def _wraps(theta: np.ndarray) -> bool:

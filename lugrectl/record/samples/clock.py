@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from scipy import ndimage
 
@@ -40,7 +42,16 @@ def put_in_time(log: Stamped) -> None:
 def _say_rate(log: Stamped) -> None:
     steps = np.diff(log.t)[~log.new[1:]]
     if len(steps) and steps.max() > 0 and not plausible(typical_step(steps)):
-        log.say(f"t gives a sampling rate of {1 / typical_step(steps):.6g} Hz: {UNIT_OF_T}")
+        log.say(slow(1 / typical_step(steps), log.labels))
+
+
+def slow(rate: float, labels: Mapping[str, str | None], why: str = "") -> str:
+    """A sentence on a sampling rate, Hz, that shows no friction; ``labels`` are the units of the
+    log's columns by role, without one of t where the user gave the rate."""
+    if labels and "t" not in labels:
+        step = f"; if {rate:.6g} is the step in ms, give --rate {1e3 / rate:.6g}"
+        return f"--rate gives {rate:.6g} samples per second{why}{step if rate < _RATES[0] else ''}."
+    return f"t gives a sampling rate of {rate:.6g} Hz{why}{';' if why else ':'} {UNIT_OF_T}"
 
 
 def _without_time(log: Stamped) -> None:

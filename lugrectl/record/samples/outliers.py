@@ -28,13 +28,19 @@ def bridged(x: np.ndarray, bad: np.ndarray) -> np.ndarray:
     return np.interp(rows, rows[~bad], x[~bad])
 
 
+def spread(x: np.ndarray) -> float:
+    """The range of a channel without its rarest values, which may be none of it."""
+    low, high = np.quantile(x, [0.01, 0.99])
+    return float(high - low) or float(np.ptp(x))
+
+
 def quantum(x: np.ndarray) -> float:
     """The step of the lattice that the values of a channel (N,) lie on; 0 if there is none."""
     values = np.unique(x[:: max(1, len(x) // 20_000)])
     if len(values) < 3:
         return 0.0
     steps = np.diff(values)
-    steps = steps[steps > 1e-9 * np.ptp(values)]
+    steps = steps[steps > 1e-9 * spread(values)]
     if len(steps) < 2:
         return 0.0
     unit = float(np.median(steps[steps <= 1.5 * np.quantile(steps, 0.05)]))
@@ -45,7 +51,7 @@ def quantum(x: np.ndarray) -> float:
 def resolution(x: np.ndarray) -> float:
     """The smallest change that the channel shows: its lattice, or what its digits make of it."""
     changes = np.abs(np.diff(x))
-    changes = changes[changes > 1e-9 * np.ptp(x)]
+    changes = changes[changes > 1e-9 * spread(x)]
     return max(quantum(x), float(np.quantile(changes, 0.02))) if len(changes) else 0.0
 
 
@@ -144,5 +150,5 @@ def limits(role: str, x: np.ndarray) -> np.ndarray:
     usual = np.maximum(usual, 0.3 * np.median(curve[curve > 0]) if curve.any() else 0.0)
     steps = ndimage.median_filter(np.abs(np.diff(x, append=x[-1])), around, mode="mirror")
     low, high = np.quantile(x, [0.01, 0.99])
-    least = _SHARE.get(role, 0.0) * (high - low) + 6 * resolution(x) + 1e-9 * np.ptp(x)
+    least = _SHARE.get(role, 0.0) * (high - low) + 6 * resolution(x) + 1e-9 * spread(x)
     return _FAR * usual + steps + least
