@@ -68,8 +68,12 @@ def _stretched(twist: Any, gap: Any) -> Any:
     return np.maximum(twist - 0.5 * gap, 0.0) + np.minimum(twist + 0.5 * gap, 0.0)
 
 
-def _load_side(w: Any, twist: Any, w_load: Any, load_inertia: Any, gap: Any, k: Any, c: Any):
-    """Torque on the motor and the rates of twist and load speed; all 0 without a load."""
+def _load_side(
+    w: Any, twist: Any, w_load: Any, load_inertia: Any, gap: Any, k: Any, c: Any, slowed: Any = 0.0
+):
+    """Torque on the motor and the rates of twist and load speed; all 0 without a load.
+
+    ``slowed`` is the torque of the load's own friction."""
     there = load_inertia > 0.0
     touching = np.abs(twist) >= 0.5 * gap
     torque = k * _stretched(twist, gap) + np.where(touching, c * (w - w_load), 0.0)
@@ -77,7 +81,7 @@ def _load_side(w: Any, twist: Any, w_load: Any, load_inertia: Any, gap: Any, k: 
     return (
         torque,
         np.where(there, w - w_load, 0.0),
-        torque / np.where(there, load_inertia, 1.0),
+        np.where(there, torque - slowed, 0.0) / np.where(there, load_inertia, 1.0),
     )
 
 
@@ -126,8 +130,8 @@ def backlash(
     gap=P(0.01, "rad", 0.0),
     stiffness: Any = STIFFNESS,
     damping: Any = DAMPING,
-    load_friction=P(0.0, "N m", 0.0, usual=True),
-    eps=EPS,
+    load_friction: Any = P(0.0, "N m", 0.0, usual=True),
+    eps: Any = EPS,
 ):
     """r_e = K s + D (w - w_load), s = twist beyond +-gap/2, Jl dw_load/dt = r_e - Fl sign(w_load).
 
@@ -137,7 +141,5 @@ def backlash(
     the drive moves with J alone over a fixed angle, then hits the load. With a gap of 0 it is an
     elastic coupling; at one small amplitude presliding may look the same.
     """
-    torque, turning, rate = _load_side(w, twist, w_load, load_inertia, gap, stiffness, damping)
-    there = load_inertia > 0.0
-    slowed = np.where(there, load_friction, 0.0) * np.tanh(w_load / eps)
-    return torque, turning, rate - slowed / np.where(there, load_inertia, 1.0)
+    slowed = load_friction * np.tanh(w_load / eps)
+    return _load_side(w, twist, w_load, load_inertia, gap, stiffness, damping, slowed)
