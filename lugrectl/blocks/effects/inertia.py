@@ -133,13 +133,14 @@ def backlash(
     load_friction: Any = P(0.0, "N m", 0.0, usual=True),
     eps: Any = EPS,
 ):
-    """r_e = K s + D (w - w_load), s = twist beyond +-gap/2, Jl dw_load/dt = r_e - Fl sign(w_load).
+    """r_e = K s + D (w - w_load), s = twist beyond +-gap/2, Jl dw_load/dt = r_e.
 
     dtwist/dt = w - w_load; no torque while |twist| < gap/2; gap is the total width. twist = 0
-    is the middle of the gap. The load has dry friction Fl of its own: with it the load stays where
-    the drive left it, without it the load flies on through the gap. In a log: after each reversal
-    the drive moves with J alone over a fixed angle, then hits the load. With a gap of 0 it is an
-    elastic coupling; at one small amplitude presliding may look the same.
+    is the middle of the gap. With dry friction Fl of the load's own,
+    Jl dw_load/dt = r_e - Fl sign(w_load): the load stays where the drive left it, where without
+    friction it flies on through the gap. In a log: after each reversal the drive moves with J alone
+    over a fixed angle, then hits the load. With a gap of 0 it is an elastic coupling; at one small
+    amplitude presliding may look the same.
     """
     slowed = load_friction * np.tanh(w_load / eps)
     return _load_side(w, twist, w_load, load_inertia, gap, stiffness, damping, slowed)
