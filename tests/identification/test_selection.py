@@ -14,7 +14,7 @@ import lugrectl as lg
 from lugrectl.identification.balance import balance
 from lugrectl.identification.selection import compare
 
-from ..cases.balance_drive import FC, FV, J, recorded, simulate, torque
+from ..cases.balance_drive import FC, FV, J, recorded, simulate, stretch, torque
 
 MODEL = lg.Model.of(J=1.03 * J, friction="coulomb", Fc=0.9 * FC, Fv=1.1 * FV)
 BRISTLES = MODEL.to_dict()["plant"] | {
@@ -41,6 +41,23 @@ def bumps(theta, w):
     """Two bumps in a turn, which no effect of the catalogue has."""
     return sum(0.05 * math.exp(-((math.remainder(theta - at, math.tau) / 0.25) ** 2))
                for at in (0.7, 2.1))  # fmt: skip
+
+
+def cogged(seconds=20.0, dt=1e-3, J=0.0015, parts=5):
+    """A light drive with a ripple that is fast at its top speed, on Coulomb friction."""
+    t = np.arange(round(seconds / dt)) * dt
+    u = 0.5 * np.sin(math.pi * t) + 0.25 * np.sin(2 * math.pi * 1.7 * t + 1.0)
+    theta = w = 0.0
+    seen = []
+    for pull in u.tolist():
+        seen.append((theta, w))
+        for _ in range(parts):
+            friction = 0.2 * math.tanh(w / 0.02) + 0.01 * w
+            w += dt / parts / J * (pull - 0.05 * math.sin(4 * theta + 0.3) - friction)
+            theta += dt / parts * w
+    theta, w = np.array(seen).T
+    w = w + np.random.default_rng(5).normal(0.0, 0.01, len(t))
+    return stretch(u, dt, np.round(theta / 1.5e-3) * 1.5e-3, w)
 
 
 def said_of(load=None, seconds=14.0):
@@ -90,6 +107,14 @@ def test_the_budget_says_where_the_torque_goes(weighed):
     assert shares["gravity"].rms == pytest.approx(0.03 / math.sqrt(2), rel=0.25)
     for one in shares.values():
         assert one.ci95 is None or one.ci95[0] <= one.share <= one.ci95[1]
+
+
+def test_windows_do_not_average_away_what_is_missing_where_no_inertia_is_declared():
+    """The torque biases the inertia of narrow windows: they are no worse for that."""
+    seen, model = [cogged()], lg.Model.of(friction="coulomb")
+    (effect,) = compare(seen, model, balance(seen, model)).effects
+    assert (effect.name, effect.values["harmonic"]) == ("torque_ripple", 4.0)
+    assert effect.values["amplitude"] == pytest.approx(0.05, rel=0.05)
 
 
 def test_a_torque_that_no_effect_has_is_unexplained_and_its_signals_are_said():

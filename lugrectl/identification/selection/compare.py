@@ -198,21 +198,21 @@ def _inertia(plain: Balance, declared: dict[str, float]) -> tuple[tuple[float, f
 def _width(
     m: Motion, declared: dict[str, float], J: tuple[float, float] | None, sure: bool
 ) -> tuple[Width, bool]:
-    """The narrowest windows in which noise is small and the inertia is that of wider ones."""
+    """The narrowest windows in which noise is small, with the inertia that is known.
+
+    A torque that wider windows average away may be what is missing.
+    """
     known = declared.get("J")
+    inertia = known or (None if J is None else 0.5 * (J[0] + J[1]))
     tried: list[Width] = []
     for h in widths(m):
-        one = quick(m, h, known, declared.get("Fc"))
+        one = quick(m, h, inertia, declared.get("Fc"))
         if one is not None:
             tried.append(one)
-            if known and usable(one, declared=True):
+            if inertia and usable(one, declared=bool(known)):
                 return one, sure
     if not tried:
         return Width(widths(m)[0], np.nan, np.nan, 1.0, np.inf, 1.0, False, 0.0), False
     least = min(tried, key=lambda w: max(w.noisy, w.lost / LOST))
     good = [w for w in tried if usable(w, declared=False)]
-    if known or J is None:
-        return (good or [least])[0], sure and bool(known)
-    middle, half = 0.5 * (J[0] + J[1]), 0.5 * (J[1] - J[0])
-    near = [w for w in good if abs(w.J - middle) < half + w.se]
-    return (near or [min(tried, key=lambda w: abs(w.J - middle))])[0], sure
+    return (good or [least])[0], sure and inertia is not None
