@@ -3,6 +3,7 @@
 import os
 import sys
 from collections.abc import Iterator
+from zlib import crc32
 
 # Before NumPy is loaded: its threads cost more on small matrices than they give.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -18,6 +19,14 @@ from lugrectl.engine.runtime.c_compiler import has_compiler  # noqa: E402
 matplotlib.use("Agg")  # here: a kernel that a test starts chooses for itself
 settings.register_profile("any machine", deadline=None)  # slow, or busy with another test
 settings.load_profile("any machine")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """A third of the long scenarios is in the sample, always the same ones."""
+    for item in items:
+        if item.get_closest_marker("scenario") and crc32(item.nodeid.encode()) % 3 == 0:
+            item.add_marker("sample")
 
 
 @pytest.fixture(autouse=True)

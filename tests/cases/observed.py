@@ -13,8 +13,9 @@ STEP = 1e-3
 
 
 def longer(test):
-    """A scenario of 10 or 15 s: left out unless asked for; continuous integration runs it."""
-    return pytest.mark.slow(pytest.mark.sample(test))
+    """A scenario of 10 or 15 s: left out unless asked for; of these, continuous integration runs
+    a third."""
+    return pytest.mark.slow(pytest.mark.scenario(test))
 
 
 def believing(factor, **others):

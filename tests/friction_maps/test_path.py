@@ -11,6 +11,10 @@ FC, FV = 12.6, 3.0
 COULOMB = lg.Model.of(friction="coulomb")
 
 
+def slow(*values):
+    return pytest.param(*values, marks=pytest.mark.slow)
+
+
 def arm(torque, *, top=0.8, start=0.1, seed=0):
     """Runs of 3 s out of one place: a faster one is over larger angles."""
     chance, t = np.random.default_rng(seed), np.arange(0.0, 3.0, 0.01)
@@ -27,7 +31,7 @@ def within(estimate, true):
     assert abs(true - 0.5 * (low + high)) < high - low
 
 
-@pytest.mark.parametrize(("size", "phase"), [(40.0, 0.0), (40.0, np.pi), (3.0, -1.2)])
+@pytest.mark.parametrize(("size", "phase"), [slow(40.0, 0.0), slow(40.0, np.pi), (3.0, -1.2)])
 def test_gravity_is_found_where_no_run_passes_a_turn(size, phase):
     found = lg.diagnose(arm(lambda theta: size * np.sin(theta + phase)), COULOMB)
     assert (found.verdict, [e.name for e in found.effects]) == ("found", ["gravity"])
@@ -39,7 +43,7 @@ def test_gravity_is_found_where_no_run_passes_a_turn(size, phase):
     assert np.ptp(found.map.u - (FC * np.sign(found.map.w) + FV * found.map.w)) < 1.0
 
 
-@pytest.mark.parametrize("declared", [{}, {"amplitude": 30.0, "phase": 0.0}])
+@pytest.mark.parametrize("declared", [slow({}), {"amplitude": 30.0, "phase": 0.0}])
 def test_a_declared_torque_over_the_angle_is_fitted(declared):
     model = COULOMB.with_effect("gravity", declared)
     found = lg.diagnose(arm(lambda theta: 25.0 * np.sin(theta + 0.4)), model)

@@ -151,7 +151,10 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("signals", CASES, ids=" ".join)
+LONG = [s if len(s) == 1 else pytest.param(s, marks=pytest.mark.slow) for s in CASES]
+
+
+@pytest.mark.parametrize("signals", LONG, ids=" ".join)
 def test_a_known_function_is_recovered_within_its_band(signals):
     function, truth = CASES[signals]
     inside = []
