@@ -174,3 +174,27 @@ def test_every_run_ends(pieces: list, matrix: list, x0: list, points: int) -> No
         return
     assert np.all(np.isfinite(run.states))
     assert run.steps < 20_000
+
+
+ROOTS: dict[str, Callable[[Any], Any]] = {
+    "root": lambda x: np.sign(x) * np.sqrt(np.abs(x)),
+    "power below 1": lambda x: np.sign(x) * np.abs(x) ** 0.6,
+    "power above 1": lambda x: x * np.abs(x) ** 0.5,
+    "one side": lambda x: np.sqrt(np.maximum(x, 0.0)),
+    "logarithm": lambda x: np.sign(x) * np.log(1.0 + np.abs(x)),
+}
+
+
+@pytest.mark.parametrize("name", ROOTS)
+def test_a_root_of_a_magnitude_is_no_nan_beyond_its_switch(name: str) -> None:
+    """From 0 on, and through 0: a step on one side would take the root of a negative number."""
+
+    def update(t: Any, x: Any, u: Any, p: Any) -> Any:
+        return np.array([u[0] - ROOTS[name](x[0])])
+
+    system = ct.nlsys(update, None, states=1, inputs=1, outputs=1, name=name.replace(" ", "_"))
+    t = np.linspace(0.0, 3.0, 301)
+    u = np.sin(3.0 * t) + 0.1
+    found = lg.simulate(system, t, u, rtol=1e-8).states
+    known = lg.simulate(system, t, u, method="RK45", rtol=1e-10, atol=1e-12).states
+    np.testing.assert_allclose(found, known, atol=1e-6)

@@ -196,7 +196,7 @@ def test_the_plot_has_a_line_for_each_observer(found):
             "disturbance_observer has no parameter 'ta'",
         ),
         (lambda: lg.recommend_observer(P, rate=1e3, certified=1), "certified must be True"),
-        (lambda: lg.recommend_observer(lg.Model.of(J=1.0), rate=1e3), "identify it first"),
+        (lambda: lg.recommend_observer(lg.Model.of(J=1.0), rate=1e3), "identify them first"),
         (lambda: lg.recommend_observer(P, rate=1e3, frequency=1e-4), "give another frequency"),
         (lambda: lg.recommend_observer(3, rate=1e3), "p must be a Model"),
     ],

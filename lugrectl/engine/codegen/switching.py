@@ -94,6 +94,8 @@ def freeze_modes(
         return known[lead.index]
 
     def rule(node: Node, args: tuple[Node, ...]) -> Node | None:
+        if node.op in _ROOTS and args[0] is not node.args[0]:
+            return node.graph.make(node.op, _as_far(node.args[0], args[0]), *args[1:])
         if node.op not in _SIDES or symbols_in([node]) <= fixed:
             return None
         make_lead, result = _SIDES[node.op]
@@ -106,6 +108,14 @@ def freeze_modes(
 def _opposite(lead: Node) -> Node:
     """The same function with the opposite sign: w > v and w < v switch together."""
     return lead.args[1] - lead.args[0] if lead.op == "subtract" else -lead
+
+
+def _as_far(true: Node, frozen: Node) -> Node:
+    """The argument of a root on its side, as far beyond the switch as the true one is not negative.
+
+    There m a is negative where |a| is not, and a trial step beyond the switch would be NaN.
+    """
+    return true.graph.make("where", true >= 0.0, abs(frozen), frozen)
 
 
 def _choose(mode: Node, yes: Node, no: Node) -> Node:
@@ -122,6 +132,7 @@ def _floor(mode: Node, a: Node) -> Node:
     return make("where", mode > 0.0, even, make("where", mode < 0.0, odd, np.floor(a + 0.5)))
 
 
+_ROOTS = {"sqrt", "power", "log"}
 _KINKS = {"absolute", "maximum", "minimum"}
 
 # operation: its switching function, and its value on the side m

@@ -56,6 +56,12 @@ def _power_partials(result: Any, base: Any, exponent: Any) -> tuple[Any, Any]:
     return slope, None if exponent.is_constant() else np.where(zero, 0.0, result * np.log(safe))
 
 
+def _sqrt_partial(result: Any, argument: Any) -> Any:
+    """0 at 0, as of a power below 1: there it has no slope."""
+    zero = np.equal(result, 0.0)
+    return np.where(zero, 0.0, 0.5 / np.where(zero, 1.0, result))
+
+
 OPS: dict[str, Op] = {
     "add": _infix(np.add, "+", lambda r, a, b: (1.0, 1.0)),
     "subtract": _infix(np.subtract, "-", lambda r, a, b: (1.0, -1.0)),
@@ -68,7 +74,7 @@ OPS: dict[str, Op] = {
     "log": _function("log", lambda r, a: 1.0 / a),
     "log1p": _function("log1p", lambda r, a: 1.0 / (1.0 + a)),
     "log10": _function("log10", lambda r, a: 1.0 / (np.log(10.0) * a)),
-    "sqrt": _function("sqrt", lambda r, a: 0.5 / r),
+    "sqrt": _function("sqrt", _sqrt_partial),
     "sin": _function("sin", lambda r, a: np.cos(a)),
     "cos": _function("cos", lambda r, a: -np.sin(a)),
     "tan": _function("tan", lambda r, a: 1.0 + r * r),

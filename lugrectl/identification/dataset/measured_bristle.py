@@ -38,7 +38,7 @@ def along(
     distance x0 (in the unit of the path) over which it does.
     """
     z, last = np.zeros(len(path)), 0.0
-    ends = np.append(first[1:], len(path))
+    ends = np.append(first[1:], len(path))[: len(first)]  # none of a drive that never moves
     for a, b, side in zip(first.tolist(), ends.tolist(), sides.tolist(), strict=True):
         level = 1.0 + asymmetry * side
         reach, limit = level * x0, side * level

@@ -59,8 +59,8 @@ TOO_HEAVY = (
     "is in another unit."
 )
 SMALL = (
-    "What is left is not noise alone: a torque of {:.2g} % of friction depends on {}, and a "
-    "simulation adds it up. An unknown torque counts as missing from {:.2g} % on."
+    "A torque of {:.2g} % of friction that depends on {} stays unexplained. It makes the simulated "
+    "motion drift, but is too small to be called missing: without a name, that begins at {:.2g} %."
 )
 
 
@@ -197,7 +197,7 @@ def _nameless(table: Table, known: list[Contender], least: float) -> Decision:
     if free:
         return Decision("unexplained", depends_on=free[0].depends_on, table=table, unknown=free[0])
     found = _with_incidents(table, events(table.base), least)
-    if not known or found.verdict != "adequate":
+    if not known or known[0].share < least or found.verdict != "adequate":
         return found
     on = " and ".join(sorted(known[0].depends_on))
     said = SMALL.format(100.0 * known[0].share, on, 100.0 * UNKNOWN * least)
@@ -374,7 +374,7 @@ def _with_load(found: Decision) -> Decision:
     if ratio < STIFFLY or _scaled(base, ratio):
         return found
     if h < HIDING or len(close) < 2:
-        return replace(found, messages=(*found.messages, HEAVIER.format(ratio)))
+        return replace(found, messages=(HEAVIER.format(ratio), *found.messages))
     said = LOADED.format(ratio, 2e3 * h, HALF_RESPONSE / h)
     return replace(
         found,
@@ -383,7 +383,7 @@ def _with_load(found: Decision) -> Decision:
         alternatives=tuple(close[1:]),
         beside=None,
         only_inertia=True,
-        messages=(*found.messages, said),
+        messages=(said, *found.messages),
     )
 
 
