@@ -355,7 +355,7 @@ def model_from_dict(data: Mapping[str, Any], where: str, folder: str | Path = ""
     law = friction.get("model", "lugre")
     made = block_named("friction", law, where=f"{where}: [friction]", what="friction model")
     friction = with_usual(made, friction)
-    part = _part(law, "friction", friction, f"{where}: [friction]", "friction model")
+    part = _part(made, "model", friction, f"{where}: [friction]")
     model = Model(
         name=text(data.get("name", "drive"), f"{where}: name"),
         motion=motion,
@@ -400,7 +400,7 @@ def _with_entry(model: Model, entry: Any, where: str) -> Model:
         raise InputError(f'{where} needs a name, such as name = "gravity".')
     made = block_named("effect", entry["name"], where=where, what="effect")
     entry = with_usual(made, entry)
-    use = _part(entry["name"], "effect", entry, where, "effect")
+    use = _part(made, "name", entry, f"{where} {entry['name']}")
     twin = next((part for part in model.effects if _alike(part, use)), None)
     if twin is not None:
         raise InputError(
@@ -436,10 +436,8 @@ def _alike(one: Part, other: Part) -> bool:
     return known and all(one.values[k] == other.values[k] for k in differing)
 
 
-def _part(name: Any, kind: str, entry: Any, where: str, what: str) -> Part:
-    made = block_named(kind, name, where=where, what=what)
-    where = f"{where} {name}" if kind == "effect" else where
-    tag = "model" if what == "friction model" else "name"
+def _part(made: Block, tag: str, entry: Any, where: str) -> Part:
+    """The block with the values of an entry, in which ``tag`` names it."""
     _known(entry, (tag, *made.own, *form_keys(made)), where)
     made, entry = formed(made, entry, where)
     values = {

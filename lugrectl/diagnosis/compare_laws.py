@@ -157,8 +157,7 @@ def _ready(asked: Asked, horizon: float) -> Prepared:
     refuse_dead([record] if isinstance(record, Record) else record)
     ready = prepared(record, asked.model, holdout, horizon)
     friction = levels(asked.plain.stretches, asked.model, asked.plain)
-    ready = ready.lowered(asked.plain).from_values(asked.starts(friction))
-    return ready.earlier(asked.plain)
+    return ready.begun_from(asked.plain, asked.starts(friction))
 
 
 def _fitted(

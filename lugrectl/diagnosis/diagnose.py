@@ -199,8 +199,7 @@ def _finer(
         raise Refused(" ".join(found.messages), _next(asked, found, None))
     try:
         ready = prepared(record, model, holdout, horizon)
-        ready = ready.lowered(asked.plain).from_values(asked.starts(found.alone))
-        ready = ready.earlier(asked.plain)
+        ready = ready.begun_from(asked.plain, asked.starts(found.alone))
         with within(limit):
             return _fitted(begin(ready, report), found, asked, seed, report)
     except Refused as no:  # the comparison needs no simulation

@@ -204,8 +204,7 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
     refuse_dead([record] if isinstance(record, Record) else record)
     ready = prepared(record, model, holdout, horizon)
     friction = levels(asked.plain.stretches, model, asked.plain)
-    ready = ready.lowered(asked.plain).from_values(asked.starts(friction))
-    job = begin(ready.earlier(asked.plain), report)
+    job = begin(ready.begun_from(asked.plain, asked.starts(friction)), report)
     whole = on_everything(job.base, job)
     failed = failure(job.data, residual_torque(job, whole), asked)
     if failed:

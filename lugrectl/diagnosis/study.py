@@ -87,6 +87,11 @@ class Prepared:
         by = plain.written_late(self.data.dt)
         return replace(self, data=ahead(self.data, by / self.data.dt)) if by else self
 
+    def begun_from(self, plain: Balance, values: Mapping[str, float]) -> Prepared:
+        """The same with values from which fits start, and with what the balance knows of the
+        channels: the offset of a speed, a torque written down late."""
+        return self.lowered(plain).from_values(values).earlier(plain)
+
     def lowered(self, plain: Balance) -> Prepared:
         """The same with the true speed, where one logged alone has an offset: friction turns over
         where the drive stands, not where w says so."""

@@ -82,28 +82,15 @@ def read_record(
     return record_of(log)
 
 
-def read_log(
-    path: Any,
-    *,
-    columns: Mapping[str, str] | str | None = None,
-    units: Mapping[str, str] | str | None = None,
-    scale: Mapping[str, float] | str | None = None,
-    rate: float | None = None,
-    motion: str | None = None,
-) -> Log:
-    """Read the rows of a log in SI units; the parameters are those of :func:`read_record`.
+def read_log(path: Any, **reading: Any) -> Log:
+    """Read the rows of a log in SI units; the options are those of :func:`read_record`.
 
     Where w and d theta/dt differ by a factor of two units, one of them is in another unit than
     was assumed: it is converted here, before anything is computed from the log.
 
     Raises InputError if the file or an argument cannot be read or understood.
     """
-    log = rows_of(path, columns=columns, units=units, scale=scale, rate=rate, motion=motion)
-    return _in_one_unit(log)
-
-
-def _in_one_unit(log: Log) -> Log:
-    """The log with w and theta in units that fit each other, and a note on what was converted."""
+    log = rows_of(path, **reading)
     if not {"w", "theta"} <= set(log.channels):
         return log
     try:

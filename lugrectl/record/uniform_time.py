@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.errors import Refused
+from .columns.units import UNITS
 from .record import Record
 from .samples.clock import FEWEST, FILL, multiples, nice, plausible, slow, typical_step
 from .samples.resampling import HELD, between, held_mean, speed
@@ -14,7 +15,6 @@ from .samples.rows import Stamped, count, runs
 
 _FILL_SHARE = 0.01  # of the samples: more missing ones of an optional channel are not filled
 _EXACT = 0.01  # stamps this close to the grid (in dt) count as on it
-_UNITS = {"ms": 1e-3, "us": 1e-6}
 _SLOW = ", at which models of friction cannot be compared"
 _TO_JUDGE = 200, 1.0  # samples and s in one piece that the comparison of models needs
 
@@ -218,7 +218,8 @@ def refuse_unlikely_time(record: Record) -> None:
     stated = record.log is None or record.log.labels.get("t", "s") is not None
     if stated or plausible(record.dt):
         return
-    unit = next((name for name, k in _UNITS.items() if plausible(record.dt * k)), "ms")
+    finer = [u for u in UNITS.values() if u.quantity == "time" and u.factor < 1.0]
+    unit = next((u.name for u in finer if plausible(record.dt * u.factor)), "ms")
     raise Refused(
         f"{record.source}: t has no unit, and read as s it gives a sampling rate of "
         f"{record.rate:.6g} Hz, at which no drive writes a log: give --units t={unit}, or "

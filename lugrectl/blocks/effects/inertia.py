@@ -73,7 +73,8 @@ def _load_side(
 ):
     """Torque on the motor and the rates of twist and load speed; all 0 without a load.
 
-    ``slowed`` is the torque of the load's own friction."""
+    ``slowed`` is the torque of the load's own friction.
+    """
     there = load_inertia > 0.0
     touching = np.abs(twist) >= 0.5 * gap
     torque = k * _stretched(twist, gap) + np.where(touching, c * (w - w_load), 0.0)

@@ -132,7 +132,7 @@ def _floor(mode: Node, a: Node) -> Node:
     return make("where", mode > 0.0, even, make("where", mode < 0.0, odd, np.floor(a + 0.5)))
 
 
-_ROOTS = {"sqrt", "power", "log"}
+_ROOTS = {"sqrt", "power", "log", "log1p", "log10"}
 _KINKS = {"absolute", "maximum", "minimum"}
 
 # operation: its switching function, and its value on the side m

@@ -111,7 +111,7 @@ class Bend:
 INERTIA = Term("J", None)
 COULOMB = Term("Fc", sliding, friction=True)
 VISCOUS = Term("Fv", None, friction=True)
-STEADY = Term("Fv", pace, friction=True)
+PACE = Term("Fv", pace, friction=True)
 OFFSET = Term("constant_torque", constant, friction=True)
 DRIFT = Term("drift", warming)
 # An encoder off its centre by e shows theta + e sin(theta + phase): J times the second derivative
@@ -141,7 +141,7 @@ def travel_of(tracks: Sequence[Track], across: bool) -> Travel:
 
 def plain_terms(model: Model, travel: Travel, is_map: bool) -> list[Term]:
     """J, Fc, Fv, a constant, the drift of friction, and gravity where the position shows it."""
-    terms = [COULOMB, STEADY, OFFSET] if is_map else [INERTIA, COULOMB, VISCOUS, OFFSET, DRIFT]
+    terms = [COULOMB, PACE, OFFSET] if is_map else [INERTIA, COULOMB, VISCOUS, OFFSET, DRIFT]
     if turns_enough(model, travel, is_map):
         return [*terms, *GRAVITY]
     spring = any(part.block.name == "return_spring" for part in model.effects)

@@ -78,7 +78,8 @@ def _places(base: Base, block: Block) -> tuple[list[Shape], list[float]]:
     hard = product(GAP_FREQUENCIES, [GAP_DAMPING], gaps.tolist(), [0.0])
     soft = product(SOFT_FREQUENCIES, [SOFT_DAMPING], gaps[::SOFT].tolist(), [0.0])
     usual = float(np.median(base.level)) / base.J
-    slowed = product([HARD], [GAP_DAMPING], gaps.tolist(), [usual * s for s in SLOWINGS])
+    rubs = [usual * s for s in SLOWINGS] if "load_friction" in block.own else []
+    slowed = product([HARD], [GAP_DAMPING], gaps.tolist(), rubs)
     return [*hard, *soft, *slowed], [*STEPS, near, SLOWING_STEP]
 
 
