@@ -182,7 +182,7 @@ ROOTS: dict[str, Callable[[Any], Any]] = {
     "power above 1": lambda x: x * np.abs(x) ** 0.5,
     "one side": lambda x: np.sqrt(np.maximum(x, 0.0)),
     "logarithm": lambda x: np.sign(x) * np.log(1.0 + np.abs(x)),
-    "decades": lambda x: np.sign(x) * (9.0 + np.log10(np.abs(x) + 1e-9)),
+    "decades": lambda x: np.sign(x) * (3.0 + np.log10(np.abs(x) + 1e-3)),
 }
 
 
