@@ -280,7 +280,7 @@ def _without_intervals(found: Mapping[str, Estimate]) -> dict[str, Estimate]:
 
 def _failure(job: Job, fitted: Fitted, asked: Asked) -> str | None:
     """Why a fit has failed, if it has."""
-    return failure(job.data, residual_torque(job, fitted), asked)
+    return failure(job.data, residual_torque(job, fitted, fitted.noise), asked)
 
 
 def _only_compared(asked: Asked, found: Comparison, reason: str) -> Diagnosis:
@@ -363,7 +363,7 @@ def _table(final: Fitted, job: Job, found: Comparison, seed: int) -> Table | Non
     """The residual torque as a table over what it depends on; None if it predicts nothing."""
     if found.verdict != "unexplained":
         return None
-    torque = missing_torque(final.predictor, final.values, final.where, job.base.noise)
+    torque = missing_torque(final.predictor, final.values, final.where, final.noise)
     made = tabulate(torque, job.data.log, final.where.counted, found.depends_on, seed=seed)
     return made if made is not None and made.share95[0] > 0.0 else None
 

@@ -206,7 +206,7 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
     friction = levels(asked.plain.stretches, model, asked.plain)
     job = begin(ready.begun_from(asked.plain, asked.starts(friction)), report)
     whole = on_everything(job.base, job)
-    failed = failure(job.data, residual_torque(job, whole), asked)
+    failed = failure(job.data, residual_torque(job, whole, whole.noise), asked)
     if failed:
         raise Refused(failed)
     refuse_without_inertia(whole, model)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize import nnls
 
 from ...blocks.block import REGISTRY, Block
 from ...blocks.model import Model
-from .base_model import LEVELS, Base
+from .base_model import Base
 from .candidate import Contender
 from .driven_load import of_unit_load
 from .effect_columns import spanned
-from .friction_terms import FORCES, NAMES
+from .friction_terms import NAMES
 
 
 def values_of(c: Contender, model: Model) -> dict[str, float]:
@@ -71,10 +72,12 @@ def _load(c: Contender, block: Block) -> dict[str, float]:
 
 
 def levels_of(base: Base) -> dict[str, float]:
-    """Inertia and friction of a base: start values for the plant."""
-    b = dict(zip(NAMES, base.made.b[LEVELS].tolist(), strict=True))
-    static = sum(b[k] for k in FORCES)
-    found = {"J": base.J, "Fc": b["Fc"], "Fv": b["Fv"], "vs": base.law.vs}
-    if static > b["Fc"] > 0:
-        found["Fs"] = static
-    return found | {"sigma0": b["Fc"] / base.law.x0}
+    """Inertia and friction of a base: start values for the plant.
+
+    Its friction is a sum of many shapes that share the torque among them. The closest curve of one
+    Coulomb level, one Stribeck curve and one viscous term has the levels of all.
+    """
+    shapes = base.law.shapes[:, [NAMES.index(k) for k in ("Fc", "dip", "Fv")]]
+    (Fc, dip, Fv), _ = nnls(shapes, base.coulomb + base.viscous)
+    found = {"J": base.J, "Fc": Fc, "Fv": Fv, "vs": base.law.vs, "sigma0": Fc / base.law.x0}
+    return found | ({"Fs": Fc + dip} if dip > 0 and Fc > 0 else {})

@@ -18,16 +18,17 @@ def with_discrepancy(found: Fitted) -> Fitted:
     """The fit with what an unknown smooth torque may do to its values."""
     if not found.free:
         return found
-    rows, motion = _along_torque(found)
+    r, A = slopes(found.predictor, found.values, found.free, found.where, found.noise)
+    rows, motion = _along_torque(found, r, A)
     believed = np.diag(weak(found.free)) + known(found.free, found.values, bounds=True)
-    H, score = found.information + believed, found.scores.sum(0)
+    flat = A.reshape(len(A), -1)  # all at the same values: a covariance is of one linear model
+    H, score = flat @ flat.T + believed, flat @ r.ravel()
     return replace(found, discrepancy=discrepancy(H, score, rows, motion.functions()))
 
 
-def _along_torque(found: Fitted) -> tuple[Rows, Motion]:
+def _along_torque(found: Fitted, r: np.ndarray, A: np.ndarray) -> tuple[Rows, Motion]:
     """Blocks of samples: innovations and slopes along the response to a torque, and the motion."""
     where, data = found.where, found.predictor.data
-    r, A = slopes(found.predictor, found.values, found.free, where, found.noise)
     v = np.sqrt(data.weight[where.counted]) * _response(found)
     n = max(1, min(round(BLOCK / data.dt), where.length))
     each = where.length // n * n
