@@ -61,7 +61,6 @@ FREE_WORSE = (
     "{1:.3g} {2}. Without restarts a stop at another instant changes all motion after it: judge "
     "the models by the errors with restarts and of the torque."
 )
-WITHOUT = "The saved model is the refitted one without it."
 NO_FIT = "Values are those of the balance of torques, without errors of a simulation: {}"
 SAME_UNITS = "Give all runs in one unit and sign, or leave out the run that differs."
 LIMIT = 270.0  # s that the fit may take
@@ -241,9 +240,6 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
         known = values_for(asked.plain, asked.model)
         fitted, model = fitted | known, model.with_values({k: e.value for k, e in known.items()})
         model = lifted(model)
-    elif failed and worse:  # the table has the values of the saved model, and those of the effect
-        model = job.base.predictor.model.with_values(job.base.values)
-        job, fitted = noted(job, WITHOUT), fitted | _without_intervals(estimates(job.base))
     fitted = not_alone(fitted, asked.plain)
     job = noted(job, *far_off(fitted, asked.model), *one_way(fitted, asked.plain, asked.model))
     tied = tuple(_candidate(found, a.name) for a in found.alternatives)
