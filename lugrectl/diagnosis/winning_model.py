@@ -41,7 +41,7 @@ def with_effects(job: Job, found: Comparison, report: Progress) -> Winner:
     """The model with the effects that the comparison names, fitted to the training samples.
 
     From the values of the comparison, with friction as it, the plain answer or the refitted model
-    has it: whichever predicts best. A torque that was moved is used as recorded where a time is
+    has it: whichever predicts best. The inertia is that of the comparison. A torque that was moved is used as recorded where a time is
     named.
     """
     if TIMES & {e.name for e in found.effects}:
@@ -53,7 +53,8 @@ def with_effects(job: Job, found: Comparison, report: Progress) -> Winner:
     predictor, base = Predictor(model, job.base.predictor.data), job.base
     plant = {k: v for k, v in found.plant.items() if k in base.values and v > 0}
     balanced = {k: v for k, v in job.data.plain.items() if k in base.values and v > 0}
-    starts = [base.values | own | values for own in (plant, balanced, {})]
+    inertia = {k: v for k, v in plant.items() if k == "J"}  # without that of a load on a spring
+    starts = [base.values | own | inertia | values for own in (plant, balanced, {})]
     start = likeliest(predictor, base.where, base.noise, starts)
     free, anchor = free_keys(predictor), base.anchor | values
     final = fit(predictor, start.values, free, base.where, start.noise, anchor=anchor)

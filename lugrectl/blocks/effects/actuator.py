@@ -60,7 +60,9 @@ def input_delay(u, p1, p2, delay: Any = P(0.0, "s", 0.0, 0.2, neutral=0.0)):
     (python-control) the block is the Pade approximation of order 2,
     1 - 12 s T/(s^2 T^2 + 6 s T + 12), exact to 1 degree of phase up to w T = 1.7. In a log:
     the motion follows the torque late, by the same time at all frequencies. An actuator lag with
-    tau = T looks the same if the torque changes little within T.
+    tau = T looks the same if the torque changes little within T. The torque of a log counts as
+    held from each sample to the next: where it was read at instants, as from a current sensor, T
+    comes out half a sample short.
     """
     if _is_signal(p1, delay):
         return p1, u, 0.0
