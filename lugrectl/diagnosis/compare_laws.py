@@ -22,7 +22,7 @@ from ..identification.likelihood.parameters import free_keys
 from ..identification.likelihood.simulation_error import judge
 from ..identification.selection import ALPHA, levels, paired, standard_error
 from ..parallel.blas_threads import one_blas_thread
-from ..record import Record, refuse_dead
+from ..record import Record
 from .law_comparison import ComparedLaw, LawComparison
 from .question import Asked, judged_by
 from .study import Prepared, begin, prepared
@@ -154,7 +154,7 @@ def _ready(asked: Asked, horizon: float) -> Prepared:
     record, holdout = asked.records(), asked.holdout()
     if not isinstance(record, Record) and is_map(record):
         raise Refused(*OF_MAP)
-    refuse_dead([record] if isinstance(record, Record) else record)
+    asked.refuse_unfit()
     ready = prepared(record, asked.model, holdout, horizon)
     friction = levels(asked.plain.stretches, asked.model, asked.plain)
     return ready.begun_from(asked.plain, asked.starts(friction))

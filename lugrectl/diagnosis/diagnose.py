@@ -23,7 +23,7 @@ from ..identification.likelihood.value_discrepancy import with_discrepancy
 from ..identification.selection import ALPHA, LEAST, Comparison, Named, compare
 from ..identification.unknown_torque.table import tabulate
 from ..parallel.blas_threads import one_blas_thread
-from ..record import Record, refuse_dead, refuse_unlikely_time
+from ..record import Record
 from .compare_laws import under_law
 from .never_worse import failure, refuse_without_inertia
 from .one_direction import next_way, not_alone, one_way
@@ -190,9 +190,7 @@ def _finer(
     holdout = asked.holdout()
     if not isinstance(record, Record) and is_map(record):
         return diagnose_map(record, model, holdout=holdout, seed=seed, progress=report)
-    refuse_dead(asked.seen)
-    for one in asked.seen:
-        refuse_unlikely_time(one)
+    asked.refuse_unfit()
     report(0.05, "comparing explanations")
     found = compare(asked.plain.stretches, model, asked.plain, *limits)
     if found.verdict == "refused":

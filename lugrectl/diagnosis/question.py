@@ -11,7 +11,7 @@ from ..blocks.model import Model, as_model
 from ..core.validation import positive, whole
 from ..identification.balance import Balance
 from ..identification.selection import completed
-from ..record import Log, Record, record_of
+from ..record import Log, Record, record_of, refuse_dead, refuse_unlikely_time
 from ..record.as_record import as_holdout, as_logs
 from ..record.log_files import refuse_swapped
 from .plain_answer import plain_answer
@@ -56,6 +56,12 @@ class Asked:
         for log in self.logs[len(self.seen) :]:
             self.seen.append(record_of(log, alone=len(self.logs) == 1))
         return self.seen if self.several else self.seen[0]
+
+    def refuse_unfit(self) -> None:
+        """Raise Refused where records of one motion show a dead channel, or t in an open unit."""
+        refuse_dead(self.seen)
+        for one in self.seen:
+            refuse_unlikely_time(one)
 
     def holdout(self) -> str | Record | None:
         """None, "last" or a record of its own."""
