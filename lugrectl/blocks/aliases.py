@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from ..core.errors import InputError
+from ..core.option_names import option
 from .block import Block, members
 
 VARIANTS = (  # kinds of another controller, which its function builds
@@ -47,7 +48,9 @@ _COMMON = {
 COMMON = {common: name for name, many in _COMMON.items() for common in many.split()}
 
 
-OWN = "of your own: --blocks FILE.py, or lg.load_blocks."
+def own() -> str:
+    """How blocks of the user's own are loaded."""
+    return f"of your own: {option('blocks', 'FILE.py')}."
 
 
 def block_named(kind: str, name: Any, *, where: str = "", what: str = "") -> Block:
@@ -75,17 +78,17 @@ def block_named(kind: str, name: Any, *, where: str = "", what: str = "") -> Blo
         return known[name]
     common = COMMON if kind == "effect" else {}
     spelt = {_spelling(k): k for k in known}
-    own = _spelling(name)
-    meant = spelt.get(own) or common.get(own)
+    typed = _spelling(name)
+    meant = spelt.get(typed) or common.get(typed)
     if meant in known:
         return known[meant]
-    near = difflib.get_close_matches(own, [*spelt, *common], n=1)
+    near = difflib.get_close_matches(typed, [*spelt, *common], n=1)
     hint = f"known: {', '.join(known)}"
     if near:
         close = spelt.get(near[0])
         hint = f"did you mean '{close}'" if close else f"did you mean '{near[0]}' "
         hint += "" if close else f"({common[near[0]]})"
-    hint += f"? One {OWN}" if near else f"; one {OWN}"
+    hint += f"? One {own()}" if near else f"; one {own()}"
     start = f"{where}: " if where else ""
     raise InputError(f"{start}there is no {what or kind} named {name!r}; {hint}")
 

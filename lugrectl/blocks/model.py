@@ -15,6 +15,7 @@ from typing import Any
 
 from ..core.display import Row, Shown
 from ..core.errors import InputError
+from ..core.option_names import option
 from ..core.provenance import SourceFile
 from ..core.result import write_whole
 from ..core.validation import TINY, as_path, is_file, like_it, real, shown, text
@@ -614,9 +615,10 @@ def _needs(part: Part) -> list[str]:
     if is_ours(home) or files_of_blocks([home]):
         return []
     where = "a script or a notebook" if home in ("__main__", "__mp_main__") else f"module {home}"
+    put = "that @lugrectl.block into a file and give"
     return [
         f"# {_quoted(part.block.name)} was declared in {_quoted(where)[1:-1]}. To read this model",
-        "# elsewhere, put that @lugrectl.block into a file and give --blocks FILE.py.",
+        f"# elsewhere, put {put} {option('blocks', 'FILE.py')}.",
     ]
 
 

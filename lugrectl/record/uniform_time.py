@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.errors import Refused
+from ..core.option_names import option
 from .columns.units import UNITS
 from .record import Record
 from .samples.clock import FEWEST, FILL, multiples, nice, plausible, slow, typical_step
@@ -227,7 +228,7 @@ def refuse_unlikely_time(record: Record) -> None:
     unit = next((u.name for u in finer if plausible(record.dt * u.factor)), "ms")
     raise Refused(
         f"{record.source}: t has no unit, and read as s it gives a sampling rate of "
-        f"{record.rate:.6g} Hz, at which no drive writes a log: give --units t={unit}, or "
-        "--units t=s if that is right.",
+        f"{record.rate:.6g} Hz, at which no drive writes a log: give "
+        f"{option('units', f't={unit}')}, or {option('units', 't=s')} if that is right.",
         f"Write the unit of t into the header, as in t [{unit}].",
     )
