@@ -31,6 +31,7 @@ OF_MAP = (
     "Runs at a steady speed each show no bristle: friction laws cannot be compared on them.",
     "Record motion that reverses.",
 )
+SHARED = ("holdout", "horizon", "progress", "columns", "units", "scale", "rate")
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,10 @@ def compare_laws(
     holdout: Any = None,
     horizon: float = 1.0,
     alpha: float = ALPHA,
+    columns: Mapping[str, str] | str | None = None,
+    units: Mapping[str, str] | str | None = None,
+    scale: Mapping[str, float] | str | None = None,
+    rate: float | None = None,
     progress: Wanted = None,
 ) -> LawComparison:
     """Fit a drive with each friction law, and choose the simplest that predicts as well as any.
@@ -75,6 +80,8 @@ def compare_laws(
         Those to compare, as :func:`lugrectl.laws` lists them; None: all.
     alpha : float
         Chance that a law is left out although it predicts as well as the best.
+    columns, units, scale, rate : optional
+        How to read logs and holdout, as for :func:`lugrectl.read_record`.
     progress : callable, True, False or None
         As for :func:`lugrectl.diagnose`.
 
@@ -104,7 +111,8 @@ def compare_laws(
     """
     horizon, _ = judged_by(horizon, 0)
     names, bar = law_names(laws), NormalDist().inv_cdf(1.0 - share(alpha, "alpha"))
-    asked = Asked.of(record, model, holdout)
+    reading = {"columns": columns, "units": units, "scale": scale, "rate": rate}
+    asked = Asked.of(record, model, holdout, **reading)
     report = reporter(progress)
     report(0.0, "torque balance")
     ready = _ready(asked, horizon)
@@ -125,7 +133,7 @@ def under_law(work: Callable[..., Any], record: Any, model: Any, law: Any, **opt
     for finding in first.effects if first.verdict == "found" else ():
         values = {k: e.value for k, e in finding.parameters.items()}
         beside = beside.with_effect(finding.name, values)
-    shared = {k: options[k] for k in ("holdout", "horizon", "progress")}
+    shared = {k: v for k, v in options.items() if k in SHARED}
     try:
         laws = compare_laws(record, beside, **shared)
     except Refused:  # then the first answer says why

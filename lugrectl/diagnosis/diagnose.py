@@ -81,6 +81,10 @@ def diagnose(
     alpha: float = ALPHA,
     time_limit: float = LIMIT,
     law: str | None = None,
+    columns: Mapping[str, str] | str | None = None,
+    units: Mapping[str, str] | str | None = None,
+    scale: Mapping[str, float] | str | None = None,
+    rate: float | None = None,
     progress: Wanted = None,
 ) -> Diagnosis:
     """Find the physical effect that is missing from a declared model, from a log.
@@ -118,6 +122,8 @@ def diagnose(
     law : str or None
         Friction law in place of the model's, a name of :func:`lugrectl.laws`; values that both have
         are kept. "auto": the one that :func:`lugrectl.compare_laws` chooses beside the effects.
+    columns, units, scale, rate : optional
+        How to read logs and holdout, as for :func:`lugrectl.read_record`.
     progress : callable, True, False or None
         ``progress(fraction, what)``, or whether to show a bar. None: in Jupyter only.
 
@@ -155,11 +161,12 @@ def diagnose(
 
     >>> print(lg.diagnose("axis.csv", "axis.toml"))  # doctest: +SKIP
     """
+    reading = {"columns": columns, "units": units, "scale": scale, "rate": rate}
     if law is not None:
         options = {"least": least, "alpha": alpha, "time_limit": time_limit, "progress": progress}
-        options |= {"holdout": holdout, "horizon": horizon, "seed": seed}
+        options |= {"holdout": holdout, "horizon": horizon, "seed": seed, **reading}
         return under_law(diagnose, record, model, law, **options)
-    asked = Asked.of(record, model, holdout)
+    asked = Asked.of(record, model, holdout, **reading)
     horizon, seed = judged_by(horizon, seed)
     limit, report = positive(time_limit, "time_limit", "seconds"), reporter(progress)
     limits = share(least, "least"), share(alpha, "alpha")

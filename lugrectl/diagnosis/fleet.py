@@ -35,6 +35,7 @@ from ..record.log_files import there
 from .diagnose import LIMIT, diagnose
 from .question import judged_by
 from .result import VERDICTS, Diagnosis
+from .swapped import refuse_swapped
 
 FAILED = "failed"
 Progress = Callable[[float, str], None]
@@ -332,6 +333,7 @@ def run_each(
     ``render`` turns a diagnosis into files in the worker process, and ``done`` receives them in
     this process as soon as the log is done. ``command`` is for the provenance.
     """
+    refuse_swapped([records], model)
     logs, model = record_files(_several(records)), as_model(model)
     if not (executor is None or hasattr(executor, "submit")):
         raise InputError(f"executor must be a concurrent.futures.Executor, not {shown(executor)}.")

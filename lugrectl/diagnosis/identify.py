@@ -123,13 +123,17 @@ def identify(
     horizon: float = 1.0,
     seed: int = 0,
     law: str | None = None,
+    columns: Mapping[str, str] | str | None = None,
+    units: Mapping[str, str] | str | None = None,
+    scale: Mapping[str, float] | str | None = None,
+    rate: float | None = None,
     progress: Wanted = None,
 ) -> Identification:
     """Fit the parameters of a declared model, without looking for missing effects.
 
     Parameters
     ----------
-    record, model, holdout, horizon, seed, law, progress
+    record, model, holdout, horizon, seed, law, columns, units, scale, rate, progress
         As for :func:`lugrectl.diagnose`; missing values of the model are identified.
 
     Returns
@@ -156,10 +160,11 @@ def identify(
     >>> round(fit.model.friction.values["Fc"], 2)
     0.3
     """
+    reading = {"columns": columns, "units": units, "scale": scale, "rate": rate}
     if law is not None:
         options = {"holdout": holdout, "horizon": horizon, "seed": seed, "progress": progress}
-        return under_law(identify, record, model, law, **options)
-    asked = Asked.of(record, model, holdout)
+        return under_law(identify, record, model, law, **options, **reading)
+    asked = Asked.of(record, model, holdout, **reading)
     horizon, seed = judged_by(horizon, seed)
     report = reporter(progress)
     report(0.0, "torque balance")
