@@ -9,7 +9,8 @@ from typing import Any
 
 from ..core.errors import InputError
 from ..core.option_names import option
-from .block import Block, members
+from ..core.validation import shown
+from .block import Block, is_ours, members
 
 VARIANTS = (  # kinds of another controller, which its function builds
     "prefilter_dr",
@@ -53,6 +54,38 @@ def own() -> str:
     return f"of your own: {option('blocks', 'FILE.py')}."
 
 
+def name_of(kind: str, given: Any) -> Any:
+    """The name of a block that stands in its place, as ``lg.block`` or a factory gives it.
+
+    Anything else is returned as it is. InputError for a block of another kind, and for a system,
+    which has values of its own.
+    """
+    if isinstance(given, Block):
+        if given.kind != kind:
+            raise InputError(
+                f"{given.name} is declared as {_word(given.kind)}, not as {_word(kind)}."
+            )
+        return given.name
+    if hasattr(given, "ninputs") and hasattr(given, "noutputs"):
+        raise InputError(
+            f"{given.name} is a system with values of its own: give the name of the {_word(kind)} "
+            "in its place, and the values beside it."
+        )
+    factory = callable(given) and is_ours(getattr(given, "__module__", None) or "")
+    return given.__name__ if factory and given.__name__ in members(kind) else given
+
+
+def _word(kind: str) -> str:
+    return "friction law" if kind == "friction" else kind
+
+
+def listed(kind: str, given: Any) -> Any:
+    """One name or block, or several, as a list of names; anything else as it is."""
+    one = isinstance(given, str) or callable(given) or hasattr(given, "ninputs")
+    several = [given] if one else given
+    return [name_of(kind, g) for g in several] if isinstance(several, (list, tuple)) else several
+
+
 def block_named(kind: str, name: Any, *, where: str = "", what: str = "") -> Block:
     """The registered block that a name means; an effect may be called by a common name.
 
@@ -64,7 +97,7 @@ def block_named(kind: str, name: Any, *, where: str = "", what: str = "") -> Blo
     kind : str
         "effect", "friction", "observer" or "controller".
     name : str
-        A registered or a common name.
+        A registered or a common name, or the block itself.
     where, what : str
         What the sentence of the error starts with, and what it calls the kind.
 
@@ -73,7 +106,7 @@ def block_named(kind: str, name: Any, *, where: str = "", what: str = "") -> Blo
     InputError
         When no block has the name; the sentence gives the nearest known name, or all.
     """
-    known = members(kind)
+    known, name = members(kind), name_of(kind, name)
     if isinstance(name, str) and name in known:
         return known[name]
     common = COMMON if kind == "effect" else {}
@@ -90,7 +123,7 @@ def block_named(kind: str, name: Any, *, where: str = "", what: str = "") -> Blo
         hint += "" if close else f"({common[near[0]]})"
     hint += f"? One {own()}" if near else f"; one {own()}"
     start = f"{where}: " if where else ""
-    raise InputError(f"{start}there is no {what or kind} named {name!r}; {hint}")
+    raise InputError(f"{start}there is no {what or kind} named {shown(name)}; {hint}")
 
 
 def meant(name: Any, known: Iterable[str]) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..blocks import AUTO
+from ..blocks.aliases import listed
 from ..blocks.block import members
 from ..blocks.model import Model, as_model, changed
 from ..core.errors import InputError, Refused
@@ -148,7 +149,7 @@ def law_names(given: Any) -> list[str]:
     known = list(members("friction"))
     if given is None:
         return known
-    names = [given] if isinstance(given, str) else given
+    names = listed("friction", given)
     if not (isinstance(names, Iterable) and names):
         raise InputError(f"laws must be names of friction laws, not {shown(given)}.")
     for name in names:

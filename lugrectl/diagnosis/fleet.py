@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from ..blocks import AUTO
-from ..blocks.aliases import block_named
+from ..blocks.aliases import block_named, name_of
 from ..blocks.model import Model, as_model
 from ..blocks.sent_model import Sent
 from ..core.display import Row, Shown
@@ -300,7 +300,7 @@ def diagnose_each(
         "least": least,
         "alpha": alpha,
         "time_limit": time_limit,
-        "law": law,
+        "law": name_of("friction", law),
     }
     return run_each(
         records,
