@@ -156,14 +156,14 @@ class Catalogue(NamedRows[Entry]):
         """
         if isinstance(index, slice):
             return Catalogue(self.kind, self._rows[index])
-        index = name_of(self.kind, index)
-        if not isinstance(index, str):
-            return self._rows[index]
+        which: Any = name_of(self.kind, index)
+        if not isinstance(which, str):
+            return self._rows[which]
         own = {entry.name: entry for entry in self._rows}
-        whole = index if index in own else f"{index}_{self.kind}"
-        name = whole if whole in own else block_named(self.kind, index).name
+        whole = which if which in own else f"{which}_{self.kind}"
+        name = whole if whole in own else block_named(self.kind, which).name
         if name not in own:
-            raise InputError(f"this list has no {self.kind} named {index!r}.")
+            raise InputError(f"this list has no {self.kind} named {which!r}.")
         return own[name]
 
     def __contains__(self, item: object) -> bool:
