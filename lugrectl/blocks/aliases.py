@@ -8,7 +8,9 @@ from collections.abc import Iterable
 from typing import Any
 
 from ..core.errors import InputError
-from .block import Block, members
+from ..core.option_names import option
+from ..core.validation import shown
+from .block import Block, is_ours, members
 
 VARIANTS = (  # kinds of another controller, which its function builds
     "prefilter_dr",
@@ -47,7 +49,41 @@ _COMMON = {
 COMMON = {common: name for name, many in _COMMON.items() for common in many.split()}
 
 
-OWN = "of your own: --blocks FILE.py, or lg.load_blocks."
+def own() -> str:
+    """How blocks of the user's own are loaded."""
+    return f"of your own: {option('blocks', 'FILE.py')}."
+
+
+def name_of(kind: str, given: Any) -> Any:
+    """The name of a block that stands in its place, as ``lg.block`` or a factory gives it.
+
+    Anything else is returned as it is. InputError for a block of another kind, and for a system,
+    which has values of its own.
+    """
+    if isinstance(given, Block):
+        if given.kind != kind:
+            raise InputError(
+                f"{given.name} is declared as {_word(given.kind)}, not as {_word(kind)}."
+            )
+        return given.name
+    if hasattr(given, "ninputs") and hasattr(given, "noutputs"):
+        raise InputError(
+            f"{given.name} is a system with values of its own: give the name of the {_word(kind)} "
+            "in its place, and the values beside it."
+        )
+    factory = callable(given) and is_ours(getattr(given, "__module__", None) or "")
+    return given.__name__ if factory and given.__name__ in members(kind) else given
+
+
+def _word(kind: str) -> str:
+    return "friction law" if kind == "friction" else kind
+
+
+def listed(kind: str, given: Any) -> Any:
+    """One name or block, or several, as a list of names; anything else as it is."""
+    one = isinstance(given, str) or callable(given) or hasattr(given, "ninputs")
+    several = [given] if one else given
+    return [name_of(kind, g) for g in several] if isinstance(several, (list, tuple)) else several
 
 
 def block_named(kind: str, name: Any, *, where: str = "", what: str = "") -> Block:
@@ -61,7 +97,7 @@ def block_named(kind: str, name: Any, *, where: str = "", what: str = "") -> Blo
     kind : str
         "effect", "friction", "observer" or "controller".
     name : str
-        A registered or a common name.
+        A registered or a common name, or the block itself.
     where, what : str
         What the sentence of the error starts with, and what it calls the kind.
 
@@ -70,24 +106,24 @@ def block_named(kind: str, name: Any, *, where: str = "", what: str = "") -> Blo
     InputError
         When no block has the name; the sentence gives the nearest known name, or all.
     """
-    known = members(kind)
+    known, name = members(kind), name_of(kind, name)
     if isinstance(name, str) and name in known:
         return known[name]
     common = COMMON if kind == "effect" else {}
     spelt = {_spelling(k): k for k in known}
-    own = _spelling(name)
-    meant = spelt.get(own) or common.get(own)
+    typed = _spelling(name)
+    meant = spelt.get(typed) or common.get(typed)
     if meant in known:
         return known[meant]
-    near = difflib.get_close_matches(own, [*spelt, *common], n=1)
+    near = difflib.get_close_matches(typed, [*spelt, *common], n=1)
     hint = f"known: {', '.join(known)}"
     if near:
         close = spelt.get(near[0])
         hint = f"did you mean '{close}'" if close else f"did you mean '{near[0]}' "
         hint += "" if close else f"({common[near[0]]})"
-    hint += f"? One {OWN}" if near else f"; one {OWN}"
+    hint += f"? One {own()}" if near else f"; one {own()}"
     start = f"{where}: " if where else ""
-    raise InputError(f"{start}there is no {what or kind} named {name!r}; {hint}")
+    raise InputError(f"{start}there is no {what or kind} named {shown(name)}; {hint}")
 
 
 def meant(name: Any, known: Iterable[str]) -> str:

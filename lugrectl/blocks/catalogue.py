@@ -17,7 +17,7 @@ from ..core.result import NamedRows, library
 from . import DECLARING
 from . import effects as _effects  # noqa: F401  fills the registry
 from . import friction as _friction  # noqa: F401
-from .aliases import VARIANTS, also_called, block_named
+from .aliases import VARIANTS, also_called, block_named, name_of
 from .block import Block, P, members
 from .law_forms import form_keys
 
@@ -136,15 +136,16 @@ class Catalogue(NamedRows[Entry]):
         self._rows = tuple(entries)
 
     @overload
-    def __getitem__(self, index: int | str) -> Entry: ...
+    def __getitem__(self, index: int | str | Block) -> Entry: ...
 
     @overload
     def __getitem__(self, index: slice) -> Catalogue: ...
 
-    def __getitem__(self, index: int | str | slice) -> Entry | Catalogue:
+    def __getitem__(self, index: int | str | Block | slice) -> Entry | Catalogue:
         """An entry by place or name, or a part of the list.
 
-        An effect may be called by a common name, an observer without ``_observer``.
+        An effect may be called by a common name, an observer without ``_observer``; the block
+        itself will do.
 
         Raises
         ------
@@ -155,14 +156,18 @@ class Catalogue(NamedRows[Entry]):
         """
         if isinstance(index, slice):
             return Catalogue(self.kind, self._rows[index])
-        if not isinstance(index, str):
-            return self._rows[index]
+        which: Any = name_of(self.kind, index)
+        if not isinstance(which, str):
+            return self._rows[which]
         own = {entry.name: entry for entry in self._rows}
-        whole = index if index in own else f"{index}_{self.kind}"
-        name = whole if whole in own else block_named(self.kind, index).name
+        whole = which if which in own else f"{which}_{self.kind}"
+        name = whole if whole in own else block_named(self.kind, which).name
         if name not in own:
-            raise InputError(f"this list has no {self.kind} named {index!r}.")
+            raise InputError(f"this list has no {self.kind} named {which!r}.")
         return own[name]
+
+    def __contains__(self, item: object) -> bool:
+        return super().__contains__(item.name if isinstance(item, Block) else item)
 
     def summary(self) -> list[dict[str, Any]]:
         """Plain Python: one dictionary for each entry."""

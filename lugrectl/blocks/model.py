@@ -15,11 +15,12 @@ from typing import Any
 
 from ..core.display import Row, Shown
 from ..core.errors import InputError
+from ..core.option_names import option
 from ..core.provenance import SourceFile
 from ..core.result import write_whole
 from ..core.validation import TINY, as_path, is_file, like_it, real, shown, text
 from . import effects as every_effect  # noqa: F401  fills the registry
-from .aliases import block_named
+from .aliases import block_named, name_of
 from .block import Block, is_ours, members, unit_for
 from .declared_values import Stated, holding, refuse_crossed, stated
 from .declared_values import unknown as _known
@@ -174,7 +175,7 @@ class Model(Shown):
         given: Any = MappingProxyType({}),
         *,
         J: Any = None,
-        friction: str | None = None,
+        friction: str | Block | None = None,
         effects: Any = None,
         name: str | None = None,
         motion: str | None = None,
@@ -189,9 +190,10 @@ class Model(Shown):
         J : float, optional
             In kg m2 (kg on a linear drive). What is left out here and below is identified.
         friction : str, optional
-            The law, "lugre" unless given.
+            The law, "lugre" unless given: its name, or the block that declares it.
         effects : list of str or dict, optional
-            Declared effects by name, or ``{"name": "gravity", "amplitude": 0.2}``; one will do.
+            Declared effects by name or block, or ``{"name": "gravity", "amplitude": 0.2}``; one
+            will do.
         name, motion : str, optional
             "drive" and "rotary" unless given.
         values : float or dict
@@ -258,10 +260,27 @@ class Model(Shown):
             effects=tuple(own(part, f"{part.key}.") for part in self.effects),
         )
 
-    def with_effect(self, name: str, values: Mapping[str, float | None] | None = None) -> Model:
+    def with_defaults(self) -> Model:
+        """The model for a simulation: a friction law of the user's own takes the defaults of its
+        declaration where it has no value.
+
+        A fit identifies these values, from the defaults on. Laws of the package have no defaults:
+        those of their declarations are the values of another drive.
+        """
+        law = self.friction.block
+        if is_ours(law.home):
+            return self
+        own, values = law.parameters, self.friction.values
+        known = {k: own[k].value if v is None else v for k, v in values.items()}
+        return replace(self, friction=replace(self.friction, values=known))
+
+    def with_effect(
+        self, name: str | Block, values: Mapping[str, float | None] | None = None
+    ) -> Model:
         """The model with one more effect; a second of a name gets the key ``name_2``.
 
-        Common names are understood (``cogging`` is ``torque_ripple``); InputError for others.
+        Common names are understood (``cogging`` is ``torque_ripple``), the block itself too;
+        InputError for others.
         A usual value that is not among ``values`` is held.
         """
         made, given = block_named("effect", name), values or {}
@@ -323,15 +342,26 @@ class Model(Shown):
         return f"Model {self.name}: {self.motion}, {self.friction.block.name} friction"
 
     def _rows(self) -> Iterable[Row]:
+        until = self.with_defaults().values()
         rows = [
-            _value_row(k, v, self.unit(k), self.stated.get(k)) for k, v in self.values().items()
+            _value_row(k, v, self.unit(k), self.stated.get(k), until[k])
+            for k, v in self.values().items()
         ]
         bare = [part.key for part in self.effects if not part.values]
         return [*rows, *(Row(key, "no parameters") for key in bare)]
 
 
-def _value_row(key: str, value: float | None, unit: str, more: Stated | None = None) -> Row:
+def _value_row(
+    key: str,
+    value: float | None,
+    unit: str,
+    more: Stated | None = None,
+    until: float | None = None,
+) -> Row:
+    """``until``: the default with which a value that is to be identified is simulated."""
     note = f"({words})" if more and (words := more.words()) else ""
+    if value is None and until is not None:
+        note = f"(until then {until:g})"
     unit = "" if unit == "1" else unit
     return Row(key, "to be identified" if value is None else value, unit, note)
 
@@ -614,9 +644,10 @@ def _needs(part: Part) -> list[str]:
     if is_ours(home) or files_of_blocks([home]):
         return []
     where = "a script or a notebook" if home in ("__main__", "__mp_main__") else f"module {home}"
+    put = "that @lugrectl.block into a file and give"
     return [
         f"# {_quoted(part.block.name)} was declared in {_quoted(where)[1:-1]}. To read this model",
-        "# elsewhere, put that @lugrectl.block into a file and give --blocks FILE.py.",
+        f"# elsewhere, put {put} {option('blocks', 'FILE.py')}.",
     ]
 
 
@@ -678,7 +709,7 @@ def _from_dict(given: Mapping[Any, Any], what: str) -> Model:
         plain = _from_dict({k: v for k, v in given.items() if k != "stated"}, what)
         return restated(plain, given["stated"], what)
     flat = set(given) - {*_FILE}
-    if "plant" in given or not (flat or isinstance(given.get("friction"), str)):
+    if "plant" in given or not (flat or isinstance(given.get("friction"), (str, Block))):
         return model_from_dict({**given, "effects": _effects(given.get("effects"))}, what)
     return changed({}, {str(k): v for k, v in given.items()}, what)
 
@@ -695,7 +726,7 @@ def changed(given: Any, changes: Mapping[str, Any], what: str) -> Model:
     if "J" in changes:
         data["plant"] = {"J": changes.pop("J")}
     data["effects"] = [*data["effects"], *_effects(changes.pop("effects", None))]
-    law = changes.pop("friction", None)
+    law = name_of("friction", changes.pop("friction", None))
     law = dict(law) if isinstance(law, Mapping) else {} if law is None else {"model": law}
     data["friction"] = _law(data["friction"], law | changes)
     return replace(model_from_dict(data, what), blocks=as_model(given).blocks)
@@ -717,7 +748,7 @@ def _effects(given: Any) -> list[Any]:
     """Entries as in a model file from names, dicts or a list of both."""
     if given is None:
         return []
-    if isinstance(given, (str, Mapping, Part)):
+    if isinstance(given, (str, Mapping, Part)) or callable(given) or hasattr(given, "ninputs"):
         given = [given]
     if not isinstance(given, Iterable):
         raise InputError(f"effects must be a list of names or dicts, not {shown(given)}.")
@@ -725,6 +756,7 @@ def _effects(given: Any) -> list[Any]:
 
 
 def _entry(given: Any) -> Any:
+    given = name_of("effect", given)
     if isinstance(given, str):
         return {"name": given}
     if isinstance(given, Part):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.errors import InputError
 from ..core.validation import real, shown
-from .aliases import meant
+from .aliases import meant, name_of
 from .block import Block, P, members
 from .declaration import block
 from .friction import (
@@ -111,7 +111,7 @@ def observer_block(name: str) -> Block:
     InputError
         When there is no observer of that name.
     """
-    known = members("observer")
+    known, name = members("observer"), name_of("observer", name)
     for key in (name, f"{name}_observer") if isinstance(name, str) else ():
         if key in known:
             return known[key]

@@ -236,7 +236,8 @@ def plant(
     ----------
     p : Parameters or Model
         LuGre parameters, or a whole model: friction, input, level and torque effects inside;
-        its sensor effects make the block :func:`lugrectl.sensor`.
+        its sensor effects make the block :func:`lugrectl.sensor`. A friction law of your own
+        takes the defaults of its declaration where the model has no value.
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
@@ -269,7 +270,7 @@ def plant(
     >>> [key for key in lg.plant(arm).params if "gravity" in key]
     ['plant.gravity.amplitude', 'plant.gravity.phase']
     """
-    model = as_model(p)
+    model = as_model(p).with_defaults()
     return _system(assemble(model, loads=_loads(model)), model, name, inputs, outputs)
 
 

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from ..core.errors import BROKEN_PIPE, INTERRUPTED, UNEXPECTED, NotLoaded
+from ..core.option_names import on_command_line
 from ..parallel.blas_threads import BLAS
 from .options import parser
 
@@ -27,7 +28,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     with warnings.catch_warnings():
         if argv is None and not sys.warnoptions:
             warnings.simplefilter("ignore")
-        with _own_warnings():
+        with _own_warnings(), on_command_line():
             code = _run(argv)
     return code
 

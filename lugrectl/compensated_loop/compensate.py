@@ -12,6 +12,7 @@ import control as ct
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..blocks.aliases import name_of
 from ..blocks.block import unit_for
 from ..blocks.controllers import MEASURED
 from ..blocks.model import Model, as_model
@@ -140,7 +141,7 @@ def compensate(
         raise InputError(f"unknown loop {shown(loop)}; known: {', '.join(MEASURED)}.")
     if not (table is None or isinstance(table, Table)):
         raise InputError(f"table must be the table of a diagnosis, not {shown(table)}.")
-    model = as_model(model)
+    model, observer = as_model(model), name_of("observer", observer)
     record = None if record is None else as_record(record, model.motion)
     bare = replace(model, effects=())
     before = bare if declared is None else _completed(declared, model)

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 
 from .errors import Refused
+from .option_names import option
 
 _END: ContextVar[float] = ContextVar("end", default=float("inf"))
 
@@ -25,7 +26,7 @@ def within(seconds: float) -> Iterator[None]:
     except OutOfTime:
         raise OutOfTime(
             f"the fit was stopped after {seconds:g} s.",
-            "Give it more time with --time-limit, or a shorter part of the record.",
+            f"Give it more time with {option('time_limit')}, or a shorter part of the record.",
         ) from None
     finally:
         _END.reset(token)

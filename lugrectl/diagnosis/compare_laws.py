@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..blocks import AUTO
+from ..blocks.aliases import listed
 from ..blocks.block import members
 from ..blocks.model import Model, as_model, changed
 from ..core.errors import InputError, Refused
@@ -22,7 +23,7 @@ from ..identification.likelihood.parameters import free_keys
 from ..identification.likelihood.simulation_error import judge
 from ..identification.selection import ALPHA, levels, paired, standard_error
 from ..parallel.blas_threads import one_blas_thread
-from ..record import Record, refuse_dead
+from ..record import Record
 from .law_comparison import ComparedLaw, LawComparison
 from .question import Asked, judged_by
 from .study import Prepared, begin, prepared
@@ -31,6 +32,7 @@ OF_MAP = (
     "Runs at a steady speed each show no bristle: friction laws cannot be compared on them.",
     "Record motion that reverses.",
 )
+SHARED = ("holdout", "horizon", "progress", "columns", "units", "scale", "rate")
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,10 @@ def compare_laws(
     holdout: Any = None,
     horizon: float = 1.0,
     alpha: float = ALPHA,
+    columns: Mapping[str, str] | str | None = None,
+    units: Mapping[str, str] | str | None = None,
+    scale: Mapping[str, float] | str | None = None,
+    rate: float | None = None,
     progress: Wanted = None,
 ) -> LawComparison:
     """Fit a drive with each friction law, and choose the simplest that predicts as well as any.
@@ -75,6 +81,8 @@ def compare_laws(
         Those to compare, as :func:`lugrectl.laws` lists them; None: all.
     alpha : float
         Chance that a law is left out although it predicts as well as the best.
+    columns, units, scale, rate : optional
+        How to read logs and holdout, as for :func:`lugrectl.read_record`.
     progress : callable, True, False or None
         As for :func:`lugrectl.diagnose`.
 
@@ -104,7 +112,8 @@ def compare_laws(
     """
     horizon, _ = judged_by(horizon, 0)
     names, bar = law_names(laws), NormalDist().inv_cdf(1.0 - share(alpha, "alpha"))
-    asked = Asked.of(record, model, holdout)
+    reading = {"columns": columns, "units": units, "scale": scale, "rate": rate}
+    asked = Asked.of(record, model, holdout, **reading)
     report = reporter(progress)
     report(0.0, "torque balance")
     ready = _ready(asked, horizon)
@@ -125,7 +134,7 @@ def under_law(work: Callable[..., Any], record: Any, model: Any, law: Any, **opt
     for finding in first.effects if first.verdict == "found" else ():
         values = {k: e.value for k, e in finding.parameters.items()}
         beside = beside.with_effect(finding.name, values)
-    shared = {k: options[k] for k in ("holdout", "horizon", "progress")}
+    shared = {k: v for k, v in options.items() if k in SHARED}
     try:
         laws = compare_laws(record, beside, **shared)
     except Refused:  # then the first answer says why
@@ -140,7 +149,7 @@ def law_names(given: Any) -> list[str]:
     known = list(members("friction"))
     if given is None:
         return known
-    names = [given] if isinstance(given, str) else given
+    names = listed("friction", given)
     if not (isinstance(names, Iterable) and names):
         raise InputError(f"laws must be names of friction laws, not {shown(given)}.")
     for name in names:
@@ -154,7 +163,7 @@ def _ready(asked: Asked, horizon: float) -> Prepared:
     record, holdout = asked.records(), asked.holdout()
     if not isinstance(record, Record) and is_map(record):
         raise Refused(*OF_MAP)
-    refuse_dead([record] if isinstance(record, Record) else record)
+    asked.refuse_unfit()
     ready = prepared(record, asked.model, holdout, horizon)
     friction = levels(asked.plain.stretches, asked.model, asked.plain)
     return ready.begun_from(asked.plain, asked.starts(friction))

@@ -23,7 +23,7 @@ from ..identification.likelihood.value_discrepancy import with_discrepancy
 from ..identification.selection import ALPHA, LEAST, Comparison, Named, compare
 from ..identification.unknown_torque.table import tabulate
 from ..parallel.blas_threads import one_blas_thread
-from ..record import Record, refuse_dead, refuse_unlikely_time
+from ..record import Record
 from .compare_laws import under_law
 from .never_worse import failure, refuse_without_inertia
 from .one_direction import next_way, not_alone, one_way
@@ -80,6 +80,10 @@ def diagnose(
     alpha: float = ALPHA,
     time_limit: float = LIMIT,
     law: str | None = None,
+    columns: Mapping[str, str] | str | None = None,
+    units: Mapping[str, str] | str | None = None,
+    scale: Mapping[str, float] | str | None = None,
+    rate: float | None = None,
     progress: Wanted = None,
 ) -> Diagnosis:
     """Find the physical effect that is missing from a declared model, from a log.
@@ -117,6 +121,8 @@ def diagnose(
     law : str or None
         Friction law in place of the model's, a name of :func:`lugrectl.laws`; values that both have
         are kept. "auto": the one that :func:`lugrectl.compare_laws` chooses beside the effects.
+    columns, units, scale, rate : optional
+        How to read logs and holdout, as for :func:`lugrectl.read_record`.
     progress : callable, True, False or None
         ``progress(fraction, what)``, or whether to show a bar. None: in Jupyter only.
 
@@ -154,11 +160,12 @@ def diagnose(
 
     >>> print(lg.diagnose("axis.csv", "axis.toml"))  # doctest: +SKIP
     """
+    reading = {"columns": columns, "units": units, "scale": scale, "rate": rate}
     if law is not None:
         options = {"least": least, "alpha": alpha, "time_limit": time_limit, "progress": progress}
-        options |= {"holdout": holdout, "horizon": horizon, "seed": seed}
+        options |= {"holdout": holdout, "horizon": horizon, "seed": seed, **reading}
         return under_law(diagnose, record, model, law, **options)
-    asked = Asked.of(record, model, holdout)
+    asked = Asked.of(record, model, holdout, **reading)
     horizon, seed = judged_by(horizon, seed)
     limit, report = positive(time_limit, "time_limit", "seconds"), reporter(progress)
     limits = share(least, "least"), share(alpha, "alpha")
@@ -189,9 +196,7 @@ def _finer(
     holdout = asked.holdout()
     if not isinstance(record, Record) and is_map(record):
         return diagnose_map(record, model, holdout=holdout, seed=seed, progress=report)
-    refuse_dead(asked.seen)
-    for one in asked.seen:
-        refuse_unlikely_time(one)
+    asked.refuse_unfit()
     report(0.05, "comparing explanations")
     found = compare(asked.plain.stretches, model, asked.plain, *limits)
     if found.verdict == "refused":

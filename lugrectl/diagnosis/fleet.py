@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from ..blocks import AUTO
-from ..blocks.aliases import block_named
+from ..blocks.aliases import block_named, name_of
 from ..blocks.model import Model, as_model
 from ..blocks.sent_model import Sent
 from ..core.display import Row, Shown
@@ -35,6 +35,7 @@ from ..record.log_files import there
 from .diagnose import LIMIT, diagnose
 from .question import judged_by
 from .result import VERDICTS, Diagnosis
+from .swapped import refuse_swapped
 
 FAILED = "failed"
 Progress = Callable[[float, str], None]
@@ -299,7 +300,7 @@ def diagnose_each(
         "least": least,
         "alpha": alpha,
         "time_limit": time_limit,
-        "law": law,
+        "law": name_of("friction", law),
     }
     return run_each(
         records,
@@ -332,6 +333,7 @@ def run_each(
     ``render`` turns a diagnosis into files in the worker process, and ``done`` receives them in
     this process as soon as the log is done. ``command`` is for the provenance.
     """
+    refuse_swapped([records], model)
     logs, model = record_files(_several(records)), as_model(model)
     if not (executor is None or hasattr(executor, "submit")):
         raise InputError(f"executor must be a concurrent.futures.Executor, not {shown(executor)}.")

@@ -22,7 +22,7 @@ from ..identification.likelihood.local_maxima import other_optima
 from ..identification.likelihood.value_discrepancy import with_discrepancy
 from ..identification.selection import levels
 from ..parallel.blas_threads import one_blas_thread
-from ..record import Record, refuse_dead
+from ..record import Record, unlikely_time
 from .compare_laws import under_law
 from .law_comparison import LawComparison
 from .never_worse import failure, refuse_without_inertia
@@ -123,13 +123,17 @@ def identify(
     horizon: float = 1.0,
     seed: int = 0,
     law: str | None = None,
+    columns: Mapping[str, str] | str | None = None,
+    units: Mapping[str, str] | str | None = None,
+    scale: Mapping[str, float] | str | None = None,
+    rate: float | None = None,
     progress: Wanted = None,
 ) -> Identification:
     """Fit the parameters of a declared model, without looking for missing effects.
 
     Parameters
     ----------
-    record, model, holdout, horizon, seed, law, progress
+    record, model, holdout, horizon, seed, law, columns, units, scale, rate, progress
         As for :func:`lugrectl.diagnose`; missing values of the model are identified.
 
     Returns
@@ -156,10 +160,11 @@ def identify(
     >>> round(fit.model.friction.values["Fc"], 2)
     0.3
     """
+    reading = {"columns": columns, "units": units, "scale": scale, "rate": rate}
     if law is not None:
         options = {"holdout": holdout, "horizon": horizon, "seed": seed, "progress": progress}
-        return under_law(identify, record, model, law, **options)
-    asked = Asked.of(record, model, holdout)
+        return under_law(identify, record, model, law, **options, **reading)
+    asked = Asked.of(record, model, holdout, **reading)
     horizon, seed = judged_by(horizon, seed)
     report = reporter(progress)
     report(0.0, "torque balance")
@@ -177,10 +182,12 @@ def identify(
 def _plainly(asked: Asked, no: Refused) -> Identification:
     """What the torque balance knows where the finer fit is refused.
 
-    Refused if it knows nothing of the drive; how its sensors behave is no answer.
+    Refused if it knows nothing of the drive; how its sensors behave is no answer, and no value is
+    one as long as the unit of t is open.
     """
     plain, model = asked.plain, asked.model
-    if not (plain.parameters.keys() - OF_CHANNELS or plain.combinations):
+    known = plain.parameters.keys() - OF_CHANNELS or plain.combinations
+    if not known or any(unlikely_time(one) for one in asked.seen):
         no.plain = plain
         raise no
     known, answered = plainly(plain, model)
@@ -201,7 +208,7 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
     holdout = asked.holdout()
     if not isinstance(record, Record) and is_map(record):
         return _map_identified(begin_map(record, model, holdout, report), model)
-    refuse_dead([record] if isinstance(record, Record) else record)
+    asked.refuse_unfit()
     ready = prepared(record, model, holdout, horizon)
     friction = levels(asked.plain.stretches, model, asked.plain)
     job = begin(ready.begun_from(asked.plain, asked.starts(friction)), report)

@@ -11,32 +11,34 @@ from ..blocks.model import Model, as_model
 from ..core.validation import positive, whole
 from ..identification.balance import Balance
 from ..identification.selection import completed
-from ..record import Log, Record, record_of
+from ..record import Log, Record, record_of, refuse_dead, refuse_unlikely_time
 from ..record.as_record import as_holdout, as_logs
-from ..record.log_files import refuse_swapped
 from .plain_answer import plain_answer
+from .swapped import refuse_swapped
 
 
 @dataclass(frozen=True)
 class Asked:
     """The logs of one drive, the declared model, and what is held out, as the user gave it.
 
-    ``several`` says that a list of runs was given. ``seen`` holds the records read so far.
+    ``several`` says that a list of runs was given. ``reading`` are the options of
+    :func:`lugrectl.read_record`. ``seen`` holds the records read so far.
     """
 
     logs: tuple[Log | Record, ...]
     several: bool
     model: Model
     held_out: Any = None
+    reading: Mapping[str, Any] = field(default_factory=dict)
     seen: list[Record] = field(default_factory=list)
 
     @classmethod
-    def of(cls, record: Any, model: Any, holdout: Any = None) -> Asked:
+    def of(cls, record: Any, model: Any, holdout: Any = None, **reading: Any) -> Asked:
         """What is meant; InputError where an argument or a file cannot be understood."""
         refuse_swapped([record], model)
         made = as_model(model)
-        logs, several = as_logs(record, made.motion)
-        return cls(logs, several, made, holdout)
+        logs, several = as_logs(record, made.motion, **reading)
+        return cls(logs, several, made, holdout, reading)
 
     @cached_property
     def plain(self) -> Balance:
@@ -57,12 +59,26 @@ class Asked:
             self.seen.append(record_of(log, alone=len(self.logs) == 1))
         return self.seen if self.several else self.seen[0]
 
+    def refuse_unfit(self) -> None:
+        """Raise Refused where records of one motion show a dead channel, or t in an open unit."""
+        refuse_dead(self.seen)
+        for one in self.seen:
+            refuse_unlikely_time(one)
+
     def holdout(self) -> str | Record | None:
         """None, "last" or a record of its own."""
-        return as_holdout(self.held_out, self.seen, self.model.motion)
+        return as_holdout(self.held_out, self.seen, self.model.motion, **self.reading)
 
 
-def balance(record: Any, model: Any = None) -> Balance:
+def balance(
+    record: Any,
+    model: Any = None,
+    *,
+    columns: Mapping[str, str] | str | None = None,
+    units: Mapping[str, str] | str | None = None,
+    scale: Mapping[str, float] | str | None = None,
+    rate: float | None = None,
+) -> Balance:
     """The plain torque balance of a log, as it stands beside every diagnosis; in a second.
 
         u(t - T) = J dw/dt + Fc sign(w) + Fv w + constant + gravity(theta) + effects + residual
@@ -77,6 +93,8 @@ def balance(record: Any, model: Any = None) -> Balance:
     model : Model, Parameters, dict or path
         The declared model: its effects are further terms, its held values are known. None:
         nothing is known.
+    columns, units, scale, rate : optional
+        How to read a log, as for :func:`lugrectl.read_record`.
 
     Returns
     -------
@@ -100,7 +118,8 @@ def balance(record: Any, model: Any = None) -> Balance:
     >>> round(plain.parameters["Fc"].value, 2), round(plain.parameters["Fv"].value, 2)
     (0.3, 0.02)
     """
-    return Asked.of(record, {} if model is None else model).plain
+    reading = {"columns": columns, "units": units, "scale": scale, "rate": rate}
+    return Asked.of(record, {} if model is None else model, **reading).plain
 
 
 def judged_by(horizon: Any, seed: Any) -> tuple[float, int]:

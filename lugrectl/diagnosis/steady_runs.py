@@ -12,6 +12,7 @@ from ..blocks.block import unit_for
 from ..blocks.model import Model, Part
 from ..core.errors import InputError, Refused
 from ..core.numeric import rms
+from ..core.option_names import option
 from ..estimates.findings import Estimate, Finding, FrictionMap
 from ..friction_maps.curve import Curve, fit, refit
 from ..friction_maps.points import Points, is_steady, points, refuse_narrow
@@ -137,7 +138,8 @@ def begin_map(
     if not held_out.any():
         raise Refused(
             f"{where}: they are too few to fit some and judge on others.",
-            "Record at least three speeds in each direction, or give a run with --holdout.",
+            f"Record at least three speeds in each direction, or give a run with "
+            f"{option('holdout')}.",
         )
     progress(0.1, "fitting the declared friction")
     begun = lifted(model)

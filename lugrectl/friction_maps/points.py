@@ -9,6 +9,7 @@ import numpy as np
 
 from ..blocks.block import unit_for
 from ..core.errors import Refused
+from ..core.option_names import option
 from ..identification.dataset.dataset import Data, Log
 from ..identification.dataset.kalman import Noise
 from ..record import Record
@@ -186,5 +187,5 @@ def refuse_narrow(at: Points, motion: str, levels: bool, where: str) -> None:
     if float(level * size.sum() + slope * (size @ size)) <= 0.0:
         raise Refused(
             f"{where}: the torque opposes the motion that it should sustain.",
-            "Check the sign of u; --scale u=-1 reverses it.",
+            f"Check the sign of u; {option('scale', 'u=-1')} reverses it.",
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from ..blocks.aliases import VARIANTS, meant
+from ..blocks.aliases import VARIANTS, meant, name_of
 from ..blocks.block import Block, members
 from ..blocks.controllers import DERIVATIVE
 from ..blocks.observers import believed, observer_block
@@ -39,6 +39,7 @@ def loop_observer(
 
     ``sliding``: the controller acts on s, and so does an observer that is corrected by e.
     """
+    name = name_of("observer", name)
     made = observer_block("no_observer" if name is None else name)
     _fits(made, SEEN)
     if "Fhat" not in made.outputs:
@@ -89,6 +90,7 @@ def controller_block(name: Any) -> Block:
         When there is no controller of that name, or a loop cannot contain it.
     """
     known = {k: b for k, b in members("controller").items() if k not in VARIANTS}
+    name = name_of("controller", name)
     made = known.get(name) if isinstance(name, str) else None
     if made is None:
         able = [k for k, b in known.items() if not _misfit(b)]

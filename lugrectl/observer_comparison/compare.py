@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from ..blocks.aliases import meant
+from ..blocks.aliases import listed, meant
 from ..blocks.block import members
 from ..blocks.model import as_model
 from ..blocks.observers import observer_block
@@ -14,6 +14,7 @@ from ..core.progress import Wanted, reporter, shows_progress
 from ..core.validation import flag, names, number, positive, share, shown
 from .comparison import ObserverComparison
 from .loop import Terms
+from .reasons import unknown
 from .scenarios import FINE, GAINS, SCENARIOS, STEP, compared
 
 if TYPE_CHECKING:
@@ -44,7 +45,8 @@ def compare_observers(
     Parameters
     ----------
     p : Parameters, Model, dict or path
-        The drive, with LuGre friction.
+        The drive. With another friction law than LuGre, one of your own too, observers that must
+        know values which it does not have are left out: ``refused`` of the result says why.
     observers : str or list of str, optional
         Names as in ``lugrectl.observers()``, with or without ``_observer``; default: all. None in
         a list is the loop without an observer.
@@ -79,7 +81,7 @@ def compare_observers(
         noise, are rounded to it. 0 rounds nothing; 2 pi/4096 is 4096 steps a turn. Also the step
         in "rounding", where 0 stands for an encoder of 17 bits, 2 pi/131072.
     load : float, optional
-        Load torque in N m in "load"; default: half of Fc.
+        Load torque in N m in "load"; default: half of Fc, where the friction law has it.
     rates : float or list of float
         Sample rates in Hz in "rate".
     progress : callable, True, False or None
@@ -93,8 +95,8 @@ def compare_observers(
     Raises
     ------
     InputError
-        For an unknown observer or scenario, a drive without LuGre parameters, or a number out of
-        bounds.
+        For an unknown observer or scenario, a value that the drive does not have yet, no observer
+        that this drive allows, or a number out of bounds.
 
     Notes
     -----
@@ -119,14 +121,14 @@ def compare_observers(
     >>> all(row.rounding < 0.01 for row in found)
     True
     """
-    model = with_bristles(as_model(p, "p"), "p")
+    model = _complete(as_model(p, "p").with_defaults())
     wanted, chosen = _chosen_scenarios(scenarios), chosen_observers(observers)
+    chosen, refused = _able(chosen, model)
     levels = {"wrong": positive(wrong, "wrong", "as a factor of friction")}
     levels["over"] = positive(over, "over", "as a factor of friction")
     terms = Terms(model, positive(k, "k", "1/s"), flag(equal, "equal"))
     levels["off"] = share(off, "off")
-    half = 0.5 * float(terms.values()["Fc"])
-    levels["load"] = half if load is None else number(load, "load")
+    levels["load"] = _load(load, model) if "load" in wanted else 0.0
     encoder, given = (positive(noise, "noise", "rad"), _step(resolution)), _rates(rates)
     report, rows = reporter(progress), []
     for i, name in enumerate(chosen):
@@ -135,26 +137,49 @@ def compare_observers(
     said = {**levels, "k": terms.k, "equal": terms.equal, "step": STEP}
     said |= dict(zip(("noise", "resolution"), encoder, strict=True))
     said |= {"rates": given, "rounding": encoder[1] or FINE}
-    return ObserverComparison(rows, said | {"gains": GAINS, "model": model.name})
+    return ObserverComparison(rows, said | {"gains": GAINS, "model": model.name}, refused)
 
 
-def with_bristles(model: Model, what: str) -> Model:
-    """The model, if it gives all parameters of LuGre friction."""
-    known = model.values()
-    missing = [k for k in ("J", "sigma0", "sigma1", "Fc", "Fs", "Fv", "vs") if known.get(k) is None]
+def _complete(model: Model) -> Model:
+    """The model, if it has all its values."""
+    missing = [k for k, v in model.values().items() if v is None]
     if missing:
         raise InputError(
-            f"{what}: a comparison of observers needs {', '.join(missing)} of the drive; give a "
-            "model with LuGre friction and all its values."
+            f"p: a comparison of observers needs {', '.join(missing)} of the drive; give a model "
+            "with all its values."
         )
     return model
+
+
+def _able(names: Sequence[str], model: Model) -> tuple[list[str], dict[str, str]]:
+    """The observers that can be given their parameters, and why the others cannot."""
+    known, law = model.known(), model.friction.block.name
+    why = {name: unknown(observer_block(name), known, law) for name in names}
+    able = [name for name in names if why[name] is None]
+    if not able:
+        raise InputError(f"{names[0]} cannot be compared: {why[names[0]]}")
+    return able, {k.removesuffix("_observer"): v for k, v in why.items() if v is not None}
+
+
+def _load(given: float | None, model: Model) -> float:
+    """The load torque in N m."""
+    if given is not None:
+        return number(given, "load")
+    level = model.known().get("Fc")
+    if level is None:
+        law = model.friction.block.name
+        raise InputError(
+            f"load is missing: half of Fc is its default, which {law} friction does not have; give "
+            "it in N m."
+        )
+    return 0.5 * level
 
 
 def chosen_observers(wanted: Any) -> list[str]:
     """The full names of the observers that are meant, each once; None in a list for no observer."""
     if wanted is None:
         return [k for k in members("observer") if k != "no_observer"]
-    given = [wanted] if isinstance(wanted, str) else wanted
+    given = listed("observer", wanted)
     if not isinstance(given, (list, tuple)) or not given:
         raise InputError(f"observers must be a name or a list of names, not {shown(wanted)}.")
     made = [observer_block("no_observer" if name is None else name).name for name in given]

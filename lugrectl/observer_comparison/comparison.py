@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html as markup
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -69,6 +70,8 @@ class ObserverComparison(ComparedRows[Compared]):
         One for each observer.
     terms : dict
         What was equal for all: levels of friction believed, gains, noise, rate.
+    refused : dict
+        By name why an observer was left out, in one sentence.
 
     Examples
     --------
@@ -84,13 +87,20 @@ class ObserverComparison(ComparedRows[Compared]):
     5
     """
 
-    def __init__(self, rows: Iterable[Compared], terms: Mapping[str, Any]) -> None:
+    def __init__(
+        self,
+        rows: Iterable[Compared],
+        terms: Mapping[str, Any],
+        refused: Mapping[str, str] | None = None,
+    ) -> None:
         self._rows = tuple(rows)
         self.terms = dict(terms)
+        self.refused = dict(refused or {})
 
     def summary(self) -> dict[str, Any]:
-        """Plain Python: the terms, and a dictionary for each observer."""
-        return {"terms": plain(self.terms), "observers": [row.summary() for row in self]}
+        """Plain Python: the terms, a dictionary for each observer, and who was left out."""
+        rows = [row.summary() for row in self]
+        return {"terms": plain(self.terms), "observers": rows, "refused": dict(self.refused)}
 
     def to_frame(self) -> Any:
         """A DataFrame in SI units with the names as index; InputError without pandas."""
@@ -108,12 +118,20 @@ class ObserverComparison(ComparedRows[Compared]):
         return Grid(head, "l" + "r" * len(run), tuple(rows))
 
     def __repr__(self) -> str:
-        return "\n".join([self._title(), *grid_text(self._grid())])
+        return "\n".join([self._title(), *grid_text(self._grid()), *self._left_out()])
 
     __str__ = __repr__
 
     def _repr_html_(self) -> str:
-        return grid_html(self._grid())
+        left = "".join(f"<p>{markup.escape(line)}</p>" for line in self._left_out())
+        return grid_html(self._grid()) + left
+
+    def _left_out(self) -> list[str]:
+        """A line for each reason, with the observers that it is about."""
+        reasons: dict[str, list[str]] = {}
+        for name, why in self.refused.items():
+            reasons.setdefault(why, []).append(name)
+        return [f"{', '.join(names)} left out: {why}" for why, names in reasons.items()]
 
 
 def _cell(value: float | None, factor: float) -> str:

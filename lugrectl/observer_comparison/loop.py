@@ -45,7 +45,7 @@ class Terms:
         known = self.values()
         if not self.equal or corrected(name) or "sigma0" not in known:
             return dict(gains)
-        extra = {"kp": self.k * known["sigma1"], "ki": self.k * known["sigma0"]}
+        extra = {"kp": self.k * known.get("sigma1", 0.0), "ki": self.k * known["sigma0"]}
         return {g: v + extra.get(g, 0.0) for g, v in gains.items()}
 
     def own(self, name: str, kind: str) -> dict[str, Any]:

@@ -162,7 +162,7 @@ def _model(p: Any, record: Any) -> tuple[Model, Any]:
         if not isinstance(made, Model):
             raise InputError("p: this result holds no model; give a model with all values.")
         record, p = (p.record if record is None else record), made
-    model = as_model(p, "p")
+    model = as_model(p, "p").with_defaults()
     plant(model)  # a missing value is named
     return model, record
 

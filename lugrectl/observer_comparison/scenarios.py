@@ -192,7 +192,7 @@ def _at_samples(bench: _Bench, sensing: Sensing, factor: float) -> tuple[float, 
     """RMS from 0.5 to 1.5 s, and the largest speed error, of the loop in a sampled drive."""
     t = sensing.dt * np.arange(round(1.5 / sensing.dt) + 1)
     known, gains = bench.terms.values(), bench.feedback("velocity")
-    believed = {level: factor * known[level] for level in ("Fc", "Fs")}
+    believed = {level: factor * known[level] for level in ("Fc", "Fs") if level in known}
     try:
         given = (sensing, _reference(t), believed)
         out = sampled_run(bench.terms, bench.name, "velocity", gains, *given)

@@ -26,6 +26,7 @@ from multiprocessing import get_context
 from typing import Any, TypeVar
 
 from ..core.errors import UNEXPECTED, InputError
+from ..core.option_names import is_typed, speak_as
 from ..core.validation import whole
 
 T = TypeVar("T")
@@ -244,7 +245,7 @@ def _one_at_a_time(function: Callable[[Any], Any], pairs: Chunk) -> Generator[tu
 def _processes(count: int) -> Iterator[ProcessPoolExecutor]:
     """New processes; ended at once if an interrupt or an early exit leaves the block."""
     # spawn: a fork would copy locks of threads (numba, BLAS) in an undefined state
-    pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=_deaf)
+    pool = ProcessPoolExecutor(count, get_context("spawn"), _begin, (is_typed(),))
     try:
         yield pool
     except BaseException:
@@ -256,6 +257,10 @@ def _processes(count: int) -> Iterator[ProcessPoolExecutor]:
     pool.shutdown()
 
 
-def _deaf() -> None:
-    """Ignore Ctrl-C: the process that started the workers handles it and ends them."""
+def _begin(typed: bool) -> None:
+    """Ignore Ctrl-C: the process that started the workers handles it and ends them.
+
+    ``typed``: that process is the command line, whose options sentences name.
+    """
+    speak_as(typed)
     signal.signal(signal.SIGINT, signal.SIG_IGN)

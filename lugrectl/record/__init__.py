@@ -7,7 +7,7 @@ from .pooling import pooled
 from .read import consistent, read_log, read_record, record_of
 from .record import Record
 from .stretches import Stretch, stretches
-from .uniform_time import long_enough_to_judge, refuse_unlikely_time
+from .uniform_time import long_enough_to_judge, refuse_unlikely_time, unlikely_time
 
 __all__ = [
     "Log",
@@ -24,4 +24,5 @@ __all__ = [
     "refuse_dead",
     "refuse_unlikely_time",
     "stretches",
+    "unlikely_time",
 ]

@@ -13,7 +13,7 @@ from ..core.validation import is_file, shown
 from .columns.arrays import FORMS, is_table
 from .log import Log
 from .log_files import files_of
-from .read import read_log, read_record
+from .read import already_read, read_log, read_record
 from .record import Record
 
 
@@ -27,21 +27,28 @@ def is_record(given: Any) -> bool:
     return is_file(given) or isinstance(given, (Log, Record)) or is_table(given)
 
 
-def as_record(given: Any, motion: str | None = None, what: str = "record") -> Record:
-    """The record that is meant, read for a drive of that motion; InputError names the argument."""
+def as_record(
+    given: Any, motion: str | None = None, what: str = "record", **reading: Any
+) -> Record:
+    """The record that is meant, read for a drive of that motion; InputError names the argument.
+
+    ``reading`` are options of :func:`read_record`, for what is still to be read.
+    """
     if isinstance(given, Record):
         return given
     if is_record(given):
-        return read_record(given, motion=motion)
+        return read_record(given, **reading, motion=motion)
     raise InputError(f"{what} must be {FORMS}, not {shown(given)}.")
 
 
-def as_log(given: Any, motion: str | None = None, what: str = "record") -> Log | Record:
+def as_log(
+    given: Any, motion: str | None = None, what: str = "record", **reading: Any
+) -> Log | Record:
     """The log that is meant, its rows as recorded; a Record is returned as it is."""
     if isinstance(given, (Log, Record)):
         return given
     if is_record(given):
-        return read_log(given, motion=motion)
+        return read_log(given, **reading, motion=motion)
     if isinstance(given, np.ndarray):
         raise InputError(
             f"{what} is an array without names of its columns: give them as a dict of arrays, such "
@@ -50,29 +57,35 @@ def as_log(given: Any, motion: str | None = None, what: str = "record") -> Log |
     raise InputError(f"{what} must be {FORMS}, not {shown(given)}.")
 
 
-def as_logs(given: Any, motion: str | None = None) -> tuple[tuple[Log | Record, ...], bool]:
-    """The logs that are meant, and whether a list of them was given."""
+def as_logs(
+    given: Any, motion: str | None = None, **reading: Any
+) -> tuple[tuple[Log | Record, ...], bool]:
+    """The logs that are meant, and whether a list of them was given; ``reading`` are options of
+    :func:`read_record`, for those still to be read."""
     if is_file(given) and os.path.isdir(given):  # a folder stands for the logs in it
         from .log_files import files_of
 
         given = files_of(given)
     if is_record(given) or isinstance(given, np.ndarray) or not isinstance(given, Iterable):
-        return (as_log(given, motion),), False
-    found = tuple(as_log(one, motion, "each record") for one in given)
+        made = as_log(given, motion, **reading)
+        if made is given and isinstance(made, Record):
+            already_read(made, **reading)
+        return (made,), False
+    found = tuple(as_log(one, motion, "each record", **reading) for one in given)
     if not found:
         raise InputError("record is an empty list: give at least one record.")
     return found, True
 
 
 def as_holdout(
-    given: Any, records: Record | Sequence[Record], motion: str | None = None
+    given: Any, records: Record | Sequence[Record], motion: str | None = None, **reading: Any
 ) -> str | Record | None:
-    """None, "last" or a record of its own."""
+    """None, "last" or a record of its own, read like the others."""
     if given is None or is_last(given):
         return given
     if not is_record(given):
         raise InputError(f"holdout must be None, 'last', {FORMS}, not {shown(given)}.")
-    made = as_record(given, motion, "holdout")
+    made = as_record(given, motion, "holdout", **reading)
     every = records if isinstance(records, Sequence) else [records]
     if any(same_samples(made, record) for record in every):
         raise InputError(

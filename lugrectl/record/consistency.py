@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..core.errors import Refused
+from ..core.option_names import option
 from .columns.units import si_unit
 from .motion_band import BAND, BLOCKS, long_enough, longest, low_passed
 from .record import Record
@@ -218,14 +219,14 @@ def _torque_sign(record: Record) -> Record:
         return replace(record, u=-record.u).with_messages(
             "u drives against the motion it causes (the fitted inertia is negative): "
             "its sign was changed for the simulation, not in the plain torque balance. "
-            "Give --scale u=-1 to change it in both."
+            f"Give {option('scale', 'u=-1')} to change it in both."
         )
     turned = fit.inertia_t < -_SURE and slow.inertia_t < -2
     brakes = max(fit.power_t, slow.power_t) < -_SURE and max(fit.inertia_t, slow.inertia_t) < 2
     if turned and max(fit.r2, slow.r2) > 0.8 or brakes:
         return record.with_messages(
             "u seems to drive against the motion it causes, but not clearly enough to change "
-            "its sign; if it is wrong, give --scale u=-1."
+            f"its sign; if it is wrong, give {option('scale', 'u=-1')}."
         )
     return record
 

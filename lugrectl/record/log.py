@@ -11,6 +11,7 @@ from zlib import crc32
 import numpy as np
 
 from ..core.errors import InputError
+from ..core.option_names import option
 from ..core.provenance import SourceFile
 from ..core.validation import as_path, positive, shown
 from .columns.angle_units import check_angles
@@ -143,10 +144,12 @@ def _rate(given: Any, named: Mapping[str, str]) -> float:
     rate = positive(given, "rate", "Hz")
     if rate < 0.5:
         raise InputError(
-            f"--rate is in Hz; {rate:g} looks like the step in s: give --rate {1 / rate:.6g}."
+            f"{option('rate')} is in Hz; {rate:g} looks like the step in s: give "
+            f"{option('rate', f'{1 / rate:.6g}')}."
         )
     if "t" in named:
-        raise InputError("--rate and --columns t=NAME exclude each other: give one of them.")
+        both = f"{option('rate')} and {option('columns', 't=NAME')}"
+        raise InputError(f"{both} exclude each other: give one of them.")
     return rate
 
 
@@ -193,8 +196,8 @@ def _overridden(table: Table, choices: list[Choice], stated: Mapping[str, str]) 
         here = parse_unit(header)
         if here is None or here != parse_unit(given):
             said.append(
-                f"The header says {choice.role} [{header}]; --units {choice.role}={given} was "
-                "used in its place."
+                f"The header says {choice.role} [{header}]; "
+                f"{option('units', f'{choice.role}={given}')} was used in its place."
             )
     return said
 
@@ -240,17 +243,18 @@ def _remarks(
     if role == "theta" and whole:
         raise InputError(
             f"{table.source}, column '{name}': theta has no unit and holds whole numbers only, as "
-            "encoder counts do: give --scale theta=FACTOR (SI value per count) or --units "
-            "theta=UNIT."
+            f"encoder counts do: give {option('scale', 'theta=FACTOR')} (SI value per count) or "
+            f"{option('units', 'theta=UNIT')}."
         )
     if whole:
         return [
             f"{role} has no unit and holds whole numbers only: {assumed} was assumed; if these "
-            f"are counts or another unit, give --scale {role}=FACTOR or --units {role}=UNIT."
+            f"are counts or another unit, give {option('scale', f'{role}=FACTOR')} or "
+            f"{option('units', f'{role}=UNIT')}."
         ]
     if role == "w" and "theta" not in found and np.abs(values).max(initial=0) > _FAST[motion]:
         return [
             f"w has no unit and reaches {np.abs(values).max():.4g}: {assumed} was assumed; "
-            "if that is wrong, give --units w=UNIT."
+            f"if that is wrong, give {option('units', 'w=UNIT')}."
         ]
     return []

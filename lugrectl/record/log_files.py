@@ -11,7 +11,7 @@ from typing import Any
 
 from ..core.errors import InputError
 from ..core.validation import as_path, is_file, like_it
-from .files.readers import MODEL, SUFFIXES, read_table
+from .files.readers import SUFFIXES, read_table
 
 _LOOSE = (".txt", ".dat", ".json")  # in a folder such files are logs only if they hold a table
 
@@ -21,15 +21,6 @@ def there(name: Any) -> None:
     path = as_path(name, "records")
     if not (os.path.lexists(path) or glob.has_magic(str(path))):
         raise InputError(f"{path}: no such file or folder{like_it(Path(path))}.")
-
-
-def refuse_swapped(logs: Iterable[Any], model: Any) -> None:
-    """InputError where a model file is given as a log, and a log as the model."""
-    if not is_file(model) or Path(model).suffix.lower() not in SUFFIXES:
-        return
-    for log in logs:
-        if is_file(log) and Path(log).suffix.lower() == MODEL:
-            raise InputError(f"{log} is a model and {model} is a log: swap them.")
 
 
 def files_of(name: str | Path, folders: bool = True) -> list[Path]:

@@ -75,7 +75,7 @@ def read_record(
     (500, 6.28, 0.36)
     """
     if isinstance(path, Record):
-        return _as_it_is(path, columns=columns, units=units, scale=scale, rate=rate)
+        return already_read(path, columns=columns, units=units, scale=scale, rate=rate)
     if isinstance(path, Log):
         return record_of(path)
     log = read_log(path, columns=columns, units=units, scale=scale, rate=rate, motion=motion)
@@ -119,7 +119,8 @@ def record_of(log: Log | Record, *, alone: bool = True) -> Record:
     return replace(made, file=log.file).read_from(log)
 
 
-def _as_it_is(record: Record, **options: Any) -> Record:
+def already_read(record: Record, **options: Any) -> Record:
+    """A Record as it is; InputError where an option says how to read it."""
     for what, value in options.items():
         if value is not None:
             raise InputError(f"{what} is for a log that is still to be read, not for a Record.")

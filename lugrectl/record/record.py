@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 from zlib import crc32
 
 import numpy as np
@@ -12,6 +13,7 @@ from ..core.display import Row, Shown
 from ..core.errors import InputError
 from ..core.provenance import SourceFile
 from ..core.validation import array
+from ..core.views import view
 from .columns.units import si_unit
 from .log import Log, log_of_arrays
 
@@ -190,6 +192,12 @@ class Record(Shown):
     def with_messages(self, *messages: str) -> Record:
         """Return the record with sentences added, each once."""
         return replace(self, messages=tuple(dict.fromkeys((*self.messages, *messages))))
+
+    def plot(self) -> Any:
+        """Draw the log as it was read, its friction over speed and what was noticed, as
+        ``lugrectl plot`` does; returns the Axes."""
+        balance = view("question.balance", "diagnosis")
+        return balance(self, {"motion": self.motion}).plot()
 
     def summary(self) -> dict[str, int | float]:
         """Return samples, rate (Hz), duration (s) and dropped as plain numbers."""

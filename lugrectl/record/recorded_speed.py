@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..core.errors import InputError
+from ..core.option_names import option
 from .columns.units import UNITS, Unit, si_unit
 from .motion_band import BLOCKS, long_enough, longest, low_passed, regression
 from .record import Record
@@ -246,8 +247,8 @@ def _check_time(record: Record, labels: Mapping[str, str | None], ratio: float) 
         if (others or not plausible(record.dt)) and plausible(record.dt * unit.factor):
             raise InputError(
                 f"{record.source}: t has no unit and does not look like s (w is "
-                f"{abs(ratio):.4g} times d theta/dt): give --units t={unit.name}, or --units t=s "
-                "if that is right."
+                f"{abs(ratio):.4g} times d theta/dt): give {option('units', f't={unit.name}')}, "
+                f"or {option('units', 't=s')} if that is right."
             )
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.errors import Refused
+from ..core.option_names import option
 from .columns.units import UNITS
 from .record import Record
 from .samples.clock import FEWEST, FILL, multiples, nice, plausible, slow, typical_step
@@ -210,19 +211,24 @@ def long_enough_to_judge(record: Record) -> None:
         )
 
 
-def refuse_unlikely_time(record: Record) -> None:
-    """Raise Refused for a log whose t has no unit, and which no drive writes at that rate in s.
+def unlikely_time(record: Record) -> bool:
+    """Whether t of a log has no unit, and no drive writes a log at that rate in s.
 
     All rates and the inertia depend on the unit of t. A record that was built of arrays is in s.
     """
     stated = record.log is None or record.log.labels.get("t", "s") is not None
-    if stated or plausible(record.dt):
+    return not (stated or plausible(record.dt))
+
+
+def refuse_unlikely_time(record: Record) -> None:
+    """Raise Refused, with the unit to state, for a log of :func:`unlikely_time`."""
+    if not unlikely_time(record):
         return
     finer = [u for u in UNITS.values() if u.quantity == "time" and u.factor < 1.0]
     unit = next((u.name for u in finer if plausible(record.dt * u.factor)), "ms")
     raise Refused(
         f"{record.source}: t has no unit, and read as s it gives a sampling rate of "
-        f"{record.rate:.6g} Hz, at which no drive writes a log: give --units t={unit}, or "
-        "--units t=s if that is right.",
+        f"{record.rate:.6g} Hz, at which no drive writes a log: give "
+        f"{option('units', f't={unit}')}, or {option('units', 't=s')} if that is right.",
         f"Write the unit of t into the header, as in t [{unit}].",
     )

@@ -183,9 +183,9 @@ def test_a_block_of_a_script_is_named_in_the_model_file_and_where_it_is_missing(
     subprocess.run([sys.executable, "-c", CELL], cwd=tmp_path, check=True)
     text = (tmp_path / "cell.toml").read_text()
     assert '# "drag_of_cell" was declared in a script or a notebook.' in text
-    assert "give --blocks FILE.py" in text
-    assert "--blocks" not in (tmp_path / "plain.toml").read_text()
-    with pytest.raises(lg.InputError, match="drag_of_cell.*of your own: --blocks FILE.py"):
+    assert 'give lg.load_blocks("FILE.py")' in text
+    assert "load_blocks" not in (tmp_path / "plain.toml").read_text()
+    with pytest.raises(lg.InputError, match="drag_of_cell.*of your own: lg.load_blocks"):
         lg.read_model(tmp_path / "cell.toml")
 
 

@@ -75,6 +75,27 @@ def test_identify_answers_where_anything_is_certain(one_way, capsys):
     assert low <= J <= high and abs(document["parameters"]["J"]["value"] - J) < 0.01 * J
 
 
+@pytest.mark.parametrize("command", ["identify", "diagnose"])
+def test_no_value_is_an_answer_while_the_unit_of_t_is_open(one_way, capsys, command):
+    """An inertia that is a million times too large is no answer, however certain it is."""
+    log = moved(seconds=20.0)
+    rows = np.c_[1e3 * log["t"], log["u"], log["theta"]]
+    np.savetxt("ms.csv", rows, "%.9g", ",", header="t,u,theta [rad]", comments="")
+    asked = [command, "ms.csv", "--model", "my.toml", "--json"]
+    assert main(asked) == 3
+    document = json.loads(capsys.readouterr().out)
+    assert document["verdict"] == "refused" and "--units t=ms" in document["reason"]
+    if command == "identify":
+        assert main([*asked, "--units", "t=ms"]) == 0
+
+
+@pytest.mark.parametrize("work", [lg.identify, lg.compare_laws])
+def test_python_asks_for_the_unit_of_t(work):
+    log = moved(seconds=20.0)
+    with pytest.raises(lg.Refused, match="t has no unit.*0.5 Hz, at which no drive writes a log"):
+        work(log | {"t": 1e3 * log["t"]}, {"friction": "coulomb"})
+
+
 def test_nothing_certain_is_refused(one_way, capsys):
     rows = np.loadtxt("run.csv", delimiter=",", skiprows=1)
     rows[:, 1] = 0.0
@@ -89,7 +110,7 @@ def test_the_fit_stops_itself_and_what_was_compared_stands():
     d = lg.diagnose(log, lg.Model.of(friction="coulomb"), time_limit=1e-3)
     assert d.verdict == "adequate" and d.error is None
     said = " ".join(d.messages)
-    assert "the fit was stopped after 0.001 s. Give it more time with --time-limit" in said
+    assert "the fit was stopped after 0.001 s. Give it more time with time_limit, " in said
     low, high = d.plain.parameters["Fc"].ci95
     assert low <= FC <= high
 

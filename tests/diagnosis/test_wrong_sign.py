@@ -22,7 +22,7 @@ def turned():
 
 def test_a_refusal_names_the_option_and_claims_no_change(turned):
     no = diagnose(turned, DECLARED)
-    assert no.verdict == "refused" and "wrong sign. Give --scale u=-1" in no.reason
+    assert no.verdict == "refused" and 'wrong sign: give scale="u=-1"' in no.reason
     assert "was changed" not in " ".join(no.messages)
     assert text(no).count("wrong sign") == 1
 
@@ -30,7 +30,7 @@ def test_a_refusal_names_the_option_and_claims_no_change(turned):
 def test_a_fit_with_the_other_sign_says_where_it_was_changed(turned):
     found = identify(turned, DECLARED)
     (said,) = [m for m in found.messages if "sign was changed" in m]
-    assert "not in the plain torque balance" in said and "--scale u=-1" in said
+    assert "not in the plain torque balance" in said and 'scale="u=-1"' in said
     assert found.estimates["J"].value == pytest.approx(0.004, rel=0.01)
     assert "wrong sign" in found.plain.refused
 

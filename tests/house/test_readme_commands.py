@@ -90,6 +90,19 @@ def test_the_cell_with_own_blocks_is_a_file_of_blocks_too(tmp_path):
     assert abs(found["Fhat"][-1] - found["F"][-1]) < 0.05 * found["F"][-1]
 
 
+def test_the_law_of_ones_own_is_fitted(folder):
+    own = section("In Python").split("--blocks mine.py")[1]
+    (folder / "mine.py").write_text(
+        "import numpy as np\nimport lugrectl as lg\n" + block(own, "python")
+    )
+    lg.load_blocks(folder / "mine.py")
+    fitted = re.search(r"`(lg\.identify\([^`]+)`", own)
+    assert fitted and 'lg.Model.of(friction="smooth")' in fitted[1]
+    found = eval(fitted[1], {"lg": lg})
+    assert found.model.J == pytest.approx(lg.table1().J, rel=0.05)
+    assert found.model.values()["Fc"] == pytest.approx(lg.table1().Fc, rel=0.1)
+
+
 def test_it_stays_short():
     assert len(TEXT.split()) <= 900
 

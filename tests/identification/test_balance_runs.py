@@ -31,11 +31,11 @@ def test_runs_of_one_drive_agree(runs):
 @pytest.mark.parametrize(
     "factors, said",
     [
-        ({"u": -1.0}, "u has the opposite sign of the other runs: give --scale u=-1"),
-        ({"u": 1e3}, "u is 1000 times that of the other runs: give --units u='mN m'"),
+        ({"u": -1.0}, 'u has the opposite sign of the other runs: give scale="u=-1"'),
+        ({"u": 1e3}, 'u is 1000 times that of the other runs: give units="u=mN m"'),
         ({"theta": 180 / np.pi}, "theta is 57.3 times that of the other runs"),
-        ({"theta": 0.5 / np.pi}, "give --units theta=turn"),
-        ({"t": 1e3}, "give --units t=ms"),
+        ({"theta": 0.5 / np.pi}, 'give units="theta=turn"'),
+        ({"t": 1e3}, 'give units="t=ms"'),
     ],
 )
 def test_another_unit_or_sign_is_named(runs, factors, said):
@@ -67,7 +67,7 @@ def test_a_diagnosis_is_refused_with_the_name_of_the_run(runs, tmp_path):
     d = lg.diagnose(paths, MODEL)
     assert d.verdict == "refused"
     assert d.reason == (
-        "two.csv: u has the opposite sign of the other runs: give --scale u=-1 for it, or leave "
+        'two.csv: u has the opposite sign of the other runs: give scale="u=-1" for it, or leave '
         "it out."
     )
     low, high = d.plain.parameters["J"].ci95

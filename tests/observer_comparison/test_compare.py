@@ -202,3 +202,55 @@ def test_wrong_usage_is_one_sentence(call, said):
 def test_what_was_not_compared_is_named(found):
     with pytest.raises(lg.InputError, match="'proposed' was not compared; there is natural"):
         found["proposed"]
+
+
+# ---- a drive with another law ---------------------------------------------------------
+
+
+@pytest.fixture
+def smooth():
+    @lg.block("friction", out="F")
+    def smooth_of_test(w, Fc=lg.P(0.3, "N m", 0), Fv=lg.P(0.02, "N m s/rad", 0)):
+        """F = Fc tanh(100 w) + Fv w."""
+        return Fc * np.tanh(100.0 * w) + Fv * w
+
+    return smooth_of_test
+
+
+def test_a_law_of_ones_own_is_the_plant_and_observers_that_copy_lugre_are_left_out(smooth):
+    drive = lg.Model.of(J=0.002, friction=smooth, Fc=0.25)
+    found = lg.compare_observers(drive, ["natural", "disturbance", None], scenarios="velocity")
+    assert found.names == ("disturbance", "no_observer")
+    assert found["disturbance"].velocity < 0.5 * found["no_observer"].velocity
+    why = "it must know sigma0, sigma1, Fs, vs, which the model with smooth_of_test friction"
+    assert list(found.refused) == ["natural"] and found.refused["natural"].startswith(why)
+    assert f"natural left out: {why}" in repr(found)
+    assert f"natural left out: {why}" in found._repr_html_()
+    assert json.loads(found.to_json())["refused"] == found.refused
+
+
+def test_the_plant_has_the_friction_of_the_law(smooth):
+    """Without an observer more of it leaves a larger error."""
+    weak, strong = (lg.Model.of(J=0.002, friction=smooth, Fc=Fc) for Fc in (0.1, 0.4))
+    errors = [lg.compare_observers(drive, [None], scenarios="velocity")["no_observer"].velocity
+              for drive in (weak, strong)]  # fmt: skip
+    assert errors[1] > 1.2 * errors[0]
+
+
+def test_a_sampled_drive_of_another_law_is_compared_too(smooth):
+    drive = lg.Model.of(J=0.002, friction=smooth)
+    found = lg.compare_observers(drive, "disturbance", scenarios=["rounding", "load"])
+    assert 0.0 < found["disturbance"].rounding < 0.1 and found["disturbance"].load < 0.1
+
+
+def test_where_no_observer_is_left_one_sentence_says_why(smooth):
+    with pytest.raises(lg.InputError, match="natural_observer cannot be compared: it must know"):
+        lg.compare_observers(lg.Model.of(J=0.002, friction=smooth), "natural")
+
+
+def test_a_load_is_asked_for_where_the_law_has_no_coulomb_friction():
+    drive = lg.Model.of(J=0.002, friction="viscous", Fv=0.02)
+    with pytest.raises(lg.InputError, match="load is missing: half of Fc is its default"):
+        lg.compare_observers(drive, "disturbance", scenarios="load")
+    found = lg.compare_observers(drive, "disturbance", scenarios="load", load=0.1)
+    assert found["disturbance"].load < 0.1

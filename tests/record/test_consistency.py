@@ -122,7 +122,7 @@ def test_a_turned_torque_is_turned_back_or_at_least_said(record, without):
     if "sign was changed" in said(seen):
         np.testing.assert_array_equal(seen.u, record.u)
     else:
-        assert "--scale u=-1" in said(seen)
+        assert 'scale="u=-1"' in said(seen)
         np.testing.assert_array_equal(seen.u, -record.u)
 
 

@@ -65,7 +65,7 @@ def test_theta_m_is_the_measured_angle_and_no_length(tmp_path):
 @pytest.mark.parametrize("name", ["Iq_measured", "motor_current_mA", "u [counts]"])
 def test_a_raw_torque_asks_for_its_factor(tmp_path, name):
     path = write(tmp_path / "a.csv", table(f"t,{name},theta", T, U, THETA))
-    refused(InputError, path, "--scale u=FACTOR")
+    refused(InputError, path, 'scale="u=FACTOR"')
     same(read_record(path, scale={"u": 1.0}))
 
 
@@ -86,7 +86,7 @@ def test_paths_of_topics_are_read_by_their_last_word(tmp_path, head):
 def test_two_joints_are_listed_by_the_names_that_columns_takes(tmp_path):
     head = "__time,/js/hip/position,/js/knee/position,/js/hip/effort,/js/knee/effort"
     path = write(tmp_path / "a.csv", table(head, T, THETA, W, U, W))
-    refused(InputError, path, "'/js/hip/effort'", "'/js/knee/effort'", "--columns u=NAME")
+    refused(InputError, path, "'/js/hip/effort'", "'/js/knee/effort'", 'columns="u=NAME"')
     named = "u=/js/hip/effort,theta=/js/hip/position"
     same(read_record(path, columns=named))
 
@@ -155,15 +155,15 @@ def test_a_rate_takes_the_place_of_t_and_a_period_is_no_rate(tmp_path):
     path = write(tmp_path / "a.csv", table("t,u,theta", 7 * T, U, THETA))
     said = same(read_record(path, rate=1000)).messages
     assert any("in place of the column 't'" in m for m in said)
-    refused(InputError, path, "--rate is in Hz", "give --rate 1000", rate=0.001)
+    refused(InputError, path, "rate is in Hz", "give rate=1000", rate=0.001)
     refused(InputError, path, "exclude each other", rate=1000, columns="t=t")
 
 
 def test_a_rate_that_may_be_the_step_in_ms_is_asked_about(tmp_path):
     path = write(tmp_path / "a.csv", table("u,theta", U, THETA))
     (said,) = read_record(path, rate=2.5).messages
-    assert said == "--rate gives 2.5 samples per second; if 2.5 is the step in ms, give --rate 400."
-    with pytest.raises(Refused, match="--rate gives 2.5 samples per second, at which"):
+    assert said == "rate gives 2.5 samples per second; if 2.5 is the step in ms, give rate=400."
+    with pytest.raises(Refused, match="rate gives 2.5 samples per second, at which"):
         long_enough_to_judge(read_record(path, rate=2.5))
     (slow,) = read_record(write(tmp_path / "b.csv", table("t,u,theta", 400 * T, U, THETA))).messages
     assert slow.startswith("t gives a sampling rate of 2.5 Hz: if t is not")
@@ -208,7 +208,7 @@ def test_units_with_blanks_in_a_header_of_blanks(tmp_path):
 
 def test_text_without_header_asks_for_numbers_and_takes_them(tmp_path):
     path = write(tmp_path / "a.txt", rows([THETA, T, U], " "))
-    refused(InputError, path, "no header", "line 1", '--columns "t=1,u=2,theta=3"')
+    refused(InputError, path, "no header", "line 1", 'columns="t=1,u=2,theta=3"')
     same(read_record(path, columns="t=2,u=3,theta=1"))
 
 
@@ -274,7 +274,7 @@ def test_columns_of_a_matrix_in_a_struct_are_named_by_number(tmp_path):
     path = tmp_path / "a.mat"
     for x in (np.vstack([THETA, W, U]), np.column_stack([THETA, W, U])):
         scipy.io.savemat(path, {"rec": {"in": {"x": x}, "clk": T}}, do_compression=True)
-        refused(InputError, path, "'rec.in.x[1]'", "'rec.clk'", "--columns")
+        refused(InputError, path, "'rec.in.x[1]'", "'rec.clk'", 'columns="')
         columns = "t=rec.clk,theta=rec.in.x[1],u=rec.in.x[3]"
         same(read_record(path, columns=columns), atol=0)
 
@@ -309,7 +309,7 @@ def test_json_of_every_orientation(tmp_path, orient):
 
 def test_numpy_matrices_and_structured_arrays(tmp_path):
     np.save(tmp_path / "a.npy", np.column_stack([U, THETA, T]))
-    refused(InputError, tmp_path / "a.npy", "--columns")
+    refused(InputError, tmp_path / "a.npy", 'columns="')
     same(read_record(tmp_path / "a.npy", columns="u=1,theta=2,t=3"), atol=0)
     np.savez(tmp_path / "b.npz", run=np.rec.fromarrays([U, T, THETA], names="torque,t,angle"))
     same(read_record(tmp_path / "b.npz"), atol=0)

@@ -124,9 +124,9 @@ def swing(scale, steps=None, seconds=6.0, amplitude=8.0):
 )
 def test_an_angle_without_unit_is_asked_about(scale, steps, unit):
     log = swing(scale, steps)
-    with pytest.raises(InputError, match=f"--units theta={unit}"):
+    with pytest.raises(InputError, match=f'units="theta={unit}"'):
         read_record(log)
-    with pytest.raises(InputError, match=f"--units theta={unit},w={unit}/s"):
+    with pytest.raises(InputError, match=f'units="theta={unit},w={unit}/s"'):
         read_record(log | {"w": np.gradient(log["theta"], log["t"])})
     good = read_record(log, units={"theta": unit})
     assert good.theta is not None
@@ -136,7 +136,7 @@ def test_an_angle_without_unit_is_asked_about(scale, steps, unit):
 def test_two_units_that_fit_by_their_ratio_are_asked_about():
     log = swing(360)
     log["w"] = np.gradient(log["theta"], log["t"]) / 6
-    with pytest.raises(InputError, match="--units theta=deg,w=rpm"):
+    with pytest.raises(InputError, match='units="theta=deg,w=rpm"'):
         read_record(log)
 
 
@@ -157,6 +157,6 @@ def test_a_drive_that_turns_through_a_thousand_rad_is_no_mistake():
 
 def test_counts_without_unit_ask_for_their_factor(tmp_path):
     log = swing(8192, 8192)
-    with pytest.raises(InputError, match="--scale theta=FACTOR"):
+    with pytest.raises(InputError, match='scale="theta=FACTOR"'):
         read_record(log)
     assert read_record(log, scale={"theta": 2 * np.pi / 8192}).samples == 3000

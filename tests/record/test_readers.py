@@ -62,7 +62,7 @@ def test_recorder_export_with_preamble_and_units_line(tmp_path):
     )
     body = rows([1e3 * log["t"], log["w"] * 30 / np.pi, log["u"] / 0.01], ";")
     path = write(tmp_path / "a.csv", head + body)
-    refused(InputError, path, "%", "--scale u=")
+    refused(InputError, path, "%", 'scale="u=')
     record = read_record(path, scale={"u": 0.01})
     np.testing.assert_allclose(record.t, log["t"], atol=1e-12)
     np.testing.assert_allclose(record.w, log["w"], rtol=1e-7, atol=1e-9)

@@ -14,12 +14,12 @@ from ..cases.logs import csv
 @pytest.mark.parametrize(
     ("head", "end"),
     [
-        ("t,u,a2,thetta", "If 'thetta' is theta, rename it, or give --columns theta=thetta."),
-        ("t,torqe,w,theta", "If 'torqe' is u, rename it, or give --columns u=torqe."),
-        ("t,u,veloctiy,a", "If 'veloctiy' is w, rename it, or give --columns w=veloctiy."),
-        ("t,trq val,w,theta", "If 'trq val' is u, rename it, or give --columns \"u=trq val\"."),
-        ("tme,u,w,theta", "If 'tme' is t, rename it, or give --columns t=tme, or give --rate HZ."),
-        ("t,u,p,qq", ": name the column with --columns theta=NAME."),
+        ("t,u,a2,thetta", "If 'thetta' is theta, rename it, or give columns=\"theta=thetta\"."),
+        ("t,torqe,w,theta", "If 'torqe' is u, rename it, or give columns=\"u=torqe\"."),
+        ("t,u,veloctiy,a", "If 'veloctiy' is w, rename it, or give columns=\"w=veloctiy\"."),
+        ("t,trq val,w,theta", "If 'trq val' is u, rename it, or give columns=\"u=trq val\"."),
+        ("tme,u,w,theta", "If 'tme' is t, rename it, or give columns=\"t=tme\", or give rate=HZ."),
+        ("t,u,p,qq", ': name the column with columns="theta=NAME".'),
     ],
 )
 def test_a_misspelt_column_is_named_with_the_option_to_type(tmp_path, head, end):

@@ -66,8 +66,8 @@ def test_wrong_time_unit(tmp_path):
     np.savez(tmp_path / "a.npz", **(log | {"t": 1e3 * log["t"]}))
     slow = read_record(tmp_path / "a.npz")
     for record, rate in ((fast, "1e+06 Hz"), (slow, "1 Hz")):
-        assert any(f"rate of {rate}" in m and "--units t=ms" in m for m in record.messages)
-        with pytest.raises(Refused, match=f"{re.escape(rate)}.*--units t=ms"):
+        assert any(f"rate of {rate}" in m and 'units="t=ms"' in m for m in record.messages)
+        with pytest.raises(Refused, match=f'{re.escape(rate)}.*units="t=ms"'):
             long_enough_to_judge(record)
     assert read_record(tmp_path / "a.npz", units="t=ms").rate == 1000.0
 
@@ -310,11 +310,11 @@ def test_a_rate_that_no_drive_has_is_not_judged_without_a_unit_of_time():
     """Without w beside theta the rate is all that shows it; a stated unit is believed."""
     log = {role: x for role, x in machine().items() if role != "w"}
     slow = log | {"t": 1e3 * log["t"]}
-    with pytest.raises(Refused, match=r"t has no unit.*1 Hz.*give --units t=ms, or --units t=s"):
+    with pytest.raises(Refused, match='t has no unit.*1 Hz.*give units="t=ms", or units="t=s"'):
         refuse_unlikely_time(read_record(slow))
     refuse_unlikely_time(read_record(slow, units="t=s"))
     refuse_unlikely_time(read_record(slow, units="t=ms"))
     refuse_unlikely_time(read_record(slow, rate=1.0))
     refuse_unlikely_time(Record(**{role: np.asarray(x) for role, x in slow.items()}))
     refused = lg.diagnose(slow, {"J": 0.002})
-    assert refused.verdict == "refused" and "give --units t=ms" in refused.reason
+    assert refused.verdict == "refused" and 'give units="t=ms"' in refused.reason

@@ -8,10 +8,11 @@ at zero (Filippov, Differential Equations with Discontinuous Righthand Sides, 19
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from ..expression.graph import Node, reachable, rename, substitute, symbols_in
+from ..expression.operations import COMPARISONS
 from ..tracing.equations import Program
 from .python_source import Emitter
 from .switching import average_jumps
@@ -179,7 +180,10 @@ def relays(program: Program) -> Relays:
     graph = program.graph
     rates = average_jumps(program.xdot, {node.value for node in program.p})
     places = [i for i, x in enumerate(program.x) if _has_sign(rates[i], x)]
-    signs = {graph.make("sign", program.x[i]).index: graph.symbol(f"side{i}") for i in places}
+    signs: dict[int, Node] = {}
+    for i in places:
+        side = graph.symbol(f"side{i}")
+        signs |= {node.index: side_of(side) for node, side_of in _jumps(program.x[i])}
     rates = substitute(rates, lambda node, args: signs.get(node.index))
     every = tuple(_relay(program, rates, i, places) for i in places)
     for i in places:
@@ -188,7 +192,19 @@ def relays(program: Program) -> Relays:
 
 
 def _has_sign(rate: Node, x: Node) -> bool:
-    return any(node.op == "sign" and node.args[0] is x for node in reachable([rate]))
+    jumps = {node.index for node, _ in _jumps(x)}
+    return any(node.index in jumps for node in reachable([rate]))
+
+
+def _jumps(x: Node) -> list[tuple[Node, Callable[[Node], Node]]]:
+    """What jumps where x passes zero, and how it follows from the sign of x: the sign itself, and
+    comparisons with zero, x > 0."""
+    make = x.graph.make
+    made = [(_sign(x), lambda side: side)]
+    for op in sorted(COMPARISONS):
+        made.append((make(op, x, 0.0), lambda side, op=op: make(op, side, 0.0)))
+        made.append((make(op, 0.0, x), lambda side, op=op: make(op, 0.0, side)))
+    return made
 
 
 def _relay(program: Program, rates: Sequence[Node], place: int, places: Sequence[int]) -> Relay:

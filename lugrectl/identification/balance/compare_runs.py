@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...blocks.model import Model
+from ...core.option_names import option
 from ...record.stretches import Stretch
 from .constants import (
     ALIKE,
@@ -24,7 +25,7 @@ from .estimate import first_fit
 from .problem import Ground, ground_of
 
 LEVELS = ("J", "Fc", "Fv")
-OPPOSITE = "u has the opposite sign of {}: give --scale u=-1 for it, or leave it out."
+OPPOSITE = "u has the opposite sign of {}: give {} for it, or leave it out."
 TIMES = "{} is {:.4g} times that of {}: give {} for it, or leave it out."
 FRICTION = "{}: {:.0f} % {} friction than {}."
 OTHERS = "the other runs"
@@ -32,11 +33,12 @@ OTHERS = "the other runs"
 
 @dataclass(frozen=True)
 class Factor:
-    """What one channel of a run may be multiplied by, and the option that undoes it."""
+    """What one channel of a run may be multiplied by, and the option with the value that undoes
+    it."""
 
     channel: str
     size: float
-    option: str
+    undone: tuple[str, str]
 
     def ratios(self) -> np.ndarray:
         """By what it multiplies J, Fc and Fv."""
@@ -46,32 +48,32 @@ class Factor:
         return np.array([k**2, 1.0, k]) if self.channel == "t" else np.array([1 / k, 1.0, 1 / k])
 
 
-NONE = Factor("u", 1.0, "")
+NONE = Factor("u", 1.0, ("scale", "u=1"))
 FACTORS = (
-    Factor("u", -1.0, "--scale u=-1"),
-    Factor("u", 1e3, "--units u='mN m'"),
-    Factor("u", 1e-3, "--scale u=1000"),
-    Factor("u", 1e2, "--scale u=0.01"),
-    Factor("u", 1e-2, "--scale u=100"),
-    Factor("t", 1e3, "--units t=ms"),
-    Factor("t", 1e6, "--units t=us"),
-    Factor("t", 1e-3, "--scale t=1000"),
+    Factor("u", -1.0, ("scale", "u=-1")),
+    Factor("u", 1e3, ("units", "u=mN m")),
+    Factor("u", 1e-3, ("scale", "u=1000")),
+    Factor("u", 1e2, ("scale", "u=0.01")),
+    Factor("u", 1e-2, ("scale", "u=100")),
+    Factor("t", 1e3, ("units", "t=ms")),
+    Factor("t", 1e6, ("units", "t=us")),
+    Factor("t", 1e-3, ("scale", "t=1000")),
 )
 TURNING = (
-    Factor("theta", 180 / np.pi, "--units theta=deg"),
-    Factor("theta", np.pi / 180, "--scale theta=57.29578"),
-    Factor("theta", 0.5 / np.pi, "--units theta=turn"),
-    Factor("theta", 2 * np.pi, "--scale theta=0.1591549"),
+    Factor("theta", 180 / np.pi, ("units", "theta=deg")),
+    Factor("theta", np.pi / 180, ("scale", "theta=57.29578")),
+    Factor("theta", 0.5 / np.pi, ("units", "theta=turn")),
+    Factor("theta", 2 * np.pi, ("scale", "theta=0.1591549")),
 )
 SPEEDS = (
-    Factor("w", 180 / np.pi, "--units w=deg/s"),
-    Factor("w", 30 / np.pi, "--units w=rpm"),
-    Factor("w", np.pi / 30, "--scale w=9.549297"),
-    Factor("w", np.pi / 180, "--scale w=57.29578"),
+    Factor("w", 180 / np.pi, ("units", "w=deg/s")),
+    Factor("w", 30 / np.pi, ("units", "w=rpm")),
+    Factor("w", np.pi / 30, ("scale", "w=9.549297")),
+    Factor("w", np.pi / 180, ("scale", "w=57.29578")),
 )
 LENGTHS = (
-    Factor("theta", 1e3, "--units theta=mm"),
-    Factor("theta", 1e-3, "--scale theta=1000"),
+    Factor("theta", 1e3, ("units", "theta=mm")),
+    Factor("theta", 1e-3, ("scale", "theta=1000")),
 )
 
 
@@ -211,9 +213,10 @@ def _rescaled(part: Stretch, factor: float) -> Stretch:
 
 
 def _sentence(factor: Factor, usual: str) -> str:
+    undone = option(*factor.undone)
     if factor.size == -1.0:
-        return OPPOSITE.format(usual)
-    return TIMES.format(factor.channel, factor.size, usual, factor.option)
+        return OPPOSITE.format(usual, undone)
+    return TIMES.format(factor.channel, factor.size, usual, undone)
 
 
 def _friction(one: Levels, reference: Levels, name: str, usual: str) -> str | None:

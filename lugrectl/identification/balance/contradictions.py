@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...core.option_names import option
 from ...estimates.findings import Estimate
 from .constants import (
     ALL_LEFT,
@@ -22,7 +23,11 @@ UNRELATED = (
     "than the log, or is not the torque of this axis."
 )
 
-TURN = "Give --scale u=-1; where you give a scale of u already, give it with the other sign."
+
+def _turn() -> str:
+    """What to do about a wrong sign of u."""
+    turned = option("scale", "u=-1")
+    return f"give {turned}; where you give a scale of u already, give it with the other sign."
 
 
 @dataclass(frozen=True)
@@ -66,14 +71,14 @@ def _signs(
     loss = _loss(made, V, quantile)
     w = made.windows.w
     if high.get("J", 1.0) < 0 and high.get("Fc", 1.0) < 0:
-        return _nothing(f"J and Fc both come out negative: u has the wrong sign. {TURN}")
+        return _nothing(f"J and Fc both come out negative: u has the wrong sign: {_turn()}")
     idle = "J" in below and high["J"] * share["J"] < SHARE_OF_TORQUE
     hardly = high.get("Fc", 0.0) < LITTLE * made.torque
     if idle and hardly and loss < SHARE_OF_TORQUE * made.torque * np.mean(np.abs(w)):
         return _nothing(
             "Impossible: the inertia comes out negative and there is no friction. u follows the "
             "motion (the log of a controller, a hand or another axis that moves it), or has the "
-            f"wrong sign. If it has: {TURN[0].lower()}{TURN[1:]}"
+            f"wrong sign. If it has: {_turn()}"
         )
     refused = {k for k in below if high[k] * share[k] > SHARE_OF_TORQUE}
     notes = [_negative(k, estimates[k]) for k in ("Fc", "Fv") if high.get(k, 1.0) < 0]
@@ -85,7 +90,7 @@ def _signs(
     elif loss < 0 and np.mean(made.windows.u * w) < 0:
         notes.append(
             "u takes power out of the motion: it has the wrong sign, or something else drives "
-            f"the axis. If it is the sign: {TURN[0].lower()}{TURN[1:]}"
+            f"the axis. If it is the sign: {_turn()}"
         )
     return Contradictions(frozenset(refused), False, tuple(notes))
 

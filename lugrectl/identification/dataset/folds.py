@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ...core.errors import Refused
+from ...core.option_names import option
 from ...engine.runtime.backend import compiler
 from .dataset import Data
 from .windows import Windows, spread, windows
@@ -76,8 +77,8 @@ def _too_short(data: Data, horizon: float) -> Refused:
     return Refused(
         f"{what} too short to fit the model and to check it on held-out samples.",
         f"Record {record}"
-        + (", shorten --horizon" if horizon > BLOCK else "")
-        + ", or give a second run with --holdout.",
+        + (f", shorten {option('horizon')}" if horizon > BLOCK else "")
+        + f", or give a second run with {option('holdout')}.",
     )
 
 

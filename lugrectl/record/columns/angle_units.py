@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...core.errors import InputError
+from ...core.option_names import option
 
 _FASTEST = 1e4  # rad/s, 95 000 rpm: no drive that is logged by position turns faster
 _MARK = 1e30  # what is larger is a mark of a missing value
@@ -62,9 +63,10 @@ def check_angles(
 
 def _ask(source: str, why: str, angle: str, speed: str | None) -> None:
     given = f"theta={angle}" + (f",w={speed}" if speed else "")
+    usual = "theta=rad" + (",w=rad/s" if speed else "")
     raise InputError(
-        f"{source}: theta has no unit and does not look like rad ({why}): give --units {given}, "
-        f"or --units theta=rad{',w=rad/s' if speed else ''} if that is right."
+        f"{source}: theta has no unit and does not look like rad ({why}): give "
+        f"{option('units', given)}, or {option('units', usual)} if that is right."
     )
 
 

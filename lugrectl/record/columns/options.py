@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...core.errors import InputError
+from ...core.option_names import option
 from ...core.validation import shown
 from .column_names import usual_names
 from .units import ROLES, did_you_mean
@@ -25,11 +26,11 @@ def parse_pairs(text: str, what: str) -> dict[str, str]:
         role, equals, value = (piece.strip() for piece in part.partition("="))
         if not equals or not value:
             raise InputError(
-                f"--{what}: '{part.strip()}' is not of the form role=value; "
+                f"{option(what)}: '{part.strip()}' is not of the form role=value; "
                 f"roles are {', '.join(ROLES)}."
             )
         if role in pairs:
-            raise InputError(f"--{what}: {role} is given twice.")
+            raise InputError(f"{option(what)}: {role} is given twice.")
         pairs[role] = value
     _known_roles(pairs, what)
     return pairs
@@ -61,7 +62,9 @@ def factors(given: Mapping[str, float] | str | None) -> dict[str, float]:
         except (TypeError, ValueError):
             found[role] = np.nan
         if not np.isfinite(found[role]) or found[role] == 0:
-            raise InputError(f"--scale: '{text}' for {role} is not a number other than 0.")
+            raise InputError(
+                f"{option('scale')}: '{text}' for {role} is not a number other than 0."
+            )
     return found
 
 
@@ -70,14 +73,15 @@ def check_used(source: str, present: Sequence[str], **options: Mapping[str, obje
     for what, given in options.items():
         for role in given:
             if role not in present:
-                raise InputError(f"--{what} names {role}, but {source} has no column for it.")
+                raise InputError(f"{option(what)} names {role}, but {source} has no column for it.")
 
 
 def _known_roles(given: Mapping[str, object], what: str) -> None:
     for role in given:
         if role not in ROLES:
             raise InputError(
-                f"--{what}: there is no role '{role}'{_meant(role)}; roles are {', '.join(ROLES)}."
+                f"{option(what)}: there is no role '{role}'{_meant(role)}; roles are "
+                f"{', '.join(ROLES)}."
             )
 
 

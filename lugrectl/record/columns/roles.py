@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.errors import InputError
+from ...core.option_names import option
 from .column_names import fitting, split_unit, usual_names, usual_unit
 from .table import Table
 from .units import ROLES, did_you_mean, likeness, nearest
@@ -31,7 +32,8 @@ def choose_columns(
     taken = Counter(choice.index for choice in choices.values())
     for role, choice in choices.items():
         if taken[choice.index] > 1:
-            raise InputError(f"--columns: column '{named[role]}' is given to more than one role.")
+            twice = f"column '{named[role]}' is given to more than one role"
+            raise InputError(f"{option('columns')}: {twice}.")
     doubtful: dict[str, list[int]] = {}
     said: list[str] = []
     for role in (r for r in ROLES if r not in named):
@@ -101,14 +103,14 @@ def _complete(
             near = _misspelt(table, roles, {choice.index for choice in choices.values()})
         if not choices and not doubtful:
             raise InputError(_nothing_known(table, need_time))
-        how = f": name the column with --columns {role}=NAME"
+        how = f": name the column with {option('columns', f'{role}=NAME')}"
         if near is not None:
             meant, name = near
-            pair = f"{meant}={name}" if name.isidentifier() else f'"{meant}={name}"'
-            how = f". If '{name}' is {meant}, rename it, or give --columns {pair}"
+            given = option("columns", f"{meant}={name}")
+            how = f". If '{name}' is {meant}, rename it, or give {given}"
+        how += f", or give {option('rate', 'HZ')}" if role == "t" else ""
         raise InputError(
-            f"{start}; its columns are {table.listed()}{how}"
-            f"{', or give --rate HZ' if role == 't' else ''}.{' ' * bool(table.hint)}{table.hint}"
+            f"{start}; its columns are {table.listed()}{how}.{' ' * bool(table.hint)}{table.hint}"
         )
 
 
@@ -135,9 +137,8 @@ def _nothing_known(table: Table, need_time: bool) -> str:
         else f"{table.source} has no header (its numbers begin in {table.where(0)})"
     )
     how = "name them" if table.headed else "give the numbers of its columns, counted from 1"
-    return f'{start}: {how}, for instance --columns "{pairs}".' + (
-        f" {table.hint}" if table.hint else ""
-    )
+    hint = f" {table.hint}" if table.hint else ""
+    return f"{start}: {how}, for instance {option('columns', pairs)}.{hint}"
 
 
 def _among(table: Table, role: str, fits: list[int]) -> str:
@@ -166,7 +167,7 @@ def _unused_said(
         return []
     return [
         f"No column was found for {missing}; not used: {names}. If {missing} is among them, give "
-        f"--columns {missing}=NAME."
+        f"{option('columns', f'{missing}=NAME')}."
     ]
 
 
@@ -177,7 +178,8 @@ def idle_said(table: Table, choices: Sequence[Choice], u: np.ndarray) -> list[st
         return []
     name = next(table.names[choice.index] for choice in choices if choice.role == "u")
     return [
-        f"'{name}' is 0 in every row; not used: {names}. If u is among them, give --columns u=NAME."
+        f"'{name}' is 0 in every row; not used: {names}. If u is among them, give "
+        f"{option('columns', 'u=NAME')}."
     ]
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.errors import InputError
+from ...core.option_names import option
 
 
 @dataclass(frozen=True)
@@ -186,7 +187,7 @@ def role_unit(role: str, text: str, *, scaled: bool, where: str) -> Unit:
         how = _HOW.get((role, unit.name), "")
         raise InputError(
             f"{where}: {role} is in {unit.name}, which needs its factor to SI: "
-            f"give --scale {role}=FACTOR (SI value per {unit.name}{how})."
+            f"give {option('scale', f'{role}=FACTOR')} (SI value per {unit.name}{how})."
         )
     return unit
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy import ndimage
 
+from ...core.option_names import option
 from .outliers import HUGE, bridged, off_cubic_in_time
 from .resampling import HELD
 from .rows import Stamped, count
@@ -18,9 +19,7 @@ _JITTER = 0.2  # steps that vary by more hide missing rows
 _BESIDE = 25  # rows on either side of a gap that show whether time was lost
 _WILD = 200  # most rows in a row whose stamps are wrong while the rows around them go on
 _RATES = (5.0, 5e5)  # Hz; outside, the unit of time may be wrong
-UNIT_OF_T = (
-    "if t is not in the stated or assumed unit, give its unit, e.g. --units t=ms (or s, us)."
-)
+UNIT_OF_T = "if t is not in the stated or assumed unit, give its unit, e.g. {} (or s, us)."
 _TICKS = (1.0, 1e-3, 1e-6, 1e-7, 1e-9)  # s, of timers that count up to a power of two
 _WIDTH = 51  # rows over which the true clock is even
 _SMOOTHER = 1.5  # times, to believe the count of rows more than the stamps
@@ -49,9 +48,11 @@ def slow(rate: float, labels: Mapping[str, str | None], why: str = "") -> str:
     """A sentence on a sampling rate, Hz, that shows no friction; ``labels`` are the units of the
     log's columns by role, without one of t where the user gave the rate."""
     if labels and "t" not in labels:
-        step = f"; if {rate:.6g} is the step in ms, give --rate {1e3 / rate:.6g}"
-        return f"--rate gives {rate:.6g} samples per second{why}{step if rate < _RATES[0] else ''}."
-    return f"t gives a sampling rate of {rate:.6g} Hz{why}{';' if why else ':'} {UNIT_OF_T}"
+        given = option("rate", f"{1e3 / rate:.6g}")
+        step = f"; if {rate:.6g} is the step in ms, give {given}" if rate < _RATES[0] else ""
+        return f"{option('rate')} gives {rate:.6g} samples per second{why}{step}."
+    unit = UNIT_OF_T.format(option("units", "t=ms"))
+    return f"t gives a sampling rate of {rate:.6g} Hz{why}{';' if why else ':'} {unit}"
 
 
 def _without_time(log: Stamped) -> None:

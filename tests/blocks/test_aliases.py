@@ -1,0 +1,136 @@
+"""Where a name is taken, the block itself is, too; a system is refused in one sentence."""
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.blocks.aliases import name_of
+
+P = lg.table1()
+T = 4e-3 * np.arange(3000)
+W = np.sin(np.pi * T) + 0.5 * np.sin(8.0 * T)
+NOISE = 0.002 * np.random.default_rng(0).standard_normal(len(T))
+LOG = {"t": T, "w": W, "u": 0.002 * np.gradient(W, T) + 0.3 * np.tanh(W / 1e-3) + 0.02 * W + NOISE}
+
+
+@pytest.fixture
+def smooth():
+    @lg.block("friction", out="F")
+    def smooth_coulomb(w, Fc=lg.P(0.3, "N m", 0), Fv=lg.P(0.02, "N m s/rad", 0)):
+        """F = Fc tanh(100 w) + Fv w."""
+        return Fc * np.tanh(100.0 * w) + Fv * w
+
+    return smooth_coulomb
+
+
+@pytest.fixture
+def drag():
+    @lg.block("effect", out="d", acts="torque")
+    def cubic_drag(w, c=lg.P(0.0, "N m s3/rad3", 0, neutral=0)):
+        """d = c w^3."""
+        return c * w**3
+
+    return cubic_drag
+
+
+@pytest.fixture
+def momentum():
+    @lg.block("observer", out="Fhat", states="x")
+    def momentum_of_test(w, u, x, J=lg.P(0.002, "kg m2"), L=lg.P(50.0, "1/s")):
+        Fhat = x - L * J * w
+        return Fhat, L * (u - Fhat)
+
+    return momentum_of_test
+
+
+def test_a_model_takes_the_law_and_effects_themselves(smooth, drag):
+    model = lg.Model.of(J=0.002, friction=smooth, effects=[drag, "gravity"])
+    assert model.friction.block is smooth
+    assert [part.block.name for part in model.effects] == ["cubic_drag", "gravity"]
+    assert lg.Model.of(effects=drag).effects[0].block is drag
+    assert lg.Model.of({"friction": smooth}).friction.block is smooth
+    assert lg.Model.of({"J": 0.002, "friction": smooth}).friction.block is smooth
+    assert lg.Model.of().with_effect(drag, {"c": 0.1}).known() == {"cubic_drag.c": 0.1}
+
+
+def test_factories_and_lists_take_the_block_itself(smooth, drag, momentum):
+    assert lg.friction(smooth, Fc=0.2).params == {"smooth_coulomb.Fc": 0.2,
+                                                  "smooth_coulomb.Fv": 0.02}  # fmt: skip
+    assert lg.effect(drag, c=0.1).params == {"cubic_drag.c": 0.1}
+    for listed, made in ((lg.laws, smooth), (lg.effects, drag), (lg.observers, momentum)):
+        assert made in listed() and listed()[made].name == made.name
+    assert drag not in lg.laws()
+
+
+def test_an_observer_is_a_block_a_factory_or_a_name(momentum):
+    loop = lg.velocity_loop(P, momentum, L=20.0)
+    assert "momentum_of_test" in [part.name for part in loop.syslist]
+    natural = lg.velocity_loop(P, lg.natural_observer)
+    assert "natural_observer" in [part.name for part in natural.syslist]
+    made = lg.design_gains(P, observer=lg.natural_observer)
+    assert made.observer == "natural"
+    with pytest.raises(lg.InputError, match="no design rule for momentum_of_test"):
+        lg.design_gains(P, observer=momentum)
+    with pytest.raises(lg.InputError, match="the observer 'momentum_of_test' has no such gain"):
+        lg.velocity_loop(P, momentum, K1=-1.0)
+
+
+def test_laws_are_compared_by_name_or_as_they_are(smooth):
+    found = lg.compare_laws(LOG, {"J": 0.002}, [smooth, "viscous"])
+    assert found.chosen == "smooth_coulomb" and set(found.names) == {"smooth_coulomb", "viscous"}
+    assert lg.compare_laws(LOG, {"J": 0.002}, smooth).names == ("smooth_coulomb",)
+    under = lg.identify(LOG, {"J": 0.002}, law=smooth)
+    assert under.model.friction.block is smooth
+
+
+def test_observers_are_compared_as_they_are(momentum):
+    wanted = [momentum, lg.natural_observer, None]
+    found = lg.compare_observers(P, wanted, scenarios="velocity")
+    assert set(found.names) == {"momentum_of_test", "natural", "no_observer"}
+
+
+def test_a_system_has_values_that_a_name_has_not(drag):
+    own = "a system with values of its own: give the name of the"
+    for kind, call in {
+        "friction law": lambda: lg.Model.of(friction=lg.friction("coulomb", Fc=0.2)),
+        "effect": lambda: lg.Model.of(effects=lg.effect("gravity", amplitude=0.2)),
+        "observer": lambda: lg.velocity_loop(P, lg.natural_observer(P)),
+    }.items():
+        with pytest.raises(lg.InputError, match=f"{own} {kind} in its place"):
+            call()
+    with pytest.raises(lg.InputError, match=f"{own} effect"):
+        lg.Model.of().with_effect(lg.effect(drag, c=0.1))
+
+
+def test_a_block_of_another_kind_is_refused(drag):
+    with pytest.raises(lg.InputError, match="cubic_drag is declared as effect, not as friction"):
+        lg.Model.of(friction=drag)
+    assert name_of("effect", lg.plant) is lg.plant  # no factory of an effect
+    with pytest.raises(lg.InputError, match="no effect named the function table1"):
+        lg.effect(lg.table1)
+
+
+# ---- defaults of a law of one's own ---------------------------------------------------
+
+
+def test_a_law_of_ones_own_is_simulated_with_its_defaults_where_the_model_has_no_values(smooth):
+    drive = lg.plant(lg.Model.of(J=0.002, friction=smooth, Fv=0.05))
+    assert drive.params["plant.Fc"] == 0.3 and drive.params["plant.Fv"] == 0.05
+    with pytest.raises(lg.InputError, match="drive: J has no value; identify it first"):
+        lg.plant(lg.Model.of(friction=smooth))
+
+
+def test_a_law_of_the_package_has_no_defaults():
+    """Those of its declaration are the values of another drive."""
+    with pytest.raises(lg.InputError, match="Fc, Fv have no values; identify them first"):
+        lg.plant(lg.Model.of(J=0.002, friction="coulomb"))
+
+
+def test_a_default_is_no_declared_value(smooth):
+    """A fit identifies it: it is held by nothing, and no sentence says that a fit left it."""
+    model = lg.Model.of(J=0.002, friction=smooth)
+    assert model.known() == {"J": 0.002}
+    assert "to be identified N m (until then 0.3)" in repr(model)
+    found = lg.identify({**LOG, "u": 0.5 * LOG["u"]}, lg.Model.of(friction=smooth))
+    assert found.model.values()["Fc"] == pytest.approx(0.15, rel=0.05)
+    assert found.error["declared"] is None
