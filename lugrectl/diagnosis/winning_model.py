@@ -41,8 +41,8 @@ def with_effects(job: Job, found: Comparison, report: Progress) -> Winner:
     """The model with the effects that the comparison names, fitted to the training samples.
 
     From the values of the comparison, with friction as it, the plain answer or the refitted model
-    has it: whichever predicts best. The inertia is that of the comparison. A torque that was moved is used as recorded where a time is
-    named.
+    has it: whichever predicts best. The inertia is that of the comparison. A torque that was moved
+    is used as recorded where a time is named.
     """
     if TIMES & {e.name for e in found.effects}:
         job = as_recorded(job, report)
