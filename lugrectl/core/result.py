@@ -6,7 +6,6 @@ import contextlib
 import json
 import math
 import os
-import secrets
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
@@ -17,6 +16,7 @@ import numpy as np
 
 from .display import Shown
 from .errors import InputError
+from .unfinished import unfinished
 
 T = TypeVar("T")
 
@@ -42,7 +42,7 @@ def write_whole(path: Path, content: bytes) -> None:
         path.write_bytes(content)
         return
     path = path.resolve()  # what a link points at
-    part = path.with_name(f".{path.name}.{secrets.token_hex(6)}.part")
+    part = unfinished(path.parent)
     try:
         part.write_bytes(content)
         os.replace(part, path)

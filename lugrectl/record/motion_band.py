@@ -43,5 +43,6 @@ def regression(target: np.ndarray, source: np.ndarray, dt: float) -> tuple[float
     first = np.gradient(source, dt)
     terms = np.column_stack([source, first, np.gradient(first, dt), np.ones_like(source)])
     size = np.linalg.norm(terms, axis=0)
+    size[size == 0] = 1.0  # a source that does not change explains nothing
     found = np.linalg.lstsq(terms / size, target, rcond=None)[0] / size
     return float(found[0]), float(found[1] / found[0]) if found[0] else 0.0

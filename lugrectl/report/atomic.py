@@ -3,18 +3,12 @@
 from __future__ import annotations
 
 import os
-import platform
-import re
-import secrets
 import shutil
-import time
 from collections.abc import Mapping
 from pathlib import Path
 
 from ..core.errors import InputError
-
-_OLD = 86_400.0  # s after which what another machine left behind is removed
-_PREFIX = ".lugrectl-"
+from ..core.unfinished import unfinished
 
 
 def nearest(path: Path) -> Path:
@@ -45,8 +39,7 @@ def write_together(content: Mapping[str, str], folder: Path) -> None:
     """
     folder = folder.absolute()
     base = nearest(folder)
-    _clear(base)
-    staged = base / f"{_mine()}{secrets.token_hex(6)}"
+    staged = unfinished(base)
     staged.mkdir()
     try:
         for name, body in content.items():
@@ -90,41 +83,3 @@ def _exchange(staged: Path, folder: Path, names: list[str]) -> None:
             elif not (staged / name).exists():
                 (folder / name).unlink(missing_ok=True)
         raise
-
-
-def _mine(pid: int | None = None) -> str:
-    """What the names of this process's hidden folders begin with."""
-    host = "".join(c for c in platform.node() if c.isalnum()) or "host"
-    return f"{_PREFIX}{host}-{os.getpid() if pid is None else pid}-"
-
-
-def _clear(base: Path) -> None:
-    """Remove the hidden folders of processes that ended before they could."""
-    for left in base.glob(f"{_PREFIX}*"):
-        found = re.fullmatch(r"\.lugrectl-\w+-(\d+)-[0-9a-f]{12}", left.name)
-        if found is None:
-            continue
-        pid = int(found[1])
-        here = left.name.startswith(_mine(pid))
-        if _age(left) > _OLD or (here and not _runs(pid)):
-            shutil.rmtree(left, ignore_errors=True)
-
-
-def _age(path: Path) -> float:
-    try:
-        return time.time() - path.stat().st_mtime
-    except OSError:
-        return 0.0
-
-
-def _runs(pid: int) -> bool:
-    """Whether a process of this machine runs; where that cannot be asked, it may."""
-    if os.name != "posix":
-        return True
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        return True
-    return True

@@ -7,6 +7,7 @@ from lugrectl.record import read_log, read_record
 
 from ..cases.damaged_drive import columns, marked, seen, sound
 from ..cases.logs import rows, write
+from ..fuzz.files import motion
 
 U_W = [("u", "theta"), ("u", "w"), ("u", "w", "theta")]
 
@@ -260,3 +261,14 @@ def test_a_start_within_a_row_is_no_jump_where_two_signals_agree(rate):
     u = np.where(w != 0, 0.05 * np.sign(w), 0.0)
     found, said = seen({"t": t, "u": u, "w": w, "theta": 716 + theta})
     assert not any("left out" in s or "no motion" in s for s in said) and len(found) == 1
+
+
+@pytest.mark.parametrize("small", [1e-300, 5e-324])
+def test_a_speed_next_to_nothing_confirms_no_position(small):
+    """Read from damaged bytes, such numbers overflow a ratio."""
+    log = dict(motion())
+    log["w"], log["theta"] = log["w"].copy(), log["theta"].copy()
+    log["w"][148:153] = small
+    log["theta"][150] = 1e29
+    said = " ".join(read_record(log).messages)
+    assert "theta at row 150 is 1e+29 rad, far off its neighbours: left out." in said

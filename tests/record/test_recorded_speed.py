@@ -8,6 +8,7 @@ from lugrectl.core.errors import InputError
 from lugrectl.record import read_log, read_record, stretches
 
 from ..cases.logs import machine
+from ..fuzz.files import motion
 
 DEG = np.pi / 180
 
@@ -67,3 +68,13 @@ def test_a_unit_that_overrides_the_header_is_said():
     said = read_log(log("t,u [mN m],w,theta"), units="u=N m").messages
     assert said == ('The header says u [mN m]; units="u=N m" was used in its place.',)
     assert read_log(log("t,u [mN m],w,theta"), units="u=mNm").messages == ()
+
+
+@pytest.mark.parametrize("role", ["theta", "w"])
+def test_a_signal_that_ends_in_zeros_is_compared_like_any_other(role):
+    """The longest stretch has nothing but zeros in it, which a fit cannot be scaled by."""
+    log = dict(motion())
+    late = np.arange(len(log["t"])) >= 120
+    gap = (np.arange(len(log["t"])) >= 100) & ~late
+    log[role] = np.where(gap, np.nan, np.where(late, 0.0, log[role]))
+    assert "little in common with it (R2 = 0.00)" in " ".join(read_record(log).messages)

@@ -12,6 +12,8 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+from ...core.unfinished import unfinished
+
 
 def cache_dir() -> Path:
     """The directory of generated code: $LUGRECTL_CACHE, else the user's cache directory.
@@ -63,9 +65,8 @@ def _is_own(path: Path) -> bool:
 @contextlib.contextmanager
 def whole(path: Path) -> Iterator[Path]:
     """A temporary file that is renamed at the end: other processes see all of it or nothing."""
-    handle, name = tempfile.mkstemp(dir=path.parent, suffix=".part")
-    os.close(handle)
-    part = Path(name)
+    part = unfinished(path.parent)
+    part.touch(0o600)
     try:
         yield part
         os.replace(part, path)

@@ -116,7 +116,8 @@ def confirmed(log: Stamped, role: str) -> np.ndarray:
             made[:-1] |= np.abs(w[:-1] - slope) < 0.5 * np.abs(w[:-1])
             return made
         fastest = np.where(np.abs(w[1:]) > np.abs(w[:-1]), w[1:], w[:-1])
-        alike = (slope / fastest > 0.3) & (slope / fastest < 3)
+        along, size = slope * np.sign(fastest), np.abs(fastest)
+        alike = (along > 0.3 * size) & (along < 3 * size)
     made[1:] |= alike
     made[:-1] |= alike
     return made
