@@ -11,7 +11,7 @@ from ..regression.smooth_motion import shifted, spline
 from . import dwell_stiction
 from .any_parameters import over_all, simplex
 from .base_model import OFFSET, TURN, Base, Columns, rms
-from .candidate import Entry
+from .candidate import Entry, enter
 from .declared_effects import through
 from .effect_columns import by_run, column, columns, over, searched, spanned
 from .friction_terms import NAMES
@@ -20,6 +20,7 @@ from .spring_loads import springs
 
 WAYS = 2  # values of an order that are entered
 POLISH = 20  # evaluations
+ACTIVE = 4  # searches at most, each beside the terms that are not at a bound after the last one
 PASSED = 6.0  # rad of an order within a window: beyond, nothing of it is left
 FEW = 4.0  # rad of an order within the travel, at least
 TIMES = (3e-4, 0.05, 14)  # delays and lags to try beyond the free ones: from, to (s), how many
@@ -87,8 +88,6 @@ def _linear(base: Base, block: Block) -> Iterator[Entry]:
     made = columns(base, block, {})
     entry = Entry(block.name, {}, made, instead=INSTEAD.get(block.name, ()))
     if block.name == "return_spring":
-        from .candidate import enter
-
         k, c = enter(base, entry).coefficients
         if k <= 0 or abs(c / k) > base.record.motion.span:
             return  # its rest lies outside of the travel
@@ -212,21 +211,35 @@ def _sinusoid(base: Base, block: Block) -> Entry:
 
 
 def _of_torque(base: Base, block: Block) -> Entry:
-    """The torque that reaches the drive is another one: the motion given that torque."""
+    """The torque that reaches the drive is another one: the motion given that torque.
+
+    Terms of the base that are at a bound without the effect may leave it beside the effect: a delay
+    acts against viscous friction.
+    """
     key, p = block.gain, block.own[block.gain]
     timed = p.unit == "s"
     grid = _of_torques(base, key, timed, p.neutral or 0.0)
-    free = base.made.free.copy()
+    free = base.made.free
+    for _ in range(ACTIVE):
+        value = _likeliest(base, block, grid, free, timed)
+        u = applied(base, block, {key: value})
+        entry = Entry(block.name, {key: value}, u=u, cost=float(np.log(8)), timed=timed)
+        before, free = free, enter(base, entry).made.free
+        if np.array_equal(before, free):
+            break
+    return entry
+
+
+def _likeliest(base: Base, block: Block, grid: np.ndarray, free: np.ndarray, timed: bool) -> float:
+    """The value with which the torque is most like the acceleration, beside the terms ``free``."""
+    free = free.copy()
     free[0], free[1] = False, free[1] and not timed
     Q = np.linalg.qr(base.columns.X[:, free] * base.roots[:, None])[0]
     a = base.columns.X[:, 0] * base.roots
     a = a - Q @ (Q.T @ a)
 
-    def torque(x: float) -> np.ndarray:
-        return applied(base, block, {key: x})
-
     def mean(x: float) -> np.ndarray:
-        return base.record.driving(torque(x))
+        return base.record.driving(applied(base, block, {block.gain: x}))
 
     def likeness(x: float, searched: bool = True) -> float:
         y = mean(x) if searched else base.record.once((block.name, x), base.u, lambda: mean(x))
@@ -235,8 +248,7 @@ def _of_torque(base: Base, block: Block) -> Entry:
         return float((y @ a) ** 2 / (y @ y + 1e-300))
 
     i = int(np.argmax([likeness(float(x), searched=False) for x in grid]))
-    value = _golden(likeness, grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)])
-    return Entry(block.name, {key: value}, u=torque(value), cost=float(np.log(8)), timed=timed)
+    return _golden(likeness, grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)])
 
 
 def _of_torques(base: Base, key: str, timed: bool, neutral: float) -> np.ndarray:
