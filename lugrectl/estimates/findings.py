@@ -80,10 +80,14 @@ class Finding(Shown):
         return cls(name, own, tied)
 
     def apart(self, how: str | None = None) -> str:
-        """The experiment that distinguishes it from its alternatives; "" if it has none."""
+        """The experiments that distinguish it from its alternatives; "" if it has none.
+
+        Each may tell another one from the rest.
+        """
         others, known = " or ".join(c.name for c in self.alternatives), members("effect")
         names = [n for n in (self.name, *(c.name for c in self.alternatives)) if n in known]
-        how = how or next((h for n in names if (h := known[n].experiment)), ELSEWHERE)
+        own = dict.fromkeys(h for n in names if (h := known[n].experiment))
+        how = how or "; or ".join(own) or ELSEWHERE
         return f"to distinguish {self.name} from {others}: {how}" if others else ""
 
     def summary(self) -> dict[str, Any]:

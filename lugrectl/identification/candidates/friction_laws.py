@@ -40,10 +40,12 @@ PARTS = (
 
 
 def rows(base: Base) -> Iterator[Contender]:
-    """A row for each part that the declared law does not have; its base is the one without it."""
+    """A row for each part that neither the declared law nor a declared effect has; its base is the
+    one without it."""
     whole = max([base, without(base, [])], key=lambda b: likelihood(b.made.r))
+    declared = {one.block.name for one in base.record.parts}
     for part in PARTS:
-        if part.parameter not in base.record.has:
+        if part.parameter not in base.record.has and part.name not in declared:
             yield _row(base, whole, part)
 
 

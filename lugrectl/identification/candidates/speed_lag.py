@@ -7,12 +7,15 @@ have cost: J lag d2w/dt2.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from .base_model import Base, rms
 from .candidate import Contender, Entry
 
 NAME = "velocity_sensor_lag"
+TORQUE_LAG = "actuator_lag"
 
 
 def row(base: Base) -> Contender | None:
@@ -43,3 +46,12 @@ def sure(c: Contender) -> bool:
     lag, se = c.base.record.lag
     late = lag > max(5 * se, 0.5 * c.base.record.motion.dt)
     return late and bool(np.isfinite(rms(c.torque)))
+
+
+def instead_of(c: Contender) -> list[Contender]:
+    """A late speed in place of a lag of the torque, where no angle was recorded: the balance of
+    one is that of the other but for friction near rest."""
+    alone = c.base.record.motion.measured[0] is None
+    if c.name != TORQUE_LAG or not alone:
+        return []
+    return [replace(c, entry=replace(c.entry, name=NAME))]

@@ -179,6 +179,7 @@ def _of(record: Record, table: Table, bars: Bars) -> Decision:
         close = _again(table, bars.proven(beside, beside.named), close)
         if close[0] is not good[0]:
             beside = tabulate(close[0].joined())
+    close += [late for c in close for late in speed_lag.instead_of(c)]
     verdict = "ambiguous" if len(close) > 1 else "found"
     found = Decision(verdict, (close[0],), tuple(close[1:]), table=table, beside=beside)
     return _what_is_left(found, free, bars)
