@@ -22,7 +22,7 @@ BIASED = (
     "the other terms."
 )
 SHARES = (
-    "Shares are of {} {}, the RMS of the coulomb and viscous torque together. RMS values do not "
+    "Shares are of {} {}, the RMS friction torque of the refitted model. RMS values do not "
     "add up: terms act at the same time, with or against each other."
 )
 UNKNOWN = "unknown torque"

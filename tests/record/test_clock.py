@@ -186,3 +186,25 @@ def test_pieces_of_a_dozen_rows_can_be_prepared_for_the_fit():
     record = read_record(log)
     assert [s.stop - s.start for s in record.segments()] == [300, 12, 5660]
     assert np.isfinite(prepare([record]).log.theta).all()
+
+
+def test_a_log_that_is_newest_first_is_read_from_its_end():
+    """As historians export it; its other faults are named at their own rows."""
+    log = columns("u", "theta")
+    known = read_record(log)
+    turned = read_record({k: x[::-1] for k, x in log.items()})
+    for role in ("t", "u", "theta"):
+        np.testing.assert_allclose(getattr(turned, role), getattr(known, role), atol=1e-12)
+    (said,) = turned.messages
+    assert "from the last to the first" in said
+
+
+@pytest.mark.parametrize("speed", [2.0, -3.0, 4.0])
+@pytest.mark.parametrize("counts", [0, 20_000])
+def test_the_motion_of_a_sample_at_one_speed_is_no_encoder(speed, counts):
+    """At 500 Hz and 2 rad/s the samples lie 1/250 apart, as of an encoder of 250 steps a turn."""
+    t = np.arange(5000) / 500
+    theta = speed * t
+    theta = np.floor(theta / (2 * np.pi) * counts) * 2 * np.pi / counts if counts else theta
+    record = read_record({"t": t, "u": 0.2 + 0.01 * np.sin(t), "theta": theta})
+    assert record.theta is not None and np.ptp(record.theta) == pytest.approx(abs(speed) * 10, 0.01)

@@ -64,8 +64,14 @@ def test_what_the_shares_are_of_is_said_and_what_stays_beside_an_unknown_torque(
     found = diagnosis().comparison
     said = budget(diagnosis(comparison=found))
     whole = found.budget[0].rms / found.budget[0].share
-    assert f"Shares are of {number(whole, 3)} N m, the RMS of the coulomb and" in said.footnote
+    assert f"Shares are of {number(whole, 3)} N m, the RMS friction torque of" in said.footnote
     assert "not explained" in [row[0] for row in said.grid.rows]
     more = replace(found, budget=(replace(found.budget[0], term="unknown torque"), *found.budget))
     names = [row[0] for row in budget(diagnosis(comparison=more)).grid.rows]
     assert "the rest" in names and "not explained" not in names
+
+
+def test_coulomb_and_viscous_are_those_of_the_curve_not_of_its_shapes():
+    """Of the many shapes of friction several share the torque; the plain level is one number."""
+    terms = {s.term: s for s in compared().budget}
+    assert terms["coulomb"].rms == pytest.approx(FC, rel=0.02)

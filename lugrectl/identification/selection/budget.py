@@ -31,7 +31,7 @@ def budget(base: Base, parts: Sequence[Contender], unknown: Contender | None) ->
     look like a term, which no spread over blocks shows.
     """
     V = _covariance(base)
-    made = [_share(base, V, name, at, signals) for name, at, signals in _terms(base, parts)]
+    made = [_share(base, V, *term) for term in _terms(base, parts)]
     made += [_of_torque(base, c) for c in parts if not c.own]
     if unknown is not None:
         signals = tuple(sorted(unknown.depends_on))
@@ -47,20 +47,41 @@ def budget(base: Base, parts: Sequence[Contender], unknown: Contender | None) ->
 
 def _terms(
     base: Base, parts: Sequence[Contender]
-) -> Iterator[tuple[str, list[int], tuple[str, ...]]]:
-    """The columns of each term of the base, and the signals on which its torque depends."""
-    at = {name: LEVELS.start + i for i, name in enumerate(NAMES)}
-    yield "inertia", [0], ("a",)
-    yield "coulomb", [at[k] for k in (*FORCES, *SMEAR)], ("w",)
-    yield "viscous", [at[k] for k in VISCOUS], ("w",)
-    yield "offset and unbalance", SLIGHT, ("theta",)
+) -> Iterator[tuple[str, np.ndarray, list[int], tuple[str, ...]]]:
+    """The columns of each term of the base, those of the coefficients that they belong to, and the
+    signals on which its torque depends."""
+    X = base.columns.X
+
+    def plainly(name: str, at: list[int], on: str) -> tuple[str, np.ndarray, list[int], tuple]:
+        return name, X[:, at], at, (on,)
+
+    yield plainly("inertia", [0], "a")
+    yield from _friction(base)
+    yield plainly("offset and unbalance", SLIGHT, "theta")
     if base.gravity:
-        yield "gravity", [WEIGHT, WEIGHT + 1], ("theta",)
-    end = base.columns.X.shape[1]
+        yield plainly("gravity", [WEIGHT, WEIGHT + 1], "theta")
+    end = X.shape[1]
     for c in reversed(parts):
         if c.own:
-            yield c.name, [*range(end - c.own, end)], _signals(c.name)
+            at = [*range(end - c.own, end)]
+            yield c.name, X[:, at], at, _signals(c.name)
             end -= c.own
+
+
+def _friction(base: Base) -> Iterator[tuple[str, np.ndarray, list[int], tuple[str, ...]]]:
+    """Coulomb friction with its Stribeck curve, and the rest of what depends on speed.
+
+    Many shapes share the torque among them; coulomb is the level in the closest curve of one level,
+    one Stribeck curve and one viscous term.
+    """
+    at = {name: LEVELS.start + i for i, name in enumerate(NAMES)}
+    own, smear = [at[k] for k in (*FORCES, *VISCOUS)], [at[k] for k in SMEAR]
+    X = base.columns.X
+    curve = X[:, [at[k] for k in ("Fc", "dip", "Fv")]]
+    closest = np.linalg.lstsq(curve, X[:, own], rcond=None)[0]
+    level = curve[:, :2] @ closest[:2]
+    yield "coulomb", np.hstack([level, X[:, smear]]), own + smear, ("w",)
+    yield "viscous", X[:, own] - level, own, ("w",)
 
 
 def _signals(name: str) -> tuple[str, ...]:
@@ -81,9 +102,10 @@ def _covariance(base: Base) -> np.ndarray:
     return V
 
 
-def _share(base: Base, V: np.ndarray, name: str, at: list[int], signals: tuple[str, ...]) -> Share:
-    X, b = base.columns.X[:, at], base.made.b[at]
-    torque = X @ b
+def _share(
+    base: Base, V: np.ndarray, name: str, X: np.ndarray, at: list[int], signals: tuple[str, ...]
+) -> Share:
+    torque = X @ base.made.b[at]
     size = rms(torque)
     slope = X.T @ torque / (len(torque) * max(size, 1e-300))
     half = stats.norm.ppf(TWO_SIDED) * float(np.sqrt(max(slope @ V[np.ix_(at, at)] @ slope, 0.0)))

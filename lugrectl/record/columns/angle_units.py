@@ -14,6 +14,8 @@ _MARK = 1e30  # what is larger is a mark of a missing value
 _CELLS = 100  # least number of encoder steps that show their size
 _SPAN = 2000  # least range, in encoder steps: a grid of another size drifts out of step over it
 _SHARP = 0.9  # coherence with a grid, 1 for a grid without rounding
+_CHANGES = 0.02  # share of samples at which the count of steps changes: at one speed the samples
+# themselves lie on a grid, and none does
 _TURN = {"rad": 2 * np.pi, "deg": 360.0, "rev": 1.0}
 _PER_SECOND = {"rad": "rad/s", "deg": "deg/s", "rev": "rev/s"}
 # Steps per turn of usual encoders that are no power of two: four times the lines.
@@ -74,7 +76,7 @@ def encoder_unit(theta: np.ndarray) -> tuple[str, int] | None:
     """deg or rev and the steps per turn, where values (N,) lie on the grid of an encoder.
 
     None where there is no grid, where it is a round part of 2 pi, or where it may be the last
-    digit that was written.
+    digit that was written, or the motion of a sample at one speed.
     """
     values = np.unique(theta[np.isfinite(theta)])
     if len(values) < _CELLS:
@@ -83,7 +85,8 @@ def encoder_unit(theta: np.ndarray) -> tuple[str, int] | None:
     if "rad" in grids or not grids:
         return None
     unit = max(grids, key=lambda unit: _TURN[unit] / grids[unit])
-    return unit, grids[unit]
+    counts = np.round(np.diff(theta) * (grids[unit] / _TURN[unit]))
+    return (unit, grids[unit]) if np.mean(np.diff(counts) != 0) > _CHANGES else None
 
 
 def _grid(values: np.ndarray, turn: float) -> int | None:

@@ -28,6 +28,7 @@ _SMOOTHER = 1.5  # times, to believe the count of rows more than the stamps
 def put_in_time(log: Stamped) -> None:
     """Leave out rows without a true stamp, unwrap timers, and cut where time starts again."""
     _without_time(log)
+    _newest_first(log)
     _empty_rows(log)
     _wild(log)
     _back(log)
@@ -75,6 +76,17 @@ def _empty_rows(log: Stamped) -> None:
         where = f"in {count(int(empty.sum()), 'row')}, first at {log.place(first)}"
         log.say(f"All columns are 0 {where}: left out.")
         log.keep(~empty)
+
+
+def _newest_first(log: Stamped) -> None:
+    """The rows in the order of time, where most steps go back."""
+    steps = np.diff(log.t)
+    if 2 * np.count_nonzero(steps < 0) <= len(steps):
+        return
+    log.say("t falls from row to row: the rows were read from the last to the first.")
+    log.t, log.rows = log.t[::-1], log.rows[::-1]
+    log.new = np.r_[True, log.new[:0:-1]]
+    log.channels = {role: values[::-1] for role, values in log.channels.items()}
 
 
 def usual_step(t: np.ndarray) -> float:
