@@ -280,7 +280,10 @@ def _without_intervals(found: Mapping[str, Estimate]) -> dict[str, Estimate]:
 
 
 def _failure(job: Job, fitted: Fitted, asked: Asked) -> str | None:
-    """Why a fit has failed, if it has."""
+    """Why a fit has failed, if it has.
+
+    By its own noise: that of the base is no yardstick where nothing fits without the effect.
+    """
     return failure(job.data, residual_torque(job, fitted, fitted.noise), asked)
 
 
@@ -364,7 +367,7 @@ def _table(final: Fitted, job: Job, found: Comparison, seed: int) -> Table | Non
     """The residual torque as a table over what it depends on; None if it predicts nothing."""
     if found.verdict != "unexplained":
         return None
-    torque = missing_torque(final.predictor, final.values, final.where, final.noise)
+    torque = missing_torque(final.predictor, final.values, final.where, job.base.noise)
     made = tabulate(torque, job.data.log, final.where.counted, found.depends_on, seed=seed)
     return made if made is not None and made.share95[0] > 0.0 else None
 

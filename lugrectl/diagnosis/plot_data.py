@@ -22,8 +22,8 @@ def traces(job: Job, final: Fitted, judged: Mapping[str, Judged | None]) -> Trac
     held_out[at] = True
     simulated = {k: _placed(n, at, j.simulated) for k, j in judged.items() if j is not None}
     residual = {
-        "refitted": residual_torque(job, job.base, final.noise),
-        "augmented": residual_torque(job, final, final.noise),
+        "refitted": residual_torque(job, job.base, job.base.noise),
+        "augmented": residual_torque(job, final, job.base.noise),
     }
     log = data.log
     signals = {"t": log.t, "theta": log.theta, "w": log.w, "u": log.u, "a": log.a}

@@ -248,12 +248,12 @@ def score(job: Job, final: Fitted) -> dict[str, Any]:
     """The three errors of the JSON format, and under "judged" what they were computed from.
 
     They are errors against the log as it was recorded, also if the fit used a corrected torque. The
-    torque is that of one observer, with the gain for the noise of the final model.
+    torque is that of one observer, with the gain for the noise of the refitted model.
     """
     base, final = _on_recorded(job.base, job), _on_recorded(final, job)
     models, data, parts = _models(job, base, final), job.data, job.parts
     judged = {
-        name: judge(*found, parts.test, final.noise) if found else None
+        name: judge(*found, parts.test, base.noise) if found else None
         for name, found in models.items()
     }
     error = {
@@ -266,7 +266,7 @@ def score(job: Job, final: Fitted) -> dict[str, Any]:
         "fit": _fit(data.measured[parts.test.counted], judged),
     }
     torque = {k: j.torque if j else None for k, j in judged.items()}
-    noise = sensed_torque(final.predictor, final.values, final.noise)
+    noise = sensed_torque(final.predictor, final.values, base.noise)
     torque["noise_floor"] = min([noise, *(x for x in torque.values() if x is not None)])
     unit = unit_for("N m", data.motion)
     free = _free_error(job, models)

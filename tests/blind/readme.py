@@ -40,7 +40,8 @@ def right() -> str:
     seeds = [x["seed"] for x in lines]
     said = (
         f"{len(lines)} records of an independent simulator, seeds {min(seeds)} to {max(seeds)} "
-        f"(new), {max(x['at'] for x in lines)[:10]}, commit {known[path.name]['commit']}."
+        f"(new), {max(x['at'] for x in lines)[:10]}, commit {known[path.name]['commit']}; messy: "
+        f"commit {known['messy.json']['commit']}."
     )
     rows = [*front.rows(lines), *messy()]
     return f"{table(('what is hidden', 'right'), rows)}\n\n{said}\n"
