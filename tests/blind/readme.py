@@ -38,10 +38,11 @@ def right() -> str:
     path = newest()
     lines, known = read(path), json.loads((RESULTS / "about.json").read_text())
     seeds = [x["seed"] for x in lines]
+    other = f"; messy: commit {known['messy.json']['commit']}" if "messy.json" in known else ""
     said = (
         f"{len(lines)} records of an independent simulator, seeds {min(seeds)} to {max(seeds)} "
-        f"(new), {max(x['at'] for x in lines)[:10]}, commit {known[path.name]['commit']}; messy: "
-        f"commit {known['messy.json']['commit']}."
+        f"(new), {max(x['at'] for x in lines)[:10]}, commit {known[path.name]['commit']}"
+        f"{other}."
     )
     rows = [*front.rows(lines), *messy()]
     return f"{table(('what is hidden', 'right'), rows)}\n\n{said}\n"
