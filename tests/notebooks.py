@@ -26,8 +26,11 @@ def paths(names: Sequence[str] = ()) -> list[Path]:
     return [FOLDER / f"{n}.ipynb" for n in names] if names else sorted(FOLDER.glob("*.ipynb"))
 
 
-def executed(path: Path, timeout: int = 300):
-    """The notebook with the outputs of a fresh kernel; an error of a cell is raised."""
+def executed(path: Path, timeout: int = 1500):
+    """The notebook with the outputs of a fresh kernel; an error of a cell is raised.
+
+    ``timeout`` in s is for a cell that compiles all observers, with an empty cache and a busy core.
+    """
     import nbclient
     import nbformat
 

@@ -57,6 +57,7 @@ def test_a_page_asserts_nothing(path):
 @each
 @pytest.mark.slow
 @pytest.mark.sample
+@pytest.mark.timeout(1800)
 def test_a_page_runs_again(path):
     cells = [c for c in notebooks.executed(path).cells if c.cell_type == "code"]
     assert [c.execution_count for c in cells] == list(range(1, len(cells) + 1))
