@@ -75,11 +75,11 @@ def sweep(
     executor : concurrent.futures.Executor
         Runs the chunks: threads, processes, ``dask.distributed.Client.get_executor()``, mpi4py,
         Ray. Only generated source text and numbers are sent, never the system, so blocks need
-        not be picklable. Workers need lugrectl, and numba if this process has it.
+        not be picklable. Workers need lugrectl, and a C compiler or numba if this process has one.
     jobs : int
-        Without ``executor``: with numba, the number of threads (default: all cores). Without
-        numba members run one after the other by default, because Python threads would not run in
-        parallel and new processes would re-run a script without
+        Without ``executor``: with a C compiler or numba, the number of threads (default: all
+        cores). Without them members run one after the other by default, because Python threads
+        would not run in parallel and new processes would re-run a script without
         ``if __name__ == "__main__":``; ``jobs`` above 1 starts that many processes. With
         ``executor``: its number of workers, if it does not give it itself.
     chunk : int
@@ -231,7 +231,8 @@ def _blocks(
         raise InputError(
             f"executor must be a concurrent.futures.Executor, not {validation.shown(executor)}."
         )
-    compiled = isinstance(made.plan.solver, Traced) and made.plan.solver.portable.backend == "numba"
+    solver = made.plan.solver
+    compiled = isinstance(solver, Traced) and solver.portable.backend != "python"
     if not made.carried:
         executor, jobs = None, 1
     elif executor is None:

@@ -10,6 +10,7 @@ import pytest
 import lugrectl as lg
 from lugrectl.engine.runtime import sampled_run, select
 
+from ..conftest import there
 from .timing import milliseconds
 
 pytestmark = pytest.mark.slow
@@ -22,12 +23,11 @@ def blocks():
     return [lg.plant(P), lg.error(), lg.compensation(), *(lg.sampled(b, DT) for b in parts)]
 
 
-@pytest.mark.parametrize(("way", "target"), [("numba", 100.0), ("python", 1000.0)])
+@pytest.mark.parametrize(("way", "target"), [("c", 100.0), ("numba", 100.0), ("python", 1000.0)])
 def test_ten_seconds_at_1_khz(way, target, monkeypatch, record_property):
     """Against the same net whose sampled blocks are called at their ticks."""
-    if way == "numba":
-        pytest.importorskip("numba")
-    monkeypatch.setattr(sampled_run, "has_numba", lambda: way == "numba")
+    made_by = None if way == "python" else there(way)
+    monkeypatch.setattr(sampled_run, "compiler", lambda: made_by)
     monkeypatch.setattr(select, "_compiled", {})
     net, t = blocks(), DT * np.arange(10_001)
     r = {"r": np.sin(2 * np.pi * t)}

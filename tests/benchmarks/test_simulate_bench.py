@@ -18,6 +18,7 @@ import lugrectl as lg
 from lugrectl.engine.runtime import adaptive_run
 from lugrectl.engine.runtime.memo import compiled
 
+from ..conftest import there
 from . import c_loop, item
 from .timing import shortest
 
@@ -54,16 +55,15 @@ def python_control() -> float:
     return taken
 
 
-@pytest.fixture(params=["numba", "python"])
+@pytest.fixture(params=["c", "numba", "python"])
 def backend(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    if request.param == "numba":
-        pytest.importorskip("numba")
-    monkeypatch.setattr(adaptive_run, "has_numba", lambda: request.param == "numba")
+    made_by = None if request.param == "python" else there(request.param)
+    monkeypatch.setattr(adaptive_run, "compiler", lambda: made_by)
     monkeypatch.setattr("lugrectl.engine.runtime.memo._traced", {})
     yield request.param
 
 
-AIMS = {"numba": (1500, 200), "python": (20, 5)}
+AIMS = {"c": (1500, 200), "numba": (1500, 200), "python": (20, 5)}
 
 
 def test_against_python_control(benchmark: Any, python_control: float, backend: str) -> None:

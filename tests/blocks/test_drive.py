@@ -19,7 +19,7 @@ T = np.arange(0, 0.5, 1e-3)
 @pytest.fixture(autouse=True)
 def uncompiled(monkeypatch):
     """Short runs: plain Python is faster than compiling."""
-    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
+    monkeypatch.setattr(adaptive_run, "compiler", lambda: None)
 
 
 def static(name, inputs, output, function):

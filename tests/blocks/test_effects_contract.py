@@ -8,6 +8,7 @@ import lugrectl as lg
 from lugrectl.blocks.model import model_from_dict, read_model, write_model
 from lugrectl.blocks.plant import assemble
 from lugrectl.engine.runtime import adaptive_run
+from lugrectl.engine.runtime.backend import compiler
 from lugrectl.identification.candidates.search_ranges import grid_of, sets_of
 
 from ..cases.drives import EFFECTS, LAWS, arguments, law_for, log, model_of, own, plant_of, strong
@@ -178,7 +179,7 @@ def _a_delay_shifts_the_torque(bare, model, t, torque):
 @every_effect
 def test_the_engine_follows_it(made, monkeypatch):
     """lg.simulate against python-control, with a torque that moves, rests and reverses."""
-    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
+    monkeypatch.setattr(adaptive_run, "compiler", lambda: None)
     values = strong(made) | ({"sigma0": 90.0} if made.name == "presliding" else {})
     bare, model = with_effect(made, values)
     if "harmonic" in made.own:
@@ -205,7 +206,7 @@ def test_the_engine_follows_it(made, monkeypatch):
 )
 def test_all_effects_at_their_neutral_value_leave_a_simulation_alone(law, compiled, monkeypatch):
     """With and without machine code: no division by a lag of 0, no infinite stiffness."""
-    monkeypatch.setattr(adaptive_run, "has_numba", lambda: compiled)
+    monkeypatch.setattr(adaptive_run, "compiler", lambda: compiler() if compiled else None)
     bare = model = model_of(law)
     for made in EFFECTS.values():
         neutral = strong(made) | {made.gain: made.parameters[made.gain].neutral}

@@ -17,7 +17,7 @@ from ..cases.laws import FC, FS, FV, LAWS, S0, S1, VS, model_of, values_of
 @pytest.fixture(autouse=True)
 def interpreted(monkeypatch):
     """No machine code: compiling takes longer than these runs."""
-    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
+    monkeypatch.setattr(adaptive_run, "compiler", lambda: None)
 
 
 # theta = 0.01 sin 2 pi t, second period: F(1.0), F(1.26), area of the loop, RMS

@@ -40,7 +40,7 @@ UNCONDITIONAL = ("dahl", "maxwell_slip", "parallel_bristles", "bouc_wen")
 @pytest.fixture(autouse=True)
 def interpreted(monkeypatch):
     """No machine code: compiling takes longer than these runs."""
-    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
+    monkeypatch.setattr(adaptive_run, "compiler", lambda: None)
 
 
 # --- the contract ------------------------------------------------------------------------

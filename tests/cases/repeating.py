@@ -102,7 +102,7 @@ def _write(kind: str, why: str) -> None:
 
 
 for _module in (adaptive_run, sampled_run):  # many short runs: compiling would take longer
-    _module.has_numba = lambda: False  # type: ignore[attr-defined]
+    _module.compiler = lambda: None  # type: ignore[attr-defined]
 for _name, _loaded in list(sys.modules.items()):
     if _name.split(".")[0] == "control" and vars(_loaded).get("input_output_response") is _original:
         _loaded.input_output_response = repeated  # type: ignore[attr-defined]

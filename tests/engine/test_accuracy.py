@@ -16,14 +16,14 @@ from lugrectl.engine.runtime.adaptive_run import Adaptive
 from lugrectl.engine.tracing.tracer import trace
 
 from ..benchmarks import item
+from ..conftest import there
 
 
-@pytest.fixture(params=["numba", "python"])
+@pytest.fixture(params=["c", "numba", "python"])
 def backend(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """With and without numba."""
-    if request.param == "numba":
-        pytest.importorskip("numba")
-    monkeypatch.setattr(adaptive_run, "has_numba", lambda: request.param == "numba")
+    """Each way to run a single system."""
+    made_by = None if request.param == "python" else there(request.param)
+    monkeypatch.setattr(adaptive_run, "compiler", lambda: made_by)
     monkeypatch.setattr("lugrectl.engine.runtime.memo._traced", {})
     return request.param
 
@@ -105,8 +105,7 @@ def test_what_a_block_reads_elsewhere_is_noticed_inside_a_loop() -> None:
 
 def test_memory_grows_with_the_output_only() -> None:
     """The steps in between are not kept, whatever the stiffness."""
-    pytest.importorskip("numba")
-    engine = Adaptive(trace(lg.plant(lg.table1())), "numba")
+    engine = Adaptive(trace(lg.plant(lg.table1())), there("c"))
     t = np.arange(50_000) * 1e-3
     u = np.vstack([0.4 * np.sin(5 * t), 0 * t])
     p, x0 = engine.program.defaults, np.zeros(3)

@@ -27,6 +27,24 @@ needs_compiler = pytest.mark.skipif(not has_compiler(), reason="there is no C co
 TEXT = """
 import numpy as np
 
+FAR = 40
+
+
+def farther(a, far):
+    half = 0.5 * a
+    return half if abs(half) > far else far
+
+
+def longest(rows):
+    most = -inf
+    for i in range(len(rows)):
+        most = max(most, rows[i][1], -2.0)
+        if most > 1.5:
+            break
+    if most < 0.0:
+        return False
+    return 2
+
 
 def run(table, places, scale, often, wanted, out, first, last):
     n, least = table.shape[1], scale / often
@@ -51,6 +69,14 @@ def run(table, places, scale, often, wanted, out, first, last):
             out[places[i], 0] = -sums[i]
         out[places[i], 1] = total
         out[places[i], 1] -= inf if (left < 0.0 and wanted) else 0.0
+    before = now = 1.0
+    while True:
+        often += 1
+        before, now = now, before + now
+        if now > FAR:
+            break
+    out[0, 0] = before + farther(-now, 3) + often % 4 + longest(table)
+    return often
 """
 
 
@@ -67,8 +93,8 @@ def test_c_and_python_read_one_text_the_same_way(wanted: bool) -> None:
     names = {"sqrt": math.sqrt, "exp": math.exp, "inf": math.inf}
     exec(TEXT, names)
     plain, compiled = given(wanted), given(wanted)
-    names["run"](*plain)  # type: ignore[operator]
-    Native(TEXT)(*compiled)
+    often = names["run"](*plain)  # type: ignore[operator]
+    assert Native(TEXT)(*compiled) == often > 7
     np.testing.assert_allclose(compiled[5], plain[5], rtol=1e-14)
     assert np.all(plain[5][[5]] == 0.0) and np.all(plain[5][[0, 1, 2, 3, 4], 0] != 0.0)
 

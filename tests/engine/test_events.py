@@ -24,7 +24,7 @@ Signal = Callable[[Any, Any], Any]
 
 @pytest.fixture(autouse=True)
 def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
+    monkeypatch.setattr(adaptive_run, "compiler", lambda: None)
 
 
 def turning(rate: Signal) -> ct.NonlinearIOSystem:

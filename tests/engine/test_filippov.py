@@ -15,24 +15,25 @@ from lugrectl.engine.runtime import adaptive_run
 from lugrectl.engine.runtime.adaptive_run import Adaptive
 from lugrectl.engine.tracing.tracer import trace
 
+from ..conftest import there
+
 J, FC = 0.3, 0.7
 
 
 @pytest.fixture(autouse=True)
 def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plain Python where a test does not ask for both backends: nothing to compile."""
-    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
+    monkeypatch.setattr(adaptive_run, "compiler", lambda: None)
     monkeypatch.setattr("lugrectl.engine.runtime.memo._traced", {})
 
 
-@pytest.fixture(params=["python", "numba"])
+@pytest.fixture(params=["python", "numba", "c"])
 def backend(
     request: pytest.FixtureRequest, interpreted: None, monkeypatch: pytest.MonkeyPatch
 ) -> str:
-    """With and without numba."""
-    if request.param == "numba":
-        pytest.importorskip("numba")
-    monkeypatch.setattr(adaptive_run, "has_numba", lambda: request.param == "numba")
+    """Each way to run a single system."""
+    made_by = None if request.param == "python" else there(request.param)
+    monkeypatch.setattr(adaptive_run, "compiler", lambda: made_by)
     return request.param
 
 

@@ -12,7 +12,10 @@ import lugrectl as lg
 from lugrectl.engine import TraceError, trace
 from lugrectl.engine.expression.derivative import derivatives
 from lugrectl.engine.expression.graph import Graph, evaluate
+from lugrectl.engine.runtime import adaptive_run
 from lugrectl.engine.runtime.adaptive_run import Adaptive
+
+from ..conftest import there
 
 XP, FP = [-1.5, -0.25, 0.0, 0.5, 2.0], [0.3, -0.4, 0.1, 0.7, -0.2]
 A = np.r_[np.random.default_rng(4).uniform(-3, 3, 200), XP]
@@ -49,13 +52,12 @@ def test_the_derivative_is_the_slope_of_each_piece() -> None:
     np.testing.assert_allclose(ours, np.r_[0.0, np.diff(FP) / np.diff(XP), 0.0], atol=1e-13)
 
 
-@pytest.mark.parametrize("backend", ["python", "numba"])
+@pytest.mark.parametrize("backend", ["python", "numba", "c"])
 def test_a_run_over_a_kink_is_the_closed_form(backend: str) -> None:
     """x' = 1 + x up to x = 1 at ln 2, then 3 - x."""
-    if backend == "numba":
-        pytest.importorskip("numba")
     engine = Adaptive(
-        trace(_table(lambda t, x, u, p: np.interp(x, [0.0, 1.0, 3.0], [1.0, 2.0, 0.0]))), backend
+        trace(_table(lambda t, x, u, p: np.interp(x, [0.0, 1.0, 3.0], [1.0, 2.0, 0.0]))),
+        there(backend),
     )
     t = np.linspace(0.0, 2.0, 9)
     run = engine.run(t, np.empty((0, 9)), np.zeros(1), np.zeros(0), hold=False, rtol=1e-8)
@@ -88,9 +90,12 @@ def test_what_is_not_followed_is_said_and_simulated_all_the_same(function: Any, 
 
 
 @pytest.mark.slow
-def test_many_branches_are_compiled() -> None:
+@pytest.mark.parametrize("way", ["c", "numba"])
+def test_many_branches_are_compiled(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """numba follows the branches of a function by recursion, deeper than Python's usual limit."""
-    pytest.importorskip("numba")
+    made_by = there(way)
+    monkeypatch.setattr(adaptive_run, "compiler", lambda: made_by)
+    monkeypatch.setattr("lugrectl.engine.runtime.memo._traced", {})
     at = np.linspace(-1.0, 1.0, 40)
     many = _table(lambda t, x, u, p: 1.0 - sum(0.1 * np.maximum(x[0] - a, 0.0) for a in at) - x[0])
     table = np.interp  # the same function as a table of its corners

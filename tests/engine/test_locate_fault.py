@@ -15,7 +15,7 @@ from lugrectl.simulation.response import simulate
 @pytest.fixture(autouse=True)
 def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plain Python: nothing to compile."""
-    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
+    monkeypatch.setattr(adaptive_run, "compiler", lambda: None)
 
 
 def _log_of_a_fall(branch: bool) -> ct.NonlinearIOSystem:

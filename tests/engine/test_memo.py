@@ -26,8 +26,8 @@ VALUES: dict[str, Any] = {"limit": 1.0}
 @pytest.fixture(autouse=True)
 def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is kept is the same without numba, which takes seconds to compile."""
-    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
-    monkeypatch.setattr("lugrectl.engine.runtime.sampled_run.has_numba", lambda: False)
+    monkeypatch.setattr(adaptive_run, "compiler", lambda: None)
+    monkeypatch.setattr("lugrectl.engine.runtime.sampled_run.compiler", lambda: None)
 
 
 def lag(limit: Any, name: str = "lag", dt: Any = None) -> ct.NonlinearIOSystem:

@@ -12,6 +12,8 @@ import lugrectl as lg
 from lugrectl.engine import Adaptive, trace
 from lugrectl.engine.expression.graph import Graph, evaluate
 
+from ..conftest import there
+
 T = np.linspace(0, 3, 31)
 
 
@@ -85,11 +87,9 @@ def test_a_coarse_encoder_in_a_loop_is_right():
     assert found == pytest.approx(own.outputs[0], abs=2e-4)
 
 
-@pytest.mark.parametrize("backend", ["python", "numba"])
+@pytest.mark.parametrize("backend", ["python", "numba", "c"])
 def test_every_backend_rounds_alike(backend):
-    if backend == "numba":
-        pytest.importorskip("numba")
-    engine = Adaptive(trace(quantised()), backend)
+    engine = Adaptive(trace(quantised()), there(backend))
     u, start = 0.2 * np.cos(T)[None], np.array([1.0, 0.0])
     run = engine.run(T, u, start, np.zeros(0), hold=False, rtol=1e-8)
     usual = lg.simulate(quantised(), T, u[0], start).states

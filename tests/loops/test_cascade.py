@@ -24,7 +24,7 @@ GEARED = lg.Model.of(P).with_effect(
 @pytest.fixture(autouse=True)
 def uncompiled(monkeypatch):
     """Short runs: plain Python is faster than compiling."""
-    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
+    monkeypatch.setattr(adaptive_run, "compiler", lambda: None)
 
 
 def static(name, inputs, output, function):

@@ -15,14 +15,16 @@ from lugrectl.engine import AlgebraicLoop
 from lugrectl.engine.runtime import sampled_run, select
 from lugrectl.simulation.response import simulate
 
+from ..conftest import there
+
 P, DT = lg.table1(), 1e-3
 A, B = np.array([[0.0, 1.0], [-9.0, -0.6]]), np.array([[0.0], [4.0]])
 
 
 @pytest.fixture(autouse=True)
 def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lugrectl.engine.runtime.adaptive_run.has_numba", lambda: False)
-    monkeypatch.setattr(sampled_run, "has_numba", lambda: False)
+    monkeypatch.setattr("lugrectl.engine.runtime.adaptive_run.compiler", lambda: None)
+    monkeypatch.setattr(sampled_run, "compiler", lambda: None)
     monkeypatch.setattr(select, "_compiled", {})
 
 
@@ -99,12 +101,13 @@ def test_two_sample_times_against_matrix_exponentials(traced, periods):
     assert resp.state_labels == [f"swing_{k}" for k in swing().state_labels]
 
 
-def test_numba_says_the_same(monkeypatch):
-    pytest.importorskip("numba")
+@pytest.mark.parametrize("way", ["c", "numba"])
+def test_compiled_code_says_the_same(way, monkeypatch):
+    made_by = there(way)
     blocks = [swing(), law(lambda y, r: np.tanh(r - y), ["y", "r"], "u", 0.1, "slow")]
     t = np.linspace(0, 3, 50)
     plain = simulate(blocks, t, np.sin(t))
-    monkeypatch.setattr(sampled_run, "has_numba", lambda: True)
+    monkeypatch.setattr(sampled_run, "compiler", lambda: made_by)
     monkeypatch.setattr(sampled_run, "FEW", 0)
     monkeypatch.setattr(select, "_compiled", {})
     compiled = simulate(blocks, t, np.sin(t))

@@ -19,6 +19,7 @@ from lugrectl.engine.runtime import adaptive_run
 from lugrectl.simulation.response import simulate
 
 from ..cases.systems import pi, velocity_loop
+from ..conftest import there
 
 TIGHT = {"rtol": 1e-9, "atol": 1e-13}
 
@@ -26,18 +27,17 @@ TIGHT = {"rtol": 1e-9, "atol": 1e-13}
 @pytest.fixture(autouse=True)
 def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plain Python where a test does not ask for both backends: nothing to compile."""
-    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
+    monkeypatch.setattr(adaptive_run, "compiler", lambda: None)
     monkeypatch.setattr("lugrectl.engine.runtime.memo._traced", {})
 
 
-@pytest.fixture(params=["numba", "python"])
+@pytest.fixture(params=["c", "numba", "python"])
 def backend(
     request: pytest.FixtureRequest, interpreted: None, monkeypatch: pytest.MonkeyPatch
 ) -> str:
-    """With and without numba."""
-    if request.param == "numba":
-        pytest.importorskip("numba")
-    monkeypatch.setattr(adaptive_run, "has_numba", lambda: request.param == "numba")
+    """Each way to run a single system."""
+    made_by = None if request.param == "python" else there(request.param)
+    monkeypatch.setattr(adaptive_run, "compiler", lambda: made_by)
     return request.param
 
 

@@ -17,7 +17,7 @@ TIGHT = {"rtol": 1e-9, "atol": 1e-13}
 
 @pytest.fixture(autouse=True)
 def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
+    monkeypatch.setattr(adaptive_run, "compiler", lambda: None)
     monkeypatch.setattr("lugrectl.engine.runtime.memo._traced", {})
 
 

@@ -23,7 +23,7 @@ RATIOS = [40.0, 25.0, 16.0, 12.0, 10.0]  # wheel to engine speed, 1/m
 @pytest.fixture(autouse=True)
 def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plain Python: nothing to compile."""
-    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
+    monkeypatch.setattr(adaptive_run, "compiler", lambda: None)
 
 
 def agrees(system, t, u, x0, *, rtol=1e-9, within=1e-7, **options) -> None:

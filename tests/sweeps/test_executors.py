@@ -23,7 +23,7 @@ TABLE = {"lag.gain": GAINS, "lag.tau": TAUS}
 @pytest.fixture(autouse=True)
 def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plain Python: nothing to compile."""
-    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
+    monkeypatch.setattr(adaptive_run, "compiler", lambda: None)
     monkeypatch.setattr("lugrectl.engine.runtime.memo._traced", {})
 
 

@@ -20,6 +20,7 @@ from lugrectl.sweeps import parameter_table
 
 from ..cases.ensembles import T, growth, lag, last, noise, ramp, step_response
 from ..cases.systems import velocity_loop
+from ..conftest import there
 
 GAINS, TAUS = np.linspace(0.5, 2, 7), np.linspace(0.05, 0.5, 7)
 TABLE = {"lag.gain": GAINS, "lag.tau": TAUS}
@@ -28,7 +29,7 @@ TABLE = {"lag.gain": GAINS, "lag.tau": TAUS}
 @pytest.fixture(autouse=True)
 def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plain Python: nothing to compile."""
-    monkeypatch.setattr(adaptive_run, "has_numba", lambda: False)
+    monkeypatch.setattr(adaptive_run, "compiler", lambda: None)
     monkeypatch.setattr("lugrectl.engine.runtime.memo._traced", {})
 
 
@@ -52,10 +53,11 @@ def test_members_are_what_simulate_gives_one_by_one() -> None:
         assert np.array_equal(s.y[i], both)
 
 
-def test_with_numba_on_threads_as_in_plain_python(monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("numba")
+@pytest.mark.parametrize("way", ["c", "numba"])
+def test_compiled_on_threads_as_in_plain_python(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    made_by = there(way)
     plain = lg.sweep(lag(), T, 1.0, TABLE)
-    monkeypatch.setattr(adaptive_run, "has_numba", lambda: True)
+    monkeypatch.setattr(adaptive_run, "compiler", lambda: made_by)
     for jobs, chunk in ((2, 2), (1, None), (3, 1)):
         fast = lg.sweep(lag(), T, 1.0, TABLE, jobs=jobs, chunk=chunk)
         assert np.allclose(fast.y, plain.y, rtol=1e-12, atol=1e-15)

@@ -133,21 +133,21 @@ def run(grid, u, held, x_start, p, rtol, floor, x_out, status):
 
 
 def adaptive_code(program: Program, kind: str) -> str:
-    """The function ``run``; ``kind`` "numba" or "python" (errors of ``math`` are caught)."""
+    """The function ``run``; ``kind`` "compiled" or "python" (errors of ``math`` are caught)."""
     parts = _parts(program)
-    fixed = [node.value for node in program.p] if kind == "numba" else []
+    fixed = [node.value for node in program.p] if kind == "compiled" else []
     nodes = parts.step
-    if kind == "numba":
+    if kind == "compiled":
         nodes = early_first(reciprocals(nodes), parts.states)
     step_code = _Section(_names("ne", len(parts.states)), nodes, "b", fixed)
     start = _Section(_names("a", len(parts.leads)), parts.leads, "c", fixed)
     end = _Section(_names("l", len(parts.leads)), _at_end(program, parts.leads), "d", fixed)
     rest, after = _rests(program, parts, fixed)
     sections = (step_code, start, end, rest, after)
-    write = _Section.plain if kind == "numba" else _Section.guarded
+    write = _Section.plain if kind == "compiled" else _Section.guarded
     return _RUN.format(
         helpers=HELPERS + (REST if parts.slides.parts else ""),
-        robust="" if kind == "numba" else "".join(part.robust() for part in sections),
+        robust="" if kind == "compiled" else "".join(part.robust() for part in sections),
         unpack=indent(_unpack(program, parts), 1),
         fixed=indent([line for part in sections for line in part.emitter.head], 1),
         sizes_before=indent(_sizes(len(parts.states), after=False), 1),

@@ -5,20 +5,22 @@ from __future__ import annotations
 import ast
 import threading
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NoReturn
 
 _HEADER = """#include <math.h>
 #include <stdint.h>
+#include <stdlib.h>
 #include <string.h>
+static inline void released(void *room) { free(*(void **)room); }
 static inline double most(double a, double b) { return b > a ? b : a; }
 static inline double least(double a, double b) { return b < a ? b : a; }
 """
 _TYPES = {"d": "double", "i": "int64_t"}
 _SIGNS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.USub: "-", ast.Not: "!"}
 _SIGNS |= {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
-_SIGNS |= {ast.And: "&&", ast.Or: "||"}
-_CALLS = {"abs": "fabs", "floored": "floor", "max": "most", "min": "least"}
+_SIGNS |= {ast.And: "&&", ast.Or: "||", ast.Mod: "%"}  # the rest of counts, none below 0
+_CALLS = {"abs": "fabs", "floored": "floor", "max": "most", "min": "least", "float": "(double)"}
 _CONSTANTS = {"inf": "INFINITY", "nan": "NAN"}
 
 _PARSING = threading.Lock()  # Python 3.11 counts the depth of syntax trees globally
@@ -37,7 +39,7 @@ Value = tuple[str, Kind]
 
 
 def c_code(source: str, kinds: Sequence[Kind], before: str = "") -> str:
-    """The one function of a source text as ``void run`` in C.
+    """The last function of a source text as ``int64_t run`` in C, with those that it calls.
 
     ``kinds`` are those of its arguments; ``before`` is C code to put before it. Names get an
     underscore, so that none is a C keyword. An array is passed as its address, followed by the
@@ -50,16 +52,53 @@ def c_code(source: str, kinds: Sequence[Kind], before: str = "") -> str:
     """
     with _PARSING:
         tree = ast.parse(source)
-    (function,) = [n for n in tree.body if isinstance(n, ast.FunctionDef)]
-    given = {a.arg: kind for a, kind in zip(function.args.args, kinds, strict=True)}
-    writer = _Writer(given)
-    body = writer.block(function.body, 1)
-    while writer.promoted:  # an integer variable later holds a double: translate again with it
-        writer = _Writer(given, writer.kinds)
+    functions = [n for n in tree.body if isinstance(n, ast.FunctionDef)]
+    set_once = [n for n in tree.body if isinstance(n, ast.Assign)]
+    numbers = {t.id: n.value for n in set_once for t in n.targets if isinstance(t, ast.Name)}
+    unit = _Unit({f.name: f for f in functions}, numbers)
+    unit.add(functions[-1].name, kinds, "int64_t run")
+    return "\n".join([_HEADER, before, *unit.texts, ""])
+
+
+@dataclass
+class _Unit:
+    """The functions and numbers of a source text, and the functions that are translated."""
+
+    functions: Mapping[str, ast.FunctionDef]
+    numbers: Mapping[str, ast.expr]
+    texts: list[str] = field(default_factory=list)
+    returns: dict[str, Kind] = field(default_factory=dict)
+
+    def add(self, name: str, kinds: Sequence[Kind], head: str = "") -> Kind:
+        """Translate a function for the kinds of its arguments; the kind of what it returns."""
+        function = self.functions[name]
+        given = {a.arg: kind for a, kind in zip(function.args.args, kinds, strict=True)}
+        writer = _Writer(given, self)
         body = writer.block(function.body, 1)
-    own = [f"    {_declared(k, v)};" for k, v in writer.kinds.items() if k not in given]
-    taken = ", ".join(part for k, v in given.items() for part in _parameter(k, v))
-    return "\n".join([_HEADER, before, f"void run({taken})", "{", *own, *body, "}", ""])
+        while writer.promoted:  # an integer variable later holds a double: again with it
+            writer = _Writer(given, self, writer.kinds)
+            body = writer.block(function.body, 1)
+        own = [f"    {_declared(k, v)};" for k, v in writer.kinds.items() if k not in given]
+        taken = ", ".join(part for k, v in given.items() for part in _parameter(k, v))
+        head = head or f"static inline {_TYPES[writer.returned.of]} {name}_"
+        self.texts += [f"{head}({taken})", "{", *own, *body, "    return 0;", "}"]
+        self.returns[name] = writer.returned
+        return writer.returned
+
+
+def lengths(place: int, axes: int) -> tuple[str, ...]:
+    """The names of the lengths of an argument's axes."""
+    return tuple(f"n{place}_{i}" for i in range(axes))
+
+
+def _depend(pairs: Sequence[tuple[ast.expr, ast.expr]]) -> bool:
+    """Whether a value reads what an earlier one of the same assignment has set."""
+    done: set[str] = set()
+    for to, value in pairs:
+        if done & {n.id for n in ast.walk(value) if isinstance(n, ast.Name)}:
+            return True
+        done |= {to.id} if isinstance(to, ast.Name) else set()
+    return False
 
 
 def _parameter(name: str, kind: Kind) -> list[str]:
@@ -75,9 +114,11 @@ def _declared(name: str, kind: Kind) -> str:
 class _Writer:
     """Writes statements and expressions; keeps the kinds of the names seen so far."""
 
-    def __init__(self, given: Mapping[str, Kind], known: Mapping[str, Kind] | None = None) -> None:
+    def __init__(
+        self, given: Mapping[str, Kind], unit: _Unit, known: Mapping[str, Kind] | None = None
+    ) -> None:
         self.kinds: dict[str, Kind] = {**given, **(known or {})}
-        self.promoted = False
+        self.unit, self.promoted, self.returned = unit, False, WHOLE
 
     def block(self, statements: list[ast.stmt], depth: int) -> list[str]:
         """Lines of C, indented."""
@@ -98,6 +139,15 @@ class _Writer:
 
     def _continue(self, node: ast.Continue) -> list[str]:
         return ["continue;"]
+
+    def _break(self, node: ast.Break) -> list[str]:
+        return ["break;"]
+
+    def _return(self, node: ast.Return) -> list[str]:
+        assert node.value is not None
+        code, kind = self.of(node.value)
+        self.returned = NUMBER if NUMBER in (self.returned, kind) else WHOLE
+        return [f"return {code};"]
 
     def _while(self, node: ast.While) -> list[str]:
         return [f"while ({self.of(node.test)[0]})", *self._inner(node.body)]
@@ -120,12 +170,26 @@ class _Writer:
         return [f"{target} {_SIGNS[type(node.op)]}= {self.of(node.value)[0]};"]
 
     def _assign(self, node: ast.Assign) -> list[str]:
-        (target,) = node.targets
-        if isinstance(target, ast.Tuple):
-            assert isinstance(node.value, ast.Tuple)
-            pairs = zip(target.elts, node.value.elts, strict=True)
-            return [line for to, value in pairs for line in self._set(to, value)]
-        return self._set(target, node.value)
+        target, *others = node.targets
+        if not isinstance(target, ast.Tuple):
+            lines = self._set(target, node.value)
+            return lines + [line for other in others for line in self._set(other, target)]
+        assert isinstance(node.value, ast.Tuple)
+        pairs = list(zip(target.elts, node.value.elts, strict=True))
+        if _depend(pairs):
+            return self._at_once(pairs)
+        return [line for to, value in pairs for line in self._set(to, value)]
+
+    def _at_once(self, pairs: Sequence[tuple[ast.expr, ast.expr]]) -> list[str]:
+        """Numbers of which one is computed from another one's value before the assignment."""
+        lines, moves = [], []
+        for i, (to, value) in enumerate(pairs):
+            code, kind = self.of(value)
+            assert isinstance(to, ast.Name) and not kind.shape
+            self._keep(to.id, kind)
+            lines += [f"{_TYPES[kind.of]} new{i} = {code};"]
+            moves += [f"{to.id}_ = new{i};"]
+        return ["{", *lines, *moves, "}"]
 
     def _set(self, target: ast.expr, value: ast.expr) -> list[str]:
         if not isinstance(target, ast.Name):
@@ -137,18 +201,20 @@ class _Writer:
         return [f"{target.id}_ = {code};"]
 
     def _room(self, name: str, call: ast.Call) -> list[str]:
-        """``np.zeros`` or ``np.empty`` of a few numbers, on the stack; zeros in both cases."""
+        """``np.zeros`` of a few numbers, on the stack; ``np.empty`` of any number, until the end
+        of the block. Zeros in both cases."""
+        assert isinstance(call.func, ast.Attribute)
         size, *of = call.args
         kind = "i" if of else "d"
         axes = size.elts if isinstance(size, ast.Tuple) else [size]
         shape = tuple(self.of(axis)[0] for axis in axes)
         self._keep(name, Kind(kind, shape))
-        room = f"{name}_room"
-        return [
-            f"{_TYPES[kind]} {room}[1 + {' * '.join(shape)}];",
-            f"memset({room}, 0, sizeof {room});",
-            f"{name}_ = {room};",
-        ]
+        room, many = f"{name}_room", f"1 + {' * '.join(shape)}"
+        if call.func.attr == "empty":
+            head = f"{_TYPES[kind]} *{room} __attribute__((cleanup(released)))"
+            return [f"{head} = calloc({many}, 8);", f"{name}_ = {room};"]
+        lines = [f"{_TYPES[kind]} {room}[{many}];", f"memset({room}, 0, sizeof {room});"]
+        return [*lines, f"{name}_ = {room};"]
 
     def _keep(self, name: str, kind: Kind) -> None:
         before = self.kinds.get(name, kind)
@@ -160,11 +226,15 @@ class _Writer:
         return getattr(self, f"_{type(node).__name__.lower()}", self._none)(node)
 
     def _constant(self, node: ast.Constant) -> Value:
-        return repr(node.value), NUMBER if isinstance(node.value, float) else WHOLE
+        if isinstance(node.value, float):
+            return repr(node.value), NUMBER
+        return str(int(node.value)), WHOLE  # pyright: ignore[reportArgumentType]
 
     def _name(self, node: ast.Name) -> Value:
         if node.id in _CONSTANTS:
             return _CONSTANTS[node.id], NUMBER
+        if node.id not in self.kinds and node.id in self.unit.numbers:
+            return self.of(self.unit.numbers[node.id])
         return f"{node.id}_", self.kinds[node.id]
 
     def _unaryop(self, node: ast.UnaryOp) -> Value:
@@ -192,9 +262,21 @@ class _Writer:
         assert isinstance(node.func, ast.Name)
         if node.func.id == "len":
             return self.of(node.args[0])[1].shape[0], WHOLE
-        given = ", ".join(self.of(a)[0] for a in node.args)
+        if node.func.id in self.unit.functions:
+            return self._own(node.func.id, [self.of(a) for a in node.args])
+        given = [self.of(a)[0] for a in node.args]
         name = _CALLS.get(node.func.id, node.func.id)
-        return f"{name}({given})", WHOLE if name == "isfinite" else NUMBER
+        while name in ("most", "least") and len(given) > 2:
+            given[:2] = [f"{name}({given[0]}, {given[1]})"]
+        return f"{name}({', '.join(given)})", WHOLE if name == "isfinite" else NUMBER
+
+    def _own(self, name: str, values: Sequence[Value]) -> Value:
+        """A call of a function of the text, which takes every number as a double."""
+        if name not in self.unit.returns:
+            kinds = [Kind(v.of, lengths(i, len(v.shape))) for i, (_, v) in enumerate(values)]
+            self.unit.add(name, [kind if kind.shape else NUMBER for kind in kinds])
+        given = ", ".join(part for code, kind in values for part in (code, *kind.shape))
+        return f"{name}_({given})", self.unit.returns[name]
 
     def _subscript(self, node: ast.Subscript) -> Value:
         if isinstance(node.value, ast.Attribute):  # array.shape[axis]

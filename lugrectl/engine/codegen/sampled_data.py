@@ -47,7 +47,7 @@ def alternate(
         k = j
 """
 
-_NUMBA_FLOW = """
+_COMPILED_FLOW = """
 size = j - k + 1
 times, rows, part = np.empty(size), np.empty(({inputs}, size)), np.empty(({states}, size))
 for i in range(size):
@@ -73,13 +73,14 @@ for i in range(1, size - 1):
 
 
 def held_code(hybrid: Hybrid, tick: Tick, kind: str) -> str:
-    """The function ``alternate``, with the ``run`` of the flow; ``kind`` "numba" or "python"."""
-    fixed = [node.value for node in hybrid.flow.p] if kind == "numba" else []
+    """The function ``alternate``, with the ``run`` of the flow; ``kind`` "compiled" or
+    "python"."""
+    fixed = [node.value for node in hybrid.flow.p] if kind == "compiled" else []
     emitter = Emitter("scalar", "c", fixed)
     codes = emitter.write(tick.new_q + tick.new_h)
     targets = _targets(hybrid, tick)
     text = _RUN.format(
-        robust="" if kind == "numba" else _robust(hybrid, tick),
+        robust="" if kind == "compiled" else _robust(hybrid, tick),
         unpack=indent(_unpack(hybrid, tick), 1),
         head=indent(emitter.head, 1),
         before=indent(_store("q", hybrid) + _store("b", hybrid), 3),
@@ -124,7 +125,7 @@ def _tick(
         return []
     left = "".join(f"{name}, " for name in targets)
     lines = [*body, f"{left}= {''.join(f'{code}, ' for code in codes)}"]
-    if kind == "numba":
+    if kind == "compiled":
         return lines
     arguments = ", ".join(_arguments(tick))
     again = f"    {left}= robust_tick({arguments})"
@@ -167,10 +168,10 @@ def _flow(hybrid: Hybrid, kind: str) -> list[str]:
     if not count:
         lines = ["for i in range(1, j - k):", "    c = column[k + i]", "    if c >= 0:"]
         return lines + ["        " + line for line in kept or ["pass"]]
-    if kind == "numba":
+    if kind == "compiled":
         rows = [f"rows[{i}, i] = given{i}[k + i]" for i in range(outside)]
         rows += [f"rows[{outside + i}, i] = {name}" for i, name in enumerate(_held(hybrid))]
-        text = _NUMBA_FLOW.format(inputs=len(hybrid.flow.u), states=count, rows=indent(rows, 1))
+        text = _COMPILED_FLOW.format(inputs=len(hybrid.flow.u), states=count, rows=indent(rows, 1))
     else:
         rows = [f"given{i}[k : j + 1]" for i in range(outside)]
         rows += [f"[{name}] * size" for name in _held(hybrid)]

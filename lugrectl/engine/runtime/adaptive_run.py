@@ -11,7 +11,7 @@ from ...core.errors import Diverged
 from ..codegen.adaptive_step import adaptive_code
 from ..codegen.outputs import output_code
 from ..tracing.equations import Program
-from .backend import has_numba, load
+from .backend import compiler, kind_of, load
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,8 @@ def floor_of(rtol: float, atol: float | None) -> float:
 
 
 def chosen_backend() -> str:
-    """What runs a single system here: "numba" where it can be imported, else "python"."""
-    return "numba" if has_numba() else "python"
+    """What runs a single system here: "c" or "numba" where there is one, else "python"."""
+    return compiler() or "python"
 
 
 class Adaptive:
@@ -42,13 +42,13 @@ class Adaptive:
     program : Program
         A traced system.
     backend : str or None
-        "numba", "python", or None: numba if it can be imported.
+        "c", "numba", "python", or None: the first one available.
     """
 
     def __init__(self, program: Program, backend: str | None = None) -> None:
         self.program = program
         self.backend = backend or chosen_backend()
-        self._run = load(adaptive_code(program, self.backend), self.backend).run
+        self._run = load(adaptive_code(program, kind_of(self.backend)), self.backend).run
         self._outputs = load(output_code(program), "numpy").outputs
 
     def of(self, program: Program) -> Adaptive:
@@ -87,7 +87,7 @@ class Adaptive:
         arguments = [np.require(a, float, ["C", "W"]) for a in (t, u, x0, p)]
         grid, inputs, start, values = arguments
         accuracy = float(rtol), floor_of(rtol, atol)
-        if self.backend == "numba":
+        if self.backend != "python":
             states = np.empty(shape)
             good = self._run(grid, inputs, bool(hold), start, values, *accuracy, states, status)
         else:

@@ -56,6 +56,11 @@ def compiler() -> str | None:
     return "c" if has_compiler() else "numba" if has_numba() else None
 
 
+def kind_of(backend: str) -> str:
+    """The kind of text that a backend reads: "python", whose errors are caught, or "compiled"."""
+    return "python" if backend == "python" else "compiled"
+
+
 def load(source: str, backend: str) -> ModuleType:
     """The module of a source text; ``fast`` marks the functions that numba compiles.
 
@@ -64,8 +69,8 @@ def load(source: str, backend: str) -> ModuleType:
     source : str
         Function definitions, decorated by ``fast``, or by ``small`` if only these call them.
     backend : str
-        "numba", "python" (the same text, not compiled), "numpy", or, for the one function
-        ``run``, "c" or "wide": C that computes several turns of its innermost loops at once;
+        "numba", "python" (the same text, not compiled), "numpy", or, for its last function,
+        "c" or "wide": C that computes several turns of its innermost loops at once;
         "even" is "wide" with the values of "c", to the last digit.
     """
     text = HEADERS[backend] + "\n\n" + source
@@ -85,7 +90,8 @@ def _direct(text: str, name: str) -> ModuleType:
 
 def _native(text: str, name: str, *, wide: bool = False, fused: bool = True) -> ModuleType:
     module = ModuleType(name)
-    module.__dict__["run"] = Native(text, wide=wide, fused=fused)
+    last = text.rpartition("\ndef ")[2].partition("(")[0]
+    module.__dict__[last] = Native(text, wide=wide, fused=fused)
     return module
 
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from ...core.errors import InputError
-from ..codegen.c_source import NUMBER, WHOLE, Kind, c_code
+from ..codegen.c_source import NUMBER, WHOLE, Kind, c_code, lengths
 from ..expression.operations import LIBRARY, WIDTH
 from .disk_cache import cache_dir, is_sound, keep, seal, temporary, whole
 
@@ -43,12 +43,13 @@ _SEVERAL = "def run(a):\n    for i in range({}):\n        a[i] = exp(a[i])\n"
 
 
 class Native:
-    """The function of a source text, compiled at its first call for the kinds of its arguments.
+    """The last function of a source text, compiled at its first call for the arguments' kinds.
 
     Parameters
     ----------
     source : str
-        One function of floats, whole numbers and arrays in C order, as :func:`c_code` reads it.
+        A function of floats, whole numbers and arrays in C order, as :func:`c_code` reads it,
+        after those that it calls.
     wide : bool
         Whether to vectorise its innermost loops; needs :func:`has_wide`.
     fused : bool
@@ -61,12 +62,12 @@ class Native:
             self.flags = _WIDE if fused else (*_WIDE, "-ffp-contract=off")
         self._lock, self._made = threading.Lock(), dict[tuple[Kind, ...], Any]()
 
-    def __call__(self, *arguments: Any) -> None:
+    def __call__(self, *arguments: Any) -> int:
         kinds = tuple(_kind(i, a) for i, a in enumerate(arguments))
         with self._lock:
             if kinds not in self._made:
                 self._made[kinds] = _compiled(self.source, kinds, self.flags)
-        self._made[kinds](*(part for a in arguments for part in _passed(a)))
+        return self._made[kinds](*(part for a in arguments for part in _passed(a)))
 
 
 @cache
@@ -100,8 +101,7 @@ def _kind(place: int, value: Any) -> Kind:
         return NUMBER if isinstance(value, float) else WHOLE
     if not value.flags.c_contiguous or value.dtype.str[1:] not in ("f8", "i8"):
         raise TypeError(f"argument {place}: {value.dtype}, or in another order")
-    lengths = tuple(f"n{place}_{i}" for i in range(value.ndim))
-    return Kind("i" if value.dtype.kind == "i" else "d", lengths)
+    return Kind("i" if value.dtype.kind == "i" else "d", lengths(place, value.ndim))
 
 
 def _passed(value: Any) -> list[Any]:
@@ -126,7 +126,7 @@ def _loaded(text: str, flags: tuple[str, ...]) -> Any:
     except OSError:  # the disk is full
         made = _made(temporary() / name, text, compiler, flags)
     run = ctypes.CDLL(str(made)).run
-    run.restype = None
+    run.restype = ctypes.c_int64
     return run
 
 

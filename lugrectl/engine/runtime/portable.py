@@ -12,7 +12,7 @@ from ...core.errors import InputError
 from ..codegen.adaptive_step import adaptive_code
 from ..codegen.outputs import output_code
 from .adaptive_run import Adaptive
-from .backend import load
+from .backend import compiler, kind_of, load
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Portable:
             program.inputs,
             wanted,
             engine.backend,
-            adaptive_code(program, engine.backend),
+            adaptive_code(program, kind_of(engine.backend)),
             output_code(replace(program, outputs=wanted, y=y)),
         )
 
@@ -57,12 +57,16 @@ class Portable:
 
 
 class Loaded(Adaptive):
-    """An adaptive run from its code; the GIL is released while numba's code runs."""
+    """An adaptive run from its code; the GIL is released while compiled code runs.
+
+    A worker compiles with what it has, which may be another compiler.
+    """
 
     def __init__(self, portable: Portable) -> None:
         self.program: Any = portable  # runs read only a program's name and labels
-        self.backend = portable.backend
-        self._run = load(portable.run_code, portable.backend).run
+        alike = portable.backend == "python"
+        self.backend = portable.backend if alike else compiler() or portable.backend
+        self._run = load(portable.run_code, self.backend).run
         self._outputs = load(portable.output_code, "numpy").outputs
 
     def response(

@@ -16,7 +16,7 @@ from ..codegen.sampled_data import held_code, signal_code
 from ..tracing.network import Net
 from ..tracing.network_equations import Hybrid
 from .adaptive_run import floor_of
-from .backend import has_numba, load
+from .backend import compiler, kind_of, load
 
 _HERE = threading.local()
 FEW = 2000  # grid points; 25 times as many if there are no continuous states
@@ -102,8 +102,8 @@ class Held:
     hybrid : Hybrid
         The equations of the net, as ``trace_net`` gives them.
     backend : str or None
-        "numba", "python", or None: plain Python for up to FEW grid points, because compiling
-        would take much longer than running; beyond that numba, if it can be imported.
+        "c", "numba", "python", or None: plain Python for up to FEW grid points, because compiling
+        would take longer than running; beyond that "c" or "numba", whichever is there.
     """
 
     def __init__(self, hybrid: Hybrid, backend: str | None = None) -> None:
@@ -123,7 +123,7 @@ class Held:
             return "python"
         self._points += points
         few = FEW if self.hybrid.flow.x else 25 * FEW
-        return self.backend or ("numba" if self._points > few and has_numba() else "python")
+        return self.backend or (self._points > few and compiler()) or "python"
 
     def run(
         self,
@@ -189,7 +189,7 @@ class Held:
     def _generated(self, backend: str) -> Any:
         if backend not in self._runs:
             assert self.hybrid.tick is not None
-            text = held_code(self.hybrid, self.hybrid.tick, backend)
+            text = held_code(self.hybrid, self.hybrid.tick, kind_of(backend))
             self._runs[backend] = load(text, backend).alternate
         return self._runs[backend]
 
@@ -197,8 +197,8 @@ class Held:
         """Call the generated function; with lists in plain Python, where they are faster."""
         run = self._generated(backend)
         *arrays, hold, p, rtol, floor = fixed
-        if backend == "numba":
-            arrays = [np.require(a, requirements=["C", "W"]) for a in (*arrays, p)]
+        if backend != "python":
+            arrays = [np.require(_number(a), requirements=["C", "W"]) for a in (*arrays, p)]
             return run(*arrays[:-1], bool(hold), arrays[-1], rtol, floor, *now, *out, status)
         arrays, lists, kept = ([a.tolist() for a in group] for group in (arrays, now, out))
         code = run(*arrays, bool(hold), p.tolist(), rtol, floor, *lists, *kept, status)
@@ -206,6 +206,10 @@ class Held:
             for target, rows in zip(targets, values, strict=True):
                 target[...] = np.array(rows).reshape(target.shape)
         return code
+
+
+def _number(values: np.ndarray) -> np.ndarray:
+    return values.astype(float if values.dtype.kind == "f" else np.int64, copy=False)
 
 
 def not_finite(net: Net, q: np.ndarray, h: np.ndarray, t: float) -> str:

@@ -18,7 +18,7 @@ from ..tracing.equations import Program
 from ..tracing.ingredients import described, is_number
 from ..tracing.tracer import trace
 from .adaptive_run import Adaptive
-from .backend import has_numba
+from .backend import compiler
 from .memo import ALONE
 
 RTOL = 1e-6  # error allowed in a substep, relative to the largest value of each state
@@ -39,7 +39,7 @@ class _Kind:
 
     def engine(self, program: Program) -> Adaptive:
         self.calls += 1
-        backend = "numba" if self.calls > FEW and has_numba() else "python"
+        backend = (self.calls > FEW and compiler()) or "python"
         if backend not in self.engines:
             self.engines[backend] = Adaptive(program, backend)
         return self.engines[backend]
