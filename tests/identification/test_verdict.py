@@ -115,3 +115,12 @@ def test_a_load_that_is_measured_is_not_missing(tmp_path, motion):
     load = 0.5 * FC * np.sin(2 * np.pi * 0.11 * t)
     assert judged(tmp_path, motion, load, d=load).verdict == "adequate"
     assert judged(tmp_path, motion, load).verdict != "adequate"
+
+
+def test_a_vibration_whose_frequency_drifts_depends_on_time(tmp_path, motion):
+    """A neighbouring machine, answered by u of a loop 30 ms late: no delay of the drive."""
+    t = motion[0]
+    phase = 2 * np.pi * (3.0 * t + 0.7 * np.sin(2 * np.pi * t / 11))
+    found = judged(tmp_path, motion, 0.25 * FC * np.sin(phase))
+    assert found.verdict == "unexplained" and not names(found)
+    assert set(found.depends_on) == {"t"}

@@ -15,6 +15,7 @@ from .candidate import Entry, enter
 from .declared_effects import through
 from .effect_columns import by_run, column, columns, over, searched, spanned
 from .friction_terms import NAMES
+from .residual_spectrum import spectrum
 from .search_ranges import grid_of
 from .spring_loads import springs
 
@@ -187,18 +188,7 @@ def _polished(base: Base, block: Block, key: str, grid: np.ndarray, i: int, pair
 def _sinusoid(base: Base, block: Block) -> Entry:
     """A frequency: the spectrum of the residual in the windows, then polished."""
     rows, m = base.record.rows, base.record.motion
-    place = np.round((rows.t - rows.t[0]) / rows.step).astype(int)
-    n = 1 << int(np.ceil(np.log2(2 * (place[-1] + 1))))
-
-    def spectrum(x: np.ndarray) -> np.ndarray:
-        y = np.zeros(n)
-        y[place] = x * base.roots
-        return np.abs(np.fft.rfft(y)) ** 2
-
-    f = np.fft.rfftfreq(n, rows.step)
-    room = np.sum(base.roots**2) - sum(spectrum(q) for q in base.basis.T)
-    seen = (f > 0.2) & (f < min(60.0, 0.4 / rows.step))
-    power = spectrum(base.residual) / np.maximum(room, 1e-3 * np.max(room)) * seen
+    f, power = spectrum(base)
     start = float(f[np.argmax(power)])
 
     def gain(p: np.ndarray) -> float:
@@ -207,7 +197,7 @@ def _sinusoid(base: Base, block: Block) -> Entry:
 
     found = float(simplex(gain, [start], [0.15 / m.t[-1]], POLISH)[0])
     made = columns(base, block, {"frequency": found})
-    return Entry(block.name, {"frequency": found}, made, cost=float(np.log(np.sum(seen) / 2)))
+    return Entry(block.name, {"frequency": found}, made, cost=float(np.log(np.sum(power > 0) / 2)))
 
 
 def _of_torque(base: Base, block: Block) -> Entry:

@@ -9,10 +9,19 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
-from ..unknown_torque.smooth_functions import Surfaces, of_law, of_motion, of_torque
+from ..unknown_torque.smooth_functions import (
+    FINE,
+    Surfaces,
+    of_law,
+    of_motion,
+    of_torque,
+    spline,
+)
 from .base_model import Base, Columns, rms
 from .candidate import Entry
+from .residual_spectrum import spectrum
 
 AMPLITUDES = (0.04, 0.2)  # width of the prior, in friction
 
@@ -21,13 +30,13 @@ def entries(base: Base) -> Iterator[Entry]:
     """An entry for each set of signals and width of the prior."""
     size = base.friction_rms
     for signals, bases in _bases(base).items():
-        for C in bases:
+        for C, places in bases:
             own = np.sqrt(np.mean(C**2, axis=0))
             own = np.maximum(own, 1e-3 * rms(own) + 1e-300)
             for amplitude in AMPLITUDES if not base.view.quick else (0.1,):
                 prior = (own / (amplitude * size)) ** 2
                 free = np.full(C.shape[1], np.inf)
-                cost = float(np.log(3 * len(bases)))
+                cost = float(np.log(3 * len(bases) * places))
                 yield Entry(
                     "unknown(" + ", ".join(signals) + ")",
                     {"amplitude": amplitude},
@@ -37,18 +46,33 @@ def entries(base: Base) -> Iterator[Entry]:
                 )
 
 
-def _bases(base: Base) -> Surfaces:
-    """Columns (m, k) for each set of signals; more than one way for a position that turns."""
+def _bases(base: Base) -> dict[tuple[str, ...], list[tuple[np.ndarray, int]]]:
+    """For each set of signals columns (m, k), in more than one way for some, and how many places
+    were searched for them."""
     record, m, u = base.record, base.record.motion, base.u
 
     def once(key: str, of: object, make: Callable[[], Surfaces]) -> Surfaces:
         return record.once(key, of, lambda: _in_windows(base, make()))
 
-    return {
+    smooth = {
         **once("unknown of motion", None, lambda: of_motion(m)),
         **once("unknown of torque", u, lambda: of_torque(m, u)),
         **once("unknown of law", base.law, lambda: of_law(m, base.law.z)),
     }
+    made = {signals: [(C, 1) for C in columns] for signals, columns in smooth.items()}
+    made[("t",)].append(_swinging(base))
+    return made
+
+
+def _swinging(base: Base) -> tuple[np.ndarray, int]:
+    """A wave in time whose amplitude and frequency drift, and how many bands there are for it."""
+    t = base.record.rows.t
+    f, power = spectrum(base)
+    band = max(1, round(0.5 * FINE / t[-1] / f[1]))  # what so many functions of time can follow
+    middle = 2 * np.pi * f[np.argmax(uniform_filter1d(power, 2 * band + 1, mode="constant"))] * t
+    drifting = spline(t / t[-1], FINE)
+    waves = [drifting * wave[:, None] for wave in (np.sin(middle), np.cos(middle))]
+    return np.hstack(waves), max(1, int(np.sum(power > 0)) // band)
 
 
 def _in_windows(base: Base, surfaces: Surfaces) -> Surfaces:
