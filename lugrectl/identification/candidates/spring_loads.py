@@ -48,39 +48,52 @@ def springs(base: Base, block: Block) -> Iterator[Entry]:
     """The most likely frequency, damping and gap of an inertia behind a spring."""
     if {"load_inertia", "stiffness", "damping"} - {*block.own} or base.record.motion.dt > 0.02:
         return
-    grid, steps = _places(base, block)
+    kinds, steps = _places(base, block)
     known = base.known.get(block.name)
-    best = _best(base, block, grid) if known is None else known
-    soft = "gap" in block.own and best is not None and best[0] < SOFTEST_HARD
-    steps = [*STEPS, SOFT * steps[2], SLOWING_STEP] if soft else steps
-    for zoom in ZOOMS[2 if known else 0 :]:
-        if best is None:
-            return
-        best = _best(base, block, _around(best, [zoom * s for s in steps]))
+    firsts = [_best(base, block, kind) for kind in kinds] if known is None else [known]
+    zooms = ZOOMS[2 if known else 0 :]
+    polished = [_polished(base, block, first, steps, zooms) for first in firsts if first]
+    best = _best(base, block, polished)
     if best is None or best[0] < EDGE * SLOWEST or best[1] > CRITICAL:
         return
     made = Columns.free(_columns(base, block, [best]), 0.0)
     names = ("frequency", "damping_ratio", "gap", "slowing")
     values: dict[str, float] = dict(zip(names, best, strict=False))
-    yield Entry(block.name, values, made, cost=float(np.log(len(grid))), inertial=True)
+    yield Entry(block.name, values, made, cost=float(np.log(sum(map(len, kinds)))), inertial=True)
 
 
-def _places(base: Base, block: Block) -> tuple[list[Shape], list[float]]:
-    """All shapes to try, and their distances in logarithms."""
+def _polished(
+    base: Base, block: Block, best: Shape, steps: Sequence[float], zooms: Sequence[float]
+) -> Shape:
+    """The best of smaller and smaller steps around a shape."""
+    soft = "gap" in block.own and best[0] < SOFTEST_HARD
+    steps = [*STEPS, SOFT * steps[2], SLOWING_STEP] if soft else steps
+    for zoom in zooms:
+        best = _best(base, block, _around(best, [zoom * s for s in steps])) or best
+    return best
+
+
+def _places(base: Base, block: Block) -> tuple[list[list[Shape]], list[float]]:
+    """All shapes to try, by their kind, and their distances in logarithms.
+
+    A grid is not as close in every kind, so the best of each is polished before they are compared.
+    """
     m = base.record.motion
     if "gap" not in block.own:
         top = min(FASTEST, 0.3 / m.dt)
         frequencies = np.geomspace(SLOWEST, top, FREQUENCIES).tolist()
-        return list(product(frequencies, DAMPINGS)), list(STEPS)
+        return [list(product(frequencies, DAMPINGS))], list(STEPS)
     reach = min(float(np.ptp(m.theta)), 2 * np.pi)
     gaps = 2 * np.geomspace(max(m.count, 4e-4 * reach), 0.04 * reach, GAPS)
     near = 0.6 * float(np.log(gaps[1] / gaps[0]))
     hard = product(GAP_FREQUENCIES, [GAP_DAMPING], gaps.tolist(), [0.0])
-    soft = product(SOFT_FREQUENCIES, [SOFT_DAMPING], gaps[::SOFT].tolist(), [0.0])
     usual = float(np.median(base.level)) / base.J
     rubs = [usual * s for s in SLOWINGS] if "load_friction" in block.own else []
+    soft = product(SOFT_FREQUENCIES, [SOFT_DAMPING], gaps[::SOFT].tolist(), [0.0])
+    rubbing = product(SOFT_FREQUENCIES, [SOFT_DAMPING], gaps[::SOFT].tolist(), rubs[::SOFT])
     slowed = product([HARD], [GAP_DAMPING], gaps.tolist(), rubs)
-    return [*hard, *soft, *slowed], [*STEPS, near, SLOWING_STEP]
+    kinds = [kind for kind in map(list, (hard, soft, rubbing, slowed)) if kind]
+    return kinds, [*STEPS, near, SLOWING_STEP]
 
 
 def _around(shape: Shape, steps: Sequence[float]) -> list[Shape]:
