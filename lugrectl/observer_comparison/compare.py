@@ -9,6 +9,7 @@ from ..blocks.aliases import listed, meant
 from ..blocks.block import members
 from ..blocks.model import as_model
 from ..blocks.observers import observer_block
+from ..blocks.swapped import model_first
 from ..core.errors import InputError
 from ..core.progress import Wanted, reporter, shows_progress
 from ..core.validation import flag, names, number, positive, share, shown
@@ -121,6 +122,7 @@ def compare_observers(
     >>> all(row.rounding < 0.01 for row in found)
     True
     """
+    model_first(p, observers, "observers")
     model = _complete(as_model(p, "p").with_defaults())
     wanted, chosen = _chosen_scenarios(scenarios), chosen_observers(observers)
     chosen, refused = _able(chosen, model)

@@ -11,6 +11,7 @@ import numpy as np
 from ..blocks.model import Model, as_model
 from ..blocks.observers import observer_block
 from ..blocks.plant import plant
+from ..blocks.swapped import model_first
 from ..core.errors import InputError
 from ..core.progress import Wanted, reporter, shows_progress
 from ..core.result import plain
@@ -128,6 +129,7 @@ def recommend_observer(
     >>> advice.best.name
     'disturbance'
     """
+    model_first(p, record, "record")
     model, record = _model(p, record)
     spec = drive_spec(record, _own(locals()), model.motion).completed(_known(model))
     stand = _stand(model, spec, given_gains(gains))

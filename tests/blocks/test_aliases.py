@@ -14,16 +14,6 @@ LOG = {"t": T, "w": W, "u": 0.002 * np.gradient(W, T) + 0.3 * np.tanh(W / 1e-3) 
 
 
 @pytest.fixture
-def smooth():
-    @lg.block("friction", out="F")
-    def smooth_coulomb(w, Fc=lg.P(0.3, "N m", 0), Fv=lg.P(0.02, "N m s/rad", 0)):
-        """F = Fc tanh(100 w) + Fv w."""
-        return Fc * np.tanh(100.0 * w) + Fv * w
-
-    return smooth_coulomb
-
-
-@pytest.fixture
 def drag():
     @lg.block("effect", out="d", acts="torque")
     def cubic_drag(w, c=lg.P(0.0, "N m s3/rad3", 0, neutral=0)):
@@ -31,16 +21,6 @@ def drag():
         return c * w**3
 
     return cubic_drag
-
-
-@pytest.fixture
-def momentum():
-    @lg.block("observer", out="Fhat", states="x")
-    def momentum_of_test(w, u, x, J=lg.P(0.002, "kg m2"), L=lg.P(50.0, "1/s")):
-        Fhat = x - L * J * w
-        return Fhat, L * (u - Fhat)
-
-    return momentum_of_test
 
 
 def test_a_model_takes_the_law_and_effects_themselves(smooth, drag):

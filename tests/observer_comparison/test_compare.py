@@ -207,22 +207,12 @@ def test_what_was_not_compared_is_named(found):
 # ---- a drive with another law ---------------------------------------------------------
 
 
-@pytest.fixture
-def smooth():
-    @lg.block("friction", out="F")
-    def smooth_of_test(w, Fc=lg.P(0.3, "N m", 0), Fv=lg.P(0.02, "N m s/rad", 0)):
-        """F = Fc tanh(100 w) + Fv w."""
-        return Fc * np.tanh(100.0 * w) + Fv * w
-
-    return smooth_of_test
-
-
 def test_a_law_of_ones_own_is_the_plant_and_observers_that_copy_lugre_are_left_out(smooth):
     drive = lg.Model.of(J=0.002, friction=smooth, Fc=0.25)
     found = lg.compare_observers(drive, ["natural", "disturbance", None], scenarios="velocity")
     assert found.names == ("disturbance", "no_observer")
     assert found["disturbance"].velocity < 0.5 * found["no_observer"].velocity
-    why = "it must know sigma0, sigma1, Fs, vs, which the model with smooth_of_test friction"
+    why = "it must know sigma0, sigma1, Fs, vs, which the model with smooth_coulomb friction"
     assert list(found.refused) == ["natural"] and found.refused["natural"].startswith(why)
     assert f"natural left out: {why}" in repr(found)
     assert f"natural left out: {why}" in found._repr_html_()
