@@ -11,7 +11,7 @@ from ..blocks.model import as_model
 from ..blocks.observers import observer_block
 from ..blocks.swapped import model_first
 from ..core.errors import InputError
-from ..core.progress import Wanted, reporter, shows_progress
+from ..core.progress import Wanted, part_of, reporter, shows_progress
 from ..core.validation import flag, names, number, positive, share, shown
 from .comparison import ObserverComparison
 from .loop import Terms
@@ -134,8 +134,8 @@ def compare_observers(
     encoder, given = (positive(noise, "noise", "rad"), _step(resolution)), _rates(rates)
     report, rows = reporter(progress), []
     for i, name in enumerate(chosen):
-        report(i / len(chosen), f"simulating {name}")
-        rows.append(compared(terms, name, wanted, levels, encoder, given))
+        part = part_of(report, i / len(chosen), (i + 1) / len(chosen))
+        rows.append(compared(terms, name, wanted, levels, encoder, given, part))
     said = {**levels, "k": terms.k, "equal": terms.equal, "step": STEP}
     said |= dict(zip(("noise", "resolution"), encoder, strict=True))
     said |= {"rates": given, "rounding": encoder[1] or FINE}

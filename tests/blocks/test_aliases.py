@@ -1,5 +1,7 @@
 """Where a name is taken, the block itself is, too; a system is refused in one sentence."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -80,6 +82,26 @@ def test_a_system_has_values_that_a_name_has_not(drag):
             call()
     with pytest.raises(lg.InputError, match=f"{own} effect"):
         lg.Model.of().with_effect(lg.effect(drag, c=0.1))
+
+
+def test_a_system_of_ones_own_is_declared_or_wired():
+    import control as ct
+
+    own = ct.ss([[-50.0]], [[1.0]], [[1.0]], 0, inputs=["w"], outputs=["Fhat"], name="mine")
+    said = 'mine is a python-control system: .* @lg.block\\("observer", ...\\), and give that obs'
+    for work in (lg.velocity_loop, lambda p, it: lg.compare_observers(p, [it, "natural"])):
+        with pytest.raises(lg.InputError, match=said):
+            work(P, own)
+
+
+def test_a_block_without_its_signals_says_how_it_becomes_a_system(momentum):
+    made = re.escape("momentum_of_test.system(J=0.003) makes a python-control system of it.")
+    with pytest.raises(lg.InputError, match=f"called with its signals, w, u, x; {made}$"):
+        momentum(J=0.003)
+    with pytest.raises(lg.InputError, match=re.escape("a block must be a python-control system")):
+        lg.simulate([lg.plant(P), momentum], T)
+    assert momentum.system(J=0.003).params["momentum_of_test.J"] == 0.003
+    assert momentum(w=1.0, u=2.0, x=3.0) == momentum(1.0, 2.0, 3.0)
 
 
 def test_a_block_of_another_kind_is_refused(drag):

@@ -199,6 +199,16 @@ def test_wrong_usage_is_one_sentence(call, said):
     assert "\n" not in str(raised.value) and str(raised.value)[-1] in ".?"
 
 
+def test_each_scenario_of_each_observer_is_reported_as_it_begins():
+    said = []
+    scenarios = ["velocity", "rounding", "load"]
+    lg.compare_observers(P, ["disturbance", None], scenarios=scenarios,
+                         progress=lambda part, what: said.append((part, what)))  # fmt: skip
+    shares = [part for part, _ in said]
+    assert shares == pytest.approx([k / 6 for k in range(6)])
+    assert said[2][1] == "simulating disturbance_observer, scenario rounding"
+
+
 def test_what_was_not_compared_is_named(found):
     with pytest.raises(lg.InputError, match="'proposed' was not compared; there is natural"):
         found["proposed"]
