@@ -16,6 +16,8 @@ from lugrectl.blocks import extending  # noqa: E402
 from lugrectl.blocks.block import REGISTRY, registered  # noqa: E402
 from lugrectl.engine.runtime.c_compiler import has_compiler  # noqa: E402
 
+from .cases.own_blocks import momentum, smooth  # noqa: E402, F401  fixtures
+
 matplotlib.use("Agg")  # here: a kernel that a test starts chooses for itself
 settings.register_profile("any machine", deadline=None)  # slow, or busy with another test
 settings.load_profile("any machine")

@@ -67,6 +67,12 @@ def name_of(kind: str, given: Any) -> Any:
             )
         return given.name
     if hasattr(given, "ninputs") and hasattr(given, "noutputs"):
+        if not hasattr(getattr(given, "outfcn", None), "block"):  # not made of a declared one
+            raise InputError(
+                f"{given.name} is a python-control system: write its equations as a function "
+                f'below @lg.block("{kind}", ...), and give that {_word(kind)} or its name; or wire '
+                "the system to other blocks with lg.simulate([...], t)."
+            )
         raise InputError(
             f"{given.name} is a system with values of its own: give the name of the {_word(kind)} "
             "in its place, and the values beside it."

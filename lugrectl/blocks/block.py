@@ -29,7 +29,7 @@ from ..core.display import Row, Shown
 from ..core.errors import InputError
 from ..core.pickling import carried, from_fields, rebuilt
 from ..core.unit_names import unit_for as unit_for
-from ..core.validation import one_name, renamed, within
+from ..core.validation import one_name, renamed, shown, within
 from .extending import fetch, load_installed, place
 
 if TYPE_CHECKING:  # slow to import, and the catalogue does without it
@@ -191,11 +191,21 @@ class Block(Shown):
 
         A parameter without a value has its default.
         """
-        own = len(self.reads) + len(self.states)
-        if len(signals) == own and len(values) < len(self.parameters):
+        own = (*self.reads, *self.states)
+        left = own[len(signals) :]
+        if left and not set(left) <= set(values):
+            raise InputError(
+                f"{self.name} is called with its signals, {', '.join(own)}; {self.wiring(values)}"
+            )
+        if len(signals) <= len(own) and len(values) < len(self.parameters) + len(left):
             values = self.defaults() | values
         result = self.function(*signals, **values)
         return result if isinstance(result, tuple) else (result,)
+
+    def wiring(self, values: Mapping[str, Any] | None = None) -> str:
+        """What a sentence says of the block as a system with these values."""
+        given = ", ".join(f"{k}={shown(v)}" for k, v in (values or {}).items())
+        return f"{self.name}.system({given}) makes a python-control system of it."
 
     def is_steady(self) -> bool:
         """Whether nothing that the function reads can change: see ``functions.is_steady``."""

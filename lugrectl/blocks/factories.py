@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from ..core.errors import InputError
+from ..core.validation import real
 from .aliases import block_named
+from .block import Block, is_ours
 from .law_forms import formed
 
 if TYPE_CHECKING:
     import control as ct
+
+_PERIOD = ("harmonic", "frequency")  # of a periodic effect: no drive has a usual one
 
 
 def friction(
@@ -86,7 +91,8 @@ def effect(
     Raises
     ------
     InputError
-        For an unknown effect or parameter, or a value outside its bounds.
+        For an unknown effect or parameter, a value outside its bounds, or a periodic effect with
+        an amplitude or ratio but without its harmonic or frequency.
 
     Examples
     --------
@@ -99,4 +105,15 @@ def effect(
     array([0.4])
     """
     made = block_named("effect", kind)
+    _has_its_period(made, values)
     return made.system(name=name, inputs=inputs, outputs=outputs, **values)
+
+
+def _has_its_period(made: Block, values: Mapping[str, Any]) -> None:
+    """InputError for an effect of the catalogue that has a size, and a period left to chance."""
+    if not is_ours(made.home):  # the default of a user's own may be that of the drive
+        return
+    left = [k for k in _PERIOD if k in made.own and k not in values]
+    if left and real(values.get(made.gain)) not in (None, made.own[made.gain].neutral):
+        unit = made.own[left[0]].unit
+        raise InputError(f"{made.name}: {left[0]} is missing: give it in {unit}, {left[0]}=NUMBER.")

@@ -18,7 +18,7 @@ from ..core.errors import InputError
 from ..core.option_names import option
 from ..core.provenance import SourceFile
 from ..core.result import write_whole
-from ..core.validation import TINY, as_path, is_file, like_it, real, shown, text
+from ..core.validation import TINY, as_path, holds_samples, is_file, like_it, real, shown, text
 from . import effects as every_effect  # noqa: F401  fills the registry
 from .aliases import block_named, name_of
 from .block import Block, is_ours, members, unit_for
@@ -699,6 +699,8 @@ def as_model(given: Any, what: str = "model") -> Model:
     if is_file(given):
         return read_model(given)
     if isinstance(given, Mapping):
+        if holds_samples(given):
+            raise InputError(f"{what} must be {_MODEL}, not a dict of samples: that is a log.")
         return _from_dict(given, what)
     raise InputError(f"{what} must be {_MODEL}, not {shown(given)}.")
 

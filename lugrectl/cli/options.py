@@ -267,7 +267,8 @@ class _Parser(argparse.ArgumentParser):
             hint = " (lugrectl model > my.toml writes one to start from)"
             hint = f" (give --model {model})" if model else hint
         what = message.split(" (choose from")[0] if hint and "choose from" in message else message
-        what = what.replace("argument COMMAND: invalid choice:", "there is no command")
+        for action in self._actions if not near or "invalid choice" in message else ():
+            what = _of_places(what, action)
         if "are required" in message and near:  # the option that is missing is the misspelt one
             what = f"there is no option {typed}"
         said = f"{what.removesuffix('.')}{hint}; {self.prog} --help shows what there is.\n"
@@ -277,10 +278,20 @@ class _Parser(argparse.ArgumentParser):
         """A word that is no option, and no command, of this parser, and what it resembles."""
         known = list(self._option_string_actions)
         if not word.startswith("-"):
-            known = [c for a in self._actions if a.dest == "command" for c in a.choices or ()]
-        typed, bare = word.partition("=")[0], {k.lstrip("-"): k for k in known}
-        near = difflib.get_close_matches(typed.lstrip("-"), bare, 1)
+            known = [c for a in self._actions if not a.option_strings for c in a.choices or ()]
+        typed, bare = word.partition("=")[0], {k.lstrip("-").lower(): k for k in known}
+        near = difflib.get_close_matches(typed.lstrip("-").lower(), bare, 1)
         return (typed, bare[near[0]]) if near and typed not in known else None
+
+
+def _of_places(what: str, action: argparse.Action) -> str:
+    """A complaint about the place of a command or property, in words, and with its choices."""
+    if action.option_strings or not action.choices:
+        return what
+    name = str(action.metavar or action.dest)
+    what = what.replace(f"argument {name}: invalid choice:", f"there is no {name.lower()}")
+    missing = f"required: {name}"
+    return what.replace(missing, f"{missing} ({', '.join(map(str, action.choices))})")
 
 
 class _Version(argparse.Action):

@@ -61,6 +61,11 @@ def reporter(wanted: Wanted) -> Progress:
     return wanted if callable(wanted) else Bar()
 
 
+def part_of(report: Progress, low: float, high: float) -> Progress:
+    """What reports a part of the work, from 0 to 1, as between two shares of the whole."""
+    return lambda share, what: report(low + share * (high - low), what)
+
+
 def in_notebook() -> bool:
     """Whether a Jupyter kernel runs this code; IPython on a terminal is none."""
     ipython = sys.modules.get("IPython")

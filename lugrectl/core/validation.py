@@ -6,7 +6,7 @@ import difflib
 import math
 import numbers
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import BuiltinFunctionType, FunctionType
 from typing import Any
@@ -194,3 +194,14 @@ def renamed(block: str, what: str, own: Sequence[str], wanted: Sequence[str] | N
 def is_file(given: Any) -> bool:
     """Whether this is a path."""
     return isinstance(given, (str, os.PathLike))
+
+
+def holds_samples(given: Mapping[Any, Any]) -> bool:
+    """Whether a dict holds arrays or lists of numbers; the lists of a model stand in its tables."""
+    return any(map(_is_column, given.values()))
+
+
+def _is_column(x: Any) -> bool:
+    if isinstance(x, (list, tuple)):
+        return bool(x) and real(x[0]) is not None
+    return bool(getattr(x, "shape", ()))

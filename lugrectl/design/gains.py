@@ -11,6 +11,7 @@ import numpy as np
 from ..blocks.aliases import meant
 from ..blocks.friction import level
 from ..blocks.observers import observer_block
+from ..blocks.swapped import model_first
 from ..core.display import Row, Shown
 from ..core.errors import InputError
 from ..core.result import Result
@@ -198,6 +199,7 @@ def design_gains(
     >>> fast.gains
     {'tau': 0.002}
     """
+    model_first(p, method, "method")
     if observer_block(observer).name != "proposed_observer":
         if method != "constant":
             raise InputError(f"method = {shown(method)} belongs to the proposed observer only.")

@@ -14,6 +14,7 @@ from ..identification.likelihood.initial_values import lifted
 from ..record import Log, Stretch, stretches
 from .held_values import against_stated
 from .one_direction import WAY, moves_one_way, of_runs, without_other_way
+from .swapped_channels import swapped
 
 LOAD = "constant_torque"
 TAKEN = "{} is taken as declared, {:.6g} {}: this log does not determine it alone."
@@ -34,6 +35,10 @@ def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
     noticed = [*runs.said, *([OTHERS] if runs.said else []), *runs.notes, *noticed]
     fixed = {k: v for k, v in model.known().items() if k in model.held()}
     found = balance(parts, model, fixed)
+    if said := swapped(parts, model, fixed, found):
+        notes = [note for note in found.notes if note != found.refused]
+        found = replace(found, notes=tuple(notes), refused=found.refused and said)
+        noticed = [said, *noticed]
     against = against_stated(parts, model, found)
     if against is not None:
         found = against.free if against.hopeless else found

@@ -8,10 +8,11 @@ from functools import cached_property
 from typing import Any
 
 from ..blocks.model import Model, as_model
+from ..core.errors import Refused
 from ..core.validation import positive, whole
 from ..identification.balance import Balance
 from ..identification.selection import completed
-from ..record import Log, Record, record_of, refuse_dead, refuse_unlikely_time
+from ..record import Log, Record, record_of, refuse_dead, refuse_open_time, refuse_unlikely_time
 from ..record.as_record import as_holdout, as_logs
 from .plain_answer import plain_answer
 from .swapped import refuse_swapped
@@ -106,6 +107,8 @@ def balance(
     ------
     InputError
         When an argument cannot be meant, or a file cannot be read or understood.
+    Refused
+        When t has no unit, and no drive writes a log at that rate in s.
 
     Examples
     --------
@@ -119,7 +122,15 @@ def balance(
     (0.3, 0.02)
     """
     reading = {"columns": columns, "units": units, "scale": scale, "rate": rate}
-    return Asked.of(record, {} if model is None else model, **reading).plain
+    asked = Asked.of(record, {} if model is None else model, **reading)
+    try:
+        for part in asked.plain.stretches:
+            log = asked.logs[part.run]
+            refuse_open_time(log.source, getattr(log, "labels", {}), part.dt)
+    except Refused as no:  # all rates and the inertia depend on it: no value is an answer
+        no.plain = asked.plain
+        raise
+    return asked.plain
 
 
 def judged_by(horizon: Any, seed: Any) -> tuple[float, int]:

@@ -11,6 +11,7 @@ from ..core.errors import Refused
 from ..identification.balance import Balance
 from ..record import Record
 from .duplicate_messages import said_once
+from .order_of_notes import grave_first
 from .result import Diagnosis
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ def refusal(
         declared=model,
         record=records[0] if records else None,
         records=tuple(records),
-        messages=said_once(said, notes),
+        messages=grave_first(said_once(said, notes)),
         plain=plain,
     )
 
@@ -38,5 +39,5 @@ def refusal(
 def with_plain(result: Any, asked: Asked) -> Any:
     """A result with the plain answer beside it, and what was noticed when the logs were read."""
     said = (*asked.plain.reading, *asked.plain.against)
-    messages = said_once(result.messages, said)
+    messages = grave_first(said_once(result.messages, said))
     return replace(result, plain=asked.plain, messages=messages, records=tuple(asked.seen))

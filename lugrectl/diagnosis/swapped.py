@@ -10,7 +10,7 @@ import numpy as np
 
 from ..blocks.model import Model, Parameters
 from ..core.errors import InputError
-from ..core.validation import is_file, real
+from ..core.validation import holds_samples, is_file
 from ..record.as_record import is_record
 from ..record.files.readers import MODEL, SUFFIXES
 
@@ -32,7 +32,7 @@ def _is_log(given: Any) -> bool:
     if isinstance(given, (list, tuple)):
         return bool(given) and all(map(_is_log, given))
     if isinstance(given, Mapping):
-        return _holds_samples(given)
+        return holds_samples(given)
     return isinstance(given, np.ndarray) or is_record(given)
 
 
@@ -40,17 +40,6 @@ def _is_model(given: Any) -> bool:
     if is_file(given):
         return Path(given).suffix.lower() == MODEL
     return isinstance(given, (Model, Parameters, Mapping)) and not _is_log(given)
-
-
-def _holds_samples(given: Mapping[Any, Any]) -> bool:
-    """Whether a dict holds arrays or lists of numbers; the lists of a model stand in its tables."""
-    return any(map(_is_column, given.values()))
-
-
-def _is_column(x: Any) -> bool:
-    if isinstance(x, (list, tuple)):
-        return bool(x) and real(x[0]) is not None
-    return bool(getattr(x, "shape", ()))
 
 
 def _named(given: Any, argument: str) -> str:

@@ -38,6 +38,10 @@ class Estimate(Shown):
         made |= {"held": True} if self.held else {}
         return made | ({"together": self.together} if self.together else {})
 
+    def may_be(self, value: float) -> bool:
+        """Whether the 95 % interval holds this value."""
+        return self.ci95 is not None and self.ci95[0] <= value <= self.ci95[1]
+
     def _title(self) -> str:
         return estimated("", self).text()
 

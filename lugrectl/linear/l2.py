@@ -10,6 +10,7 @@ import control as ct
 import numpy as np
 
 from ..blocks.model import values_of
+from ..blocks.swapped import model_first
 from ..core.errors import InputError
 from ..core.views import view
 from .delayed import DelayedTransfer
@@ -119,6 +120,7 @@ def l2_check(p: Any, K2: float | None = None) -> L2Verdict:
         return _measured_gain(p).of(p)
     if K2 is None:
         raise InputError("l2_check needs K2, the observer's gain in N m s/rad.")
+    model_first(p, K2, "K2")
     p = values_of(p)
     J, sigma0, sigma1 = (parameter(p, name) for name in ("J", "sigma0", "sigma1"))
     gain, frequency, reason = _gain(J, number(K2, "K2"), sigma0, sigma1)

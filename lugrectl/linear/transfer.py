@@ -79,7 +79,9 @@ def to_float(value: Fraction) -> float:
 
 def parameter(p: Any, name: str) -> Fraction:
     """Parameter ``name`` of p, exactly."""
-    return number(getattr(p, name, None), f"parameter {name}")
+    if not hasattr(p, name):
+        raise InputError(f"{shown(p)} has no {name}: give Parameters, a Model or a model file.")
+    return number(getattr(p, name), f"parameter {name}")
 
 
 def read_transfer(T: Any, name: str = "T") -> Transfer:

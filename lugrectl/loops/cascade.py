@@ -128,7 +128,7 @@ def cascade_loop(
     >>> round(float(run.outputs[0, -1]), 2)
     0.1
     """
-    p, believed = _models(p, observer_parameters)
+    p, believed = _models(p, observer_parameters, observer)
     measured = _measured(p, feedback)
     estimate = loop_observer(observer, believed, {"K1": K1, "K2": K2, "k": k}, gains)
     before, behind = _before_the_drive(notch, limit), _behind_the_drive(lag, delay)

@@ -12,6 +12,7 @@ from ..blocks.drive import limiter
 from ..blocks.model import as_model
 from ..blocks.observers import Gain, observer_block
 from ..blocks.plant import plant
+from ..blocks.swapped import model_first
 from ..core.errors import InputError
 from ..core.validation import flag, one_name, positive
 from .parts import (
@@ -137,7 +138,7 @@ def velocity_loop(
     12
     """
     shared, own = {"K1": K1, "K2": K2, "k": k}, {"kp": kp, "ki": ki}
-    p, believed = _models(p, observer_parameters)
+    p, believed = _models(p, observer_parameters, observer)
     act = _Controller("velocity", controller, controller_gains, own, observer)
     act.limited(limit, tracking)
     estimate = _observer(observer, believed, shared, both(observer, gains, more), act.sliding)
@@ -218,7 +219,7 @@ def position_loop(
     'pid_q'
     """
     shared, own = {"K1": K1, "K2": K2, "k": k}, {"kp": kp, "ki": ki, "kd": kd, "tau": tau}
-    p, believed = _models(p, observer_parameters)
+    p, believed = _models(p, observer_parameters, observer)
     act = _Controller("position", controller, controller_gains, own, observer)
     act.limited(limit, tracking)
     estimate = _observer(observer, believed, shared, both(observer, gains, more), act.sliding)
@@ -227,8 +228,9 @@ def position_loop(
     return _closed(parts, inputs, load, name, limit)
 
 
-def _models(p: Any, believed: Any) -> tuple[Model, Model]:
+def _models(p: Any, believed: Any, observer: Any) -> tuple[Model, Model]:
     """The plant's model, and what the observer believes."""
+    model_first(p, observer, "observer")
     made = as_model(p, "p")
     return made, made if believed is None else as_model(believed, "observer_parameters")
 

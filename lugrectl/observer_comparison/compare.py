@@ -9,8 +9,9 @@ from ..blocks.aliases import listed, meant
 from ..blocks.block import members
 from ..blocks.model import as_model
 from ..blocks.observers import observer_block
+from ..blocks.swapped import model_first
 from ..core.errors import InputError
-from ..core.progress import Wanted, reporter, shows_progress
+from ..core.progress import Wanted, part_of, reporter, shows_progress
 from ..core.validation import flag, names, number, positive, share, shown
 from .comparison import ObserverComparison
 from .loop import Terms
@@ -121,6 +122,7 @@ def compare_observers(
     >>> all(row.rounding < 0.01 for row in found)
     True
     """
+    model_first(p, observers, "observers")
     model = _complete(as_model(p, "p").with_defaults())
     wanted, chosen = _chosen_scenarios(scenarios), chosen_observers(observers)
     chosen, refused = _able(chosen, model)
@@ -132,8 +134,8 @@ def compare_observers(
     encoder, given = (positive(noise, "noise", "rad"), _step(resolution)), _rates(rates)
     report, rows = reporter(progress), []
     for i, name in enumerate(chosen):
-        report(i / len(chosen), f"simulating {name}")
-        rows.append(compared(terms, name, wanted, levels, encoder, given))
+        part = part_of(report, i / len(chosen), (i + 1) / len(chosen))
+        rows.append(compared(terms, name, wanted, levels, encoder, given, part))
     said = {**levels, "k": terms.k, "equal": terms.equal, "step": STEP}
     said |= dict(zip(("noise", "resolution"), encoder, strict=True))
     said |= {"rates": given, "rounding": encoder[1] or FINE}

@@ -11,8 +11,9 @@ import numpy as np
 from ..blocks.model import Model, as_model
 from ..blocks.observers import observer_block
 from ..blocks.plant import plant
+from ..blocks.swapped import model_first
 from ..core.errors import InputError
-from ..core.progress import Wanted, reporter, shows_progress
+from ..core.progress import Wanted, part_of, reporter, shows_progress
 from ..core.result import plain
 from ..core.validation import flag, shown
 from ..design import Certificate, design_gains
@@ -128,6 +129,7 @@ def recommend_observer(
     >>> advice.best.name
     'disturbance'
     """
+    model_first(p, record, "record")
     model, record = _model(p, record)
     spec = drive_spec(record, _own(locals()), model.motion).completed(_known(model))
     stand = _stand(model, spec, given_gains(gains))
@@ -136,8 +138,10 @@ def recommend_observer(
         raise InputError("observers holds no observer: give at least one of lugrectl.observers().")
     admissible, refused, certificates = _admissible(stand, wanted, certified)
     stand = replace(stand, terms=replace(stand.terms, designed=admissible))
+    report = reporter(progress)
+    report(0.0, "simulating the loop without an observer")
     none = stand.error("no_observer", {})
-    trials = _trials(stand, list(admissible), none, reporter(progress))
+    trials = _trials(stand, list(admissible), report)
     unit = units(model.motion)["w" if stand.course.kind == "velocity" else "theta"]
     rows = []
     for name, trial in trials.items():
@@ -253,18 +257,18 @@ class _Values:
         self.__dict__.update(known)
 
 
-def _trials(stand: Stand, names: Sequence[str], none: float, report: Any) -> dict[str, Trial]:
+def _trials(stand: Stand, names: Sequence[str], report: Any) -> dict[str, Trial]:
     """All observers in the first cases, then the better ones in the others."""
     trials: dict[str, Trial] = {}
     for i, name in enumerate(names):
-        report(0.6 * i / len(names), f"simulating {name}")
-        trials[name] = stand.first(name)
+        part = part_of(report, 0.6 * i / len(names), 0.6 * (i + 1) / len(names))
+        trials[name] = stand.first(name, part)
     best = np.inf
     for i, name in enumerate(sorted(trials, key=lambda k: trials[k].worst[1])):
         if not trials[name].worst[1] <= min(NEAR * best, FAR):
             break
-        report(0.6 + 0.4 * i / len(names), f"simulating {name} with other parameters wrong")
-        stand.finish(name, trials[name])
+        part = part_of(report, 0.6 + 0.4 * i / len(names), 0.6 + 0.4 * (i + 1) / len(names))
+        stand.finish(name, trials[name], part)
         best = min(best, trials[name].worst[1])
     return trials
 

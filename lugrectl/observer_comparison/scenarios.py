@@ -12,6 +12,7 @@ import numpy as np
 from ..blocks.observers import observer_block
 from ..core.errors import Diverged
 from ..core.numeric import rms
+from ..core.progress import Progress
 from ..simulation.encoder import Sensing, rounded
 from ..simulation.response import simulate
 from .comparison import Compared
@@ -78,6 +79,21 @@ class _Bench:
         return self.terms.feedback(self.name, GAINS[scenario])
 
 
+class _Begins:
+    """Whether a scenario is wanted, or one of several that share a run; then it is reported."""
+
+    def __init__(self, name: str, wanted: set[str], report: Progress) -> None:
+        self.name, self.wanted, self.report = name, wanted, report
+        self.done: set[str] = set()
+
+    def __call__(self, *scenarios: str) -> bool:
+        if here := self.wanted & {*scenarios}:
+            share = len(self.done) / len(self.wanted)
+            self.report(share, f"simulating {self.name}, scenario {scenarios[0]}")
+            self.done |= here
+        return bool(here)
+
+
 def compared(
     terms: Terms,
     name: str,
@@ -85,12 +101,14 @@ def compared(
     levels: Mapping[str, float],
     encoder: tuple[float, float],
     rates: Sequence[float],
+    report: Progress,
 ) -> Compared:
-    """All scenarios of one observer."""
+    """All scenarios of one observer; ``report`` hears before each which one begins."""
+    begins = _Begins(name, wanted, report)
     bench, wrong = _Bench(terms, name), levels["wrong"]
     found: dict[str, float | None] = dict.fromkeys((*SCENARIOS, "cost"))
     t, weakest, clean = STEP * np.arange(5001), None, None
-    if {"velocity", "noise", "delay", "rate"} & wanted:
+    if begins("velocity", "noise", "delay", "rate"):
         clean, found["velocity"] = _tracked(bench, "velocity", t, wrong, 1.0)
         if clean is not None:
             begun = time.perf_counter()
@@ -99,23 +117,23 @@ def compared(
             )
             found["cost"] = (time.perf_counter() - begun) / len(t)
             found["noise"] = rms((disturbed["u"] - clean["u"])[t >= 1.0])
-    if "parameters" in wanted:
+    if begins("parameters"):
         found["parameters"], weakest = _worst(bench, t, wrong, levels["off"])
     peak = np.inf if clean is None else float(np.abs(clean["e"]).max())
-    if "delay" in wanted:
+    if begins("delay"):
         found["delay"] = 0.0 if clean is None else _borne(bench, wrong, SIZE + peak)
-    if "load" in wanted:
+    if begins("load"):
         found["load"] = _loaded(bench, t, wrong, levels["load"])
     sampled: dict[str, float] = {}
-    if "rate" in wanted:
+    if begins("rate"):
         sampled, found["rate"] = _at_rates(bench, rates, wrong, SIZE + peak)
-    if "rounding" in wanted:
+    if begins("rounding"):
         coarse = Sensing(STEP, resolution=encoder[1] or FINE)
         found["rounding"] = _at_samples(bench, coarse, wrong)[0]
-    if "position" in wanted:
+    if begins("position"):
         t = STEP * np.arange(10001)
         found["position"] = _tracked(bench, "position", t, wrong, 5.0)[1]
-    if "cycle" in wanted:
+    if begins("cycle"):
         found["cycle"] = _cycle(bench, levels["over"])
     gains = {f"{s}.{g}": v for s in GAINS for g, v in bench.feedback(s).items()}
     own = {k: v if k in wanted or k == "cost" else None for k, v in found.items()}

@@ -11,6 +11,7 @@ import numpy as np
 from ..blocks.observers import observer_block
 from ..core.errors import Diverged, InputError
 from ..core.numeric import rms
+from ..core.progress import Progress
 from ..simulation.encoder import Sensing
 from .drive_spec import DriveSpec
 from .loop import Terms
@@ -107,22 +108,30 @@ class Stand:
                 raise Diverged(f"{name}: the error grows without bound.")
         return out
 
-    def first(self, name: str) -> Trial:
+    def first(self, name: str, report: Progress) -> Trial:
         """Exact parameters, the level of friction wrong, a load step, noise."""
+        report(0.0, f"simulating {name}")
         made = Trial({EXACT: self.error(name, {})})
         if np.isfinite(made.errors[EXACT]):
-            made.errors |= self._tried(name, levels(name, self.terms.values(), self.spec))
+            made.errors |= self._tried(name, levels(name, self.terms.values(), self.spec), report)
             made.load = self.error(name, {}, float(self.spec.load or 0.0))
             made.noise = self.noise(name)
         return made
 
-    def finish(self, name: str, trial: Trial) -> None:
+    def finish(self, name: str, trial: Trial, report: Progress) -> None:
         """The other parameters, one at a time."""
-        trial.errors |= self._tried(name, singles(name, self.terms.values(), self.spec))
+        cases = singles(name, self.terms.values(), self.spec)
+        trial.errors |= self._tried(name, cases, report)
         trial.complete = True
 
-    def _tried(self, name: str, cases: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
-        return {case: self.error(name, believed) for case, believed in cases.items()}
+    def _tried(
+        self, name: str, cases: Mapping[str, Mapping[str, float]], report: Progress
+    ) -> dict[str, float]:
+        errors = {}
+        for i, (case, believed) in enumerate(cases.items()):
+            report((i + 1) / (len(cases) + 1), f"simulating {name}, {case}")
+            errors[case] = self.error(name, believed)
+        return errors
 
 
 def levels(name: str, known: Mapping[str, float], spec: DriveSpec) -> dict[str, dict[str, float]]:

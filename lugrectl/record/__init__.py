@@ -7,7 +7,12 @@ from .pooling import pooled
 from .read import consistent, read_log, read_record, record_of
 from .record import Record
 from .stretches import Stretch, stretches
-from .uniform_time import long_enough_to_judge, refuse_unlikely_time, unlikely_time
+from .uniform_time import (
+    long_enough_to_judge,
+    refuse_open_time,
+    refuse_unlikely_time,
+    unlikely_time,
+)
 
 __all__ = [
     "Log",
@@ -22,6 +27,7 @@ __all__ = [
     "read_record",
     "record_of",
     "refuse_dead",
+    "refuse_open_time",
     "refuse_unlikely_time",
     "stretches",
     "unlikely_time",

@@ -17,7 +17,7 @@ from ..core.validation import as_path, positive, shown
 from .columns.angle_units import check_angles
 from .columns.arrays import FORMS, is_table, table_of
 from .columns.options import check_used, factors, texts
-from .columns.roles import Choice, choose_columns, idle_said
+from .columns.roles import Choice, choose_columns, idle_said, usual_said
 from .columns.streams import merged
 from .columns.table import Table
 from .columns.units import Unit, parse_unit, role_unit, si_unit
@@ -109,7 +109,15 @@ def rows_of(
     if not len(raw[0]):
         raise InputError(f"{table.source} holds column names but no data.")
     raw, merging = merged([c.role for c in choices], raw)
-    said = [*more, *said, *merging, *_overridden(table, choices, stated)]
+    unstated = {role for role, unit in found.items() if unit is None and role not in scaled}
+    taken = {r: unit for r in unstated - {"t"} if (unit := si_unit(r, drive))}
+    said = [
+        *more,
+        *usual_said(table, choices, named, taken),
+        *said,
+        *merging,
+        *_overridden(table, choices, stated),
+    ]
     channels = {}
     for choice, column in zip(choices, raw, strict=True):
         values, more = signed(choice.role, column)
@@ -118,7 +126,6 @@ def rows_of(
         channels[choice.role] = _si(values, found[choice.role], scaled.get(choice.role))
     said += [] if "u" in named else idle_said(table, choices, channels["u"])
     if drive == "rotary":
-        unstated = {role for role, unit in found.items() if unit is None and role not in scaled}
         check_angles(table.source, channels, rate, unstated)
     t = channels.pop("t", None)
     if t is None:
@@ -183,7 +190,8 @@ def _unit(
     if text is None or (text == choice.implied and choice.role in scaled):
         return None
     where = f"{table.source}, column '{table.names[choice.index]}'"
-    return role_unit(choice.role, text, scaled=choice.role in scaled, where=where)
+    named = choice.role not in stated and not table.units[choice.index]
+    return role_unit(choice.role, text, scaled=choice.role in scaled, where=where, named=named)
 
 
 def _overridden(table: Table, choices: list[Choice], stated: Mapping[str, str]) -> list[str]:

@@ -233,22 +233,26 @@ def _mistake(record: Record, labels: Mapping[str, str | None], ratio: float) -> 
 
 
 def _check_time(record: Record, labels: Mapping[str, str | None], ratio: float) -> None:
-    """InputError if a t without a unit is what makes w so many times d theta/dt.
+    """InputError if the unit of t is what makes w so many times d theta/dt.
 
-    It is where the others have a stated unit, or where no drive is logged at the rate that s
-    would mean; and where one is at the rate that the other unit means.
+    It is where no drive is logged at the rate that the taken unit means, or where the others have
+    a stated unit and t has none; and where one is at the rate that the other unit means.
     """
-    if labels.get("t", "s") is not None:
+    if "t" not in labels:
         return
-    others = labels.get("w") is not None and labels.get("theta") is not None
+    stated = labels["t"] is not None
+    taken = UNITS[labels["t"] or "s"]
+    clear = not stated and labels.get("w") is not None and labels.get("theta") is not None
     for unit in UNITS.values():
-        if unit.quantity != "time" or abs(abs(ratio) * unit.factor - 1) > _CLOSE:
+        finer = unit.factor / taken.factor
+        if unit.quantity != "time" or unit == taken or abs(abs(ratio) * finer - 1) > _CLOSE:
             continue
-        if (others or not plausible(record.dt)) and plausible(record.dt * unit.factor):
+        if (clear or not plausible(record.dt)) and plausible(record.dt * finer):
+            how = f"is stated in {taken.name} and" if stated else "has no unit and"
             raise InputError(
-                f"{record.source}: t has no unit and does not look like s (w is "
-                f"{abs(ratio):.4g} times d theta/dt): give {option('units', f't={unit.name}')}, "
-                f"or {option('units', 't=s')} if that is right."
+                f"{record.source}: t {how} does not look like {taken.name} (w is "
+                f"{abs(ratio):.4g} times d theta/dt): give {option('units', f't={unit.name}')}"
+                + ("." if stated else f", or {option('units', 't=s')} if that is right.")
             )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -216,19 +217,48 @@ def unlikely_time(record: Record) -> bool:
 
     All rates and the inertia depend on the unit of t. A record that was built of arrays is in s.
     """
-    stated = record.log is None or record.log.labels.get("t", "s") is not None
-    return not (stated or plausible(record.dt))
+    return record.log is not None and _open_time(record.log.labels, record.dt)
+
+
+def _open_time(labels: Mapping[str, str | None], dt: float) -> bool:
+    return labels.get("t", "s") is None and not plausible(dt)
 
 
 def refuse_unlikely_time(record: Record) -> None:
-    """Raise Refused, with the unit to state, for a log of :func:`unlikely_time`."""
-    if not unlikely_time(record):
+    """Raise Refused, with the unit to state, for a log of :func:`unlikely_time`, and for one that
+    is too short in its stated unit because no drive writes a log at that rate."""
+    if record.log is not None:
+        _refuse_stated_time(record, record.log.labels)
+        refuse_open_time(record.source, record.log.labels, record.dt)
+
+
+def refuse_open_time(source: str, labels: Mapping[str, str | None], dt: float) -> None:
+    """Raise Refused where t has no unit and steps of ``dt`` are no s; ``labels`` are the units of
+    the log by role."""
+    if not _open_time(labels, dt):
         return
     finer = [u for u in UNITS.values() if u.quantity == "time" and u.factor < 1.0]
-    unit = next((u.name for u in finer if plausible(record.dt * u.factor)), "ms")
+    unit = next((u.name for u in finer if plausible(dt * u.factor)), "ms")
     raise Refused(
-        f"{record.source}: t has no unit, and read as s it gives a sampling rate of "
-        f"{record.rate:.6g} Hz, at which no drive writes a log: give "
+        f"{source}: t has no unit, and read as s it gives a sampling rate of "
+        f"{1.0 / dt:.6g} Hz, at which no drive writes a log: give "
         f"{option('units', f't={unit}')}, or {option('units', 't=s')} if that is right.",
         f"Write the unit of t into the header, as in t [{unit}].",
     )
+
+
+def _refuse_stated_time(record: Record, labels: Mapping[str, str | None]) -> None:
+    label = labels.get("t")
+    seconds = record.samples * record.dt
+    if label is None or plausible(record.dt) or seconds >= _TO_JUDGE[1]:
+        return
+    times = [u for u in UNITS.values() if u.quantity == "time"]
+    taken = next(u.factor for u in times if u.name == label)
+    other = next((u.name for u in times if plausible(record.dt * u.factor / taken)), None)
+    if other is not None:
+        raise Refused(
+            f"{record.source}: t is stated in {label}, which gives a sampling rate of "
+            f"{record.rate:.6g} Hz and a record of {seconds:.3g} s: give "
+            f"{option('units', f't={other}')} if t is in {other}. If not, it is too short.",
+            f"Write the unit of t into the header, as in t [{other}].",
+        )

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import OdeSolver
 
+from ..blocks.block import Block
 from ..core.errors import InputError
 from ..core.validation import array, flag, positive, real, shown, within
 
@@ -35,6 +36,8 @@ def system(given: Any, what: str = "system") -> Any:
             f"{what}: {given.name} is a frequency response, which has no states to simulate; give "
             "a transfer function or a state space of it."
         )
+    if isinstance(given, Block):
+        raise InputError(f"{what} must be a python-control system: {given.wiring()}")
     if not isinstance(given, ct.NonlinearIOSystem):
         raise InputError(f"{what} must be a python-control system, not {shown(given)}.")
     if None in (given.nstates, given.ninputs, given.noutputs):

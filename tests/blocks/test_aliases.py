@@ -1,5 +1,7 @@
 """Where a name is taken, the block itself is, too; a system is refused in one sentence."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -14,16 +16,6 @@ LOG = {"t": T, "w": W, "u": 0.002 * np.gradient(W, T) + 0.3 * np.tanh(W / 1e-3) 
 
 
 @pytest.fixture
-def smooth():
-    @lg.block("friction", out="F")
-    def smooth_coulomb(w, Fc=lg.P(0.3, "N m", 0), Fv=lg.P(0.02, "N m s/rad", 0)):
-        """F = Fc tanh(100 w) + Fv w."""
-        return Fc * np.tanh(100.0 * w) + Fv * w
-
-    return smooth_coulomb
-
-
-@pytest.fixture
 def drag():
     @lg.block("effect", out="d", acts="torque")
     def cubic_drag(w, c=lg.P(0.0, "N m s3/rad3", 0, neutral=0)):
@@ -31,16 +23,6 @@ def drag():
         return c * w**3
 
     return cubic_drag
-
-
-@pytest.fixture
-def momentum():
-    @lg.block("observer", out="Fhat", states="x")
-    def momentum_of_test(w, u, x, J=lg.P(0.002, "kg m2"), L=lg.P(50.0, "1/s")):
-        Fhat = x - L * J * w
-        return Fhat, L * (u - Fhat)
-
-    return momentum_of_test
 
 
 def test_a_model_takes_the_law_and_effects_themselves(smooth, drag):
@@ -100,6 +82,26 @@ def test_a_system_has_values_that_a_name_has_not(drag):
             call()
     with pytest.raises(lg.InputError, match=f"{own} effect"):
         lg.Model.of().with_effect(lg.effect(drag, c=0.1))
+
+
+def test_a_system_of_ones_own_is_declared_or_wired():
+    import control as ct
+
+    own = ct.ss([[-50.0]], [[1.0]], [[1.0]], 0, inputs=["w"], outputs=["Fhat"], name="mine")
+    said = 'mine is a python-control system: .* @lg.block\\("observer", ...\\), and give that obs'
+    for work in (lg.velocity_loop, lambda p, it: lg.compare_observers(p, [it, "natural"])):
+        with pytest.raises(lg.InputError, match=said):
+            work(P, own)
+
+
+def test_a_block_without_its_signals_says_how_it_becomes_a_system(momentum):
+    made = re.escape("momentum_of_test.system(J=0.003) makes a python-control system of it.")
+    with pytest.raises(lg.InputError, match=f"called with its signals, w, u, x; {made}$"):
+        momentum(J=0.003)
+    with pytest.raises(lg.InputError, match=re.escape("a block must be a python-control system")):
+        lg.simulate([lg.plant(P), momentum], T)
+    assert momentum.system(J=0.003).params["momentum_of_test.J"] == 0.003
+    assert momentum(w=1.0, u=2.0, x=3.0) == momentum(1.0, 2.0, 3.0)
 
 
 def test_a_block_of_another_kind_is_refused(drag):

@@ -156,7 +156,45 @@ def test_common_names_are_understood_wherever_an_effect_is_named(name):
         assert part.key == part.block.name == "torque_ripple"
         assert made.to_dict()["effects"][0]["name"] == "torque_ripple"
     assert added.with_effect("torque_ripple").effects[1].key == "torque_ripple_2"
-    assert list(lg.effect(name, amplitude=0.1).params) == list(lg.effect("torque_ripple").params)
+    ripple = lg.effect(name, amplitude=0.1, harmonic=6)
+    assert list(ripple.params) == list(lg.effect("torque_ripple").params)
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "left"),
+    [
+        (
+            "torque_ripple",
+            {"amplitude": 0.1, "phase": 1.0},
+            "harmonic is missing: give it in 1/rev",
+        ),
+        ("cogging", {"amplitude": 0.1}, "harmonic"),
+        ("position_dependent_friction", {"ratio": 0.1}, "harmonic"),
+        ("torque_constant_ripple", {"ratio": 0.1}, "harmonic"),
+        ("pose_dependent_inertia", {"ratio": 0.1}, "harmonic"),
+        ("periodic_disturbance", {"amplitude": 0.1}, "frequency is missing: give it in Hz"),
+    ],
+)
+def test_a_periodic_effect_of_some_size_needs_its_period(name, values, left):
+    with pytest.raises(lg.InputError, match=left):
+        lg.effect(name, **values)
+    neutral = lg.effect(name, **dict.fromkeys(values, 0.0))  # a sweep may give it all
+    assert neutral.params.keys() == lg.effect(name).params.keys()
+
+
+def test_every_period_in_the_catalogue_is_asked_for():
+    for name, made in members("effect").items():
+        if any(p.unit in ("1/rev", "Hz") for p in made.own.values()):
+            with pytest.raises(lg.InputError, match="is missing: give it in"):
+                lg.effect(name, **{made.gain: 0.1})
+
+
+def test_the_default_period_of_ones_own_is_that_of_the_drive():
+    @lg.block("effect", out="d", acts="torque")
+    def own_ripple(theta, a=lg.P(0.0, "N m", 0, neutral=0), harmonic=lg.P(6.0, "1/rev")):
+        return a * harmonic * theta
+
+    assert lg.effect("own_ripple", a=0.1).params["own_ripple.harmonic"] == 6.0
 
 
 def test_a_common_name_has_one_meaning_and_hides_nothing():

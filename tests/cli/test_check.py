@@ -151,3 +151,19 @@ def test_a_dead_time_is_in_the_loop_that_is_checked(capsys):
     assert "--dead-time" in run(capsys, "l2 --dead-time 0.01")[2]
     code, _, err = run(capsys, "bandwidth --dead-time -1")
     assert code == 2 and "dead_time is -1 s" in err
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("", "are required: property (l2, spr, bandwidth, stability)"),
+        ("--kp 3", "are required: property (l2, spr, bandwidth, stability)"),
+        ("foo", "no property 'foo' (choose from 'l2', 'spr', 'bandwidth', 'stability')"),
+        ("bandwith", "there is no property 'bandwith' (did you mean bandwidth?)"),
+        ("SPR", "there is no property 'SPR' (did you mean spr?)"),
+        ("l2 --k2 3", "unrecognized arguments: --k2 3 (did you mean --K2?)"),
+    ],
+)
+def test_a_property_that_is_missing_or_wrong_is_named_with_those_there_are(capsys, line, said):
+    code, out, err = run(capsys, line)
+    assert code == 2 and not out and said in err and err.count("\n") == 1

@@ -77,6 +77,7 @@ def test_long_work_takes_every_kind_of_progress():
     for work in (
         *(lg.diagnose, lg.identify, lg.compensate),
         *(lg.sweep, lg.diagnose_each, reproduce),
+        *(lg.compare_observers, lg.recommend_observer),
     ):
         with pytest.raises(InputError, match="progress must be"):
             work("any", "thing", progress="yes") if work is not reproduce else work(progress="yes")

@@ -10,6 +10,8 @@ import lugrectl as lg
 from lugrectl.cli import main
 from lugrectl.diagnosis.question import Asked
 
+from ..cases.logs import machine
+
 J, FC, FV = 0.0022, 0.22, 0.012
 
 
@@ -148,3 +150,15 @@ def test_the_log_is_read_once_and_answered_once(one_way):
     asked = Asked.of("run.csv", "my.toml")
     assert asked.plain is asked.plain
     assert asked.records() is asked.records()
+
+
+def test_the_balance_alone_is_none_either_and_comes_with_the_refusal():
+    """In ms without a unit J comes out 1e6 times too large."""
+    log = machine()
+    given = {"t": 1e3 * log["t"], "u": log["u"], "theta": log["theta"]}
+    for work in (lambda x: lg.balance(x), lambda x: lg.identify(x, {"friction": "coulomb"})):
+        with pytest.raises(lg.Refused, match='t has no unit, .* give units="t=ms"') as no:
+            work(given)
+        assert no.value.plain.parameters["J"].value > 100.0
+    assert lg.balance(given, units="t=ms").parameters["J"].value == pytest.approx(2e-3, rel=0.05)
+    assert lg.balance(given, units="t=s").parameters["J"].value > 100.0

@@ -199,6 +199,16 @@ def test_wrong_usage_is_one_sentence(call, said):
     assert "\n" not in str(raised.value) and str(raised.value)[-1] in ".?"
 
 
+def test_each_scenario_of_each_observer_is_reported_as_it_begins():
+    said = []
+    scenarios = ["velocity", "rounding", "load"]
+    lg.compare_observers(P, ["disturbance", None], scenarios=scenarios,
+                         progress=lambda part, what: said.append((part, what)))  # fmt: skip
+    shares = [part for part, _ in said]
+    assert shares == pytest.approx([k / 6 for k in range(6)])
+    assert said[2][1] == "simulating disturbance_observer, scenario rounding"
+
+
 def test_what_was_not_compared_is_named(found):
     with pytest.raises(lg.InputError, match="'proposed' was not compared; there is natural"):
         found["proposed"]
@@ -207,22 +217,12 @@ def test_what_was_not_compared_is_named(found):
 # ---- a drive with another law ---------------------------------------------------------
 
 
-@pytest.fixture
-def smooth():
-    @lg.block("friction", out="F")
-    def smooth_of_test(w, Fc=lg.P(0.3, "N m", 0), Fv=lg.P(0.02, "N m s/rad", 0)):
-        """F = Fc tanh(100 w) + Fv w."""
-        return Fc * np.tanh(100.0 * w) + Fv * w
-
-    return smooth_of_test
-
-
 def test_a_law_of_ones_own_is_the_plant_and_observers_that_copy_lugre_are_left_out(smooth):
     drive = lg.Model.of(J=0.002, friction=smooth, Fc=0.25)
     found = lg.compare_observers(drive, ["natural", "disturbance", None], scenarios="velocity")
     assert found.names == ("disturbance", "no_observer")
     assert found["disturbance"].velocity < 0.5 * found["no_observer"].velocity
-    why = "it must know sigma0, sigma1, Fs, vs, which the model with smooth_of_test friction"
+    why = "it must know sigma0, sigma1, Fs, vs, which the model with smooth_coulomb friction"
     assert list(found.refused) == ["natural"] and found.refused["natural"].startswith(why)
     assert f"natural left out: {why}" in repr(found)
     assert f"natural left out: {why}" in found._repr_html_()

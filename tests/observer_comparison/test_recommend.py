@@ -34,6 +34,16 @@ def logged(rate=500.0, step=0.0, noise=0.0, n=1500):
     }
 
 
+def test_each_case_is_reported_as_it_begins():
+    said = []
+    lg.recommend_observer(P, observers=["natural", "disturbance"], rate=1000,
+                          progress=lambda part, what: said.append((part, what)))  # fmt: skip
+    shares = [part for part, _ in said]
+    assert shares == sorted(shares) and shares[0] == 0.0 and 0.6 < shares[-1] < 1.0
+    assert said[0][1] == "simulating the loop without an observer" and len(said) > 6
+    assert "simulating natural_observer, Fc, Fs x0.8" in [what for _, what in said]
+
+
 def test_the_order_is_that_of_the_largest_error(found):
     worst = [row.worst for row in found]
     assert worst == sorted(worst) and len(found) == 3

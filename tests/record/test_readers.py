@@ -71,6 +71,25 @@ def test_recorder_export_with_preamble_and_units_line(tmp_path):
     assert any("0.01 times" in m for m in record.messages)
 
 
+def test_a_usual_name_without_a_unit_is_noted_with_the_one_that_it_is_taken_in(tmp_path):
+    (said,) = read_log(csv(tmp_path, "t,torque,vel,q")).messages
+    assert said.endswith("u = 'torque' in N m, w = 'vel' in rad/s, theta = 'q' in rad.")
+    (said,) = read_log(csv(tmp_path, "t,torque [N m],vel,q"), units="w=rad/s").messages
+    assert said.endswith("u = 'torque', w = 'vel', theta = 'q' in rad.")
+    found = read_log(csv(tmp_path, "t,torque,vel,q"), scale="u=2.0", motion="linear")
+    said = found.messages[0]
+    assert said.endswith("u = 'torque', w = 'vel' in m/s, theta = 'q' in m.")
+
+
+def test_a_name_that_says_a_raw_unit_is_asked_about_and_one_that_says_nothing_is_too(tmp_path):
+    path = csv(tmp_path, "t,iq,vel,q")
+    refused(InputError, path, "column 'iq': by its name u is in A", 'or units="u=N m" if it is')
+    assert read_record(path, units="u=N m").samples == 3000
+    refused(InputError, csv(tmp_path, "t,vir,w,theta"), "no column for u", "'vir'", "u=NAME")
+    stated = csv(tmp_path, "t,u [A],w,theta")
+    assert "by its name" not in refused(InputError, stated, "u is in A")
+
+
 def test_comments_blank_lines_quotes_and_unused_text(tmp_path):
     log = machine()
     lines = rows([log["t"], log["u"], log["theta"]]).splitlines()

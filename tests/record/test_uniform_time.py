@@ -318,3 +318,14 @@ def test_a_rate_that_no_drive_has_is_not_judged_without_a_unit_of_time():
     refuse_unlikely_time(Record(**{role: np.asarray(x) for role, x in slow.items()}))
     refused = lg.diagnose(slow, {"J": 0.002})
     assert refused.verdict == "refused" and 'give units="t=ms"' in refused.reason
+
+
+def test_a_time_in_another_unit_than_stated_is_named_where_the_log_is_too_short(tmp_path):
+    """t is in s, below a header that says ms: 3 s at 1 kHz read as 3 ms at 1 MHz."""
+    record = read_record(csv(tmp_path, "t [ms],u [N m],w [rad/s],theta [rad]"))
+    with pytest.raises(Refused, match=r"t is stated in ms, .* 1e\+06 Hz and a record of 0.003 s: "):
+        refuse_unlikely_time(record)
+    refuse_unlikely_time(read_record(csv(tmp_path, "t [s],u [N m],w [rad/s],theta [rad]")))
+    log = machine()
+    fast = {"t": 1e-6 * np.arange(len(log["t"])), "u": log["u"], "w": log["w"]}
+    refuse_unlikely_time(read_record(fast, rate=2e6))  # a rate is no column

@@ -94,6 +94,9 @@ def _offset(ground: Ground, made: Fit) -> list[Answer]:
 
 
 def _shifted(offset: Estimate) -> list[str]:
+    """A sentence on an offset that is no chance."""
+    if offset.may_be(0.0):
+        return []
     side = "high" if offset.value > 0 else "low"
     return [
         f"w is {abs(offset.value):.3g} {offset.unit} too {side}: friction turns over at that "

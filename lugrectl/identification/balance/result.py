@@ -129,7 +129,7 @@ class Balance(Result):
     def speed_offset(self) -> float:
         """By how much w is above 0 where the drive stands, rad/s; 0 where that is not certain."""
         offset = self.parameters.get("w_offset")
-        return 0.0 if offset is None else offset.value
+        return 0.0 if offset is None or offset.may_be(0.0) else offset.value
 
     def summary(self) -> dict[str, Any]:
         """The answer as plain Python values, as under "plain" in the JSON document."""

@@ -47,7 +47,6 @@ def choose_columns(
         elif fits:
             doubtful[role] = fits
     _complete(table, choices, doubtful, need_time)
-    said += _usual_said(table, choices, named)
     said += [f"{_among(table, role, fits)}; it was left out." for role, fits in doubtful.items()]
     if not {"w", "theta"} & set(named):  # no note if the user named one
         said += _unused_said(table, choices, doubtful)
@@ -148,13 +147,17 @@ def _among(table: Table, role: str, fits: list[int]) -> str:
     return f"{role} could be any of the columns {names} of {table.source}"
 
 
-def _usual_said(table: Table, choices: Mapping[str, Choice], named: Mapping[str, str]) -> list[str]:
-    taken = [
-        f"{role} = '{table.names[choice.index]}'"
-        for role, choice in choices.items()
-        if role not in named and table.names[choice.index] != role
+def usual_said(
+    table: Table, choices: Sequence[Choice], named: Collection[str], taken: Mapping[str, str]
+) -> list[str]:
+    """A note on columns whose names are not those of their roles; ``taken`` are the units by role
+    that nothing states."""
+    found = [
+        f"{c.role} = '{table.names[c.index]}'" + (f" in {taken[c.role]}" if c.role in taken else "")
+        for c in choices
+        if c.role not in named and table.names[c.index] != c.role
     ]
-    return [f"Columns were identified by usual names: {', '.join(taken)}."] if taken else []
+    return [f"Columns were identified by usual names: {', '.join(found)}."] if found else []
 
 
 def _unused_said(

@@ -165,11 +165,12 @@ def fits(role: str, unit: Unit) -> bool:
     return unit.quantity in _QUANTITIES[role]
 
 
-def role_unit(role: str, text: str, *, scaled: bool, where: str) -> Unit:
+def role_unit(role: str, text: str, *, scaled: bool, where: str, named: bool = False) -> Unit:
     """Return the unit ``text`` of a role, checked to fit the role.
 
     Raises InputError when the unit is unknown, measures something else, or is raw
-    (A, V, %, counts) without a scale. ``where`` begins the sentence.
+    (A, V, %, counts) without a scale. ``where`` begins the sentence; ``named``: only the
+    column's name says the unit.
     """
     unit = parse_unit(text)
     if unit is None:
@@ -184,10 +185,12 @@ def role_unit(role: str, text: str, *, scaled: bool, where: str) -> Unit:
             f"{where}: {role} cannot be in {unit.name}; known for {role}: {', '.join(names)}."
         )
     if unit.quantity == "raw" and not scaled:
-        how = _HOW.get((role, unit.name), "")
+        how, si = _HOW.get((role, unit.name), ""), si_unit(role, "rotary")
+        start = f"by its name {role} is" if named else f"{role} is"
+        other = f", or {option('units', f'{role}={si}')} if it is in {si}" if named else ""
         raise InputError(
-            f"{where}: {role} is in {unit.name}, which needs its factor to SI: "
-            f"give {option('scale', f'{role}=FACTOR')} (SI value per {unit.name}{how})."
+            f"{where}: {start} in {unit.name}, which needs its factor to SI: "
+            f"give {option('scale', f'{role}=FACTOR')} (SI value per {unit.name}{how}){other}."
         )
     return unit
 
