@@ -47,12 +47,11 @@ class Coordinate:
         if self.kind not in ("log", "excess") or self.said.bounded or "." in self.key:
             return self
         far = REACH.get(self.key, FAR)
-        low = max(self.least, min(self.low, start / far))
-        return replace(self, low=low, high=min(self.most, max(self.high, start * far)))
+        return replace(self, low=min(self.low, start / far), high=max(self.high, start * far))
 
     def whole(self) -> Coordinate:
         """The same over all that the value can be, farther than the search goes."""
-        return replace(self, low=self.least, high=self.most)
+        return replace(self, low=min(self.low, self.least), high=max(self.high, self.most))
 
     def ends(self, values: Values, half: float) -> tuple[float, float] | None:
         """The ends of an interval of half width ``half`` in the coordinate about the value.
