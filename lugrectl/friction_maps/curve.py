@@ -46,7 +46,7 @@ NUDGE = 1e-3  # step of a coordinate, to see whether the map identifies it
 class Curve:
     """A model fitted to points; ``sigma`` is the standard deviation of each.
 
-    Plant values stay within a factor of ``anchor``.
+    Plant values stay within a factor of ``anchor``; those of ``opened`` were guessed, not declared.
     """
 
     predictor: Predictor
@@ -55,6 +55,7 @@ class Curve:
     coords: tuple[Coordinate, ...]
     sigma: np.ndarray
     anchor: dict[str, float]
+    opened: frozenset[str] = frozenset()
 
     @property
     def model(self) -> Model:
@@ -183,19 +184,34 @@ def _off(part: Part) -> tuple[str, float]:
     return f"{part.key}.{gain}", part.block.parameters[gain].neutral or 0.0
 
 
-def fit(model: Model, at: Points, starts: Sequence[Values], anchor: Values) -> Curve:
-    """The best fit from several starts; a value missing in ``anchor`` is anchored at its start."""
+def fit(
+    model: Model,
+    at: Points,
+    starts: Sequence[Values],
+    anchor: Values,
+    opened: frozenset[str] = frozenset(),
+) -> Curve:
+    """The best fit from several starts; a value missing in ``anchor`` is anchored at its start,
+    and one of ``opened`` was."""
+    opened |= {k for start in starts for k in start if k not in anchor and "." not in k}
     even = _even(at, GUESS * float(np.std(at.u)) or 1.0)
     predictor = Predictor(model, laid(at, model.motion))
     tried = []
     for start in starts:
         around = model.kept({**start, **anchor})
         coords = coordinates(predictor, free_keys(predictor), around)
-        open_ = Curve(predictor, at, inside(coords, start, model), (), even, around)
+        coords = [_to_zero(c) if c.key in opened else c for c in coords]
+        open_ = Curve(predictor, at, inside(coords, start, model), (), even, around, opened)
         shown = [c for c in coords if _shows(replace(open_, coords=(c,)))]
         tried.append(_stepped(replace(open_, coords=tuple(shown)), FIRST))
     best = sorted(tried, key=lambda curve: curve.misfit)[:STARTS]
     return min(map(_settled, best), key=lambda curve: curve.misfit)
+
+
+def _to_zero(c: Coordinate) -> Coordinate:
+    """The same down to 0, where the value may be 0: its start is a guess, no knowledge of it."""
+    open_ = c.kind == "log" and c.least == 0.0 and not c.said.bounded
+    return replace(c, low=0.0) if open_ else c
 
 
 def refit(curve: Curve, at: Points) -> Curve:

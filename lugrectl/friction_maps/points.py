@@ -125,7 +125,9 @@ def _point(record: Record) -> tuple[float, float, float, int, float, Path | None
     x = np.linalg.lstsq(A, u, rcond=None)[0]
     means = [np.mean(cell) for cell in np.array_split(u - A @ x, CELLS)]
     error = float(np.std(means, ddof=1)) / np.sqrt(CELLS)
-    path = None if record.theta is None else Path.of(record.theta, u, A)
+    # u is held over the step after its sample, and meets the angle in the middle of that
+    held = None if record.theta is None else record.theta + 0.5 * record.dt * np.mean(w)
+    path = None if held is None else Path.of(held, u, A)
     return float(np.mean(w)), float(x[0]), error, record.samples, record.duration, path
 
 

@@ -169,7 +169,7 @@ def _with(current: Curve, name: str) -> Curve:
         for own in _starts(current, made)
         for plant in (current.values, current.anchor)
     ]
-    return fit(model, current.at, starts, current.anchor)
+    return fit(model, current.at, starts, current.anchor, current.opened)
 
 
 def _starts(current: Curve, made: Block) -> list[dict[str, float]]:
@@ -215,7 +215,7 @@ def _without(whole: Curve, key: str) -> Curve:
         {k: v for k, v in of.items() if not k.startswith(f"{key}.")}
         for of in (whole.values, whole.anchor)
     )
-    return fit(replace(whole.model, effects=rest), whole.at, [values], anchor)
+    return fit(replace(whole.model, effects=rest), whole.at, [values], anchor, whole.opened)
 
 
 def _ranking(current: Curve, tried: Sequence[tuple[str, Curve]]) -> tuple[Candidate, ...]:

@@ -7,7 +7,7 @@ import pytest
 
 from lugrectl.diagnosis.question import Asked
 
-from ..cases.balance_drive import FC, FV, J
+from ..cases.balance_drive import FC, FV, J, simulate
 from ..cases.faulty_logs import COUNT, DT, columns, late, put, with_w, write
 
 TRUE = {"J": J, "Fc": FC, "Fv": FV}
@@ -65,6 +65,17 @@ def wrapped(log):
     """u in steps of 1/250 N m in 8 bits with sign."""
     log["u"] = ((np.rint(log["u"] * 250) + 128) % 256 - 128) / 250
     return log
+
+
+def wrapped_at(rows):
+    """u in 9 bits with sign, of steps so fine that its largest values do not fit."""
+
+    def change(log):
+        step = np.sort(log["u"])[[-1 - rows, -rows]].mean() / 255.5
+        log["u"] = ((np.rint(log["u"] / step) + 256) % 512 - 256) * step
+        return log
+
+    return change
 
 
 def register(log):
@@ -183,6 +194,21 @@ def test_a_counter_that_wraps_needs_its_factor_only(tmp_path, bits):
 
     path = write(tmp_path, counter(bits)(columns()))
     holds(Asked.of(read_log(path, scale={"theta": COUNT}), {}).plain)
+
+
+@pytest.mark.parametrize(("rows", "words"), [(1, "in 1 row, first"), (4, "in 4 rows, first")])
+def test_a_torque_register_that_wraps_for_a_row_at_a_start_from_rest(tmp_path, rows, words):
+    """The motion hardly shows a row next to rest; that u else jumps there and back, it does."""
+    t = np.arange(5000) * DT
+    rng = np.random.default_rng(6)
+    size = np.where(np.arange(15) % 2, -0.4, 0.5) * rng.uniform(0.6, 1.0, 15)
+    u = size[(t / 0.7).astype(int)] * np.exp(-(t % 0.7) / 0.25) + rng.normal(0, 2e-3, len(t))
+    theta = np.floor(simulate(u, DT)[0] / COUNT) * COUNT
+    log = wrapped_at(rows)({"t": t, "u": u, "theta": theta})
+    plain = Asked.of(write(tmp_path, log), {}).plain
+    holds(plain)
+    said(plain, words)
+    assert len(plain.reading) == 1
 
 
 def test_short_runs_are_one_data_set(tmp_path):

@@ -10,6 +10,7 @@ from lugrectl.identification.balance import balance
 from lugrectl.identification.balance.parameters import combinations
 
 from ..cases.balance_drive import FC, FV, J, simulate, stretch, torque
+from ..cases.faulty_logs import columns, late
 
 MODEL = lg.Model.of(friction="coulomb")
 DT = 2e-3
@@ -72,6 +73,16 @@ def test_a_delay_from_few_changes_of_torque_is_not_certain():
     found = balance([stretch(np.roll(u, 4), dt, w=w)], MODEL)
     delay = found.parameters.get("u_delay")
     assert delay is None or abs(delay.value) < dt
+
+
+@pytest.mark.parametrize("rows", [15, 25])
+def test_a_delay_from_many_changes_of_torque_is_certain_however_slow_the_residual(rows):
+    """A slow unknown torque is remembered for long; the torque still changes as often."""
+    log = late(rows)(columns(seed=5))
+    log["u"] += 0.01 * np.sin(2.1 * log["t"])
+    found = lg.balance(log, MODEL)
+    assert found.parameters["u_delay"].value == pytest.approx(-rows * DT, abs=1e-3)
+    assert found.parameters["J"].value == pytest.approx(J, rel=0.01)
 
 
 @pytest.mark.parametrize("value, count", [(0.3, 0), (9.0, 1)])

@@ -98,6 +98,14 @@ def test_starts_keep_what_is_held_or_bounded(base):
     assert starts(closed) == []
 
 
+def test_intervals_do_not_end_where_the_search_ended(found):
+    """The search of vs ends a little above its value here; what is known of it is the same."""
+    bare = replace(found, others=())
+    near = [replace(c, high=1.01 * bare.values[c.key]) if c.key == "vs" else c for c in bare.free]
+    closed = replace(bare, free=tuple(near))
+    assert closed.intervals() == bare.intervals()
+
+
 def test_intervals_contain_those_of_other_maxima_and_a_sentence_says_so(found):
     bare = replace(found, others=())
     there = bare.values | {"J": 1.1 * bare.values["J"]}

@@ -206,6 +206,36 @@ def test_channels_renewed_every_few_rows_are_used_where_they_were_sampled(every,
     np.testing.assert_allclose(found[0].theta, columns("theta", rate=1000.0)["theta"][::every])
 
 
+@pytest.mark.parametrize("every", [2.5, 3.75, 4.003])
+@pytest.mark.parametrize("held", [("u", "theta"), ("u",), ("theta",)])
+def test_a_clock_of_its_own_renews_a_channel_every_so_many_rows(every, held):
+    """The bus samples by its clock, the logger sees that in the first row after it."""
+    log = columns("u", "theta", rate=1000.0)
+    beat = np.floor(np.arange(6000) / every) * every
+    for role in held:
+        log[role] = np.interp(beat, np.arange(6000), log[role])
+    found, said = seen(log)
+    assert said[0].startswith(" and ".join(held)) and f"only every {every:.4g} ms" in said[0]
+    assert np.mean(np.diff(found[0].t)) == pytest.approx(every * 1e-3, rel=1e-3)
+    if "theta" in held and every < 4.0:  # at the instants of the bus, not of the rows
+        assert np.ptp(np.diff(found[0].t)) < 1e-5
+
+
+def test_counts_at_one_speed_are_no_clock():
+    t = np.arange(6000) * 1e-3
+    u = 0.3 * np.sin(7.0 * t) + 0.02 * np.sin(123.0 * t)
+    theta = np.floor(np.arange(6000) / 2.5) * 2 * np.pi / 8192
+    assert seen({"t": t, "u": u, "theta": theta})[1] == []
+
+
+def test_a_torque_beside_a_slower_position_keeps_its_integral():
+    log = columns("u", "theta", rate=1000.0)
+    whole = log["u"].copy()
+    log["theta"] = log["theta"][np.arange(6000) // 4 * 4]
+    found, _ = seen(log)
+    np.testing.assert_allclose(found[0].u, whole.reshape(-1, 4).mean(1), atol=1e-12)
+
+
 def test_a_slower_second_signal_is_left_out():
     log = columns("u", "w", "theta")
     log["w"] = log["w"][np.arange(6000) // 10 * 10]

@@ -17,7 +17,7 @@ from .constants import (
     ROUNDS_OF_LOAD,
     SLOWEST_DIP,
 )
-from .fit import Fit, Setting, fit, independent
+from .fit import Fit, Setting, fit
 from .friction_shapes import Chosen, shapes_near_rest, turns_often, with_dip, with_turning
 from .interval import interval, unexplained
 from .load_torque import with_load
@@ -128,11 +128,25 @@ def _follows(made: Fit) -> bool:
     """Whether the torque changes often enough to distinguish a delay from inertia.
 
     The independent changes are (sum q)^2 / sum q^2 over windows, with q the squared rate of u, by
-    the windows for each independent one.
+    the windows in which that rate remembers itself. (How long the residual remembers says nothing
+    of how often the torque changes.)
     """
-    power = made.windows.du[:, 0] ** 2
-    changes = float(power.sum() ** 2 / np.sum(power**2)) / independent(made)
+    rate = made.windows.du[:, 0]
+    power = rate**2
+    changes = float(power.sum() ** 2 / np.sum(power**2)) / _remembered(rate, made.windows.run)
     return changes > FEWEST_CHANGES
+
+
+def _remembered(x: np.ndarray, run: np.ndarray) -> float:
+    """Windows for each independent square of x: 1 + 2 sum of r^2, r its correlation up to where
+    that is first not above 0."""
+    total, square = 1.0, float(x @ x)
+    for lag in range(1, len(x)):
+        r = float(x[lag:] @ np.where(run[lag:] == run[:-lag], x[:-lag], 0.0)) / square
+        if not r > 0.0:
+            break
+        total += 2.0 * r**2
+    return total
 
 
 def best_width(

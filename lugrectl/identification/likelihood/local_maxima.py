@@ -131,7 +131,7 @@ def _outward(best: Fitted, c: Coordinate, end: float) -> list[Fitted]:
 def _with_held(best: Fitted, c: Coordinate, end: float, far: float) -> Fitted:
     """The fit with one value held, ``far`` times as far from the best as an end of its interval."""
     x = c.into(best.values)
-    at = c.back(x + far * (c.into(best.values | {c.key: end}) - x), best.values)
+    at = c.whole().back(x + far * (c.into(best.values | {c.key: end}) - x), best.values)
     free = [k for k in _keys(best) if k != c.key]
     return fit(
         best.predictor, best.values | {c.key: at}, free, best.where, best.noise,

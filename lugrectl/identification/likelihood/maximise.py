@@ -108,13 +108,9 @@ class Fitted:
         for c, half in zip(self.free, width, strict=True):
             if c.key in unidentified or half > ANYWHERE:
                 continue
-            x = c.into(self.values)
-            ends = x - half, x + half
-            if c.kind != "angle":
-                ends = c.back(ends[0], self.values), c.back(ends[1], self.values)
-            if ends == (c.low, c.high) and not c.said.bounded:
-                continue  # anything that was searched for is as likely
-            made[c.key] = ends
+            ends = c.ends(self.values, half)
+            if ends is not None:
+                made[c.key] = ends
         theirs = [(other.values, other.intervals()) for other in self.others]
         for key, (low, high) in made.items():
             every = [ends.get(key, (own[key], own[key])) for own, ends in theirs]

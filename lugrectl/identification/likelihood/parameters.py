@@ -28,6 +28,8 @@ class Coordinate:
     """One free parameter and the coordinate in which it is stepped.
 
     ``said`` is what the model states of it; ``mean`` the declared value, where a prior is stated.
+    ``low`` and ``high`` are how far the search goes; ``least`` and ``most`` bound what the value
+    can be at all.
     """
 
     key: str
@@ -37,6 +39,8 @@ class Coordinate:
     step: float
     said: Stated = Stated()
     mean: float = 0.0
+    least: float = 0.0
+    most: float = np.inf
 
     def around(self, start: float) -> Coordinate:
         """The same with room about a start far from the declared value."""
@@ -44,6 +48,25 @@ class Coordinate:
             return self
         far = REACH.get(self.key, FAR)
         return replace(self, low=min(self.low, start / far), high=max(self.high, start * far))
+
+    def whole(self) -> Coordinate:
+        """The same over all that the value can be, farther than the search goes."""
+        return replace(self, low=min(self.low, self.least), high=max(self.high, self.most))
+
+    def ends(self, values: Values, half: float) -> tuple[float, float] | None:
+        """The ends of an interval of half width ``half`` in the coordinate about the value.
+
+        How far the search went is no knowledge of the value: an end may lie beyond. None if all
+        that was searched is as likely, and nothing else bounds the value.
+        """
+        x = self.into(values)
+        if self.kind == "angle":
+            return x - half, x + half
+        whole = self.whole()
+        low, high = whole.back(x - half, values), whole.back(x + half, values)
+        if low <= self.low and high >= self.high and not (self.least > 0.0 and self.most < np.inf):
+            return None
+        return low, high
 
     def into(self, values: Values) -> float:
         if self.kind == "log":
@@ -91,12 +114,12 @@ def coordinates(predictor: Predictor, keys: Sequence[str], anchor: Values) -> li
             far = REACH.get(key, FAR)
             low, high = max(p.low, anchor[key] / far), min(p.high, anchor[key] * far)
             kind, step = ("excess", 1e-3) if (key == "Fs" and "Fc" in anchor) else ("log", 5e-4)
-            made.append(Coordinate(key, kind, low, high, step))
+            made.append(Coordinate(key, kind, low, high, step, least=p.low, most=p.high))
         elif p.low >= 0.0 and p.neutral != 0.0 and anchor[key] > 0.0:
             least = predictor.data.dt if p.unit == "s" else 1e-12
             low = max(p.low, least, anchor[key] / ANYWHERE)
             high = max(low, min(p.high, anchor[key] * ANYWHERE))
-            made.append(Coordinate(key, "log", low, high, 1e-3))
+            made.append(Coordinate(key, "log", low, high, 1e-3, least=p.low, most=p.high))
         else:
             log, low, high = predictor.data.log, p.low, p.high
             if p.unit == "rad" and not p.angle:  # a position: within reach of the motion
@@ -105,7 +128,7 @@ def coordinates(predictor: Predictor, keys: Sequence[str], anchor: Values) -> li
                 high = min(high, np.max(log.theta) + FAR * travel)
             kind, step = "angle" if p.angle else "linear", typical(p, log)
             low, high = max(low, -STEPS * step), min(high, STEPS * step)
-            made.append(Coordinate(key, kind, low, high, step))
+            made.append(Coordinate(key, kind, low, high, step, least=p.low, most=p.high))
     return _ordered([_stated(c, predictor.model, anchor) for c in made], anchor)
 
 
@@ -117,7 +140,9 @@ def _stated(c: Coordinate, model: Model, anchor: Values) -> Coordinate:
     low = c.low if said.low is None else said.low
     high = max(c.high, low) if said.high is None else said.high
     mean = model.values().get(c.key) if said.std is not None else None
-    return replace(c, low=min(low, high), high=high, said=said, mean=mean or 0.0)
+    c = replace(c, low=min(low, high), high=high, said=said, mean=mean or 0.0)
+    least = c.least if said.low is None else c.low
+    return replace(c, least=least, most=c.most if said.high is None else high)
 
 
 def _ordered(made: list[Coordinate], anchor: Values) -> list[Coordinate]:
@@ -130,7 +155,7 @@ def _ordered(made: list[Coordinate], anchor: Values) -> list[Coordinate]:
     if Fs and Fs.said.high is None:
         own["Fs"] = replace(Fs, high=max(most, Fc.high))
     else:
-        own["Fc"] = replace(Fc, high=min(Fc.high, most), low=min(Fc.low, most))
+        own["Fc"] = replace(Fc, high=min(Fc.high, most), low=min(Fc.low, most), most=most)
     return list(own.values())
 
 

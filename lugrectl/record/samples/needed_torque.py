@@ -24,7 +24,8 @@ class Needed:
 
     ``torque`` (N,) is what the motion needs about each row, NaN where it is not known; ``scale``
     is the usual difference to the recorded one; ``moving`` marks the rows where the drive moves.
-    ``width`` is the half-width of the windows in rows.
+    ``width`` is the half-width of the windows in rows. ``error`` (N,) is the usual difference about
+    each row: where the drive rests, friction may be anything up to its level.
     """
 
     torque: np.ndarray
@@ -32,6 +33,7 @@ class Needed:
     moving: np.ndarray
     width: int
     parts: tuple[slice, ...]
+    error: np.ndarray
 
     @property
     def kernel(self) -> np.ndarray:
@@ -120,7 +122,14 @@ def _fit(
     p, scale = _robust(x[used], mean[used])
     usual = 1.4826 * float(np.median(np.abs(mean[used] - np.median(mean[used]))))
     share = scale / max(usual, 1e-300)
-    return share, Needed(np.where(known, x @ p, np.nan), scale, moving, width, tuple(parts))
+    level = abs(p[3]) if x.shape[1] == len(columns) else 0.0
+    error = np.full(n, scale + level)
+    for part in parts:  # at most so much of the mean is of rows at rest
+        error[part] = scale + level * np.nan_to_num(
+            _over(rest[part].astype(float), np.abs(k0)), nan=1.0
+        )
+    torque = np.where(known, x @ p, np.nan)
+    return share, Needed(torque, scale, moving, width, tuple(parts), error)
 
 
 def _robust(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, float]:

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from .clock import typical_step
+from .clock import typical_step, use_true_times
 from .rows import Stamped
 
 _MOST = 64  # rows; a channel held for longer is one that stands
 _SURE = 0.97  # of its changes come every k-th row
 _FEWEST = 20  # changes that show it
+_ROUNDED = 1e-6  # rows, for rounding
 
 
-def renewed_every(x: np.ndarray) -> tuple[int, int]:
-    """Every how many rows a channel (N,) changes, and the row (below that) where; (1, 0) if it may
-    change in any row. NaN counts as no change."""
+def renewed_every(x: np.ndarray) -> tuple[float, float]:
+    """Every how many rows a channel (N,) changes, and the place (below that) where; (1, 0) if it
+    may change in any row. NaN counts as no change.
+
+    A clock of its own may renew it every 2.5 rows: it then changes in the first row after each
+    beat.
+    """
     good = np.flatnonzero(np.isfinite(x))
     at = good[1:][np.diff(x[good]) != 0]
     if len(at) < _FEWEST:
@@ -26,13 +31,40 @@ def renewed_every(x: np.ndarray) -> tuple[int, int]:
         shares = np.bincount(at % every, minlength=every) / len(at)
         if shares.max() >= _SURE and len(at) >= max(_FEWEST, 0.1 * len(x) / every):
             return every, int(shares.argmax())
-    return 1, 0
+    every, first = _beat(at, len(x))
+    on_beat = np.mean((at - first) % every < 1.0)
+    held = on_beat >= _SURE and len(at) >= max(_FEWEST, 0.1 * len(x) / every)
+    return (every, first) if held and every <= _MOST and not _counts(np.diff(x[good])) else (1, 0)
+
+
+def _beat(at: np.ndarray, rows: int) -> tuple[float, float]:
+    """The even beat that most changes, in the rows ``at``, are the first row of or after."""
+    steps = np.diff(at)
+    least = int(np.quantile(steps, 1 - _SURE))
+    rough = float(np.mean(steps[(steps >= least) & (steps <= least + 1)]))
+    size = int(2 ** np.ceil(np.log2(4 * rows)))
+    spectrum = np.abs(np.fft.rfft(np.bincount(at, minlength=rows), size))
+    low, high = (int(round(size / (rough + off))) for off in (0.5, -0.5))
+    every = size / (low + int(np.argmax(spectrum[low : high + 1])))
+    start = np.angle(np.mean(np.exp(2j * np.pi * at / every))) * every / (2 * np.pi)
+    for _ in range(2):
+        beat = np.rint((at - start) / every)
+        every, start = np.polyfit(beat, at, 1)
+    after = at - every * np.rint((at - start) / every)
+    return float(every), float(np.quantile(after, 0.5 * (1 - _SURE)) - _ROUNDED) % float(every)
+
+
+def _counts(changes: np.ndarray) -> bool:
+    """Whether nearly all changes have one size: those of an encoder at one speed are no beat."""
+    size = np.abs(changes[changes != 0])
+    return bool(np.mean(np.abs(size - np.median(size)) < 1e-6 * np.median(size)) >= _SURE)
 
 
 def keep_renewed(log: Stamped) -> None:
     """Keep the rows that were sampled; leave out a second motion signal that is slower.
 
-    A torque that is stepped between a few levels is held on purpose: its rows stay.
+    A torque that is stepped between a few levels is held on purpose: its rows stay. One that is
+    renewed more often than the motion is averaged from row to row.
     """
     found = {role: renewed_every(log.channels[role]) for role in log.required}
     found = {role: (every, row) for role, (every, row) in found.items() if every > 1}
@@ -50,9 +82,30 @@ def keep_renewed(log: Stamped) -> None:
     if "u" in found and not slow and _has_levels(log.channels["u"], *found["u"]):
         del found["u"]
     if found:
-        every, row = max(found.values())
+        every, first = max(found.values())
         _say(log, " and ".join(found), every * dt, ": only these rows are used")
-        log.keep(np.arange(len(log.t)) % every == row)
+        sampled = np.isin(np.arange(len(log.t)), _rows(every, first, len(log.t)))
+        if "u" not in found:
+            log.channels["u"] = _means(log.channels["u"], sampled)
+        log.keep(sampled)
+        if slow and every % 1:  # its clock is even, the rows in which it was seen first are not
+            use_true_times(log)
+
+
+def _rows(every: float, first: float, rows: int) -> np.ndarray:
+    """The rows at a beat, or the first ones after it."""
+    return np.ceil(np.arange(first, rows - 1 + _ROUNDED, every)).astype(int)
+
+
+def _means(u: np.ndarray, sampled: np.ndarray) -> np.ndarray:
+    """The torque in the sampled rows as its mean up to the next of them: its integral is kept."""
+    rows = np.flatnonzero(sampled)
+    good = np.isfinite(u)
+    total = np.add.reduceat(np.where(good, u, 0.0), rows)
+    made = np.full(len(u), np.nan)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        made[rows] = total / np.add.reduceat(good.astype(float), rows)
+    return made
 
 
 def _say(log: Stamped, names: str, step: float, then: str) -> None:
@@ -60,8 +113,8 @@ def _say(log: Stamped, names: str, step: float, then: str) -> None:
     log.say(f"{names} {verb} renewed only every {1e3 * step:.4g} ms{then}.")
 
 
-def _has_levels(u: np.ndarray, every: int, row: int) -> bool:
+def _has_levels(u: np.ndarray, every: float, first: float) -> bool:
     """Whether a torque takes the same values again and again, as a program of steps does."""
-    samples = u[row::every]
+    samples = u[_rows(every, first, len(u))]
     samples = samples[np.isfinite(samples)]
     return len(np.unique(samples)) < 0.3 * len(samples)

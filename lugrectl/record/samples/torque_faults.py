@@ -7,6 +7,7 @@ does: it needs another torque than the log says.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -133,6 +134,44 @@ def _without(log: Stamped, bad: np.ndarray) -> None:
 # ---- registers that wrap ------------------------------------------------------------
 
 
+@dataclass(frozen=True, eq=False)
+class Register:
+    """The torque of a register, in segments between its jumps.
+
+    A segment is a number of spans away from what was read. How likely that is, in nats: by the
+    motion, which needs a torque up to an error; by the changes of u from row to row, which are of
+    the usual size or, seldom, any; and by the chance of a wrap, once in the rows of the log.
+    """
+
+    fit: Needed
+    u: np.ndarray
+    segments: Sequence[slice]
+    span: float
+    change: float  # usual change of u from row to row
+
+    def moved(self, turns: np.ndarray) -> np.ndarray:
+        return _shifted(self.u, self.segments, turns, self.span)
+
+    def cost(self, turns: np.ndarray) -> float:
+        """What these numbers of spans cost."""
+        moved = self.moved(turns)
+        jumps = [self.jump(moved, part.start) for part in self.segments[1:]]
+        return self.misfit(self.fit.missing(moved), slice(None)) + sum(jumps) + self.rare(turns)
+
+    def misfit(self, missing: np.ndarray, rows: slice) -> float:
+        """Of the motion; neighbouring windows share their rows."""
+        return float(np.nansum(np.abs(missing) / self.fit.error[rows])) / self.fit.width
+
+    def jump(self, u: np.ndarray, row: int, more: float = 0.0) -> float:
+        """Of the change of u to a row; 0 where there is no row before it."""
+        if not 0 < row < len(u):
+            return 0.0
+        return float(np.log1p(((u[row] - u[row - 1] + more) / self.change) ** 2))
+
+    def rare(self, turns: np.ndarray) -> float:
+        return float(np.count_nonzero(turns) * np.log(len(self.u)))
+
+
 def unwrap_torque(log: Stamped) -> None:
     """Add the multiples of a register's span that bring u to what the motion needs."""
     u = log.channels["u"]
@@ -148,16 +187,20 @@ def unwrap_torque(log: Stamped) -> None:
     fit = needed(log)
     if fit is None:
         return
+    usual = max(float(np.median(steps)), quantum(u[np.isfinite(u)]))
+    register = Register(fit, np.nan_to_num(u), segments, span, usual)
     turns = _nearest(fit, u, segments, span)
     for _ in range(_ROUNDS):
         before = turns
-        turns = _assigned(fit, u, segments, turns, span)
+        turns = _assigned(register, turns)
         if (turns == before).all():
             break
     turns -= turns[int(np.argmax([s.stop - s.start for s in segments]))]
-    moved = _shifted(u, segments, turns, span)
-    changed = moved != np.nan_to_num(u)
-    if not changed.any() or changed.mean() > 0.5 or not _nearer(fit, u, moved, changed):
+    moved = register.moved(turns)
+    changed = moved != register.u
+    if not changed.any() or changed.mean() > 0.5:
+        return
+    if register.cost(turns) > register.cost(0 * turns):
         return
     first, unit = int(changed.argmax()), si_unit("u", log.motion)
     log.say(
@@ -203,35 +246,25 @@ def _nearest(fit: Needed, u: np.ndarray, segments: Sequence[slice], span: float)
     return made
 
 
-def _assigned(
-    fit: Needed, u: np.ndarray, segments: Sequence[slice], turns: np.ndarray, span: float
-) -> np.ndarray:
-    """For each segment the multiple that agrees best with the motion, the others as they are."""
-    made, reach = turns.copy(), fit.width
-    missing = fit.missing(_shifted(u, segments, turns, span))
-    for i, part in enumerate(segments):
-        if not np.isfinite(fit.torque[part]).any():
-            continue
-        a, b = max(part.start - 2 * reach, 0), min(part.stop + 2 * reach, len(u))
+def _assigned(register: Register, turns: np.ndarray) -> np.ndarray:
+    """For each segment the multiple that costs least, the others as they are."""
+    made, fit, span = turns.copy(), register.fit, register.span
+    moved = register.moved(turns)
+    missing = fit.missing(moved)
+    for i, part in enumerate(register.segments):
+        a = max(part.start - 2 * fit.width, 0)
+        b = min(part.stop + 2 * fit.width, len(moved))
         mine = np.zeros(b - a)
         mine[part.start - a : part.stop - a] = span
         share = np.convolve(mine, fit.kernel, "same")
-        near = missing[a:b]
-        good = np.isfinite(near)
-        if not good.any():
-            continue
-        tries = range(-2, 3)
-        costs = [np.abs(near[good] - n * share[good]).sum() for n in tries]
-        n = tries[int(np.argmin(costs))]
-        if abs(made[i] + n) > _TURNS or min(costs) > 0.9 * costs[2]:
-            continue
+        rows, costs = slice(a, b), {}
+        for n in range(-_TURNS - made[i], _TURNS + 1 - made[i]):
+            costs[n] = register.misfit(missing[rows] - n * share, rows)
+            costs[n] += register.jump(moved, part.start, n * span)
+            costs[n] += register.jump(moved, part.stop, -n * span)
+            costs[n] += register.rare(np.array([made[i] + n]))
+        n = min(costs, key=lambda n: (costs[n], abs(n)))
         made[i] += n
-        missing[a:b] = near - n * share
+        missing[rows] -= n * share
+        moved[part] += n * span
     return made
-
-
-def _nearer(fit: Needed, u: np.ndarray, moved: np.ndarray, changed: np.ndarray) -> bool:
-    """Whether the balance is met much better with the other torque, where it differs."""
-    touched = fit.averaged(changed.astype(float)) > 0.05
-    before, after = (np.abs(fit.missing(x))[touched] for x in (np.nan_to_num(u), moved))
-    return bool(len(before) and np.nansum(after) < 0.4 * np.nansum(before))
