@@ -100,7 +100,8 @@ def _nothing(note: str) -> Contradictions:
 
 
 def _high(e: Estimate) -> float:
-    return e.ci95[1] if e.ci95 else e.value
+    """The upper end of an interval; where there is none, any value may be right."""
+    return e.ci95[1] if e.ci95 else np.inf
 
 
 def _negative(key: str, e: Estimate) -> str:
