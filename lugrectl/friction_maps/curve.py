@@ -46,7 +46,7 @@ NUDGE = 1e-3  # step of a coordinate, to see whether the map identifies it
 class Curve:
     """A model fitted to points; ``sigma`` is the standard deviation of each.
 
-    Plant values stay within a factor of ``anchor``.
+    Plant values stay within a factor of ``anchor``. The values ``apart`` are not fitted.
     """
 
     predictor: Predictor
@@ -55,6 +55,7 @@ class Curve:
     coords: tuple[Coordinate, ...]
     sigma: np.ndarray
     anchor: dict[str, float]
+    apart: tuple[str, ...] = ()
 
     @property
     def model(self) -> Model:
@@ -183,15 +184,23 @@ def _off(part: Part) -> tuple[str, float]:
     return f"{part.key}.{gain}", part.block.parameters[gain].neutral or 0.0
 
 
-def fit(model: Model, at: Points, starts: Sequence[Values], anchor: Values) -> Curve:
-    """The best fit from several starts; a value missing in ``anchor`` is anchored at its start."""
+def fit(
+    model: Model,
+    at: Points,
+    starts: Sequence[Values],
+    anchor: Values,
+    apart: tuple[str, ...] = (),
+) -> Curve:
+    """The best fit from several starts; a value missing in ``anchor`` is anchored at its start,
+    one that is ``apart`` stays there."""
     even = _even(at, GUESS * float(np.std(at.u)) or 1.0)
     predictor = Predictor(model, laid(at, model.motion))
     tried = []
     for start in starts:
         around = model.kept({**start, **anchor})
-        coords = coordinates(predictor, free_keys(predictor), around)
-        open_ = Curve(predictor, at, inside(coords, start, model), (), even, around)
+        keys = [key for key in free_keys(predictor) if key not in apart]
+        coords = coordinates(predictor, keys, around)
+        open_ = Curve(predictor, at, inside(coords, start, model), (), even, around, apart)
         shown = [c for c in coords if _shows(replace(open_, coords=(c,)))]
         tried.append(_stepped(replace(open_, coords=tuple(shown)), FIRST))
     best = sorted(tried, key=lambda curve: curve.misfit)[:STARTS]
