@@ -65,7 +65,7 @@ def choose(base: Curve, say: Callable[[str], None], simpler: Curve | None = None
     if simpler is not None:
         other, end = _best(_followed(simpler, _tried(simpler, say, 1), say, 1))
         if other and price(end) < price(final):
-            even = final.misfit < end.misfit + ALIKE
+            even = final.misfit < end.misfit + ALIKE and other[0][0] not in dict(steps)
             made = [_looked_again(end, *step) for step in other]
             made[0] = replace(made[0], tied=(*made[0].tied, *([LAW] if even else [])))
             return Choice(base, end, tuple(made), _ranking(base, tried))
