@@ -3,15 +3,17 @@
     y_ij = x_ij p + b_i + e_ij,    b_i of variance v_b,    e_ij of variance v_w
 
 for window j of run i. All windows of a run have its own scatter ``b_i``, so of friction, which is
-one value in a run, they tell no more than their mean. What changes along a run, as gravity does,
-shows in the differences as well. Both variances are residuals over what the values leave free
-(REML): ``v_b = sum rbar_i^2 / (n - trace H)``, where H is the leverage of the means.
+one value in a run, they tell no more than their mean, whose error they show besides. What changes
+along a run, as gravity does, shows in the differences as well. The variances are residuals over
+what the values leave free (REML; Paule and Mandel, 1982): with ``g_i = 1 / (v_b + own_i)``,
+``sum g_i rbar_i^2 = n - trace H``, where H is the leverage of the means.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.stats import norm
@@ -50,7 +52,7 @@ AS_MANY = (
 class Rows:
     """Means of the runs, and differences from them in the windows, each counted ``share`` times.
 
-    ``place`` is the run of each window.
+    ``place`` is the run of each window, ``own`` the variance of the mean of a run by its windows.
     """
 
     place: np.ndarray
@@ -59,14 +61,23 @@ class Rows:
     apart_y: np.ndarray
     apart_X: np.ndarray
     share: float
+    own: np.ndarray
 
     @classmethod
-    def of(cls, d: Windows, X: np.ndarray, share: float = 1.0 / OVERLAP) -> Rows:
+    def of(cls, d: Windows, X: np.ndarray, share: float = 1.0 / OVERLAP, own: Any = None) -> Rows:
         place = places(d)
         size = np.bincount(place)
         y = np.bincount(place, d.y) / size
         mean = np.column_stack([np.bincount(place, x) / size for x in X.T])
-        return cls(place, y, mean, d.y - y[place], X - mean[place], share)
+        own = np.zeros(len(y)) if own is None else own
+        return cls(place, y, mean, d.y - y[place], X - mean[place], share, own)
+
+    def noisy(self, p: np.ndarray) -> Rows:
+        """With the memory and the errors of the means that these values leave in the runs."""
+        s = self.apart_y - self.apart_X @ p
+        share, many = 1.0 / max(OVERLAP, memory(s)), np.bincount(self.place)
+        each = np.bincount(self.place, s**2) / np.maximum(many - 1, 1)
+        return replace(self, share=share, own=each / np.maximum(many / OVERLAP, 1.0))
 
     @property
     def free_apart(self) -> float:
@@ -76,16 +87,15 @@ class Rows:
 
 @dataclass(frozen=True, eq=False)
 class Pointwise:
-    """Values ``p`` with covariance ``V``; variances of means and differences, and what is left
-    ``free`` of the means."""
+    """Values ``p`` with covariance ``V``; the variance of a run beyond its own error, the weights
+    ``g`` of the means, what is left ``free`` of them, and their residuals ``r``."""
 
     p: np.ndarray
     V: np.ndarray
     means: float
-    apart: float
+    g: np.ndarray
     free: float
-    A: np.ndarray
-    left: float
+    r: np.ndarray
 
 
 def places(d: Windows) -> np.ndarray:
@@ -107,35 +117,35 @@ def points(rows: Rows, prior: np.ndarray, least: float) -> Pointwise:
     """
     n, m = rows.X.shape
     P, share = np.diag(1.0 / prior**2), rows.share
-    B, W = rows.X.T @ rows.X, share * rows.apart_X.T @ rows.apart_X
-    b, c = rows.X.T @ rows.y, share * rows.apart_X.T @ rows.apart_y
+    W, c = share * rows.apart_X.T @ rows.apart_X, share * rows.apart_X.T @ rows.apart_y
     means = float(np.var(rows.y)) + least**2
     apart = share * float(rows.apart_y @ rows.apart_y) / max(rows.free_apart, 1.0) + least**2
     for _ in range(ROUNDS_OF_SCATTER):
-        A = B / means + W / apart + P
-        V = np.linalg.inv(A)
-        p = V @ (b / means + c / apart)
+        g = 1.0 / (means + rows.own)
+        B = rows.X.T @ (g[:, None] * rows.X)
+        V = np.linalg.inv(B + W / apart + P)
+        p = V @ (rows.X.T @ (g * rows.y) + c / apart)
         r, s = rows.y - rows.X @ p, rows.apart_y - rows.apart_X @ p
-        free = n - float(np.sum(V * B)) / means
-        left = float(r @ r)
-        next_means = left / max(free, 0.5) + least**2
+        free = n - float(np.sum(V * B))
+        beyond = float(g**2 @ (r**2 * n / max(free, 0.5) - rows.own)) / float(g @ g)
+        next_means = max(beyond, 0.0) + least**2
         within = rows.free_apart - float(np.sum(V * W)) / apart
         next_apart = share * float(s @ s) / max(within, 1.0) + least**2
         settled = abs(next_means / means - 1) < SETTLED and abs(next_apart / apart - 1) < SETTLED
         means, apart = next_means, next_apart
         if settled:
             break
-    return Pointwise(p, V, means, apart, free, A, left)
+    return Pointwise(p, V, means, g, free, r)
 
 
 @dataclass(frozen=True, eq=False)
 class OfRuns:
-    """The fit of a map, its covariance, the ``scatter`` of a run, N m, and the degrees of freedom;
-    0 where nothing is left."""
+    """The fit of a map, its covariance, the ``scatter`` of each run, N m, and the degrees of
+    freedom; 0 where nothing is left."""
 
     fit: Fit
     V: np.ndarray
-    scatter: float
+    scatter: np.ndarray
     freedom: float
     notes: tuple[str, ...] = ()
 
@@ -146,12 +156,14 @@ def of_runs(ground: Ground, made: Fit) -> OfRuns:
     X, prior = made.windows.X, made.problem.prior
     rows = Rows.of(made.windows, X)
     plain = points(rows, prior, least)
-    rows = replace(rows, share=1.0 / max(OVERLAP, memory(rows.apart_y - rows.apart_X @ plain.p)))
+    rows = rows.noisy(plain.p)
     plain = points(rows, prior, least)
     n = len(rows.y)
     if plain.free < 0.5:
         only = plain.V @ np.diag(1.0 / prior**2) @ plain.V  # what no run shows
-        return OfRuns(_as_fit(made, rows, plain.p, X), only, 0.0, 0.0, (AS_MANY.format(n, n),))
+        return OfRuns(
+            _as_fit(made, rows, plain.p, X), only, plain.g**-0.5, 0.0, (AS_MANY.format(n, n),)
+        )
     shapes, tried = _dips(ground, made, rows, plain, least)
     p, V, best = _averaged(plain, tried)
     if best is not None:
@@ -161,7 +173,7 @@ def of_runs(ground: Ground, made: Fit) -> OfRuns:
         V = np.block([[V, np.zeros((len(V), 1))], [np.zeros((1, len(V))), dip.V[-1:, -1:]]])
     done = _as_fit(made, rows, p, X)
     V = V + of_scale(ground.source, ground.travel, done)
-    return OfRuns(done, V, float(np.sqrt(plain.means)), plain.free)
+    return OfRuns(done, V, plain.g**-0.5, plain.free)
 
 
 def curve_of_runs(found: OfRuns) -> tuple[CurvePoint, ...]:
@@ -169,10 +181,11 @@ def curve_of_runs(found: OfRuns) -> tuple[CurvePoint, ...]:
     made, place = found.fit, found.fit.chunks[0]
     torque, many = friction_torque(made), np.bincount(place)
     half = float(student.ppf(0.5 + CONFIDENCE / 2, max(found.freedom, 1.0))) * found.scatter
-    rows = zip(np.bincount(place, made.windows.w) / many, np.bincount(place, torque) / many, many,
-               strict=True)  # fmt: skip
-    ends = (lambda y: (y - half, y + half)) if found.freedom else lambda _: None
-    return tuple(CurvePoint(float(w), float(y), ends(float(y)), int(n)) for w, y, n in sorted(rows))
+    w, y = np.bincount(place, made.windows.w) / many, np.bincount(place, torque) / many
+    ends = [(float(a), float(b)) if found.freedom else None
+            for a, b in zip(y - half, y + half, strict=True)]  # fmt: skip
+    order = np.argsort(w).tolist()
+    return tuple(CurvePoint(float(w[i]), float(y[i]), ends[i], int(many[i])) for i in order)
 
 
 def _dips(
@@ -192,21 +205,23 @@ def _dips(
     for term, column in zip(terms, all_of.X.T, strict=True):
         if np.abs(column).max() <= LEAST_COLUMN:
             continue
-        own = Rows.of(made.windows, np.c_[made.windows.X, column], rows.share)
+        own = Rows.of(made.windows, np.c_[made.windows.X, column], rows.share, rows.own)
         dip = points(own, np.append(made.problem.prior, size), least)
         shapes.append((term, column))
-        tried.append((dip, _belief(dip, plain, size, len(rows.y) * least**2)))
+        tried.append((dip, _belief(dip, plain, size, least)))
     return shapes, tried
 
 
-def _belief(dip: Pointwise, plain: Pointwise, size: float, floor: float) -> float:
+def _belief(dip: Pointwise, plain: Pointwise, size: float, least: float) -> float:
     """Log of the evidence for a dip over none, the scatter of the runs integrated out.
 
     The dip has a normal prior of ``size``, above 0: no law has a negative one.
     """
     d, sd = float(dip.p[-1]), float(np.sqrt(dip.V[-1, -1]))
-    left = dip.left + floor + dip.means * (d / size) ** 2
-    fits = 0.5 * plain.free * np.log((plain.left + floor) / left)
+    floor = float(plain.g.sum()) * least**2
+    before = float(plain.g @ plain.r**2) + floor
+    after = float(plain.g @ dip.r**2) + floor + (d / size) ** 2
+    fits = 0.5 * plain.free * np.log(before / after)
     return float(fits + np.log(sd / size) + np.log(2.0) + norm.logcdf(d / sd))
 
 
