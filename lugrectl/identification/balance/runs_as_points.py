@@ -257,4 +257,6 @@ def _beside(made: Fit, term: Term, column: np.ndarray) -> tuple[Fit, np.ndarray]
 
 def _as_fit(made: Fit, rows: Rows, p: np.ndarray, X: np.ndarray) -> Fit:
     r = made.windows.y - X @ p
-    return replace(made, p=p, solution=replace(made.solution, p=p, r=r), chunks=[rows.place])
+    return replace(
+        made, p=p, solution=replace(made.solution, p=p, r=r), chunks=[rows.place], of_runs=True
+    )
