@@ -15,7 +15,7 @@ from ..core.result import plain as jsonable
 from ..estimates.covariance import Joint, Residuals
 from ..estimates.findings import Estimate, FrictionMap, Traces
 from ..estimates.fitted import Fitted
-from ..friction_maps.curve import refit
+from ..friction_maps.low_speed import as_shown
 from ..friction_maps.points import is_map
 from ..identification.balance import Balance
 from ..identification.likelihood.local_maxima import other_optima
@@ -240,7 +240,7 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
 
 def _map_identified(fits: Fits, declared: Model) -> Identification:
     """The declared friction fitted to all points of a map of runs at steady speed."""
-    whole = refit(fits.base, fits.whole)
+    whole = as_shown(fits.everywhere, fits.declared)
     error = errors_of(fits, fits.base)
     return Identification(
         estimates=estimates_of(whole),

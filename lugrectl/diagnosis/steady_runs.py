@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,10 +14,11 @@ from ..core.errors import InputError, Refused
 from ..core.numeric import rms
 from ..core.option_names import option
 from ..estimates.findings import Estimate, Finding, FrictionMap
-from ..friction_maps.curve import Curve, fit, refit
+from ..friction_maps.curve import Curve, fit
+from ..friction_maps.low_speed import as_shown, may_fall, slower, without_fall
 from ..friction_maps.points import Points, is_steady, points, refuse_narrow
 from ..friction_maps.ripple import Swing, finding_of, sentence, swings
-from ..friction_maps.select import choose, left_over, shows, started
+from ..friction_maps.select import Choice, choose, least_seen, left_over, shows, started
 from ..identification.candidates.applicable import signals_of
 from ..identification.likelihood.initial_values import lifted
 from ..record import Record
@@ -28,6 +29,10 @@ from .study import Progress, unidentified
 EVERY = 3  # one of three speeds is held out
 FINE = 400  # speeds at which the curves are drawn
 MAP = "{} runs at steady speed were taken as one map of torque over speed"
+TOO_FEW = (
+    "{0} runs at steady speed are {0} points, and {1} values are fitted to them: nothing can be "
+    "tested. A missing torque as large as friction itself could not be told from chance."
+)
 LOG_ANGLE = "log theta from one zero mark in every run, over slow turns in both directions"
 MORE_SPEEDS = "record more speeds, from slow to fast, in both directions, at one temperature"
 _FREE = ("signal", "unit", "declared", "refitted", "augmented")
@@ -36,7 +41,8 @@ _TORQUE = ("unit", "declared", "refitted", "augmented")
 
 @dataclass(frozen=True)
 class Fits:
-    """A map, which of its points are held out, and the declared friction fitted to the others.
+    """A map, which of its points are held out, and the declared friction fitted to the others
+    (``base``) and to all points (``everywhere``).
 
     ``aside`` are the declared effects that such runs do not identify; ``declared`` is without them.
     """
@@ -45,6 +51,7 @@ class Fits:
     whole: Points
     held_out: np.ndarray
     base: Curve
+    everywhere: Curve
     declared: Model
     aside: tuple[Part, ...]
 
@@ -69,8 +76,9 @@ def diagnose_map(
     identify inertia and presliding.
 
     Held out are one of three speeds in either direction, the last half of every run, or a run.
-    ``error`` is the RMS of measured minus modelled mean torque there, N m or N: there is no motion
-    to simulate. Values given at the end come from all points.
+    All points decide what is missing; for ``error`` the others alone choose and fit. It
+    is the RMS of measured minus modelled mean torque there, N m or N: there is no motion to
+    simulate. Values given at the end come from all points.
 
     Parameters
     ----------
@@ -93,12 +101,14 @@ def diagnose_map(
         When the runs go in one direction or at one speed only, or are too few.
     """
     fits = begin_map(records, model, holdout, progress)
-    choice = choose(fits.base, lambda what: progress(0.3, what))
+    choice = _chosen(fits.everywhere, fits.declared, lambda what: progress(0.2, what))
+    whole, trained = choice.final, fits.base
+    if choice.steps:  # what is held out must not choose the effects by which it is judged
+        trained = _chosen(fits.base, fits.declared, lambda what: progress(0.5, what)).final
     progress(0.8, "ripple of the torque over the angle")
     swing = swings(fits.records)
-    whole = refit(choice.final, fits.whole)
     missing = left_over(whole, seed)
-    errors = errors_of(fits, choice.final)
+    errors = errors_of(fits, trained)
     values = estimates_of(whole)
     found = [Finding.of(step.key, step.name, values, step.tied) for step in choice.steps]
     largest = bool(swing) and _largest(swing[0], whole, [step.key for step in choice.steps])
@@ -106,11 +116,15 @@ def diagnose_map(
     names = [step.name for step in choice.steps]
     signals = dict.fromkeys([*signals_of(names), *(["theta"] * largest), *(["w"] * missing)])
     verdict = _verdict(found, largest, missing)
+    if verdict == "adequate" and least_seen(whole) > 1.0:
+        raise Refused(
+            TOO_FEW.format(len(fits.whole.w), len(whole.coords)), f"{_capital(MORE_SPEEDS)}."
+        )
     return Diagnosis(
         verdict=verdict,
         effects=tuple(found),
         depends_on=tuple(s for s in signals if s != "t"),
-        experiment=_experiment(verdict, found, largest),
+        experiment=_experiment(verdict, found, largest, slower(whole, fits.declared)),
         error=errors,
         free_error={k: errors[k] for k in _FREE} | {"in_sample": False},
         torque_error={k: errors[k] for k in _TORQUE},
@@ -120,7 +134,7 @@ def diagnose_map(
         record=fits.records[0],
         messages=messages_of(fits, whole) + ((sentence(swing, whole),) if swing else ()),
         ranking=choice.ranking,
-        map=map_of(fits, whole, {"refitted": fits.base, "augmented": choice.final}, swing),
+        map=map_of(fits, whole, {"refitted": fits.base, "augmented": trained}, swing),
     )
 
 
@@ -146,9 +160,17 @@ def begin_map(
     starts = started(begun, at)
     full = model.with_values(starts[0])
     fixed = {k: v for k, v in full.known().items() if not full.declarations()[k].fitted}
-    base = fit(full, at, [start | fixed for start in starts], begun.known() | fixed)
+    begin, anchor = [start | fixed for start in starts], begun.known() | fixed
+    base, everywhere = (fit(full, on, begin, anchor) for on in (at, whole))
     apart = (holdout,) if isinstance(holdout, Record) else ()
-    return Fits((*records, *apart), whole, held_out, base, model, aside)
+    return Fits((*records, *apart), whole, held_out, base, everywhere, model, aside)
+
+
+def _chosen(base: Curve, declared: Model, say: Callable[[str], None]) -> Choice:
+    """The effects that a map shows; a fall of friction at low speed may imitate one."""
+    flat = without_fall(base, declared) if may_fall(base, declared) else None
+    made = choose(base, say, flat)
+    return replace(made, final=as_shown(made.final, declared))
 
 
 def _laid_out(records: Sequence[Record], holdout: str | Record | None) -> tuple[Points, np.ndarray]:
@@ -209,8 +231,8 @@ def estimates_of(whole: Curve) -> dict[str, Estimate]:
 def final_model(fits: Fits, whole: Curve) -> Model:
     """The fitted model; a value neither declared nor identified by the map stays open."""
     fitted = {c.key for c in whole.coords}
-    unknown = {k for k, v in fits.declared.values().items() if v is None} - fitted
-    model = whole.model.with_values(whole.values | dict.fromkeys(unknown))
+    silent = {k: v for k, v in fits.declared.values().items() if k not in fitted}
+    model = whole.model.with_values(whole.values | silent)
     return replace(model, effects=(*fits.aside, *model.effects))
 
 
@@ -246,13 +268,25 @@ def _verdict(found: Sequence[Finding], swinging: bool, missing: bool) -> str:
     return "found" if found else "adequate"
 
 
-def _experiment(verdict: str, found: Sequence[Finding], swinging: bool) -> str | None:
+def _experiment(
+    verdict: str, found: Sequence[Finding], swinging: bool, slow: str | None
+) -> str | None:
     if verdict == "unexplained":
         return f"To see what it is: {MORE_SPEEDS}."
+    told = _telling(found, swinging)
+    return " ".join(filter(None, (told, slow))) or None
+
+
+def _telling(found: Sequence[Finding], swinging: bool) -> str | None:
+    """What tells the found effects from their alternatives."""
     said = [finding.apart() for finding in found[: len(found) - swinging]]
     said += [found[-1].apart(LOG_ANGLE)] if swinging else []
     whole = "; ".join(filter(None, said))
-    return f"{whole[0].upper()}{whole[1:]}." if whole else None
+    return f"{_capital(whole)}." if whole else None
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
 
 
 def map_of(

@@ -46,7 +46,9 @@ NUDGE = 1e-3  # step of a coordinate, to see whether the map identifies it
 class Curve:
     """A model fitted to points; ``sigma`` is the standard deviation of each.
 
-    Plant values stay within a factor of ``anchor``; those of ``opened`` were guessed, not declared.
+    Plant values stay within a factor of ``anchor``; those of ``opened`` were guessed, not
+    declared, and those ``apart`` are not fitted. ``rival``: a larger model that chance has not
+    refuted; the intervals hold what it says by how likely it is.
     """
 
     predictor: Predictor
@@ -56,6 +58,8 @@ class Curve:
     sigma: np.ndarray
     anchor: dict[str, float]
     opened: frozenset[str] = frozenset()
+    apart: tuple[str, ...] = ()
+    rival: Curve | None = None
 
     @property
     def model(self) -> Model:
@@ -133,12 +137,27 @@ class Curve:
         moved = [(_at(self, x - e), _at(self, x + e)) for e in np.diag(_steps(self))]
         for c in self.coords:
             rate = np.array([b[c.key] - a[c.key] for a, b in moved]) / (2.0 * _steps(self))
-            half = float(student.ppf(0.975, free) * np.sqrt(rate @ covariance @ rate))
             value = self.values[c.key]
+            variance = rate @ covariance @ rate + self._between(c.key)
+            half = float(student.ppf(0.975, free) * np.sqrt(variance))
             if c.key not in unidentified:
                 low, high = self._limits(c)
                 made[c.key] = (max(value - half, low), min(value + half, high))
         return made
+
+    def _between(self, key: str) -> float:
+        """Mean square of how far the rival moves a value, by its weight (Burnham and Anderson,
+        Model Selection and Multimodel Inference, 2002, section 4.3)."""
+        if self.rival is None:
+            return 0.0
+        likely = 1.0 / (1.0 + np.exp(0.5 * (self.rival.criterion - self.criterion)))
+        return float(likely * (self.rival.values[key] - self.values[key]) ** 2)
+
+    @property
+    def criterion(self) -> float:
+        """Akaike's information criterion for few points; infinite with as many values as points."""
+        n, k = len(self.sigma), len(self.coords) + 1
+        return self.misfit + 2.0 * k * n / (n - k - 1) if n > k + 1 else np.inf
 
     def _limits(self, c: Coordinate) -> tuple[float, float]:
         """The range in which a value was searched, and 0 where it may be 0: that its logarithm
@@ -190,18 +209,21 @@ def fit(
     starts: Sequence[Values],
     anchor: Values,
     opened: frozenset[str] = frozenset(),
+    apart: tuple[str, ...] = (),
 ) -> Curve:
     """The best fit from several starts; a value missing in ``anchor`` is anchored at its start,
-    and one of ``opened`` was."""
+    one of ``opened`` was, and one that is ``apart`` stays there."""
     opened |= {k for start in starts for k in start if k not in anchor and "." not in k}
     even = _even(at, GUESS * float(np.std(at.u)) or 1.0)
     predictor = Predictor(model, laid(at, model.motion))
     tried = []
     for start in starts:
         around = model.kept({**start, **anchor})
-        coords = coordinates(predictor, free_keys(predictor), around)
+        keys = [key for key in free_keys(predictor) if key not in apart]
+        coords = coordinates(predictor, keys, around)
         coords = [_to_zero(c) if c.key in opened else c for c in coords]
-        open_ = Curve(predictor, at, inside(coords, start, model), (), even, around, opened)
+        values = inside(coords, start, model)
+        open_ = Curve(predictor, at, values, (), even, around, opened, apart)
         shown = [c for c in coords if _shows(replace(open_, coords=(c,)))]
         tried.append(_stepped(replace(open_, coords=tuple(shown)), FIRST))
     best = sorted(tried, key=lambda curve: curve.misfit)[:STARTS]

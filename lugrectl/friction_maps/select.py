@@ -12,6 +12,7 @@ from scipy.stats import norm, rankdata
 
 from ..blocks.block import Block, members
 from ..blocks.model import Model
+from ..core.numeric import rms
 from ..estimates.findings import Candidate
 from ..identification.candidates.applicable import worth_trying
 from ..identification.candidates.search_ranges import grid_of, sets_of
@@ -24,10 +25,12 @@ CHANCE = 0.01  # probability that any effect is named although nothing is missin
 ALIKE = 4.0  # misfit, in variances, within which two models explain a map equally well
 MOST_EFFECTS = 3
 STEPS = 30.0  # size of a test step, in typical steps
+LAW = Candidate("stribeck", 0.0, 0.0)  # the declared law's own fall at low speed
 QUARTERS = [0.0, np.pi / 2.0, np.pi, -np.pi / 2.0]  # of a phase: one is near enough to start from
 DRAWS, CHANCE_LEFT = 999, 0.01  # permutations of the residuals, and the level of their test
 
 Named = tuple[str, Curve]
+End = tuple[list[tuple[str, list[str]]], Curve]
 
 
 @dataclass(frozen=True)
@@ -49,17 +52,35 @@ class Choice:
     ranking: tuple[Candidate, ...]
 
 
-def choose(base: Curve, say: Callable[[str], None]) -> Choice:
+def choose(base: Curve, say: Callable[[str], None], simpler: Curve | None = None) -> Choice:
     """Add the effect that explains most, refit everything, repeat.
 
     If several explain a map equally well each is followed: a later effect may distinguish them.
+    ``simpler`` is the law without its fall at low speed, which may imitate an effect: its way is
+    taken where it explains more for its number of values. Where the fall explains the map as well
+    it is tied with the effect.
     """
     tried = _tried(base, say, 1)
-    ends = _followed(base, tried, say, 1)
-    least = min(len(curve.coords) for _, curve in ends)
-    steps, final = min(ends, key=lambda end: end[1].misfit + ALIKE * (len(end[1].coords) - least))
+    steps, final = _best(_followed(base, tried, say, 1))
+    if simpler is not None:
+        other, end = _best(_followed(simpler, _tried(simpler, say, 1), say, 1))
+        if other and price(end) < price(final):
+            even = final.misfit < end.misfit + ALIKE and other[0][0] not in dict(steps)
+            made = [_looked_again(end, *step) for step in other]
+            made[0] = replace(made[0], tied=(*made[0].tied, *([LAW] if even else [])))
+            return Choice(base, end, tuple(made), _ranking(base, tried))
     made = [_looked_again(final, *step) for step in steps]
     return Choice(base, final, tuple(made), _ranking(base, tried))
+
+
+def _best(ends: Sequence[End]) -> End:
+    """The end that explains most for its number of values."""
+    return min(ends, key=lambda end: price(end[1]))
+
+
+def price(curve: Curve) -> float:
+    """The misfit, and for each value what one may explain by chance."""
+    return curve.misfit + ALIKE * len(curve.coords)
 
 
 def _tried(current: Curve, say: Callable[[str], None], turn: int) -> list[Named]:
@@ -72,7 +93,7 @@ def _tried(current: Curve, say: Callable[[str], None], turn: int) -> list[Named]
 
 def _followed(
     current: Curve, tried: Sequence[Named], say: Callable[[str], None], turn: int
-) -> list[tuple[list[tuple[str, list[str]]], Curve]]:
+) -> list[End]:
     """All ways on: the keys of the effects added, what explained as much, and the model."""
     chance = CHANCE / max(len(tried), 1)
     sound = [(n, c) for n, c in tried if by_chance(current, c) < chance and _worth(c)]
@@ -130,6 +151,21 @@ def by_chance(before: Curve, after: Curve) -> float:
     return float(fisher.sf(certain / more / max(after.cost(after.sigma) / free, 1.0), more, free))
 
 
+def least_seen(curve: Curve) -> float:
+    """The smallest torque of an effect with one value that the test can find, over friction.
+
+    Such a torque gains its square over the scatter at every point; the F test does not count the
+    point that gains most in each direction.
+    """
+    at, many = curve.at, max(len(candidates(curve.model, curve.at)), 1)
+    ways = len(np.unique(np.sign(at.w)))
+    free = len(at.w) - len(curve.coords) - 1 - ways
+    if free < 1:
+        return np.inf
+    gain = float(fisher.isf(CHANCE / many, 1, free)) / (len(at.w) - ways)
+    return float(np.median(curve.sigma[: len(at.w)])) * float(np.sqrt(gain)) / rms(curve.friction)
+
+
 def left_over(curve: Curve, seed: int) -> bool:
     """True if the residual still depends on speed (permutation test).
 
@@ -169,7 +205,7 @@ def _with(current: Curve, name: str) -> Curve:
         for own in _starts(current, made)
         for plant in (current.values, current.anchor)
     ]
-    return fit(model, current.at, starts, current.anchor, current.opened)
+    return fit(model, current.at, starts, current.anchor, current.opened, current.apart)
 
 
 def _starts(current: Curve, made: Block) -> list[dict[str, float]]:
@@ -215,7 +251,8 @@ def _without(whole: Curve, key: str) -> Curve:
         {k: v for k, v in of.items() if not k.startswith(f"{key}.")}
         for of in (whole.values, whole.anchor)
     )
-    return fit(replace(whole.model, effects=rest), whole.at, [values], anchor, whole.opened)
+    bare = replace(whole.model, effects=rest)
+    return fit(bare, whole.at, [values], anchor, whole.opened, whole.apart)
 
 
 def _ranking(current: Curve, tried: Sequence[tuple[str, Curve]]) -> tuple[Candidate, ...]:

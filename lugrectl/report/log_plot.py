@@ -90,7 +90,7 @@ def curve(balance: Balance, ax: Axes) -> Axes:
     factor, unit = readable(
         [float(np.abs(torque).max(initial=0.0))], unit_for("N m", balance.motion)
     )
-    bars = np.array([p.ci95 for p in points])
+    bars = np.array([p.ci95 or (p.torque, p.torque) for p in points])
     sides = np.abs(bars - torque[:, None]).T
     ax.errorbar(w, factor * torque, factor * sides, fmt="o", ms=4, lw=1.0, color=FITTED)
     ax.set(xlabel=f"w [{unit_for('rad/s', balance.motion)}]", ylabel=f"friction [{unit}]")

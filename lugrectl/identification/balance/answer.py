@@ -8,7 +8,7 @@ import numpy as np
 from scipy import stats
 
 from ...estimates.findings import Estimate
-from .constants import COHERENT_BLOCKS, CONFIDENCE, SHARE_OF_TORQUE, SHARE_OF_VALUE, SLIDES, STEEP
+from .constants import CONFIDENCE, SHARE_OF_TORQUE, SHARE_OF_VALUE, SLIDES, STEEP
 from .contradictions import contradictions, left_of, one_direction
 from .estimate import Estimated
 from .fit import Fit
@@ -25,10 +25,12 @@ CONSTANT, SLOPE, BEND = "constant_torque", "slope", "bend"
 def answer(ground: Ground, found: Estimated) -> Balance:
     """What is certain, what is not, and what was noticed."""
     made, V = separated(found.fit, found.V)
-    quantile = float(stats.t.ppf(TWO_SIDED, _freedom(made)))
+    quantile = float(stats.t.ppf(TWO_SIDED, max(found.freedom, 1.0)))
     notes = [*ground.notes, *found.notes]
     own = [*answers(made, ground.model, ground.uses), *_offset(ground, made)]
     estimates = {a.key: a.estimate(V, quantile) for a in own}
+    if not found.freedom:
+        estimates = {k: replace(e, ci95=None) for k, e in estimates.items()}
     left = left_of(made)
     against = contradictions(made, estimates, V, quantile, left, ground.sensors.noise["u"])
     notes += against.notes
@@ -47,6 +49,8 @@ def answer(ground: Ground, found: Estimated) -> Balance:
     mixed, more = _mixed(ground, made, V, quantile, sure) if not against.all_refused else (None, [])
     notes += more
     sums = [] if against.all_refused else _sums(ground, made, V, quantile, sure, mixed)
+    if not found.freedom:
+        sums = [replace(c, ci95=None) for c in sums]
     tach, tach_V = _tachometer(ground)
     estimates |= tach
     sure |= {*tach}
@@ -54,7 +58,7 @@ def answer(ground: Ground, found: Estimated) -> Balance:
         parameters={k: e for k, e in estimates.items() if k in sure},
         uncertain={k: e for k, e in estimates.items() if k not in sure},
         combinations=tuple(sums),
-        curve=curve(made),
+        curve=curve(made) if found.curve is None else found.curve,
         left=left,
         notes=tuple(notes),
         names=tuple(estimates),
@@ -119,12 +123,6 @@ def _late(delay: Estimate | None, dt: float) -> list[str]:
         ]
     how = "as after a delay in the drive or with a late sensor"
     return [f"u comes {size.format('early')}, {how}: the balance shifts it by that time."]
-
-
-def _freedom(made: Fit) -> int:
-    """Degrees of freedom: blocks in time beyond the terms, or parts of the range if fewer."""
-    terms = sum(term.share is None for term in made.terms)
-    return max(min(made.blocks - terms, COHERENT_BLOCKS - 1), 2)
 
 
 def _wave_sure(name: str, sure: set[str]) -> bool:

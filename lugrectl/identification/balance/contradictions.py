@@ -100,7 +100,8 @@ def _nothing(note: str) -> Contradictions:
 
 
 def _high(e: Estimate) -> float:
-    return e.ci95[1] if e.ci95 else e.value
+    """The upper end of an interval; where there is none, any value may be right."""
+    return e.ci95[1] if e.ci95 else np.inf
 
 
 def _negative(key: str, e: Estimate) -> str:
@@ -124,12 +125,16 @@ def _loss(made: Fit, V: np.ndarray, quantile: float) -> float:
 
 
 def left_of(made: Fit) -> float | None:
-    """RMS of the residual as a share of the RMS torque, over sliding windows."""
+    """RMS of the residual as a share of the RMS torque, over sliding windows; of a map, whose runs
+    are points, over the means of the runs."""
     slides = made.windows.rest < SLIDES
     if slides.sum() <= 5:
         return None
     size = np.sqrt(np.mean(made.windows.u[slides] ** 2)) or made.torque
-    return float(np.sqrt(np.mean(made.r[slides] ** 2)) / size)
+    r = made.r[slides]
+    if made.of_runs:
+        r = np.bincount(made.chunks[0], made.r) / np.bincount(made.chunks[0])
+    return float(np.sqrt(np.mean(r**2)) / size)
 
 
 def one_direction(made: Fit) -> bool:

@@ -23,10 +23,10 @@ Blocks = np.ndarray  # (n,) index of the block of each window
 
 def blocks(piece: np.ndarray, run: np.ndarray, r: np.ndarray) -> list[Blocks]:
     """Blocks of 4, 8 and 16 memories of the residual, and whole runs where there are many."""
-    memory, made = _memory(r), []
+    forgotten, made = memory(r), []
     for factor in BLOCK_MEMORIES:
         longest = max(len(r) / FEWEST_BLOCKS, 2)
-        cut = _cut(piece, int(np.clip(factor * memory, LEAST_BLOCK, longest)))
+        cut = _cut(piece, int(np.clip(factor * forgotten, LEAST_BLOCK, longest)))
         if not made or cut[-1] < made[-1][-1]:
             made.append(cut)
     runs = np.unique(run, return_inverse=True)[1]
@@ -50,7 +50,7 @@ def coherent(variables: Sequence[np.ndarray]) -> list[Blocks]:
     return found
 
 
-def _memory(r: np.ndarray) -> int:
+def memory(r: np.ndarray) -> int:
     """Windows after which the residual has forgotten itself."""
     x, n = r - r.mean(), len(r)
     least = FORGOTTEN * (x @ x / n + 1e-300)

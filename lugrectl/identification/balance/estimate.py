@@ -9,6 +9,7 @@ import numpy as np
 
 from .constants import (
     CLEARLY,
+    COHERENT_BLOCKS,
     COST_OF_SHAPES,
     FEWEST_CHANGES,
     LATE_SAMPLES,
@@ -22,17 +23,25 @@ from .friction_shapes import Chosen, shapes_near_rest, turns_often, with_dip, wi
 from .interval import interval, unexplained
 from .load_torque import with_load
 from .problem import Ground
+from .result import CurvePoint
+from .runs_as_points import curve_of_runs, of_runs
 from .terms import ECCENTRICITY, Term
 from .windows import Source
 
 
 @dataclass(frozen=True, eq=False)
 class Estimated:
-    """A fit, and the covariance of its coefficients with all that it leaves open."""
+    """A fit, and the covariance of its coefficients with all that it leaves open.
+
+    ``freedom`` are the degrees of freedom of their errors; 0 where nothing is left to tell them.
+    ``curve`` are the points of a map.
+    """
 
     fit: Fit
     V: np.ndarray
+    freedom: float
     notes: tuple[str, ...] = ()
+    curve: tuple[CurvePoint, ...] | None = None
 
 
 def estimate(ground: Ground) -> Estimated | None:
@@ -45,12 +54,22 @@ def estimate(ground: Ground) -> Estimated | None:
         made = first_fit(ground)
     if made is None:
         return None
+    if ground.is_map:
+        whole = of_runs(ground, made)
+        return Estimated(whole.fit, whole.V, whole.freedom, whole.notes, curve_of_runs(whole))
     choices, rivals = _shaped(ground, made)
     made = choices[-1].fit
     choices, rivals, notes = _late_or_not(ground, choices, rivals)
     made = choices[-1].fit
     V = interval(ground.source, ground.widths, made, choices, rivals, ground.travel)
-    return Estimated(made, V + unexplained(made, ground.model.motion), tuple(notes))
+    V = V + unexplained(made, ground.model.motion)
+    return Estimated(made, V, _freedom(made), tuple(notes))
+
+
+def _freedom(made: Fit) -> int:
+    """Degrees of freedom: blocks in time beyond the terms, or parts of the range if fewer."""
+    terms = sum(term.share is None for term in made.terms)
+    return max(min(made.blocks - terms, COHERENT_BLOCKS - 1), 2)
 
 
 def first_fit(ground: Ground) -> Fit | None:
@@ -65,14 +84,12 @@ def first_fit(ground: Ground) -> Fit | None:
 def _shaped(ground: Ground, made: Fit) -> tuple[list[Chosen], list[Fit]]:
     """The fit with what friction does near rest, and a fit that may as well be right."""
     source, setting, rivals = ground.source, made.setting, []
-    if not ground.is_map:
-        made = _with_shapes(ground, made)
+    made = _with_shapes(ground, made)
     choices = [Chosen(made)]
-    if not ground.is_map and turns_often(ground.tracks, setting.rest):
+    if turns_often(ground.tracks, setting.rest):
         choices.append(with_turning(source, made, ground.speed))
         made = choices[-1].fit
-    slowest = 0.5 * np.quantile(np.abs(made.windows.w), 0.02) if ground.is_map else 0.0
-    lowest = max(setting.rest, float(slowest), SLOWEST_DIP * ground.speed)
+    lowest = max(setting.rest, SLOWEST_DIP * ground.speed)
     choices.append(with_dip(source, made, ground.speed, lowest))
     made = choices[-1].fit
     if made.names[-1] == "dip" and made.p[len(made.names) - 1] < 0:

@@ -47,6 +47,7 @@ class Fit:
 
     ``score`` is the log density of the motion given the torque, ``torque`` the RMS of the torque,
     ``rms`` that of every column, ``blocks`` the number of blocks.
+    ``of_runs`` says that each run is one point, a block.
     """
 
     terms: tuple[Term, ...]
@@ -61,6 +62,7 @@ class Fit:
     score: float
     problem: Problem
     delay: float = 0.0
+    of_runs: bool = False
 
     @cached_property
     def V(self) -> np.ndarray:

@@ -18,12 +18,7 @@ from .result import CurvePoint
 
 def curve(made: Fit) -> tuple[CurvePoint, ...]:
     """Robust means over bins of equal numbers of windows."""
-    d, m = made.windows, len(made.terms)
-    friction = np.array([term.friction for term in made.terms])
-    torque = made.r + d.X[:, friction] @ made.p[:m][friction]
-    columns = {"Fc": np.sign(d.w), "Fv": d.w, "constant_torque": 1.0}
-    for key, value in made.setting.held:
-        torque = torque + columns.get(key, 0.0) * value
+    d, torque = made.windows, friction_torque(made)
     whole = np.abs(d.X[:, made.names.index("Fc")]) > ONE_WAY if "Fc" in made.names else True
     points = []
     for side in (-1, 1):
@@ -34,6 +29,17 @@ def curve(made: Fit) -> tuple[CurvePoint, ...]:
         for part in np.array_split(at, min(BINS, len(at) // LEAST_OF_BIN)):
             points.append(_point(d.w[part], torque[part], made.chunks[0][part], made.torque))
     return tuple(points)
+
+
+def friction_torque(made: Fit) -> np.ndarray:
+    """The torque of friction in each window (n,), N m, with what the fit leaves."""
+    d, m = made.windows, len(made.terms)
+    friction = np.array([term.friction for term in made.terms])
+    torque = made.r + d.X[:, friction] @ made.p[:m][friction]
+    columns = {"Fc": np.sign(d.w), "Fv": d.w, "constant_torque": 1.0}
+    for key, value in made.setting.held:
+        torque = torque + columns.get(key, 0.0) * value
+    return torque
 
 
 def _point(w: np.ndarray, torque: np.ndarray, block: np.ndarray, size: float) -> CurvePoint:

@@ -49,7 +49,12 @@ def interval(
     for other in rivals:
         gap = difference(made, other, made)
         V += np.outer(gap, gap)
-    return V + np.diag((_scale_error(source, travel) * _sizes(made)) ** 2)
+    return V + of_scale(source, travel, made)
+
+
+def of_scale(source: Source, travel: Travel, made: Fit) -> np.ndarray:
+    """What errors of clock, scale and encoder add to the covariance, (m, m)."""
+    return np.diag((_scale_error(source, travel) * _sizes(made)) ** 2)
 
 
 def unexplained(made: Fit, motion: str) -> np.ndarray:

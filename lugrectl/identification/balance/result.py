@@ -20,22 +20,28 @@ LEVELS = ("J", "Fc", "Fv")  # inertia and friction: terms of every drive
 
 @dataclass(frozen=True)
 class Combination:
-    """A sum of parameters that is certain where its parts are not."""
+    """A sum of parameters that is certain where its parts are not.
+
+    ``ci95`` is None where nothing is left to tell its error.
+    """
 
     text: str
     value: float
     unit: str
-    ci95: tuple[float, float]
+    ci95: tuple[float, float] | None
     to_separate: str
 
 
 @dataclass(frozen=True)
 class CurvePoint:
-    """Mean friction torque in a bin of speeds."""
+    """Mean friction torque in a bin of speeds, or of a run at steady speed.
+
+    ``ci95`` is None where nothing is left to tell its error.
+    """
 
     w: float
     torque: float
-    ci95: tuple[float, float]
+    ci95: tuple[float, float] | None
     samples: int
 
 

@@ -9,9 +9,7 @@ import numpy as np
 
 from .constants import (
     FEWEST_SAMPLES,
-    MANY_RUNS,
-    PARTS_FEW,
-    PARTS_MANY,
+    PARTS,
     PARTS_TURNING,
     SHARE_STEADY,
     STEADY,
@@ -51,7 +49,7 @@ def as_points(tracks: Sequence[Track]) -> list[Track]:
 
 def width_of_map(tracks: Sequence[Track], travel: Travel, speed: float, gravity: bool) -> float:
     """Half-width in s: as long as the runs, unless the angle changes along them."""
-    parts = PARTS_TURNING if gravity else PARTS_MANY if len(tracks) > MANY_RUNS else PARTS_FEW
+    parts = PARTS_TURNING if gravity else PARTS
     shortest = min(p.duration for p in tracks)
     dt = float(np.median([p.dt for p in tracks]))
     turning = TURN / speed if travel.span > 1 else np.inf

@@ -1,0 +1,54 @@
+"""What few runs at steady speed leave open: the fall of friction at low speed, and any test."""
+
+import numpy as np
+
+import lugrectl as lg
+
+FC, FS, FV, VS = 0.3, 0.4, 0.02, 2.0
+STRIBECK = lg.Model.of(friction="stribeck")
+
+
+def steady(speeds, fall=0.0, drag=0.0, seed=0):
+    """Runs at these speeds in both directions, each with a scatter of its own."""
+    chance, runs = np.random.default_rng(seed), []
+    for w in [*speeds, *(-w for w in speeds)]:
+        level = FC + fall * np.exp(-((w / VS) ** 2))
+        u = level * np.sign(w) + FV * w + drag * w * abs(w) + 1e-3 * chance.standard_normal()
+        noise = 1e-3 * chance.standard_normal((2, 200))
+        runs.append({"t": 5e-3 * np.arange(200), "w": w + noise[0], "u": u + noise[1]})
+    return runs
+
+
+def test_a_fall_below_the_slowest_run_stays_open():
+    found = lg.diagnose(steady(np.linspace(8.0, 30.0, 5), fall=FS - FC), STRIBECK)
+    assert found.verdict == "adequate"
+    assert not any(k in found.estimates and found.estimates[k].ci95 for k in ("Fs", "vs"))
+    assert "slower than 8 rad/s" in found.experiment
+    low, high = found.estimates["Fc"].ci95
+    assert low < FC < high
+
+
+def test_a_declared_fall_that_no_run_shows_stays_as_declared():
+    model = lg.Model.of(friction="stribeck", Fc=FC, Fs=FS, Fv=FV, vs=VS)
+    found = lg.identify(steady(np.linspace(8.0, 30.0, 5), fall=FS - FC), model)
+    assert found.model.friction.values["Fs"] == FS and found.model.friction.values["vs"] == VS
+
+
+def test_a_fall_that_slow_runs_show_is_identified():
+    found = lg.identify(steady(np.geomspace(0.5, 30.0, 8), fall=FS - FC), STRIBECK)
+    for key, truth in (("Fc", FC), ("Fs", FS), ("vs", VS)):
+        low, high = found.estimates[key].ci95
+        assert low < truth < high, key
+
+
+def test_as_many_values_as_runs_test_nothing():
+    runs = steady([2.0, 8.0, 30.0])[:4]
+    found = lg.diagnose(runs, STRIBECK)
+    assert found.verdict == "refused" and "nothing can be tested" in found.reason
+    assert "more speeds" in found.experiment and found.plain.is_map
+
+
+def test_drag_is_named_beside_a_law_whose_fall_could_imitate_it():
+    found = lg.diagnose(steady(np.geomspace(1.5, 30.0, 6), drag=4e-4), STRIBECK)
+    assert [e.name for e in found.effects] == ["quadratic_drag"]
+    assert abs(found.estimates["Fc"].value - FC) < 0.01
