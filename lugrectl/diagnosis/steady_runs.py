@@ -31,7 +31,7 @@ FINE = 400  # speeds at which the curves are drawn
 MAP = "{} runs at steady speed were taken as one map of torque over speed"
 TOO_FEW = (
     "{0} runs at steady speed are {0} points, and {1} values are fitted to them: nothing can be "
-    "tested. A missing torque as large as friction itself could not be told from chance."
+    "tested. A missing torque as large as friction itself could be chance."
 )
 LOG_ANGLE = "log theta from one zero mark in every run, over slow turns in both directions"
 MORE_SPEEDS = "record more speeds, from slow to fast, in both directions, at one temperature"

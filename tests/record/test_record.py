@@ -246,7 +246,7 @@ def test_bench_records_come_in_untouched(number):
 @measured
 def test_emps_record():
     path = DATA / "emps" / "DATA_EMPS.mat"
-    refused(InputError, path, "'vir'", 'columns="u=NAME"')  # which says nothing of torque
+    refused(InputError, path, "by its name u is in V", 'scale="u=')
     record = read_record(path, columns="theta=qm,u=vir", units="theta=m", scale="u=35.15")
     raw = scipy.io.loadmat(path)
     assert record.motion == "linear" and record.rate == 1000.0 and record.samples == 24841

@@ -20,7 +20,7 @@ _USUAL: dict[str, tuple[dict[Any, Any], ...]] = {
             ("torque", "force", "tau", "moment", "effort", "trq", "drehmoment", "kraft"), None
         ),
         dict.fromkeys(("current", "iq", "i_q", "strom", "motorstrom"), "A"),
-        dict.fromkeys(("voltage", "spannung"), "V"),
+        dict.fromkeys(("voltage", "vir", "spannung"), "V"),
     ),
     "w": (
         dict.fromkeys(("speed", "velocity", "vel", "omega", "qd", "dq", "dtheta"), None)
