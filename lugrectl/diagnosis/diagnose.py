@@ -27,6 +27,7 @@ from ..record import Record
 from .compare_laws import under_law
 from .never_worse import failure, refuse_without_inertia
 from .one_direction import next_way, not_alone, one_way
+from .other_law import judged_with_law
 from .parameter_changes import against_held, at_bounds, far_off
 from .plain_answer import plainly, values_for
 from .plot_data import residual_torque, traces
@@ -224,6 +225,7 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
         whole = on_everything(won.fit, won.job)
         failed = _failure(won.job, whole, asked)
         whole = whole if failed else with_discrepancy(whole)
+    found = judged_with_law(found, asked.model, asked.plain, failed=bool(failed))
     refuse_without_inertia(whole, asked.model)
     job, final = with_run_effects(won.job, won.fit)
     scored = score(job, final)
@@ -291,6 +293,7 @@ def _only_compared(asked: Asked, found: Comparison, reason: str) -> Diagnosis:
     """The answer without a fit of predictions: values of the balance and, of the effects, of the
     comparison; without errors."""
     noticed = (m for r in asked.seen for m in r.messages)
+    found = judged_with_law(found, asked.model, asked.plain, failed=False)
     known, model = plainly(asked.plain, asked.model)
     if found.effects and not found.only_inertia:  # the plain values are biased by the effects
         beside = {k: v for k, v in found.plant.items() if k in known}

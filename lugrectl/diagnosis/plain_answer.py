@@ -14,6 +14,7 @@ from ..identification.likelihood.initial_values import lifted
 from ..record import Log, Stretch, stretches
 from .held_values import against_stated
 from .one_direction import WAY, moves_one_way, of_runs, without_other_way
+from .other_law import of_its_law
 from .swapped_channels import swapped
 
 LOAD = "constant_torque"
@@ -66,7 +67,7 @@ def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
 
 def values_for(plain: Balance, model: Model) -> dict[str, Estimate]:
     """The values of the plain answer that a model has, and that a drive may have."""
-    known = {k: e for k, e in plain.parameters.items() if k in model.declarations()}
+    known = {k: e for k, e in plain.parameters.items() if of_its_law(model, k)}
     return {k: e for k, e in known.items() if _possible(k, e.value)}
 
 

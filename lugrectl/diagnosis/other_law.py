@@ -1,0 +1,60 @@
+"""Whether the declared friction law can be that of the drive.
+
+The plain balance has ``F = Fc sign(w) + Fv w``. A law of the package means the same by ``Fc`` and
+``Fv``; one of a user's own may mean anything by these names.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ..blocks.block import unit_for
+from ..blocks.model import Model
+from ..core.option_names import option
+from ..identification.balance import Balance
+from ..identification.balance.result import LEVELS
+from ..identification.selection.comparison import Comparison
+
+COMPARE = "Declare another law, or compare them ({})."
+NO_COULOMB = (
+    "The declared law '{}' has no Coulomb friction, and the log shows {:.3g} {} of it, {:.2g} % of "
+    "the friction torque. "
+)
+OWN = "The declared law '{}' does not fit this log: the simulation with it misses the motion. "
+
+
+def means_the_same(model: Model) -> bool:
+    """Whether Fc and Fv of the law are those of the plain balance."""
+    return model.friction.block.home.partition(".")[0] == __name__.partition(".")[0]
+
+
+def of_its_law(model: Model, key: str) -> bool:
+    """Whether a value of the plain balance is one of this model."""
+    return key in model.declarations() and (means_the_same(model) or key not in LEVELS[1:])
+
+
+def judged_with_law(found: Comparison, model: Model, plain: Balance, *, failed: bool) -> Comparison:
+    """The comparison, which leaves the shape of friction open, where the declared law is another.
+
+    A log that misses nothing but its law is ``unexplained``: friction depends on w in another way.
+    """
+    said = _said(found, model, plain, failed=failed)
+    if said is None:
+        return found
+    found = replace(found, messages=(said + COMPARE.format(option("law", "auto")), *found.messages))
+    if found.verdict != "adequate":
+        return found
+    return replace(found, verdict="unexplained", depends_on=("w",))
+
+
+def _said(found: Comparison, model: Model, plain: Balance, *, failed: bool) -> str | None:
+    name = model.friction.block.name
+    if not means_the_same(model):
+        return OWN.format(name) if failed and found.verdict == "adequate" else None
+    level = plain.parameters.get("Fc")
+    if "Fc" in model.friction.block.own or level is None or level.ci95 is None:
+        return None
+    share = next((s.share for s in found.budget if s.term == "coulomb"), 0.0)
+    if level.ci95[0] <= 0.0 or share <= found.least:
+        return None
+    return NO_COULOMB.format(name, level.value, unit_for("N m", model.motion), 100.0 * share)
