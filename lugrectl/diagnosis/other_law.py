@@ -6,15 +6,20 @@ The plain balance has ``F = Fc sign(w) + Fv w``. A law of the package means the 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
-from ..blocks.block import unit_for
+import numpy as np
+
+from ..blocks.block import Block, unit_for
 from ..blocks.model import Model
 from ..core.option_names import option
 from ..identification.balance import Balance
 from ..identification.balance.result import LEVELS
 from ..identification.selection.comparison import Comparison
 
+SPEEDS = np.array([-100.0, -10.0, -1.0, 1.0, 10.0, 100.0])  # rad/s
+SAME = 0.01  # relative difference of two torques
 COMPARE = "Declare another law, or compare them ({})."
 NO_COULOMB = (
     "The declared law '{}' has no Coulomb friction, and the log shows {:.3g} {} of it, {:.2g} % of "
@@ -24,8 +29,26 @@ OWN = "The declared law '{}' does not fit this log: the simulation with it misse
 
 
 def means_the_same(model: Model) -> bool:
-    """Whether Fc and Fv of the law are those of the plain balance."""
-    return model.friction.block.home.partition(".")[0] == __name__.partition(".")[0]
+    """Whether Fc and Fv of the law are those of the plain balance.
+
+    An own law is asked: it must be ``sign(w)`` for Fc alone and ``w`` for Fv alone.
+    """
+    block = model.friction.block
+    if block.home.partition(".")[0] == __name__.partition(".")[0]:
+        return True
+    if block.states or block.inputs != ("w",):
+        return False
+    zero = {k: 0.0 if k in LEVELS else p.value for k, p in block.own.items()}
+    alone = {k: unit for k, unit in (("Fc", np.sign(SPEEDS)), ("Fv", SPEEDS)) if k in block.own}
+    return all(_is(block, zero | {k: 1.0}, unit) for k, unit in alone.items())
+
+
+def _is(block: Block, values: Mapping[str, float], torque: np.ndarray) -> bool:
+    try:
+        made = [float(block.function(w, **values)) for w in SPEEDS]
+    except Exception:  # whatever a function of the user raises
+        return False
+    return bool(np.allclose(made, torque, rtol=SAME))
 
 
 def of_its_law(model: Model, key: str) -> bool:

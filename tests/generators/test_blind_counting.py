@@ -204,7 +204,6 @@ def test_the_true_model(case):
 
 
 @pytest.mark.slow
-@pytest.mark.sample
 def test_trees_learn_the_torque_that_is_missing():
     pytest.importorskip("sklearn")
     case = make("coulomb_asymmetry", "servo", seed=3, load=False, duration=10.0, rate=500.0)
