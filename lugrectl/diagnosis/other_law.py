@@ -11,14 +11,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..blocks.block import Block, unit_for
+from ..blocks.block import Block, is_ours, members, unit_for
 from ..blocks.model import Model
 from ..core.option_names import option
 from ..identification.balance import Balance
 from ..identification.balance.result import LEVELS
 from ..identification.selection.comparison import Comparison
 
-SPEEDS = np.array([-100.0, -10.0, -1.0, 1.0, 10.0, 100.0])  # rad/s
+FRICTION = frozenset(LEVELS[1:])
+NONE = dict.fromkeys(FRICTION, 0.0)
+SPEEDS = (-100.0, -10.0, -1.0, 1.0, 10.0, 100.0)  # rad/s
 SAME = 0.01  # relative difference of two torques
 COMPARE = "Declare another law, or compare them ({})."
 NO_COULOMB = (
@@ -31,29 +33,31 @@ OWN = "The declared law '{}' does not fit this log: the simulation with it misse
 def means_the_same(model: Model) -> bool:
     """Whether Fc and Fv of the law are those of the plain balance.
 
-    An own law is asked: it must be ``sign(w)`` for Fc alone and ``w`` for Fv alone.
+    An own law is asked: with Fc alone and with Fv alone it must be the law "coulomb".
     """
-    block = model.friction.block
-    if block.home.partition(".")[0] == __name__.partition(".")[0]:
+    law = model.friction.block
+    if is_ours(law.home):
         return True
-    if block.states or block.inputs != ("w",):
+    if law.states or law.inputs != ("w",):
         return False
-    zero = {k: 0.0 if k in LEVELS else p.value for k, p in block.own.items()}
-    alone = {k: unit for k, unit in (("Fc", np.sign(SPEEDS)), ("Fv", SPEEDS)) if k in block.own}
-    return all(_is(block, zero | {k: 1.0}, unit) for k, unit in alone.items())
+    own, usual = law.defaults(), members("friction")["coulomb"]
+    zero = dict.fromkeys(FRICTION & own.keys(), 0.0)
+    return all(_alike(law, own | zero | {k: 1.0}, usual, NONE | {k: 1.0}) for k in zero)
 
 
-def _is(block: Block, values: Mapping[str, float], torque: np.ndarray) -> bool:
+def _alike(
+    law: Block, values: Mapping[str, float], usual: Block, theirs: Mapping[str, float]
+) -> bool:
     try:
-        made = [float(block.function(w, **values)) for w in SPEEDS]
+        made = [float(law(w, **values)[0]) for w in SPEEDS]
     except Exception:  # whatever a function of the user raises
         return False
-    return bool(np.allclose(made, torque, rtol=SAME))
+    return bool(np.allclose(made, [usual(w, **theirs)[0] for w in SPEEDS], rtol=SAME))
 
 
 def of_its_law(model: Model, key: str) -> bool:
     """Whether a value of the plain balance is one of this model."""
-    return key in model.declarations() and (means_the_same(model) or key not in LEVELS[1:])
+    return key in model.declarations() and (key not in FRICTION or means_the_same(model))
 
 
 def judged_with_law(found: Comparison, model: Model, plain: Balance, *, failed: bool) -> Comparison:

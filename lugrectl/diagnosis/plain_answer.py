@@ -85,7 +85,7 @@ def _possible(key: str, value: float) -> bool:
 def _may_be(key: str, value: float, found: Balance) -> bool:
     """Whether a declared value is inside what a log says of it, if it says anything."""
     said = found.uncertain.get(key)
-    return said is None or said.ci95 is None or said.ci95[0] <= value <= said.ci95[1]
+    return said is None or said.ci95 is None or said.may_be(value)
 
 
 def _open(key: str, found: Balance) -> bool:

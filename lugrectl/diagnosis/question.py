@@ -123,8 +123,8 @@ def balance(
     """
     reading = {"columns": columns, "units": units, "scale": scale, "rate": rate}
     asked = Asked.of(record, {} if model is None else model, **reading)
-    try:
-        for part in asked.plain.stretches:
+    try:  # of runs at steady speed only means count
+        for part in asked.plain.stretches if not asked.plain.is_map else ():
             log = asked.logs[part.run]
             refuse_open_time(log.source, getattr(log, "labels", {}), part.dt)
     except Refused as no:  # all rates and the inertia depend on it: no value is an answer

@@ -170,7 +170,8 @@ def _chosen(base: Curve, declared: Model, say: Callable[[str], None]) -> Choice:
     """The effects that a map shows; a fall of friction at low speed may imitate one."""
     flat = without_fall(base, declared) if may_fall(base, declared) else None
     made = choose(base, say, flat)
-    return replace(made, final=as_shown(made.final, declared))
+    known = flat if made.final is base else None
+    return replace(made, final=as_shown(made.final, declared, known))
 
 
 def _laid_out(records: Sequence[Record], holdout: str | Record | None) -> tuple[Points, np.ndarray]:

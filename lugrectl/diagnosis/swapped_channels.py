@@ -24,7 +24,7 @@ def swapped(
     It must explain more of its torque than the log does as it is, and than with the other sign of
     u: a torque of the wrong sign makes an impossible drive as well.
     """
-    if "J" in found.parameters or not parts:
+    if "J" in found.parameters or found.is_map or not parts:
         return ""
     rivals = [found, balance([replace(p, u=-p.u) for p in parts], model, fixed)]
     most = min(b.left for b in rivals if b.left is not None) if _known(rivals) else None

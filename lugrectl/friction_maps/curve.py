@@ -150,7 +150,10 @@ class Curve:
         Model Selection and Multimodel Inference, 2002, section 4.3)."""
         if self.rival is None:
             return 0.0
-        likely = 1.0 / (1.0 + np.exp(0.5 * (self.rival.criterion - self.criterion)))
+        more = 0.0  # where too few points prefer neither
+        if np.isfinite(self.criterion):
+            more = self.rival.criterion - self.criterion
+        likely = 1.0 / (1.0 + np.exp(0.5 * more))
         return float(likely * (self.rival.values[key] - self.values[key]) ** 2)
 
     @property
@@ -234,12 +237,6 @@ def _to_zero(c: Coordinate) -> Coordinate:
     """The same down to 0, where the value may be 0: its start is a guess, no knowledge of it."""
     open_ = c.kind == "log" and c.least == 0.0 and not c.said.bounded
     return replace(c, low=0.0) if open_ else c
-
-
-def refit(curve: Curve, at: Points) -> Curve:
-    """The same model on other points, from its current values."""
-    even = _even(at, float(np.median(curve.sigma)))
-    return _settled(replace(curve.on(at), sigma=even))
 
 
 def _settled(curve: Curve) -> Curve:

@@ -29,14 +29,15 @@ def may_fall(curve: Curve, declared: Model) -> bool:
     return bool(free) and not {*declared.statements()} & {*FALL}
 
 
-def as_shown(curve: Curve, declared: Model) -> Curve:
+def as_shown(curve: Curve, declared: Model, flat: Curve | None = None) -> Curve:
     """The same fit, without its fall at low speed where the map does not show it (F test).
 
-    What is not shown may be there: the intervals hold that, too.
+    What is not shown may be there: the intervals hold that, too. ``flat``: the fit without it,
+    where that is known.
     """
     if not may_fall(curve, declared):
         return curve
-    flat = without_fall(curve, declared)
+    flat = flat or without_fall(curve, declared)
     return curve if by_chance(flat, curve) < CHANCE else replace(flat, rival=curve)
 
 

@@ -225,11 +225,7 @@ def _gain(J: Fraction, K2: Fraction, s0: Fraction, s1: Fraction) -> tuple[float,
         return gain, 0.0, f"|G(jw)| is {gain:.6g} at every frequency"
     a, b = to_float(dc), to_float(high)
     if dc > high:
-        return (
-            a,
-            0.0,
-            f"|G| is largest at DC, |K2|/sigma0 = {a:.6g}, and falls to J/sigma1 = {b:.6g}",
-        )
+        return a, 0.0, f"|G| falls from |K2|/sigma0 = {a:.6g} at DC to J/sigma1 = {b:.6g}"
     return b, inf, f"|G| rises from |K2|/sigma0 = {a:.6g} at DC to J/sigma1 = {b:.6g} as w grows"
 
 

@@ -8,14 +8,14 @@ FC, FS, FV, VS = 0.3, 0.4, 0.02, 2.0
 STRIBECK = lg.Model.of(friction="stribeck")
 
 
-def steady(speeds, fall=0.0, drag=0.0, seed=0):
+def steady(speeds, fall=0.0, drag=0.0, seed=0, dt=5e-3):
     """Runs at these speeds in both directions, each with a scatter of its own."""
     chance, runs = np.random.default_rng(seed), []
     for w in [*speeds, *(-w for w in speeds)]:
         level = FC + fall * np.exp(-((w / VS) ** 2))
         u = level * np.sign(w) + FV * w + drag * w * abs(w) + 1e-3 * chance.standard_normal()
         noise = 1e-3 * chance.standard_normal((2, 200))
-        runs.append({"t": 5e-3 * np.arange(200), "w": w + noise[0], "u": u + noise[1]})
+        runs.append({"t": dt * np.arange(200), "w": w + noise[0], "u": u + noise[1]})
     return runs
 
 
@@ -46,6 +46,24 @@ def test_as_many_values_as_runs_test_nothing():
     found = lg.diagnose(runs, STRIBECK)
     assert found.verdict == "refused" and "nothing can be tested" in found.reason
     assert "more speeds" in found.experiment and found.plain.is_map
+
+
+def test_few_points_have_finite_intervals():
+    """Where Akaike's criterion is infinite for both laws neither is preferred."""
+    speeds = np.linspace(8.0, 30.0, 5)
+    for many in range(4, 9):
+        found = lg.identify(steady(speeds, fall=FS - FC)[:many], STRIBECK)
+        ends = [end for e in found.estimates.values() for end in e.ci95 or ()]
+        assert np.all(np.isfinite(ends)), many
+
+
+def test_means_need_no_fast_log(tmp_path):
+    """A run at steady speed may be logged at 3 Hz, with or without a unit of t in its header."""
+    for i, run in enumerate(steady(np.linspace(2.0, 30.0, 5), dt=0.3)):
+        table = np.c_[run["t"], run["u"], run["w"]]
+        np.savetxt(tmp_path / f"run{i}.csv", table, "%.9g", ",", header="t,u,w", comments="")
+    found = lg.balance(sorted(map(str, tmp_path.glob("*.csv"))))
+    assert found.is_map and found.parameters["Fc"].may_be(FC)
 
 
 def test_drag_is_named_beside_a_law_whose_fall_could_imitate_it():

@@ -15,6 +15,10 @@ def spectrum(base: Base) -> tuple[np.ndarray, np.ndarray]:
 
     A wave that the base has already takes nothing off: each is seen beside the columns of the base.
     """
+    return base.record.once("spectrum", base, lambda: _spectrum(base))
+
+
+def _spectrum(base: Base) -> tuple[np.ndarray, np.ndarray]:
     rows = base.record.rows
     place = np.round((rows.t - rows.t[0]) / rows.step).astype(int)
     n = 1 << int(np.ceil(np.log2(2 * (place[-1] + 1))))

@@ -66,11 +66,11 @@ def _bases(base: Base) -> dict[tuple[str, ...], list[tuple[np.ndarray, int]]]:
 
 def _swinging(base: Base) -> tuple[np.ndarray, int]:
     """A wave in time whose amplitude and frequency drift, and how many bands there are for it."""
-    t = base.record.rows.t
+    t, record = base.record.rows.t, base.record
     f, power = spectrum(base)
     band = max(1, round(0.5 * FINE / t[-1] / f[1]))  # what so many functions of time can follow
     middle = 2 * np.pi * f[np.argmax(uniform_filter1d(power, 2 * band + 1, mode="constant"))] * t
-    drifting = spline(t / t[-1], FINE)
+    drifting = record.once("drifting", None, lambda: spline(t / t[-1], FINE))
     waves = [drifting * wave[:, None] for wave in (np.sin(middle), np.cos(middle))]
     return np.hstack(waves), max(1, int(np.sum(power > 0)) // band)
 
