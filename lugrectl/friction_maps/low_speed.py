@@ -47,7 +47,8 @@ def without_fall(curve: Curve, declared: Model) -> Curve:
     held = {k: known[k] for k in FALL if k in known}
     if len(held) < len(FALL):
         held = {"vs": NOWHERE * float(np.min(np.abs(curve.at.w)))}
-    return fit(curve.model, curve.at, [curve.values | held], curve.anchor | held, apart=FALL)
+    values, anchor = curve.values | held, curve.anchor | held
+    return fit(curve.model, curve.at, [values], anchor, curve.opened, FALL)
 
 
 def slower(curve: Curve, declared: Model) -> str | None:

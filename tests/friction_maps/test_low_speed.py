@@ -9,12 +9,12 @@ FC, FS, FV, VS = 0.3, 0.4, 0.02, 2.0
 STRIBECK = lg.Model.of(friction="stribeck")
 
 
-def steady(speeds, fall=0.0, drag=0.0, seed=0, dt=5e-3):
+def steady(speeds, fall=0.0, drag=0.0, seed=0, dt=5e-3, Fv=FV):
     """Runs at these speeds in both directions, each with a scatter of its own."""
     chance, runs = np.random.default_rng(seed), []
     for w in [*speeds, *(-w for w in speeds)]:
         level = FC + fall * np.exp(-((w / VS) ** 2))
-        u = level * np.sign(w) + FV * w + drag * w * abs(w) + 1e-3 * chance.standard_normal()
+        u = level * np.sign(w) + Fv * w + drag * w * abs(w) + 1e-3 * chance.standard_normal()
         noise = 1e-3 * chance.standard_normal((2, 200))
         runs.append({"t": dt * np.arange(200), "w": w + noise[0], "u": u + noise[1]})
     return runs
@@ -33,6 +33,12 @@ def test_a_declared_fall_that_no_run_shows_stays_as_declared():
     model = lg.Model.of(friction="stribeck", Fc=FC, Fs=FS, Fv=FV, vs=VS)
     found = lg.identify(steady(np.linspace(8.0, 30.0, 5), fall=FS - FC), model)
     assert found.model.friction.values["Fs"] == FS and found.model.friction.values["vs"] == VS
+
+
+def test_a_value_that_was_guessed_may_be_0_without_the_fall_too():
+    found = lg.identify(steady(np.linspace(8.0, 30.0, 5), Fv=0.0), STRIBECK)
+    assert found.estimates["Fv"].value < 1e-3
+    assert not any("limit of the range" in said for said in found.messages)
 
 
 def test_a_fall_that_slow_runs_show_is_identified():
