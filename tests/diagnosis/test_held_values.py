@@ -12,7 +12,6 @@ from lugrectl.blocks.declared_values import Stated
 from lugrectl.cli import main
 from lugrectl.core.errors import InputError
 from lugrectl.diagnosis.steady_runs import begin_map, estimates_of, messages_of
-from lugrectl.friction_maps.curve import refit
 from lugrectl.identification.likelihood.parameters import (
     Prior,
     coordinates,
@@ -271,7 +270,7 @@ def test_a_map_with_stiction_declared_below_friction_is_answered():
 def test_a_map_of_runs_at_steady_speed_honours_them_too():
     model = lg.Model.of(friction="coulomb", Fc=held(0.21), Fv={"value": 0.03, "min": 0.022})
     fits = begin_map(runs_at_steady_speed(), model, None, lambda *_: None)
-    whole = refit(fits.base, fits.whole)
+    whole = fits.everywhere
     assert whole.values["Fc"] == 0.21 and whole.values["Fv"] == pytest.approx(0.022, rel=1e-4)
     made = estimates_of(whole)
     assert made["Fc"].held and made["Fc"].ci95 is None
@@ -280,5 +279,5 @@ def test_a_map_of_runs_at_steady_speed_honours_them_too():
     assert pulled.values["Fc"] == pytest.approx(0.21, rel=1e-3)
     free = lg.Model.of(friction="coulomb", Fc=0.21, Fv=0.02)
     fits = begin_map(runs_at_steady_speed(), free, None, lambda *_: None)
-    said = " ".join(messages_of(fits, refit(fits.base, fits.whole)))
+    said = " ".join(messages_of(fits, fits.everywhere))
     assert "Fc is 0.2" in said and "declared 0.21 N m" in said
