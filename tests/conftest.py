@@ -25,10 +25,16 @@ settings.load_profile("any machine")
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """A third of the long scenarios is in the sample, always the same ones."""
+    """Of many cases the first runs always; a third of the long scenarios is in the sample, always
+    the same ones."""
+    begun: set[str] = set()
     for item in items:
         if item.get_closest_marker("scenario") and crc32(item.nodeid.encode()) % 3 == 0:
             item.add_marker("sample")
+        test = item.nodeid.partition("[")[0]
+        if item.get_closest_marker("cases") and test in begun:
+            item.add_marker("slow")
+        begun.add(test)
 
 
 @pytest.fixture(autouse=True)

@@ -183,6 +183,7 @@ def test_the_engine_is_python_controls_own_away_from_rest(case):
     )
 
 
+@pytest.mark.cases
 @every_dynamic
 def test_the_engine_follows_reversals(case):
     t = np.linspace(0.0, 0.25, 126)

@@ -79,6 +79,7 @@ def test_a_dead_torque_is_refused_by_both_questions(plain, model):
         identify([dead, dead], model)
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("of", ["w", "theta", "a"])
 @pytest.mark.parametrize("share", [0.3, -0.3])
 def test_a_copy_of_another_column_is_no_torque(plain, model, of, share):
@@ -102,6 +103,7 @@ def test_an_inertia_far_too_large_is_said(plain, model, factor):
     assert "another unit" in refused(plain, replace(model, J=model.J * factor))
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("factor", [1e-3, 0.1])
 def test_an_inertia_far_too_small_is_said_with_the_answer(plain, model, factor):
     found = compared(plain, replace(model, J=model.J * factor))
@@ -114,6 +116,7 @@ def test_a_motion_of_a_few_steps_is_too_short(plain, model):
     assert "too short" in refused(coarse, model)
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("late", [3, 25])
 def test_a_torque_that_is_written_down_late_is_no_missing_effect(plain, model, late):
     """By the clock of another device: 6 and 50 ms."""
@@ -134,6 +137,7 @@ def test_an_early_torque_is_a_delay(plain, model):
     assert found.effects[0].values["delay"] == pytest.approx(0.016, abs=0.002)
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("early", [1, 2, 10])
 def test_an_early_speed_beside_the_position_changes_nothing(plain, model, early):
     assert compared(replace(plain, w=shifted(plain.w, -early)), model).verdict == "adequate"

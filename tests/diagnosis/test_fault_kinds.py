@@ -196,6 +196,7 @@ def test_a_counter_that_wraps_needs_its_factor_only(tmp_path, bits):
     holds(Asked.of(read_log(path, scale={"theta": COUNT}), {}).plain)
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize(("rows", "words"), [(1, "in 1 row, first"), (4, "in 4 rows, first")])
 def test_a_torque_register_that_wraps_for_a_row_at_a_start_from_rest(tmp_path, rows, words):
     """The motion hardly shows a row next to rest; that u else jumps there and back, it does."""

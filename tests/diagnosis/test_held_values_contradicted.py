@@ -30,6 +30,7 @@ def held(value):
     return {"value": value, "fixed": True}
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize(
     ("declared", "said"),
     [

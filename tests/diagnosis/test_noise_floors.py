@@ -46,6 +46,7 @@ def found(request):
     return diagnose(log, Model.of(J=0.004, Fc=FC, Fv=0.006))
 
 
+@pytest.mark.cases
 def test_the_noise_of_the_torque_is_what_a_right_model_leaves(found):
     error = found.torque_error
     assert 0.85 * error["augmented"] < error["noise_floor"] <= error["augmented"]

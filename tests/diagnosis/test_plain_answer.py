@@ -77,6 +77,7 @@ def test_identify_answers_where_anything_is_certain(one_way, capsys):
     assert low <= J <= high and abs(document["parameters"]["J"]["value"] - J) < 0.01 * J
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("command", ["identify", "diagnose"])
 def test_no_value_is_an_answer_while_the_unit_of_t_is_open(one_way, capsys, command):
     """An inertia that is a million times too large is no answer, however certain it is."""

@@ -21,6 +21,7 @@ def logged(offset, seed=3):
     return log | {"w": log["w"] + noise + offset}
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("offset", [0.5, -0.2])
 def test_nothing_is_missing_beside_a_speed_with_an_offset(offset):
     plain = Asked.of(logged(offset), MODEL).plain

@@ -35,6 +35,7 @@ def test_torque_and_speed_exchanged_are_said_to_be_before_all_else():
     assert found.reading[0].startswith(SAYS.format("w"))
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("roles", [("theta",), ("w",), ("theta", "w")])
 def test_a_torque_of_either_sign_in_its_own_column_is_not(sign, roles):

@@ -174,6 +174,7 @@ def reliable(rig: Rig) -> tuple[np.ndarray, np.ndarray]:
     return fine, errors(rough, fine) < 2e-3
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("dt", [5e-3, 5e-4])
 @pytest.mark.parametrize("name", CASES)
 def test_corrected_runs_against_differences(name: str, dt: float) -> None:

@@ -39,6 +39,7 @@ def case(name, seed, strength=0.2, swing=False):
     return made, runs, model, lg.diagnose(runs, model)
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("name", EFFECTS)
 @pytest.mark.parametrize("seed", [20, 21])
 def test_what_hangs_on_speed_is_named(name, seed):
@@ -52,6 +53,7 @@ def test_what_hangs_on_speed_is_named(name, seed):
             assert abs(made.values[key] - middle) < 2.5 * half
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("seed", range(20, 23))
 def test_nothing_is_named_where_nothing_is_missing(seed):
     _, _, _, found = case("none", seed)
@@ -59,6 +61,7 @@ def test_nothing_is_named_where_nothing_is_missing(seed):
     assert found.error["augmented"] == found.error["refitted"]
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("name", STRANGERS)
 @pytest.mark.parametrize("seed", [20, 21])
 def test_a_torque_outside_the_catalogue_is_unexplained(name, seed):
@@ -129,6 +132,7 @@ def test_identify_fits_the_declared_friction():
     assert fitted.declared is model and fitted.provenance.command == "lugrectl.identify"
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("way", ["last", "run"])
 def test_other_ways_to_hold_out(way):
     made, runs, model, _ = case("constant_torque", 21)

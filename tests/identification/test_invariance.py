@@ -61,6 +61,7 @@ def agrees(found: Comparison, name: str, sign: float = 1.0, torque: float = 1.0)
 each_case = pytest.mark.parametrize("name", CASES)
 
 
+@pytest.mark.cases
 @each_case
 def test_the_direction_that_counts_as_positive_changes_nothing(name):
     record = record_of(case_of(name))
@@ -70,6 +71,7 @@ def test_the_direction_that_counts_as_positive_changes_nothing(name):
     agrees(said(replace(record, **mirrored), case_of(name).model), name, sign=-1.0)
 
 
+@pytest.mark.cases
 @each_case
 def test_the_origin_of_time_and_of_the_angle_changes_nothing(name):
     record = record_of(case_of(name))
@@ -77,6 +79,7 @@ def test_the_origin_of_time_and_of_the_angle_changes_nothing(name):
     agrees(said(replace(record, t=record.t + 500.0, **moved), case_of(name).model), name)
 
 
+@pytest.mark.cases
 @each_case
 def test_a_larger_drive_of_the_same_kind_has_the_same_answer(name):
     """All torques and the inertia 1000 times larger: the equations are the same."""

@@ -151,6 +151,7 @@ CHANGES = {
 }
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("what", CHANGES)
 def test_the_way_a_log_is_written_changes_nothing(tmp_path, what):
     log, model = oil(np.random.default_rng(1)), lg.Model.of(friction="viscous", J=2.1e-3)
@@ -174,6 +175,7 @@ def test_the_number_of_threads_changes_nothing(base, monkeypatch):
     assert made[0] == made[1] == made[2]
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("declared", [0.2, 0.22, 0.1])
 def test_stiction_declared_below_friction_is_a_start_and_the_run_goes_on(declared):
     model = lg.Model.of({**TRUE, "Fs": declared})

@@ -147,6 +147,7 @@ def simulated(law, t, u, motion):
     return y[0, 0]
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("rate", [100, 500, 1000])
 @pytest.mark.parametrize("law", LAWS)
 def test_the_prediction_with_true_values_is_the_exact_motion(law, rate):

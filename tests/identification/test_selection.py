@@ -134,6 +134,7 @@ def test_a_constant_torque_may_be_friction_that_differs_by_direction():
     assert "constant_torque" in tied and tied <= {"coulomb_asymmetry", "constant_torque"}
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("what", ["units", "signs", "origin", "zero of theta"])
 def test_the_way_a_log_is_written_changes_nothing(weighed, what):
     u = torque(14.0, DT)

@@ -154,6 +154,7 @@ CASES = {
 LONG = [s if len(s) == 1 else pytest.param(s, marks=pytest.mark.slow) for s in CASES]
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("signals", LONG, ids=" ".join)
 def test_a_known_function_is_recovered_within_its_band(signals):
     function, truth = CASES[signals]

@@ -64,6 +64,7 @@ def safe(text):
     return "".join(page.said)
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("name", NAMES.values(), ids=NAMES)
 def test_a_name_is_text_in_the_report_and_in_its_pictures(name):
     d = named(name)

@@ -148,6 +148,7 @@ def test_existing_observer_takes_a_linear_error_exactly():
 # A speed that changes.
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize(("observer", "x0"), OBSERVERS)
 def test_friction_along_a_sine_is_that_of_the_continuous_observer(observer, x0):
     assert sine_error(observer, x0, DT) < 1e-3
