@@ -10,6 +10,8 @@ from lugrectl.engine import Lanes
 from lugrectl.engine.codegen.relay import relays
 from lugrectl.engine.tracing.tracer import trace
 
+from ..conftest import there
+
 DT = 1e-3
 WRITTEN = {
     "greater": lambda w: np.where(w > 0.0, 1.0, -1.0),
@@ -57,3 +59,14 @@ def test_a_level_of_each_direction_beside_the_sign():
 
 def test_a_comparison_with_another_speed_is_none():
     assert not relays(trace(drive(lambda w: np.where(w > 0.1, 1.0, 0.5)))).every
+
+
+@pytest.mark.parametrize("backend", ["c", "numba", "numpy"])
+@pytest.mark.parametrize("w", [-5e-324, 1e-310, -1e-30])
+def test_a_speed_next_to_nothing_is_a_rest(backend, w):
+    """A step that ends at its zero would have no length, and the run no end."""
+    lanes = Lanes(drive(np.sign), backend=there(backend))
+    x0 = np.array([[w if name.endswith("w") else 0.0 for name in lanes.states]])
+    u = np.zeros((50, len(lanes.inputs)))
+    _, x = lanes.run(x0, np.zeros(1, int), len(u), u, lanes.defaults[None], dt=DT)
+    assert np.all(np.abs(x) < 1e-15)

@@ -107,7 +107,7 @@ class Relays:
             scale = make("maximum", self._symbol(f"s{relay.place}"), before)
             near = ZERO * scale
             jumps = (relay.down - relay.up) * self._symbol("dt") > near
-            part = make("where", before > 0.0, before / (before - now), AGAIN)
+            part = make("where", before > near, before / (before - now), AGAIN)
             over = make("logical_and", jumps, now < -near)
             shares.append(make("where", over, part, 1.0))
             lands = make("logical_and", jumps, make("logical_and", now <= near, now < before))
