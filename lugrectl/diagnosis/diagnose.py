@@ -410,7 +410,7 @@ def _next(asked: Asked, found: Comparison, then: str | None) -> str | None:
 
 
 def next_experiment(found: Comparison, effects: Sequence[Finding]) -> str | None:
-    """What tells the explanations apart, or leads to an unknown one; None where all is told."""
+    """What tells the explanations apart, or leads to an unknown one; None where nothing is open."""
     if found.verdict == "ambiguous":
         said = next(finding for finding in effects if finding.alternatives).apart()
         return f"{said[0].upper()}{said[1:]}."
