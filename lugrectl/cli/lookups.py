@@ -141,6 +141,8 @@ def _answer(facts: dict[str, Any]) -> str:
         return "SPR" if facts["holds"] else "not SPR"
     if facts["check"] == "stability":
         return "stable loop" if facts["holds"] else "unstable loop"
+    if math.isnan(facts["bandwidth"]):
+        return "no bandwidth"
     if not facts["stable"]:
         return "unstable T" if "transfer" in facts else "unstable loop"
     return f"bandwidth {facts['hertz']:.4g} Hz" if facts["holds"] else "no bandwidth"

@@ -18,20 +18,30 @@ if TYPE_CHECKING:
     from ..record import Log
 
 FORMATS = ("png", "svg", "pdf", "jpg")
-NO_SCREEN = "there is no screen to draw on; give --out plot.png to get the picture as a file"
+NO_SCREEN = (
+    "there is no screen to draw on: only the numbers follow; give --out plot.png to get the "
+    "picture as a file"
+)
 
 
 def plot(a: Namespace) -> int:
-    """Print the plain answer and draw it, into a file or on the screen."""
+    """Print the plain answer and draw it, into a file or on the screen.
+
+    That there is no screen is said before the work.
+    """
     from ..diagnosis.plain_answer import plain_answer
     from ..report import plain_text
 
     kind = None if a.out is None else format_of(a.out)
-    logs, model = _read(a)
+    logs, model = _read(a)  # first: an input that cannot be read has one sentence
+    blind = kind is None and not has_screen()
+    if blind:
+        print(f"lugrectl: {NO_SCREEN}.", file=sys.stderr, flush=True)
     balance = plain_answer(logs, model)
-    written = drawn(balance, a.out, kind)
+    said = "" if blind else drawn(balance, a.out, kind)
     print_out(balance.to_json() if a.json else plain_text(balance))
-    print(f"lugrectl: {written}", file=sys.stderr)
+    if said:
+        print(f"lugrectl: {said}", file=sys.stderr)
     return 0
 
 
@@ -56,16 +66,31 @@ def format_of(out: str, option: str = "--out") -> str:
     return kind
 
 
+def has_screen() -> bool:
+    """Whether pyplot can open a window, and not only draw into files."""
+    import matplotlib.pyplot as plt
+    from matplotlib.backend_bases import FigureManagerBase
+
+    try:
+        figure = plt.figure()  # loads the backend, which may need a screen
+    except Exception:  # each toolkit has errors of its own
+        return False
+    manager = type(figure.canvas).manager_class
+    plt.close(figure)
+    return any(
+        getattr(manager, name).__func__ is not getattr(FigureManagerBase, name).__func__
+        for name in ("start_main_loop", "pyplot_show")
+    )
+
+
 def drawn(result: Any, out: str | None, kind: str | None, option: str = "--out") -> str:
-    """Draw a result; returns what there is to say about it."""
+    """Draw a result into a file, or without one on the screen; returns what there is to say."""
     import matplotlib
 
     if out is not None:
         matplotlib.use("agg")
     import matplotlib.pyplot as plt
 
-    if out is None and matplotlib.get_backend().lower() == "agg":
-        return f"{NO_SCREEN}."
     figure = result.plot()[0].figure
     if out is None:
         plt.show()

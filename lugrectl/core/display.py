@@ -5,8 +5,9 @@ from __future__ import annotations
 import html
 import math
 import textwrap
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from decimal import Decimal
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -35,8 +36,17 @@ def with_interval(estimate: Any) -> tuple[str, str]:
         return f"{value:.4g}", f"only {estimate.together}"
     if interval is None or not all(math.isfinite(x) for x in interval):
         return (f"{value:.5g}" if math.isfinite(value) else NONE), NONE
-    shown = [_to_width(x, interval[1] - interval[0]) for x in (value, *interval)]
-    return shown[0], f"{shown[1]} to {shown[2]}"
+    return _to_width(value, interval[1] - interval[0]), between(interval)
+
+
+def between(interval: Sequence[float]) -> str:
+    """ "low to high", with the digits that the width knows; where both ends are one number in all
+    digits that are shown, "low +- <unit of the last digit"."""
+    low, high = (_to_width(x, interval[1] - interval[0]) for x in interval)
+    if low != high:
+        return f"{low} to {high}"
+    last = Decimal(low).as_tuple().exponent
+    return f"{low} +- <{Decimal(10) ** int(last):g}"
 
 
 def _to_width(value: float, width: float) -> str:

@@ -16,6 +16,7 @@ from ..blocks.model import Model, as_model, changed
 from ..core.errors import InputError, Refused
 from ..core.progress import Progress, Wanted, reporter, shows_progress
 from ..core.validation import share, shown
+from ..engine.runtime.threads import each_beside
 from ..friction_maps.points import is_map
 from ..identification.likelihood.held_out_run import adapted
 from ..identification.likelihood.likelihood import loglik, whitened
@@ -172,14 +173,22 @@ def _ready(asked: Asked, horizon: float) -> Prepared:
 def _fitted(
     ready: Prepared, model: Model, names: Sequence[str], report: Progress
 ) -> tuple[list[_Fit], dict[str, str]]:
-    """The fits of the laws, and why others could not be fitted."""
-    fits, refused = [], {}
-    for i, name in enumerate(names):
-        report(0.1 + 0.9 * i / len(names), f"friction law {name}")
+    """The fits of the laws, side by side, and why others could not be fitted."""
+
+    def one(name: str) -> _Fit | str:
         try:
-            fits.append(_fit(ready, name, changed(model, {"friction": name}, "laws")))
+            return _fit(ready, name, changed(model, {"friction": name}, "laws"))
         except Refused as no:
-            refused[name] = str(no)
+            return str(no)
+
+    fits, refused = [], {}
+    report(0.1, f"friction law {names[0]}")
+    for i, (name, found) in enumerate(zip(names, each_beside(one, names), strict=True), 1):
+        if isinstance(found, str):
+            refused[name] = found
+        else:
+            fits.append(found)
+        report(0.1 + 0.9 * i / len(names), f"friction law {names[min(i, len(names) - 1)]}")
     if not fits:
         raise Refused(next(iter(refused.values())))
     return fits, refused

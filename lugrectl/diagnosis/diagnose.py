@@ -259,7 +259,7 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
         verdict=found.verdict,
         effects=tuple(effects),
         depends_on=_signals(found),
-        experiment=_next(asked, found, _experiment(found, effects)),
+        experiment=_next(asked, found, next_experiment(found, effects)),
         error=scored["error"],
         free_error=scored["free_error"],
         torque_error=scored["torque_error"],
@@ -310,7 +310,7 @@ def _only_compared(asked: Asked, found: Comparison, reason: str) -> Diagnosis:
         verdict=found.verdict,
         effects=tuple(effects),
         depends_on=_signals(found),
-        experiment=_next(asked, found, _experiment(found, effects)),
+        experiment=_next(asked, found, next_experiment(found, effects)),
         model=model,
         declared=asked.model,
         estimates=known,
@@ -379,6 +379,11 @@ AGAIN = (
     "record the same motion again, twice. What returns at the same instants depends on the motion; "
     "what does not comes from outside, or from the logger"
 )
+SWINGING = (
+    "switch off other machines nearby, or log their state, and record the same motion again at "
+    "another speed, and the drive at rest with its torque on. A frequency that follows the speed "
+    "comes from the drive; one that stays, also at rest, comes from outside or from the controller"
+)
 _ADVICE = {  # if the residual depends on several of these signals, the first one counts
     "t": "repeat the same run, cold and warm, and log temperature and load as well. What returns "
     "at the same times depends on the motion",
@@ -404,12 +409,14 @@ def _next(asked: Asked, found: Comparison, then: str | None) -> str | None:
     return longer(asked.seen, many, then) if many is not None and short(many) else then
 
 
-def _experiment(found: Comparison, effects: Sequence[Finding]) -> str | None:
+def next_experiment(found: Comparison, effects: Sequence[Finding]) -> str | None:
+    """What tells the explanations apart, or leads to an unknown one; None where nothing is open."""
     if found.verdict == "ambiguous":
         said = next(finding for finding in effects if finding.alternatives).apart()
         return f"{said[0].upper()}{said[1:]}."
     if found.verdict == "unexplained":
         known = (said for k, said in _ADVICE.items() if k in found.depends_on)
-        advice = AGAIN if found.events else next(known, _ADVICE["a"])
+        usual = SWINGING if found.swings else next(known, _ADVICE["a"])
+        advice = AGAIN if found.events else usual
         return f"To identify the missing effect: {advice}."
     return None

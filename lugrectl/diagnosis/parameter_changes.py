@@ -17,7 +17,7 @@ from ..identification.likelihood.parameters import is_instant
 FAR = 0.2  # of the declared value, from which a change may have the causes below
 ALIKE = 0.05  # relative spread within which factors count as equal
 SCALED = ("J", "Fc", "Fv")  # among the values that a wrong scale of the torque multiplies
-MOVED = "{} is {} [{}, {}], declared {:.6g}"
+MOVED = "{} is {} [{}], declared {:.6g}"
 LEFT = "The record moves declared values beyond their 95 % intervals: {}."
 AT_BOUND = "{} lies at its declared {} = {:.6g}: without it the fit would go farther."
 HELD_AT = "{} is held at {:.4g}, but would be {:.4g}{} if it alone were fitted, too"
@@ -88,9 +88,8 @@ def against_held(fitted: Fitted) -> list[str]:
 def _moved(key: str, estimate: Estimate, declared: Model) -> str:
     """ "J is 0.0022 [0.0021, 0.0023] kg m2, declared 0.002"."""
     shown, interval = with_interval(estimate)
-    low, _, high = interval.partition(" to ")
     unit = declared.unit(key)
-    said = MOVED.format(key, shown, low, high, declared.values()[key])
+    said = MOVED.format(key, shown, interval.replace(" to ", ", "), declared.values()[key])
     return said if unit == "1" else f"{said} {unit}"
 
 

@@ -16,6 +16,7 @@ from ..core.option_names import option
 from ..estimates.findings import Estimate, Finding, FrictionMap
 from ..friction_maps.curve import Curve, fit
 from ..friction_maps.low_speed import as_shown, may_fall, slower, without_fall
+from ..friction_maps.noise import noise_of
 from ..friction_maps.points import Points, is_steady, points, refuse_narrow
 from ..friction_maps.ripple import Swing, finding_of, sentence, swings
 from ..friction_maps.select import Choice, choose, least_seen, left_over, shows, started
@@ -206,16 +207,27 @@ def errors_of(fits: Fits, final: Curve) -> dict[str, Any]:
     if None not in given.values():
         values = base.values | {k: v for k, v in given.items() if v is not None}
         declared = rms(replace(base, values=values).missed(test))
+    refitted, augmented = rms(base.missed(test)), rms(final.missed(test))
     return {
         "signal": "u",
         "unit": unit_for("N m", fits.declared.motion),
         "samples": int(test.samples.sum()),
         "horizon": float(np.median(test.seconds)),
         "declared": declared,
-        "refitted": rms(base.missed(test)),
-        "augmented": rms(final.missed(test)),
-        "noise_floor": rms(final.on(test).error),
+        "refitted": refitted,
+        "augmented": augmented,
+        "noise_floor": _noise(fits, final, min(refitted, augmented)),
     }
+
+
+def _noise(fits: Fits, final: Curve, most: float) -> float:
+    """The noise of the mean torque of a run: what differs within runs, and how runs scatter.
+
+    Where the curve bends between its points, the scatter is no more than what a model leaves.
+    """
+    within = rms(final.on(fits.whole.only(fits.held_out)).error)
+    scatter = noise_of(fits.whole.w, final.on(fits.whole).without_angle) or 0.0
+    return max(within, min(scatter, most))
 
 
 def estimates_of(whole: Curve) -> dict[str, Estimate]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..blocks.block import members, unit_for
 from ..blocks.table import tabulated
-from ..core.display import Row, Shown, estimated
+from ..core.display import Row, Shown, between, estimated
 from ..core.result import Result, library
 from ..core.result import plain as jsonable
 from ..core.views import view
@@ -240,13 +240,13 @@ class Table(Result):
         return f"Table: {self.name}"
 
     def _rows(self) -> Iterable[Row]:
-        low, high = (100.0 * share for share in self.share95)
+        ends = between([100.0 * share for share in self.share95])
         return [
             Row(self.signals[0], self.points),
             Row("values", self.values, self.unit),
             Row("RMS along the record", self.rms, self.unit),
             Row("share of the residual's power", f"{100.0 * self.share:.0f} %", "",
-                f"({low:.0f} to {high:.0f} %, {self.windows} windows)"),
+                f"({ends} %, {self.windows} windows)"),
         ]  # fmt: skip
 
     def plot(self, ax: Any = None) -> Any:

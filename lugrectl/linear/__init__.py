@@ -1,6 +1,12 @@
 """Linear checks: L2 gain, strict positive realness, bandwidth, and the loops they apply to."""
 
-from .band import BandwidthVerdict, UnstableLoopWarning, bandwidth, bandwidth_check
+from .band import (
+    BandwidthVerdict,
+    NoBandwidthWarning,
+    UnstableLoopWarning,
+    bandwidth,
+    bandwidth_check,
+)
 from .delayed import DelayedTransfer, delayed
 from .designs import DesignChecks, check_designs
 from .l2 import L2Verdict, l2_check
@@ -22,6 +28,7 @@ __all__ = [
     "DelayedTransfer",
     "DesignChecks",
     "L2Verdict",
+    "NoBandwidthWarning",
     "Repair",
     "SprVerdict",
     "StabilityVerdict",

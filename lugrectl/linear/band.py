@@ -31,6 +31,10 @@ class UnstableLoopWarning(UserWarning):
     """The transfer function has poles that are not left of the imaginary axis."""
 
 
+class NoBandwidthWarning(UserWarning):
+    """The transfer function has no finite value at w = 0 that |T| could fall from."""
+
+
 @dataclass(frozen=True, repr=False)
 class BandwidthVerdict(Verdict):
     """Truthy iff T is stable and its bandwidth is a finite number.
@@ -211,7 +215,8 @@ def bandwidth(T: Any, level: str | float = "-3dB") -> float:
     -------
     float
         In rad/s. For an unstable T the crossing is returned with an UnstableLoopWarning that names
-        the poles; nan without a DC gain; inf if |T| never falls below the level.
+        the poles; nan without a DC gain, with a NoBandwidthWarning that says why; inf if |T| never
+        falls below the level.
 
     Raises
     ------
@@ -227,7 +232,9 @@ def bandwidth(T: Any, level: str | float = "-3dB") -> float:
     115.5
     """
     verdict = bandwidth_check(T, level)
-    if not verdict.stable and not math.isnan(verdict.bandwidth):
+    if math.isnan(verdict.bandwidth):
+        warnings.warn(f"No bandwidth: {verdict.reason}.", NoBandwidthWarning, stacklevel=2)
+    elif not verdict.stable:
         warnings.warn(verdict.reason, UnstableLoopWarning, stacklevel=2)
     return verdict.bandwidth
 
@@ -256,7 +263,9 @@ def _reason(num: Poly, den: Poly, width: float, level: str | float) -> str:
 
 
 def _no_dc(value: str) -> str:
-    return f"T(0) is {value}, so there is no DC gain to measure a bandwidth from"
+    """Why there is no bandwidth: one clause, with what to check instead of an integrator."""
+    open_loop = "; of an open loop check T/(1 + T)" if value == "infinite" else ""
+    return f"T(0) is {value}, so there is no DC gain to measure a bandwidth from{open_loop}"
 
 
 def _falls(width: float, level: str | float, dc: float) -> str:

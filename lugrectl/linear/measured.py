@@ -97,7 +97,8 @@ def crossings(T: Any, power: float) -> tuple[tuple[float, ...], str]:
     w, values = response(T)
     size = np.abs(values)
     if size[0] == 0:
-        return (), f"|T| is 0 at the lowest frequency, {w[0]:.6g} rad/s"
+        where = f"the lowest frequency, {w[0]:.6g} rad/s"
+        return (), f"|T| is 0 at {where}, so there is no gain to measure a bandwidth from"
     with np.errstate(divide="ignore"):
         above = 20 * np.log10(np.maximum(size, 1e-300) / size[0]) - 10 * math.log10(power)
     found = [

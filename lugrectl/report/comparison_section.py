@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..blocks.block import unit_for
-from ..core.display import Grid, number
+from ..core.display import Grid, between, number
 from .canvas import drawn
 from .section import Section
 
@@ -169,4 +169,4 @@ def _percent(share: float) -> str:
 def _ends(ci95: Sequence[float] | None) -> str:
     if ci95 is None:
         return ""
-    return f"{number(100.0 * ci95[0], 3)} to {number(100.0 * ci95[1], 3)} %"
+    return f"{between([100.0 * x for x in ci95])} %"

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from ..blocks.block import members
-from ..core.display import NONE, Grid, number
+from ..core.display import NONE, Grid, between, number
 from ..core.display import with_interval as _with_interval
 from ..estimates.findings import AGAINST_HELD, Estimate
 from . import comparison_section
@@ -119,13 +119,12 @@ def _table(d: Any) -> Section | None:
     table = _get(d, "table")
     if table is None:
         return None
-    low, high = (100.0 * share for share in table.share95)
     (factor, unit) = readable([table.rms], table.unit)
     lines = (
         f"{table.name[0].upper()}{table.name[1:]}: {table.values.size} values, "
         f"{number(table.rms * factor, 3)} {unit} RMS along the record.",
         f"It explains {100.0 * table.share:.0f} % of the residual torque's power on windows that "
-        f"it was not fitted to (95 % interval {low:.0f} to {high:.0f} %).",
+        f"it was not fitted to (95 % interval {between([100.0 * x for x in table.share95])} %).",
         "The table is not part of the model file. table.block() turns it into a block for a "
         "control loop.",
     )

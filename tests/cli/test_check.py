@@ -74,6 +74,9 @@ def test_a_transfer_function_is_checked_as_it_is_typed(capsys):
     assert found["model"] is None and found["gains"] == {}
     code, out, _ = run(capsys, "bandwidth --num 1 --den 1,1 --half-power --json")
     assert code == 0 and json.loads(out)["bandwidth"] == pytest.approx(1.0)
+    code, out, _ = run(capsys, "bandwidth --num 1 --den 1,0")
+    assert code == 1 and out.startswith("no bandwidth: T(s) = (1)/(s)\n")
+    assert "T(0) is infinite, so there is no DC gain" in " ".join(out.split())
     code, out, _ = run(capsys, "bandwidth --num=1 --den=1,-1")
     assert code == 1 and out.startswith("unstable T: T(s) = (1)/(s - 1)")
 

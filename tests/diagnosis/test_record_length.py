@@ -39,6 +39,21 @@ def test_a_short_record_says_how_long_to_record_next(one_second):
     assert one_second.experiment.startswith("Record 18 s or more of such motion first")
 
 
+@pytest.mark.parametrize(
+    ("seed", "size", "channel"),
+    [(1, 0.3, "theta"), (5, 0.3, "w"), (5, 0.6, "w"), (7, 0.6, "theta")],
+)
+def test_half_a_second_names_nothing_where_nothing_is_missing(seed, size, channel):
+    u = torque(0.5, DT, seed, size)
+    theta, w = simulate(u, DT)
+    noise = np.random.default_rng(seed).normal(0.0, 0.02, len(u))
+    motion = {"theta": np.floor(theta / 3e-4) * 3e-4, "w": w + noise}[channel]
+    log = {"t": DT * np.arange(len(u)), "u": u, channel: motion}
+    found = diagnose(log, Model.of(J=0.004, Fc=0.11, Fv=0.0065))
+    assert found.verdict in ("adequate", "refused") and not found.effects
+    assert found.reason or "The record is short" in " ".join(found.messages)
+
+
 def test_the_length_to_record_grows_where_the_drive_moves_little():
     t = np.arange(0.0, 20.0, 0.01)
     record = Record(t=t, u=np.sin(t), w=np.sin(t))

@@ -5,10 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
+from scipy.special import ndtri
 
-from lugrectl.identification.regression.numbers import FREEDOM
+from lugrectl.identification.regression.numbers import ALPHA, FREEDOM
 from lugrectl.identification.regression.robust_regression import Scale, bounded, solve
-from lugrectl.identification.regression.score import Blocks, density, left_out, seen
+from lugrectl.identification.regression.score import (
+    Blocks,
+    density,
+    left_out,
+    losses,
+    paired,
+    seen,
+)
 
 
 def problem(seed: int, columns: int = 7) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -69,6 +77,27 @@ def test_left_out_is_the_density_of_each_block_under_a_fit_without_it() -> None:
     error = np.abs(found - want)[inside != want]
     assert error.max() < 0.4 * np.abs(inside - want).max()
     assert abs(found.sum() - want.sum()) < 0.4 * abs((inside - want).sum())
+
+
+def test_blocks_of_a_short_record_are_no_shorter_than_what_shares_noise() -> None:
+    t = np.linspace(0.0, 0.5, 100)
+    assert len(Blocks.of(t, 0.5, 0.1)) == 5 and len(Blocks.of(t, 0.5, 0.3)) == 2
+
+
+@pytest.mark.parametrize(("blocks", "sure"), [(2, False), (6, False), (7, True), (40, True)])
+def test_blocks_that_agree_are_as_sure_as_coins_that_fall_alike(blocks: int, sure: bool) -> None:
+    d = np.geomspace(40.0, 400.0, blocks)  # as they are, too uneven to be sure
+    gain, se = paired(d, np.zeros(blocks))
+    assert (gain > ndtri(1.0 - ALPHA) * se) == sure
+    assert paired(-d, np.zeros(blocks)) == pytest.approx((-gain, se))
+
+
+def test_one_block_says_nothing_of_its_own_error() -> None:
+    assert paired(np.full(3, 9.0), np.zeros(3), together=3) == (27.0, np.inf)
+
+
+def test_what_few_blocks_lose_counts_too() -> None:
+    assert losses(np.array([-3.0, 5.0, -4.0])) == pytest.approx(5.0 * np.sqrt(2.0))
 
 
 def test_a_block_without_rows_counts_nothing() -> None:

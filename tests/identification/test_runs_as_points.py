@@ -9,11 +9,12 @@ FC, FV = 0.3, 0.02
 SPEEDS = (-16.0, -8.0, -4.0, -2.0, 2.0, 4.0, 8.0, 16.0)
 
 
-def steady(speeds, seed=0, scatter=0.01, samples=200, dip=0.0):
+def steady(speeds, seed=0, scatter=0.01, samples=200, dip=0.0, drag=0.0):
     """Runs at these speeds: friction, the scatter of each run, and noise of the samples."""
     chance, runs = np.random.default_rng(seed), []
     for w in speeds:
         friction = (FC + dip * np.exp(-((w / 3.0) ** 2))) * np.sign(w) + FV * w
+        friction += drag * w * abs(w)
         u = friction + scatter * chance.standard_normal()
         run = {"t": 5e-3 * np.arange(samples), "u": u + 1e-3 * chance.standard_normal(samples)}
         runs.append(run | {"w": w + 1e-3 * chance.standard_normal(samples)})
@@ -61,3 +62,18 @@ def test_a_fall_at_low_speed_is_none_of_the_level():
     plain = lg.balance(steady([*SPEEDS, *(1.5 * w for w in SPEEDS)], 2, 1e-3, dip=0.15))
     assert covers(plain.parameters["Fc"], FC) and covers(plain.parameters["Fv"], FV)
     assert plain.left < 0.01
+
+
+@pytest.mark.parametrize("drag", [5e-4, 1.5e-3])
+def test_a_drag_is_neither_scatter_of_the_runs_nor_a_part_of_the_values(drag):
+    """Counted as scatter it left a sum of Fc and Fv as the only certain value, and a wrong one."""
+    plain = lg.balance(steady([*SPEEDS, *(1.5 * w for w in SPEEDS)], 2, 1e-3, drag=drag))
+    assert covers(plain.parameters["Fc"], FC) and covers(plain.parameters["Fv"], FV)
+    assert not plain.combinations and plain.left < 0.01
+
+
+def test_a_declared_drag_is_not_counted_twice():
+    model = lg.Model.of().with_effect("quadratic_drag", {"coefficient": 5e-3})
+    plain = lg.balance(steady([*SPEEDS, *(1.5 * w for w in SPEEDS)], 2, 1e-3, drag=5e-3), model)
+    found = plain.parameters["quadratic_drag.coefficient"]
+    assert covers(found, 5e-3) and np.ptp(found.ci95) < 0.1 * 5e-3

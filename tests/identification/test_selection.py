@@ -5,14 +5,18 @@ from __future__ import annotations
 import json
 import math
 import pickle
+import re
+from dataclasses import replace
 from importlib import resources
 
 import numpy as np
 import pytest
 
 import lugrectl as lg
+from lugrectl.diagnosis.diagnose import next_experiment
 from lugrectl.identification.balance import balance
 from lugrectl.identification.selection import compare
+from lugrectl.identification.selection.comparison import Comparison
 
 from ..cases.balance_drive import FC, FV, J, recorded, simulate, stretch, torque
 
@@ -41,6 +45,17 @@ def bumps(theta, w):
     """Two bumps in a turn, which no effect of the catalogue has."""
     return sum(0.05 * math.exp(-((math.remainder(theta - at, math.tau) / 0.25) ** 2))
                for at in (0.7, 2.1))  # fmt: skip
+
+
+def vibrating(seconds=20.0, size=0.02, around=4.0, seed=2):
+    """A drive that a torque of a drifting frequency and size shakes; and the RMS of that."""
+    u, rng = torque(seconds, DT, seed), np.random.default_rng(seed)
+    n = len(u)
+    f = around + 0.2 * np.cumsum(rng.normal(0.0, math.sqrt(DT), n))
+    grown = 1.0 + 0.3 * np.sin(2 * math.pi * 0.1 * DT * np.arange(n))
+    shaken = math.sqrt(2.0) * size * grown * np.sin(2 * math.pi * np.cumsum(f) * DT)
+    theta, _ = simulate(u - shaken, DT)
+    return stretch(u, DT, theta + rng.normal(0.0, 1e-4, n)), float(np.std(shaken))
 
 
 def cogged(seconds=20.0, dt=1e-3, J=0.0015, parts=5):
@@ -196,3 +211,23 @@ def test_a_diagnosis_with_its_comparison_pickles_and_is_what_the_schema_says(dia
 def test_an_offset_of_the_torque_of_one_run_is_no_missing_effect():
     seen = lg.diagnose(runs(None, 0.02), MODEL, time_limit=1e-3)
     assert seen.verdict == "adequate", seen.comparison.effects
+
+
+def test_a_drifting_vibration_is_told_with_its_frequency_and_size():
+    part, size = vibrating()
+    found = compare([part], MODEL, balance([part], MODEL))
+    assert found.verdict == "unexplained" and found.depends_on == ("t",)
+    assert found.swings == pytest.approx(4.0, abs=0.5)
+    (said,) = (m for m in found.messages if "vibration" in m)
+    told = re.search(r"about ([\d.]+) Hz .*: ([\d.]+) N m RMS, ([\d.]+) % of friction", said)
+    assert told and float(told[1]) == pytest.approx(found.swings, rel=0.1)
+    assert float(told[2]) == pytest.approx(size, rel=0.1)
+    row = next(share for share in found.budget if share.term == "unknown torque")
+    assert float(told[3]) == pytest.approx(100.0 * row.share, rel=0.1)
+
+
+def test_what_to_record_next_fits_a_vibration():
+    found = Comparison("unexplained", depends_on=("t",))
+    assert "cold and warm" in next_experiment(found, ())
+    told = next_experiment(replace(found, swings=4.0), ())
+    assert "other machines" in told and "follows the speed" in told and "at rest" in told

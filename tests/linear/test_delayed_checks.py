@@ -56,7 +56,8 @@ def test_a_delayed_all_pass_never_falls():
 def test_the_bandwidth_of_an_unstable_loop_comes_with_a_warning():
     with pytest.warns(UserWarning, match="2 poles right"):
         assert lg.bandwidth(integrator(100.0, 0.016)) > 100
-    assert math.isnan(lg.bandwidth(lg.delayed(ct.tf([1.0], [1.0, 0.0]), 0.1)))
+    with pytest.warns(UserWarning, match="no DC gain"):
+        assert math.isnan(lg.bandwidth(lg.delayed(ct.tf([1.0], [1.0, 0.0]), 0.1)))
 
 
 # --- gain --------------------------------------------------------------------------------

@@ -17,6 +17,7 @@ from scipy.integrate import trapezoid
 
 from lugrectl.core.errors import InputError
 from lugrectl.linear import (
+    NoBandwidthWarning,
     UnstableLoopWarning,
     bandwidth,
     bandwidth_check,
@@ -197,9 +198,6 @@ def level_ratio(T, w):
     ("num", "den", "expected"),
     [
         ([-1], [1, 1], math.sqrt(10**0.3 - 1)),  # negative DC gain
-        ([1, 0], [1, 1], math.nan),  # zero DC gain
-        ([0], [1, 1], math.nan),
-        ([1], [1, 0], math.nan),  # infinite DC gain
         ([1, 0], [1, 1, 0], math.sqrt(10**0.3 - 1)),  # common s
         ([1, 1], [1, 1.1], math.inf),
         ([2], [1], math.inf),
@@ -208,8 +206,28 @@ def level_ratio(T, w):
     ],
 )
 def test_bandwidth_edge_cases(num, den, expected):
-    assert bandwidth(ct.tf(num, den)) == pytest.approx(expected, rel=1e-13, nan_ok=True)
+    assert bandwidth(ct.tf(num, den)) == pytest.approx(expected, rel=1e-13)
     assert bool(bandwidth_check((num, den))) == math.isfinite(expected)
+
+
+INTEGRATOR_OF_MANY = ct.ss(np.diag(np.arange(-7.0, 1.0)), np.ones((8, 1)), np.ones((1, 8)), 0)
+
+
+@pytest.mark.parametrize(
+    ("T", "why"),
+    [
+        (ct.tf([1, 0], [1, 1]), r"T\(0\) is zero, so there is no DC gain .* from\.$"),
+        (ct.tf([0], [1, 1]), r"T\(0\) is zero"),
+        (ct.tf([1], [1, 0]), r"T\(0\) is infinite, so .*; of an open loop check T/\(1 \+ T\)\.$"),
+        (ct.tf([1], [1, -1], 0.01), r"T\(0\) is infinite"),
+        (INTEGRATOR_OF_MANY, r"T\(0\) is infinite"),
+        (ct.frd([0.0, 1.0, 0.1], [1.0, 2.0, 3.0]), "0 at the lowest frequency, .* so there is no"),
+    ],
+)
+def test_a_system_without_a_dc_gain_says_why_it_has_no_bandwidth(T, why):
+    with pytest.warns(NoBandwidthWarning, match=f"^No bandwidth: .*{why}"):
+        assert math.isnan(bandwidth(T))
+    assert not bandwidth_check(T)
 
 
 def test_bandwidth_lists_every_crossing_and_skips_a_touch():

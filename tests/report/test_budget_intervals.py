@@ -42,6 +42,13 @@ def test_no_interval_stands_beside_a_large_unexplained_torque(unexplained):
     assert all(s.ci95 is None for s in unexplained.budget)
 
 
+def test_a_narrow_interval_has_the_digits_that_tell_its_ends_apart():
+    found = diagnosis().comparison
+    narrow = replace(found.budget[0], ci95=(0.75811, 0.75842))
+    said = budget(diagnosis(comparison=replace(found, budget=(narrow, *found.budget[1:]))))
+    assert said.grid.rows[0][said.grid.head.index("95 % interval")] == "75.811 to 75.842 %"
+
+
 def test_the_report_says_why(unexplained):
     said = budget(diagnosis(comparison=unexplained)).footnote
     assert "There are no intervals: a large torque is not explained" in said

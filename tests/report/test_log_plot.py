@@ -1,9 +1,13 @@
 """The drawing of a log: the same for a record, the plain answer and ``lugrectl plot``."""
 
+import json
+
 import matplotlib.pyplot as plt
+import pytest
 
 import lugrectl as lg
 from lugrectl.cli import main
+from lugrectl.cli.plotting import NO_SCREEN, has_screen
 
 from ..cases.logs import csv, machine
 
@@ -29,6 +33,45 @@ def test_the_command_draws_the_same(tmp_path, monkeypatch):
     monkeypatch.setattr(plt, "close", lambda figure: seen.append(titles(figure.axes)))
     assert main(["plot", str(path), "--out", str(tmp_path / "a.png")]) == 0
     assert titles(lg.read_record(path).plot()) == seen[0]
+
+
+@pytest.fixture
+def backend():
+    """Matplotlib with the backend for files, and as before after the test."""
+    before = plt.get_backend()
+    plt.switch_backend("agg")
+    yield plt.switch_backend
+    plt.switch_backend(before)
+
+
+@pytest.mark.usefixtures("backend")
+def test_that_there_is_no_screen_is_said_before_the_work(tmp_path, monkeypatch, capsys):
+    said = []
+
+    def work(*_):
+        said.append(capsys.readouterr().err)
+        raise lg.InputError("enough.")
+
+    monkeypatch.setattr("lugrectl.diagnosis.plain_answer.plain_answer", work)
+    assert main(["plot", str(csv(tmp_path))]) == 2
+    assert said == [f"lugrectl: {NO_SCREEN}.\n"]
+
+
+@pytest.mark.usefixtures("backend")
+def test_without_a_screen_the_numbers_are_printed_and_nothing_is_drawn(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr(lg.results.Balance, "plot", None)
+    assert main(["plot", str(csv(tmp_path)), "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert json.loads(out)["parameters"] and err == f"lugrectl: {NO_SCREEN}.\n"
+
+
+def test_a_backend_that_opens_windows_is_a_screen(backend):
+    assert not has_screen()
+    pytest.importorskip("tornado")
+    backend("webagg")
+    assert has_screen()
 
 
 def test_a_linear_record_has_its_units():

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from lugrectl import report
 from lugrectl.blocks.model import Model, read_model, table1
+from lugrectl.core.display import between
 from lugrectl.core.errors import InputError
 from lugrectl.diagnosis.identify import Identification
 from lugrectl.diagnosis.result import VERDICTS
@@ -104,6 +105,20 @@ def test_interval_text_keeps_the_interval(middle, width):
     value, text = wording._with_interval(Estimate(middle, "1", (low, high)))
     shown = [float(x) for x in (value, *text.split(" to "))]
     assert np.allclose(shown, [middle, low, high], rtol=0, atol=0.06 * width)
+
+
+@pytest.mark.parametrize(
+    ("interval", "shown"),
+    [
+        ((75.81, 75.84), "75.810 to 75.840"),
+        ((0.28712, 0.28712), "0.28712 +- <0.00001"),
+        ((1234.5678, 1234.5678), "1234.6 +- <0.1"),
+        ((2e6, 2e6), "2.0000e+06 +- <100"),
+        ((3.0, 3.0 + 1e-12), "3.0000000 +- <1e-7"),
+    ],
+)
+def test_the_ends_of_an_interval_are_never_one_text(interval, shown):
+    assert between(interval) == shown
 
 
 def test_large_values_show_no_digit_that_the_interval_does_not_know():

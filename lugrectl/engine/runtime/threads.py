@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
@@ -18,9 +18,15 @@ def beside(work: Callable[[Item], Made], items: Iterable[Item]) -> list[Made]:
     Each call uses one thread. Without compiled code, which lets other threads run, the items are
     processed one after another.
     """
+    return list(each_beside(work, items))
+
+
+def each_beside(work: Callable[[Item], Made], items: Iterable[Item]) -> Iterator[Made]:
+    """As :func:`beside`, each result as soon as it and those before it are there."""
     given = list(items)
     workers = min(threads() if compiler() else 1, len(given))
     if workers < 2:
-        return [work(item) for item in given]
+        yield from map(work, given)
+        return
     with ThreadPoolExecutor(workers, initializer=alone) as pool:
-        return list(pool.map(work, given))
+        yield from pool.map(work, given)

@@ -149,6 +149,7 @@ PARTS = 5.0  # and where it does not
 OVERLAP = 3.0  # windows that share their samples, for each independent one
 ROUNDS_OF_SCATTER = 60  # of values and variances in turn, at most
 DIP_OF_MAP = 0.3  # usual fall of friction with speed, in Fc
+BEND_OF_MAP = 1.0  # usual drag at top speed, in the RMS torque
 TURN = 0.7  # rad that a half-width may turn where the angle changes
 RESTS = 0.05  # a window of the curve has less rest than this
 ROUNDS_OF_MEAN = 10  # passes of the robust mean of a bin

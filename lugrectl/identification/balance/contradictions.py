@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...core.display import between
 from ...core.option_names import option
 from ...estimates.findings import Estimate
 from .constants import (
@@ -107,7 +108,7 @@ def _high(e: Estimate) -> float:
 def _negative(key: str, e: Estimate) -> str:
     assert e.ci95
     return (
-        f"{key} comes out negative ({e.ci95[0]:.3g} to {e.ci95[1]:.3g}): no friction is negative. "
+        f"{key} comes out negative ({between(e.ci95)}): no friction is negative. "
         "It stands for something that is missing from the balance."
     )
 

@@ -65,6 +65,16 @@ class Dip:
         return np.sign(track.speed) * np.exp(-x)
 
 
+@dataclass(frozen=True)
+class Bend:
+    """w |w| / speed^2: friction that grows faster than the speed (drag)."""
+
+    speed: float
+
+    def __call__(self, track: Track) -> np.ndarray:
+        return track.speed * np.abs(track.speed) / self.speed**2
+
+
 def stopping(track: Track) -> np.ndarray:
     """At rest, the direction of the motion before."""
     return track.stopping

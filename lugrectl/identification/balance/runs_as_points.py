@@ -19,7 +19,9 @@ import numpy as np
 from scipy.stats import norm
 from scipy.stats import t as student
 
+from ...core.numeric import rms
 from .constants import (
+    BEND_OF_MAP,
     CONFIDENCE,
     DIP_OF_MAP,
     DIP_SPEEDS,
@@ -34,13 +36,14 @@ from .constants import (
 from .covariance import memory
 from .fit import Fit
 from .friction_curve import friction_torque
-from .friction_shapes import Dip
+from .friction_shapes import Bend, Dip
 from .interval import of_scale
 from .problem import Ground
 from .result import CurvePoint
 from .terms import Term
 from .windows import Windows
 
+SAME = 1e-6  # of a column, to which rounding leaves of it what is another already
 AS_MANY = (
     "{} runs at steady speed are {} points of the friction curve, and as many values are fitted to "
     "them: nothing is left to tell their errors, so they have no intervals. Record more speeds, or "
@@ -151,7 +154,7 @@ class OfRuns:
 
 
 def of_runs(ground: Ground, made: Fit) -> OfRuns:
-    """What the runs say, each one point; averaged over what friction may do at low speed."""
+    """What the runs say, each one point; averaged over what friction may do beside Fc and Fv."""
     least = FLOOR_OF_FRICTION * made.problem.level
     X, prior = made.windows.X, made.problem.prior
     rows = Rows.of(made.windows, X)
@@ -164,7 +167,7 @@ def of_runs(ground: Ground, made: Fit) -> OfRuns:
         return OfRuns(
             _as_fit(made, rows, plain.p, X), only, plain.g**-0.5, 0.0, (AS_MANY.format(n, n),)
         )
-    shapes, tried = _dips(ground, made, rows, plain, least)
+    shapes, tried = _shapes(ground, made, rows, plain, least)
     p, V, best = _averaged(plain, tried)
     if best is not None:
         made, X = _beside(made, *shapes[best])
@@ -188,28 +191,38 @@ def curve_of_runs(found: OfRuns) -> tuple[CurvePoint, ...]:
     return tuple(CurvePoint(float(w[i]), float(y[i]), ends[i], int(many[i])) for i in order)
 
 
-def _dips(
+def _shapes(
     ground: Ground, made: Fit, rows: Rows, plain: Pointwise, least: float
 ) -> tuple[list[tuple[Term, np.ndarray]], list[tuple[Pointwise, float]]]:
-    """Friction that falls with speed (Stribeck): each shape, its fit and its share of belief."""
+    """Friction that falls with speed (Stribeck) or bends upwards (drag): each shape, its fit and
+    its share of belief. A law without the bend of a map would count it as scatter of the runs, and
+    call certain what only that law says."""
     if "Fc" not in made.names:
         return [], []
     lowest = max(0.5 * float(np.min(np.abs(made.windows.w))), SLOWEST_DIP * ground.speed)
     speeds = np.geomspace(lowest, max(0.25 * ground.speed, 1.01 * lowest), DIP_SPEEDS)
     terms = [Term("dip", Dip(float(v), n), friction=True) for v in speeds for n in (1, 2)]
+    terms += [Term("dip", Bend(ground.speed), friction=True)] if "Fv" in made.names else []
     all_of = ground.source.windows(made.half_width, terms, made.setting.rest, made.delay)
     if all_of is None:
         return [], []
-    size = DIP_OF_MAP * made.problem.level
+    fall, bend = DIP_OF_MAP * made.problem.level, BEND_OF_MAP * rms(rows.y)
     shapes, tried = [], []
     for term, column in zip(terms, all_of.X.T, strict=True):
-        if np.abs(column).max() <= LEAST_COLUMN:
+        if np.abs(column).max() <= LEAST_COLUMN or _inside(made.windows.X, column):
             continue
+        size = bend if isinstance(term.column, Bend) else fall
         own = Rows.of(made.windows, np.c_[made.windows.X, column], rows.share, rows.own)
         dip = points(own, np.append(made.problem.prior, size), least)
         shapes.append((term, column))
         tried.append((dip, _belief(dip, plain, size, least)))
     return shapes, tried
+
+
+def _inside(X: np.ndarray, column: np.ndarray) -> bool:
+    """Whether the terms are the column already, as a declared drag is the bend."""
+    beyond = column - X @ np.linalg.lstsq(X, column, rcond=None)[0]
+    return rms(beyond) < SAME * rms(column)
 
 
 def _belief(dip: Pointwise, plain: Pointwise, size: float, least: float) -> float:

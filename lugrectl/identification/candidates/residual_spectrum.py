@@ -7,7 +7,13 @@ import numpy as np
 from .base_model import Base
 
 LOWEST, HIGHEST = 0.2, 60.0  # Hz
+PERIODS = 2.0  # of a wave in the record: what has not come back is not seen to be periodic
 FASTEST = 0.4  # of the rate of the windows
+
+
+def lowest(base: Base) -> float:
+    """The lowest frequency, Hz, of which the record shows that it comes back."""
+    return max(LOWEST, PERIODS / float(base.record.motion.t[-1]))
 
 
 def spectrum(base: Base) -> tuple[np.ndarray, np.ndarray]:
@@ -30,5 +36,5 @@ def _spectrum(base: Base) -> tuple[np.ndarray, np.ndarray]:
 
     f = np.fft.rfftfreq(n, rows.step)
     room = np.sum(base.roots**2) - sum(power(q) for q in base.basis.T)
-    seen = (f > LOWEST) & (f < min(HIGHEST, FASTEST / rows.step))
+    seen = (f > lowest(base)) & (f < min(HIGHEST, FASTEST / rows.step))
     return f, power(base.residual) / np.maximum(room, 1e-3 * np.max(room)) * seen

@@ -15,7 +15,7 @@ from .candidate import Entry, enter
 from .declared_effects import through
 from .effect_columns import by_run, column, columns, over, searched, spanned
 from .friction_terms import NAMES
-from .residual_spectrum import spectrum
+from .residual_spectrum import lowest, spectrum
 from .search_ranges import grid_of
 from .spring_loads import springs
 
@@ -78,7 +78,7 @@ def entries(base: Base, block: Block) -> Iterator[Entry]:
     elif {*free} == {"position", "side"} and block.own["position"].passed:
         yield _stop(base, block)
     elif free == ["frequency"] and block.reads == ("t",) and spanned(block):
-        yield _sinusoid(base, block)
+        yield from _sinusoid(base, block)
     elif len(free) == 1 and grid_of(block, free[0]) is not None:
         yield from _over_grid(base, block, free[0])
     else:
@@ -185,19 +185,24 @@ def _polished(base: Base, block: Block, key: str, grid: np.ndarray, i: int, pair
     return float(simplex(lambda p: gain(p[0]), [grid[i]], [0.3 * step], POLISH)[0])
 
 
-def _sinusoid(base: Base, block: Block) -> Entry:
+def _sinusoid(base: Base, block: Block) -> Iterator[Entry]:
     """A frequency: the spectrum of the residual in the windows, then polished."""
     rows, m = base.record.rows, base.record.motion
     f, power = spectrum(base)
-    start = float(f[np.argmax(power)])
+    if not np.any(power):
+        return  # no wave that the windows show comes back in the record
+    start, least = float(f[np.argmax(power)]), lowest(base)
 
     def gain(p: np.ndarray) -> float:
+        if p[0] < least:
+            return -1.0
         at = 2 * np.pi * p[0] * rows.t
         return float(base.gains_of_pairs(np.column_stack([np.sin(at), np.cos(at)]))[0])
 
     found = float(simplex(gain, [start], [0.15 / m.t[-1]], POLISH)[0])
     made = columns(base, block, {"frequency": found})
-    return Entry(block.name, {"frequency": found}, made, cost=float(np.log(np.sum(power > 0) / 2)))
+    cost = float(np.log(max(np.sum(power > 0) / 2, 1.0)))
+    yield Entry(block.name, {"frequency": found}, made, cost=cost)
 
 
 def _of_torque(base: Base, block: Block) -> Entry:

@@ -17,6 +17,7 @@ import numpy as np
 
 from ...blocks.block import Block
 
+HEAT = 2.0  # s: no drive warms up with a shorter time constant
 SLIDES = 0.01  # of the largest speed; above this a drive certainly slides
 
 Values = Mapping[str, float]
@@ -55,8 +56,12 @@ def instants(log: Any) -> np.ndarray:
 
 
 def durations(log: Any) -> np.ndarray:
-    """Time constants from a fiftieth of the log to three times its length."""
-    return (log.t[-1] - log.t[0]) * np.geomspace(0.02, 3.0, 12)
+    """Time constants from a fiftieth of the log to three times its length, of those that heat has.
+
+    A log in which no such time constant shows cannot be asked for it: none is left.
+    """
+    tried = (log.t[-1] - log.t[0]) * np.geomspace(0.02, 3.0, 12)
+    return tried[tried >= HEAT]
 
 
 def exponents(log: Any) -> np.ndarray:

@@ -24,13 +24,17 @@ from .candidate import Entry
 from .residual_spectrum import spectrum
 
 AMPLITUDES = (0.04, 0.2)  # width of the prior, in friction
+MIDDLE = "frequency"  # Hz, in the values of an unknown torque that swings
+
+# columns (m, k), how many places were searched for them, and where they are
+Basis = tuple[np.ndarray, int, dict[str, float]]
 
 
 def entries(base: Base) -> Iterator[Entry]:
     """An entry for each set of signals and width of the prior."""
     size = base.friction_rms
     for signals, bases in _bases(base).items():
-        for C, places in bases:
+        for C, places, middle in bases:
             own = np.sqrt(np.mean(C**2, axis=0))
             own = np.maximum(own, 1e-3 * rms(own) + 1e-300)
             for amplitude in AMPLITUDES if not base.view.quick else (0.1,):
@@ -39,16 +43,15 @@ def entries(base: Base) -> Iterator[Entry]:
                 cost = float(np.log(3 * len(bases) * places))
                 yield Entry(
                     "unknown(" + ", ".join(signals) + ")",
-                    {"amplitude": amplitude},
+                    {"amplitude": amplitude, **middle},
                     Columns(C, prior, -free, free),
                     cost=cost,
                     depends_on=frozenset(signals),
                 )
 
 
-def _bases(base: Base) -> dict[tuple[str, ...], list[tuple[np.ndarray, int]]]:
-    """For each set of signals columns (m, k), in more than one way for some, and how many places
-    were searched for them."""
+def _bases(base: Base) -> dict[tuple[str, ...], list[Basis]]:
+    """For each set of signals its functions, in more than one way for some."""
     record, m, u = base.record, base.record.motion, base.u
 
     def once(key: str, of: object, make: Callable[[], Surfaces]) -> Surfaces:
@@ -59,20 +62,21 @@ def _bases(base: Base) -> dict[tuple[str, ...], list[tuple[np.ndarray, int]]]:
         **once("unknown of torque", u, lambda: of_torque(m, u)),
         **once("unknown of law", base.law, lambda: of_law(m, base.law.z)),
     }
-    made = {signals: [(C, 1) for C in columns] for signals, columns in smooth.items()}
+    made = {signals: [(C, 1, {}) for C in columns] for signals, columns in smooth.items()}
     made[("t",)].append(_swinging(base))
     return made
 
 
-def _swinging(base: Base) -> tuple[np.ndarray, int]:
-    """A wave in time whose amplitude and frequency drift, and how many bands there are for it."""
+def _swinging(base: Base) -> Basis:
+    """A wave in time whose amplitude and frequency drift, in the band that is the likeliest."""
     t, record = base.record.rows.t, base.record
     f, power = spectrum(base)
     band = max(1, round(0.5 * FINE / t[-1] / f[1]))  # what so many functions of time can follow
-    middle = 2 * np.pi * f[np.argmax(uniform_filter1d(power, 2 * band + 1, mode="constant"))] * t
+    middle = float(f[np.argmax(uniform_filter1d(power, 2 * band + 1, mode="constant"))])
+    phase = 2 * np.pi * middle * t
     drifting = record.once("drifting", None, lambda: spline(t / t[-1], FINE))
-    waves = [drifting * wave[:, None] for wave in (np.sin(middle), np.cos(middle))]
-    return np.hstack(waves), max(1, int(np.sum(power > 0)) // band)
+    waves = [drifting * wave[:, None] for wave in (np.sin(phase), np.cos(phase))]
+    return np.hstack(waves), max(1, int(np.sum(power > 0)) // band), {MIDDLE: middle}
 
 
 def _in_windows(base: Base, surfaces: Surfaces) -> Surfaces:

@@ -27,8 +27,9 @@ class Blocks:
 
     @classmethod
     def of(cls, t: np.ndarray, duration: float, length: float) -> Blocks:
-        """Blocks of about ``length`` s over rows at the times t."""
-        many = max(12, int(duration / length))
+        """Blocks of at least ``length`` s over rows at the times t: shorter ones share noise and
+        would count one piece of a short record several times."""
+        many = max(2, int(duration / length))
         which = np.minimum((t / duration * many).astype(int), many - 1)
         return cls(np.searchsorted(which, np.arange(many + 1)))
 
@@ -101,14 +102,19 @@ def paired(a: np.ndarray, b: np.ndarray, together: int = 1) -> tuple[float, floa
     ``together``: so many blocks in a row count as one.
 
     Differences count as they are or cut at a few nats, whichever is surer: what matters is how
-    many blocks show an effect, not how much one of them shows.
+    many blocks show an effect, not how much one of them shows. Blocks that all agree are as sure as
+    so many coins that fall alike, and one block says nothing of its own error.
     """
     d = a - b
     d = np.append(d, np.zeros(-len(d) % together)).reshape(-1, together).sum(axis=1)
-    total, seen, se = float(d.sum()), np.count_nonzero(d), standard_error(d)
+    total, seen = float(d.sum()), np.count_nonzero(d)
+    if len(d) < 2:
+        return total, np.inf
+    se, most = standard_error(d), _agreed(seen)
     for clip in CLIPS:
         cut = np.clip(d, -clip, clip)
         z = float(cut.sum() / (np.sqrt(len(d)) * cut.std(ddof=1) + 1e-9))
+        z = max(-most, min(z, most))
         if z * np.sign(total) > abs(total) / se:
             se = abs(total) / abs(z)
     return total, se * _widened(seen)
@@ -129,11 +135,17 @@ def losses(d: np.ndarray) -> float:
     effect that acts in a part of the record only gains there and loses nowhere.
     """
     most, many = 0.0, 1
-    while len(d) >= TRUSTED * many:
+    while many == 1 or len(d) >= TRUSTED * many:
         sums = np.append(d, np.zeros(-len(d) % many)).reshape(-1, many).sum(axis=1)
         most = max(most, float(np.sqrt(2.0 * np.sum(np.minimum(sums, 0.0) ** 2))))
         many *= 2
     return most
+
+
+@cache
+def _agreed(blocks: int) -> float:
+    """Standard errors, once they are widened, that so many blocks reach if all have one sign."""
+    return float(-ndtri(max(0.5**blocks, 1e-300))) * _widened(blocks)
 
 
 @cache

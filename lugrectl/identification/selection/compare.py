@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...blocks.model import Model
+from ...core.numeric import rms
 from ...record.stretches import Stretch
 from ..balance import Balance, balance
 from ..balance.speed_channel import sensors_of
@@ -17,6 +18,7 @@ from ..candidates.base_model import WEIGHT, Base, Record
 from ..candidates.candidate import Contender
 from ..candidates.friction_shape import settled
 from ..candidates.start_values import levels_of, values_of, zeros_of
+from ..candidates.unknown_torque import MIDDLE
 from ..regression.numbers import ALPHA, HELD, LEAST, LOST, MOST_ROWS, MOST_SAMPLES, OFF
 from ..regression.score import standard_error
 from ..regression.smooth_motion import Motion, motion_of
@@ -24,9 +26,13 @@ from ..regression.weak_form import Width, quick, rows_of, spacing, usable, width
 from .budget import budget, detectable
 from .comparison import Compared, Comparison, Named
 from .table import Table
-from .verdict import Decision, decide
+from .verdict import Decision, decide, unit_of
 
 NOTHING = "The torque balance determines nothing: the record is too short."
+SWINGS = (
+    "What is not explained is a vibration of about {:.2g} Hz whose size and frequency drift: "
+    "{:.3g} {} RMS, {:.2g} % of friction. It follows no signal of the log but the time."
+)
 SHORT = (
     "The drive slides for too short a time to compare explanations: {} windows of {:.2g} ms of it, "
     "of {} that are needed."
@@ -105,22 +111,31 @@ def _result(found: Decision, model: Model, least: float) -> Comparison:
     assert table is not None
     inside = [c for c in found.effects if c is not found.gravity and not found.only_inertia]
     seen = found.verdict == "adequate" and base.record.sure
+    unknown = _unknown(found, base)
+    wave = unknown if found.verdict == "unexplained" and not found.events else None
+    swings = None if wave is None else wave.values.get(MIDDLE)
     return Comparison(
         verdict=found.verdict,
         effects=tuple(_named(c, model) for c in found.effects),
         alternatives=tuple(_named(c, model) for c in found.alternatives),
         depends_on=tuple(sorted(found.depends_on)),
         rows=tuple(_rows(table)),
-        budget=tuple(budget(base, inside, _unknown(found, base))),
+        budget=tuple(budget(base, inside, unknown)),
         detectable=tuple(detectable(table, least)) if seen else (),
-        messages=found.messages,
+        messages=(*found.messages, *([_vibration(wave, swings)] if wave and swings else [])),
         plant=levels_of(base),
         alone=levels_of(table.base),
         least=least,
         only_inertia=found.only_inertia,
         events=found.events,
+        swings=swings,
         stretches=base.record.independent,
     )
+
+
+def _vibration(c: Contender, frequency: float) -> str:
+    """How fast and how large an unknown torque is that swings in time."""
+    return SWINGS.format(frequency, rms(c.torque), unit_of(c.base), 100.0 * c.share)
 
 
 def _unknown(found: Decision, base: Base) -> Contender | None:

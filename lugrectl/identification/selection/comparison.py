@@ -77,7 +77,8 @@ class Comparison:
     first of them. ``depends_on`` are the signals of an unknown torque. ``plant`` are inertia and
     friction beside the effects, ``alone`` those of the declared model without them: start values.
     ``only_inertia``: of the effects the record shows no more than the inertia of a load. ``events``
-    are the times (s) of torques that nothing in the table predicts. ``stretches`` counts the
+    are the times (s) of torques that nothing in the table predicts. ``swings``: the frequency (Hz)
+    of an unknown torque that is a wave in time; None if it is none. ``stretches`` counts the
     independent parts of the motion that were compared; None if that is not known.
     """
 
@@ -94,5 +95,6 @@ class Comparison:
     least: float = 0.0
     only_inertia: bool = False
     events: tuple[float, ...] = ()
+    swings: float | None = None
     seconds: float = 0.0
     stretches: int | None = None
