@@ -204,7 +204,7 @@ def _finer(
         raise Refused(" ".join(found.messages), _next(asked, found, None))
     try:
         ready = prepared(record, model, holdout, horizon)
-        ready = ready.begun_from(asked.plain, asked.starts(found.alone))
+        ready = ready.begun_from(asked.plain, asked.starts(found.alone), found.written_late)
         with within(limit):
             return _fitted(begin(ready, report), found, asked, seed, report)
     except Refused as no:  # the comparison needs no simulation

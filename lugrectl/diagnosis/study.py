@@ -81,16 +81,19 @@ class Prepared:
         """The same with values from which fits start."""
         return replace(self, data=replace(self.data, plain=plain))
 
-    def earlier(self, plain: Balance) -> Prepared:
-        """The same with the torque earlier, where it was written down late: a simulation, too,
+    def earlier(self, by: float) -> Prepared:
+        """The same with the torque earlier (s), where it was written down late: a simulation, too,
         needs the torque of its instant."""
-        by = plain.written_late(self.data.dt)
         return replace(self, data=ahead(self.data, by / self.data.dt)) if by else self
 
-    def begun_from(self, plain: Balance, values: Mapping[str, float]) -> Prepared:
-        """The same with values from which fits start, and with what the balance knows of the
-        channels: the offset of a speed, a torque written down late."""
-        return self.lowered(plain).from_values(values).earlier(plain)
+    def begun_from(
+        self, plain: Balance, values: Mapping[str, float], late: float | None = None
+    ) -> Prepared:
+        """The same with values from which fits start, and with what is known of the channels: by
+        the balance, the offset of a speed and a torque written down late; by the comparison, which
+        knows more effects, how ``late`` (s)."""
+        by = plain.written_late(self.data.dt) if late is None else late
+        return self.lowered(plain).from_values(values).earlier(by)
 
     def lowered(self, plain: Balance) -> Prepared:
         """The same with the true speed, where one logged alone has an offset: friction turns over

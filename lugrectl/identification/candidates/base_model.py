@@ -76,13 +76,14 @@ class Record:
 
     @property
     def latest(self) -> float:
-        """By how much the torque of its motion may be later still for nothing, s."""
-        return self.lateness + self.logged - self.shift
+        """By how much the torque of its motion may be later still for nothing, s: it may as well be
+        in time as it was logged, where a missing effect has looked like a lateness."""
+        return self.lateness + max(self.logged, 0.0) - self.shift
 
     @property
     def earliest(self) -> float:
         """By how much it may be later at least, s."""
-        return -self.lateness + self.logged - self.shift
+        return -self.lateness + min(self.logged, 0.0) - self.shift
 
     def later(self, shift: float) -> Record:
         """The same with the torque later by ``shift``, exactly: a derivative is too coarse."""
@@ -230,6 +231,13 @@ class Base:
         return max(float(self.made.b[0]), 1e-9 * self.view.scale.sigma / size)
 
     @property
+    def written_late(self) -> float:
+        """By how much its torque was written down after the motion, s; 0 where it was in time."""
+        record = self.record
+        late = -record.shift - float(self.made.b[1]) > record.lateness
+        return max(-record.logged, 0.0) if late else 0.0
+
+    @property
     def richest(self) -> float:
         """Inertia of the richest description, which sets the scale of the motion's noise."""
         return self.J if self.view.quick or self.view.J is None else self.view.J
@@ -331,6 +339,15 @@ class Base:
         B = self.columns.X[:, [i for i in kept if self.made.free[i]]]
         U, s, _ = np.linalg.svd(B, full_matrices=False)
         return U[:, s > np.finfo(float).eps * max(B.shape) * s.max(initial=0.0)]
+
+    def as_inertia(self, C: np.ndarray) -> np.ndarray:
+        """The inertia that a fit without these torques (m, k) makes of each of them, kg m2."""
+        X, free = self.columns.X, self.made.free.copy()
+        free[0] = False
+        Q = np.linalg.qr(X[:, free] * self.roots[:, None])[0]
+        a = X[:, 0] * self.roots
+        a = a - Q @ (Q.T @ a)
+        return (a @ (C * self.roots[:, None])) / (a @ a + 1e-300)
 
     def gains(self, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What each column would take off half the sum of squares, and its coefficient."""

@@ -140,12 +140,12 @@ class Entry:
 def enter(base: Base, entry: Entry) -> Contender:
     """The row of the table for an entry."""
     record, columns = base.record, _beside(entry.seen_from(base), entry)
-    y = base.y if entry.u is None else record.driving(entry.u)
-    made = solve(
-        columns.X, y, columns.prior, columns.low, columns.high, base.view.scale, base.roots**2,
-        near=base.made.state,
-    )  # fmt: skip
     own = 0 if entry.columns is None else entry.columns.X.shape[1]
+    made = _fitted(base, entry, columns)
+    balanced = np.isfinite(columns.high[0])  # J is held to the plain answer's, not a declared one
+    if made.state[0] and balanced and not entry.depends_on and not entry.inertial:
+        columns = _with_its_inertia(base, entry, columns, own)
+        made = _fitted(base, entry, columns)
     J = float(made.b[0])
     if entry.inertial:  # the whole inertia counts
         a = record.rows.a
@@ -164,6 +164,31 @@ def enter(base: Base, entry: Entry) -> Contender:
         J=J,
     )
     return replace(found, blocks=base.score - 1e-9) if _unidentified(found) else found
+
+
+def _fitted(base: Base, entry: Entry, columns: Columns) -> Solution:
+    y = base.y if entry.u is None else base.record.driving(entry.u)
+    c, scale = columns, base.view.scale
+    return solve(c.X, y, c.prior, c.low, c.high, scale, base.roots**2, near=base.made.state)
+
+
+def _with_its_inertia(base: Base, entry: Entry, columns: Columns, own: int) -> Columns:
+    """The columns with the bounds of J where they are for a drive that has the effect.
+
+    The plain answer, which does not know the effect, counts as inertia what it is like J a.
+    """
+    k = columns.X.shape[1] - own
+    X, low, high = columns.X, columns.low.copy(), columns.high.copy()
+    if own:
+        as_inertia, turned = base.as_inertia(X[:, k:]), X.copy()
+        turned[:, k:] -= X[:, :1] * as_inertia
+        made = _fitted(base, entry, replace(columns, X=turned))
+        counted = float(as_inertia @ made.b[k:])
+    else:
+        u = base.u if entry.u is None else entry.u
+        counted = float(base.as_inertia(base.record.mean(base.u - u)[:, None])[0])
+    low[0], high[0] = max(low[0] - counted, 0.0), max(high[0] - counted, 0.0)
+    return replace(columns, low=low, high=high)
 
 
 def _beside(base: Base, entry: Entry) -> Columns:

@@ -23,7 +23,7 @@ WAYS = 2  # values of an order that are entered
 POLISH = 20  # evaluations
 ACTIVE = 4  # searches at most, each beside the terms that are not at a bound after the last one
 PASSED = 6.0  # rad of an order within a window: beyond, nothing of it is left
-FEW = 4.0  # rad of an order within the travel, at least
+FEW = 2.0  # rad of an order within the travel, at least: less of a wave is a parabola
 TIMES = (3e-4, 0.05, 14)  # delays and lags to try beyond the free ones: from, to (s), how many
 # quantiles of |u| to try as a limit: no drive is saturated most of the time
 CLIPPED = (0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.93, 0.95, 0.97, 0.98, 0.99, 0.995, 0.999, 1.0)

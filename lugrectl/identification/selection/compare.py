@@ -129,6 +129,7 @@ def _result(found: Decision, model: Model, least: float) -> Comparison:
         only_inertia=found.only_inertia,
         events=found.events,
         swings=swings,
+        written_late=base.written_late,
         stretches=base.record.independent,
     )
 

@@ -78,8 +78,9 @@ class Comparison:
     friction beside the effects, ``alone`` those of the declared model without them: start values.
     ``only_inertia``: of the effects the record shows no more than the inertia of a load. ``events``
     are the times (s) of torques that nothing in the table predicts. ``swings``: the frequency (Hz)
-    of an unknown torque that is a wave in time; None if it is none. ``stretches`` counts the
-    independent parts of the motion that were compared; None if that is not known.
+    of an unknown torque that is a wave in time; None if it is none. ``written_late``: by how much
+    the torque was written down after the motion (s). ``stretches`` counts the independent parts of
+    the motion that were compared; None if that is not known.
     """
 
     verdict: str
@@ -96,5 +97,6 @@ class Comparison:
     only_inertia: bool = False
     events: tuple[float, ...] = ()
     swings: float | None = None
+    written_late: float = 0.0
     seconds: float = 0.0
     stretches: int | None = None

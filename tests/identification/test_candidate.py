@@ -1,0 +1,37 @@
+"""A row of the table: what the plain answer has of an effect that it does not know."""
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+
+J, FC, FV, HALF = 3.4e-4, 0.13, 6.5e-4, 0.026  # kg m2, N m, N m s/rad, N m
+
+
+def log(half):
+    """A screw on three sines, behind a dead zone: what its motion needs, and half of it more."""
+    rng, t = np.random.default_rng(0), np.arange(0.0, 12.0, 1e-3)
+    theta, w, a = np.zeros((3, len(t)))
+    for A, f, phase in ((6.0, 1.9, 0.0), (9.0, 0.7, 1.0), (16.0, 0.31, 2.0)):
+        at, omega = 2 * np.pi * f * t + phase, 2 * np.pi * f
+        theta, w = theta + A * np.sin(at), w + A * omega * np.cos(at)
+        a = a - A * omega**2 * np.sin(at)
+    torque = J * a + FC * np.sign(w) + FV * w
+    u = torque + half * np.sign(torque) + 1e-4 * rng.standard_normal(len(t))
+    return {"t": t, "u": u, "theta": theta + 2e-4 * rng.standard_normal(len(t))}
+
+
+def test_a_dead_zone_that_the_plain_answer_counts_as_inertia_is_named():
+    """It holds 8 % more inertia and a torque 4 ms late for certain, and both are the dead zone."""
+    found = lg.diagnose(log(HALF), lg.Model.of(friction="coulomb"))
+    plain = found.plain.parameters
+    assert plain["J"].ci95[0] > 1.03 * J and plain["u_delay"].ci95[1] < -1e-3
+    assert [e.name for e in found.effects] == ["actuator_dead_zone"]
+    assert found.effects[0].parameters["half_width"].value == pytest.approx(HALF, rel=0.03)
+    values = found.model.values()
+    assert values["J"] == pytest.approx(J, rel=0.01) and values["Fc"] == pytest.approx(FC, rel=0.01)
+    assert not any("column lags" in message for message in found.messages)
+
+
+def test_nothing_is_named_without_it():
+    assert lg.diagnose(log(0.0), lg.Model.of(friction="coulomb")).verdict == "adequate"
