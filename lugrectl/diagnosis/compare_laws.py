@@ -13,9 +13,10 @@ from ..blocks import AUTO
 from ..blocks.aliases import listed
 from ..blocks.block import members
 from ..blocks.model import Model, as_model, changed
+from ..core.deadline import within
 from ..core.errors import InputError, Refused
 from ..core.progress import Progress, Wanted, reporter, shows_progress
-from ..core.validation import share, shown
+from ..core.validation import positive, share, shown
 from ..engine.runtime.threads import each_beside
 from ..friction_maps.points import is_map
 from ..identification.likelihood.held_out_run import adapted
@@ -33,6 +34,7 @@ OF_MAP = (
     "Runs at a steady speed each show no bristle: friction laws cannot be compared on them.",
     "Record motion that reverses.",
 )
+LIMIT = 90.0  # s that the fit of one law may take
 SHARED = ("holdout", "horizon", "progress", "columns", "units", "scale", "rate")
 
 
@@ -57,6 +59,7 @@ def compare_laws(
     holdout: Any = None,
     horizon: float = 1.0,
     alpha: float = ALPHA,
+    time_limit: float = LIMIT,
     columns: Mapping[str, str] | str | None = None,
     units: Mapping[str, str] | str | None = None,
     scale: Mapping[str, float] | str | None = None,
@@ -82,6 +85,8 @@ def compare_laws(
         Those to compare, as :func:`lugrectl.laws` lists them; None: all.
     alpha : float
         Chance that a law is left out although it predicts as well as the best.
+    time_limit : float
+        Seconds that the fit of one law may take; one that takes longer is left out.
     columns, units, scale, rate : optional
         How to read logs and holdout, as for :func:`lugrectl.read_record`.
     progress : callable, True, False or None
@@ -118,7 +123,8 @@ def compare_laws(
     report = reporter(progress)
     report(0.0, "torque balance")
     ready = _ready(asked, horizon)
-    fits, refused = _fitted(ready, asked.model, names, report)
+    limit = positive(time_limit, "time_limit", "seconds")
+    fits, refused = _fitted(ready, asked.model, names, limit, report)
     return _chosen(fits, refused, asked.model, bar)
 
 
@@ -136,6 +142,7 @@ def under_law(work: Callable[..., Any], record: Any, model: Any, law: Any, **opt
         values = {k: e.value for k, e in finding.parameters.items()}
         beside = beside.with_effect(finding.name, values)
     shared = {k: v for k, v in options.items() if k in SHARED}
+    shared["time_limit"] = min(options.get("time_limit", LIMIT), LIMIT)
     try:
         laws = compare_laws(record, beside, **shared)
     except Refused:  # then the first answer says why
@@ -171,13 +178,14 @@ def _ready(asked: Asked, horizon: float) -> Prepared:
 
 
 def _fitted(
-    ready: Prepared, model: Model, names: Sequence[str], report: Progress
+    ready: Prepared, model: Model, names: Sequence[str], limit: float, report: Progress
 ) -> tuple[list[_Fit], dict[str, str]]:
     """The fits of the laws, side by side, and why others could not be fitted."""
 
     def one(name: str) -> _Fit | str:
         try:
-            return _fit(ready, name, changed(model, {"friction": name}, "laws"))
+            with within(limit):
+                return _fit(ready, name, changed(model, {"friction": name}, "laws"))
         except Refused as no:
             return str(no)
 

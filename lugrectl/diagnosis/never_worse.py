@@ -20,7 +20,8 @@ MORE = 1.05  # times what the plain balance leaves; a finer fit that leaves more
 POINTS = 0.003  # ... if it is also this share of the RMS torque more
 FAILED = (
     "The fit by simulation failed: in the same windows it leaves {:.1f} % of the RMS torque, the "
-    "plain torque balance {:.1f} %."
+    "plain torque balance {:.1f} %. The values are those of torque balances, which need no "
+    "simulation."
 )
 
 
@@ -49,8 +50,8 @@ def refuse_without_inertia(whole: Fitted, declared: Model) -> None:
     low, high = whole.intervals().get("J", (0.0, np.inf))
     if high - low > J:
         raise Refused(
-            f"The fit by simulation hardly determines the inertia: {J:.3g} {unit} fits best, but "
-            f"{_range(low, high, unit)} fits about as well.",
+            f"The fit by simulation hardly determines the inertia: {_range(low, high, unit)} fits "
+            "about as well.",
             "Record a motion with clear acceleration in both directions, or declare J.",
         )
 
@@ -61,7 +62,7 @@ def _range(low: float, high: float, unit: str) -> str:
         return f"any value from {low:.3g} to {high:.3g} {unit}"
     if np.isfinite(high):
         return f"any value up to {high:.3g} {unit}"
-    return f"any value above {low:.3g} {unit}" if low > 0 else "any other value"
+    return f"any value above {low:.3g} {unit}" if low > 0 else "any value"
 
 
 def share_left(data: Data, residual: np.ndarray, plain: Balance) -> float | None:

@@ -72,6 +72,11 @@ def test_laws_that_do_not_exist_are_one_sentence(plain_drive):
         lg.compare_laws(plain_drive, {}, "coulomb")["dahl"]
 
 
+def test_a_law_that_takes_too_long_is_left_out(plain_drive):
+    with pytest.raises(lg.Refused, match="stopped after 0.001 s"):
+        lg.compare_laws(plain_drive, {}, ["coulomb"], time_limit=1e-3)
+
+
 def test_the_command_chooses_a_law_and_says_so(plain_drive, tmp_path, capsys, monkeypatch):
     from lugrectl.diagnosis import compare_laws as laws
 
@@ -114,6 +119,7 @@ def test_laws_are_fitted_side_by_side_in_the_order_of_their_names(monkeypatch):
 
     monkeypatch.setattr(compare_laws, "_fit", fitted)
     names = ["viscous", "dahl"]
-    fits, refused = compare_laws._fitted(None, lg.Model.of(), names, lambda *x: said.append(x))
+    made = compare_laws._fitted(None, lg.Model.of(), names, 60.0, lambda *x: said.append(x))
+    fits, refused = made
     assert [fit.name for fit in fits] == ["viscous"] and refused == {"dahl": "no bristle."}
     assert [round(part, 2) for part, _ in said] == [0.1, 0.55, 1.0]

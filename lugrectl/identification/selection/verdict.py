@@ -234,7 +234,8 @@ def _eventful(found: Decision, odd: Events) -> Decision:
     """Unexplained, with when it happens."""
     assert found.table is not None
     rows, unit = found.table.unknown, unit_of(found.table.base)
-    known = (c.depends_on for c in rows if c.gain > MORE and c.share > REST * odd.share)
+    surer = (c for c in rows if c.gain > max(MORE, c.above(c.base)[1]))
+    known = (c.depends_on for c in surer if c.share > REST * odd.share)
     likely = next(known, frozenset({"t"}))
     return replace(
         found,
