@@ -35,7 +35,7 @@ from .points import Points, laid
 
 ROUNDS = 6  # of weights and values in turn, at most
 SETTLED = 0.02  # relative change of the weights that ends them
-FIRST = 15  # steps from every start
+FIRST, LAST = 15, 40  # steps from every start, and of a fit: what a map hardly shows moves for ever
 GUESS = 0.02  # of the torque, for its standard deviation before anything is fitted
 STARTS = 2  # best starts that are followed to the end
 FLAT = 1e-6  # of the scaled information, below which a direction is not identified
@@ -249,7 +249,7 @@ def _settled(curve: Curve) -> Curve:
     return _stepped(curve)
 
 
-def _stepped(curve: Curve, most: int | None = None) -> Curve:
+def _stepped(curve: Curve, most: int = LAST) -> Curve:
     """Least squares with a weak prior, which keeps values that are not identified at their
     anchor, and with the priors that the model states."""
     if not curve.coords:

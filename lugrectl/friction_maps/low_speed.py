@@ -47,6 +47,7 @@ def without_fall(curve: Curve, declared: Model) -> Curve:
     held = {k: known[k] for k in FALL if k in known}
     if len(held) < len(FALL):
         held = {"vs": NOWHERE * float(np.min(np.abs(curve.at.w)))}
+        held["Fs"] = float(np.max(np.abs(curve.at.u)))  # out of the way of Fc, which it bounds
     values, anchor = curve.values | held, curve.anchor | held
     return fit(curve.model, curve.at, [values], anchor, curve.opened, FALL)
 

@@ -206,8 +206,8 @@ def long_enough_to_judge(record: Record) -> None:
     if most < samples or most * record.dt < seconds - record.dt / 2:
         whole = "" if len(parts) == 1 else " in its longest piece"
         raise Refused(
-            f"{record.source} is too short to compare models on it: {most * record.dt:.4g} s and "
-            f"{most} samples{whole}; at least {seconds:g} s and {samples} samples are needed.",
+            f"{record.source} is too short to judge models by simulation: {most * record.dt:.4g} s "
+            f"and {most} samples{whole}; at least {seconds:g} s and {samples} samples are needed.",
             "Record 20 s or more without loss.",
         )
 

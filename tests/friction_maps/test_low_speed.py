@@ -78,3 +78,13 @@ def test_drag_is_named_beside_a_law_whose_fall_could_imitate_it():
     found = lg.diagnose(steady(np.geomspace(1.5, 30.0, 6), drag=4e-4), STRIBECK)
     assert [e.name for e in found.effects] == ["quadratic_drag"]
     assert abs(found.estimates["Fc"].value - FC) < 0.01
+
+
+def test_without_its_fall_the_law_has_any_coulomb_friction():
+    """Beside a drag that is large, a fit without the drag has little of it, and a start of Fs."""
+    runs = steady(np.geomspace(1.5, 40.0, 6), drag=8e-4)
+    found = lg.diagnose(runs, lg.Model.of(J=0.005, friction="lugre"))
+    assert [e.name for e in found.effects] == ["quadratic_drag"]
+    assert found.effects[0].parameters["coefficient"].value == pytest.approx(8e-4, rel=0.02)
+    assert found.estimates["Fc"].value == pytest.approx(FC, rel=0.02)
+    assert "Fs" not in found.estimates

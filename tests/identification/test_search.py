@@ -1,4 +1,4 @@
-"""The orders of an effect that are searched: as low as the travel tells from a parabola."""
+"""The orders of an effect that are searched: of an inertia, however small the travel."""
 
 import numpy as np
 import pytest

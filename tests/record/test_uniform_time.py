@@ -43,7 +43,7 @@ def test_fewer_than_a_dozen_rows_show_no_motion(tmp_path):
 def test_a_short_record_is_read_but_not_judged(tmp_path, keep):
     record = read_record(csv(tmp_path, keep=keep))
     assert record.samples == keep.stop - keep.start and record.messages == ()
-    with pytest.raises(Refused, match="too short to compare models on it"):
+    with pytest.raises(Refused, match="too short to judge models by simulation"):
         long_enough_to_judge(record)
     assert long_enough_to_judge(read_record(csv(tmp_path))) is None
 

@@ -23,7 +23,7 @@ WAYS = 2  # values of an order that are entered
 POLISH = 20  # evaluations
 ACTIVE = 4  # searches at most, each beside the terms that are not at a bound after the last one
 PASSED = 6.0  # rad of an order within a window: beyond, nothing of it is left
-FEW = 2.0  # rad of an order within the travel, at least: less of a wave is a parabola
+FEW = 4.0  # rad of an order within the travel, at least: a slower torque is a spring or gravity
 TIMES = (3e-4, 0.05, 14)  # delays and lags to try beyond the free ones: from, to (s), how many
 # quantiles of |u| to try as a limit: no drive is saturated most of the time
 CLIPPED = (0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.93, 0.95, 0.97, 0.98, 0.99, 0.995, 0.999, 1.0)
@@ -168,7 +168,8 @@ def _grid(base: Base, block: Block, key: str) -> np.ndarray:
     grid = np.asarray(declared(m), float)
     if block.own[key].whole:
         speed = float(np.median(np.abs(m.w[rows.at])))
-        seen = (grid * m.span > FEW) & (grid * speed * rows.h < PASSED)
+        few = 0.0 if "J" in block.acts else FEW  # no other row is an inertia that changes slowly
+        seen = (grid * m.span > few) & (grid * speed * rows.h < PASSED)
         return grid[seen]
     if key == "time":
         return m.t[-1] * np.linspace(SOONEST, LATEST, 93)

@@ -43,7 +43,10 @@ MOST_ALTERNATIVES = 3
 MOST_BESIDE = 3  # other effects beside which two explanations are compared again
 
 
-UNSURE = "The record does not determine the inertia, so no effect is named."
+UNSURE = (
+    "The record does not determine the inertia, so no effect is named: declare J, or record faster "
+    "changes of speed."
+)
 HEAVIER = (
     "The inertia is {:.2g} times the declared one: a load that the declared value does not have, "
     "or a wrong value."
