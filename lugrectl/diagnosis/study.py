@@ -19,7 +19,7 @@ from ..identification.dataset.derived_speed import on_theta_alone
 from ..identification.dataset.folds import ENOUGH_OF_MANY, MOST, Split, split
 from ..identification.dataset.kalman import Noise
 from ..identification.dataset.run_effects import MOST_RUNS, alike, repeating, statements
-from ..identification.dataset.windows import Windows, spread, windows
+from ..identification.dataset.windows import Windows, in_motion, spread, windows
 from ..identification.likelihood.held_out_run import adapted
 from ..identification.likelihood.initial_values import begun, completed, lifted
 from ..identification.likelihood.likelihood import tune
@@ -203,7 +203,7 @@ def on_everything(fitted: Fitted, job: Job) -> Fitted:
     if not job.parts.in_sample:
         return with_others(fitted)
     train = job.parts.train
-    where = windows(job.data.runs, train.burn, train.length)
+    where = in_motion(windows(job.data.runs, train.burn, train.length), job.data.log.w)
     where = spread(where, MOST, ENOUGH_OF_MANY)
     opened = [k for k, v in job.declared.values().items() if v is None]
     whole = surest(fitted, where, opened)

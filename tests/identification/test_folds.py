@@ -6,6 +6,7 @@ import pytest
 from lugrectl.core.errors import Refused
 from lugrectl.identification.dataset.dataset import prepare
 from lugrectl.identification.dataset.folds import BLOCK, GAP, split
+from lugrectl.identification.dataset.windows import in_motion, windows
 from lugrectl.record import Record
 
 DT = 0.005
@@ -67,3 +68,19 @@ def test_a_record_without_two_parts_is_told_what_it_lacks(seconds, rate, words):
 def test_a_record_with_both_parts_is_split():
     parts = split(swinging(30.0, 200.0), 1.0)
     assert len(parts.train.start) >= 4 and len(parts.test.start)
+
+
+def test_a_standstill_is_not_fitted_on():
+    """The noise of the torque there is another one, and nothing moves."""
+    t = np.arange(0.0, 20.0, DT)
+    w = np.where(t < 10.0, 0.0, np.cos(t))
+    noise = np.random.default_rng(0).normal(0.0, 1e-4, len(t))
+    theta = np.where(t < 10.0, 0.0, np.sin(t) - np.sin(10.0)) + noise
+    data = prepare([Record(t=t, u=w, theta=theta, motion="rotary")])
+    at = counted(split(data, 1.0).train)
+    assert at and min(at) * DT > 8.5
+
+
+def test_a_drive_that_never_moves_keeps_its_windows():
+    where = windows([(0, 100)], 10, 20)
+    assert len(in_motion(where, np.zeros(100)).start) == len(where.start) == 4

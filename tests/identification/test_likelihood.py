@@ -238,3 +238,20 @@ def test_parts_of_a_call_give_what_the_whole_gives(job, monkeypatch):
     )
     parts = whitened_by_parts(base.predictor, sets, base.where, base.noise)
     assert np.array_equal(parts, whole)
+
+
+def test_a_standstill_before_the_motion_changes_no_value(plain):
+    """12 s at rest before 20 s of motion once decided the fit, with bristles far too stiff."""
+    moving, model, dt = record_of(plain), model_of(plain), record_of(plain).dt
+    rest, chance = round(12.0 / dt), np.random.default_rng(0)
+    noise = {k: prepare([moving]).noise for k in ("theta", "w")}
+    still = {"u": np.zeros(rest)}
+    for k in ("theta", "w"):
+        if getattr(moving, k) is not None:
+            own = getattr(noise[k], k)
+            still[k] = getattr(moving, k)[0] * (k == "theta") + own * chance.standard_normal(rest)
+    both = {k: np.concatenate([x, getattr(moving, k)]) for k, x in still.items()}
+    longer = Record(t=dt * np.arange(len(both["u"])), motion=moving.motion, **both)
+    alone, after = (identify(r, model).model.values() for r in (moving, longer))
+    for key in ("J", "Fc", "Fv", "sigma0"):
+        assert after[key] == pytest.approx(alone[key], rel=0.1), key

@@ -9,7 +9,7 @@ from ...core.errors import Refused
 from ...core.option_names import option
 from ...engine.runtime.backend import compiler
 from .dataset import Data
-from .windows import Windows, spread, windows
+from .windows import Windows, in_motion, spread, windows
 
 BLOCK = 2.0  # s, least length of a held-out block
 GAP = 0.25  # s, between training and held-out samples; also the observer's lead-in
@@ -56,7 +56,7 @@ def split(
         train, test = _alternate(data.runs, gap, span, data.dt)
     possible = WINDOWS if compiler() else WINDOWS[-1:]  # NumPy is slow per step, not per window
     lengths = [max(FEWEST, round(length / data.dt)) for length in possible]
-    cuts = [windows(train, gap, length) for length in lengths]
+    cuts = [in_motion(windows(train, gap, length), data.log.w) for length in lengths]
     fitting = next((cut for cut in cuts if len(cut.start) >= ENOUGH), cuts[-1])
     judging = windows(test, gap, span)
     if len(fitting.start) < LEAST or not len(judging.start):

@@ -7,6 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+SLIDES = 0.01  # of the largest speed; above this a drive certainly slides
+LEAST_MOTION = 0.1  # of a window in motion
+
 
 @dataclass(frozen=True)
 class Windows:
@@ -28,6 +31,14 @@ def windows(blocks: Sequence[tuple[int, int]], burn: int, length: int) -> Window
     for a, b in blocks:
         starts += range(a, b - burn - length + 1, length)
     return Windows(np.array(starts, dtype=int), burn, length)
+
+
+def in_motion(where: Windows, w: np.ndarray) -> Windows:
+    """Those in which the drive, of speed w (N,), moves: a rest says nothing of what moves it, and
+    the noise of its torque is another one. All of them where it never does."""
+    slides = np.abs(w) > SLIDES * np.max(np.abs(w))
+    moved = np.mean(slides[where.counted], axis=1) > LEAST_MOTION
+    return replace(where, start=where.start[moved]) if moved.any() else where
 
 
 def spread(where: Windows, most: int, least: int) -> Windows:
