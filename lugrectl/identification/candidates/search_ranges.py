@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from ...blocks.block import Block
+from ..dataset.windows import sliding
 
 HEAT = 2.0  # s: no drive warms up with a shorter time constant
-SLIDES = 0.01  # of the largest speed; above this a drive certainly slides
 
 Values = Mapping[str, float]
 Sets = list[dict[str, float]]
@@ -91,7 +91,7 @@ def stictions(log: Any, values: Values) -> Sets:
 
 def _sliding(log: Any, vs: float) -> Sets:
     """The static map of the sliding samples for one vs, if it falls with speed."""
-    slides = np.abs(log.w) > SLIDES * np.max(np.abs(log.w))
+    slides = sliding(log.w)
     w, a = log.w[slides], log.a[slides]
     columns = np.column_stack([a, w, np.sign(w), np.sign(w) * np.exp(-((w / vs) ** 2))])
     J, Fv, Fc, excess = np.linalg.lstsq(columns, (log.u - log.load)[slides], rcond=None)[0]

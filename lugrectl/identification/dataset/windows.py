@@ -33,11 +33,15 @@ def windows(blocks: Sequence[tuple[int, int]], burn: int, length: int) -> Window
     return Windows(np.array(starts, dtype=int), burn, length)
 
 
+def sliding(w: np.ndarray) -> np.ndarray:
+    """Where a drive of speed w (N,) certainly slides, (N,) bool."""
+    return np.abs(w) > SLIDES * np.max(np.abs(w))
+
+
 def in_motion(where: Windows, w: np.ndarray) -> Windows:
     """Those in which the drive, of speed w (N,), moves: a rest says nothing of what moves it, and
     the noise of its torque is another one. All of them where it never does."""
-    slides = np.abs(w) > SLIDES * np.max(np.abs(w))
-    moved = np.mean(slides[where.counted], axis=1) > LEAST_MOTION
+    moved = np.mean(sliding(w)[where.counted], axis=1) > LEAST_MOTION
     return replace(where, start=where.start[moved]) if moved.any() else where
 
 
