@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lugrectl import Refused, diagnose, identify
-from lugrectl.blocks.model import model_from_dict
+from lugrectl.blocks.model import Model, model_from_dict
 from lugrectl.diagnosis.result import VERDICTS
 from lugrectl.identification.dataset.dataset import prepare
 from lugrectl.identification.dataset.folds import GAP, split
@@ -242,7 +242,8 @@ def test_parts_of_a_call_give_what_the_whole_gives(job, monkeypatch):
 
 def test_a_standstill_before_the_motion_changes_no_value(plain):
     """12 s at rest before 20 s of motion once decided the fit, with bristles far too stiff."""
-    moving, model, dt = record_of(plain), model_of(plain), record_of(plain).dt
+    moving, J = record_of(plain), model_of(plain).J
+    model, dt = Model.of(J=J, friction="lugre"), moving.dt
     rest, chance = round(12.0 / dt), np.random.default_rng(0)
     noise = {k: prepare([moving]).noise for k in ("theta", "w")}
     still = {"u": np.zeros(rest)}

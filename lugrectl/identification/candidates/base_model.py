@@ -340,13 +340,18 @@ class Base:
         U, s, _ = np.linalg.svd(B, full_matrices=False)
         return U[:, s > np.finfo(float).eps * max(B.shape) * s.max(initial=0.0)]
 
+    def acceleration_beside(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The acceleration without its part in the other terms that are ``free``, weighted (m,),
+        and an orthonormal basis of these terms."""
+        X, others = self.columns.X, free.copy()
+        others[0] = False
+        Q = np.linalg.qr(X[:, others] * self.roots[:, None])[0]
+        a = X[:, 0] * self.roots
+        return a - Q @ (Q.T @ a), Q
+
     def as_inertia(self, C: np.ndarray) -> np.ndarray:
         """The inertia that a fit without these torques (m, k) makes of each of them, kg m2."""
-        X, free = self.columns.X, self.made.free.copy()
-        free[0] = False
-        Q = np.linalg.qr(X[:, free] * self.roots[:, None])[0]
-        a = X[:, 0] * self.roots
-        a = a - Q @ (Q.T @ a)
+        a = self.acceleration_beside(self.made.free)[0]
         return (a @ (C * self.roots[:, None])) / (a @ a + 1e-300)
 
     def gains(self, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

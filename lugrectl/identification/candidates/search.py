@@ -229,10 +229,8 @@ def _of_torque(base: Base, block: Block) -> Entry:
 def _likeliest(base: Base, block: Block, grid: np.ndarray, free: np.ndarray, timed: bool) -> float:
     """The value with which the torque is most like the acceleration, beside the terms ``free``."""
     free = free.copy()
-    free[0], free[1] = False, free[1] and not timed
-    Q = np.linalg.qr(base.columns.X[:, free] * base.roots[:, None])[0]
-    a = base.columns.X[:, 0] * base.roots
-    a = a - Q @ (Q.T @ a)
+    free[1] = free[1] and not timed
+    a, Q = base.acceleration_beside(free)
 
     def mean(x: float) -> np.ndarray:
         return base.record.driving(applied(base, block, {block.gain: x}))
