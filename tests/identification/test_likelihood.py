@@ -241,7 +241,7 @@ def test_parts_of_a_call_give_what_the_whole_gives(job, monkeypatch):
 
 
 def test_a_standstill_before_the_motion_changes_no_value(plain):
-    """12 s at rest before 20 s of motion once decided the fit, with bristles far too stiff."""
+    """12 s at rest before 20 s of motion."""
     moving, J = record_of(plain), model_of(plain).J
     model, dt = Model.of(J=J, friction="lugre"), moving.dt
     rest, chance = round(12.0 / dt), np.random.default_rng(0)
