@@ -209,6 +209,24 @@ def substitute(
     return [new[root.index] for root in roots]
 
 
+def sharp(
+    roots: Sequence[Node], widths: Sequence[Node], of: Sequence[Node] | None = None
+) -> list[Node]:
+    """The roots with sign(x) for tanh(x/p), p one of ``widths``; x one of ``of``, None: any."""
+    narrow = {node.index for node in widths}
+    where = None if of is None else {node.index for node in of}
+
+    def rule(node: Node, args: tuple[Node, ...]) -> Node | None:
+        if node.op != "tanh" or node.args[0].op != "divide":
+            return None
+        x, width = node.args[0].args
+        if width.index not in narrow or not (where is None or x.index in where):
+            return None
+        return node.graph.make("sign", args[0].args[0])
+
+    return substitute(roots, rule)
+
+
 def rename(roots: Sequence[Node], to: Mapping[int, Node]) -> list[Node]:
     """The roots with symbols replaced; ``to`` is keyed by the symbol's index."""
     return substitute(roots, lambda node, args: to.get(node.index))

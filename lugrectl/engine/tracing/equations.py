@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..expression.graph import Graph, Node, evaluate, outline, substitute
+from ..expression.graph import Graph, Node, evaluate, outline, sharp
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,20 +64,8 @@ class Program:
     ) -> list[Node]:
         """As :meth:`sharpened`, of any roots."""
         rows = zip(self.p, self.widths, self.arguments(params), strict=True)
-        narrow = {node.index for node, width, value in rows if 0.0 < value <= width}
-        if not narrow:
-            return list(roots)
-        where = None if of is None else {node.index for node in of}
-
-        def rule(node: Node, args: tuple[Node, ...]) -> Node | None:
-            if node.op != "tanh" or node.args[0].op != "divide":
-                return None
-            x, width = node.args[0].args
-            if width.index not in narrow or not (where is None or x.index in where):
-                return None
-            return self.graph.make("sign", args[0].args[0])
-
-        return substitute(roots, rule)
+        narrow = [node for node, width, value in rows if 0.0 < value <= width]
+        return sharp(roots, narrow, of) if narrow else list(roots)
 
     def values(self, t: Any, x: Any, u: Any, p: Any | None = None) -> tuple[np.ndarray, np.ndarray]:
         """(xdot, y) by interpretation; x (n, ...), u (m, ...), p (q, ...) may be batches."""

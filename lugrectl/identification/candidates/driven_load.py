@@ -15,7 +15,7 @@ import numpy as np
 
 from ...blocks.block import Block
 from ...engine.codegen.python_source import Emitter, indent
-from ...engine.expression.graph import Graph
+from ...engine.expression.graph import Graph, sharp
 from ...engine.runtime.backend import compiler, load
 from ...engine.runtime.c_compiler import has_wide
 
@@ -78,10 +78,10 @@ def torques(
     order = np.argsort(steps, kind="stable")
     known = {k: own.value for k, own in block.parameters.items()}
     p = np.array([[float((known | sets[i])[k]) for i in order] for k in known])
-    run, out = (
-        _compiled(block.function, tuple(block.parameters), made_by),
-        np.empty((len(v), len(sets))),
-    )
+    without = frozenset(k for k, values in zip(known, p, strict=True) if not values.any())
+    smooth = frozenset(k for k, own in block.parameters.items() if own.smooths)
+    run = _compiled(block.function, tuple(known), without, smooth, made_by)
+    out = np.empty((len(v), len(sets)))
     first = 0
     for many, lanes in zip(*np.unique(steps, return_counts=True), strict=True):
         some, room = np.ascontiguousarray(p[:, first : first + lanes]), np.empty((2, lanes))
@@ -108,11 +108,20 @@ def _made_by() -> str:
 
 
 @cache
-def _compiled(function: Callable[..., Any], keys: tuple[str, ...], made_by: str) -> Any:
+def _compiled(
+    function: Callable[..., Any],
+    keys: tuple[str, ...],
+    without: frozenset[str],
+    smooth: frozenset[str],
+    made_by: str,
+) -> Any:
+    """The loop of a load, without the terms of parameters that are 0 in all sets, and with a sign
+    where others only smooth it."""
     graph = Graph()
     signals = [graph.symbol(name) for name in ("w", "twist", "w_load")]
-    values = {k: graph.symbol(k) for k in keys}
+    values = {k: graph.constant(0.0) if k in without else graph.symbol(k) for k in keys}
     torque, _, rate = function(*signals, **values)
+    torque, rate = sharp([torque, rate], [values[k] for k in smooth])
     emitter = Emitter({"numpy": "array", "even": "wide"}.get(made_by, "scalar"), fixed=keys)
     torque, rate = emitter.write([torque, rate])
     code = {"torque": torque, "rate": rate}
