@@ -19,7 +19,6 @@ from ..identification.likelihood.initial_values import lifted
 from ..identification.likelihood.local_maxima import other_optima
 from ..identification.likelihood.maximise import Fitted
 from ..identification.likelihood.simulation_error import missing_torque
-from ..identification.likelihood.value_discrepancy import with_discrepancy
 from ..identification.selection import ALPHA, LEAST, Comparison, Named, compare
 from ..identification.unknown_torque.table import tabulate
 from ..parallel.blas_threads import one_blas_thread
@@ -27,9 +26,9 @@ from ..record import Record
 from .compare_laws import under_law
 from .never_worse import failure, refuse_without_inertia
 from .one_direction import next_way, not_alone, one_way
-from .other_law import judged_with_law
+from .other_law import judged_with_law, means_the_same
 from .parameter_changes import against_held, at_bounds, far_off
-from .plain_answer import plainly, values_for
+from .plain_answer import plainly
 from .plot_data import residual_torque, traces
 from .question import Asked, judged_by
 from .record_length import longer, short
@@ -39,19 +38,16 @@ from .result import Diagnosis
 from .steady_runs import diagnose_map
 from .study import (
     Job,
-    begin,
+    Prepared,
     compared,
-    estimates,
-    joint,
     noted,
-    on_everything,
     prepared,
     residuals,
     score,
     unidentified,
     with_run_effects,
 )
-from .winning_model import with_effects
+from .winning_model import winner
 
 WORSE = (
     "On held-out samples the simulation with the added effect misses the motion by {0:.3g} {2}, "
@@ -206,53 +202,40 @@ def _finer(
         ready = prepared(record, model, holdout, horizon)
         ready = ready.begun_from(asked.plain, asked.starts(found.alone), found.written_late)
         with within(limit):
-            return _fitted(begin(ready, report), found, asked, seed, report)
+            return _answered(ready, found, asked, seed, report)
     except Refused as no:  # the comparison needs no simulation
         return _only_compared(asked, found, f"{no} {no.experiment or ''}".rstrip())
 
 
-def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progress) -> Diagnosis:
-    """The answer with values, intervals and errors from the predictions of the fitted model."""
-    report(0.4, "fitting the model with what is missing")
-    fitted_ones = () if found.only_inertia else found.effects
-    won = with_effects(job, replace(found, effects=fitted_ones), report)
-    report(0.8, "errors on held-out samples")
-    failed = _failure(won.job, won.fit, asked) if won.compared is not None else None
-    if failed:  # its simulation went astray: the values it began with
-        won = won.as_compared()
-        whole = won.fit
-    else:
-        whole = on_everything(won.fit, won.job)
-        failed = _failure(won.job, whole, asked)
-        whole = whole if failed else with_discrepancy(whole)
+def _answered(
+    ready: Prepared, found: Comparison, asked: Asked, seed: int, report: Progress
+) -> Diagnosis:
+    """The answer with values, intervals and errors of simulations."""
+    report(0.4, "values of the model with what is missing")
+    won = winner(ready, found, report)
+    job, failed = won.job, None
+    if won.simulated and not means_the_same(asked.model):  # an own law: nothing else has values
+        failed = failure(job.data, residual_torque(job, won.whole, won.whole.noise), asked)
     found = judged_with_law(found, asked.model, asked.plain, failed=bool(failed))
-    refuse_without_inertia(whole, asked.model)
-    job, final = with_run_effects(won.job, won.fit)
+    refuse_without_inertia(won.estimates, asked.model)
+    report(0.8, "errors on held-out samples")
+    job, final = with_run_effects(job, won.fit)
     scored = score(job, final)
     shown = traces(job, final, scored["judged"])
-    report(0.85, "parameters and intervals")
-    job = compared(job, whole, final)
-    job = noted(job, *unidentified(whole.flat(), "this record"), *((failed,) if failed else ()))
+    report(0.9, "what was noticed")
+    job = compared(job, won.whole, final)
+    job = noted(job, *unidentified(won.whole.flat(), "this record"), *((failed,) if failed else ()))
     worse = _worse(scored["error"], found)
     free = free_worse(scored["free_error"], found)
     job = noted(job, *found.messages, *worse, *free, *_length(asked, found))
-    job = noted(job, *at_bounds(whole), *against_held(whole), *other_optima(whole))
-    fitted = estimates(whole)
-    if failed:  # curvature at a bad fit says nothing about its errors
-        fitted = _without_intervals(fitted)
-    model = whole.predictor.model.with_values(whole.values)
-    if failed and not won.keys:  # only what the robust balance is certain of
-        fitted, model = plainly(asked.plain, asked.model)
-    elif found.events and not won.keys:  # the robust balance knows them better
-        known = values_for(asked.plain, asked.model)
-        fitted, model = fitted | known, model.with_values({k: e.value for k, e in known.items()})
-        model = lifted(model)
-    fitted = not_alone(fitted, asked.plain)
+    job = noted(job, *at_bounds(won.whole), *against_held(won.whole), *other_optima(won.whole))
+    fitted = not_alone(won.estimates, asked.plain)
     job = noted(job, *far_off(fitted, asked.model), *one_way(fitted, asked.plain, asked.model))
     tied = tuple(_candidate(found, a.name) for a in found.alternatives)
+    named = () if found.only_inertia else found.effects
     effects = [
         Finding.of(key, e.name, fitted, tied if i == _first(found) else ())
-        for i, (key, e) in enumerate(zip(won.keys, fitted_ones, strict=True))
+        for i, (key, e) in enumerate(zip(won.keys, named, strict=True))
     ]
     effects = effects or [Finding(e.name, {}, tied) for e in found.effects]
     return Diagnosis(
@@ -263,7 +246,7 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
         error=scored["error"],
         free_error=scored["free_error"],
         torque_error=scored["torque_error"],
-        model=model,
+        model=won.whole.predictor.model.with_values(won.whole.values),
         declared=asked.model,
         estimates=fitted,
         record=job.records[0],
@@ -272,21 +255,9 @@ def _fitted(job: Job, found: Comparison, asked: Asked, seed: int, report: Progre
         traces=shown,
         table=_table(final, job, found, seed),
         comparison=found,
-        joint=joint(whole),
-        residuals=residuals(whole),
+        joint=won.joint,
+        residuals=residuals(won.whole),
     )
-
-
-def _without_intervals(found: Mapping[str, Estimate]) -> dict[str, Estimate]:
-    return {k: replace(e, ci95=None) for k, e in found.items()}
-
-
-def _failure(job: Job, fitted: Fitted, asked: Asked) -> str | None:
-    """Why a fit has failed, if it has.
-
-    By its own noise: that of the base is no yardstick where nothing fits without the effect.
-    """
-    return failure(job.data, residual_torque(job, fitted, fitted.noise), asked)
 
 
 def _only_compared(asked: Asked, found: Comparison, reason: str) -> Diagnosis:

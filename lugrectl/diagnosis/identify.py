@@ -216,7 +216,7 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
     failed = failure(job.data, residual_torque(job, whole, whole.noise), asked)
     if failed:
         raise Refused(failed)
-    refuse_without_inertia(whole, model)
+    refuse_without_inertia(estimates(whole), model)
     whole = with_discrepancy(whole)
     job = noted(compared(job, whole), *at_bounds(whole))
     job = noted(job, *against_held(whole), *other_optima(whole))

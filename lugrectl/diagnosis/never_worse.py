@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from scipy.signal import oaconvolve
@@ -10,10 +10,10 @@ from scipy.signal import oaconvolve
 from ..blocks.block import unit_for
 from ..blocks.model import Model
 from ..core.errors import Refused
+from ..estimates.findings import Estimate
 from ..identification.balance import Balance
 from ..identification.balance.track import weights
 from ..identification.dataset.dataset import Data
-from ..identification.likelihood.maximise import Fitted
 from .question import Asked
 
 MORE = 1.05  # times what the plain balance leaves; a finer fit that leaves more has failed ...
@@ -42,13 +42,13 @@ def failure(data: Data, residual: np.ndarray, asked: Asked) -> str | None:
     return FAILED.format(100.0 * left, 100.0 * plain.left)
 
 
-def refuse_without_inertia(whole: Fitted, declared: Model) -> None:
-    """Refuse a fit that does not determine an undeclared inertia: nothing can be simulated."""
+def refuse_without_inertia(found: Mapping[str, Estimate], declared: Model) -> None:
+    """Refuse values that do not determine an undeclared inertia: nothing can be simulated."""
     if declared.J is not None:
         return
-    J, unit = whole.values["J"], unit_for("kg m2", declared.motion)
-    low, high = whole.intervals().get("J", (0.0, np.inf))
-    if high - low > J:
+    J, unit = found["J"], unit_for("kg m2", declared.motion)
+    low, high = J.ci95 or (0.0, np.inf)
+    if high - low > J.value:
         raise Refused(
             f"The fit by simulation hardly determines the inertia: {_range(low, high, unit)} fits "
             "about as well.",

@@ -24,19 +24,14 @@ from ..identification.likelihood.held_out_run import adapted
 from ..identification.likelihood.initial_values import begun, completed, lifted
 from ..identification.likelihood.likelihood import tune
 from ..identification.likelihood.local_maxima import surest, with_others
-from ..identification.likelihood.maximise import Fitted, again, identified_covariance, tuned
+from ..identification.likelihood.maximise import Fitted, identified_covariance, tuned
 from ..identification.likelihood.predictor import Predictor
 from ..identification.likelihood.simulation_error import Judged, free_run, judge, sensed_torque
-from ..identification.likelihood.torque_delay import ahead, dated
 from ..record import Record, consistent, long_enough_to_judge, pooled
 
 SLOWLY = "first guess (slow: there is neither a C compiler nor numba; install lugrectl[fast])"
 UNIDENTIFIED = "{} cannot be identified separately from {}; only a combination is determined."
 UNIDENTIFIED_ALONE = "{} cannot be identified from {}; its value is one choice among many."
-DATED = (
-    "The torque column lags the motion by {0:.2g} ms, as the mean of the previous interval or the "
-    "log of another device does. It was shifted {0:.2g} ms earlier."
-)
 LOWERED = "w is {:.3g} {} too {}: friction turns over at that speed. It was taken off."
 
 LAG = "velocity_sensor_lag"
@@ -56,14 +51,12 @@ class Job:
     parts: Split
     base: Fitted
     doubts: tuple[str, ...] = ()
-    recorded: Data | None = None  # before its torque was corrected
 
     @property
     def messages(self) -> tuple[str, ...]:
         """What was noticed about the model and the records."""
-        moved = (DATED.format(1e3 * self.data.ahead),) if self.data.ahead else ()
         noticed = (m for r in self.records for m in r.messages)
-        return (*self.declared.remarks(), *noticed, *self.doubts, *moved)
+        return (*self.declared.remarks(), *noticed, *self.doubts)
 
 
 @dataclass(frozen=True)
@@ -84,7 +77,7 @@ class Prepared:
     def earlier(self, by: float) -> Prepared:
         """The same with the torque earlier (s), where it was written down late: a simulation, too,
         needs the torque of its instant."""
-        return replace(self, data=ahead(self.data, by / self.data.dt)) if by else self
+        return replace(self, data=self.data.earlier(by)) if by else self
 
     def begun_from(
         self, plain: Balance, values: Mapping[str, float], late: float | None = None
@@ -136,11 +129,7 @@ def begin(asked: Prepared, report: Progress) -> Job:
     """The declared model refitted to the training samples."""
     records, model, data, parts = asked.records, asked.model, asked.data, asked.parts
     base = _declared(model, data, parts.train, report)
-    moved = dated(base)
-    if moved is None:
-        return Job(records, model, data, parts, base, asked.doubts)
-    shifted = moved.predictor.data
-    return Job(records, model, shifted, parts, moved, asked.doubts, recorded=data)
+    return Job(records, model, data, parts, base, asked.doubts)
 
 
 def _declared(model: Model, data: Data, train: Windows, report: Progress) -> Fitted:
@@ -182,15 +171,6 @@ def unidentified(flat: Sequence[Sequence[str]], source: str) -> list[str]:
 def noted(job: Job, *messages: str) -> Job:
     """The same job with more messages."""
     return replace(job, doubts=(*job.doubts, *messages))
-
-
-def as_recorded(job: Job, report: Progress) -> Job:
-    """The same job with the torque as it was recorded."""
-    if job.recorded is None:
-        return job
-    report(0.1, "refitting with the recorded torque")
-    base = again(replace(job.base, predictor=job.base.predictor.on(job.recorded)))
-    return replace(job, data=job.recorded, recorded=None, base=base)
 
 
 def on_everything(fitted: Fitted, job: Job) -> Fitted:
@@ -250,11 +230,10 @@ def residuals(fitted: Fitted) -> Residuals:
 def score(job: Job, final: Fitted) -> dict[str, Any]:
     """The three errors of the JSON format, and under "judged" what they were computed from.
 
-    They are errors against the log as it was recorded, also if the fit used a corrected torque. The
-    torque is that of one observer, with the gain for the noise of the refitted model.
+    The torque is that of one observer, with the gain for the noise of the refitted model.
     """
-    base, final = _on_recorded(job.base, job), _on_recorded(final, job)
-    models, data, parts = _models(job, base, final), job.data, job.parts
+    base, data, parts = job.base, job.data, job.parts
+    models = _models(job, base, final)
     judged = {
         name: judge(*found, parts.test, base.noise) if found else None
         for name, found in models.items()
@@ -295,14 +274,6 @@ def _models(job: Job, base: Fitted, final: Fitted) -> _Models:
         "refitted": (base.predictor, base.values, base.noise),
         "augmented": (final.predictor, final.values, final.noise),
     }
-
-
-def _on_recorded(fitted: Fitted, job: Job) -> Fitted:
-    """The same values with the torque as it was recorded; the noise follows it."""
-    if job.recorded is None:
-        return fitted
-    data = fitted.predictor.data.moved(job.recorded.u, 0.0)
-    return tuned(replace(fitted, predictor=fitted.predictor.on(data)))
 
 
 def _free_error(job: Job, models: _Models) -> dict[str, Any]:

@@ -1,78 +1,170 @@
-"""The fit of the one model that won: values, intervals and errors come from its predictions."""
+"""The one model that won, with one set of values.
+
+They are those of the comparison, which knows what noise, background and the shapes of friction do
+to them. Its values are not the best for what it hardly sees, presliding and break-away, so where
+the log is clean they are where a fit by simulation starts. It is valid where the torque that it
+does not predict from sample to sample is below what matters; then its values and intervals stand.
+On any other log it would move the values to where they imitate what no model has.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from ..blocks.model import Model
+from ..estimates.covariance import Joint
+from ..estimates.findings import Estimate
 from ..identification.dataset.run_effects import alike
-from ..identification.likelihood.initial_values import likeliest
+from ..identification.likelihood.initial_values import begun, completed, lifted
 from ..identification.likelihood.maximise import Fitted, fit, tuned
 from ..identification.likelihood.parameters import free_keys
 from ..identification.likelihood.predictor import Predictor
-from ..identification.selection import Comparison, Named
-from .study import Job, Progress, as_recorded
+from ..identification.likelihood.value_discrepancy import with_discrepancy
+from ..identification.selection import Comparison, Named, Valued
+from .other_law import means_the_same
+from .study import Job, Prepared, Progress, estimates, joint, on_everything
 
-TIMES = {"input_delay", "actuator_lag"}
+CLEAN = 0.5  # of the least torque: what the comparison leaves of a log whose noise is the sensors'
+SEEN = {"J", "Fc", "Fs", "Fv", "vs", "sigma0"}  # what the comparison knows of the drive
+OPEN = 12  # steps of a fit of what the comparison does not see
 
 
 @dataclass(frozen=True)
 class Winner:
-    """The fitted model with the named effects, and their keys in it.
+    """The model with the named effects at its values.
 
-    ``compared`` are the values from which the fit started, the effects as the comparison has them.
+    ``fit`` is judged on held-out samples; ``whole`` has the values that are shown. ``keys`` are the
+    effects in the model, ``simulated`` says whether a fit by simulation gave the values.
     """
 
     job: Job
     fit: Fitted
+    whole: Fitted
     keys: tuple[str, ...]
-    compared: Mapping[str, float] | None = None
-
-    def as_compared(self) -> Winner:
-        """The model at the values of the comparison, where a fit by simulation fails."""
-        if self.compared is None:
-            return self
-        values = {**self.fit.values, **self.compared}
-        return replace(self, fit=tuned(replace(self.fit, values=values)), compared=None)
+    estimates: dict[str, Estimate]
+    joint: Joint
+    simulated: bool
 
 
-def with_effects(job: Job, found: Comparison, report: Progress) -> Winner:
-    """The model with the effects that the comparison names, fitted to the training samples.
-
-    From the values of the comparison, with friction as it, the plain answer or the refitted model
-    has it: whichever predicts best. The inertia is that of the comparison. A torque that was moved
-    is used as recorded where a time is named.
-    """
-    if TIMES & {e.name for e in found.effects}:
-        job = as_recorded(job, report)
-    if not found.effects:
-        return Winner(job, job.base, ())
-    job = _aligned(job, found.effects)
-    model, keys, values = _model(job.base.predictor.model, found.effects)
-    predictor, base = Predictor(model, job.base.predictor.data), job.base
-    plant = {k: v for k, v in found.plant.items() if k in base.values and v > 0}
-    balanced = {k: v for k, v in job.data.plain.items() if k in base.values and v > 0}
-    inertia = {k: v for k, v in plant.items() if k == "J"}  # without that of a load on a spring
-    starts = [base.values | own | inertia | values for own in (plant, balanced, {})]
-    start = likeliest(predictor, base.where, base.noise, starts)
-    free, anchor = free_keys(predictor), base.anchor | values
-    final = fit(predictor, start.values, free, base.where, start.noise, anchor=anchor)
-    return Winner(job, final, keys, start.values)
+def winner(ready: Prepared, found: Comparison, report: Progress) -> Winner:
+    """The declared model and the one with the named effects, each at its values."""
+    named = () if found.only_inertia else found.effects
+    ready = _aligned(ready, named)
+    data, train = ready.data, ready.parts.train
+    declared = lifted(completed(ready.model, replace(data, differing=()), train))
+    model, keys, values = _with(declared, named)
+    known, start = _known(found, declared, named, keys), declared.known() | alike(data)
+    final = _at(Predictor(model, data), start | values | _usable(known.values, model), ready)
+    alone = start | _usable(found.alone, declared)
+    base = final if not keys else _at(Predictor(declared, data), alone, ready)
+    job = Job(ready.records, ready.model, data, ready.parts, base, ready.doubts)
+    if not _comparable(ready.model) or _left(found) < CLEAN * found.least:
+        report(0.5, "fitting the model with what is missing")
+        fitted = _fitted(final, ready.model, keys)
+        if not _comparable(ready.model) or fitted.torque_noise < found.least * found.friction:
+            return _by_simulation(job, fitted, keys, ready, report)
+    return Winner(job, final, final, keys, _estimates(final, known), _joint(final, known), False)
 
 
-def _aligned(job: Job, effects: Sequence[Named]) -> Job:
+def _by_simulation(
+    job: Job, fitted: Fitted, keys: tuple[str, ...], ready: Prepared, report: Progress
+) -> Winner:
+    """The same by fits: of the declared model, and of both to all samples."""
+    report(0.6, "refitting the declared model")
+    base = begun(job.base.predictor, ready.parts.train, ready.model) if keys else fitted
+    job = replace(job, base=base)
+    whole = with_discrepancy(on_everything(fitted, job))
+    return Winner(job, fitted, whole, keys, estimates(whole), joint(whole), True)
+
+
+def _fitted(final: Fitted, declared: Model, keys: Sequence[str]) -> Fitted:
+    """The fit of the final model to the training samples, from the values of the comparison."""
+    predictor, where = final.predictor, final.where
+    if not keys:
+        return begun(predictor, where, declared)
+    free = free_keys(predictor)
+    return fit(predictor, final.values, free, where, final.noise, anchor=final.anchor)
+
+
+def _left(found: Comparison) -> float:
+    """What the comparison leaves of the torque, as a share of friction."""
+    return next((s.share for s in found.budget if s.term == "left"), np.inf)
+
+
+def _comparable(model: Model) -> bool:
+    """Whether the values of the comparison are those of the model: it knows no bounds and no law
+    of one's own."""
+    return means_the_same(model) and not model.statements()
+
+
+def _at(predictor: Predictor, values: dict[str, float], ready: Prepared) -> Fitted:
+    """A model at given values; what the comparison does not see is fitted."""
+    data, where, model = ready.data, ready.parts.train, predictor.model
+    values = model.kept(values)
+    left = {k for k, v in ready.model.values().items() if v is None and k not in SEEN}
+    opened = [k for k in free_keys(predictor) if k in left or k in alike(data)]
+    most = OPEN if opened else 0
+    made = fit(predictor, values, opened, where, data.noise, anchor=values, most=most, rough=True)
+    return tuned(made)
+
+
+def _usable(own: Mapping[str, float], model: Model) -> dict[str, float]:
+    """The values within what they can be."""
+    known = model.declarations()
+    return {
+        k: float(np.clip(v, known[k].low, known[k].high))
+        for k, v in own.items()
+        if k in known and ("." in k or v > 0)
+    }
+
+
+def _known(
+    found: Comparison, declared: Model, named: Sequence[Named], keys: Sequence[str]
+) -> Valued:
+    """What the comparison knows, by the keys of the model: an effect may have been declared by the
+    same name, too."""
+    if found.valued is None:
+        return Valued({}, np.zeros((0, 0)), frozenset())
+    new = {e.name: key for e, key in zip(named, keys, strict=True)}
+    return found.valued.by({p.block.name: p.key for p in declared.effects} | new)
+
+
+def _estimates(final: Fitted, known: Valued) -> dict[str, Estimate]:
+    """Every value with unit and 95 % interval, as the comparison has it."""
+    model = final.predictor.model
+    declared, held = model.declarations(), model.held()
+    made = {}
+    for key, value in final.values.items():
+        if key not in declared or not declared[key].fitted:
+            continue
+        half = None if key in held else known.half(key)
+        low, high = declared[key].low, declared[key].high
+        ends = None if half is None else (max(value - half, low), min(value + half, high))
+        made[key] = Estimate(value, model.unit(key), ends, held=key in held)
+    return made
+
+
+def _joint(final: Fitted, known: Valued) -> Joint:
+    """The joint distribution of the values that the comparison knows."""
+    kept = [k for k in known.values if k in known.sure and k in final.values]
+    rows = [list(known.values).index(k) for k in kept]
+    values = np.array([final.values[k] for k in kept])
+    positive = np.array(["." not in k for k in kept], bool) & (values > 0)
+    return Joint(tuple(kept), values, known.matrix[np.ix_(rows, rows)], positive)
+
+
+def _aligned(ready: Prepared, effects: Sequence[Named]) -> Prepared:
     """The same with theta of each run from where effects have one phase in all of them."""
     effect = next((e for e in effects if e.zeros), None)
     if effect is None:
-        return job
-    data = job.data.aligned(effect.zeros, float(effect.values["harmonic"]))
-    values = alike(data) | job.base.values
-    base = replace(job.base, predictor=job.base.predictor.on(data), values=values)
-    return replace(job, data=data, base=base)
+        return ready
+    return replace(ready, data=ready.data.aligned(effect.zeros, float(effect.values["harmonic"])))
 
 
-def _model(
+def _with(
     model: Model, effects: Sequence[Named]
 ) -> tuple[Model, tuple[str, ...], dict[str, float]]:
     keys, values = [], {}

@@ -18,7 +18,7 @@ from ..regression.score import Blocks, left_out, seen
 from ..regression.smooth_motion import Motion, shifted, spline
 from ..regression.weak_form import Rows
 from .declared_effects import TURNING, applied
-from .friction_terms import FORCES, NAMES, VISCOUS, Law, Laws
+from .friction_terms import FORCES, LAW, NAMES, VISCOUS, Law, Laws
 
 WIDE = 30.0  # all torque times this: the prior of what a record does not say
 LEVELS = slice(2, 2 + len(NAMES))  # columns of friction, after inertia and lateness
@@ -26,7 +26,6 @@ OFFSET = [LEVELS.stop]  # what every drive has of an offset, and of a wave a tur
 TURN = [LEVELS.stop + 1, LEVELS.stop + 2]
 SLIGHT = [*OFFSET, *TURN]
 WEIGHT = LEVELS.stop + len(SLIGHT)  # the first column of gravity, if it has one
-LAW = ("Fc", "dip", "Fv", "sigma1")  # what the declared law has of friction
 SCREENED = 4  # samples in the half-width of a window that a screening uses
 LEAST_FRICTION = 0.05  # friction counts as this share of the torque at least
 

@@ -26,6 +26,7 @@ FORCES = ("Fc", "dip", "dip 1.5", "dip 5")  # the part that scales with the leve
 VISCOUS = ("Fv", "grease", "slow Fv")
 SMEAR = ("sigma1", "smear")
 NAMES = (*FORCES, *VISCOUS, *SMEAR)
+LAW = ("Fc", "dip", "Fv", "sigma1")  # what the declared law has
 GREASE = 0.6  # exponent of shear-thinning grease
 
 

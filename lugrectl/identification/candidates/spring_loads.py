@@ -56,7 +56,7 @@ def springs(base: Base, block: Block) -> Iterator[Entry]:
     best = _best(base, block, polished)
     if best is None or best[0] < EDGE * SLOWEST or best[1] > CRITICAL:
         return
-    made = Columns.free(_columns(base, block, [best]), 0.0)
+    made = Columns.free(load_columns(base, block, [best]), 0.0)
     names = ("frequency", "damping_ratio", "gap", "slowing")
     values: dict[str, float] = dict(zip(names, best, strict=False))
     yield Entry(block.name, values, made, cost=float(np.log(sum(map(len, kinds)))), inertial=True)
@@ -107,13 +107,13 @@ def _best(base: Base, block: Block, shapes: Sequence[Shape]) -> Shape | None:
     shapes = [s for s in shapes if 0.8 * SLOWEST < s[0] < FASTEST_AT_ALL and s[1] <= 1.0]
     if not shapes:
         return None
-    gains, b = base.gains(_columns(base, block, shapes))
+    gains, b = base.gains(load_columns(base, block, shapes))
     gains = np.where(b > 0, gains, -1.0)
     i = int(np.argmax(gains))
     return shapes[i] if gains[i] > 0 else None
 
 
-def _columns(base: Base, block: Block, shapes: Sequence[Shape]) -> np.ndarray:
+def load_columns(base: Base, block: Block, shapes: Sequence[Shape]) -> np.ndarray:
     """The torques of loads of 1 kg m2 in the windows, (m, shapes), each computed once."""
     kept: dict[Shape, np.ndarray] = base.record.once(("loads", block.name), None, dict)
     m, narrow = base.record.motion, base.record.rows.narrow

@@ -31,6 +31,8 @@ def _own(c: Contender, block: Block) -> dict[str, float]:
         return _of_torque(c, block)
     free, b = spanned(block), c.coefficients
     b = b[:2] if c.entry.by_run else b  # of the first run: there the phase counts from
+    if "J" in block.acts:  # its columns are of the inertia of the base without it
+        b = b * c.base.J / float(c.made.b[0])
     found = {k: v for k, v in c.values.items() if k in block.own}
     if free is None:
         return found | {block.gain: float(b[0])}

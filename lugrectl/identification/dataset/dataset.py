@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ...blocks.effects.actuator import held_late
 from ...core.errors import InputError, Refused
 from ...record import Record
 from ...record.record import smallest_step
@@ -61,7 +62,7 @@ class Data:
     other, and as its jump the typical dw/dt. ``counts`` are the smallest steps of the sensors;
     their values change after ``repeats`` samples. ``run`` (N,) numbers the records from 0; those in
     ``differing`` may differ a little from the first. ``w`` is a recorded speed that is not fitted,
-    only used to compute errors. ``ahead`` is the time by which the torque was shifted earlier, s.
+    only used to compute errors.
     ``zeros`` are the shifts of theta by run with which effects that repeat ``order`` times per 2 pi
     of it (rotary: once) agree; empty if theta is as recorded. ``plain`` are the values of the
     plain torque balance, from which fits start.
@@ -82,14 +83,16 @@ class Data:
     repeats: tuple[float, ...] = (1.0, 1.0)
     differing: tuple[int, ...] = ()
     w: np.ndarray | None = field(default=None, repr=False)
-    ahead: float = 0.0
     zeros: Mapping[int, float] = field(default_factory=dict)
     order: float = 1.0
     plain: Mapping[str, float] = field(default_factory=dict, repr=False)
 
-    def moved(self, u: np.ndarray, ahead: float) -> Data:
-        """The same motion with a torque that was logged ``ahead`` s late."""
-        return replace(self._under(u), ahead=ahead)
+    def earlier(self, by: float) -> Data:
+        """The same motion with the torque ``by`` s earlier: it was logged so late."""
+        u = self.u.copy()
+        for a, b in self.runs:  # a delay, in reversed time
+            u[a:b] = held_late(self.u[a:b][::-1], self.dt, by)[::-1]
+        return self._under(u)
 
     def lowered(self, offset: float) -> Data:
         """The same with a speed, logged alone, that was so much too high, rad/s."""

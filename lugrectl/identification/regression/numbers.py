@@ -40,3 +40,7 @@ NEAR = 0.8  # of the gain of the best, from which each has its own law before th
 COARSE = 0.1  # of the least torque: what the shift of a torque may leave
 MOST_ROWS, MOST_SAMPLES = 15_000, 250_000  # of a longer record, pieces all over it are compared
 WIDTHS = (0.01, 0.012, 0.0145, 0.0174, 0.021, 0.025, 0.03, 0.036, 0.05, 0.07, 0.1, 0.14, 0.19, 0.26)
+BIASED = 0.005  # of a value: what smoothing over windows may take off it
+SPREADS = 1.5  # times the spread over parts of a record: what is common to all parts is not in it
+FEWEST_PARTS = 12  # long parts of a record for that spread
+SLIGHTLY = 0.004  # of friction: what every drive has of any torque, in standard deviations

@@ -14,6 +14,7 @@ from ..regression.score import paired, standard_error
 from .compare import compare, levels
 from .comparison import Compared, Comparison, Detectable, Named, Share
 from .open_values import completed
+from .values import Valued
 
 __all__ = [
     "ALPHA",
@@ -23,6 +24,7 @@ __all__ = [
     "Detectable",
     "Named",
     "Share",
+    "Valued",
     "compare",
     "completed",
     "levels",

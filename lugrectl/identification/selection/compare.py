@@ -26,6 +26,7 @@ from ..regression.weak_form import Width, quick, rows_of, spacing, usable, width
 from .budget import budget, detectable
 from .comparison import Compared, Comparison, Named
 from .table import Table
+from .values import valued
 from .verdict import Decision, decide, unit_of
 
 NOTHING = "The torque balance determines nothing: the record is too short."
@@ -114,6 +115,7 @@ def _result(found: Decision, model: Model, least: float) -> Comparison:
     unknown = _unknown(found, base)
     wave = unknown if found.verdict == "unexplained" and not found.events else None
     swings = None if wave is None else wave.values.get(MIDDLE)
+    own = valued(base, inside, model)
     return Comparison(
         verdict=found.verdict,
         effects=tuple(_named(c, model) for c in found.effects),
@@ -123,14 +125,16 @@ def _result(found: Decision, model: Model, least: float) -> Comparison:
         budget=tuple(budget(base, inside, unknown)),
         detectable=tuple(detectable(table, least)) if seen else (),
         messages=(*found.messages, *([_vibration(wave, swings)] if wave and swings else [])),
-        plant=levels_of(base),
-        alone=levels_of(table.base),
+        plant=own.drive,
+        alone=valued(table.base, (), model).drive,
         least=least,
         only_inertia=found.only_inertia,
         events=found.events,
         swings=swings,
         written_late=base.written_late,
         stretches=base.record.independent,
+        valued=own,
+        friction=base.friction_rms,
     )
 
 

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from .values import Valued
+
 
 @dataclass(frozen=True)
 class Share:
@@ -80,7 +82,8 @@ class Comparison:
     are the times (s) of torques that nothing in the table predicts. ``swings``: the frequency (Hz)
     of an unknown torque that is a wave in time; None if it is none. ``written_late``: by how much
     the torque was written down after the motion (s). ``stretches`` counts the independent parts of
-    the motion that were compared; None if that is not known.
+    the motion that were compared; None if that is not known. ``valued`` are the values of the model
+    with the effects, with their covariance, ``friction`` is the RMS friction torque (N m).
     """
 
     verdict: str
@@ -100,3 +103,5 @@ class Comparison:
     written_late: float = 0.0
     seconds: float = 0.0
     stretches: int | None = None
+    valued: Valued | None = None
+    friction: float = 0.0
