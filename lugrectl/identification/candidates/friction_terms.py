@@ -20,8 +20,8 @@ from ..dataset.measured_bristle import along, strokes
 from ..regression.numbers import TAIL
 from ..regression.smooth_motion import Fine, Motion
 
-BENDS = (0.5, 1.0, 2.0, 4.0, 8.0)  # of the declared presliding distance
-SPEEDS = (0.5, 0.8, 1.2, 2.0, 4.0)  # of the declared Stribeck speed
+BENDS = (0.5, 1.0, 2.0, 5.0)  # of the declared presliding distance
+SPEEDS = (0.5, 0.9, 1.6, 3.5)  # of the declared Stribeck speed
 FORCES = ("Fc", "dip", "dip 1.5", "dip 5")  # the part that scales with the level of friction
 VISCOUS = ("Fv", "grease", "slow Fv")
 SMEAR = ("sigma1", "smear")
@@ -68,7 +68,7 @@ class Laws:
             return known["Fc"] / known["sigma0"] * np.array(BENDS)
         reach = float(np.ptp(m.theta))
         far = 2e-3 * min(reach, 4 * np.pi) + 1e-9
-        return np.geomspace(min(max(0.5 * m.count, 1e-5 * reach), 0.5 * far), far, 6)
+        return np.geomspace(min(max(0.5 * m.count, 1e-5 * reach), 0.5 * far), far, 4)
 
     def speeds(self) -> np.ndarray:
         """Stribeck speeds to try, rad/s."""

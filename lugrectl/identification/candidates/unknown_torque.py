@@ -7,6 +7,7 @@ likely one. It competes like any effect.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -50,17 +51,28 @@ def entries(base: Base) -> Iterator[Entry]:
                 )
 
 
+class _Some(NamedTuple):
+    """The samples of a motion from which the functions are averaged: they are smooth."""
+
+    t: np.ndarray
+    theta: np.ndarray
+    w: np.ndarray
+    motion: str
+
+
 def _bases(base: Base) -> dict[tuple[str, ...], list[Basis]]:
     """For each set of signals its functions, in more than one way for some."""
-    record, m, u = base.record, base.record.motion, base.u
+    record, m = base.record, base.record.motion
+    every = slice(None, None, record.fewer)
+    few = _Some(m.t[every], m.theta[every], m.w[every], m.motion)
 
     def once(key: str, of: object, make: Callable[[], Surfaces]) -> Surfaces:
         return record.once(key, of, lambda: _in_windows(base, make()))
 
     smooth = {
-        **once("unknown of motion", None, lambda: of_motion(m)),
-        **once("unknown of torque", u, lambda: of_torque(m, u)),
-        **once("unknown of law", base.law, lambda: of_law(m, base.law.z)),
+        **once("unknown of motion", None, lambda: of_motion(few)),
+        **once("unknown of torque", base.u, lambda: of_torque(few, base.u[every])),
+        **once("unknown of law", base.law, lambda: of_law(few, base.law.z[every])),
     }
     made = {signals: [(C, 1, {}) for C in columns] for signals, columns in smooth.items()}
     made[("t",)].append(_swinging(base))
@@ -80,4 +92,5 @@ def _swinging(base: Base) -> Basis:
 
 
 def _in_windows(base: Base, surfaces: Surfaces) -> Surfaces:
-    return {k: [base.record.mean(x) for x in v] for k, v in surfaces.items()}
+    K = base.record.few[0]
+    return {k: [K @ x for x in v] for k, v in surfaces.items()}
