@@ -68,7 +68,7 @@ class Laws:
             return known["Fc"] / known["sigma0"] * np.array(BENDS)
         reach = float(np.ptp(m.theta))
         far = 2e-3 * min(reach, 4 * np.pi) + 1e-9
-        return np.geomspace(min(max(0.5 * m.count, 1e-5 * reach), 0.5 * far), far, 4)
+        return np.geomspace(min(max(0.5 * m.count, 1e-5 * reach), 0.5 * far), far, 6)
 
     def speeds(self) -> np.ndarray:
         """Stribeck speeds to try, rad/s."""

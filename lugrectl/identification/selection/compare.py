@@ -27,7 +27,7 @@ from .budget import budget, detectable
 from .comparison import Compared, Comparison, Named
 from .table import Table
 from .values import valued
-from .verdict import Decision, decide, unit_of
+from .verdict import Decision, decide, unit_of, without
 
 NOTHING = "The torque balance determines nothing: the record is too short."
 SWINGS = (
@@ -85,7 +85,7 @@ def compare(
         found = decide(record, least, alpha)
         surer = _with_suspect(stretches, model, found)
         found = found if surer is None else decide(surer, least, alpha)
-        made = _result(found, model, least)
+        made = _result(_held(found, model, (least, alpha)), model, least)
     return replace(made, seconds=time.perf_counter() - began)
 
 
@@ -107,10 +107,30 @@ def levels(stretches: Sequence[Stretch], model: Model, plain: Balance) -> dict[s
         return levels_of(settled(record_of(stretches, model, plain)))
 
 
+def _held(found: Decision, model: Model, limits: tuple[float, float]) -> Decision:
+    """The decision without effects of which nothing may be there: the interval of their strength
+    holds the value at which they change nothing."""
+    for _ in found.effects:
+        own = valued(found.last, _inside(found), model)
+        if found.gravity is not None and own.may_be_nothing(found.gravity.name):
+            found = decide(found.last.record, *limits, weighed=False)
+            continue
+        gone = next((c for c in _inside(found) if own.may_be_nothing(c.name)), None)
+        if gone is None:
+            break
+        found = without(found, gone, *limits)
+    return found
+
+
+def _inside(found: Decision) -> list[Contender]:
+    """The named effects with torques of their own, without gravity that joined the base."""
+    return [c for c in found.effects if c is not found.gravity and not found.only_inertia]
+
+
 def _result(found: Decision, model: Model, least: float) -> Comparison:
     table, base = found.table, found.last
     assert table is not None
-    inside = [c for c in found.effects if c is not found.gravity and not found.only_inertia]
+    inside = _inside(found)
     seen = found.verdict == "adequate" and base.record.sure
     unknown = _unknown(found, base)
     wave = unknown if found.verdict == "unexplained" and not found.events else None

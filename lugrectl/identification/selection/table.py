@@ -83,7 +83,9 @@ def with_known(base: Base, table: Table) -> Base:
     return replace(base, known=loads)
 
 
-def decided(record: Record) -> tuple[Table, Contender | None, tuple[Contender, ...]]:
+def decided(
+    record: Record, weighed: bool = True
+) -> tuple[Table, Contender | None, tuple[Contender, ...]]:
     """The table of a record, with the scale of its richest description.
 
     A first, quick table finds presliding and Stribeck speed beside the likeliest effect, and the
@@ -93,7 +95,7 @@ def decided(record: Record) -> tuple[Table, Contender | None, tuple[Contender, .
     base = _in_time(settled(record))
     record, first = base.record, tabulate(base)
     base = with_known(base, first)
-    heavy, also = weight(first)
+    heavy, also = weight(first) if weighed else (None, ())
     gravity = heavy is not None
     if gravity:
         base = replace(settled(record, base.view, True), known=base.known)

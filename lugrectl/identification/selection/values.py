@@ -53,6 +53,15 @@ class Valued:
         i = list(self.values).index(key)
         return 1.96 * float(np.sqrt(self.matrix[i, i]))
 
+    def may_be_nothing(self, name: str) -> bool:
+        """Whether the interval of an effect's strength holds the value that changes nothing."""
+        block = REGISTRY["effect", name]
+        key, neutral = f"{name}.{block.gain}", block.own[block.gain].neutral
+        half = self.half(key) if key in self.values else None
+        if half is None or neutral is None or not np.isfinite(neutral):
+            return False
+        return abs(self.values[key] - neutral) < half
+
     @property
     def drive(self) -> dict[str, float]:
         """Inertia and friction."""

@@ -39,6 +39,7 @@ from . import stepwise
 from .events import Events, events, explained
 from .table import ALIKE, Bars, Table, as_good, bar_of, best_of, decided, tabulate
 
+LAW_PARTS = {part.name for part in friction_laws.PARTS}
 MOST_ALTERNATIVES = 3
 MOST_BESIDE = 3  # other effects beside which two explanations are compared again
 
@@ -100,9 +101,11 @@ class Decision:
         return second[0].joined() if second else base
 
 
-def decide(record: Record, least: float = LEAST, alpha: float = ALPHA) -> Decision:
-    """From the record to the verdict."""
-    table, heavy, also = decided(record)
+def decide(
+    record: Record, least: float = LEAST, alpha: float = ALPHA, weighed: bool = True
+) -> Decision:
+    """From the record to the verdict; ``weighed``: gravity may join the base before all else."""
+    table, heavy, also = decided(record, weighed)
     bars = Bars(least, NormalDist().inv_cdf(1 - alpha))
     found = _of(record, table, bars)
     if not record.sure and heavy is None:
@@ -112,6 +115,28 @@ def decide(record: Record, least: float = LEAST, alpha: float = ALPHA) -> Decisi
     small = all(c.share < UNKNOWN * least for c in found.effects)
     found = _with_load(found) if small and found.verdict != "unexplained" else found
     return _judged(_with_law(found, bars) if record.sure else found)
+
+
+def without(found: Decision, c: Contender, least: float = LEAST, alpha: float = ALPHA) -> Decision:
+    """The decision without a named effect, and without what explains the record as well as it."""
+    assert found.table is not None
+    left = [e for e in found.effects if e is not c]
+    alike = () if c is found.effects[0] else found.alternatives
+    own = [e for e in left if e is not found.gravity]
+    if own and own[0].entry.name not in LAW_PARTS:
+        effects = stepwise.chained(found.table.base, own)
+        heavy = [e for e in left if e is found.gravity]
+        beside = tabulate(effects[-1].joined())
+        verdict = found.verdict if alike or found.verdict != "ambiguous" else "found"
+        return replace(found, effects=(*heavy, *effects), alternatives=alike, beside=beside,
+                       verdict=verdict)  # fmt: skip
+    bars = Bars(least, NormalDist().inv_cdf(1 - alpha))
+    nothing = _nameless(found.table, bars.proven(found.table, found.table.unknown), least)
+    if not left:
+        return replace(nothing, messages=(*found.messages, *nothing.messages))
+    verdict = "found" if nothing.verdict == "adequate" else nothing.verdict
+    return replace(nothing, verdict=verdict, effects=tuple(left), gravity=found.gravity,
+                   messages=(*found.messages, *nothing.messages))  # fmt: skip
 
 
 def _judged(found: Decision) -> Decision:
