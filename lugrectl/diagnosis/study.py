@@ -32,6 +32,10 @@ from ..record import Record, consistent, long_enough_to_judge, pooled
 SLOWLY = "first guess (slow: there is neither a C compiler nor numba; install lugrectl[fast])"
 UNIDENTIFIED = "{} cannot be identified separately from {}; only a combination is determined."
 UNIDENTIFIED_ALONE = "{} cannot be identified from {}; its value is one choice among many."
+EARLIER = (
+    "The torque column lags the motion by {0:.2g} ms, as the log of another device does. It was "
+    "shifted {0:.2g} ms earlier."
+)
 LOWERED = "w is {:.3g} {} too {}: friction turns over at that speed. It was taken off."
 
 LAG = "velocity_sensor_lag"
@@ -77,7 +81,10 @@ class Prepared:
     def earlier(self, by: float) -> Prepared:
         """The same with the torque earlier (s), where it was written down late: a simulation, too,
         needs the torque of its instant."""
-        return replace(self, data=self.data.earlier(by)) if by else self
+        if not by:
+            return self
+        doubts = (*self.doubts, EARLIER.format(1e3 * by))
+        return replace(self, data=self.data.earlier(by), doubts=doubts)
 
     def begun_from(
         self, plain: Balance, values: Mapping[str, float], late: float | None = None

@@ -18,6 +18,7 @@ from ..blocks.model import Model
 from ..estimates.covariance import Joint
 from ..estimates.findings import Estimate
 from ..identification.dataset.run_effects import alike
+from ..identification.dataset.windows import spread
 from ..identification.likelihood.initial_values import begun, completed, lifted
 from ..identification.likelihood.maximise import Fitted, fit, tuned
 from ..identification.likelihood.parameters import free_keys
@@ -27,9 +28,9 @@ from ..identification.selection import Comparison, Named, Valued
 from .other_law import means_the_same
 from .study import Job, Prepared, Progress, estimates, joint, on_everything
 
-CLEAN = 0.5  # of the least torque: what the comparison leaves of a log whose noise is the sensors'
+TRIED, FEW = 8_000, 8  # samples and windows on which a fit is tried first
 SEEN = {"J", "Fc", "Fs", "Fv", "vs", "sigma0"}  # what the comparison knows of the drive
-OPEN = 12  # steps of a fit of what the comparison does not see
+OPEN = 12  # steps of a fit that is tried, and of one of what the comparison does not see
 
 
 @dataclass(frozen=True)
@@ -61,10 +62,11 @@ def winner(ready: Prepared, found: Comparison, report: Progress) -> Winner:
     alone = start | _usable(found.alone, declared)
     base = final if not keys else _at(Predictor(declared, data), alone, ready)
     job = Job(ready.records, ready.model, data, ready.parts, base, ready.doubts)
-    if not _comparable(ready.model) or _left(found) < CLEAN * found.least:
-        report(0.5, "fitting the model with what is missing")
+    own, least = not _comparable(ready.model), found.least * found.friction
+    report(0.5, "fitting the model with what is missing")
+    if own or _tried(final).torque_noise < least:
         fitted = _fitted(final, ready.model, keys)
-        if not _comparable(ready.model) or fitted.torque_noise < found.least * found.friction:
+        if own or fitted.torque_noise < least:
             return _by_simulation(job, fitted, keys, ready, report)
     return Winner(job, final, final, keys, _estimates(final, known), _joint(final, known), False)
 
@@ -89,9 +91,11 @@ def _fitted(final: Fitted, declared: Model, keys: Sequence[str]) -> Fitted:
     return fit(predictor, final.values, free, where, final.noise, anchor=final.anchor)
 
 
-def _left(found: Comparison) -> float:
-    """What the comparison leaves of the torque, as a share of friction."""
-    return next((s.share for s in found.budget if s.term == "left"), np.inf)
+def _tried(final: Fitted) -> Fitted:
+    """A fit to a few windows, which shows whether one to all may be valid."""
+    few = spread(final.where, TRIED, FEW)
+    free = free_keys(final.predictor)
+    return fit(final.predictor, final.values, free, few, final.noise, most=OPEN, rough=True)
 
 
 def _comparable(model: Model) -> bool:

@@ -1,7 +1,6 @@
 """The plain answer stands beside every other one, and where there is no other."""
 
 import json
-import sys
 
 import numpy as np
 import pytest
@@ -56,18 +55,6 @@ def test_one_direction_is_answered_as_far_as_it_goes(one_way):
     assert both["text"] == "Fc + constant_torque" and "direction" in both["to_separate"]
     assert both["ci95"][0] <= FC <= both["ci95"][1]
     assert "Only together: Fc + constant_torque" in str(d)
-
-
-def test_of_a_fit_that_went_astray_no_value_is_given(monkeypatch):
-    """Only what the balance is certain of: presliding and the Stribeck curve stay open."""
-    import lugrectl.diagnosis.diagnose  # noqa: F401  (the function has the name of its module)
-
-    module = sys.modules["lugrectl.diagnosis.diagnose"]
-    monkeypatch.setattr(module, "_failure", lambda *of: "It went astray.")
-    d = lg.diagnose(moved(seconds=20.0, dt=5e-3), lg.Model.of(friction="stribeck"))
-    assert "It went astray." in d.messages
-    assert d.estimates == {k: d.plain.parameters[k] for k in ("J", "Fc", "Fv")}
-    assert d.model.J == d.estimates["J"].value and d.model.values()["vs"] is None
 
 
 def test_identify_answers_where_anything_is_certain(one_way, capsys):

@@ -27,7 +27,7 @@ from .budget import budget, detectable
 from .comparison import Compared, Comparison, Named
 from .table import Table
 from .values import valued
-from .verdict import Decision, decide, unit_of, without
+from .verdict import Decision, decide, judged, unit_of, without
 
 NOTHING = "The torque balance determines nothing: the record is too short."
 SWINGS = (
@@ -118,7 +118,7 @@ def _held(found: Decision, model: Model, limits: tuple[float, float]) -> Decisio
         gone = next((c for c in _inside(found) if own.may_be_nothing(c.name)), None)
         if gone is None:
             break
-        found = without(found, gone, *limits)
+        found = judged(without(found, gone, *limits))
     return found
 
 

@@ -10,7 +10,7 @@ show it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.optimize import nnls
@@ -35,7 +35,7 @@ LOAD = "damping_ratio"  # among the values of a load on a spring
 CURVE = ("Fc", "dip", "Fv")  # one Coulomb level, one Stribeck curve, one viscous term
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Valued:
     """Values by key, "J" or "effect.parameter", and their covariance (n, n), SI.
 
@@ -43,8 +43,8 @@ class Valued:
     """
 
     values: Mapping[str, float]
-    matrix: np.ndarray
-    sure: frozenset[str]
+    matrix: np.ndarray = field(compare=False, repr=False)
+    sure: frozenset[str] = frozenset()
 
     def half(self, key: str) -> float | None:
         """Half of the 95 % interval; None where there is none."""

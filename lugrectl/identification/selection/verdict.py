@@ -110,11 +110,11 @@ def decide(
     found = _of(record, table, bars)
     if not record.sure and heavy is None:
         found = replace(found, messages=(UNSURE, *found.messages))
-        return _judged(found)
+        return judged(found)
     found = found if heavy is None else _with_weight(found, heavy, also)
     small = all(c.share < UNKNOWN * least for c in found.effects)
     found = _with_load(found) if small and found.verdict != "unexplained" else found
-    return _judged(_with_law(found, bars) if record.sure else found)
+    return judged(_with_law(found, bars) if record.sure else found)
 
 
 def without(found: Decision, c: Contender, least: float = LEAST, alpha: float = ALPHA) -> Decision:
@@ -139,10 +139,12 @@ def without(found: Decision, c: Contender, least: float = LEAST, alpha: float = 
                    messages=(*found.messages, *nothing.messages))  # fmt: skip
 
 
-def _judged(found: Decision) -> Decision:
+def judged(found: Decision) -> Decision:
     """The decision, if a drive can be as it says."""
     assert found.table is not None
-    last = found.last if found.unknown is None else found.unknown.joined()
+    last = found.last
+    if found.unknown is not None and not _at_bound(found.unknown):
+        last = found.unknown.joined()
     said = contradiction(last)
     return found if said is None else Decision("refused", table=found.table, messages=(said,))
 
@@ -429,6 +431,12 @@ def _with_weight(found: Decision, heavy: Contender, also: tuple[Contender, ...])
     if found.effects or found.depends_on:
         return made
     return replace(made, verdict="ambiguous" if also else "found", alternatives=also)
+
+
+def _at_bound(unknown: Contender) -> bool:
+    """Whether an unknown torque stands for the inertia of the motion: it explains any torque."""
+    J = unknown.base.record.J
+    return bool(J) and unknown.J < 1.01 * J[0]
 
 
 def contradiction(last: Base) -> str | None:
