@@ -47,7 +47,7 @@ from .study import (
     unidentified,
     with_run_effects,
 )
-from .winning_model import winner
+from .winning_model import decided
 
 WORSE = (
     "On held-out samples the simulation with the added effect misses the motion by {0:.3g} {2}, "
@@ -212,7 +212,7 @@ def _answered(
 ) -> Diagnosis:
     """The answer with values, intervals and errors of simulations."""
     report(0.4, "values of the model with what is missing")
-    won = winner(ready, found, report)
+    won, found = decided(ready, found, report)
     job, failed = won.job, None
     if won.simulated and not means_the_same(asked.model):  # an own law: nothing else has values
         failed = failure(job.data, residual_torque(job, won.whole, won.whole.noise), asked)

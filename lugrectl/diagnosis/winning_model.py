@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from statistics import NormalDist
 
 import numpy as np
 
@@ -18,17 +19,19 @@ from ..blocks.model import Model
 from ..estimates.covariance import Joint
 from ..estimates.findings import Estimate
 from ..identification.dataset.run_effects import alike
-from ..identification.dataset.windows import spread
-from ..identification.likelihood.initial_values import begun, completed, lifted
+from ..identification.dataset.windows import Windows, spread
+from ..identification.likelihood.initial_values import begun, completed, lifted, likeliest
+from ..identification.likelihood.likelihood import loglik, whitened
 from ..identification.likelihood.maximise import Fitted, fit, tuned
 from ..identification.likelihood.parameters import free_keys
 from ..identification.likelihood.predictor import Predictor
 from ..identification.likelihood.value_discrepancy import with_discrepancy
-from ..identification.selection import Comparison, Named, Valued
+from ..identification.selection import ALPHA, Comparison, Named, Valued, paired
 from .other_law import means_the_same
 from .study import Job, Prepared, Progress, estimates, joint, on_everything
 
 TRIED, FEW = 8_000, 8  # samples and windows on which a fit is tried first
+USUAL = 0.2  # of Fc: how much larger Fs is, to start a fit from
 SEEN = {"J", "Fc", "Fs", "Fv", "vs", "sigma0"}  # what the comparison knows of the drive
 OPEN = 12  # steps of a fit that is tried, and of one of what the comparison does not see
 
@@ -50,6 +53,73 @@ class Winner:
     simulated: bool
 
 
+def decided(ready: Prepared, found: Comparison, report: Progress) -> tuple[Winner, Comparison]:
+    """The model that won, and the comparison once more where a finer fit tells rivals apart."""
+    won, first = winner(ready, found, report), found
+    for rival in found.alternatives if won.keys and not won.simulated else ():
+        other = _led_by(first, rival)
+        its = winner(ready, other, report)
+        if its.simulated:
+            won, found = its, other
+            break
+    if not (won.simulated and won.keys and found.alternatives):
+        return won, found
+    again = _between(won, found)
+    same = again.effects == found.effects
+    return won if same else winner(ready, again, report), again
+
+
+def _place(found: Comparison) -> int:
+    """The place of the effect that has rivals: gravity that joined the base has none."""
+    return len(found.effects) - 1 if found.effects[0].name == "gravity" else 0
+
+
+def _led_by(found: Comparison, rival: Named) -> Comparison:
+    """The comparison with a rival in the place of the best."""
+    place, effects = _place(found), [*found.effects]
+    others = (effects[place], *(a for a in found.alternatives if a is not rival))
+    effects[place] = rival
+    return replace(found, effects=tuple(effects), alternatives=others, valued=None)
+
+
+def _between(won: Winner, found: Comparison) -> Comparison:
+    """Rivals of the comparison by their fits: each that predicts the held-out windows as well as
+    the best."""
+    place = _place(found)
+    before, rivals = found.effects[:place], [found.effects[place], *found.alternatives]
+    rest, job = found.effects[place + 1 :], won.job
+    fits = [_rival(won, (*before, rival, *rest)) for rival in rivals]
+    each = [_predicted(f, job.parts.test) for f in fits]
+    best = int(np.argmax([one.sum() for one in each]))
+    bar = NormalDist().inv_cdf(1.0 - ALPHA)
+    kept = [r for i, r in enumerate(rivals) if i != best and not _beaten(each[best], each[i], bar)]
+    verdict = "ambiguous" if kept else "found"
+    effects = (*before, rivals[best], *rest)
+    valued = found.valued if best == 0 else None
+    return replace(found, verdict=verdict, effects=effects, alternatives=tuple(kept), valued=valued)
+
+
+def _rival(won: Winner, effects: Sequence[Named]) -> Fitted:
+    """The fit of a model with other effects to the training samples."""
+    base, data = won.job.base, won.job.data
+    model, _, values = _with(base.predictor.model, effects)
+    predictor = Predictor(model, data)
+    start = base.values | {k: v for k, v in won.fit.values.items() if k in base.values} | values
+    return fit(predictor, start, free_keys(predictor), base.where, won.fit.noise, anchor=start)
+
+
+def _predicted(found: Fitted, test: Windows) -> np.ndarray:
+    """The log density of each held-out window."""
+    white = whitened(found.predictor, [found.values], test, found.noise)[0]
+    each = loglik(found.predictor, white, found.noise, found.values, test)
+    return np.nan_to_num(each, nan=-1e300)
+
+
+def _beaten(best: np.ndarray, other: np.ndarray, bar: float) -> bool:
+    gain, se = paired(best, other)
+    return gain > bar * se
+
+
 def winner(ready: Prepared, found: Comparison, report: Progress) -> Winner:
     """The declared model and the one with the named effects, each at its values."""
     named = () if found.only_inertia else found.effects
@@ -58,14 +128,19 @@ def winner(ready: Prepared, found: Comparison, report: Progress) -> Winner:
     declared = lifted(completed(ready.model, replace(data, differing=()), train))
     model, keys, values = _with(declared, named)
     known, start = _known(found, declared, named, keys), declared.known() | alike(data)
-    final = _at(Predictor(model, data), start | values | _usable(known.values, model), ready)
+    final = _at(
+        Predictor(model, data),
+        start | values | _usable({**found.plant, **known.values}, model),
+        ready,
+    )
     alone = start | _usable(found.alone, declared)
     base = final if not keys else _at(Predictor(declared, data), alone, ready)
     job = Job(ready.records, ready.model, data, ready.parts, base, ready.doubts)
     own, least = not _comparable(ready.model), found.least * found.friction
     report(0.5, "fitting the model with what is missing")
-    if own or _tried(final).torque_noise < least:
-        fitted = _fitted(final, ready.model, keys)
+    tried = None if own else _tried(final, ready.model)
+    if tried is None or tried.torque_noise < least:
+        fitted = _fitted(final if tried is None else tried, final, ready.model, keys)
         if own or fitted.torque_noise < least:
             return _by_simulation(job, fitted, keys, ready, report)
     return Winner(job, final, final, keys, _estimates(final, known), _joint(final, known), False)
@@ -82,20 +157,32 @@ def _by_simulation(
     return Winner(job, fitted, whole, keys, estimates(whole), joint(whole), True)
 
 
-def _fitted(final: Fitted, declared: Model, keys: Sequence[str]) -> Fitted:
-    """The fit of the final model to the training samples, from the values of the comparison."""
+def _fitted(start: Fitted, final: Fitted, declared: Model, keys: Sequence[str]) -> Fitted:
+    """The fit of the final model to the training samples."""
     predictor, where = final.predictor, final.where
     if not keys:
         return begun(predictor, where, declared)
     free = free_keys(predictor)
-    return fit(predictor, final.values, free, where, final.noise, anchor=final.anchor)
+    return fit(predictor, start.values, free, where, start.noise, anchor=final.anchor)
 
 
-def _tried(final: Fitted) -> Fitted:
+def _tried(final: Fitted, declared: Model) -> Fitted:
     """A fit to a few windows, which shows whether one to all may be valid."""
     few = spread(final.where, TRIED, FEW)
+    starts = [final.values, _falling(final.values, declared)]
+    start = likeliest(final.predictor, few, final.noise, starts)
     free = free_keys(final.predictor)
-    return fit(final.predictor, final.values, free, few, final.noise, most=OPEN, rough=True)
+    return fit(final.predictor, start.values, free, few, start.noise, most=OPEN, rough=True)
+
+
+def _falling(values: Mapping[str, float], declared: Model) -> dict[str, float]:
+    """The values with friction that falls with speed as it is declared to: the comparison hardly
+    sees that, and without it a fit does not find it."""
+    known, Fc = declared.known(), values.get("Fc", 0.0)
+    if "Fs" not in values:
+        return dict(values)
+    excess = max(known.get("Fs", 0.0) / known.get("Fc", np.inf) - 1.0, USUAL)
+    return {**values, "Fs": Fc * (1.0 + excess), "vs": known.get("vs") or values["vs"]}
 
 
 def _comparable(model: Model) -> bool:

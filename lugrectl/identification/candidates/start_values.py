@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.optimize import nnls
 
 from ...blocks.block import REGISTRY, Block
 from ...blocks.model import Model
-from .base_model import Base
+from .base_model import LEVELS, Base
 from .candidate import Contender
 from .driven_load import of_unit_load
 from .effect_columns import spanned
-from .friction_terms import NAMES
+from .friction_terms import FORCES, NAMES, VISCOUS, Law
 
 
 def values_of(c: Contender, model: Model) -> dict[str, float]:
@@ -73,13 +75,30 @@ def _load(c: Contender, block: Block) -> dict[str, float]:
     return {k: v if k == "gap" else v * inertia for k, v in unit.items() if k in block.own}
 
 
-def levels_of(base: Base) -> dict[str, float]:
-    """Inertia and friction of a base: start values for the plant.
+CURVE = ("Fc", "dip", "Fv")  # one Coulomb level, one Stribeck curve, one viscous term
 
-    Its friction is a sum of many shapes that share the torque among them. The closest curve of one
-    Coulomb level, one Stribeck curve and one viscous term has the levels of all.
+
+def curve_of(law: Law) -> Callable[[np.ndarray], dict[str, float]]:
+    """What makes Fc, Fs and Fv of the coefficients of all shapes of friction.
+
+    Many shapes share the torque among them. The closest curve of one Coulomb level, one Stribeck
+    curve and one viscous term has the levels of all.
     """
-    shapes = base.law.shapes[:, [NAMES.index(k) for k in ("Fc", "dip", "Fv")]]
-    (Fc, dip, Fv), _ = nnls(shapes, base.coulomb + base.viscous)
-    found = {"J": base.J, "Fc": Fc, "Fv": Fv, "vs": base.law.vs, "sigma0": Fc / base.law.x0}
-    return found | ({"Fs": Fc + dip} if dip > 0 and Fc > 0 else {})
+    own = [NAMES.index(k) for k in (*FORCES, *VISCOUS)]
+    Q, R = np.linalg.qr(law.shapes[:, [NAMES.index(k) for k in CURVE]])
+    P = Q.T @ law.shapes[:, own]
+
+    def levels(b: np.ndarray) -> dict[str, float]:
+        (Fc, dip, Fv), _ = nnls(R, P @ b[own])
+        return {"Fc": float(Fc), "Fs": float(Fc + dip), "Fv": float(Fv)}
+
+    return levels
+
+
+def levels_of(base: Base) -> dict[str, float]:
+    """Inertia and friction of a base: start values for the plant."""
+    own = base.made.b[LEVELS] if base.levels is None else base.levels
+    found = curve_of(base.law)(own)
+    if not found["Fs"] > found["Fc"] > 0:
+        del found["Fs"]
+    return {"J": base.J, **found, "vs": base.law.vs, "sigma0": found["Fc"] / base.law.x0}

@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.optimize import nnls
 
 from ...blocks.block import REGISTRY, Block
 from ...blocks.model import Model
@@ -22,17 +21,16 @@ from ..candidates.candidate import Contender, enter
 from ..candidates.effect_columns import columns
 from ..candidates.friction_level import on_level
 from ..candidates.friction_shape import columns_at
-from ..candidates.friction_terms import FORCES, LAW, NAMES, VISCOUS
+from ..candidates.friction_terms import LAW, NAMES
 from ..candidates.search import applied
 from ..candidates.spring_loads import load_columns
-from ..candidates.start_values import values_of
+from ..candidates.start_values import CURVE, curve_of, values_of
 from ..regression.numbers import BIASED, FEWEST_PARTS, SLIGHTLY, SPREADS
 from ..regression.robust_regression import Solution, solve
 from ..regression.score import Blocks, moves
 
 STEP = 1e-3  # relative, of a value that was searched
 LOAD = "damping_ratio"  # among the values of a load on a spring
-CURVE = ("Fc", "dip", "Fv")  # one Coulomb level, one Stribeck curve, one viscous term
 
 
 @dataclass(frozen=True)
@@ -268,18 +266,9 @@ def _on_level(
 
 
 def _levels(base: Base) -> Callable[[np.ndarray], dict[str, float]]:
-    """Coulomb level, stiction and viscous friction of coefficients: of the closest curve of one
-    level, one Stribeck curve and one viscous term."""
-    own = [LEVELS.start + NAMES.index(k) for k in (*FORCES, *VISCOUS)]
-    shapes = base.law.shapes[:, [NAMES.index(k) for k in CURVE]]
-    Q, R = np.linalg.qr(shapes)
-    P = Q.T @ base.law.shapes[:, [i - LEVELS.start for i in own]]
-
-    def levels(b: np.ndarray) -> dict[str, float]:
-        (Fc, dip, Fv), _ = nnls(R, P @ b[own])
-        return {"Fc": float(Fc), "Fs": float(Fc + dip), "Fv": float(Fv)}
-
-    return levels
+    """Coulomb level, stiction and viscous friction of the coefficients of a base."""
+    curve = curve_of(base.law)
+    return lambda b: curve(b[LEVELS])
 
 
 # ---------------------------------------------------------------------- errors

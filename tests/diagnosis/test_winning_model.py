@@ -1,0 +1,88 @@
+"""One set of values: of a fit by simulation where the log is clean, else of the comparison."""
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+
+J, FV, VS = 0.012, 0.03, 0.05  # kg m2, N m s/rad, rad/s
+
+
+def drive(forward=0.31, backward=0.19, spring=0.0, rest=0.0, seconds=10.0, noise=0.0, seed=0):
+    """A PI loop at 250 Hz on a drive at 10 kHz; Coulomb friction of each direction and Stribeck."""
+    rng, fine, dt = np.random.default_rng(seed), 40, 4e-3
+    h, theta, w, integral, log = dt / fine, 0.0, 0.0, 0.0, []
+    for i in range(int(seconds / dt)):
+        t = i * dt
+        goal = 3.0 * np.sin(1.9 * t + seed) + 2.0 * np.sin(0.83 * t) + 0.8 * np.sin(4.7 * t)
+        error = goal - w
+        integral += dt * error
+        u = 0.4 * error + 2.0 * integral
+        log.append((t, u, theta, w))
+        torque = u + noise * rng.standard_normal()
+        for _ in range(fine):
+            level = (forward if w > 0 else backward) * (1.0 + 0.25 * np.exp(-((w / VS) ** 2)))
+            drives = torque - FV * w - spring * (theta - rest)
+            if abs(w) < 2e-3 and abs(drives) < level:
+                w = 0.0
+                continue
+            side = np.sign(w) if w else np.sign(drives)
+            new = w + h / J * (drives - side * level)
+            w = 0.0 if w * new < 0 else new
+            theta += h * w
+    count = 2 * np.pi / 65_536
+    t, u, theta, w = np.array(log).T
+    w = w + 0.002 * rng.standard_normal(len(t))
+    return {"t": t, "u": u, "theta": np.round(theta / count) * count, "w": w}
+
+
+MODEL = {"J": 0.0125, "friction": "stribeck", "Fc": 0.26, "Fs": 0.3, "Fv": 0.028, "vs": 0.06}
+
+
+def model():
+    return lg.Model.of(**MODEL)
+
+
+def test_a_finer_fit_tells_friction_by_direction_from_an_offset():
+    """While the drive slides the two are one by algebra: rests and the Stribeck curve differ."""
+    found = lg.diagnose(drive(seconds=24.0), model())
+    assert found.verdict == "found" and [e.name for e in found.effects] == ["coulomb_asymmetry"]
+    assert found.effects[0].parameters["ratio"].value == pytest.approx(0.24, rel=0.01)
+    assert found.error["augmented"] < 2.0 * found.error["noise_floor"]
+    assert found.model.J == pytest.approx(J, rel=2e-3)
+
+
+def test_gravity_that_the_values_do_not_hold_is_not_named():
+    """Over a small travel gravity and a spring are alike: beside the spring nothing is left."""
+    runs = [drive(0.25, 0.25, spring=0.12, rest=0.2, seed=seed) for seed in (0, 1)]
+    found = lg.diagnose(runs, model())
+    assert found.verdict == "found" and [e.name for e in found.effects] == ["return_spring"]
+    own = found.effects[0].parameters
+    assert own["stiffness"].value == pytest.approx(0.12, rel=0.01)
+
+
+@pytest.fixture(scope="module")
+def noisy():
+    """Torque of another source in every sample, 4 % of friction: no simulation is valid."""
+    return lg.diagnose(drive(0.25, 0.25, noise=0.01, seed=1), model())
+
+
+def test_a_log_with_other_torque_has_the_values_of_the_comparison(noisy):
+    values = noisy.comparison.valued.values
+    for key in ("J", "Fc", "Fv"):
+        assert noisy.estimates[key].value == values[key]
+        assert noisy.model.values()[key] == values[key]
+
+
+def test_their_intervals_hold_the_truth(noisy):
+    known = {"J": J, "Fc": 0.25, "Fv": FV}
+    assert all(noisy.estimates[k].may_be(v) for k, v in known.items())
+    assert np.diff(noisy.estimates["J"].ci95) < 0.1 * J
+
+
+def test_the_joint_distribution_is_that_of_the_intervals(noisy):
+    i = noisy.joint.names.index("J")
+    low, high = noisy.estimates["J"].ci95
+    assert 2 * 1.96 * np.sqrt(noisy.joint.matrix[i, i]) == pytest.approx(high - low)
+    drawn = noisy.sample(2000, seed=0)["J"]
+    assert np.std(drawn) == pytest.approx((high - low) / 3.92, rel=0.1)
