@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from ..blocks.block import members
+from ..blocks.model import Model
 from ..core.deadline import within
 from ..core.errors import Refused
 from ..core.progress import Progress, Wanted, reporter, shows_progress
@@ -87,10 +88,11 @@ def diagnose(
 
     Whatever may be missing is a row of one table: each effect of the catalogue, and an unknown
     torque over some signals, beside the declared model with free values. A row counts by how well
-    it predicts parts of the log that its fit has not seen. The model that wins is then fitted by
-    its one-step predictions, for values and intervals. Errors are those of simulations from the
-    recorded torque alone, on held-out samples that no fit has used; they decide nothing. For a
-    single record the final parameters are fitted to all samples, after the errors were computed.
+    it predicts parts of the log that its fit has not seen. The model that wins has the values of
+    the table, or, where the log is clean, of a fit by its one-step predictions: where the torque
+    that this fit does not predict is below ``least``. Errors are those of simulations from the
+    recorded torque alone, on held-out samples; they decide nothing. A fit for the errors has not
+    used these samples; the table's values are of all samples.
 
     Parameters
     ----------
@@ -195,16 +197,30 @@ def _finer(
         return diagnose_map(record, model, holdout=holdout, seed=seed, progress=report)
     asked.refuse_unfit()
     report(0.05, "comparing explanations")
-    found = compare(asked.plain.stretches, model, asked.plain, *limits)
+    ready, no = _prepared(record, model, holdout, horizon)
+    apart = None if ready is None else ready.held_out
+    found = compare(asked.plain.stretches, model, asked.plain, *limits, held_out=apart)
     if found.verdict == "refused":
         raise Refused(" ".join(found.messages), _next(asked, found, None))
+    if ready is not None:
+        try:
+            ready = ready.begun_from(asked.plain, asked.starts(found.alone), found.written_late)
+            with within(limit):
+                return _answered(ready, found, asked, seed, report)
+        except Refused as later:
+            no = later
+    assert no is not None  # the comparison needs no simulation
+    return _only_compared(asked, found, f"{no} {no.experiment or ''}".rstrip())
+
+
+def _prepared(
+    record: Record | Sequence[Record], model: Model, holdout: Any, horizon: float
+) -> tuple[Prepared | None, Refused | None]:
+    """The records split for simulations, or why they cannot be."""
     try:
-        ready = prepared(record, model, holdout, horizon)
-        ready = ready.begun_from(asked.plain, asked.starts(found.alone), found.written_late)
-        with within(limit):
-            return _answered(ready, found, asked, seed, report)
-    except Refused as no:  # the comparison needs no simulation
-        return _only_compared(asked, found, f"{no} {no.experiment or ''}".rstrip())
+        return prepared(record, model, holdout, horizon), None
+    except Refused as no:
+        return None, no
 
 
 def _answered(

@@ -27,6 +27,7 @@ from ..identification.likelihood.local_maxima import surest, with_others
 from ..identification.likelihood.maximise import Fitted, identified_covariance, tuned
 from ..identification.likelihood.predictor import Predictor
 from ..identification.likelihood.simulation_error import Judged, free_run, judge, sensed_torque
+from ..identification.selection import HeldOut
 from ..record import Record, consistent, long_enough_to_judge, pooled
 
 SLOWLY = "first guess (slow: there is neither a C compiler nor numba; install lugrectl[fast])"
@@ -73,6 +74,12 @@ class Prepared:
     data: Data
     parts: Split
     doubts: tuple[str, ...]
+
+    @property
+    def held_out(self) -> HeldOut:
+        """The samples on which errors are computed."""
+        data, at = self.data, self.parts.test.counted
+        return HeldOut(data.run[at[:, 0]], data.t[at[:, 0]], data.t[at[:, -1]])
 
     def from_values(self, plain: Mapping[str, float]) -> Prepared:
         """The same with values from which fits start."""

@@ -128,11 +128,8 @@ def winner(ready: Prepared, found: Comparison, report: Progress) -> Winner:
     declared = lifted(completed(ready.model, replace(data, differing=()), train))
     model, keys, values = _with(declared, named)
     known, start = _known(found, declared, named, keys), declared.known() | alike(data)
-    final = _at(
-        Predictor(model, data),
-        start | values | _usable({**found.plant, **known.values}, model),
-        ready,
-    )
+    predictor, start_with = Predictor(model, data), start | values | _usable(found.plant, model)
+    final = _at(predictor, start_with | _usable(known.trained, model), ready)
     alone = start | _usable(found.alone, declared)
     base = final if not keys else _at(Predictor(declared, data), alone, ready)
     job = Job(ready.records, ready.model, data, ready.parts, base, ready.doubts)
@@ -143,7 +140,8 @@ def winner(ready: Prepared, found: Comparison, report: Progress) -> Winner:
         fitted = _fitted(final if tried is None else tried, final, ready.model, keys)
         if own or fitted.torque_noise < least:
             return _by_simulation(job, fitted, keys, ready, report)
-    return Winner(job, final, final, keys, _estimates(final, known), _joint(final, known), False)
+    whole = _at(predictor, start_with | _usable(known.values, model), ready)
+    return Winner(job, final, whole, keys, _estimates(whole, known), _joint(whole, known), False)
 
 
 def _by_simulation(

@@ -39,7 +39,8 @@ EDGE = 12  # samples beyond the ends of a stretch that a spline through it knows
 class Motion:
     """All stretches of a record one after the other, n samples of one step ``dt``.
 
-    ``t`` runs on from stretch to stretch. ``theta``, ``w`` are smooth, for friction and effects;
+    ``t`` runs on from stretch to stretch, ``stamp`` is the time in the log. ``theta``, ``w`` are
+    smooth, for friction and effects;
     ``path`` is the stiffer position from which the acceleration comes, without jumps between the
     stretches. ``pulse`` is the impulse response of the smoothing, ``shake`` a draw of the noise
     that it leaves in the acceleration. ``measured`` are theta and w as measured, w corrected for
@@ -51,6 +52,7 @@ class Motion:
     pieces: tuple[slice, ...]
     run: np.ndarray
     t: np.ndarray
+    stamp: np.ndarray
     ok: np.ndarray
     u: np.ndarray
     theta: np.ndarray
@@ -107,7 +109,8 @@ class Motion:
             kept += [np.arange(a, a + max(SHORTEST, int(share * (b - a)))) for a, b in each]
         at, ends = np.concatenate(kept), np.cumsum([0, *(len(k) for k in kept)]).tolist()
         pieces = tuple(slice(a, b) for a, b in pairwise(ends))
-        own = {k: getattr(self, k)[at] for k in ("run", "t", "ok", "u", "d", "theta", "w", "shake")}
+        each = ("run", "t", "stamp", "ok", "u", "d", "theta", "w", "shake")
+        own = {k: getattr(self, k)[at] for k in each}
         measured = tuple(None if x is None else x[at] for x in self.measured)
         path = _joined([self.path[k] for k in kept])
         return replace(self, pieces=pieces, measured=measured, path=path, **own)
@@ -196,7 +199,7 @@ def motion_of(tracks: Sequence[Track], sensors: Sensors, kind: str) -> Motion:
     tracks = [_on(p, dt) for p in tracks]
     ends = np.cumsum([0, *(len(p) for p in tracks)])
     pieces = tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
-    joined = {k: np.concatenate([getattr(p, k) for p in tracks]) for k in ("u", "ok")}
+    joined = {k: np.concatenate([getattr(p, k) for p in tracks]) for k in ("t", "u", "ok")}
     run = np.concatenate([np.full(len(p), p.run) for p in tracks])
     theta, w, filtered = _measured(tracks, sensors)
     v_theta, v_w = sensors.noise.get("theta", 0.0) ** 2, np.inf
@@ -219,6 +222,7 @@ def motion_of(tracks: Sequence[Track], sensors: Sensors, kind: str) -> Motion:
         pieces=pieces,
         run=run,
         t=np.arange(ends[-1]) * dt,
+        stamp=joined["t"],
         ok=joined["ok"],
         u=joined["u"],
         theta=soft,

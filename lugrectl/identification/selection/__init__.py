@@ -14,7 +14,7 @@ from ..regression.score import paired, standard_error
 from .compare import compare, levels
 from .comparison import Compared, Comparison, Detectable, Named, Share
 from .open_values import completed
-from .values import Valued
+from .values import HeldOut, Valued
 
 __all__ = [
     "ALPHA",
@@ -22,6 +22,7 @@ __all__ = [
     "Compared",
     "Comparison",
     "Detectable",
+    "HeldOut",
     "Named",
     "Share",
     "Valued",

@@ -26,7 +26,7 @@ from ..regression.weak_form import Width, quick, rows_of, spacing, usable, width
 from .budget import budget, detectable
 from .comparison import Compared, Comparison, Named
 from .table import Table
-from .values import valued
+from .values import HeldOut, valued
 from .verdict import Decision, decide, judged, unit_of, without
 
 NOTHING = "The torque balance determines nothing: the record is too short."
@@ -46,6 +46,7 @@ def compare(
     plain: Balance,
     least: float = LEAST,
     alpha: float = ALPHA,
+    held_out: HeldOut | None = None,
 ) -> Comparison:
     """What is missing from a declared model, by one comparison.
 
@@ -64,6 +65,8 @@ def compare(
         The smallest torque that matters, as a share of RMS friction torque.
     alpha : float
         Chance of naming something on a record on which nothing is missing.
+    held_out : HeldOut or None
+        Samples that the values for errors do not use.
 
     Returns
     -------
@@ -85,7 +88,7 @@ def compare(
         found = decide(record, least, alpha)
         surer = _with_suspect(stretches, model, found)
         found = found if surer is None else decide(surer, least, alpha)
-        made = _result(_held(found, model, (least, alpha)), model, least)
+        made = _result(_held(found, model, (least, alpha)), model, least, held_out)
     return replace(made, seconds=time.perf_counter() - began)
 
 
@@ -127,7 +130,7 @@ def _inside(found: Decision) -> list[Contender]:
     return [c for c in found.effects if c is not found.gravity and not found.only_inertia]
 
 
-def _result(found: Decision, model: Model, least: float) -> Comparison:
+def _result(found: Decision, model: Model, least: float, held_out: HeldOut | None) -> Comparison:
     table, base = found.table, found.last
     assert table is not None
     inside = _inside(found)
@@ -135,7 +138,7 @@ def _result(found: Decision, model: Model, least: float) -> Comparison:
     unknown = _unknown(found, base)
     wave = unknown if found.verdict == "unexplained" and not found.events else None
     swings = None if wave is None else wave.values.get(MIDDLE)
-    own = valued(base, inside, model)
+    own = valued(base, inside, model, held_out)
     return Comparison(
         verdict=found.verdict,
         effects=tuple(_named(c, model) for c in found.effects),
@@ -145,8 +148,8 @@ def _result(found: Decision, model: Model, least: float) -> Comparison:
         budget=tuple(budget(base, inside, unknown)),
         detectable=tuple(detectable(table, least)) if seen else (),
         messages=(*found.messages, *([_vibration(wave, swings)] if wave and swings else [])),
-        plant=own.drive,
-        alone=valued(table.base, (), model).drive,
+        plant={k: v for k, v in own.values.items() if "." not in k},
+        alone=valued(table.base, (), model, held_out).trained,
         least=least,
         only_inertia=found.only_inertia,
         events=found.events,

@@ -30,6 +30,8 @@ from ..regression.robust_regression import Solution, solve
 from ..regression.score import Blocks, moves
 
 STEP = 1e-3  # relative, of a value that was searched
+MAD = 1.48  # standard deviations in a median of absolute values
+NEAR = 0.2  # relative: what was searched in all of a record is so near in a part of it
 LOAD = "damping_ratio"  # among the values of a load on a spring
 
 
@@ -38,11 +40,15 @@ class Valued:
     """Values by key, "J" or "effect.parameter", and their covariance (n, n), SI.
 
     ``sure`` are those of which the record says something: the others have no interval.
+    ``trained`` are the values without the samples that are held out, ``spread`` the usual
+    standard deviations over parts of the record alone.
     """
 
     values: Mapping[str, float]
     matrix: np.ndarray = field(compare=False, repr=False)
     sure: frozenset[str] = frozenset()
+    trained: Mapping[str, float] = field(default_factory=dict)
+    spread: Mapping[str, float] = field(default_factory=dict)
 
     def half(self, key: str) -> float | None:
         """Half of the 95 % interval; None where there is none."""
@@ -52,18 +58,13 @@ class Valued:
         return 1.96 * float(np.sqrt(self.matrix[i, i]))
 
     def may_be_nothing(self, name: str) -> bool:
-        """Whether the interval of an effect's strength holds the value that changes nothing."""
+        """Whether an effect's strength may as well be the value that changes nothing, by its spread
+        over the record."""
         block = REGISTRY["effect", name]
         key, neutral = f"{name}.{block.gain}", block.own[block.gain].neutral
-        half = self.half(key) if key in self.values else None
-        if half is None or neutral is None or not np.isfinite(neutral):
+        if key not in self.sure or neutral is None or not np.isfinite(neutral):
             return False
-        return abs(self.values[key] - neutral) < half
-
-    @property
-    def drive(self) -> dict[str, float]:
-        """Inertia and friction."""
-        return {k: v for k, v in self.values.items() if "." not in k}
+        return abs(self.values[key] - neutral) < 1.96 * self.spread[key]
 
     def by(self, places: Mapping[str, str]) -> Valued:
         """The same under other names of the effects; without those that have none there."""
@@ -71,7 +72,9 @@ class Valued:
         at = [i for i, k in enumerate(self.values) if new[k]]
         kept = {new[k]: v for k, v in self.values.items() if new[k]}
         sure = frozenset(new[k] for k in self.sure if new[k])
-        return Valued(kept, self.matrix[np.ix_(at, at)], sure)
+        trained = {new[k]: v for k, v in self.trained.items() if new[k]}
+        spread = {new[k]: v for k, v in self.spread.items() if new[k]}
+        return Valued(kept, self.matrix[np.ix_(at, at)], sure, trained, spread)
 
     @staticmethod
     def _key(key: str, places: Mapping[str, str]) -> str:
@@ -81,16 +84,38 @@ class Valued:
 
 
 @dataclass(frozen=True, eq=False)
+class HeldOut:
+    """Samples that no value may have seen: of a run, from one time (s) to another."""
+
+    run: np.ndarray
+    start: np.ndarray
+    end: np.ndarray
+
+    def has(self, run: np.ndarray, t: np.ndarray, margin: float) -> np.ndarray:
+        """Which of these samples are held out, or so near that a window has some (n,)."""
+        made = np.zeros(len(t), bool)
+        for r, a, b in zip(self.run, self.start, self.end, strict=True):
+            made |= (run == r) & (t > a - margin) & (t < b + margin)
+        return made
+
+
+@dataclass(frozen=True, eq=False)
 class _Slope:
-    """A value that was searched: whose it is, and the torque (m,) that one step more adds."""
+    """A value that was searched: whose it is, how near another part of the record has it, and the
+    torque (m,) that one more of it adds."""
 
     owner: int
     key: str
-    step: float
+    near: float
     torque: np.ndarray
 
 
-def valued(last: Base, effects: Sequence[Contender], model: Model) -> Valued:
+def valued(
+    last: Base,
+    effects: Sequence[Contender],
+    model: Model,
+    held_out: HeldOut | None = None,
+) -> Valued:
     """The values of a base with ``effects`` in it, in the order in which they joined.
 
     ``last`` is the base where there are none.
@@ -104,14 +129,33 @@ def valued(last: Base, effects: Sequence[Contender], model: Model) -> Valued:
     read = _reader(base, chain, slopes, model)
     values = read(made.b)
     keys, at = list(values), np.array(list(values.values()))
-    C = _covariance(base, whole, made, lambda b: _apart(read(b), values))
+    C, usual = _covariance(base, whole, made, lambda b: _apart(read(b), values))
+    kindred = _kindred(base, chain, keys, at)
+    spread = dict(zip(keys, np.hypot(usual, kindred).tolist(), strict=True))
+    if "gravity" not in {c.name for c in chain} and "gravity.amplitude" in spread:
+        spread["gravity.amplitude"] += SLIGHTLY * base.friction_rms  # what every drive has of it
+    C[np.diag_indices(len(at))] += kindred**2
     for other in _descriptions(base):
         d = _apart(read(np.append(other, np.zeros(len(slopes)))), values)
         C += np.outer(d, d)
-    C[np.diag_indices(len(at))] += (BIASED * at) ** 2 + _kindred(base, chain, keys, at) ** 2
+    C[np.diag_indices(len(at))] += (BIASED * at) ** 2
     free = {c.name for c in chain if c.own or c.u is not None}
     sure = {k for k in keys if "." not in k or k.split(".")[0] in {*free, "gravity"}}
-    return Valued(values, C, frozenset(sure & {k for k in keys if values[k]}))
+    trained = values
+    if held_out is not None:
+        trained = read(_without(base, whole, held_out, slopes).b)
+    return Valued(values, C, frozenset(sure & {k for k in keys if values[k]}), trained, spread)
+
+
+def _without(base: Base, whole: Columns, held_out: HeldOut, slopes: Sequence[_Slope]) -> Solution:
+    """The coefficients, and small steps of what was searched, from the other samples alone."""
+    rows, m = base.record.rows, base.record.motion
+    kept = ~held_out.has(m.run[rows.at], m.stamp[rows.at], rows.h)
+    if kept.sum() < 2 * whole.X.shape[1]:
+        kept[:] = True
+    prior = whole.prior.copy()
+    prior[len(prior) - len(slopes) :] = [1.0 / s.near**2 for s in slopes]
+    return solve(whole.X[kept], base.y[kept], prior, whole.low, whole.high, base.view.scale)
 
 
 def _chain(effects: Sequence[Contender]) -> list[Contender]:
@@ -149,7 +193,7 @@ def _slopes(base: Base, chain: Sequence[Contender]) -> Iterator[_Slope]:
                 continue
             made = (torque({**c.values, key: value + step}) - torque(dict(c.values))) / step
             if np.all(np.isfinite(made)) and np.any(made):
-                yield _Slope(i, key, 1.0, made)
+                yield _Slope(i, key, NEAR * abs(value), made)
 
 
 def _law_slopes(base: Base) -> Iterator[_Slope]:
@@ -160,7 +204,7 @@ def _law_slopes(base: Base) -> Iterator[_Slope]:
     for key, at in (("x0", (x0 * (1 + STEP * 10), vs)), ("vs", (x0, vs * (1 + STEP * 10)))):
         made = (columns_at(base, at).X[:, :k] - base.columns.X[:, :k]) @ b[:k] / (STEP * 10)
         if np.any(made):
-            yield _Slope(-1, key, 1.0, made)
+            yield _Slope(-1, key, NEAR, made)
 
 
 def _torque(
@@ -176,6 +220,8 @@ def _torque(
         return None
     if LOAD in c.values:
         return lambda v: load_columns(c.base, block, [tuple(v.values())]) @ b
+    if block.states:
+        return None
     levels = replace(c.base, levels=c.made.b[LEVELS], friction=c.base.friction_rms)
     return lambda v: columns(levels, block, v).X @ b
 
@@ -281,25 +327,19 @@ def _apart(a: Mapping[str, float], b: Mapping[str, float]) -> np.ndarray:
 
 def _covariance(
     base: Base, whole: Columns, made: Solution, apart: Callable[[np.ndarray], np.ndarray]
-) -> np.ndarray:
-    """Of the values: the larger of the jackknives over short and over long parts of the record.
+) -> tuple[np.ndarray, np.ndarray]:
+    """Of the values: the larger of the jackknives over short and over long parts of the record,
+    and the standard deviations from what they move by without a usual short part.
 
-    What drifts lasts for longer than a short one.
+    What drifts lasts for longer than a short part, and one part may say most of a value.
     """
-    free = np.flatnonzero(made.free)
-    V = [_jackknife(whole, made, base, blocks) for blocks in _parts(base)]
-    size = np.sqrt(np.max([np.diag(v) for v in V], axis=0))
-    G = np.zeros((len(apart(made.b)), len(free)))
-    for j, i in enumerate(free):
-        step = np.zeros(len(made.b))
-        step[i] = size[j]
-        if size[j] > 0:
-            G[:, j] = (apart(made.b + step) - apart(made.b - step)) / (2 * size[j])
-    each = [G @ v @ G.T for v in V]
+    moved = [_moved(whole, made, base, blocks, apart) for blocks in _parts(base)]
+    each = [(len(p) - 1) / len(p) * p.T @ p for p in moved]
+    usual = MAD * np.sqrt(len(moved[0])) * np.median(np.abs(moved[0]), axis=0)
     spread = np.sqrt(np.max([np.diag(c) for c in each], axis=0)) * SPREADS
     C = max(each, key=lambda c: float(np.trace(c / np.maximum(np.outer(spread, spread), 1e-300))))
     own = np.sqrt(np.maximum(np.diag(C), 1e-300))
-    return C * np.outer(spread / own, spread / own)
+    return C * np.outer(spread / own, spread / own), usual
 
 
 def _parts(base: Base) -> list[Blocks]:
@@ -309,10 +349,19 @@ def _parts(base: Base) -> list[Blocks]:
     return [short, Blocks.of(rows.t, duration, duration / FEWEST_PARTS)]
 
 
-def _jackknife(c: Columns, made: Solution, base: Base, blocks: Blocks) -> np.ndarray:
-    d = moves(made, c.X, c.prior, base.view.scale, blocks)
-    d = d - d.mean(axis=0)
-    return (len(d) - 1) / len(d) * d.T @ d
+def _moved(
+    c: Columns,
+    made: Solution,
+    base: Base,
+    blocks: Blocks,
+    apart: Callable[[np.ndarray], np.ndarray],
+) -> np.ndarray:
+    """How the values move without each part (parts, values): all coefficients together, since
+    those of friction share its torque."""
+    d = np.zeros((len(blocks.full), len(made.b)))
+    d[:, made.free] = moves(made, c.X, c.prior, base.view.scale, blocks)
+    p = np.array([apart(made.b + one) for one in d])
+    return p - p.mean(axis=0)
 
 
 def _kindred(
