@@ -15,7 +15,7 @@ from ...core.numeric import rms
 from .numbers import LOST, NOISE, STILL, WIDTHS
 from .smooth_motion import Motion
 
-APART = 0.75  # distance of two rows, in half-widths
+APART = 0.55  # distance of two rows, in half-widths
 AT_REST = 0.1  # share of rest in a row from which on it says nothing of friction
 NARROW = 0.036  # s, the widest row while a declared J says what noise costs
 FEWEST = 40  # rows
