@@ -15,6 +15,7 @@ from statistics import NormalDist
 
 import numpy as np
 
+from ..blocks.block import REGISTRY
 from ..blocks.model import Model
 from ..estimates.covariance import Joint
 from ..estimates.findings import Estimate
@@ -54,7 +55,28 @@ class Winner:
 
 
 def decided(ready: Prepared, found: Comparison, report: Progress) -> tuple[Winner, Comparison]:
-    """The model that won, and the comparison once more where a finer fit tells rivals apart."""
+    """The model that won, and the comparison once more where a finer fit tells rivals apart or does
+    not hold an effect: the interval of its strength holds the value that changes nothing."""
+    won, found = _rivals(ready, found, report)
+    named = zip(won.keys, found.effects, strict=True) if won.simulated and won.keys else ()
+    gone = [e.name for key, e in named if _may_be_nothing(won, key, e.name)]
+    if not gone:
+        return won, found
+    left = tuple(e for e in found.effects if e.name not in gone)
+    named_only = found.verdict in ("found", "ambiguous")
+    verdict = ("found" if left else "adequate") if named_only else found.verdict
+    found = replace(found, effects=left, alternatives=(), verdict=verdict, valued=None)
+    return winner(ready, found, report), found
+
+
+def _may_be_nothing(won: Winner, key: str, name: str) -> bool:
+    block = REGISTRY["effect", name]
+    neutral, own = block.own[block.gain].neutral, won.estimates.get(f"{key}.{block.gain}")
+    return own is not None and neutral is not None and own.may_be(neutral)
+
+
+def _rivals(ready: Prepared, found: Comparison, report: Progress) -> tuple[Winner, Comparison]:
+    """The same for rivals alone."""
     won, first = winner(ready, found, report), found
     for rival in found.alternatives if won.keys and not won.simulated else ():
         other = _led_by(first, rival)
