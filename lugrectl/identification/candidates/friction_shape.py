@@ -14,7 +14,7 @@ from .declared_effects import terms
 from .friction_terms import NAMES, SMEAR
 from .rests import peaks, rests_of
 
-STEPS = (1.35, 1.12)  # of the presliding distance and the Stribeck speed, after the grid
+STEPS = (1.4, 1.2, 1.1, 1.05)  # of the presliding distance and the Stribeck speed, after the grid
 
 
 def settled(

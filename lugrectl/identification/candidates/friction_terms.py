@@ -20,8 +20,8 @@ from ..dataset.measured_bristle import along, strokes
 from ..regression.numbers import TAIL
 from ..regression.smooth_motion import Fine, Motion
 
-BENDS = (0.5, 1.0, 2.0, 5.0)  # of the declared presliding distance
-SPEEDS = (0.5, 1.0, 1.8, 3.6)  # of the declared Stribeck speed
+BENDS = (0.5, 1.0, 2.0, 4.0, 8.0)  # of the declared presliding distance
+SPEEDS = (0.5, 0.8, 1.2, 2.0, 4.0)  # of the declared Stribeck speed
 FORCES = ("Fc", "dip", "dip 1.5", "dip 5")  # the part that scales with the level of friction
 VISCOUS = ("Fv", "grease", "slow Fv")
 SMEAR = ("sigma1", "smear")
