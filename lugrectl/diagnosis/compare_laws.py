@@ -19,8 +19,10 @@ from ..core.progress import Progress, Wanted, reporter, shows_progress
 from ..core.validation import positive, share, shown
 from ..engine.runtime.threads import each_beside
 from ..friction_maps.points import is_map
+from ..identification.dataset.windows import Windows
 from ..identification.likelihood.held_out_run import adapted
 from ..identification.likelihood.likelihood import loglik, whitened
+from ..identification.likelihood.maximise import Fitted
 from ..identification.likelihood.parameters import free_keys
 from ..identification.likelihood.simulation_error import judge
 from ..identification.selection import ALPHA, levels, paired, standard_error
@@ -206,18 +208,16 @@ def _fit(ready: Prepared, name: str, model: Model) -> _Fit:
     job = begin(replace(ready, model=model), lambda *_: None)
     test = job.parts.test
     found = adapted(job.base, test, job.declared)
-    white = whitened(found.predictor, [found.values], test, found.noise)[0]
-    each = loglik(found.predictor, white, found.noise, found.values, test)
     judged = judge(found.predictor, found.values, found.noise, test, found.noise)
     count = len(free_keys(found.predictor))
-    return _Fit(name, np.nan_to_num(each, nan=-1e300), judged.torque, judged.error, count)
+    return _Fit(name, predicted(found, test), judged.torque, judged.error, count)
 
 
 def _chosen(
     fits: Sequence[_Fit], refused: Mapping[str, str], model: Model, bar: float
 ) -> LawComparison:
     best = max(fits, key=lambda f: f.windows.sum())
-    able = [f for f in fits if f is best or not _beaten(best, f, bar)]
+    able = [f for f in fits if f is best or not beaten(best.windows, f.windows, bar)]
     simplest = min(able, key=lambda f: (f.parameters, -f.windows.sum()))
     rows = [_row(f, simplest) for f in sorted(fits, key=lambda f: -f.windows.sum())]
     rows += [ComparedLaw(name, reason=why) for name, why in refused.items()]
@@ -226,8 +226,16 @@ def _chosen(
     return LawComparison(rows, simplest.name, alike, made)
 
 
-def _beaten(best: _Fit, other: _Fit, bar: float) -> bool:
-    gain, se = paired(best.windows, other.windows)
+def predicted(found: Fitted, test: Windows) -> np.ndarray:
+    """The log density of each held-out window."""
+    white = whitened(found.predictor, [found.values], test, found.noise)[0]
+    each = loglik(found.predictor, white, found.noise, found.values, test)
+    return np.nan_to_num(each, nan=-1e300)
+
+
+def beaten(best: np.ndarray, other: np.ndarray, bar: float) -> bool:
+    """Whether windows are predicted better by more than chance allows."""
+    gain, se = paired(best, other)
     return gain > bar * se
 
 

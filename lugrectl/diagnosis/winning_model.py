@@ -20,14 +20,14 @@ from ..blocks.model import Model
 from ..estimates.covariance import Joint
 from ..estimates.findings import Estimate
 from ..identification.dataset.run_effects import alike
-from ..identification.dataset.windows import Windows, spread
+from ..identification.dataset.windows import spread
 from ..identification.likelihood.initial_values import begun, completed, lifted, likeliest
-from ..identification.likelihood.likelihood import loglik, whitened
 from ..identification.likelihood.maximise import Fitted, fit, tuned
 from ..identification.likelihood.parameters import free_keys
 from ..identification.likelihood.predictor import Predictor
 from ..identification.likelihood.value_discrepancy import with_discrepancy
-from ..identification.selection import ALPHA, Comparison, Named, Valued, paired
+from ..identification.selection import ALPHA, Comparison, Named, Valued
+from .compare_laws import beaten, predicted
 from .other_law import means_the_same
 from .study import Job, Prepared, Progress, estimates, joint, on_everything
 
@@ -111,10 +111,10 @@ def _between(won: Winner, found: Comparison) -> Comparison:
     before, rivals = found.effects[:place], [found.effects[place], *found.alternatives]
     rest, job = found.effects[place + 1 :], won.job
     fits = [_rival(won, (*before, rival, *rest)) for rival in rivals]
-    each = [_predicted(f, job.parts.test) for f in fits]
+    each = [predicted(f, job.parts.test) for f in fits]
     best = int(np.argmax([one.sum() for one in each]))
     bar = NormalDist().inv_cdf(1.0 - ALPHA)
-    kept = [r for i, r in enumerate(rivals) if i != best and not _beaten(each[best], each[i], bar)]
+    kept = [r for i, r in enumerate(rivals) if i != best and not beaten(each[best], each[i], bar)]
     verdict = "ambiguous" if kept else "found"
     effects = (*before, rivals[best], *rest)
     valued = found.valued if best == 0 else None
@@ -128,18 +128,6 @@ def _rival(won: Winner, effects: Sequence[Named]) -> Fitted:
     predictor = Predictor(model, data)
     start = base.values | {k: v for k, v in won.fit.values.items() if k in base.values} | values
     return fit(predictor, start, free_keys(predictor), base.where, won.fit.noise, anchor=start)
-
-
-def _predicted(found: Fitted, test: Windows) -> np.ndarray:
-    """The log density of each held-out window."""
-    white = whitened(found.predictor, [found.values], test, found.noise)[0]
-    each = loglik(found.predictor, white, found.noise, found.values, test)
-    return np.nan_to_num(each, nan=-1e300)
-
-
-def _beaten(best: np.ndarray, other: np.ndarray, bar: float) -> bool:
-    gain, se = paired(best, other)
-    return gain > bar * se
 
 
 def winner(ready: Prepared, found: Comparison, report: Progress) -> Winner:
