@@ -22,7 +22,7 @@ from ..estimates.findings import Estimate
 from ..identification.dataset.run_effects import alike
 from ..identification.dataset.windows import spread
 from ..identification.likelihood.initial_values import begun, completed, lifted, likeliest
-from ..identification.likelihood.maximise import Fitted, fit, tuned
+from ..identification.likelihood.maximise import Fitted, fit, seen_on, standing
 from ..identification.likelihood.parameters import free_keys
 from ..identification.likelihood.predictor import Predictor
 from ..identification.likelihood.value_discrepancy import with_discrepancy
@@ -33,7 +33,7 @@ from .study import Job, Prepared, Progress, estimates, joint, on_everything
 
 TRIED, FEW = 8_000, 8  # samples and windows on which a fit is tried first
 USUAL = 0.2  # of Fc: how much larger Fs is, to start a fit from
-SEEN = {"J", "Fc", "Fs", "Fv", "vs", "sigma0"}  # what the comparison knows of the drive
+SEEN = {"J", "Fc", "Fs", "Fv", "vs", "sigma0", "sigma1"}  # what the comparison knows of the drive
 OPEN = 12  # steps of a fit that is tried, and of one of what the comparison does not see
 
 
@@ -200,14 +200,15 @@ def _comparable(model: Model) -> bool:
 
 
 def _at(predictor: Predictor, values: dict[str, float], ready: Prepared) -> Fitted:
-    """A model at given values; what the comparison does not see is fitted."""
+    """A model at given values; what the comparison does not see is fitted, to a few windows."""
     data, where, model = ready.data, ready.parts.train, predictor.model
-    values = model.kept(values)
+    values, few = model.kept(values), spread(where, TRIED, FEW)
     left = {k for k, v in ready.model.values().items() if v is None and k not in SEEN}
     opened = [k for k in free_keys(predictor) if k in left or k in alike(data)]
-    most = OPEN if opened else 0
-    made = fit(predictor, values, opened, where, data.noise, anchor=values, most=most, rough=True)
-    return tuned(made)
+    made = standing(predictor, values, few, data.noise)
+    if opened:
+        made = fit(predictor, values, opened, few, made.noise, anchor=values, most=OPEN, rough=True)
+    return seen_on(made, where)
 
 
 def _usable(own: Mapping[str, float], model: Model) -> dict[str, float]:

@@ -88,9 +88,7 @@ class Record:
         """The same with the torque later by ``shift``, exactly: a derivative is too coarse."""
         m = self.motion
         u = np.concatenate([shifted(spline(m.u[p]), shift / m.dt) for p in m.pieces])
-        motion = replace(m, u=u)
-        laws = Laws(motion, self.declared, self.laws.rough)
-        return replace(self, motion=motion, laws=laws, shift=self.shift + shift, _kept={})
+        return replace(self, motion=replace(m, u=u), shift=self.shift + shift)
 
     def driving(self, u: np.ndarray) -> np.ndarray:
         """What drives the motion in the windows (m,), of the torque u (n,): u less the load."""

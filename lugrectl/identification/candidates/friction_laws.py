@@ -18,6 +18,7 @@ from .base_model import LEVELS, Base, rms
 from .candidate import Contender, Entry
 from .friction_shape import columns_at, likeliest, relaid
 from .friction_terms import FORCES, NAMES, Law
+from .start_values import bristle
 
 RIGID = 1e-3  # of the shortest presliding distance: no bristles to see
 EXPONENTS = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8)  # of grease
@@ -119,5 +120,5 @@ def _values(whole: Base, part: Part) -> dict[str, float]:
         return {"Fs": b["Fc"] + sum(b[k] for k in FORCES[1:]), "vs": whole.law.vs}
     if part.name == "presliding":
         level = b["Fc"] + sum(b[k] for k in FORCES[1:])
-        return {"sigma0": level / whole.law.x0, "sigma1": b["sigma1"]}
+        return bristle(level, whole.made.b[LEVELS], whole.law.x0)
     return {"coefficient": b["grease"]}

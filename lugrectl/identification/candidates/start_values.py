@@ -101,4 +101,9 @@ def levels_of(base: Base) -> dict[str, float]:
     found = curve_of(base.law)(own)
     if not found["Fs"] > found["Fc"] > 0:
         del found["Fs"]
-    return {"J": base.J, **found, "vs": base.law.vs, "sigma0": found["Fc"] / base.law.x0}
+    return {"J": base.J, **found, "vs": base.law.vs, **bristle(found["Fc"], own, base.law.x0)}
+
+
+def bristle(Fc: float, levels: np.ndarray, x0: float) -> dict[str, float]:
+    """Stiffness and damping of bristles that reach Fc over the distance x0."""
+    return {"sigma0": Fc / x0, "sigma1": float(levels[NAMES.index("sigma1")]) / x0}

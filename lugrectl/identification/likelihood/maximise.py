@@ -212,10 +212,27 @@ def again(found: Fitted, *, most: int = 30, rough: bool = False) -> Fitted:
     )  # fmt: skip
 
 
+def standing(predictor: Predictor, values: Values, where: Windows, noise: Noise) -> Fitted:
+    """Given values with the noise that makes them most likely; nothing is free."""
+    noise, each = tune(predictor, values, where, noise)
+    white = whitened(predictor, [values], where, noise)[0]
+    own, many = dict(values), len(white)
+    parts, scores = np.zeros((many, 0, 0)), np.zeros((many, 0))
+    return Fitted(predictor, own, (), where, noise, each, white, parts, scores, own)
+
+
 def tuned(found: Fitted) -> Fitted:
     """The same values with the noise that makes them most likely."""
     noise, each = tune(found.predictor, found.values, found.where, found.noise)
     return replace(found, noise=noise, loglik=each)
+
+
+def seen_on(found: Fitted, where: Windows) -> Fitted:
+    """The same values and noise on other windows; what intervals need stays."""
+    predictor, values, noise = found.predictor, found.values, found.noise
+    white = whitened(predictor, [values], where, noise)[0]
+    each = loglik(predictor, white, noise, values, where)
+    return replace(found, where=where, loglik=each, innovations=white)
 
 
 def refitted(found: Fitted, data: Data) -> Fitted:

@@ -24,7 +24,7 @@ from ..candidates.friction_shape import columns_at
 from ..candidates.friction_terms import LAW, NAMES
 from ..candidates.search import applied
 from ..candidates.spring_loads import load_columns
-from ..candidates.start_values import CURVE, curve_of, values_of
+from ..candidates.start_values import CURVE, bristle, curve_of, values_of
 from ..regression.numbers import BIASED, FEWEST_PARTS, SLIGHTLY, SPREADS
 from ..regression.robust_regression import Solution, solve
 from ..regression.score import Blocks, moves
@@ -268,7 +268,7 @@ def _reader(
         vs = base.law.vs * float(np.exp(np.clip(own.get("vs", 0.0), -2, 2)))
         J = max(float(b[0]), 1e-300)
         made = {"J": J, **levels(b), "vs": vs}
-        made["sigma0"] = made["Fc"] / x0
+        made |= bristle(made["Fc"], b[LEVELS], x0)
         if heavy:
             A, B = b[WEIGHT : WEIGHT + 2]
             made |= {"gravity.amplitude": float(np.hypot(A, B))}
