@@ -353,22 +353,24 @@ class Base:
 
     def gains(self, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What each column would take off half the sum of squares, and its coefficient."""
-        W = self._beside(C)
-        c, n = W.T @ self.residual, np.sum(W * W, axis=0) + 1e-300
+        W, P = self._weighted(C)
+        c, n = W.T @ self.residual.astype(W.dtype), _left(W, P)
         return c**2 / n / self.view.scale.sigma**2, c / n
 
     def gains_of_pairs(self, C: np.ndarray) -> np.ndarray:
         """The same for neighbouring columns together, (k/2,)."""
-        W = self._beside(C)
-        c, n = W.T @ self.residual, np.sum(W * W, axis=0) + 1e-300
+        W, P = self._weighted(C)
+        c, n = W.T @ self.residual.astype(W.dtype), _left(W, P)
         a, b, na, nb = c[::2], c[1::2], n[::2], n[1::2]
-        x = np.sum(W[:, ::2] * W[:, 1::2], axis=0)
+        x = np.einsum("ij,ij->j", W[:, ::2], W[:, 1::2])
+        x -= np.einsum("ij,ij->j", P[:, ::2], P[:, 1::2])
         det = np.maximum(na * nb - x * x, 1e-9 * na * nb)
         return (a * a * nb - 2 * a * b * x + b * b * na) / det / self.view.scale.sigma**2
 
-    def _beside(self, C: np.ndarray) -> np.ndarray:
-        W = C * self.roots[:, None]
-        return W - self.basis @ (self.basis.T @ W)
+    def _weighted(self, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The columns, weighted, and their parts along the basis; in the precision of C."""
+        W = C * self.roots.astype(C.dtype)[:, None]
+        return W, self.basis.astype(C.dtype).T @ W
 
     # ------------------------------------------------------------------ other views of it
     def seen_as(self, view: View) -> Base:
@@ -380,3 +382,10 @@ class Base:
         for part in more:
             c = c + part
         return replace(self, columns=c, friction=self.friction_rms)
+
+
+def _left(W: np.ndarray, P: np.ndarray) -> np.ndarray:
+    """The squares of columns without their parts along a basis; never less than rounding makes."""
+    whole = np.einsum("ij,ij->j", W, W)
+    least = 10 * np.finfo(W.dtype).eps * whole
+    return np.maximum(whole - np.einsum("ij,ij->j", P, P), least + 1e-300)
