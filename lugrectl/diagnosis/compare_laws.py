@@ -25,7 +25,7 @@ from ..identification.likelihood.likelihood import loglik, whitened
 from ..identification.likelihood.maximise import Fitted
 from ..identification.likelihood.parameters import free_keys
 from ..identification.likelihood.simulation_error import judge
-from ..identification.selection import ALPHA, levels, paired, standard_error
+from ..identification.selection import ALPHA, alone, paired, standard_error
 from ..parallel.blas_threads import one_blas_thread
 from ..record import Record
 from .law_comparison import ComparedLaw, LawComparison
@@ -175,8 +175,8 @@ def _ready(asked: Asked, horizon: float) -> Prepared:
         raise Refused(*OF_MAP)
     asked.refuse_unfit()
     ready = prepared(record, asked.model, holdout, horizon)
-    friction = levels(asked.plain.stretches, asked.model, asked.plain)
-    return ready.begun_from(asked.plain, asked.starts(friction))
+    found = alone(asked.plain.stretches, asked.model, asked.plain)
+    return ready.begun_from(asked.plain, asked.starts(found.alone), found.written_late)
 
 
 def _fitted(

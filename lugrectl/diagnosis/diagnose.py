@@ -17,7 +17,6 @@ from ..estimates.findings import Candidate, Estimate, Finding, Table
 from ..friction_maps.points import is_map
 from ..identification.candidates.applicable import signals_of
 from ..identification.likelihood.initial_values import lifted
-from ..identification.likelihood.local_maxima import other_optima
 from ..identification.likelihood.maximise import Fitted
 from ..identification.likelihood.simulation_error import missing_torque
 from ..identification.selection import ALPHA, LEAST, Comparison, Named, compare
@@ -25,29 +24,17 @@ from ..identification.unknown_torque.table import tabulate
 from ..parallel.blas_threads import one_blas_thread
 from ..record import Record
 from .compare_laws import under_law
-from .never_worse import failure, refuse_without_inertia
-from .one_direction import next_way, not_alone, one_way
-from .other_law import judged_with_law, means_the_same
-from .parameter_changes import against_held, at_bounds, far_off
+from .judged import judged
+from .one_direction import next_way
+from .other_law import judged_with_law
 from .plain_answer import plainly
-from .plot_data import residual_torque, traces
 from .question import Asked, judged_by
 from .record_length import longer, short
 from .record_length import said as length_of
 from .refusal import refusal, with_plain
 from .result import Diagnosis
 from .steady_runs import diagnose_map
-from .study import (
-    Job,
-    Prepared,
-    compared,
-    noted,
-    prepared,
-    residuals,
-    score,
-    unidentified,
-    with_run_effects,
-)
+from .study import Job, Prepared, noted, prepared, residuals
 from .winning_model import decided
 
 WORSE = (
@@ -229,24 +216,14 @@ def _answered(
     """The answer with values, intervals and errors of simulations."""
     report(0.4, "values of the model with what is missing")
     won, found = decided(ready, found, report)
-    job, failed = won.job, None
-    if won.simulated and not means_the_same(asked.model):  # an own law: nothing else has values
-        failed = failure(job.data, residual_torque(job, won.whole, won.whole.noise), asked)
-    found = judged_with_law(found, asked.model, asked.plain, failed=bool(failed))
-    refuse_without_inertia(won.estimates, asked.model)
     report(0.8, "errors on held-out samples")
-    job, final = with_run_effects(job, won.fit)
-    scored = score(job, final)
-    shown = traces(job, final, scored["judged"])
+    own = judged(won, asked)
+    found = judged_with_law(found, asked.model, asked.plain, failed=bool(own.failed))
+    scored, fitted = own.scored, own.estimates
     report(0.9, "what was noticed")
-    job = compared(job, won.whole, final)
-    job = noted(job, *unidentified(won.whole.flat(), "this record"), *((failed,) if failed else ()))
     worse = _worse(scored["error"], found)
     free = free_worse(scored["free_error"], found)
-    job = noted(job, *found.messages, *worse, *free, *_length(asked, found))
-    job = noted(job, *at_bounds(won.whole), *against_held(won.whole), *other_optima(won.whole))
-    fitted = not_alone(won.estimates, asked.plain)
-    job = noted(job, *far_off(fitted, asked.model), *one_way(fitted, asked.plain, asked.model))
+    job = noted(own.job, *found.messages, *worse, *free, *_length(asked, found))
     tied = tuple(_candidate(found, a.name) for a in found.alternatives)
     named = () if found.only_inertia else found.effects
     effects = [
@@ -268,8 +245,8 @@ def _answered(
         record=job.records[0],
         messages=job.messages,
         ranking=_ranking(found),
-        traces=shown,
-        table=_table(final, job, found, seed),
+        traces=own.traces,
+        table=_table(own.final, job, found, seed),
         comparison=found,
         joint=won.joint,
         residuals=residuals(won.whole),

@@ -18,18 +18,13 @@ from ..estimates.fitted import Fitted
 from ..friction_maps.low_speed import as_shown
 from ..friction_maps.points import is_map
 from ..identification.balance import Balance
-from ..identification.likelihood.local_maxima import other_optima
-from ..identification.likelihood.value_discrepancy import with_discrepancy
-from ..identification.selection import levels
+from ..identification.selection import alone
 from ..parallel.blas_threads import one_blas_thread
 from ..record import Record, unlikely_time
 from .compare_laws import under_law
+from .judged import judged
 from .law_comparison import LawComparison
-from .never_worse import failure, refuse_without_inertia
-from .one_direction import not_alone, one_way
-from .parameter_changes import against_held, at_bounds, far_off
 from .plain_answer import plainly
-from .plot_data import residual_torque, traces
 from .question import Asked, judged_by
 from .refusal import with_plain
 from .steady_runs import (
@@ -41,17 +36,8 @@ from .steady_runs import (
     map_of,
     messages_of,
 )
-from .study import (
-    begin,
-    compared,
-    estimates,
-    joint,
-    noted,
-    on_everything,
-    prepared,
-    residuals,
-    score,
-)
+from .study import prepared, residuals
+from .winning_model import winner
 
 ONLY_PLAIN = "The values are those of the torque balance alone, without errors of a simulation: {}"
 OF_CHANNELS = frozenset(("u_delay", "w_gain", "w_offset", "w_lag", "drift"))
@@ -131,6 +117,9 @@ def identify(
 ) -> Identification:
     """Fit the parameters of a declared model, without looking for missing effects.
 
+    The values are those of the balances that :func:`lugrectl.diagnose` compares or, where the log
+    is clean, of a fit by one-step predictions. An effect that is missing biases them.
+
     Parameters
     ----------
     record, model, holdout, horizon, seed, law, columns, units, scale, rate, progress
@@ -203,38 +192,30 @@ def _plainly(asked: Asked, no: Refused) -> Identification:
 
 
 def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
-    """The fit by the likelihood of predictions; Refused where the record cannot give it."""
+    """The model at its values with errors; Refused where the record cannot give them."""
     record, model = asked.records(), asked.model
     holdout = asked.holdout()
     if not isinstance(record, Record) and is_map(record):
         return _map_identified(begin_map(record, model, holdout, report), model)
     asked.refuse_unfit()
     ready = prepared(record, model, holdout, horizon)
-    friction = levels(asked.plain.stretches, model, asked.plain)
-    job = begin(ready.begun_from(asked.plain, asked.starts(friction)), report)
-    whole = on_everything(job.base, job)
-    failed = failure(job.data, residual_torque(job, whole, whole.noise), asked)
-    if failed:
-        raise Refused(failed)
-    refuse_without_inertia(estimates(whole), model)
-    whole = with_discrepancy(whole)
-    job = noted(compared(job, whole), *at_bounds(whole))
-    job = noted(job, *against_held(whole), *other_optima(whole))
-    fitted = not_alone(estimates(whole), asked.plain)
-    job = noted(job, *far_off(fitted, model), *one_way(fitted, asked.plain, model))
-    scored = score(job, job.base)
-    shown = traces(job, job.base, scored["judged"])
-    error = scored["error"]
+    plain = asked.plain
+    found = alone(plain.stretches, model, plain, held_out=ready.held_out)
+    ready = ready.begun_from(plain, asked.starts(found.alone), found.written_late)
+    won = winner(ready, found, report)
+    own = judged(won, asked)
+    if own.failed:
+        raise Refused(own.failed)
     return Identification(
-        estimates=fitted,
-        error={k: v for k, v in error.items() if k != "augmented"},
-        model=whole.predictor.model.with_values(whole.values),
-        record=job.records[0],
-        messages=job.messages,
+        estimates=own.estimates,
+        error={k: v for k, v in own.scored["error"].items() if k != "augmented"},
+        model=won.whole.predictor.model.with_values(won.whole.values),
+        record=own.job.records[0],
+        messages=own.job.messages,
         declared=model,
-        traces=shown,
-        joint=joint(whole),
-        residuals=residuals(whole),
+        traces=own.traces,
+        joint=won.joint,
+        residuals=residuals(won.whole),
     )
 
 

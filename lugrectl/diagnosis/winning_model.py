@@ -143,7 +143,8 @@ def winner(ready: Prepared, found: Comparison, report: Progress) -> Winner:
     alone = start | _usable(found.alone, declared)
     base = final if not keys else _at(Predictor(declared, data), alone, ready)
     job = Job(ready.records, ready.model, data, ready.parts, base, ready.doubts)
-    own, least = not _comparable(ready.model), found.least * found.friction
+    own = not _comparable(ready.model) or found.verdict == "refused"
+    least = found.least * found.friction
     report(0.5, "fitting the model with what is missing")
     tried = None if own else _tried(final, ready.model)
     if tried is None or tried.torque_noise < least:

@@ -5,7 +5,7 @@ from lugrectl.blocks.model import Model, model_from_dict
 from lugrectl.diagnosis.question import Asked
 from lugrectl.diagnosis.result import Diagnosis
 from lugrectl.diagnosis.study import Job, begin, prepared
-from lugrectl.identification.selection import levels
+from lugrectl.identification.selection import alone
 from lugrectl.record import Record
 
 from ..rig import Case
@@ -36,7 +36,7 @@ def begun(
 ) -> Job:
     """The declared model refitted to the training samples of a record, or of several."""
     asked = Asked.of(record, model)
-    friction = levels(asked.plain.stretches, model, asked.plain)
+    friction = alone(asked.plain.stretches, model, asked.plain).alone
     ready = prepared(record, model, holdout, horizon)
     return begin(ready.from_values(asked.starts(friction)), quiet)
 

@@ -83,6 +83,14 @@ class Contender:
         """Nats by which it predicts the blocks better than the base."""
         return float(np.sum(self.blocks - self.base.score))
 
+    @cached_property
+    def freedom(self) -> float:
+        """Its effective parameters: those that the rows determine, not the prior."""
+        c, sigma = self.columns, self.base.view.scale.sigma
+        Z = c.X * (np.sqrt(self.made.weight) / sigma)[:, None]
+        H = Z.T @ Z + np.diag(c.prior)
+        return float(np.trace(np.linalg.lstsq(H, Z.T @ Z, rcond=None)[0][-self.own :, -self.own :]))
+
     def above(self, other: Contender | Base) -> tuple[float, float]:
         """By how much it is better, and the standard error of that.
 

@@ -11,7 +11,7 @@ over the same windows of the same log, scored by the density of each block under
 
 from ..regression.numbers import ALPHA, LEAST
 from ..regression.score import paired, standard_error
-from .compare import compare, levels
+from .compare import alone, compare
 from .comparison import Compared, Comparison, Detectable, Named, Share
 from .open_values import completed
 from .values import HeldOut, Valued
@@ -26,9 +26,9 @@ __all__ = [
     "Named",
     "Share",
     "Valued",
+    "alone",
     "compare",
     "completed",
-    "levels",
     "paired",
     "standard_error",
 ]

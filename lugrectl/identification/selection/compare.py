@@ -25,7 +25,7 @@ from ..regression.smooth_motion import Motion, motion_of
 from ..regression.weak_form import Width, quick, rows_of, spacing, usable, widths
 from .budget import budget, detectable
 from .comparison import Compared, Comparison, Named
-from .table import Table
+from .table import Table, in_time
 from .values import HeldOut, valued
 from .verdict import Decision, decide, judged, unit_of, without
 
@@ -104,10 +104,30 @@ def _with_suspect(stretches: Sequence[Stretch], model: Model, found: Decision) -
     return made if made.sure else None
 
 
-def levels(stretches: Sequence[Stretch], model: Model, plain: Balance) -> dict[str, float]:
-    """Inertia and friction of the declared model on a record: start values for a fit."""
+def alone(
+    stretches: Sequence[Stretch],
+    model: Model,
+    plain: Balance,
+    held_out: HeldOut | None = None,
+    least: float = LEAST,
+) -> Comparison:
+    """The declared model alone on a record: its values, with nothing compared; "refused", with
+    values to start a fit from, where the record is too short for intervals."""
     with np.errstate(all="ignore"):
-        return levels_of(settled(record_of(stretches, model, plain)))
+        base = in_time(settled(record_of(stretches, model, plain)))
+        if len(base.record.rows) < WEIGHT:
+            return Comparison("refused", alone=levels_of(base), least=least, stretches=0)
+        own = valued(base, (), model, held_out)
+    return Comparison(
+        verdict="adequate",
+        plant=own.values,
+        alone=own.trained,
+        least=least,
+        written_late=base.written_late,
+        stretches=base.record.independent,
+        valued=own,
+        friction=base.friction_rms,
+    )
 
 
 def _held(found: Decision, model: Model, limits: tuple[float, float]) -> Decision:

@@ -92,7 +92,7 @@ def decided(
     noise; a second one decides. Gravity so large that nothing else can be seen before it is in the
     model joins the base: it is returned, with what explains the record as well.
     """
-    base = _in_time(settled(record))
+    base = in_time(settled(record))
     record, first = base.record, tabulate(base)
     base = with_known(base, first)
     heavy, also = weight(first) if weighed else (None, ())
@@ -107,7 +107,7 @@ def decided(
     return tabulate(base.seen_as(richest(base, first))), heavy, also
 
 
-def _in_time(base: Base) -> Base:
+def in_time(base: Base) -> Base:
     """The base with the torque as late as it found it, where a derivative is too coarse for that.
 
     What the derivative leaves of a shift s is s^2 u''/2.

@@ -66,6 +66,10 @@ SMALL = (
     "A torque of {:.2g} % of friction that depends on {} stays unexplained. It makes the simulated "
     "motion drift, but is too small to be called missing: without a name, that begins at {:.2g} %."
 )
+TIED = (
+    "A torque that depends on {} explains the record as well as one that depends on {}, which has "
+    "fewer parameters."
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,13 +144,32 @@ def without(found: Decision, c: Contender, least: float = LEAST, alpha: float = 
 
 
 def judged(found: Decision) -> Decision:
-    """The decision, if a drive can be as it says."""
+    """The decision, if a drive can be as it says; of unknown torques the simplest speaks."""
     assert found.table is not None
-    last = found.last
+    last, found = found.last, _simplest(found)
     if found.unknown is not None and not _at_bound(found.unknown):
         last = found.unknown.joined()
     said = contradiction(last)
     return found if said is None else Decision("refused", table=found.table, messages=(said,))
+
+
+def _simplest(found: Decision) -> Decision:
+    """With the unknown torque of the fewest effective parameters, of those that explain the record
+    equally well."""
+    own = found.unknown
+    if own is None or found.verdict != "unexplained" or found.events:
+        return found
+    tables = [table for table in (found.table, found.beside) if table and table.base is own.base]
+    alike = [c for table in tables for c in table.unknown if c is own or as_good(c, own)]
+    best = min(alike, key=lambda c: c.freedom, default=own)
+    others = [c.depends_on for c in alike if not c.depends_on >= best.depends_on]
+    tied = [TIED.format(_on(signals), _on(best.depends_on)) for signals in others]
+    return replace(found, unknown=best, depends_on=best.depends_on,
+                   messages=(*found.messages, *tied))  # fmt: skip
+
+
+def _on(signals: frozenset[str]) -> str:
+    return " and ".join(sorted(signals))
 
 
 def _with_law(found: Decision, bars: Bars) -> Decision:
@@ -230,8 +253,7 @@ def _nameless(table: Table, known: list[Contender], least: float) -> Decision:
     found = _with_incidents(table, events(table.base), least)
     if not known or known[0].share < least or found.verdict != "adequate":
         return found
-    on = " and ".join(sorted(known[0].depends_on))
-    said = SMALL.format(100.0 * known[0].share, on, 100.0 * UNKNOWN * least)
+    said = SMALL.format(100.0 * known[0].share, _on(known[0].depends_on), 100.0 * UNKNOWN * least)
     return replace(found, messages=(*found.messages, said))
 
 
