@@ -14,7 +14,6 @@ SECOND = 0.25  # share of the first effect from which a second one is named
 SECOND_GAIN = 0.1  # of the gain of the first, for a second one
 MORE = 2.0  # nats beyond the logarithm of the number of contenders, for the best of them
 MOST = 0.7  # of what the base leaves, for an effect that is smaller than `least` beyond the law
-SEEN = 0.25  # of what the base leaves: a smaller effect is not named
 TOGETHER = 0.9  # of the gain of two effects: an unknown torque that has it alone is the answer
 FAR = 1.5  # times the gain of the best effect: an unknown torque so much better has no name
 ALONE = 0.06  # of a named torque must be beyond the declared law, which imitates the rest

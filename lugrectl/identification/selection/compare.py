@@ -76,7 +76,7 @@ def compare(
         equally well are kept in the spirit of Hansen, Lunde and Nason, *The model confidence set*,
         Econometrica 79(2), 2011. Rests are left out: there friction may be anything.
     """
-    if plain.refused or plain.blind or not plain.names:
+    if _unanswered(plain):
         said = plain.refused or plain.blind or (plain.notes or (NOTHING,))[-1]
         return Comparison("refused", messages=(said,), least=least)
     began = time.perf_counter()
@@ -90,6 +90,10 @@ def compare(
         found = found if surer is None else decide(surer, least, alpha)
         made = _result(_held(found, model, (least, alpha)), model, least, held_out)
     return replace(made, seconds=time.perf_counter() - began)
+
+
+def _unanswered(plain: Balance) -> bool:
+    return bool(plain.refused or plain.blind or not plain.names)
 
 
 def _with_suspect(stretches: Sequence[Stretch], model: Model, found: Decision) -> Record | None:
@@ -112,10 +116,10 @@ def alone(
     least: float = LEAST,
 ) -> Comparison:
     """The declared model alone on a record: its values, with nothing compared; "refused", with
-    values to start a fit from, where the record is too short for intervals."""
+    values to start a fit from, where the plain answer is, or the record too short for intervals."""
     with np.errstate(all="ignore"):
         base = in_time(settled(record_of(stretches, model, plain)))
-        if len(base.record.rows) < WEIGHT:
+        if _unanswered(plain) or len(base.record.rows) < WEIGHT:
             return Comparison("refused", alone=levels_of(base), least=least, stretches=0)
         own = valued(base, (), model, held_out)
     return Comparison(

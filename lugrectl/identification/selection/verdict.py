@@ -29,7 +29,6 @@ from ..regression.numbers import (
     REST,
     SECOND,
     SECOND_GAIN,
-    SEEN,
     STIFFLY,
     TOGETHER,
     UNKNOWN,
@@ -65,6 +64,10 @@ TOO_HEAVY = (
 SMALL = (
     "A torque of {:.2g} % of friction that depends on {} stays unexplained. It makes the simulated "
     "motion drift, but is too small to be called missing: without a name, that begins at {:.2g} %."
+)
+LEAVES = (
+    "{} would be a torque of {:.2g} % of friction, but {:.2g} % would stay that follows no signal "
+    "of the log."
 )
 TIED = (
     "A torque that depends on {} explains the record as well as one that depends on {}, which has "
@@ -150,7 +153,25 @@ def judged(found: Decision) -> Decision:
     if found.unknown is not None and not _at_bound(found.unknown):
         last = found.unknown.joined()
     said = contradiction(last)
-    return found if said is None else Decision("refused", table=found.table, messages=(said,))
+    if said is not None:
+        return Decision("refused", table=found.table, messages=(said,))
+    return _if_it_explains(found)
+
+
+def _if_it_explains(found: Decision) -> Decision:
+    """The decision, if what is named is more than what stays, which no sensor's noise is."""
+    if not found.effects or found.only_inertia or found.verdict == "unexplained":
+        return found
+    named, last = rms(np.array([c.size for c in found.effects])), found.last
+    named *= np.sqrt(len(found.effects))
+    noise = last.J * rms(last.record.rows.shake) / last.friction_rms
+    stays = float(np.sqrt(max(last.left**2 - noise**2, 0.0)))
+    if named > stays:
+        return found
+    names = " and ".join(c.name for c in found.effects)
+    said = LEAVES.format(names, 100.0 * named, 100.0 * stays)
+    return Decision("unexplained", depends_on=frozenset("t"), table=found.table,
+                    messages=(*found.messages, said))  # fmt: skip
 
 
 def _simplest(found: Decision) -> Decision:
@@ -206,11 +227,6 @@ def _nearly_all(c: Contender, least: float) -> bool:
     return c.size > least and c.share > MOST * c.base.left
 
 
-def _seen(c: Contender) -> bool:
-    """Whether it is not small beside what the base leaves."""
-    return c.share > SEEN * c.base.left
-
-
 def _late(found: Decision, least: float) -> list[Contender]:
     """A speed that lags the position by more than friction's least torque."""
     c = speed_lag.row(found.last)
@@ -219,7 +235,6 @@ def _late(found: Decision, least: float) -> list[Contender]:
 
 def _of(record: Record, table: Table, bars: Bars) -> Decision:
     good = [c for c in bars.proven(table, table.named) if _matters(c, table, _floor(c, bars.least))]
-    good = [c for c in good if _seen(c)]
     suspect, good = (None, good) if record.sure else (next(iter(good), None), [])
     known = bars.proven(table, table.unknown)
     free = [c for c in known if c.share > UNKNOWN * bars.least]
