@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from . import commands, entries, files, python, signatures, verdicts
+from . import architecture, commands, entries, files, python, signatures, verdicts
 
 NOTEBOOKS = ("tour", "method", "observers", "paper", "benchmark")
 ROOT = Path(__file__).parents[2]
@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[2]
 def pages() -> dict[str, str]:
     """Path below the folder of generated pages, without ``.rst``: the page's text."""
     made: dict[str, str] = {}
-    for part in (entries, python, commands, files, verdicts):
+    for part in (entries, python, commands, files, verdicts, architecture):
         made |= part.pages()
     return made
 

@@ -15,6 +15,7 @@ from lugrectl.cli.options import parser
 from lugrectl.diagnosis.result import VERDICTS
 
 DOCS = Path(__file__).parents[2] / ".docs"
+ROOMS = sorted(Path(lg.__file__).parent.glob("*/__init__.py"))
 LISTS = {"effects": lg.effects, "laws": lg.laws, "observers": lg.observers}
 LISTS["controllers"] = lg.controllers
 
@@ -55,6 +56,13 @@ def test_every_public_name_is_on_exactly_one_page(pages):
     text = "\n".join(v for k, v in pages.items() if k.startswith("python/"))
     found = re.findall(r"^\.\. (?:autofunction|autoclass|py:data):: (\w+)$", text, re.M)
     assert sorted(found) == sorted(lg.__all__)
+
+
+def test_the_architecture_names_each_room_and_what_it_uses(pages):
+    page, rooms = pages["architecture"], [p.parent.name for p in ROOMS]
+    assert len(rooms) > 15 and [r for r in rooms if f"   * - ``{r}``\n" not in page] == []
+    balance = page.split("``identification.selection``\n")[1].split("   * - ")[0]
+    assert "``identification.candidates``" in balance and "``report``" not in balance
 
 
 def test_no_public_name_is_without_a_topic(generator):

@@ -1,0 +1,90 @@
+"""The rooms of the package, the way of a record through them, and where to add what."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+from pathlib import Path
+
+import lugrectl
+
+from .rst import code, filled, listed, prose, table, title
+
+ROOT = Path(lugrectl.__file__).parent
+SPLIT = ("identification", "engine")  # rooms with rooms of their own
+WAY = (  # in the order in which `diagnose` comes to them
+    "record.read.read_record",
+    "record.stretches.stretches",
+    "identification.balance.balance.balance",
+    "identification.selection.compare.record_of",
+    "identification.selection.table.tabulate",
+    "identification.selection.verdict.decide",
+    "identification.selection.values.valued",
+    "diagnosis.winning_model.decided",
+    "diagnosis.judged.judged",
+    "report.text",
+)
+ADD = (  # what, in which room, how
+    ("an effect, a friction law", "blocks", "one function with ``@block`` and its equation"),
+    ("where its values are searched", "identification.candidates", "a grid in ``search_ranges``"),
+    ("an observer, a controller", "blocks", "one function; it is in all comparisons by its name"),
+    ("a file format", "record", "a reader beside the others"),
+    ("a check of a linear system", "linear", "a function that returns a result with a picture"),
+    ("a sentence of an answer", "diagnosis", "beside what it is about, once"),
+    ("a number on which an answer depends", "the room that uses it", "with its meaning"),
+)
+
+
+def pages() -> dict[str, str]:
+    """One page."""
+    rooms = [(code(room), prose(_said(room)), listed(map(code, _uses(room)))) for room in _rooms()]
+    way = [(str(i), code(name), prose(_of(name))) for i, name in enumerate(WAY, 1)]
+    more = [title("The way of a record", "-"), table(("", "function", "what it does"), way)]
+    more += [title("Where to add what", "-"), table(("what", "room", "how"), ADD)]
+    return {
+        "architecture": filled(
+            "topic",
+            title=title("Architecture"),
+            table=table(("room", "what is in it", "rooms that it uses"), rooms, "20 45 35"),
+            more="\n\n".join(more),
+            entries="",
+        )
+    }
+
+
+def _rooms() -> list[str]:
+    folders = [p.parent for p in sorted(ROOT.rglob("__init__.py")) if p.parent != ROOT]
+    names = [".".join(p.relative_to(ROOT).parts) for p in folders]
+    return [n for n in names if "." not in n or n.split(".")[0] in SPLIT]
+
+
+def _said(room: str) -> str:
+    """What the room says of itself, in one line."""
+    return (importlib.import_module(f"lugrectl.{room}").__doc__ or "").split("\n")[0]
+
+
+def _of(name: str) -> str:
+    module, _, function = name.rpartition(".")
+    made = getattr(importlib.import_module(f"lugrectl.{module}"), function)
+    return " ".join((made.__doc__ or "").split("\n\n")[0].split())
+
+
+def _uses(room: str) -> list[str]:
+    """The rooms at the top that its files import."""
+    folder, found = ROOT.joinpath(*room.split(".")), set()
+    files = folder.rglob("*.py") if room not in SPLIT else folder.glob("*.py")
+    for path in files:
+        inside = ("lugrectl", *path.relative_to(ROOT).parts[:-1])
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.level:
+                target = [*inside[: len(inside) - node.level + 1], *(node.module or "").split(".")]
+                found.add(_room(target[1:]))
+    return sorted(found - {room, ""} - {room.split(".")[0]})
+
+
+def _room(target: list[str]) -> str:
+    """The room of a module."""
+    if target and target[0] in SPLIT and len(target) > 1:
+        inner = ".".join(target[:2])
+        return inner if ROOT.joinpath(*target[:2]).is_dir() else target[0]
+    return target[0] if target and ROOT.joinpath(target[0]).is_dir() else ""
