@@ -1,4 +1,7 @@
-"""The rooms of the package, the way of a record through them, and where to add what."""
+"""The rooms of the package, the way of a record through them, and where to add what.
+
+A page of the reference: ``python -m sphinx .docs reference``.
+"""
 
 from __future__ import annotations
 
