@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..core.bare_system import BareSystem
 from ..core.display import Row, Shown
 from ..core.errors import InputError
 from ..core.pickling import carried, from_fields, rebuilt
@@ -243,6 +244,13 @@ class Block(Shown):
         from ..core import control_pickling  # noqa: F401  so that the block and its loops pickle
         from ..core.block_system import BlockSystem
 
+        return described(self._of(BlockSystem, name, inputs, outputs, values), self)
+
+    def bare(self, **values: Any) -> BareSystem:
+        """The block for the engine alone: python-control, slow to import, is not loaded."""
+        return self._of(BareSystem, None, None, None, values)
+
+    def _of(self, kind: Any, name: Any, inputs: Any, outputs: Any, values: dict[str, Any]) -> Any:
         self.check(values)
         name = one_name(self.name if name is None else name)
         functions = {k: v for k, v in values.items() if callable(v)}
@@ -253,7 +261,7 @@ class Block(Shown):
         }
         keys = {k: f"{name}.{k}" for k in numbers}
         called = (self, name, keys, functions)
-        made = BlockSystem(
+        return kind(
             Rates(*called) if self.states else None,
             Outputs(*called),
             inputs=renamed(name, "inputs", self.inputs, inputs),
@@ -263,7 +271,6 @@ class Block(Shown):
             name=name,
             **({} if self.states else {"dt": None}),
         )
-        return described(made, self)
 
 
 class _Registry(dict[tuple[str, str], Block]):

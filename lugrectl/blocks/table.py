@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import control as ct
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -14,6 +13,9 @@ from ..core.errors import InputError
 from ..core.validation import array, shown
 from .block import Block, P
 from .friction import EPS
+
+if TYPE_CHECKING:
+    import control as ct
 
 TURN = 2.0 * np.pi
 SIGNALS = ("theta", "w", "t", "u")

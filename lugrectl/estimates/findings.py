@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import control as ct
 import numpy as np
 
 from ..blocks.block import members, unit_for
@@ -15,6 +14,9 @@ from ..core.display import Row, Shown, between, estimated
 from ..core.result import Result, library
 from ..core.result import plain as jsonable
 from ..core.views import view
+
+if TYPE_CHECKING:
+    import control as ct
 
 AGAINST_HELD = "The record contradicts held values"  # a note that the headline repeats
 

@@ -6,10 +6,11 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
-import control as ct
 import numpy as np
 
+from ...core.bare_system import BareSystem
 from ...core.errors import InputError
 from ..codegen.fixed_step import lane_code
 from ..codegen.simd import is_wide, wide_code
@@ -18,6 +19,9 @@ from ..tracing.equations import Program
 from ..tracing.tracer import trace
 from .backend import compiler, load, threads
 from .c_compiler import has_wide
+
+if TYPE_CHECKING:
+    import control as ct
 
 Rounding = tuple[np.ndarray, np.ndarray]
 
@@ -52,7 +56,7 @@ class Lanes:
 
     def __init__(
         self,
-        system: ct.NonlinearIOSystem,
+        system: ct.NonlinearIOSystem | BareSystem,
         *,
         backend: str | None = None,
         outputs: Sequence[str] | None = None,

@@ -9,7 +9,6 @@ from typing import Any
 from ...core.errors import InputError
 from ..expression.graph import symbols_in
 from ..tracing.equations import Program
-from ..tracing.ingredients import described, numbers_alone
 from ..tracing.tracer import smooth_keys, traced
 from ..tracing.verify import AGAIN, check
 from .adaptive_run import Adaptive, chosen_backend
@@ -32,6 +31,8 @@ def compiled(system: Any, params: Mapping[str, Any] | None = None) -> Adaptive:
 
 
 def _compiled(system: Any, given: Mapping[str, Any]) -> Adaptive:
+    from ..tracing.ingredients import described, numbers_alone  # it loads python-control
+
     backend, plain = chosen_backend(), None
     system._update_params(given)
     if numbers_alone(given):

@@ -11,11 +11,11 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import control as ct
 import numpy as np
 
+from ...core.bare_system import BareSystem
 from ...core.errors import InputError
 from ..expression.graph import Graph, Node, symbols_in
 from ..expression.numpy_protocol import TraceError, signal_array
@@ -23,8 +23,13 @@ from .equations import Program
 from .instant import AlgebraicLoop, Rows, Unsolved, loop_message, settled
 from .verify import check
 
+if TYPE_CHECKING:  # slow to import, and a block alone is traced without it
+    import control as ct
 
-def trace(system: ct.NonlinearIOSystem, params: Mapping[str, Any] | None = None) -> Program:
+
+def trace(
+    system: ct.NonlinearIOSystem | BareSystem, params: Mapping[str, Any] | None = None
+) -> Program:
     """The equations of a continuous system, checked against the system itself.
 
     Parameters
@@ -48,7 +53,9 @@ def trace(system: ct.NonlinearIOSystem, params: Mapping[str, Any] | None = None)
     return program
 
 
-def traced(system: ct.NonlinearIOSystem, params: Mapping[str, Any] | None = None) -> Program:
+def traced(
+    system: ct.NonlinearIOSystem | BareSystem, params: Mapping[str, Any] | None = None
+) -> Program:
     """As :func:`trace`, not yet checked."""
     if system.isdtime(strict=True):
         raise InputError(f"{system.name} is a discrete-time system; the engine needs dt = 0.")
@@ -58,7 +65,7 @@ def traced(system: ct.NonlinearIOSystem, params: Mapping[str, Any] | None = None
     return single(system)
 
 
-def single(system: ct.NonlinearIOSystem, exact: Sequence[int] = ()) -> Program:
+def single(system: ct.NonlinearIOSystem | BareSystem, exact: Sequence[int] = ()) -> Program:
     """As :func:`traced`, in continuous or discrete time, with the parameters that are set.
 
     The states ``exact`` of dead times are the delayed signals themselves: :class:`.graph.Graph`.
@@ -83,7 +90,9 @@ class _Slot:
 class _Tracer:
     """Symbols for one system and the walk through its blocks."""
 
-    def __init__(self, system: ct.NonlinearIOSystem, exact: Sequence[int] = ()) -> None:
+    def __init__(
+        self, system: ct.NonlinearIOSystem | BareSystem, exact: Sequence[int] = ()
+    ) -> None:
         self.system, self.graph = system, Graph()
         self.t = self.graph.symbol("t")
         self.x = self._symbols("x", system.nstates)
@@ -150,7 +159,7 @@ class _Tracer:
     def _rates(self, system: Any, x: Sequence[Node], u: Sequence[Node]) -> list[Node]:
         if not system.nstates:
             return []
-        if not isinstance(system, ct.InterconnectedSystem):
+        if not is_wired(system):
             return self._call(system, system.updfcn, x, u, system.nstates)
         inputs, _ = self._signals(system, x, u)
         return [
@@ -160,7 +169,7 @@ class _Tracer:
         ]
 
     def _outputs(self, system: Any, x: Sequence[Node], u: Sequence[Node]) -> list[Node]:
-        if isinstance(system, ct.InterconnectedSystem):
+        if is_wired(system):
             inputs, outputs = self._signals(system, x, u)
             return self._linear(system.output_map, outputs + inputs)
         if system.outfcn is None:
@@ -247,9 +256,14 @@ class _Tracer:
         return [v if isinstance(v, Node) else self.graph.constant(v) for v in flat]
 
 
+def is_wired(system: Any) -> bool:
+    """Whether a system is an interconnection."""
+    return hasattr(system, "syslist")
+
+
 def _blocks(system: Any) -> Iterator[Any]:
     """The blocks, on all levels, that have functions of their own."""
-    if not isinstance(system, ct.InterconnectedSystem):
+    if not is_wired(system):
         yield system
         return
     for block in system.syslist:

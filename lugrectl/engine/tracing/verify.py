@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import control as ct
 import numpy as np
 
+from ...core.bare_system import BareSystem
 from ..expression.numpy_protocol import TraceError
 from .equations import Program
+
+if TYPE_CHECKING:
+    import control as ct
 
 AGAIN = (1.0, 30.0)  # for equations that were checked at all scales before
 NEAR = 1e-11  # of the arguments: how far rounding may move them
@@ -22,7 +25,7 @@ class Differs(TraceError):
 
 def check(
     program: Program,
-    system: ct.NonlinearIOSystem,
+    system: ct.NonlinearIOSystem | BareSystem,
     params: Mapping[str, Any] | None = None,
     scales: Sequence[float] = (1.0, 1e-3, 30.0, 0.1),
 ) -> None:

@@ -200,10 +200,10 @@ def _engine(block: Block) -> Lanes:
     whole = replace(made, outputs=(*made.fresh, *made.states))
     key: Any = (block.kind, block.name, block.inputs)
     if not whole.is_steady():
-        key = traced(whole.system()).outline()
+        key = traced(whole.bare()).outline()
     engine = _engines.get(key)
     if engine is None:
-        engine = Lanes(whole.system(), outputs=whole.outputs)
+        engine = Lanes(whole.bare(), outputs=whole.outputs)
         keep(_engines, key, engine)
     return engine
 

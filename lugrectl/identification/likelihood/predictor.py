@@ -50,8 +50,7 @@ class Predictor:
         self.core = replace(model, effects=tuple(traced))
         block = assemble(self.core, levels=("torque", *self.levels), sensed=True)
         values: dict[str, Any] = self.core.known()
-        system: Any = block.system(**values)
-        self.lanes = Lanes(system, outputs=["theta_m", "w_m"])
+        self.lanes = Lanes(block.bare(**values), outputs=["theta_m", "w_m"])
         self.keys = [name.split(".", 1)[1] for name in self.lanes.parameters]
         self.substeps = max(1, int(np.ceil(data.dt / STEP - 1e-9)))
         self._runs: Memory = {}
