@@ -305,17 +305,20 @@ def _accept(parts: Parts) -> list[str]:
     lines += [f"{x} = n{i}" for i, x in enumerate(parts.states)]
     lines += exactly_at_zero(parts.slides, parts.states)
     for i, x in enumerate(parts.states):
-        lines += [f"z{i} = abs({x})", f"b{i} = max(b{i}, z{i})", *_size(i)]
+        lines += [f"z{i} = abs({x})", *_size(i)]
     return lines + [f"{u} = v{i}" for i, u in enumerate(parts.inputs)]
 
 
 def _size(i: int) -> list[str]:
-    """The size s of a state after a step of length h to the absolute value z."""
+    """The size s of a state after a step of length h to the absolute value z; divides only if it
+    changes."""
     return [
-        f"if z{i} >= 0.5 * s{i}:",
+        f"if z{i} > s{i}:",
+        f"    s{i}, b{i}, w{i} = z{i}, max(b{i}, z{i}), 0.0",
+        f"    q{i} = 1.0 / s{i}",
+        f"elif z{i} >= 0.5 * s{i}:",
         f"    w{i} = w{i} + h if z{i} < 0.9 * s{i} else 0.0",
         "else:",
-        f"    s{i} *= w{i} / (w{i} + 0.5 * h)",
-        f"s{i} = max(z{i}, s{i}, SMALL * b{i}, floor)",
-        f"q{i} = 1.0 / s{i}",
+        f"    s{i} = max(z{i}, s{i} * (w{i} / (w{i} + 0.5 * h)), SMALL * b{i}, floor)",
+        f"    q{i} = 1.0 / s{i}",
     ]

@@ -11,7 +11,7 @@ from ...core.errors import Diverged
 from ..codegen.adaptive_step import adaptive_code
 from ..codegen.outputs import output_code
 from ..tracing.equations import Program
-from .backend import compiler, kind_of, load
+from .backend import compiler, kind_of, load, load_steps
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Adaptive:
     def __init__(self, program: Program, backend: str | None = None) -> None:
         self.program = program
         self.backend = backend or chosen_backend()
-        self._run = load(adaptive_code(program, kind_of(self.backend)), self.backend).run
+        self._run = load_steps(adaptive_code(program, kind_of(self.backend)), self.backend).run
         self._outputs = load(output_code(program), "numpy").outputs
 
     def of(self, program: Program) -> Adaptive:

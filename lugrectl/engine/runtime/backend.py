@@ -15,7 +15,7 @@ from types import ModuleType
 from typing import Any
 
 from ..codegen.python_source import ARRAY_HEADER, SCALAR_HEADER
-from .c_compiler import Native, has_compiler
+from .c_compiler import EVEN, FUSED, PLAIN, WIDE, Native, has_compiler, has_wide
 from .disk_cache import cache_dir, keep, temporary
 
 # a b + c may be rounded once; the other options of fastmath would change the meaning of the code
@@ -31,6 +31,7 @@ HEADERS: Mapping[str, str] = {
     + "import numpy as np\n\n\ndef fast(function):\n    return function\n\n\nsmall = fast\n",
     "numpy": ARRAY_HEADER + "\n\ndef fast(function):\n    return function\n",
     "c": "",
+    "fused": "",
     "wide": "",
     "even": "",
 }
@@ -70,8 +71,9 @@ def load(source: str, backend: str) -> ModuleType:
         Function definitions, decorated by ``fast``, or by ``small`` if only these call them.
     backend : str
         "numba", "python" (the same text, not compiled), "numpy", or, for its last function,
-        "c" or "wide": C that computes several turns of its innermost loops at once;
-        "even" is "wide" with the values of "c", to the last digit.
+        "c", "fused", which may round a product and a sum once, or "wide": C that computes several
+        turns of its innermost loops at once; "even" is "wide" with the values of "c", to the
+        last digit.
     """
     text = HEADERS[backend] + "\n\n" + source
     name = f"lugrectl_{backend}_{hashlib.sha256(text.encode()).hexdigest()[:20]}"
@@ -88,10 +90,15 @@ def _direct(text: str, name: str) -> ModuleType:
     return module
 
 
-def _native(text: str, name: str, *, wide: bool = False, fused: bool = True) -> ModuleType:
+def load_steps(source: str, backend: str) -> ModuleType:
+    """As :func:`load`, for a run that controls its own error: rounding may be the machine's."""
+    return load(source, "fused" if backend == "c" and has_wide() else backend)
+
+
+def _native(text: str, name: str, *, flags: tuple[str, ...]) -> ModuleType:
     module = ModuleType(name)
     last = text.rpartition("\ndef ")[2].partition("(")[0]
-    module.__dict__[last] = Native(text, wide=wide, fused=fused)
+    module.__dict__[last] = Native(text, flags)
     return module
 
 
@@ -131,9 +138,10 @@ def _distrust(kept: Any) -> None:
 
 _MAKERS = {
     "numba": _from_file,
-    "c": _native,
-    "wide": partial(_native, wide=True),
-    "even": partial(_native, wide=True, fused=False),
+    "c": partial(_native, flags=PLAIN),
+    "fused": partial(_native, flags=FUSED),
+    "wide": partial(_native, flags=WIDE),
+    "even": partial(_native, flags=EVEN),
 }
 
 

@@ -22,11 +22,14 @@ from ..codegen.c_source import NUMBER, WHOLE, Kind, c_code, lengths
 from ..expression.operations import LIBRARY, WIDTH
 from .disk_cache import cache_dir, is_sound, keep, seal, temporary, whole
 
-_FLAGS = ("-O2", "-fPIC", "-shared", "-fno-math-errno", "-fno-trapping-math")
-_FLAGS += ("-Werror=implicit-function-declaration",)
+PLAIN = ("-O2", "-fPIC", "-shared", "-fno-math-errno", "-fno-trapping-math")
+PLAIN += ("-Werror=implicit-function-declaration",)
+# FUSED and WIDE may round a product and a sum once: values then depend on the machine
+FUSED = (*PLAIN, "-mfma", "-fno-tree-slp-vectorize")  # pairs of numbers cost more than they save
 # for several numbers at once; sine and cosine of one angle would become one call, which the
 # library has for one number only
-_WIDE = ("-O3", *_FLAGS[1:], "-mavx2", "-mfma", "-fno-builtin-cos", "-Wl,-z,defs")
+WIDE = ("-O3", *PLAIN[1:], "-mavx2", "-mfma", "-fno-builtin-cos", "-Wl,-z,defs")
+EVEN = (*WIDE, "-ffp-contract=off")
 _ABLE = """
 #if defined(__clang__) || !defined(__GNUC__)
 #error another compiler does not know the library
@@ -50,24 +53,25 @@ class Native:
     source : str
         A function of floats, whole numbers and arrays in C order, as :func:`c_code` reads it,
         after those that it calls.
-    wide : bool
-        Whether to vectorise its innermost loops; needs :func:`has_wide`.
-    fused : bool
-        Whether a wide loop may round a product and a sum once: values then depend on the machine.
+    flags : tuple of str
+        PLAIN, or, with :func:`has_wide`, FUSED, or WIDE or EVEN to vectorise its innermost loops.
     """
 
-    def __init__(self, source: str, *, wide: bool = False, fused: bool = True) -> None:
-        self.source, self.flags = source, _FLAGS
-        if wide:
-            self.flags = _WIDE if fused else (*_WIDE, "-ffp-contract=off")
-        self._lock, self._made = threading.Lock(), dict[tuple[Kind, ...], Any]()
+    def __init__(self, source: str, flags: tuple[str, ...] = PLAIN) -> None:
+        self.source, self.flags = source, flags
+        self._lock, self._made = threading.Lock(), dict[tuple[Any, ...], Any]()
 
     def __call__(self, *arguments: Any) -> int:
-        kinds = tuple(_kind(i, a) for i, a in enumerate(arguments))
-        with self._lock:
-            if kinds not in self._made:
-                self._made[kinds] = _compiled(self.source, kinds, self.flags)
-        return self._made[kinds](*(part for a in arguments for part in _passed(a)))
+        forms = tuple(
+            [(a.dtype, a.ndim) if isinstance(a, np.ndarray) else type(a) for a in arguments]
+        )
+        passed = [part for i, a in enumerate(arguments) for part in _passed(i, a)]
+        run = self._made.get(forms)
+        if run is None:
+            kinds = tuple(_kind(i, a) for i, a in enumerate(arguments))
+            with self._lock:
+                run = self._made[forms] = _compiled(self.source, kinds, self.flags)
+        return run(*passed)
 
 
 @cache
@@ -88,9 +92,9 @@ def has_wide() -> bool:
     want = np.exp(several)
     try:
         able = c_code("def run(a):\n    a[0] = able()\n", (_kind(0, there),), _ABLE)
-        _loaded(able, _FLAGS)(*_passed(there))
+        _loaded(able, (_kind(0, there),), PLAIN)(*_passed(0, there))
         if there[0] == 1.0:
-            Native(_SEVERAL.format(WIDTH), wide=True)(several)
+            Native(_SEVERAL.format(WIDTH), WIDE)(several)
     except (InputError, OSError):
         return False
     return bool(there[0] == 1.0 and np.allclose(several, want, rtol=1e-14, atol=0.0))
@@ -99,25 +103,29 @@ def has_wide() -> bool:
 def _kind(place: int, value: Any) -> Kind:
     if not isinstance(value, np.ndarray):
         return NUMBER if isinstance(value, float) else WHOLE
-    if not value.flags.c_contiguous or value.dtype.str[1:] not in ("f8", "i8"):
-        raise TypeError(f"argument {place}: {value.dtype}, or in another order")
+    if value.dtype.str[1:] not in ("f8", "i8"):
+        raise TypeError(f"argument {place}: {value.dtype}")
     return Kind("i" if value.dtype.kind == "i" else "d", lengths(place, value.ndim))
 
 
-def _passed(value: Any) -> list[Any]:
-    if isinstance(value, np.ndarray):
-        return [ctypes.c_void_p(value.ctypes.data), *map(ctypes.c_int64, value.shape)]
-    return [ctypes.c_double(value) if isinstance(value, float) else ctypes.c_int64(value)]
+def _passed(place: int, value: Any) -> list[Any]:
+    if not isinstance(value, np.ndarray):
+        return [value]
+    if not value.flags.c_contiguous:
+        raise TypeError(f"argument {place}: in another order")
+    if value.size and value.flags.writeable:  # a tenth of the time of value.ctypes
+        return [ctypes.addressof(ctypes.c_char.from_buffer(value.data)), *value.shape]
+    return [value.ctypes.data, *value.shape]
 
 
 def _compiled(source: str, kinds: tuple[Kind, ...], flags: tuple[str, ...]) -> Any:
-    if flags is _FLAGS:
-        return _loaded(c_code(source, kinds), flags)
+    if flags in (PLAIN, FUSED):
+        return _loaded(c_code(source, kinds), kinds, flags)
     declared = [_KNOWN.format(name, ", double" * (name == "pow")) for name in LIBRARY]
-    return _loaded(c_code(source, kinds, "\n".join(declared)), flags)
+    return _loaded(c_code(source, kinds, "\n".join(declared)), kinds, flags)
 
 
-def _loaded(text: str, flags: tuple[str, ...]) -> Any:
+def _loaded(text: str, kinds: tuple[Kind, ...], flags: tuple[str, ...]) -> Any:
     compiler = _compiler()
     key = repr((text, compiler, flags, platform.machine(), platform.libc_ver()))
     name = f"lugrectl_{hashlib.sha256(key.encode()).hexdigest()[:20]}.c"
@@ -126,8 +134,14 @@ def _loaded(text: str, flags: tuple[str, ...]) -> Any:
     except OSError:  # the disk is full
         made = _made(temporary() / name, text, compiler, flags)
     run = ctypes.CDLL(str(made)).run
-    run.restype = ctypes.c_int64
+    run.restype, run.argtypes = ctypes.c_int64, [t for kind in kinds for t in _types(kind)]
     return run
+
+
+def _types(kind: Kind) -> list[Any]:
+    if kind.shape:
+        return [ctypes.c_void_p, *[ctypes.c_int64] * len(kind.shape)]
+    return [ctypes.c_double if kind == NUMBER else ctypes.c_int64]
 
 
 def _made(path: Path, text: str, compiler: tuple[str, ...], flags: tuple[str, ...]) -> Path:

@@ -39,6 +39,8 @@ def bounded(
     """
     size = max([1.0, *(float(np.max(np.abs(part))) for part in driven if np.size(part))])
     for group, names in zip(rows, labels, strict=True):
+        if not np.size(group) or np.abs(group).max() <= BOUND * size:
+            continue
         found = []
         for row, label in zip(group, names, strict=True):
             k = _beyond(t, row, BOUND * size)

@@ -12,7 +12,7 @@ from ...core.errors import InputError
 from ..codegen.adaptive_step import adaptive_code
 from ..codegen.outputs import output_code
 from .adaptive_run import Adaptive
-from .backend import compiler, kind_of, load
+from .backend import compiler, kind_of, load, load_steps
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Loaded(Adaptive):
         self.program: Any = portable  # runs read only a program's name and labels
         alike = portable.backend == "python"
         self.backend = portable.backend if alike else compiler() or portable.backend
-        self._run = load(portable.run_code, self.backend).run
+        self._run = load_steps(portable.run_code, self.backend).run
         self._outputs = load(portable.output_code, "numpy").outputs
 
     def response(

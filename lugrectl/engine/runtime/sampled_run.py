@@ -16,7 +16,7 @@ from ..codegen.sampled_data import held_code, signal_code
 from ..tracing.network import Net
 from ..tracing.network_equations import Hybrid
 from .adaptive_run import floor_of
-from .backend import compiler, kind_of, load
+from .backend import compiler, kind_of, load, load_steps
 
 _HERE = threading.local()
 FEW = 2000  # grid points; 25 times as many if there are no continuous states
@@ -190,7 +190,7 @@ class Held:
         if backend not in self._runs:
             assert self.hybrid.tick is not None
             text = held_code(self.hybrid, self.hybrid.tick, kind_of(backend))
-            self._runs[backend] = load(text, backend).alternate
+            self._runs[backend] = load_steps(text, backend).alternate
         return self._runs[backend]
 
     def _call(self, backend: str, fixed: Any, now: Any, out: Any, status: np.ndarray) -> int:
