@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lugrectl.record import read_log
+from lugrectl.record.samples import needed_torque
 from lugrectl.record.samples.needed_torque import needed
 from lugrectl.record.samples.usable import usable
 
@@ -32,3 +33,19 @@ def test_a_drive_that_never_turns_back_needs_about_the_torque_that_was_recorded(
     missing = np.abs(fit.missing(log["u"]))
     assert np.nanmax(missing) < np.ptp(log["u"])
     assert np.nanmax(missing[fit.moving]) < 0.1 * np.ptp(log["u"])
+
+
+def test_stretches_of_a_long_log_choose_the_width_that_the_whole_log_chooses(monkeypatch):
+    t = 1e-3 * np.arange(60_000)
+    w = 8.0 * np.sin(3.0 * t) + 5.0 * np.sin(7.7 * t)
+    u = 0.02 * np.gradient(w, t) + 0.3 * np.sign(w) + 0.01 * w
+    random = np.random.default_rng(0)
+    log = {"t": t, "u": u, "w": w + 0.05 * random.standard_normal(len(t))}
+    log = usable(read_log(log))
+    whole = needed(log)
+    monkeypatch.setattr(needed_torque, "_ENOUGH", 10_000)
+    rough, rows = needed_torque._stretches(whole.parts)
+    some = needed(log)
+    assert len(rough) > 5 and 8_000 < len(rows) < 12_000 and rows[-1] > 50_000
+    assert some.width == whole.width > 4
+    np.testing.assert_array_equal(some.torque, whole.torque)

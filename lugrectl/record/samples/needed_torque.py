@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from scipy.signal import oaconvolve
 
 from .clock import FEWEST, typical_step
 from .outliers import bridged
@@ -16,6 +16,8 @@ _WIDTHS = (4, 6, 9, 14, 20, 30, 45, 70)  # samples, half-widths of the windows t
 _LONGEST = 0.15  # s, half-width of the widest window
 _REST = 0.03  # of the top speed; below, friction is not known from the motion
 _ROUNDS = 12  # of the robust fit
+_ENOUGH = 64_000  # rows that choose the width: of a longer log, stretches all along it
+_STRETCH = 16 * _WIDTHS[-1]  # rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,13 +71,38 @@ def needed(log: Stamped, unknown: np.ndarray | None = None) -> Needed | None:
     motion = bridged(motion, ~np.isfinite(motion))
     steps = np.concatenate([np.diff(log.t[p]) for p in parts])
     dt, longest = typical_step(steps), max(p.stop - p.start for p in parts)
-    tried = [
-        _fit(parts, torque, motion, skip, dt, width, x is not None, log.motion == "rotary")
-        for width in _WIDTHS
-        if width * dt <= max(_LONGEST, _WIDTHS[0] * dt) and 6 * width < longest
-    ]
-    found = [(share, fit) for share, fit in filter(None, tried)]
-    share, best = min(found, key=lambda pair: pair[0], default=(1.0, None))
+    widths = [w for w in _WIDTHS if w * dt <= max(_LONGEST, _WIDTHS[0] * dt) and 6 * w < longest]
+    kind = dt, x is not None, log.motion == "rotary"
+    few, rows = _stretches(parts)
+    if few != parts:
+        found = _best(few, torque[rows], motion[rows], skip[rows], widths, *kind)
+        widths = widths if found is None else [found.width]
+    return _best(parts, torque, motion, skip, widths, *kind)
+
+
+def _stretches(parts: tuple[slice, ...]) -> tuple[tuple[slice, ...], np.ndarray]:
+    """Stretches of about as many rows as are enough, one behind the other, and their rows."""
+    every = max(1.0, sum(p.stop - p.start for p in parts) / _ENOUGH)
+    if every == 1.0:
+        return parts, np.zeros(0, dtype=int)
+    step = round(every * _STRETCH)
+    cut = [range(a, min(a + _STRETCH, p.stop)) for p in parts for a in range(p.start, p.stop, step)]
+    cut = [c for c in cut if len(c) >= 4 * FEWEST]
+    ends = np.cumsum([0, *map(len, cut)]).tolist()
+    return tuple(map(slice, ends, ends[1:])), np.concatenate([np.zeros(0, dtype=int), *cut])
+
+
+def _best(
+    parts: Sequence[slice],
+    u: np.ndarray,
+    motion: np.ndarray,
+    skip: np.ndarray,
+    widths: Sequence[int],
+    *kind: Any,
+) -> Needed | None:
+    """The balance that explains most of the torque; None if it is less than half."""
+    tried = [_fit(parts, u, motion, skip, width, *kind) for width in widths]
+    share, best = min(filter(None, tried), key=lambda pair: pair[0], default=(1.0, None))
     return best if share < 0.5 else None
 
 
@@ -84,8 +111,8 @@ def _fit(
     u: np.ndarray,
     motion: np.ndarray,
     skip: np.ndarray,
-    dt: float,
     width: int,
+    dt: float,
     position: bool,
     rotary: bool,
 ) -> tuple[float, Needed] | None:
@@ -166,6 +193,6 @@ def _over(x: np.ndarray, kernel: np.ndarray) -> np.ndarray:
     made = np.full(len(x), np.nan)
     if len(x) > 2 * half:
         middle = x[len(x) // 2]
-        made[half : len(x) - half] = oaconvolve(x - middle, kernel[::-1], "valid")
+        made[half : len(x) - half] = np.convolve(x - middle, kernel[::-1], "valid")
         made[half : len(x) - half] += middle * kernel.sum()
     return made
