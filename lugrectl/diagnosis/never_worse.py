@@ -47,13 +47,18 @@ def refuse_without_inertia(found: Mapping[str, Estimate], declared: Model) -> No
     if declared.J is not None:
         return
     J, unit = found["J"], unit_for("kg m2", declared.motion)
-    low, high = J.ci95 or (0.0, np.inf)
-    if high - low > J.value:
+    if not determines(J):
+        low, high = J.ci95 or (0.0, np.inf)
         raise Refused(
             f"The fit by simulation hardly determines the inertia: {_range(low, high, unit)} fits "
             "about as well.",
             "Record a motion with clear acceleration in both directions, or declare J.",
         )
+
+
+def determines(J: Estimate) -> bool:
+    """Whether an inertia is known well enough to simulate with."""
+    return J.held or J.ci95 is not None and J.ci95[1] - J.ci95[0] <= J.value
 
 
 def _range(low: float, high: float, unit: str) -> str:

@@ -3,7 +3,8 @@
 They are those of the comparison, which knows what noise, background and the shapes of friction do
 to them. Its values are not the best for what it hardly sees, presliding and break-away, so where
 the log is clean they are where a fit by simulation starts. It is valid where the torque that it
-does not predict from sample to sample is below what matters; then its values and intervals stand.
+does not predict from sample to sample is below what matters, and where it determines the inertia
+whatever smooth torque there may be; then its values and intervals stand.
 On any other log it would move the values to where they imitate what no model has.
 """
 
@@ -28,6 +29,7 @@ from ..identification.likelihood.predictor import Predictor
 from ..identification.likelihood.value_discrepancy import with_discrepancy
 from ..identification.selection import ALPHA, Comparison, Named, Valued
 from .compare_laws import beaten, predicted
+from .never_worse import determines
 from .other_law import means_the_same
 from .study import Job, Prepared, Progress, estimates, joint, on_everything
 
@@ -150,7 +152,9 @@ def winner(ready: Prepared, found: Comparison, report: Progress) -> Winner:
     if tried is None or tried.torque_noise < least:
         fitted = _fitted(final if tried is None else tried, final, ready.model, keys)
         if own or fitted.torque_noise < least:
-            return _by_simulation(job, fitted, keys, ready, report)
+            won = _by_simulation(job, fitted, keys, ready, report)
+            if own or determines(won.estimates["J"]):
+                return won
     whole = _at(predictor, start_with | _usable(known.values, model), ready)
     return Winner(job, final, whole, keys, _estimates(whole, known), _joint(whole, known), False)
 
