@@ -96,7 +96,7 @@ def _change(x: dict[str, np.ndarray], act: str, change: Any, values: Values) -> 
     if act == name:
         x[name] = (1.0 + x[name]) * (1.0 + change) - 1.0
     else:
-        x[name] = x[name] + change / max(values[name], 1e-12)
+        x[name] = x[name] + change / np.maximum(values[name], 1e-12)
 
 
 def _changed(values: Values, x: Mapping[str, np.ndarray], zero: np.ndarray) -> dict[str, Any]:
@@ -165,7 +165,7 @@ def _outputs(
     if known and key in known:
         return known[key]
     out = block(*_read(block, signals), **own)[: len(block.fresh)]
-    made = [np.broadcast_to(o, log.t.shape) for o in out]
+    made = [np.broadcast_to(o, np.broadcast_shapes(np.shape(o), log.t.shape)) for o in out]
     if known is not None:
         known[key] = made
     return made

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -48,12 +49,20 @@ class Predictor:
         self.inside = frozenset(p.key for p in traced)
         self.levels = tuple(n for n in LEVELS if n == "J" or n in model.friction.values)
         self.core = replace(model, effects=tuple(traced))
-        block = assemble(self.core, levels=("torque", *self.levels), sensed=True)
-        values: dict[str, Any] = self.core.known()
-        self.lanes = Lanes(block.bare(**values), outputs=["theta_m", "w_m"])
-        self.keys = [name.split(".", 1)[1] for name in self.lanes.parameters]
         self.substeps = max(1, int(np.ceil(data.dt / STEP - 1e-9)))
         self._runs: Memory = {}
+
+    @cached_property
+    def lanes(self) -> Lanes:
+        """The plant as the engine runs it; a torque along the log needs none."""
+        block = assemble(self.core, levels=("torque", *self.levels), sensed=True)
+        values: dict[str, Any] = self.core.known()
+        return Lanes(block.bare(**values), outputs=["theta_m", "w_m"])
+
+    @cached_property
+    def keys(self) -> list[str]:
+        """The plant's parameters, in the order of the engine."""
+        return [name.split(".", 1)[1] for name in self.lanes.parameters]
 
     def like(self, model: Model) -> Predictor:
         """The same traced plant with a model that states other bounds."""
