@@ -14,7 +14,8 @@ from ..core.errors import InputError, Refused
 from ..core.numeric import rms
 from ..core.option_names import option
 from ..estimates.findings import Estimate, Finding, FrictionMap
-from ..friction_maps.curve import Curve, fit
+from ..friction_maps.curve import Curve
+from ..friction_maps.fit import fit
 from ..friction_maps.low_speed import as_shown, may_fall, slower, without_fall
 from ..friction_maps.noise import noise_of
 from ..friction_maps.points import Points, is_steady, points, refuse_narrow
@@ -206,8 +207,8 @@ def errors_of(fits: Fits, final: Curve) -> dict[str, Any]:
     declared = None
     if None not in given.values():
         values = base.values | {k: v for k, v in given.items() if v is not None}
-        declared = rms(replace(base, values=values).missed(test))
-    refitted, augmented = rms(base.missed(test)), rms(final.missed(test))
+        declared = rms(replace(base, values=values).on(test).residual)
+    refitted, augmented = rms(base.on(test).residual), rms(final.on(test).residual)
     return {
         "signal": "u",
         "unit": unit_for("N m", fits.declared.motion),

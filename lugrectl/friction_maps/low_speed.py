@@ -12,7 +12,8 @@ import numpy as np
 
 from ..blocks.block import unit_for
 from ..blocks.model import Model
-from .curve import Curve, fit
+from .curve import Curve
+from .fit import fit
 from .select import CHANCE, by_chance
 
 FALL = ("Fs", "vs")

@@ -41,13 +41,14 @@ class Points:
         return all(self.path) and not all(path.whole_turns for path in self.path)
 
     def rows(self, torque: np.ndarray) -> np.ndarray:
-        """Means of a torque in the runs, from that at the points; from that along all paths the
-        means, followed by the differences in the runs."""
+        """Means of torques (..., n) in the runs, from those at the points; from those along all
+        paths the means, followed by the differences in the runs."""
         if not self.over_angle:
             return torque
         ends = np.cumsum([len(path.theta) for path in self.path])
-        parts = zip(self.path, np.split(torque, ends[:-1]), strict=True)
-        return np.array([path.rows @ part for path, part in parts]).T.ravel()
+        parts = zip(self.path, np.split(torque, ends[:-1], axis=-1), strict=True)
+        made = np.stack([part @ path.rows.T for path, part in parts], axis=-1)
+        return made.reshape(*torque.shape[:-1], -1)
 
     def only(self, which: np.ndarray) -> Points:
         return Points(*(values[which] for values in vars(self).values()))

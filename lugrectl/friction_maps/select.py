@@ -18,7 +18,8 @@ from ..identification.candidates.applicable import worth_trying
 from ..identification.candidates.search_ranges import grid_of, sets_of
 from ..identification.likelihood.parameters import typical
 from ..identification.selection import LEAST
-from .curve import Curve, fit, hangs_on_angle
+from .curve import Curve, hangs_on_angle
+from .fit import fit
 from .points import Points, laid, straight
 
 CHANCE = 0.01  # probability that any effect is named although nothing is missing
@@ -74,8 +75,10 @@ def choose(base: Curve, say: Callable[[str], None], simpler: Curve | None = None
 
 
 def _best(ends: Sequence[End]) -> End:
-    """The end that explains most for its number of values."""
-    return min(ends, key=lambda end: price(end[1]))
+    """The end with the fewest values of those that explain most for their number."""
+    least = min(price(curve) for _, curve in ends)
+    even = [end for end in ends if price(end[1]) < least + ALIKE]
+    return min(even, key=lambda end: (len(end[1].coords), price(end[1])))
 
 
 def price(curve: Curve) -> float:
@@ -177,20 +180,22 @@ def left_over(curve: Curve, seed: int) -> bool:
     ranks = rankdata(curve.residual / curve.sigma[: len(curve.at.w)])
     sizes, e = [np.abs(curve.at.w[o]) for o in order], norm.ppf(ranks / (len(ranks) + 1.0))
     draw = np.random.default_rng(seed)
-    seen = _alike(sizes, [e[o] for o in order])
-    drawn = [_alike(sizes, [draw.permutation(e[o]) for o in order]) for _ in range(DRAWS)]
-    rare = (1 + np.sum(np.array(drawn) >= seen, axis=0)) / (DRAWS + 1)
+    drawn = [draw.permuted(np.tile(e[o], (DRAWS, 1)), axis=1) for o in order]
+    drawn = [np.concatenate([e[o][None], d]) for o, d in zip(order, drawn, strict=True)]
+    alike = _alike(sizes, drawn)  # the first are the residuals as they are
+    rare = np.mean(alike >= alike[:, :1], axis=1)
     size = float(np.std(curve.residual)) / float(np.std(curve.at.u))
     return bool(min(rare) <= 0.5 * CHANCE_LEFT and size > LEAST)
 
 
-def _alike(sizes: Sequence[np.ndarray], ways: Sequence[np.ndarray]) -> tuple[float, float]:
-    """How alike residuals of neighbours in speed are, and those of the two directions."""
-    beside = sum(float(np.sum(e[1:] * e[:-1])) for e in ways)
-    if not all(map(len, ways)):
-        return beside, -np.inf
-    there = np.interp(sizes[0], sizes[1], ways[1])
-    return beside, abs(float(np.sum(ways[0] * there)))
+def _alike(sizes: Sequence[np.ndarray], ways: Sequence[np.ndarray]) -> np.ndarray:
+    """How alike residuals (draws, n) of neighbours in speed are, and those of the two directions;
+    (2, draws)."""
+    beside = np.sum([np.sum(e[:, 1:] * e[:, :-1], axis=1) for e in ways], axis=0)
+    if not all(map(len, sizes)):
+        return np.array([beside])
+    there = ways[1] @ [np.interp(sizes[0], sizes[1], one) for one in np.eye(len(sizes[1]))]
+    return np.array([beside, np.abs(np.sum(ways[0] * there, axis=1))])
 
 
 def _with(current: Curve, name: str) -> Curve:
@@ -199,11 +204,10 @@ def _with(current: Curve, name: str) -> Curve:
     model = current.model.with_effect(name, {k: p.value for k, p in made.own.items()})
     key = model.effects[-1].key
     starts = [
-        plant
-        | {k: v for k, v in own.items() if k in plant}
+        current.values
+        | {k: v for k, v in own.items() if k in current.values}
         | {f"{key}.{k}": float(own.get(k, p.value)) for k, p in made.own.items()}
         for own in _starts(current, made)
-        for plant in (current.values, current.anchor)
     ]
     return fit(model, current.at, starts, current.anchor, current.opened, current.apart)
 
@@ -279,9 +283,6 @@ def started(model: Model, at: Points) -> list[dict[str, float]]:
     for part in model.effects:
         default[f"{part.key}.{part.block.gain}"] = _little(part.block, at, model.motion)
     whole = {k: float(v) for k, v in (default | guess | known).items() if k in given}
-    falls = np.quantile(size, [0.05, 0.15, 0.3, 0.5]) if "vs" in given else []
-    elsewhere = [whole | {"vs": float(vs)} for vs in falls]
-    starts = elsewhere if "vs" in given and "vs" not in known else [whole, *elsewhere]
     turned = [k for k, p in model.declarations().items() if p.angle and k not in known]
     phases = [dict(zip(turned, one, strict=True)) for one in product(QUARTERS, repeat=len(turned))]
-    return [start | phase for start in starts for phase in phases]
+    return [whole | phase for phase in phases]
