@@ -161,7 +161,6 @@ ROUNDS_OF_LOAD = 2  # rounds of the load on which friction depends
 
 # Runs compared
 MOST_RUNS_COMPARED = 20  # more runs are not compared one by one
-SPREADS = 2.0  # standard deviations that two runs may differ by chance
 ALIKE = 0.03  # and this share beyond that
 ANOTHER_FRICTION = 0.1  # friction that differs by less is not said
 
