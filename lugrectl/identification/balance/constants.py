@@ -32,7 +32,6 @@ LATTICE = 0.8  # a channel with more different values than this share is not qua
 TOP_OF_SPECTRUM = (0.3, 0.48)  # frequencies where only noise is left, times the rate
 NO_NOISE = 1e-12  # a standard deviation is never taken below this
 WINDOWS_FOR_NOISE = 10.0  # windows for each term from which a residual bounds the noise of u
-NOT_NOISE = 0.1  # more than this share of u is no noise: u is faster than the log
 MOST_OF_A_TERM = 0.8  # noise takes at most this share off the information of a term
 MOST_OF_A_DERIVATIVE = 0.5  # the same for the derivatives of u
 ONE_SOURCE = 0.5  # noise of two signals that is more coherent than this has one source

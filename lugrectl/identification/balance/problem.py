@@ -14,9 +14,11 @@ from .constants import (
     DELAY_SAMPLES,
     DELAY_SECONDS,
     FEWEST_SAMPLES,
+    LONGEST_SHARE,
     REST_IN_NOISE,
     REST_IN_SPEED,
     STEADY,
+    WIDTHS,
 )
 from .declared import DELAY, Use, held_terms, uses_of
 from .fit import Setting
@@ -24,7 +26,7 @@ from .friction_shapes import with_rest
 from .motion import Sensors, with_speed
 from .speed_channel import Comparison, sensors_of
 from .steady import as_points, evenly, steady, width_of_map
-from .terms import Term, Travel, plain_terms, travel_of, turns_enough, widths_of
+from .terms import Term, Travel, plain_terms, travel_of, turns_enough
 from .track import Track, tracks_of
 from .windows import Source
 
@@ -168,7 +170,14 @@ def _moving(seen: Seen, model: Model, held: Mapping[str, float]) -> Ground:
             prior, delay = (DECLARED_DELAY, 0.0) if known is None else (0.0, known)
     travel = travel_of(seen.tracks, across=False)
     setting = Setting(rest, prior, delay=delay)
-    return _with_terms(seen, model, held, travel, widths_of(seen.tracks), setting)
+    return _with_terms(seen, model, held, travel, widths_of(seen.tracks, dt), setting)
+
+
+def widths_of(tracks: Sequence[Track], dt: float) -> list[float]:
+    """Half-widths in s that the sample time and the longest stretch allow."""
+    longest = max(p.duration for p in tracks)
+    widths = [L for L in WIDTHS if L >= FEWEST_SAMPLES * dt and L < LONGEST_SHARE * longest]
+    return widths or [min(max(FEWEST_SAMPLES * dt, WIDTHS[0]), longest / 3)]
 
 
 def _map(seen: Seen, model: Model, held: Mapping[str, float]) -> Ground:

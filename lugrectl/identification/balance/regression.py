@@ -10,7 +10,7 @@ P the prior, l_i the torque that a window near rest leaves open. Everything is i
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,7 +22,6 @@ from .constants import (
     MOST_OF_A_DERIVATIVE,
     MOST_OF_A_TERM,
     MOSTLY_AT_REST,
-    NOT_NOISE,
     PASSES,
     PASSES_NEARBY,
     ROBUST_PASSES,
@@ -62,6 +61,11 @@ class Problem:
     noise_y: float
     derivatives: int = 0
 
+    def with_noise_of_u(self, share: float) -> Problem:
+        """With a share of the noise of u."""
+        noise = np.where(self.own, self.noise, share * self.noise)
+        return replace(self, noise=noise, shared=share * self.shared, noise_y=share * self.noise_y)
+
     @property
     def own(self) -> np.ndarray:
         """True for the columns that are no derivatives of u."""
@@ -91,7 +95,6 @@ class Solution:
 
 def solve(problem: Problem, weights: np.ndarray | None = None) -> Solution:
     """The fit, starting from the Student weights of a fit nearby, or from ones."""
-    problem = _believable(problem)
     y, X, rest = problem.y, problem.X, problem.rest
     size = float(np.mean(y**2))
     open_torque = (problem.level * rest) ** 2 + (rest > MOSTLY_AT_REST) * HUGE * size
@@ -122,23 +125,6 @@ def weights_near(problem: Problem, p: np.ndarray) -> np.ndarray:
     r = problem.y - problem.X @ p
     s2 = (MAD * np.median(np.abs(r))) ** 2 + 1e-300
     return (STUDENT + 1) / (STUDENT + r**2 / (s2 + (problem.level * problem.rest) ** 2))
-
-
-def _believable(problem: Problem) -> Problem:
-    """Without noise of u where it would be a large part of u: then u is faster than the log."""
-    if problem.noise_y <= NOT_NOISE * np.mean(problem.y**2):
-        return problem
-    return Problem(
-        problem.y,
-        problem.X,
-        problem.prior,
-        problem.level,
-        problem.rest,
-        problem.noise * problem.own,
-        0 * problem.shared,
-        0.0,
-        problem.derivatives,
-    )
 
 
 def _noise(problem: Problem, total: float, H: np.ndarray, P: np.ndarray) -> tuple:

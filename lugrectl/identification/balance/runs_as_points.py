@@ -24,7 +24,6 @@ from .constants import (
     BEND_OF_MAP,
     CONFIDENCE,
     DIP_OF_MAP,
-    DIP_SPEEDS,
     FLOOR_OF_FRICTION,
     LEAST_COLUMN,
     OVERLAP,
@@ -36,11 +35,11 @@ from .constants import (
 from .covariance import memory
 from .fit import Fit
 from .friction_curve import friction_torque
-from .friction_shapes import Bend, Dip
+from .friction_shapes import dips
 from .interval import of_scale
 from .problem import Ground
 from .result import CurvePoint
-from .terms import Term
+from .terms import Term, drag
 from .windows import Windows
 
 SAME = 1e-6  # of a column, to which rounding leaves of it what is another already
@@ -200,9 +199,9 @@ def _shapes(
     if "Fc" not in made.names:
         return [], []
     lowest = max(0.5 * float(np.min(np.abs(made.windows.w))), SLOWEST_DIP * ground.speed)
-    speeds = np.geomspace(lowest, max(0.25 * ground.speed, 1.01 * lowest), DIP_SPEEDS)
-    terms = [Term("dip", Dip(float(v), n), friction=True) for v in speeds for n in (1, 2)]
-    terms += [Term("dip", Bend(ground.speed), friction=True)] if "Fv" in made.names else []
+    terms = list(dips(ground.speed, lowest))
+    drags = [Term("dip", drag(ground.speed), friction=True)] if "Fv" in made.names else []
+    terms += drags
     all_of = ground.source.windows(made.half_width, terms, made.setting.rest, made.delay)
     if all_of is None:
         return [], []
@@ -211,7 +210,7 @@ def _shapes(
     for term, column in zip(terms, all_of.X.T, strict=True):
         if np.abs(column).max() <= LEAST_COLUMN or _inside(made.windows.X, column):
             continue
-        size = bend if isinstance(term.column, Bend) else fall
+        size = bend if term in drags else fall
         own = Rows.of(made.windows, np.c_[made.windows.X, column], rows.share, rows.own)
         dip = points(own, np.append(made.problem.prior, size), least)
         shapes.append((term, column))

@@ -5,7 +5,7 @@ u = ... + Fc sign(w - w0) + Fv (w - w0),    w0 by Gauss and Newton
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,39 +22,31 @@ from .constants import (
     WHOLLY,
 )
 from .estimate import first_fit
-from .fit import Fit, fit, regress
+from .fit import Fit, fit, tried
 from .friction_shapes import with_rest
 from .motion import with_speed
 from .problem import Ground
 from .regression import densities
-from .terms import Term
+from .terms import Column, Term
 from .track import Track
 from .windows import Source
 
 KEY = "w_offset"
 
 
-@dataclass(frozen=True)
-class Shifted:
+def shifted(offset: float) -> Column:
     """sign(w - offset)."""
-
-    offset: float
-
-    def __call__(self, track: Track) -> np.ndarray:
-        return np.sign(track.speed - self.offset)
+    return lambda track: np.sign(track.speed - offset)
 
 
-@dataclass(frozen=True)
-class Slope:
+def slope(Fc: float, Fv: float, step: float) -> Column:
     """Derivative of Fc sign(w - w0) + Fv (w - w0) with w0, by a difference over ``step``."""
 
-    Fc: float
-    Fv: float
-    step: float
+    def column(track: Track) -> np.ndarray:
+        ends = np.sign(track.speed - step) - np.sign(track.speed + step)
+        return Fc * ends / (2 * step) - Fv
 
-    def __call__(self, track: Track) -> np.ndarray:
-        ends = np.sign(track.speed - self.step) - np.sign(track.speed + self.step)
-        return self.Fc * ends / (2 * self.step) - self.Fv
+    return column
 
 
 def with_offset(ground: Ground) -> Ground:
@@ -100,23 +92,12 @@ def _by_window(made: Fit) -> dict[tuple[int, float], tuple[float, float]]:
 
 def _likely(ground: Ground, plain: Fit) -> float:
     """The most likely offset of a coarse grid, on the windows of one width."""
-    terms, m = list(plain.terms), len(plain.terms)
-    place = plain.names.index("Fc")
     offsets = ground.speed * np.linspace(-MOST_OFFSET, MOST_OFFSET, OFFSETS)
-    shapes = [Term("Fc", Shifted(float(x)), friction=True) for x in offsets]
-    windows = ground.source.windows(
-        plain.half_width, [*terms, *shapes], plain.setting.rest, plain.windows.delay
-    )
-    if windows is None:
-        return 0.0
-    best, score = 0.0, plain.score
-    for i, offset in enumerate(offsets):
-        picked = [m + i if k == place else k for k in range(m)]
-        named = [shapes[i] if k == place else term for k, term in enumerate(terms)]
-        tried = regress(windows.only(picked), named, plain.setting, plain.delay, plain)
-        if tried.score > score:
-            best, score = float(offset), tried.score
-    return best
+    shapes = {Term("Fc", shifted(x), friction=True): x for x in offsets.tolist()}
+    place = plain.names.index("Fc")
+    _, others = tried(ground.source, plain, list(shapes), place)
+    best = max(others, key=lambda f: f.score, default=plain)
+    return shapes[best.terms[place]] if best.score > plain.score else 0.0
 
 
 def _refined(ground: Ground, plain: Fit, offset: float) -> tuple[Ground, Fit | None]:
@@ -142,7 +123,7 @@ def _about(ground: Ground, offset: float, levels: Fit) -> Ground:
     tracks, speed, noise = with_speed(ground.tracks, sensors)
     rest = max(REST_IN_NOISE * noise, REST_IN_SPEED * speed)
     tracks = with_rest(tracks, rest)
-    term = Term(KEY, Slope(levels.value("Fc"), levels.value("Fv"), rest))
+    term = Term(KEY, slope(levels.value("Fc"), levels.value("Fv"), rest))
     return replace(
         ground,
         source=Source(tracks, sensors, ground.source.held),

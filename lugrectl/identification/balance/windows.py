@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -65,6 +66,11 @@ class Windows:
     dt: float
     largest: float
     delay: float
+
+    @cached_property
+    def torque(self) -> float:
+        """RMS of the torque: of u, or of what is held known where u is 0."""
+        return float(np.sqrt(max(np.mean(self.u**2), np.mean(self.y**2)))) + 1e-300
 
     def is_dead(self) -> bool:
         """True if the torque is 0 in all but a few windows, and none of it is held."""
