@@ -23,7 +23,7 @@ from .interval import interval
 from .load_torque import with_load
 from .problem import Ground
 from .result import CurvePoint
-from .runs_as_points import curve_of_runs, of_runs
+from .runs_as_points import of_runs
 from .terms import ECCENTRICITY, Term, near_rest
 from .windows import Source
 
@@ -55,7 +55,7 @@ def estimate(ground: Ground) -> Estimated | None:
         return None
     if ground.is_map:
         whole = of_runs(ground, made)
-        return Estimated(whole.fit, whole.V, whole.freedom, whole.notes, curve_of_runs(whole))
+        return Estimated(whole.fit, whole.V, whole.freedom, whole.notes, whole.curve())
     (made, *rivals), notes = _late_or_not(ground, _shaped(ground, made))
     V = interval(ground.source, ground.widths, made, rivals, ground.travel, ground.model.motion)
     return Estimated(made, V, _freedom(made), notes)

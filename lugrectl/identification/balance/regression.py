@@ -33,22 +33,13 @@ from .constants import (
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What is regressed.
+    """What is regressed: ``y`` (n,) on ``X`` (n, m), whose last ``derivatives`` columns are
+    derivatives of u.
 
-    Attributes
-    ----------
-    y, X : ndarray (n,), (n, m)
-        Torque and columns; the last ``derivatives`` columns are derivatives of u.
-    prior : ndarray (m,)
-        Standard deviations of the coefficients around 0.
-    level : float
-        Sliding torque, which a window at rest leaves open.
-    rest : ndarray (n,)
-        Share of each window at rest.
-    noise, shared : ndarray (m,)
-        Variance of the noise of each column, and its covariance with that of y.
-    noise_y : float
-        Variance of the noise of y.
+    ``prior`` (m,) are standard deviations of the coefficients around 0, ``level`` is the sliding
+    torque, which a window at rest leaves open, ``rest`` (n,) the share of each window at rest.
+    ``noise``, ``shared`` (m,) are the variance of the noise of each column, and its covariance
+    with that of y, whose variance is ``noise_y``.
     """
 
     y: np.ndarray
@@ -74,19 +65,14 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Coefficients ``p``, residual ``r``, Student weights ``t`` and scale ``s2``.
-
-    ``H`` is X' W X, ``A`` the matrix that was solved, ``N`` what was taken off it,
-    ``P`` the prior's diagonal, ``c`` the shared noise that was taken off, ``variance`` the
-    scale of each window.
-    """
+    """Coefficients ``p``, residual ``r``, Student weights ``t``, the scale of each window
+    (``variance``), and the matrices: ``A`` that was solved, ``N`` taken off it, ``P`` the prior's
+    diagonal, ``c`` the shared noise that was taken off."""
 
     p: np.ndarray
     r: np.ndarray
     t: np.ndarray
-    s2: float
     variance: np.ndarray
-    H: np.ndarray
     A: np.ndarray
     N: np.ndarray
     P: np.ndarray
@@ -96,8 +82,8 @@ class Solution:
 def solve(problem: Problem, weights: np.ndarray | None = None) -> Solution:
     """The fit, starting from the Student weights of a fit nearby, or from ones."""
     y, X, rest = problem.y, problem.X, problem.rest
-    size = float(np.mean(y**2))
-    open_torque = (problem.level * rest) ** 2 + (rest > MOSTLY_AT_REST) * HUGE * size
+    huge = (rest > MOSTLY_AT_REST) * HUGE * np.mean(y**2)
+    open_torque = (problem.level * rest) ** 2 + huge
     least = FLOOR_OF_NOISE * problem.noise_y + (FLOOR_OF_FRICTION * problem.level) ** 2
     slides = rest < SLIDING
     slides = slides if slides.sum() > 5 * X.shape[1] else np.ones(len(y), bool)
@@ -114,17 +100,22 @@ def solve(problem: Problem, weights: np.ndarray | None = None) -> Solution:
         s = _scale(r[slides], s2, least, robust=i < ROBUST_PASSES)
         step = new - p
         settled = abs(s / s2 - 1) < SETTLED and step @ A @ step < SETTLED**2
-        p, s2, t = new, s, (STUDENT + 1) / (STUDENT + r**2 / (s + open_torque))
+        p, s2, t = new, s, student(r, s + open_torque)
         if settled and i > 2:
             break
-    return Solution(p, r, t, s2, s2 + open_torque, H, A, N, P, c)
+    return Solution(p, r, t, s2 + open_torque, A, N, P, c)
+
+
+def student(r: np.ndarray, variance: np.ndarray | float) -> np.ndarray:
+    """Student weights (nu + 1) / (nu + r^2 / variance)."""
+    return (STUDENT + 1) / (STUDENT + r**2 / variance)
 
 
 def weights_near(problem: Problem, p: np.ndarray) -> np.ndarray:
     """Student weights of the residual of given coefficients."""
     r = problem.y - problem.X @ p
     s2 = (MAD * np.median(np.abs(r))) ** 2 + 1e-300
-    return (STUDENT + 1) / (STUDENT + r**2 / (s2 + (problem.level * problem.rest) ** 2))
+    return student(r, s2 + (problem.level * problem.rest) ** 2)
 
 
 def _noise(problem: Problem, total: float, H: np.ndarray, P: np.ndarray) -> tuple:
@@ -135,12 +126,10 @@ def _noise(problem: Problem, total: float, H: np.ndarray, P: np.ndarray) -> tupl
     most = np.where(problem.own, 1.0, MOST_OF_A_DERIVATIVE)
     noise = np.minimum(problem.noise * total, most * np.diag(H))
     ratio = problem.shared / np.where(problem.noise > 0, problem.noise, 1.0)
-    if noise @ np.diag(np.linalg.inv(H + np.diag(P))) < MOST_OF_A_TERM:  # above the largest share
-        return np.diag(noise), noise * ratio
-    root = np.linalg.cholesky(H + np.diag(P))
-    share, E = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, np.diag(noise)).T))
     N = np.diag(noise)
-    if share[-1] > MOST_OF_A_TERM:
+    if noise @ np.diag(np.linalg.inv(H + np.diag(P))) > MOST_OF_A_TERM:  # above the largest share
+        root = np.linalg.cholesky(H + np.diag(P))
+        share, E = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, N).T))
         E = root @ E
         N = (E * np.minimum(share, MOST_OF_A_TERM)) @ E.T
     return N, N @ ratio
@@ -154,7 +143,7 @@ def _scale(r: np.ndarray, s2: float, least: float, robust: bool) -> float:
     """
     if robust:
         return max((MAD * np.median(np.abs(r))) ** 2, least) + 1e-300
-    w = (STUDENT + 1) / (STUDENT + r**2 / s2)
+    w = student(r, s2)
     return max(float(np.sum(w * r**2) / np.sum(w)), least) + 1e-300
 
 
@@ -164,10 +153,6 @@ def log_density(solution: Solution) -> float:
 
 
 def densities(solution: Solution) -> np.ndarray:
-    """Log of the density of the residual in each window (n,)."""
-    from scipy.special import gammaln  # slow to import
-
-    nu = STUDENT
-    one = gammaln((nu + 1) / 2) - gammaln(nu / 2) - 0.5 * np.log(nu * np.pi)
-    v = solution.variance
-    return one - 0.5 * np.log(v) - (nu + 1) / 2 * np.log1p(solution.r**2 / (nu * v))
+    """Log of the density of the residual in each window (n,), up to a constant."""
+    v, nu = solution.variance, STUDENT
+    return -0.5 * np.log(v) - (nu + 1) / 2 * np.log1p(solution.r**2 / (nu * v))

@@ -76,18 +76,16 @@ def _gain(made: Fit, plain: Fit) -> float:
 
     Windows at rest have an open torque: a fit without rest is not more likely for that.
     """
-    one, other = (_by_window(f) for f in (made, plain))
-    both = [k for k in one if k in other and max(one[k][1], other[k][1]) < SLIDING]
-    gain = sum(one[k][0] - other[k][0] for k in both)
+    one, other = (
+        {k: i for i, k in enumerate(zip(f.windows.piece, f.windows.t, strict=True))}
+        for f in (made, plain)
+    )
+    both = [k for k in one if k in other]
+    i, j = [one[k] for k in both], [other[k] for k in both]
+    moves = np.maximum(made.windows.rest[i], plain.windows.rest[j]) < SLIDING
+    gain = (densities(made.solution)[i] - densities(plain.solution)[j])[moves]
     J, before = (abs(f.value("J", 1.0)) + 1e-300 for f in (made, plain))
-    return gain + len(both) * float(np.log(J / before))
-
-
-def _by_window(made: Fit) -> dict[tuple[int, float], tuple[float, float]]:
-    """Log density and share of rest by piece and time."""
-    d = made.windows
-    rows = zip(d.piece, d.t, densities(made.solution), d.rest, strict=True)
-    return {(int(piece), float(t)): (float(p), float(rest)) for piece, t, p, rest in rows}
+    return float(np.sum(gain) + len(gain) * np.log(J / before))
 
 
 def _likely(ground: Ground, plain: Fit) -> float:
