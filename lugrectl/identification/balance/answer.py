@@ -8,7 +8,7 @@ import numpy as np
 from scipy import stats
 
 from ...estimates.findings import Estimate
-from .constants import CONFIDENCE, SHARE_OF_TORQUE, SHARE_OF_VALUE, SLIDES, STEEP
+from .constants import LITTLE, QUARTER, SMALL, STEEP, TOP
 from .contradictions import contradictions, left_of, one_direction
 from .estimate import Estimated
 from .fit import Fit
@@ -18,7 +18,7 @@ from .problem import Ground
 from .result import Balance, Combination, Residual
 from .speed_offset import KEY as OFFSET
 
-TWO_SIDED = 0.5 + CONFIDENCE / 2
+TWO_SIDED = 0.5 + TOP / 2
 CONSTANT, SLOPE, BEND = "constant_torque", "slope", "bend"
 ONE_WAY = (
     "The motion goes in one direction: to separate Fc from a constant torque, record the other "
@@ -74,7 +74,7 @@ def answer(ground: Ground, found: Estimated) -> Balance:
         covariance=_joint(G @ V @ G.T, tach_V),
         is_map=ground.is_map,
         half_width=made.half_width,
-        residual=Residual(d.t, d.run, made.r, d.rest < SLIDES),
+        residual=Residual(d.t, d.run, made.r, d.rest < LITTLE),
         refused=against.notes[0] if against.impossible else "",
         blind=ground.blind,
     )
@@ -99,7 +99,7 @@ def _sums(
     both = np.zeros(len(made.p))
     both[[made.names.index(CONSTANT), made.names.index(BEND)]] = 1.0
     value, half = float(both @ made.p), quantile * float(np.sqrt(both @ V @ both))
-    if half >= max(SHARE_OF_TORQUE * made.torque, SHARE_OF_VALUE * abs(value)):
+    if half >= max(SMALL * made.torque, QUARTER * abs(value)):
         return sums, []
     text = f"constant_torque + gravity at {ground.travel.middle:.3g} rad"
     mixed = Combination(text, value, "N m", (value - half, value + half), "record other angles")

@@ -10,7 +10,7 @@ import numpy as np
 from ...blocks.model import Model
 from ...core.option_names import option
 from ...record.stretches import Stretch
-from .constants import ALIKE, ANOTHER_FRICTION, MOST_RUNS_COMPARED, SHARE_OF_VALUE
+from .constants import ALIKE, LITTLE, MOST_RUNS, QUARTER
 from .estimate import first_fit
 from .problem import Ground, ground_of
 from .result import LEVELS
@@ -42,7 +42,7 @@ class Levels:
 
     @property
     def known(self) -> np.ndarray:
-        return self.error < SHARE_OF_VALUE
+        return self.error < QUARTER
 
     def agrees(self, other: Levels, ratios: np.ndarray | float = 1.0) -> bool:
         """Whether ratios explain how all that is known of both runs differs."""
@@ -63,7 +63,7 @@ class Unlike:
 def unlike(stretches: Sequence[Stretch], model: Model, names: Sequence[str]) -> Unlike:
     """The runs that contradict the others; ``names`` are those of the runs."""
     runs = sorted({s.run for s in stretches})
-    if not 2 <= len(runs) <= MOST_RUNS_COMPARED:
+    if not 2 <= len(runs) <= MOST_RUNS:
         return Unlike()
     with np.errstate(all="ignore"):
         each = [_levels([s for s in stretches if s.run == run], model) for run in runs]
@@ -144,6 +144,6 @@ def _another_friction(one: Levels, reference: Levels, name: str, usual: str) -> 
     chance = np.hypot(one.error[1], reference.error[1]) * (1 + abs(change))
     if not (one.known & reference.known)[1] or change < -1:
         return []
-    if abs(change) < ANOTHER_FRICTION + chance:
+    if abs(change) < LITTLE + chance:
         return []
     return [FRICTION.format(name, 100 * abs(change), "more" if change > 0 else "less", usual)]

@@ -10,7 +10,7 @@ import numpy as np
 from ...core.display import between
 from ...core.option_names import option
 from ...estimates.findings import Estimate
-from .constants import ALL_LEFT, LITTLE, SHARE_OF_TORQUE, SLIDES
+from .constants import ALL_LEFT, LITTLE, SMALL
 from .fit import Fit
 from .result import LEVELS
 
@@ -75,12 +75,12 @@ def contradictions(
     w, loss = made.windows.w, _loss(made, V, quantile)
     if high.get("J", 1.0) < 0 and high.get("Fc", 1.0) < 0:
         return _nothing(BOTH_NEGATIVE + turn)
-    idle = "J" in below and high["J"] * share["J"] < SHARE_OF_TORQUE
+    idle = "J" in below and high["J"] * share["J"] < SMALL
     hardly = high.get("Fc", 0.0) < LITTLE * made.torque
-    if idle and hardly and loss < SHARE_OF_TORQUE * made.torque * np.mean(np.abs(w)):
+    if idle and hardly and loss < SMALL * made.torque * np.mean(np.abs(w)):
         return _nothing(FOLLOWS + turn)
     negative = {k: e for k, e in known.items() if high[k] < 0}
-    refused = {k for k in below if high[k] * share[k] > SHARE_OF_TORQUE or high[k] < 0}
+    refused = {k for k in below if high[k] * share[k] > SMALL or high[k] < 0}
     notes = [
         NEGATIVE.format(k, between(e.ci95)) for k, e in negative.items() if k != "J" and e.ci95
     ]
@@ -108,7 +108,7 @@ def _loss(made: Fit, V: np.ndarray, quantile: float) -> float:
 def left_of(made: Fit) -> float | None:
     """RMS of the residual as a share of the RMS torque, over sliding windows; of a map, whose runs
     are points, over the means of the runs."""
-    slides = made.windows.rest < SLIDES
+    slides = made.windows.rest < LITTLE
     if slides.sum() <= 5:
         return None
     size = np.sqrt(np.mean(made.windows.u[slides] ** 2)) or made.torque
@@ -120,5 +120,5 @@ def left_of(made: Fit) -> float | None:
 
 def one_direction(made: Fit) -> bool:
     """Whether the sliding windows all go one way."""
-    w = made.windows.w[made.windows.rest < SLIDES]
+    w = made.windows.w[made.windows.rest < LITTLE]
     return not (np.any(w > 0) and np.any(w < 0))

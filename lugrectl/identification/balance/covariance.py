@@ -8,14 +8,12 @@ from itertools import pairwise
 import numpy as np
 
 from .constants import (
-    BLOCK_MEMORIES,
-    COHERENT_BLOCKS,
-    FEWEST_BLOCKS,
-    FEWEST_RUNS,
-    FORGOTTEN,
-    LEAST_BLOCK,
+    BLOCKS,
+    FEW,
+    LITTLE,
     LONGEST_MEMORY,
-    MOST_LEVERAGE,
+    PARTS,
+    WHOLLY,
 )
 from .regression import Problem, Solution
 
@@ -24,13 +22,13 @@ Blocks = np.ndarray  # (n,) index of the block of each window
 
 def blocks(piece: np.ndarray, run: np.ndarray, r: np.ndarray) -> list[Blocks]:
     """Blocks of 4, 8 and 16 memories of the residual, and whole runs where there are many."""
-    forgotten, longest, made = memory(r), max(len(r) / FEWEST_BLOCKS, 2), []
-    for factor in BLOCK_MEMORIES:
-        cut = _cut(piece, int(np.clip(factor * forgotten, LEAST_BLOCK, longest)))
+    forgotten, longest, made = memory(r), max(len(r) / PARTS, 2), []
+    for factor in BLOCKS:
+        cut = _cut(piece, int(np.clip(factor * forgotten, FEW, longest)))
         if not made or cut[-1] < made[-1][-1]:
             made.append(cut)
     runs = np.unique(run, return_inverse=True)[1]
-    if FEWEST_RUNS <= runs.max() + 1 < made[0].max() + 1:
+    if FEW <= runs.max() + 1 < made[0].max() + 1:
         made.append(runs)
     return made
 
@@ -42,7 +40,7 @@ def coherent(variables: Sequence[np.ndarray]) -> list[Blocks]:
     """
     found = []
     for x in variables:
-        count = min(COHERENT_BLOCKS, len(x) // LEAST_BLOCK)
+        count = min(PARTS, len(x) // FEW)
         if count > 1 and np.ptp(x) > 0:
             rank = np.argsort(np.argsort(x, kind="stable"))
             found.append(rank * count // len(x))
@@ -52,7 +50,7 @@ def coherent(variables: Sequence[np.ndarray]) -> list[Blocks]:
 def memory(r: np.ndarray) -> int:
     """Windows after which the residual has forgotten itself."""
     x, n = r - r.mean(), len(r)
-    least = FORGOTTEN * (x @ x / n + 1e-300)
+    least = LITTLE * (x @ x / n + 1e-300)
     longest = max(min(n // 4, LONGEST_MEMORY), 2) - 1
     lags = range(1, longest + 1)
     return next((i for i in lags if x[: n - i] @ x[i:] < least * (n - i)), longest)
@@ -109,11 +107,11 @@ def _without_each(
     weight = np.add.reduceat(W, first) / W.sum()
     Q = np.array([rows[a:b].T @ rows[a:b] for a, b in edges]) - weight[:, None, None] * N
     d = np.add.reduceat(score, first) @ root.T
-    if power == 1 and np.linalg.norm(Q, axis=(1, 2)).max() < MOST_LEVERAGE:
+    if power == 1 and np.linalg.norm(Q, axis=(1, 2)).max() < WHOLLY:
         d = np.linalg.solve(np.eye(len(N)) - Q, d[:, :, None])[:, :, 0]
     else:
         share, E = np.linalg.eigh(Q)
-        gain = (1 - np.clip(share, 0, MOST_LEVERAGE)) ** -power
+        gain = (1 - np.clip(share, 0, WHOLLY)) ** -power
         d = np.einsum("bij,bj->bi", E, np.einsum("bij,bi->bj", E, d) * gain)
     d = d @ root
     return d.T @ d * (len(first) - 1) / len(first)

@@ -9,12 +9,12 @@ import numpy as np
 
 from .constants import (
     CLEARLY,
-    COHERENT_BLOCKS,
-    COST_OF_SHAPES,
+    COSTLY,
     FEWEST_CHANGES,
-    LATE_SECONDS,
+    LATE,
     NO_DELAY,
-    ROUNDS_OF_LOAD,
+    PARTS,
+    ROUNDS,
     SLOWEST_DIP,
 )
 from .fit import Fit, Setting, fit
@@ -46,7 +46,7 @@ class Estimated:
 def estimate(ground: Ground) -> Estimated | None:
     """The fit of a record; None where there is no window."""
     made = first_fit(ground)
-    for _ in range(ROUNDS_OF_LOAD):
+    for _ in range(ROUNDS):
         if made is None or not any(use.loaded for use in ground.uses):
             break
         ground = with_load(ground, made)
@@ -64,7 +64,7 @@ def estimate(ground: Ground) -> Estimated | None:
 def _freedom(made: Fit) -> int:
     """Degrees of freedom: blocks in time beyond the terms, or parts of the range if fewer."""
     terms = sum(term.share is None for term in made.terms)
-    return max(min(made.blocks - terms, COHERENT_BLOCKS - 1), 2)
+    return max(min(made.blocks - terms, PARTS - 1), 2)
 
 
 def first_fit(ground: Ground) -> Fit | None:
@@ -110,7 +110,7 @@ def _with_shapes(ground: Ground, made: Fit) -> Fit:
         return fit(ground.source, half_width, terms, made.setting, made.delay)
 
     own = shaped(made.half_width)
-    if own is not None and own.merit < COST_OF_SHAPES * made.merit:
+    if own is not None and own.merit < COSTLY * made.merit:
         return own
     others = [shaped(width) for width in ground.widths if width != made.half_width]
     return min((f for f in (own, *others) if f), key=lambda f: f.merit, default=made)
@@ -123,7 +123,7 @@ def _late_or_not(ground: Ground, found: list[Fit]) -> tuple[list[Fit], tuple[str
     hardly changes, the interval covers both.
     """
     late, dt = found[0], found[0].windows.dt
-    if abs(late.delay) <= max(dt, LATE_SECONDS) or not ground.setting.delay_prior:
+    if abs(late.delay) <= max(dt, LATE) or not ground.setting.delay_prior:
         return found, ()
     prompt = replace(ground, setting=replace(ground.setting, delay_prior=NO_DELAY * dt))
     plain = [t for t in late.terms if t in ground.terms]

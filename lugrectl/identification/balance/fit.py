@@ -9,19 +9,17 @@ from functools import cached_property
 import numpy as np
 
 from .constants import (
-    BLOCK_MEMORIES,
+    BLOCKS,
+    FOR_NOISE,
     LARGEST_DELAY,
-    LEAST_COLUMN,
-    MAD,
-    ROUNDS_OF_DELAY,
-    SCALE_OF_SHAPES,
-    SLIDING,
+    LITTLE,
+    ROUNDS,
+    SMALL,
     SPREAD,
     WIDE,
-    WINDOWS_FOR_NOISE,
 )
 from .covariance import Blocks, blocks, coherent, covariance
-from .regression import Problem, Solution, log_density, solve, weights_near
+from .regression import Problem, Solution, deviation, log_density, solve, weights_near
 from .result import LEVELS
 from .terms import Term
 from .windows import Source, Windows
@@ -121,7 +119,7 @@ def fit(
     terms: Sequence[Term],
     setting: Setting,
     delay: float = 0.0,
-    rounds: int = ROUNDS_OF_DELAY,
+    rounds: int = ROUNDS,
     start: np.ndarray | None = None,
 ) -> Fit | None:
     """The terms on windows of one width; the delay of u by Gauss-Newton. None: too few windows.
@@ -177,7 +175,7 @@ def tried(
     plain = regress(windows.only(range(m)), made.terms, setting, made.delay)
     found = []
     for i in range(m, len(every)):
-        if np.abs(windows.X[:, i]).max() > LEAST_COLUMN:
+        if np.abs(windows.X[:, i]).max() > SMALL:
             at = [*range(m), i] if place is None else [i if k == place else k for k in range(m)]
             terms = [every[k] for k in at]
             found.append(regress(windows.only(at), terms, setting, made.delay, plain))
@@ -239,7 +237,7 @@ def _sized(
     Windows overlap, so X' W X counts the data ``overlap`` times; priors of u count as often.
     """
     known = dict(setting.held) | dict(zip((term.key for term in terms), p.tolist(), strict=False))
-    level = max(abs(known.get("Fc", 0.0)), wide * SCALE_OF_SHAPES * windows.torque)
+    level = max(abs(known.get("Fc", 0.0)), wide * LITTLE * windows.torque)
     sizes = level, abs(known.get("J", 0.0)) + 1e-300
     prior = [
         WIDE * windows.torque / size if term.share is None else term.share * sizes[term.bent]
@@ -256,13 +254,13 @@ def _without_signal(problem: Problem) -> Problem:
     power there; the balance then leaves less than that "noise".
     """
     n, m = problem.X.shape
-    if n < WINDOWS_FOR_NOISE * m or not problem.noise_y:
+    if n < FOR_NOISE * m or not problem.noise_y:
         return problem
-    r = solve(problem.with_noise_of_u(0.0)).r[problem.rest < SLIDING]
-    share = (MAD * float(np.median(np.abs(r)))) ** 2 / problem.noise_y if len(r) else 1.0
+    r = solve(problem.with_noise_of_u(0.0)).r[problem.rest < LITTLE]
+    share = deviation(r) ** 2 / problem.noise_y if len(r) else 1.0
     return problem if share > 1 else problem.with_noise_of_u(share)
 
 
 def _overlap(chunk: Blocks) -> float:
     """Windows for each independent one: a block is four memories long."""
-    return max(3.0, len(chunk) / (BLOCK_MEMORIES[0] * (int(chunk[-1]) + 1)))
+    return max(3.0, len(chunk) / (BLOCKS[0] * (int(chunk[-1]) + 1)))

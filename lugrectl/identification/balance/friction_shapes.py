@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from .constants import CLEARLY, DIP_SPEEDS, RISE, SIGNIFICANT
+from .constants import CLEARLY, DIP_SPEEDS, RISE, SURE
 from .fit import Fit, fit, tried
 from .terms import Term, dip
 from .track import Track
@@ -42,7 +42,7 @@ def with_dip(source: Source, made: Fit, speed: float, lowest: float) -> tuple[Fi
     for other in sorted(others, key=lambda f: -f.score):
         value, error = other.p[len(made.terms)], np.sqrt(np.diag(other.V)[len(made.terms)])
         at_rest = shapes[other.terms[-1]] < RISE * speed
-        if abs(value) > SIGNIFICANT * error and (value > 0 or at_rest):
+        if abs(value) > SURE * error and (value > 0 or at_rest):
             best = other
             break
     if best is None or best.score <= plain.score + CLEARLY:

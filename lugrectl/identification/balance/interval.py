@@ -12,9 +12,8 @@ from .channel_noise import quantum
 from .constants import (
     ENCODER_ERROR,
     LOADED,
-    PASSES_OF_SIZE,
-    RATIO_OF_NEIGHBOURS,
-    REST_TO_TRY,
+    NEIGHBOUR,
+    PASSES,
     SCALE_ERROR,
     SLOW_TURN,
     SLOW_TURNS,
@@ -59,12 +58,12 @@ def neighbours(source: Source, widths: Sequence[float], made: Fit) -> list[Fit]:
     """The fits at the next wider and narrower windows and with another limit of rest."""
     i, setting = list(widths).index(made.half_width), made.setting
     others = {(width, 1.0) for width in widths[max(i - 1, 0) : i + 2]}
-    others |= {(made.half_width, REST_TO_TRY)} if setting.rest else set()
+    others |= {(made.half_width, NEIGHBOUR)} if setting.rest else set()
     fits = []
     for width, factor in others - {(made.half_width, 1.0)}:
         own = replace(setting, rest=factor * setting.rest)
         other = fit(source, width, made.terms, own, made.delay, rounds=2, start=made.p)
-        if other is not None and other.merit < RATIO_OF_NEIGHBOURS * made.merit:
+        if other is not None and other.merit < NEIGHBOUR * made.merit:
             fits.append(other)
     return fits
 
@@ -128,7 +127,7 @@ def always_missing(source: Source, made: Fit) -> np.ndarray:
     own = Z - X @ np.linalg.solve(X.T @ (W * X) + np.diag(fit.P), B)
     S, score = own.T @ (W * own) / made.overlap, own.T @ (W[:, 0] * fit.r) / made.overlap
     square, mean = np.eye(len(score)), 1.0
-    for _ in range(PASSES_OF_SIZE):
+    for _ in range(PASSES):
         spread = np.linalg.inv(S + np.eye(len(score)) / mean)
         square = np.outer(spread @ score, spread @ score) + spread
         mean = float(np.trace(square)) / len(score)

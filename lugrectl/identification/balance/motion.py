@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .constants import CLEAN_SPEED, SMOOTHINGS, TOP_SPEED
+from .constants import SLOW, SMOOTHINGS, TOP
 from .track import Track, means, weights
 
 
@@ -97,8 +97,8 @@ def with_speed(tracks: Sequence[Track], sensors: Sensors) -> tuple[list[Track], 
             made.append(replace(track, speed=speed, still=2 * own))
             speeds.append(np.abs(speed[track.ok]))
             noise = max(noise, own)
-        top = float(np.quantile(np.concatenate(speeds), TOP_SPEED))
-        if noise < CLEAN_SPEED * top:
+        top = float(np.quantile(np.concatenate(speeds), TOP))
+        if noise < SLOW * top:
             break
     return made, top, noise
 

@@ -11,7 +11,7 @@ from ...blocks.block import unit_for
 from ...blocks.model import Model
 from ...core.numeric import rms
 from ...estimates.findings import Estimate
-from .constants import MOST_PARTS, SHARE_OF_TORQUE, SHARE_OF_VALUE, SMALL_PART, SNAP
+from .constants import LITTLE, MOST_PARTS, QUARTER, SMALL
 from .declared import DELAY, Use
 from .fit import Fit
 from .result import Combination
@@ -63,9 +63,9 @@ class Answer:
         """Half-width below 5 % of the torque or a quarter of the value; a phase to a quarter
         rad."""
         if self.angle:
-            return half < SHARE_OF_VALUE
-        small = half * self.torque < SHARE_OF_TORQUE * torque
-        return small or half < SHARE_OF_VALUE * abs(self.value)
+            return half < QUARTER
+        small = half * self.torque < SMALL * torque
+        return small or half < QUARTER * abs(self.value)
 
 
 def answers(made: Fit, model: Model, uses: Sequence[Use]) -> list[Answer]:
@@ -153,7 +153,7 @@ def _among(
     _, E = np.linalg.eigh(own * np.outer(size, size))
     found = []
     for e in E.T:
-        c = np.where(np.abs(e) < SMALL_PART, 0.0, e) * size
+        c = np.where(np.abs(e) < LITTLE, 0.0, e) * size
         parts = np.flatnonzero(c).tolist()
         if not 1 < len(parts) <= MOST_PARTS:
             continue
@@ -162,9 +162,9 @@ def _among(
         value = float(c @ made.p[at])
         half = quantile * float(np.sqrt(max(c @ own @ c, 0.0)))
         share = half / float(np.linalg.norm(c / size)) / made.torque
-        if share > SHARE_OF_TORQUE and half > SHARE_OF_VALUE * abs(value):
+        if share > SMALL and half > QUARTER * abs(value):
             continue
-        if half > abs(value) and half * size[first] > SHARE_OF_TORQUE * made.torque:
+        if half > abs(value) and half * size[first] > SMALL * made.torque:
             continue  # neither its size nor its sign is known
         order = [first, *sorted(parts[1:], key=lambda i: at[i])]
         text, wants = _text({made.names[at[i]]: float(c[i]) for i in order})
@@ -175,7 +175,7 @@ def _among(
 
 def _simple(c: np.ndarray, V: np.ndarray) -> np.ndarray:
     """Coefficients near 1 or -1 as such, where that costs little certainty."""
-    simple = np.where(np.abs(np.abs(c) - 1) < SNAP, np.sign(c), c)
+    simple = np.where(np.abs(np.abs(c) - 1) < SMALL, np.sign(c), c)
     return simple if simple @ V @ simple < 2 * (c @ V @ c) else c
 
 

@@ -15,18 +15,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .constants import (
-    FLOOR_OF_FRICTION,
     FLOOR_OF_NOISE,
     HUGE,
-    MAD,
-    MOST_OF_A_DERIVATIVE,
-    MOST_OF_A_TERM,
-    MOSTLY_AT_REST,
+    LITTLE,
+    MAJORITY,
+    MOST,
+    NOTHING,
     PASSES,
-    PASSES_NEARBY,
+    RARE,
     ROBUST_PASSES,
-    SETTLED,
-    SLIDING,
     STUDENT,
 )
 
@@ -82,14 +79,14 @@ class Solution:
 def solve(problem: Problem, weights: np.ndarray | None = None) -> Solution:
     """The fit, starting from the Student weights of a fit nearby, or from ones."""
     y, X, rest = problem.y, problem.X, problem.rest
-    huge = (rest > MOSTLY_AT_REST) * HUGE * np.mean(y**2)
+    huge = (rest > MAJORITY) * HUGE * np.mean(y**2)
     open_torque = (problem.level * rest) ** 2 + huge
-    least = FLOOR_OF_NOISE * problem.noise_y + (FLOOR_OF_FRICTION * problem.level) ** 2
-    slides = rest < SLIDING
+    least = FLOOR_OF_NOISE * problem.noise_y + (NOTHING * problem.level) ** 2
+    slides = rest < LITTLE
     slides = slides if slides.sum() > 5 * X.shape[1] else np.ones(len(y), bool)
     p, s2 = np.zeros(X.shape[1]), float(np.var(y)) + 1e-300
-    t, passes = (np.ones(len(y)), PASSES) if weights is None else (weights, PASSES_NEARBY)
-    for i in range(passes):
+    t = np.ones(len(y)) if weights is None else weights
+    for i in range(PASSES):
         W = t / (s2 + open_torque)
         H = X.T @ (W[:, None] * X)
         P = 1 / problem.prior**2 + 1e-12 * np.diag(H)
@@ -99,7 +96,7 @@ def solve(problem: Problem, weights: np.ndarray | None = None) -> Solution:
         r = y - X @ new
         s = _scale(r[slides], s2, least, robust=i < ROBUST_PASSES)
         step = new - p
-        settled = abs(s / s2 - 1) < SETTLED and step @ A @ step < SETTLED**2
+        settled = abs(s / s2 - 1) < RARE and step @ A @ step < RARE**2
         p, s2, t = new, s, student(r, s + open_torque)
         if settled and i > 2:
             break
@@ -111,10 +108,15 @@ def student(r: np.ndarray, variance: np.ndarray | float) -> np.ndarray:
     return (STUDENT + 1) / (STUDENT + r**2 / variance)
 
 
+def deviation(r: np.ndarray) -> float:
+    """Standard deviation of a normal density with the median of |r|."""
+    return 1.4826 * float(np.median(np.abs(r)))
+
+
 def weights_near(problem: Problem, p: np.ndarray) -> np.ndarray:
     """Student weights of the residual of given coefficients."""
     r = problem.y - problem.X @ p
-    s2 = (MAD * np.median(np.abs(r))) ** 2 + 1e-300
+    s2 = deviation(r) ** 2 + 1e-300
     return student(r, s2 + (problem.level * problem.rest) ** 2)
 
 
@@ -123,15 +125,15 @@ def _noise(problem: Problem, total: float, H: np.ndarray, P: np.ndarray) -> tupl
 
     In no direction more than a share of what there is, so that A stays positive definite.
     """
-    most = np.where(problem.own, 1.0, MOST_OF_A_DERIVATIVE)
+    most = np.where(problem.own, 1.0, MAJORITY)
     noise = np.minimum(problem.noise * total, most * np.diag(H))
     ratio = problem.shared / np.where(problem.noise > 0, problem.noise, 1.0)
     N = np.diag(noise)
-    if noise @ np.diag(np.linalg.inv(H + np.diag(P))) > MOST_OF_A_TERM:  # above the largest share
+    if noise @ np.diag(np.linalg.inv(H + np.diag(P))) > MOST:  # above the largest share
         root = np.linalg.cholesky(H + np.diag(P))
         share, E = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, N).T))
         E = root @ E
-        N = (E * np.minimum(share, MOST_OF_A_TERM)) @ E.T
+        N = (E * np.minimum(share, MOST)) @ E.T
     return N, N @ ratio
 
 
@@ -142,7 +144,7 @@ def _scale(r: np.ndarray, s2: float, least: float, robust: bool) -> float:
     s^2 = sum w r^2 / sum w with w = (nu + 1) / (nu + r^2 / s^2), which never lowers the likelihood.
     """
     if robust:
-        return max((MAD * np.median(np.abs(r))) ** 2, least) + 1e-300
+        return max(deviation(r) ** 2, least) + 1e-300
     w = student(r, s2)
     return max(float(np.sum(w * r**2) / np.sum(w)), least) + 1e-300
 

@@ -22,15 +22,15 @@ from scipy.stats import t as student
 from ...core.numeric import rms
 from .constants import (
     BEND_OF_MAP,
-    CONFIDENCE,
     DIP_OF_MAP,
-    FLOOR_OF_FRICTION,
-    LEAST_COLUMN,
-    OVERLAP,
-    ROUNDS_OF_SCATTER,
-    SETTLED,
+    LITTLE,
+    NOTHING,
+    PASSES,
+    RARE,
     SLOWEST_DIP,
-    STEADY,
+    SMALL,
+    STEP,
+    TOP,
 )
 from .covariance import memory
 from .fit import Fit
@@ -66,7 +66,7 @@ class Rows:
     own: np.ndarray
 
     @classmethod
-    def of(cls, d: Windows, X: np.ndarray, share: float = 1.0 / OVERLAP, own: Any = 0.0) -> Rows:
+    def of(cls, d: Windows, X: np.ndarray, share: float = STEP, own: Any = 0.0) -> Rows:
         place = places(d)
         y, mean = _means(place, d.y), np.column_stack([_means(place, x) for x in X.T])
         return cls(place, y, mean, d.y - y[place], X - mean[place], share, own + 0.0 * y)
@@ -76,8 +76,8 @@ class Rows:
         s = self.apart_y - self.apart_X @ p
         many = np.bincount(self.place)
         each = np.bincount(self.place, s**2) / np.maximum(many - 1, 1)
-        own = each / np.maximum(many / OVERLAP, 1.0)
-        return replace(self, share=1.0 / max(OVERLAP, memory(s)), own=own)
+        own = each / np.maximum(many * STEP, 1.0)
+        return replace(self, share=min(STEP, 1.0 / memory(s)), own=own)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +106,7 @@ class OfRuns:
     def curve(self) -> tuple[CurvePoint, ...]:
         """The friction torque of each run over its speed, with the scatter of the runs."""
         place, many = self.fit.chunks[0], np.bincount(self.fit.chunks[0])
-        half = student.ppf(0.5 + CONFIDENCE / 2, max(self.freedom, 1.0)) * self.scatter
+        half = student.ppf(0.5 + TOP / 2, max(self.freedom, 1.0)) * self.scatter
         w, y = (_means(place, x) for x in (self.fit.windows.w, friction_torque(self.fit)))
         ends = [(float(a), float(b)) if self.freedom else None
                 for a, b in zip(y - half, y + half, strict=True)]  # fmt: skip
@@ -124,7 +124,7 @@ def places(d: Windows) -> np.ndarray:
     for piece in np.unique(d.piece):
         at = d.piece == piece
         run, w = d.run[at][0], float(np.median(d.w[at]))
-        alike = [i for i, (r, v) in enumerate(seen) if r == run and abs(v - w) < STEADY * abs(v)]
+        alike = [i for i, (r, v) in enumerate(seen) if r == run and abs(v - w) < LITTLE * abs(v)]
         seen += [] if alike else [(run, w)]
         made[at] = alike[0] if alike else len(seen) - 1
     return made
@@ -140,7 +140,7 @@ def points(rows: Rows, prior: np.ndarray, least: float) -> Pointwise:
     differences = share * (len(rows.place) - n)  # the independent ones
     means = float(np.var(rows.y)) + least**2
     apart = share * float(rows.apart_y @ rows.apart_y) / max(differences, 1.0) + least**2
-    for _ in range(ROUNDS_OF_SCATTER):
+    for _ in range(4 * PASSES):
         g = 1.0 / (means + rows.own)
         B = rows.X.T @ (g[:, None] * rows.X)
         V = np.linalg.inv(B + W / apart + P)
@@ -152,14 +152,14 @@ def points(rows: Rows, prior: np.ndarray, least: float) -> Pointwise:
         before = means, apart
         means = max(beyond, 0.0) + least**2
         apart = share * float(s @ s) / max(within, 1.0) + least**2
-        if abs(means / before[0] - 1) < SETTLED and abs(apart / before[1] - 1) < SETTLED:
+        if abs(means / before[0] - 1) < RARE and abs(apart / before[1] - 1) < RARE:
             break
     return Pointwise(p, V, g, free, r)
 
 
 def of_runs(ground: Ground, made: Fit) -> OfRuns:
     """What the runs say, each one point; averaged over what friction may do beside Fc and Fv."""
-    least = FLOOR_OF_FRICTION * made.problem.level
+    least = NOTHING * made.problem.level
     X, prior = made.windows.X, made.problem.prior
     rows = Rows.of(made.windows, X)
     rows = rows.noisy(points(rows, prior, least).p)
@@ -205,7 +205,7 @@ def _shapes(ground: Ground, made: Fit, rows: Rows, plain: Pointwise, least: floa
     columns, found, X = [] if all_of is None else all_of.X.T, [], made.windows.X
     for (term, size), column in zip(sizes.items(), columns, strict=False):
         beyond = column - X @ np.linalg.lstsq(X, column, rcond=None)[0]
-        if np.abs(column).max() <= LEAST_COLUMN or rms(beyond) < SAME * rms(column):
+        if np.abs(column).max() <= SMALL or rms(beyond) < SAME * rms(column):
             continue  # the terms are the column already, as a declared drag is the bend
         own = Rows.of(made.windows, np.c_[X, column], rows.share, rows.own)
         shaped = points(own, np.append(made.problem.prior, size), least)

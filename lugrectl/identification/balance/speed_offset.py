@@ -11,14 +11,13 @@ import numpy as np
 
 from .constants import (
     CLEARLY,
+    LITTLE,
     MOST_OFFSET,
     OFFSETS,
-    REST_IN_NOISE,
-    REST_IN_SPEED,
-    ROUNDS_OF_OFFSET,
-    SETTLED,
-    SLIDING,
-    STANDING,
+    PASSES,
+    RARE,
+    SLOW,
+    SURE,
     WHOLLY,
 )
 from .estimate import first_fit
@@ -68,7 +67,7 @@ def _stands(made: Fit) -> bool:
     d = made.windows
     a = np.abs(d.X[:, made.names.index("J")])
     still = (d.rest > WHOLLY) & (a <= 2 * d.noise_a)
-    return bool(np.count_nonzero(still) > STANDING * len(still))
+    return bool(np.count_nonzero(still) > RARE * len(still))
 
 
 def _gain(made: Fit, plain: Fit) -> float:
@@ -82,7 +81,7 @@ def _gain(made: Fit, plain: Fit) -> float:
     )
     both = [k for k in one if k in other]
     i, j = [one[k] for k in both], [other[k] for k in both]
-    moves = np.maximum(made.windows.rest[i], plain.windows.rest[j]) < SLIDING
+    moves = np.maximum(made.windows.rest[i], plain.windows.rest[j]) < LITTLE
     gain = (densities(made.solution)[i] - densities(plain.solution)[j])[moves]
     J, before = (abs(f.value("J", 1.0)) + 1e-300 for f in (made, plain))
     return float(np.sum(gain) + len(gain) * np.log(J / before))
@@ -101,13 +100,13 @@ def _likely(ground: Ground, plain: Fit) -> float:
 def _refined(ground: Ground, plain: Fit, offset: float) -> tuple[Ground, Fit | None]:
     """Gauss and Newton from an offset: the record about it, and its fit."""
     levels, found, made = plain, ground, None
-    for _ in range(ROUNDS_OF_OFFSET):
+    for _ in range(PASSES):
         found = _about(ground, offset, levels)
         made = fit(found.source, plain.half_width, found.terms, found.setting, plain.delay)
         if made is None:
             return ground, None
         i = made.names.index(KEY)
-        if abs(made.p[i]) < SETTLED * np.sqrt(made.V[i, i]):
+        if abs(made.p[i]) < RARE * np.sqrt(made.V[i, i]):
             break
         most = MOST_OFFSET * ground.speed / OFFSETS  # half a step of the grid
         offset += float(np.clip(made.p[i], -most, most))
@@ -119,7 +118,7 @@ def _about(ground: Ground, offset: float, levels: Fit) -> Ground:
     """The record with its speed taken from ``offset`` on, and what remains of it as a term."""
     sensors = replace(ground.sensors, offset=offset)
     tracks, speed, noise = with_speed(ground.tracks, sensors)
-    rest = max(REST_IN_NOISE * noise, REST_IN_SPEED * speed)
+    rest = max(SURE * noise, SLOW * speed)
     tracks = with_rest(tracks, rest)
     term = Term(KEY, slope(levels.value("Fc"), levels.value("Fv"), rest))
     return replace(

@@ -9,13 +9,13 @@ from functools import cached_property
 import numpy as np
 
 from .constants import (
-    DEAD,
-    DEAD_SHARE,
-    EDGE_STEP,
+    ALIGNED,
     FEWEST_SAMPLES,
-    MOST_WINDOWS,
+    MANY,
+    NOTHING,
+    PER_TERM,
+    RARE,
     STEP,
-    WINDOWS_PER_TERM,
 )
 from .motion import Sensors, window_means
 from .terms import Term
@@ -62,7 +62,7 @@ class Windows:
     def is_dead(self) -> bool:
         """True if the torque is 0 in all but a few windows, and none of it is held."""
         largest = max(np.abs(self.y).max(), self.largest)
-        return bool(np.mean(np.abs(self.y) > DEAD * largest) < DEAD_SHARE)
+        return bool(np.mean(np.abs(self.y) > NOTHING * largest) < RARE)
 
     def only(self, columns: Iterable[int]) -> Windows:
         """The same windows with some of the columns."""
@@ -88,7 +88,7 @@ class Source:
         """
         every = (self._part(i, half_width, terms, rest, delay) for i in range(len(self.tracks)))
         parts = [p for p in every if p is not None]
-        if sum(len(p["y"]) for p in parts) <= WINDOWS_PER_TERM * len(terms):
+        if sum(len(p["y"]) for p in parts) <= PER_TERM * len(terms):
             return None
         joined = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
         dt = float(np.median([p.dt for p in self.tracks]))
@@ -102,8 +102,8 @@ class Source:
         track = self.tracks[i]
         half = max(half_width / track.dt, FEWEST_SAMPLES - 1)
         far = max(abs(delay) + track.dt, abs(self.sensors.lag)) / track.dt
-        edge = int(np.ceil(half)) + 3 + EDGE_STEP * int(np.ceil(far / EDGE_STEP))
-        step = max(int(half * STEP), sum(map(len, self.tracks)) // MOST_WINDOWS, 1)
+        edge = int(np.ceil(half)) + 3 + ALIGNED * int(np.ceil(far / ALIGNED))
+        step = max(int(half * STEP), sum(map(len, self.tracks)) // MANY, 1)
         place = (i, half, edge)
         at = self._once(place, lambda: track.centres(edge, step))
         if not len(at):
