@@ -30,6 +30,7 @@ DENSE = 6  # windows closer than so many samples are found by a convolution. Hal
 SHORTEST = 12  # good samples that a stretch has more of
 
 # Residual
+SLIDING = 0.2  # rest in a window that counts for the scale. Half: an offset of w is not seen
 STUDENT = 4.0  # degrees of freedom of its density: few bad windows do not decide. Half: noise of J
 FLOOR_OF_NOISE = 0.3  # of the variance of the noise of u: no residual is below. Half: widths
 PASSES = 16  # of a reweighted fit, at most; it ends where it has settled
@@ -47,7 +48,8 @@ FOR_NOISE = 10.0  # windows for each term from which a residual bounds the noise
 
 # Speed
 SMOOTHINGS = (3, 5, 8, 12, 18, 27, 40)  # half-widths of its windows, samples
-SLOW = 0.003  # of the top speed: rest, and noise of a speed that is clean. Half: noise is motion
+SLOW = 0.003  # of the top speed: rest. Half: noise is motion
+CLEAN = 0.002  # noise of a speed that is clean, in top speeds. Half: reversals are smeared
 SURE = 4.0  # standard deviations of an effect that is no chance; of rest. Half: notes by chance
 NOTICED_GAIN = 0.02  # of w, from 1, that is said
 NOTICED_LAG = 3e-4  # of w that is said, s
@@ -77,7 +79,7 @@ RISE = 0.02  # in top speeds, below which friction may be lower at rest
 
 # Errors
 BLOCKS = (4, 8, 16)  # lengths of blocks, in memories of the residual. Half: intervals too narrow
-PARTS = 16  # of a record, or of a range of speed, torque, position, whose misfit may be one
+PARTS = 15  # of a record, or of a range of speed, torque, position, whose misfit may be one
 LONGEST_MEMORY = 400  # windows
 FEW = 8  # windows in a bin or a block, runs that are blocks
 NEIGHBOUR = 4.0  # times the expected error, or the limit of rest, of another fit that counts

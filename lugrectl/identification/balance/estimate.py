@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .constants import (
-    CLEARLY,
     COSTLY,
     FEWEST_CHANGES,
     LATE,
@@ -56,9 +55,12 @@ def estimate(ground: Ground) -> Estimated | None:
     if ground.is_map:
         whole = of_runs(ground, made)
         return Estimated(whole.fit, whole.V, whole.freedom, whole.notes, whole.curve())
-    (made, *rivals), notes = _late_or_not(ground, _shaped(ground, made))
+    made = _with_shapes(ground, made)
+    lowest = max(made.setting.rest, SLOWEST_DIP * ground.speed)
+    made, rivals = with_dip(ground.source, made, ground.speed, lowest)
+    rivals = [*rivals, *_prompt(ground.source, made)]
     V = interval(ground.source, ground.widths, made, rivals, ground.travel, ground.model.motion)
-    return Estimated(made, V, _freedom(made), notes)
+    return Estimated(made, V, _freedom(made))
 
 
 def _freedom(made: Fit) -> int:
@@ -93,14 +95,6 @@ def best_width(
     return min(tried, key=lambda f: f.merit, default=None)
 
 
-def _shaped(ground: Ground, made: Fit) -> list[Fit]:
-    """The fit with all that friction may do near rest, and what may be right as well."""
-    made = _with_shapes(ground, made)
-    lowest = max(made.setting.rest, SLOWEST_DIP * ground.speed)
-    taken, rivals = with_dip(ground.source, made, ground.speed, lowest)
-    return [taken, *rivals]
-
-
 def _with_shapes(ground: Ground, made: Fit) -> Fit:
     """The fit with what friction may do near rest, at another width where that costs too much."""
 
@@ -116,28 +110,14 @@ def _with_shapes(ground: Ground, made: Fit) -> Fit:
     return min((f for f in (own, *others) if f), key=lambda f: f.merit, default=made)
 
 
-def _late_or_not(ground: Ground, found: list[Fit]) -> tuple[list[Fit], tuple[str, ...]]:
-    """A large delay against none: friction that turns over slowly looks like a delay.
-
-    The more likely one is taken; where the other is not clearly less likely, or the torque
-    hardly changes, the interval covers both.
-    """
-    late, dt = found[0], found[0].windows.dt
-    if abs(late.delay) <= max(dt, LATE) or not ground.setting.delay_prior:
-        return found, ()
-    prompt = replace(ground, setting=replace(ground.setting, delay_prior=NO_DELAY * dt))
-    plain = [t for t in late.terms if t in ground.terms]
-    first = fit(prompt.source, late.half_width, plain, prompt.setting)
-    if first is None:
-        return found, ()
-    others = _shaped(prompt, first)
-    if late.score > others[0].score + CLEARLY:
-        return (found if _follows(late) else [*found, others[0]]), ()
-    note = (
-        f"u seems shifted by {late.delay * 1e3:.0f} ms, but friction that turns over slowly "
-        "explains the record as well: the shift is not used."
-    )
-    return [*others, late], (note,)
+def _prompt(source: Source, late: Fit) -> list[Fit]:
+    """The fit without a large delay, where the torque hardly changes: inertia looks like one."""
+    dt = late.windows.dt
+    if not late.setting.delay_prior or abs(late.delay) <= max(dt, LATE) or _follows(late):
+        return []
+    setting = replace(late.setting, delay_prior=NO_DELAY * dt)
+    other = fit(source, late.half_width, late.terms, setting)
+    return [] if other is None else [other]
 
 
 def _follows(made: Fit) -> bool:

@@ -14,6 +14,7 @@ from .constants import (
     LARGEST_DELAY,
     LITTLE,
     ROUNDS,
+    SLIDING,
     SMALL,
     SPREAD,
     WIDE,
@@ -256,7 +257,7 @@ def _without_signal(problem: Problem) -> Problem:
     n, m = problem.X.shape
     if n < FOR_NOISE * m or not problem.noise_y:
         return problem
-    r = solve(problem.with_noise_of_u(0.0)).r[problem.rest < LITTLE]
+    r = solve(problem.with_noise_of_u(0.0)).r[problem.rest < SLIDING]
     share = deviation(r) ** 2 / problem.noise_y if len(r) else 1.0
     return problem if share > 1 else problem.with_noise_of_u(share)
 

@@ -17,13 +17,13 @@ import numpy as np
 from .constants import (
     FLOOR_OF_NOISE,
     HUGE,
-    LITTLE,
     MAJORITY,
     MOST,
     NOTHING,
     PASSES,
     RARE,
     ROBUST_PASSES,
+    SLIDING,
     STUDENT,
 )
 
@@ -82,11 +82,11 @@ def solve(problem: Problem, weights: np.ndarray | None = None) -> Solution:
     huge = (rest > MAJORITY) * HUGE * np.mean(y**2)
     open_torque = (problem.level * rest) ** 2 + huge
     least = FLOOR_OF_NOISE * problem.noise_y + (NOTHING * problem.level) ** 2
-    slides = rest < LITTLE
+    slides = rest < SLIDING
     slides = slides if slides.sum() > 5 * X.shape[1] else np.ones(len(y), bool)
     p, s2 = np.zeros(X.shape[1]), float(np.var(y)) + 1e-300
-    t = np.ones(len(y)) if weights is None else weights
-    for i in range(PASSES):
+    t, passes = (np.ones(len(y)), PASSES) if weights is None else (weights, PASSES // 2)
+    for i in range(passes):
         W = t / (s2 + open_torque)
         H = X.T @ (W[:, None] * X)
         P = 1 / problem.prior**2 + 1e-12 * np.diag(H)

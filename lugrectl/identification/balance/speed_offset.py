@@ -11,11 +11,11 @@ import numpy as np
 
 from .constants import (
     CLEARLY,
-    LITTLE,
     MOST_OFFSET,
     OFFSETS,
-    PASSES,
     RARE,
+    ROUNDS,
+    SLIDING,
     SLOW,
     SURE,
     WHOLLY,
@@ -81,7 +81,7 @@ def _gain(made: Fit, plain: Fit) -> float:
     )
     both = [k for k in one if k in other]
     i, j = [one[k] for k in both], [other[k] for k in both]
-    moves = np.maximum(made.windows.rest[i], plain.windows.rest[j]) < LITTLE
+    moves = np.maximum(made.windows.rest[i], plain.windows.rest[j]) < SLIDING
     gain = (densities(made.solution)[i] - densities(plain.solution)[j])[moves]
     J, before = (abs(f.value("J", 1.0)) + 1e-300 for f in (made, plain))
     return float(np.sum(gain) + len(gain) * np.log(J / before))
@@ -100,7 +100,7 @@ def _likely(ground: Ground, plain: Fit) -> float:
 def _refined(ground: Ground, plain: Fit, offset: float) -> tuple[Ground, Fit | None]:
     """Gauss and Newton from an offset: the record about it, and its fit."""
     levels, found, made = plain, ground, None
-    for _ in range(PASSES):
+    for _ in range(2 * ROUNDS):
         found = _about(ground, offset, levels)
         made = fit(found.source, plain.half_width, found.terms, found.setting, plain.delay)
         if made is None:
