@@ -74,6 +74,7 @@ REST_TORQUE = 1.0  # at rest, with the direction of the motion before or after
 COSTLY = 1.2  # another width is tried where they raise the expected error so much
 CLEARLY = 15.0  # nats by which a dip, a delay, an offset is taken. Half: dips by chance
 DIP_SPEEDS = 8  # that are tried for a fall of friction with speed. Half: Fv of Stribeck friction
+TURN_DISTANCES = (3e-3, 3.0, 7)  # from, to, how many, as in TURNS. Half: swapped columns
 SLOWEST_DIP = 1e-6  # the lowest, in top speeds
 RISE = 0.02  # in top speeds, below which friction may be lower at rest
 

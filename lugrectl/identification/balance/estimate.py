@@ -17,7 +17,7 @@ from .constants import (
     SLOWEST_DIP,
 )
 from .fit import Fit, Setting, fit
-from .friction_shapes import with_dip
+from .friction_shapes import with_dip, with_turning
 from .interval import interval
 from .load_torque import with_load
 from .problem import Ground
@@ -55,7 +55,7 @@ def estimate(ground: Ground) -> Estimated | None:
     if ground.is_map:
         whole = of_runs(ground, made)
         return Estimated(whole.fit, whole.V, whole.freedom, whole.notes, whole.curve())
-    made = _with_shapes(ground, made)
+    made = with_turning(ground.source, _with_shapes(ground, made), ground.speed)
     lowest = max(made.setting.rest, SLOWEST_DIP * ground.speed)
     made, rivals = with_dip(ground.source, made, ground.speed, lowest)
     rivals = [*rivals, *_prompt(ground.source, made)]

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from .constants import CLEARLY, DIP_SPEEDS, RISE, SURE
+from .constants import CLEARLY, DIP_SPEEDS, FEWEST_CHANGES, RISE, SURE, TURN_DISTANCES
 from .fit import Fit, fit, tried
-from .terms import Term, dip
+from .terms import Term, bristle, dip
 from .track import Track
 from .windows import Source
 
@@ -25,6 +25,21 @@ def _with_rest(track: Track, limit: float) -> Track:
     side = np.concatenate([[0.0], np.sign(track.speed[moving]), [0.0]])
     i = np.searchsorted(moving, np.arange(len(track)))
     return replace(track, stopping=rests * side[i], starting=rests * side[i + 1])
+
+
+def with_turning(source: Source, made: Fit, speed: float) -> Fit:
+    """Coulomb friction that turns over within a distance, where that is clearly more likely and
+    there are reversals enough to see it."""
+    turns = sum(max(len(track.strokes[1]) - 1, 0) for track in source.tracks)
+    if "Fc" not in made.names or turns < FEWEST_CHANGES:
+        return made
+    distances = speed * made.half_width * np.geomspace(*TURN_DISTANCES)
+    shapes = [Term("Fc", bristle(x), friction=True) for x in distances.tolist()]
+    plain, others = tried(source, made, shapes, made.names.index("Fc"))
+    best = max(others, key=lambda f: f.score, default=plain)
+    if best.score <= plain.score + CLEARLY:
+        return made
+    return fit(source, made.half_width, best.terms, made.setting, made.delay) or made
 
 
 def dips(speed: float, lowest: float) -> dict[Term, float]:

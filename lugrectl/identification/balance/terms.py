@@ -129,6 +129,11 @@ def near_rest(speed: float, half_width: float) -> list[Term]:
     return [Term(f"near rest {i}", c, share, True) for i, (c, share) in every]
 
 
+def bristle(distance: float) -> Column:
+    """Coulomb friction that turns over within a distance after a reversal (Dahl)."""
+    return lambda track: along(*track.strokes, distance)
+
+
 @dataclass(frozen=True)
 class Travel:
     """The widest travel of the position in rad, and its middle; 0 without a position."""
