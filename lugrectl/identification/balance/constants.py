@@ -81,6 +81,7 @@ RISE = 0.02  # in top speeds, below which friction may be lower at rest
 # Errors
 BLOCKS = (4, 8, 16)  # lengths of blocks, in memories of the residual. Half: intervals too narrow
 PARTS = 15  # of a record, or of a range of speed, torque, position, whose misfit may be one
+GROUPS = 20  # blocks of the lag of w. Half: a lag by chance
 LONGEST_MEMORY = 400  # windows
 FEW = 8  # windows in a bin or a block, runs that are blocks
 NEIGHBOUR = 4.0  # times the expected error, or the limit of rest, of another fit that counts

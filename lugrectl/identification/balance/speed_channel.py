@@ -10,13 +10,12 @@ import numpy as np
 from .channel_noise import shared_noise, white_noise
 from .constants import (
     GAIN,
+    GROUPS,
     LARGEST_LAG,
     MAJORITY,
     NOTICED_GAIN,
     NOTICED_LAG,
     OFFSET,
-    PARTS,
-    PASSES,
     ROUNDS,
     SMALL,
     SURE,
@@ -89,7 +88,7 @@ def _robust(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     prior = np.diag(SMALL * size / np.array([GAIN, LARGEST_LAG, OFFSET * size]))
     r, c, s = y - D[:, 0], np.array([1.0, 0.0, 0.0]), 0.0
     weight = np.ones(len(y))
-    for _ in range(PASSES):
+    for _ in range(5 * ROUNDS):
         s = deviation(r) + 1e-12 * size
         weight = student(r, s**2)
         A = np.r_[D * weight[:, None] ** 0.5, prior]
@@ -98,7 +97,7 @@ def _robust(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
         r = y - D @ c
     inverse = np.linalg.pinv(D.T @ (weight[:, None] * D) + prior.T @ prior)
     score = D * (weight * r)[:, None]
-    sums = np.array([x.sum(0) for x in np.array_split(score, min(PARTS, len(score)))])
+    sums = np.array([x.sum(0) for x in np.array_split(score, min(GROUPS, len(score)))])
     return c, inverse @ (sums.T @ sums + prior.T @ prior * s**2) @ inverse, s
 
 
