@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ...blocks.block import unit_for
-from .constants import COASTING
+from .constants import MAJORITY
 from .parameters import UNITS
 from .result import Balance, Combination
 
@@ -21,7 +21,7 @@ def coasting(made: Balance, motion: str) -> Balance | None:
     """
     found = made.parameters
     brakes = [k for k in ("Fc", "Fv") if k in found and (found[k].ci95 or (0, 0))[0] > 0]
-    if not brakes or made.left is None or made.left > COASTING:
+    if not brakes or made.left is None or made.left > MAJORITY:
         return None
     sums = [_per_inertia(k, made, motion) for k in PER_INERTIA if k in found]
     note = (

@@ -1,12 +1,8 @@
-"""Runs of one drive compared: a run whose torque, motion or time is in another unit or sign.
-
-A factor k of u multiplies J, Fc and Fv by k; a factor m of the motion divides J and Fv by m; a
-factor f of the time multiplies J by f^2 and Fv by f.
-"""
+"""Runs of one drive compared: a run whose torque, motion or time is in another unit or sign."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,84 +10,45 @@ import numpy as np
 from ...blocks.model import Model
 from ...core.option_names import option
 from ...record.stretches import Stretch
-from .constants import (
-    ALIKE,
-    ANOTHER_FRICTION,
-    MOST_RUNS_COMPARED,
-    SHARE_OF_VALUE,
-    SPREADS,
-)
+from .constants import ALIKE, LITTLE, MOST_RUNS, QUARTER
 from .estimate import first_fit
 from .problem import Ground, ground_of
+from .result import LEVELS
 
-LEVELS = ("J", "Fc", "Fv")
-OPPOSITE = "u has the opposite sign of {}: give {} for it, or leave it out."
-TIMES = "{} is {:.4g} times that of {}: give {} for it, or leave it out."
+DEG, RPM = 180 / np.pi, 30 / np.pi
+POWERS = {"u": (1, 1, 1), "theta": (-1, 0, -1), "w": (-1, 0, -1)}  # of J, Fc and Fv
+TORQUES = {-1.0: "u=-1", 1e3: "u=mN m", 1e-3: "u=1000", 1e2: "u=0.01", 1e-2: "u=100"}
+TIMES = {1e3: "t=ms", 1e6: "t=us", 1e-3: "t=1000"}
+ANGLES = {DEG: "theta=deg", 1 / DEG: "theta=57.29578", 0.5 / np.pi: "theta=turn"}
+ANGLES[2 * np.pi] = "theta=0.1591549"
+SPEEDS = {DEG: "w=deg/s", RPM: "w=rpm", 1 / RPM: "w=9.549297", 1 / DEG: "w=57.29578"}
+LENGTHS = {1e3: "theta=mm", 1e-3: "theta=1000"}
+OPPOSITE = "{}: u has the opposite sign of {}: give {} for it, or leave it out."
+TIMES_OTHERS = "{}: {} is {:.4g} times that of {}: give {} for it, or leave it out."
 FRICTION = "{}: {:.0f} % {} friction than {}."
-OTHERS = "the other runs"
-
-
-@dataclass(frozen=True)
-class Factor:
-    """What one channel of a run may be multiplied by, and the option with the value that undoes
-    it."""
-
-    channel: str
-    size: float
-    undone: tuple[str, str]
-
-    def ratios(self) -> np.ndarray:
-        """By what it multiplies J, Fc and Fv."""
-        k = self.size
-        if self.channel == "u":
-            return np.array([k, k, k])
-        return np.array([k**2, 1.0, k]) if self.channel == "t" else np.array([1 / k, 1.0, 1 / k])
-
-
-NONE = Factor("u", 1.0, ("scale", "u=1"))
-FACTORS = (
-    Factor("u", -1.0, ("scale", "u=-1")),
-    Factor("u", 1e3, ("units", "u=mN m")),
-    Factor("u", 1e-3, ("scale", "u=1000")),
-    Factor("u", 1e2, ("scale", "u=0.01")),
-    Factor("u", 1e-2, ("scale", "u=100")),
-    Factor("t", 1e3, ("units", "t=ms")),
-    Factor("t", 1e6, ("units", "t=us")),
-    Factor("t", 1e-3, ("scale", "t=1000")),
-)
-TURNING = (
-    Factor("theta", 180 / np.pi, ("units", "theta=deg")),
-    Factor("theta", np.pi / 180, ("scale", "theta=57.29578")),
-    Factor("theta", 0.5 / np.pi, ("units", "theta=turn")),
-    Factor("theta", 2 * np.pi, ("scale", "theta=0.1591549")),
-)
-SPEEDS = (
-    Factor("w", 180 / np.pi, ("units", "w=deg/s")),
-    Factor("w", 30 / np.pi, ("units", "w=rpm")),
-    Factor("w", np.pi / 30, ("scale", "w=9.549297")),
-    Factor("w", np.pi / 180, ("scale", "w=57.29578")),
-)
-LENGTHS = (
-    Factor("theta", 1e3, ("units", "theta=mm")),
-    Factor("theta", 1e-3, ("scale", "theta=1000")),
-)
 
 
 @dataclass(frozen=True)
 class Levels:
-    """J, Fc and Fv of one run (3,), their relative errors."""
+    """J, Fc and Fv of one run (3,), twice their relative errors, and which of them are known."""
 
-    run: int
+    parts: Sequence[Stretch]
     value: np.ndarray
     error: np.ndarray
 
-    def certain(self) -> np.ndarray:
-        """Which of them are known well enough to compare."""
-        return self.error < SHARE_OF_VALUE
+    @property
+    def run(self) -> int:
+        return self.parts[0].run
 
-    def physical(self) -> bool:
-        """Whether no level that is known is negative."""
-        return not np.any(self.certain() & (self.value < 0))
+    @property
+    def known(self) -> np.ndarray:
+        return self.error < QUARTER
+
+    def agrees(self, other: Levels, ratios: np.ndarray | float = 1.0) -> bool:
+        """Whether ratios explain how all that is known of both runs differs."""
+        both = self.known & other.known
+        gap = np.abs(self.value / (other.value * ratios) - 1)
+        return bool(both.any() and np.all((gap < ALIKE + np.hypot(self.error, other.error))[both]))
 
 
 @dataclass(frozen=True)
@@ -106,127 +63,87 @@ class Unlike:
 def unlike(stretches: Sequence[Stretch], model: Model, names: Sequence[str]) -> Unlike:
     """The runs that contradict the others; ``names`` are those of the runs."""
     runs = sorted({s.run for s in stretches})
-    if not 2 <= len(runs) <= MOST_RUNS_COMPARED:
+    if not 2 <= len(runs) <= MOST_RUNS:
         return Unlike()
-    by_run = {run: [s for s in stretches if s.run == run] for run in runs}
     with np.errstate(all="ignore"):
-        found = [levels for run in runs if (levels := _levels(run, by_run[run], model))]
-        if len(found) < 2:
-            return Unlike()
-        reference = _reference(found)
-        return _compared(found, reference, by_run, model, names)
+        each = [_levels([s for s in stretches if s.run == run], model) for run in runs]
+        found = [levels for levels in each if levels is not None]
+        return _compared(found, model, names) if len(found) > 1 else Unlike()
 
 
-def _compared(
-    found: Sequence[Levels],
-    reference: Levels,
-    by_run: dict[int, list[Stretch]],
-    model: Model,
-    names: Sequence[str],
-) -> Unlike:
-    """Every other run against the reference."""
+def _compared(found: Sequence[Levels], model: Model, names: Sequence[str]) -> Unlike:
+    """Every other run against the one with which most agree; of two, the one that is possible."""
+    votes = [sum(one.agrees(other) for other in found) for one in found]
+    possible = [not np.any(one.known & (one.value < 0)) for one in found]
+    best = max(range(len(found)), key=lambda i: (votes[i], possible[i]))  # the first of equal ones
+    reference = found[best]
+    usual = "the other runs" if votes[best] > 1 else names[reference.run]
     out, said, notes = set(), [], []
-    many = sum(_agree(one, reference, NONE) for one in found) > 1
-    usual = OTHERS if many else names[reference.run]
     for one in found:
-        if one is reference or _agree(one, reference, NONE):
+        if one is reference or one.agrees(reference):
             continue
-        factor = _factor(one, reference, by_run, model)
-        if factor is not None:
+        name = names[one.run]
+        if sentence := _another_unit(one, reference, model, name, usual):
             out.add(one.run)
-            said.append(f"{names[one.run]}: {_sentence(factor, usual)}")
-        elif (note := _friction(one, reference, names[one.run], usual)) is not None:
-            notes.append(note)
+            said.append(sentence)
+        else:
+            notes += _another_friction(one, reference, name, usual)
     return Unlike(frozenset(out), tuple(said), tuple(notes))
 
 
-def _levels(run: int, parts: Sequence[Stretch], model: Model) -> Levels | None:
+def _levels(parts: Sequence[Stretch], model: Model) -> Levels | None:
     """The levels of one run; None where it has no answer of its own."""
     try:
         ground = ground_of(parts, model, {})
-        made = None
-        if isinstance(ground, Ground) and not ground.is_map:  # half of the widths: a rough answer
-            made = first_fit(replace(ground, widths=ground.widths[::2]))
+        if not isinstance(ground, Ground) or ground.is_map:
+            return None
+        made = first_fit(replace(ground, widths=ground.widths[::2]))  # a rough answer
     except np.linalg.LinAlgError:
         return None
-    if made is None or "Fc" not in made.names:
+    if made is None or not {*LEVELS} <= {*made.names}:
         return None
-    at = [made.names.index(key) for key in LEVELS if key in made.names]
-    if len(at) < len(LEVELS):
-        return None
-    value, spread = made.p[at], np.sqrt(np.diag(made.V)[at])
-    levels = Levels(run, value, SPREADS * spread / np.abs(value))
-    return levels if levels.certain()[:2].any() else None
+    at = [made.names.index(key) for key in LEVELS]
+    levels = Levels(parts, made.p[at], 2 * np.sqrt(np.diag(made.V)[at]) / np.abs(made.p[at]))
+    return levels if levels.known[:2].any() else None
 
 
-def _agree(one: Levels, other: Levels, factor: Factor) -> bool:
-    """Whether a factor explains how all that is known of both runs differs, within 3 %."""
-    both = one.certain() & other.certain()
-    gap = np.abs(one.value / (other.value * factor.ratios()) - 1)
-    allowed = ALIKE + np.hypot(one.error, other.error)
-    return bool(both.any() and np.all(gap[both] < allowed[both]))
-
-
-def _reference(found: Sequence[Levels]) -> Levels:
-    """The run with which most others agree; of two, the one that physics allows, or the first."""
-    votes = [sum(_agree(one, other, NONE) for other in found) for one in found]
-    order = sorted(range(len(found)), key=lambda i: (-votes[i], not found[i].physical(), i))
-    return found[order[0]]
-
-
-def _factor(
-    one: Levels, reference: Levels, by_run: dict[int, list[Stretch]], model: Model
-) -> Factor | None:
-    """The one factor that explains the difference."""
-    parts = by_run[one.run]
-    for factor in _factors(parts[0], model):
-        levels = one
-        if factor.channel == "t":  # windows have a length in s: fitted again at the other rate
-            if not _rates_fit(parts[0], by_run[reference.run][0], factor):
+def _another_unit(
+    one: Levels, reference: Levels, model: Model, name: str, usual: str
+) -> str | None:
+    """The one factor that explains the difference, in a sentence."""
+    linear, turns = model.motion == "linear", one.parts[0].theta is not None
+    motion = (LENGTHS if linear else ANGLES) if turns else {} if linear else SPEEDS
+    for factors in (TORQUES, TIMES, motion):
+        for size, undone in factors.items():
+            channel = undone.split("=")[0]
+            if not _explains(size, channel, one, reference, model):
                 continue
-            again = _levels(one.run, [_rescaled(s, factor.size) for s in parts], model)
-            if again is not None and _agree(again, reference, NONE):
-                return factor
-            continue
-        both = levels.certain() & reference.certain()
-        if both[:2].all() and _agree(levels, reference, factor):
-            return factor
+            undo = option("scale" if undone.split("=")[1][-1].isdigit() else "units", undone)
+            if size == -1.0:
+                return OPPOSITE.format(name, usual, undo)
+            return TIMES_OTHERS.format(name, channel, size, usual, undo)
     return None
 
 
-def _factors(part: Stretch, model: Model) -> Iterator[Factor]:
-    yield from FACTORS
-    if part.theta is not None:
-        yield from LENGTHS if model.motion == "linear" else TURNING
-    elif model.motion != "linear":
-        yield from SPEEDS
+def _explains(size: float, channel: str, one: Levels, reference: Levels, model: Model) -> bool:
+    """Whether a channel of the run is that many times that of the reference."""
+    if channel != "t":
+        known = (one.known & reference.known)[:2].all()
+        return bool(known) and one.agrees(reference, size ** np.array(POWERS[channel], float))
+    longer = np.log(one.parts[0].dt / reference.parts[0].dt)
+    if abs(longer - np.log(size)) >= abs(longer):
+        return False
+    # windows have a length in s: fitted again at the other rate
+    again = _levels([replace(s, dt=s.dt / size, t=s.t / size) for s in one.parts], model)
+    return again is not None and again.agrees(reference)
 
 
-def _rates_fit(part: Stretch, other: Stretch, factor: Factor) -> bool:
-    """Whether a factor of the time brings the rates of two runs closer."""
-    ratio = part.dt / other.dt
-    return abs(np.log(ratio / factor.size)) < abs(np.log(ratio))
-
-
-def _rescaled(part: Stretch, factor: float) -> Stretch:
-    return replace(part, dt=part.dt / factor, t=part.t / factor)
-
-
-def _sentence(factor: Factor, usual: str) -> str:
-    undone = option(*factor.undone)
-    if factor.size == -1.0:
-        return OPPOSITE.format(usual, undone)
-    return TIMES.format(factor.channel, factor.size, usual, undone)
-
-
-def _friction(one: Levels, reference: Levels, name: str, usual: str) -> str | None:
+def _another_friction(one: Levels, reference: Levels, name: str, usual: str) -> list[str]:
     """A sentence on friction that differs by more than chance."""
-    if not (one.certain()[1] and reference.certain()[1]):
-        return None
     change = one.value[1] / reference.value[1] - 1
     chance = np.hypot(one.error[1], reference.error[1]) * (1 + abs(change))
-    if abs(change) < ANOTHER_FRICTION + chance:
-        return None
-    if change < -1:
-        return None
-    return FRICTION.format(name, 100 * abs(change), "more" if change > 0 else "less", usual)
+    if not (one.known & reference.known)[1] or change < -1:
+        return []
+    if abs(change) < LITTLE + chance:
+        return []
+    return [FRICTION.format(name, 100 * abs(change), "more" if change > 0 else "less", usual)]

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
 from .constants import (
-    BLOCK_MEMORIES,
-    COHERENT_BLOCKS,
-    FEWEST_BLOCKS,
-    FEWEST_RUNS,
-    FORGOTTEN,
-    LEAST_BLOCK,
+    BLOCKS,
+    FEW,
+    LITTLE,
     LONGEST_MEMORY,
-    MOST_LEVERAGE,
+    PARTS,
+    WHOLLY,
 )
 from .regression import Problem, Solution
 
@@ -23,14 +22,13 @@ Blocks = np.ndarray  # (n,) index of the block of each window
 
 def blocks(piece: np.ndarray, run: np.ndarray, r: np.ndarray) -> list[Blocks]:
     """Blocks of 4, 8 and 16 memories of the residual, and whole runs where there are many."""
-    forgotten, made = memory(r), []
-    for factor in BLOCK_MEMORIES:
-        longest = max(len(r) / FEWEST_BLOCKS, 2)
-        cut = _cut(piece, int(np.clip(factor * forgotten, LEAST_BLOCK, longest)))
+    forgotten, longest, made = memory(r), max(len(r) / PARTS, 2), []
+    for factor in BLOCKS:
+        cut = _cut(piece, int(np.clip(factor * forgotten, FEW, longest)))
         if not made or cut[-1] < made[-1][-1]:
             made.append(cut)
     runs = np.unique(run, return_inverse=True)[1]
-    if FEWEST_RUNS <= runs.max() + 1 < made[0].max() + 1:
+    if FEW <= runs.max() + 1 < made[0].max() + 1:
         made.append(runs)
     return made
 
@@ -42,18 +40,17 @@ def coherent(variables: Sequence[np.ndarray]) -> list[Blocks]:
     """
     found = []
     for x in variables:
-        count = min(COHERENT_BLOCKS, len(x) // LEAST_BLOCK)
+        count = min(PARTS, len(x) // FEW)
         if count > 1 and np.ptp(x) > 0:
-            block = np.empty(len(x), int)
-            block[np.argsort(x, kind="stable")] = np.arange(len(x)) * count // len(x)
-            found.append(block)
+            rank = np.argsort(np.argsort(x, kind="stable"))
+            found.append(rank * count // len(x))
     return found
 
 
 def memory(r: np.ndarray) -> int:
     """Windows after which the residual has forgotten itself."""
     x, n = r - r.mean(), len(r)
-    least = FORGOTTEN * (x @ x / n + 1e-300)
+    least = LITTLE * (x @ x / n + 1e-300)
     longest = max(min(n // 4, LONGEST_MEMORY), 2) - 1
     lags = range(1, longest + 1)
     return next((i for i in lags if x[: n - i] @ x[i:] < least * (n - i)), longest)
@@ -73,22 +70,21 @@ def _cut(piece: np.ndarray, size: int) -> Blocks:
 def covariance(
     problem: Problem, fit: Solution, chunks: Sequence[Blocks], alike: Sequence[Blocks] = ()
 ) -> np.ndarray:
-    """(m, m): blocks, what only the prior says, and directions that only noise determines.
-
-    The widest covariance counts in every direction: V + positive part of (V' - V). ``alike`` are
-    the blocks of :func:`coherent`.
-    """
+    """(m, m): by blocks in time, by those of :func:`coherent` (``alike``), and what only the prior
+    says. The widest counts in every direction: V + positive part of (V' - V)."""
     W = fit.t / fit.variance
     inverse = np.linalg.inv(fit.A)
-    score = problem.X * (W * fit.r)[:, None]
-    score = score + np.outer(W / W.sum(), fit.N @ fit.p - fit.c)
+    score = problem.X * (W * fit.r)[:, None] + np.outer(W / W.sum(), fit.N @ fit.p - fit.c)
     V = None
     for block, power in [(b, 1.0) for b in chunks] + [(b, 0.5) for b in alike]:
         own = _without_each(problem.X, W, score, fit, block, power)
-        V = own if V is None else _wider(V, own, np.diag(inverse))
+        if V is not None:  # usual variances for terms of which V knows all
+            s = np.sqrt(np.maximum(np.diag(V), 1e-12 * np.diag(inverse)))
+            share, E = np.linalg.eigh((own - V) / np.outer(s, s))
+            own = V + np.outer(s, s) * ((E * np.maximum(share, 0)) @ E.T)
+        V = own
     assert V is not None
-    V = V + inverse @ np.diag(fit.P) @ inverse
-    return V + _only_noise(problem, fit, W.sum())
+    return V + inverse @ np.diag(fit.P) @ inverse
 
 
 def _without_each(
@@ -105,48 +101,17 @@ def _without_each(
         order = np.argsort(block, kind="stable")
         X, W, score, block = X[order], W[order], score[order], block[order]
     first = np.flatnonzero(np.append(True, np.diff(block) > 0))
-    sums = np.add.reduceat(score, first)
+    edges = pairwise([*first.tolist(), len(block)])
     root = np.linalg.inv(np.linalg.cholesky(fit.A))  # root A root' = 1
+    rows, N = (X * np.sqrt(W)[:, None]) @ root.T, root @ fit.N @ root.T
     weight = np.add.reduceat(W, first) / W.sum()
-    N = root @ fit.N @ root.T
-    turned = (X * np.sqrt(W)[:, None]) @ root.T
-    Q = np.array([x.T @ x for x in _split(turned, first)]) - weight[:, None, None] * N
-    d = _without_one(Q, sums @ root.T, power) @ root
+    Q = np.array([rows[a:b].T @ rows[a:b] for a, b in edges]) - weight[:, None, None] * N
+    d = np.add.reduceat(score, first) @ root.T
+    if power == 1 and np.linalg.norm(Q, axis=(1, 2)).max() < WHOLLY:
+        d = np.linalg.solve(np.eye(len(N)) - Q, d[:, :, None])[:, :, 0]
+    else:
+        share, E = np.linalg.eigh(Q)
+        gain = (1 - np.clip(share, 0, WHOLLY)) ** -power
+        d = np.einsum("bij,bj->bi", E, np.einsum("bij,bi->bj", E, d) * gain)
+    d = d @ root
     return d.T @ d * (len(first) - 1) / len(first)
-
-
-def _split(rows: np.ndarray, first: np.ndarray) -> list[np.ndarray]:
-    """The rows of each block, as views."""
-    edges = [*first.tolist(), len(rows)]
-    return [rows[a:b] for a, b in zip(edges, edges[1:], strict=False)]
-
-
-def _without_one(Q: np.ndarray, score: np.ndarray, power: float) -> np.ndarray:
-    """(1 - Q_b)^-power score_b, with the eigenvalues of Q_b bounded."""
-    if (
-        power == 1 and np.linalg.norm(Q, axis=(1, 2)).max() < MOST_LEVERAGE
-    ):  # no eigenvalue is near the bound
-        return np.linalg.solve(np.eye(Q.shape[1]) - Q, score[:, :, None])[:, :, 0]
-    share, E = np.linalg.eigh(Q)
-    gain = (1 - np.clip(share, 0, MOST_LEVERAGE)) ** -power
-    along = np.einsum("bij,bi->bj", E, score) * gain
-    return np.einsum("bij,bj->bi", E, along)
-
-
-def _wider(V: np.ndarray, other: np.ndarray, usual: np.ndarray) -> np.ndarray:
-    """V + positive part of (other - V); ``usual`` are variances, for terms of which V knows all."""
-    s = np.sqrt(np.maximum(np.diag(V), 1e-12 * usual))
-    share, E = np.linalg.eigh((other - V) / np.outer(s, s))
-    return V + np.outer(s, s) * ((E * np.maximum(share, 0)) @ E.T)
-
-
-def _only_noise(problem: Problem, fit: Solution, total: float) -> np.ndarray:
-    """Directions whose information is noise by more than half keep the width of the prior."""
-    P = np.diag(fit.P)
-    root = np.linalg.cholesky(fit.H + P)
-    N = np.diag(problem.noise * total)
-    share, E = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, N).T))
-    V = np.zeros_like(P)
-    for e in np.linalg.solve(root.T, E[:, share > 0.5]).T:
-        V = V + np.outer(e, e) / (e @ P @ e)
-    return V

@@ -13,26 +13,11 @@ import numpy as np
 
 from ...blocks.block import Block
 from ...blocks.model import Model, Part
-from .terms import GRAVITY, Term
+from .terms import GRAVITY, Column, Term
 from .track import Track
 
 DELAY = "input_delay"
 LEVELS = {"Fc": np.sign, "Fv": lambda w: w}
-
-
-@dataclass(frozen=True, eq=False)
-class EffectColumn:
-    """The torque of an effect at given values; on a level, that of the level it changes."""
-
-    block: Block
-    values: tuple[tuple[str, float], ...]
-    level: str | None
-
-    def __call__(self, track: Track) -> np.ndarray:
-        signals = {"theta": track.theta, "w": track.speed, "load": track.load, "t": track.t}
-        out = self.block(*(signals[name] for name in self.block.reads), **dict(self.values))[0]
-        out = np.broadcast_to(np.asarray(out, float), len(track))
-        return out if self.level is None else out * LEVELS[self.level](track.speed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +63,7 @@ def uses_of(
 
 def _use(part: Part, track: Track, held: Mapping[str, float], middle: float) -> Use | str:
     """The effect as a term, or why it is none."""
-    block = part.block
+    block, gain = part.block, str(part.block.gain)
     if block.states or {"input", "sensor"} & {*block.acts} or not block.acts:
         return "it has a state of its own or acts on a signal"
     acts = {act.removeprefix("+") for act in block.acts} - {"Fs"}
@@ -86,30 +71,43 @@ def _use(part: Part, track: Track, held: Mapping[str, float], middle: float) -> 
         return "it does not act on one torque alone"
     if track.theta is None and "theta" in block.inputs:
         return "the record has no theta"
-    act, gain = acts.pop(), block.gain
-    relative = act in block.acts and act != "torque"
-    fixed = _fixed(part, held, middle)
-    if isinstance(fixed, str):
-        return fixed
-    values, phase = fixed
-    level = None if act == "torque" else act
-    columns = [EffectColumn(block, (*values, (gain, 1.0)), level)]
-    if phase is not None:
-        starts = ((phase, 0.0), (phase, np.pi / 2))
-        columns = [EffectColumn(block, (*values, (gain, 1.0), start), level) for start in starts]
-    if not _is_linear(columns[0], gain, track):
+    act = acts.pop()
+    level, relative = None if act == "torque" else act, act in block.acts and act != "torque"
+    values, phase = _fixed(part, held, middle)
+    unknown = [name for name, value in values.items() if value is None]
+    if unknown:
+        return f"its {unknown[0]} is not known; declare a value"
+    starts = [{}] if phase is None else [{phase: 0.0}, {phase: np.pi / 2}]
+    columns = [_column(block, {**values, gain: 1.0, **start}, level) for start in starts]
+    one, two = columns[0](track), _column(block, {**values, **starts[0], gain: 2.0}, level)(track)
+    if not np.allclose(two, 2 * one, rtol=1e-9, atol=1e-12 * np.abs(one).max(initial=0)):
         return f"it is not linear in {gain}"
-    keys = [f"{part.key}.{k}" for k in (("sin", "cos") if phase else (gain,))]
-    terms = [Term(k, c, friction=level is not None) for k, c in zip(keys, columns, strict=True)]
-    known = held.get(f"{part.key}.{gain}") if phase is None and not relative else None
+    keys = (gain,) if phase is None else ("sin", "cos")
+    terms = [
+        Term(f"{part.key}.{k}", column, friction=level is not None)
+        for k, column in zip(keys, columns, strict=True)
+    ]
+    known = None if phase or relative else held.get(f"{part.key}.{gain}")
     return Use(part, tuple(terms), act if relative else None, phase, known)
+
+
+def _column(block: Block, values: Mapping[str, float | None], level: str | None) -> Column:
+    """The torque of an effect at given values; on a level, that of the level it changes."""
+
+    def column(track: Track) -> np.ndarray:
+        signals = {"theta": track.theta, "w": track.speed, "load": track.load, "t": track.t}
+        out = block(*(signals[name] for name in block.reads), **values)[0]
+        out = np.broadcast_to(np.asarray(out, float), len(track))
+        return out if level is None else out * LEVELS[level](track.speed)
+
+    return column
 
 
 def _fixed(
     part: Part, held: Mapping[str, float], middle: float
-) -> tuple[tuple[tuple[str, float], ...], str | None] | str:
+) -> tuple[dict[str, float | None], str | None]:
     """The parameters beside the strength: values, and the name of a phase that is fitted."""
-    values, phase = [], None
+    values, phase = {}, None
     for name, p in part.block.own.items():
         value = held.get(f"{part.key}.{name}")
         if name == part.block.gain:
@@ -117,21 +115,10 @@ def _fixed(
         if value is None and p.span is not None and p.angle:
             phase = name
         elif value is None and p.span is not None:
-            values.append((name, middle))  # a constant beside it takes the rest
+            values[name] = middle  # a constant beside it takes the rest
         else:
-            value = part.values.get(name) if value is None else value
-            if value is None:
-                return f"its {name} is not known; declare a value"
-            values.append((name, float(value)))
-    return tuple(values), phase
-
-
-def _is_linear(column: EffectColumn, gain: str, track: Track) -> bool:
-    others = tuple((k, v) for k, v in column.values if k != gain)
-    twice = EffectColumn(column.block, (*others, (gain, 2.0)), column.level)
-    with np.errstate(all="ignore"):
-        one, two = column(track), twice(track)
-    return bool(np.allclose(two, 2 * one, rtol=1e-9, atol=1e-12 * np.abs(one).max(initial=0)))
+            values[name] = part.values.get(name) if value is None else value
+    return values, phase
 
 
 def held_terms(

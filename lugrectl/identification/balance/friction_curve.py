@@ -6,27 +6,27 @@ import numpy as np
 
 from .constants import (
     BINS,
-    LEAST_OF_BIN,
-    ONE_WAY,
-    RESTS,
-    ROUNDS_OF_MEAN,
-    STUDENT,
+    FEW,
+    LITTLE,
+    PASSES,
+    TOP,
 )
 from .fit import Fit
+from .regression import deviation, student
 from .result import CurvePoint
 
 
 def curve(made: Fit) -> tuple[CurvePoint, ...]:
     """Robust means over bins of equal numbers of windows."""
     d, torque = made.windows, friction_torque(made)
-    whole = np.abs(d.X[:, made.names.index("Fc")]) > ONE_WAY if "Fc" in made.names else True
+    whole = np.abs(d.X[:, made.names.index("Fc")]) > TOP if "Fc" in made.names else True
     points = []
     for side in (-1, 1):
-        at = np.flatnonzero((side * d.w > 0) & (d.rest < RESTS) & whole)
+        at = np.flatnonzero((side * d.w > 0) & (d.rest < LITTLE) & whole)
         at = at[np.argsort(d.w[at])]
-        if len(at) < LEAST_OF_BIN:
+        if len(at) < FEW:
             continue
-        for part in np.array_split(at, min(BINS, len(at) // LEAST_OF_BIN)):
+        for part in np.array_split(at, min(BINS, len(at) // FEW)):
             points.append(_point(d.w[part], torque[part], made.chunks[0][part], made.torque))
     return tuple(points)
 
@@ -44,9 +44,8 @@ def friction_torque(made: Fit) -> np.ndarray:
 
 def _point(w: np.ndarray, torque: np.ndarray, block: np.ndarray, size: float) -> CurvePoint:
     mean = float(np.median(torque))
-    scale = 1.4826 * float(np.median(np.abs(torque - mean))) + 1e-12 * size
-    for _ in range(ROUNDS_OF_MEAN):
-        weight = (STUDENT + 1) / (STUDENT + ((torque - mean) / scale) ** 2)
-        mean = float(np.average(torque, weights=weight))
+    scale = deviation(torque - mean) + 1e-12 * size
+    for _ in range(PASSES):
+        mean = float(np.average(torque, weights=student(torque - mean, scale**2)))
     half = 2 * scale / np.sqrt(max(len(np.unique(block)), 2))
     return CurvePoint(float(np.median(w)), mean, (mean - half, mean + half), len(w))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .constants import CLEAN_SPEED, SMOOTHINGS, TOP_SPEED
+from .constants import CLEAN, SMOOTHINGS, TOP
 from .track import Track, means, weights
 
 
@@ -43,32 +43,23 @@ def window_means(track: Track, half_width: float, at: np.ndarray, sensors: Senso
     Both signals count with the inverse of their variance, so that a worse one has little weight.
     Where both have one source, only the better one counts.
     """
-    estimates = []
+    made = []
     if track.theta is not None:
-        estimates.append(_of_theta(track, half_width, at, sensors.noise["theta"]))
+        k = weights(half_width, 1) / track.dt, weights(half_width, 2) / track.dt**2
+        made.append((track.theta, k, sensors.noise["theta"], 0.0))
     if track.w is not None and sensors.use_w:
-        estimates.append(_of_w(track, half_width, at, sensors))
-    w, noise_w = _weighed([(e.w, e.noise_w) for e in estimates], sensors.one_source)
-    a, noise_a = _weighed([(e.a, e.noise_a) for e in estimates], sensors.one_source)
+        lag = sensors.lag / track.dt
+        k = weights(half_width, 0, lag), weights(half_width, 1, lag) / track.dt
+        k = k[0] / sensors.gain, k[1] / sensors.gain
+        made.append((track.w, k, sensors.noise["w"], sensors.offset))
+    w, noise_w = _weighed(
+        [(means(x, k[0], at) - off, noise * _norm(k[0])) for x, k, noise, off in made],
+        sensors.one_source,
+    )
+    a, noise_a = _weighed(
+        [(means(x, k[1], at), noise * _norm(k[1])) for x, k, noise, _ in made], sensors.one_source
+    )
     return Means(w, a, noise_w, noise_a)
-
-
-def _of_theta(track: Track, half_width: float, at: np.ndarray, noise: float) -> Means:
-    assert track.theta is not None
-    k1 = weights(half_width, 1) / track.dt
-    k2 = weights(half_width, 2) / track.dt**2
-    w, a = (means(track.theta, k, at) for k in (k1, k2))
-    return Means(w, a, noise * _norm(k1), noise * _norm(k2))
-
-
-def _of_w(track: Track, half_width: float, at: np.ndarray, sensors: Sensors) -> Means:
-    assert track.w is not None
-    lag = sensors.lag / track.dt
-    k0 = weights(half_width, 0, lag) / sensors.gain
-    k1 = weights(half_width, 1, lag) / track.dt / sensors.gain
-    w, a = means(track.w, k0, at) - sensors.offset, means(track.w, k1, at)
-    noise = sensors.noise["w"]
-    return Means(w, a, noise * _norm(k0), noise * _norm(k1))
 
 
 def _weighed(estimates: list[tuple[np.ndarray, float]], best_only: bool) -> tuple:
@@ -97,8 +88,8 @@ def with_speed(tracks: Sequence[Track], sensors: Sensors) -> tuple[list[Track], 
             made.append(replace(track, speed=speed, still=2 * own))
             speeds.append(np.abs(speed[track.ok]))
             noise = max(noise, own)
-        top = float(np.quantile(np.concatenate(speeds), TOP_SPEED))
-        if noise < CLEAN_SPEED * top:
+        top = float(np.quantile(np.concatenate(speeds), TOP))
+        if noise < CLEAN * top:
             break
     return made, top, noise
 

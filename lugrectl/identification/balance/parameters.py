@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...blocks.block import unit_for
 from ...blocks.model import Model
+from ...core.numeric import rms
 from ...estimates.findings import Estimate
-from .constants import MOST_PARTS, SHARE_OF_TORQUE, SHARE_OF_VALUE, SMALL_PART, SNAP
+from .constants import LITTLE, MOST_PARTS, QUARTER, SMALL
 from .declared import DELAY, Use
 from .fit import Fit
 from .result import Combination
@@ -22,18 +23,17 @@ UNITS = {
     "constant_torque": "N m",
     "drift": "N m",
 }
-PLAIN = tuple(UNITS)
-AMONG = ("J", "Fc", "Fv", "constant_torque", "gravity.sin", "gravity.cos", "slope")
 FRICTION = ("Fc", "Fv", "constant_torque")
 TORQUES_FIRST = ("Fc", "constant_torque", "gravity.sin", "gravity.cos", "Fv", "slope", "J")
 SPOKEN = {"gravity.sin": "gravity at 90 deg", "gravity.cos": "gravity at 0 deg"}
+ANGLES = "other angles"
 SEPARATE = {
     "J": "faster changes of speed",
     "Fv": "other speeds",
     "constant_torque": "the other direction",
-    "gravity.sin": "other angles",
-    "gravity.cos": "other angles",
-    "slope": "other angles",
+    "gravity.sin": ANGLES,
+    "gravity.cos": ANGLES,
+    "slope": ANGLES,
 }
 
 
@@ -54,100 +54,72 @@ class Answer:
 
     def estimate(self, V: np.ndarray, quantile: float) -> Estimate:
         """The value with its interval; an amplitude is not below 0."""
-        h = self.half(V, quantile)
-        low = self.value - h
-        if self.key.endswith(".amplitude"):
-            low = max(low, 0.0)
-        return Estimate(float(self.value), self.unit, (float(low), float(self.value + h)))
+        half = self.half(V, quantile)
+        low = self.value - half
+        low = max(low, 0.0) if self.key.endswith(".amplitude") else low
+        return Estimate(float(self.value), self.unit, (float(low), float(self.value + half)))
+
+    def is_certain(self, half: float, torque: float) -> bool:
+        """Half-width below 5 % of the torque or a quarter of the value; a phase to a quarter
+        rad."""
+        if self.angle:
+            return half < QUARTER
+        small = half * self.torque < SMALL * torque
+        return small or half < QUARTER * abs(self.value)
 
 
 def answers(made: Fit, model: Model, uses: Sequence[Use]) -> list[Answer]:
     """All parameters of a fit, in the order of the contract."""
-    found = [_own(made, key, unit_for(UNITS[key], model.motion)) for key in PLAIN]
-    found += _wave(made, "gravity", "sin", "cos", "phase", unit_for("N m", model.motion))
+    blocks = {part.block.name: part.key for part in model.effects}
+    units = {key: unit_for(unit, model.motion) for key, unit in UNITS.items()}
+    found = [a for key in units for a in own(made, key, key, units[key])]
+    found += _wave(made, "gravity", units["Fc"])
     if made.setting.delay_prior:
-        found += _delay(made, model)
-    for part in model.effects:
-        if part.block.name == "constant_torque":
-            unit = unit_for(UNITS["constant_torque"], model.motion)
-            found.append(_own(made, "constant_torque", unit, f"{part.key}.torque"))
-    for use in uses:
-        found += _declared(made, use, model)
-    return _asymmetric(found, made, model)
+        along = np.eye(len(made.p))[len(made.terms)]
+        keys = ["u_delay", *([f"{blocks[DELAY]}.delay"] if DELAY in blocks else [])]
+        found += [Answer(k, made.delay, along, "s", rms(made.windows.du[:, 0])) for k in keys]
+    if "constant_torque" in blocks:
+        found += own(made, "constant_torque", f"{blocks['constant_torque']}.torque", units["Fc"])
+    elif "coulomb_asymmetry" in blocks:  # a constant torque while the drive moves
+        ratio = own(made, "constant_torque", f"{blocks['coulomb_asymmetry']}.ratio", "1")
+        found = [a for a in found if a.key != "constant_torque"]
+        found += [_over(made, a, "Fc") for a in ratio]
+    return [*found, *(a for use in uses for a in _declared(made, use, model))]
 
 
-def _asymmetric(found: list[Answer | None], made: Fit, model: Model) -> list[Answer]:
-    """An asymmetry of Coulomb friction is a constant torque while the drive moves."""
-    parts = {part.block.name: part for part in model.effects}
-    asymmetry = parts.get("coulomb_asymmetry")
-    if asymmetry is None or "constant_torque" in parts:
-        return [a for a in found if a is not None]
-    ratio = _ratio(made, f"{asymmetry.key}.ratio", "constant_torque", "Fc")
-    return [a for a in (*found, ratio) if a is not None and a.key != "constant_torque"]
-
-
-def _unit_vector(made: Fit, i: int) -> np.ndarray:
-    return np.eye(len(made.p))[i]
-
-
-def _own(made: Fit, key: str, unit: str, name: str | None = None) -> Answer | None:
-    """A coefficient as it is."""
-    if key not in made.names:
-        return None
-    i = made.names.index(key)
-    return Answer(name or key, made.p[i], _unit_vector(made, i), unit, made.rms[i])
+def own(made: Fit, name: str, key: str, unit: str) -> list[Answer]:
+    """A coefficient as it is, if it is one, under a key."""
+    if name not in made.names:
+        return []
+    i = made.names.index(name)
+    return [Answer(key, made.p[i], np.eye(len(made.p))[i], unit, made.rms[i])]
 
 
 def _wave(
-    made: Fit, prefix: str, sine: str, cosine: str, phase: str, unit: str, per: float = 1.0
+    made: Fit, prefix: str, unit: str, gain: str = "amplitude", phase: str = "phase"
 ) -> list[Answer]:
     """A sin(x + phi) from A cos(phi) sin(x) + A sin(phi) cos(x)."""
-    if f"{prefix}.{sine}" not in made.names:
+    if f"{prefix}.sin" not in made.names:
         return []
-    i, k = made.names.index(f"{prefix}.{sine}"), made.names.index(f"{prefix}.{cosine}")
+    i, k = made.names.index(f"{prefix}.sin"), made.names.index(f"{prefix}.cos")
     a, b = made.p[i], made.p[k]
-    e, f = _unit_vector(made, i), _unit_vector(made, k)
-    size = float(np.hypot(a, b)) + 1e-300
-    torque = float(np.hypot(made.rms[i], made.rms[k]) / np.sqrt(2))
-    amplitude = Answer(f"{prefix}.amplitude", size, (a * e + b * f) / size, unit, torque)
-    turned = (a * f - b * e) / size**2
-    angle = Answer(f"{prefix}.{phase}", float(np.arctan2(b, a)), turned, "rad", size * torque, True)
-    return [amplitude, angle]
+    e, f = np.eye(len(made.p))[[i, k]]
+    size, torque = float(np.hypot(a, b)) + 1e-300, rms(made.rms[[i, k]])
+    angle, turned = float(np.arctan2(b, a)), (a * f - b * e) / size**2
+    return [
+        Answer(f"{prefix}.{gain}", size, (a * e + b * f) / size, unit, torque),
+        Answer(f"{prefix}.{phase}", angle, turned, "rad", size * torque, True),
+    ]
 
 
-def _delay(made: Fit, model: Model) -> list[Answer]:
-    m = len(made.terms)
-    torque = float(np.sqrt(np.mean(made.windows.du[:, 0] ** 2)))
-    keys = ["u_delay", *(f"{p.key}.delay" for p in model.effects if p.block.name == DELAY)]
-    return [Answer(k, made.delay, _unit_vector(made, m), "s", torque) for k in keys]
-
-
-def _declared(made: Fit, use: Use, model: Model) -> list[Answer | None]:
+def _declared(made: Fit, use: Use, model: Model) -> list[Answer]:
     """The parameters of a declared effect."""
-    key, gain = use.part.key, use.part.block.gain
-    unit = model.unit(f"{key}.{gain}")
-    if use.phase is None and use.per is None:
-        return [_own(made, f"{key}.{gain}", unit)]
-    if use.phase is None:
-        return [_ratio(made, f"{key}.{gain}", f"{key}.{gain}", str(use.per))]
-    found = _wave(made, key, "sin", "cos", use.phase, unit)
-    if not found:
-        return []
-    amplitude, angle = found
-    if use.per is not None:  # relative to a level of friction
-        amplitude = _over(made, amplitude, use.per)
-    named = Answer(f"{key}.{gain}", *_rest(amplitude), unit, amplitude.torque)
-    return [named, angle]
-
-
-def _rest(a: Answer) -> tuple[float, np.ndarray]:
-    return a.value, a.gradient
-
-
-def _ratio(made: Fit, key: str, top: str, bottom: str) -> Answer | None:
-    """The quotient of two coefficients."""
-    own = _own(made, top, "1", key)
-    return own and _over(made, own, bottom)
+    key, gain = use.part.key, str(use.part.block.gain)
+    name, unit = f"{key}.{gain}", model.unit(f"{key}.{gain}")
+    found = _wave(made, key, unit, gain, use.phase) if use.phase else own(made, name, name, unit)
+    if found and use.per is not None:  # relative to a level of friction
+        found[0] = _over(made, found[0], use.per)
+    return found
 
 
 def _over(made: Fit, a: Answer, level: str) -> Answer:
@@ -155,23 +127,15 @@ def _over(made: Fit, a: Answer, level: str) -> Answer:
     size = made.value(level) or 1e-300
     gradient = a.gradient / size
     if level in made.names:
-        i = made.names.index(level)
-        gradient = gradient - _unit_vector(made, i) * a.value / size**2
-    return Answer(a.key, a.value / size, gradient, "1", abs(size) * a.torque)
-
-
-def is_certain(a: Answer, half: float, torque: float) -> bool:
-    """Half-width below 5 % of the torque or a quarter of the value; a phase to a quarter rad."""
-    if a.angle:
-        return half < SHARE_OF_VALUE
-    return half * a.torque < SHARE_OF_TORQUE * torque or half < SHARE_OF_VALUE * abs(a.value)
+        gradient[made.names.index(level)] -= a.value / size**2
+    return replace(a, value=a.value / size, gradient=gradient, torque=abs(size) * a.torque)
 
 
 def combinations(
     made: Fit, V: np.ndarray, quantile: float, uncertain: Sequence[str], motion: str
 ) -> list[Combination]:
     """Sums of uncertain terms that are certain: eigenvectors of their covariance in torque."""
-    at = [i for i, name in enumerate(made.names) if name in AMONG and name in uncertain]
+    at = [i for i, name in enumerate(made.names) if name in TORQUES_FIRST and name in uncertain]
     found = _among(made, V, quantile, at, motion)
     if not found and "Fc" in uncertain:
         at = [i for i, name in enumerate(made.names) if name in FRICTION]
@@ -184,46 +148,42 @@ def _among(
 ) -> list[Combination]:
     if len(at) < 2:
         return []
-    rms = made.rms[list(at)]
-    own = V[np.ix_(at, at)]
-    names = [made.names[i] for i in at]
-    _, E = np.linalg.eigh(own * np.outer(rms, rms))
+    at = sorted(at, key=lambda i: TORQUES_FIRST.index(made.names[i]))
+    size, own = made.rms[at], V[np.ix_(at, at)]
+    _, E = np.linalg.eigh(own * np.outer(size, size))
     found = []
     for e in E.T:
-        c = np.where(np.abs(e) < SMALL_PART, 0.0, e) * rms
-        if not 1 < np.count_nonzero(c) <= MOST_PARTS:
+        c = np.where(np.abs(e) < LITTLE, 0.0, e) * size
+        parts = np.flatnonzero(c).tolist()
+        if not 1 < len(parts) <= MOST_PARTS:
             continue
-        first = min(_parts(c), key=lambda i: TORQUES_FIRST.index(names[i]))
+        first = parts[0]
         c = _simple(c / c[first], own)
-        value = float(c @ made.p[list(at)])
+        value = float(c @ made.p[at])
         half = quantile * float(np.sqrt(max(c @ own @ c, 0.0)))
-        share = half / float(np.linalg.norm(c / rms)) / made.torque
-        if share > SHARE_OF_TORQUE and half > SHARE_OF_VALUE * abs(value):
+        share = half / float(np.linalg.norm(c / size)) / made.torque
+        if share > SMALL and half > QUARTER * abs(value):
             continue
-        if half > abs(value) and half * rms[first] > SHARE_OF_TORQUE * made.torque:
+        if half > abs(value) and half * size[first] > SMALL * made.torque:
             continue  # neither its size nor its sign is known
-        text, wants = _text(c, names, first)
-        unit = unit_for(UNITS.get(names[first], "N m"), motion)
+        order = [first, *sorted(parts[1:], key=lambda i: at[i])]
+        text, wants = _text({made.names[at[i]]: float(c[i]) for i in order})
+        unit = unit_for(UNITS.get(made.names[at[first]], "N m"), motion)
         found.append(Combination(text, value, unit, (value - half, value + half), wants))
     return found
 
 
-def _parts(c: np.ndarray) -> list[int]:
-    return [int(i) for i in np.flatnonzero(c)]
-
-
 def _simple(c: np.ndarray, V: np.ndarray) -> np.ndarray:
     """Coefficients near 1 or -1 as such, where that costs little certainty."""
-    simple = np.where(np.abs(np.abs(c) - 1) < SNAP, np.sign(c), c)
+    simple = np.where(np.abs(np.abs(c) - 1) < SMALL, np.sign(c), c)
     return simple if simple @ V @ simple < 2 * (c @ V @ c) else c
 
 
-def _text(c: np.ndarray, names: Sequence[str], first: int) -> tuple[str, str]:
+def _text(parts: dict[str, float]) -> tuple[str, str]:
     """ "Fc + 10.5 Fv - constant_torque", and what to record to separate its parts."""
-    parts, wants = [], []
-    for i in sorted(_parts(c), key=lambda i: i != first):
-        factor = "" if abs(abs(c[i]) - 1) < 2e-3 else f"{abs(c[i]):.3g} "
-        parts.append(f"{'-' if c[i] < 0 else '+'} {factor}{SPOKEN.get(names[i], names[i])}")
-        wants += [SEPARATE[names[i]]] if names[i] in SEPARATE else []
-    what = " and ".join(dict.fromkeys(wants)) or "other speeds"
-    return " ".join(parts).removeprefix("+ "), f"record {what}"
+    said = []
+    for name, c in parts.items():
+        factor = "" if abs(abs(c) - 1) < 2e-3 else f"{abs(c):.3g} "
+        said.append(f"{'-' if c < 0 else '+'} {factor}{SPOKEN.get(name, name)}")
+    what = " and ".join(dict.fromkeys(SEPARATE[name] for name in parts if name in SEPARATE))
+    return " ".join(said).removeprefix("+ "), f"record {what or 'other speeds'}"

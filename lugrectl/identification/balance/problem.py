@@ -14,21 +14,23 @@ from .constants import (
     DELAY_SAMPLES,
     DELAY_SECONDS,
     FEWEST_SAMPLES,
-    REST_IN_NOISE,
-    REST_IN_SPEED,
-    STEADY,
+    LITTLE,
+    LONGEST_SHARE,
+    SLOW,
+    SURE,
+    WIDTHS,
 )
 from .declared import DELAY, Use, held_terms, uses_of
 from .fit import Setting
 from .friction_shapes import with_rest
 from .motion import Sensors, with_speed
 from .speed_channel import Comparison, sensors_of
-from .steady import as_points, evenly, steady, width_of_map
-from .terms import Term, Travel, plain_terms, travel_of, turns_enough, widths_of
+from .steady import as_points, evenly, steady
+from .terms import Term, Travel, plain_terms, travel_of, turns_enough
 from .track import Track, tracks_of
 from .windows import Source
 
-AT_SPEED = 0.5  # of the top speed of a stretch: above it, no smoothing reaches a start or a stop
+MAJORITY = 0.5  # of the top speed of a stretch: above it, no smoothing reaches a start or a stop
 DEAD = "u is {:.4g} in every row: the torque channel is dead."
 ONE = (
     "u is {:.4g} in every row: the torque channel is dead, or one torque acts throughout. Then any "
@@ -75,20 +77,6 @@ class Ground:
         return self.source.sensors
 
 
-@dataclass(frozen=True, eq=False)
-class Seen:
-    """The tracks with their speed, and what was noticed of the channels."""
-
-    tracks: list[Track]
-    sensors: Sensors
-    comparison: Comparison | None
-    notes: tuple[str, ...]
-    speed: float
-    noise: float
-    is_map: bool
-    blind: str
-
-
 def ground_of(
     stretches: Sequence[Stretch], model: Model, held: Mapping[str, float]
 ) -> Ground | Unanswerable:
@@ -98,14 +86,6 @@ def ground_of(
         return Unanswerable(("No stretch of the record has more than 12 good samples.",))
     if tracks[0].theta is None and tracks[0].w is None:
         return Unanswerable(("the runs have no motion signal in common: theta or w.",))
-    seen = _seen(tracks, held)
-    if isinstance(seen, Unanswerable):
-        return seen
-    return _map(seen, model, held) if seen.is_map else _moving(seen, model, held)
-
-
-def _seen(tracks: list[Track], held: Mapping[str, float]) -> Seen | Unanswerable:
-    """What the channels show, before any fit."""
     sensors, comparison, notes = sensors_of(tracks)
     if tracks[0].theta is None and not sensors.use_w:
         return Unanswerable(tuple(notes))
@@ -120,13 +100,34 @@ def _seen(tracks: list[Track], held: Mapping[str, float]) -> Seen | Unanswerable
     blind = "" if ways is None else ONE_EACH_WAY.format(" and ".join(f"{u:.4g}" for u in ways))
     if blind and still is None:
         return Unanswerable((*notes, blind))
-    if still is not None:
-        notes = [
-            *notes,
-            "The runs keep one speed each: they are a map, which does not show J.",
-        ]
-    is_map = still is not None
-    return Seen(tracks, sensors, comparison, tuple(notes), speed, noise, is_map, blind)
+    if still is None:
+        tracks, widths, setting = _moving(tracks, speed, noise, model, held)
+    else:
+        notes = [*notes, "The runs keep one speed each: they are a map, which does not show J."]
+        tracks = with_rest(as_points(tracks), 0.0)
+        turns = turns_enough(model, travel_of(tracks, across=True), is_map=True)
+        tracks, width = evenly(tracks, travel_of(tracks, across=True).span, speed, turns)
+        widths, setting = (width / 2, width), Setting(0.0, 0.0)
+    travel = travel_of(tracks, across=still is not None)
+    uses, unused = uses_of(model, tracks, held, travel.middle)
+    terms = plain_terms(model, travel, still is not None)
+    terms += [term for use in uses for term in use.terms]
+    known = held_terms(held, uses, terms)
+    return Ground(
+        model=model,
+        source=Source([replace(p, load=np.zeros(len(p))) for p in tracks], sensors, known),
+        terms=tuple(t for t in terms if all(t is not k for k, _ in known)),
+        uses=tuple(uses),
+        held=held,
+        widths=widths,
+        setting=replace(setting, held=tuple((term.key, value) for term, value in known)),
+        speed=speed,
+        travel=travel,
+        is_map=still is not None,
+        comparison=comparison,
+        notes=(*notes, *unused),
+        blind=blind,
+    )
 
 
 def _dead(tracks: Sequence[Track], is_map: bool, held: Mapping[str, float]) -> float | None:
@@ -148,63 +149,27 @@ def _one_torque_each_way(tracks: Sequence[Track]) -> list[float] | None:
     rises = False
     for p in tracks:
         speed = np.abs(p.speed) / np.abs(p.speed[p.ok]).max()
-        fast = p.ok & (speed > AT_SPEED)
-        rises |= np.count_nonzero(fast & (speed < 1 - STEADY)) > 2 * FEWEST_SAMPLES
+        fast = p.ok & (speed > MAJORITY)
+        rises |= np.count_nonzero(fast & (speed < 1 - LITTLE)) > 2 * FEWEST_SAMPLES
         for way, values in found.items():
             values.update(np.unique(p.u[fast & (np.sign(p.speed) == way)]).tolist())
     several = any(len(values) > 1 for values in found.values())
     return None if several or not rises else [u for values in found.values() for u in values]
 
 
-def _moving(seen: Seen, model: Model, held: Mapping[str, float]) -> Ground:
-    """Runs whose speed changes: J and a delay of u are fitted."""
-    rest = max(REST_IN_NOISE * seen.noise, REST_IN_SPEED * seen.speed)
-    seen = replace(seen, tracks=with_rest(seen.tracks, rest))
-    dt = float(np.median([p.dt for p in seen.tracks]))
+def _moving(
+    tracks: Sequence[Track], speed: float, noise: float, model: Model, held: Mapping[str, float]
+) -> tuple[list[Track], tuple[float, ...], Setting]:
+    """Runs whose speed changes: J and a delay of u are fitted, at half-widths that the sample time
+    and the longest stretch allow."""
+    rest = max(SURE * noise, SLOW * speed)
+    dt = float(np.median([p.dt for p in tracks]))
     prior, delay = min(DELAY_SAMPLES * dt, max(DELAY_SECONDS, dt)), 0.0
     for part in model.effects:
         if part.block.name == DELAY:
             known = held.get(f"{part.key}.delay")
             prior, delay = (DECLARED_DELAY, 0.0) if known is None else (0.0, known)
-    travel = travel_of(seen.tracks, across=False)
-    setting = Setting(rest, prior, delay=delay)
-    return _with_terms(seen, model, held, travel, widths_of(seen.tracks), setting)
-
-
-def _map(seen: Seen, model: Model, held: Mapping[str, float]) -> Ground:
-    """Runs at one speed each."""
-    tracks = with_rest(as_points(seen.tracks), 0.0)
-    travel = travel_of(tracks, across=True)
-    width = width_of_map(tracks, travel, seen.speed, turns_enough(model, travel, True))
-    seen = replace(seen, tracks=evenly(tracks, width))
-    return _with_terms(seen, model, held, travel, [width / 2, width], Setting(0.0, 0.0))
-
-
-def _with_terms(
-    seen: Seen,
-    model: Model,
-    held: Mapping[str, float],
-    travel: Travel,
-    widths: list[float],
-    setting: Setting,
-) -> Ground:
-    uses, unused = uses_of(model, seen.tracks, held, travel.middle)
-    terms = plain_terms(model, travel, seen.is_map)
-    terms += [term for use in uses for term in use.terms]
-    known = held_terms(held, uses, terms)
-    tracks = [replace(p, load=np.zeros(len(p))) for p in seen.tracks]
-    return Ground(
-        model=model,
-        source=Source(tracks, seen.sensors, known),
-        terms=tuple(t for t in terms if all(t is not k for k, _ in known)),
-        uses=tuple(uses),
-        held=held,
-        widths=tuple(widths),
-        setting=replace(setting, held=tuple((term.key, value) for term, value in known)),
-        speed=seen.speed,
-        travel=travel,
-        is_map=seen.is_map,
-        comparison=seen.comparison,
-        notes=(*seen.notes, *unused),
-        blind=seen.blind,
-    )
+    longest = max(p.duration for p in tracks)
+    widths = [L for L in WIDTHS if L >= FEWEST_SAMPLES * dt and L < LONGEST_SHARE * longest]
+    widths = widths or [min(max(FEWEST_SAMPLES * dt, WIDTHS[0]), longest / 3)]
+    return with_rest(tracks, rest), tuple(widths), Setting(rest, prior, delay=delay)

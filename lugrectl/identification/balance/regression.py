@@ -10,23 +10,19 @@ P the prior, l_i the torque that a window near rest leaves open. Everything is i
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .constants import (
-    FLOOR_OF_FRICTION,
     FLOOR_OF_NOISE,
     HUGE,
-    MAD,
-    MOST_OF_A_DERIVATIVE,
-    MOST_OF_A_TERM,
-    MOSTLY_AT_REST,
-    NOT_NOISE,
+    MAJORITY,
+    MOST,
+    NOTHING,
     PASSES,
-    PASSES_NEARBY,
+    RARE,
     ROBUST_PASSES,
-    SETTLED,
     SLIDING,
     STUDENT,
 )
@@ -34,22 +30,13 @@ from .constants import (
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What is regressed.
+    """What is regressed: ``y`` (n,) on ``X`` (n, m), whose last ``derivatives`` columns are
+    derivatives of u.
 
-    Attributes
-    ----------
-    y, X : ndarray (n,), (n, m)
-        Torque and columns; the last ``derivatives`` columns are derivatives of u.
-    prior : ndarray (m,)
-        Standard deviations of the coefficients around 0.
-    level : float
-        Sliding torque, which a window at rest leaves open.
-    rest : ndarray (n,)
-        Share of each window at rest.
-    noise, shared : ndarray (m,)
-        Variance of the noise of each column, and its covariance with that of y.
-    noise_y : float
-        Variance of the noise of y.
+    ``prior`` (m,) are standard deviations of the coefficients around 0, ``level`` is the sliding
+    torque, which a window at rest leaves open, ``rest`` (n,) the share of each window at rest.
+    ``noise``, ``shared`` (m,) are the variance of the noise of each column, and its covariance
+    with that of y, whose variance is ``noise_y``.
     """
 
     y: np.ndarray
@@ -62,6 +49,11 @@ class Problem:
     noise_y: float
     derivatives: int = 0
 
+    def with_noise_of_u(self, share: float) -> Problem:
+        """With a share of the noise of u."""
+        noise = np.where(self.own, self.noise, share * self.noise)
+        return replace(self, noise=noise, shared=share * self.shared, noise_y=share * self.noise_y)
+
     @property
     def own(self) -> np.ndarray:
         """True for the columns that are no derivatives of u."""
@@ -70,19 +62,14 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Coefficients ``p``, residual ``r``, Student weights ``t`` and scale ``s2``.
-
-    ``H`` is X' W X, ``A`` the matrix that was solved, ``N`` what was taken off it,
-    ``P`` the prior's diagonal, ``c`` the shared noise that was taken off, ``variance`` the
-    scale of each window.
-    """
+    """Coefficients ``p``, residual ``r``, Student weights ``t``, the scale of each window
+    (``variance``), and the matrices: ``A`` that was solved, ``N`` taken off it, ``P`` the prior's
+    diagonal, ``c`` the shared noise that was taken off."""
 
     p: np.ndarray
     r: np.ndarray
     t: np.ndarray
-    s2: float
     variance: np.ndarray
-    H: np.ndarray
     A: np.ndarray
     N: np.ndarray
     P: np.ndarray
@@ -91,15 +78,14 @@ class Solution:
 
 def solve(problem: Problem, weights: np.ndarray | None = None) -> Solution:
     """The fit, starting from the Student weights of a fit nearby, or from ones."""
-    problem = _believable(problem)
     y, X, rest = problem.y, problem.X, problem.rest
-    size = float(np.mean(y**2))
-    open_torque = (problem.level * rest) ** 2 + (rest > MOSTLY_AT_REST) * HUGE * size
-    least = FLOOR_OF_NOISE * problem.noise_y + (FLOOR_OF_FRICTION * problem.level) ** 2
+    huge = (rest > MAJORITY) * HUGE * np.mean(y**2)
+    open_torque = (problem.level * rest) ** 2 + huge
+    least = FLOOR_OF_NOISE * problem.noise_y + (NOTHING * problem.level) ** 2
     slides = rest < SLIDING
     slides = slides if slides.sum() > 5 * X.shape[1] else np.ones(len(y), bool)
     p, s2 = np.zeros(X.shape[1]), float(np.var(y)) + 1e-300
-    t, passes = (np.ones(len(y)), PASSES) if weights is None else (weights, PASSES_NEARBY)
+    t, passes = (np.ones(len(y)), PASSES) if weights is None else (weights, PASSES // 2)
     for i in range(passes):
         W = t / (s2 + open_torque)
         H = X.T @ (W[:, None] * X)
@@ -110,35 +96,28 @@ def solve(problem: Problem, weights: np.ndarray | None = None) -> Solution:
         r = y - X @ new
         s = _scale(r[slides], s2, least, robust=i < ROBUST_PASSES)
         step = new - p
-        settled = abs(s / s2 - 1) < SETTLED and step @ A @ step < SETTLED**2
-        p, s2, t = new, s, (STUDENT + 1) / (STUDENT + r**2 / (s + open_torque))
+        settled = abs(s / s2 - 1) < RARE and step @ A @ step < RARE**2
+        p, s2, t = new, s, student(r, s + open_torque)
         if settled and i > 2:
             break
-    return Solution(p, r, t, s2, s2 + open_torque, H, A, N, P, c)
+    return Solution(p, r, t, s2 + open_torque, A, N, P, c)
+
+
+def student(r: np.ndarray, variance: np.ndarray | float) -> np.ndarray:
+    """Student weights (nu + 1) / (nu + r^2 / variance)."""
+    return (STUDENT + 1) / (STUDENT + r**2 / variance)
+
+
+def deviation(r: np.ndarray) -> float:
+    """Standard deviation of a normal density with the median of |r|."""
+    return 1.4826 * float(np.median(np.abs(r)))
 
 
 def weights_near(problem: Problem, p: np.ndarray) -> np.ndarray:
     """Student weights of the residual of given coefficients."""
     r = problem.y - problem.X @ p
-    s2 = (MAD * np.median(np.abs(r))) ** 2 + 1e-300
-    return (STUDENT + 1) / (STUDENT + r**2 / (s2 + (problem.level * problem.rest) ** 2))
-
-
-def _believable(problem: Problem) -> Problem:
-    """Without noise of u where it would be a large part of u: then u is faster than the log."""
-    if problem.noise_y <= NOT_NOISE * np.mean(problem.y**2):
-        return problem
-    return Problem(
-        problem.y,
-        problem.X,
-        problem.prior,
-        problem.level,
-        problem.rest,
-        problem.noise * problem.own,
-        0 * problem.shared,
-        0.0,
-        problem.derivatives,
-    )
+    s2 = deviation(r) ** 2 + 1e-300
+    return student(r, s2 + (problem.level * problem.rest) ** 2)
 
 
 def _noise(problem: Problem, total: float, H: np.ndarray, P: np.ndarray) -> tuple:
@@ -146,17 +125,15 @@ def _noise(problem: Problem, total: float, H: np.ndarray, P: np.ndarray) -> tupl
 
     In no direction more than a share of what there is, so that A stays positive definite.
     """
-    most = np.where(problem.own, 1.0, MOST_OF_A_DERIVATIVE)
+    most = np.where(problem.own, 1.0, MAJORITY)
     noise = np.minimum(problem.noise * total, most * np.diag(H))
     ratio = problem.shared / np.where(problem.noise > 0, problem.noise, 1.0)
-    if noise @ np.diag(np.linalg.inv(H + np.diag(P))) < MOST_OF_A_TERM:  # above the largest share
-        return np.diag(noise), noise * ratio
-    root = np.linalg.cholesky(H + np.diag(P))
-    share, E = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, np.diag(noise)).T))
     N = np.diag(noise)
-    if share[-1] > MOST_OF_A_TERM:
+    if noise @ np.diag(np.linalg.inv(H + np.diag(P))) > MOST:  # above the largest share
+        root = np.linalg.cholesky(H + np.diag(P))
+        share, E = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, N).T))
         E = root @ E
-        N = (E * np.minimum(share, MOST_OF_A_TERM)) @ E.T
+        N = (E * np.minimum(share, MOST)) @ E.T
     return N, N @ ratio
 
 
@@ -167,8 +144,8 @@ def _scale(r: np.ndarray, s2: float, least: float, robust: bool) -> float:
     s^2 = sum w r^2 / sum w with w = (nu + 1) / (nu + r^2 / s^2), which never lowers the likelihood.
     """
     if robust:
-        return max((MAD * np.median(np.abs(r))) ** 2, least) + 1e-300
-    w = (STUDENT + 1) / (STUDENT + r**2 / s2)
+        return max(deviation(r) ** 2, least) + 1e-300
+    w = student(r, s2)
     return max(float(np.sum(w * r**2) / np.sum(w)), least) + 1e-300
 
 
@@ -178,10 +155,6 @@ def log_density(solution: Solution) -> float:
 
 
 def densities(solution: Solution) -> np.ndarray:
-    """Log of the density of the residual in each window (n,)."""
-    from scipy.special import gammaln  # slow to import
-
-    nu = STUDENT
-    one = gammaln((nu + 1) / 2) - gammaln(nu / 2) - 0.5 * np.log(nu * np.pi)
-    v = solution.variance
-    return one - 0.5 * np.log(v) - (nu + 1) / 2 * np.log1p(solution.r**2 / (nu * v))
+    """Log of the density of the residual in each window (n,), up to a constant."""
+    v, nu = solution.variance, STUDENT
+    return -0.5 * np.log(v) - (nu + 1) / 2 * np.log1p(solution.r**2 / (nu * v))

@@ -139,12 +139,14 @@ class Balance(Result):
 
     def summary(self) -> dict[str, Any]:
         """The answer as plain Python values, as under "plain" in the JSON document."""
+        known, sums = self.parameters.items(), self.combinations
         return {
-            "parameters": {k: _estimate(e) for k, e in self.parameters.items()},
-            "combinations": [_combination(c) for c in self.combinations],
-            "curve": [_point(p) for p in self.curve],
-            "left": _number(self.left),
-            "seconds": _number(self.seconds),
+            "parameters": {k: _fields(e, "value", "unit", "ci95") for k, e in known},
+            "combinations": [
+                _fields(c, "text", "value", "unit", "ci95", "to_separate") for c in sums
+            ],
+            "curve": [_fields(p, "w", "torque", "ci95", "samples") for p in self.curve],
+            **_fields(self, "left", "seconds"),
         }
 
     def to_frame(self) -> Any:
@@ -172,23 +174,15 @@ class Balance(Result):
         return [*rows, Row("notes", len(self.said))] if self.said else rows
 
 
-def _number(value: float | None) -> float | None:
-    return None if value is None or not math.isfinite(value) else float(value)
+def _fields(x: Any, *names: str) -> dict[str, Any]:
+    """Some fields of a result as plain Python values."""
+    return {name: _plain(getattr(x, name)) for name in names}
 
 
-def _pair(ci95: tuple[float, float] | None) -> list[float | None] | None:
-    return None if ci95 is None else [_number(x) for x in ci95]
-
-
-def _estimate(e: Estimate) -> dict[str, Any]:
-    return {"value": _number(e.value), "unit": e.unit, "ci95": _pair(e.ci95)}
-
-
-def _combination(c: Combination) -> dict[str, Any]:
-    own = {"text": c.text, "value": _number(c.value), "unit": c.unit, "ci95": _pair(c.ci95)}
-    return {**own, "to_separate": c.to_separate}
-
-
-def _point(p: CurvePoint) -> dict[str, Any]:
-    own = {"w": _number(p.w), "torque": _number(p.torque), "ci95": _pair(p.ci95)}
-    return {**own, "samples": int(p.samples)}
+def _plain(x: Any) -> Any:
+    """What JSON holds: no tuple, no NaN, no number of numpy."""
+    if isinstance(x, tuple):
+        return [_plain(one) for one in x]
+    if isinstance(x, float):
+        return float(x) if math.isfinite(x) else None
+    return x

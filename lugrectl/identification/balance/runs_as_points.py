@@ -22,25 +22,24 @@ from scipy.stats import t as student
 from ...core.numeric import rms
 from .constants import (
     BEND_OF_MAP,
-    CONFIDENCE,
     DIP_OF_MAP,
-    DIP_SPEEDS,
-    FLOOR_OF_FRICTION,
-    LEAST_COLUMN,
-    OVERLAP,
-    ROUNDS_OF_SCATTER,
-    SETTLED,
+    LITTLE,
+    NOTHING,
+    PASSES,
+    RARE,
     SLOWEST_DIP,
-    STEADY,
+    SMALL,
+    STEP,
+    TOP,
 )
 from .covariance import memory
 from .fit import Fit
 from .friction_curve import friction_torque
-from .friction_shapes import Bend, Dip
+from .friction_shapes import dips
 from .interval import of_scale
 from .problem import Ground
 from .result import CurvePoint
-from .terms import Term
+from .terms import Term, drag
 from .windows import Windows
 
 SAME = 1e-6  # of a column, to which rounding leaves of it what is another already
@@ -67,78 +66,30 @@ class Rows:
     own: np.ndarray
 
     @classmethod
-    def of(cls, d: Windows, X: np.ndarray, share: float = 1.0 / OVERLAP, own: Any = None) -> Rows:
+    def of(cls, d: Windows, X: np.ndarray, share: float = STEP, own: Any = 0.0) -> Rows:
         place = places(d)
-        size = np.bincount(place)
-        y = np.bincount(place, d.y) / size
-        mean = np.column_stack([np.bincount(place, x) / size for x in X.T])
-        own = np.zeros(len(y)) if own is None else own
-        return cls(place, y, mean, d.y - y[place], X - mean[place], share, own)
+        y, mean = _means(place, d.y), np.column_stack([_means(place, x) for x in X.T])
+        return cls(place, y, mean, d.y - y[place], X - mean[place], share, own + 0.0 * y)
 
     def noisy(self, p: np.ndarray) -> Rows:
         """With the memory and the errors of the means that these values leave in the runs."""
         s = self.apart_y - self.apart_X @ p
-        share, many = 1.0 / max(OVERLAP, memory(s)), np.bincount(self.place)
+        many = np.bincount(self.place)
         each = np.bincount(self.place, s**2) / np.maximum(many - 1, 1)
-        return replace(self, share=share, own=each / np.maximum(many / OVERLAP, 1.0))
-
-    @property
-    def free_apart(self) -> float:
-        """Independent differences."""
-        return self.share * (len(self.place) - len(self.y))
+        own = each / np.maximum(many * STEP, 1.0)
+        return replace(self, share=min(STEP, 1.0 / memory(s)), own=own)
 
 
 @dataclass(frozen=True, eq=False)
 class Pointwise:
-    """Values ``p`` with covariance ``V``; the variance of a run beyond its own error, the weights
-    ``g`` of the means, what is left ``free`` of them, and their residuals ``r``."""
+    """Values ``p`` with covariance ``V``; the weights ``g`` of the means, what is left ``free`` of
+    them, and their residuals ``r``."""
 
     p: np.ndarray
     V: np.ndarray
-    means: float
     g: np.ndarray
     free: float
     r: np.ndarray
-
-
-def places(d: Windows) -> np.ndarray:
-    """The point of each window (n,): its run; pieces of a log at other speeds are other points."""
-    made, seen = np.zeros(len(d.y), int), []
-    for piece in np.unique(d.piece):
-        at = d.piece == piece
-        run, w = d.run[at][0], float(np.median(d.w[at]))
-        alike = [i for i, (r, v) in enumerate(seen) if r == run and abs(v - w) < STEADY * abs(v)]
-        seen += [] if alike else [(run, w)]
-        made[at] = alike[0] if alike else len(seen) - 1
-    return made
-
-
-def points(rows: Rows, prior: np.ndarray, least: float) -> Pointwise:
-    """The values, by least squares of means and differences, with their variances in turn.
-
-    ``prior`` (m,) are standard deviations of the values around 0, ``least`` that of a mean.
-    """
-    n, m = rows.X.shape
-    P, share = np.diag(1.0 / prior**2), rows.share
-    W, c = share * rows.apart_X.T @ rows.apart_X, share * rows.apart_X.T @ rows.apart_y
-    means = float(np.var(rows.y)) + least**2
-    apart = share * float(rows.apart_y @ rows.apart_y) / max(rows.free_apart, 1.0) + least**2
-    for _ in range(ROUNDS_OF_SCATTER):
-        g = 1.0 / (means + rows.own)
-        B = rows.X.T @ (g[:, None] * rows.X)
-        V = np.linalg.inv(B + W / apart + P)
-        p = V @ (rows.X.T @ (g * rows.y) + c / apart)
-        r, s = rows.y - rows.X @ p, rows.apart_y - rows.apart_X @ p
-        free = n - float(np.sum(V * B))
-        beyond = float(g**2 @ (r**2 * n / max(free, 0.5) - rows.own)) / float(g @ g)
-        next_means = max(beyond, 0.0) + least**2
-        within = rows.free_apart - float(np.sum(V * W)) / apart
-        next_apart = share * float(s @ s) / max(within, 1.0) + least**2
-        settled = abs(next_means / means - 1) < SETTLED and abs(next_apart / apart - 1) < SETTLED
-        means, apart = next_means, next_apart
-        if settled:
-            break
-    return Pointwise(p, V, means, g, free, r)
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,77 +103,114 @@ class OfRuns:
     freedom: float
     notes: tuple[str, ...] = ()
 
+    def curve(self) -> tuple[CurvePoint, ...]:
+        """The friction torque of each run over its speed, with the scatter of the runs."""
+        place, many = self.fit.chunks[0], np.bincount(self.fit.chunks[0])
+        half = student.ppf(0.5 + TOP / 2, max(self.freedom, 1.0)) * self.scatter
+        w, y = (_means(place, x) for x in (self.fit.windows.w, friction_torque(self.fit)))
+        ends = [(float(a), float(b)) if self.freedom else None
+                for a, b in zip(y - half, y + half, strict=True)]  # fmt: skip
+        order = np.argsort(w).tolist()
+        return tuple(CurvePoint(float(w[i]), float(y[i]), ends[i], int(many[i])) for i in order)
+
+
+def _means(place: np.ndarray, x: np.ndarray) -> np.ndarray:
+    return np.bincount(place, x) / np.bincount(place)
+
+
+def places(d: Windows) -> np.ndarray:
+    """The point of each window (n,): its run; pieces of a log at other speeds are other points."""
+    made, seen = np.zeros(len(d.y), int), []
+    for piece in np.unique(d.piece):
+        at = d.piece == piece
+        run, w = d.run[at][0], float(np.median(d.w[at]))
+        alike = [i for i, (r, v) in enumerate(seen) if r == run and abs(v - w) < LITTLE * abs(v)]
+        seen += [] if alike else [(run, w)]
+        made[at] = alike[0] if alike else len(seen) - 1
+    return made
+
+
+def points(rows: Rows, prior: np.ndarray, least: float) -> Pointwise:
+    """The values, by least squares of means and differences, with their variances in turn.
+
+    ``prior`` (m,) are standard deviations of the values around 0, ``least`` that of a mean.
+    """
+    n, P, share = len(rows.y), np.diag(1.0 / prior**2), rows.share
+    W, c = share * rows.apart_X.T @ rows.apart_X, share * rows.apart_X.T @ rows.apart_y
+    differences = share * (len(rows.place) - n)  # the independent ones
+    means = float(np.var(rows.y)) + least**2
+    apart = share * float(rows.apart_y @ rows.apart_y) / max(differences, 1.0) + least**2
+    for _ in range(4 * PASSES):
+        g = 1.0 / (means + rows.own)
+        B = rows.X.T @ (g[:, None] * rows.X)
+        V = np.linalg.inv(B + W / apart + P)
+        p = V @ (rows.X.T @ (g * rows.y) + c / apart)
+        r, s = rows.y - rows.X @ p, rows.apart_y - rows.apart_X @ p
+        free = n - float(np.sum(V * B))
+        beyond = float(g**2 @ (r**2 * n / max(free, 0.5) - rows.own)) / float(g @ g)
+        within = differences - float(np.sum(V * W)) / apart
+        before = means, apart
+        means = max(beyond, 0.0) + least**2
+        apart = share * float(s @ s) / max(within, 1.0) + least**2
+        if abs(means / before[0] - 1) < RARE and abs(apart / before[1] - 1) < RARE:
+            break
+    return Pointwise(p, V, g, free, r)
+
 
 def of_runs(ground: Ground, made: Fit) -> OfRuns:
     """What the runs say, each one point; averaged over what friction may do beside Fc and Fv."""
-    least = FLOOR_OF_FRICTION * made.problem.level
+    least = NOTHING * made.problem.level
     X, prior = made.windows.X, made.problem.prior
     rows = Rows.of(made.windows, X)
+    rows = rows.noisy(points(rows, prior, least).p)
     plain = points(rows, prior, least)
-    rows = rows.noisy(plain.p)
-    plain = points(rows, prior, least)
-    n = len(rows.y)
     if plain.free < 0.5:
         only = plain.V @ np.diag(1.0 / prior**2) @ plain.V  # what no run shows
-        return OfRuns(
-            _as_fit(made, rows, plain.p, X), only, plain.g**-0.5, 0.0, (AS_MANY.format(n, n),)
-        )
-    shapes, tried = _shapes(ground, made, rows, plain, least)
-    p, V, best = _averaged(plain, tried)
-    if best is not None:
-        made, X = _beside(made, *shapes[best])
-        dip = tried[best][0]
-        p = np.append(p, dip.p[-1])
-        V = np.block([[V, np.zeros((len(V), 1))], [np.zeros((1, len(V))), dip.V[-1:, -1:]]])
-    done = _as_fit(made, rows, p, X)
+        note, n = AS_MANY, len(rows.y)
+        return OfRuns(_as_fit(made, rows, plain.p), only, plain.g**-0.5, 0.0, (note.format(n, n),))
+    p, V, taken = _averaged(plain, _shapes(ground, made, rows, plain, least))
+    if taken is not None:
+        column = taken.column
+        windows = replace(made.windows, X=np.c_[X, column])
+        terms, size = (*made.terms, taken.term), np.append(made.rms, rms(column))
+        made = replace(made, terms=terms, windows=windows, rms=size)
+        p = np.append(p, taken.fit.p[-1])
+        V = np.pad(V, (0, 1))
+        V[-1, -1] = taken.fit.V[-1, -1]
+    done = _as_fit(made, rows, p)
     V = V + of_scale(ground.source, ground.travel, done)
     return OfRuns(done, V, plain.g**-0.5, plain.free)
 
 
-def curve_of_runs(found: OfRuns) -> tuple[CurvePoint, ...]:
-    """The friction torque of each run over its speed, with the scatter of the runs."""
-    made, place = found.fit, found.fit.chunks[0]
-    torque, many = friction_torque(made), np.bincount(place)
-    half = float(student.ppf(0.5 + CONFIDENCE / 2, max(found.freedom, 1.0))) * found.scatter
-    w, y = np.bincount(place, made.windows.w) / many, np.bincount(place, torque) / many
-    ends = [(float(a), float(b)) if found.freedom else None
-            for a, b in zip(y - half, y + half, strict=True)]  # fmt: skip
-    order = np.argsort(w).tolist()
-    return tuple(CurvePoint(float(w[i]), float(y[i]), ends[i], int(many[i])) for i in order)
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """What friction may do beside its level: term, column, fit, and log of the evidence for it."""
+
+    term: Term
+    column: np.ndarray
+    fit: Pointwise
+    belief: float
 
 
-def _shapes(
-    ground: Ground, made: Fit, rows: Rows, plain: Pointwise, least: float
-) -> tuple[list[tuple[Term, np.ndarray]], list[tuple[Pointwise, float]]]:
-    """Friction that falls with speed (Stribeck) or bends upwards (drag): each shape, its fit and
-    its share of belief. A law without the bend of a map would count it as scatter of the runs, and
-    call certain what only that law says."""
+def _shapes(ground: Ground, made: Fit, rows: Rows, plain: Pointwise, least: float) -> list[Shape]:
+    """Friction that falls with speed (Stribeck) or bends upwards (drag). A law without the bend of
+    a map would count it as scatter of the runs, and call certain what only that law says."""
     if "Fc" not in made.names:
-        return [], []
+        return []
     lowest = max(0.5 * float(np.min(np.abs(made.windows.w))), SLOWEST_DIP * ground.speed)
-    speeds = np.geomspace(lowest, max(0.25 * ground.speed, 1.01 * lowest), DIP_SPEEDS)
-    terms = [Term("dip", Dip(float(v), n), friction=True) for v in speeds for n in (1, 2)]
-    terms += [Term("dip", Bend(ground.speed), friction=True)] if "Fv" in made.names else []
-    all_of = ground.source.windows(made.half_width, terms, made.setting.rest, made.delay)
-    if all_of is None:
-        return [], []
-    fall, bend = DIP_OF_MAP * made.problem.level, BEND_OF_MAP * rms(rows.y)
-    shapes, tried = [], []
-    for term, column in zip(terms, all_of.X.T, strict=True):
-        if np.abs(column).max() <= LEAST_COLUMN or _inside(made.windows.X, column):
-            continue
-        size = bend if isinstance(term.column, Bend) else fall
-        own = Rows.of(made.windows, np.c_[made.windows.X, column], rows.share, rows.own)
-        dip = points(own, np.append(made.problem.prior, size), least)
-        shapes.append((term, column))
-        tried.append((dip, _belief(dip, plain, size, least)))
-    return shapes, tried
-
-
-def _inside(X: np.ndarray, column: np.ndarray) -> bool:
-    """Whether the terms are the column already, as a declared drag is the bend."""
-    beyond = column - X @ np.linalg.lstsq(X, column, rcond=None)[0]
-    return rms(beyond) < SAME * rms(column)
+    sizes = dict.fromkeys(dips(ground.speed, lowest), DIP_OF_MAP * made.problem.level)
+    if "Fv" in made.names:
+        sizes[Term("dip", drag(ground.speed), friction=True)] = BEND_OF_MAP * rms(rows.y)
+    all_of = ground.source.windows(made.half_width, [*sizes], made.setting.rest, made.delay)
+    columns, found, X = [] if all_of is None else all_of.X.T, [], made.windows.X
+    for (term, size), column in zip(sizes.items(), columns, strict=False):
+        beyond = column - X @ np.linalg.lstsq(X, column, rcond=None)[0]
+        if np.abs(column).max() <= SMALL or rms(beyond) < SAME * rms(column):
+            continue  # the terms are the column already, as a declared drag is the bend
+        own = Rows.of(made.windows, np.c_[X, column], rows.share, rows.own)
+        shaped = points(own, np.append(made.problem.prior, size), least)
+        found.append(Shape(term, column, shaped, _belief(shaped, plain, size, least)))
+    return found
 
 
 def _belief(dip: Pointwise, plain: Pointwise, size: float, least: float) -> float:
@@ -239,37 +227,25 @@ def _belief(dip: Pointwise, plain: Pointwise, size: float, least: float) -> floa
 
 
 def _averaged(
-    plain: Pointwise, tried: Sequence[tuple[Pointwise, float]]
-) -> tuple[np.ndarray, np.ndarray, int | None]:
+    plain: Pointwise, shapes: Sequence[Shape]
+) -> tuple[np.ndarray, np.ndarray, Shape | None]:
     """Mean and covariance over the shapes, and the most credible one; None is the plain one.
 
-    With and without a dip are equally likely beforehand.
+    With and without a shape are equally likely beforehand.
     """
-    if not tried:
-        return plain.p, plain.V, None
-    m = len(plain.p)
-    log = np.array([0.0, *(belief - np.log(len(tried)) for _, belief in tried)])
+    m, every = len(plain.p), [plain, *(shape.fit for shape in shapes)]
+    log = np.array([0.0, *(shape.belief - np.log(len(shapes)) for shape in shapes)])
     share = np.exp(log - log.max())
     share /= share.sum()
-    values = np.array([plain.p, *(one.p[:m] for one, _ in tried)])
+    values = np.array([one.p[:m] for one in every])
     p = share @ values
     gap = values - p
-    own = [plain.V, *(one.V[:m, :m] for one, _ in tried)]
-    V = np.einsum("i,ijk->jk", share, np.array(own)) + (share[:, None] * gap).T @ gap
-    best = int(np.argmax(share[1:]))
+    V = np.einsum("i,ijk->jk", share, np.array([one.V[:m, :m] for one in every]))
+    V = V + (share[:, None] * gap).T @ gap
+    best = max(shapes, key=lambda shape: shape.belief, default=None)
     return p, V, best if share[1:].sum() > share[0] else None
 
 
-def _beside(made: Fit, term: Term, column: np.ndarray) -> tuple[Fit, np.ndarray]:
-    """The fit with a dip as its last term."""
-    X = np.c_[made.windows.X, column]
-    rms = np.append(made.rms, np.sqrt(np.mean(column**2)))
-    terms = (*made.terms, term)
-    return replace(made, terms=terms, windows=replace(made.windows, X=X), rms=rms), X
-
-
-def _as_fit(made: Fit, rows: Rows, p: np.ndarray, X: np.ndarray) -> Fit:
-    r = made.windows.y - X @ p
-    return replace(
-        made, p=p, solution=replace(made.solution, p=p, r=r), chunks=[rows.place], of_runs=True
-    )
+def _as_fit(made: Fit, rows: Rows, p: np.ndarray) -> Fit:
+    solution = replace(made.solution, p=p, r=made.windows.y - made.windows.X @ p)
+    return replace(made, p=p, solution=solution, chunks=[rows.place], of_runs=True)

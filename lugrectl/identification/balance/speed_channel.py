@@ -9,22 +9,20 @@ import numpy as np
 
 from .channel_noise import shared_noise, white_noise
 from .constants import (
-    COMPARED,
+    GAIN,
     GROUPS,
     LARGEST_LAG,
+    MAJORITY,
     NOTICED_GAIN,
     NOTICED_LAG,
-    ONE_SOURCE,
-    PASSES_OF_GAIN,
-    PRIOR_GAIN,
-    PRIOR_LAG,
-    PRIOR_OFFSET,
-    ROUNDS_OF_LAG,
-    SIGNIFICANT,
-    STUDENT,
-    UNRELATED,
+    OFFSET,
+    ROUNDS,
+    SMALL,
+    SURE,
+    WIDTHS,
 )
 from .motion import Sensors
+from .regression import deviation, student
 from .track import Track, means, weights
 
 
@@ -37,37 +35,31 @@ class Comparison:
 
 
 def sensors_of(tracks: Sequence[Track]) -> tuple[Sensors, Comparison | None, list[str]]:
-    """The noise of every channel, w compared with dtheta/dt, and what is to be said."""
+    """The noise of every channel, w compared with dtheta/dt, and what is to be said.
+
+    w(t) = gain (dtheta/dt (t - lag) + offset), by a robust fit over windows. What does not fit
+    counts as noise of w, so that a worse w has little weight.
+    """
     channels = [k for k in ("u", "theta", "w") if getattr(tracks[0], k) is not None]
     noise = {k: white_noise([getattr(p, k) for p in tracks]) for k in channels}
-    sensors = Sensors(noise)
+    sensors, found, spread = Sensors(noise), None, 0.0
     if "theta" not in noise or "w" not in noise:
         return sensors, None, []
-    return _reconciled(tracks, sensors)
-
-
-def _reconciled(
-    tracks: Sequence[Track], sensors: Sensors
-) -> tuple[Sensors, Comparison | None, list[str]]:
-    """w(t) = gain (dtheta/dt (t - lag) + offset), by a robust fit over windows.
-
-    What does not fit counts as noise of w, so that a worse w has little weight.
-    """
-    found = spread = None
-    for _ in range(ROUNDS_OF_LAG):
+    for _ in range(ROUNDS):
         rows = _rows(tracks, sensors.lag)
         if rows is None:
             return sensors, None, []
         c, V, spread = _robust(rows)
-        if abs(c[0]) < UNRELATED:
+        if abs(c[0]) < SMALL:
             return replace(sensors, use_w=False), None, ["w is not dtheta/dt: it is left out."]
         lag = float(np.clip(sensors.lag + c[1] / c[0], -LARGEST_LAG, LARGEST_LAG))
         sensors = replace(sensors, gain=float(c[0]), offset=float(c[2] / c[0]), lag=lag)
         D = np.array([[1, 0, 0], [0, 0, 1], [-c[1] / c[0] ** 2, 1 / c[0], 0]])  # d(values)/dc
         found = Comparison(np.array([c[0], c[2], lag]), D @ V @ D.T)
+    assert found is not None
     one = shared_noise([(p.theta, p.w) for p in tracks if p.theta is not None and p.w is not None])
-    noise = sensors.noise | {"w": sensors.noise["w"] * _excess(tracks[-1], sensors, spread or 0.0)}
-    sensors = replace(sensors, noise=noise, one_source=one > ONE_SOURCE)
+    noise["w"] *= _excess(tracks[-1], sensors, spread)
+    sensors = replace(sensors, noise=noise, one_source=one > MAJORITY)
     return sensors, found, _said(sensors, found)
 
 
@@ -76,7 +68,7 @@ def _rows(tracks: Sequence[Track], lag: float) -> np.ndarray | None:
     rows = []
     for p in tracks:
         assert p.theta is not None and p.w is not None
-        half, shift = max(COMPARED / p.dt, 6.0), lag / p.dt
+        half, shift = max(WIDTHS[2] / p.dt, 6.0), lag / p.dt
         at = p.centres(int(half + abs(shift)) + 2, int(half / 2))
         if not len(at):
             continue
@@ -93,12 +85,12 @@ def _robust(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """
     D, y = rows[:, :3], rows[:, 3]
     size = np.sqrt(np.mean(D[:, 0] ** 2)) + 1e-12
-    prior = np.diag(0.05 * size / np.array([PRIOR_GAIN, PRIOR_LAG, PRIOR_OFFSET * size]))
+    prior = np.diag(SMALL * size / np.array([GAIN, LARGEST_LAG, OFFSET * size]))
     r, c, s = y - D[:, 0], np.array([1.0, 0.0, 0.0]), 0.0
     weight = np.ones(len(y))
-    for _ in range(PASSES_OF_GAIN):
-        s = 1.4826 * float(np.median(np.abs(r))) + 1e-12 * size
-        weight = (STUDENT + 1) / (STUDENT + (r / s) ** 2)
+    for _ in range(5 * ROUNDS):
+        s = deviation(r) + 1e-12 * size
+        weight = student(r, s**2)
         A = np.r_[D * weight[:, None] ** 0.5, prior]
         b = np.r_[y * weight**0.5, prior @ [1, 0, 0]]
         c = np.linalg.lstsq(A, b, rcond=1e-10)[0]
@@ -106,30 +98,27 @@ def _robust(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     inverse = np.linalg.pinv(D.T @ (weight[:, None] * D) + prior.T @ prior)
     score = D * (weight * r)[:, None]
     sums = np.array([x.sum(0) for x in np.array_split(score, min(GROUPS, len(score)))])
-    spread = inverse @ prior.T @ prior @ inverse * s**2
-    return c, inverse @ (sums.T @ sums) @ inverse + spread, s
+    return c, inverse @ (sums.T @ sums + prior.T @ prior * s**2) @ inverse, s
 
 
 def _excess(track: Track, sensors: Sensors, spread: float) -> float:
     """By how much w misses dtheta/dt beyond the noise of both."""
-    half = max(COMPARED / track.dt, 6.0)
+    half = max(WIDTHS[2] / track.dt, 6.0)
     own = sensors.noise["w"] * np.linalg.norm(weights(half, 0))
     other = sensors.noise["theta"] * np.linalg.norm(weights(half, 1)) / track.dt
     return max(1.0, float(spread / np.hypot(own, other)) / 1.3)
 
 
-def _said(sensors: Sensors, found: Comparison | None) -> list[str]:
+def _said(sensors: Sensors, found: Comparison) -> list[str]:
     """What w is beside dtheta/dt, where it is no chance."""
-    said, least = [], np.zeros(3)
-    if found is not None:
-        least = SIGNIFICANT * np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+    said, least = [], SURE * np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
     if abs(sensors.gain - 1) > NOTICED_GAIN:
         said.append(f"w is {sensors.gain:.4g} times dtheta/dt: the balance uses w divided by that.")
     if abs(sensors.lag) > max(NOTICED_LAG, least[2]):
         side = "behind" if sensors.lag > 0 else "ahead of"
         said.append(f"w is {abs(sensors.lag) * 1e3:.2f} ms {side} dtheta/dt: shifted by that time.")
     offset = sensors.gain * sensors.offset
-    if found is not None and abs(offset) > max(least[1], sensors.noise["w"]):
+    if abs(offset) > max(least[1], sensors.noise["w"]):
         side = "high" if offset > 0 else "low"
         said.append(f"w is {abs(offset):.3g} too {side} (beside dtheta/dt): it is subtracted.")
     return said

@@ -5,7 +5,7 @@ u = ... + Fc sign(w - w0) + Fv (w - w0),    w0 by Gauss and Newton
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,48 +13,39 @@ from .constants import (
     CLEARLY,
     MOST_OFFSET,
     OFFSETS,
-    REST_IN_NOISE,
-    REST_IN_SPEED,
-    ROUNDS_OF_OFFSET,
-    SETTLED,
+    RARE,
+    ROUNDS,
     SLIDING,
-    STANDING,
+    SLOW,
+    SURE,
     WHOLLY,
 )
 from .estimate import first_fit
-from .fit import Fit, fit, regress
+from .fit import Fit, fit, tried
 from .friction_shapes import with_rest
 from .motion import with_speed
 from .problem import Ground
 from .regression import densities
-from .terms import Term
+from .terms import Column, Term
 from .track import Track
 from .windows import Source
 
 KEY = "w_offset"
 
 
-@dataclass(frozen=True)
-class Shifted:
+def shifted(offset: float) -> Column:
     """sign(w - offset)."""
-
-    offset: float
-
-    def __call__(self, track: Track) -> np.ndarray:
-        return np.sign(track.speed - self.offset)
+    return lambda track: np.sign(track.speed - offset)
 
 
-@dataclass(frozen=True)
-class Slope:
+def slope(Fc: float, Fv: float, step: float) -> Column:
     """Derivative of Fc sign(w - w0) + Fv (w - w0) with w0, by a difference over ``step``."""
 
-    Fc: float
-    Fv: float
-    step: float
+    def column(track: Track) -> np.ndarray:
+        ends = np.sign(track.speed - step) - np.sign(track.speed + step)
+        return Fc * ends / (2 * step) - Fv
 
-    def __call__(self, track: Track) -> np.ndarray:
-        ends = np.sign(track.speed - self.step) - np.sign(track.speed + self.step)
-        return self.Fc * ends / (2 * self.step) - self.Fv
+    return column
 
 
 def with_offset(ground: Ground) -> Ground:
@@ -76,7 +67,7 @@ def _stands(made: Fit) -> bool:
     d = made.windows
     a = np.abs(d.X[:, made.names.index("J")])
     still = (d.rest > WHOLLY) & (a <= 2 * d.noise_a)
-    return bool(np.count_nonzero(still) > STANDING * len(still))
+    return bool(np.count_nonzero(still) > RARE * len(still))
 
 
 def _gain(made: Fit, plain: Fit) -> float:
@@ -84,51 +75,38 @@ def _gain(made: Fit, plain: Fit) -> float:
 
     Windows at rest have an open torque: a fit without rest is not more likely for that.
     """
-    one, other = (_by_window(f) for f in (made, plain))
-    both = [k for k in one if k in other and max(one[k][1], other[k][1]) < SLIDING]
-    gain = sum(one[k][0] - other[k][0] for k in both)
+    one, other = (
+        {k: i for i, k in enumerate(zip(f.windows.piece, f.windows.t, strict=True))}
+        for f in (made, plain)
+    )
+    both = [k for k in one if k in other]
+    i, j = [one[k] for k in both], [other[k] for k in both]
+    moves = np.maximum(made.windows.rest[i], plain.windows.rest[j]) < SLIDING
+    gain = (densities(made.solution)[i] - densities(plain.solution)[j])[moves]
     J, before = (abs(f.value("J", 1.0)) + 1e-300 for f in (made, plain))
-    return gain + len(both) * float(np.log(J / before))
-
-
-def _by_window(made: Fit) -> dict[tuple[int, float], tuple[float, float]]:
-    """Log density and share of rest by piece and time."""
-    d = made.windows
-    rows = zip(d.piece, d.t, densities(made.solution), d.rest, strict=True)
-    return {(int(piece), float(t)): (float(p), float(rest)) for piece, t, p, rest in rows}
+    return float(np.sum(gain) + len(gain) * np.log(J / before))
 
 
 def _likely(ground: Ground, plain: Fit) -> float:
     """The most likely offset of a coarse grid, on the windows of one width."""
-    terms, m = list(plain.terms), len(plain.terms)
-    place = plain.names.index("Fc")
     offsets = ground.speed * np.linspace(-MOST_OFFSET, MOST_OFFSET, OFFSETS)
-    shapes = [Term("Fc", Shifted(float(x)), friction=True) for x in offsets]
-    windows = ground.source.windows(
-        plain.half_width, [*terms, *shapes], plain.setting.rest, plain.windows.delay
-    )
-    if windows is None:
-        return 0.0
-    best, score = 0.0, plain.score
-    for i, offset in enumerate(offsets):
-        picked = [m + i if k == place else k for k in range(m)]
-        named = [shapes[i] if k == place else term for k, term in enumerate(terms)]
-        tried = regress(windows.only(picked), named, plain.setting, plain.delay, plain)
-        if tried.score > score:
-            best, score = float(offset), tried.score
-    return best
+    shapes = {Term("Fc", shifted(x), friction=True): x for x in offsets.tolist()}
+    place = plain.names.index("Fc")
+    _, others = tried(ground.source, plain, list(shapes), place)
+    best = max(others, key=lambda f: f.score, default=plain)
+    return shapes[best.terms[place]] if best.score > plain.score else 0.0
 
 
 def _refined(ground: Ground, plain: Fit, offset: float) -> tuple[Ground, Fit | None]:
     """Gauss and Newton from an offset: the record about it, and its fit."""
     levels, found, made = plain, ground, None
-    for _ in range(ROUNDS_OF_OFFSET):
+    for _ in range(2 * ROUNDS):
         found = _about(ground, offset, levels)
         made = fit(found.source, plain.half_width, found.terms, found.setting, plain.delay)
         if made is None:
             return ground, None
         i = made.names.index(KEY)
-        if abs(made.p[i]) < SETTLED * np.sqrt(made.V[i, i]):
+        if abs(made.p[i]) < RARE * np.sqrt(made.V[i, i]):
             break
         most = MOST_OFFSET * ground.speed / OFFSETS  # half a step of the grid
         offset += float(np.clip(made.p[i], -most, most))
@@ -140,9 +118,9 @@ def _about(ground: Ground, offset: float, levels: Fit) -> Ground:
     """The record with its speed taken from ``offset`` on, and what remains of it as a term."""
     sensors = replace(ground.sensors, offset=offset)
     tracks, speed, noise = with_speed(ground.tracks, sensors)
-    rest = max(REST_IN_NOISE * noise, REST_IN_SPEED * speed)
+    rest = max(SURE * noise, SLOW * speed)
     tracks = with_rest(tracks, rest)
-    term = Term(KEY, Slope(levels.value("Fc"), levels.value("Fv"), rest))
+    term = Term(KEY, slope(levels.value("Fc"), levels.value("Fv"), rest))
     return replace(
         ground,
         source=Source(tracks, sensors, ground.source.held),

@@ -9,15 +9,15 @@ import numpy as np
 
 from .constants import (
     FEWEST_SAMPLES,
-    PARTS,
+    LITTLE,
+    MOST,
+    PARTS_OF_RUN,
     PARTS_TURNING,
-    SHARE_STEADY,
-    STEADY,
+    RARE,
     STEADY_WINDOW,
     TURN,
 )
 from .motion import Sensors, window_means
-from .terms import Travel
 from .track import Track
 
 
@@ -36,10 +36,9 @@ def steady(tracks: Sequence[Track], sensors: Sensors) -> list[Track] | None:
         found.append((track, high - low, abs(middle), m.noise_w))
     top = max((w for _, _, w, _ in found), default=0.0)
     still = [
-        p for p, spread, w, s in found if spread < STEADY * w + 0.01 * top + 2 * s and w > 3 * s
+        p for p, spread, w, s in found if spread < LITTLE * w + RARE * top + 2 * s and w > 3 * s
     ]
-    enough = sum(map(len, still)) > SHARE_STEADY * sum(map(len, tracks))
-    return still if enough else None
+    return still if sum(map(len, still)) > MOST * sum(map(len, tracks)) else None
 
 
 def as_points(tracks: Sequence[Track]) -> list[Track]:
@@ -47,16 +46,14 @@ def as_points(tracks: Sequence[Track]) -> list[Track]:
     return [replace(p, speed=np.full(len(p), np.median(p.speed[p.ok]))) for p in tracks]
 
 
-def width_of_map(tracks: Sequence[Track], travel: Travel, speed: float, gravity: bool) -> float:
-    """Half-width in s: as long as the runs, unless the angle changes along them."""
-    parts = PARTS_TURNING if gravity else PARTS
-    shortest = min(p.duration for p in tracks)
+def evenly(
+    tracks: Sequence[Track], span: float, speed: float, gravity: bool
+) -> tuple[list[Track], float]:
+    """The tracks, of which a long run counts at most as twice the usual one, and the half-width in
+    s: as long as the runs, unless the angle, of which they see ``span``, changes along them."""
+    parts = PARTS_TURNING if gravity else PARTS_OF_RUN
     dt = float(np.median([p.dt for p in tracks]))
-    turning = TURN / speed if travel.span > 1 else np.inf
-    return max(min(shortest / parts, turning), FEWEST_SAMPLES * dt)
-
-
-def evenly(tracks: Sequence[Track], half_width: float) -> list[Track]:
-    """A long run counts at most as twice the usual one."""
-    counts = [max(3 * (p.duration - 2 * half_width) / half_width, 1.0) for p in tracks]
-    return [replace(p, most=int(np.ceil(2 * np.median(counts)))) for p in tracks]
+    longest = min(p.duration for p in tracks) / parts
+    half = max(min(longest, TURN / speed if span > 1 else np.inf), FEWEST_SAMPLES * dt)
+    usual = np.median([max(3 * (p.duration - 2 * half) / half, 1.0) for p in tracks])
+    return [replace(p, most=int(np.ceil(2 * usual))) for p in tracks], half

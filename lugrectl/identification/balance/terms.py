@@ -11,30 +11,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...blocks.model import Model
-from .constants import ECCENTRIC, FEWEST_SAMPLES, LONGEST_SHARE, TURNED, TURNED_IN_MAP, WIDTHS
+from ..dataset.measured_bristle import GONE, along
+from .constants import DIPS, ECCENTRIC, REST_TORQUE, TURNED, TURNED_IN_MAP, TURNS
 from .track import Track
 
 Column = Callable[[Track], np.ndarray]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Term:
     """A term that is linear in one coefficient.
 
-    Attributes
-    ----------
-    key : str
-        Name of the coefficient.
-    column : callable or None
-        The torque at every sample for a coefficient of 1; None for J and Fv, whose columns are
-        the window means of acceleration and speed.
-    share : float or None
-        Only for what friction may do near rest: standard deviation of its prior, as a share of
-        Fc. Such a term carries an uncertainty and is no answer.
-    friction : bool
-        Whether its torque belongs to the friction curve.
-    bent : bool
-        Its column is the second derivative of the torque, and ``share`` one of J.
+    ``column`` is its torque at every sample for a coefficient of 1; None for J and Fv, whose
+    columns are the window means of acceleration and speed. ``share`` is that of Fc which a term
+    may take that is no answer but carries what the shape of friction leaves open. ``friction``:
+    its torque belongs to the friction curve. ``bent``: its column is the second derivative of the
+    torque, and ``share`` one of J.
     """
 
     key: str
@@ -45,67 +37,73 @@ class Term:
 
 
 def sliding(track: Track) -> np.ndarray:
-    """Column of Fc: sign(w)."""
+    """sign(w)."""
     return np.sign(track.speed)
 
 
 def pace(track: Track) -> np.ndarray:
-    """Column of Fv in a map: the speed of the run. What a run's speed changes by is inertia's."""
+    """The speed, of a run of a map: what a run's speed changes by is inertia's."""
     return track.speed
 
 
 def constant(track: Track) -> np.ndarray:
-    """Column of a constant torque: 1."""
+    """1."""
     return np.ones(len(track))
 
 
 def warming(track: Track) -> np.ndarray:
-    """Column of the drift: sign(w) (t/T - 1/2). Every machine warms up."""
+    """sign(w) (t/T - 1/2): every machine warms up."""
     return np.sign(track.speed) * track.age
 
 
-@dataclass(frozen=True)
-class Wave:
-    """sin(theta) or cos(theta): gravity over the position."""
+def stopping(track: Track) -> np.ndarray:
+    """At rest, the direction of the motion before."""
+    return track.stopping
 
-    function: Callable[[np.ndarray], np.ndarray]
 
-    def __call__(self, track: Track) -> np.ndarray:
+def starting(track: Track) -> np.ndarray:
+    """At rest, the direction of the motion after."""
+    return track.starting
+
+
+def at_position(function: Callable[[np.ndarray], np.ndarray], about: float = 0.0) -> Column:
+    """A function of the position from ``about`` on."""
+
+    def column(track: Track) -> np.ndarray:
         assert track.theta is not None
-        return self.function(track.theta)
+        return function(track.theta - about)
+
+    return column
 
 
-@dataclass(frozen=True)
-class Slope:
-    """theta - middle: a torque that rises along a linear axis."""
-
-    middle: float
-
-    def __call__(self, track: Track) -> np.ndarray:
-        assert track.theta is not None
-        return track.theta - self.middle
+def bend(x: np.ndarray) -> np.ndarray:
+    """What distinguishes gravity from a constant over a small angle."""
+    return np.cos(x) - 1
 
 
-@dataclass(frozen=True)
-class Sine:
-    """sin(theta - middle): the slope of gravity over a small angle."""
+def dip(speed: float, power: int) -> Column:
+    """sign(w) exp(-(|w|/speed)^power): friction that falls with speed (Stribeck)."""
 
-    middle: float
+    def column(track: Track) -> np.ndarray:
+        x = np.abs(track.speed / speed).astype(np.float32)  # six digits, in half the time
+        return np.sign(track.speed) * np.exp(-np.minimum(x if power == 1 else x * x, GONE))
 
-    def __call__(self, track: Track) -> np.ndarray:
-        assert track.theta is not None
-        return np.sin(track.theta - self.middle)
+    return column
 
 
-@dataclass(frozen=True)
-class Bend:
-    """cos(theta - middle) - 1: what distinguishes gravity from a constant over a small angle."""
+def drag(speed: float) -> Column:
+    """w |w| / speed^2: friction that grows faster than the speed."""
+    return lambda track: track.speed * np.abs(track.speed) / speed**2
 
-    middle: float
 
-    def __call__(self, track: Track) -> np.ndarray:
-        assert track.theta is not None
-        return np.cos(track.theta - self.middle) - 1
+def turning(near: float, far: float) -> Column:
+    """Coulomb friction that turns over within ``far`` after a reversal, minus that in ``near``."""
+
+    def column(track: Track) -> np.ndarray:
+        sooner = along(*track.strokes, near) if near else np.sign(track.speed)
+        return along(*track.strokes, far) - sooner
+
+    return column
 
 
 INERTIA = Term("J", None)
@@ -114,11 +112,26 @@ VISCOUS = Term("Fv", None, friction=True)
 PACE = Term("Fv", pace, friction=True)
 OFFSET = Term("constant_torque", constant, friction=True)
 DRIFT = Term("drift", warming)
+GRAVITY = (Term("gravity.sin", at_position(np.sin)), Term("gravity.cos", at_position(np.cos)))
 # An encoder off its centre by e shows theta + e sin(theta + phase): J times the second derivative
 ECCENTRICITY = tuple(
-    Term(f"eccentric {f.__name__}", Wave(f), share=ECCENTRIC, bent=True) for f in (np.sin, np.cos)
+    Term(f"eccentric {g.key}", g.column, share=ECCENTRIC, bent=True) for g in GRAVITY
 )
-GRAVITY = (Term("gravity.sin", Wave(np.sin)), Term("gravity.cos", Wave(np.cos)))
+
+
+def near_rest(speed: float, half_width: float) -> list[Term]:
+    """The terms that carry what the shape of friction near rest leaves open."""
+    length = speed * half_width
+    turns = [(turning(a * length, b * length), share) for (a, b), share in TURNS]
+    dips = [(dip(v * speed, 1), share) for v, share in DIPS]
+    rests = [(stopping, REST_TORQUE), (starting, REST_TORQUE)]
+    every = enumerate([*turns, *dips, *rests])
+    return [Term(f"near rest {i}", c, share, True) for i, (c, share) in every]
+
+
+def bristle(distance: float) -> Column:
+    """Coulomb friction that turns over within a distance after a reversal (Dahl)."""
+    return lambda track: along(*track.strokes, distance)
 
 
 @dataclass(frozen=True)
@@ -144,12 +157,12 @@ def plain_terms(model: Model, travel: Travel, is_map: bool) -> list[Term]:
     terms = [COULOMB, PACE, OFFSET] if is_map else [INERTIA, COULOMB, VISCOUS, OFFSET, DRIFT]
     if turns_enough(model, travel, is_map):
         return [*terms, *GRAVITY]
-    spring = any(part.block.name == "return_spring" for part in model.effects)
-    if travel.span > 0 and not spring and model.motion == "linear":
-        terms.append(Term("slope", Slope(travel.middle)))
-    elif travel.span > 0 and not spring:
-        terms += [Term("slope", Sine(travel.middle)), Term("bend", Bend(travel.middle))]
-    return terms
+    if not travel.span or any(part.block.name == "return_spring" for part in model.effects):
+        return terms
+    if model.motion == "linear":
+        return [*terms, Term("slope", at_position(np.positive, travel.middle))]
+    over = {"slope": np.sin, "bend": bend}
+    return [*terms, *(Term(k, at_position(f, travel.middle)) for k, f in over.items())]
 
 
 def turns_enough(model: Model, travel: Travel, is_map: bool) -> bool:
@@ -159,11 +172,3 @@ def turns_enough(model: Model, travel: Travel, is_map: bool) -> bool:
     if any(part.block.name == "gravity" for part in model.effects):
         return True
     return model.motion != "linear" and travel.span > (TURNED_IN_MAP if is_map else TURNED)
-
-
-def widths_of(tracks: Sequence[Track]) -> list[float]:
-    """Half-widths in s that the sample time and the longest stretch allow."""
-    dt = float(np.median([p.dt for p in tracks]))
-    longest = max(p.duration for p in tracks)
-    widths = [L for L in WIDTHS if L >= FEWEST_SAMPLES * dt and L < LONGEST_SHARE * longest]
-    return widths or [min(max(FEWEST_SAMPLES * dt, WIDTHS[0]), longest / 3)]

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from .constants import (
-    DEAD,
-    DEAD_SHARE,
-    EDGE_STEP,
+    ALIGNED,
     FEWEST_SAMPLES,
-    MOST_WINDOWS,
+    MANY,
+    NOTHING,
+    PER_TERM,
+    RARE,
     STEP,
-    WINDOWS_PER_TERM,
 )
-from .motion import Means, Sensors, window_means
+from .motion import Sensors, window_means
 from .terms import Term
 from .track import Track, means, weights
 
@@ -25,28 +26,15 @@ from .track import Track, means, weights
 class Windows:
     """n windows of one width.
 
-    Attributes
-    ----------
-    y : ndarray (n,)
-        Mean of u minus the terms whose values are held.
-    u : ndarray (n,)
-        Mean of u.
-    X : ndarray (n, m)
-        Columns of the terms.
-    du : ndarray (n, 2)
-        What a delay (per second) and a spread (per squared sample) of u take off y.
-    rest : ndarray (n,)
-        Share of the weight at which the drive rests.
-    piece, run : ndarray (n,)
-        Stretch and run of each window.
-    t, w, theta : ndarray (n,)
-        Time, mean speed, and the position in the middle (0 without one).
-    noise_w, noise_a : ndarray (n,)
-        Standard deviation of the noise in w and a.
-    noise_u : ndarray (n, 4)
-        Variance of the noise in both columns of du, its covariance with y, variance in y.
-    dt, largest, delay : float
-        Usual sample time, the largest torque of the record, and the delay by which u was shifted.
+    ``u`` is the mean of u (n,), ``y`` that minus the terms whose values are held, ``X`` (n, m) are
+    the columns of the terms, ``du`` (n, 2) what a delay (per second) and a spread (per squared
+    sample) of u take off y. ``rest`` is the share of the weight at which the drive rests, ``piece``
+    and ``run`` are its stretch and run; ``t``, ``w``, ``theta`` time, mean speed, and the position
+    in the middle (0 without one).
+
+    ``noise_w``, ``noise_a`` are standard deviations; ``noise_u`` (n, 4) the variance of the noise
+    in both columns of du, its covariance with y, its variance in y. ``dt`` is the usual sample
+    time, ``largest`` the largest torque of the record, ``delay`` that by which u was shifted.
     """
 
     y: np.ndarray
@@ -66,10 +54,15 @@ class Windows:
     largest: float
     delay: float
 
+    @cached_property
+    def torque(self) -> float:
+        """RMS of the torque: of u, or of what is held known where u is 0."""
+        return float(np.sqrt(max(np.mean(self.u**2), np.mean(self.y**2)))) + 1e-300
+
     def is_dead(self) -> bool:
         """True if the torque is 0 in all but a few windows, and none of it is held."""
         largest = max(np.abs(self.y).max(), self.largest)
-        return bool(np.mean(np.abs(self.y) > DEAD * largest) < DEAD_SHARE)
+        return bool(np.mean(np.abs(self.y) > NOTHING * largest) < RARE)
 
     def only(self, columns: Iterable[int]) -> Windows:
         """The same windows with some of the columns."""
@@ -93,13 +86,11 @@ class Source:
         ``rest`` is the speed in rad/s below which the drive rests, ``delay`` that of u in s,
         beyond the hold.
         """
-        parts = [self._part(i, half_width, terms, rest, delay) for i in range(len(self.tracks))]
-        parts = [p for p in parts if p is not None]
-        if not parts:
+        every = (self._part(i, half_width, terms, rest, delay) for i in range(len(self.tracks)))
+        parts = [p for p in every if p is not None]
+        if sum(len(p["y"]) for p in parts) <= PER_TERM * len(terms):
             return None
         joined = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
-        if len(joined["y"]) <= WINDOWS_PER_TERM * len(terms):
-            return None
         dt = float(np.median([p.dt for p in self.tracks]))
         largest = max(float(np.abs(p.u).max()) for p in self.tracks)
         return Windows(**joined, dt=dt, largest=largest, delay=delay)
@@ -111,56 +102,39 @@ class Source:
         track = self.tracks[i]
         half = max(half_width / track.dt, FEWEST_SAMPLES - 1)
         far = max(abs(delay) + track.dt, abs(self.sensors.lag)) / track.dt
-        edge = int(np.ceil(half)) + 3 + EDGE_STEP * int(np.ceil(far / EDGE_STEP))
-        step = max(int(half * STEP), sum(map(len, self.tracks)) // MOST_WINDOWS, 1)
-        place = ("at", i, half, edge)
-        at, motion = self._once(place, lambda: self._motion(track, half, edge, step))
+        edge = int(np.ceil(half)) + 3 + ALIGNED * int(np.ceil(far / ALIGNED))
+        step = max(int(half * STEP), sum(map(len, self.tracks)) // MANY, 1)
+        place = (i, half, edge)
+        at = self._once(place, lambda: track.centres(edge, step))
         if not len(at):
             return None
-        k0 = weights(half, 0)
-        k2 = weights(half, 2) / track.dt**2
+        motion = self._once(("motion", *place), lambda: window_means(track, half, at, self.sensors))
+        k0, k2 = weights(half, 0), weights(half, 2) / track.dt**2
 
         def column(term: Term) -> np.ndarray:
-            if term.column is None:
+            samples, k = term.column, k2 if term.bent else k0
+            if samples is None:
                 return motion.a if term.key == "J" else motion.w
-            key = (term.column, term.bent, i, half, edge)
-            return self._once(
-                key, lambda: means(self._samples(term, i), k2 if term.bent else k0, at)
-            )
+            x = self._once((samples, i), lambda: samples(track))
+            return self._once((samples, term.bent, *place), lambda: means(x, k, at))
 
-        X = np.column_stack([column(term) for term in terms])
-        slow = np.asarray(np.abs(track.speed) < rest, float)
         one = np.ones(len(at))
-        u = _torque(track, half, delay, at)
-        known = sum((value * column(term) for term, value in self.held), np.zeros(len(at)))
-        noise = self.sensors.noise["u"] ** 2
+        u, du, noise = _torque(track, half, delay, at)
         return {
-            "y": u["y"] - known,
-            "u": u["y"],
-            "X": X,
-            "du": u["du"],
-            "rest": np.clip(means(slow, k0, at), 0, 1),
+            "y": u - sum((value * column(term) for term, value in self.held), 0 * one),
+            "u": u,
+            "X": np.column_stack([column(term) for term in terms]),
+            "du": du,
+            "rest": np.clip(means(1.0 * (np.abs(track.speed) < rest), k0, at), 0, 1),
             "piece": np.full(len(at), i),
             "run": np.full(len(at), track.run),
             "t": track.t[at],
             "w": motion.w,
-            "theta": np.zeros(len(at)) if track.theta is None else track.theta[at],
+            "theta": 0 * one if track.theta is None else track.theta[at],
             "noise_w": motion.noise_w * one,
             "noise_a": motion.noise_a * one,
-            "noise_u": noise * u["noise"] * one[:, None],
+            "noise_u": self.sensors.noise["u"] ** 2 * noise * one[:, None],
         }
-
-    def _motion(
-        self, track: Track, half: float, edge: int, step: int
-    ) -> tuple[np.ndarray, Means | None]:
-        at = track.centres(edge, step)
-        return at, window_means(track, half, at, self.sensors) if len(at) else None
-
-    def _samples(self, term: Term, i: int) -> np.ndarray:
-        """A column at every sample."""
-        column = term.column
-        assert column is not None
-        return self._once((column, i), lambda: column(self.tracks[i]))
 
     def _once(self, key, make):
         if key not in self._kept:
@@ -168,8 +142,10 @@ class Source:
         return self._kept[key]
 
 
-def _torque(track: Track, half: float, delay: float, at: np.ndarray) -> Mapping[str, np.ndarray]:
-    """Means of u(t - delay) held over each sample, and of its derivatives.
+def _torque(
+    track: Track, half: float, delay: float, at: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Means of u(t - delay) held over each sample, of its derivatives, and the noise of both.
 
     A held value acts from its sample to the next, on average half a sample later.
     """
@@ -178,14 +154,9 @@ def _torque(track: Track, half: float, delay: float, at: np.ndarray) -> Mapping[
     k1 = weights(half, 1, shift) / track.dt
     k2 = weights(half, 2, shift)
     du = np.c_[means(track.u, k1, at), means(track.u, k2, at)]
-    noise = np.array([k1 @ k1, k2 @ k2, _inner(k0, k2), k0 @ k0])
-    y = means(track.u, k0, at)
+    off = (len(k0) - len(k2)) // 2
+    shared = float(k0[off : len(k0) - off] @ k2)
+    u = means(track.u, k0, at)
     if track.d is not None:  # measured, so as late as the motion: not at all
-        y = y - means(track.d, weights(half, 0, -0.5, cell=True), at)
-    return {"y": y, "du": du, "noise": noise}
-
-
-def _inner(k: np.ndarray, other: np.ndarray) -> float:
-    """The product of two sets of weights around one middle."""
-    off = (len(k) - len(other)) // 2
-    return float(k[off : len(k) - off] @ other)
+        u = u - means(track.d, weights(half, 0, -0.5, cell=True), at)
+    return u, du, np.array([k1 @ k1, k2 @ k2, shared, k0 @ k0])
