@@ -31,8 +31,9 @@ def base(**coefficients):
 def test_levels_do_not_depend_on_which_shape_has_the_torque(moved):
     """Grease and a long Stribeck tail share torque with the Coulomb and the viscous level."""
     own = {"Fc": 0.3 - 2 * moved, "dip": 0.1, "Fv": 0.02 - 0.8 * moved}
-    found = levels_of(base(**own, **{"dip 5": moved, "grease": moved}))
-    known = {"J": 0.01, "Fc": 0.3, "Fs": 0.4, "Fv": 0.02, "vs": VS, "sigma0": 0.3 / X0}
+    found = levels_of(base(**own, **{"dip 5": moved, "grease": moved, "sigma1": 2e-3}))
+    known = {"J": 0.01, "Fc": 0.3, "Fs": 0.4, "Fv": 0.02, "vs": VS}
+    known |= {"sigma0": 0.3 / X0, "sigma1": 2e-3 / X0}
     assert found == pytest.approx(known)
 
 

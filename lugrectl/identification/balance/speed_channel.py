@@ -11,7 +11,8 @@ from .channel_noise import shared_noise, white_noise
 from .constants import (
     GAIN,
     GROUPS,
-    LARGEST_LAG,
+    LAG,
+    LAGS,
     MAJORITY,
     NOTICED_GAIN,
     NOTICED_LAG,
@@ -45,6 +46,7 @@ def sensors_of(tracks: Sequence[Track]) -> tuple[Sensors, Comparison | None, lis
     sensors, found, spread = Sensors(noise), None, 0.0
     if "theta" not in noise or "w" not in noise:
         return sensors, None, []
+    sensors = replace(sensors, lag=min(LAGS, key=lambda lag: _misfit(tracks, lag)))
     for _ in range(ROUNDS):
         rows = _rows(tracks, sensors.lag)
         if rows is None:
@@ -52,7 +54,7 @@ def sensors_of(tracks: Sequence[Track]) -> tuple[Sensors, Comparison | None, lis
         c, V, spread = _robust(rows)
         if abs(c[0]) < SMALL:
             return replace(sensors, use_w=False), None, ["w is not dtheta/dt: it is left out."]
-        lag = float(np.clip(sensors.lag + c[1] / c[0], -LARGEST_LAG, LARGEST_LAG))
+        lag = sensors.lag + float(c[1] / c[0])
         sensors = replace(sensors, gain=float(c[0]), offset=float(c[2] / c[0]), lag=lag)
         D = np.array([[1, 0, 0], [0, 0, 1], [-c[1] / c[0] ** 2, 1 / c[0], 0]])  # d(values)/dc
         found = Comparison(np.array([c[0], c[2], lag]), D @ V @ D.T)
@@ -78,6 +80,12 @@ def _rows(tracks: Sequence[Track], lag: float) -> np.ndarray | None:
     return np.vstack(rows) if rows else None
 
 
+def _misfit(tracks: Sequence[Track], lag: float) -> float:
+    """What a speed so late leaves."""
+    rows = _rows(tracks, lag)
+    return np.inf if rows is None else _robust(rows)[2]
+
+
 def _robust(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Student-t fit of the rows: coefficients, covariance by blocks, and spread.
 
@@ -85,7 +93,7 @@ def _robust(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """
     D, y = rows[:, :3], rows[:, 3]
     size = np.sqrt(np.mean(D[:, 0] ** 2)) + 1e-12
-    prior = np.diag(SMALL * size / np.array([GAIN, LARGEST_LAG, OFFSET * size]))
+    prior = np.diag(SMALL * size / np.array([GAIN, LAG, OFFSET * size]))
     r, c, s = y - D[:, 0], np.array([1.0, 0.0, 0.0]), 0.0
     weight = np.ones(len(y))
     for _ in range(5 * ROUNDS):

@@ -15,7 +15,7 @@ from .base_model import Base, Columns, Record, rms
 from .friction_shape import along, relaid
 
 OTHER_J = (0.5, 2.0)  # inertia beside an effect as large as all friction, over that without it
-ROUNDS, QUICKLY = 3, 2  # of a fit that begins with the weights of the base; of a first look
+ROUNDS = 3  # of a fit that begins with the weights of the base
 IMITATES = 0.6  # of the inertia: an unknown torque of u that changes it by more stands for it
 
 
@@ -178,8 +178,8 @@ def enter(base: Base, entry: Entry) -> Contender:
 def _fitted(base: Base, entry: Entry, columns: Columns) -> Solution:
     y = base.y if entry.u is None else base.record.driving(entry.u)
     c, scale = columns, base.view.scale
-    near, rounds = base.made.state, QUICKLY if base.view.quick else ROUNDS
-    return solve(c.X, y, c.prior, c.low, c.high, scale, base.roots**2, rounds=rounds, near=near)
+    near = base.made.state
+    return solve(c.X, y, c.prior, c.low, c.high, scale, base.roots**2, rounds=ROUNDS, near=near)
 
 
 def _with_its_inertia(base: Base, entry: Entry, columns: Columns, own: int) -> Columns:

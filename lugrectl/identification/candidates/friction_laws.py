@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..regression.robust_regression import likelihood, solve
+from ..regression.robust_regression import likelihood
 from .base_model import LEVELS, Base, rms
 from .candidate import Contender, Entry
 from .friction_shape import columns_at, likeliest, relaid
@@ -57,15 +57,8 @@ def without(base: Base, parts: Sequence[Part]) -> Base:
     rigid = any(part.name == "presliding" for part in parts)
     distances = [RIGID * laws.distances()[0]] if rigid else laws.distances()
 
-    near = base.made
-
     def likely(x0: float, vs: float) -> float:
-        nonlocal near
-        one = _at(base, (x0, vs), gone)
-        c = one.columns
-        near = solve(c.X, one.y, c.prior, c.low, c.high, base.view.scale, near.weight, rounds=2,
-                     near=near.state)  # fmt: skip
-        return likelihood(near.r)
+        return likelihood(_at(base, (x0, vs), gone).made.r)
 
     grid = [(float(x0), float(vs)) for x0 in distances for vs in laws.speeds()]
     at = likeliest(likely, grid if parts else [(base.law.x0, base.law.vs)])

@@ -41,15 +41,14 @@ def in_its_own_law(c: Contender) -> Contender:
 
 
 def _once(c: Contender) -> Contender:
-    base, own, near = c.base, c.its, c.made
+    base, own = c.base, c.its
     y = base.y if c.u is None else base.record.driving(c.u)
 
     def likely(x0: float, vs: float) -> float:
-        nonlocal near
         beside = columns_at(base, (x0, vs)) + own
-        near = solve(beside.X, y, beside.prior, beside.low, beside.high, base.view.scale,
-                     near.weight, rounds=2, near=near.state)  # fmt: skip
-        return likelihood(near.r)
+        made = solve(beside.X, y, beside.prior, beside.low, beside.high, base.view.scale,
+                     base.roots**2, rounds=3, near=c.made.state)  # fmt: skip
+        return likelihood(made.r)
 
     at = likeliest(likely, [c.entry.law or (base.law.x0, base.law.vs)])
     entry = replace(c.entry, law=at)

@@ -121,7 +121,8 @@ def decide(
     found = found if heavy is None else _with_weight(found, heavy, also)
     small = all(c.share < UNKNOWN * least for c in found.effects)
     found = _with_load(found) if small and found.verdict != "unexplained" else found
-    return judged(_with_law(found, bars) if record.sure else found)
+    found = _with_law(found, bars) if record.sure else found
+    return judged(_if_it_explains(found, bars))
 
 
 def without(found: Decision, c: Contender, least: float = LEAST, alpha: float = ALPHA) -> Decision:
@@ -154,14 +155,17 @@ def judged(found: Decision) -> Decision:
         last = found.unknown.joined()
     said = contradiction(last)
     if said is not None:
+        suspect = found.suspect  # it says what the base cannot
+        said = said if suspect is None or contradiction(suspect.joined()) else UNSURE
         return Decision("refused", table=found.table, messages=(said,))
-    return _if_it_explains(found)
+    return found
 
 
-def _if_it_explains(found: Decision) -> Decision:
+def _if_it_explains(found: Decision, bars: Bars) -> Decision:
     """The decision, if what is named is more than what stays, which no sensor's noise is."""
     if not found.effects or found.only_inertia or found.verdict == "unexplained":
         return found
+    assert found.table is not None
     named, last = rms(np.array([c.size for c in found.effects])), found.last
     named *= np.sqrt(len(found.effects))
     noise = last.J * rms(last.record.rows.shake) / last.friction_rms
@@ -170,8 +174,9 @@ def _if_it_explains(found: Decision) -> Decision:
         return found
     names = " and ".join(c.name for c in found.effects)
     said = LEAVES.format(names, 100.0 * named, 100.0 * stays)
-    return Decision("unexplained", depends_on=frozenset("t"), table=found.table,
-                    messages=(*found.messages, said))  # fmt: skip
+    known = bars.proven(found.table, found.table.unknown)
+    nothing = _nameless(found.table, known, bars.least)
+    return replace(nothing, messages=(*found.messages, said, *nothing.messages))
 
 
 def _simplest(found: Decision) -> Decision:
