@@ -160,10 +160,80 @@ def test_the_error_is_of_second_order(observer, x0):
     assert 10 < ratio < 24
 
 
-def test_the_slope_is_that_of_the_middle_of_the_step():
-    """dx/dt = 1 - v x from 0, v from 0 to 2 in one second: as with v = 1."""
-    found = advance(lambda x, v: 1.0 - v * x, np.zeros(1), np.zeros(1), np.full(1, 2.0), 1.0)
-    assert found == pytest.approx(1.0 - np.exp(-1.0), rel=1e-12)
+def along(observer, w, dt, parts=1):
+    """Fhat and the first state at the samples, each step in so many equal parts."""
+
+    def rates(x, v):
+        return observer.updfcn(0.0, x, v[1:], observer.params)
+
+    t, x, track = dt * np.arange(len(w)), np.zeros(observer.nstates), []
+    rows = np.array([t, *inputs_of(observer, w=w, u=torque_of(w, dt), e=0 * w)]).T
+    held = [label == "u" for label in ("t", *observer.input_labels)]
+    for before, now in zip([rows[0], *rows[:-1]], rows, strict=True):
+        end = np.where(held, before, now)
+        for k in range(parts if now is not rows[0] else 0):
+            first, last = (before + (end - before) * s for s in (k / parts, (k + 1) / parts))
+            x = advance(rates, x, first, last, dt / parts, 1)
+        track.append([observer.outfcn(0.0, x, now[1:], observer.params)[0], x[0]])
+    return np.array(track).T
+
+
+def torque_of(w, dt):
+    middle = 0.5 * (w + np.append(w[1:], w[-1]))
+    return h(middle) * np.tanh(middle / P.vs) + P.Fv * middle + P.J * np.diff(w, append=0) / dt
+
+
+def backward_euler(observer, w, dt):
+    """Fhat of the implicit step, the least that firmware does."""
+    rows = inputs_of(observer, w=w, u=torque_of(w, dt), e=0 * w).T
+    held = [label == "u" for label in observer.input_labels]
+    x, track = np.zeros(observer.nstates), []
+    for before, now in zip([rows[0], *rows[:-1]], rows, strict=True):
+        v = np.where(held, before, now)
+        rest = observer.dynamics(0.0, 0 * x, v)
+        A = np.array([observer.dynamics(0.0, e, v) - rest for e in np.eye(len(x))]).T
+        if now is not rows[0]:
+            x = np.linalg.solve(np.eye(len(x)) - dt * A, x + dt * rest)
+        track.append(observer.outfcn(0.0, x, now, observer.params)[0])
+    return np.array(track)
+
+
+REVERSALS = [(1e-3, 1.0, 5.0), (1e-3, 100.0, 5.0), (1e-3, 300.0, 5.0), (5e-3, 100.0, 1.0)]
+
+
+@pytest.mark.parametrize("make", [lg.natural_observer, lg.existing_observer, lg.proposed_observer])
+@pytest.mark.parametrize(("dt", "top", "f"), REVERSALS)
+def test_reversals_at_any_speed_are_better_than_by_backward_euler(make, dt, top, f):
+    observer, w = make(P), top * np.sin(2 * np.pi * f * dt * np.arange(round(1 / f / dt) + 1))
+    exact, found = along(observer, w, dt, parts=16)[0], along(observer, w, dt)[0]
+    assert np.std(found - exact) < 0.8 * np.std(backward_euler(observer, w, dt) - exact)
+
+
+@given(
+    st.lists(st.floats(-1.0, 1.0), min_size=5, max_size=30),
+    st.sampled_from([1e-3, 0.02, 1.0, 30.0, 1e3]),
+    st.sampled_from([1e-5, 1e-3, 0.1]),
+)
+def test_bristles_stay_within_their_bound(shares, top, dt):
+    z = along(lg.natural_observer(P), top * np.array(shares), dt)[1]
+    assert np.abs(z).max() <= P.Fs / P.sigma0 * (1 + 1e-9)
+
+
+def test_a_sampled_loop_with_fast_reversals_gains_by_its_observer():
+    """300 rad/s at 5 Hz; the largest error is one sample, in which the held torque turns over."""
+    t = DT * np.arange(401)
+    r = 300 * np.sin(2 * np.pi * 5 * t)
+    drive = [lg.error(), sampled(lg.pi(1.6, 0.16), DT)]
+
+    def errors(*more):
+        run = lg.simulate_sampled(lg.plant(P), [*drive, *more], t, {"r": r})
+        return (np.asarray(run.outputs)[run.output_labels.index("w")] - r)[200:]
+
+    none = errors()
+    for make in (lg.natural_observer, lg.proposed_observer):
+        helped = errors(lg.compensation(), sampled(make(P), DT))
+        assert np.std(helped) < 0.99 * np.std(none)
+        assert np.abs(helped).max() < 1.01 * np.abs(none).max()
 
 
 # What is not enough.
