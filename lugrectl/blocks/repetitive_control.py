@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 
 HARMONICS = 9
+MOST = 100_000  # samples in a period
 PARAMETERS = {
     "J": J,
     "K": P(0.1, "N m s/rad", 0.0),
@@ -216,6 +217,10 @@ def repetitive_memory(
     values = {"J": J, "K": K, "gamma": gamma}
     for key, value in values.items():
         within(value, f"{name}.{key}", P(0.0, "N m s/rad", 0.0))
+    if period > MOST * dt:
+        raise InputError(
+            f"period = {period:g} s is {period / dt:.3g} samples of {dt:g} s, more than {MOST}."
+        )
     count = max(2, round(period / dt))
     made = _Memory(name, count, float(limit), flag(smooth, "smooth"))
     return BlockSystem(

@@ -123,8 +123,8 @@ def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:
         return _measured(T, c, level).of(T)
     if isinstance(T, DelayedTransfer):
         return _delayed(T, c, level).of(T)
-    if isinstance(T, ct.StateSpace) and (found := _floating(T, c, level)):
-        return found.of(T)
+    if isinstance(T, ct.StateSpace) and (made := _floating(T, c, level)) is not None:
+        return made.of(T)
     if is_sampled(T):
         sampled = Sampled.of(T)
         (num, den), stable, frequency = sampled.in_v, sampled.stable, sampled.frequency

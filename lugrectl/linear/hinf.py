@@ -15,17 +15,21 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import control as ct
 import numpy as np
 from scipy.linalg import schur, solve_sylvester, solve_triangular
 from scipy.optimize import minimize_scalar
 
 from ..core.errors import InputError
+from .exact import hurwitz
 from .floating import EPS, level_zeros
-from .sampled import is_sampled, mapped_states, on_circle, sample_time
+from .sampled import inside, is_sampled, mapped_states, on_circle, sample_time
+from .transfer import state_space_polynomials
 from .verdict import show_poles
 
 RISE = 1e-11  # of the largest value: the next level is higher by this
 LEVELS = 60
+EXACT = 16  # states up to which stability is decided in exact arithmetic: some seconds
 UNSEEN = 1e-9  # of its inputs and outputs: a mode of less does not show
 MANY = 1e3  # rounding of the matrices moves a pole by up to this times EPS
 
@@ -65,6 +69,15 @@ class StateResponse:
     def beyond(self, poles: np.ndarray) -> np.ndarray:
         """How far right of the axis, or outside the circle, poles are."""
         return np.real(poles) if self.dt is None else np.abs(poles) - 1
+
+    def settled(self) -> bool | None:
+        """Whether it is stable, exactly where rounding of the poles hides it; None: not known."""
+        if self.beyond(self.poles).max() > self.rounding:
+            return False
+        if len(self.A) > EXACT:
+            return None
+        _, den = state_space_polynomials(ct.ss(self.A, self.B, self.C, self.D))
+        return hurwitz(den) if self.dt is None else inside(den)
 
     @property
     def stable(self) -> bool:
@@ -140,7 +153,8 @@ class StateResponse:
         """The norm of a stable system and its frequency in rad/s; inf: approached as w grows."""
         best, w = self._best(np.array([0.0, math.inf]))
         if len(self.A):
-            best, w = max((best, w), self._best(_places(self._continuous.poles)))
+            found = self._best(_places(self._continuous.poles))
+            best, w = max((best, w), found, self._beside_poles())
         for _ in range(LEVELS if len(self.A) and best > 0 else 0):
             found, at = self._best(_places(self._level_zeros(best * (1 + RISE))))
             if found <= best * (1 + RISE):
@@ -153,6 +167,31 @@ class StateResponse:
         values = [self.at(w) for w in places]
         k = int(np.argmax(values))
         return values[k], float(places[k])
+
+    def _beside_poles(self) -> tuple[float, float]:
+        """The largest value within a few widths of each complex pole.
+
+        A level far from the top has its zeros off the axis by more than such a width.
+        """
+        with np.errstate(all="ignore"):
+            rates = self.poles if self.dt is None else np.log(self.poles.astype(complex)) / self.dt
+        best, place = -math.inf, 0.0
+        for w, width in zip(np.imag(rates), np.abs(np.real(rates)), strict=True):
+            if not 0.0 < width < 10.0 * w:
+                continue
+            found: Any = minimize_scalar(
+                lambda x, w=w, width=width: -self.at(self._place(w + x * width)),
+                bounds=(max(-2.0, -w / width), 2.0),
+                method="bounded",
+                options={"xatol": 1e-7},
+            )
+            if -found.fun > best:
+                best, place = -float(found.fun), self._place(w + found.x * width)
+        return best, place
+
+    def _place(self, w: float) -> float:
+        """Where :meth:`at` takes w rad/s."""
+        return w if self.dt is None else math.tan(0.5 * w * self.dt)
 
     def _polished(self, best: float, w: float) -> tuple[float, float]:
         """The top of the peak near w."""

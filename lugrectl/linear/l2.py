@@ -24,6 +24,7 @@ from .sampled import Sampled, is_sampled
 from .transfer import Transfer, number, parameter, read_transfer, to_float
 from .verdict import Verdict
 
+UNKNOWN = "whether the system is stable is within rounding"
 EXACT = 6  # states of a state-space model that is decided in exact arithmetic
 
 
@@ -186,9 +187,12 @@ def _floating_gain(T: Any) -> L2Verdict:
     system, hidden = StateResponse.of(T), ""
     if not system.stable:
         part, unseen = system.split()
-        if not len(unseen) or system.beyond(unseen).max() > system.rounding:
+        if not len(unseen) and (settled := system.settled()) is not True:
+            said = "the system is not stable" if settled is False else UNKNOWN
+            return _infinite(f"{said}: {system.rightmost}", float("nan"))
+        if len(unseen) and system.beyond(unseen).max() > system.rounding:
             return _infinite(f"the system is not stable: {system.rightmost}", float("nan"))
-        hidden = system.says_hidden(unseen)
+        hidden = system.says_hidden(unseen) if len(unseen) else ""
         system = part
     return _largest(*system.peak(), "as w grows", size=system.size, hidden=hidden)
 

@@ -173,9 +173,12 @@ def _differences(system: Any, x0: Any, u0: Any, t: float, params: Any) -> list[n
     if isinstance(system, ct.StateSpace):
         return [np.asarray(M, dtype=float) for M in (system.A, system.B, system.C, system.D)]
     for value, name, many in ((x0, "x0", system.nstates), (u0, "u0", system.ninputs)):
-        if not (np.isscalar(value) or isinstance(value, ct.OperatingPoint)):
-            if len(array(value, name).ravel()) != many:
+        if not isinstance(value, ct.OperatingPoint):
+            rows = array(value, name)
+            if rows.ndim and rows.size != many:
                 raise InputError(f"{name} needs {many} values, or one for all, such as 0.")
+            if not np.isfinite(rows).all():
+                raise InputError(f"{system.name}: {name} must be finite.")
     try:
         one, other = (
             system.linearize(x0, u0, t=t, params=params, eps=step) for step in (STEP, -STEP)

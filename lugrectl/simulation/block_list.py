@@ -19,6 +19,7 @@ from ..engine.tracing.network_equations import state_labels
 from . import arguments
 from .dead_time_warning import warn_if_approximate
 
+MOST = 1e8  # updates in a run: an array of them is 0.8 GB
 NEAR = 1e-6  # of the shortest sample time: updates and times closer than that are the same
 
 
@@ -106,6 +107,10 @@ def together(blocks: Sequence[Any], name: str = "blocks") -> Any:
     """The interconnection of continuous blocks: outputs are all signals, inputs those that no
     block outputs."""
     net, _ = wired(blocks, name)
+    both = {part.block.name for part in net.parts} & {*net.signals, *net.outside}
+    if both:  # python-control would look for the signal in the block
+        label = min(both)
+        raise InputError(f"block {label} has the name of the signal {label}: give it another name=")
     try:
         return _interconnected(net, [part.block for part in net.parts], name)
     except RuntimeError:  # python-control linearises what is linear, and passes no loop
@@ -158,7 +163,12 @@ def _outside(parts: Sequence[Part]) -> tuple[str, ...]:
 
 def _course(t: np.ndarray, u: np.ndarray, periods: Sequence[float], hold: bool) -> Course:
     """Updates at the multiples of each sample time, between the first and the last time."""
-    near = NEAR * min(periods)
+    near, updates = NEAR * min(periods), sum((t[-1] - t[0]) / dt for dt in periods)
+    if updates > MOST:
+        raise InputError(
+            f"blocks with dt = {min(periods):g} s are updated {updates:.3g} times until "
+            f"t = {t[-1]:g} s, more than {MOST:g}: is a time in ms?"
+        )
     grid, ticks = t, []
     for dt in periods:
         first, last = np.ceil(t[0] / dt - NEAR), np.floor(t[-1] / dt + NEAR)

@@ -20,6 +20,7 @@ from ..engine.expression.numpy_protocol import TraceError, signal_array
 from ..engine.runtime.substeps import Substeps
 from . import arguments
 
+MOST = 1e5  # substeps in a sample
 NODES = (0.5 - math.sqrt(1 / 12), 0.5 + math.sqrt(1 / 12))  # of Gauss, in a part of a step
 SERIES = [1.0 / math.factorial(k + 3) for k in range(12, -1, -1)]  # phi3, highest power first
 
@@ -106,6 +107,8 @@ def sampled(
     if strange:
         raise InputError(f"{system.name} has no input {strange[0]}; it has {', '.join(labels)}.")
     longest = dt / 4 if substep is None else positive(substep, "substep", "seconds")
+    if longest * MOST < dt:
+        raise InputError(f"substep = {longest:g} s is less than dt/{MOST:g}.")
     step = _Step(system, float(dt), tuple(s in keep for s in labels), float(longest))
     step.substeps.affine(system.params)  # what cannot be evaluated is refused here
     return in_steps(step, _Answer(step), name)

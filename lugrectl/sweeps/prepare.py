@@ -104,6 +104,11 @@ def prepare(
     wanted = face.chosen("output", outputs)
     kept = face.chosen("state", None if states is True else [] if states is False else states)
     full = {k: np.ascontiguousarray(np.broadcast_to(v, (count,))) for k, v in columns.items()}
+    blocks = face.system if isinstance(face.system, list) else [face.system]
+    for key, values in full.items():
+        numbers = values[~np.isnan(values)]  # a member that is NaN fails alone
+        for value in {numbers.min(), numbers.max()} if len(numbers) else ():
+            arguments.parameters(blocks, {key: value})
     solver, rows = _solver(face, times, wanted, full, hold, rtol)
     keep = tuple(face.states.index(k) for k in kept) if kept else None
     shape = (len(wanted), len(times))

@@ -120,6 +120,7 @@ def test_harmonics_have_a_sampled_form():
         (lambda: lg.repetitive_control(P, harmonics=2.5), "harmonics = 2.5"),
         (lambda: lg.repetitive_control(P, harmonics=0), "harmonics = 0"),
         (lambda: lg.repetitive_memory(P, dt=0.0), "dt, the sample time,"),
+        (lambda: lg.repetitive_memory(P, period=1e9, dt=1e-6), r"1e\+15 samples of 1e-06 s"),
         (lambda: lg.repetitive_memory(P, gamma=-1.0), "repetitive_memory.gamma"),
         (lambda: lg.repetitive_memory(P, limit=0.0), "limit"),
         (lambda: lg.repetitive_memory(P, smooth=3), "smooth"),

@@ -45,6 +45,28 @@ def test_the_block_that_makes_a_nan_is_named(branch: bool) -> None:
         simulate(_log_of_a_fall(branch), np.linspace(0, 2, 17), x0=1.0)
 
 
+@pytest.mark.parametrize("as_list", [False, True])
+def test_a_block_need_not_be_finite_where_all_its_inputs_are_zero(as_list: bool) -> None:
+    """python-control's first pass gives zeros to blocks that the system never gives them."""
+
+    def static(name, inputs, outputs, function):
+        return ct.nlsys(None, function, inputs=inputs, outputs=outputs, name=name, dt=None)
+
+    blocks = [
+        static("inverter", ["duty", "V"], ["v"], lambda t, x, u, p: u[0] * u[1]),
+        static("share", ["u", "V"], ["duty"], lambda t, x, u, p: u[0] / u[1]),
+        static("supply", 0, ["V"], lambda t, x, u, p: 24.0 - 2.0 * np.sin(t)),
+        ct.nlsys(
+            lambda t, x, u, p: u, None, inputs=["v"], outputs=["y"], states=1, name="sum", dt=0
+        ),
+    ]
+    system = blocks if as_list else ct.interconnect(blocks, inputs=["u"], outputs=["y"])
+    t = np.linspace(0, 2, 41)
+    found = simulate(system, t, {"u": np.ones(41)} if as_list else np.ones(41))
+    y = np.atleast_2d(found.outputs)[list(found.output_labels).index("y")]
+    np.testing.assert_allclose(y, t, atol=1e-6)
+
+
 @pytest.mark.filterwarnings("ignore:block one:RuntimeWarning")
 def test_an_algebraic_loop_is_named_without_a_trace() -> None:
     def gain(name, source, target, function):

@@ -160,3 +160,55 @@ def test_a_system_that_is_not_stable_has_no_gain_and_names_its_pole():
     T = ct.ss(A / 4, np.ones((7, 1)), np.ones((1, 7)), 0, 0.1)
     assert not lg.l2_check(T) and "largest pole is z = -1.5" in lg.l2_check(T).reason
     assert not lg.l2_check(ct.tf([1], [1, -1.5], 0.1))
+
+
+def slow_beside_fast(slow, fast, n):
+    """slow/(s + slow) in front of n - 1 lags: the poles stand on the diagonal, the gain is 1."""
+    T = ct.ss(-slow, slow, 1.0, 0.0)
+    for k in range(n - 1):
+        T = T * ct.ss(-fast * (1 + 0.1 * k), 1.0, fast * (1 + 0.1 * k), 0.0)
+    return T
+
+
+@pytest.mark.parametrize(("slow", "fast", "n"), [(1e-6, 1e6, 7), (1e-8, 1e5, 9)])
+def test_a_pole_within_rounding_of_the_axis_is_decided_exactly(slow, fast, n):
+    assert lg.l2_check(slow_beside_fast(slow, fast, n)).gain == pytest.approx(1.0)
+    unstable = lg.l2_check(slow_beside_fast(-slow, fast, n))
+    assert unstable.gain == math.inf and "not stable" in unstable.reason
+
+
+def test_where_stability_is_not_decided_this_is_said():
+    said = lg.l2_check(slow_beside_fast(1e-6, 1e6, 18)).reason
+    assert "whether the system is stable is within rounding" in said
+
+
+def test_modes_of_nearly_no_damping_have_their_peak():
+    w, z = 10.0 ** np.arange(4), 1e-9
+    T = ct.ss([[-2 * z * w[0], -w[0]], [w[0], 0.0]], [[w[0]], [0.0]], [[0.0, 1.0]], 0.0)
+    for k in w[1:]:
+        T = T + ct.ss([[-2 * z * k, -k], [k, 0.0]], [[1e-3 * k], [0.0]], [[0.0, 1.0]], 0.0)
+    assert lg.l2_check(T).gain == pytest.approx(0.5 / z, rel=1e-6)
+
+
+def turned(rng, n, dt):
+    """A sampled model with slow, lightly damped modes, in coordinates of condition 10."""
+    A, k = np.diag(np.exp(-dt * 10.0 ** rng.uniform(-1, 3, n))), 0
+    while k < n - 2:
+        w, z = 10.0 ** rng.uniform(-1, 2), 10.0 ** rng.uniform(-3, -1)
+        s = np.exp((-z + 1j * math.sqrt(1 - z * z)) * w * dt)
+        A[k : k + 2, k : k + 2], k = [[s.real, s.imag], [-s.imag, s.real]], k + 2
+    Q = [np.linalg.qr(rng.normal(size=(n, n)))[0] for _ in range(2)]
+    T = Q[0] @ np.diag(10.0 ** rng.uniform(-0.5, 0.5, n)) @ Q[1]
+    B, C = T @ rng.normal(size=(n, 1)), rng.normal(size=(1, n)) @ np.linalg.inv(T)
+    return ct.ss(T @ A @ np.linalg.inv(T), B, C, rng.normal(size=(1, 1)), dt)
+
+
+def test_the_gain_of_a_sampled_model_is_no_less_than_any_value():
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        T = turned(rng, int(rng.integers(7, 13)), rng.choice([1e-3, 1e-4]))
+        found = lg.l2_check(T)
+        rates = np.log(np.linalg.eigvals(T.A).astype(complex)) / T.dt
+        near = [abs(p.imag) + abs(p.real) * np.linspace(-2, 2, 200) for p in rates]
+        w = np.concatenate(near)
+        assert found.gain >= response(T, w[w > 0] * T.dt).max() * (1 - 1e-6)

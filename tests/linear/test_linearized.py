@@ -92,6 +92,9 @@ def test_wrong_arguments_are_named():
         lg.linearize(loop, input="x", output="w")
     with pytest.raises(InputError, match="x0 needs"):
         lg.linearize(loop, [1.0, 2.0], input="r", output="w")
+    for odd in (np.nan, [np.inf] * loop.nstates):
+        with pytest.raises(InputError, match="x0 must be finite"):
+            lg.linearize(loop, odd, input="r", output="w")
     with pytest.raises(InputError, match="continuous"):
         lg.linearize(lg.dead_time(2e-3, dt=1e-3))
 

@@ -75,6 +75,10 @@ def test_time_grows_no_faster_than_the_third_power():
     begin = time.process_time()
     assert lg.spr_check(T)
     assert lg.bandwidth(structure(15, 0.0, displacement=True)) > 0
+    assert lg.bandwidth_check(structure(15)).bandwidth > 0
+    unstable = structure(8, 0.0, displacement=True)
+    unstable.A[1, 1] = 0.02
+    assert not lg.bandwidth_check(unstable)
     assert time.process_time() - begin < 10.0  # it took 256 s
 
 

@@ -244,6 +244,8 @@ def test_a_continuous_block_with_a_branch_goes_to_lsoda():
     ("call", "said"),
     [
         (lambda t: simulate([swing(), swing()], t), "two blocks are called swing"),
+        (lambda t: simulate([lg.error(), lg.pi(name="u"), lg.plant(P)], t), "block u has the name"),
+        (lambda t: simulate([summed(1e-9, "a", "b", "s")], t), "updated 1e.09 times"),
         (lambda t: simulate([], t), "empty"),
         (lambda t: simulate([swing(), 3.0], t), "not 3.0"),
         (lambda t: simulate([swing()], t, {"y": 1.0}), "there is no external input 'y'"),

@@ -317,6 +317,7 @@ def test_held_inputs_can_be_named():
     ("call", "said"),
     [
         (lambda: sampled(lg.pi(), DT, substep=0.0), "substep"),
+        (lambda: sampled(lg.pi(), DT, substep=1e-12), "substep = 1e-12 s is less than"),
         (lambda: sampled(lg.natural_observer(P), 0.0), "sample time"),
         (lambda: sampled(lg.natural_observer(P), float("nan")), "sample time"),
         (lambda: sampled(sampled(lg.pi(), DT), DT), "discrete already"),

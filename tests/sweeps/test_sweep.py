@@ -111,6 +111,16 @@ def test_tables_that_cannot_be_understood(params, message) -> None:
         lg.sweep(lag(), T, 1.0, params)
 
 
+@pytest.mark.parametrize("key", ["plant.Fc", "plant.J", "plant.sigma1", "natural_observer.vs"])
+def test_bounds_are_checked_as_simulate_checks_them(key) -> None:
+    loop = lg.velocity_loop(lg.table1(), "natural")
+    with pytest.raises(InputError) as one:
+        lg.simulate(loop, T, 0.1, params={key: -0.01})
+    with pytest.raises(InputError) as many:
+        lg.sweep(loop, T, 0.1, {key: [0.01, -0.01, 0.02]})
+    assert str(one.value) == str(many.value) and key in str(one.value)
+
+
 @pytest.mark.parametrize(
     "options, message",
     [

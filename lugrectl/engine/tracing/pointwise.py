@@ -67,13 +67,16 @@ def settled_values(
 
 
 def _passed(step: Step, values: np.ndarray) -> np.ndarray | None:
-    """The values after as many passes as there are values; None if they still change."""
+    """The values after as many passes as there are values; None if they still change.
+
+    The first passes give blocks zeros that the system never has: what is not finite may pass.
+    """
     for _ in range(len(values) + 2):
         new = step(values)
-        if np.array_equal(new, values, equal_nan=True) or not np.isfinite(new).all():
+        if np.array_equal(new, values, equal_nan=True):
             return new
         values = new
-    return None
+    return None if np.isfinite(values).all() else values
 
 
 def _looped(step: Step, values: np.ndarray) -> list[int]:
