@@ -72,6 +72,24 @@ def test_a_full_disk_costs_the_cache_and_nothing_else(folder, monkeypatch):
     assert answer(3.5) == 5.5
 
 
+@pytest.mark.parametrize("kind", [pytest.param("c", marks=needs_c), "numba"])
+def test_where_nothing_can_be_written_code_runs_as_plain_python(folder, monkeypatch, kind):
+    """Cache and temporary folder full: one warning for as many loops as there are."""
+
+    def full(path, text):
+        raise OSError(28, "No space left on device")
+
+    for module in (backend, c_compiler):
+        monkeypatch.setattr(module, "keep", full)
+    backend._say_once.cache_clear()
+    with pytest.warns(RuntimeWarning, match=r"plain Python.*No space left on device") as said:
+        for number in (3.25, 4.25):
+            there = np.array([4.0])
+            backend.load(f"@fast\n{ROOT.format(number)}", kind).run(there)
+            assert there[0] == 2.0 + number
+    assert len(said) == 1
+
+
 def run(folder):
     there = dict(os.environ) | {"LUGRECTL_CACHE": str(folder)}
     return subprocess.Popen([sys.executable, "-c", USE], env=there, stdout=subprocess.PIPE)

@@ -9,11 +9,13 @@ import importlib.util
 import os
 import sys
 import threading
+import warnings
 from collections.abc import Mapping
 from functools import cache, partial
 from types import ModuleType
 from typing import Any
 
+from ...core.errors import InputError
 from ..codegen.python_source import ARRAY_HEADER, SCALAR_HEADER
 from .c_compiler import EVEN, FUSED, PLAIN, WIDE, Native, has_compiler, has_wide
 from .disk_cache import cache_dir, keep, temporary
@@ -80,7 +82,10 @@ def load(source: str, backend: str) -> ModuleType:
     with _LOADING:  # another thread must not see a partly loaded module
         if name not in sys.modules:
             make = _MAKERS.get(backend, _direct)
-            sys.modules[name] = make(text, name)
+            try:
+                sys.modules[name] = make(text, name)
+            except OSError as error:
+                sys.modules[name] = _plain(source, name, error)
         return sys.modules[name]
 
 
@@ -98,8 +103,40 @@ def load_steps(source: str, backend: str) -> ModuleType:
 def _native(text: str, name: str, *, flags: tuple[str, ...]) -> ModuleType:
     module = ModuleType(name)
     last = text.rpartition("\ndef ")[2].partition("(")[0]
-    module.__dict__[last] = Native(text, flags)
+    module.__dict__[last] = _OrPlain(Native(text, flags), text, last)
     return module
+
+
+class _OrPlain:
+    """Compiled code at its first call; the same text in Python where no file can be written."""
+
+    def __init__(self, run: Any, text: str, name: str) -> None:
+        self.run, self.text, self.name, self.tried = run, text, name, False
+
+    def __call__(self, *arguments: Any) -> Any:
+        if self.tried:
+            return self.run(*arguments)
+        try:
+            result = self.run(*arguments)
+        except (OSError, InputError) as error:
+            self.run = getattr(_plain(self.text, self.name, error), self.name)
+            result = self.run(*arguments)
+        self.tried = True
+        return result
+
+
+def _plain(source: str, name: str, why: Exception) -> ModuleType:
+    _say_once(getattr(why, "strerror", None) or str(why))
+    return _direct(HEADERS["python"] + "\n\n" + source, name)
+
+
+@cache
+def _say_once(why: str) -> None:
+    warnings.warn(
+        f"simulations run as plain Python, which is slow: their code cannot be compiled ({why}).",
+        RuntimeWarning,
+        stacklevel=2,
+    )
 
 
 def _from_file(text: str, name: str) -> ModuleType:
