@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 from ..core.errors import Diverged, InputError
 from ..core.validation import positive
 from ..engine.expression.numpy_protocol import TraceError
+from ..engine.runtime.chatter import Chatter
 from ..engine.runtime.delayed_run import delayed
 from ..engine.runtime.growth import bounded, quiet, stopped
 from ..engine.runtime.memo import compiled
@@ -341,6 +342,7 @@ def _by_scipy(
 ) -> tuple[np.ndarray | None, np.ndarray]:
     """python-control's simulation; sample by sample if the input is held or a loop is solved."""
     options = {"method": method, "rtol": rtol, "atol": 1e-4 * rtol if atol is None else atol}
+    options["events"] = Chatter(system.name, t[-1] - t[0])
     try:
         if hold and system.nstates:
             states, y = _stepped(system, t, u, x0, params, hold, options)
@@ -357,6 +359,8 @@ def _by_scipy(
                 squeeze=False,
             )
             states, y = _of(system, response)
+    except Diverged:
+        raise
     except RuntimeError as error:
         try:  # block by block: it names what is not a number, and solves a loop that is linear
             states, y = _stepped(system, t, u, x0, params, hold, options)

@@ -14,6 +14,7 @@ from ..tracing.network import Net
 from ..tracing.network_equations import state_labels, trace_net
 from ..tracing.pointwise import settled_values
 from .adaptive_run import Adaptive
+from .chatter import Chatter
 from .growth import quiet, stopped
 from .sampled_run import Course, Track, not_finite
 from .slow_functions import said_if_slow
@@ -68,7 +69,7 @@ class Called:
     ) -> Track:
         for part in self.net.parts:
             part.block._update_params(self.params)
-        advance = self._advance(course.hold, rtol, atol)
+        advance = self._advance(course, rtol, atol)
         states, signals, unsettled = [], [], [np.nan]
         h, x, q = np.zeros(len(self.net.held)), x.copy(), q.copy()
         ticks, grid = course.ticks, course.grid
@@ -186,7 +187,8 @@ class Called:
         none = np.zeros(len(self.net.outside))
         return np.array([self._signal(label, rows, none) for label in self.net.signals])
 
-    def _advance(self, hold: bool, rtol: float, atol: float | None) -> Advance:
+    def _advance(self, course: Course, rtol: float, atol: float | None) -> Advance:
+        hold = course.hold
         if self.engine is not None:
             engine = self.engine
             p = engine.program.arguments(self.params)
@@ -197,8 +199,10 @@ class Called:
 
             return traced
 
+        chatter = Chatter(self.net.name, course.grid[-1] - course.grid[0])
+
         def called(t: np.ndarray, rows: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, float]:
-            return self._by_scipy(t, rows, x, hold, rtol, atol), np.nan
+            return self._by_scipy(t, rows, x, hold, rtol, atol, chatter), np.nan
 
         return called
 
@@ -210,6 +214,7 @@ class Called:
         hold: bool,
         rtol: float,
         atol: float | None,
+        chatter: Chatter,
     ) -> np.ndarray:
         m = len(self.net.outside)
         slope = 0.0 * rows[:, 0] if hold else (rows[:, 1] - rows[:, 0]) / (t[1] - t[0])
@@ -226,6 +231,7 @@ class Called:
 
         with quiet():
             options: Any = {"rtol": rtol, "atol": 1e-4 * rtol if atol is None else atol}
+            options["events"] = chatter
             done = solve_ivp(rates, t, x, method=self.method or "LSODA", **options)
         last = done.y[:, -1]
         if not done.success or not np.all(np.isfinite(last)):

@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from ...core.errors import InputError
 from ..expression.affine import affine, solve
 from ..expression.graph import Graph, Node, evaluate, reachable, rename
+from . import piecewise
 
 Rows = list[list[Node]]
 TRIED = 0.7310585786300049  # in place of a symbol that is no parameter, where a divisor is tried
@@ -28,8 +29,8 @@ def loop_message(system: str, blocks: str) -> str:
     """The message on an algebraic loop through the blocks of these names."""
     return (
         f"{system}: algebraic loop through {blocks}; each output depends on itself at the same "
-        "instant, and not by linear equations with one solution: put a state (a lag, a sensor) "
-        "or a sample of delay between them."
+        "instant, and not by (piecewise) linear equations with one solution: put a state (a lag, "
+        "a sensor) or a sample of delay between them."
     )
 
 
@@ -43,7 +44,8 @@ def settled(
 
     Each single output is ordered after those that it depends on, so that a block may pass one
     channel at once and another through a state. Outputs that depend on themselves are solved
-    where their equations are linear in them: y = b/(1 - a) for y = a y + b.
+    where their equations are linear in them, or linear between clips: y = b/(1 - a) for
+    y = a y + b.
 
     Parameters
     ----------
@@ -106,7 +108,7 @@ def _solved(
 ) -> list[Node] | None:
     forms = [form for form in affine(roots, symbols) if form is not None]
     if len(forms) < len(roots):
-        return None
+        return piecewise.solved(symbols, roots, values)
     return solve(symbols, forms, lambda divisor: _usable(divisor, values))
 
 

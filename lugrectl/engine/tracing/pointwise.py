@@ -17,6 +17,8 @@ from .instant import LEAST, Unsolved
 Step = Callable[[np.ndarray], np.ndarray]
 SIZES = 10.0 ** np.arange(-6.0, 7.0, 1.5)  # of the points at which a loop must be linear
 CLOSE = 1e-9
+TRIES = 50  # pieces that are entered on the way to the solution
+PIECE = 1e-7  # of the size of a point: a slope is taken over this
 
 
 def settled_values(
@@ -53,6 +55,7 @@ def settled_values(
     loops = {} if loops is None else loops
     if key in loops:
         found = _solved(step, start, loops[key], False)
+        found = _by_newton(step, start, loops[key], False) if found is None else found
         if found is not None:
             return found
     values = _passed(step, start)
@@ -60,6 +63,8 @@ def settled_values(
         return values
     loop = np.array(_looped(step, start), dtype=int)
     found = _solved(step, start, loop, True) if len(loop) else None
+    if found is None and len(loop):
+        found = _by_newton(step, start, loop, True)
     if found is None:
         raise Unsolved(sorted({owners[k] for k in loop}))
     loops[key] = loop
@@ -98,6 +103,49 @@ def _solved(step: Step, start: np.ndarray, loop: np.ndarray, new: bool) -> np.nd
 
     None if the loop has no or more than one solution; of a ``new`` one also if it is not linear.
     """
+    opened, follows = _cut(step, start, loop)
+    base = follows(np.zeros(len(loop)))
+    slope = np.column_stack([follows(unit) - base for unit in np.eye(len(loop))])
+    divisor = np.eye(len(loop)) - slope
+    if not np.isfinite(slope).all() or np.linalg.cond(divisor) > 1.0 / LEAST:
+        return None
+    if new and not _linear(follows, base, slope):
+        return None
+    values = opened(np.linalg.solve(divisor, base))
+    return values if _same(step(values), values) else None
+
+
+def _by_newton(step: Step, start: np.ndarray, loop: np.ndarray, new: bool) -> np.ndarray | None:
+    """The same for a loop through clips, which is linear piece by piece."""
+    opened, follows = _cut(step, start, loop)
+    eye, own = np.eye(len(loop)), np.zeros(len(loop))
+
+    def slope(at: np.ndarray) -> np.ndarray:
+        size = PIECE * max(1.0, np.abs(at).max())
+        return np.column_stack([follows(at + size * k) - follows(at) for k in eye]) / size
+
+    for _ in range(TRIES):
+        values = opened(own)
+        if _same(step(values), values):
+            return values if not new or _pieces(follows, slope, len(loop)) else None
+        own = own + np.linalg.lstsq(eye - slope(own), follows(own) - own)[0]
+    return None
+
+
+def _pieces(follows: Step, slope: Step, many: int) -> bool:
+    """Whether it is linear about most points, with determinants of one sign: one solution."""
+    random, signs, linear = np.random.default_rng(0), set(), []
+    for size in np.repeat(SIZES, 4):
+        at = size * random.standard_normal(many)
+        step = 0.01 * size * random.standard_normal(many)
+        a, b, c = follows(at - step), follows(at), follows(at + step)
+        linear.append(np.allclose(a + c, 2.0 * b, rtol=1e-9, atol=1e-12 * size))
+        signs.add(np.sign(np.linalg.det(np.eye(many) - slope(at))))
+    return len(signs) == 1 and 0.0 not in signs and bool(np.mean(linear) > 0.8)
+
+
+def _cut(step: Step, start: np.ndarray, loop: np.ndarray) -> tuple[Step, Step]:
+    """All values when those in the loop are given, and what follows from these for the loop."""
 
     def opened(own: np.ndarray) -> np.ndarray:
         """All values when those in the loop are given, which follow from nothing then."""
@@ -115,15 +163,7 @@ def _solved(step: Step, start: np.ndarray, loop: np.ndarray, new: bool) -> np.nd
     def follows(own: np.ndarray) -> np.ndarray:
         return step(opened(own))[loop]
 
-    base = follows(np.zeros(len(loop)))
-    slope = np.column_stack([follows(unit) - base for unit in np.eye(len(loop))])
-    divisor = np.eye(len(loop)) - slope
-    if not np.isfinite(slope).all() or np.linalg.cond(divisor) > 1.0 / LEAST:
-        return None
-    if new and not _linear(follows, base, slope):
-        return None
-    values = opened(np.linalg.solve(divisor, base))
-    return values if _same(step(values), values) else None
+    return opened, follows
 
 
 def _same(one: np.ndarray, other: np.ndarray) -> bool:
