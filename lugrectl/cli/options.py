@@ -122,9 +122,13 @@ def _logs(command: argparse.ArgumentParser) -> None:
         "standard input; several files are runs of one drive",
     )
     for name, example, what in (
-        ("columns", "t=time,u=torque", "names of the columns, or their numbers from 1"),
+        (
+            "columns",
+            "t=time,u=torque",
+            "names of the columns, or their numbers from 1; w= for none",
+        ),
         ("units", "theta=deg", "units of the columns, in place of those in the header"),
-        ("scale", "u=35.15", "factors on raw values"),
+        ("scale", "u=35.15", "factors on raw values, such as theta=2pi/16384"),
     ):
         add(f"--{name}", action="append", metavar=example, help=what)
     add("--rate", type=_positive, metavar="HZ", help="sampling rate; a column t is then not used")

@@ -103,7 +103,7 @@ def rows_of(
     choices, said = choose_columns(table, named, need_time=rate is None)
     choices, said = _without_time(table, choices, said) if rate else (choices, said)
     check_used(table.source, [c.role for c in choices], units=stated, scale=scaled)
-    found = {c.role: _unit(table, c, stated, scaled) for c in choices}
+    found, questions = _units(table, choices, stated, scaled)
     drive = _motion(table.source, found, motion)
     raw, more = table.load([c.index for c in choices])
     if not len(raw[0]):
@@ -122,8 +122,17 @@ def rows_of(
     for choice, column in zip(choices, raw, strict=True):
         values, more = signed(choice.role, column)
         said += more
-        said += _remarks(table, choice, values, found, scaled, drive)
+        try:
+            said += (
+                []
+                if choice.role in questions
+                else _remarks(table, choice, values, found, scaled, drive)
+            )
+        except InputError as error:
+            questions[choice.role] = str(error)
         channels[choice.role] = _si(values, found[choice.role], scaled.get(choice.role))
+    if questions:
+        raise InputError(" ".join(questions.values()))
     said += [] if "u" in named else idle_said(table, choices, channels["u"])
     if drive == "rotary":
         check_angles(table.source, channels, rate, unstated)
@@ -178,6 +187,19 @@ def _si(values: np.ndarray, unit: Unit | None, factor: float | None) -> np.ndarr
 
 
 # ---- units --------------------------------------------------------------------------
+
+
+def _units(
+    table: Table, choices: list[Choice], stated: Mapping[str, str], scaled: Mapping[str, float]
+) -> tuple[dict[str, Unit | None], dict[str, str]]:
+    """The units by role, and what must be asked of them: all of it is asked at once."""
+    found, questions = dict[str, Unit | None](), dict[str, str]()
+    for choice in choices:
+        try:
+            found[choice.role] = _unit(table, choice, stated, scaled)
+        except InputError as error:
+            found[choice.role], questions[choice.role] = None, str(error)
+    return found, questions
 
 
 def _unit(

@@ -18,6 +18,7 @@ _CLOSE = 0.02  # a ratio this close to that of two units means that these were m
 _SAME = 0.9  # share of a channel's power that the other's derivative must explain
 _OFF = 0.03  # a ratio this far from 1 is reported
 _LAG = 1.5  # samples
+_GEARS = 500.0  # the usual ratios
 _SURE = 8.0  # standard errors
 _STEADY = 0.1  # least change of a speed, as a share of it, by which signals can be compared
 _LEAST_OFFSET = 0.005  # of the RMS speed
@@ -256,13 +257,22 @@ def _check_time(record: Record, labels: Mapping[str, str | None], ratio: float) 
             )
 
 
+def _geared(ratio: float) -> str:
+    """What to give where w is the motor's and theta the joint's."""
+    if not 2.0 < ratio < _GEARS:
+        return ""
+    joint, motor = option("scale", f"w={1 / ratio:.4g}"), option("scale", f"theta={ratio:.4g}")
+    gives = f"{joint} gives the joint's motion, {motor} the motor's"
+    return f" (a motor with a gear of {ratio:.4g}? Then {gives})"
+
+
 def _converted(
     record: Record, labels: Mapping[str, str | None], ratio: float
 ) -> tuple[bool, Record]:
     """Whether a wrong unit explains the ratio, and the record with it corrected or without w."""
     found = _mistake(record, labels, ratio)
     if found is None:
-        return False, _ignored(record, f"{ratio:.4g} times it")
+        return False, _ignored(record, f"{ratio:.4g} times it{_geared(abs(ratio))}")
     values = getattr(record, found.role) * found.factor
     record = replace(record, **{found.role: values}).with_messages(found.said)
     return True, _turned(record) if ratio < 0 else record

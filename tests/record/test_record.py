@@ -73,7 +73,8 @@ def test_pairs_of_the_command_line():
         "u": "Torque, actual [N m]",
         "t": "Time",
     }
-    for text in ("35.15", "u=", "=x", "", "u=a,u=b", "thet=x"):
+    assert parse_pairs("u=a,w=", "columns") == {"u": "a", "w": ""}
+    for text in ("35.15", "=x", "", "u=a,u=b", "thet=x"):
         with pytest.raises(InputError) as caught:
             parse_pairs(text, "columns")
         assert "columns: " in str(caught.value)

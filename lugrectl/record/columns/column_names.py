@@ -25,7 +25,7 @@ _USUAL: dict[str, tuple[dict[Any, Any], ...]] = {
     "w": (
         dict.fromkeys(("speed", "velocity", "vel", "omega", "qd", "dq", "dtheta"), None)
         | dict.fromkeys(("theta_dot", "thetadot", "drehzahl", "geschwindigkeit"), None),
-        {"rpm": "rpm"},
+        {"rpm": "rpm", "erpm": "eRPM"},
     ),
     "theta": (
         dict.fromkeys(("position", "pos", "angle", "q", "qm", "phi", "displacement", "x"), None)
@@ -36,6 +36,7 @@ _USUAL: dict[str, tuple[dict[Any, Any], ...]] = {
     "temperature": ({"temp": None},),
     "theta_load": (),
 }
+_LAST = {"u": {"F": "N"}, "w": {"v": None}}  # as they are written: of a linear axis
 # Words that may be part of a column's name without changing its meaning.
 _NEUTRAL = frozenset(
     "actual value values averaged average avg mean measured meas motor joint shaft axis drive "
@@ -53,7 +54,8 @@ _LENGTHS = frozenset("x displacement".split())  # the only names that _m gives m
 
 def usual_unit(role: str, name: str) -> str | None:
     """The unit that a usual name alone implies: A for a current."""
-    return next((names[name.lower()] for names in _USUAL[role] if name.lower() in names), None)
+    last = _LAST.get(role, {}).get(name)
+    return next((names[name.lower()] for names in _USUAL[role] if name.lower() in names), last)
 
 
 def usual_names(role: str) -> list[str]:
@@ -147,6 +149,8 @@ def _rank_plain(name: str, role: str) -> tuple[tuple[int, int], str | None] | No
         return (-1, 1), None
     if role in ("u", "w") and name == role.upper():
         return (-1, 2), None
+    if name in _LAST.get(role, ()):
+        return (_FAR, 0), _LAST[role][name]
     key = _key(name, _NEUTRAL | (_OF_TIME if role == "t" else frozenset()))
     for tier, names in enumerate(_USUAL[role]):
         if lower in names:

@@ -18,13 +18,14 @@ from .units import ROLES, did_you_mean
 def parse_pairs(text: str, what: str) -> dict[str, str]:
     """Read 't=time,u=torque' into a dict of role to value.
 
-    A value may contain a comma, unless a role and '=' follow it. ``what`` names the option
+    A value may contain a comma, unless a role and '=' follow it; of "columns" it may be empty, for
+    a role that no column is. ``what`` names the option
     ("columns", "units", "scale") in the InputError that is raised for any other text.
     """
     pairs: dict[str, str] = {}
     for part in re.split(r",\s*(?=\w+\s*=)", text.strip()):
         role, equals, value = (piece.strip() for piece in part.partition("="))
-        if not equals or not value:
+        if not equals or not (value or what == "columns"):
             raise InputError(
                 f"{option(what)}: '{part.strip()}' is not of the form role=value; "
                 f"roles are {', '.join(ROLES)}."
@@ -57,15 +58,25 @@ def factors(given: Mapping[str, float] | str | None) -> dict[str, float]:
     _known_roles(pairs, "scale")
     found = {}
     for role, text in pairs.items():
-        try:
-            found[role] = float(text)
-        except (TypeError, ValueError):
-            found[role] = np.nan
+        found[role] = _quotient(text)
         if not np.isfinite(found[role]) or found[role] == 0:
             raise InputError(
                 f"{option('scale')}: '{text}' for {role} is not a number other than 0."
             )
     return found
+
+
+def _quotient(text: Any) -> float:
+    """The number in a text such as 0.35, 2pi/16384 or 1/7; NaN for any other."""
+    value = 1.0
+    try:
+        for k, part in enumerate(str(text).replace(" ", "").lower().split("/")):
+            for factor in re.sub(r"(?<=[\d.])pi", "*pi", part).split("*"):
+                number = np.pi if factor == "pi" else float(factor)
+                value = value / number if k else value * number
+    except (ValueError, ZeroDivisionError):
+        return np.nan
+    return value
 
 
 def check_used(source: str, present: Sequence[str], **options: Mapping[str, object]) -> None:

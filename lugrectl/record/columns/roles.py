@@ -28,7 +28,7 @@ def choose_columns(
     table: Table, named: Mapping[str, str], *, need_time: bool
 ) -> tuple[list[Choice], list[str]]:
     """Return the column of each role: named by the user, by its role, or by a usual name."""
-    choices = {role: _named(table, role, name) for role, name in named.items()}
+    choices = {role: _named(table, role, name) for role, name in named.items() if name}
     taken = Counter(choice.index for choice in choices.values())
     for role, choice in choices.items():
         if taken[choice.index] > 1:

@@ -173,6 +173,11 @@ def role_unit(role: str, text: str, *, scaled: bool, where: str, named: bool = F
     column's name says the unit.
     """
     unit = parse_unit(text)
+    if unit is None and re.sub(r"[\W_]", "", text).lower() in ("erpm", "electricalrpm"):
+        raise InputError(
+            f"{where}: eRPM is the electrical speed, that of the motor times its pole pairs: give "
+            f"{option('units', 'w=rpm')} and {option('scale', 'w=1/PAIRS')}, such as w=1/7."
+        )
     if unit is None:
         names = [u.name for u in UNITS.values() if u.quantity in _QUANTITIES[role]]
         raise InputError(

@@ -60,9 +60,27 @@ def lines_table(source: str, lines: list[str]) -> Table:
             load,
             lambda row: _where(lines, layout.first, row),
             layout.plain,
-            headed=layout.headed,
+            _one_in_a_row(lines, layout),
+            layout.headed,
         )
     )
+
+
+def _one_in_a_row(lines: list[str], layout: _Layout) -> str:
+    """What to do with a table of channel and value; empty for any other."""
+    rows = [_cells(line, layout.delimiter) for line in lines[layout.first :][:_SNIFF]]
+    for c, name in enumerate(layout.names):
+        cells = [row[c] for row in rows if len(row) == layout.width]
+        channels = list(dict.fromkeys(cells))
+        if c in layout.stamped or any(map(is_number, channels)):
+            continue
+        if 2 <= len(channels) <= len(cells) / 4:
+            return (
+                f"It holds one value in a row, and '{name}' says of which channel: "
+                f"{', '.join(channels[:4])}. Give each channel a column of its own, in pandas by "
+                f"pivot_table(columns='{name}', ...)."
+            )
+    return ""
 
 
 def _decode(path: Path) -> list[str]:
