@@ -125,7 +125,7 @@ def _logs(command: argparse.ArgumentParser) -> None:
         (
             "columns",
             "t=time,u=torque",
-            "names of the columns, or their numbers from 1; w= for none",
+            "names of the columns, or numbers from 1; w= for none",
         ),
         ("units", "theta=deg", "units of the columns, in place of those in the header"),
         ("scale", "u=35.15", "factors on raw values, such as theta=2pi/16384"),

@@ -8,10 +8,12 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.signal import savgol_filter
 
 from ..blocks.block import unit_for
 from .canvas import HALF, drawn, headed, inline_svg, on_pyplot
 from .loop_plots import COLOURS
+from .views import binned
 from .wording import number, readable
 
 if TYPE_CHECKING:
@@ -23,6 +25,8 @@ if TYPE_CHECKING:
 MEASURED, FITTED, LEFT_OUT = "#3b4450", COLOURS["after"], "#e9b44c"
 NOTICED = "What was noticed."
 _BINS = 1500  # of time over which a long signal is drawn as a band from least to greatest value
+_MEANS, _DOTS = 160, 4000  # bins in which a residual is averaged, and points of it
+_SMOOTH = 0.03  # s over which the motion is differentiated
 _LINES = 14  # of remarks beside the plots
 _COLUMNS = 78  # of a line of remarks
 
@@ -54,9 +58,14 @@ def panels(balance: Balance) -> list[tuple[str, Callable[[Axes], Any]]]:
         if getattr(some, role) is not None:
             made.append((f"{role} as it was recorded.", partial(signal, balance, role=role)))
     if balance.curve:
-        made.append(("Friction over speed, with 95 % bars.", partial(curve, balance)))
+        made.append(
+            ("Friction over speed, with 95 % bars, and the plain fit.", partial(curve, balance))
+        )
     if balance.residual is not None:
         made.append(("What the plain torque balance leaves.", partial(fit, balance)))
+        over = ["w", *(["theta"] if some.theta is not None else [])]
+        made += [(f"The same over {role}, with its mean.", partial(rest, balance, role=role))
+                 for role in over]  # fmt: skip
     if balance.said:
         made.append(noticed)
     return made
@@ -78,6 +87,7 @@ def signal(balance: Balance, ax: Axes, role: str = "u") -> Axes:
         ax.fill_between(t, low, high, color=MEASURED, lw=0.6, rasterized=True)
         for a, b in left_out(one):
             ax.axvspan(one.t[a] + shift, one.t[b - 1] + shift, color=LEFT_OUT, alpha=0.5, lw=0)
+    _between_runs(balance, ax)
     ax.set(xlabel="t [s]", ylabel=f"{role} [{_unit(role, balance.motion)}]")
     return _titled(ax, {"u": "Torque", "w": "Speed", "theta": "Angle"}[role] + " as recorded")
 
@@ -93,6 +103,11 @@ def curve(balance: Balance, ax: Axes) -> Axes:
     bars = np.array([p.ci95 or (p.torque, p.torque) for p in points])
     sides = np.abs(bars - torque[:, None]).T
     ax.errorbar(w, factor * torque, factor * sides, fmt="o", ms=4, lw=1.0, color=FITTED)
+    values = {k: v for k, v in balance.values().items() if k in ("Fc", "Fv", "constant_torque")}
+    for side in (-1, 1) if "Fc" in values and balance.half_width is not None else ():
+        x = np.linspace(0.0, side * (side * w).max(initial=0.0), 2)
+        law = values["Fc"] * side + values.get("Fv", 0.0) * x + values.get("constant_torque", 0.0)
+        ax.plot(x, factor * law, color=MEASURED, lw=1.2, label="plain fit" if side > 0 else None)
     ax.set(xlabel=f"w [{unit_for('rad/s', balance.motion)}]", ylabel=f"friction [{unit}]")
     return _titled(ax, "Friction over speed")
 
@@ -107,6 +122,7 @@ def fit(balance: Balance, ax: Axes) -> Axes:
         shifts.setdefault(one.run, shift)
     t = windows.t + np.array([shifts.get(int(run), 0.0) for run in windows.run])
     factor, unit = readable([float(np.abs(windows.value).max())], unit_for("N m", balance.motion))
+    _between_runs(balance, ax)
     for which, colour, label in (
         (windows.sliding, FITTED, "sliding"),
         (~windows.sliding, LEFT_OUT, "near rest"),
@@ -118,6 +134,69 @@ def fit(balance: Balance, ax: Axes) -> Axes:
     _titled(ax, "")
     headed(ax, f"Plain fit: leaves {left} % of the RMS torque")
     return ax
+
+
+@drawn
+def rest(balance: Balance, ax: Axes, role: str = "theta") -> Axes:
+    """The same over the speed or the angle, of a rotary drive over one turn, and its mean."""
+    parts = [sampled_rest(balance, one) for one in balance.stretches]
+    x = np.concatenate([part[role] for part in parts])
+    y = np.concatenate([part["left"] for part in parts])
+    good = np.isfinite(y)
+    x, y = x[good], y[good]
+    span = 2.0 * np.pi if role == "theta" and balance.motion == "rotary" else 0.0
+    turns = span > 0.0 and np.ptp(x) > span
+    x = np.mod(x, span) if turns else x
+    edges = np.linspace(x.min(), x.max(), max(4, min(_MEANS, len(x) // 20)) + 1)
+    factor, unit = readable([float(np.quantile(np.abs(y), 0.99))], unit_for("N m", balance.motion))
+    some = slice(None, None, max(1, len(x) // _DOTS))
+    ax.plot(x[some], factor * y[some], ".", ms=1.5, color=MEASURED, alpha=0.25, rasterized=True)
+    ax.plot(*binned(x, factor * y, edges), color=FITTED, lw=1.8)
+    low, high = np.quantile(factor * y, [0.005, 0.995])
+    ax.set_ylim(1.3 * low - 0.3 * high, 1.3 * high - 0.3 * low)
+    over = f"{role} modulo one turn" if turns else role
+    ax.set(xlabel=f"{over} [{_unit(role, balance.motion)}]", ylabel=f"residual torque [{unit}]")
+    return _titled(ax, f"Plain fit: what it leaves over {role}, and its mean")
+
+
+def sampled_rest(balance: Balance, one: Stretch) -> dict[str, Any]:
+    """theta, w and what the fit leaves at the samples of a stretch; NaN near rest.
+
+    The windows of the fit are wider than a wave over a few degrees. The slow part is theirs; how
+    a sample departs from its window is u minus inertia and friction there.
+    """
+    windows, values = balance.residual, balance.values()
+    assert windows is not None
+    n, dt = len(one.t), float(one.t[1] - one.t[0])
+    width = 2 * min(max(round(_SMOOTH / dt / 2), 2), (n - 1) // 2 - 1) + 1
+    nothing: dict[str, Any] = {k: np.full(n, np.nan) for k in ("theta", "w", "left")}
+    at = (windows.run == one.run) & (windows.t >= one.t[0]) & (windows.t <= one.t[-1])
+    if width < 5 or at.sum() < 3:
+        return nothing
+    smooth: Any = partial(savgol_filter, window_length=width, polyorder=3, delta=dt)
+    if one.theta is None:
+        w, a = smooth(one.w), smooth(one.w, deriv=1)
+    else:
+        w, a = smooth(one.theta, deriv=1), smooth(one.theta, deriv=2)
+    friction = values.get("Fc", 0.0) * np.sign(w) + values.get("Fv", 0.0) * w
+    fast = one.u - values.get("J", 0.0) * a - friction
+    total, half = np.r_[0.0, np.cumsum(fast) * dt], float(np.median(np.diff(windows.t[at])))
+    ends = [np.clip(windows.t[at] + k * half, one.t[0], one.t[-1] + dt) for k in (-1, 1)]
+    low, high = (np.interp(end, np.r_[one.t, one.t[-1] + dt], total) for end in ends)
+    slow = windows.value[at] - (high - low) / (ends[1] - ends[0])
+    sliding = windows.sliding[at].astype(float)
+    slides = np.interp(one.t, windows.t[at], sliding, left=0.0, right=0.0) > 0.5
+    left = np.where(slides & one.ok, fast + np.interp(one.t, windows.t[at], slow), np.nan)
+    return {"theta": nothing["theta"] if one.theta is None else one.theta, "w": w, "left": left}
+
+
+def _between_runs(balance: Balance, ax: Axes) -> None:
+    """A line where a run ends and the next one begins."""
+    run = None
+    for one, shift in zip(balance.stretches, starts(balance), strict=True):
+        if run not in (None, one.run):
+            ax.axvline(float(one.t[0]) + shift, color="#9aa4b0", lw=0.9, ls="--")
+        run = one.run
 
 
 @drawn

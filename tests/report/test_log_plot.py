@@ -3,11 +3,13 @@
 import json
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pytest
 
 import lugrectl as lg
 from lugrectl.cli import main
 from lugrectl.cli.plotting import NO_SCREEN, has_screen
+from lugrectl.report.log_plot import sampled_rest
 
 from ..cases.logs import csv, machine
 
@@ -26,6 +28,26 @@ def test_a_record_shows_itself_as_the_plain_answer_does():
     assert titles(axes) == titles(expected) and lines(axes) == lines(expected)
     assert titles(axes)[:3] == ["Torque as recorded", "Speed as recorded", "Angle as recorded"]
     assert lines(axes)[:2] == [("t [s]", "u [N m]"), ("t [s]", "w [rad/s]")]
+
+
+def test_a_cogging_shows_over_the_angle_and_runs_are_parted():
+    """0.06 N m, ten times in a turn: narrower than the windows of the fit."""
+    t = np.arange(0, 12, 2e-3)
+    theta = 2.0 * (1 - np.cos(t)) + 0.4 * np.sin(3 * t)
+    w, a = 2 * np.sin(t) + 1.2 * np.cos(3 * t), 2 * np.cos(t) - 3.6 * np.sin(3 * t)
+    u = 0.002 * a + 0.3 * np.sign(w) + 0.02 * w + 0.06 * np.sin(10 * theta)
+    found = lg.balance([{"t": t, "u": u, "theta": theta}, {"t": t, "u": -u, "theta": -theta}])
+    part = sampled_rest(found, found.stretches[0])
+    good = np.isfinite(part["left"])
+    wave = np.sin(10 * part["theta"][good])
+    assert good.mean() > 0.5 and np.corrcoef(part["left"][good], wave)[0, 1] > 0.8
+    axes = found.plot()
+    over = {ax.get_xlabel(): ax for ax in axes if ax.get_ylabel().startswith("residual")}
+    assert {*over} == {"t [s]", "w [rad/s]", "theta [rad]"}
+    assert any(line.get_linestyle() == "--" for line in over["t [s]"].get_lines())
+    friction = next(ax for ax in axes if ax.get_ylabel().startswith("friction"))
+    laws = [line.get_ydata() for line in friction.get_lines() if len(line.get_xdata()) == 2]
+    assert sorted(np.sign(law[0]) for law in laws) == [-1.0, 1.0]
 
 
 def test_the_command_draws_the_same(tmp_path, monkeypatch):
