@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.validation import shown
+from ..core.validation import names, shown
 from .block import REGISTRY, Block, P, is_ours, registered
 
 KINDS = ("friction", "plant", "observer", "controller", "effect")
@@ -78,9 +78,9 @@ def check(made: Block, known: Iterable[str]) -> None:
 
 
 def _check_names(made: Block) -> None:
-    for what, names in (("out", made.outputs), ("states", made.states)):
-        for name in names:
-            if not name.isidentifier() or names.count(name) > 1:
+    for what, labels in (("out", made.outputs), ("states", made.states)):
+        for name in labels:
+            if not name.isidentifier() or labels.count(name) > 1:
                 raise InputError(f"{made.name}: {what} names {name!r}, which is no single name.")
     if not made.outputs:
         raise InputError(f"{made.name}: out names no output.")
@@ -268,10 +268,10 @@ def as_function(made: Block) -> Block:
 def block(
     kind: str,
     *,
-    out: str,
-    states: str = "",
+    out: str | Sequence[str],
+    states: str | Sequence[str] = "",
     name: str = "",
-    acts: str = "",
+    acts: str | Sequence[str] = "",
     confused: str = "",
     experiment: str = "",
     exact: Callable[..., np.ndarray] | None = None,
@@ -287,8 +287,9 @@ def block(
     ----------
     kind : str
         "friction", "plant", "observer", "controller" or "effect".
-    out, states : str
-        Names, separated by spaces; an output that is a state need not be returned.
+    out, states : str or list of str
+        Names, a list or a text with spaces between them; an output that is a state need not be
+        returned.
     name : str
         The block's name, if it is not the name of the function.
     acts : str
@@ -344,11 +345,12 @@ def block(
     array([0.1])
     """
 
-    for what, given in (("kind", kind), ("out", out), ("states", states), ("acts", acts)):
-        if not isinstance(given, str):
-            raise InputError(
-                f"{what} must be a text, names separated by spaces, not {shown(given)}."
-            )
+    out, states, acts = (
+        given if isinstance(given, str) else " ".join(names(given, what))
+        for what, given in (("out", out), ("states", states), ("acts", acts))
+    )
+    if not isinstance(kind, str):
+        raise InputError(f"kind must be a text, not {shown(kind)}.")
 
     def declare(function: Callable[..., Any]) -> Block:
         if not callable(function):

@@ -18,6 +18,7 @@ from .columns.units import si_unit
 from .log import Log, log_of_arrays
 
 _MOTIONS = ("rotary", "linear")
+_SHOWN = 4  # messages in what a record prints of itself
 _ROLES = ("t", "u", "w", "theta", "r", "d", "temperature", "theta_load")
 
 LEFT_OUT = 0.001  # of the changes of a signal: so few may be anything
@@ -154,7 +155,8 @@ class Record(Shown):
             Row("samples", length, "", lost),
             *(Row(k, _span(x), si_unit(k, self.motion)) for k, x in self.channels().items()),
             *([Row("gaps", len(self.gaps))] if self.gaps else []),
-            *([Row("messages", len(self.messages))] if self.messages else []),
+            *(Row("message", said) for said in self.messages[:_SHOWN]),
+            *([Row("more", "in .messages")] if len(self.messages) > _SHOWN else []),
         ]
 
     def channels(self) -> dict[str, np.ndarray]:

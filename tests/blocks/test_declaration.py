@@ -158,3 +158,22 @@ def test_a_block_has_the_docstring_and_signature_of_its_function():
     assert made.__wrapped__ is documented
     assert [*inspect.signature(made).parameters] == ["w", "c"]
     assert REGISTRY["effect", "gravity"].__doc__.startswith("r_e")
+
+
+def test_names_may_be_lists():
+    def law(w, z, k=lg.P(1.0, "N m/rad", 0.0)):
+        """F = k z, dz/dt = w."""
+        return k * z, w
+
+    made = [
+        lg.block("friction", out="F", states="z", name="as_text")(law),
+        lg.block("friction", out=["F"], states=["z"], name="as_lists")(law),
+    ]
+    try:
+        assert made[0].outputs == made[1].outputs == ("F",)
+        assert made[0].states == made[1].states == ("z",)
+    finally:
+        for block in made:
+            REGISTRY.pop(("friction", block.name))
+    with pytest.raises(lg.InputError, match="states must be a name or a list of names"):
+        lg.block("friction", out="F", states=3)  # pyright: ignore[reportArgumentType]

@@ -104,7 +104,7 @@ WRONG = [
     (lambda: lg.deflection([1, 2], "x", P), "dt, the sample time, must be"),
     (lambda: lg.sampled(3, 1e-3), "system must be"),
     (lambda: lg.sampled(lg.pi(), 1e-3, held=3), "held must be"),
-    (lambda: lg.block("observer", out=("Fhat", "zhat")), "out must be a text"),
+    (lambda: lg.block("observer", out=3), "out must be a name or a list of names"),
     (lambda: lg.block("effect", out="d")(3), "declared of a function"),
     (lambda: lg.velocity_loop(P, "x"), "unknown observer 'x'"),
     (lambda: lg.velocity_loop(P, ["natural"]), "unknown observer"),

@@ -68,6 +68,8 @@ def test_force_and_distance_are_those_of_a_linear_axis(names):
 
 def test_a_motor_speed_beside_the_angle_of_the_joint_is_called_so():
     said = " ".join(lg.read_record({"t": T, "u": U, "theta": THETA, "w": 100 * W}).messages)
+    record = lg.read_record({"t": T, "u": U, "theta": THETA, "w": 100 * W})
+    assert "gear of 100" in repr(record)  # not the number of messages
     assert "gear of 100" in said and 'scale="w=0.01"' in said and 'scale="theta=100"' in said
 
 
