@@ -602,8 +602,10 @@ def write_model(model: Model, path: str | Path) -> None:
         raise InputError(f"{path} cannot be written: {error.strerror or error}.") from None
 
 
-def model_toml(model: Model, folder: Path | None = None) -> str:
-    """The model file's text, with the unit of each value as a comment.
+def model_toml(
+    model: Model, folder: Path | None = None, known: Mapping[str, str] | None = None
+) -> str:
+    """The model file's text, with the unit of each value as a comment, and what is ``known`` of it.
 
     Files with blocks of the user's own are named as seen from the folder of the model file, if
     it is given.
@@ -613,13 +615,14 @@ def model_toml(model: Model, folder: Path | None = None) -> str:
     if files := [_seen_from(folder, file) for file in own_files(model)]:
         lines += [f"blocks = [{', '.join(map(_quoted, files))}]"]
     lines += ["", "[plant]"]
-    lines += _rows(data["plant"], "", model)
+    known = known or {}
+    lines += _rows(data["plant"], "", model, known)
     law = f"model = {_quoted(data['friction'].pop('model'))}"
     lines += ["", "[friction]", *_needs(model.friction), law]
-    lines += _rows(data["friction"], "", model)
+    lines += _rows(data["friction"], "", model, known)
     for part, entry in zip(model.effects, data["effects"], strict=True):
         lines += ["", "[[effects]]", *_needs(part), f"name = {_quoted(entry.pop('name'))}"]
-        lines += _rows(entry, f"{part.key}.", model)
+        lines += _rows(entry, f"{part.key}.", model, known)
     return "\n".join(lines) + "\n"
 
 
@@ -651,10 +654,13 @@ def _needs(part: Part) -> list[str]:
     ]
 
 
-def _rows(values: Mapping[str, Any], prefix: str, model: Model) -> list[str]:
+def _rows(
+    values: Mapping[str, Any], prefix: str, model: Model, known: Mapping[str, str]
+) -> list[str]:
     own = {k: model.unit(prefix + k) for k in values if prefix + k in model.declarations()}
-    units = {k: "  # " + "".join(c for c in u if c.isprintable()) for k, u in own.items()}
-    return [f"{_key(k)} = {_written(v)}{units.get(k, '')}" for k, v in values.items()]
+    said = {k: ", ".join(filter(None, (u, known.get(prefix + k)))) for k, u in own.items()}
+    notes = {k: "  # " + "".join(c for c in s if c.isprintable()) for k, s in said.items()}
+    return [f"{_key(k)} = {_written(v)}{notes.get(k, '')}" for k, v in values.items()]
 
 
 def _written(value: Any) -> str:

@@ -8,13 +8,12 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from ..blocks.model import model_toml
 from ..core.display import grid_text as _grid_text
 from ..core.errors import InputError
 from .atomic import nearest, write_all_or_say
 from .page import fragment, html
 from .section import Section
-from .wording import headline, sections
+from .wording import headline, sections, toml_of
 
 __all__ = ["check_folder", "fragment", "html", "plain_text", "text", "write"]
 
@@ -62,7 +61,7 @@ def content(d: Any, folder: Path) -> dict[str, str]:
     """The files of a report in a folder as text, by name; model.toml where there is a model."""
     made = {FILES[0]: html(d, folder), FILES[1]: d.to_json() + "\n"}
     model = getattr(d, "model", None)
-    return made if model is None else made | {FILES[2]: model_toml(model, folder)}
+    return made if model is None else made | {FILES[2]: toml_of(d, folder)}
 
 
 def write(d: Any, folder: str | Path) -> list[Path]:

@@ -46,6 +46,13 @@ def budget(d: Any) -> Section | None:
     return Section(BUDGET, (), Grid(head, "lrrrl", tuple(rows)), footnote)
 
 
+def share_of(d: Any, name: str) -> str | None:
+    """A term's torque as a share of friction, None where the budget has no such term."""
+    found = _comparison(d)
+    rows = () if found is None else zip(_terms(found.budget), found.budget, strict=True)
+    return next((_percent(s.share) for term, s in rows if term == name), None)
+
+
 def table(d: Any) -> Section | None:
     """The models that were compared, the best first."""
     found = _comparison(d)

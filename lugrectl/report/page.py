@@ -6,11 +6,10 @@ import html as markup
 from pathlib import Path
 from typing import Any
 
-from ..blocks.model import model_toml
 from ..core.display import grid_html as _grid_html
 from .comparison_section import BUDGET
 from .section import Section
-from .wording import headline, sections
+from .wording import headline, sections, toml_of
 
 _STYLE = """
 .lugrectl { font: 16px/1.5 system-ui, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif;
@@ -141,7 +140,7 @@ def _log(d: Any) -> str:
 def _model_html(d: Any, folder: Path | None) -> str:
     if getattr(d, "model", None) is None:
         return ""
-    return f"<h2>Model file</h2>\n<pre>{markup.escape(model_toml(d.model, folder))}</pre>"
+    return f"<h2>Model file</h2>\n<pre>{markup.escape(toml_of(d, folder))}</pre>"
 
 
 def _provenance_html(d: Any) -> str:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from ..blocks.block import members
+from ..blocks.model import model_toml
 from ..core.display import NONE, Grid, between, number
 from ..core.display import with_interval as _with_interval
 from ..estimates.findings import AGAINST_HELD, Estimate
@@ -15,6 +17,21 @@ from .section import Section
 
 LISTED = 8  # runs with a line each; of more, the names
 _SMALL = {"rad": "rad", "m": "m", "rad/s": "rad/s", "m/s": "m/s", "N m": "N m", "N": "N"}
+
+
+def toml_of(d: Any, folder: Path | None) -> str:
+    """The text of the model file; comments say how well a value is known."""
+    declared, estimates = d.model.declarations(), _get(d, "estimates", {})
+    known = {k: _known(e, declared[k]) for k, e in estimates.items() if k in declared}
+    return model_toml(d.model, folder, known)
+
+
+def _known(e: Any, p: Any) -> str:
+    if e.held or p.whole or p.choices:
+        return ""
+    if e.ci95 is None or not all(map(math.isfinite, e.ci95)):
+        return "not determined" if not e.together else f"only {e.together}"
+    return f"std {number((e.ci95[1] - e.ci95[0]) / 3.92, 2)}"
 
 
 def equation(name: str) -> str:
@@ -36,8 +53,7 @@ def headline(d: Any) -> tuple[str, str]:
         held = next((m for m in _get(d, "messages", ()) if m.startswith(AGAINST_HELD)), None)
         return "adequate", said if held is None else f"{said} But: {held}"
     if verdict == "found":
-        are = _plural(names, "is", "are")
-        return f"found: {names}", f"{names} {are} missing from the model: the record shows it."
+        return f"found: {names}", _found(d)
     if verdict == "ambiguous":
         return f"ambiguous: {names}?", _ambiguous(_get(d, "effects", ()), names)
     if verdict == "unexplained":
@@ -45,6 +61,36 @@ def headline(d: Any) -> tuple[str, str]:
     if verdict == "refused":
         return "refused", _get(d, "reason") or "This record cannot answer the question."
     return "identified", "The declared model was fitted to the record; nothing was added."
+
+
+def _found(d: Any) -> str:
+    """What is missing, how large it is, and what it is worth on samples that no fit has seen."""
+    effects = _get(d, "effects", ())
+    what = "; ".join(_size(d, finding) for finding in effects)
+    them, error = "it" if len(effects) == 1 else "them", _get(d, "error")
+    if not error or error.get("augmented") is None or error.get("refitted") is None:
+        return f"Missing from the model: {what}."
+    ends = (error["refitted"], error["augmented"])
+    factor, unit = readable(ends, error["unit"])
+    before, after = (number(factor * x, 3) for x in ends)
+    return (
+        f"Missing from the model: {what}; with {them} the error of {error['signal']} on held-out "
+        f"samples goes from {before} to {after} {unit}."
+    )
+
+
+def _size(d: Any, finding: Any) -> str:
+    """An effect with what says how large it is: torque_ripple, 10 per turn, 0.1 N m."""
+    said = [finding.name]
+    for key, e in finding.parameters.items():
+        factor, unit = readable([e.value], e.unit)
+        value = number(factor * e.value, 3)
+        if key == "harmonic" and e.unit == "1/rev":
+            said.insert(1, f"{e.value:.4g} per turn")
+        elif key != "phase":
+            said.append(f"{key.replace('_', ' ')} {value}{'' if unit == '1' else f' {unit}'}")
+    share = comparison_section.share_of(d, finding.name)
+    return ", ".join(said if share is None else [*said, f"{share} of friction"])
 
 
 def _ambiguous(effects: Sequence[Any], names: str) -> str:

@@ -44,6 +44,9 @@ def test_a_record_against_held_values_is_in_the_headline():
 def test_text_says_what_was_found_and_how_much_it_helps():
     said = report.text(diagnosis())
     assert said.startswith("found: torque_ripple\n")
+    first = " ".join(said.split("\n\n")[0].split())
+    assert "torque_ripple, 8 per turn, amplitude 50.1 mN m, 11 % of friction" in first
+    assert "of w on held-out samples goes from 0.210 to 0.0210 rad/s." in first
     assert "r_e = A sin(N theta + phi)" in said
     assert re.search(r"amplitude +0\.0501 +0\.0489 to 0\.0513 +N m", said)
     assert re.search(r"w, restarted +rad/s +- +0\.210 +0\.0210 +0\.0101 +90 %", said)
@@ -240,3 +243,18 @@ def test_nothing_is_written_where_nothing_can_be(tmp_path):
         with pytest.raises(InputError, match="cannot be written"):
             report.write(bare(), folder)
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+def test_the_model_file_says_how_well_its_values_are_known():
+    d = diagnosis()
+    known = {
+        "J": d.estimates["J"],
+        "Fc": Estimate(0.285, "N m"),
+        "Fv": Estimate(0.018, "", held=True),
+    }
+    said = report.content(replace(d, estimates=known), Path("."))["model.toml"]
+    lines = {line.split(" = ")[0]: line for line in said.splitlines() if " = " in line}
+    assert lines["Fc"].endswith("# N m, not determined")
+    low, high = d.estimates["J"].ci95
+    assert float(lines["J"].split("std ")[1]) == pytest.approx((high - low) / 3.92, rel=0.05)
+    assert lines["Fv"].endswith("# N m s/rad") and lines["harmonic"].endswith("# 1/rev")
