@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import base64
 import io
+import re
 import sys
 import time
 from collections.abc import Sequence
@@ -18,6 +19,10 @@ FOLDER = Path(__file__).parents[1] / "notebooks"
 LARGEST = 400_000  # bytes of a stored notebook
 COLOURS = 64  # of a stored picture
 WIDGET = "application/vnd.jupyter.widget-view+json"  # a progress bar that is gone
+NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.])")
+MEASURED = re.compile(
+    r"\d m?s\b.*(?:took|faster|CPU)|seconds|times faster|version|date", re.IGNORECASE
+)
 KERNEL = {"display_name": "Python 3", "language": "python", "name": "python3"}
 
 
@@ -71,6 +76,27 @@ def plain(notebook):
             if "image/png" in data or "text/html" in data or "text/markdown" in data:
                 data.pop("text/plain", None)  # an address in memory, or the same again
     return notebook
+
+
+def figures(notebook) -> list[list[float]]:
+    """The numbers in the text that each code cell shows, without lines of measured times."""
+    return [
+        [
+            float(number)
+            for line in "\n".join(map(_shown, cell.outputs)).splitlines()
+            if not MEASURED.search(line)
+            for number in NUMBER.findall(line)
+        ]
+        for cell in notebook.cells
+        if cell.cell_type == "code"
+    ]
+
+
+def _shown(output) -> str:
+    data = output.get("data", {})
+    if "image/png" in data or "text/html" in data or WIDGET in data:
+        return ""
+    return output.get("text", "") or data.get("text/plain", "")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -2,6 +2,7 @@
 
 import base64
 import io
+import re
 from pathlib import Path
 
 import pytest
@@ -37,6 +38,14 @@ def test_a_page_is_stored_as_it_ran(path):
 
 
 @each
+def test_a_page_names_rooms_that_exist(path):
+    """The code's folders as a page writes them: lugrectl/engine/tracing."""
+    root = README.parent
+    named = re.findall(r"`(lugrectl(?:/[a-z_]+)+)", path.read_text())
+    assert [name for name in named if not (root / name).exists()] == []
+
+
+@each
 def test_a_page_is_small(path):
     assert path.stat().st_size < notebooks.LARGEST
 
@@ -58,9 +67,15 @@ def test_a_page_asserts_nothing(path):
 @pytest.mark.slow
 @pytest.mark.sample
 @pytest.mark.timeout(1800)
-def test_a_page_runs_again(path):
-    cells = [c for c in notebooks.executed(path).cells if c.cell_type == "code"]
+def test_a_page_runs_again_with_its_figures(path):
+    """As it is stored: the same figures, but for the times that were measured."""
+    ran = notebooks.executed(path)
+    cells = [c for c in ran.cells if c.cell_type == "code"]
     assert [c.execution_count for c in cells] == list(range(1, len(cells) + 1))
+    stored, found = (notebooks.figures(c) for c in (nbformat.read(path, as_version=4), ran))
+    assert [len(part) for part in found] == [len(part) for part in stored]
+    for cell, (before, now) in enumerate(zip(stored, found, strict=True)):
+        assert now == pytest.approx(before, rel=0.05, abs=1e-9), f"code cell {cell + 1}"
 
 
 def test_what_differs_from_run_to_run_is_not_stored():
