@@ -96,7 +96,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def demo() -> str:
-    """What the demo prints: verdict, effect and errors."""
+    """What the demo prints first: verdict and torque budget."""
     return f"```\n{(RESULTS / 'demo.txt').read_text()}```\n"
 
 
@@ -124,15 +124,11 @@ def swing(size: float) -> str:
 
 
 def shown(report: str) -> str:
-    """What README has room for: the verdict, the effect and the table of errors."""
+    """What README has room for: the verdict with what it is worth, and the torque budget."""
     verdict, effect = report.split("\n\n")[:2]
     effect = effect.split("\n  Shares are of")[0]  # how to read it stands in the report
     effect = "\n".join(row for row in effect.splitlines() if not row.startswith(MINOR))
-    errors = report.split("Error before and after")[1].split("\n\n")[0]
-    rows = [
-        line for line in errors.splitlines() if line.startswith(("  RMS", "  w, r", "  torque"))
-    ]
-    return "\n\n".join([verdict, effect, "\n".join(["Error before and after", *rows])]) + "\n"
+    return f"{verdict}\n\n{effect}\n"
 
 
 BLOCKS: dict[str, Callable[[], str]] = {
