@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..regression.numbers import LEAST
-from ..regression.robust_regression import Scale, likelihood, solve
+from ..regression.robust_regression import Scale, likelihood, solve, weights
 from .base_model import LEAST_FRICTION, LEVELS, SLIGHT, WIDE, Base, Columns, Record, View, rms
 from .declared_effects import terms
 from .friction_terms import NAMES, SMEAR
@@ -32,18 +32,18 @@ def settled(
     m = record.motion
     gravity = gravity or record.turning
     own = record.u if u is None else u
-    y, near = record.driving(own), None
+    y = record.driving(own)
     shared = _shared(record, gravity)
     late = record.mean(m.slope(own))
-    scale, size = _sizes(record, y, late, shared)
-    view = view or View(scale)
+    scale, size, weight = _sizes(record, y, late, shared)
+    view, near = view or View(scale), None
 
     def likely(x0: float, vs: float) -> float:
-        nonlocal near
+        nonlocal near, weight
         columns = _columns(record, (x0, vs), late, shared, rms(y), size)
         c = columns if beside is None else columns + beside
-        made = solve(c.X, y, c.prior, c.low, c.high, view.scale, rounds=3, near=near)
-        near = made.state
+        made = solve(c.X, y, c.prior, c.low, c.high, view.scale, weight, rounds=3, near=near)
+        near, weight = made.state, made.weight
         return likelihood(made.r)
 
     grid = [(float(x), float(v)) for x in record.laws.distances() for v in record.laws.speeds()]
@@ -150,12 +150,12 @@ def _columns(
 
 def _sizes(
     record: Record, y: np.ndarray, late: np.ndarray, shared: np.ndarray
-) -> tuple[Scale, float]:
-    """Scale of the residual and RMS friction torque, roughly: beside the first law."""
+) -> tuple[Scale, float, np.ndarray]:
+    """Scale of the residual, RMS friction torque and weights, roughly: beside the first law."""
     first = float(record.laws.distances()[0]), float(record.laws.speeds()[0])
     X = _columns(record, first, late, shared, rms(y)).X
     b = np.linalg.lstsq(X, y, rcond=None)[0]
-    sigma = 1.4826 * float(np.median(np.abs(y - X @ b)))
-    friction = rms(X[:, LEVELS] @ b[LEVELS])
-    scale = Scale(max(sigma, 1e-12 * rms(y) + 1e-300), float(np.mean(record.rows.shake**2)))
-    return scale, max(friction, LEAST_FRICTION * rms(y))
+    r = y - X @ b
+    sigma = max(1.4826 * float(np.median(np.abs(r))), 1e-12 * rms(y) + 1e-300)
+    friction = max(rms(X[:, LEVELS] @ b[LEVELS]), LEAST_FRICTION * rms(y))
+    return Scale(sigma, float(np.mean(record.rows.shake**2))), friction, weights(r / sigma)

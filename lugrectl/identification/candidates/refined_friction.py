@@ -41,14 +41,15 @@ def in_its_own_law(c: Contender) -> Contender:
 
 
 def _once(c: Contender) -> Contender:
-    base, own = c.base, c.its
+    base, own, near = c.base, c.its, c.made
     y = base.y if c.u is None else base.record.driving(c.u)
 
     def likely(x0: float, vs: float) -> float:
+        nonlocal near
         beside = columns_at(base, (x0, vs)) + own
-        made = solve(beside.X, y, beside.prior, beside.low, beside.high, base.view.scale,
-                     base.roots**2, rounds=3, near=c.made.state)  # fmt: skip
-        return likelihood(made.r)
+        near = solve(beside.X, y, beside.prior, beside.low, beside.high, base.view.scale,
+                     near.weight, rounds=3, near=near.state)  # fmt: skip
+        return likelihood(near.r)
 
     at = likeliest(likely, [c.entry.law or (base.law.x0, base.law.vs)])
     entry = replace(c.entry, law=at)

@@ -139,7 +139,7 @@ def _held(found: Decision, model: Model, limits: tuple[float, float]) -> Decisio
     holds the value at which they change nothing."""
     for _ in found.effects:
         own = valued(found.last, _inside(found), model)
-        if found.gravity is not None and own.may_be_nothing(found.gravity.name):
+        if found.gravity is not None and own.may_be_nothing(found.gravity.name, first=True):
             found = decide(found.last.record, *limits, weighed=False)
             continue
         gone = next((c for c in _inside(found) if own.may_be_nothing(c.name)), None)

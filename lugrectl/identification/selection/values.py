@@ -30,6 +30,7 @@ from ..regression.robust_regression import Solution, solve
 from ..regression.score import Blocks, moves
 
 STEP = 1e-3  # relative, of a value that was searched
+MAD = 1.48  # standard deviations in a median of absolute values
 NEAR = 0.2  # relative: what was searched in all of a record is so near in a part of it
 LOAD = "damping_ratio"  # among the values of a load on a spring
 
@@ -39,13 +40,15 @@ class Valued:
     """Values by key, "J" or "effect.parameter", and their covariance (n, n), SI.
 
     ``sure`` are those of which the record says something: the others have no interval.
-    ``trained`` are the values without the samples that are held out.
+    ``trained`` are the values without the samples that are held out, ``spread`` the usual
+    standard deviations over parts of the record alone.
     """
 
     values: Mapping[str, float]
     matrix: np.ndarray = field(compare=False, repr=False)
     sure: frozenset[str] = frozenset()
     trained: Mapping[str, float] = field(default_factory=dict)
+    spread: Mapping[str, float] = field(default_factory=dict)
 
     def half(self, key: str) -> float | None:
         """Half of the 95 % interval; None where there is none."""
@@ -54,12 +57,15 @@ class Valued:
         i = list(self.values).index(key)
         return 1.96 * float(np.sqrt(self.matrix[i, i]))
 
-    def may_be_nothing(self, name: str) -> bool:
-        """Whether an effect's strength may as well be the value that changes nothing."""
+    def may_be_nothing(self, name: str, first: bool = False) -> bool:
+        """Whether an effect's strength may as well be the value that changes nothing, by its spread
+        over the record; by its whole interval, where it joined ``first``, before all else."""
         block = REGISTRY["effect", name]
         key, neutral = f"{name}.{block.gain}", block.own[block.gain].neutral
-        half = self.half(key)
-        return half is not None and neutral is not None and abs(self.values[key] - neutral) < half
+        if key not in self.sure or neutral is None or not np.isfinite(neutral):
+            return False
+        half = (self.half(key) or 0.0) if first else 1.96 * self.spread[key]
+        return abs(self.values[key] - neutral) < half
 
     def by(self, places: Mapping[str, str]) -> Valued:
         """The same under other names of the effects; without those that have none there."""
@@ -68,7 +74,8 @@ class Valued:
         kept = {new[k]: v for k, v in self.values.items() if new[k]}
         sure = frozenset(new[k] for k in self.sure if new[k])
         trained = {new[k]: v for k, v in self.trained.items() if new[k]}
-        return Valued(kept, self.matrix[np.ix_(at, at)], sure, trained)
+        spread = {new[k]: v for k, v in self.spread.items() if new[k]}
+        return Valued(kept, self.matrix[np.ix_(at, at)], sure, trained, spread)
 
     @staticmethod
     def _key(key: str, places: Mapping[str, str]) -> str:
@@ -123,8 +130,12 @@ def valued(
     read = _reader(base, chain, slopes, model)
     values = read(made.b)
     keys, at = list(values), np.array(list(values.values()))
-    C = _covariance(base, whole, made, lambda b: _apart(read(b), values))
-    C[np.diag_indices(len(at))] += _kindred(base, chain, keys, at) ** 2
+    C, usual = _covariance(base, whole, made, lambda b: _apart(read(b), values))
+    kindred = _kindred(base, chain, keys, at)
+    spread = dict(zip(keys, np.hypot(usual, kindred).tolist(), strict=True))
+    if "gravity" not in {c.name for c in chain} and "gravity.amplitude" in spread:
+        spread["gravity.amplitude"] += SLIGHTLY * base.friction_rms  # what every drive has of it
+    C[np.diag_indices(len(at))] += kindred**2
     for other in _descriptions(base):
         d = _apart(read(np.append(other, np.zeros(len(slopes)))), values)
         C += np.outer(d, d)
@@ -134,7 +145,7 @@ def valued(
     trained = values
     if held_out is not None:
         trained = read(_without(base, whole, held_out, slopes).b)
-    return Valued(values, C, frozenset(sure & {k for k in keys if values[k]}), trained)
+    return Valued(values, C, frozenset(sure & {k for k in keys if values[k]}), trained, spread)
 
 
 def _without(base: Base, whole: Columns, held_out: HeldOut, slopes: Sequence[_Slope]) -> Solution:
@@ -317,17 +328,19 @@ def _apart(a: Mapping[str, float], b: Mapping[str, float]) -> np.ndarray:
 
 def _covariance(
     base: Base, whole: Columns, made: Solution, apart: Callable[[np.ndarray], np.ndarray]
-) -> np.ndarray:
-    """Of the values: the larger of the jackknives over short and over long parts of the record.
+) -> tuple[np.ndarray, np.ndarray]:
+    """Of the values: the larger of the jackknives over short and over long parts of the record,
+    and the standard deviations from what they move by without a usual short part.
 
-    What drifts lasts for longer than a short part.
+    What drifts lasts for longer than a short part, and one part may say most of a value.
     """
     moved = [_moved(whole, made, base, blocks, apart) for blocks in _parts(base)]
     each = [(len(p) - 1) / len(p) * p.T @ p for p in moved]
+    usual = MAD * np.sqrt(len(moved[0])) * np.median(np.abs(moved[0]), axis=0)
     spread = np.sqrt(np.max([np.diag(c) for c in each], axis=0)) * SPREADS
     C = max(each, key=lambda c: float(np.trace(c / np.maximum(np.outer(spread, spread), 1e-300))))
     own = np.sqrt(np.maximum(np.diag(C), 1e-300))
-    return C * np.outer(spread / own, spread / own)
+    return C * np.outer(spread / own, spread / own), usual
 
 
 def _parts(base: Base) -> list[Blocks]:
@@ -361,8 +374,6 @@ def _kindred(
     made = np.zeros(len(keys))
     for i, key in enumerate(keys):
         name, _, own = key.partition(".")
-        if key == "gravity.amplitude" and name not in sizes:
-            made[i] = SLIGHTLY * base.friction_rms
         p = REGISTRY["effect", name].own[own] if own else None
         if p is None or name not in sizes:
             continue
