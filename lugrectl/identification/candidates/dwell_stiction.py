@@ -24,9 +24,9 @@ def entries(base: Base, block: Block) -> Iterator[Entry]:
     """The effect at a few time constants, if the drive rests often enough."""
     m = base.record.motion
     rests = rests_of(m, base.law.vs)
-    if not rests:
+    if not len(rests):
         return
-    lasts = np.array([rest.still.stop - rest.still.start for rest in rests]) * m.dt
+    lasts = (rests.end - rests.first) * m.dt
     p = block.own[block.gain]
     for tau in np.geomspace(FASTEST * np.median(lasts), SLOWEST * lasts.max(), CONSTANTS).tolist():
         X = _static(base) * base.record.mean(peaks(m, base.law.x0, rests, tau))[:, None]

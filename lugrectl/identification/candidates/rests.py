@@ -10,7 +10,6 @@ with c = 0 while it slides. Rests are where the state of the block ``dwell_stict
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,43 +18,58 @@ from ...blocks.block import REGISTRY
 from ..regression.smooth_motion import Motion
 
 FEWEST = 5  # rests: fewer do not show how a peak grows with their length
-GONE = 8.0  # presliding distances after which nothing is left of a peak
 
 
-@dataclass(frozen=True)
-class Rest:
-    """The samples of a rest, and of the slide after it."""
+@dataclass(frozen=True, eq=False)
+class Rests:
+    """The samples ``first`` to ``end`` of each rest, and those to ``stop`` of the slide after."""
 
-    still: slice
-    after: slice
+    first: np.ndarray
+    end: np.ndarray
+    stop: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.first)
 
 
-def rests_of(m: Motion, vs: float) -> list[Rest]:
+def rests_of(m: Motion, vs: float) -> Rests:
     """Where the drive rests, by the Stribeck speed; empty where that is too seldom."""
     block = REGISTRY["effect", "dwell_stiction"]
     rate = block(m.w, np.zeros(len(m)), time_constant=1.0, vs=vs)[1]
     still, found = np.asarray(rate) > 0.5, []
     for p in m.pieces:
         edges = np.flatnonzero(np.diff(np.r_[0, still[p].astype(int), 0])) + p.start
-        ends = [*edges[2::2].tolist(), *([p.stop] if len(edges) else [])]
-        for first, end, stop in zip(edges[::2], edges[1::2], ends, strict=True):
-            if p.start < first and end < stop:
-                found.append(Rest(slice(int(first), int(end)), slice(int(end), int(stop))))
-    return found if len(found) >= FEWEST else []
+        each = np.stack(
+            [edges[::2], edges[1::2], np.append(edges[2::2], p.stop)[: len(edges) // 2]]
+        )
+        found.append(each[:, (p.start < each[0]) & (each[1] < each[2])])
+    made = np.concatenate(found, axis=1)
+    return Rests(*(made if made.shape[1] >= FEWEST else made[:, :0]))
 
 
-def peaks(m: Motion, x0: float, rests: Sequence[Rest], tau: float = 0.0) -> np.ndarray:
+def peaks(m: Motion, x0: float, rests: Rests, tau: float = 0.0) -> np.ndarray:
     """The excess of the bristle's torque (n,) over static friction, for a strength of 1.
 
     ``tau`` of 0: as large after each rest.
     """
-    made = np.zeros(len(m))
-    for rest in rests:
-        theta, after = m.theta[rest.still], m.theta[rest.after]
-        side = np.sign(after[-1] - theta[0])
-        moved = np.maximum(side * theta - np.min(side * theta), 0.0)
-        grown = 1.0 - np.exp(-np.arange(len(theta)) * m.dt / tau) if tau else 1.0
-        made[rest.still] = side * grown * (1.0 - np.exp(-moved / x0))
-        far = np.abs(after - theta[-1]) / x0
-        made[rest.after] = made[rest.still][-1] * np.where(far < GONE, np.exp(-far), 0.0)
+    made, theta = np.zeros(len(m)), m.theta
+    if not len(rests):
+        return made
+    side = np.sign(theta[rests.stop - 1] - theta[rests.first])
+    at, each = _samples(rests.first, rests.end)
+    path = side[each] * theta[at]
+    starts = np.append(0, np.cumsum(rests.end - rests.first)[:-1])
+    moved = path - np.minimum.reduceat(path, starts)[each]
+    grown = 1.0 - np.exp(-(at - rests.first[each]) * m.dt / tau) if tau else 1.0
+    made[at] = side[each] * grown * (1.0 - np.exp(-moved / x0))
+    at, each = _samples(rests.end, rests.stop)
+    before = rests.end[each] - 1
+    made[at] = made[before] * np.exp(-np.abs(theta[at] - theta[before]) / x0)
     return made
+
+
+def _samples(first: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The samples of all stretches, and to which of them each belongs."""
+    each = np.repeat(np.arange(len(first)), end - first)
+    begun = np.append(0, np.cumsum(end - first)[:-1])
+    return np.arange(len(each)) - begun[each] + first[each], each

@@ -37,14 +37,17 @@ def along(
     The level is both the value towards which z relaxes and, as the stiffness stays, a factor on the
     distance x0 (in the unit of the path) over which it does.
     """
-    z, last = np.zeros(len(path)), 0.0
-    ends = np.append(first[1:], len(path))[: len(first)]  # none of a drive that never moves
-    for a, b, side in zip(first.tolist(), ends.tolist(), sides.tolist(), strict=True):
-        level = 1.0 + asymmetry * side
-        reach, limit = level * x0, side * level
-        start = path[a - 1] if a else 0.0
-        end = a + int(np.searchsorted(path[a:b], start + GONE * reach))
-        z[end:b] = limit
-        z[a:end] = limit + (last - limit) * np.exp(-(path[a:end] - start) / reach)
-        last = float(z[b - 1])
-    return z
+    if not len(first):  # a drive that never moves
+        return np.zeros(len(path))
+    level = 1.0 + asymmetry * sides
+    start, limit = np.where(first > 0, path[first - 1], 0.0), sides * level
+    ends = np.append(first[1:], len(path))
+    decay = np.exp(-(path[ends - 1] - start) / (level * x0))
+    last, before = [], 0.0
+    for to, left in zip(limit.tolist(), decay.tolist(), strict=True):
+        last.append(before)
+        before = to + (before - to) * left
+    each = np.repeat(np.arange(len(first)), ends - first)
+    gone = np.exp(-(path[first[0] :] - start[each]) / (level * x0)[each])
+    z = limit[each] + (np.array(last) - limit)[each] * gone
+    return np.concatenate([np.zeros(first[0]), z])
