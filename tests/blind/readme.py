@@ -79,7 +79,8 @@ def speed() -> str:
             f"{spread(nothing)} with nothing missing, {spread(one)} with one effect",
         ),
     ]
-    said = f"{s['date']}, {s['cores']} cores ({s['processor']}), commit {s['commit']}."
+    cores = f"{s['cores']} core{'s' * (s['cores'] != 1)} ({s['processor']})"
+    said = f"{s['date']}, {cores}, commit {s['commit']}."
     return f"{table(('what', 'time'), rows)}\n\n{said}\n"
 
 
