@@ -17,7 +17,7 @@ from ..candidates.candidate import Contender, Entry, enter
 from ..candidates.friction_level import levelled
 from ..candidates.friction_shape import settled
 from ..candidates.position_error import corrected
-from ..regression.numbers import COARSE, LEAST, MORE
+from ..regression.numbers import COARSE, LEAST, MORE, UNKNOWN
 from ..regression.robust_regression import Scale, solve, weights
 
 SETTLE = 20.0  # nats from which the base is settled beside the likeliest effect
@@ -29,7 +29,7 @@ MOST_LEVERAGE = 0.95
 TURNED = 0.8  # rad of travel from which gravity is looked for first
 HEAVY = 0.3  # of friction: gravity that hides what else is missing
 ALIKE = 2.33  # paired standard errors within which two models explain equally well
-ALIKE_ASYMMETRY = 3.0  # the same for an asymmetry, whose shape depends on the Stribeck curve
+OFFSETS = {"constant_torque", "coulomb_asymmetry"}  # they differ near reversals only
 PART = 0.3  # of the gain of the best, below which another is not as good
 
 
@@ -135,11 +135,17 @@ def weight(table: Table) -> tuple[Contender | None, tuple[Contender, ...]]:
 
 
 def as_good(c: Contender, best: Contender) -> bool:
-    """Whether the record does not distinguish a contender from the best one."""
+    """Whether the record does not distinguish a contender from the best one.
+
+    An offset and an asymmetry differ where presliding decides, which windows hardly see: they are
+    alike while their models differ by less than a torque without a name has to have.
+    """
     d, se = best.above(c)
-    pair = (best.name, c.name) == ("constant_torque", "coulomb_asymmetry")
-    z = ALIKE_ASYMMETRY if pair else ALIKE
-    return c.gain > PART * best.gain and (d < z * se or d < 3)
+    alike = d < max(ALIKE * se, 3.0)
+    if {best.name, c.name} == OFFSETS:
+        torque = best.columns.X @ best.made.b - c.columns.X @ c.made.b
+        alike = alike or rms(torque) < UNKNOWN * LEAST * best.base.friction_rms
+    return c.gain > PART * best.gain and alike
 
 
 def richest(base: Base, table: Table) -> View:
