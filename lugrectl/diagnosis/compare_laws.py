@@ -21,8 +21,7 @@ from ..engine.runtime.threads import each_beside
 from ..friction_maps.points import is_map
 from ..identification.dataset.windows import Windows
 from ..identification.likelihood.held_out_run import adapted
-from ..identification.likelihood.likelihood import loglik, whitened
-from ..identification.likelihood.maximise import Fitted
+from ..identification.likelihood.maximise import Fitted, seen_on
 from ..identification.likelihood.parameters import free_keys
 from ..identification.likelihood.simulation_error import judge
 from ..identification.selection import ALPHA, alone, paired, standard_error
@@ -228,9 +227,7 @@ def _chosen(
 
 def predicted(found: Fitted, test: Windows) -> np.ndarray:
     """The log density of each held-out window."""
-    white = whitened(found.predictor, [found.values], test, found.noise)[0]
-    each = loglik(found.predictor, white, found.noise, found.values, test)
-    return np.nan_to_num(each, nan=-1e300)
+    return np.nan_to_num(seen_on(found, test).loglik, nan=-1e300)
 
 
 def beaten(best: np.ndarray, other: np.ndarray, bar: float) -> bool:

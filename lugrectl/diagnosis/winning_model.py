@@ -23,6 +23,7 @@ from ..estimates.findings import Estimate
 from ..identification.dataset.run_effects import alike
 from ..identification.dataset.windows import spread
 from ..identification.likelihood.initial_values import begun, completed, lifted, likeliest
+from ..identification.likelihood.likelihood import tune
 from ..identification.likelihood.maximise import Fitted, fit, seen_on, standing
 from ..identification.likelihood.parameters import free_keys
 from ..identification.likelihood.predictor import Predictor
@@ -210,9 +211,10 @@ def _at(predictor: Predictor, values: dict[str, float], ready: Prepared) -> Fitt
     values, few = model.kept(values), spread(where, TRIED, FEW)
     left = {k for k, v in ready.model.values().items() if v is None and k not in SEEN}
     opened = [k for k in free_keys(predictor) if k in left or k in alike(data)]
-    made = standing(predictor, values, few, data.noise)
-    if opened:
-        made = fit(predictor, values, opened, few, made.noise, anchor=values, most=OPEN, rough=True)
+    noise, _ = tune(predictor, values, few, data.noise)
+    if not opened:
+        return standing(predictor, values, where, noise)
+    made = fit(predictor, values, opened, few, noise, anchor=values, most=OPEN, rough=True)
     return seen_on(made, where)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -106,7 +106,7 @@ def curve(balance: Balance, ax: Axes) -> Axes:
     values = {k: v for k, v in balance.values().items() if k in ("Fc", "Fv", "constant_torque")}
     for side in (-1, 1) if "Fc" in values and balance.half_width is not None else ():
         x = np.linspace(0.0, side * (side * w).max(initial=0.0), 2)
-        law = values["Fc"] * side + values.get("Fv", 0.0) * x + values.get("constant_torque", 0.0)
+        law = _friction(values, x, side) + values.get("constant_torque", 0.0)
         ax.plot(x, factor * law, color=MEASURED, lw=1.2, label="plain fit" if side > 0 else None)
     ax.set(xlabel=f"w [{unit_for('rad/s', balance.motion)}]", ylabel=f"friction [{unit}]")
     return _titled(ax, "Friction over speed")
@@ -178,8 +178,7 @@ def sampled_rest(balance: Balance, one: Stretch) -> dict[str, Any]:
         w, a = smooth(one.w), smooth(one.w, deriv=1)
     else:
         w, a = smooth(one.theta, deriv=1), smooth(one.theta, deriv=2)
-    friction = values.get("Fc", 0.0) * np.sign(w) + values.get("Fv", 0.0) * w
-    fast = one.u - values.get("J", 0.0) * a - friction
+    fast = one.u - values.get("J", 0.0) * a - _friction(values, w, np.sign(w))
     total, half = np.r_[0.0, np.cumsum(fast) * dt], float(np.median(np.diff(windows.t[at])))
     ends = [np.clip(windows.t[at] + k * half, one.t[0], one.t[-1] + dt) for k in (-1, 1)]
     low, high = (np.interp(end, np.r_[one.t, one.t[-1] + dt], total) for end in ends)
@@ -188,6 +187,11 @@ def sampled_rest(balance: Balance, one: Stretch) -> dict[str, Any]:
     slides = np.interp(one.t, windows.t[at], sliding, left=0.0, right=0.0) > 0.5
     left = np.where(slides & one.ok, fast + np.interp(one.t, windows.t[at], slow), np.nan)
     return {"theta": nothing["theta"] if one.theta is None else one.theta, "w": w, "left": left}
+
+
+def _friction(values: Mapping[str, float], w: np.ndarray, side: np.ndarray | float) -> np.ndarray:
+    """That of the plain fit at speeds w in the direction ``side``."""
+    return values.get("Fc", 0.0) * side + values.get("Fv", 0.0) * w
 
 
 def _between_runs(balance: Balance, ax: Axes) -> None:

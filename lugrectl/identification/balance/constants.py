@@ -37,6 +37,7 @@ PASSES = 16  # of a reweighted fit, at most; it ends where it has settled
 ROBUST_PASSES = 4  # the first ones, whose scale is that of the median
 ROUNDS = 3  # of a delay, a lag, a load. Half: delays above 10 ms stop short
 WIDE = 30.0  # prior of a term, in RMS torques. Half: gravity of arms
+GONE = 40.0  # exponents from which exp(-x) changes no sum with 1
 HUGE = 1e4  # variance of a window mostly at rest, in mean squares of the torque
 
 # Noise of the channels

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...blocks.model import Model
-from ..dataset.measured_bristle import GONE, along
-from .constants import DIPS, ECCENTRIC, REST_TORQUE, TURNED, TURNED_IN_MAP, TURNS
+from ..dataset.measured_bristle import along
+from .constants import DIPS, ECCENTRIC, GONE, REST_TORQUE, TURNED, TURNED_IN_MAP, TURNS
 from .track import Track
 
 Column = Callable[[Track], np.ndarray]

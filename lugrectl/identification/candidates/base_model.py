@@ -85,7 +85,10 @@ class Record:
         return -self.lateness + min(self.logged, 0.0) - self.shift
 
     def later(self, shift: float) -> Record:
-        """The same with the torque later by ``shift``, exactly: a derivative is too coarse."""
+        """The same with the torque later by ``shift``, exactly: a derivative is too coarse.
+
+        The motion, and so its friction laws, stay.
+        """
         m = self.motion
         u = np.concatenate([shifted(spline(m.u[p]), shift / m.dt) for p in m.pieces])
         return replace(self, motion=replace(m, u=u), shift=self.shift + shift)
@@ -299,6 +302,11 @@ class Base:
         """What it leaves, as a share of friction; outliers count little."""
         r = np.abs(self.made.r * self.view.scale.sigma)
         return rms(np.minimum(r, 5 * np.median(r))) / self.friction_rms
+
+    @cached_property
+    def noise(self) -> float:
+        """What the noise of the sensors makes of J a in the windows, as a share of friction."""
+        return self.J * rms(self.record.rows.shake) / self.friction_rms
 
     # ------------------------------------------------------------------ screening
     @cached_property

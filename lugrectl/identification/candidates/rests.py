@@ -56,20 +56,19 @@ def peaks(m: Motion, x0: float, rests: Rests, tau: float = 0.0) -> np.ndarray:
     if not len(rests):
         return made
     side = np.sign(theta[rests.stop - 1] - theta[rests.first])
-    at, each = _samples(rests.first, rests.end)
+    at, each, starts = _samples(rests.first, rests.end)
     path = side[each] * theta[at]
-    starts = np.append(0, np.cumsum(rests.end - rests.first)[:-1])
     moved = path - np.minimum.reduceat(path, starts)[each]
     grown = 1.0 - np.exp(-(at - rests.first[each]) * m.dt / tau) if tau else 1.0
     made[at] = side[each] * grown * (1.0 - np.exp(-moved / x0))
-    at, each = _samples(rests.end, rests.stop)
+    at, each, _ = _samples(rests.end, rests.stop)
     before = rests.end[each] - 1
     made[at] = made[before] * np.exp(-np.abs(theta[at] - theta[before]) / x0)
     return made
 
 
-def _samples(first: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The samples of all stretches, and to which of them each belongs."""
+def _samples(first: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The samples of all stretches, to which of them each belongs, and where each begins."""
     each = np.repeat(np.arange(len(first)), end - first)
     begun = np.append(0, np.cumsum(end - first)[:-1])
-    return np.arange(len(each)) - begun[each] + first[each], each
+    return np.arange(len(each)) - begun[each] + first[each], each, begun

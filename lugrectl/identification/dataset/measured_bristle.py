@@ -10,8 +10,6 @@ from __future__ import annotations
 
 import numpy as np
 
-GONE = 40.0  # distances after which exp(-x) no longer changes a sum with 1
-
 
 def strokes(dx: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The path, and the first sample and the direction of each stroke between reversals.

@@ -213,9 +213,9 @@ def again(found: Fitted, *, most: int = 30, rough: bool = False) -> Fitted:
 
 
 def standing(predictor: Predictor, values: Values, where: Windows, noise: Noise) -> Fitted:
-    """Given values with the noise that makes them most likely; nothing is free."""
-    noise, each = tune(predictor, values, where, noise)
+    """Given values and noise; nothing is free."""
     white = whitened(predictor, [values], where, noise)[0]
+    each = loglik(predictor, white, noise, values, where)
     own, many = dict(values), len(white)
     parts, scores = np.zeros((many, 0, 0)), np.zeros((many, 0))
     return Fitted(predictor, own, (), where, noise, each, white, parts, scores, own)
@@ -229,10 +229,8 @@ def tuned(found: Fitted) -> Fitted:
 
 def seen_on(found: Fitted, where: Windows) -> Fitted:
     """The same values and noise on other windows; what intervals need stays."""
-    predictor, values, noise = found.predictor, found.values, found.noise
-    white = whitened(predictor, [values], where, noise)[0]
-    each = loglik(predictor, white, noise, values, where)
-    return replace(found, where=where, loglik=each, innovations=white)
+    there = standing(found.predictor, found.values, where, found.noise)
+    return replace(found, where=where, loglik=there.loglik, innovations=there.innovations)
 
 
 def refitted(found: Fitted, data: Data) -> Fitted:

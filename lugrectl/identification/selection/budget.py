@@ -124,8 +124,7 @@ def _plainly(base: Base, name: str, torque: np.ndarray, signals: tuple[str, ...]
 
 def _noise(base: Base) -> Share:
     """What the noise of the sensors makes of J a in the windows."""
-    size = base.J * rms(base.record.rows.shake)
-    return Share("noise", size, size / base.friction_rms, None, ())
+    return Share("noise", base.noise * base.friction_rms, base.noise, None, ())
 
 
 def detectable(table: Table, least: float) -> list[Detectable]:

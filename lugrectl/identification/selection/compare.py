@@ -26,7 +26,7 @@ from ..regression.weak_form import Width, quick, rows_of, spacing, usable, width
 from .budget import budget, detectable
 from .comparison import Compared, Comparison, Named
 from .table import Table, in_time
-from .values import HeldOut, valued
+from .values import HeldOut, Valued, valued
 from .verdict import Decision, decide, judged, unit_of, without
 
 NOTHING = "The torque balance determines nothing: the record is too short."
@@ -124,7 +124,7 @@ def alone(
         own = valued(base, (), model, held_out)
     return Comparison(
         verdict="adequate",
-        plant=own.values,
+        plant=_of_plant(own),
         alone=own.trained,
         least=least,
         written_late=base.written_late,
@@ -172,7 +172,7 @@ def _result(found: Decision, model: Model, least: float, held_out: HeldOut | Non
         budget=tuple(budget(base, inside, unknown)),
         detectable=tuple(detectable(table, least)) if seen else (),
         messages=(*found.messages, *([_vibration(wave, swings)] if wave and swings else [])),
-        plant={k: v for k, v in own.values.items() if "." not in k},
+        plant=_of_plant(own),
         alone=valued(table.base, (), model, held_out).trained,
         least=least,
         only_inertia=found.only_inertia,
@@ -183,6 +183,11 @@ def _result(found: Decision, model: Model, least: float, held_out: HeldOut | Non
         valued=own,
         friction=base.friction_rms,
     )
+
+
+def _of_plant(own: Valued) -> dict[str, float]:
+    """Inertia and friction, without effects."""
+    return {k: v for k, v in own.values.items() if "." not in k}
 
 
 def _vibration(c: Contender, frequency: float) -> str:

@@ -166,10 +166,8 @@ def _if_it_explains(found: Decision, bars: Bars) -> Decision:
     if not found.effects or found.only_inertia or found.verdict == "unexplained":
         return found
     assert found.table is not None
-    named, last = rms(np.array([c.size for c in found.effects])), found.last
-    named *= np.sqrt(len(found.effects))
-    noise = last.J * rms(last.record.rows.shake) / last.friction_rms
-    stays = float(np.sqrt(max(last.left**2 - noise**2, 0.0)))
+    named, last = float(np.linalg.norm([c.size for c in found.effects])), found.last
+    stays = float(np.sqrt(max(last.left**2 - last.noise**2, 0.0)))
     if named > stays:
         return found
     names = " and ".join(c.name for c in found.effects)
