@@ -5,6 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 
+def top_speed(w: np.ndarray, share: float = 0.95) -> float:
+    """The speed below which this share of the path is covered, however long the drive rests."""
+    ordered = np.sort(np.abs(w), axis=None)
+    path = np.cumsum(ordered)
+    return float(ordered[np.searchsorted(path, share * path[-1])]) if len(path) else 0.0
+
+
 def rms(e: np.ndarray) -> float:
     """Root mean square; inf where a simulation diverged."""
     with np.errstate(over="ignore"):

@@ -15,7 +15,7 @@ QUARTER = 0.25  # half-width of a certain value, in that value. Half: fewer valu
 MAJORITY = 0.5  # rest in a window, coherence, noise in a derivative of u. Half: short strokes lost
 ALL_LEFT = 0.7  # of the torque, above which nothing is explained. Half: measured servos refused
 MOST = 0.8  # rows of a map; of a term's information that noise may take. Half: J of noisy logs
-TOP = 0.95  # quantile of |w| that is the top speed; a window without reversal; the intervals
+TOP = 0.95  # share of the path below the top speed; a window without reversal; the intervals
 WHOLLY = 0.98  # a window of rest; what a block may carry of a direction. Half: widths
 
 # Windows

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...core.numeric import top_speed
 from .constants import CLEAN, SMOOTHINGS, TOP
 from .track import Track, means, weights
 
@@ -86,9 +87,9 @@ def with_speed(tracks: Sequence[Track], sensors: Sensors) -> tuple[list[Track], 
         for track in tracks:
             speed, own = _speed(track, width, sensors)
             made.append(replace(track, speed=speed, still=2 * own))
-            speeds.append(np.abs(speed[track.ok]))
+            speeds.append(speed[track.ok])
             noise = max(noise, own)
-        top = float(np.quantile(np.concatenate(speeds), TOP))
+        top = top_speed(np.concatenate(speeds), TOP)
         if noise < CLEAN * top:
             break
     return made, top, noise

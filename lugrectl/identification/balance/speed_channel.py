@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...core.numeric import top_speed
 from .channel_noise import shared_noise, white_noise
 from .constants import (
     GAIN,
@@ -18,6 +19,7 @@ from .constants import (
     NOTICED_LAG,
     OFFSET,
     ROUNDS,
+    SLOW,
     SMALL,
     SURE,
     WIDTHS,
@@ -93,11 +95,13 @@ def _robust(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """
     D, y = rows[:, :3], rows[:, 3]
     size = np.sqrt(np.mean(D[:, 0] ** 2)) + 1e-12
+    speeds = (D[:, 0], y)
+    moves = np.any([np.abs(x) > SLOW * top_speed(x) for x in speeds], axis=0)  # rests are exact
     prior = np.diag(SMALL * size / np.array([GAIN, LAG, OFFSET * size]))
     r, c, s = y - D[:, 0], np.array([1.0, 0.0, 0.0]), 0.0
     weight = np.ones(len(y))
     for _ in range(5 * ROUNDS):
-        s = deviation(r) + 1e-12 * size
+        s = deviation(r[moves]) + 1e-12 * size
         weight = student(r, s**2)
         A = np.r_[D * weight[:, None] ** 0.5, prior]
         b = np.r_[y * weight**0.5, prior @ [1, 0, 0]]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
-from .outliers import bridged, resolution
+from .outliers import outside, resolution
 
 _FEWEST = 5  # rows that a code fills, off the curve through the others
 _MOST = 0.3  # of all rows; a value that is held longer is one
@@ -41,14 +41,16 @@ def _brief(at: np.ndarray) -> np.ndarray:
 
 
 def _off(x: np.ndarray, at: np.ndarray, value: float) -> bool:
-    """Whether the value is mostly far off what the rows around say."""
+    """Whether the value is mostly far outside the rows on either side."""
     others = np.flatnonzero(~at)
     if len(others) < 16:
         return False
     steps = np.abs(np.diff(x[others], append=x[others[-1]]))
     rough = ndimage.maximum_filter1d(ndimage.median_filter(steps, 9, mode="nearest"), 9)
-    here = np.searchsorted(others, np.flatnonzero(at)).clip(0, len(others) - 1)
+    here = np.searchsorted(others, np.flatnonzero(at))
+    before, after = x[others[(here - 1).clip(0)]], x[others[here.clip(0, len(others) - 1)]]
+    here = here.clip(0, len(others) - 1)
     low, high = np.quantile(x[others], [0.01, 0.99])
     limit = 8 * rough[here] + 6 * resolution(x[others]) + 0.02 * (high - low)
-    far = np.abs(value - bridged(x, at)[at]) > limit
+    far = outside(value, before, after) > limit
     return bool(far.sum() >= _FEWEST and far.mean() > 0.5)

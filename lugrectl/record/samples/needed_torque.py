@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ...core.numeric import top_speed
 from .clock import FEWEST, typical_step
 from .outliers import bridged
 from .rows import Stamped
@@ -127,7 +128,7 @@ def _fit(
     known = np.isfinite(a) & np.isfinite(mean)
     if known.sum() < 4 * FEWEST:
         return None
-    top = float(np.quantile(np.abs(w[known]), 0.95))
+    top = top_speed(w[known])
     if not top > 0:
         return None
     rest = np.abs(np.nan_to_num(w)) <= _REST * top

@@ -101,17 +101,17 @@ def distances(t: np.ndarray, x: np.ndarray) -> np.ndarray:
     beside = np.array([1, 1, 1, 0, 1, 1, 1], bool)
     low = ndimage.rank_filter(x, 2, footprint=beside, mode="mirror")
     high = ndimage.rank_filter(x, 3, footprint=beside, mode="mirror")
-    far = np.fmin(_outside(x, low, high), np.fmin(_off_cubic(x), off_cubic_in_time(t, x)))
-    far[2:] = np.fmin(far[2:], _outside(x[2:], x[1:-1], 2 * x[1:-1] - x[:-2]))
-    far[:-2] = np.fmin(far[:-2], _outside(x[:-2], x[1:-1], 2 * x[1:-1] - x[2:]))
+    far = np.fmin(outside(x, low, high), np.fmin(_off_cubic(x), off_cubic_in_time(t, x)))
+    far[2:] = np.fmin(far[2:], outside(x[2:], x[1:-1], 2 * x[1:-1] - x[:-2]))
+    far[:-2] = np.fmin(far[:-2], outside(x[:-2], x[1:-1], 2 * x[1:-1] - x[2:]))
     for end, then, after, last in ((0, 1, 2, 3), (-1, -2, -3, -4)):
-        near = _outside(x[end], x[then], 2 * x[then] - x[after])
-        far[end] = min(near, _outside(x[end], x[after], 3 * x[after] - 2 * x[last]))
-        far[then] = _outside(x[then], x[end], x[after])
+        near = outside(x[end], x[then], 2 * x[then] - x[after])
+        far[end] = min(near, outside(x[end], x[after], 3 * x[after] - 2 * x[last]))
+        far[then] = outside(x[then], x[end], x[after])
     return far
 
 
-def _outside(x: np.ndarray, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+def outside(x: np.ndarray | float, one: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Distance from the interval between two values; 0 inside."""
     return np.maximum(np.maximum(np.minimum(one, other) - x, x - np.maximum(one, other)), 0.0)
 
