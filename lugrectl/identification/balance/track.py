@@ -39,6 +39,7 @@ class Track:
     theta: np.ndarray | None
     w: np.ndarray | None
     ok: np.ndarray
+    ok_u: np.ndarray
     age: np.ndarray
     speed: np.ndarray = field(default_factory=lambda: np.zeros(0))
     still: float = 0.0
@@ -66,10 +67,12 @@ class Track:
         path, first, sides = strokes(v)
         return path * self.dt, first, sides
 
-    def centres(self, reach: int, step: int) -> np.ndarray:
-        """Samples ``step`` apart around which ``reach`` samples on each side are good."""
-        at = np.arange(reach, len(self.u) - reach, max(step, 1))
-        at = at[wholly(self.ok, reach, at)]
+    def centres(self, reach: int, step: int, of_u: int = 0) -> np.ndarray:
+        """Samples ``step`` apart around which ``reach`` samples on each side are good, and
+        ``of_u`` samples of u: a delayed torque is looked at further away than the motion."""
+        far = max(reach, of_u)
+        at = np.arange(far, len(self.u) - far, max(step, 1))
+        at = at[wholly(self.ok, reach, at) & wholly(self.ok_u, far, at)]
         if self.most is not None and len(at) > self.most:
             at = at[np.linspace(0, len(at) - 1, self.most).astype(int)]
         return at
@@ -89,7 +92,9 @@ def tracks_of(stretches: Sequence[Stretch]) -> list[Track]:
         filled = {k: _filled(getattr(s, k), ok) if both[k] else None for k in both}
         age = (start + s.t - s.t[0]) / starts[-1] - 0.5
         u, theta, w, d = _filled(s.u, ok), filled["theta"], filled["w"], filled["d"]
-        made.append(Track(s.run, float(s.dt), s.t, u, theta, w, ok, age, jitter=s.jitter, d=d))
+        of_u = ok if s.ok_u is None else s.ok_u & np.isfinite(s.u)
+        kept = {"jitter": s.jitter, "d": d}
+        made.append(Track(s.run, float(s.dt), s.t, u, theta, w, ok, of_u, age, **kept))
     return made
 
 

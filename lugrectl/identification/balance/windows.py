@@ -101,11 +101,12 @@ class Source:
         """The windows of one track; an empty track has none."""
         track = self.tracks[i]
         half = max(half_width / track.dt, FEWEST_SAMPLES - 1)
-        far = max(abs(delay) + track.dt, abs(self.sensors.lag)) / track.dt
-        edge = int(np.ceil(half)) + 3 + ALIGNED * int(np.ceil(far / ALIGNED))
+        reach = int(np.ceil(half + abs(self.sensors.lag) / track.dt)) + 1
+        late = int(np.ceil((abs(delay) + track.dt) / track.dt / ALIGNED))
+        edge = int(np.ceil(half)) + 3 + ALIGNED * late
         step = max(int(half * STEP), sum(map(len, self.tracks)) // MANY, 1)
-        place = (i, half, edge)
-        at = self._once(place, lambda: track.centres(edge, step))
+        place = (i, half, edge, reach)
+        at = self._once(place, lambda: track.centres(reach, step, edge))
         if not len(at):
             return None
         motion = self._once(("motion", *place), lambda: window_means(track, half, at, self.sensors))
