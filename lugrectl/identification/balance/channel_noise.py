@@ -24,19 +24,24 @@ def quantum(x: np.ndarray) -> float:
     return float(step) if on_lattice else 0.0
 
 
-def white_noise(parts: Sequence[np.ndarray]) -> float:
+def white_noise(parts: Sequence[np.ndarray], at_rest: bool = True) -> float:
     """Standard deviation of the white noise per sample, at least that of the quantum.
 
     The level of the top of the spectrum of the fourth difference, divided by the gain of that
-    difference, |2 sin(pi f)|^8. The difference keeps slow motion from leaking there.
+    difference, |2 sin(pi f)|^8. The difference keeps slow motion from leaking there. It is the
+    median over the segments, of which ln 2 is that of an exponential density: steps of the signal
+    and bridged rows fill the spectrum of few. A sensor that stands still shows no noise:
+    ``at_rest`` says whether such segments count.
     """
     rounding = quantum(np.concatenate(parts)) / np.sqrt(12)
     d = np.concatenate([np.diff(x, DIFFERENCE) for x in parts])
     if len(d) < 64:
         return max(rounding, NO_NOISE)
     f, x = _top(d, min(SEGMENT, len(d)))
-    power = np.mean(np.abs(x) ** 2, axis=0) / (2 * np.sin(np.pi * f)) ** (2 * DIFFERENCE)
-    return float(max(np.sqrt(np.median(power)), rounding, NO_NOISE))
+    power = np.abs(x) ** 2 / (2 * np.sin(np.pi * f)) ** (2 * DIFFERENCE)
+    power = power if at_rest else power[power.any(axis=1)]
+    level = np.median(power) / np.log(2) if len(power) else 0.0
+    return float(max(np.sqrt(level), rounding, NO_NOISE))
 
 
 def shared_noise(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:

@@ -44,7 +44,7 @@ def sensors_of(tracks: Sequence[Track]) -> tuple[Sensors, Comparison | None, lis
     counts as noise of w, so that a worse w has little weight.
     """
     channels = [k for k in ("u", "theta", "w") if getattr(tracks[0], k) is not None]
-    noise = {k: white_noise([getattr(p, k) for p in tracks]) for k in channels}
+    noise = {k: white_noise([getattr(p, k) for p in tracks], k == "u") for k in channels}
     sensors, found, spread = Sensors(noise), None, 0.0
     if "theta" not in noise or "w" not in noise:
         return sensors, None, []
