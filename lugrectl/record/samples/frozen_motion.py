@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .rows import Stamped, count
+from .rows import Stamped, count, runs
 
 _FEWEST = 3  # equal samples in a row that may be a stuck sensor
 _LONG = 20  # the same of a speed, whose noise never stops
@@ -30,16 +30,29 @@ def leave_out_stuck(log: Stamped, role: str, a: np.ndarray, b: np.ndarray) -> No
             ):
                 bad[start:stop] = True
     if bad.any():
+        bad |= _kept(x) & (role == "w")
         _say(log, role, bad)
         x = x.copy()
         x[bad] = np.nan
         log.channels[role] = x
 
 
+def _kept(x: np.ndarray) -> np.ndarray:
+    """Where a speed that keeps its last value now and then stands, whether a jump ends that."""
+    made = np.zeros(len(x), bool)
+    for a, n in runs(np.r_[False, np.diff(x) == 0]):
+        made[a - 1 : a + n] = n >= _LONG and x[a] != 0
+    return made if _differ(x[~made]) else ~np.isfinite(x)
+
+
 def _without_noise(x: np.ndarray, start: int, stop: int) -> bool:
     """Whether a run is long where other samples all differ from the one before."""
-    others = np.diff(np.r_[x[:start], x[stop:]])
-    return stop - start >= _LONG and bool(np.mean(others == 0) < 0.05)
+    return stop - start >= _LONG and _differ(np.r_[x[:start], x[stop:]])
+
+
+def _differ(x: np.ndarray) -> bool:
+    """Whether nearly every sample differs from the one before."""
+    return bool(np.mean(np.diff(x) == 0) < 0.05)
 
 
 def _same(x: np.ndarray, row: int, way: int) -> tuple[int, int]:

@@ -51,29 +51,24 @@ def leave_out_untrue_torque(log: Stamped) -> None:
         stuck, unknown = [], _rows(len(u), limit)
     if not unknown.any() or unknown.mean() > _MOST:
         return
-    fit = needed(log, unknown)
+    fit = _judging(log, unknown)
     if fit is None:
         return
     least = _least(fit, u, unknown)
-    missing = _contradicted(log, fit, np.nan_to_num(u))
+    missing = fit.missing(np.nan_to_num(u))
     for value, beyond in ((low, -missing), (high, missing)):
         at = _rows(len(u), [run for run in limit if u[run[0]] == value])
         _saturated(log, value, beyond[at & fit.moving], least)
     _stuck(log, fit, missing, stuck, least)
 
 
-def _contradicted(log: Stamped, fit: Needed, u: np.ndarray) -> np.ndarray:
-    """What the motion needs beyond the torque, whether or not the rows in doubt are believed.
-
-    A balance that was fitted without rests and coasts may say anything of them: where one that
-    holds them too explains them, the motion does not contradict them.
-    """
-    missing, believed = fit.missing(u), needed(log)
-    if believed is None:
-        return missing
-    with_them = believed.missing(u)
-    less = np.where(np.abs(with_them) < np.abs(missing), with_them, missing)
-    return np.where(with_them * missing > 0, less, 0.0)
+def _judging(log: Stamped, unknown: np.ndarray) -> Needed | None:
+    """The balance that judges rows in doubt: fitted with them where it then leaves little of the
+    torque, however far off single rows are, else without. Rests and coasts are in doubt, too, and
+    without them it may rest on little."""
+    every = needed(log)
+    little = _SHARE * float(np.nanquantile(np.abs(log.channels["u"]), 0.9))
+    return every if every is not None and every.scale < little else needed(log, unknown)
 
 
 def _usual(flat: Sequence[tuple[int, int]], rows: int) -> float:
