@@ -32,8 +32,8 @@ class Curve:
 
     ``slopes`` (rows, coords) are derivatives of what is left, by the values that were fitted. Plant
     values stay within a factor of ``anchor``; those of ``opened`` were guessed, not declared, and
-    those ``apart`` are not fitted. ``rival``: a larger model that chance has not refuted; the
-    intervals hold what it says by how likely it is.
+    those ``apart`` are not fitted. ``rivals``: larger models that were not taken, by chance or for
+    being small; the intervals hold what they say by how likely they are.
     """
 
     predictor: Predictor
@@ -45,7 +45,7 @@ class Curve:
     anchor: dict[str, float]
     opened: frozenset[str] = frozenset()
     apart: tuple[str, ...] = ()
-    rival: Curve | None = None
+    rivals: tuple[Curve, ...] = ()
 
     @property
     def model(self) -> Model:
@@ -127,15 +127,14 @@ class Curve:
         return made
 
     def _between(self, key: str) -> float:
-        """Mean square of how far the rival moves a value, by its weight (Burnham and Anderson,
+        """Mean square of how far rivals move a value, by their weights (Burnham and Anderson,
         Model Selection and Multimodel Inference, 2002, section 4.3)."""
-        if self.rival is None:
-            return 0.0
-        more = 0.0  # where too few points prefer neither
-        if np.isfinite(self.criterion):
-            more = self.rival.criterion - self.criterion
-        likely = 1.0 / (1.0 + np.exp(0.5 * more))
-        return float(likely * (self.rival.values[key] - self.values[key]) ** 2)
+        every = (self, *self.rivals)
+        price = np.array([one.criterion for one in every])
+        least = float(np.min(price))
+        weight = np.exp(-0.5 * (price - least)) if np.isfinite(least) else np.ones(len(every))
+        moved = np.array([one.values[key] - self.values[key] for one in every])
+        return float(weight @ moved**2 / weight.sum())
 
     @property
     def criterion(self) -> float:

@@ -39,7 +39,9 @@ def as_shown(curve: Curve, declared: Model, flat: Curve | None = None) -> Curve:
     if not may_fall(curve, declared):
         return curve
     flat = flat or without_fall(curve, declared)
-    return curve if by_chance(flat, curve) < CHANCE else replace(flat, rival=curve)
+    if by_chance(flat, curve) < CHANCE:
+        return curve
+    return replace(flat, rivals=(*flat.rivals, curve, *curve.rivals))
 
 
 def without_fall(curve: Curve, declared: Model) -> Curve:

@@ -105,7 +105,7 @@ def _followed(
         step = curve.model.effects[-1].key, [n for n, _ in even if n != name]
         more = [] if turn == MOST_EFFECTS else _tried(curve, say, turn + 1)
         ways += [([step, *rest], end) for rest, end in _followed(curve, more, say, turn + 1)]
-    return ways or [([], current)]
+    return ways or [([], replace(current, rivals=tuple(curve for _, curve in tried)))]
 
 
 def candidates(model: Model, at: Points) -> list[str]:

@@ -104,7 +104,8 @@ BINS = 12  # of speed in each direction
 STEADY_WINDOW = 0.2  # half-width in which a speed is steady, s
 PARTS_TURNING, PARTS_OF_RUN = 12.0, 5.0  # windows in a run whose angle changes, or does not
 TURN = 0.7  # rad that a half-width turns where the angle changes
-DIP_OF_MAP, BEND_OF_MAP = 0.3, 1.0  # usual fall with speed in Fc, drag at top speed in RMS torque
+# usual fall with speed in Fc; at top speed, in RMS torque: drag, and what is steeper one way
+DIP_OF_MAP, BEND_OF_MAP, TILT_OF_MAP = 0.3, 1.0, 0.1
 
 # Runs compared
 MOST_RUNS = 20  # that are compared one by one

@@ -30,6 +30,7 @@ from .constants import (
     SLOWEST_DIP,
     SMALL,
     STEP,
+    TILT_OF_MAP,
     TOP,
 )
 from .covariance import memory
@@ -39,7 +40,7 @@ from .friction_shapes import dips
 from .interval import of_scale
 from .problem import Ground
 from .result import CurvePoint
-from .terms import Term, drag
+from .terms import Term, drag, tilt
 from .windows import Windows
 
 SAME = 1e-6  # of a column, to which rounding leaves of it what is another already
@@ -193,14 +194,17 @@ class Shape:
 
 
 def _shapes(ground: Ground, made: Fit, rows: Rows, plain: Pointwise, least: float) -> list[Shape]:
-    """Friction that falls with speed (Stribeck) or bends upwards (drag). A law without the bend of
-    a map would count it as scatter of the runs, and call certain what only that law says."""
+    """Friction that falls with speed (Stribeck), bends upwards (drag) or is steeper one way. A law
+    without the bend of a map would count it as scatter of the runs, and call certain what only that
+    law says."""
     if "Fc" not in made.names:
         return []
     lowest = max(0.5 * float(np.min(np.abs(made.windows.w))), SLOWEST_DIP * ground.speed)
     sizes = dict.fromkeys(dips(ground.speed, lowest), DIP_OF_MAP * made.problem.level)
     if "Fv" in made.names:
         sizes[Term("dip", drag(ground.speed), friction=True)] = BEND_OF_MAP * rms(rows.y)
+        steeper = (Term("tilt", tilt(way * ground.speed), friction=True) for way in (1.0, -1.0))
+        sizes |= dict.fromkeys(steeper, TILT_OF_MAP * rms(rows.y))
     all_of = ground.source.windows(made.half_width, [*sizes], made.setting.rest, made.delay)
     columns, found, X = [] if all_of is None else all_of.X.T, [], made.windows.X
     for (term, size), column in zip(sizes.items(), columns, strict=False):

@@ -96,6 +96,11 @@ def drag(speed: float) -> Column:
     return lambda track: track.speed * np.abs(track.speed) / speed**2
 
 
+def tilt(speed: float) -> Column:
+    """|w| / speed: friction that is steeper one way."""
+    return lambda track: np.abs(track.speed) / speed
+
+
 def turning(near: float, far: float) -> Column:
     """Coulomb friction that turns over within ``far`` after a reversal, minus that in ``near``."""
 
