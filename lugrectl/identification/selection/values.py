@@ -268,7 +268,7 @@ def _reader(
         x0 = base.law.x0 * float(np.exp(np.clip(own.get("x0", 0.0), -2, 2)))
         vs = base.law.vs * float(np.exp(np.clip(own.get("vs", 0.0), -2, 2)))
         J = max(float(b[0]), 1e-300)
-        made = {"J": J, **levels(b), "vs": vs}
+        made = {"J": max(float(b[0]), 0.0), **levels(b), "vs": vs}  # 0 is its bound: not sure
         made |= bristle(made["Fc"], b[LEVELS], x0)
         if heavy:
             A, B = b[WEIGHT : WEIGHT + 2]
