@@ -48,32 +48,31 @@ class Value:
 
     @property
     def width(self) -> float:
-        low, high = self.said["ci95"] if self.said else (np.nan, np.nan)
-        return high - low if low is not None and high is not None else np.inf
+        low, high = ends(self.said)
+        return high - low
 
     @property
     def off(self) -> float:
-        return self.said["value"] / self.truth - 1 if self.said else np.nan
+        return self.said["value"] / self.truth - 1
 
     @property
     def right(self) -> bool:
-        return self.said is not None and abs(self.off) <= 0.03
+        return abs(self.off) <= 0.03
 
     @property
     def inside(self) -> bool:
-        if self.said is None:
-            return False
-        low, high = self.said["ci95"]
-        return (low is None or low <= self.truth) and (high is None or self.truth <= high)
+        low, high = ends(self.said)
+        return low <= self.truth <= high
 
     @property
     def outcome(self) -> list[str]:
         """Those of COUNTS that hold."""
         if self.said is None:
             return ["asked", "not given"]
-        names = ["asked", "right" if self.right else "wrong"]
-        names += ["inside"] * self.inside + ["both"] * (self.right and self.inside)
-        return names + ["zero width"] * (self.width <= 0)
+        right, inside = self.right, self.inside
+        held = {"right": right, "inside": inside, "both": right and inside, "wrong": not right}
+        held |= {"asked": True, "zero width": self.width <= 0}
+        return [name for name, true in held.items() if true]
 
     def __str__(self) -> str:
         if self.said is None:
@@ -81,6 +80,12 @@ class Value:
         half = self.width / 2 / abs(self.truth)
         mark = "" if self.right and self.inside else " inside" if self.inside else " OUT"
         return f"{self.name} {100 * self.off:+.2g} % (+-{100 * half:.2g}){mark}"
+
+
+def ends(said: dict) -> tuple[float, float]:
+    """The interval; an end that is not given is open."""
+    low, high = said.get("ci95") or (None, None)
+    return float(-np.inf if low is None else low), float(np.inf if high is None else high)
 
 
 def main() -> None:
@@ -106,7 +111,7 @@ def one(drawn: Drawn, tables: dict[str, Counter]) -> None:
     plain = report["plain"] or {}
     of_kind, others = bench(plain, drawn.kind)
     said = {"bench": of_kind, "plain": parameters(plain, drawn)}
-    said["fit"] = {name: v for name, v in (report["parameters"] or {}).items() if "ci95" in v}
+    said["fit"] = parameters({"parameters": report["parameters"]}, drawn)
     named = {effect["name"] for effect in report["effects"]} if report["verdict"] == "found" else {}
     print(f"\n{drawn}: {report['verdict']} {', '.join(named)}")
     if wrong := set(named) - true_names(drawn):
@@ -130,7 +135,7 @@ def asked(name: str, truth: float, values: dict, drawn: Drawn) -> Value:
     if said and name == "Fs_scatter" and said["unit"] in ("%", "1", ""):
         level = (drawn.truth["Fs_forward"] + drawn.truth["Fs_backward"]) / 2
         level /= 100 if said["unit"] == "%" else 1
-        said = {"value": said["value"] * level, "ci95": [x * level for x in said["ci95"]]}
+        said = {"value": said["value"] * level, "ci95": [x * level for x in ends(said)]}
     return Value(name, truth, said)
 
 
@@ -151,7 +156,7 @@ def parameters(plain: dict, drawn: Drawn) -> dict:
     if drawn.kind == "slow_scan" and {"Fc", "Fv"} <= set(values):
         more = values["Fv"]["value"] * np.abs(drawn.hints["reference"]).max()
         Fc = values["Fc"]
-        values["Fc"] = {"value": Fc["value"] + more, "ci95": [x + more for x in Fc["ci95"]]}
+        values["Fc"] = {"value": Fc["value"] + more, "ci95": [x + more for x in ends(Fc)]}
     return ratios(values) | values
 
 
@@ -161,7 +166,8 @@ def ratios(values: dict) -> dict:
     for name in {"Fc", "Fv"} & set(values) if "J" in values else ():
         above, J = values[name], values["J"]
         value = above["value"] / J["value"]
-        half = np.hypot(*(np.diff(x["ci95"])[0] / 2 / x["value"] for x in (above, J))) * abs(value)
+        shares = [np.ptp(ends(x)) / 2 / x["value"] for x in (above, J)]
+        half = np.hypot(*shares) * abs(value)
         found[f"{name}/J"] = {"value": value, "ci95": [value - half, value + half]}
     return found
 
