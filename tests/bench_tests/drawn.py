@@ -256,7 +256,7 @@ def coast_down(bench: Bench):
     else:
         runs = [bench.record(coasting(bench), w=w) for w in plan]
         for run in runs:
-            run["u"] = 0 * run["u"]
+            run["u"] = np.zeros_like(run["u"])
     truth = {"Fc/J": m.Fc / m.J, "Fv/J": m.Fv / m.J}
     known: dict = {"plant": {}, "friction": {"model": "coulomb"}}
     if bench.seed % 2:
@@ -307,7 +307,7 @@ def free_swing(bench: Bench):
         run = bench.record(coasting(bench), theta=side * bench.between(0.6, 1.6) - zero)
         held = bench.samples(bench.between(0.2, 0.6)) if bench.chance(0.3) else 0
         runs.append(by_hand(run, held))
-        runs[-1]["u"] *= 0
+        runs[-1]["u"] = np.zeros_like(runs[-1]["u"])
     truth = {"length": length, "Fc/J": m.Fc / m.J, "Fv/J": m.Fv / m.J}
     known = {
         "plant": {},
