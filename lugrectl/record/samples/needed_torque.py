@@ -16,6 +16,8 @@ from .rows import Stamped
 _WIDTHS = (4, 6, 9, 14, 20, 30, 45, 70)  # samples, half-widths of the windows that are tried
 _LONGEST = 0.15  # s, half-width of the widest window
 _REST = 0.03  # of the top speed; below, friction is not known from the motion
+_QUICK = 0.3  # of the top speed; above, a law is known that has been fitted to the motion
+_SEEN = 10.0  # times as far as the usual row: beyond it, the fit extrapolates
 _ROUNDS = 12  # of the robust fit
 _ENOUGH = 64_000  # rows that choose the width: of a longer log, stretches all along it
 _STRETCH = 16 * _WIDTHS[-1]  # rows
@@ -28,7 +30,9 @@ class Needed:
     ``torque`` (N,) is what the motion needs about each row, NaN where it is not known; ``scale``
     is the usual difference to the recorded one; ``moving`` marks the rows where the drive moves.
     ``width`` is the half-width of the windows in rows. ``error`` (N,) is the usual difference about
-    each row: where the drive rests, friction may be anything up to its level.
+    each row: where the drive rests, friction may be anything up to its level. ``judged`` marks the
+    rows that the fit may judge: it has seen such motion, and not at low speed, where friction may
+    be another.
     """
 
     torque: np.ndarray
@@ -37,6 +41,7 @@ class Needed:
     width: int
     parts: tuple[slice, ...]
     error: np.ndarray
+    judged: np.ndarray
 
     @property
     def kernel(self) -> np.ndarray:
@@ -157,7 +162,18 @@ def _fit(
             _over(rest[part].astype(float), np.abs(k0)), nan=1.0
         )
     torque = np.where(known, x @ p, np.nan)
-    return share, Needed(torque, scale, moving, width, tuple(parts), error)
+    judged = moving & (np.abs(np.nan_to_num(w)) > _QUICK * top)
+    judged[judged] &= _far(x[judged], x[used]) < _SEEN
+    return share, Needed(torque, scale, moving, width, tuple(parts), error, judged)
+
+
+def _far(x: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """How far rows (n, k) are from those that were seen: 1 for the usual one of them."""
+    size = np.linalg.norm(seen, axis=0)
+    size[size == 0] = 1.0
+    inverse = np.linalg.pinv((seen / size).T @ (seen / size), hermitian=True)
+    own = x / size
+    return np.sum(own @ inverse * own, axis=1) * len(seen) / x.shape[1]
 
 
 def _robust(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, float]:

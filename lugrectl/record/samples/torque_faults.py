@@ -58,7 +58,7 @@ def leave_out_untrue_torque(log: Stamped) -> None:
     missing = fit.missing(np.nan_to_num(u))
     for value, beyond in ((low, -missing), (high, missing)):
         at = _rows(len(u), [run for run in limit if u[run[0]] == value])
-        _saturated(log, value, beyond[at & fit.moving], least)
+        _saturated(log, value, beyond[at & fit.judged], least)
     _stuck(log, fit, missing, stuck, least)
 
 
@@ -123,7 +123,7 @@ def _stuck(
 ) -> None:
     """Leave out runs of one value that the motion contradicts."""
     for a, n in found:
-        judged = missing[a : a + n][fit.moving[a : a + n]]
+        judged = missing[a : a + n][fit.judged[a : a + n]]
         if n < fit.width or len(judged) < 5 or not abs(np.median(judged)) > least:
             continue
         log.say(
