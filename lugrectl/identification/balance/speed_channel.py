@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...core.numeric import top_speed
+from ...core.numeric import rms, top_speed
 from .channel_noise import shared_noise, white_noise
 from .constants import (
     GAIN,
@@ -18,6 +18,7 @@ from .constants import (
     NOTICED_GAIN,
     NOTICED_LAG,
     OFFSET,
+    QUARTER,
     ROUNDS,
     SLOW,
     SMALL,
@@ -83,9 +84,13 @@ def _rows(tracks: Sequence[Track], lag: float) -> np.ndarray | None:
 
 
 def _misfit(tracks: Sequence[Track], lag: float) -> float:
-    """What a speed so late leaves."""
+    """What a speed so late leaves where the speed changes: at one speed no lag shows."""
     rows = _rows(tracks, lag)
-    return np.inf if rows is None else _robust(rows)[2]
+    if rows is None:
+        return np.inf
+    change = np.abs(rows[:, 1])
+    left = rows[:, 3] - rows[:, :3] @ _robust(rows)[0]
+    return rms(left[change > QUARTER * top_speed(change)])
 
 
 def _robust(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:

@@ -14,6 +14,8 @@ from .rows import Stamped, count, runs
 ONE = "{role} at {place} is {value}, {why}: left out."
 MANY = "{role} is {why} in {rows}, first at {place} ({value}): left out."
 NO_SENSOR = "which no sensor gives"
+_RARE = 0.99  # of the rows change their speed less than a reversal does
+
 OFF = "far off its neighbours"
 
 
@@ -89,17 +91,25 @@ def _outliers(log: Stamped, role: str) -> None:
 
 
 def _felt(log: Stamped, bad: np.ndarray) -> np.ndarray:
-    """Where the motion shows the torque of these rows: a short one that the drive did apply."""
+    """Where the motion shows the torque of these rows: a short one that the drive did apply.
+
+    A reversal may be all that a log shows of the inertia: then the speed changes there, in the
+    direction of the torque, as it hardly ever does.
+    """
     fit, felt = needed(log, bad), np.zeros(len(bad), bool)
     if fit is None:
         return felt
     u = np.nan_to_num(log.channels["u"])
-    with_it, without = np.abs(fit.missing(u)), np.abs(fit.missing(bridged(u, bad)))
+    plain = bridged(u, bad)
+    with_it, without = np.abs(fit.missing(u)), np.abs(fit.missing(plain))
+    change, way = np.nan_to_num(fit.a), np.sign(u - plain)
+    often = np.quantile(np.abs(change), _RARE)
     for row in np.flatnonzero(bad):
         near = slice(max(row - fit.width, 0), row + fit.width + 1)
         costs = np.nansum(with_it[near]), np.nansum(without[near])
         covered = np.isfinite(with_it[near]).sum() > fit.width
         felt[row] = covered and costs[0] < 0.8 * costs[1]
+        felt[row] |= np.max(way[row] * change[max(row - 2, 0) : row + 3]) > often
     return felt
 
 

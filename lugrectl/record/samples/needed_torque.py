@@ -32,7 +32,7 @@ class Needed:
     ``width`` is the half-width of the windows in rows. ``error`` (N,) is the usual difference about
     each row: where the drive rests, friction may be anything up to its level. ``judged`` marks the
     rows that the fit may judge: it has seen such motion, and not at low speed, where friction may
-    be another.
+    be another. ``a`` (N,) is the acceleration.
     """
 
     torque: np.ndarray
@@ -42,6 +42,7 @@ class Needed:
     parts: tuple[slice, ...]
     error: np.ndarray
     judged: np.ndarray
+    a: np.ndarray
 
     @property
     def kernel(self) -> np.ndarray:
@@ -164,7 +165,7 @@ def _fit(
     torque = np.where(known, x @ p, np.nan)
     judged = moving & (np.abs(np.nan_to_num(w)) > _QUICK * top)
     judged[judged] &= _far(x[judged], x[used]) < _SEEN
-    return share, Needed(torque, scale, moving, width, tuple(parts), error, judged)
+    return share, Needed(torque, scale, moving, width, tuple(parts), error, judged, a)
 
 
 def _far(x: np.ndarray, seen: np.ndarray) -> np.ndarray:
