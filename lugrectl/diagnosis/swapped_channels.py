@@ -10,6 +10,7 @@ from ..core.option_names import option
 from ..identification.balance import Balance, balance
 from ..record import Stretch
 
+EXPLAINED = 0.1  # of the torque is left by a balance that explains it
 SAYS = (
     "u and {0} seem to be swapped: the other way round the balance leaves {1:.2g} % of the RMS "
     "torque with a possible inertia, as they are it {2}. Give {3}."
@@ -22,9 +23,12 @@ def swapped(
     """A sentence where only the exchange of u with theta or w makes a drive of the log, else "".
 
     It must explain more of its torque than the log does as it is, and than with the other sign of
-    u: a torque of the wrong sign makes an impossible drive as well.
+    u: a torque of the wrong sign makes an impossible drive as well. A log that one level of torque
+    explains as it is shows no inertia, and need not be swapped for that.
     """
     if "J" in found.parameters or found.is_map or not parts:
+        return ""
+    if found.left is not None and found.left < EXPLAINED:
         return ""
     rivals = [found, balance([replace(p, u=-p.u) for p in parts], model, fixed)]
     most = min(b.left for b in rivals if b.left is not None) if _known(rivals) else None

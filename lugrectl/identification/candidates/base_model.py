@@ -274,11 +274,16 @@ class Base:
 
     @cached_property
     def friction_rms(self) -> float:
-        """RMS friction torque in the windows, of all shapes: large ones may cancel near rest."""
+        """RMS friction torque in the windows, of all shapes: large ones may cancel near rest.
+
+        No more than what the drive has to overcome beside its inertia: in one direction friction
+        and a load may cancel.
+        """
         if self.friction is not None:
             return self.friction
         mean = self.record.mean(self._of(NAMES))
-        return max(rms(mean), LEAST_FRICTION * rms(self.y))
+        beside = self.y - self.columns.X[:, 0] * self.made.b[0]
+        return max(min(rms(mean), rms(beside)), LEAST_FRICTION * rms(self.y))
 
     @cached_property
     def level(self) -> np.ndarray:
