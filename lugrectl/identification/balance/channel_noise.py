@@ -24,14 +24,13 @@ def quantum(x: np.ndarray) -> float:
     return float(step) if on_lattice else 0.0
 
 
-def white_noise(parts: Sequence[np.ndarray], at_rest: bool = True) -> float:
+def white_noise(parts: Sequence[np.ndarray], stepped: bool = False) -> float:
     """Standard deviation of the white noise per sample, at least that of the quantum.
 
     The level of the top of the spectrum of the fourth difference, divided by the gain of that
-    difference, |2 sin(pi f)|^8. The difference keeps slow motion from leaking there. It is the
-    median over the segments, of which ln 2 is that of an exponential density: steps of the signal
-    and bridged rows fill the spectrum of few. A sensor that stands still shows no noise:
-    ``at_rest`` says whether such segments count.
+    difference, |2 sin(pi f)|^8. The difference keeps slow motion from leaking there. Where the
+    signal is ``stepped``, as a command is, it is the median over the segments, by that of an
+    exponential density, ln 2: steps fill the spectrum of few segments.
     """
     rounding = quantum(np.concatenate(parts)) / np.sqrt(12)
     d = np.concatenate([np.diff(x, DIFFERENCE) for x in parts])
@@ -39,8 +38,7 @@ def white_noise(parts: Sequence[np.ndarray], at_rest: bool = True) -> float:
         return max(rounding, NO_NOISE)
     f, x = _top(d, min(SEGMENT, len(d)))
     power = np.abs(x) ** 2 / (2 * np.sin(np.pi * f)) ** (2 * DIFFERENCE)
-    power = power if at_rest else power[power.any(axis=1)]
-    level = np.median(power) / np.log(2) if len(power) else 0.0
+    level = np.median(power) / np.log(2) if stepped else np.median(power.mean(axis=0))
     return float(max(np.sqrt(level), rounding, NO_NOISE))
 
 

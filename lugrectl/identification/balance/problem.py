@@ -110,8 +110,7 @@ def ground_of(
         widths, setting = (width / 2, width), Setting(0.0, 0.0)
     travel = travel_of(tracks, across=still is not None)
     uses, unused = uses_of(model, tracks, held, travel.middle)
-    seconds = sum(p.duration for p in tracks)
-    terms = plain_terms(model, travel, still is not None, seconds)
+    terms = plain_terms(model, travel, still is not None)
     terms += [term for use in uses for term in use.terms]
     known = held_terms(held, uses, terms)
     return Ground(

@@ -12,17 +12,7 @@ import numpy as np
 
 from ...blocks.model import Model
 from ..dataset.measured_bristle import along
-from .constants import (
-    DIPS,
-    DRIFTS,
-    ECCENTRIC,
-    GONE,
-    REST_TORQUE,
-    TURNED,
-    TURNED_IN_MAP,
-    TURNS,
-    WARM,
-)
+from .constants import DIPS, ECCENTRIC, GONE, REST_TORQUE, TURNED, TURNED_IN_MAP, TURNS
 from .track import Track
 
 Column = Callable[[Track], np.ndarray]
@@ -126,6 +116,7 @@ COULOMB = Term("Fc", sliding, friction=True)
 VISCOUS = Term("Fv", None, friction=True)
 PACE = Term("Fv", pace, friction=True)
 OFFSET = Term("constant_torque", constant, friction=True)
+DRIFT = Term("drift", warming)
 GRAVITY = (Term("gravity.sin", at_position(np.sin)), Term("gravity.cos", at_position(np.cos)))
 # An encoder off its centre by e shows theta + e sin(theta + phase): J times the second derivative
 ECCENTRICITY = tuple(
@@ -166,10 +157,9 @@ def travel_of(tracks: Sequence[Track], across: bool) -> Travel:
     return Travel(float(span), float(np.mean([x.mean() for x in theta])))
 
 
-def plain_terms(model: Model, travel: Travel, is_map: bool, seconds: float) -> list[Term]:
+def plain_terms(model: Model, travel: Travel, is_map: bool) -> list[Term]:
     """J, Fc, Fv, a constant, the drift of friction, and gravity where the position shows it."""
-    drift = Term("drift", warming, share=DRIFTS * min(seconds / WARM, 1.0))
-    terms = [COULOMB, PACE, OFFSET] if is_map else [INERTIA, COULOMB, VISCOUS, OFFSET, drift]
+    terms = [COULOMB, PACE, OFFSET] if is_map else [INERTIA, COULOMB, VISCOUS, OFFSET, DRIFT]
     if turns_enough(model, travel, is_map):
         return [*terms, *GRAVITY]
     if not travel.span or any(part.block.name == "return_spring" for part in model.effects):
