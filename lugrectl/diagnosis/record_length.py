@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from ..identification.regression.numbers import FEW_STRETCHES
 from ..record import Record
 
-FEW = 24  # independent stretches, fewer than which make a comparison uncertain
 LEAST = 18.0  # s of motion with which a model can be fitted and checked on held-out samples
 SHORT = (
     "The record is short: {0:.3g} s, in which {1} of motion {2} compared. With fewer than {3} the "
@@ -20,7 +20,7 @@ STILL = "Record {:.0f} s or more in which the drive moves most of the time: here
 
 def short(stretches: int) -> bool:
     """Whether so few independent stretches were compared that the answer is uncertain."""
-    return stretches < FEW
+    return stretches < FEW_STRETCHES
 
 
 def said(records: Sequence[Record], stretches: int) -> str:
@@ -28,7 +28,7 @@ def said(records: Sequence[Record], stretches: int) -> str:
     what = f"{stretches} independent stretch{'es' * (stretches != 1)}"
     were = "was" if stretches == 1 else "were"
     sentence = SHORT if short(stretches) else LENGTH
-    return sentence.format(_duration(records), what, were, FEW)
+    return sentence.format(_duration(records), what, were, FEW_STRETCHES)
 
 
 def longer(records: Sequence[Record], stretches: int, then: str | None = None) -> str:
@@ -36,7 +36,7 @@ def longer(records: Sequence[Record], stretches: int, then: str | None = None) -
     if not stretches:  # then its length says nothing
         first = STILL.format(LEAST)
     else:
-        first = LONGER.format(max(LEAST, math.ceil(_duration(records) * FEW / stretches)))
+        first = LONGER.format(max(LEAST, math.ceil(_duration(records) * FEW_STRETCHES / stretches)))
     return " ".join(filter(None, (first, then)))
 
 

@@ -75,7 +75,9 @@ def decided(ready: Prepared, found: Comparison, report: Progress) -> tuple[Winne
 def _may_be_nothing(won: Winner, key: str, name: str) -> bool:
     block = REGISTRY["effect", name]
     neutral, own = block.own[block.gain].neutral, won.estimates.get(f"{key}.{block.gain}")
-    return own is not None and neutral is not None and own.may_be(neutral)
+    if own is None or neutral is None:
+        return False
+    return not own.held and (own.ci95 is None or own.may_be(neutral))
 
 
 def _rivals(ready: Prepared, found: Comparison, report: Progress) -> tuple[Winner, Comparison]:

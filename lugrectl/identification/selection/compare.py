@@ -19,7 +19,16 @@ from ..candidates.candidate import Contender
 from ..candidates.friction_shape import settled
 from ..candidates.start_values import levels_of, values_of, zeros_of
 from ..candidates.unknown_torque import MIDDLE
-from ..regression.numbers import ALPHA, HELD, LEAST, LOST, MOST_ROWS, MOST_SAMPLES, OFF
+from ..regression.numbers import (
+    ALPHA,
+    FEW_STRETCHES,
+    HELD,
+    LEAST,
+    LOST,
+    MOST_ROWS,
+    MOST_SAMPLES,
+    OFF,
+)
 from ..regression.score import standard_error
 from ..regression.smooth_motion import Motion, motion_of
 from ..regression.weak_form import Width, quick, rows_of, spacing, usable, widths
@@ -139,10 +148,11 @@ def _held(found: Decision, model: Model, limits: tuple[float, float]) -> Decisio
     holds the value at which they change nothing."""
     for _ in found.effects:
         own = valued(found.last, _inside(found), model)
-        if found.gravity is not None and own.may_be_nothing(found.gravity.name, first=True):
+        if found.gravity is not None and own.may_be_nothing(found.gravity.name, whole=True):
             found = decide(found.last.record, *limits, weighed=False)
             continue
-        gone = next((c for c in _inside(found) if own.may_be_nothing(c.name)), None)
+        inside, short = _inside(found), found.last.record.independent < FEW_STRETCHES
+        gone = next((c for c in inside if own.may_be_nothing(c.name, short)), None)
         if gone is None:
             break
         found = judged(without(found, gone, *limits))

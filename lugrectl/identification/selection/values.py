@@ -57,14 +57,15 @@ class Valued:
         i = list(self.values).index(key)
         return 1.96 * float(np.sqrt(self.matrix[i, i]))
 
-    def may_be_nothing(self, name: str, first: bool = False) -> bool:
+    def may_be_nothing(self, name: str, whole: bool = False) -> bool:
         """Whether an effect's strength may as well be the value that changes nothing, by its spread
-        over the record; by its whole interval, where it joined ``first``, before all else."""
+        over the record; by its ``whole`` interval, where it joined before all else, or where the
+        record has too few parts for a spread."""
         block = REGISTRY["effect", name]
         key, neutral = f"{name}.{block.gain}", block.own[block.gain].neutral
         if key not in self.sure or neutral is None or not np.isfinite(neutral):
             return False
-        half = (self.half(key) or 0.0) if first else 1.96 * self.spread[key]
+        half = (self.half(key) or 0.0) if whole else 1.96 * self.spread[key]
         return abs(self.values[key] - neutral) < half
 
     def by(self, places: Mapping[str, str]) -> Valued:
