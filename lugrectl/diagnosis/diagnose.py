@@ -186,7 +186,8 @@ def _finer(
     report(0.05, "comparing explanations")
     ready, no = _prepared(record, model, holdout, horizon)
     apart = None if ready is None else ready.held_out
-    found = compare(asked.plain.stretches, model, asked.plain, *limits, held_out=apart)
+    plain = asked.plain
+    found = compare(plain.stretches, asked.completed, plain, *limits, held_out=apart)
     if found.verdict == "refused":
         raise Refused(" ".join(found.messages), _next(asked, found, None))
     if ready is not None:

@@ -200,7 +200,7 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
     asked.refuse_unfit()
     ready = prepared(record, model, holdout, horizon)
     plain = asked.plain
-    found = alone(plain.stretches, model, plain, held_out=ready.held_out)
+    found = alone(plain.stretches, asked.completed, plain, held_out=ready.held_out)
     ready = ready.begun_from(plain, asked.starts(found.alone), found.written_late)
     won = winner(ready, found, report)
     own = judged(won, asked)

@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 
+from ..blocks.block import P
 from ..blocks.model import Model
 from ..estimates.findings import Estimate
 from ..identification.balance import Balance, balance, unlike
@@ -68,7 +69,8 @@ def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
 def values_for(plain: Balance, model: Model) -> dict[str, Estimate]:
     """The values of the plain answer that a model has, and that a drive may have."""
     known = {k: e for k, e in plain.parameters.items() if of_its_law(model, k)}
-    return {k: e for k, e in known.items() if _possible(k, e.value)}
+    bounds = model.declarations()
+    return {k: e for k, e in known.items() if _possible(k, e.value, bounds.get(k))}
 
 
 def plainly(plain: Balance, model: Model) -> tuple[dict[str, Estimate], Model]:
@@ -77,9 +79,11 @@ def plainly(plain: Balance, model: Model) -> tuple[dict[str, Estimate], Model]:
     return known, lifted(model.with_values({k: e.value for k, e in known.items()}))
 
 
-def _possible(key: str, value: float) -> bool:
+def _possible(key: str, value: float, bounds: P | None) -> bool:
     """Whether a drive may have this value, however wide its interval: no inertia is negative."""
-    return value > 0 if key == "J" else value >= 0 or key not in ("Fc", "Fv")
+    if key in LEVELS or bounds is None:
+        return value > 0 if key == "J" else value >= 0 or key not in ("Fc", "Fv")
+    return bounds.low <= value <= bounds.high
 
 
 def _may_be(key: str, value: float, found: Balance) -> bool:
