@@ -15,6 +15,7 @@ from ..core.provenance import stamped
 from ..core.validation import positive, share
 from ..estimates.findings import Candidate, Estimate, Finding, Table
 from ..friction_maps.points import is_map
+from ..identification.balance.result import Combination
 from ..identification.candidates.applicable import signals_of
 from ..identification.likelihood.initial_values import lifted
 from ..identification.likelihood.maximise import Fitted
@@ -236,7 +237,7 @@ def _answered(
         verdict=found.verdict,
         effects=tuple(effects),
         depends_on=_signals(found),
-        experiment=_next(asked, found, next_experiment(found, effects)),
+        experiment=_next(asked, found, next_experiment(found, effects), own.sums),
         error=scored["error"],
         free_error=scored["free_error"],
         torque_error=scored["torque_error"],
@@ -367,10 +368,16 @@ def _length(asked: Asked, found: Comparison, always: bool = False) -> tuple[str,
     return (length_of(asked.seen, many),)
 
 
-def _next(asked: Asked, found: Comparison, then: str | None) -> str | None:
+def _next(
+    asked: Asked,
+    found: Comparison,
+    then: str | None,
+    sums: Mapping[str, Combination] | None = None,
+) -> str | None:
     """What to record next: first a longer record, where little was compared, and at last the
     other direction, where the log has one only."""
-    many, then = found.stretches, next_way(asked.plain, then)
+    many = found.stretches
+    then = next_way(asked.plain.together if sums is None else sums, then)
     return longer(asked.seen, many, then) if many is not None and short(many) else then
 
 

@@ -14,11 +14,10 @@ from ..identification.balance.result import LEVELS, Combination
 from ..identification.likelihood.initial_values import lifted
 from ..record import Log, Stretch, stretches
 from .held_values import against_stated
-from .one_direction import WAY, moves_one_way, of_runs, without_other_way
+from .one_direction import LOAD, WAY, moves_one_way, of_runs, without_other_way
 from .other_law import of_its_law
 from .swapped_channels import swapped
 
-LOAD = "constant_torque"
 TAKEN = "{} is taken as declared, {:.6g} {}: this log does not determine it alone."
 
 OTHERS = "The plain answer is that of the other runs."
@@ -109,7 +108,8 @@ def _together(found: Balance, model: Model, parts: Sequence[Stretch]) -> dict[st
     if not moves_one_way(parts):
         return {}
     one_way = [c for c in found.combinations if LOAD in _names(c.text) and WAY in c.to_separate]
-    alone = {k: c for c in one_way for k in _names(c.text) if k in LEVELS and _open(k, found)}
+    surest = reversed(one_way)  # the first one comes last, and stays
+    alone = {k: c for c in surest for k in _names(c.text) if k in LEVELS and _open(k, found)}
     return alone or ({} if model.held() & {"Fc"} else of_runs(parts, found))
 
 

@@ -360,9 +360,11 @@ def plain(d: Any) -> Section | None:
         estimate = Estimate(one["value"], one["unit"], one["ci95"])
         rows.append((key, *_with_interval(estimate), one["unit"]))
     grid = Grid(("parameter", "value", "95 % interval", "unit"), "lrrl", tuple(rows))
-    lines = [_left(found["left"]), *map(_together, found["combinations"])]
+    lines = [_left(found["left"])]
     if _get(d, "effects", ()) or _get(d, "depends_on"):
         lines.append("What is missing from the model is missing here too, and biases these values.")
+    else:
+        lines += map(_together, found["combinations"])
     lines += map(_sentence, _plain_notes(d))
     return Section(PLAIN, tuple(filter(None, lines)), grid if rows else None)
 

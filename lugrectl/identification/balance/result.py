@@ -22,7 +22,7 @@ LEVELS = ("J", "Fc", "Fv")  # inertia and friction: terms of every drive
 class Combination:
     """A sum of parameters that is certain where its parts are not.
 
-    ``ci95`` is None where nothing is left to tell its error.
+    ``ci95`` is None where nothing is left to tell its error. ``parts`` are its factors by name.
     """
 
     text: str
@@ -30,6 +30,7 @@ class Combination:
     unit: str
     ci95: tuple[float, float] | None
     to_separate: str
+    parts: Mapping[str, float] = field(default_factory=dict, hash=False)
 
 
 @dataclass(frozen=True)
