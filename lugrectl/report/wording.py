@@ -9,7 +9,7 @@ from typing import Any
 
 from ..blocks.block import members
 from ..blocks.model import model_toml
-from ..core.display import NONE, Grid, between, number
+from ..core.display import NONE, Grid, between, number, to_interval
 from ..core.display import with_interval as _with_interval
 from ..estimates.findings import AGAINST_HELD, Estimate
 from . import comparison_section
@@ -84,7 +84,8 @@ def _size(d: Any, finding: Any) -> str:
     said = [finding.name]
     for key, e in finding.parameters.items():
         factor, unit = readable([e.value], e.unit)
-        value = number(factor * e.value, 3)
+        low, high = e.ci95 or (0.0, 0.0)
+        value = to_interval(factor * e.value, factor * (high - low), 3)
         if key == "harmonic" and e.unit == "1/rev":
             said.insert(1, f"{e.value:.4g} per turn")
         elif key != "phase":
@@ -250,6 +251,7 @@ SINGLE = (
 )
 
 
+FIT = "NRMSE fit of this motion: {}."
 RELATIVE = "Improvement is relative to the refitted model."
 
 
@@ -277,10 +279,10 @@ def errors(d: Any) -> Section | None:
         return None
     head = ("RMS", "unit", "declared", "refitted", "augmented", "noise", "improved")
     grid = Grid(head, "llrrrrr", tuple(rows))
-    lines = _scope(error)
+    lines = _scope(d, error)
     if all(row[head.index("augmented")] == number(None, 3) for row in rows):  # an identification
         return Section("Error before and after", lines, _fitted_only(grid), footnote)
-    lines = tuple(f"{line} {RELATIVE}" for line in lines)
+    lines = (f"{lines[0]} {RELATIVE}", *lines[1:]) if lines else ()
     return Section("Error before and after", lines, grid, footnote)
 
 
@@ -291,7 +293,7 @@ def _fitted_only(grid: Grid) -> Grid:
     return Grid(head, "".join(grid.align[i] for i in keep), tuple(rows))
 
 
-def _scope(error: Mapping[str, Any] | None) -> tuple[str, ...]:
+def _scope(d: Any, error: Mapping[str, Any] | None) -> tuple[str, ...]:
     if not error:
         return ()
     if error["signal"] == "u":
@@ -301,7 +303,15 @@ def _scope(error: Mapping[str, Any] | None) -> tuple[str, ...]:
             f"Measured minus simulated over {error['samples']} held-out samples; the simulation "
             f"is restarted every {error['horizon']:g} s"
         )
-    return (f"{what}.",)
+    shown = ("declared", "refitted", *(["augmented"] if _get(d, "effects", ()) else []))
+    fit = {k: v for k, v in (error.get("fit") or {}).items() if k in shown and v is not None}
+    said = ", ".join(f"{k} {_percent(v)} %" for k, v in fit.items())
+    return (f"{what}.", *([FIT.format(said)] if said else []))
+
+
+def _percent(fit: float) -> str:
+    """A share near 100 with the digits that tell it from 100."""
+    return f"{fit:.{min(max(1 - math.floor(math.log10(max(100.0 - fit, 1e-9))), 0), 4)}f}"
 
 
 def _error_row(d: Any, label: str, error: Mapping[str, Any]) -> tuple[str, ...]:

@@ -1,5 +1,6 @@
 """Reports and plots of made-up diagnoses: what they say, that they are whole and safe."""
 
+import html
 import json
 import re
 from dataclasses import replace
@@ -55,6 +56,12 @@ def test_text_says_what_was_found_and_how_much_it_helps():
     assert "periodic_disturbance (r_e = A sin(2 pi f t + phi))" in " ".join(said.split())
 
 
+def test_the_share_of_the_motion_that_is_simulated_stands_beside_its_error():
+    fit = {"declared": None, "refitted": 87.25, "augmented": 99.98766}
+    d = diagnosis(error=diagnosis().error | {"fit": fit})
+    assert "NRMSE fit of this motion: refitted 87 %, augmented 99.988 %." in report.text(d)
+
+
 def test_text_of_the_other_verdicts():
     assert "Explain it equally well: periodic_disturbance" in report.text(diagnosis("ambiguous"))
     assert "Record slow moves both ways." in report.text(diagnosis("ambiguous"))
@@ -104,10 +111,11 @@ def test_an_identification_shows_each_declared_value_beside_the_fitted_one():
 @given(st.floats(-1e5, 1e5), st.floats(1e-5, 1e4))
 @example(2.388e-6, 1.2e-8)
 def test_interval_text_keeps_the_interval(middle, width):
+    """A place of the last digit is at most a fifth of it: more digits would say nothing."""
     low, high = middle - width / 2, middle + width / 2
     value, text = wording._with_interval(Estimate(middle, "1", (low, high)))
     shown = [float(x) for x in (value, *text.split(" to "))]
-    assert np.allclose(shown, [middle, low, high], rtol=0, atol=0.06 * width)
+    assert np.allclose(shown, [middle, low, high], rtol=0, atol=0.11 * width)
 
 
 @pytest.mark.parametrize(
@@ -188,6 +196,10 @@ def test_write_makes_three_files_that_agree(tmp_path):
 
     document = json.loads((folder / "report.json").read_text(), parse_constant=refuse)
     assert document["verdict"] == "found" and document["free_error"]["declared"] is None
+    said = document["headline"]
+    assert said == report.headline(d)[1] and said in html.unescape(
+        (folder / "report.html").read_text()
+    )
     assert read_model(folder / "model.toml").values() == d.model.values()
     assert list(tmp_path.iterdir()) == [tmp_path / "a"]
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...core.display import Row, estimated
+from ...core.display import Row, estimated, noticed
 from ...core.result import Result, library
 from ...core.views import view
 from ...estimates.findings import Estimate
@@ -172,7 +172,7 @@ class Balance(Result):
             rows.append(estimated(c.text, Estimate(c.value, c.unit, c.ci95)))
         if self.left is not None:
             rows.append(Row("left", f"{100.0 * self.left:.2g} %", "", "of the RMS torque"))
-        return [*rows, Row("notes", len(self.said))] if self.said else rows
+        return [*rows, *noticed((*self.notes, *self.reading), "said")]
 
 
 def _fields(x: Any, *names: str) -> dict[str, Any]:
