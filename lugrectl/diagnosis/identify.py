@@ -24,6 +24,7 @@ from ..record import Record, unlikely_time
 from .compare_laws import under_law
 from .judged import judged
 from .law_comparison import LawComparison
+from .other_law import lacking
 from .plain_answer import plainly
 from .question import Asked, judged_by
 from .refusal import with_plain
@@ -206,12 +207,13 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
     own = judged(won, asked)
     if own.failed:
         raise Refused(own.failed)
+    lacks = lacking(found, model, plain)
     return Identification(
         estimates=own.estimates,
         error={k: v for k, v in own.scored["error"].items() if k != "augmented"},
         model=won.whole.predictor.model.with_values(won.whole.values),
         record=own.job.records[0],
-        messages=own.job.messages,
+        messages=(*([lacks] if lacks else []), *own.job.messages),
         declared=model,
         traces=own.traces,
         joint=won.joint,

@@ -122,9 +122,10 @@ def alone(
         base = in_time(settled(record_of(stretches, model, plain)))
         if not answered(plain) or len(base.record.rows) < WEIGHT:
             return Comparison("refused", alone=levels_of(base), least=least, stretches=0)
-        own = valued(base, (), model, held_out)
+        own, shares = valued(base, (), model, held_out), budget(base, (), None)
     return Comparison(
         verdict="adequate",
+        budget=tuple(shares),
         plant=_of_plant(own),
         alone=own.trained,
         least=least,
