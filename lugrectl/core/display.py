@@ -57,7 +57,7 @@ def _to_width(value: float, width: float) -> str:
     if decimals < 0:
         value = round(value, decimals)
     if decimals <= 7 and abs(value) < 1e7:
-        return f"{value:.{max(decimals, 0)}f}"
+        return f"{round(value, max(decimals, 0)) + 0.0:.{max(decimals, 0)}f}"  # no -0.0
     ratio = abs(value) / (width / PLACES) if width > 0 else 1e4
     return number(value, min(max(1 + math.ceil(math.log10(ratio)), 3), 8) if ratio > 0 else 3)
 

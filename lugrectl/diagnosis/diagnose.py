@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from ..blocks.block import members
+from ..blocks.block import members, unit_for
 from ..blocks.model import Model
 from ..core.deadline import within
 from ..core.errors import Refused
@@ -26,6 +26,7 @@ from ..parallel.blas_threads import one_blas_thread
 from ..record import Record
 from .compare_laws import under_law
 from .judged import judged
+from .missed_motion import missed_motion
 from .one_direction import next_way
 from .other_law import judged_with_law
 from .plain_answer import plainly
@@ -225,7 +226,8 @@ def _answered(
     report(0.9, "what was noticed")
     worse = _worse(scored["error"], found)
     free = free_worse(scored["free_error"], found)
-    job = noted(own.job, *found.messages, *worse, *free, *_length(asked, found))
+    missed = _missed(scored["error"], found, won.whole.values, asked.model)
+    job = noted(own.job, *found.messages, *worse, *missed, *free, *_length(asked, found))
     tied = tuple(_candidate(found, a.name) for a in found.alternatives)
     named = () if found.only_inertia else found.effects
     effects = [
@@ -321,6 +323,16 @@ def _worse(error: Mapping[str, Any], found: Comparison) -> list[str]:
     if not found.effects or before is None or after is None or after <= before:
         return []
     return [WORSE.format(after, before, error["unit"])]
+
+
+def _missed(
+    error: Mapping[str, Any], found: Comparison, values: Mapping[str, float], model: Model
+) -> list[str]:
+    """Why the motion is missed where no effect is."""
+    left = next((s.rms for s in found.budget if s.term == "left"), None)
+    if found.verdict != "adequate" or left is None:
+        return []
+    return missed_motion(error, left, unit_for("N m", model.motion), values)
 
 
 def free_worse(error: Mapping[str, Any], found: Comparison) -> list[str]:

@@ -11,7 +11,7 @@ from ..blocks.block import members
 from ..blocks.model import model_toml
 from ..core.display import NONE, Grid, between, number, to_interval
 from ..core.display import with_interval as _with_interval
-from ..estimates.findings import AGAINST_HELD, Estimate
+from ..estimates.findings import AGAINST_HELD, NOT_NAMED, Estimate
 from . import comparison_section
 from .section import Section
 
@@ -50,8 +50,8 @@ def headline(d: Any) -> tuple[str, str]:
     verdict, names = _get(d, "verdict"), listed([f.name for f in _get(d, "effects", ())])
     if verdict == "adequate":
         said = f"No missing effect was detected.{comparison_section.limits_in_words(d)}"
-        held = next((m for m in _get(d, "messages", ()) if m.startswith(AGAINST_HELD)), None)
-        return "adequate", said if held is None else f"{said} But: {held}"
+        but = [m for m in _get(d, "messages", ()) if m.startswith((AGAINST_HELD, NOT_NAMED))]
+        return "adequate", " But: ".join([said, *but[:1]])
     if verdict == "found":
         return f"found: {names}", _found(d)
     if verdict == "ambiguous":
@@ -374,7 +374,7 @@ def plain(d: Any) -> Section | None:
     if _get(d, "effects", ()) or _get(d, "depends_on"):
         lines.append("What is missing from the model is missing here too, and biases these values.")
     else:
-        lines += map(_together, found["combinations"])
+        lines += [*map(_together, found["combinations"]), *balance.why_not]
     lines += map(_sentence, _plain_notes(d))
     return Section(PLAIN, tuple(filter(None, lines)), grid if rows else None)
 
@@ -430,8 +430,9 @@ def _names(records: Sequence[Any]) -> str:
 
 
 def _notes(d: Any) -> Section | None:
-    above = {_get(d, "reason"), *_plain_notes(d)}
-    notes = tuple(f"- {_sentence(m)}" for m in _get(d, "messages", ()) if m not in above)
+    above, first = {_get(d, "reason"), *_plain_notes(d)}, headline(d)[1]
+    left = [m for m in _get(d, "messages", ()) if m not in above and m not in first]
+    notes = tuple(f"- {_sentence(m)}" for m in left)
     return Section("Notes", notes) if notes else None
 
 
