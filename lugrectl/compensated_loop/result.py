@@ -10,7 +10,7 @@ import control as ct
 import numpy as np
 
 from ..blocks.controllers import MEASURED
-from ..core.display import Row, Shown
+from ..core.display import Row, Shown, noticed
 from ..core.result import Result, library, plain
 from ..core.views import view
 from ..design import Certificate
@@ -143,7 +143,7 @@ class Compensation(Result):
         rows += [Row("observer's rate", rate, "1/s")] if rate else []
         rows += [Row("fed forward", ", ".join(self.compensated))] if self.compensated else []
         rows += [Row("not compensated", left)] if left else []
-        return [*rows, *([Row("messages", len(self.messages))] if self.messages else [])]
+        return [*rows, *noticed(self.messages, "messages")]
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the tracking errors over time, into ``ax`` or a new figure; returns the Axes."""

@@ -15,7 +15,9 @@ import numpy as np
 NONE = "-"
 HELD = "held"  # stands where an interval would
 WIDTH = 88  # columns of a text
+PLACES = 5  # places of a value within its interval, at least: more digits say nothing
 _MOST = 6  # entries of a list that are shown
+_SENTENCES = 4  # in what a result prints of itself
 
 
 def number(value: Any, digits: int = 4) -> str:
@@ -50,14 +52,22 @@ def between(interval: Sequence[float]) -> str:
 
 
 def _to_width(value: float, width: float) -> str:
-    """A value with the decimals that show an interval's width to two places."""
-    decimals = 1 - math.floor(math.log10(width)) if width > 0 else 99
+    """A value with the fewest decimals whose last place is at most a fifth of an interval."""
+    decimals = -math.floor(math.log10(width / PLACES)) if width > 0 else 99
     if decimals < 0:
         value = round(value, decimals)
     if decimals <= 7 and abs(value) < 1e7:
-        return f"{value:.{max(decimals, 0)}f}"
-    ratio = abs(value) / width if width > 0 else 1e3
-    return number(value, min(max(2 + math.ceil(math.log10(ratio)), 3), 8) if ratio > 0 else 3)
+        return f"{round(value, max(decimals, 0)) + 0.0:.{max(decimals, 0)}f}"  # no -0.0
+    ratio = abs(value) / (width / PLACES) if width > 0 else 1e4
+    return number(value, min(max(1 + math.ceil(math.log10(ratio)), 3), 8) if ratio > 0 else 3)
+
+
+def to_interval(value: float, width: float, digits: int) -> str:
+    """A value in so many digits, or fewer where an interval of this width knows fewer."""
+    if not value or not 0.0 < width < math.inf:
+        return number(value, digits)
+    known = math.ceil(math.log10(PLACES * abs(value) / width))
+    return number(value, min(max(known, 1), digits))
 
 
 @dataclass(frozen=True)
@@ -118,6 +128,12 @@ def estimated(name: str, estimate: Any) -> Row:
     value, interval = with_interval(estimate)
     unit = "" if estimate.unit == "1" else estimate.unit
     return Row(name, value, unit, "" if interval == NONE else f"({interval})")
+
+
+def noticed(said: Sequence[str], where: str) -> list[Row]:
+    """Rows of the first sentences, and ``where`` the others are."""
+    more = [Row("more", f"in .{where}")] if len(said) > _SENTENCES else []
+    return [*(Row("message", one) for one in said[:_SENTENCES]), *more]
 
 
 class Shown:

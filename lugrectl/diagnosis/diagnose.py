@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from ..blocks.block import members
+from ..blocks.block import members, unit_for
 from ..blocks.model import Model
 from ..core.deadline import within
 from ..core.errors import Refused
@@ -15,6 +15,7 @@ from ..core.provenance import stamped
 from ..core.validation import positive, share
 from ..estimates.findings import Candidate, Estimate, Finding, Table
 from ..friction_maps.points import is_map
+from ..identification.balance.result import Combination
 from ..identification.candidates.applicable import signals_of
 from ..identification.likelihood.initial_values import lifted
 from ..identification.likelihood.maximise import Fitted
@@ -25,6 +26,7 @@ from ..parallel.blas_threads import one_blas_thread
 from ..record import Record
 from .compare_laws import under_law
 from .judged import judged
+from .missed_motion import missed_motion
 from .one_direction import next_way
 from .other_law import judged_with_law
 from .plain_answer import plainly
@@ -186,7 +188,8 @@ def _finer(
     report(0.05, "comparing explanations")
     ready, no = _prepared(record, model, holdout, horizon)
     apart = None if ready is None else ready.held_out
-    found = compare(asked.plain.stretches, model, asked.plain, *limits, held_out=apart)
+    plain = asked.plain
+    found = compare(plain.stretches, asked.completed, plain, *limits, held_out=apart)
     if found.verdict == "refused":
         raise Refused(" ".join(found.messages), _next(asked, found, None))
     if ready is not None:
@@ -223,7 +226,8 @@ def _answered(
     report(0.9, "what was noticed")
     worse = _worse(scored["error"], found)
     free = free_worse(scored["free_error"], found)
-    job = noted(own.job, *found.messages, *worse, *free, *_length(asked, found))
+    missed = _missed(scored["error"], found, won.whole.values, asked.model)
+    job = noted(own.job, *found.messages, *worse, *missed, *free, *_length(asked, found))
     tied = tuple(_candidate(found, a.name) for a in found.alternatives)
     named = () if found.only_inertia else found.effects
     effects = [
@@ -235,7 +239,7 @@ def _answered(
         verdict=found.verdict,
         effects=tuple(effects),
         depends_on=_signals(found),
-        experiment=_next(asked, found, next_experiment(found, effects)),
+        experiment=_next(asked, found, next_experiment(found, effects), own.sums),
         error=scored["error"],
         free_error=scored["free_error"],
         torque_error=scored["torque_error"],
@@ -321,6 +325,16 @@ def _worse(error: Mapping[str, Any], found: Comparison) -> list[str]:
     return [WORSE.format(after, before, error["unit"])]
 
 
+def _missed(
+    error: Mapping[str, Any], found: Comparison, values: Mapping[str, float], model: Model
+) -> list[str]:
+    """Why the motion is missed where no effect is."""
+    left = next((s.rms for s in found.budget if s.term == "left"), None)
+    if found.verdict != "adequate" or left is None:
+        return []
+    return missed_motion(error, left, unit_for("N m", model.motion), values)
+
+
 def free_worse(error: Mapping[str, Any], found: Comparison) -> list[str]:
     """A sentence where the free run of the final model is worse than the declared one's."""
     before, after = error["declared"], error["augmented"]
@@ -366,10 +380,16 @@ def _length(asked: Asked, found: Comparison, always: bool = False) -> tuple[str,
     return (length_of(asked.seen, many),)
 
 
-def _next(asked: Asked, found: Comparison, then: str | None) -> str | None:
+def _next(
+    asked: Asked,
+    found: Comparison,
+    then: str | None,
+    sums: Mapping[str, Combination] | None = None,
+) -> str | None:
     """What to record next: first a longer record, where little was compared, and at last the
     other direction, where the log has one only."""
-    many, then = found.stretches, next_way(asked.plain, then)
+    many = found.stretches
+    then = next_way(asked.plain.together if sums is None else sums, then)
     return longer(asked.seen, many, then) if many is not None and short(many) else then
 
 

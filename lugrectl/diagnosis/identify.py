@@ -24,6 +24,7 @@ from ..record import Record, unlikely_time
 from .compare_laws import under_law
 from .judged import judged
 from .law_comparison import LawComparison
+from .other_law import lacking
 from .plain_answer import plainly
 from .question import Asked, judged_by
 from .refusal import with_plain
@@ -200,18 +201,19 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
     asked.refuse_unfit()
     ready = prepared(record, model, holdout, horizon)
     plain = asked.plain
-    found = alone(plain.stretches, model, plain, held_out=ready.held_out)
+    found = alone(plain.stretches, asked.completed, plain, held_out=ready.held_out)
     ready = ready.begun_from(plain, asked.starts(found.alone), found.written_late)
     won = winner(ready, found, report)
     own = judged(won, asked)
     if own.failed:
         raise Refused(own.failed)
+    lacks = lacking(found, model, plain)
     return Identification(
         estimates=own.estimates,
         error={k: v for k, v in own.scored["error"].items() if k != "augmented"},
         model=won.whole.predictor.model.with_values(won.whole.values),
         record=own.job.records[0],
-        messages=own.job.messages,
+        messages=(*([lacks] if lacks else []), *own.job.messages),
         declared=model,
         traces=own.traces,
         joint=won.joint,

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..estimates.findings import Estimate, Traces
+from ..identification.balance.result import Combination
 from ..identification.likelihood.local_maxima import other_optima
 from ..identification.likelihood.maximise import Fitted
 from .never_worse import failure, refuse_without_inertia
-from .one_direction import not_alone, one_way
+from .one_direction import not_alone, one_way, shown_sums
 from .other_law import means_the_same
 from .parameter_changes import against_held, at_bounds, far_off
 from .plot_data import residual_torque, traces
@@ -24,7 +25,7 @@ class Judged:
     """The model that won beside what was held out.
 
     ``scored`` are the three errors of the JSON format. ``failed`` says why its values are none,
-    which an own law can show only in simulation.
+    which an own law can show only in simulation. ``sums`` are those that values stand for.
     """
 
     job: Job
@@ -33,6 +34,7 @@ class Judged:
     traces: Traces
     estimates: dict[str, Estimate]
     failed: str | None
+    sums: Mapping[str, Combination]
 
 
 def judged(won: Winner, asked: Asked) -> Judged:
@@ -45,9 +47,10 @@ def judged(won: Winner, asked: Asked) -> Judged:
     job = compared(job, whole, final)
     job = noted(job, *unidentified(whole.flat(), "this record"), *((failed,) if failed else ()))
     job = noted(job, *at_bounds(whole), *against_held(whole), *other_optima(whole))
-    fitted = not_alone(won.estimates, asked.plain)
-    job = noted(job, *far_off(fitted, model), *one_way(fitted, asked.plain, model))
-    return Judged(job, final, scored, shown, fitted, failed)
+    sums = shown_sums(won.estimates, asked.plain)
+    fitted = not_alone(won.estimates, sums, asked.plain)
+    job = noted(job, *far_off(fitted, model), *one_way(fitted, sums, asked.plain, model))
+    return Judged(job, final, scored, shown, fitted, failed, sums)
 
 
 def _failed(won: Winner, asked: Asked) -> str | None:

@@ -10,7 +10,7 @@ GRAVE = (
     r"The header says ",  # another unit was given than the log states
     r"\w+ is stated in \S+ but in fact in ",  # the data contradict it
     r"u and \w+ seem to be swapped",
-    r"The declared law '\S+' (has no Coulomb friction|does not fit)",
+    r"The declared law '\S+' (has no \w+ friction|does not fit)",
     r"The fit by simulation failed",
     r"Values are those of the balance of torques, without errors",  # there was no such fit
     r"The values are those of the torque balance alone",

@@ -23,10 +23,11 @@ NONE = dict.fromkeys(FRICTION, 0.0)
 SPEEDS = (-100.0, -10.0, -1.0, 1.0, 10.0, 100.0)  # rad/s
 SAME = 0.01  # relative difference of two torques
 COMPARE = "Declare another law, or compare them ({})."
-NO_COULOMB = (
-    "The declared law '{}' has no Coulomb friction, and the log shows {:.3g} {} of it, {:.2g} % of "
-    "the friction torque. "
+LACKS = (
+    "The declared law '{}' has no {} friction, and the log shows {:.3g} {} of it, {:.2g} % of the "
+    "friction torque. "
 )
+TERMS = {"Fc": ("Coulomb", "N m"), "Fv": ("viscous", "N m s/rad")}
 OWN = "The declared law '{}' does not fit this log: the simulation with it misses the motion. "
 
 
@@ -68,7 +69,7 @@ def judged_with_law(found: Comparison, model: Model, plain: Balance, *, failed: 
     said = _said(found, model, plain, failed=failed)
     if said is None:
         return found
-    found = replace(found, messages=(said + COMPARE.format(option("law", "auto")), *found.messages))
+    found = replace(found, messages=(said, *found.messages))
     if found.verdict != "adequate":
         return found
     return replace(found, verdict="unexplained", depends_on=("w",))
@@ -77,11 +78,20 @@ def judged_with_law(found: Comparison, model: Model, plain: Balance, *, failed: 
 def _said(found: Comparison, model: Model, plain: Balance, *, failed: bool) -> str | None:
     name = model.friction.block.name
     if not means_the_same(model):
-        return OWN.format(name) if failed and found.verdict == "adequate" else None
-    level = plain.parameters.get("Fc")
-    if "Fc" in model.friction.block.own or level is None or level.ci95 is None:
-        return None
-    share = next((s.share for s in found.budget if s.term == "coulomb"), 0.0)
-    if level.ci95[0] <= 0.0 or share <= found.least:
-        return None
-    return NO_COULOMB.format(name, level.value, unit_for("N m", model.motion), 100.0 * share)
+        gone = failed and found.verdict == "adequate"
+        return OWN.format(name) + COMPARE.format(option("law", "auto")) if gone else None
+    return lacking(found, model, plain)
+
+
+def lacking(found: Comparison, model: Model, plain: Balance) -> str | None:
+    """What friction the declared law has not, and the log shows."""
+    for key, (kind, unit) in TERMS.items():
+        level = plain.parameters.get(key)
+        if key in model.friction.block.own or level is None or level.ci95 is None:
+            continue
+        share = next((s.share for s in found.budget if s.term == kind.lower()), 0.0)
+        if level.ci95[0] > 0.0 and share > found.least:
+            shown = level.value, unit_for(unit, model.motion), 100.0 * share
+            said = LACKS.format(model.friction.block.name, kind, *shown)
+            return said + COMPARE.format(option("law", "auto"))
+    return None

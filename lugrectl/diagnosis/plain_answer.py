@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 
+from ..blocks.block import P
 from ..blocks.model import Model
 from ..estimates.findings import Estimate
 from ..identification.balance import Balance, balance, unlike
@@ -13,11 +14,10 @@ from ..identification.balance.result import LEVELS, Combination
 from ..identification.likelihood.initial_values import lifted
 from ..record import Log, Stretch, stretches
 from .held_values import against_stated
-from .one_direction import WAY, moves_one_way, of_runs, without_other_way
+from .one_direction import LOAD, WAY, moves_one_way, of_runs, without_other_way
 from .other_law import of_its_law
 from .swapped_channels import swapped
 
-LOAD = "constant_torque"
 TAKEN = "{} is taken as declared, {:.6g} {}: this log does not determine it alone."
 
 OTHERS = "The plain answer is that of the other runs."
@@ -68,7 +68,8 @@ def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
 def values_for(plain: Balance, model: Model) -> dict[str, Estimate]:
     """The values of the plain answer that a model has, and that a drive may have."""
     known = {k: e for k, e in plain.parameters.items() if of_its_law(model, k)}
-    return {k: e for k, e in known.items() if _possible(k, e.value)}
+    bounds = model.declarations()
+    return {k: e for k, e in known.items() if _possible(k, e.value, bounds.get(k))}
 
 
 def plainly(plain: Balance, model: Model) -> tuple[dict[str, Estimate], Model]:
@@ -77,9 +78,11 @@ def plainly(plain: Balance, model: Model) -> tuple[dict[str, Estimate], Model]:
     return known, lifted(model.with_values({k: e.value for k, e in known.items()}))
 
 
-def _possible(key: str, value: float) -> bool:
+def _possible(key: str, value: float, bounds: P | None) -> bool:
     """Whether a drive may have this value, however wide its interval: no inertia is negative."""
-    return value > 0 if key == "J" else value >= 0 or key not in ("Fc", "Fv")
+    if key in LEVELS or bounds is None:
+        return value > 0 if key == "J" else value >= 0 or key not in ("Fc", "Fv")
+    return bounds.low <= value <= bounds.high
 
 
 def _may_be(key: str, value: float, found: Balance) -> bool:
@@ -105,7 +108,8 @@ def _together(found: Balance, model: Model, parts: Sequence[Stretch]) -> dict[st
     if not moves_one_way(parts):
         return {}
     one_way = [c for c in found.combinations if LOAD in _names(c.text) and WAY in c.to_separate]
-    alone = {k: c for c in one_way for k in _names(c.text) if k in LEVELS and _open(k, found)}
+    surest = reversed(one_way)  # the first one comes last, and stays
+    alone = {k: c for c in surest for k in _names(c.text) if k in LEVELS and _open(k, found)}
     return alone or ({} if model.held() & {"Fc"} else of_runs(parts, found))
 
 

@@ -47,12 +47,18 @@ class Asked:
         logs = [log.log if isinstance(log, Record) else log for log in self.logs]
         return plain_answer([log for log in logs if log is not None], self.model)
 
+    @cached_property
+    def completed(self) -> Model:
+        """The model with values of the effects that it leaves open, where a search finds them."""
+        plain = self.plain
+        return self.model.with_values(completed(plain.stretches, self.model, plain))
+
     def starts(self, friction: Mapping[str, float]) -> dict[str, float]:
         """Values from which a fit starts: of the plain answer, of effects declared without values,
         and inertia and friction as the comparison has them."""
-        plain = self.plain
-        left_open = completed(plain.stretches, self.model, plain)
-        return {**plain.values(), **friction, **left_open}
+        own = self.model.values()
+        left_open = {k: v for k, v in self.completed.known().items() if own[k] is None}
+        return {**self.plain.values(), **friction, **left_open}
 
     def records(self) -> Record | list[Record]:
         """The logs on uniform time: one record, or a list; Refused where one has no motion."""

@@ -10,6 +10,7 @@ from ..blocks.model import Model
 from ..core.display import Row, estimated
 from ..core.provenance import Provenance
 from ..core.result import plain as jsonable
+from ..core.views import view
 from ..estimates.findings import Candidate, Estimate, Finding, FrictionMap, Table, Traces
 from ..estimates.fitted import Fitted
 from ..record import Record
@@ -122,6 +123,7 @@ class Diagnosis(Fitted):
             {
                 "schema": 1,
                 "verdict": self.verdict,
+                "headline": view("wording.headline")(self)[1],
                 "effects": [finding.summary() for finding in self.effects],
                 "depends_on": list(self.depends_on),
                 "experiment": self.experiment,
@@ -155,7 +157,9 @@ class Diagnosis(Fitted):
 
     def _rows(self) -> Iterable[Row]:
         if self.verdict == "refused":
-            return [Row("reason", self.reason or "the record cannot answer"), *self._last_rows()]
+            rows = [Row("reason", self.reason or "the record cannot answer")]
+            rows += [Row("record next", self.experiment)] if self.experiment else []
+            return [*rows, *self._last_rows()]
         rows = [
             estimated(f"{finding.name}.{k}", e)
             for finding in self.effects

@@ -251,7 +251,9 @@ def _estimates(final: Fitted, known: Valued) -> dict[str, Estimate]:
             continue
         half = None if key in held else known.half(key)
         low, high = declared[key].low, declared[key].high
+        whole_turn = declared[key].angle and (half or 0.0) >= np.pi
         ends = None if half is None else (max(value - half, low), min(value + half, high))
+        ends = None if whole_turn else ends
         made[key] = Estimate(value, model.unit(key), ends, held=key in held)
     return made
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 import numpy as np
 
-from ..core.display import Grid, Row, brief, grid_html, grid_text, number, with_interval
+from ..core.display import Grid, Row, brief, grid_html, grid_text, noticed, number, with_interval
 from ..core.errors import InputError
 from ..core.result import NamedRows, Result, library, plain
 from ..core.views import view
@@ -156,7 +156,7 @@ class Fitted(Result):
             source, facts = self.record.source, self.record.summary()
             length = f"{facts['samples']} samples at {facts['rate']:g} Hz"
             rows.append(Row("record", f"{source}, {length}"))
-        return rows + ([Row("messages", len(self.messages))] if self.messages else [])
+        return rows + noticed(self.messages, "messages")
 
     def __str__(self) -> str:
         return view("text")(self)

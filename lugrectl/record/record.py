@@ -9,7 +9,7 @@ from zlib import crc32
 
 import numpy as np
 
-from ..core.display import Row, Shown
+from ..core.display import Row, Shown, noticed
 from ..core.errors import InputError
 from ..core.provenance import SourceFile
 from ..core.validation import array
@@ -18,7 +18,6 @@ from .columns.units import si_unit
 from .log import Log, log_of_arrays
 
 _MOTIONS = ("rotary", "linear")
-_SHOWN = 4  # messages in what a record prints of itself
 _ROLES = ("t", "u", "w", "theta", "r", "d", "temperature", "theta_load")
 
 LEFT_OUT = 0.001  # of the changes of a signal: so few may be anything
@@ -155,8 +154,7 @@ class Record(Shown):
             Row("samples", length, "", lost),
             *(Row(k, _span(x), si_unit(k, self.motion)) for k, x in self.channels().items()),
             *([Row("gaps", len(self.gaps))] if self.gaps else []),
-            *(Row("message", said) for said in self.messages[:_SHOWN]),
-            *([Row("more", "in .messages")] if len(self.messages) > _SHOWN else []),
+            *noticed(self.messages, "messages"),
         ]
 
     def channels(self) -> dict[str, np.ndarray]:

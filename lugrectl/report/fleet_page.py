@@ -25,9 +25,10 @@ _NOTE = (
     "one and the augmented one; noise is that of the sensor; s is the computing time."
 )
 _STYLE = """
-.lugrectl.diagnosis.fleet { max-width: 60rem; }
+.lugrectl.fleet { max-width: 76rem; }
 .fleet .table > table { width: 100%; }
-.fleet td.log { white-space: normal; overflow-wrap: anywhere; min-width: 8rem; }
+.fleet td.log { display: table-cell; white-space: normal; overflow-wrap: anywhere;
+  min-width: 8rem; }
 .fleet tr.more > * { border-bottom: none; }
 .fleet td.what { white-space: normal; padding: 0 0 .5rem 1.2rem; color: #4a5563; }
 .fleet .tag { border-left-width: .35rem; border-left-style: solid; padding-left: .5rem; }

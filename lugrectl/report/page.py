@@ -25,7 +25,11 @@ _STYLE = """
 .lugrectl .ambiguous, .lugrectl .unexplained { border-color: #c47f17; }
 .lugrectl .refused { border-color: #b03a2e; }
 .lugrectl .equation { font-family: ui-monospace, Menlo, Consolas, "DejaVu Sans Mono", monospace; }
-.lugrectl .table { overflow-x: auto; }
+.lugrectl .table { overflow-x: auto; background:
+    linear-gradient(to right, #fff 40%, transparent) left / 3rem 100% no-repeat local,
+    linear-gradient(to left, #fff 40%, transparent) right / 3rem 100% no-repeat local,
+    linear-gradient(to right, #b8c1cc, transparent) left / .9rem 100% no-repeat scroll,
+    linear-gradient(to left, #b8c1cc, transparent) right / .9rem 100% no-repeat scroll; }
 .lugrectl table { border-collapse: collapse; font-size: .92rem; margin: .5rem 0;
   font-variant-numeric: tabular-nums; }
 .lugrectl th, .lugrectl td { padding: .25rem .9rem .25rem 0; border-bottom: 1px solid #e6eaef;

@@ -9,9 +9,9 @@ from typing import Any
 
 from ..blocks.block import members
 from ..blocks.model import model_toml
-from ..core.display import NONE, Grid, between, number
+from ..core.display import NONE, Grid, between, number, to_interval
 from ..core.display import with_interval as _with_interval
-from ..estimates.findings import AGAINST_HELD, Estimate
+from ..estimates.findings import AGAINST_HELD, NOT_NAMED, Estimate
 from . import comparison_section
 from .section import Section
 
@@ -50,8 +50,8 @@ def headline(d: Any) -> tuple[str, str]:
     verdict, names = _get(d, "verdict"), listed([f.name for f in _get(d, "effects", ())])
     if verdict == "adequate":
         said = f"No missing effect was detected.{comparison_section.limits_in_words(d)}"
-        held = next((m for m in _get(d, "messages", ()) if m.startswith(AGAINST_HELD)), None)
-        return "adequate", said if held is None else f"{said} But: {held}"
+        but = [m for m in _get(d, "messages", ()) if m.startswith((AGAINST_HELD, NOT_NAMED))]
+        return "adequate", " But: ".join([said, *but[:1]])
     if verdict == "found":
         return f"found: {names}", _found(d)
     if verdict == "ambiguous":
@@ -84,7 +84,8 @@ def _size(d: Any, finding: Any) -> str:
     said = [finding.name]
     for key, e in finding.parameters.items():
         factor, unit = readable([e.value], e.unit)
-        value = number(factor * e.value, 3)
+        low, high = e.ci95 or (0.0, 0.0)
+        value = to_interval(factor * e.value, factor * (high - low), 3)
         if key == "harmonic" and e.unit == "1/rev":
             said.insert(1, f"{e.value:.4g} per turn")
         elif key != "phase":
@@ -250,6 +251,7 @@ SINGLE = (
 )
 
 
+FIT = "NRMSE fit of this motion: {}."
 RELATIVE = "Improvement is relative to the refitted model."
 
 
@@ -277,10 +279,10 @@ def errors(d: Any) -> Section | None:
         return None
     head = ("RMS", "unit", "declared", "refitted", "augmented", "noise", "improved")
     grid = Grid(head, "llrrrrr", tuple(rows))
-    lines = _scope(error)
+    lines = _scope(d, error)
     if all(row[head.index("augmented")] == number(None, 3) for row in rows):  # an identification
         return Section("Error before and after", lines, _fitted_only(grid), footnote)
-    lines = tuple(f"{line} {RELATIVE}" for line in lines)
+    lines = (f"{lines[0]} {RELATIVE}", *lines[1:]) if lines else ()
     return Section("Error before and after", lines, grid, footnote)
 
 
@@ -291,7 +293,7 @@ def _fitted_only(grid: Grid) -> Grid:
     return Grid(head, "".join(grid.align[i] for i in keep), tuple(rows))
 
 
-def _scope(error: Mapping[str, Any] | None) -> tuple[str, ...]:
+def _scope(d: Any, error: Mapping[str, Any] | None) -> tuple[str, ...]:
     if not error:
         return ()
     if error["signal"] == "u":
@@ -301,7 +303,15 @@ def _scope(error: Mapping[str, Any] | None) -> tuple[str, ...]:
             f"Measured minus simulated over {error['samples']} held-out samples; the simulation "
             f"is restarted every {error['horizon']:g} s"
         )
-    return (f"{what}.",)
+    shown = ("declared", "refitted", *(["augmented"] if _get(d, "effects", ()) else []))
+    fit = {k: v for k, v in (error.get("fit") or {}).items() if k in shown and v is not None}
+    said = ", ".join(f"{k} {_percent(v)} %" for k, v in fit.items())
+    return (f"{what}.", *([FIT.format(said)] if said else []))
+
+
+def _percent(fit: float) -> str:
+    """A share near 100 with the digits that tell it from 100."""
+    return f"{fit:.{min(max(1 - math.floor(math.log10(max(100.0 - fit, 1e-9))), 0), 4)}f}"
 
 
 def _error_row(d: Any, label: str, error: Mapping[str, Any]) -> tuple[str, ...]:
@@ -360,9 +370,11 @@ def plain(d: Any) -> Section | None:
         estimate = Estimate(one["value"], one["unit"], one["ci95"])
         rows.append((key, *_with_interval(estimate), one["unit"]))
     grid = Grid(("parameter", "value", "95 % interval", "unit"), "lrrl", tuple(rows))
-    lines = [_left(found["left"]), *map(_together, found["combinations"])]
+    lines = [_left(found["left"])]
     if _get(d, "effects", ()) or _get(d, "depends_on"):
         lines.append("What is missing from the model is missing here too, and biases these values.")
+    else:
+        lines += [*map(_together, found["combinations"]), *balance.why_not]
     lines += map(_sentence, _plain_notes(d))
     return Section(PLAIN, tuple(filter(None, lines)), grid if rows else None)
 
@@ -418,8 +430,9 @@ def _names(records: Sequence[Any]) -> str:
 
 
 def _notes(d: Any) -> Section | None:
-    above = {_get(d, "reason"), *_plain_notes(d)}
-    notes = tuple(f"- {_sentence(m)}" for m in _get(d, "messages", ()) if m not in above)
+    above, first = {_get(d, "reason"), *_plain_notes(d)}, headline(d)[1]
+    left = [m for m in _get(d, "messages", ()) if m not in above and m not in first]
+    notes = tuple(f"- {_sentence(m)}" for m in left)
     return Section("Notes", notes) if notes else None
 
 

@@ -10,9 +10,10 @@ from matplotlib.figure import Figure
 
 import lugrectl as lg
 from lugrectl.blocks.block import members
-from lugrectl.core.display import Row, Shown, brief
+from lugrectl.core.display import Row, Shown, brief, noticed, to_interval, with_interval
 from lugrectl.core.errors import InputError
 from lugrectl.diagnosis.result import Diagnosis
+from lugrectl.estimates.findings import Estimate
 
 from ..cases.html_page import Page
 from ..cases.made_up import HOSTILE, bare, diagnosis
@@ -228,3 +229,42 @@ def test_a_cell_shows_its_picture_once_with_and_without_semicolon(monkeypatch):
     ]
     assert pictures == [0, 1, 1, 1, 0]
     assert ast.literal_eval(cells[-1].outputs[0]["data"]["text/plain"]) == []
+
+
+@pytest.mark.parametrize(
+    ("interval", "value", "shown"),
+    [
+        ((75.8123, 75.8198), "75.816", "75.812 to 75.820"),
+        ((0.0112, 0.0132), "0.0122", "0.0112 to 0.0132"),
+        ((-0.3, 2.9), "1.3", "-0.3 to 2.9"),
+        ((1_234_000.0, 1_298_000.0), "1270000", "1230000 to 1300000"),
+    ],
+)
+def test_no_digit_says_less_than_the_interval(interval, value, shown):
+    assert with_interval(Estimate(sum(interval) / 2, "N m", interval)) == (value, shown)
+
+
+@pytest.mark.parametrize(
+    ("width", "shown"), [(0.0, "0.103"), (1e-4, "0.103"), (0.02, "0.10"), (0.3, "0.1")]
+)
+def test_three_digits_are_shown_where_an_interval_knows_them(width, shown):
+    assert to_interval(0.1028, width, 3) == shown
+
+
+def test_a_result_prints_what_was_noticed_and_where_the_rest_is():
+    few, many = noticed(["one."], "said"), noticed([f"{i}." for i in range(6)], "said")
+    assert [row.text() for row in few] == ["one."]
+    assert [row.text() for row in many] == ["0.", "1.", "2.", "3.", "in .said"]
+
+
+def test_a_balance_prints_its_sentences():
+    t = 1e-2 * np.arange(400)
+    found = lg.balance({"t": t, "u": np.zeros(400), "w": np.sin(t)}, lg.table1())
+    assert "the torque channel is dead" in repr(found) and "notes" not in repr(found)
+
+
+def test_a_refusal_prints_why_and_what_to_record():
+    t = 1e-2 * np.arange(400)
+    found = lg.diagnose({"t": t, "u": np.zeros(400), "w": np.sin(t)}, lg.table1())
+    assert "u is constant (0)" in repr(found) and "record next  Record a motion" in repr(found)
+    assert found.to_dict()["headline"] == found.reason

@@ -5,6 +5,7 @@ import io
 import json
 import os
 import pickle
+import re
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -213,6 +214,14 @@ def test_the_page_is_whole_safe_and_links_what_was_written():
     assert "script" not in page.tags and HOSTILE in page.said
     fragment = Page(fleet._repr_html_())
     assert "html" not in fragment.tags and "a" not in fragment.tags
+
+
+def test_the_page_fits_1280_pixels_and_a_table_that_scrolls_shows_it():
+    shown = fleet_page.html(fleet_of("found"))
+    (wide,) = re.findall(r"\.lugrectl\.fleet { max-width: (\d+)rem; }", shown)
+    assert 'class="lugrectl fleet"' in shown and 16 * (int(wide) + 2) <= 1280
+    assert ".fleet td.log { display: table-cell;" in shown  # a log's figures are a grid
+    assert re.search(r"\.table { overflow-x: auto; background:[^}]*local[^}]*scroll", shown)
 
 
 def test_the_csv_has_full_precision_and_a_line_per_log():

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lugrectl import Model, identify
-from lugrectl.diagnosis.one_direction import next_way, not_alone, one_way
+from lugrectl import Model, diagnose, identify
+from lugrectl.diagnosis.one_direction import next_way, not_alone, one_way, shown_sums
 from lugrectl.diagnosis.question import Asked
 from lugrectl.estimates.findings import Estimate
 from lugrectl.report import text
+from lugrectl.report.wording import toml_of
 
 from ..cases.balance_drive import FC, simulate
 
@@ -57,7 +58,7 @@ def test_json_says_what_the_value_stands_for(identified):
 @pytest.mark.parametrize("model", [declared(), declared(Fc=FC)], ids=["open", "declared"])
 def test_the_other_direction_is_what_to_record_next(model):
     plain = Asked.of(log(4.0), model).plain
-    said = next_way(plain, "First so.")
+    said = next_way(plain.together, "First so.")
     assert said == f"First so. Record the other direction, too: it separates the parts of {SUM}."
 
 
@@ -65,10 +66,10 @@ def test_held_values_and_both_directions_are_as_they_were():
     found = {"Fc": Estimate(0.2, "N m", (0.1, 0.3))}
     plain = Asked.of(log(4.0), declared().fix("J")).plain
     held = {"Fc": replace(found["Fc"], held=True)}
-    assert not_alone(held, plain) == held
-    nothing = replace(plain, together={})
-    assert not_alone(found, nothing) == found and next_way(nothing, None) is None
-    assert one_way(found, nothing, declared()) == []
+    assert not_alone(held, shown_sums(held, plain), plain) == held
+    assert shown_sums(found, replace(plain, together={})) == {}
+    assert not_alone(found, {}, plain) == found and next_way({}, None) is None
+    assert one_way(found, {}, plain, declared()) == []
 
 
 def test_runs_in_one_direction_each_say_what_the_fit_and_the_plain_balance_know():
@@ -79,11 +80,13 @@ def test_runs_in_one_direction_each_say_what_the_fit_and_the_plain_balance_know(
     backward = forward | {"u": u, "theta": theta}
     plain = Asked.of([forward, backward], declared()).plain
     assert plain.parameters["Fc"].value == pytest.approx(FC, rel=0.02)
-    fitted = not_alone({"Fc": Estimate(FC + LOAD, "N m", (0.1, 0.2))}, plain)
+    own = {"Fc": Estimate(FC + LOAD, "N m", (0.1, 0.2))}
+    sums = shown_sums(own, plain)
+    fitted = not_alone(own, sums, plain)
     assert fitted["Fc"].together == SUM and fitted["Fc"].ci95 is None
-    (said,) = one_way(fitted, plain, declared())
+    (said,) = one_way(fitted, sums, plain, declared())
     assert "Each run moves in one direction only" in said and "constant_torque = 0.05 N m" in said
-    assert next_way(plain, None) is None
+    assert next_way(sums, None) is None
     turned = Asked.of([backward, forward], declared()).plain
     assert turned.together["Fc"].text == "Fc - constant_torque"
 
@@ -94,3 +97,54 @@ def test_runs_that_turn_back_are_not_sums():
     theta, _ = simulate(u, DT, load=lambda theta, w: LOAD)
     run = {"t": t, "u": u, "theta": theta}
     assert Asked.of([run, run], declared()).plain.together == {}
+
+
+@pytest.fixture(scope="module")
+def spindle():
+    """A drive with a drag that the declared model has not, faster and slower, never back."""
+    J, Fc, Fv, drag, t = 0.012, 0.25, 0.03, 0.0012, np.arange(0.0, 20.0, DT)
+    want = 13.5 + 10.0 * np.sin(0.7 * t + 1.0) * np.cos(0.23 * t) + np.sin(11.0 * t)
+    rate = np.gradient(want, DT)
+    u = J * rate + Fc + Fv * want + drag * want**2
+    w, theta, seen = want[0], 0.0, []
+    for torque in u:
+        seen.append(theta)
+        for _ in range(8):
+            w += DT / 8 * (torque - Fc - Fv * w - drag * w * w) / J
+            theta += DT / 8 * w
+    step = 2 * np.pi / 65536
+    return {"t": t, "u": u, "theta": np.round(np.array(seen) / step) * step}, (J, Fc, Fv, drag)
+
+
+def test_a_sum_holds_in_the_model_that_is_shown(spindle):
+    """The plain balance has no drag: its sum of Fc and Fv is that of another model."""
+    log, (J, Fc, Fv, drag) = spindle
+    found = diagnose(log, Model.of(J=J))
+    assert [e.name for e in found.effects] == ["quadratic_drag"]
+    assert found.model.known()["quadratic_drag.coefficient"] == pytest.approx(drag, rel=0.02)
+    known = found.estimates
+    assert known["Fc"].together == SUM and known["Fc"].value == pytest.approx(Fc, rel=0.03)
+    assert known["Fv"].ci95 is not None and known["Fv"].value == pytest.approx(Fv, rel=0.03)
+    assert f"{SUM} is {known['Fc'].value:.4g} N m" in " ".join(found.messages)
+    assert found.experiment == f"Record the other direction, too: it separates the parts of {SUM}."
+    assert "Only together" not in text(found)
+
+
+def test_what_never_shows_is_marked_in_the_model_file(spindle):
+    """A drive that never rests shows Fs by the fall of friction with speed alone."""
+    found = diagnose(spindle[0], Model.of(J=0.012))
+    lines = {line.split(" =")[0]: line for line in toml_of(found, None).splitlines()}
+    assert lines["Fc"].endswith(f"only {SUM}") and "std" in lines["Fv"]
+    assert lines["Fs"].endswith("not determined") and lines["vs"].endswith("not determined")
+
+
+def test_values_that_no_fit_is_sure_of_share_a_sum():
+    """At one speed nothing tells Fc from Fv: one sentence says so of both."""
+    plain = Asked.of(log(4.0), declared()).plain
+    (c,) = set(plain.together.values())
+    both = replace(c, parts={"Fc": 1.0, "Fv": 20.0, "constant_torque": 1.0})
+    plain = replace(plain, together={"Fc": both, "Fv": both})
+    found = {"Fc": Estimate(0.2, "N m", (0.0, 0.4)), "Fv": Estimate(0.01, "N m s/rad", (0, 0.02))}
+    (said,) = one_way(found, shown_sums(found, plain), plain, declared())
+    assert "Fc and Fv are not determined alone" in said
+    assert "Fc + 20 Fv + constant_torque is 0.4 N m" in said

@@ -8,7 +8,7 @@ from lugrectl.diagnosis.diagnose import NO_FIT, WORSE
 from lugrectl.diagnosis.identify import ONLY_PLAIN
 from lugrectl.diagnosis.never_worse import FAILED
 from lugrectl.diagnosis.order_of_notes import GRAVE, grave_first
-from lugrectl.diagnosis.other_law import NO_COULOMB, OWN
+from lugrectl.diagnosis.other_law import LACKS, OWN
 from lugrectl.report import text, write
 
 from ..cases.logs import machine, rows
@@ -50,7 +50,7 @@ def test_text_and_page_have_the_same_order(overridden, tmp_path):
 @pytest.mark.parametrize("log", ["", "run.csv: ", "a b: c.csv: "])
 @pytest.mark.parametrize(
     "grave",
-    [FAILED.format(9.0, 2.0), OWN.format("half"), NO_COULOMB.format("viscous", 0.3, "N m", 70.0),
+    [FAILED.format(9.0, 2.0), OWN.format("half"), LACKS.format("own", "viscous", 0.3, "N m", 7.0),
      NO_FIT.format("."), ONLY_PLAIN.format("."),
      WORSE.format(2.0, 1.0, "rad")],
 )  # fmt: skip

@@ -35,6 +35,19 @@ def test_a_law_without_coulomb_friction_is_not_adequate_where_there_is_some(log)
     assert "'viscous' has no Coulomb friction, and the log shows 0.3 N m" in found.messages[0]
 
 
+def test_an_own_law_without_viscous_friction_is_fitted_and_what_it_lacks_is_said(log):
+    @lg.block("friction", out="F")
+    def smooth(w, Fc=lg.P(0.1, "N m", 0)):
+        return Fc * np.tanh(100.0 * w)
+
+    fitted = lg.identify(log, lg.Model.of(friction="smooth"))
+    assert fitted.estimates["Fc"].value == pytest.approx(0.3, rel=0.02)
+    said = "'smooth' has no viscous friction, and the log shows 0.02 N m s/rad of it"
+    assert said in fitted.messages[0]
+    found = lg.diagnose(log, lg.Model.of(friction="smooth"))
+    assert found.verdict == "unexplained" and said in found.messages[0]
+
+
 def test_values_of_the_balance_are_not_those_of_an_own_law_of_the_same_names(log, half):
     found = lg.diagnose(log, lg.Model.of(friction="half"))
     assert found.verdict == "unexplained"

@@ -144,6 +144,14 @@ def test_seconds_since_1970_are_known_by_their_size(tmp_path, per):
     assert any("since 1970" in m for m in record.messages)
 
 
+@pytest.mark.parametrize("head", ["t", "timestamp"])
+@pytest.mark.parametrize("made", [dict, lambda d: {k: list(v) for k, v in d.items()}])
+def test_so_they_are_in_memory(head, made):
+    ms = 1_764_322_498_123 + np.rint(1e3 * T).astype(np.int64)
+    record = same(read_record(made({head: ms, "u": U, "theta": THETA})))
+    assert f"'{head}' holds ms since 1970 (its unit is not stated)." in record.messages
+
+
 def test_seconds_and_nanoseconds_in_two_columns_are_one_time(tmp_path):
     ms = np.rint(1e3 * T).astype(int) + 600
     head = "header.stamp.secs,header.stamp.nsecs,u,theta"

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
+from ...core.display import between
 from ...estimates.findings import Estimate
 from .constants import LITTLE, QUARTER, SMALL, STEEP, TOP
 from .contradictions import contradictions, left_of, one_direction
@@ -29,7 +30,7 @@ MIXED = (
     "but their sum is certain."
 )
 SHIFTED = "w is {:.3g} {} too {}: friction turns over at that speed. The balance subtracts it."
-LATE = "u comes {:.3g} ms {} [{:.3g}, {:.3g}], {}: the balance shifts it by that time."
+LATE = "u comes {:.3g} ms {} ({}), {}: the balance shifts it by that time."
 EARLY = "as after a delay in the drive or with a late sensor"
 
 
@@ -113,7 +114,7 @@ def _noticed(sure: dict[str, Estimate], dt: float) -> list[str]:
     if delay is not None and delay.ci95 and not delay.may_be(0.0) and abs(delay.value) >= dt:
         low, high = sorted(abs(x) * 1e3 for x in delay.ci95)
         side, how = ("late", "compared with the motion") if delay.value < 0 else ("early", EARLY)
-        said.append(LATE.format(abs(delay.value) * 1e3, side, low, high, how))
+        said.append(LATE.format(abs(delay.value) * 1e3, side, between((low, high)), how))
     if offset is not None and not offset.may_be(0.0):
         side = "high" if offset.value > 0 else "low"
         said.append(SHIFTED.format(abs(offset.value), offset.unit, side))

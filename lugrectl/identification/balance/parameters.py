@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -167,9 +167,10 @@ def _among(
         if half > abs(value) and half * size[first] > SMALL * made.torque:
             continue  # neither its size nor its sign is known
         order = [first, *sorted(parts[1:], key=lambda i: at[i])]
-        text, wants = _text({made.names[at[i]]: float(c[i]) for i in order})
+        named = {made.names[at[i]]: float(c[i]) for i in order}
+        text, wants = said_of(named)
         unit = unit_for(UNITS.get(made.names[at[first]], "N m"), motion)
-        found.append(Combination(text, value, unit, (value - half, value + half), wants))
+        found.append(Combination(text, value, unit, (value - half, value + half), wants, named))
     return found
 
 
@@ -179,7 +180,7 @@ def _simple(c: np.ndarray, V: np.ndarray) -> np.ndarray:
     return simple if simple @ V @ simple < 2 * (c @ V @ c) else c
 
 
-def _text(parts: dict[str, float]) -> tuple[str, str]:
+def said_of(parts: Mapping[str, float]) -> tuple[str, str]:
     """ "Fc + 10.5 Fv - constant_torque", and what to record to separate its parts."""
     said = []
     for name, c in parts.items():

@@ -9,20 +9,21 @@ from typing import Any
 
 import numpy as np
 
-from ...core.display import Row, estimated
+from ...core.display import Row, between, estimated, noticed
 from ...core.result import Result, library
 from ...core.views import view
 from ...estimates.findings import Estimate
 from ...record.stretches import Stretch
 
 LEVELS = ("J", "Fc", "Fv")  # inertia and friction: terms of every drive
+NEEDS = {"J": "faster changes of speed", "Fc": "both directions, or rests", "Fv": "other speeds"}
 
 
 @dataclass(frozen=True)
 class Combination:
     """A sum of parameters that is certain where its parts are not.
 
-    ``ci95`` is None where nothing is left to tell its error.
+    ``ci95`` is None where nothing is left to tell its error. ``parts`` are its factors by name.
     """
 
     text: str
@@ -30,6 +31,7 @@ class Combination:
     unit: str
     ci95: tuple[float, float] | None
     to_separate: str
+    parts: Mapping[str, float] = field(default_factory=dict, hash=False)
 
 
 @dataclass(frozen=True)
@@ -118,6 +120,17 @@ class Balance(Result):
         """All sentences: how the logs were read, and what the balance noticed."""
         return (*self.reading, *self.notes)
 
+    @property
+    def why_not(self) -> tuple[str, ...]:
+        """Why the log does not give an inertia or a friction that stands in no sum, either."""
+        in_sums = {k for c in self.combinations for k in c.parts}
+        wide = {k: self.uncertain[k] for k in LEVELS if k in self.uncertain and k not in in_sums}
+        return tuple(
+            f"{k} is not certain, {between(e.ci95)} {e.unit}: that needs {NEEDS[k]}."
+            for k, e in wide.items()
+            if e.ci95 is not None
+        )
+
     def values(self) -> dict[str, float]:
         """The best value of every parameter, certain or not: start values for a finer fit."""
         both = {**self.uncertain, **self.parameters}
@@ -171,7 +184,7 @@ class Balance(Result):
             rows.append(estimated(c.text, Estimate(c.value, c.unit, c.ci95)))
         if self.left is not None:
             rows.append(Row("left", f"{100.0 * self.left:.2g} %", "", "of the RMS torque"))
-        return [*rows, Row("notes", len(self.said))] if self.said else rows
+        return [*rows, *noticed((*self.why_not, *self.notes, *self.reading), "said")]
 
 
 def _fields(x: Any, *names: str) -> dict[str, Any]:

@@ -19,11 +19,11 @@ TURNING = "gravity"
 
 
 def applied(parts: Sequence[Part], m: Motion) -> np.ndarray:
-    """The torque behind the declared effects on the input, (n,)."""
+    """The torque behind the declared effects on the input, (n,); an open one passes it."""
     u = m.u
     for part in parts:
-        unknown = part.block.states and part.block.exact is None
-        if "input" in part.block.acts and _known(part) and not unknown:
+        passes = None in part.values.values() or (part.block.states and part.block.exact is None)
+        if "input" in part.block.acts and not passes:
             u = through(part.block, _values(part), u, m)
     return u
 

@@ -206,13 +206,21 @@ def _ordered(values: Mapping, missing: dict[str, float]) -> dict[str, float]:
 
 
 def _with_effect(core: Model, part: Part, data: Data) -> Model:
-    """The model with a declared effect without values, as the comparison of torques found it."""
+    """The model with a declared effect without values, as the comparison of torques found it.
+
+    Where that finds no strength within the bounds, the values beside it are the usual ones.
+    """
+    own = part.block.own
     found = {k: data.plain.get(f"{part.key}.{k}", v) for k, v in part.values.items()}
-    missing = [k for k, v in found.items() if v is None]
-    if missing:
+    if (found[part.block.gain] or 0.0) < own[part.block.gain].low:
+        found = {k: own[k].value if v is None else v for k, v in found.items()}
+    values = {
+        k: float(np.clip(v, own[k].low, own[k].high)) for k, v in found.items() if v is not None
+    }
+    if len(values) < len(found):
         raise Refused(
             f"The declared effect {part.block.name} cannot be identified from the record: no value "
             "within its bounds fits.",
             "Give its values in the model file, or leave the effect out.",
         )
-    return core.with_effect(part.block.name, found)
+    return core.with_effect(part.block.name, values)

@@ -85,7 +85,7 @@ def compare(
         equally well are kept in the spirit of Hansen, Lunde and Nason, *The model confidence set*,
         Econometrica 79(2), 2011. Rests are left out: there friction may be anything.
     """
-    if _unanswered(plain):
+    if not answered(plain):
         said = plain.refused or plain.blind or (plain.notes or (NOTHING,))[-1]
         return Comparison("refused", messages=(said,), least=least)
     began = time.perf_counter()
@@ -101,8 +101,9 @@ def compare(
     return replace(made, seconds=time.perf_counter() - began)
 
 
-def _unanswered(plain: Balance) -> bool:
-    return bool(plain.refused or plain.blind or not plain.names)
+def answered(plain: Balance) -> bool:
+    """Whether there is anything with which to compare."""
+    return bool(plain.names) and not (plain.refused or plain.blind)
 
 
 def _with_suspect(stretches: Sequence[Stretch], model: Model, found: Decision) -> Record | None:
@@ -128,11 +129,12 @@ def alone(
     values to start a fit from, where the plain answer is, or the record too short for intervals."""
     with np.errstate(all="ignore"):
         base = in_time(settled(record_of(stretches, model, plain)))
-        if _unanswered(plain) or len(base.record.rows) < WEIGHT:
+        if not answered(plain) or len(base.record.rows) < WEIGHT:
             return Comparison("refused", alone=levels_of(base), least=least, stretches=0)
-        own = valued(base, (), model, held_out)
+        own, shares = valued(base, (), model, held_out), budget(base, (), None)
     return Comparison(
         verdict="adequate",
+        budget=tuple(shares),
         plant=_of_plant(own),
         alone=own.trained,
         least=least,

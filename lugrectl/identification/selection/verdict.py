@@ -9,6 +9,7 @@ from statistics import NormalDist
 import numpy as np
 
 from ...blocks.block import unit_for
+from ...estimates.findings import NOT_NAMED
 from ..balance import UNRELATED
 from ..candidates import friction_laws, speed_lag
 from ..candidates.base_model import Base, Record, rms
@@ -43,10 +44,7 @@ MOST_ALTERNATIVES = 3
 MOST_BESIDE = 3  # other effects beside which two explanations are compared again
 
 
-UNSURE = (
-    "The record does not determine the inertia, so no effect is named: declare J, or record faster "
-    "changes of speed."
-)
+UNSURE = NOT_NAMED + ": declare J, or record faster changes of speed."
 HEAVIER = (
     "The inertia is {:.2g} times the declared one: a load that the declared value does not have, "
     "or a wrong value."

@@ -15,7 +15,7 @@ from ...core.errors import InputError
 from ...core.validation import array, real, shown
 from .column_names import split_unit
 from .roles import fits_role
-from .table import Table, heads
+from .table import Table, as_float, epoch_said, epochs, heads
 
 FORMS = "a path, a pandas DataFrame, a dict of arrays or a Record"
 
@@ -52,16 +52,32 @@ def table_of(given: Any, named: Mapping[str, str]) -> Table:
         for (_, _, unit), (_, values) in zip(described, columns, strict=True)
     ]
 
+    names, plain = tuple(name for name, _, _ in described), tuple(p for _, p, _ in described)
+    epoch = epochs(plain, units, [_as_array(values) for _, values in columns])
+    units = [epoch.get(i, unit) for i, unit in enumerate(units)]
+
+    def numbers(i: int) -> np.ndarray:
+        name, values = columns[i]
+        if i in epoch:
+            return as_float(np.asarray(values).ravel())
+        return _numbers(f"{source}: column '{name}'", values)
+
     def load(indices: Sequence[int]) -> tuple[list[np.ndarray], list[str]]:
-        chosen = [_numbers(f"{source}: column '{columns[i][0]}'", columns[i][1]) for i in indices]
+        chosen = [numbers(i) for i in indices]
         if len({values.size for values in chosen}) > 1:
             pairs = zip(indices, chosen, strict=True)
             sizes = ", ".join(f"{columns[i][0]} {values.size}" for i, values in pairs)
             raise InputError(f"{source}: the columns differ in length ({sizes}).")
-        return chosen, []
+        return chosen, epoch_said(names, epoch, indices)
 
-    names, plain = tuple(name for name, _, _ in described), tuple(p for _, p, _ in described)
     return Table(source, names, tuple(units), load, lambda row: f"sample {row + 1}", plain)
+
+
+def _as_array(values: Any) -> np.ndarray:
+    try:
+        return np.asarray(values)
+    except ValueError:  # ragged
+        return np.zeros(0)
 
 
 def _columns(given: Any) -> list[tuple[str, Any]]:

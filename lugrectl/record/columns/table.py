@@ -127,12 +127,8 @@ def array_table(
 ) -> Table:
     """The table of (name, plain name, unit, values (N,)) in memory."""
     names, plain, units, arrays = (list(part) for part in zip(*columns, strict=True))
-    epoch = {}
-    for i in time_columns(plain, units):
-        values = arrays[i][np.isfinite(arrays[i])] if arrays[i].dtype.kind == "f" else arrays[i]
-        unit = epoch_unit(float(values[0]), float(values[-1])) if values.size else None
-        if unit is not None:
-            epoch[i], units[i] = unit, unit
+    epoch = epochs(plain, units, arrays)
+    units = [epoch.get(i, unit) for i, unit in enumerate(units)]
 
     def load(indices: Sequence[int]) -> Columns:
         chosen = [arrays[i] for i in indices]
@@ -147,6 +143,21 @@ def array_table(
         tuple(plain), hint, headed,
     )  # fmt: skip
     return joined_stamps(made)
+
+
+def epochs(
+    plain: Sequence[str], units: Sequence[str | None], columns: Sequence[np.ndarray]
+) -> dict[int, str]:
+    """Which columns are seconds since 1970, and their unit."""
+    found = {}
+    for i in time_columns(plain, units):
+        values = columns[i]
+        values = values[np.isfinite(values)] if values.dtype.kind == "f" else values
+        numbers = values.dtype.kind in "iuf" and values.size
+        unit = epoch_unit(float(values.flat[0]), float(values.flat[-1])) if numbers else None
+        if unit is not None:
+            found[i] = unit
+    return found
 
 
 def epoch_said(names: Sequence[str], epoch: dict[int, str], indices: Sequence[int]) -> list[str]:
