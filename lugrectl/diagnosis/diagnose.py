@@ -264,9 +264,8 @@ def _only_compared(asked: Asked, found: Comparison, reason: str) -> Diagnosis:
     found = judged_with_law(found, asked.model, asked.plain, failed=False)
     known, model = plainly(asked.plain, asked.model)
     if found.effects and not found.only_inertia:  # the plain values are biased by the effects
-        beside = {k: v for k, v in found.plant.items() if k in known}
-        known |= {k: replace(known[k], value=v, ci95=None) for k, v in beside.items()}
-        model = lifted(model.with_values(beside))
+        known = {k: e for k, e in _beside(found, known).items() if not e.may_be(0.0)}
+        model = lifted(asked.model.with_values({k: e.value for k, e in known.items()}))
     for e in () if found.only_inertia else found.effects:
         model = model.with_effect(e.name, e.values)
     tied = tuple(_candidate(found, a.name) for a in found.alternatives)
@@ -287,6 +286,17 @@ def _only_compared(asked: Asked, found: Comparison, reason: str) -> Diagnosis:
         ranking=_ranking(found),
         comparison=found,
     )
+
+
+def _beside(found: Comparison, known: Mapping[str, Estimate]) -> dict[str, Estimate]:
+    """Values of the plant beside the effects, as the comparison has them, with its intervals."""
+    assert found.valued is not None
+    halves = {k: found.valued.half(k) for k in known if k in found.plant}
+    return {
+        k: replace(known[k], value=found.plant[k], ci95=(found.plant[k] - h, found.plant[k] + h))
+        for k, h in halves.items()
+        if h is not None
+    }
 
 
 def _estimates(effect: Named, found: Comparison) -> dict[str, Estimate]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..blocks.block import unit_for
 from ..core.display import Grid, between, number
+from ..identification.regression.numbers import FEWEST_PARTS
 from .canvas import drawn
 from .section import Section
 
@@ -21,6 +22,7 @@ BIASED = (
     "There are no intervals: a large torque is not explained, and a part of it may count as one of "
     "the other terms."
 )
+FEW = "There are no intervals: the record has {} independent stretch{} only."
 SHARES = (
     "Shares are of {} {}, the RMS friction torque of the refitted model. RMS values do not "
     "add up: terms act at the same time, with or against each other."
@@ -42,7 +44,9 @@ def budget(d: Any) -> Section | None:
     head = ("term", f"RMS [{unit}]", "of friction", "95 % interval", "depends on")
     footnote = SHARES.format(_whole(found.budget), unit)
     if all(s.ci95 is None for s in found.budget):
-        footnote = f"{footnote} {BIASED}"
+        many = found.stretches or FEWEST_PARTS
+        why = FEW.format(many, "es" * (many > 1)) if many < FEWEST_PARTS else BIASED
+        footnote = f"{footnote} {why}"
     return Section(BUDGET, (), Grid(head, "lrrrl", tuple(rows)), footnote)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from .constants import CLEARLY, DIP_SPEEDS, FEWEST_CHANGES, RISE, SURE, TURN_DISTANCES
 from .fit import Fit, fit, tried
-from .terms import Term, bristle, dip
+from .terms import Term, bristle, dip, reversals
 from .track import Track
 from .windows import Source
 
@@ -30,8 +30,7 @@ def _with_rest(track: Track, limit: float) -> Track:
 def with_turning(source: Source, made: Fit, speed: float) -> Fit:
     """Coulomb friction that turns over within a distance, where that is clearly more likely and
     there are reversals enough to see it."""
-    turns = sum(max(len(track.strokes[1]) - 1, 0) for track in source.tracks)
-    if "Fc" not in made.names or turns < FEWEST_CHANGES:
+    if "Fc" not in made.names or reversals(source.tracks) < FEWEST_CHANGES:
         return made
     distances = speed * made.half_width * np.geomspace(*TURN_DISTANCES)
     shapes = [Term("Fc", bristle(x), friction=True) for x in distances.tolist()]

@@ -26,7 +26,7 @@ from .friction_shapes import with_rest
 from .motion import Sensors, with_speed
 from .speed_channel import Comparison, sensors_of
 from .steady import as_points, evenly, steady
-from .terms import Term, Travel, plain_terms, travel_of, turns_enough
+from .terms import Term, Travel, plain_terms, reversals, travel_of, turns_enough
 from .track import Track, tracks_of
 from .windows import Source
 
@@ -110,7 +110,7 @@ def ground_of(
         widths, setting = (width / 2, width), Setting(0.0, 0.0)
     travel = travel_of(tracks, across=still is not None)
     uses, unused = uses_of(model, tracks, held, travel.middle)
-    terms = plain_terms(model, travel, still is not None)
+    terms = plain_terms(model, travel, still is not None, reversals(tracks))
     terms += [term for use in uses for term in use.terms]
     known = held_terms(held, uses, terms)
     return Ground(

@@ -14,6 +14,7 @@ from .constants import (
     GROUPS,
     LAG,
     LAGS,
+    LONGEST_SHARE,
     MAJORITY,
     NOTICED_GAIN,
     NOTICED_LAG,
@@ -49,7 +50,7 @@ def sensors_of(tracks: Sequence[Track]) -> tuple[Sensors, Comparison | None, lis
     sensors, found, spread = Sensors(noise), None, 0.0
     if "theta" not in noise or "w" not in noise:
         return sensors, None, []
-    sensors = replace(sensors, lag=min(LAGS, key=lambda lag: _misfit(tracks, lag)))
+    sensors = replace(sensors, lag=_likeliest(tracks))
     for _ in range(ROUNDS):
         rows = _rows(tracks, sensors.lag)
         if rows is None:
@@ -68,13 +69,14 @@ def sensors_of(tracks: Sequence[Track]) -> tuple[Sensors, Comparison | None, lis
     return sensors, found, _said(sensors, found)
 
 
-def _rows(tracks: Sequence[Track], lag: float) -> np.ndarray | None:
-    """dtheta/dt, minus d2theta/dt2, 1, and w, as window means."""
+def _rows(tracks: Sequence[Track], lag: float, most: float = 0.0) -> np.ndarray | None:
+    """dtheta/dt, minus d2theta/dt2, 1, and w, as window means; the same windows for every lag up
+    to ``most``."""
     rows = []
     for p in tracks:
         assert p.theta is not None and p.w is not None
         half, shift = max(WIDTHS[2] / p.dt, 6.0), lag / p.dt
-        at = p.centres(int(half + abs(shift)) + 2, int(half / 2))
+        at = p.centres(int(half + max(abs(lag), most) / p.dt) + 2, int(half / 2))
         if not len(at):
             continue
         speed = means(p.theta, weights(half, 1), at) / p.dt
@@ -83,9 +85,17 @@ def _rows(tracks: Sequence[Track], lag: float) -> np.ndarray | None:
     return np.vstack(rows) if rows else None
 
 
-def _misfit(tracks: Sequence[Track], lag: float) -> float:
+def _likeliest(tracks: Sequence[Track]) -> float:
+    """The lag to start from, by windows that all of those have which the runs are long enough for:
+    a later one would leave out the starts, where it shows."""
+    longest = LONGEST_SHARE * max(p.duration for p in tracks)
+    lags = [lag for lag in LAGS if lag <= longest]
+    return min(lags, key=lambda lag: _misfit(tracks, lag, lags[-1]))
+
+
+def _misfit(tracks: Sequence[Track], lag: float, most: float) -> float:
     """What a speed so late leaves where the speed changes: at one speed no lag shows."""
-    rows = _rows(tracks, lag)
+    rows = _rows(tracks, lag, most)
     if rows is None:
         return np.inf
     change = np.abs(rows[:, 1])

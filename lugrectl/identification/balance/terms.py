@@ -12,7 +12,16 @@ import numpy as np
 
 from ...blocks.model import Model
 from ..dataset.measured_bristle import along
-from .constants import DIPS, ECCENTRIC, GONE, REST_TORQUE, TURNED, TURNED_IN_MAP, TURNS
+from .constants import (
+    DIPS,
+    ECCENTRIC,
+    FEWEST_CHANGES,
+    GONE,
+    REST_TORQUE,
+    TURNED,
+    TURNED_IN_MAP,
+    TURNS,
+)
 from .track import Track
 
 Column = Callable[[Track], np.ndarray]
@@ -157,9 +166,19 @@ def travel_of(tracks: Sequence[Track], across: bool) -> Travel:
     return Travel(float(span), float(np.mean([x.mean() for x in theta])))
 
 
-def plain_terms(model: Model, travel: Travel, is_map: bool) -> list[Term]:
-    """J, Fc, Fv, a constant, the drift of friction, and gravity where the position shows it."""
-    terms = [COULOMB, PACE, OFFSET] if is_map else [INERTIA, COULOMB, VISCOUS, OFFSET, DRIFT]
+def reversals(tracks: Sequence[Track]) -> int:
+    """How often the motion turns."""
+    return sum(max(len(track.strokes[1]) - 1, 0) for track in tracks)
+
+
+def plain_terms(model: Model, travel: Travel, is_map: bool, turns: int) -> list[Term]:
+    """J, Fc, Fv, a constant, the drift of friction, and gravity where the position shows it.
+
+    Without several reversals a drift of friction is a torque that follows the time: it fits any
+    ramp of u, and any runs in one direction.
+    """
+    terms = [COULOMB, PACE, OFFSET] if is_map else [INERTIA, COULOMB, VISCOUS, OFFSET]
+    terms += [DRIFT] if turns >= FEWEST_CHANGES and not is_map else []
     if turns_enough(model, travel, is_map):
         return [*terms, *GRAVITY]
     if not travel.span or any(part.block.name == "return_spring" for part in model.effects):

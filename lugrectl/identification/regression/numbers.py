@@ -41,6 +41,7 @@ MOST_ROWS, MOST_SAMPLES = 15_000, 250_000  # of a longer record, pieces all over
 WIDTHS = (0.01, 0.012, 0.0145, 0.0174, 0.021, 0.025, 0.03, 0.036, 0.05, 0.07, 0.1, 0.14, 0.19, 0.26)
 BIASED = 0.005  # of a value: what smoothing over windows may take off it
 SPREADS = 1.5  # times the spread over parts of a record: what is common to all parts is not in it
+UNLIKE = 0.4  # of a gain, by which blocks differ at least: four that agree decide, three do not
 FEW_STRETCHES = 24  # independent ones, fewer than which make a comparison uncertain
 FEWEST_PARTS = 12  # long parts of a record for that spread
 SLIGHTLY = 0.004  # of friction: what every drive has of any torque, in standard deviations

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.special import ndtri, stdtrit
 
-from .numbers import ALPHA, TRUSTED
+from .numbers import ALPHA, TRUSTED, UNLIKE
 from .robust_regression import Scale, Solution, density, weights
 
 CLIPS = (3.0, 10.0, 30.0)  # nats at which differences of blocks are cut: how many, not how much
@@ -123,7 +123,8 @@ def paired(a: np.ndarray, b: np.ndarray, together: int = 1) -> tuple[float, floa
 
     Differences count as they are or cut at a few nats, whichever is surer: what matters is how
     many blocks show an effect, not how much one of them shows. Blocks that all agree are as sure as
-    so many coins that fall alike, and one block says nothing of its own error.
+    so many coins that fall alike, and one block says nothing of its own error. That few blocks
+    gain the same is chance: gains are as unlike as motions are.
     """
     d = a - b
     d = np.append(d, np.zeros(-len(d) % together)).reshape(-1, together).sum(axis=1)
@@ -131,6 +132,7 @@ def paired(a: np.ndarray, b: np.ndarray, together: int = 1) -> tuple[float, floa
     if len(d) < 2:
         return total, np.inf
     se, most = standard_error(d), _agreed(seen)
+    se = max(se, UNLIKE * abs(total) / np.sqrt(max(seen, 1)))
     for clip in CLIPS:
         cut = np.clip(d, -clip, clip)
         z = float(cut.sum() / (np.sqrt(len(d)) * cut.std(ddof=1) + 1e-9))

@@ -12,26 +12,31 @@ from ...blocks.block import REGISTRY
 from ..candidates.base_model import LEVELS, SLIGHT, WEIGHT, Base, rms
 from ..candidates.candidate import Contender
 from ..candidates.friction_terms import FORCES, NAMES, SMEAR, VISCOUS
-from ..regression.numbers import ALPHA, POWER
+from ..regression.numbers import ALPHA, FEWEST_PARTS, POWER
 from ..regression.score import moves
 from .comparison import Detectable, Share
 from .table import Table
+from .values import Valued
 
 TWO_SIDED = 0.975
+VALUES = {"inertia": "J", "coulomb": "Fc", "viscous": "Fv"}
 LARGE = 0.1  # of friction: a torque that is not explained and may bias the terms ...
 CLEAR = 4.0  # ... if it is so many times the noise
 
 
-def budget(base: Base, parts: Sequence[Contender], unknown: Contender | None) -> list[Share]:
+def budget(
+    base: Base, parts: Sequence[Contender], unknown: Contender | None, own: Valued
+) -> list[Share]:
     """Each term with its RMS in the windows, as a share of friction, largest first.
 
     ``parts`` are the named effects in ``base``, in the order in which they joined; ``unknown`` is
     an unknown torque beside them. What is left is what the fit with all of them leaves; the noise
     is a part of it. Where a large torque is not explained, there are no intervals: a part of it may
-    look like a term, which no spread over blocks shows.
+    look like a term, which no spread over blocks shows. Few blocks have no spread either. No share
+    is surer than its value in ``own``: the torque of Coulomb friction may be viscous as well.
     """
     V = _covariance(base)
-    made = [_share(base, V, *term) for term in _terms(base, parts)]
+    made = [_as_sure(_share(base, V, *term), own) for term in _terms(base, parts)]
     made += [_of_torque(base, c) for c in parts if not c.own]
     if unknown is not None:
         signals = tuple(sorted(unknown.depends_on))
@@ -40,7 +45,8 @@ def budget(base: Base, parts: Sequence[Contender], unknown: Contender | None) ->
     rest = base.made.r if unknown is None else unknown.made.r
     left = _plainly(base, "left", rest * base.view.scale.sigma, ())
     noise = _noise(base)
-    if unknown is not None or left.share > max(LARGE, CLEAR * noise.share):
+    few = base.record.independent < FEWEST_PARTS
+    if few or unknown is not None or left.share > max(LARGE, CLEAR * noise.share):
         made = [replace(s, ci95=None) for s in made]
     return [*made, left, min(noise, replace(left, term="noise"), key=lambda s: s.rms)]
 
@@ -112,6 +118,22 @@ def _share(
     ends = float(max(size - half, 0.0)), float(size + half)
     friction = base.friction_rms
     return Share(name, size, size / friction, (ends[0] / friction, ends[1] / friction), signals)
+
+
+def _as_sure(share: Share, own: Valued) -> Share:
+    """With an interval no narrower than that of the value it is made of; none where that may be 0.
+
+    An effect has its strength, another term its parameter.
+    """
+    effect = REGISTRY.get(("effect", share.term))
+    key = VALUES.get(share.term) if effect is None else f"{share.term}.{effect.gain}"
+    if share.ci95 is None or key not in own.values or not share.share:
+        return share
+    half = own.half(key)
+    if half is None or half > abs(own.values[key]):
+        return replace(share, ci95=None)
+    half = max(half / abs(own.values[key]) * share.share, 0.5 * (share.ci95[1] - share.ci95[0]))
+    return replace(share, ci95=(max(share.share - half, 0.0), share.share + half))
 
 
 def _of_torque(base: Base, c: Contender) -> Share:

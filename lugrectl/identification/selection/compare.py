@@ -131,7 +131,8 @@ def alone(
         base = in_time(settled(record_of(stretches, model, plain)))
         if not answered(plain) or len(base.record.rows) < WEIGHT:
             return Comparison("refused", alone=levels_of(base), least=least, stretches=0)
-        own, shares = valued(base, (), model, held_out), budget(base, (), None)
+        own = valued(base, (), model, held_out)
+        shares = budget(base, (), None, own)
     return Comparison(
         verdict="adequate",
         budget=tuple(shares),
@@ -181,7 +182,7 @@ def _result(found: Decision, model: Model, least: float, held_out: HeldOut | Non
         alternatives=tuple(_named(c, model) for c in found.alternatives),
         depends_on=tuple(sorted(found.depends_on)),
         rows=tuple(_rows(table)),
-        budget=tuple(budget(base, inside, unknown)),
+        budget=tuple(budget(base, inside, unknown, own)),
         detectable=tuple(detectable(table, least)) if seen else (),
         messages=(*found.messages, *([_vibration(wave, swings)] if wave and swings else [])),
         plant=_of_plant(own),

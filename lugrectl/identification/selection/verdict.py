@@ -114,8 +114,10 @@ def decide(
     bars = Bars(least, NormalDist().inv_cdf(1 - alpha))
     found = _of(record, table, bars)
     if not record.sure and heavy is None:
-        found = replace(found, messages=(UNSURE, *found.messages))
-        return judged(found)
+        refused = found.verdict == "adequate" and _stays(found.last) > UNKNOWN * least
+        if refused:  # what stays may be anything
+            return Decision("refused", table=found.table, messages=(UNSURE,))
+        return judged(replace(found, messages=(UNSURE, *found.messages)))
     found = found if heavy is None else _with_weight(found, heavy, also)
     small = all(c.share < UNKNOWN * least for c in found.effects)
     found = _with_load(found) if small and found.verdict != "unexplained" else found
@@ -164,8 +166,8 @@ def _if_it_explains(found: Decision, bars: Bars) -> Decision:
     if not found.effects or found.only_inertia or found.verdict == "unexplained":
         return found
     assert found.table is not None
-    named, last = float(np.linalg.norm([c.size for c in found.effects])), found.last
-    stays = float(np.sqrt(max(last.left**2 - last.noise**2, 0.0)))
+    named = float(np.linalg.norm([c.size for c in found.effects]))
+    stays = _stays(found.last)
     if named > stays:
         return found
     names = " and ".join(c.name for c in found.effects)
@@ -173,6 +175,11 @@ def _if_it_explains(found: Decision, bars: Bars) -> Decision:
     known = bars.proven(found.table, found.table.unknown)
     nothing = _nameless(found.table, known, bars.least)
     return replace(nothing, messages=(*found.messages, said, *nothing.messages))
+
+
+def _stays(base: Base) -> float:
+    """What it leaves and no sensor's noise is, as a share of friction."""
+    return float(np.sqrt(max(base.left**2 - base.noise**2, 0.0)))
 
 
 def _simplest(found: Decision) -> Decision:
