@@ -1,0 +1,168 @@
+"""The motion and the torque of one log as a bench test sees them: what rests, what moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..identification.balance.channel_noise import white_noise
+from ..record import Log
+from ..record.samples.rows import Stamped, runs
+from ..record.samples.usable import usable
+
+FEWEST = 30  # rows of a test
+WINDOWS = (3, 5, 9, 17, 33, 65, 129)  # rows over which a speed is a slope
+SMOOTH = 0.01  # of the top speed, to which its noise is brought down
+CLEAR = 5.0  # standard deviations of the speed's noise from which the axis moves
+SLOW = 0.01  # of the top speed below which the axis rests
+ROUNDING = 1e-7  # of the span, below which two values are one
+DENSE = 0.7  # values per row from which a signal is no register's
+WITHIN = 1.5  # times the largest usable value, up to which a value left out is taken back
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Rows in time order. ``x`` is the angle, or the integral of w where no angle was recorded
+    (``angle`` False); ``fresh`` marks the rows whose motion was measured anew; ``noise`` is the
+    standard deviation of a sample of the signal that was recorded, ``step`` that of u."""
+
+    t: np.ndarray
+    u: np.ndarray
+    x: np.ndarray
+    w: np.ndarray | None
+    fresh: np.ndarray
+    noise: float
+    step: float
+    dt: float
+    angle: bool
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @cached_property
+    def speeds(self) -> tuple[np.ndarray, float, int]:
+        """The speed at every row, the standard deviation of its noise, and rows of its window."""
+        found = self._slope(3) if self.w is None else (self.w, self.noise)
+        window = 3 if self.w is None else 1
+        for m in WINDOWS:
+            if found[1] < SMOOTH * self._top(found[0]) or m > len(self) // 4:
+                break
+            found, window = (self._slope(m) if self.w is None else self._mean(m)), m
+        return *found, window
+
+    def _top(self, v: np.ndarray) -> float:
+        return float(np.quantile(np.abs(v), 0.995))
+
+    def _slope(self, m: int) -> tuple[np.ndarray, float]:
+        """Slopes of x over m rows by least squares."""
+        j = np.arange(m) - (m - 1) / 2
+        k = j / (j @ j) / self.dt
+        x = np.pad(self.x - self.x[0], m // 2, mode="reflect", reflect_type="odd")
+        return np.convolve(x, k[::-1], "valid"), self.noise * float(np.linalg.norm(k))
+
+    def _mean(self, m: int) -> tuple[np.ndarray, float]:
+        assert self.w is not None
+        w = np.pad(self.w, m // 2, mode="edge")
+        return np.convolve(w, np.full(m, 1 / m), "valid"), self.noise / np.sqrt(m)
+
+    @property
+    def v(self) -> np.ndarray:
+        return self.speeds[0]
+
+    @property
+    def window(self) -> int:
+        """The rows over which the speed is smeared."""
+        return self.speeds[2]
+
+    @cached_property
+    def top(self) -> float:
+        return self._top(self.v)
+
+    @cached_property
+    def still(self) -> float:
+        """The speed below which the axis rests."""
+        return max(CLEAR * self.speeds[1], SLOW * self.top)
+
+    @cached_property
+    def side(self) -> np.ndarray:
+        """The direction of the motion in each row, 0 at rest."""
+        moving = (np.abs(self.v) > self.still) & ~self.stale
+        return np.sign(self.v) * moving
+
+    @cached_property
+    def stale(self) -> np.ndarray:
+        """Rows in which a speed without an angle was not renewed for long: a rest."""
+        made = np.zeros(len(self), bool)
+        for first, length in runs(~self.fresh) if not self.angle else ():
+            made[first : first + length] = length > WINDOWS[3]
+        return made
+
+    @cached_property
+    def strokes(self) -> list[slice]:
+        """The motions in one direction."""
+        edges = np.flatnonzero(np.diff(self.side, prepend=0.0, append=0.0))
+        pairs = zip(edges[:-1], edges[1:], strict=True)
+        return [slice(int(a), int(b)) for a, b in pairs if self.side[a]]
+
+
+def motions(log: Log) -> list[Motion]:
+    """The parts of a log, each on its own rows; rows left out for a doubt are taken back, since a
+    rest or a peak of the torque is what a bench test is about."""
+    rows = usable(log)
+    if "u" not in rows.channels or not {"theta", "w"} & set(rows.channels):
+        return []
+    made = [_motion(log, rows, part) for part in rows.parts()]
+    return [one for one in made if one is not None]
+
+
+def _motion(log: Log, rows: Stamped, part: slice) -> Motion | None:
+    taken = {k: _taken_back(log, rows, part, k) for k in rows.required}
+    good = np.isfinite(rows.t[part])
+    for x in taken.values():
+        good = good & np.isfinite(x)
+    t = rows.t[part][good]
+    if len(t) < FEWEST or np.any(np.diff(t) <= 0):
+        return None
+    dt = float(np.median(np.diff(t)))
+    values = {k: x[good] for k, x in taken.items()}
+    angle = "theta" in values
+    signal = values["theta" if angle else "w"]
+    renewed = np.diff(signal, prepend=np.nan) != 0
+    w = None if angle else values["w"]
+    x = values["theta"] if angle else _integral(t, signal, renewed)
+    fresh = np.ones(len(t), bool) if angle else renewed
+    noise, step = _noise(signal), smallest(values["u"])
+    return Motion(t, values["u"], x, w, fresh, noise, step, dt, angle)
+
+
+def _taken_back(log: Log, rows: Stamped, part: slice, role: str) -> np.ndarray:
+    """The usable values, and those left out that lie in their range."""
+    x, own = rows.channels[role][part], log.channels[role][rows.rows[part]]
+    out = np.isnan(x)
+    if role == "theta" or not out.any() or out.all():
+        return x
+    near = np.abs(own) <= WITHIN * np.nanmax(np.abs(x))
+    return np.where(out & near, own, x)
+
+
+def _integral(t: np.ndarray, w: np.ndarray, renewed: np.ndarray) -> np.ndarray:
+    """The angle that a speed passes, straight between the rows that renew it."""
+    w = np.interp(t, t[renewed], w[renewed])
+    return np.append(0.0, np.cumsum(0.5 * (w[1:] + w[:-1]) * np.diff(t)))
+
+
+def _noise(x: np.ndarray) -> float:
+    """The standard deviation of a sample: of white noise, at least of the smallest step."""
+    return max(white_noise([x]), smallest(x) / np.sqrt(12))
+
+
+def smallest(x: np.ndarray) -> float:
+    """The step between the values that a signal takes, beyond rounding; 0 where they lie dense."""
+    values = np.unique(x)
+    steps = np.diff(values)
+    steps = steps[steps > ROUNDING * np.ptp(x)]
+    if not len(steps) or len(values) > DENSE * len(x):
+        return 0.0
+    return float(np.quantile(steps, 0.05))
