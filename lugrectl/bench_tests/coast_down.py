@@ -7,17 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..blocks.block import unit_for
-from ..core.display import with_interval
-from ..estimates.bench_test import BenchTest
+from ..estimates.bench_test import BenchTest, in_words
 from ..estimates.findings import Estimate
-from .momentum import Fitted, Stroke, best, constant, coulomb, stroked, viscous
+from .momentum import EXPLAINED, Fitted, Stroke, best, constant, coulomb, stroked, viscous
 from .motion import Motion
 from .scatter import interval
-from .torque_pieces import pieces
 
 DIES = 0.3  # of the speed at its start, to which a coast falls at least
+COASTING = 0.2  # of the moving rows
 ZERO = 0.02  # of the largest torque: less is none
-EXPLAINED = 0.02  # of the motion, beyond the noise, that may be left
 KIND = "coast_down"
 
 
@@ -26,7 +24,7 @@ def coasts(motions: Sequence[Motion]) -> list[Stroke]:
     largest = max(float(np.abs(one.u).max()) for one in motions)
     found = []
     for one in motions:
-        for piece in pieces(one):
+        for piece in one.pieces:
             if not piece.held or abs(piece.level) > ZERO * largest:
                 continue
             for at in one.strokes:
@@ -48,23 +46,20 @@ def _dies(one: Motion, at: slice) -> bool:
 def coast_down(motions: Sequence[Motion], J: float | None, motion: str) -> BenchTest | None:
     """Fc/J and Fv/J of all coasts, and both with J where it is known."""
     strokes = coasts(motions)
-    if not strokes:
+    moving = sum(np.count_nonzero(one.side) for one in motions)
+    if not strokes or sum(s.at.stop - s.at.start for s in strokes) < COASTING * moving:
         return None
     ways = {np.sign(s.v[0]) for s in strokes}
     made = best(
         strokes, {"Fc": coulomb, "Fv": viscous}, {"constant": constant} if len(ways) > 1 else {}
     )
-    if made is None or made["Fc"] <= 0 or made.left - 1 > EXPLAINED * made.moved:
+    if made is None or made["Fc"] <= 0 or made.unexplained > EXPLAINED:
+        return None
+    if made["Fv"] < -2 * made.error("Fv"):  # no friction: something else brakes
         return None
     values = _values(made, J, motion)
-    said = ", ".join("{} {} {} ({})".format(k, *_shown(e)) for k, e in values.items())
     many = f"{len(strokes)} coast-downs" if len(strokes) > 1 else "One coast-down"
-    return BenchTest(KIND, f"{many}: {said}.", values)
-
-
-def _shown(e: Estimate) -> tuple[str, str, str]:
-    value, ends = with_interval(e)
-    return value, e.unit, ends
+    return BenchTest(KIND, f"{many}: {in_words(values)}.", values)
 
 
 def _values(made: Fitted, J: float | None, motion: str) -> dict[str, Estimate]:

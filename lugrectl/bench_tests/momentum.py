@@ -9,25 +9,27 @@ where the angle was recorded, the same once integrated where only the speed was.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .motion import Motion
 
 FALLS = 10  # speeds at which friction may fall to its Coulomb level
+MOST_FALL = 0.3  # of the top speed, up to which friction may fall
 CLEARLY = 4.0  # standard errors from which a further term is there
 STROKES = 6  # from which on they are repetitions enough to tell an error
 SHORTEST = 8  # fresh rows of a stroke
+EXPLAINED = 0.02  # of the motion, beyond the noise, that may be left of a test
 
 
 @dataclass(frozen=True, eq=False)
 class Stroke:
-    """A motion without a rest; ``at`` are its rows."""
+    """A motion without a rest; ``at`` are its rows, angles count from ``x0``."""
 
     motion: Motion
     at: slice
-    scales: dict[str, float] = field(default_factory=dict)
+    x0: float = 0.0
 
     def once(self, rate: np.ndarray) -> np.ndarray:
         """The integral of a rate over the stroke, by the trapezoidal rule."""
@@ -96,8 +98,11 @@ def fall(vs: float) -> Column:
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """Coefficients by name, their covariance, degrees of freedom, RMS of what is left over the
-    noise of a sample, and the RMS of each column's part of the motion."""
+    """Coefficients by name, their covariance and its degrees of freedom.
+
+    ``left`` is the RMS of what is left, over the noise of a sample, ``cost`` the sum of its
+    squares, ``moved`` the RMS of what is fitted, ``rows`` how many rows are independent.
+    """
 
     names: tuple[str, ...]
     p: np.ndarray
@@ -106,6 +111,7 @@ class Fitted:
     left: float
     cost: float
     moved: float
+    rows: float
 
     def __getitem__(self, name: str) -> float:
         return float(self.p[self.names.index(name)])
@@ -117,6 +123,11 @@ class Fitted:
     def clear(self, name: str) -> float:
         """A coefficient in standard errors."""
         return abs(self[name]) / max(self.error(name), 1e-300)
+
+    @property
+    def unexplained(self) -> float:
+        """What is left beyond the noise, as a share of the motion."""
+        return max(self.left - 1, 0.0) / self.moved
 
     def ratio(self, name: str, to: str) -> tuple[float, float]:
         """A quotient of coefficients with its standard error."""
@@ -165,6 +176,10 @@ class Table:
             made.append(x - Q @ (Q.T @ x))
         return np.concatenate(made) / self.noise
 
+    def fitted(self, terms: dict[str, Column]) -> Fitted | None:
+        """The fit of terms that are not columns yet."""
+        return self.fit({name: self.column(of) for name, of in terms.items()})
+
     def fit(self, columns: dict[str, np.ndarray]) -> Fitted | None:
         """Least squares; None where the columns cannot be told apart."""
         A, names = np.column_stack([*columns.values()]), tuple(columns)
@@ -179,32 +194,32 @@ class Table:
         inverse = np.linalg.inv(H)
         p = inverse @ (B.T @ self.y)
         r = self.y - B @ p
-        V, freedom = self._covariance(B, inverse, r, free)
+        V, freedom, rows = self._covariance(B, inverse, r, free)
         cost = float(r @ r)
         moved = float(np.sqrt(np.mean(self.y**2)))
         scale = np.outer(1 / size, 1 / size)
-        return Fitted(names, p / size, V * scale, freedom, np.sqrt(cost / free), cost, moved)
+        return Fitted(names, p / size, V * scale, freedom, np.sqrt(cost / free), cost, moved, rows)
 
     def _covariance(
         self, B: np.ndarray, inverse: np.ndarray, r: np.ndarray, free: int
-    ) -> tuple[np.ndarray, float]:
+    ) -> tuple[np.ndarray, float, float]:
         """Of what is left, with its memory, and of what differs between strokes if that is more."""
-        memory = min(_memory(r), free / 4)
-        V = inverse * max(float(r @ r) / free, 1.0) * memory
-        freedom, G = free / memory, len(self.strokes)
+        together = min(memory(r), free / 4)
+        V = inverse * max(float(r @ r) / free, 1.0) * together
+        rows, G = free / together, len(self.strokes)
         if G < STROKES:
-            return V, freedom
+            return V, rows, rows
         parts = [B[a:b].T @ r[a:b] for a, b in zip(self.ends, self.ends[1:], strict=False)]
         M = np.array(parts)
         sandwich = inverse @ (M.T @ M) @ inverse * G / (G - 1)
         more = np.sqrt(np.maximum(np.diag(sandwich) / np.diag(V), 1.0))
-        return V * np.outer(more, more), min(freedom, G - 1)
+        return V * np.outer(more, more), min(rows, G - 1.0), rows
 
 
-def _memory(r: np.ndarray) -> float:
+def memory(r: np.ndarray) -> float:
     """The integral of the autocorrelation, in rows, up to its first zero."""
     n = len(r)
-    f = np.fft.rfft(r, 2 * n)
+    f = np.fft.rfft(r, 1 << (2 * n - 1).bit_length())
     c = np.fft.irfft(np.abs(f) ** 2)[:n]
     if c[0] <= 0:
         return 1.0
@@ -216,34 +231,40 @@ def _memory(r: np.ndarray) -> float:
 def best(
     strokes: Sequence[Stroke], terms: dict[str, Column], more: dict[str, Column]
 ) -> Fitted | None:
-    """The fit of the terms, with those further ones that are clearly there; friction falls at the
-    speed that leaves least."""
+    """The fit of the terms, with those further ones that are clearly there; friction falls with
+    speed where that is likely."""
     table = Table(strokes)
     columns = {k: table.column(of) for k, of in terms.items()}
     made = table.fit(columns)
     if made is None:
         return None
-    made, columns = _with_fall(table, made, columns)
     for name, of in more.items():
         tried = columns | {name: table.column(of)}
         other = table.fit(tried)
         if other is not None and other.clear(name) > CLEARLY:
             made, columns = other, tried
-    return made
+    return likely([made, *_fallen(table, columns)])
 
 
-def _with_fall(
-    table: Table, made: Fitted, columns: dict[str, np.ndarray]
-) -> tuple[Fitted, dict[str, np.ndarray]]:
+def _fallen(table: Table, columns: dict[str, np.ndarray]) -> list[Fitted]:
+    """The same with friction that falls, at one of several speeds."""
     slow = min(max(s.motion.still, np.abs(s.v).min()) for s in table.strokes)
     top = max(np.abs(s.v).max() for s in table.strokes)
-    for vs in np.geomspace(slow, max(0.3 * top, 1.01 * slow), FALLS):
-        tried = {
-            **{k: x for k, x in columns.items() if k != "fall"},
-            "fall": table.column(fall(vs)),
-        }
-        other = table.fit(tried)
-        if other is not None and other.clear("fall") > CLEARLY and other["fall"] > 0:
-            if other.cost < made.cost:
-                made, columns = other, tried
-    return made, columns
+    speeds = np.geomspace(slow, max(MOST_FALL * top, 1.01 * slow), FALLS)
+    fits = [table.fit(columns | {"fall": table.column(fall(vs))}) for vs in speeds]
+    return [one for one in fits if one is not None and one["fall"] > 0]
+
+
+def likely(fits: Sequence[Fitted]) -> Fitted:
+    """The most likely of rival fits; its covariance holds what the others say, each by how likely
+    it is (Burnham and Anderson, Model Selection and Multimodel Inference, 2002, section 4.3)."""
+    unit = min(f.cost / f.rows for f in fits)
+    criterion = np.array([f.cost / unit + 2 * len(f.p) + 2 * ("fall" in f.names) for f in fits])
+    weight = np.exp(-0.5 * (criterion - criterion.min()))
+    made = fits[int(np.argmax(weight))]
+    V = made.V.copy()
+    for share, other in zip(weight / weight.sum(), fits, strict=True):
+        gap = np.array([other[k] - made[k] if k in other.names else 0.0 for k in made.names])
+        gap[[k in ("fall", "vs") for k in made.names]] = 0.0
+        V += share * np.outer(gap, gap)
+    return replace(made, V=V)

@@ -11,21 +11,24 @@ from ..identification.balance.channel_noise import white_noise
 from ..record import Log
 from ..record.samples.rows import Stamped, runs
 from ..record.samples.usable import usable
+from .edge_times import angle_of
+from .quantum import smallest
+from .torque_pieces import Piece
+from .torque_pieces import pieces as pieces_of
 
 FEWEST = 30  # rows of a test
 WINDOWS = (3, 5, 9, 17, 33, 65, 129)  # rows over which a speed is a slope
 SMOOTH = 0.01  # of the top speed, to which its noise is brought down
+FEW = 16  # rows, for which a speed may stay the same before it is stale
 CLEAR = 5.0  # standard deviations of the speed's noise from which the axis moves
 SLOW = 0.01  # of the top speed below which the axis rests
-ROUNDING = 1e-7  # of the span, below which two values are one
-DENSE = 0.7  # values per row from which a signal is no register's
 WITHIN = 1.5  # times the largest usable value, up to which a value left out is taken back
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Rows in time order. ``x`` is the angle, or the integral of w where no angle was recorded
-    (``angle`` False); ``fresh`` marks the rows whose motion was measured anew; ``noise`` is the
+    """Rows in time order. ``x`` is the angle, ``w`` the speed where no angle was recorded: x is
+    then its integral; ``fresh`` marks the rows whose motion was measured anew; ``noise`` is the
     standard deviation of a sample of the signal that was recorded, ``step`` that of u."""
 
     t: np.ndarray
@@ -36,7 +39,11 @@ class Motion:
     noise: float
     step: float
     dt: float
-    angle: bool
+
+    @property
+    def angle(self) -> bool:
+        """Whether the angle was measured."""
+        return self.w is None
 
     def __len__(self) -> int:
         return len(self.t)
@@ -96,8 +103,13 @@ class Motion:
         """Rows in which a speed without an angle was not renewed for long: a rest."""
         made = np.zeros(len(self), bool)
         for first, length in runs(~self.fresh) if not self.angle else ():
-            made[first : first + length] = length > WINDOWS[3]
+            made[first : first + length] = True
         return made
+
+    @cached_property
+    def pieces(self) -> list[Piece]:
+        """The torque between its steps and its bends."""
+        return pieces_of(self.t, self.u, self.step)
 
     @cached_property
     def strokes(self) -> list[slice]:
@@ -127,14 +139,18 @@ def _motion(log: Log, rows: Stamped, part: slice) -> Motion | None:
         return None
     dt = float(np.median(np.diff(t)))
     values = {k: x[good] for k, x in taken.items()}
-    angle = "theta" in values
-    signal = values["theta" if angle else "w"]
-    renewed = np.diff(signal, prepend=np.nan) != 0
-    w = None if angle else values["w"]
-    x = values["theta"] if angle else _integral(t, signal, renewed)
-    fresh = np.ones(len(t), bool) if angle else renewed
-    noise, step = _noise(signal), smallest(values["u"])
-    return Motion(t, values["u"], x, w, fresh, noise, step, dt, angle)
+    u, step = values["u"], smallest(values["u"])
+    every = np.ones(len(t), bool)
+    if "theta" in values:
+        x = values["theta"]
+        return Motion(t, u, x, None, every, _noise(x), step, dt)
+    w = values["w"]
+    counted = angle_of(t, w)
+    if counted is not None:
+        x, count = counted
+        return Motion(t, u, x, None, every, count / np.sqrt(12), step, dt)
+    fresh = _renewed(w)
+    return Motion(t, u, _integral(t, w, fresh), w, fresh, _noise(w), step, dt)
 
 
 def _taken_back(log: Log, rows: Stamped, part: slice, role: str) -> np.ndarray:
@@ -147,6 +163,14 @@ def _taken_back(log: Log, rows: Stamped, part: slice, role: str) -> np.ndarray:
     return np.where(out & near, own, x)
 
 
+def _renewed(w: np.ndarray) -> np.ndarray:
+    """Rows of a new value; a value that stays for a few rows is new in each."""
+    made = np.diff(w, prepend=np.nan) != 0
+    for first, length in runs(~made):
+        made[first : first + length] = length <= FEW
+    return made
+
+
 def _integral(t: np.ndarray, w: np.ndarray, renewed: np.ndarray) -> np.ndarray:
     """The angle that a speed passes, straight between the rows that renew it."""
     w = np.interp(t, t[renewed], w[renewed])
@@ -156,13 +180,3 @@ def _integral(t: np.ndarray, w: np.ndarray, renewed: np.ndarray) -> np.ndarray:
 def _noise(x: np.ndarray) -> float:
     """The standard deviation of a sample: of white noise, at least of the smallest step."""
     return max(white_noise([x]), smallest(x) / np.sqrt(12))
-
-
-def smallest(x: np.ndarray) -> float:
-    """The step between the values that a signal takes, beyond rounding; 0 where they lie dense."""
-    values = np.unique(x)
-    steps = np.diff(values)
-    steps = steps[steps > ROUNDING * np.ptp(x)]
-    if not len(steps) or len(values) > DENSE * len(x):
-        return 0.0
-    return float(np.quantile(steps, 0.05))

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from ..core.display import Row, Shown, estimated
+from ..core.display import Row, Shown, estimated, with_interval
 from .findings import Estimate
 
 
@@ -47,3 +47,12 @@ class BenchTest(Shown):
 
     def _rows(self) -> Iterable[Row]:
         return [estimated(k, e) for k, e in self.values.items()]
+
+
+def in_words(values: Mapping[str, Estimate]) -> str:
+    """Values with their intervals: "Fc 0.120 N m (0.118 to 0.122), ..."."""
+    parts = []
+    for name, e in values.items():
+        value, ends = with_interval(e)
+        parts.append(f"{name} {value} {e.unit} ({ends})")
+    return ", ".join(parts)
