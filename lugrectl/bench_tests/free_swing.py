@@ -1,4 +1,4 @@
-"""Free swing: without torque, the motion oscillates about the angle at which the load hangs."""
+"""Free swing: without torque, the motion oscillates about the lowest angle of the load."""
 
 from __future__ import annotations
 

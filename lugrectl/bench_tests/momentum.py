@@ -181,7 +181,7 @@ class Table:
         return self.fit({name: self.column(of) for name, of in terms.items()})
 
     def fit(self, columns: dict[str, np.ndarray]) -> Fitted | None:
-        """Least squares; None where the columns cannot be told apart."""
+        """Least squares; None where the columns cannot be separated."""
         A, names = np.column_stack([*columns.values()]), tuple(columns)
         size = np.linalg.norm(A, axis=0)
         free = len(self.y) - A.shape[1] - sum(Q.shape[1] for Q in self.free)

@@ -21,6 +21,7 @@ from .steps_and_pulses import steps_and_pulses
 
 KNOWN = 0.25  # of a value, by which one value of a test must be known
 INSTEAD = {  # of a test, others that its own rows look like
+    "slow_scan": ("staircase",),  # where its speed is coarse
     "breakaway_ramps": ("coast_down",),  # from the low speed at which a ramp ends
     "staircase": ("steps_and_pulses",),  # of its loop in saturation
 }

@@ -21,7 +21,7 @@ ALIKE = 1.25  # ratio of the speeds of two scans of one test, at most
 ENDS = 0.04  # of a scan at each end, in which the speed settles
 TURN = 0.9  # of a turn, that both directions must pass
 STARTS = 0.15  # of a scan at its start, which shows the inertia
-WRONG = 0.1  # of what the acceleration takes, that stays unknown
+WRONG = (0.15, 0.6)  # of J as it shows by the ripple and by the starts: friction is not even
 LITTLE = 0.02  # of the largest harmonic: less accelerates nothing
 MOSTLY = 0.5  # of the moving rows that are scans
 CELLS = 720  # of a turn, over which rows are averaged
@@ -120,10 +120,9 @@ def _accelerating(scans: Sequence[Scan], J: float | None) -> tuple[np.ndarray, n
     if J:
         return J * rate, 0.0 * rate
     found = [_by_ripple(np.column_stack([A, uneven]), u), _by_starts(scans, p)]
-    value, error = min(
-        (f for f in found if f[0] > CLEARLY * f[1]), key=lambda f: f[1] / f[0], default=(0.0, 0.0)
-    )
-    return value * rate, np.hypot(error, WRONG * value) * rate
+    value, error = min(found, key=lambda f: f[1])
+    value = max(value, 0.0)
+    return value * rate, error * rate
 
 
 def _by_ripple(A: np.ndarray, u: np.ndarray) -> tuple[float, float]:
@@ -131,7 +130,8 @@ def _by_ripple(A: np.ndarray, u: np.ndarray) -> tuple[float, float]:
     p, H = _solved(A, u)
     r = u - A @ p
     free = max(len(u) - A.shape[1], 1)
-    return float(p[-1]), float(np.sqrt(H[-1, -1] * (r @ r) / free * min(memory(r), free / 8)))
+    error = np.sqrt(H[-1, -1] * (r @ r) / free * min(memory(r), free / 8))
+    return float(p[-1]), float(np.hypot(error, WRONG[0] * p[-1]))
 
 
 def _by_starts(scans: Sequence[Scan], p: np.ndarray) -> tuple[float, float]:
@@ -147,8 +147,9 @@ def _by_starts(scans: Sequence[Scan], p: np.ndarray) -> tuple[float, float]:
 
     made = Table(strokes).fitted({"1/J": driving, "Fc": coulomb}) if strokes else None
     if made is None or made["1/J"] <= 0:
-        return 0.0, 0.0
-    return 1 / made["1/J"], made.error("1/J") / made["1/J"] ** 2
+        return 0.0, np.inf
+    J, error = 1 / made["1/J"], made.error("1/J") / made["1/J"] ** 2
+    return J, float(np.hypot(error, WRONG[1] * J))
 
 
 def _values(
