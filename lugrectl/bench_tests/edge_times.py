@@ -13,6 +13,7 @@ from .quantum import smallest
 WHOLE = 0.03  # of a count, by which a whole number may be missed
 MOSTLY = 0.95  # of the edges that must be whole numbers
 FEWEST, SLOW = 20, 3  # edges, and those more than a row apart
+SPAN, EVEN = 64, 0.4  # rows, and counts RMS off a smooth angle in them (evenly rounded: 0.29)
 OFTEN = 0.01  # of the rows, that a speed of whole counts per row takes
 
 
@@ -26,7 +27,8 @@ def angle_of(t: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, float] | None:
     passed = np.abs(w[at]) * since * dt
     late = passed[(since > 1) & (passed > 0)]
     tried = [float(np.quantile(late, 0.02))] if len(late) > FEWEST else []
-    for count in (*tried, smallest(np.abs(w)) * dt, _usual(np.abs(w)) * dt):
+    usual = _usual(np.abs(w)) * dt
+    for count in (*tried, smallest(np.abs(w)) * dt, *(usual * n for n in range(1, 5))):
         x = _angle(w, at, since, dt, count) if count else None
         if x is not None:
             return x, count
@@ -54,10 +56,13 @@ def _angle(
     with np.errstate(all="ignore"):
         going = (rest > 0) & (repeats > 0) & (np.mod(rest, repeats) == 0)
     own = np.where(going, own, since)
-    slow = (own > 1) & (rate > 0)  # one count after many rows: a mere register would not do that
-    if np.sum(slow) < SLOW or np.median(rate[slow] * own[slow]) > 1.5:
-        return None
     if np.mean(_is_whole(rate * own)) < MOSTLY:
+        return None
+    slow = (own > 1) & (rate > 0)  # one count after many rows: a mere register would not do that
+    if np.sum(slow) < SLOW:
+        if not _is_even(np.cumsum(w) * dt / count):
+            return None
+    elif np.median(rate[slow] * own[slow]) > 1.5:
         return None
     steps = np.zeros(len(w))
     steps[at] = w[at] * own * dt
@@ -65,6 +70,17 @@ def _angle(
         edges = np.arange(at[i - 1] + repeats[i], at[i] - own[i] + 1, repeats[i]).astype(int)
         steps[edges] = w[at[i - 1]] * repeats[i] * dt
     return np.cumsum(steps)
+
+
+def _is_even(x: np.ndarray) -> bool:
+    """Whether counts add up to a smooth angle within a count: those of an encoder do, at any
+    speed; the rounded values of a register drift."""
+    parts = x[: len(x) // SPAN * SPAN].reshape(-1, SPAN)
+    A = np.vander(np.arange(SPAN) / SPAN, 3)
+    Q = np.linalg.qr(A)[0]
+    left = np.sqrt(np.mean((parts - parts @ Q @ Q.T) ** 2, axis=1))
+    moved = np.ptp(np.diff(parts, axis=1), axis=1) > 0.5
+    return bool(moved.sum() > FEWEST and np.median(left[moved]) < EVEN)
 
 
 def _rows_of(rate: np.ndarray, since: np.ndarray) -> np.ndarray:

@@ -14,7 +14,8 @@ KEEPS = 0.06  # of its speed, within which a plateau keeps it
 NOISE = 3.0  # standard deviations of the noise that are allowed beside it
 FEWEST = 4  # blocks
 SETTLING = 0.3  # of a plateau, at its start, in which the loop settles
-SWINGS = 2.0  # standard deviations of the noise, by which the angle leaves a line
+STEADY = 0.008  # of its speed, by which the halves of a plateau may differ
+SWINGS = 1.2  # standard deviations of the noise, by which the angle leaves a line
 LEVEL = 1.12  # ratio of two speeds that are two
 
 
@@ -87,7 +88,10 @@ def _settled(one: Motion, k: int, end: int, size: int) -> list[Plateau]:
     x, t = one.x[at], one.t[at]
     w = float((x[-1] - x[0]) / (t[-1] - t[0]))
     found = Plateau(one, at, w, (end - k) * size)
-    return [found] if abs(w) > 2 * NOISE * found.error else []
+    middle = len(x) // 2
+    later = float((x[-1] - x[middle]) / (t[-1] - t[middle]))
+    steady = abs(later - w) < 0.5 * STEADY * abs(w) + 2 * NOISE * found.error
+    return [found] if steady and abs(w) > 2 * NOISE * found.error else []
 
 
 def levels(w: np.ndarray) -> int:
