@@ -9,7 +9,19 @@ import numpy as np
 from ..estimates.bench_test import BenchTest, in_words
 from ..estimates.findings import Estimate
 from .coast_down import ZERO
-from .momentum import EXPLAINED, SHORTEST, Column, Fitted, Stroke, best, coulomb, likely, viscous
+from .momentum import (
+    EXPLAINED,
+    SHORTEST,
+    Column,
+    Fitted,
+    Stroke,
+    best,
+    cosine,
+    coulomb,
+    likely,
+    sine,
+    viscous,
+)
 from .motion import Motion
 from .scatter import interval
 from .swing_trajectory import KNOTS, Swing, fitted
@@ -39,7 +51,7 @@ def free_swing(motions: Sequence[Motion], motion: str) -> BenchTest | None:
 
 def _fitted(swings: Sequence[Stroke]) -> Fitted | None:
     """The whole trajectories; values to begin with are those of periods, one by one."""
-    terms: dict[str, Column] = {"sin": _sine, "cos": _cosine, "Fc": coulomb, "Fv": viscous}
+    terms: dict[str, Column] = {"sin": sine, "cos": cosine, "Fc": coulomb, "Fv": viscous}
     parts = [part for s in swings for part in _periods(s)]
     start = best(parts, terms, {}) if parts else None
     if start is None:
@@ -117,14 +129,6 @@ def _follows(one: Motion, last: slice, stroke: slice, first: bool) -> bool:
     rest = stroke.start - last.stop
     shorter = np.ptp(one.x[stroke]) < np.ptp(one.x[last])
     return bool(turned and (shorter or first) and rest < (last.stop - last.start))
-
-
-def _sine(s: Stroke) -> np.ndarray:
-    return -s.integral(np.sin(s.x - s.x0))
-
-
-def _cosine(s: Stroke) -> np.ndarray:
-    return -s.integral(np.cos(s.x - s.x0))
 
 
 def _values(made: Fitted) -> dict[str, Estimate]:

@@ -20,7 +20,7 @@ MOST_FALL = 0.3  # of the top speed, up to which friction may fall
 CLEARLY = 4.0  # standard errors from which a further term is there
 STROKES = 6  # from which on they are repetitions enough to tell an error
 SHORTEST = 8  # fresh rows of a stroke
-EXPLAINED = 0.02  # of the motion, beyond the noise, that may be left of a test
+EXPLAINED = 0.01  # of the motion, beyond the noise, that may be left of a test
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +89,14 @@ def late(s: Stroke) -> np.ndarray:
     """By how much a torque acts later than it was logged, to first order."""
     u = s.motion.u[s.at]
     return -s.once(u) if s.motion.angle else -u
+
+
+def sine(s: Stroke) -> np.ndarray:
+    return -s.integral(np.sin(s.x - s.x0))
+
+
+def cosine(s: Stroke) -> np.ndarray:
+    return -s.integral(np.cos(s.x - s.x0))
 
 
 def fall(vs: float) -> Column:
@@ -238,10 +246,12 @@ def best(
     made = table.fit(columns)
     if made is None:
         return None
-    for name, of in more.items():
-        tried = columns | {name: table.column(of)}
-        other = table.fit(tried)
-        if other is not None and other.clear(name) > CLEARLY:
+    angles = all(s.motion.angle for s in strokes) and "sin" not in terms
+    gravity = {"sin": sine, "cos": cosine} if angles else {}
+    for added in (*({k: of} for k, of in more.items()), gravity):
+        tried = columns | {k: table.column(of) for k, of in added.items()}
+        other = table.fit(tried) if added else None
+        if other is not None and max(map(other.clear, added)) > CLEARLY:
             made, columns = other, tried
     return likely([made, *_fallen(table, columns)])
 

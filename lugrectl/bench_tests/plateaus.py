@@ -38,11 +38,13 @@ class Plateau:
 
     @property
     def swings(self) -> bool:
-        """Whether the angle leaves the straight line: the axis sticks and slips."""
-        x, t = self.motion.x[self.at], self.motion.t[self.at]
+        """Whether the axis sticks and slips: more than noise leaves the straight line."""
+        one, t = self.motion, self.motion.t[self.at]
+        if one.w is not None:
+            return bool(np.std(one.w[self.at]) > SWINGS * one.noise)
+        x = one.x[self.at]
         off = x - np.polyval(np.polyfit(t - t[0], x - x[0], 1), t - t[0])
-        noise = self.motion.noise if self.motion.angle else self.motion.noise * self.motion.dt
-        return bool(np.std(off) > SWINGS * noise)
+        return bool(np.std(off) > SWINGS * one.noise)
 
 
 def plateaus(one: Motion) -> tuple[list[Plateau], int]:

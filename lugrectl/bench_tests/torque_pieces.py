@@ -10,6 +10,7 @@ RARE = 0.01  # of the rows at either end, which tell no span: peaks of a loop
 JUMP = 0.02  # of the span of u, from which a change within a row is a step
 FLAT = 0.02  # of the span of u, by which a held torque may differ from its mean (RMS)
 STRAIGHT = 0.02  # of its own height, by which a ramp may differ from a line (RMS)
+CERTAIN = 5.0  # standard deviations of the noise of u, that are no step
 MOST = 400  # bends: a torque with more is no bench test's
 SHORTEST = 4  # rows of a piece
 
@@ -30,15 +31,17 @@ def pieces(t: np.ndarray, u: np.ndarray, step: float) -> list[Piece]:
     span = float(np.ptp(np.quantile(u, (RARE, 1 - RARE)))) or float(np.ptp(u))
     if not span:
         return [Piece(slice(0, len(u)), float(u[0]), 0.0, True, False)]
-    jumps = np.flatnonzero(np.abs(np.diff(u)) > JUMP * span) + 1
+    noise = 1.4826 * float(np.median(np.abs(np.diff(u)))) / np.sqrt(2)
+    far = JUMP * span + CERTAIN * noise
+    jumps = np.flatnonzero(np.abs(np.diff(u)) > far) + 1
     edges = [0, *jumps.tolist(), len(u)]
     left = [(a, b) for a, b in zip(edges, edges[1:], strict=False) if b - a >= SHORTEST][::-1]
     made, bends = [], 0
     while left:
         a, b = left.pop()
-        bend = _bend(t[a:b], u[a:b], JUMP * span + step) if bends < MOST else None
+        bend = _bend(t[a:b], u[a:b], far + step) if bends < MOST else None
         if bend is None:
-            made.append(_piece(t, u, slice(a, b), span, step))
+            made.append(_piece(t, u, slice(a, b), span, step + noise))
             continue
         bends += 1
         left += [(x, y) for x, y in ((a + bend, b), (a, a + bend)) if y - x >= SHORTEST]
@@ -54,7 +57,7 @@ def _bend(t: np.ndarray, u: np.ndarray, far: float) -> int | None:
 
 def _piece(t: np.ndarray, u: np.ndarray, at: slice, span: float, step: float) -> Piece:
     t, u = t[at] - t[at.start], u[at]
-    held = bool(np.std(u) < FLAT * span)
+    held = bool(np.std(u) < FLAT * span + step)
     slope, level = np.polyfit(t, u, 1)
     height = abs(slope) * t[-1]
     off = float(np.std(u - level - slope * t))

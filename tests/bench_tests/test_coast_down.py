@@ -46,6 +46,13 @@ def test_friction_that_falls_with_speed_is_not_taken_for_coulomb():
     check(test, PER)
 
 
+def test_a_load_that_hangs_down_is_not_taken_for_friction():
+    drive = Drive(Fs=0.15, gravity=0.04)
+    log = drive.run(lambda k, theta, w: 0.0, 900, v=40.0)
+    (test,) = lg.balance(kept(log, "theta")).bench_tests
+    check(test, PER)
+
+
 @pytest.mark.parametrize("rate", [-0.3, 1.0])
 def test_what_does_not_brake_is_no_coast(rate):
     """A speed that falls as exp(-t), or more steeply than friction can: no value is found."""

@@ -29,6 +29,12 @@ def test_inertia_and_friction(seen):
         assert low <= right <= high and low < high and abs(value.value / right - 1) < 0.03, name
 
 
+def test_a_measured_torque_has_noise():
+    log = DRIVE.run(held(LEVELS, 150), 3000)
+    log["u"] = log["u"] + np.random.default_rng(2).normal(0, 0.01, 3000)
+    assert abs(found(kept(log, "theta")).values["J"].value / DRIVE.J - 1) < 0.03
+
+
 def test_a_late_torque_is_counted():
     log = DRIVE.run(held(LEVELS, 150), 3000)
     log["u"] = np.roll(log["u"], -2)  # logged 4 ms before it acts
