@@ -17,12 +17,14 @@ from .scatter import interval, student
 LEVELS = 4  # different speeds, at least
 COVERED = 0.6  # of the moving rows, that must be on plateaus
 PARTS = 8  # of a plateau, whose scatter tells its error
+SLOWLY = 2.0  # times its change from row to row, by which a torque wanders: no noise of a loop
 SWINGING = 0.25  # of the torque's RMS, by which its mean is no friction where the speed swings
 LOWEST = 0.25  # of the slowest plateau, where a fall is tried at least
 SCATTERED = 0.05  # of the torque, by which the points may be off their curve
 SPEEDS = 60  # at which friction may fall
 FAR = 20.0  # of the misfit's unit, within which a vs is looked at more closely
 CLEARLY = 10.0  # of this unit, by which a fall of friction lowers the misfit
+TOO_FAST = "No plateau is slow and steady enough for Fs and vs."
 KIND = "staircase"
 
 
@@ -42,7 +44,8 @@ def staircase(motions: Sequence[Motion], motion: str) -> BenchTest | None:
     order = np.argsort(w)
     rows = tuple((float(w[i]), float(u[i]), 1.96 * float(error[i])) for i in order)
     table = BenchTable((f"w [{speed}]", f"u [{torque}]", f"+- [{torque}]"), rows)
-    return BenchTest(KIND, f"Staircase of {len(w)} plateaus: {in_words(values)}.", values, table)
+    said = f"Staircase of {len(w)} plateaus: {in_words(values)}."
+    return BenchTest(KIND, said if "Fs" in values else f"{said} {TOO_FAST}", values, table)
 
 
 def _torque(p: Plateau) -> tuple[float, float]:
@@ -50,7 +53,8 @@ def _torque(p: Plateau) -> tuple[float, float]:
     u = p.motion.u[p.at]
     means = np.array([part.mean() for part in np.array_split(u, PARTS)])
     error = float(np.std(means, ddof=1)) / np.sqrt(PARTS)
-    if p.swings:
+    slow = float(np.std(u)) > SLOWLY * float(np.std(np.diff(u)))
+    if p.swings or slow:
         error = np.hypot(error, SWINGING * float(np.std(u)))
     return float(u.mean()), float(np.hypot(error, p.motion.step / np.sqrt(12)))
 
@@ -61,23 +65,20 @@ def fitted(
     """Stribeck's law along the points: solved for the levels at each vs, and averaged over vs by
     how likely it is."""
     s, size = np.sign(w), np.abs(w)
-    error = known = np.hypot(error, 1e-4 * np.abs(u).max())
+    error = np.hypot(error, 1e-4 * np.abs(u).max())
     plain = [s, w, *([np.ones(len(w))] if np.ptp(s) else [])]
     free = len(w) - len(plain) - 2
     if free < 1:
         return None
     straight = _solve(plain, u, error)
     speeds = np.geomspace(LOWEST * size.min(), size.max(), SPEEDS)
-    for _ in range(3):  # all speeds, then more of those that are likely
-        fits = [_solve([*plain, s * level(w, 0.0, 1.0, vs)], u, error) for vs in speeds]
+    for _ in range(2):  # all speeds, then more of those that are likely
+        fits = [_at(vs, plain, u, error, error_w) for vs in speeds]
         cost = np.array([f[2] if f[0][-1] > 0 else np.inf for f in fits])
         unit = max(min(float(cost.min()), straight[2]) / free, 1.0)
         near = np.flatnonzero(cost < cost.min() + FAR * unit)
         if not len(near):
             break
-        best = int(np.argmin(cost))
-        slope = abs(fits[best][0][-1]) * 2 * size / speeds[best] ** 2
-        error = np.hypot(known, slope * level(size, 0.0, 1.0, speeds[best]) * error_w)
         ends = speeds[max(near[0] - 1, 0)], speeds[min(near[-1] + 1, SPEEDS - 1)]
         last, speeds = speeds, np.geomspace(*ends, SPEEDS)
     off = np.sqrt(min(float(cost.min()), straight[2]) / free) * np.median(error)
@@ -95,6 +96,22 @@ def fitted(
     made = {k: interval(p[i], float(np.sqrt(V[i, i])), free, units[k]) for i, k in enumerate(units)}
     fall = _fall(fits, last, likely, unit, free, motion) if falls else {}
     return made | fall
+
+
+def _at(
+    vs: float, plain: list[np.ndarray], u: np.ndarray, error: np.ndarray, error_w: np.ndarray
+) -> tuple:
+    """The same for friction that falls at vs, where an error of w is one of u; the misfit is
+    twice a negative log-likelihood."""
+    s, size = plain[0], np.abs(plain[1])
+    columns = [*plain, s * level(size, 0.0, 1.0, vs)]
+    own = error
+    for _ in range(2):
+        p, V, cost = _solve(columns, u, own)
+        slope = p[-1] * 2 * size / vs**2 * level(size, 0.0, 1.0, vs)
+        own = np.hypot(error, slope * error_w)
+    p, V, cost = _solve(columns, u, own)
+    return p, V, cost + 2 * float(np.sum(np.log(own / error)))
 
 
 def _solve(columns: list[np.ndarray], u: np.ndarray, error: np.ndarray) -> tuple:

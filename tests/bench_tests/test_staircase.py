@@ -30,5 +30,5 @@ def test_the_friction_curve():
 
 def test_fast_plateaus_say_nothing_of_static_friction():
     (test,) = lg.balance(stairs(2.5)).bench_tests
-    assert set(test.values) == {"Fc", "Fv"}
+    assert set(test.values) == {"Fc", "Fv"} and "slow and steady enough for Fs" in test.text
     assert test.values["Fc"].value == pytest.approx(DRIVE.Fc, rel=0.03)
