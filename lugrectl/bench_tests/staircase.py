@@ -12,7 +12,7 @@ from ..estimates.bench_test import BenchTable, BenchTest, in_words
 from ..estimates.findings import Estimate
 from .motion import Motion
 from .plateaus import Plateau, levels, plateaus
-from .scatter import interval, student
+from .scatter import SCALE, interval, student
 
 LEVELS = 4  # different speeds, at least
 COVERED = 0.6  # of the moving rows, that must be on plateaus
@@ -42,7 +42,9 @@ def staircase(motions: Sequence[Motion], motion: str) -> BenchTest | None:
         return None
     torque, speed = unit_for("N m", motion), unit_for("rad/s", motion)
     order = np.argsort(w)
-    rows = tuple((float(w[i]), float(u[i]), 1.96 * float(error[i])) for i in order)
+    rows = tuple(
+        (float(w[i]), float(u[i]), 1.96 * float(np.hypot(error[i], SCALE * u[i]))) for i in order
+    )
     table = BenchTable((f"w [{speed}]", f"u [{torque}]", f"+- [{torque}]"), rows)
     said = f"Staircase of {len(w)} plateaus: {in_words(values)}."
     return BenchTest(KIND, said if "Fs" in values else f"{said} {TOO_FAST}", values, table)
