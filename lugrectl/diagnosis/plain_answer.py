@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 
+from ..bench_tests import bench_tests
 from ..blocks.block import P
 from ..blocks.model import Model
 from ..estimates.findings import Estimate
@@ -62,6 +63,9 @@ def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
         motion=model.motion,
         unlike=runs.said,
         together=together,
+        bench_tests=bench_tests(
+            [log for i, log in enumerate(logs) if i not in runs.left_out], model
+        ),
     )
 
 

@@ -131,6 +131,7 @@ def sections(d: Any) -> list[Section]:
     parts += [_effect(d, finding) for finding in _get(d, "effects", ())]
     parts += [_depends(d), _table(d), comparison_section.limits(d), _experiment(d), errors(d)]
     parts += [comparison_section.table(d), comparison_section.laws(d), _parameters(d), plain(d)]
+    parts += bench_tables(d)
     parts += [_compensation(d), _record(d), _notes(d)]
     return [part for part in parts if part is not None]
 
@@ -370,13 +371,29 @@ def plain(d: Any) -> Section | None:
         estimate = Estimate(one["value"], one["unit"], one["ci95"])
         rows.append((key, *_with_interval(estimate), one["unit"]))
     grid = Grid(("parameter", "value", "95 % interval", "unit"), "lrrl", tuple(rows))
-    lines = [_left(found["left"])]
+    lines = [*(test.text for test in balance.bench_tests), _left(found["left"])]
     if _get(d, "effects", ()) or _get(d, "depends_on"):
         lines.append("What is missing from the model is missing here too, and biases these values.")
     else:
         lines += [*map(_together, found["combinations"]), *balance.why_not]
     lines += map(_sentence, _plain_notes(d))
     return Section(PLAIN, tuple(filter(None, lines)), grid if rows else None)
+
+
+def bench_tables(d: Any) -> list[Section]:
+    """The tables of the bench tests: friction over angle or speed, one row for each breakaway."""
+    tests = getattr(_get(d, "plain"), "bench_tests", ())
+    tables = [(test.kind.replace("_", " "), test.table) for test in tests if test.table is not None]
+    return [
+        Section(
+            f"Bench test: {kind}", (), Grid(table.columns, "r" * len(table.columns), _cells(table))
+        )
+        for kind, table in tables
+    ]
+
+
+def _cells(table: Any) -> tuple[tuple[str, ...], ...]:
+    return tuple(tuple(x if isinstance(x, str) else number(x) for x in row) for row in table.rows)
 
 
 def _plain_notes(d: Any) -> list[str]:

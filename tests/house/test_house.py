@@ -20,7 +20,7 @@ FLOORS = {  # of each folder, from the ground up: a room imports from lower floo
         {"blocks", "engine", "parallel", "record"},
         {"linear", "loops", "estimates", "simulation"},
         {"design", "identification", "sweeps"},
-        {"compensated_loop", "friction_maps", "observer_comparison", "report"},
+        {"bench_tests", "compensated_loop", "friction_maps", "observer_comparison", "report"},
         {"diagnosis", "paper"},
         {"cli"},
         {"__main__", "demo", "results"},

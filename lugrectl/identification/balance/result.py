@@ -12,6 +12,7 @@ import numpy as np
 from ...core.display import Row, between, estimated, noticed
 from ...core.result import Result, library
 from ...core.views import view
+from ...estimates.bench_test import BenchTest
 from ...estimates.findings import Estimate
 from ...record.stretches import Stretch
 
@@ -91,6 +92,8 @@ class Balance(Result):
         With these values nothing can be answered.
     together : dict of Combination
         Of a log in one direction: values that it shows only in a sum with a constant torque.
+    bench_tests : tuple of BenchTest
+        The standard tests that the logs hold, each with its answer.
     """
 
     parameters: Mapping[str, Estimate] = field(default_factory=dict)
@@ -114,6 +117,7 @@ class Balance(Result):
     against: tuple[str, ...] = ()
     hopeless: bool = False
     together: Mapping[str, Combination] = field(default_factory=dict)
+    bench_tests: tuple[BenchTest, ...] = ()
 
     @property
     def said(self) -> tuple[str, ...]:
@@ -160,6 +164,9 @@ class Balance(Result):
             ],
             "curve": [_fields(p, "w", "torque", "ci95", "samples") for p in self.curve],
             **_fields(self, "left", "seconds"),
+            **(
+                {"bench_tests": [b.summary() for b in self.bench_tests]} if self.bench_tests else {}
+            ),
         }
 
     def to_frame(self) -> Any:
@@ -179,7 +186,8 @@ class Balance(Result):
         return "Plain torque balance"
 
     def _rows(self) -> Iterable[Row]:
-        rows = [estimated(k, e) for k, e in self.parameters.items()]
+        rows = [Row(test.kind, test.text) for test in self.bench_tests]
+        rows += [estimated(k, e) for k, e in self.parameters.items()]
         for c in self.combinations:
             rows.append(estimated(c.text, Estimate(c.value, c.unit, c.ci95)))
         if self.left is not None:

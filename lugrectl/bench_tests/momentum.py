@@ -1,0 +1,280 @@
+"""The balance of momentum, integrated over strokes: no signal is differentiated.
+
+    x(t) = x0 + w0 t + (1/J) II u - (Fc/J) II sign(w) - (Fv/J) II w - ...      (II: twice over time)
+
+where the angle was recorded, the same once integrated where only the speed was. It is linear in
+1/J, Fc/J and Fv/J; x0 and w0 are free in each stroke.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .motion import Motion
+
+FALLS = 10  # speeds at which friction may fall to its Coulomb level
+MOST_FALL = 0.3  # of the top speed, up to which friction may fall
+CLEARLY = 4.0  # standard errors from which a further term is there
+STROKES = 6  # from which on they are repetitions enough to tell an error
+SHORTEST = 8  # fresh rows of a stroke
+EXPLAINED = 0.01  # of the motion, beyond the noise, that may be left of a test
+
+
+@dataclass(frozen=True, eq=False)
+class Stroke:
+    """A motion without a rest; ``at`` are its rows, angles count from ``x0``."""
+
+    motion: Motion
+    at: slice
+    x0: float = 0.0
+
+    def once(self, rate: np.ndarray) -> np.ndarray:
+        """The integral of a rate over the stroke, by the trapezoidal rule."""
+        dt = np.diff(self.motion.t[self.at])
+        return np.append(0.0, np.cumsum(0.5 * (rate[1:] + rate[:-1]) * dt))
+
+    def held(self, u: np.ndarray) -> np.ndarray:
+        """The integral of a torque that is held from row to row, once or twice."""
+        dt = np.diff(self.motion.t[self.at])
+        one = np.append(0.0, np.cumsum(u[:-1] * dt))
+        if not self.motion.angle:
+            return one
+        return np.append(0.0, np.cumsum(one[:-1] * dt + 0.5 * u[:-1] * dt**2))
+
+    def integral(self, rate: np.ndarray) -> np.ndarray:
+        """The same of any torque along the motion."""
+        made = self.once(rate)
+        return self.once(made) if self.motion.angle else made
+
+    @property
+    def v(self) -> np.ndarray:
+        return self.motion.v[self.at]
+
+    @property
+    def x(self) -> np.ndarray:
+        return self.motion.x[self.at]
+
+    def travelled(self) -> np.ndarray:
+        """The integral of w, once or twice."""
+        x = self.x - self.x[0]
+        return self.once(x) if self.motion.angle else x
+
+    def measured(self) -> np.ndarray:
+        return self.x if self.motion.w is None else self.motion.w[self.at]
+
+
+Column = Callable[[Stroke], np.ndarray]
+
+
+def torque(s: Stroke) -> np.ndarray:
+    return s.held(s.motion.u[s.at])
+
+
+def coulomb(s: Stroke) -> np.ndarray:
+    return -s.integral(np.sign(s.v))
+
+
+def viscous(s: Stroke) -> np.ndarray:
+    return -s.travelled()
+
+
+def constant(s: Stroke) -> np.ndarray:
+    return -s.integral(np.ones(len(s.v)))
+
+
+def late(s: Stroke) -> np.ndarray:
+    """By how much a torque acts later than it was logged, to first order."""
+    u = s.motion.u[s.at]
+    return -s.once(u) if s.motion.angle else -u
+
+
+def sine(s: Stroke) -> np.ndarray:
+    return -s.integral(np.sin(s.x - s.x0))
+
+
+def cosine(s: Stroke) -> np.ndarray:
+    return -s.integral(np.cos(s.x - s.x0))
+
+
+def fall(vs: float) -> Column:
+    """Friction above its Coulomb level near rest (Stribeck)."""
+    return lambda s: -s.integral(np.sign(s.v) * np.exp(-((s.v / vs) ** 2)))
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """Coefficients by name, their covariance and its degrees of freedom.
+
+    ``left`` is the RMS of what is left, over the noise of a sample, ``cost`` the sum of its
+    squares, ``moved`` the RMS of what is fitted, ``rows`` how many rows are independent.
+    """
+
+    names: tuple[str, ...]
+    p: np.ndarray
+    V: np.ndarray
+    freedom: float
+    left: float
+    cost: float
+    moved: float
+    rows: float
+
+    def __getitem__(self, name: str) -> float:
+        return float(self.p[self.names.index(name)])
+
+    def error(self, name: str) -> float:
+        i = self.names.index(name)
+        return float(np.sqrt(max(self.V[i, i], 0.0)))
+
+    def clear(self, name: str) -> float:
+        """A coefficient in standard errors."""
+        return abs(self[name]) / max(self.error(name), 1e-300)
+
+    @property
+    def unexplained(self) -> float:
+        """What is left beyond the noise, as a share of the motion."""
+        return max(self.left - 1, 0.0) / self.moved
+
+    def ratio(self, name: str, to: str) -> tuple[float, float]:
+        """A quotient of coefficients with its standard error."""
+        i, j = self.names.index(name), self.names.index(to)
+        value = self.p[i] / self.p[j]
+        g = np.zeros(len(self.p))
+        g[i], g[j] = 1 / self.p[j], -value / self.p[j]
+        return float(value), float(np.sqrt(max(g @ self.V @ g, 0.0)))
+
+
+def stroked(one: Motion, at: slice) -> Stroke | None:
+    """A stroke without its ends, whose speed is smeared with the rest; None of too few rows."""
+    edge = one.window // 2 + 1
+    lead = edge if at.start else 0
+    cut = slice(at.start + lead, at.stop - (edge if at.stop < len(one) else 0))
+    if cut.stop - cut.start < SHORTEST or one.fresh[cut].sum() < SHORTEST:
+        return None
+    return Stroke(one, cut)
+
+
+class Table:
+    """The columns of all strokes with what is free in each stroke taken off."""
+
+    def __init__(self, strokes: Sequence[Stroke]) -> None:
+        self.strokes = strokes
+        self.rows = [np.flatnonzero(s.motion.fresh[s.at]) for s in strokes]
+        self.free = [self._free(s, at) for s, at in zip(strokes, self.rows, strict=True)]
+        self.ends = np.cumsum([0, *map(len, self.rows)])
+        self.noise = np.concatenate(
+            [np.full(len(r), s.motion.noise) for s, r in zip(strokes, self.rows, strict=True)]
+        )
+        self.y = self.column(Stroke.measured)
+
+    @staticmethod
+    def _free(s: Stroke, at: np.ndarray) -> np.ndarray:
+        t = s.motion.t[s.at][at]
+        powers = np.vander((t - t[0]) / (t[-1] - t[0]), 2 if s.motion.angle else 1)
+        return np.linalg.qr(powers)[0]
+
+    def column(self, of: Column) -> np.ndarray:
+        """A column in units of the noise."""
+        made = []
+        for s, at, Q in zip(self.strokes, self.rows, self.free, strict=True):
+            x = of(s)[at]
+            x = x - x[0]
+            made.append(x - Q @ (Q.T @ x))
+        return np.concatenate(made) / self.noise
+
+    def fitted(self, terms: dict[str, Column]) -> Fitted | None:
+        """The fit of terms that are not columns yet."""
+        return self.fit({name: self.column(of) for name, of in terms.items()})
+
+    def fit(self, columns: dict[str, np.ndarray]) -> Fitted | None:
+        """Least squares; None where the columns cannot be separated."""
+        A, names = np.column_stack([*columns.values()]), tuple(columns)
+        size = np.linalg.norm(A, axis=0)
+        free = len(self.y) - A.shape[1] - sum(Q.shape[1] for Q in self.free)
+        if free < 3 or np.any(size == 0) or not np.all(np.isfinite(A)):
+            return None
+        B = A / size
+        H = B.T @ B
+        if np.linalg.cond(H) > 1e12:
+            return None
+        inverse = np.linalg.inv(H)
+        p = inverse @ (B.T @ self.y)
+        r = self.y - B @ p
+        V, freedom, rows = self._covariance(B, inverse, r, free)
+        cost = float(r @ r)
+        moved = float(np.sqrt(np.mean(self.y**2)))
+        scale = np.outer(1 / size, 1 / size)
+        return Fitted(names, p / size, V * scale, freedom, np.sqrt(cost / free), cost, moved, rows)
+
+    def _covariance(
+        self, B: np.ndarray, inverse: np.ndarray, r: np.ndarray, free: int
+    ) -> tuple[np.ndarray, float, float]:
+        """Of what is left, with its memory, and of what differs between strokes if that is more."""
+        together = min(memory(r), free / 4)
+        V = inverse * max(float(r @ r) / free, 1.0) * together
+        rows, G = free / together, len(self.strokes)
+        if G < STROKES:
+            return V, rows, rows
+        parts = [B[a:b].T @ r[a:b] for a, b in zip(self.ends, self.ends[1:], strict=False)]
+        M = np.array(parts)
+        sandwich = inverse @ (M.T @ M) @ inverse * G / (G - 1)
+        more = np.sqrt(np.maximum(np.diag(sandwich) / np.diag(V), 1.0))
+        return V * np.outer(more, more), min(rows, G - 1.0), rows
+
+
+def memory(r: np.ndarray) -> float:
+    """The integral of the autocorrelation, in rows, up to its first zero."""
+    n = len(r)
+    f = np.fft.rfft(r, 1 << (2 * n - 1).bit_length())
+    c = np.fft.irfft(np.abs(f) ** 2)[:n]
+    if c[0] <= 0:
+        return 1.0
+    c = c / c[0]
+    end = np.flatnonzero(c <= 0)
+    return float(1 + 2 * np.sum(c[1 : end[0] if len(end) else n]))
+
+
+def best(
+    strokes: Sequence[Stroke], terms: dict[str, Column], more: dict[str, Column]
+) -> Fitted | None:
+    """The fit of the terms, with those further ones that are clearly there; friction falls with
+    speed where that is likely."""
+    table = Table(strokes)
+    columns = {k: table.column(of) for k, of in terms.items()}
+    made = table.fit(columns)
+    if made is None:
+        return None
+    angles = all(s.motion.angle for s in strokes) and "sin" not in terms
+    gravity = {"sin": sine, "cos": cosine} if angles else {}
+    for added in (*({k: of} for k, of in more.items()), gravity):
+        tried = columns | {k: table.column(of) for k, of in added.items()}
+        other = table.fit(tried) if added else None
+        if other is not None and max(map(other.clear, added)) > CLEARLY:
+            made, columns = other, tried
+    return likely([made, *_fallen(table, columns)])
+
+
+def _fallen(table: Table, columns: dict[str, np.ndarray]) -> list[Fitted]:
+    """The same with friction that falls, at one of several speeds."""
+    slow = min(max(s.motion.still, np.abs(s.v).min()) for s in table.strokes)
+    top = max(np.abs(s.v).max() for s in table.strokes)
+    speeds = np.geomspace(slow, max(MOST_FALL * top, 1.01 * slow), FALLS)
+    fits = [table.fit(columns | {"fall": table.column(fall(vs))}) for vs in speeds]
+    return [one for one in fits if one is not None and one["fall"] > 0]
+
+
+def likely(fits: Sequence[Fitted]) -> Fitted:
+    """The most likely of rival fits; its covariance holds what the others say, each by how likely
+    it is (Burnham and Anderson, Model Selection and Multimodel Inference, 2002, section 4.3)."""
+    unit = min(f.cost / f.rows for f in fits)
+    criterion = np.array([f.cost / unit + 2 * len(f.p) + 2 * ("fall" in f.names) for f in fits])
+    weight = np.exp(-0.5 * (criterion - criterion.min()))
+    made = fits[int(np.argmax(weight))]
+    V = made.V.copy()
+    for share, other in zip(weight / weight.sum(), fits, strict=True):
+        gap = np.array([other[k] - made[k] if k in other.names else 0.0 for k in made.names])
+        gap[[k in ("fall", "vs") for k in made.names]] = 0.0
+        V += share * np.outer(gap, gap)
+    return replace(made, V=V)

@@ -1,0 +1,182 @@
+"""The motion and the torque of one log as a bench test sees them: what rests, what moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..identification.balance.channel_noise import white_noise
+from ..record import Log
+from ..record.samples.rows import Stamped, runs
+from ..record.samples.usable import usable
+from .edge_times import angle_of
+from .quantum import smallest
+from .torque_pieces import Piece
+from .torque_pieces import pieces as pieces_of
+
+FEWEST = 30  # rows of a test
+WINDOWS = (3, 5, 9, 17, 33, 65, 129)  # rows over which a speed is a slope
+SMOOTH = 0.01  # of the top speed, to which its noise is brought down
+FEW = 16  # rows, for which a speed may stay the same before it is stale
+CLEAR = 5.0  # standard deviations of the speed's noise from which the axis moves
+SLOW = 0.01  # of the top speed below which the axis rests
+WITHIN = 1.5  # times the largest usable value, up to which a value left out is taken back
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Rows in time order. ``x`` is the angle, ``w`` the speed where no angle was recorded: x is
+    then its integral; ``fresh`` marks the rows whose motion was measured anew; ``noise`` is the
+    standard deviation of a sample of the signal that was recorded, ``step`` that of u."""
+
+    t: np.ndarray
+    u: np.ndarray
+    x: np.ndarray
+    w: np.ndarray | None
+    fresh: np.ndarray
+    noise: float
+    step: float
+    dt: float
+
+    @property
+    def angle(self) -> bool:
+        """Whether the angle was measured."""
+        return self.w is None
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @cached_property
+    def speeds(self) -> tuple[np.ndarray, float, int]:
+        """The speed at every row, the standard deviation of its noise, and rows of its window."""
+        found = self._slope(3) if self.w is None else (self.w, self.noise)
+        window = 3 if self.w is None else 1
+        for m in WINDOWS:
+            if found[1] < SMOOTH * self._top(found[0]) or m > len(self) // 4:
+                break
+            found, window = (self._slope(m) if self.w is None else self._mean(m)), m
+        return *found, window
+
+    def _top(self, v: np.ndarray) -> float:
+        return float(np.quantile(np.abs(v), 0.995))
+
+    def _slope(self, m: int) -> tuple[np.ndarray, float]:
+        """Slopes of x over m rows by least squares."""
+        j = np.arange(m) - (m - 1) / 2
+        k = j / (j @ j) / self.dt
+        x = np.pad(self.x - self.x[0], m // 2, mode="reflect", reflect_type="odd")
+        return np.convolve(x, k[::-1], "valid"), self.noise * float(np.linalg.norm(k))
+
+    def _mean(self, m: int) -> tuple[np.ndarray, float]:
+        assert self.w is not None
+        w = np.pad(self.w, m // 2, mode="edge")
+        return np.convolve(w, np.full(m, 1 / m), "valid"), self.noise / np.sqrt(m)
+
+    @property
+    def v(self) -> np.ndarray:
+        return self.speeds[0]
+
+    @property
+    def window(self) -> int:
+        """The rows over which the speed is smeared."""
+        return self.speeds[2]
+
+    @cached_property
+    def top(self) -> float:
+        return self._top(self.v)
+
+    @cached_property
+    def still(self) -> float:
+        """The speed below which the axis rests."""
+        return max(CLEAR * self.speeds[1], SLOW * self.top)
+
+    @cached_property
+    def side(self) -> np.ndarray:
+        """The direction of the motion in each row, 0 at rest."""
+        moving = (np.abs(self.v) > self.still) & ~self.stale
+        return np.sign(self.v) * moving
+
+    @cached_property
+    def stale(self) -> np.ndarray:
+        """Rows in which a speed without an angle was not renewed for long: a rest."""
+        made = np.zeros(len(self), bool)
+        for first, length in runs(~self.fresh) if not self.angle else ():
+            made[first : first + length] = True
+        return made
+
+    @cached_property
+    def pieces(self) -> list[Piece]:
+        """The torque between its steps and its bends."""
+        return pieces_of(self.t, self.u, self.step)
+
+    @cached_property
+    def strokes(self) -> list[slice]:
+        """The motions in one direction."""
+        edges = np.flatnonzero(np.diff(self.side, prepend=0.0, append=0.0))
+        pairs = zip(edges[:-1], edges[1:], strict=True)
+        return [slice(int(a), int(b)) for a, b in pairs if self.side[a]]
+
+
+def motions(log: Log) -> list[Motion]:
+    """The parts of a log, each on its own rows; rows left out for a doubt are taken back, since a
+    rest or a peak of the torque is what a bench test is about."""
+    rows = usable(log)
+    if "u" not in rows.channels or not {"theta", "w"} & set(rows.channels):
+        return []
+    made = [_motion(log, rows, part) for part in rows.parts()]
+    return [one for one in made if one is not None]
+
+
+def _motion(log: Log, rows: Stamped, part: slice) -> Motion | None:
+    taken = {k: _taken_back(log, rows, part, k) for k in rows.required}
+    good = np.isfinite(rows.t[part])
+    for x in taken.values():
+        good = good & np.isfinite(x)
+    t = rows.t[part][good]
+    if len(t) < FEWEST or np.any(np.diff(t) <= 0):
+        return None
+    dt = float(np.median(np.diff(t)))
+    values = {k: x[good] for k, x in taken.items()}
+    u, step = values["u"], smallest(values["u"])
+    every = np.ones(len(t), bool)
+    if "theta" in values:
+        x = values["theta"]
+        return Motion(t, u, x, None, every, _noise(x), step, dt)
+    w = values["w"]
+    counted = angle_of(t, w)
+    if counted is not None:
+        x, count = counted
+        return Motion(t, u, x, None, every, count / np.sqrt(12), step, dt)
+    fresh = _renewed(w)
+    return Motion(t, u, _integral(t, w, fresh), w, fresh, _noise(w), step, dt)
+
+
+def _taken_back(log: Log, rows: Stamped, part: slice, role: str) -> np.ndarray:
+    """The usable values, and those left out that lie in their range."""
+    x, own = rows.channels[role][part], log.channels[role][rows.rows[part]]
+    out = np.isnan(x)
+    if role == "theta" or not out.any() or out.all():
+        return x
+    near = np.abs(own) <= WITHIN * np.nanmax(np.abs(x))
+    return np.where(out & near, own, x)
+
+
+def _renewed(w: np.ndarray) -> np.ndarray:
+    """Rows of a new value; a value that stays for a few rows is new in each."""
+    made = np.diff(w, prepend=np.nan) != 0
+    for first, length in runs(~made):
+        made[first : first + length] = length <= FEW
+    return made
+
+
+def _integral(t: np.ndarray, w: np.ndarray, renewed: np.ndarray) -> np.ndarray:
+    """The angle that a speed passes, straight between the rows that renew it."""
+    w = np.interp(t, t[renewed], w[renewed])
+    return np.append(0.0, np.cumsum(0.5 * (w[1:] + w[:-1]) * np.diff(t)))
+
+
+def _noise(x: np.ndarray) -> float:
+    """The standard deviation of a sample: of white noise, at least of the smallest step."""
+    return max(white_noise([x]), smallest(x) / np.sqrt(12))

@@ -1,0 +1,62 @@
+"""The bench tests in the logs of one drive."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ..blocks.model import Model
+from ..estimates.bench_test import BenchTest
+from ..record import Log
+from .breakaway_ramps import breakaway_ramps
+from .coast_down import coast_down
+from .free_swing import free_swing
+from .motion import motions
+from .slow_scan import slow_scan
+from .staircase import staircase
+from .steps_and_pulses import steps_and_pulses
+
+KNOWN = 0.25  # of a value, by which one value of a test must be known
+INSTEAD = {  # of a test, others that its own rows look like
+    "slow_scan": ("staircase",),  # where its speed is coarse
+    "breakaway_ramps": ("coast_down",),  # from the low speed at which a ramp ends
+    "staircase": ("steps_and_pulses",),  # of its loop in saturation
+}
+
+
+def bench_tests(logs: Sequence[Log], model: Model) -> tuple[BenchTest, ...]:
+    """Every standard test in the logs of one drive; none where there is none."""
+    with np.errstate(all="ignore"):
+        found = _tried(lambda: [one for log in logs for one in motions(log)])
+        if not found:
+            return ()
+        J, motion = model.known().get("J"), model.motion
+        kinds = [
+            partial(breakaway_ramps, found, motion),
+            partial(slow_scan, found, J, motion),
+            partial(coast_down, found, J, motion),
+            partial(free_swing, found, motion),
+            partial(steps_and_pulses, found, motion),
+            partial(staircase, found, motion),
+        ]
+        made = [test for kind in kinds if (test := _tried(kind)) is not None and _answers(test)]
+    other = {kind for test in made for kind in INSTEAD.get(test.kind, ())}
+    return tuple(test for test in made if test.kind not in other)
+
+
+def _tried(test: Callable[[], Any]) -> Any:
+    """What is found; None where the numbers of a log have no solution."""
+    try:
+        return test()
+    except (ArithmeticError, ValueError, IndexError, np.linalg.LinAlgError):
+        return None
+
+
+def _answers(test: BenchTest) -> bool:
+    """Whether a value is known by more than its size: what looks like a test and is none, is not
+    fitted by its law."""
+    sizes = [(abs(e.value), e.ci95) for k, e in test.values.items() if k != "Fs_scatter"]
+    return any(ends and ends[1] - ends[0] < 2 * KNOWN * size for size, ends in sizes)

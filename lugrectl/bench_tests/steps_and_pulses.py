@@ -1,0 +1,88 @@
+"""Steps and pulses: a torque that is held in between; inertia and friction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..blocks.block import unit_for
+from ..estimates.bench_test import BenchTest, in_words
+from ..estimates.findings import Estimate
+from .momentum import (
+    EXPLAINED,
+    Fitted,
+    best,
+    constant,
+    coulomb,
+    late,
+    stroked,
+    torque,
+    viscous,
+)
+from .motion import Motion
+from .scatter import interval
+from .torque_pieces import Piece
+
+HELD = 0.9  # of the moving rows, in which the torque must be held
+DRIVEN = 0.1  # of the largest torque: more drives the motion
+LEVELS = 0.2  # of the largest torque, by which two levels differ
+CHANGED = 0.5  # of all changes of the speed, that happen while the torque is held
+KIND = "steps_and_pulses"
+
+
+def steps_and_pulses(motions: Sequence[Motion], motion: str) -> BenchTest | None:
+    """J, Fc and Fv of the motion between the steps of the torque."""
+    found = [(one, one.pieces) for one in motions]
+    found = [(one, parts) for one, parts in found if _is_held(one, parts)]
+    strokes = [s for one, _ in found for at in one.strokes if (s := stroked(one, at)) is not None]
+    if not strokes or _levels([p for _, parts in found for p in parts if p.held]) < 2:
+        return None
+    terms = {"1/J": torque, "Fc": coulomb, "Fv": viscous}
+    both = {"constant": constant} if len({np.sign(s.v[0]) for s in strokes}) > 1 else {}
+    made = best(strokes, terms, {**both, "late": late})
+    if made is None or made["1/J"] <= 0 or made["Fc"] < 0 or made.unexplained > EXPLAINED:
+        return None
+    pushes = sum(p.held and p.level != 0 for _, parts in found for p in parts)
+    values = _values(made, [one for one, _ in found], motion)
+    return BenchTest(KIND, f"{pushes} torque steps or pulses: {in_words(values)}.", values)
+
+
+def _is_held(one: Motion, parts: Sequence[Piece]) -> bool:
+    """Whether nearly all motion is under a held torque, a part of it driven by it."""
+    moving = np.abs(one.side) > 0
+    held = np.zeros(len(one), bool)
+    for piece in parts:
+        held[piece.at] = piece.held
+    driven = moving & (np.abs(one.u) > DRIVEN * np.abs(one.u).max())
+    if not driven.any() or held[moving].mean() < HELD:
+        return False
+    changed = sum(_changed(one, at, p.at) for at in one.strokes for p in parts if p.held)
+    v = [np.abs(one.v[at]) for at in one.strokes]
+    return bool(changed > CHANGED * sum(2 * x.max() - x[0] - x[-1] for x in v))
+
+
+def _changed(one: Motion, stroke: slice, piece: slice) -> float:
+    """By how much the speed of a stroke changes in a piece."""
+    first, last = max(stroke.start, piece.start), min(stroke.stop, piece.stop) - 1
+    return float(abs(one.v[last] - one.v[first])) if last > first else 0.0
+
+
+def _levels(held: Sequence[Piece]) -> int:
+    """How many levels of the torque differ clearly."""
+    levels = np.sort([p.level for p in held])
+    return 1 + int(np.sum(np.diff(levels) > LEVELS * np.abs(levels).max()))
+
+
+def _values(made: Fitted, found: Sequence[Motion], motion: str) -> dict[str, Estimate]:
+    J, error = 1 / made["1/J"], made.error("1/J") / made["1/J"] ** 2
+    values, size = {}, max(float(np.sqrt(np.mean(one.u**2))) for one in found)
+    register = max(one.step for one in found) / np.sqrt(12)
+    values["J"] = interval(
+        J, error, made.freedom, unit_for("kg m2", motion), resolution=J * register / size
+    )
+    for key, unit in (("Fc", "N m"), ("Fv", "N m s/rad")):
+        value, error = made.ratio(key, "1/J")
+        known = register if key == "Fc" else value * register / size
+        values[key] = interval(value, error, made.freedom, unit_for(unit, motion), resolution=known)
+    return values

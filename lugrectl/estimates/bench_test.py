@@ -1,0 +1,58 @@
+"""What a standard bench test answers: a sentence, values with intervals, a table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..core.display import Row, Shown, estimated, with_interval
+from .findings import Estimate
+
+
+@dataclass(frozen=True, repr=False)
+class BenchTable(Shown):
+    """``columns`` are names with units; a row holds numbers or words, None where unknown."""
+
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Any, ...], ...]
+
+    def summary(self) -> dict[str, Any]:
+        return {"columns": list(self.columns), "rows": [list(row) for row in self.rows]}
+
+
+@dataclass(frozen=True, repr=False)
+class BenchTest(Shown):
+    """A bench test that was recognised in the logs.
+
+    ``kind`` is one of breakaway_ramps, slow_scan, coast_down, free_swing, steps_and_pulses and
+    staircase; ``text`` says the answer in one sentence; ``values`` are what the test is done for.
+    """
+
+    kind: str
+    text: str
+    values: Mapping[str, Estimate] = field(default_factory=dict)
+    table: BenchTable | None = None
+
+    def summary(self) -> dict[str, Any]:
+        values = {
+            k: {"value": e.value, "unit": e.unit, "ci95": list(e.ci95 or ())}
+            for k, e in self.values.items()
+        }
+        made: dict[str, Any] = {"kind": self.kind, "text": self.text, "values": values}
+        return made if self.table is None else made | {"table": self.table.summary()}
+
+    def _title(self) -> str:
+        return f"Bench test: {self.kind}"
+
+    def _rows(self) -> Iterable[Row]:
+        return [estimated(k, e) for k, e in self.values.items()]
+
+
+def in_words(values: Mapping[str, Estimate]) -> str:
+    """Values with their intervals: "Fc 0.120 N m (0.118 to 0.122), ..."."""
+    parts = []
+    for name, e in values.items():
+        value, ends = with_interval(e)
+        parts.append(f"{name} {value} {e.unit} ({ends})")
+    return ", ".join(parts)

@@ -1,0 +1,34 @@
+"""A staircase of speeds gives the friction curve, with Fs and vs where a plateau is slow enough."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+
+from .drive import Drive, kept, speed_loop
+
+DRIVE = Drive(vs=0.5, counts=65536)
+
+
+def stairs(slowest: float) -> dict:
+    levels = np.geomspace(slowest, 20.0, 8)
+    reference = np.repeat(np.r_[levels, -levels], 350)
+    log = DRIVE.run(speed_loop(reference, DRIVE.J), len(reference))
+    return kept(log, "theta")
+
+
+def test_the_friction_curve():
+    (test,) = lg.balance(stairs(0.2)).bench_tests
+    assert test.kind == "staircase"
+    for name in ("Fc", "Fv", "Fs", "vs"):
+        found, right = test.values[name], getattr(DRIVE, name)
+        assert found.may_be(right) and abs(found.value / right - 1) < 0.05, name
+    assert len(test.table.rows) == 16
+
+
+def test_fast_plateaus_say_nothing_of_static_friction():
+    (test,) = lg.balance(stairs(2.5)).bench_tests
+    assert set(test.values) == {"Fc", "Fv"} and "slow and steady enough for Fs" in test.text
+    assert test.values["Fc"].value == pytest.approx(DRIVE.Fc, rel=0.03)
