@@ -127,7 +127,7 @@ def _as_sure(share: Share, own: Valued) -> Share:
     """
     effect = REGISTRY.get(("effect", share.term))
     key = VALUES.get(share.term) if effect is None else f"{share.term}.{effect.gain}"
-    if share.ci95 is None or key not in own.values or not share.share:
+    if share.ci95 is None or key is None or key not in own.values or not share.share:
         return share
     half = own.half(key)
     if half is None or half > abs(own.values[key]):
