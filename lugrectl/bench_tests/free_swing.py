@@ -38,14 +38,14 @@ def free_swing(motions: Sequence[Motion], motion: str) -> BenchTest | None:
     """Length, gravity, damping and friction of all swings, for each unit of inertia."""
     if motion != "rotary":
         return None
-    swings = [found for one in motions for found in _swings(one)]
-    if not swings:
+    runs = [found for one in motions if (found := _swings(one))]
+    fits = [made for swings in runs if (made := _fitted(swings)) is not None]
+    fits = [made for made in fits if made.left <= EXPLAINED * made.moved]
+    if not fits:
         return None
-    made = _fitted(swings)
-    if made is None or made.left > EXPLAINED * made.moved:
-        return None
-    values = _values(made)
-    many = f"{len(swings)} free swings" if len(swings) > 1 else "One free swing"
+    values = _values(fits)
+    swings = sum(map(len, runs))
+    many = f"{swings} free swings" if swings > 1 else "One free swing"
     return BenchTest(KIND, f"{many}: {in_words(values)}.", values)
 
 
@@ -131,15 +131,29 @@ def _follows(one: Motion, last: slice, stroke: slice, first: bool) -> bool:
     return bool(turned and (shorter or first) and rest < (last.stop - last.start))
 
 
-def _values(made: Fitted) -> dict[str, Estimate]:
-    a, b = made["sin"], made["cos"]
-    size = float(np.hypot(a, b))
-    i, j = made.names.index("sin"), made.names.index("cos")
-    g = np.array([a, b]) / size
-    error = float(np.sqrt(g @ made.V[np.ix_([i, j], [i, j])] @ g))
-    pull = interval(size, error, made.freedom, "rad/s2")
-    low, high = pull.ci95 or (size, size)
-    values = {"length": Estimate(G / size, "m", (G / high, G / low)), "gravity/J": pull}
+def _values(fits: Sequence[Fitted]) -> dict[str, Estimate]:
+    """Of all runs: each has its own zero of the angle, so that only the size of gravity is one."""
+    pull = _of_all([_pull(made) for made in fits], fits, "rad/s2")
+    low, high = pull.ci95 or (pull.value, pull.value)
+    values = {"length": Estimate(G / pull.value, "m", (G / high, G / low)), "gravity/J": pull}
     for key, unit in (("Fc", "rad/s2"), ("Fv", "1/s")):
-        values[f"{key}/J"] = interval(made[key], made.error(key), made.freedom, unit)
+        values[f"{key}/J"] = _of_all([(made[key], made.error(key)) for made in fits], fits, unit)
     return values
+
+
+def _pull(made: Fitted) -> tuple[float, float]:
+    """The size of gravity for each unit of inertia, and its standard deviation."""
+    at = [made.names.index(key) for key in ("sin", "cos")]
+    size = float(np.hypot(*made.p[at]))
+    g = made.p[at] / size
+    return size, float(np.sqrt(g @ made.V[np.ix_(at, at)] @ g))
+
+
+def _of_all(found: Sequence[tuple[float, float]], fits: Sequence[Fitted], unit: str) -> Estimate:
+    """The mean of the runs by their errors, wider where they differ by more."""
+    value, error = np.array(found).T
+    weight = error**-2
+    mean, own = float(weight @ value / weight.sum()), float(weight.sum() ** -0.5)
+    apart = float(weight @ (value - mean) ** 2) / max(len(value) - 1, 1)
+    freedom = sum(made.freedom for made in fits)
+    return interval(mean, own * max(1.0, np.sqrt(apart)), freedom, unit)
