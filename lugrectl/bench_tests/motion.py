@@ -22,7 +22,6 @@ SMOOTH = 0.01  # of the top speed, to which its noise is brought down
 FEW = 16  # rows, for which a speed may stay the same before it is stale
 CLEAR = 5.0  # standard deviations of the speed's noise from which the axis moves
 SLOW = 0.01  # of the top speed below which the axis rests
-WITHIN = 1.5  # times the largest usable value, up to which a value left out is taken back
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,20 +119,17 @@ class Motion:
 
 
 def motions(log: Log) -> list[Motion]:
-    """The parts of a log, each on its own rows; rows left out for a doubt are taken back, since a
-    rest or a peak of the torque is what a bench test is about."""
+    """The parts of a log, each on its own rows."""
     rows = usable(log)
     if "u" not in rows.channels or not {"theta", "w"} & set(rows.channels):
         return []
-    made = [_motion(log, rows, part) for part in rows.parts()]
+    made = [_motion(rows, part) for part in rows.parts()]
     return [one for one in made if one is not None]
 
 
-def _motion(log: Log, rows: Stamped, part: slice) -> Motion | None:
-    taken = {k: _taken_back(log, rows, part, k) for k in rows.required}
-    good = np.isfinite(rows.t[part])
-    for x in taken.values():
-        good = good & np.isfinite(x)
+def _motion(rows: Stamped, part: slice) -> Motion | None:
+    taken = {k: rows.channels[k][part] for k in rows.required}
+    good = np.all([np.isfinite(x) for x in (rows.t[part], *taken.values())], axis=0)
     t = rows.t[part][good]
     if len(t) < FEWEST or np.any(np.diff(t) <= 0):
         return None
@@ -151,16 +147,6 @@ def _motion(log: Log, rows: Stamped, part: slice) -> Motion | None:
         return Motion(t, u, x, None, every, count / np.sqrt(12), step, dt)
     fresh = _renewed(w)
     return Motion(t, u, _integral(t, w, fresh), w, fresh, _noise(w), step, dt)
-
-
-def _taken_back(log: Log, rows: Stamped, part: slice, role: str) -> np.ndarray:
-    """The usable values, and those left out that lie in their range."""
-    x, own = rows.channels[role][part], log.channels[role][rows.rows[part]]
-    out = np.isnan(x)
-    if role == "theta" or not out.any() or out.all():
-        return x
-    near = np.abs(own) <= WITHIN * np.nanmax(np.abs(x))
-    return np.where(out & near, own, x)
 
 
 def _renewed(w: np.ndarray) -> np.ndarray:
