@@ -128,7 +128,8 @@ def motions(log: Log) -> list[Motion]:
 
 
 def _motion(rows: Stamped, part: slice) -> Motion | None:
-    taken = {k: rows.channels[k][part] for k in rows.required}
+    needed = ("u", "theta" if "theta" in rows.channels else "w")
+    taken = {k: rows.channels[k][part] for k in needed}
     good = np.all([np.isfinite(x) for x in (rows.t[part], *taken.values())], axis=0)
     t = rows.t[part][good]
     if len(t) < FEWEST or np.any(np.diff(t) <= 0):
