@@ -100,7 +100,7 @@ def _misfit(tracks: Sequence[Track], lag: float, most: float) -> float:
         return np.inf
     change = np.abs(rows[:, 1])
     left = rows[:, 3] - rows[:, :3] @ _robust(rows)[0]
-    return rms(left[change > QUARTER * top_speed(change)])
+    return rms(left[change >= QUARTER * top_speed(change)])
 
 
 def _robust(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
