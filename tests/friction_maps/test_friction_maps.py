@@ -234,3 +234,19 @@ def test_the_screw_drive_carries_its_load(law, names):
 def test_maps_are_drawn_and_scored(capsys):
     maps.main(["--effects", "constant_torque", "--seeds", "20:21"])
     assert capsys.readouterr().out.startswith("right: 100% of 1; intervals that hold: 1 of 1")
+
+
+def test_what_is_left_out_for_being_small_counts_in_intervals():
+    """Friction steeper one way beside a constant torque of a hundredth, which is not named."""
+    w = np.r_[-4.0:-0.4:6j, 0.4:4.0:6j]
+    Fv, rng = np.where(w > 0, 0.56, 0.48), np.random.default_rng(3)
+    runs = []
+    for k, v in enumerate(w):
+        t = 0.01 * np.arange(300)
+        u = 0.572 * np.sign(v) + Fv[k] * v + 0.012 + 0.002 * rng.standard_normal(300)
+        runs.append({"t": t, "u": u + 0.001 * rng.standard_normal(), "theta": v * t})
+    found = lg.diagnose(runs, lg.Model.of(friction="coulomb"))
+    (effect,) = found.effects
+    assert effect.name == "viscous_asymmetry"
+    assert effect.parameters["ratio"].may_be(0.08 / 1.04)
+    assert found.plain.parameters["constant_torque"].may_be(0.012)

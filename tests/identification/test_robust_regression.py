@@ -108,3 +108,9 @@ def test_a_block_without_rows_counts_nothing() -> None:
     assert empty.any()
     assert np.all(left_out(made, X, np.zeros(4), scale, blocks, 1.0)[empty] == 0.0)
     assert np.all(seen(made, blocks, 1.0)[empty] == 0.0)
+
+
+def test_that_few_blocks_gain_the_same_is_no_proof():
+    """Two or three that agree to a percent may do so by chance; four that agree decide."""
+    sure = {n: float(np.divide(*paired(300.0 + np.arange(n), np.zeros(n)))) for n in (2, 3, 4)}
+    assert sure[2] < 1.0 and sure[3] < 2.33 < sure[4]

@@ -208,3 +208,11 @@ def test_the_motion_of_a_sample_at_one_speed_is_no_encoder(speed, counts):
     theta = np.floor(theta / (2 * np.pi) * counts) * 2 * np.pi / counts if counts else theta
     record = read_record({"t": t, "u": 0.2 + 0.01 * np.sin(t), "theta": theta})
     assert record.theta is not None and np.ptp(record.theta) == pytest.approx(abs(speed) * 10, 0.01)
+
+
+def test_a_first_stamp_of_another_run_is_left_out_alone():
+    t = 0.01 * np.arange(200)
+    t[0] = 1.074
+    found = read_record({"t": t, "u": np.sin(t), "theta": np.sin(3.0 * t)})
+    assert found.samples == 199
+    assert any("t at row 0 is 1.074 s" in m for m in found.messages)

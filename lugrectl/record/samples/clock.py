@@ -124,6 +124,8 @@ def _off_line(t: np.ndarray, k: int, dt: float) -> slice:
         for a, b in ((k, k + m + 1), (k - m, k + 1)):
             if a >= 0 and b < len(t) and 0.3 * dt * m < t[b] - t[a] < 3 * dt * (m + 1):
                 return slice(a + 1, b)
+        if k == 0 and m == 1:  # the first row, before which there is nothing to go on from
+            return slice(0, 1)
     return slice(0, 0)
 
 

@@ -1,0 +1,71 @@
+"""Rows are left out only where the motion contradicts them: rests, peaks and reversals stay."""
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.core.numeric import top_speed
+from lugrectl.identification.balance.channel_noise import white_noise
+
+from ..bench_tests.drawn import draw
+
+
+def plain(kind, seed):
+    """The plain answer of a drawn bench test, and what was said of rows left out."""
+    drawn = draw(kind, seed)
+    found = lg.balance([dict(run) for run in drawn.runs])
+    return drawn, found, [s for s in (*found.reading, *found.notes) if "left out" in s]
+
+
+@pytest.mark.parametrize("seed", [3, 4, 6, 8])
+def test_rests_without_torque_and_peaks_at_breakaway_stay(seed):
+    """The balance knows ramps and coasts of some rows only: it extrapolates to the others."""
+    _, _, said = plain("breakaway_ramps", seed)
+    assert not [s for s in said if s.startswith("u ")]
+
+
+@pytest.mark.parametrize("seed", [4, 5])
+def test_the_torque_of_a_reversal_stays_and_shows_the_inertia(seed):
+    drawn, found, said = plain("slow_scan", seed)
+    assert not [s for s in said if s.startswith("u ")]
+    J = found.parameters.get("J") or found.uncertain.get("J")
+    assert J is None or J.may_be(drawn.known["plant"]["J"])
+
+
+def test_a_lag_of_w_is_told_by_changes_of_speed():
+    """A difference over 10 ms, at a constant speed but for two reversals: late by half of that."""
+    _, found, _ = plain("slow_scan", 4)
+    assert found.parameters["w_lag"].value == pytest.approx(4.5e-3, abs=1e-3)
+
+
+def test_a_speed_that_keeps_its_last_value_is_left_out_to_the_end_of_the_log():
+    """Pulses and coasts of J 0.005, Fc 0.4, Fv 0.01; below 2 rad/s the speed is not renewed."""
+    t, dt = 4e-3 * np.arange(6000), 4e-3
+    u = np.select([t % 8 < 2, (t % 8 >= 4) & (t % 8 < 6)], [0.55, -0.58], 0.0)
+    w = np.zeros(len(t))
+    for k in range(len(t) - 1):
+        v, fine = w[k], dt / 40
+        for _ in range(40):
+            rests = v == 0 and abs(u[k]) < 0.4
+            a = 0.0 if rests else (u[k] - 0.4 * np.sign(v or u[k]) - 0.01 * v) / 0.005
+            v = 0.0 if v * (v + fine * a) < 0 else v + fine * a
+        w[k + 1] = v
+    kept = w.copy()
+    for k in range(1, len(t)):
+        kept[k] = w[k] if abs(w[k]) > 2 else kept[k - 1]
+    found = lg.balance({"t": t, "u": u, "w": np.round(kept, 5)})
+    for key, value in (("J", 0.005), ("Fc", 0.4), ("Fv", 0.01)):
+        assert found.parameters[key].value == pytest.approx(value, rel=0.02)
+
+
+def test_the_top_speed_does_not_depend_on_how_long_the_drive_rests():
+    w = np.sin(np.linspace(0.0, 20.0, 2000))
+    assert top_speed(np.r_[w, np.zeros(98_000)]) == pytest.approx(top_speed(w))
+    assert 0.99 < top_speed(w) < 1.0
+
+
+def test_steps_of_a_command_are_no_noise():
+    steps = np.repeat([0.3, 0.0, -0.3, 0.0] * 4, 1500)
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(len(steps))
+    assert white_noise([steps], stepped=True) < 1e-9
+    assert white_noise([steps + noise], stepped=True) == pytest.approx(1e-3, rel=0.2)
