@@ -27,6 +27,7 @@ from ..record import Record
 from .compare_laws import under_law
 from .judged import judged
 from .missed_motion import missed_motion
+from .never_worse import borne
 from .one_direction import next_way
 from .other_law import judged_with_law
 from .plain_answer import plainly
@@ -37,7 +38,7 @@ from .refusal import refusal, with_plain
 from .result import Diagnosis
 from .steady_runs import diagnose_map
 from .study import Job, Prepared, noted, prepared, residuals
-from .winning_model import decided
+from .winning_model import decided, winner
 
 WORSE = (
     "On held-out samples the simulation with the added effect misses the motion by {0:.3g} {2}, "
@@ -221,6 +222,10 @@ def _answered(
     won, found = decided(ready, found, report)
     report(0.8, "errors on held-out samples")
     own = judged(won, asked)
+    kept = borne(found, own.scored["error"])
+    if kept is not found:
+        won, found = winner(ready, kept, report), kept
+        own = judged(won, asked)
     found = judged_with_law(found, asked.model, asked.plain, failed=bool(own.failed))
     scored, fitted = own.scored, own.estimates
     report(0.9, "what was noticed")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.signal import oaconvolve
@@ -14,9 +16,15 @@ from ..estimates.findings import Estimate
 from ..identification.balance import Balance
 from ..identification.balance.track import weights
 from ..identification.dataset.dataset import Data
+from ..identification.selection import Comparison
 from .question import Asked
 
 MORE = 1.05  # times what the plain balance leaves; a finer fit that leaves more has failed ...
+GAINS = 0.95  # of the error without an effect, below which the simulation gains from it
+UNBORNE = (
+    "{} would be a torque of {:.2g} % of friction beside what the law has of it, and the "
+    "simulation of held-out samples gains nothing from it: it is not named."
+)
 POINTS = 0.003  # ... if it is also this share of the RMS torque more
 FAILED = (
     "The fit by simulation failed: in the same windows it leaves {:.1f} % of the RMS torque, the "
@@ -54,6 +62,26 @@ def refuse_without_inertia(found: Mapping[str, Estimate], declared: Model) -> No
             "about as well.",
             "Record a motion with clear acceleration in both directions, or declare J.",
         )
+
+
+def borne(found: Comparison, error: Mapping[str, Any]) -> Comparison:
+    """The comparison without effects whose own torque is below the least that matters, where the
+    simulation of held-out samples gains nothing from them.
+
+    Such an effect is named for what the declared law imitates of it. That is a claim on the motion.
+    """
+    before, after = (error["declared"], error["refitted"]), error["augmented"]
+    known = [x for x in before if x is not None]
+    if found.verdict not in ("found", "ambiguous") or after is None or not known:
+        return found
+    small = [e for e in found.effects if e.share <= found.least]
+    if not small or after < GAINS * min(known):
+        return found
+    left = tuple(e for e in found.effects if e not in small)
+    said = tuple(UNBORNE.format(e.name, 100.0 * e.share) for e in small)
+    verdict = "found" if left else "adequate"
+    return replace(found, effects=left, alternatives=(), verdict=verdict, valued=None,
+                   messages=(*found.messages, *said))  # fmt: skip
 
 
 def determines(J: Estimate) -> bool:
