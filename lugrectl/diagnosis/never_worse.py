@@ -16,13 +16,14 @@ from ..estimates.findings import Estimate
 from ..identification.balance import Balance
 from ..identification.balance.track import weights
 from ..identification.dataset.dataset import Data
+from ..identification.regression.numbers import FEW_STRETCHES
 from ..identification.selection import Comparison
 from .question import Asked
 
 MORE = 1.05  # times what the plain balance leaves; a finer fit that leaves more has failed ...
 GAINS = 0.95  # of the error without an effect, below which the simulation gains from it
 UNBORNE = (
-    "{} would be a torque of {:.2g} % of friction beside what the law has of it, and the "
+    "{} would be a torque of {:.2g} % of friction beside what the law has of it, but the "
     "simulation of held-out samples gains nothing from it: it is not named."
 )
 POINTS = 0.003  # ... if it is also this share of the RMS torque more
@@ -66,15 +67,17 @@ def refuse_without_inertia(found: Mapping[str, Estimate], declared: Model) -> No
 
 def borne(found: Comparison, error: Mapping[str, Any]) -> Comparison:
     """The comparison without effects whose own torque is below the least that matters, where the
-    simulation of held-out samples gains nothing from them.
+    simulation of held-out samples gains nothing from them; in a short record, without any such.
 
     Such an effect is named for what the declared law imitates of it. That is a claim on the motion.
+    In a short record the comparison is uncertain, and the motion has to say the same.
     """
     before, after = (error["declared"], error["refitted"]), error["augmented"]
     known = [x for x in before if x is not None]
     if found.verdict not in ("found", "ambiguous") or after is None or not known:
         return found
-    small = [e for e in found.effects if e.share <= found.least]
+    short = (found.stretches or 0) < FEW_STRETCHES
+    small = [e for e in found.effects if short or e.share <= found.least]
     if not small or after < GAINS * min(known):
         return found
     left = tuple(e for e in found.effects if e not in small)

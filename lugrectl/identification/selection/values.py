@@ -143,6 +143,8 @@ def valued(
     C[np.diag_indices(len(at))] += (BIASED * at) ** 2
     free = {c.name for c in chain if c.own or c.u is not None}
     sure = {k for k in keys if "." not in k or k.split(".")[0] in {*free, "gravity"}}
+    if not values["Fc"] < values["Fs"] < _breaks_away(base):  # at a bound, vs means nothing either
+        sure -= {"Fs", "vs"}
     trained = values
     if held_out is not None:
         trained = read(_without(base, whole, held_out, slopes).b)
@@ -315,8 +317,18 @@ def _on_level(
 
 def _levels(base: Base) -> Callable[[np.ndarray], dict[str, float]]:
     """Coulomb level, stiction and viscous friction of the coefficients of a base."""
-    curve = curve_of(base.law)
-    return lambda b: curve(b[LEVELS])
+    curve, most = curve_of(base.law), _breaks_away(base)
+
+    def levels(b: np.ndarray) -> dict[str, float]:
+        made = curve(b[LEVELS])
+        return {**made, "Fs": min(made["Fs"], max(made["Fc"], most))}
+
+    return levels
+
+
+def _breaks_away(base: Base) -> float:
+    """The largest torque of the record: no friction at rest is above it, as the drive moved."""
+    return float(np.max(np.abs(base.record.motion.u))) + float(np.max(np.abs(base.weight)))
 
 
 # ---------------------------------------------------------------------- errors
