@@ -59,7 +59,8 @@ def coast_down(motions: Sequence[Motion], J: float | None, motion: str) -> Bench
         return None
     values = _values(made, J, motion)
     many = f"{len(strokes)} coast-downs" if len(strokes) > 1 else "One coast-down"
-    return BenchTest(KIND, f"{many}: {in_words(values)}.", values)
+    taken = f", with J = {J:.6g} {unit_for('kg m2', motion)} as declared" if J else ""
+    return BenchTest(KIND, f"{many}{taken}: {in_words(values)}.", values)
 
 
 def _values(made: Fitted, J: float | None, motion: str) -> dict[str, Estimate]:

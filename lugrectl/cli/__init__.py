@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from ..core.errors import BROKEN_PIPE, INTERRUPTED, UNEXPECTED, NotLoaded
+from ..core.errors import BROKEN_PIPE, INTERRUPTED, UNEXPECTED, InputError, NotLoaded
 from ..core.option_names import on_command_line
 from ..parallel.blas_threads import BLAS
 from .options import parser
@@ -50,10 +50,12 @@ def _own_warnings() -> Iterator[None]:
 
 
 def _run(argv: Sequence[str] | None) -> int:
+    blocks: Sequence[str] = ()
     try:
         arguments = parser().parse_args(argv)
         arguments.typed = shlex.join(["lugrectl", *(sys.argv[1:] if argv is None else argv)])
-        _load(getattr(arguments, "blocks", ()))
+        blocks = getattr(arguments, "blocks", ())
+        _load(blocks)
         code = arguments.run(arguments)
         sys.stdout.flush()
         return code
@@ -66,7 +68,7 @@ def _run(argv: Sequence[str] | None) -> int:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BROKEN_PIPE
     except Exception as error:
-        return _failed(error)
+        return _failed(error, blocks)
 
 
 def _load(files: Sequence[str]) -> None:
@@ -78,13 +80,25 @@ def _load(files: Sequence[str]) -> None:
             load_blocks(file)
 
 
-def _failed(error: Exception) -> int:
+def _in_own_file(error: Exception, blocks: Sequence[str]) -> str | None:
+    """File and line of a file of --blocks in which it went wrong."""
+    own = {os.path.realpath(file) for file in blocks}
+    for frame in reversed(traceback.extract_tb(error.__traceback__)):
+        if os.path.realpath(frame.filename) in own:
+            return f"{frame.filename}, line {frame.lineno}"
+    return None
+
+
+def _failed(error: Exception, blocks: Sequence[str] = ()) -> int:
     code = getattr(error, "exit_code", None)
     if code is not None:
         return _said(f"error: {error}", code)
     if os.environ.get("LUGRECTL_DEBUG") == "1":
         traceback.print_exc()
     what = " ".join(f"{type(error).__name__}: {error}".split())
+    place = _in_own_file(error, blocks)
+    if place is not None:
+        return _said(f"error: {place}: {what}", InputError.exit_code)
     return _said(
         f"unexpected {what}. Please report this with the command you typed; "
         "set LUGRECTL_DEBUG=1 to see where it happened.",

@@ -53,7 +53,8 @@ def panels(balance: Balance) -> list[tuple[str, Callable[[Axes], Any]]]:
     some = balance.stretches[0] if balance.stretches else None
     if some is None:
         return [noticed] if balance.said else []
-    made = [("Torque as it was recorded; shaded: left out.", partial(signal, balance, role="u"))]
+    shaded = "; shaded: left out" if any(left_out(one) for one in balance.stretches) else ""
+    made = [(f"Torque as it was recorded{shaded}.", partial(signal, balance, role="u"))]
     for role in ("w", "theta"):
         if getattr(some, role) is not None:
             made.append((f"{role} as it was recorded.", partial(signal, balance, role=role)))

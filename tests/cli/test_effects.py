@@ -101,3 +101,18 @@ def test_the_help_has_one_line_for_each_command(capsys):
         assert len(line.split()) > 2
     assert out.count("Example:") == 1 and "More:" not in out
     assert run(capsys, "effects --help")[1].count("cogging") == 1
+
+
+def test_an_error_in_one_s_own_block_names_file_and_line(tmp_path, capsys):
+    own, log, model = (tmp_path / name for name in ("own.py", "run.csv", "m.toml"))
+    own.write_text(
+        "import lugrectl as lg\n\n\n"
+        '@lg.block("effect", out="d", acts="torque")\n'
+        'def misspelt_drag(w, c=lg.P(0, "N m", 0, neutral=0)):\n'
+        "    return c * ww\n"
+    )
+    rows = [f"{0.01 * k},{0.3 if k % 80 < 40 else -0.3},{0.1 * (k % 80)}" for k in range(400)]
+    log.write_text("\n".join(["t,u,w", *rows]))
+    model.write_text("[plant]\nJ = 0.002\n[friction]\nmodel = 'coulomb'\nFc = 0.1\n")
+    code, _, err = run(capsys, f"diagnose {log} --model {model} --blocks {own}")
+    assert code == 2 and f"{own}, line 6: NameError" in err

@@ -216,3 +216,12 @@ def test_a_first_stamp_of_another_run_is_left_out_alone():
     found = read_record({"t": t, "u": np.sin(t), "theta": np.sin(3.0 * t)})
     assert found.samples == 199
     assert any("t at row 0 is 1.074 s" in m for m in found.messages)
+
+
+def test_rows_lost_one_by_one_are_no_rounded_stamps():
+    t = 1e-3 * np.arange(4000)
+    kept = np.arange(4000) % 7 != 3
+    log = {"t": t, "u": np.sin(9.0 * t), "theta": np.sin(5.0 * t) + 0.2 * np.sin(23.0 * t)}
+    found = read_record({k: x[kept] for k, x in log.items()})
+    assert not any("rounded" in m for m in found.messages)
+    assert found.dt == pytest.approx(1e-3)

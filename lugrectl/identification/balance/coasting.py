@@ -42,4 +42,4 @@ def _per_inertia(key: str, made: Balance, motion: str) -> Combination:
     estimate, unit = made.parameters[key], PER_INERTIA[key]
     unit = LINEAR.get(unit, unit) if motion == "linear" else unit
     assert estimate.ci95
-    return Combination(f"{key} / J", estimate.value, unit, estimate.ci95, "give J")
+    return Combination(f"{key} / J", estimate.value, unit, estimate.ci95, "")

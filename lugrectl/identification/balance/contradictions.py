@@ -15,7 +15,7 @@ from .fit import Fit
 from .result import LEVELS
 
 UNRELATED = (
-    "{:.0%} of u remains unexplained: the motion shows next to nothing of it. u changes faster "
+    "{:.0f} % of u remains unexplained: the motion shows next to nothing of it. u changes faster "
     "than the log, or is not the torque of this axis."
 )
 BETWEEN = (
@@ -62,7 +62,7 @@ def contradictions(
 ) -> Contradictions:
     """Compare the intervals with what an inertia with friction can do."""
     if left is not None and left > ALL_LEFT:
-        return Contradictions(all_refused=True, notes=(UNRELATED.format(left),))
+        return Contradictions(all_refused=True, notes=(UNRELATED.format(100.0 * left),))
     if "J" not in made.names and noise_u > made.torque and not made.value("J"):
         return _nothing(BETWEEN.format(noise_u, made.torque))
     turn = option("scale", "u=-1")

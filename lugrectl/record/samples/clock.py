@@ -211,15 +211,28 @@ def nice(dt: float) -> float:
 
 
 def _even_out(log: Stamped) -> None:
-    """Stamps rounded to few digits: the even grid that they were rounded from."""
-    t = log.t.copy()
+    """Stamps rounded to few digits: the even grid that they were rounded from.
+
+    Rows that are lost one by one leave the same steps; then the motion is smoother over the stamps.
+    """
+    t, x = log.t.copy(), log.channels.get("theta", log.channels.get("w"))
     for part in log.parts():
         if part.stop - part.start > FEWEST and _rounded(t[part]):
             grid = np.arange(part.stop - part.start)
             dt = nice(float(np.polyfit(grid, t[part] - t[part.start], 1)[0]))
-            t[part] = t[part.start] + dt * grid
+            even = t[part.start] + dt * grid
+            if x is not None and _smoother(t[part], even, x[part]):
+                continue
+            t[part] = even
             log.say(f"t is rounded coarsely relative to its step: {dt:.6g} s was used throughout.")
     log.t = t
+
+
+def _smoother(t: np.ndarray, even: np.ndarray, x: np.ndarray) -> bool:
+    """Whether a motion is much smoother over its stamps than over an even grid."""
+    if np.any(np.diff(t) <= 0):
+        return False
+    return _SMOOTHER * _roughness(t, x) < _roughness(even, x)
 
 
 def _rounded(t: np.ndarray) -> bool:
