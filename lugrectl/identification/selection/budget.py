@@ -20,6 +20,7 @@ from .values import Valued
 
 TWO_SIDED = 0.975
 VALUES = {"inertia": "J", "coulomb": "Fc", "viscous": "Fv"}
+ALIKE = 0.03  # of the largest singular value: columns that the record hardly tells apart
 LARGE = 0.1  # of friction: a torque that is not explained and may bias the terms ...
 CLEAR = 4.0  # ... if it is so many times the noise
 
@@ -78,14 +79,15 @@ def _friction(base: Base) -> Iterator[tuple[str, np.ndarray, list[int], tuple[st
     """Coulomb friction with its Stribeck curve, and the rest of what depends on speed.
 
     Many shapes share the torque among them; coulomb is the level in the closest curve of one level,
-    one Stribeck curve and one viscous term.
+    one Stribeck curve and one viscous term. At one speed these are alike, and share it evenly.
     """
     at = {name: LEVELS.start + i for i, name in enumerate(NAMES)}
     own, smear = [at[k] for k in (*FORCES, *VISCOUS)], [at[k] for k in SMEAR]
     X = base.columns.X
     curve = X[:, [at[k] for k in ("Fc", "dip", "Fv")]]
-    closest = np.linalg.lstsq(curve, X[:, own], rcond=None)[0]
-    level = curve[:, :2] @ closest[:2]
+    size = np.linalg.norm(curve, axis=0) + 1e-300
+    closest = np.linalg.lstsq(curve / size, X[:, own], rcond=ALIKE)[0]
+    level = curve[:, :2] / size[:2] @ closest[:2]
     yield "coulomb", np.hstack([level, X[:, smear]]), own + smear, ("w",)
     yield "viscous", X[:, own] - level, own, ("w",)
 

@@ -45,6 +45,7 @@ MOST_BESIDE = 3  # other effects beside which two explanations are compared agai
 
 
 UNSURE = NOT_NAMED + ": declare J, or record faster changes of speed."
+SUSPECT = "With it, {} would explain what stays."
 HEAVIER = (
     "The inertia is {:.2g} times the declared one: a load that the declared value does not have, "
     "or a wrong value."
@@ -115,8 +116,8 @@ def decide(
     found = _of(record, table, bars)
     if not record.sure and heavy is None:
         refused = found.verdict == "adequate" and _stays(found.last) > UNKNOWN * least
-        if refused:  # what stays may be anything
-            return Decision("refused", table=found.table, messages=(UNSURE,))
+        if refused or _explained(found):  # what stays may be anything, or would have a name
+            return Decision("refused", table=found.table, messages=(_unsure(found),))
         return judged(replace(found, messages=(UNSURE, *found.messages)))
     found = found if heavy is None else _with_weight(found, heavy, also)
     small = all(c.share < UNKNOWN * least for c in found.effects)
@@ -175,6 +176,16 @@ def _if_it_explains(found: Decision, bars: Bars) -> Decision:
     known = bars.proven(found.table, found.table.unknown)
     nothing = _nameless(found.table, known, bars.least)
     return replace(nothing, messages=(*found.messages, said, *nothing.messages))
+
+
+def _explained(found: Decision) -> bool:
+    """Whether a named effect explains as much as the unknown torque."""
+    one, other = found.suspect, found.unknown
+    return one is not None and other is not None and as_good(one, other)
+
+
+def _unsure(found: Decision) -> str:
+    return UNSURE if found.suspect is None else f"{UNSURE} {SUSPECT.format(found.suspect.name)}"
 
 
 def _stays(base: Base) -> float:
@@ -492,7 +503,9 @@ def contradiction(last: Base) -> str | None:
         unit = unit_for("kg m2", record.motion.motion)
         return TOO_HEAVY.format(declared, unit, record.lighter, OFF)
     left = _left(last)
-    return UNRELATED.format(left) if left > HALF else None  # an effect as large would be unseen
+    return (
+        UNRELATED.format(100.0 * left) if left > HALF else None
+    )  # an effect as large would be unseen
 
 
 def _left(base: Base) -> float:
