@@ -28,8 +28,10 @@ _UNITS = {
     "hertz": "Hz",
     "margin": "1/s",
     "band_edge": "rad/s",
-    "delay_margin": "s",
+    "gain_margin": "",
     "phase_margin": "deg",
+    "modulus_margin": "",
+    "delay_margin": "s",
 }
 
 
@@ -130,8 +132,20 @@ def _check_text(facts: dict[str, Any]) -> str:
         *(textwrap.fill(s, 80, initial_indent="  ", subsequent_indent="  ") for s in said),
     ]
     known = {k: unit for k, unit in _UNITS.items() if k in facts and not math.isnan(facts[k])}
-    lines += [f"  {k}: {facts[k]:.6g} {unit}".rstrip() for k, unit in known.items()]
+    lines += [f"  {k}: {facts[k]:.6g} {u}".rstrip() + _where(facts, k) for k, u in known.items()]
     return "\n".join(lines)
+
+
+def _where(facts: dict[str, Any], margin: str) -> str:
+    """At which frequency a margin is, and the other form in which it is known."""
+    more = []
+    if margin == "gain_margin" and 0 < facts[margin] < math.inf:
+        more.append(f"{20 * math.log10(facts[margin]):.4g} dB")
+    if margin == "modulus_margin":
+        more.append(f"Ms {facts['Ms']:.6g}")
+    at = facts.get(f"{margin}_frequency", math.nan)
+    more += [] if math.isnan(at) else [f"at {at:.6g} rad/s" if math.isfinite(at) else "as w grows"]
+    return f" ({', '.join(more)})" if more else ""
 
 
 def _answer(facts: dict[str, Any]) -> str:

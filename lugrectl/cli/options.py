@@ -195,7 +195,7 @@ def _checks(command: argparse.ArgumentParser) -> None:
         "of the proposed observer, finite; spr: is (sigma1 s + sigma0)/(J s^2 + C(s)) for the "
         "position loop, or (sigma1 s + sigma0)/(J s + C(s)) for the velocity loop, strictly "
         "positive real; bandwidth: bandwidth of the closed loop with friction compensated; "
-        "stability: is that loop stable, and how much more dead time does it stand",
+        "stability: is that loop stable, and what are its gain, phase, modulus and delay margin",
     )
     add("--model", metavar="MODEL.toml", help="default: Table 1 of the source paper")
     loop = command.add_mutually_exclusive_group()

@@ -39,8 +39,8 @@ class Signs(NamedTuple):
     complete: bool = True
 
 
-def signs(F: Quasi) -> Signs:
-    """The signs of F(jw), w > 0, of an even F, which is real there.
+def signs(F: Quasi, end: float | None = None) -> Signs:
+    """The signs of F(jw), w > 0, of an even F, which is real there; up to ``end``, where given.
 
     Where the sign never settles as w grows, the changes of the first octaves that have any.
     Raises InputError where neither can be decided.
@@ -49,7 +49,7 @@ def signs(F: Quasi) -> Signs:
         return Signs(0, ())
     if F.rational:
         return _exact_signs(F)
-    end = settled(F)
+    end = settled(F) if end is None else end
     if end is not None:
         return _signs(F, end)
     unit, found = 1.0 / max(abs(float(late)) for late, _ in F.terms), None

@@ -86,9 +86,9 @@ def _one_channel(values: Any) -> np.ndarray:
     return np.linalg.norm(np.moveaxis(values, -1, 0), 2, axis=(1, 2))
 
 
-def name(source: Any) -> str:
+def name(source: Any, of: str = "T") -> str:
     """What is drawn: "T(jw)", or "T(exp(jw dt))" of a sampled system."""
-    return "T(exp(jw dt))" if is_sampled(source) else "T(jw)"
+    return f"{of}(exp(jw dt))" if is_sampled(source) else f"{of}(jw)"
 
 
 def size(source: Any) -> str:

@@ -66,13 +66,16 @@ def crossings(T: DelayedTransfer, c: Fraction) -> tuple[float, tuple[float, ...]
     return abs(float(top / bottom)), signs(above).changes
 
 
-def largest(T: DelayedTransfer) -> tuple[float, float]:
-    """sup |T(jw)| of a stable T, to 1e-7, and the w at which it is; inf: as w grows."""
+def largest(T: DelayedTransfer, *near: float) -> tuple[float, float]:
+    """sup |T(jw)| of a stable T, to 1e-7, and the w at which it is; inf: as w grows.
+
+    ``near``: frequencies at which |T| is known to be large, which shorten the search.
+    """
     best, at = _higher((_size(T, 0.0), 0.0), (_limit(T), math.inf))
     if math.isinf(best):
         return best, at
     N, D = square(T.num), square(T.den)
-    w = np.geomspace(1e-6, 1.0, START) * (reach(D) or 1.0)
+    w = np.append(near, np.geomspace(1e-6, 1.0, START) * (reach(D) or 1.0))
     best, at = _higher((best, at), _top(T, w))
     for _ in range(LEVELS):
         level = Fraction(best * (1 + RISE)) ** 2
@@ -114,20 +117,28 @@ def _top(T: DelayedTransfer, w: np.ndarray) -> tuple[float, float]:
 
 def _limit(T: DelayedTransfer) -> float:
     """The largest |T(jw)| as w grows without end, of a stable T."""
+    if T.num.degree > T.den.degree:
+        return math.inf
+    return max(map(abs, limits(T)), default=0.0)
+
+
+def limits(T: DelayedTransfer) -> tuple[float, ...]:
+    """The real values that T(jw) takes again and again, or tends to, as w grows; none for 0 and
+    infinity."""
     if T.num.degree != T.den.degree:
-        return 0.0 if T.num.degree < T.den.degree else math.inf
+        return ()
     top, bottom = T.num.leading, T.den.leading
     late = sorted({*top, *bottom})
-    if len(top) == len(bottom) == 1:
-        return abs(float(next(iter(top.values())) / next(iter(bottom.values()))))
     if len(late) > 2:
         raise InputError(
             "the gain as w grows is undecided: several dead times act on the highest power of s; "
             "add the lag that the drive has."
         )
-    # (a + b z)/(c + d z): monotone in cos wT, so that the largest value is at z = 1 or -1.
-    a, b, c, d = (float(p.get(k, 0)) for p in (top, bottom) for k in late)
-    return max(abs(a + b) / abs(c + d), abs(a - b) / abs(c - d))
+    if len(late) == 1:
+        return (float(top[late[0]] / bottom[late[0]]),)
+    # (a + b z)/(c + d z) is a circle about the real axis, which it crosses at z = 1 and z = -1.
+    a, b, c, d = (p.get(k, Fraction(0)) for p in (top, bottom) for k in late)
+    return tuple(float(n / m) if m else math.inf for n, m in ((a + b, c + d), (a - b, c - d)))
 
 
 def realness(T: DelayedTransfer) -> tuple[str, float, float, str]:

@@ -102,10 +102,10 @@ class Sampled:
     dt: float
 
     @classmethod
-    def of(cls, T: Any) -> Sampled:
+    def of(cls, T: Any, name: str = "T") -> Sampled:
         """Raises InputError for several channels or values that are not finite."""
-        require_siso(T, "T")
-        return cls(*lowest_terms(*coefficients(T)), sample_time(T))
+        require_siso(T, name)
+        return cls(*lowest_terms(*coefficients(T, name)), sample_time(T))
 
     @property
     def degree(self) -> int:

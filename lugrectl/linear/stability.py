@@ -1,4 +1,4 @@
-"""Stability of a closed loop with dead times, and how much more dead time it stands."""
+"""Stability of a closed loop, and how far it is from instability."""
 
 from __future__ import annotations
 
@@ -9,10 +9,15 @@ from typing import Any
 
 from ..core.errors import InputError
 from ..core.views import view
-from .axis import signs, zeros
+from .axis import zeros
 from .delayed import DelayedTransfer
-from .delayed_checks import poles, square, unstable
-from .sampled import is_sampled
+from .delayed_checks import poles, unstable
+from .exact import add
+from .margins import NONE, UNKNOWN, Loop, Margin, gain_margins, lag, nearest
+from .measured import is_measured
+from .measured_loop import MeasuredLoop
+from .quasi import Quasi
+from .sampled import Sampled, inside, is_sampled
 from .verdict import Verdict
 
 
@@ -20,11 +25,16 @@ from .verdict import Verdict
 class StabilityVerdict(Verdict):
     """Truthy iff the closed loop L/(1 + L) is stable.
 
-    ``delay_margin`` in s: the largest dead time that the loop stands on top of its own, the least
-    of phase margin over frequency of all ``crossovers`` (rad/s, |L| = 1); inf if it stands any,
-    nan if it is not stable. ``phase_margin`` in deg: the smallest phase lag that makes it unstable,
-    between 0 and 360; inf without a crossover. ``encirclements`` of -1 by L(jw), counterclockwise,
-    and the numbers of poles right of the imaginary axis of L (``open_poles``) and of the closed
+    A margin is inf if there is none, and nan of a loop that is not stable; the frequency beside
+    it, in rad/s, is where L is then moved to -1: inf as w grows, nan where there is none.
+    ``gain_margin``: the factor on L, nearest to 1 in dB, that makes the loop unstable; a loop that
+    also needs a least gain may have one below 1. ``gain_range``: between which factors it is
+    stable. ``phase_margin`` in deg: the smallest phase lag that makes it unstable, between 0 and
+    360. ``modulus_margin``: the least |1 + L(jw)|, the distance to -1; ``Ms`` = 1/modulus_margin
+    is the peak of the sensitivity. ``delay_margin`` in s: the largest dead time that the loop
+    stands on top of its own, the least of phase margin over frequency of all ``crossovers``
+    (rad/s, |L| = 1). ``encirclements`` of -1 by L(jw), counterclockwise, and the numbers of poles
+    right of the imaginary axis (outside the unit circle) of L (``open_poles``) and of the closed
     loop (``closed_poles``): encirclements = open_poles - closed_poles (Nyquist).
     """
 
@@ -36,45 +46,66 @@ class StabilityVerdict(Verdict):
     open_poles: float
     closed_poles: float
     reason: str
-    _units = {"delay_margin": "s", "phase_margin": "deg", "crossovers": "rad/s"}
+    gain_margin: float
+    gain_range: tuple[float, float]
+    modulus_margin: float
+    Ms: float
+    gain_margin_frequency: float
+    phase_margin_frequency: float
+    modulus_margin_frequency: float
+    delay_margin_frequency: float
+    _units = {
+        "delay_margin": "s",
+        "phase_margin": "deg",
+        "crossovers": "rad/s",
+        "gain_margin_frequency": "rad/s",
+        "phase_margin_frequency": "rad/s",
+        "modulus_margin_frequency": "rad/s",
+        "delay_margin_frequency": "rad/s",
+    }
 
     def __bool__(self) -> bool:
         return self.stable
 
     def plot(self, ax: Any = None) -> Any:
-        """Draw |L(jw)| and its phase with the crossovers, and the Nyquist curve; returns the Axes.
+        """Draw |L(jw)| and its phase with the margins, and the Nyquist curve; returns the Axes.
 
         ``ax``: an Axes for the first, or up to three; else a new figure.
         """
         return view("check_plots.loop")(self, ax)
 
 
-def stability_check(L: Any) -> StabilityVerdict:
-    """Whether the loop closed over L(s) is stable, and its delay margin, with exact dead times.
+def stability_check(L: Any, open_poles: int = 0) -> StabilityVerdict:
+    """Whether the loop closed over L is stable, and its gain, phase, modulus and delay margin.
 
     With L = n/d, sums of p(s) exp(-s h), the poles of L/(1 + L) are the zeros of n + d. Those
     right of the imaginary axis are counted by the argument of (n + d)(jw), which is the Nyquist
-    criterion: it is followed without a grid, and to infinity by the leading terms. At a crossover,
-    |L(jw)| = 1, a further dead time of (phase margin)/w puts a pair of poles on the axis; the
-    least of these is the delay margin.
+    criterion: it is followed without a grid, and to infinity by the leading terms. A factor of
+    -1/L(jw) puts a pole on the axis where L is real and negative; a further dead time of
+    (phase margin)/w where |L(jw)| = 1. The least |1 + L(jw)| is 1/max |d/(n + d)|.
 
     Parameters
     ----------
-    L : control.TransferFunction, control.StateSpace, pair (num, den) or DelayedTransfer
-        The open loop, continuous, with one input and one output; feedback is negative. With a dead
-        time: :func:`delayed`, or ``dead_time=`` of :func:`velocity_L` and :func:`position_L`. Of a
-        loop made of blocks: ``lg.linearize(...).open_loop``.
+    L : control.TransferFunction, StateSpace, frd, pair (num, den) or DelayedTransfer
+        The open loop, continuous, sampled or measured, with one input and one output; feedback is
+        negative. With a dead time: :func:`delayed`, or ``dead_time=`` of :func:`velocity_L` and
+        :func:`position_L`; in L(z) it is z^-k. Of a loop made of blocks:
+        ``lg.linearize(...).open_loop``.
+    open_poles : int
+        Of a measured response: the number of poles of L right of the imaginary axis, which it
+        does not show.
 
     Returns
     -------
     StabilityVerdict
-        Truthy if the closed loop is stable; ``delay_margin`` in s, ``phase_margin`` in deg,
-        ``crossovers`` in rad/s, and the ``reason``.
+        Truthy if the closed loop is stable; ``gain_margin`` and ``modulus_margin`` without unit,
+        ``phase_margin`` in deg, ``delay_margin`` in s, their frequencies and ``crossovers`` in
+        rad/s, and the ``reason``.
 
     Raises
     ------
     InputError
-        If L is none of these.
+        If L is none of these, and for ``open_poles`` of a loop that is not measured.
 
     Notes
     -----
@@ -84,14 +115,30 @@ def stability_check(L: Any) -> StabilityVerdict:
     A factor that cancels from L and is not stable makes the loop not stable, and the reason says
     so.
 
+    Of L(z), L(exp(jw dt)) up to half the sampling rate is meant, w in rad/s (per sample where L.dt
+    is True). The delay margin is that of whole samples: L(z) z^-k is stable for all k below
+    delay_margin/dt. A dead time of a part of a sample changes L(z) itself.
+
+    A measured response is joined by straight lines of log |L| and of the phase over log w; the
+    margins are exact for these. Steps of the phase above 180 deg between two frequencies are
+    taken for smaller ones. Below the lowest frequency L is continued as a constant or as the
+    integrators that its slope shows, above the highest, where |L| must be below 1, it is taken to
+    stay so.
+
+    References
+    ----------
+    K. J. Astrom and R. M. Murray, Feedback Systems, 2nd ed., 2021, section 10.3 (margins).
+
     Examples
     --------
     An integrator of gain K with dead time T is stable for K T < pi/2, with the delay margin
-    pi/(2 K) - T:
+    pi/(2 K) - T and the gain margin pi/(2 K T):
 
     >>> check = lg.stability_check(lg.delayed(ct.tf([100.0], [1.0, 0.0]), 0.01))
     >>> bool(check), round(check.delay_margin, 6), round(check.phase_margin, 2)
     (True, 0.005708, 32.7)
+    >>> round(check.gain_margin, 4), round(check.gain_margin_frequency, 2), round(check.Ms, 3)
+    (1.5708, 157.08, 3.129)
 
     The velocity loop of the source paper stands 2.2 ms:
 
@@ -99,46 +146,115 @@ def stability_check(L: Any) -> StabilityVerdict:
     >>> round(1e3 * lg.stability_check(loop).delay_margin, 2)
     2.16
     """
-    if is_sampled(L):
+    if is_measured(L):
+        return _measured(MeasuredLoop.of(L, open_poles)).of(L)
+    if open_poles:
         raise InputError(
-            "L is sampled, but the check is for continuous time; there a dead time is a part of "
-            "L(z), and (L/(1 + L)).poles() of control are all of them."
+            "open_poles is for a measured response; of any other L the poles are counted."
         )
+    if is_sampled(L):
+        return _sampled(Sampled.of(L, "L")).of(L)
     made = DelayedTransfer.of(L, "L")
     closed = made.num + made.den
+    _has_solution(closed)
+    cause = f"it has {seen}" if (seen := unstable(closed)) else made.hidden
+    return _verdict(Loop(made), closed, cause).of(made)
+
+
+def _has_solution(closed: Any) -> None:
     if not closed:
         raise InputError("L(s) is -1, so that the closed loop L/(1 + L) has no solution.")
-    cause = f"it has {seen}" if (seen := unstable(closed)) else made.hidden
-    mine, theirs = zeros(made.den).right, zeros(closed).right
+
+
+def _sampled(T: Sampled) -> StabilityVerdict:
+    """The verdict on L(z), as that on a function of v."""
+    closed = add(T.num, T.den)
+    _has_solution(closed)
+    num, den = (Quasi.of([(0, p)]) for p in T.in_v)
+    cause = "" if inside(closed) else _not_inside(T, num + den)
+    return _verdict(Loop(DelayedTransfer(num, den), T.dt), num + den, cause or T.hidden)
+
+
+def _not_inside(T: Sampled, closed: Quasi) -> str:
+    right, origin, v = zeros(closed)
+    if right:
+        return f"it has {poles(int(right))} outside the unit circle"
+    w = 0.0 if origin else T.nyquist if v is None else T.frequency(v)
+    return f"it has a pole on the unit circle, at w = {w:.6g} rad/s"
+
+
+def _verdict(loop: Loop, closed: Quasi, cause: str) -> StabilityVerdict:
+    mine, theirs = zeros(loop.L.den).right, zeros(closed).right
     turns = mine - theirs if math.isfinite(mine) and math.isfinite(theirs) else math.nan
     counts = (turns, mine, theirs)
-    found = _crossovers(made)
+    found = loop.crossovers()
+    at = tuple(w for w, _ in found)
     if cause:
-        reason = f"the closed loop is not stable: {cause}"
-        return StabilityVerdict(False, math.nan, math.nan, found, *counts, reason).of(made)
-    angles = [(_lag(made, w), w) for w in found]
-    phase = math.degrees(min((angle for angle, _ in angles), default=math.inf))
-    margin, at = min(((angle / w, w) for angle, w in angles), default=(math.inf, math.nan))
-    if _gain_at_infinity(made) >= 1:
-        margin, at = 0.0, math.inf
-    reason = _reason(margin, at, turns, mine)
-    return StabilityVerdict(True, margin, phase, found, *counts, reason).of(made)
+        return _unstable(at, counts, cause)
+    phase, delay = _lags(found)
+    if _gain_at_infinity(loop.L) >= 1:  # there one sample turns L(z), and any dead time L(s)
+        dt, end = loop.dt or 0.0, loop.frequency(math.inf)
+        delay = min(delay, Margin(dt, end)) if dt else Margin(0.0, end)
+    reason = _reason(delay, turns, mine)
+    gains = gain_margins(loop.real_crossings())
+    return _made(True, phase, delay, gains, loop.modulus(), at, counts, reason)
 
 
-def _crossovers(L: DelayedTransfer) -> tuple[float, ...]:
-    """Where |L(jw)| = 1, in rad/s: where it crosses and where it touches."""
-    above = square(L.num) + square(L.den).scaled(-1)
-    if not above:
-        return ()
-    found = signs(above)
-    return tuple(sorted({*found.changes, *found.touches}))
+def _measured(loop: MeasuredLoop) -> StabilityVerdict:
+    """The verdict on a measured response."""
+    found = loop.crossovers()
+    at = tuple(w for w, _ in found)
+    counts = (loop.open_poles - loop.closed_poles, loop.open_poles, loop.closed_poles)
+    if loop.closed_poles:
+        return _unstable(at, counts, loop.cause)
+    phase, delay = _lags(found)
+    reason = f"{_reason(delay, counts[0], loop.open_poles)}, of {loop.said}"
+    gains = gain_margins(loop.real_crossings())
+    return _made(True, phase, delay, gains, loop.modulus(), at, counts, reason)
 
 
-def _lag(L: DelayedTransfer, w: float) -> float:
-    """The phase lag in rad, above 0 and up to 2 pi, that turns L(jw) to the negative real axis."""
-    turned = -L(1j * w)
-    angle = math.atan2(turned.imag, turned.real)
-    return angle if angle > 0 else angle + 2 * math.pi
+def _lags(found: list[tuple[float, complex]]) -> tuple[Margin, Margin]:
+    """Phase margin in deg and delay margin in s, the least of all crossovers."""
+    angles = [(lag(value), w) for w, value in found]
+    phase = min((Margin(math.degrees(angle), w) for angle, w in angles), default=NONE)
+    return phase, min((Margin(angle / w, w) for angle, w in angles), default=NONE)
+
+
+def _unstable(
+    crossovers: tuple[float, ...], counts: tuple[float, float, float], cause: str
+) -> StabilityVerdict:
+    reason = f"the closed loop is not stable: {cause}"
+    none = (UNKNOWN, UNKNOWN, (UNKNOWN, UNKNOWN), UNKNOWN)
+    return _made(False, *none, crossovers, counts, reason)
+
+
+def _made(
+    stable: bool,
+    phase: Margin,
+    delay: Margin,
+    gains: tuple[Margin, Margin],
+    modulus: Margin,
+    crossovers: tuple[float, ...],
+    counts: tuple[float, float, float],
+    reason: str,
+) -> StabilityVerdict:
+    gain = nearest(*gains)
+    return StabilityVerdict(
+        stable,
+        delay.value,
+        phase.value,
+        crossovers,
+        *counts,
+        reason,
+        gain_margin=gain.value,
+        gain_range=(gains[0].value, gains[1].value),
+        modulus_margin=modulus.value,
+        Ms=1.0 / modulus.value if modulus.value else math.inf,
+        gain_margin_frequency=gain.at,
+        phase_margin_frequency=phase.at,
+        modulus_margin_frequency=modulus.at,
+        delay_margin_frequency=delay.at,
+    )
 
 
 def _gain_at_infinity(L: DelayedTransfer) -> Fraction:
@@ -151,20 +267,20 @@ def _gain_at_infinity(L: DelayedTransfer) -> Fraction:
     return top / own if own > 0 and L.num.degree == L.den.degree else Fraction(1)
 
 
-def _reason(margin: float, at: float, turns: float, open_poles: float) -> str:
+def _reason(delay: Margin, turns: float, open_poles: float) -> str:
     start = "the closed loop is stable"
     if open_poles:
         start += (
             f": L encircles -1 {turns:.0f} times, once for each of its {poles(int(open_poles))}"
         )
-        start += " right of the imaginary axis"
-    if math.isinf(margin):
+        start += " that are not stable"
+    if math.isinf(delay.value):
         return f"{start}; |L(jw)| is 1 nowhere, so it is so with any further dead time"
-    if math.isinf(at):
+    if math.isinf(delay.at):
         return (
             f"{start}, but |L| is not below 1 as w grows: any further dead time makes it unstable"
         )
     return (
-        f"{start}; a further dead time of {margin:.6g} s puts a pair of poles on the imaginary "
-        f"axis at the crossover {at:.6g} rad/s"
+        f"{start}; a further dead time of {delay.value:.6g} s puts a pair of poles on the border "
+        f"of stability at the crossover {delay.at:.6g} rad/s"
     )

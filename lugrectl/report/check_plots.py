@@ -1,4 +1,7 @@
-"""The plots of the linear checks: Re T and Nyquist, the largest |G|, the band, the open loop."""
+"""The plots of the linear checks: Re T and Nyquist, the largest |G|, the band, the open loop.
+
+Sizes are in dB, phases go on without a jump, and frequencies are in rad/s, in all of them.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ from .canvas import on_pyplot, style
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-NEAR_MINUS_1 = 5.0  # up to which |L| the Nyquist curve is drawn
+NEAR_MINUS_1 = 3.0  # up to which |L| the Nyquist curve is drawn
 MARK, LINE = "#c0392b", "#2c5f8a"
 
 
@@ -32,7 +35,7 @@ def realness(verdict: Any, ax: Any = None) -> Sequence[Axes]:
         own.semilogx(w, re, color=LINE)
         own.axhline(0.0, color="0.4", lw=0.8)
         size = np.max(np.abs(re), initial=0.0)
-        own.set_yscale("symlog", linthresh=max(1e-3 * size, 1e-300))
+        own.set_yscale("asinh", linear_width=max(1e-3 * size, 1e-300))  # signed, without a kink
         if 0 < edge < w[-1]:
             own.axvline(edge, color=MARK, ls="--", label=f"band edge {edge:.4g} rad/s")
             own.legend()
@@ -56,15 +59,16 @@ def gain(verdict: Any, ax: Any = None) -> Sequence[Axes]:
     of = size_of(verdict._source)
 
     def size(own: Axes) -> None:
-        own.loglog(w, np.abs(T), color=LINE)
+        own.semilogx(w, _decibel(T), color=LINE)
         if math.isfinite(verdict.gain):
             place = "as w grows" if math.isinf(at) else f"at {at:.4g} rad/s"
-            label = f"largest: {verdict.gain:.4g} {place}"
-            own.axhline(verdict.gain, color=MARK, ls="--", label=label)
+            most = float(_decibel(verdict.gain))
+            label = f"largest: {verdict.gain:.4g} ({most:.4g} dB) {place}"
+            own.axhline(most, color=MARK, ls="--", label=label)
             if w[0] <= at <= w[-1]:
-                own.plot([at], [verdict.gain], "o", color=MARK)
+                own.plot([at], [most], "o", color=MARK)
             own.legend()
-        own.set(xlabel="w [rad/s]", ylabel=of, title="L2 gain")
+        own.set(xlabel="w [rad/s]", ylabel=f"{of} [dB]", title="L2 gain")
 
     return _panels([size], ax)
 
@@ -74,8 +78,7 @@ def band(verdict: Any, ax: Any = None) -> Sequence[Axes]:
     width = verdict.bandwidth
     w, T = curve(verdict._source, *([width] if math.isfinite(width) else []))
     of = size_of(verdict._source)
-    with np.errstate(divide="ignore"):
-        decibel = 20 * np.log10(np.abs(T))
+    decibel = _decibel(T)
 
     def magnitude(own: Axes) -> None:
         own.semilogx(w, decibel, color=LINE)
@@ -96,38 +99,84 @@ def band(verdict: Any, ax: Any = None) -> Sequence[Axes]:
 
 
 def loop(verdict: Any, ax: Any = None) -> Sequence[Axes]:
-    """Magnitude and phase of the open loop with the crossovers, and the Nyquist curve."""
-    w, L = curve(verdict._source, *verdict.crossovers)
-    at = np.array(verdict.crossovers)
-    turned = np.degrees(np.unwrap(np.angle(L)))
-    turned -= 360.0 * (turned[0] > 90.0)  # an open loop begins with the lag of its integrators
+    """Magnitude and phase of the open loop with its margins, and the Nyquist curve."""
+    at = np.array([w for w in verdict.crossovers if w > 0])
+    gain, phase, modulus = (_place(verdict, k) for k in ("gain", "phase", "modulus"))
+    w, L = curve(verdict._source, *at, *(x for x in (gain, modulus) if x))
+    of = name(verdict._source, "L")
+    value = lambda x: complex(np.interp(x, w, L.real), np.interp(x, w, L.imag))  # noqa: E731
+    turned = _turned(L, w, phase, verdict.phase_margin)
 
-    def magnitude(own: Axes) -> None:
-        own.loglog(w, np.abs(L), color=LINE)
-        own.axhline(1.0, color="0.4", lw=0.8)
-        if len(at):
-            own.plot(at, np.ones(len(at)), "o", color=MARK, label="crossover")
-            own.legend()
+    def size_(own: Axes) -> None:
+        own.semilogx(w, _decibel(L), color=LINE)
+        own.axhline(0.0, color="0.4", lw=0.8)
+        own.plot(at, np.zeros(len(at)), "o", color=MARK, label="crossover")
+        if gain:
+            level = float(_decibel(value(gain)))
+            label = f"gain margin {-level:.4g} dB at {gain:.4g} rad/s"
+            own.plot([gain, gain], [level, 0.0], color=MARK, lw=2, label=label)
         said = "stable" if verdict else "not stable"
         if math.isfinite(verdict.delay_margin):
             said += f", delay margin {verdict.delay_margin:.4g} s"
-        own.set(xlabel="w [rad/s]", ylabel="|L(jw)|", title=f"Closed loop {said}")
+        own.set(xlabel="w [rad/s]", ylabel=f"|{of}| [dB]", title=f"Closed loop {said}")
+        own.legend()
 
-    def phase(own: Axes) -> None:
+    def phase_(own: Axes) -> None:
         own.semilogx(w, turned, color=LINE)
         own.axhline(-180.0, color="0.4", lw=0.8)
         own.plot(at, np.interp(at, w, turned), "o", color=MARK)
+        if phase:
+            ends = [-180.0, verdict.phase_margin - 180.0]
+            label = f"phase margin {verdict.phase_margin:.4g} deg at {phase:.4g} rad/s"
+            own.plot([phase, phase], ends, color=MARK, lw=2, label=label)
+            own.legend()
         own.set(xlabel="w [rad/s]", ylabel="phase [deg]")
 
     def nyquist(own: Axes) -> None:
-        near = np.abs(L) < NEAR_MINUS_1
-        shown = np.where(near, L, np.nan)
+        shown = np.where(np.abs(L) < NEAR_MINUS_1, L, np.nan)
         own.plot(np.real(shown), np.imag(shown), color=LINE)
+        turn = np.exp(2j * np.pi * np.linspace(0.0, 1.0, 361))
+        own.plot(turn.real, turn.imag, ":", color="0.4", lw=0.8)
         own.plot([-1.0], [0.0], "+", color=MARK, ms=10, label="-1")
-        own.set(xlabel="Re L(jw)", ylabel="Im L(jw)", title="Nyquist, w > 0")
+        if gain and (x := value(gain).real) > -NEAR_MINUS_1:
+            own.plot([-1.0, x], [0.0, 0.0], color="#e08214", label=_said(verdict, "gain"))
+        if phase:
+            arc = -np.exp(1j * np.radians(np.linspace(0.0, verdict.phase_margin, 181)))
+            own.plot(arc.real, arc.imag, color="#1b7837", label=_said(verdict, "phase"))
+        if 0 < verdict.modulus_margin < math.inf:
+            ring = verdict.modulus_margin * turn - 1
+            label = f"{_said(verdict, 'modulus')}, Ms {verdict.Ms:.4g}"
+            own.plot(ring.real, ring.imag, "--", color=MARK, lw=1, label=label)
+        own.set(xlabel=f"Re {of}", ylabel=f"Im {of}", title="Nyquist, w > 0")
+        own.set_aspect("equal", adjustable="datalim")
         own.legend()
 
-    return _panels([magnitude, phase, nyquist], ax)
+    return _panels([size_, phase_, nyquist], ax)
+
+
+def _place(verdict: Any, of: str) -> float:
+    """The frequency of a margin; 0 where it is not a point of the picture."""
+    at = getattr(verdict, f"{of}_margin_frequency")
+    return at if math.isfinite(at) else 0.0
+
+
+def _said(verdict: Any, of: str) -> str:
+    value, at = (getattr(verdict, f"{of}_margin{k}") for k in ("", "_frequency"))
+    unit = " deg" if of == "phase" else ""
+    return f"{of} margin {value:.4g}{unit} at {at:.4g} rad/s"
+
+
+def _turned(L: np.ndarray, w: np.ndarray, at: float, margin: float) -> np.ndarray:
+    """The phase in deg without jumps, which at the crossover is that of its margin."""
+    turned = np.degrees(np.unwrap(np.angle(L)))
+    if not at:  # an open loop begins with the lag of its integrators
+        return turned - 360.0 * (turned[0] > 90.0)
+    return turned - 360.0 * round((np.interp(at, w, turned) + 180.0 - margin) / 360.0)
+
+
+def _decibel(T: Any) -> np.ndarray:
+    with np.errstate(divide="ignore"):
+        return 20 * np.log10(np.abs(T))
 
 
 def _panels(panels: list[Any], ax: Any) -> Sequence[Axes]:

@@ -170,3 +170,13 @@ def test_a_dead_time_is_in_the_loop_that_is_checked(capsys):
 def test_a_property_that_is_missing_or_wrong_is_named_with_those_there_are(capsys, line, said):
     code, out, err = run(capsys, line)
     assert code == 2 and not out and said in err and err.count("\n") == 1
+
+
+def test_stability_gives_all_margins_of_a_sampled_loop(capsys):
+    code, out, _ = run(capsys, "stability --num 0.5,0.4 --den 1,-1.2,0.2 --dt 0.01 --json")
+    found = json.loads(out)
+    for margin in ("gain_margin", "phase_margin", "modulus_margin", "delay_margin"):
+        assert code == 0 and found[margin] > 0 and 0 < found[f"{margin}_frequency"] <= 315
+    assert found["Ms"] == pytest.approx(1 / found["modulus_margin"])
+    _, text, _ = run(capsys, "stability --num 0.5,0.4 --den 1,-1.2,0.2 --dt 0.01")
+    assert f"gain_margin: {found['gain_margin']:.6g} (" in text and " dB, at " in text

@@ -1,0 +1,143 @@
+"""Margins and Nyquist's criterion of a measured open loop, exact for the response between points.
+
+Between two frequencies log |L| and the phase are straight lines over log w (over w from w = 0).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from ..core.errors import InputError
+from ..core.validation import shown
+from .margins import Margin
+from .measured import response, span
+
+LEAST = 1e-300
+NEAR = 8  # steps between two frequencies, about which |1 + L| is then minimised
+AMONG = 3  # of the lowest of these
+
+
+@dataclass(frozen=True)
+class MeasuredLoop:
+    """L(jw) at frequencies w in rad/s; ``open_poles``: its poles right of the axis, as declared."""
+
+    w: np.ndarray
+    L: np.ndarray
+    open_poles: int
+
+    @classmethod
+    def of(cls, L: Any, open_poles: Any) -> MeasuredLoop:
+        """Raises InputError for a response that is not finite, or no number of poles."""
+        if isinstance(open_poles, bool) or not isinstance(open_poles, (int, np.integer)):
+            raise InputError(f"open_poles = {shown(open_poles)} must be a whole number.")
+        if open_poles < 0:
+            raise InputError(f"open_poles = {open_poles} must be 0 or more.")
+        return cls(*response(L, "L"), int(open_poles))
+
+    @property
+    def said(self) -> str:
+        """What the verdict rests on."""
+        held = f"{self.open_poles or 'no'} pole{'s' * (self.open_poles != 1)}"
+        return f"{span(self.w)}, if L has {held} right of the axis and no crossover beyond them"
+
+    @cached_property
+    def _lines(self) -> tuple[np.ndarray, np.ndarray]:
+        """log |L| and the phase in rad."""
+        return np.log(np.maximum(np.abs(self.L), LEAST)), np.unwrap(np.angle(self.L))
+
+    def _at(self, k: int, x: float) -> tuple[float, complex]:
+        """w and L a part x of the way from point k to the next."""
+        size, turned = (float(line[k] + x * (line[k + 1] - line[k])) for line in self._lines)
+        low, high = float(self.w[k]), float(self.w[k + 1])
+        w = low * (high / low) ** x if low > 0 else low + x * (high - low)
+        return w, complex(math.exp(size) * complex(math.cos(turned), math.sin(turned)))
+
+    def crossovers(self) -> list[tuple[float, complex]]:
+        """Where |L| = 1, and L there."""
+        return [self._at(k, x) for k, x in _through(self._lines[0], 0.0)]
+
+    def real_crossings(self) -> list[tuple[float, float]]:
+        """Where L is real and negative, and L there."""
+        return [(w, L.real) for w, L, _ in self._half_turns()]
+
+    def _half_turns(self) -> list[tuple[float, complex, int]]:
+        """Where the phase goes through an odd multiple of 180 deg, and whether it rises (1)."""
+        turned = self._lines[1]
+        low, high = (math.floor((x / math.pi - 1) / 2) for x in (turned.min(), turned.max()))
+        return [
+            (*self._at(k, x), 1 if turned[k + 1] > turned[k] else -1)
+            for m in range(low, high + 2)
+            for k, x in _through(turned, (2 * m + 1) * math.pi)
+        ]
+
+    def modulus(self) -> Margin:
+        """The least |1 + L|."""
+        size, turned = self._lines
+        x = np.linspace(0.0, 1.0, NEAR + 1)
+        a, b = (line[:-1, None] + x * np.diff(line)[:, None] for line in (size, turned))
+        away = np.abs(1 + np.exp(a + 1j * b))
+        found: list[Margin] = []
+        for flat in np.argsort(away, axis=None)[: AMONG * NEAR]:
+            k, i = divmod(int(flat), NEAR + 1)
+            ends = (max(x[i] - 1 / NEAR, 0.0), min(x[i] + 1 / NEAR, 1.0))
+            best: Any = minimize_scalar(
+                lambda part, k=k: abs(1 + self._at(k, part)[1]),
+                bounds=ends,
+                method="bounded",
+                options={"xatol": 1e-12},
+            )
+            for part in (float(best.x), *ends):
+                w, value = self._at(k, part)
+                found.append(Margin(abs(1 + value), w))
+        return min(found)
+
+    @cached_property
+    def closed_poles(self) -> float:
+        """Of L/(1 + L), right of the imaginary axis, by Nyquist; nan where |L| ends above 1."""
+        if abs(self.L[-1]) >= 1:
+            return math.nan
+        late, rise = self._before()
+        # From w = 0 the short way to the first point; at the last, 1 + L goes the short way to 1.
+        first = complex(1 + self.L[0])
+        turned = _angle(first / late) - _angle(first)
+        turned += 2 * math.pi * sum(way for _, L, way in self._half_turns() if L.real < -1)
+        return round(self.open_poles + rise / 2 - turned / math.pi)
+
+    def _before(self) -> tuple[complex, int]:
+        """The direction of 1 + L as w goes to 0, and the number of integrators of L."""
+        slope = 0.0
+        if self.w[0] > 0:
+            size = self._lines[0]
+            slope = float((size[0] - size[1]) / math.log(self.w[1] / self.w[0]))
+        rise = max(round(slope), 0)
+        along = (-1j) ** rise
+        sign = 1 if (self.L[0] / along).real >= 0 else -1
+        return (along * sign if rise else complex(1 + sign * abs(self.L[0]))), rise
+
+    @property
+    def cause(self) -> str:
+        """Why the closed loop is not stable."""
+        if math.isnan(self.closed_poles):
+            return (
+                f"this is not decided, |L| is {abs(self.L[-1]):.4g} at the highest frequency and "
+                "must be below 1; measure up to higher ones"
+            )
+        many = f"{self.closed_poles:.0f} pole{'s' * (self.closed_poles != 1)}"
+        return f"it has {many} right of the imaginary axis, of {self.said}"
+
+
+def _through(line: np.ndarray, level: float) -> list[tuple[int, float]]:
+    """Where straight lines go through a level: the point before and the part of the way."""
+    above = line >= level
+    at = np.flatnonzero(above[1:] != above[:-1])
+    return [(int(k), float((level - line[k]) / (line[k + 1] - line[k]))) for k in at]
+
+
+def _angle(value: complex) -> float:
+    return math.atan2(value.imag, value.real)

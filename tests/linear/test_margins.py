@@ -1,0 +1,148 @@
+"""Gain, phase, modulus and delay margin are those of their definitions, in every kind of loop."""
+
+import math
+
+import control as ct
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import lugrectl as lg
+
+STEPS = np.geomspace(1e-4, 1e5, 40001)
+RESONANT = ct.tf([2.0, 20.0], [1.0, 1.0, 50.0, 0.0])
+
+
+def test_a_triple_lag_is_its_closed_form():
+    """K/(s + 1)^3: Im L = 0 at w = sqrt(3), where (1 + jw)^3 = -8."""
+    found = lg.stability_check(ct.tf([2.0], [1.0, 3.0, 3.0, 1.0]))
+    assert found.gain_margin == pytest.approx(4.0, rel=1e-12)
+    assert found.gain_margin_frequency == pytest.approx(math.sqrt(3), rel=1e-12)
+    assert found.gain_range == (0.0, found.gain_margin)
+    w = math.sqrt(2 ** (2 / 3) - 1)
+    assert found.phase_margin == pytest.approx(180 - 3 * math.degrees(math.atan(w)), rel=1e-12)
+    assert found.delay_margin == pytest.approx(math.radians(found.phase_margin) / w, rel=1e-12)
+
+
+def test_an_unstable_plant_also_needs_a_least_gain():
+    """2/(s - 1) needs a factor above 1/2."""
+    found = lg.stability_check(ct.tf([2.0], [1.0, -1.0]))
+    assert found.gain_range == (0.5, math.inf)
+    assert (found.gain_margin, found.gain_margin_frequency) == (0.5, 0.0)
+
+
+def test_the_gain_margin_is_the_nearer_one_in_decibel():
+    """K (s + 1)^2/s^3 is stable for K > 1/2."""
+    found = lg.stability_check(ct.tf([5.0, 10.0, 5.0], [1.0, 0.0, 0.0, 0.0]))
+    assert found.gain_range == pytest.approx((0.1, math.inf), rel=1e-12)
+    assert found.gain_margin == pytest.approx(0.1, rel=1e-12)
+
+
+@given(st.floats(0.2, 30.0), st.floats(0.1, 1.4))
+@settings(max_examples=25, deadline=None)
+def test_a_late_integrator_is_its_closed_form(K, turn):
+    """K exp(-s T)/s: gain margin pi/(2 K T), at pi/(2 T)."""
+    found = lg.stability_check(lg.delayed(ct.tf([K], [1.0, 0.0]), turn / K))
+    assert found.gain_margin == pytest.approx(math.pi / (2 * turn), rel=1e-9)
+    assert found.gain_margin_frequency == pytest.approx(math.pi * K / (2 * turn), rel=1e-9)
+    w = STEPS * K
+    least = np.min(np.abs(1 + K * np.exp(-1j * w * turn / K) / (1j * w)))
+    assert found.modulus_margin <= least * (1 + 1e-12)
+    assert found.modulus_margin == pytest.approx(least, rel=1e-5)
+
+
+def test_of_all_turns_of_a_dead_time_the_largest_decides():
+    """The resonance lies at a later turn of the phase than the first crossing."""
+    L = lg.delayed(ct.tf([1.0], [1.0, 0.0]) * (1 + ct.tf([60.0, 0.0], [1.0, 2.0, 1e4])), 0.0785)
+    found = lg.stability_check(L)
+    assert found and found.gain_margin_frequency > 90
+    for share in (0.999, 1.001):
+        assert bool(lg.stability_check(L * (share * found.gain_margin))) == (share < 1)
+
+
+@pytest.mark.parametrize("late", [0.0, 0.05])
+@pytest.mark.parametrize("share", [0.999, 1.001])
+def test_each_margin_is_where_the_loop_becomes_unstable(late, share):
+    L = lg.delayed(RESONANT, late)
+    found = lg.stability_check(L)
+    assert bool(lg.stability_check(L * (share * found.gain_margin))) == (share < 1)
+    assert bool(lg.stability_check(lg.delayed(L, share * found.delay_margin))) == (share < 1)
+    assert found.modulus_margin * found.Ms == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("many", [0, 1, 4])
+def test_a_sampled_loop_stands_its_factor_and_its_samples(many):
+    dt = 0.02
+    late = ct.tf([1.0], [1.0] + [0.0] * many, dt)
+    L = ct.sample_system(ct.tf([2.0], [0.1, 1.0, 0.0]), dt) * late
+    found = lg.stability_check(L)
+    for share in (0.999, 1.001):
+        assert bool(lg.stability_check(L * (share * found.gain_margin))) == (share < 1)
+    stands = int(found.delay_margin / dt)
+    for k in (stands, stands + 1):
+        more = ct.tf([1.0], [1.0] + [0.0] * k, dt)
+        assert bool(lg.stability_check(L * more)) == (k == stands)
+    w = np.linspace(1e-4, math.pi, 100001) / dt
+    away = np.abs(1 + L(np.exp(1j * w * dt)))
+    assert found.modulus_margin == pytest.approx(away.min(), rel=1e-6)
+    assert found.modulus_margin_frequency == pytest.approx(w[away.argmin()], rel=1e-3)
+
+
+def test_half_the_sampling_rate_counts():
+    """0.9/(z - 0.1): L(-1) = -0.9/1.1, which no phase crossing below half the rate shows."""
+    found = lg.stability_check(ct.tf([0.9], [1.0, -0.1], 0.1))
+    assert found.gain_margin == pytest.approx(1.1 / 0.9, rel=1e-12)
+    assert found.gain_margin_frequency == pytest.approx(math.pi / 0.1)
+    assert found.modulus_margin == pytest.approx(1 - 0.9 / 1.1, rel=1e-12)
+    direct = lg.stability_check(ct.tf([-0.5, 0.5], [1.0, 0.0], 0.1))  # |L(-1)| = 1
+    assert not direct and "unit circle" in direct.reason
+
+
+def test_a_measured_loop_has_the_margins_of_its_system():
+    w = np.geomspace(1e-2, 1e3, 3000)
+    found, true = (lg.stability_check(L) for L in (ct.frd(RESONANT, w), RESONANT))
+    assert found and "if L has no poles right of the axis" in found.reason
+    for margin in ("phase_margin", "delay_margin", "modulus_margin"):
+        for key in (margin, f"{margin}_frequency"):
+            assert getattr(found, key) == pytest.approx(getattr(true, key), rel=1e-3)
+    late = lg.stability_check(lg.delayed(ct.frd(RESONANT, w), 0.05))
+    true = lg.stability_check(lg.delayed(RESONANT, 0.05))
+    assert late.gain_margin == pytest.approx(true.gain_margin, rel=1e-3)
+
+
+@pytest.mark.parametrize("K", [0.5, 2.0, 8.0])
+@pytest.mark.parametrize("den", [[1.0, 3.0, 3.0, 1.0], [1.0, 1.0, 0.0], [1.0, 0.5, 0.0, 0.0]])
+def test_nyquist_counts_the_poles_of_a_measured_loop(K, den):
+    L = ct.tf([K], den)
+    found = lg.stability_check(ct.frd(L, np.geomspace(1e-3, 1e2, 500)))
+    assert found.closed_poles == np.sum(ct.feedback(L).poles().real > 0)
+
+
+def test_the_poles_of_a_measured_unstable_plant_are_declared():
+    F = ct.frd(ct.tf([2.0], [1.0, -1.0]), np.geomspace(1e-3, 1e2, 500))
+    assert not lg.stability_check(F) and lg.stability_check(F, open_poles=1)
+    assert lg.stability_check(F, open_poles=1).encirclements == 1
+
+
+def test_a_measured_loop_that_ends_above_1_is_not_decided():
+    found = lg.stability_check(ct.frd(ct.tf([50.0], [1.0, 1.0]), [0.1, 1.0, 10.0]))
+    assert not found and "not decided" in found.reason and math.isnan(found.modulus_margin)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_python_control_finds_the_same_where_it_finds_any(seed):
+    rng = np.random.default_rng(seed)
+    poles = -(10 ** rng.uniform(-1, 1, 4))
+    L = ct.tf(rng.uniform(0.1, 2) * np.abs(np.prod(poles)), np.poly(poles))
+    found, (gain, phase, modulus, w_gain, w_phase, w_modulus) = (
+        lg.stability_check(L),
+        ct.stability_margins(L),
+    )
+    assert found and found.gain_margin == pytest.approx(gain, rel=1e-6)
+    assert found.gain_margin_frequency == pytest.approx(w_gain, rel=1e-6)
+    assert found.modulus_margin == pytest.approx(modulus, rel=1e-6)
+    assert found.modulus_margin_frequency == pytest.approx(w_modulus, rel=1e-4)
+    if math.isfinite(phase):
+        assert found.phase_margin == pytest.approx(phase, rel=1e-6)
+        assert found.phase_margin_frequency == pytest.approx(w_phase, rel=1e-6)
