@@ -45,8 +45,8 @@ _HOMES = {
     "diagnosis.compare_laws": "compare_laws",
     "diagnosis.law_comparison": "LawComparison",
     "linear": "DelayedTransfer bandwidth bandwidth_check check_designs delayed l2_check linearize "
-    "position_L position_T position_loop_tf spr_check spr_repair stability_check velocity_L "
-    "velocity_T velocity_loop_tf",
+    "passivity_check position_L position_T position_loop_tf spr_check spr_repair stability_check "
+    "velocity_L velocity_T velocity_loop_tf",
     "loops.friction_loops": "position_loop velocity_loop",
     "simulation.sampled_response": "simulate_sampled",
     "blocks.model": "Model Parameters read_model table1 write_model",
@@ -188,6 +188,7 @@ if TYPE_CHECKING:
         delayed,
         l2_check,
         linearize,
+        passivity_check,
         position_L,
         position_loop_tf,
         position_T,

@@ -101,8 +101,9 @@ def lugre(w, z, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS):
 
     h(w) = Fc + (Fs - Fc) exp(-(w/vs)^2). Canudas de Wit et al. 1995, eq. 1-3 (in the source
     paper: LuGre1, LuGre2, Lugre3). Passive from w to F if Fv >= sigma1 (Fs - Fc)/Fc, where z
-    starts within Fs/sigma0; otherwise it may put out energy (Barabanov and Ortega, IEEE Trans.
-    Automatic Control 45(4), 2000). Table 1 asks for Fv >= 0.105 and has 0.018. Under a torque that
+    starts within Fs/sigma0; otherwise it may put out energy (Barahanov and Ortega, IEEE Trans.
+    Automatic Control 45(4), 2000; ``passivity_check``). Table 1 asks for Fv >= 0.105 and has
+    0.018. Under a torque that
     oscillates below breakaway the deflection drifts; ``elastoplastic`` does not. A model that
     gives ``delta`` has |w/vs|^delta in place of (w/vs)^2; the observers keep (w/vs)^2. A model
     that gives ``vd`` (rad/s) has the damping sigma1 exp(-(w/vd)^2), which fades with the speed;

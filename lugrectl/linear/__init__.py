@@ -19,6 +19,7 @@ from .loops import (
     velocity_loop_tf,
     velocity_T,
 )
+from .passivity import PassivityVerdict, passivity_check
 from .repair import Repair
 from .spr import SprVerdict, spr_check, spr_repair
 from .stability import StabilityVerdict, stability_check
@@ -29,6 +30,7 @@ __all__ = [
     "DesignChecks",
     "L2Verdict",
     "NoBandwidthWarning",
+    "PassivityVerdict",
     "Repair",
     "SprVerdict",
     "StabilityVerdict",
@@ -39,6 +41,7 @@ __all__ = [
     "delayed",
     "l2_check",
     "linearize",
+    "passivity_check",
     "position_L",
     "position_T",
     "position_loop_tf",

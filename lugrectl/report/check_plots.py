@@ -14,6 +14,7 @@ import numpy as np
 from ..core.errors import InputError
 from ..linear.curve import curve, name
 from ..linear.curve import size as size_of
+from ..linear.passivity import least_power
 from .canvas import on_pyplot, style
 
 if TYPE_CHECKING:
@@ -104,7 +105,7 @@ def loop(verdict: Any, ax: Any = None) -> Sequence[Axes]:
     gain, phase, modulus = (_place(verdict, k) for k in ("gain", "phase", "modulus"))
     w, L = curve(verdict._source, *at, *(x for x in (gain, modulus) if x))
     of = name(verdict._source, "L")
-    value = lambda x: complex(np.interp(x, w, L.real), np.interp(x, w, L.imag))  # noqa: E731
+    value = lambda x: complex(*(np.interp(x, w, part) for part in (np.real(L), np.imag(L))))  # noqa: E731
     turned = _turned(L, w, phase, verdict.phase_margin)
 
     def size_(own: Axes) -> None:
@@ -136,22 +137,43 @@ def loop(verdict: Any, ax: Any = None) -> Sequence[Axes]:
         shown = np.where(np.abs(L) < NEAR_MINUS_1, L, np.nan)
         own.plot(np.real(shown), np.imag(shown), color=LINE)
         turn = np.exp(2j * np.pi * np.linspace(0.0, 1.0, 361))
-        own.plot(turn.real, turn.imag, ":", color="0.4", lw=0.8)
+        own.plot(np.real(turn), np.imag(turn), ":", color="0.4", lw=0.8)
         own.plot([-1.0], [0.0], "+", color=MARK, ms=10, label="-1")
         if gain and (x := value(gain).real) > -NEAR_MINUS_1:
             own.plot([-1.0, x], [0.0, 0.0], color="#e08214", label=_said(verdict, "gain"))
         if phase:
             arc = -np.exp(1j * np.radians(np.linspace(0.0, verdict.phase_margin, 181)))
-            own.plot(arc.real, arc.imag, color="#1b7837", label=_said(verdict, "phase"))
+            own.plot(np.real(arc), np.imag(arc), color="#1b7837", label=_said(verdict, "phase"))
         if 0 < verdict.modulus_margin < math.inf:
             ring = verdict.modulus_margin * turn - 1
             label = f"{_said(verdict, 'modulus')}, Ms {verdict.Ms:.4g}"
-            own.plot(ring.real, ring.imag, "--", color=MARK, lw=1, label=label)
+            own.plot(np.real(ring), np.imag(ring), "--", color=MARK, lw=1, label=label)
         own.set(xlabel=f"Re {of}", ylabel=f"Im {of}", title="Nyquist, w > 0")
         own.set_aspect("equal", adjustable="datalim")
         own.legend()
 
     return _panels([size_, phase_, nyquist], ax)
+
+
+def passivity(verdict: Any, ax: Any = None) -> Sequence[Axes]:
+    """The least power that the friction takes, over w^2, and the speed at which it is 0."""
+    own_speed = verdict.speed if math.isfinite(verdict.speed) else verdict._source[-1]
+    w = np.geomspace(1e-3, 1e2, 800) * own_speed
+    power = least_power(w, *verdict._source)
+
+    def least(own: Axes) -> None:
+        own.semilogx(w, power, color=LINE)
+        own.axhline(0.0, color="0.4", lw=0.8)
+        own.set_yscale("asinh", linear_width=max(abs(verdict.margin), 1e-300))
+        if math.isfinite(verdict.speed):
+            label = f"may give energy back above {verdict.speed:.4g} rad/s"
+            own.axvline(verdict.speed, color=MARK, ls="--", label=label)
+            own.legend()
+        said = "passive" if verdict else "not passive"
+        ylabel = "least (w F - dV/dt)/w^2 [N m s/rad]"
+        own.set(xlabel="|w| [rad/s]", ylabel=ylabel, title=f"The friction is {said}")
+
+    return _panels([least], ax)
 
 
 def _place(verdict: Any, of: str) -> float:

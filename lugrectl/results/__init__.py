@@ -14,6 +14,7 @@ from ..identification.selection import Comparison
 from ..linear.band import BandwidthVerdict
 from ..linear.designs import DesignChecks
 from ..linear.l2 import L2Verdict
+from ..linear.passivity import PassivityVerdict
 from ..linear.repair import Repair
 from ..linear.spr import SprVerdict
 from ..linear.stability import StabilityVerdict
@@ -28,6 +29,6 @@ __all__ = [
     "Comparison", "Compensation", "Design", "DesignChecks", "Diagnosis", "Estimate", "Excitation",
     "Finding", "Fleet", "FrictionMap", "Identification", "Joint", "L2Verdict", "LawComparison",
     "ObserverComparison", "ObserverDesign", "Outcome", "Parameter", "ParameterTable",
-    "RankedObserver", "Recommendation", "Repair", "Reproduction", "Residuals", "Run", "SprVerdict",
-    "StabilityVerdict", "Sweep", "Table", "Traces",
+    "PassivityVerdict", "RankedObserver", "Recommendation", "Repair", "Reproduction", "Residuals",
+    "Run", "SprVerdict", "StabilityVerdict", "Sweep", "Table", "Traces",
 ]  # fmt: skip

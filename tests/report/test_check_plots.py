@@ -185,3 +185,11 @@ def test_sampled_and_measured_loops_are_drawn_with_their_margins(L):
     size, _, nyquist = found.plot()
     assert found and "modulus margin" in words(nyquist)
     assert ("L(exp(jw dt))" in size.get_ylabel()) == hasattr(L, "poles")
+
+
+def test_passivity_shows_the_speed_from_which_friction_may_give_energy():
+    found = lg.passivity_check(P)
+    (ax,) = found.plot()
+    w, power = ax.lines[0].get_data()
+    assert (power[w < 0.99 * found.speed] > 0).all() and (power[w > 1.01 * found.speed] < 0).all()
+    assert f"above {found.speed:.4g} rad/s" in words(ax) and "not passive" in words(ax)
