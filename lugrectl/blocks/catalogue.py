@@ -7,6 +7,7 @@ import math
 import re
 import shutil
 import textwrap
+import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
@@ -14,6 +15,7 @@ from typing import Any, overload
 
 from ..core.errors import InputError
 from ..core.result import NamedRows, library
+from ..core.validation import shown
 from . import DECLARING
 from . import effects as _effects  # noqa: F401  fills the registry
 from . import friction as _friction  # noqa: F401
@@ -214,15 +216,26 @@ class Catalogue(NamedRows[Entry]):
         return head[:3], [row[:3] for row in rows]
 
 
-def effects() -> Catalogue:
+def effects(about: str = "") -> Catalogue:
     """The catalogue of effects that a model may declare or a diagnosis may name.
 
     Effects that the user registered with :func:`lugrectl.block` are in it.
+
+    Parameters
+    ----------
+    about : str
+        Only those whose name, equation, text or source has all these words, such as an author's
+        name; capitals and accents make no difference.
 
     Returns
     -------
     Catalogue
         Rows by place or by name; ``print`` shows a table, ``to_frame`` gives a DataFrame.
+
+    Raises
+    ------
+    InputError
+        If no entry has these words.
 
     Examples
     --------
@@ -232,16 +245,27 @@ def effects() -> Catalogue:
     >>> "gravity" in lg.effects()
     True
     """
-    return _listed("effect")
+    return _listed("effect", about)
 
 
-def laws() -> Catalogue:
+def laws(about: str = "") -> Catalogue:
     """The friction laws: what ``[friction] model`` in a model file may be.
+
+    Parameters
+    ----------
+    about : str
+        Only those whose name, equation, text or source has all these words, such as an author's
+        name; capitals and accents make no difference.
 
     Returns
     -------
     Catalogue
         Rows by place or by name; ``print`` shows a table, ``to_frame`` gives a DataFrame.
+
+    Raises
+    ------
+    InputError
+        If no entry has these words.
 
     Examples
     --------
@@ -250,16 +274,27 @@ def laws() -> Catalogue:
     >>> list(lg.laws()["coulomb"].parameters)
     ['Fc', 'Fv']
     """
-    return _listed("friction")
+    return _listed("friction", about)
 
 
-def observers() -> Catalogue:
+def observers(about: str = "") -> Catalogue:
     """The friction observers: what ``observer=`` of a loop may be.
+
+    Parameters
+    ----------
+    about : str
+        Only those whose name, equation, text or source has all these words, such as an author's
+        name; capitals and accents make no difference.
 
     Returns
     -------
     Catalogue
         Rows by place or by name; ``print`` shows a table, ``to_frame`` gives a DataFrame.
+
+    Raises
+    ------
+    InputError
+        If no entry has these words.
 
     Examples
     --------
@@ -270,17 +305,33 @@ def observers() -> Catalogue:
     ('position_lugre_observer', ('theta', 'u'))
     >>> observer.parameters["sigma0"].unit
     'N m/rad'
+
+    By author:
+
+    >>> lg.observers("tafazoli").names
+    ('position_coulomb_observer',)
     """
-    return _listed("observer")
+    return _listed("observer", about)
 
 
-def controllers() -> Catalogue:
+def controllers(about: str = "") -> Catalogue:
     """The controllers and what stands beside them: error, compensation, feedforward, prefilter.
+
+    Parameters
+    ----------
+    about : str
+        Only those whose name, equation, text or source has all these words, such as an author's
+        name; capitals and accents make no difference.
 
     Returns
     -------
     Catalogue
         Rows by place or by name; ``print`` shows a table, ``to_frame`` gives a DataFrame.
+
+    Raises
+    ------
+    InputError
+        If no entry has these words.
 
     Examples
     --------
@@ -289,13 +340,31 @@ def controllers() -> Catalogue:
     >>> lg.controllers()["slotine_li"].equation
     'u = J ar - KD s'
     """
-    return _listed("controller")
+    return _listed("controller", about)
 
 
-def _listed(kind: str) -> Catalogue:
+def _listed(kind: str, about: str) -> Catalogue:
     """The blocks in the order of the package's modules, whatever was imported first."""
     own = [made for name, made in members(kind).items() if name not in VARIANTS]
-    return Catalogue(kind, [Entry.of(made) for made in sorted(own, key=_place)])
+    rows = [Entry.of(made) for made in sorted(own, key=_place)]
+    found = [row for row in rows if _has(row, about)]
+    if not found:
+        plain = "law" if kind == "friction" else kind
+        raise InputError(f"no {plain} is about {shown(about)}; lg.{plain}s() lists all.")
+    return Catalogue(kind, found)
+
+
+def _has(entry: Entry, words: Any) -> bool:
+    """Whether all words stand in what is said of an entry."""
+    if not isinstance(words, str):
+        raise InputError(f"about = {shown(words)} must be words, such as an author's name.")
+    said = (entry.name, *entry.also_called, entry.equation, entry.about, entry.source)
+    return all(word in _bare(" ".join(said)) for word in _bare(words).split())
+
+
+def _bare(text: str) -> str:
+    """Small letters without accents."""
+    return "".join(c for c in unicodedata.normalize("NFD", text.lower()) if c.isascii())
 
 
 def _place(made: Block) -> int:

@@ -6,8 +6,9 @@ other names. The proportional position controller puts out the speed reference.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -232,6 +233,10 @@ def current_lag(
     return actuator_lag.system(name=name, **signals, time_constant=time_constant)
 
 
+# As a part of a drive it has no bound; an identification looks for an effect of up to 0.2 s.
+_LATE = replace(input_delay, parameters={"delay": replace(input_delay.own["delay"], high=math.inf)})
+
+
 def dead_time(
     delay: float,
     dt: float | None = None,
@@ -245,7 +250,7 @@ def dead_time(
     Parameters
     ----------
     delay : float
-        T in s; 0 passes the command unchanged.
+        T in s, 0 or more, as :func:`delayed` takes it; 0 passes the command unchanged.
     dt : float, optional
         Sample time in s. Without it the block is continuous: exact in ``lg.simulate``, and
         elsewhere the Pade approximation of order 2 of the effect ``input_delay``, exact to 1
@@ -263,8 +268,7 @@ def dead_time(
     Raises
     ------
     InputError
-        For a delay outside 0 to 0.2 s without dt, a negative one, or one of more than 10 000
-        samples with it.
+        For a negative delay, and with dt for one of more than 10 000 samples.
 
     Notes
     -----
@@ -280,11 +284,14 @@ def dead_time(
     >>> lg.dead_time(2e-3, dt=1e-3).dt  # in a drive that runs at 1 kHz, exact
     0.001
     """
+    late = number(delay, "delay")
+    if late < 0.0:
+        raise InputError(f"delay is {late:g} s, but a dead time cannot be negative.")
     if dt is None:
         signals = {"inputs": inputs or ["u_cmd"], "outputs": outputs}
-        return input_delay.system(name=name, **signals, delay=delay)
-    late, step = number(delay, "delay"), positive(dt, "dt", "seconds")
-    if not 0.0 <= late <= MOST * step:
+        return _LATE.system(name=name, **signals, delay=late)
+    step = positive(dt, "dt", "seconds")
+    if late > MOST * step:
         raise InputError(f"delay = {late:g} s lies outside 0 to {MOST} samples of {step:g} s.")
     return _shifted(late / step, step, one_name(name), inputs, outputs)
 

@@ -12,6 +12,7 @@ from ..core.errors import InputError
 from ..core.validation import flag, one_name, positive, renamed, shown, within
 from .block import REGISTRY, Block, P
 from .bristle_observers import DERIVED
+from .declaration import block
 from .friction import J
 from .model import Model, Parameters, as_model
 from .observers import believed
@@ -70,6 +71,24 @@ class Harmonics:
 
 
 REGISTRY["controller", "repetitive_control"] = Harmonics(HARMONICS).block()
+
+
+@block("controller", name="repetitive_memory", out="u v", source=f"{DERIVED} {CHEN}")
+def _memory(
+    s,
+    ar,
+    v_late,
+    J: Any = J,
+    K: Any = P(0.1, "N m s/rad", 0.0),
+    gamma: Any = P(0.1, "N m s/rad", 0.0),
+    limit: Any = P(1.0, "N m", 0.0),
+):
+    """u = J ar - K s + v, v = clip(v_late, +-limit) - gamma s, v_late = v(t - period).
+
+    The function of this name has the memory of v in it, sampled.
+    """
+    v = np.clip(v_late, -limit, limit) - gamma * s
+    return J * ar - K * s + v, v
 
 
 def repetitive_control(
@@ -216,7 +235,7 @@ def repetitive_memory(
     limit = positive(limit, "limit", "N m")
     values = {"J": J, "K": K, "gamma": gamma}
     for key, value in values.items():
-        within(value, f"{name}.{key}", P(0.0, "N m s/rad", 0.0))
+        within(value, f"{name}.{key}", _memory.parameters[key])
     if period > MOST * dt:
         raise InputError(
             f"period = {period:g} s is {period / dt:.3g} samples of {dt:g} s, more than {MOST}."
@@ -244,11 +263,12 @@ class _Memory:
     limit: float
     smooth: bool
 
-    def learnt(self, x: Any, s: Any, params: Any) -> Any:
-        """v at this sample."""
+    def at(self, x: Any, s: Any, ar: Any, params: Any) -> Any:
+        """u and v at this sample."""
         before = np.clip(x[:3], -self.limit, self.limit)
         old = 0.25 * before[0] + 0.5 * before[1] + 0.25 * before[2] if self.smooth else before[1]
-        return old - params[f"{self.name}.gamma"] * s
+        gains = {k: params[f"{self.name}.{k}"] for k in ("J", "K", "gamma")}
+        return _memory.function(s, ar, old, limit=self.limit, **gains)
 
 
 @dataclass(frozen=True)
@@ -258,7 +278,7 @@ class _Remembered:
     def __call__(self, t: Any, x: Any, v: Any, params: Any) -> np.ndarray:
         # float refuses a symbolic state: thousands of them are called faster than compiled
         x = np.asarray(x, dtype=float)
-        return np.append(x[1:], self.memory.learnt(x, v[0], params))
+        return np.append(x[1:], self.memory.at(x, v[0], v[1], params)[1])
 
 
 @dataclass(frozen=True)
@@ -266,8 +286,7 @@ class _Learnt:
     memory: _Memory
 
     def __call__(self, t: Any, x: Any, v: Any, params: Any) -> np.ndarray:
-        J, K = (params[f"{self.memory.name}.{k}"] for k in ("J", "K"))
-        return np.array([J * v[1] - K * v[0] + self.memory.learnt(x, v[0], params)])
+        return np.array([self.memory.at(x, v[0], v[1], params)[0]])
 
     def renamed(self, update: Any, name: str) -> tuple[Any, Any, dict[str, str]]:
         """As :meth:`lugrectl.blocks.block.Called.renamed`."""

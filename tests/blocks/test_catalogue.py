@@ -17,7 +17,7 @@ OBSERVERS = (
 CONTROLLERS = (
     "error pi pid compensation feedforward prefilter limiter proportional notch sliding_error "
     "slotine_li adaptive_slotine_li dual_observer_control backstepping_smc repetitive_control "
-    "smith_velocity coulomb_predictor coulomb_compensation"
+    "repetitive_memory smith_velocity coulomb_predictor coulomb_compensation"
 )
 LISTS = {"effect": lg.effects, "friction": lg.laws}
 SIZE = P(0.0, "N m", neutral=0.0)
@@ -99,6 +99,17 @@ def test_a_list_is_a_sequence_that_names_index():
         listed[:1]["gravity"]
     with pytest.raises(IndexError):
         listed[99]
+
+
+def test_entries_are_found_by_author():
+    assert lg.observers("tafazoli").names == ("position_coulomb_observer",)
+    assert "adaptive_slotine_li" in lg.controllers("Slotine").names
+    assert lg.observers("MORGÜL Odabaş").names == lg.observers("odabas morgul").names
+    assert set(lg.observers("olsson").names) < set(lg.observers().names)
+    with pytest.raises(lg.InputError, match="no observer is about 'nobody'"):
+        lg.observers("nobody")
+    with pytest.raises(lg.InputError, match="about = 3"):
+        lg.laws(3)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("columns", [60, 80, 110, 200])

@@ -1,6 +1,7 @@
 """Limit, anti-windup, notch, current lag and dead time against their definitions."""
 
 import pickle
+from fractions import Fraction
 
 import control as ct
 import numpy as np
@@ -54,6 +55,23 @@ def test_current_lag_and_dead_time_are_the_effects_of_the_catalogue():
 def test_no_delay_passes_the_command(make):
     made = make(0.0)
     assert made.output(0.0, np.zeros(made.nstates), [0.7]) == pytest.approx(0.7)
+
+
+@pytest.mark.parametrize("late", [0.5, Fraction(3, 4), np.float64(2.0)])
+def test_a_long_dead_time_is_that_of_delayed(late):
+    """In a loop about an integrator, and exact in a simulation."""
+    block = lg.dead_time(late)
+    loop = ct.interconnect(
+        [ct.tf(ct.tf([0.6], [1.0, 0.0]), inputs="e", outputs="u_cmd", name="plant"),
+         block, ct.summing_junction(["r", "-u"], "e")],
+        inputs="r", outputs="u", params={},
+    )  # fmt: skip
+    seen = lg.stability_check(lg.linearize(loop, input="r", output="u").open_loop)
+    same_loop = lg.stability_check(lg.delayed(ct.tf([0.6], [1.0, 0.0]), late))
+    assert seen.gain_margin == pytest.approx(same_loop.gain_margin, rel=1e-12)
+    t = np.linspace(0.0, 4.0, 401)
+    run = simulate(block, t, np.sin(t))
+    assert run.outputs == pytest.approx(np.where(t >= late, np.sin(t - float(late)), 0.0), abs=1e-4)
 
 
 @pytest.mark.parametrize(("delay", "expected"), [(0.2, [0, 0, 1, 2]), (0.15, [0, 0.5, 1.5, 2.5])])
@@ -163,7 +181,7 @@ def test_a_limited_controller_runs_at_a_sample_rate():
         (lambda: lg.limiter(-2.0), "limit"),
         (lambda: lg.notch(0.0), "frequency = 0 must be above 0 Hz"),
         (lambda: lg.notch(10.0, depth=2.0), "depth"),
-        (lambda: lg.dead_time(-1.0), "delay"),
+        (lambda: lg.dead_time(-1.0), "delay is -1 s, but a dead time cannot be negative"),
         (lambda: lg.dead_time(1.0, 1e-5), "10000 samples"),
         (lambda: lg.dead_time(0.1, -1.0), "dt must be a positive number"),
         (lambda: lg.current_lag(-1.0), "time_constant"),

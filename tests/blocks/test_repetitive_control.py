@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import lugrectl as lg
+from lugrectl.blocks.block import members
 
 from ..cases.observed import STEP, P, longer, rms, signals_by, sine
 
@@ -132,3 +133,16 @@ def test_wrong_usage_is_one_sentence(call, said):
     with pytest.raises(lg.InputError, match=said) as raised:
         call()
     assert "\n" not in str(raised.value) and str(raised.value).endswith(".")
+
+
+def test_the_listed_law_is_that_of_the_memory():
+    """u of a sample, with v of one period ago."""
+    law = lg.controllers()["repetitive_memory"]
+    assert law.inputs == ("s", "ar", "v_late") and "v(t - period)" in law.equation
+    block = lg.repetitive_memory(P, period=0.02, dt=1e-3, K=0.2, gamma=0.3, limit=0.5)
+    listed = members("controller")["repetitive_memory"]
+    x = np.linspace(-1.0, 1.0, block.nstates)
+    for s, ar in ((0.3, 2.0), (-0.1, 0.0)):
+        u, v = listed(s, ar, x[1], J=P.J, K=0.2, gamma=0.3, limit=0.5)
+        assert block.output(0.0, x, [s, ar]) == pytest.approx([u])
+        assert block.dynamics(0.0, x, [s, ar]) == pytest.approx([*x[1:], v])

@@ -107,9 +107,9 @@ def test_it_stays_short():
     assert len(TEXT.split()) <= 900
 
 
-@pytest.mark.parametrize("property", ["l2", "spr", "bandwidth"])
+@pytest.mark.parametrize("property", ["l2", "spr", "bandwidth", "stability"])
 def test_the_checks(property, capsys):
-    assert "`lugrectl check l2|spr|bandwidth`" in TEXT
+    assert "`lugrectl check l2|spr|bandwidth|stability`" in TEXT
     assert main(["check", property]) in (0, 1)
     assert capsys.readouterr().out
 
