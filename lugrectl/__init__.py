@@ -48,6 +48,7 @@ _HOMES = {
     "passivity_check position_L position_T position_loop_tf spr_check spr_repair stability_check "
     "velocity_L velocity_T velocity_loop_tf",
     "loops.friction_loops": "position_loop velocity_loop",
+    "loops.late_loop": "late_loop",
     "simulation.sampled_response": "simulate_sampled",
     "blocks.model": "Model Parameters read_model table1 write_model",
     "record": "Record read_record",
@@ -204,6 +205,7 @@ if TYPE_CHECKING:
         position_loop,
         velocity_loop,
     )
+    from .loops.late_loop import late_loop  # noqa: F401
     from .observer_comparison import (  # noqa: F401
         ObserverComparison,
         Recommendation,
