@@ -161,7 +161,9 @@ def _values(p: Any) -> tuple[float, ...]:
 
 def least_power(w: Any, sigma1: float, Fc: float, Fs: float, Fv: float, vs: float) -> Any:
     """The least (w F - dV/dt)/w^2 over the deflections that there are, in N m s/rad, at w > 0."""
-    h = level(w, Fc, Fs, vs)
+    w = np.asarray(w, dtype=float)
+    with np.errstate(over="ignore"):  # of (w/vs)^2: h is then Fc
+        h = level(w, Fc, Fs, vs)
     q = np.minimum(0.5 * sigma1 * w / h, Fs / h)
     return h * q * q / w + Fv + sigma1 * (1.0 - q)
 
@@ -171,6 +173,8 @@ def _speed(source: tuple[float, ...]) -> float:
     high = 1.0
     while least_power(high, *source) > 0:
         high *= 2.0
+        if math.isinf(high):
+            return high
     low = high
     while least_power(low, *source) <= 0:
         low /= 2.0
