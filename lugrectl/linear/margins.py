@@ -96,7 +96,7 @@ class Loop:
         if closed.rational and self.L.den.rational:
             most, v = peaks.largest(self.L.den.polynomial, closed.polynomial)
         else:
-            near = [v for v in self._real_places if abs(self.L(1j * v)) < 1]
+            near = [v for v in self._real_places if 1e-100 < abs(self.L(1j * v)) < 1]
             most, v = largest(DelayedTransfer(self.L.den, closed), *near)
         return Margin(1.0 / most if most else math.inf, self.frequency(v))
 
