@@ -20,6 +20,7 @@ from .delayed import DelayedTransfer
 from .delayed_checks import largest, limits, square
 from .quasi import Quasi
 
+FAR = 1e100  # rad/s: no crossing is looked for beyond it, where powers of w overflow
 SAME = 1e-9  # of |L|: a crossing that is lower by less is not looked for at higher frequencies
 
 
@@ -72,6 +73,8 @@ class Loop:
         end = max([1.0 / max(self.L.dead_times), *self._level(1.0)])
         places: list[float] = []
         for _ in range(WINDOWS):
+            if end > FAR:
+                break
             places = _places(signs(turned, end))
             below = [-x for v in places if -1 < (x := self.L(1j * v).real) < 0]
             beyond = self._level(max(below) * (1 - SAME)) if below else [math.inf]
@@ -96,7 +99,7 @@ class Loop:
         if closed.rational and self.L.den.rational:
             most, v = peaks.largest(self.L.den.polynomial, closed.polynomial)
         else:
-            near = [v for v in self._real_places if 1e-100 < abs(self.L(1j * v)) < 1]
+            near = [v for v in self._real_places if abs(self.L(1j * v)) < 1]
             most, v = largest(DelayedTransfer(self.L.den, closed), *near)
         return Margin(1.0 / most if most else math.inf, self.frequency(v))
 
