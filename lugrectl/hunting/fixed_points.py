@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -47,7 +48,7 @@ class Found(NamedTuple):
 def fixed_points(lanes: Lanes) -> Found:
     """All sign changes of D on the grid; ``lanes`` has one lane of the loop."""
     grid = np.geomspace(LOW, HIGH, POINTS)
-    D = excess_on(_many(lanes, POINTS), grid)
+    D = excess_on(_many(lanes, POINTS), grid)[0]
     lanes = replace(lanes, calm=calm(grid, D))
     x, D = _with_extrema(lanes, grid, D)
     roots, jumps = _roots(lanes, x, D, 1)
@@ -76,7 +77,7 @@ def double_points(lanes: Lanes, found: Found) -> list[Fixed]:
         x, twice = np.r_[x, near], np.r_[twice, excess(_many(lanes, len(near)), near, 2)]
         x, twice = x[np.argsort(x)], twice[np.argsort(x)]
     made: list[Fixed] = []
-    for one in _described(lanes, _roots(lanes, x, twice, 2)[0], 2):
+    for one in _described(lanes, _roots(lanes, x, twice, 2, [f.x for f in found.fixed])[0], 2):
         double = any(abs(k.period / one.period - 1.0) < SAME for k in made)
         if not double and all(abs(one.x / f.x - 1.0) > SAME for f in found.fixed):
             made.append(one)  # a cycle e1 -> e2 -> e1 appears at both of its errors
@@ -107,10 +108,11 @@ def _with_extrema(lanes: Lanes, x: np.ndarray, D: np.ndarray) -> tuple[np.ndarra
 
 
 def _roots(
-    lanes: Lanes, x: np.ndarray, D: np.ndarray, order: int
+    lanes: Lanes, x: np.ndarray, D: np.ndarray, order: int, known: Sequence[float] = ()
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The roots of D between points, and the errors where it jumps over zero."""
+    """The roots of D between points, other than known ones, and where it jumps over zero."""
     turned = np.flatnonzero((D[:-1] > 0.0) != (D[1:] > 0.0))
+    turned = np.setdiff1d(turned, np.searchsorted(x, known) - 1)
     if not len(turned):
         return x[:0], x[:0]
     a, b, Da, Db = x[turned], x[turned + 1], D[turned], D[turned + 1]

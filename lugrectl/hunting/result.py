@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -57,6 +57,9 @@ class LimitCycles(Result):
         What the answer does not cover.
     critical : dict
         With ``vary``: by gain the values at which cycles appear or vanish.
+    curve : tuple of two arrays, or None
+        Errors at breakaway in rad and log(T(e)/e), how much they grow to the next stick on the
+        other side; 50 and -50 stand for growth without a stick and for rest.
     """
 
     cycles: tuple[Cycle, ...]
@@ -65,6 +68,7 @@ class LimitCycles(Result):
     diverges: bool
     loop: dict[str, Any]
     messages: tuple[str, ...] = ()
+    critical: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     curve: tuple[np.ndarray, np.ndarray] | None = None
     motion: str = "rotary"
 
@@ -86,6 +90,7 @@ class LimitCycles(Result):
             "proof": self.proof,
             "diverges": self.diverges,
             "loop": self.loop,
+            "critical": {k: list(v) for k, v in self.critical.items()},
             "messages": list(self.messages),
         }
 
@@ -111,6 +116,9 @@ class LimitCycles(Result):
             yield Row("cycle", said)
         if self.basin is not None:
             yield Row("basin", self.basin, unit, "error at breakaway beyond which it does not rest")
+        for name, values in self.critical.items():
+            said = ", ".join(f"{v:.4g}" for v in values) or "does not change the answer"
+            yield Row("critical", f"{name}: {said}")
         if self.proof:
             yield Row("proof", self.proof)
         yield from noticed(self.messages, "messages")

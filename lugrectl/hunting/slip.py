@@ -35,9 +35,7 @@ A = np.array(
         [35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84],
     ]
 )
-ERROR = np.array(
-    [71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40]
-)
+ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
 
 
 class End(NamedTuple):
@@ -123,9 +121,7 @@ def _creeps(lanes: Lanes, state: np.ndarray, slope: np.ndarray) -> np.ndarray:
     return follows & np.all(damped[:-1] > damped[1:], axis=0) & (damped[-1] > 0.0)
 
 
-def _stopped(
-    lanes: Lanes, state: np.ndarray, h: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def _stopped(lanes: Lanes, state: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The end a = 0 within the last step, by the method of Illinois on its length."""
     slope, low, high = _rates(lanes, state), np.zeros_like(h), h.copy()
     at_low, new = state[1].copy(), _stepped(lanes, state, h, slope)[0]

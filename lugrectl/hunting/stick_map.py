@@ -119,21 +119,29 @@ def excess(lanes: Lanes, x: np.ndarray, count: int = 1) -> np.ndarray:
     return np.where(made.fate == STICKS, D, np.where(made.fate == RESTS, -NEVER, NEVER))
 
 
-def excess_on(lanes: Lanes, x: np.ndarray) -> np.ndarray:
-    """:func:`excess` on an increasing grid with one slip from each error.
+def excess_on(lanes: Lanes, x: np.ndarray, loops: int = 1) -> np.ndarray:
+    """:func:`excess` of so many loops on an increasing grid, with one slip from each error.
 
     A stop on the same side, at S(x) < x, goes on as from there: T(x) = T(S(x)), interpolated.
+    A row for each loop.
     """
-    made = next_stick(lanes, x)
-    stays = (made.fate == STICKS) & (made.x > 0.0)
+    made = next_stick(lanes, np.tile(x, loops))
+    rows = zip(made.x.reshape(loops, -1), made.fate.reshape(loops, -1), strict=True)
+    return np.array([_followed(np.log(x), stop, fate) for stop, fate in rows])
+
+
+def _followed(place: np.ndarray, stop: np.ndarray, fate: np.ndarray) -> np.ndarray:
+    """D on a grid of log errors from the next stick of each."""
+    stays = (fate == STICKS) & (stop > 0.0)
     with np.errstate(divide="ignore"):
-        logT = np.log(np.abs(made.x))
-    fate, place = made.fate, np.log(x)
+        logT = np.log(np.abs(stop))
     for i in np.flatnonzero(stays):
-        at = np.interp(logT[i], place[:i], np.arange(i)) if i else 0.0
+        if i == 0:
+            fate[0] = RESTS
+            continue
+        at = np.interp(logT[i], place[:i], np.arange(i))
         low, part = int(at), at % 1.0
-        high = min(low + 1, max(i - 1, 0))
-        fate[i] = fate[low if part < 0.5 else high] if i else RESTS
-        logT[i] = logT[low] + part * (logT[high] - logT[low]) if i else logT[i]
-    D = logT - place
-    return np.where(fate == STICKS, D, np.where(fate == RESTS, -NEVER, NEVER))
+        high = min(low + 1, i - 1)
+        fate[i] = fate[low if part < 0.5 else high]
+        logT[i] = logT[low] + part * (logT[high] - logT[low])
+    return np.where(fate == STICKS, logT - place, np.where(fate == RESTS, -NEVER, NEVER))
