@@ -29,9 +29,8 @@ def changes(hunts: Callable[..., bool], vary: Any) -> dict[str, tuple[float, ...
 def ranges(given: Any, what: str) -> dict[str, tuple[float, float]]:
     """Gains and their ends; InputError names the argument."""
     if not isinstance(given, Mapping) or not given or not {*given} <= {*GAINS}:
-        raise InputError(
-            f'{what} must be gains and their ends, {{"ki": (1, 50)}}, not {shown(given)}.'
-        )
+        example = '{"ki": (1, 50)}'
+        raise InputError(f"{what} must be gains and their ends, {example}, not {shown(given)}.")
     made = {}
     for name, ends in given.items():
         if not isinstance(ends, (tuple, list)) or len(ends) != 2:

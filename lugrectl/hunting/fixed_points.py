@@ -16,6 +16,7 @@ POINTS = 140  # of the grid
 NEAR = 1.5  # |D| of an extremum between grid points that may reach zero
 PARTS = 16  # into which a bracket is cut at a time
 DEEPER, CLOSER = 4, 6  # cuts around an extremum, and of a bracket
+ENOUGH = 3  # cuts for a border between rest and growth, which has no root
 JUMP = 1e-3  # |D| at the end of the cuts: not a root
 AWAY = 1e-4  # relative distance at which a multiplier is measured
 CLOSE = np.r_[-np.geomspace(0.3, 1e-3, 12), np.geomspace(1e-3, 0.3, 12)]  # of a fixed point
@@ -117,13 +118,15 @@ def _roots(
         return x[:0], x[:0]
     a, b, Da, Db = x[turned], x[turned + 1], D[turned], D[turned + 1]
     low, high, row = np.log(a), np.log(b), np.arange(len(a))
-    for _ in range(CLOSER):
+    for k in range(CLOSER):
+        if k >= ENOUGH and np.all(np.abs([Da, Db]) >= NEVER):
+            break  # jumps between rest and growth
         cut = np.linspace(low, high, PARTS + 1, axis=1)
         inside = np.exp(cut[:, 1:-1])
         values = excess(_many(lanes, inside.size), inside.ravel(), order).reshape(inside.shape)
         every = np.column_stack([Da, values, Db])
-        k = np.argmax((every > 0.0) != (Da > 0.0)[:, None], axis=1)
-        low, high, Da, Db = cut[row, k - 1], cut[row, k], every[row, k - 1], every[row, k]
+        at = np.argmax((every > 0.0) != (Da > 0.0)[:, None], axis=1)
+        low, high, Da, Db = cut[row, at - 1], cut[row, at], every[row, at - 1], every[row, at]
     x = np.exp(low + (high - low) * Da / (Da - Db))
     jumps = np.maximum(np.abs(Da), np.abs(Db)) > JUMP
     return x[~jumps], x[jumps]

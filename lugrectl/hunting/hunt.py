@@ -108,9 +108,10 @@ def limit_cycles(
 
     Without stiction nothing hunts, and that is proven:
 
-    >>> found = lg.limit_cycles({"friction": "coulomb", "J": 1.0, "Fc": 1.0, "Fv": 0.4}, kp=3, ki=4)
-    >>> bool(found), found.proof[:29]
-    (False, 'Coulomb and viscous friction ')
+    >>> smooth = lg.Model.of(friction="coulomb", J=1.0, Fc=1.0, Fv=0.4)
+    >>> found = lg.limit_cycles(smooth, kp=3.0, ki=4.0, kd=6.0)
+    >>> bool(found), found.proof[:28]
+    (True, 'Coulomb and viscous friction')
     """
     if hasattr(loop, "input_labels"):
         given = (kp, ki, kd, kv, rate, counts, vary)
@@ -226,7 +227,9 @@ def _watched(run: Run, starts: Any, lengths: tuple[int, ...]) -> Answer:
     except Diverged:
         return Answer([], None, None, True, ["the loop grows without bound"], None)
     said = [f"searched by simulation from {len(starts)} starts, not proven"]
-    left = sum(s.fate == OPEN for s in seen)
+    left, hunting = (sum(s.fate == fate for s in seen) for fate in (OPEN, HUNTS))
+    if 0 < hunting < len(starts):
+        said.append(f"{hunting} of {len(starts)} starts led to hunting")
     if left:
         said.append(f"{left} of {len(starts)} starts neither came to rest nor repeated")
     basin = min((x for x, s in zip(starts, seen, strict=True) if s.fate == HUNTS), default=None)

@@ -1,4 +1,4 @@
-"""All limit cycles of a PID loop around a rigid drive that stick, by the map from stick to stick."""
+"""Limit cycles of a PID loop around a rigid drive: all that stick, and the swings that attract."""
 
 from __future__ import annotations
 

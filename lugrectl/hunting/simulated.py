@@ -46,7 +46,7 @@ def sampled_run(model: Model, loop: Loop, sensing: Sensing) -> Run:
         names = [label for block in drive for label in block.state_labels]
         start = [next((v for k, v in own.items() if n.endswith(k)), 0.0) for n in names]
         done = simulate_sampled(body, drive, t, {"r": 0.0}, x, drive_x0=start)
-        return t, *_signals(done, "theta", "u")
+        return t, *_motion(done)
 
     return run
 
@@ -74,7 +74,7 @@ def continuous_run(model: Model, loop: Loop, seconds: float) -> Run:
         t = np.linspace(0.0, times * seconds, POINTS)
         q = (loop.kp * e - loop.curve.Fs) / loop.ki if loop.ki else 0.0
         start = [*at_breakaway(loop, parts[0], e), q]
-        return t, *_signals(simulate(system, t, {"r": 0.0}, start), "theta", "u")
+        return t, *_motion(simulate(system, t, {"r": 0.0}, start))
 
     return run
 
@@ -93,11 +93,13 @@ def loop_run(system: Any, seconds: float) -> Run:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             done = simulate(system, t, {"r": step})
-        return t, *_signals(done, "theta", "u")
+        return t, *_motion(done)
 
     return run
 
 
-def _signals(done: Any, *names: str) -> list[np.ndarray]:
-    rows = np.atleast_2d(np.asarray(done.outputs).reshape(len(done.output_labels), -1))
-    return [rows[list(done.output_labels).index(name)] for name in names]
+def _motion(done: Any) -> tuple[np.ndarray, np.ndarray]:
+    """theta and u of a response."""
+    labels = list(done.output_labels)
+    rows = np.asarray(done.outputs).reshape(len(labels), -1)
+    return rows[labels.index("theta")], rows[labels.index("u")]

@@ -16,9 +16,9 @@ from .lanes import Lanes
 from .slip import slip
 
 STICKS, RESTS, GROWS, SWINGS = 0, 1, 2, 3  # fate: next stick, rest, divergence, never a stick
-REVERSALS = 60  # without a stick, after which a loop swings
+REVERSALS = 30  # without a stick, after which a loop swings; each takes 2 units off a large error
 STOPS = 60  # on one side, after which a loop creeps: it comes to rest
-LARGE = 1e4  # units, beyond which a swing grows without bound
+LARGE = 300.0  # units, ten times the largest start: a swing beyond it grows without bound
 NEVER = 50.0  # the excess of what rests (negative) or never sticks
 
 

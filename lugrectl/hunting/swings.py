@@ -11,7 +11,7 @@ from .lanes import Lanes
 from .slip import slip
 from .stick_map import LARGE, NEVER
 
-SWINGS = 200  # that are followed, at most
+SWINGS = 100  # that are followed, at most
 STARTS = 4  # of the errors from which no stick followed
 ALIKE = 1e-6  # relative change from swing to swing, below which it repeats
 SAME = 1e-3  # relative difference of two amplitudes that are one
