@@ -15,10 +15,12 @@ CLOSE = 1e-3  # relative width of the bracket of a critical value
 GAINS = ("kp", "ki", "kd", "kv")
 
 
-def changes(hunts: Callable[..., bool], vary: Any) -> dict[str, tuple[float, ...]]:
+def changes(
+    hunts: Callable[..., bool], vary: Mapping[str, tuple[float, float]]
+) -> dict[str, tuple[float, ...]]:
     """By gain where ``hunts(ki=...)`` changes: scanned in even ratios, then bisected."""
     found = {}
-    for name, (low, high) in ranges(vary, "vary").items():
+    for name, (low, high) in vary.items():
         values = np.geomspace(low, high, SCANNED)
         known = [hunts(**{name: float(v)}) for v in values]
         pairs = zip(values, values[1:], known, known[1:], strict=False)

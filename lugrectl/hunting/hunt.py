@@ -11,7 +11,7 @@ from ..blocks.model import Model, as_model
 from ..core.errors import Diverged, InputError
 from ..core.validation import number, positive, whole
 from ..simulation.encoder import Sensing
-from .critical import changes
+from .critical import changes, ranges
 from .curve import curve_of
 from .lanes import Loop
 from .result import LimitCycles
@@ -120,8 +120,9 @@ def limit_cycles(
         return _of_loop(loop)
     model, gains = as_model(loop), pid_gains(kp, ki, kd, kv)
     sensing = _sensing(rate, dead_time, counts, model.motion)
+    ends = None if vary is None else ranges(vary, "vary")
     found = searched(model, gains, sensing)
-    if vary is None:
+    if ends is None:
         return found
     own = {k: v for k, v in {"kp": kp, "ki": ki, "kd": kd, "kv": kv}.items() if v is not None}
 
@@ -129,7 +130,7 @@ def limit_cycles(
         every = dict.fromkeys((*GAINS, "kv")) | (own or PAPER) | changed
         return not searched(model, pid_gains(**every), sensing)
 
-    object.__setattr__(found, "critical", changes(hunts, vary))
+    object.__setattr__(found, "critical", changes(hunts, ends))
     return found
 
 

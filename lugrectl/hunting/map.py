@@ -44,6 +44,15 @@ class HuntingMap(Result):
         The user's gains.
     messages : tuple of str
         What the map does not cover.
+
+    Examples
+    --------
+    >>> drive = lg.Model.of(friction="coulomb", J=1.0, Fc=1.0, Fv=0.4)
+    >>> lg.hunting_map(drive, {"ki": (0.3, 3.0), "kd": (2.0, 20.0)}, kp=3.0, points=3)
+    HuntingMap over ki and kd
+      quiet                       100 %
+      quiet, but can be started   0 %
+      hunting                     0 %
     """
 
     names: tuple[str, str]

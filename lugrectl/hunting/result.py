@@ -60,6 +60,16 @@ class LimitCycles(Result):
     curve : tuple of two arrays, or None
         Errors at breakaway in rad and log(T(e)/e), how much they grow to the next stick on the
         other side; 50 and -50 stand for growth without a stick and for rest.
+    motion : "rotary" or "linear"
+        Of the drive.
+
+    Examples
+    --------
+    >>> drive = lg.Model.of(friction="stribeck", J=1.0, Fc=1.0, Fs=1.5, vs=1e-3, Fv=0.4)
+    >>> lg.limit_cycles(drive, kp=3.0, ki=4.0, kd=6.0)
+    the loop hunts
+      cycle  +-0.06692 rad, period 23.73 s, stable, 2 stops
+      basin  0 rad error at breakaway beyond which it does not rest
     """
 
     cycles: tuple[Cycle, ...]

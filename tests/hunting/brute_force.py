@@ -56,3 +56,23 @@ def settled(J, kp, ki, kd, Fc, Fs, vs, e, held, turns, step=1e-3):
         if amplitude[i] < 0.98 * first:  # it still shrinks
             amplitude[i] = 0.0
     return amplitude, period
+
+
+def sampled_motion(J, kp, ki, kd, Fc, Fs, vs, Fv, e, rate, counts, seconds, parts=40):
+    """The errors at the samples of a sampled loop from breakaway at e, with an encoder."""
+    dt, q = 1.0 / rate, 2.0 * np.pi / counts
+    h, w, total, last = dt / parts, 0.0, None, q * np.floor(e / q + 0.5)
+    errors = []
+    for _ in range(int(seconds * rate)):
+        seen = q * np.floor(e / q + 0.5)
+        total = (kp * e - Fs) / ki if total is None else total
+        u = -kp * seen + ki * total - kd * (seen - last) / dt
+        total, last = total - dt * seen, seen
+        for _ in range(parts):
+            level = Fc + (Fs - Fc) * np.exp(-((w / vs) ** 2))
+            free = w + h * (u - Fv * w) / J
+            new = np.sign(free) * max(abs(free) - h * level / J, 0.0)
+            new = 0.0 if w * new < 0.0 else new
+            e, w = e + 0.5 * h * (w + new), new
+        errors.append(e)
+    return np.array(errors)

@@ -12,7 +12,7 @@ from lugrectl.hunting.curve import curve_of
 from lugrectl.hunting.lanes import Loop
 from lugrectl.hunting.stick_map import excess
 
-from .brute_force import settled
+from .brute_force import sampled_motion, settled
 
 README = (Path(__file__).parents[2] / "README.md").read_text()
 PID = {"kp": 3.0, "ki": 4.0, "kd": 6.0}
@@ -188,13 +188,12 @@ def test_a_fast_sampled_loop_hunts_as_the_continuous_one():
     assert found.proof is None and "not proven" in found.messages[0]
 
 
-def test_counts_make_a_quiet_loop_hunt():
-    """Coulomb friction, proven quiet; with an encoder that is coarser than Fc/kp it is not."""
-    model = drive("coulomb", Fs=None, vs=None)
-    assert lg.limit_cycles(model, **PID)
-    held = lg.limit_cycles(model, **PID, rate=100.0, counts=8)
-    assert held.loop["resolution"] == pytest.approx(2 * np.pi / 8)
-    assert all(c.stable and c.multipliers == () for c in held.cycles)
+def test_a_sampled_loop_with_counts_agrees_with_another_simulation():
+    found = lg.limit_cycles(drive(), **PID, rate=50.0, counts=1000)
+    (cycle,) = found.cycles
+    assert found.loop["resolution"] == pytest.approx(2 * np.pi / 1000) and not cycle.multipliers
+    e = sampled_motion(**LAW, **PID, e=0.1, rate=50.0, counts=1000, seconds=150.0)
+    assert np.ptp(e[-2400:]) / 2 == pytest.approx(cycle.amplitude, rel=0.02)
 
 
 def test_the_picture_marks_the_cycle():
