@@ -34,6 +34,7 @@ _HOMES = {
     "blocks.catalogue": "controllers effects laws observers",
     "observer_comparison": "ObserverComparison Recommendation compare_observers recommend_observer",
     "compensated_loop": "Compensation compensate",
+    "hunting": "HuntingMap LimitCycles hunting_map limit_cycles",
     "paper.equations": "PAPER",
     "design": "Certificate Design ObserverDesign certify design_gains excitation natural_decay",
     "diagnosis.question": "balance",
@@ -181,6 +182,12 @@ if TYPE_CHECKING:
     from .diagnosis.question import balance  # noqa: F401
     from .diagnosis.result import Diagnosis  # noqa: F401
     from .estimates.findings import Table  # noqa: F401
+    from .hunting import (  # noqa: F401
+        HuntingMap,
+        LimitCycles,
+        hunting_map,
+        limit_cycles,
+    )
     from .linear import (  # noqa: F401
         DelayedTransfer,
         bandwidth,

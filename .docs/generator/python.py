@@ -19,7 +19,7 @@ TOPICS = {  # topic: the modules whose public names it holds
     "laws": "",
     "effects": "blocks.factories",
     "loops": "loops simulation",
-    "checks": "linear design paper",
+    "checks": "linear design hunting paper",
     "diagnosis": "diagnosis compensated_loop",
     "records": "record blocks.model estimates",
     "ensembles": "sweeps",

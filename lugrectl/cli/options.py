@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
 from ..core.provenance import version
-from . import commands, given, lookups, plotting
+from . import commands, given, hunting, lookups, plotting
 from .overview import overview
 
 
@@ -20,8 +20,9 @@ def parser() -> argparse.ArgumentParser:
         prog="lugrectl",
         description="Find out which friction effect is missing from the model of a servo drive, "
         "from a log of its torque and motion.",
-        epilog="Exit codes: 0 answered, 1 a checked property does not hold, 2 wrong usage or "
-        "unreadable file, 3 the record cannot answer the question. lugrectl COMMAND --help shows "
+        epilog="Exit codes: 0 answered, 1 a checked property does not hold or a loop hunts, "
+        "2 wrong usage or unreadable file, 3 the record cannot answer the question. "
+        "lugrectl COMMAND --help shows "
         "a command's options. To begin: lugrectl demo, then lugrectl model > my.toml and "
         "lugrectl diagnose run.csv --model my.toml --out report.",
         allow_abbrev=False,
@@ -75,6 +76,7 @@ def parser() -> argparse.ArgumentParser:
     paper = _command(made, "reproduce", commands.reproduce, "recompute the source paper")
     paper.add_argument("--out", metavar="DIR", help="write reproduce.html and reproduce.json there")
     _checks(_command(made, "check", lookups.check, "linear checks: l2, spr, bandwidth, stability"))
+    _hunting(_command(made, "hunt", hunting.hunt, "find friction limit cycles of a position loop"))
     known = _command(made, "effects", lookups.effects, "list the effects, or explain one")
     known.add_argument(
         "name", nargs="?", metavar="NAME", help="an effect; common names such as cogging will do"
@@ -245,6 +247,26 @@ def _checks(command: argparse.ArgumentParser) -> None:
         default=None,
         help="bandwidth at half power (-3.0103 dB) instead of -3 dB",
     )
+
+
+def _hunting(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    add("--model", required=True, metavar="MODEL.toml", help="the drive, all values known")
+    for gain, what in (
+        ("kp", "gain of the position error in N m/rad (default of kp, ki, kd: the paper's if none"),
+        ("ki", "of its integral in N m/(rad s)"),
+        ("kd", "of the speed in N m s/rad"),
+        ("kv", "of a P position loop in 1/s: --kp and --ki are then those of a PI speed loop"),
+    ):
+        more = " is given, else 0)" if gain == "kp" else ""
+        add(f"--{gain}", type=_finite, metavar="X", help=what + more)
+    add("--rate", type=_positive, metavar="HZ", help="a sampled controller, whose torque is held")
+    late = "with --rate: from measurement to torque"
+    add("--dead-time", type=_finite, default=0.0, metavar="S", help=late)
+    add("--counts", type=_count, metavar="N", help="with --rate: counts of the encoder in a turn")
+    ends = "also find the values of a gain between which the loop hunts"
+    add("--vary", action="append", metavar="ki=1:50", help=ends)
+    add("--plot", metavar="FILE", help="draw the answer: .png, .svg, .pdf or .jpg")
 
 
 class _Parser(argparse.ArgumentParser):

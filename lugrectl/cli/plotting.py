@@ -86,12 +86,13 @@ def has_screen() -> bool:
 def drawn(result: Any, out: str | None, kind: str | None, option: str = "--out") -> str:
     """Draw a result into a file, or without one on the screen; returns what there is to say."""
     import matplotlib
+    import numpy as np
 
     if out is not None:
         matplotlib.use("agg")
     import matplotlib.pyplot as plt
 
-    figure = result.plot()[0].figure
+    figure = np.ravel(result.plot())[0].figure
     if out is None:
         plt.show()
         return "shown."

@@ -1,0 +1,39 @@
+"""``lugrectl hunt``: the friction limit cycles of a loop, or their absence."""
+
+from __future__ import annotations
+
+import sys
+from argparse import Namespace
+
+from ..core.errors import InputError
+from .output import print_out
+from .plotting import drawn, format_of
+
+
+def hunt(a: Namespace) -> int:
+    """0 where there is no limit cycle, 1 where there is one or the loop diverges."""
+    from ..blocks.model import read_model
+    from ..hunting import limit_cycles
+
+    kind = None if a.plot is None else format_of(a.plot, "--plot")
+    gains = {k: getattr(a, k) for k in ("kp", "ki", "kd", "kv")}
+    sampled = {"rate": a.rate, "dead_time": a.dead_time, "counts": a.counts}
+    vary = dict(map(_range, a.vary)) if a.vary else None
+    found = limit_cycles(read_model(a.model), **gains, **sampled, vary=vary)
+    said = drawn(found, a.plot, kind, "--plot") if kind else ""
+    print_out(found.to_json() if a.json else repr(found))
+    if said:
+        print(f"lugrectl: {said}", file=sys.stderr)
+    return 0 if found else 1
+
+
+def _range(text: str) -> tuple[str, tuple[float, float]]:
+    """ "ki=1:50" as ("ki", (1, 50))."""
+    name, _, ends = text.partition("=")
+    try:
+        low, high = map(float, ends.split(":"))
+    except ValueError:
+        raise InputError(
+            f"--vary is '{text}', but a gain and its ends are needed, such as ki=1:50."
+        ) from None
+    return name.strip(), (low, high)

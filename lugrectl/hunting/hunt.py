@@ -1,0 +1,238 @@
+"""``lugrectl.limit_cycles``: whether a position loop hunts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ..blocks.model import Model, as_model
+from ..core.errors import Diverged, InputError
+from ..core.validation import number, positive, whole
+from ..simulation.encoder import Sensing
+from .critical import changes, ranges
+from .curve import curve_of
+from .lanes import Loop
+from .result import LimitCycles
+from .rigid import Answer, rigid_cycles
+from .simulated import ERRORS, LENGTHS, STEPS, continuous_run, loop_run, sampled_run
+from .waiting import GROWS, HUNTS, OPEN, Run, Seen, cycles_of, watched
+
+GAINS = ("kp", "ki", "kd")
+PAPER = {"kp": 15.0, "ki": 1.55, "kd": 0.0}  # the source paper's position loop
+HORIZON = 15.0  # s, of the first run of a loop of blocks
+LONGER = (1, 4, 16)  # how many times that, where a run is open
+WAITS = 40.0  # kp/ki: a stick at 1/20 of the error at which kp alone breaks away
+PERIODS = 12.0  # of a cycle that is checked with bristles
+
+
+def limit_cycles(
+    loop: Any,
+    *,
+    kp: float | None = None,
+    ki: float | None = None,
+    kd: float | None = None,
+    kv: float | None = None,
+    rate: float | None = None,
+    dead_time: float = 0.0,
+    counts: int | None = None,
+    vary: Mapping[str, tuple[float, float]] | None = None,
+) -> LimitCycles:
+    """The friction limit cycles of a position loop at rest, or their absence.
+
+    J dw/dt = u - F, u = -(kp e + ki int e + kd w), e = theta - r, r constant. With ``rate`` the
+    controller is sampled and its torque held.
+
+    Parameters
+    ----------
+    loop : Model, Parameters, path, or control.NonlinearIOSystem
+        A drive, around which the controller is closed; or a whole position loop with the input r
+        and the outputs theta and u, such as :func:`position_loop` and :func:`cascade_loop`, which
+        takes none of the options below.
+    kp, ki, kd : float, optional
+        N m/rad, N m/(rad s), N m s/rad. The source paper's 15, 1.55, 0 if none is given, else 0
+        for those left out.
+    kv : float, optional
+        In 1/s: a cascade u = (kp + ki/s)(-kv e - w), kp in N m s/rad and ki in N m/rad, which is
+        the PID with kp kv + ki, ki kv and kp.
+    rate : float, optional
+        Samples of the controller in Hz; none: continuous time. The speed is then the difference
+        of two positions.
+    dead_time : float
+        Between measurement and torque in s, with ``rate``.
+    counts : int, optional
+        Of the encoder in a turn (in a metre), with ``rate``; none: exact.
+    vary : dict, optional
+        ``{"ki": (1, 50)}``: also the values of a gain at which cycles appear or vanish.
+
+    Returns
+    -------
+    LimitCycles
+        Truthy if there is no cycle. ``.cycles``, each with ``.amplitude`` (half the peak to peak of
+        theta, rad), ``.period`` (s), ``.stable``, ``.multipliers``, ``.stops``; ``.basin``,
+        ``.proof``, ``.critical``, ``.messages``, ``.plot()``.
+
+    Raises
+    ------
+    InputError
+        For a value of the model that is not known, or a gain out of its range.
+
+    Notes
+    -----
+    In a stick the error is constant and u changes by -ki e, so that breakaway is towards zero at
+    |u| = Fs: the state there is e alone. Let T(e) be the error of the first stick on the other
+    side. T(e) = e is a symmetric cycle, T(T(e)) = e one with unequal halves; its slope is the
+    multiplier of half a turn. D(e) = log(T(e)/e) is followed from 1/1000 to 30 times Fs/kp, its
+    extrema and sign changes are located, so that unstable cycles are found too; the smallest
+    error at which it becomes positive is the border of the basin of rest. That is every cycle
+    that sticks, of a drive without states but theta and w, in continuous time; of those that
+    never stick only the ones that attract.
+
+    Absence is proven for Coulomb and viscous friction if (kd + Fv) kp > ki J (Bisoffi, Da Lio,
+    Teel and Zaccarian, Global Asymptotic Stability of a PID Control System With Coulomb Friction,
+    IEEE Trans. Automatic Control 63(8), 2018). Friction with bristles, effects, sampling and
+    loops of blocks are simulated from several starts: what persists is a cycle, an unstable one is
+    not found, and nothing is proven. Hunting by Stribeck friction: Olsson and Astrom, Friction
+    Generated Limit Cycles, IEEE Trans. Control Systems Technology 9(4), 2001; Hensen, van de
+    Molengraft and Steinbuch, Friction Induced Hunting Limit Cycles, Automatica 39(12), 2003.
+
+    Examples
+    --------
+    The loop of Canudas de Wit, Olsson, Astrom and Lischinsky (1995) without bristles:
+
+    >>> drive = lg.Model.of(friction="stribeck", J=1.0, Fc=1.0, Fs=1.5, vs=1e-3, Fv=0.4)
+    >>> found = lg.limit_cycles(drive, kp=3.0, ki=4.0, kd=6.0)
+    >>> bool(found), round(found.cycles[0].amplitude, 4), round(found.cycles[0].period, 2)
+    (False, 0.0669, 23.73)
+
+    Without stiction nothing hunts, and that is proven:
+
+    >>> smooth = lg.Model.of(friction="coulomb", J=1.0, Fc=1.0, Fv=0.4)
+    >>> found = lg.limit_cycles(smooth, kp=3.0, ki=4.0, kd=6.0)
+    >>> bool(found), found.proof[:28]
+    (True, 'Coulomb and viscous friction')
+    """
+    if hasattr(loop, "input_labels"):
+        given = (kp, ki, kd, kv, rate, counts, vary)
+        if dead_time or any(v is not None for v in given):
+            raise InputError("a loop of blocks has its own gains, rate and dead time: give none.")
+        return _of_loop(loop)
+    model, gains = as_model(loop), pid_gains(kp, ki, kd, kv)
+    sensing = _sensing(rate, dead_time, counts, model.motion)
+    ends = None if vary is None else ranges(vary, "vary")
+    found = searched(model, gains, sensing)
+    if ends is None:
+        return found
+    own = {k: v for k, v in {"kp": kp, "ki": ki, "kd": kd, "kv": kv}.items() if v is not None}
+
+    def hunts(**changed: float) -> bool:
+        every = dict.fromkeys((*GAINS, "kv")) | (own or PAPER) | changed
+        return not searched(model, pid_gains(**every), sensing)
+
+    object.__setattr__(found, "critical", changes(hunts, ends))
+    return found
+
+
+def pid_gains(kp: Any, ki: Any, kd: Any, kv: Any) -> dict[str, float]:
+    """kp, ki and kd of the PID: the paper's if none is given, else 0 for those left out."""
+    given = {k: v for k, v in zip(GAINS, (kp, ki, kd), strict=True) if v is not None}
+    own = dict.fromkeys(GAINS, 0.0) | {k: number(v, k) for k, v in given.items()}
+    gains = own if given or kv is not None else dict(PAPER)
+    if kv is not None:
+        if kd is not None:
+            raise InputError("with kv the loop is a cascade, which has no kd: give one of them.")
+        outer, p, i = number(kv, "kv"), gains["kp"], gains["ki"]
+        gains = {"kp": p * outer + i, "ki": i * outer, "kd": p}
+    for k, v in gains.items():
+        if v < 0.0 or (k == "kp" and v == 0.0):
+            raise InputError(f"{k} = {v:g}: a position loop needs kp above 0, ki and kd from 0 on.")
+    return gains
+
+
+def _sensing(rate: Any, dead_time: Any, counts: Any, motion: str) -> Sensing | None:
+    late = number(dead_time, "dead_time")
+    if late < 0.0:
+        raise InputError(f"dead_time = {late:g} is negative.")
+    if rate is None:
+        if late or counts is not None:
+            raise InputError("dead_time and counts belong to a sampled loop: give rate in Hz too.")
+        return None
+    turn = 2.0 * np.pi if motion == "rotary" else 1.0
+    step = 0.0 if counts is None else turn / whole(counts, "counts", 1)
+    return Sensing(1.0 / positive(rate, "rate", "Hz"), resolution=step, delay=late)
+
+
+def searched(model: Model, gains: Mapping[str, float], sensing: Sensing | None) -> LimitCycles:
+    """What is known of the cycles of a loop."""
+    loop = Loop(curve_of(model), float(model.J or 0.0), **gains)
+    law, effects = model.friction.block, [p.key for p in model.effects]
+    rigid = None if loop.curve.Fs <= 0.0 else rigid_cycles(loop)
+    if sensing is not None:
+        answer = _watched(sampled_run(model, loop, sensing), ERRORS * loop.unit, LENGTHS)
+    elif rigid is None or law.states or effects:
+        answer = _with_all(model, loop, rigid)
+    else:
+        answer = rigid
+    return LimitCycles(
+        tuple(answer.cycles),
+        answer.basin,
+        answer.proof,
+        answer.diverges,
+        {**gains, "J": loop.J, "law": law.name, "model": model.name, **_said(sensing)},
+        tuple(answer.messages),
+        curve=answer.curve,
+        motion=model.motion,
+    )
+
+
+def _said(sensing: Sensing | None) -> dict[str, float]:
+    if sensing is None:
+        return {}
+    return {
+        "rate": 1.0 / sensing.dt,
+        "dead_time": sensing.delay,
+        "resolution": sensing.resolution,
+    }
+
+
+def _with_all(model: Model, loop: Loop, rigid: Answer | None) -> Answer:
+    """Bristles and effects in the loop, from the cycles of its sliding curve and other errors."""
+    cycles = rigid.cycles if rigid else []
+    seconds = max([PERIODS * c.period for c in cycles], default=0.0)
+    seconds += (WAITS * loop.kp / loop.ki if loop.ki else 0.0) + WAITS / loop.wn
+    starts = np.r_[[c.amplitude for c in cycles], ERRORS[::3] * (loop.unit or 1.0)]
+    made = _watched(continuous_run(model, loop, seconds), starts, LONGER[:2])
+    if rigid and rigid.diverges:
+        return made._replace(diverges=True, messages=[*made.messages, *rigid.messages])
+    if not any(c.stable for c in cycles) or made.cycles:
+        return made
+    size = max(c.amplitude for c in cycles if c.stable)
+    said = f"by its sliding curve alone, without bristles, the loop would hunt: +-{size:.3g}"
+    return made._replace(messages=[*made.messages, said])
+
+
+def _of_loop(system: Any) -> LimitCycles:
+    answer = _watched(loop_run(system, HORIZON), STEPS, LONGER)
+    name = {"name": getattr(system, "name", "")}
+    return LimitCycles(
+        tuple(answer.cycles), None, None, answer.diverges, name, tuple(answer.messages)
+    )
+
+
+def _watched(run: Run, starts: Any, lengths: tuple[int, ...]) -> Answer:
+    """What persists from some starts; a start that grows without bound ends the search."""
+    starts = [float(s) for s in starts]
+    try:
+        seen: list[Seen] = watched(run, starts, lengths)
+    except Diverged:
+        return Answer([], None, None, True, ["the loop grows without bound"], None)
+    said = [f"searched by simulation from {len(starts)} starts, not proven"]
+    left, hunting = (sum(s.fate == fate for s in seen) for fate in (OPEN, HUNTS))
+    if 0 < hunting < len(starts):
+        said.append(f"{hunting} of {len(starts)} starts led to hunting")
+    if left:
+        said.append(f"{left} of {len(starts)} starts neither came to rest nor repeated")
+    basin = min((x for x, s in zip(starts, seen, strict=True) if s.fate == HUNTS), default=None)
+    grows = any(s.fate == GROWS for s in seen)
+    return Answer(cycles_of(seen), basin, None, grows, said, None)

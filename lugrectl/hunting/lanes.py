@@ -1,0 +1,76 @@
+"""Rigid loops in units of their own, many at once: one lane is one loop and one start.
+
+J dw/dt = u - F(w), de/dt = w, u = -(kp e + ki int e + kd w). Units: e in Fs/kp, torque in Fs, time
+in 1/wn = sqrt(J/kp). What is left of the gains is delta = kd/sqrt(kp J) and rho = ki/(kp wn); the
+linear loop is stable iff delta > rho (Routh).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from .curve import Curve
+
+
+@dataclass(frozen=True)
+class Lanes:
+    """delta, rho and the unit of speed in rad/s, each (n,); ``fall`` of a speed in rad/s.
+
+    A stick at an error of at most ``calm`` (units) is known to come to rest.
+    """
+
+    delta: np.ndarray
+    rho: np.ndarray
+    speed: np.ndarray
+    fall: Callable[[np.ndarray], np.ndarray]
+    calm: float = 0.0
+
+    def __getitem__(self, which: np.ndarray) -> Lanes:
+        own = (self.delta[which], self.rho[which], self.speed[which])
+        return Lanes(*own, self.fall, self.calm)
+
+    def __len__(self) -> int:
+        return len(self.delta)
+
+    def drop(self, a: np.ndarray) -> np.ndarray:
+        """1 - F/Fs at the speed a."""
+        return self.fall(a * self.speed)
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A PID position loop around a rigid drive, and its units."""
+
+    curve: Curve
+    J: float
+    kp: float
+    ki: float
+    kd: float
+
+    @property
+    def wn(self) -> float:
+        """1/s, the frequency that is the unit of time."""
+        return float(np.sqrt(self.kp / self.J))
+
+    @property
+    def unit(self) -> float:
+        """rad, the error at which kp alone breaks away."""
+        return self.curve.Fs / self.kp
+
+    def lanes(self, count: int) -> Lanes:
+        """So many lanes of this loop."""
+        return together([self], count)
+
+    def is_stable(self) -> bool:
+        """Whether fast motion decays (Routh): (kd + Fv) kp > ki J with the slope Fv of F there."""
+        return (self.kd + self.curve.viscous) * self.kp > self.ki * self.J
+
+
+def together(loops: list[Loop], count: int) -> Lanes:
+    """``count`` lanes of each loop, one loop after the other; all have one sliding curve."""
+    rows = [(g.kd / np.sqrt(g.kp * g.J), g.ki / (g.kp * g.wn), g.unit * g.wn) for g in loops]
+    delta, rho, speed = np.repeat(np.array(rows), count, axis=0).T
+    return Lanes(delta, rho, speed, loops[0].curve.drop)

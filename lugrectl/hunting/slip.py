@@ -1,0 +1,140 @@
+"""A slip of a rigid loop, from w = 0 to w = 0, in the units of ``lanes``: many lanes at once.
+
+A slip in the direction of -e has the state (x, a, y): the error, the speed a = -w >= 0, and the
+excess y = -u - Fs of the torque without damping over breakaway,
+
+    dx/dt = -a,    da/dt = y - delta a + (Fs - F(a)),    dy/dt = rho x - a.
+
+It begins at a = 0 and y >= 0 and ends at a = 0 with y <= 0; x is monotone, so that the largest
+error stands at an end. The excess is a state because it keeps its digits where e is small.
+Dormand and Prince, order 5 with an error of order 4; each lane has its own step.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .lanes import Lanes
+
+RTOL, FLOOR = 1e-7, 1e-3  # error of a step, relative to a state or to this part of its unit
+SMALL = 1e-6  # of the start or the unit: an error and speed below it have come to rest
+STEPS = 4000  # of one slip; a longer one creeps
+LOOK = 40  # steps, after which it is looked for creeping
+NEARLY = 0.02  # relative difference of a creeping speed from rho x
+SLOWER = np.array([1.0, 0.5, 0.25, 0.125])[:, None]  # speeds at which a creep must be damped
+FIRST = 1e-3  # the first step
+A = np.array(
+    [
+        [1 / 5, 0, 0, 0, 0, 0],
+        [3 / 40, 9 / 40, 0, 0, 0, 0],
+        [44 / 45, -56 / 15, 32 / 9, 0, 0, 0],
+        [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729, 0, 0],
+        [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656, 0],
+        [35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84],
+    ]
+)
+ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
+
+
+class End(NamedTuple):
+    """Where slips end: error, excess and duration; ``rests`` where a slip creeps to zero."""
+
+    x: np.ndarray
+    y: np.ndarray
+    t: np.ndarray
+    rests: np.ndarray
+
+
+def slip(lanes: Lanes, x: np.ndarray, y: np.ndarray) -> End:
+    """From a = 0 to the next a = 0 of each lane."""
+    state, h, t = _begun(x, y)
+    small = SMALL * np.minimum(1.0, np.abs(x))
+    rests, active = np.zeros(len(x), bool), np.arange(len(x))
+    last = np.full(len(x), FIRST)  # the step in which a lane stops
+    own, now, step, slope = lanes, state.copy(), h.copy(), _rates(lanes, state)
+    for k in range(1, STEPS + 1):
+        new, slopes = _stepped(own, now, step, slope)
+        worst = _worst(now, new, step, slopes)
+        good = worst <= 1.0
+        stops = good & (new[1] <= 0.0)
+        crept = good & (np.abs(new[0]) < small[active]) & (new[1] < small[active])
+        if k % LOOK == 0:
+            crept |= good & ~stops & _creeps(own, new, slopes[-1])
+        goes = good & ~stops & ~crept
+        t[active[goes]] += step[goes]
+        last[active[stops]], state[:, active[stops]] = step[stops], now[:, stops]
+        rests[active[crept]] = True
+        now, slope = np.where(goes, new, now), np.where(goes, slopes[-1], slope)
+        step = step * np.clip(0.9 * np.maximum(worst, 1e-10) ** -0.2, 0.2, 5.0)
+        left = ~(stops | crept)
+        if not left.all():
+            active, own = active[left], own[left]
+            now, slope, step = now[:, left], slope[:, left], step[left]
+        if not len(active):
+            break
+    rests[active] = True
+    ends, more = _stopped(lanes, state, last)
+    return End(ends[0], np.minimum(ends[2], 0.0), t + more, rests)
+
+
+def _begun(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return np.array([x, 0.0 * x, y]), np.full(len(x), FIRST), np.zeros(len(x))
+
+
+def _rates(lanes: Lanes, state: np.ndarray) -> np.ndarray:
+    x, a, y = state
+    forward = np.maximum(a, 0.0)
+    return np.array([-a, y - lanes.delta * a + lanes.drop(forward), lanes.rho * x - a])
+
+
+def _stepped(
+    lanes: Lanes, state: np.ndarray, h: np.ndarray, slope: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The state after a step, and the slopes of all stages; the last is that of the new state."""
+    slopes = np.empty((7, *state.shape))
+    slopes[0], new = slope, state
+    for k, row in enumerate(A, 1):
+        new = state + h * np.tensordot(row[:k], slopes[:k], 1)
+        slopes[k] = _rates(lanes, new)
+    return new, slopes
+
+
+def _worst(now: np.ndarray, new: np.ndarray, h: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+    """The largest error of a step by what is allowed."""
+    size = np.maximum(np.abs(now), np.abs(new)) + FLOOR
+    return np.max(np.abs(h * np.tensordot(ERROR, slopes, 1)) / (RTOL * size), axis=0)
+
+
+def _creeps(lanes: Lanes, state: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """Whether the torque follows friction that grows with the speed: x decays, without a stop.
+
+    Then y and a hardly change, a = rho x, and the same holds at all lower speeds.
+    """
+    x, a, _ = state
+    follows = (x > 0.0) & (np.abs(slope[2]) < NEARLY * lanes.rho * np.abs(x))
+    follows &= np.abs(slope[1] + lanes.rho * a) < NEARLY * lanes.rho * a
+    if not follows.any():
+        return follows
+    damped = SLOWER * lanes.delta * a - np.array([lanes.drop(s * a) for s in SLOWER[:, 0]])
+    return follows & np.all(damped[:-1] > damped[1:], axis=0) & (damped[-1] > 0.0)
+
+
+def _stopped(lanes: Lanes, state: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The end a = 0 within the last step, by the method of Illinois on its length."""
+    slope, low, high = _rates(lanes, state), np.zeros_like(h), h.copy()
+    at_low, new = state[1].copy(), _stepped(lanes, state, h, slope)[0]
+    at_high = new[1].copy()
+    for k in range(60):
+        gap = at_low - at_high
+        part = np.where((gap > 0.0) & (k % 4 < 3), at_low / np.where(gap > 0.0, gap, 1.0), 0.5)
+        tried = low + (high - low) * np.where((part > 0.0) & (part < 1.0), part, 0.5)
+        new = _stepped(lanes, state, tried, slope)[0]
+        ahead = new[1] > 0.0
+        at_high = np.where(ahead, 0.5 * at_high, new[1])
+        at_low = np.where(ahead, new[1], 0.5 * at_low)
+        low, high = np.where(ahead, tried, low), np.where(ahead, high, tried)
+        if np.all((high - low <= 1e-13 * h) | (np.abs(new[1]) <= 1e-15)):
+            break
+    return new, tried

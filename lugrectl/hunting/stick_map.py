@@ -1,0 +1,147 @@
+"""From stick to stick: the state of a PID loop in a stick is its error alone.
+
+There e is constant and u changes by -ki e, so that breakaway is towards zero, at |u| = Fs. A stop
+of the same sign may follow, or a reversal without a stop (|u| > Fs at w = 0). The half-turn map
+T(e) goes from breakaway at e > 0 to the first stick on the other side, which it counts positive; it
+is continuous where stops appear and vanish, which the map from stop to stop is not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .lanes import Lanes
+from .slip import slip
+
+STICKS, RESTS, GROWS, SWINGS = 0, 1, 2, 3  # fate: next stick, rest, divergence, never a stick
+REVERSALS = 30  # without a stick, after which a loop swings; each takes 2 units off a large error
+STOPS = 60  # on one side, after which a loop creeps: it comes to rest
+LARGE = 300.0  # units, ten times the largest start: a swing beyond it grows without bound
+NEVER = 50.0  # the excess of what rests (negative) or never sticks
+
+
+@dataclass
+class Turn:
+    """What happened up to the next stick of each lane.
+
+    ``x`` its error (units), signed for a stop and positive for a half turn; ``t`` the time with
+    the wait for breakaway, ``high`` and ``low`` the largest errors on the side of the start and on
+    the other, ``stops`` and ``reversals``.
+    """
+
+    x: np.ndarray
+    t: np.ndarray
+    high: np.ndarray
+    low: np.ndarray
+    stops: np.ndarray
+    reversals: np.ndarray
+    fate: np.ndarray
+
+    @classmethod
+    def begun(cls, x: np.ndarray) -> Turn:
+        n = len(x)
+        zero = np.zeros(n, int)
+        return cls(x.copy(), np.zeros(n), x.copy(), 0.0 * x, zero.copy(), zero.copy(), zero.copy())
+
+    def reach(self, lanes: np.ndarray, high: np.ndarray, low: np.ndarray) -> None:
+        """Note errors that some lanes reached on either side."""
+        self.high[lanes] = np.maximum(self.high[lanes], high)
+        self.low[lanes] = np.maximum(self.low[lanes], low)
+
+
+def next_stick(lanes: Lanes, x: np.ndarray) -> Turn:
+    """From breakaway at x > 0 to the next stick, through reversals without one."""
+    made, active = Turn.begun(x), np.arange(len(x))
+    at, excess, side = x.copy(), np.zeros(len(x)), np.ones(len(x))
+    for _ in range(REVERSALS):
+        own = lanes[active]
+        end = slip(own, at, excess)
+        made.t[active] += end.t
+        made.x[active] = side * end.x
+        made.reach(active, side * end.x, -side * end.x)
+        sticks = ~end.rests & (end.y >= -2.0)
+        wait = np.where(end.x > 0.0, -end.y, 2.0 + end.y) / (own.rho * np.abs(end.x) + 1e-300)
+        made.t[active] += np.where(sticks, wait, 0.0)
+        grows = np.abs(end.x) > LARGE
+        made.fate[active[end.rests]], made.fate[active[grows]] = RESTS, GROWS
+        goes = ~(sticks | end.rests | grows)
+        active, side = active[goes], -side[goes]
+        at, excess = -end.x[goes], -2.0 - end.y[goes]
+        made.reversals[active] += 1
+        if not len(active):
+            break
+    made.fate[active] = SWINGS
+    return made
+
+
+def half_turn(lanes: Lanes, x: np.ndarray) -> Turn:
+    """T(x): from breakaway at x > 0 to the first stick on the other side."""
+    made, active, at = Turn.begun(x), np.arange(len(x)), x.copy()
+    for _ in range(STOPS):
+        one = next_stick(lanes[active], at)
+        made.t[active] += one.t
+        made.reach(active, one.high, one.low)
+        made.reversals[active] += one.reversals
+        made.stops[active] += one.fate == STICKS
+        made.fate[active], made.x[active] = one.fate, np.abs(one.x)
+        stays = (one.fate == STICKS) & (one.x > 0.0)
+        made.fate[active[stays & (one.x <= lanes.calm)]] = RESTS
+        goes = stays & (one.x > lanes.calm)
+        active, at = active[goes], one.x[goes]
+        if not len(active):
+            break
+    made.fate[active] = RESTS
+    return made
+
+
+def turns(lanes: Lanes, x: np.ndarray, count: int = 1) -> Turn:
+    """T applied so many times."""
+    made, active = Turn.begun(x), np.arange(len(x))
+    for k in range(count):
+        one = half_turn(lanes[active], made.x[active])
+        for name in ("t", "stops", "reversals"):
+            getattr(made, name)[active] += getattr(one, name)
+        made.reach(active, *((one.low, one.high) if k % 2 else (one.high, one.low)))
+        made.x[active], made.fate[active] = one.x, one.fate
+        active = active[one.fate == STICKS]
+        if not len(active):
+            break
+    return made
+
+
+def excess(lanes: Lanes, x: np.ndarray, count: int = 1) -> np.ndarray:
+    """log(T(x)/x), -NEVER for what comes to rest and NEVER for what never sticks or grows."""
+    made = turns(lanes, x, count)
+    with np.errstate(divide="ignore"):
+        D = np.log(made.x / x)
+    return np.where(made.fate == STICKS, D, np.where(made.fate == RESTS, -NEVER, NEVER))
+
+
+def excess_on(lanes: Lanes, x: np.ndarray, loops: int = 1) -> np.ndarray:
+    """:func:`excess` of so many loops on an increasing grid, with one slip from each error.
+
+    A stop on the same side, at S(x) < x, goes on as from there: T(x) = T(S(x)), interpolated.
+    A row for each loop.
+    """
+    made = next_stick(lanes, np.tile(x, loops))
+    rows = zip(made.x.reshape(loops, -1), made.fate.reshape(loops, -1), strict=True)
+    return np.array([_followed(np.log(x), stop, fate) for stop, fate in rows])
+
+
+def _followed(place: np.ndarray, stop: np.ndarray, fate: np.ndarray) -> np.ndarray:
+    """D on a grid of log errors from the next stick of each."""
+    stays = (fate == STICKS) & (stop > 0.0)
+    with np.errstate(divide="ignore"):
+        logT = np.log(np.abs(stop))
+    for i in np.flatnonzero(stays):
+        if i == 0:
+            fate[0] = RESTS
+            continue
+        at = np.interp(logT[i], place[:i], np.arange(i))
+        low, part = int(at), at % 1.0
+        high = min(low + 1, i - 1)
+        fate[i] = fate[low if part < 0.5 else high]
+        logT[i] = logT[low] + part * (logT[high] - logT[low])
+    return np.where(fate == STICKS, logT - place, np.where(fate == RESTS, -NEVER, NEVER))

@@ -1,0 +1,229 @@
+"""Limit cycles: published figures, a simulation of its own, README's table, and what must hold."""
+
+import re
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.hunting.curve import curve_of
+from lugrectl.hunting.lanes import Loop
+from lugrectl.hunting.stick_map import excess
+
+from .brute_force import sampled_motion, settled
+
+README = (Path(__file__).parents[2] / "README.md").read_text()
+PID = {"kp": 3.0, "ki": 4.0, "kd": 6.0}
+LAW = {"J": 1.0, "Fc": 1.0, "Fs": 1.5, "vs": 1e-3, "Fv": 0.4}
+
+
+def drive(law="stribeck", **changed):
+    return lg.Model.of(friction=law, **{**LAW, **changed})
+
+
+def drawn(seed):
+    """A loop that may hunt: the drive, its gains, and the values for the other simulation."""
+    random = np.random.default_rng(seed)
+    J, wn, unit = 10 ** random.uniform([-4, 0.5, -4], [-1, 1.8, -1.5])
+    kp, kd = J * wn**2, 2.0 * random.uniform(0.3, 1.2) * J * wn
+    ki = random.uniform(0.05, 0.85) * kd * kp / J
+    Fc = kp * unit
+    Fs, vs = Fc * (1 + 10 ** random.uniform(-0.7, 0)), wn * unit * 10 ** random.uniform(-1, -0.2)
+    gains = {"kp": kp, "ki": ki, "kd": kd}
+    model = lg.Model.of(friction="stribeck", J=J, Fc=Fc, Fs=Fs, vs=vs, Fv=0.0)
+    return model, gains, {"J": J, "Fc": Fc, "Fs": Fs, "vs": vs, **gains}
+
+
+def from_breakaway(own, errors, turns=40):
+    """What the other simulation makes of errors just before breakaway."""
+    e = np.asarray(errors, float)
+    return settled(**own, e=e, held=own["kp"] * e - 0.999 * own["Fs"], turns=turns)
+
+
+def test_the_published_loop_with_set_valued_friction():
+    """Canudas de Wit, Olsson, Astrom and Lischinsky 1995, gains 3, 4, 6."""
+    found = lg.limit_cycles(drive(), **PID)
+    assert not found and found.hunts and found.basin == 0.0
+    (cycle,) = found.cycles
+    assert cycle.amplitude == pytest.approx(66.92e-3, abs=5e-6)
+    assert cycle.period == pytest.approx(23.73, abs=5e-3)
+    assert cycle.stable and cycle.stops == 2
+    assert cycle.multipliers[0] == pytest.approx(0.1085**2, rel=1e-3)
+
+
+def test_the_published_loop_with_bristles():
+    model = lg.Model.of(friction="lugre", **LAW, sigma0=1e5, sigma1=1e5**0.5)
+    found = lg.limit_cycles(model, **PID)
+    (cycle,) = found.cycles
+    assert cycle.amplitude == pytest.approx(63.90e-3, rel=1e-3)
+    assert cycle.period == pytest.approx(24.44, rel=1e-3)
+    assert "not proven" in found.messages[0]
+
+
+def test_readmes_table_of_limit_cycles():
+    block = README.split("<!-- figures:cycles -->")[1].split("<!-- end -->")[0]
+    rows = dict(re.findall(r"^\|(\w+)\|([^|]+)\|", block, re.M))
+    p = lg.table1()
+    believed = lg.Model.of(p, Fc=1.2 * p.Fc, Fs=1.2 * p.Fs)
+    for name in ("natural", "existing", "proposed"):
+        gains = {"kp": 15.0, "ki": 30.0, "kd": 0.3}
+        found = lg.limit_cycles(lg.position_loop(p, name, observer_parameters=believed, **gains))
+        said = [f"{2e3 * c.amplitude:.1f} mrad" for c in found.cycles] or ["none"]
+        assert said == [rows[name]], name
+
+
+@pytest.mark.parametrize("seed", [4, 6])
+def test_presence_amplitude_and_period_agree_with_another_simulation(seed):
+    compare(seed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(100, 120))
+def test_more_drawn_loops(seed):
+    compare(seed)
+
+
+def compare(seed):
+    model, gains, own = drawn(seed)
+    found = lg.limit_cycles(model, **gains)
+    stable = [c for c in found.cycles if c.stable]
+    unit = own["Fc"] / own["kp"]
+    errors = [*unit * np.geomspace(0.05, 20.0, 10), *(c.amplitude for c in stable)]
+    sizes, periods = from_breakaway(own, errors)
+    assert bool(stable) == bool(sizes.max() > 0.0)
+    for size, period in zip(sizes[sizes > 0], periods[sizes > 0], strict=True):
+        near = min(stable, key=lambda c: abs(np.log(c.amplitude / size)))
+        assert size == pytest.approx(near.amplitude, rel=0.01)
+        assert period == pytest.approx(near.period, rel=0.01)
+
+
+def test_an_unstable_cycle_is_the_border_between_rest_and_hunting():
+    model, gains, own = drawn(6)
+    found = lg.limit_cycles(model, **gains)
+    small, large = found.cycles
+    assert not small.stable and large.stable and small.multipliers[0] > 1.0
+    assert found.basin == pytest.approx(small.amplitude)
+    below, above = 0.97 * found.basin, 1.03 * found.basin
+    sizes, _ = from_breakaway(own, [below, above])
+    assert sizes[0] == 0.0 and sizes[1] == pytest.approx(large.amplitude, rel=0.01)
+
+
+def test_without_stiction_absence_is_proven_and_the_map_agrees():
+    model = drive("coulomb", Fs=None, vs=None)
+    found = lg.limit_cycles(model, **PID)
+    assert found and not found.hunts and "Bisoffi" in found.proof
+    loop, e = Loop(curve_of(model), 1.0, **PID), np.geomspace(1e-2, 20.0, 30)
+    assert excess(loop.lanes(30), e).max() < -0.5
+
+
+def test_nothing_hunts_without_an_integral():
+    found = lg.limit_cycles(drive(), kp=3.0, kd=6.0)
+    assert found and "energy" in found.proof
+
+
+def test_a_loop_that_grows_is_no_quiet_one():
+    found = lg.limit_cycles(drive(), kp=3.0, ki=40.0, kd=6.0)
+    assert not found and found.diverges and "kd kp > ki J" in found.messages[0]
+
+
+def test_the_cascade_is_a_pid():
+    kv, kp, ki = 2.0, 6.0, 2.0
+    one = lg.limit_cycles(drive(), kv=kv, kp=kp, ki=ki)
+    two = lg.limit_cycles(drive(), kp=kv * kp + ki, ki=ki * kv, kd=kp)
+    assert one.cycles and one.cycles == two.cycles
+
+
+@pytest.mark.parametrize("factor", [1e-3, 50.0])
+def test_amplitude_goes_with_friction_and_speed_alike(factor):
+    """e, w and F times a number is the same motion."""
+    (one,) = lg.limit_cycles(drive(Fv=0.0), **PID).cycles
+    scaled = drive(Fc=factor, Fs=1.5 * factor, vs=1e-3 * factor, Fv=0.0)
+    (two,) = lg.limit_cycles(scaled, **PID).cycles
+    assert two.amplitude == pytest.approx(factor * one.amplitude, rel=1e-5)
+    assert two.period == pytest.approx(one.period, rel=1e-5)
+
+
+def test_a_law_of_ones_own_gives_the_same_cycle():
+    @lg.block("friction", out="F", name="own_stribeck")
+    def own(w, Fc=lg.P(1.0, "N m", 0), Fs=lg.P(1.5, "N m", 0), vs=lg.P(1e-3, "rad/s", 0)):
+        return (Fc + (Fs - Fc) * np.exp(-((w / vs) ** 2))) * np.sign(w)
+
+    model = lg.Model.of(friction=own, J=1.0, Fc=1.0, Fs=1.5, vs=1e-3)
+    (one,) = lg.limit_cycles(model, **PID).cycles
+    (two,) = lg.limit_cycles(drive(Fv=0.0), **PID).cycles
+    assert one.amplitude == pytest.approx(two.amplitude, rel=1e-9)
+
+
+def test_hunting_ends_at_the_critical_gain():
+    model, gains, _ = drawn(6)
+    ends = (gains["ki"] / 5.0, gains["ki"])
+    found = lg.limit_cycles(model, **gains, vary={"ki": ends})
+    (critical,) = found.critical["ki"]
+    assert ends[0] < critical < ends[1]
+    below, above = (lg.limit_cycles(model, **gains | {"ki": f * critical}) for f in (0.99, 1.01))
+    assert below and not above
+
+
+def test_the_map_agrees_with_the_loops_on_it():
+    model, gains, _ = drawn(6)
+    ends = {"ki": (gains["ki"] / 3.0, gains["ki"]), "kd": (gains["kd"], 3.0 * gains["kd"])}
+    found = lg.hunting_map(model, ends, **gains, points=5)
+    assert {*np.unique(found.region)} == {0, 1}
+    for i, ki in enumerate(found.values[0]):
+        j = (2 * i + 1) % 5
+        own = lg.limit_cycles(model, **gains | {"ki": float(ki), "kd": float(found.values[1][j])})
+        assert own.hunts == (found.region[i, j] > 0)
+    assert found.plot().get_xlabel() == "ki"
+    plt.close("all")
+
+
+def test_a_fast_sampled_loop_hunts_as_the_continuous_one():
+    (one,) = lg.limit_cycles(drive(), **PID).cycles
+    found = lg.limit_cycles(drive(), **PID, rate=200.0)
+    (two,) = found.cycles
+    assert two.amplitude == pytest.approx(one.amplitude, rel=0.02)
+    assert two.period == pytest.approx(one.period, rel=0.02)
+    assert found.proof is None and "not proven" in found.messages[0]
+
+
+def test_a_sampled_loop_with_counts_agrees_with_another_simulation():
+    found = lg.limit_cycles(drive(), **PID, rate=50.0, counts=1000)
+    (cycle,) = found.cycles
+    assert found.loop["resolution"] == pytest.approx(2 * np.pi / 1000) and not cycle.multipliers
+    e = sampled_motion(**LAW, **PID, e=0.1, rate=50.0, counts=1000, seconds=150.0)
+    assert np.ptp(e[-2400:]) / 2 == pytest.approx(cycle.amplitude, rel=0.02)
+
+
+def test_the_picture_marks_the_cycle():
+    found = lg.limit_cycles(drive(), **PID)
+    ax = found.plot()
+    assert ax.get_title("left") == "The loop hunts"
+    assert found.cycles[0].amplitude in [x for line in ax.lines for x in line.get_xdata()]
+    plt.close("all")
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"kp": -1.0}, "kp = -1"),
+        ({"kp": 0.0, "ki": 1.0}, "kp above 0"),
+        ({"kp": 1.0, "kd": 1.0, "kv": 2.0}, "no kd"),
+        ({"counts": 100}, "give rate"),
+        ({"rate": 100.0, "dead_time": -1.0}, "negative"),
+        ({"rate": 100.0, "counts": 0.5}, "whole number"),
+        ({"vary": {"ki": (2.0, 1.0)}}, "increasing"),
+        ({"vary": {"Fc": (1.0, 2.0)}}, "gains and their ends"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(options, said):
+    with pytest.raises(lg.InputError, match=said):
+        lg.limit_cycles(drive(), **options)
+
+
+def test_a_model_with_an_unknown_value_is_refused():
+    with pytest.raises(lg.InputError, match="needs J"):
+        lg.limit_cycles(drive(J=None), **PID)
+    with pytest.raises(lg.InputError, match="theta and u"):
+        lg.limit_cycles(lg.pi(1.0, 2.0))
