@@ -1,0 +1,131 @@
+"""The runs of a log as spectra: torque, speed, reference; and the motion that friction follows.
+
+The torque u[k] is held from sample k to k + 1. The speed is the derivative of the recorded
+position, jw Theta(jw), so that no difference quotient delays it; without a position it is the
+recorded speed. Friction of the interval from k to k + 1 belongs to u[k].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.fft import irfft, prev_fast_len, rfft, rfftfreq
+
+from ..identification.dataset.measured_bristle import along, strokes
+from ..record import Record
+from ..record.record import smallest_step
+
+SMOOTH = 0.34  # of the sampling rate: where the motion that friction follows is down to 1/e
+REST_SAMPLES = 3  # before and after, within one count: the axis stands
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One stretch without a gap; spectra (M,) at ``w`` (M,) in rad/s from n samples.
+
+    ``steps`` (n,) is the smoothed motion of each interval, rad or m, and ``speed`` (n,) its rate.
+    ``E`` is the spectrum of the changes of the reference, None where none was logged; ``load`` (n,)
+    the measured load torque, 0 without one.
+    """
+
+    dt: float
+    t: np.ndarray
+    u: np.ndarray
+    theta: np.ndarray
+    count: float
+    w: np.ndarray
+    W: np.ndarray
+    E: np.ndarray | None
+    load: np.ndarray
+    steps: np.ndarray
+    speed: np.ndarray
+
+    @cached_property
+    def U(self) -> np.ndarray:
+        return self.spectrum(self.u)
+
+    @cached_property
+    def strokes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return strokes(self.steps)
+
+    def spectrum(self, x: np.ndarray) -> np.ndarray:
+        """The spectrum of signals (n,) or (n, m)."""
+        return np.asarray(rfft(x, axis=0))
+
+    def signal(self, X: np.ndarray) -> np.ndarray:
+        """The signal (n,) of a spectrum."""
+        return np.asarray(irfft(X, len(self.u)))
+
+    def bristle(self, distance: float) -> np.ndarray:
+        """The mean deflection (n,) in each interval, of a bristle of level 1."""
+        z = along(*self.strokes, distance)
+        return 0.5 * (z + np.append(0.0, z[:-1]))
+
+    @cached_property
+    def stands(self) -> np.ndarray:
+        """Whether the axis stands in an interval (n,): friction is then what the torque leaves."""
+        near = np.pad(self.theta, REST_SAMPLES, mode="edge")
+        windows = np.lib.stride_tricks.sliding_window_view(near, 2 * REST_SAMPLES + 1)
+        still = np.ptp(windows, axis=1) <= 1.01 * self.count
+        return np.append(still[1:], still[-1])
+
+
+def runs_of(records: Sequence[Record]) -> list[Run]:
+    """Every stretch of the records that is long enough to stand beside the longest."""
+    pieces = [(r, part) for r in records for part in r.segments()]
+    longest = max(part.stop - part.start for _, part in pieces)
+    kept = [(r, part) for r, part in pieces if 4 * (part.stop - part.start) >= longest]
+    logged = all(r.r is not None and np.ptp(r.r[part]) > 0 for r, part in kept)
+    return [_run(r, part, logged) for r, part in kept]
+
+
+def _run(record: Record, part: slice, logged: bool) -> Run:
+    fast = prev_fast_len(part.stop - part.start, real=True) or 0  # zeros in its place would not do:
+    part = slice(part.start, part.start + int(fast))  # the transients would not be smooth
+    dt, u = record.dt, record.u[part]
+    w = 2.0 * np.pi * np.asarray(rfftfreq(len(u), dt))
+    if record.theta is not None:
+        theta, count = record.theta[part], smallest_step(record.theta)
+        W = np.asarray(rfft(np.diff(theta, prepend=theta[0]) / dt))
+        late = 1j * w * dt
+        W[1:] *= late[1:] / -np.expm1(-late[1:])  # from the difference quotient to the derivative
+    else:
+        speed: Any = record.w
+        speed = speed[part]
+        theta, count = dt * np.append(0.0, np.cumsum(0.5 * (speed[1:] + speed[:-1]))), 0.0
+        W = np.asarray(rfft(speed))
+    E, reference = None, record.r
+    if logged and reference is not None:
+        E = np.asarray(rfft(np.diff(reference[part], append=reference[part.stop - 1])))
+    load = np.zeros(len(u)) if record.d is None else record.d[part]
+    return Run(dt, record.t[part], u, theta, count, w, W, E, load, *_motion(theta, dt, count))
+
+
+def _motion(theta: np.ndarray, dt: float, count: float) -> tuple[np.ndarray, np.ndarray]:
+    """The motion of each interval and its speed, smoothed without a shift in time.
+
+    Half a count of play is taken out: a resting axis does not chatter.
+    """
+    line = np.linspace(theta[0], theta[-1], len(theta))
+    about = theta - line
+    both = np.concatenate([about, -about[::-1]])
+    spectrum: Any = rfft(both)
+    spectrum = spectrum * np.exp(-((np.asarray(rfftfreq(len(both))) / SMOOTH) ** 2))
+    smooth = np.asarray(irfft(spectrum, len(both)))[: len(theta)] + line
+    steps = np.diff(_without_play(smooth, 0.5 * count))
+    return np.append(steps, 0.0), np.gradient(smooth, dt)
+
+
+def _without_play(x: np.ndarray, half: float) -> np.ndarray:
+    """The position behind a play of ``half`` to either side."""
+    if not half:
+        return x
+    made, c = [], float(x[0])
+    for one in x.tolist():
+        c = one - half if one > c + half else one + half if one < c - half else c
+        made.append(c)
+    return np.array(made)
