@@ -13,7 +13,7 @@ from .friction_terms import Terms
 from .load_side import load_motion
 from .local_response import Response, Shape, centres, local_response, windows_at
 from .modes import Mechanics, fit_mechanics
-from .rests import at_rest
+from .rests import filled
 from .runs import Run
 from .windows import Window
 
@@ -54,6 +54,13 @@ class _Stage:
         every = zip(self.runs, self.known.resisting, self.advance(), strict=True)
         return [run.U - run.spectrum(d) * a for run, d, a in every]
 
+    def moving(self) -> list[np.ndarray]:
+        """The same with rests filled in."""
+        if self.mechanics is None:
+            return self.torques()
+        both = zip(self.runs, self.torques(), strict=True)
+        return [filled(run, U, self.mechanics) for run, U in both]
+
     def advance(self) -> list[np.ndarray]:
         """What takes a torque in force to the command; a sample early before more is known."""
         if self.mechanics is None:
@@ -68,7 +75,7 @@ class _Stage:
     def response(self, friction: Sequence[np.ndarray] | None = None) -> Response:
         V = self.torques()
         if friction is not None:
-            V = [U - F for U, F in zip(V, friction, strict=True)]
+            V = [U - F for U, F in zip(self.moving(), friction, strict=True)]
         shapes = [self.shape(run.w) for run in self.runs]
         return local_response(self.runs, self.windows, V, shapes, self.shape(self.w))
 
@@ -80,7 +87,7 @@ class _Stage:
         high = 2.0 * np.pi * min(FRICTION, 0.5 * HIGHEST / self.runs[0].dt)
         shapes = [self.shape(run.w) for run in self.runs]
         terms = Terms(self.runs, self.advance(), self.known.scales)
-        return Problem.of(terms, self.torques(), shapes, high)
+        return Problem.of(terms, self.moving(), shapes, high)
 
     def friction(self, before: Friction | None) -> Friction:
         """The friction of motor and, where the residual falls clearly, of the load."""
@@ -107,6 +114,6 @@ def estimate(known: Known, dry: bool) -> Estimate:
     for _ in range(1 + ROUNDS):
         if dry:
             friction = stage.friction(friction)
-            taken = at_rest(runs, stage.torques(), friction.spectra, stage.mechanics)
+            taken = friction.spectra
         stage = stage.knowing(stage.response(taken))
     return Estimate(stage.response(), stage.response(taken), friction, stage.mechanics)

@@ -38,17 +38,18 @@ class Terms:
         return replace(self, loads=loads)
 
     def spectra(self, i: int, distance: float, vs: float) -> np.ndarray:
-        """The terms of a run (M, m)."""
-        run, scale = self.runs[i], self.scales[i]
-        z = run.bristle(distance) * scale
+        """The terms of a run (M, m); none acts where the axis stands."""
+        run = self.runs[i]
+        z = run.bristle(distance)
         own = [z, z * np.exp(-((run.speed / vs) ** 2)), np.gradient(z, run.dt)]
-        made = run.spectrum(np.stack(own, axis=1))
+        made = np.stack(own, axis=1)
         if self.loads:
             load = self.loads[i]
-            z = load.bristle(distance) * scale
+            z = load.bristle(distance)
             far = np.stack([z, z * np.exp(-((load.speed / vs) ** 2))], axis=1)
-            made = np.c_[made, run.spectrum(far) * load.seen[:, None]]
-        return made * self.advance[i][:, None]
+            made = np.c_[made, run.signal(run.spectrum(far) * load.seen[:, None])]
+        share = self.scales[i] * ~run.stands
+        return run.spectrum(made * share[:, None]) * self.advance[i][:, None]
 
 
 def impossible(names: Sequence[str], levels: Sequence[float]) -> str | None:

@@ -20,7 +20,7 @@ from ..record import Record
 from ..record.record import smallest_step
 
 SMOOTH = 0.34  # of the sampling rate: where the motion that friction follows is down to 1/e
-REST_SAMPLES = 3  # before and after, within one count: the axis stands
+REST_SAMPLES = 1  # before and after, within one count: the axis stands
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +57,8 @@ class Run:
         return np.asarray(rfft(x, axis=0))
 
     def signal(self, X: np.ndarray) -> np.ndarray:
-        """The signal (n,) of a spectrum."""
-        return np.asarray(irfft(X, len(self.u)))
+        """The signals (n,) or (n, m) of spectra."""
+        return np.asarray(irfft(X, len(self.u), axis=0))
 
     def bristle(self, distance: float) -> np.ndarray:
         """The mean deflection (n,) in each interval, of a bristle of level 1."""
@@ -68,6 +68,8 @@ class Run:
     @cached_property
     def stands(self) -> np.ndarray:
         """Whether the axis stands in an interval (n,): friction is then what the torque leaves."""
+        if not self.count:
+            return np.zeros(len(self.u), bool)
         near = np.pad(self.theta, REST_SAMPLES, mode="edge")
         windows = np.lib.stride_tricks.sliding_window_view(near, 2 * REST_SAMPLES + 1)
         still = np.ptp(windows, axis=1) <= 1.01 * self.count
