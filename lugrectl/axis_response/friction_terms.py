@@ -13,8 +13,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..identification.dataset.measured_bristle import along
 from .load_side import LoadMotion
-from .runs import Run
+from .runs import FINER, Run, means
+
+Strokes = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 MOTOR, LOAD = ("Fc", "dF", "damping"), ("load Fc", "load dF")
 STEEPEST, FALLS = 1.5, 0.9  # dF/Fc: Fs up to 2.5 Fc, friction that falls by up to 90 % at low speed
@@ -40,16 +43,24 @@ class Terms:
     def spectra(self, i: int, distance: float, vs: float) -> np.ndarray:
         """The terms of a run (M, m); none acts where the axis stands."""
         run = self.runs[i]
-        z = run.bristle(distance)
-        own = [z, z * np.exp(-((run.speed / vs) ** 2)), np.gradient(z, run.dt)]
-        made = np.stack(own, axis=1)
+        z, made = _levels(run.strokes, run.fine_speed, distance, vs)
+        made = np.c_[made, np.diff(z[FINER - 1 :: FINER], prepend=0.0) / run.dt]
         if self.loads:
             load = self.loads[i]
-            z = load.bristle(distance)
-            far = np.stack([z, z * np.exp(-((load.speed / vs) ** 2))], axis=1)
+            far = _levels(load.strokes, load.speed, distance, vs)[1]
             made = np.c_[made, run.signal(run.spectrum(far) * load.seen[:, None])]
         share = self.scales[i] * ~run.stands
         return run.spectrum(made * share[:, None]) * self.advance[i][:, None]
+
+
+def _levels(
+    strokes: Strokes, speed: np.ndarray, distance: float, vs: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """The deflection at the end of each part of an interval, and the means (n, 2) of deflection
+    and Stribeck term in each interval."""
+    z = along(*strokes, distance)
+    middle = 0.5 * (z + np.append(0.0, z[:-1]))
+    return z, np.stack([means(middle), means(middle * np.exp(-((speed / vs) ** 2)))], axis=1)
 
 
 def impossible(names: Sequence[str], levels: Sequence[float]) -> str | None:

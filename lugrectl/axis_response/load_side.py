@@ -14,9 +14,9 @@ from functools import cached_property
 
 import numpy as np
 
-from ..identification.dataset.measured_bristle import along, strokes
+from ..identification.dataset.measured_bristle import strokes
 from .modes import Mechanics
-from .runs import Run
+from .runs import FINER, Run
 
 STEP = 0.3  # rad of the fastest oscillation in a step, at most
 SHORTEST = 1e-3  # of the distance between the load's reversals: a bristle stiffer than this
@@ -24,7 +24,7 @@ SHORTEST = 1e-3  # of the distance between the load's reversals: a bristle stiff
 
 @dataclass(frozen=True, eq=False)
 class LoadMotion:
-    """Steps (n,) and speed (n,) of the load in each interval, and H (M,) at the bins."""
+    """Steps and speed (FINER n,) of the load in the parts of intervals, and H (M,) at the bins."""
 
     steps: np.ndarray
     speed: np.ndarray
@@ -33,11 +33,6 @@ class LoadMotion:
     @cached_property
     def strokes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return strokes(self.steps)
-
-    def bristle(self, distance: float) -> np.ndarray:
-        """The mean deflection (n,) in each interval, of a bristle of level 1."""
-        z = along(*self.strokes, distance)
-        return 0.5 * (z + np.append(0.0, z[:-1]))
 
 
 def load_motion(run: Run, mechanics: Mechanics, friction: float, distance: float) -> LoadMotion:
@@ -56,12 +51,15 @@ def _integrated(
     """Steps and speed of the load; ``braking`` is its friction over its inertia."""
     path, first, _ = run.strokes
     distance = max(distance, SHORTEST * path[-1] / max(len(first), 1))
-    many = math.ceil(run.dt * max(wa, math.sqrt(braking / distance)) / STEP)
-    h, k, d = run.dt / many, wa**2, 2.0 * za * wa
+    part = run.dt / FINER
+    many = math.ceil(part * max(wa, math.sqrt(braking / distance)) / STEP)
+    h, k, d = part / many, wa**2, 2.0 * za * wa
     x, v, z = float(run.theta[0]), 0.0, 0.0
     steps, speeds = [], []
-    for now, after in zip(run.theta[:-1].tolist(), run.theta[1:].tolist(), strict=True):
-        begin, w = x, (after - now) / run.dt
+    fine = np.arange(FINER * len(run.theta)) / FINER
+    angles = np.interp(fine, np.arange(len(run.theta)), run.theta)
+    for now, after in zip(angles[:-1].tolist(), angles[1:].tolist(), strict=True):
+        begin, w = x, (after - now) / part
         for i in range(many):
             end = math.copysign(1.0, v)
             z = end + (z - end) * math.exp(-abs(v) * h / distance)

@@ -15,11 +15,12 @@ from typing import Any
 import numpy as np
 from scipy.fft import irfft, prev_fast_len, rfft, rfftfreq
 
-from ..identification.dataset.measured_bristle import along, strokes
+from ..identification.dataset.measured_bristle import strokes
 from ..record import Record
 from ..record.record import smallest_step
 
 SMOOTH = 0.34  # of the sampling rate: where the motion that friction follows is down to 1/e
+FINER = 4  # parts of an interval: the axis may reverse within it
 REST_SAMPLES = 1  # before and after, within one count: the axis stands
 
 
@@ -27,7 +28,7 @@ REST_SAMPLES = 1  # before and after, within one count: the axis stands
 class Run:
     """One stretch without a gap; spectra (M,) at ``w`` (M,) in rad/s from n samples.
 
-    ``steps`` (n,) is the smoothed motion of each interval, rad or m, and ``speed`` (n,) its rate.
+    ``steps`` (FINER n,) is the smoothed motion of each part of an interval, rad or m.
     ``E`` is the spectrum of the changes of the reference, None where none was logged; ``load`` (n,)
     the measured load torque, 0 without one.
     """
@@ -42,7 +43,6 @@ class Run:
     E: np.ndarray | None
     load: np.ndarray
     steps: np.ndarray
-    speed: np.ndarray
 
     @cached_property
     def U(self) -> np.ndarray:
@@ -60,10 +60,15 @@ class Run:
         """The signals (n,) or (n, m) of spectra."""
         return np.asarray(irfft(X, len(self.u), axis=0))
 
-    def bristle(self, distance: float) -> np.ndarray:
-        """The mean deflection (n,) in each interval, of a bristle of level 1."""
-        z = along(*self.strokes, distance)
-        return 0.5 * (z + np.append(0.0, z[:-1]))
+    @cached_property
+    def fine_speed(self) -> np.ndarray:
+        """The speed (FINER n,) in each part of an interval."""
+        return self.steps * (FINER / self.dt)
+
+    @cached_property
+    def speed(self) -> np.ndarray:
+        """The mean speed (n,) in each interval."""
+        return means(self.fine_speed)
 
     @cached_property
     def stands(self) -> np.ndarray:
@@ -74,6 +79,11 @@ class Run:
         windows = np.lib.stride_tricks.sliding_window_view(near, 2 * REST_SAMPLES + 1)
         still = np.ptp(windows, axis=1) <= 1.01 * self.count
         return np.append(still[1:], still[-1])
+
+
+def means(x: np.ndarray) -> np.ndarray:
+    """The means (n,) over intervals of what is given in their parts."""
+    return x.reshape(-1, FINER).mean(axis=1)
 
 
 def runs_of(records: Sequence[Record]) -> list[Run]:
@@ -104,22 +114,24 @@ def _run(record: Record, part: slice, logged: bool) -> Run:
     if logged and reference is not None:
         E = np.asarray(rfft(np.diff(reference[part], append=reference[part.stop - 1])))
     load = np.zeros(len(u)) if record.d is None else record.d[part]
-    return Run(dt, record.t[part], u, theta, count, w, W, E, load, *_motion(theta, dt, count))
+    return Run(dt, record.t[part], u, theta, count, w, W, E, load, _motion(theta, count))
 
 
-def _motion(theta: np.ndarray, dt: float, count: float) -> tuple[np.ndarray, np.ndarray]:
-    """The motion of each interval and its speed, smoothed without a shift in time.
+def _motion(theta: np.ndarray, count: float) -> np.ndarray:
+    """The motion of each part of an interval, smoothed without a shift in time.
 
     Half a count of play is taken out: a resting axis does not chatter.
     """
-    line = np.linspace(theta[0], theta[-1], len(theta))
+    n = len(theta)
+    line = np.linspace(theta[0], theta[-1], n)
     about = theta - line
-    both = np.concatenate([about, -about[::-1]])
-    spectrum: Any = rfft(both)
-    spectrum = spectrum * np.exp(-((np.asarray(rfftfreq(len(both))) / SMOOTH) ** 2))
-    smooth = np.asarray(irfft(spectrum, len(both)))[: len(theta)] + line
-    steps = np.diff(_without_play(smooth, 0.5 * count))
-    return np.append(steps, 0.0), np.gradient(smooth, dt)
+    spectrum: Any = rfft(np.concatenate([about, -about[::-1]]))
+    spectrum = spectrum * np.exp(-((np.asarray(rfftfreq(2 * n)) / SMOOTH) ** 2))
+    smooth = FINER * np.asarray(irfft(spectrum, 2 * n * FINER))[: n * FINER]
+    smooth += theta[0] + (theta[-1] - theta[0]) / (n - 1) * np.arange(n * FINER) / FINER
+    steps = np.diff(_without_play(smooth, 0.5 * count), append=smooth[-1])
+    steps[-FINER:] = 0.0  # beyond the last sample
+    return steps
 
 
 def _without_play(x: np.ndarray, half: float) -> np.ndarray:

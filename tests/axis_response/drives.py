@@ -135,8 +135,10 @@ def _run(a, b, n, sub, dt, ref, vel, push, kv, Ti, kp, top, q, Fc, Fs, vs, share
         theta[k] = np.floor(x[0] / q) * q
         e = vel[k] + kp * (ref[k] - theta[k]) - (theta[k] - last) / dt
         last = theta[k]
-        total = min(max(total + kv / Ti * dt * e, -top), top)
-        u[k] = min(max((kv * e + total) * (kv > 0) + push[k], -top), top)
+        wanted = kv * e + total + push[k]
+        u[k] = min(max(wanted, -top), top)
+        if u[k] == wanted:  # no windup
+            total += kv / Ti * dt * e
         acting = before + shake[k]
         before = u[k]
         for _ in range(sub):
@@ -186,13 +188,24 @@ def jogs(g, drive: Drive, n: int) -> np.ndarray:
     return v
 
 
+def timid(drive: Drive) -> float:
+    """The bandwidth of a P-PI loop, rad/s, of 8 Hz at most, with |1/(1 + L)| below 2."""
+    w = np.geomspace(3.0, 0.98 * np.pi * drive.rate, 1500)
+    P, wc = drive.response(w), min(2 * np.pi * 8, 0.3 * drive.first)
+    while True:
+        L = P * drive.inertia * wc * (1 + wc / 5 / (1j * w)) ** 2
+        if np.abs(1 + L).min() > 0.5:
+            return wc
+        wc /= 1.25
+
+
 def log(drive: Drive, seconds: float = 30.0, sine: float = 0.1, moving: bool = True, run: int = 0):
     """A log in closed loop: jogs and a multisine on the speed reference, whose torque would be
     ``sine`` of the limit. ``moving``: with the jogs."""
     g = np.random.default_rng([drive.seed, run])
     n, dt = int(seconds * drive.rate), 1.0 / drive.rate
     v = jogs(g, drive, n) * moving
-    wc = min(2 * np.pi * 8, 0.3 * drive.first)
+    wc = timid(drive)
     kv = drive.inertia * wc
     more = multisine(g, n, drive.rate, 4.0, 0.45 * drive.rate) * sine * drive.most / kv
     A, B = drive.matrices()
