@@ -23,6 +23,7 @@ PAIRS = 3
 LEAST_DEVIATION = 0.01  # of P, of a point: what the model of the mechanics leaves out
 NEIGHBOURS = 3  # points whose errors are correlated, for the intervals
 FIXED = 4  # parameters besides those of the pairs: log J, log B, delay, log lag
+WIDER = 2.5  # of intervals, measured on drawn drives: what friction leaves is no noise
 SEEN = 0.5  # coherence below which a point says nothing of the mechanics
 FEWEST = 12  # points
 EDGE = 0.95  # of the highest frequency: beyond it a pair stands for something else
@@ -223,5 +224,5 @@ def _covariance(fit: _Fit, x: np.ndarray) -> np.ndarray:
     for lag in range(1, NEIGHBOURS + 1):
         one = each[lag:].T @ each[:-lag]
         meat += (1.0 - lag / (NEIGHBOURS + 1)) * (one + one.T)
-    spare = len(fit.w) / max(len(fit.w) - len(x), 1)
+    spare = WIDER**2 * len(fit.w) / max(len(fit.w) - len(x), 1)
     return bread @ meat @ bread * spare
