@@ -16,13 +16,14 @@ from ..record.as_record import as_logs
 from .effects import known_effects
 from .estimate import HIGHEST, LOWEST, Estimate, estimate
 from .local_response import Response
-from .modes import Mode
-from .result import BAD, CERTAIN, GOOD, LARGE, RECORD, FrequencyResponse
+from .modes import FEWEST, Mode
+from .result import BAD, CERTAIN, FEW, GOOD, LARGE, RECORD, THIN, FrequencyResponse
 from .runs import Run, runs_of
 
 SLOW = 10.0  # Hz below which friction is looked for
-NEAR = 0.15  # of a mode's frequency: most of the points about it must be certain
-TWO_DECADES = 0.5  # of log10: fewer frequencies than that are no response
+NEAR = 0.15  # of a mode's frequency: a point so near must be certain
+VAGUE = 0.2  # of its frequency: a mode less certain than that is none
+LEAST_RANGE = 0.5  # decades of frequency
 ONE_WAY = "The axis never reverses: friction is a constant torque there, and nothing is taken out."
 
 
@@ -117,7 +118,7 @@ def _refuse_unlike(records: Sequence[Record]) -> None:
 def _refuse_short(runs: Sequence[Run]) -> None:
     longest = max(runs, key=lambda run: len(run.u))
     low, high = LOWEST / (len(longest.u) * longest.dt), 0.5 * HIGHEST / longest.dt
-    if high < low * 10**TWO_DECADES:
+    if high < low * 10**LEAST_RANGE:
         raise Refused(
             f"the longest stretch has {len(longest.u)} samples: its response would reach from "
             f"{low:.3g} to {high:.3g} Hz only; record longer or faster.",
@@ -130,10 +131,12 @@ def _result(
 ) -> FrequencyResponse:
     r, dt = found.response, runs[0].dt
     correction, below = _correction(found)
-    told = GOOD if correction < LARGE else BAD
+    told = (GOOD if correction < LARGE else BAD).format(below, correction, RECORD)
     sure = r.coherence >= CERTAIN
+    thin = [THIN.format(sure.sum(), len(sure), RECORD)] if sure.mean() < FEW else []
+    told = [*([told] if sure.any() else []), *thin]
     size = np.abs(r.P)
-    mechanics = found.mechanics
+    mechanics = found.mechanics if sure.sum() >= FEWEST else None
     modes = () if mechanics is None else mechanics.modes()
     return FrequencyResponse(
         frd=ct.FrequencyResponseData(r.P, r.w, dt),
@@ -150,7 +153,7 @@ def _result(
         friction={} if found.friction is None else found.friction.levels,
         reference=runs[0].E is not None,
         motion=model.motion,
-        messages=(told.format(below, correction, RECORD), *dict.fromkeys(said)),
+        messages=tuple(dict.fromkeys([*told, *said])),
     )
 
 
@@ -164,6 +167,8 @@ def _correction(found: Estimate) -> tuple[float, float]:
 
 
 def _seen(mode: Mode, r: Response) -> bool:
-    """Whether most of the points about a mode are certain."""
+    """Whether there are certain points about a mode, and its frequency is certain."""
+    if mode.ci95[1] > (1.0 + VAGUE) ** 2 * mode.ci95[0]:
+        return False
     near = np.abs(np.log(r.w / mode.frequency)) < NEAR
-    return bool(near.any() and np.mean(r.coherence[near] >= CERTAIN) > 0.5)
+    return bool((r.coherence[near] >= CERTAIN).any())

@@ -26,7 +26,8 @@ RECORD = (
     "Record 30 s of quick moves that mostly reverse, with a multisine on the speed reference whose "
     "torque is about twice the friction, and log the reference."
 )
-Interval = tuple[float, float]
+THIN = "Only {} of {} points are certain: elsewhere the log excites the axis too little. {}"
+FEW = 0.5  # of the points: with fewer certain ones that is said
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -47,12 +48,12 @@ class FrequencyResponse(Result):
     correction : float
         By how many dB friction changes the response below 10 Hz, the median.
     trusted : bool
-        Whether that is below 2 dB.
+        Whether that is below 2 dB, and any point certain.
     modes : tuple of Mode
         Antiresonances and resonances, ``frequency`` in rad/s, ``damping`` as a ratio, with 95 %
         intervals ``ci95`` and ``damping_ci95``.
     inertia : float or None
-        In kg m2 or kg, of the whole axis.
+        In kg m2 or kg, of the whole axis; None where too few points are certain.
     friction : dict
         Levels that were taken out, N m or N. Good for that; identify estimates them.
     reference : bool
@@ -80,7 +81,7 @@ class FrequencyResponse(Result):
 
     @property
     def trusted(self) -> bool:
-        return self.correction < LARGE
+        return self.correction < LARGE and bool(self.certain.any())
 
     @property
     def certain(self) -> np.ndarray:

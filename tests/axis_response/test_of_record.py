@@ -63,6 +63,16 @@ def test_an_axis_that_never_reverses_keeps_its_response():
     assert any("never reverses" in one for one in found.messages)
 
 
+def test_a_log_that_excites_too_little_is_not_trusted():
+    t = 2e-3 * np.arange(8000)
+    w = 10 * np.sin(20 * t)
+    noise = np.random.default_rng(1).normal(0, 0.05, (2, 8000))
+    slow = {"t": t, "u": J * np.gradient(w, t) + Fc * np.sign(w) + noise[0], "w": w + noise[1]}
+    found = lg.frequency_response(slow, MODEL)
+    assert found.certain.mean() < 0.5 and "points are certain" in " ".join(found.messages)
+    assert found.modes == () and not any(np.isfinite(found.low[~found.certain]))
+
+
 def test_what_cannot_be_taken_out_is_named():
     model = lg.Model.of(friction="coulomb", effects=[{"name": "inertia_step"}])
     assert any(
