@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
 from ..core.provenance import version
-from . import commands, given, hunting, lookups, plotting
+from . import bode, commands, given, hunting, lookups, plotting
 from .overview import overview
 
 
@@ -73,6 +73,10 @@ def parser() -> argparse.ArgumentParser:
         "--model", metavar="MODEL.toml", help="the declared model, if there is one"
     )
     drawing.add_argument("--out", metavar="FILE", help="picture to write: .png, .svg, .pdf or .jpg")
+    axis = _command(made, "bode", bode.bode, "frequency response of the axis, friction taken out")
+    _logs(axis)
+    axis.add_argument("--model", required=True, metavar="MODEL.toml", help="the declared model")
+    axis.add_argument("--out", metavar="FILE", help="picture to write: .png, .svg, .pdf or .jpg")
     paper = _command(made, "reproduce", commands.reproduce, "recompute the source paper")
     paper.add_argument("--out", metavar="DIR", help="write reproduce.html and reproduce.json there")
     _checks(_command(made, "check", lookups.check, "linear checks: l2, spr, bandwidth, stability"))

@@ -7,7 +7,7 @@ import textwrap
 from typing import Any
 
 _GROUPS = {
-    "On records": ("demo", "diagnose", "identify", "plot", "compare", "plan"),
+    "On records": ("demo", "diagnose", "identify", "plot", "bode", "compare", "plan"),
     "On models": ("model", "check", "hunt", "export"),
     "To look up": ("effects", "schema", "reproduce"),
 }

@@ -1,5 +1,6 @@
 """The classes of all results, for type hints and ``isinstance``: ``lg.results.SprVerdict``."""
 
+from ..axis_response import FrequencyResponse
 from ..compensated_loop.result import Compensation, Run
 from ..design import Certificate, Design, Excitation, ObserverDesign
 from ..diagnosis.fleet import Fleet, Outcome
@@ -27,7 +28,8 @@ from ..sweeps import Sweep
 __all__ = [
     "Balance", "BandwidthVerdict", "Candidate", "Certificate", "Compared", "ComparedLaw",
     "Comparison", "Compensation", "Design", "DesignChecks", "Diagnosis", "Estimate", "Excitation",
-    "Finding", "Fleet", "FrictionMap", "Identification", "Joint", "L2Verdict", "LawComparison",
+    "Finding", "Fleet", "FrequencyResponse", "FrictionMap", "Identification", "Joint", "L2Verdict",
+    "LawComparison",
     "ObserverComparison", "ObserverDesign", "Outcome", "Parameter", "ParameterTable",
     "PassivityVerdict", "RankedObserver", "Recommendation", "Repair", "Reproduction", "Residuals",
     "Run", "SprVerdict", "StabilityVerdict", "Sweep", "Table", "Traces",

@@ -20,7 +20,8 @@ FLOORS = {  # of each folder, from the ground up: a room imports from lower floo
         {"blocks", "engine", "parallel", "record"},
         {"linear", "loops", "estimates", "simulation"},
         {"design", "hunting", "identification", "sweeps"},
-        {"bench_tests", "compensated_loop", "friction_maps", "observer_comparison", "report"},
+        {"axis_response", "bench_tests", "compensated_loop"}
+        | {"friction_maps", "observer_comparison", "report"},
         {"diagnosis", "paper"},
         {"cli"},
         {"__main__", "demo", "results"},

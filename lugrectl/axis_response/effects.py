@@ -1,0 +1,85 @@
+"""What a model knows besides friction and inertia, along the measured motion, to be taken out.
+
+Torques of position, speed and time go off the torque; what acts on the torque itself is applied to
+it; what changes the level of friction by a share scales its terms. A delay or lag of the torque
+and the lag of a sensor are linear: they stay in the response.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..blocks.model import Model, Part
+from ..core.errors import InputError
+from .runs import Run
+
+LINEAR = ("input_delay", "actuator_lag", "velocity_sensor_lag", "elastic_coupling")
+LEFT = "{} is not taken out: {}."
+_LEVELS = {"Fc", "Fs"}
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """The runs with the torque that acts, and for each run the known torque (n,) on the resisting
+    side and the level of friction (n,) as a share; ``said`` of what stays in the response."""
+
+    runs: tuple[Run, ...]
+    resisting: tuple[np.ndarray, ...]
+    scales: tuple[np.ndarray, ...]
+    said: tuple[str, ...]
+
+
+def known_effects(runs: Sequence[Run], model: Model) -> Known:
+    """The effects of a model along the runs; InputError for a value that it leaves open."""
+    parts, said = [], []
+    for part in model.effects:
+        why = _why_left(part)
+        if why is None:
+            parts.append(_whole(part))
+        elif why:
+            said.append(LEFT.format(part.key, why))
+    made = [_along(run, parts) for run in runs]
+    runs_, resisting, scales = zip(*made, strict=True)
+    return Known(runs_, resisting, scales, tuple(said))
+
+
+def _why_left(part: Part) -> str | None:
+    """Why an effect stays; "" where it is a part of the response, None where it is taken out."""
+    block = part.block
+    if block.name in LINEAR:
+        return ""
+    if block.states:
+        return "it remembers the motion"
+    if "load" in block.inputs or any(p.shared for p in block.parameters.values()):
+        return "it depends on other values of the drive"
+    if not {*block.acts} <= {"torque", "input", *_LEVELS}:
+        return f"it changes {', '.join(block.acts)}"
+    return None
+
+
+def _whole(part: Part) -> Part:
+    missing = [k for k, v in part.values.items() if v is None]
+    if missing:
+        raise InputError(
+            f"{part.key}: {', '.join(missing)} must be known to take it out; lugrectl identify "
+            "--out DIR writes a model with the value."
+        )
+    return part
+
+
+def _along(run: Run, parts: Sequence[Part]) -> tuple[Run, np.ndarray, np.ndarray]:
+    middle = np.append(0.5 * (run.theta[1:] + run.theta[:-1]), run.theta[-1])
+    signals = {"t": run.t + 0.5 * run.dt, "theta": middle, "w": run.speed, "u": run.u}
+    resisting, level = run.load.copy(), np.ones(len(run.u))
+    for part in parts:
+        given = [signals[name] for name in part.block.reads]
+        made = part.block(*given, **dict(part.values))
+        acts = dict(part.block.deeds(made))
+        if "input" in acts:
+            signals["u"] = np.broadcast_to(acts["input"], run.u.shape)
+        resisting = resisting + acts.get("torque", 0.0)
+        level = level + acts.get("Fc", 0.0)
+    return replace(run, u=signals["u"]), resisting, level

@@ -1,0 +1,162 @@
+"""Friction and 1/P in one least squares.
+
+    U(k) = Y(k) W(k) + T(k) + a(k) (Fc Phi1(k) + dF Phi2(k) + c Phi3(k) + ...)
+
+Y = 1/P and T are polynomials in each window; Fc, dF, c are real and common to all windows, Phi
+the spectra of the terms of friction. a = (1 + jw lag) exp(jw delay) takes friction, which does not
+pass the current loop, to the command. Y and T are projected out of each window (Frisch and
+Waugh), so that only the friction is solved for; windows are weighted by what they leave. Two
+shapes are searched: the presliding distance and vs. They serve to take friction out, and are no
+estimates of sigma0 and vs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .friction_terms import Terms, impossible
+from .local_response import Shape
+from .runs import Run
+from .windows import Window, half_width, window
+
+BINS, SHARE = 15, 0.035  # half-width of a window: bins of the longest run, share of the frequency
+SPACING = 1.4  # of half-widths from window to window
+PASSES = 4  # of weights
+FLOOR = 1e-3  # of the largest residual: no window weighs more
+STEPS = (0.25, 0.12, 0.06)  # of the search, decades
+
+
+@dataclass(frozen=True, eq=False)
+class Friction:
+    """The friction found: its spectrum for each run as a part of the command, N m or N.
+
+    ``distance`` in rad or m, ``vs`` in rad/s or m/s; ``levels`` by term; ``cost`` is the mean log
+    residual.
+    """
+
+    spectra: tuple[np.ndarray, ...]
+    levels: dict[str, float]
+    distance: float
+    vs: float
+    cost: float
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What stays the same while the shapes are searched."""
+
+    terms: Terms
+    windows: Sequence[Window]
+    bases: Sequence[np.ndarray]
+    left: Sequence[np.ndarray]
+    shapes: Sequence[Shape]
+
+    @classmethod
+    def of(
+        cls, terms: Terms, torques: Sequence[np.ndarray], shapes: Sequence[Shape], high: float
+    ) -> Problem:
+        """The problem up to ``high`` in rad/s, with the spectra of the commands."""
+        windows = list(_windows(terms.runs, high))
+        moved = [shape.den * run.W for shape, run in zip(shapes, terms.runs, strict=True)]
+        driven = [shape.num * U for shape, U in zip(shapes, torques, strict=True)]
+        bases = []
+        for one in windows:
+            linear = one.poly * one.rows(moved)[:, None]
+            linear = linear / (np.linalg.norm(linear, axis=0) + 1e-300)
+            bases.append(np.linalg.qr(np.c_[linear, one.transient])[0])
+        left = [_without(Q, o.rows(driven)) for Q, o in zip(bases, windows, strict=True)]
+        return cls(terms, windows, bases, left, shapes)
+
+    def with_terms(self, terms: Terms) -> Problem:
+        return replace(self, terms=terms)
+
+    def tried(self, distance: float, vs: float) -> Friction:
+        """The best levels at these shapes."""
+        made = [self.terms.spectra(i, distance, vs) for i in range(len(self.terms.runs))]
+        shaped = [s.num[:, None] * F for s, F in zip(self.shapes, made, strict=True)]
+        both = zip(self.bases, self.windows, strict=True)
+        X = [_without(Q, one.rows(shaped)) for Q, one in both]
+        levels, cost = _possible(X, self.left, self.terms.names)
+        spectra = tuple(F @ np.array([*levels.values()]) for F in made)
+        return Friction(spectra, levels, distance, vs, cost)
+
+
+def fit_friction(problem: Problem, start: tuple[float, float] | None = None) -> Friction:
+    """The shapes with the smallest residual: from a grid, or near ``start``, then by steps."""
+    low, high, slow, fast = _ranges(problem.terms.runs)
+    if start is None:
+        distances = low * 10 ** np.arange(0.0, np.log10(high / low) + 0.01, 0.5)
+        speeds = np.geomspace(slow, fast, 5)[1:-1]
+        grid = [(x, v) for x in distances.tolist() for v in speeds.tolist()]
+    else:
+        grid = [start]
+    best = min((problem.tried(*shape) for shape in grid), key=_cost)
+    for step in STEPS if start is None else STEPS[1:]:
+        for _ in range(2):
+            for a, b in ((step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)):
+                distance, vs = best.distance * 10**a, best.vs * 10**b
+                if low <= distance <= high and slow <= vs <= fast:
+                    best = min(best, problem.tried(distance, vs), key=_cost)
+    return best
+
+
+def _cost(friction: Friction) -> float:
+    return friction.cost
+
+
+def _ranges(runs: Sequence[Run]) -> tuple[float, float, float, float]:
+    """Bounds of the distance and of vs that the motion can show."""
+    speed = float(np.sqrt(np.mean(np.concatenate([run.speed for run in runs]) ** 2)))
+    path = max(run.strokes[0][-1] for run in runs)
+    turns = max(len(run.strokes[1]) for run in runs)
+    count, dt = runs[0].count, runs[0].dt
+    low = max(0.7 * count, 1e-3 * speed * dt)
+    return low, max(0.1 * path / max(turns, 1), 10.0 * low), 0.01 * speed, 0.5 * speed
+
+
+def _windows(runs: Sequence[Run], high: float) -> Iterator[Window]:
+    centre = half_width(runs, 0.0, BINS, SHARE)
+    while centre < high:
+        half = half_width(runs, centre, BINS, SHARE)
+        yield window(runs, centre, half)
+        centre += SPACING * half
+
+
+def _without(Q: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    return rows - Q @ (Q.conj().T @ rows)
+
+
+def _possible(
+    X: list[np.ndarray], y: Sequence[np.ndarray], names: Sequence[str]
+) -> tuple[dict[str, float], float]:
+    """Levels that friction can have, and the cost; fewer terms where all together cannot."""
+    kept = list(names)
+    while True:
+        at = [names.index(k) for k in kept]
+        levels, cost = _levels([x[:, at] for x in X], y)
+        wrong = impossible(kept, levels.tolist())
+        if wrong is None:
+            return {k: 0.0 for k in names} | dict(zip(kept, levels.tolist(), strict=True)), cost
+        kept.remove(wrong)
+
+
+def _levels(X: list[np.ndarray], y: Sequence[np.ndarray]) -> tuple[np.ndarray, float]:
+    """Real coefficients common to all windows, weighted by what each window leaves."""
+    sizes = np.array([len(one) for one in y])
+    A, b = np.concatenate(X), np.concatenate(y)
+    A, b = (np.concatenate([np.real(x), np.imag(x)]) for x in (A, b))
+    at = np.repeat(np.arange(len(sizes)), sizes)
+    levels, left = np.zeros(A.shape[1]), np.ones(len(sizes))
+    scale = left
+    for _ in range(PASSES):
+        weight = np.tile((1.0 / scale)[at], 2)
+        if A.shape[1]:
+            levels = np.linalg.lstsq(A * weight[:, None], b * weight, rcond=None)[0]
+        square = (b - A @ levels) ** 2
+        square = square[: len(at)] + square[len(at) :]
+        left = np.sqrt(np.bincount(at, square) / sizes) + 1e-300
+        scale = np.maximum(left, FLOOR * left.max())
+    return levels, float(sizes @ np.log(left) / sizes.sum())

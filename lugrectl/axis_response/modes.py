@@ -1,0 +1,228 @@
+"""Antiresonances, resonances, inertia and delay of a measured response.
+
+    P = 1/(J s + B)  prod (s^2/wa^2 + 2 za s/wa + 1)/(s^2/wr^2 + 2 zr s/wr + 1)
+        exp(-s delay)/(1 + s lag)  (1 - exp(-s dt))/(s dt)
+
+The last factor is the hold. At the motor every antiresonance wa comes before its resonance wr.
+Least squares of the complex logarithm, with a loss that an outlier hardly moves; the number of
+pairs by BIC, counted in independent points. Intervals by the sandwich with the correlation of
+neighbouring points (Newey and West 1987).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from .local_response import Response, Shape
+
+PAIRS = 3
+LEAST_DEVIATION = 0.01  # of P, of a point: what the model of the mechanics leaves out
+NEIGHBOURS = 3  # points whose errors are correlated, for the intervals
+FIXED = 4  # parameters besides those of the pairs: log J, log B, delay, log lag
+WIDER = 2.5  # of intervals, measured on drawn drives: what friction leaves is no noise
+SEEN = 0.5  # coherence below which a point says nothing of the mechanics
+FEWEST = 12  # points
+EDGE = 0.95  # of the highest frequency: beyond it a pair stands for something else
+
+
+@dataclass(frozen=True)
+class Mode:
+    """An antiresonance or a resonance: frequency in rad/s, damping ratio, 95 % intervals."""
+
+    kind: str
+    frequency: float
+    damping: float
+    ci95: tuple[float, float]
+    damping_ci95: tuple[float, float]
+
+    def summary(self) -> dict[str, object]:
+        return {
+            "kind": self.kind,
+            "frequency": self.frequency,
+            "damping": self.damping,
+            "ci95": list(self.ci95),
+            "damping_ci95": list(self.damping_ci95),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanics:
+    """The fitted parameters ``x`` with their covariance ``V``, for a step dt."""
+
+    x: np.ndarray
+    V: np.ndarray
+    dt: float
+    top: float
+
+    @property
+    def inertia(self) -> float:
+        return float(np.exp(self.x[0]))
+
+    @property
+    def pairs(self) -> np.ndarray:
+        """log wa, log za, log(wr/wa - 1), log zr in rows, ascending."""
+        made = self.x[FIXED:].reshape(-1, 4)
+        return made[np.argsort(made[:, 0])]
+
+    def advance(self, w: np.ndarray) -> np.ndarray:
+        """The inverse of delay and lag of the torque: (1 + jw lag) exp(jw delay)."""
+        return (1.0 + 1j * w * np.exp(self.x[3])) * np.exp(1j * w * self.x[2])
+
+    def shape(self, w: np.ndarray) -> Shape:
+        """Numerator and denominator of the pairs."""
+        num, den = np.ones(len(w), complex), np.ones(len(w), complex)
+        for a, za, r, zr in np.exp(self.pairs).tolist():
+            num *= _quadratic(1j * w, a, za)
+            den *= _quadratic(1j * w, a * (1.0 + r), zr)
+        return Shape(num, den)
+
+    def response(self, w: np.ndarray) -> np.ndarray:
+        return np.exp(_log_response(self.x, w, self.dt)[0])
+
+    def modes(self) -> tuple[Mode, ...]:
+        """Every antiresonance and resonance within the measured frequencies, with intervals."""
+        made = []
+        for i in range((len(self.x) - FIXED) // 4):
+            k = FIXED + 4 * i
+            a, r = np.exp(self.x[k]), np.exp(self.x[k + 2])
+            rate = np.zeros(len(self.x))
+            rate[k] = 1.0
+            made.append(self._mode("antiresonance", a, rate, k + 1))
+            rate[k + 2] = r / (1.0 + r)
+            made.append(self._mode("resonance", a * (1.0 + r), rate, k + 3))
+        return tuple(sorted((m for m in made if m.frequency < EDGE * self.top), key=_frequency))
+
+    def _mode(self, kind: str, at: float, rate: np.ndarray, damped: int) -> Mode:
+        width = 1.96 * float(np.sqrt(rate @ self.V @ rate))
+        spread = 1.96 * float(np.sqrt(self.V[damped, damped]))
+        zeta = float(np.exp(self.x[damped]))
+        return Mode(
+            kind,
+            float(at),
+            zeta,
+            (float(at * np.exp(-width)), float(at * np.exp(width))),
+            (float(zeta * np.exp(-spread)), float(zeta * np.exp(spread))),
+        )
+
+
+def _frequency(mode: Mode) -> float:
+    return mode.frequency
+
+
+def _quadratic(s: np.ndarray, w: float, zeta: float) -> np.ndarray:
+    return (s / w) ** 2 + 2.0 * zeta * s / w + 1.0
+
+
+def _log_response(x: np.ndarray, w: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """log P (n,) and its derivatives by the parameters (n, m)."""
+    s = 1j * w
+    J, B, delay, lag = np.exp(x[0]), np.exp(x[1]), x[2], np.exp(x[3])
+    body = J * s + B
+    made = -np.log(body) - s * delay - np.log1p(s * lag) + np.log(-np.expm1(-s * dt) / (s * dt))
+    rates = [-J * s / body, -B / body, -s, -s * lag / (1.0 + s * lag)]
+    for a, za, r, zr in np.exp(x[FIXED:]).reshape(-1, 4).tolist():
+        wr = a * (1.0 + r)
+        N, D = _quadratic(s, a, za), _quadratic(s, wr, zr)
+        made = made + np.log(N) - np.log(D)
+        on_a = (-2.0 * (s / a) ** 2 - 2.0 * za * s / a) / N
+        on_r = (2.0 * (s / wr) ** 2 + 2.0 * zr * s / wr) / D
+        rates += [
+            on_a + on_r,
+            2.0 * za * s / a / N,
+            on_r * r / (1.0 + r),
+            -2.0 * zr * s / wr / D,
+        ]
+    return made, np.array(rates).T
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """The points to fit, and how."""
+
+    w: np.ndarray
+    log_P: np.ndarray
+    deviation: np.ndarray
+    dt: float
+    J: float
+
+    def error(self, x: np.ndarray) -> np.ndarray:
+        e = _log_response(x, self.w, self.dt)[0] - self.log_P
+        turned = np.mod(np.imag(e) + np.pi, 2.0 * np.pi) - np.pi
+        return np.concatenate([np.real(e), turned]) / np.tile(self.deviation, 2)
+
+    def rates(self, x: np.ndarray) -> np.ndarray:
+        g = _log_response(x, self.w, self.dt)[1] / self.deviation[:, None]
+        return np.concatenate([np.real(g), np.imag(g)])
+
+    def bounds(self, pairs: int) -> tuple[np.ndarray, np.ndarray]:
+        low, high, J, dt = self.w[0], self.w[-1], np.log(self.J), self.dt
+        light = np.log(self.J * low)
+        below = [J - 1.5, light - 6.0, -dt, np.log(1e-3 * dt)]
+        above = [J + 1.5, light + 2.0, 20.0 * dt, np.log(10.0 * dt)]
+        below += [np.log(1.5 * low), np.log(1e-3), np.log(0.03), np.log(1e-3)] * pairs
+        above += [np.log(high), np.log(0.5), np.log(6.0), np.log(0.5)] * pairs
+        return np.array(below), np.array(above)
+
+    def solved(self, start: Sequence[float]) -> tuple[float, np.ndarray]:
+        below, above = self.bounds((len(start) - FIXED) // 4)
+        x = np.clip(start, below + 1e-6, above - 1e-6)
+        options = {"jac": self.rates, "bounds": (below, above), "loss": "soft_l1"}
+        found = least_squares(self.error, x, max_nfev=60, x_scale="jac", **options)
+        return float(found.cost), found.x
+
+    def starts(self, x: np.ndarray) -> list[list[float]]:
+        """The best fit with one pair more, at each of the deepest dips that it leaves."""
+        left = np.real(self.log_P - _log_response(x, self.w, self.dt)[0])
+        near = np.lib.stride_tricks.sliding_window_view(np.pad(left, 4, mode="edge"), 9)
+        inside = (left == near.min(axis=1)) & (self.w > 2.0 * self.w[0])
+        dips = sorted(np.flatnonzero(inside), key=lambda k: left[k])[:3]
+        pair = np.log(0.02)
+        return [
+            [*x, np.log(self.w[k]), pair, np.log(r), pair] for k in dips for r in (0.1, 0.4, 1.2)
+        ]
+
+
+def fit_mechanics(found: Response, dt: float) -> Mechanics | None:
+    """The model with the number of pairs that BIC prefers; None where too little is seen."""
+    at = (found.coherence >= SEEN) & np.isfinite(found.P) & (found.P != 0)
+    if at.sum() < FEWEST:
+        return None
+    w, P = found.w[at], found.P[at]
+    deviation = np.maximum(found.sd[at] / np.abs(P), LEAST_DEVIATION)
+    low = w <= max(4.0 * w[0], w[min(5, len(w) - 1)])
+    J = float(np.median(1.0 / (w[low] * np.abs(P[low]))))
+    fit = _Fit(w, np.log(P), deviation, dt, J)
+    best = fit.solved([np.log(J), np.log(0.1 * J * w[0]), dt, np.log(0.2 * dt)])
+    chosen, score = best, _bic(best, len(w))
+    for _ in range(PAIRS):
+        starts = fit.starts(best[1])
+        if not starts:
+            break
+        best = min((fit.solved(start) for start in starts), key=lambda one: one[0])
+        if _bic(best, len(w)) < score:
+            chosen, score = best, _bic(best, len(w))
+    x = chosen[1]
+    return Mechanics(x, _covariance(fit, x), dt, float(w[-1]))
+
+
+def _bic(found: tuple[float, np.ndarray], points: int) -> float:
+    """Half-overlapping windows: of n points n/2 are independent, each with two errors."""
+    return points * np.log(found[0] / points) + len(found[1]) * np.log(points)
+
+
+def _covariance(fit: _Fit, x: np.ndarray) -> np.ndarray:
+    """The sandwich of the robust loss, with the correlation of neighbouring points."""
+    e, G = fit.error(x), fit.rates(x)
+    weight = 1.0 / np.sqrt(1.0 + e**2)
+    bread = np.linalg.pinv((G * weight[:, None]).T @ G)
+    each = (G * (weight * e)[:, None]).reshape(2, len(fit.w), -1).sum(axis=0)
+    meat = each.T @ each
+    for lag in range(1, NEIGHBOURS + 1):
+        one = each[lag:].T @ each[:-lag]
+        meat += (1.0 - lag / (NEIGHBOURS + 1)) * (one + one.T)
+    spare = WIDER**2 * len(fit.w) / max(len(fit.w) - len(x), 1)
+    return bread @ meat @ bread * spare

@@ -1,0 +1,174 @@
+"""From a log and a model to the frequency response of the axis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import control as ct
+import numpy as np
+
+from ..blocks.model import Model, as_model
+from ..core.errors import InputError, Refused
+from ..core.provenance import stamped
+from ..record import Record, record_of, refuse_dead
+from ..record.as_record import as_logs
+from .effects import known_effects
+from .estimate import HIGHEST, LOWEST, Estimate, estimate
+from .local_response import Response
+from .modes import FEWEST, Mode
+from .result import BAD, CERTAIN, FEW, GOOD, LARGE, RECORD, THIN, FrequencyResponse
+from .runs import Run, runs_of
+
+SLOW = 10.0  # Hz below which friction is looked for
+NEAR = 0.15  # of a mode's frequency: a point so near must be certain
+VAGUE = 0.2  # of its frequency: a mode less certain than that is none
+LEAST_RANGE = 0.5  # decades of frequency
+ONE_WAY = "The axis never reverses: friction is a constant torque there, and nothing is taken out."
+
+
+@stamped("lugrectl.frequency_response")
+def frequency_response(
+    record: Any,
+    model: Any,
+    *,
+    columns: Mapping[str, str] | str | None = None,
+    units: Mapping[str, str] | str | None = None,
+    scale: Mapping[str, float] | str | None = None,
+    rate: float | None = None,
+) -> FrequencyResponse:
+    """The frequency response of an axis from an ordinary log, with friction taken out.
+
+        U(k) = W(k)/P(k) + T(k) + a(k) F(k)
+
+    U and W are the spectra of torque and motor speed, F that of friction along the measured
+    motion, T transients. Friction is fitted together with 1/P, without a model of the mechanics;
+    then P is estimated from torque less friction to speed.
+
+    Parameters
+    ----------
+    record : path, DataFrame, dict of arrays or Record, or a list of them
+        Runs of one axis, in open or closed loop, that reverse. A reference r, of position or
+        speed, serves as instrument: noise in the loop does not bias the response then.
+    model : Model, Parameters, dict or path
+        The declared model. The level of friction is fitted; a law without dry friction
+        ("viscous") takes none out. Its other effects are taken out with their values.
+    columns, units, scale, rate : optional
+        How to read a log, as for :func:`lugrectl.read_record`.
+
+    Returns
+    -------
+    FrequencyResponse
+        ``frd`` from torque (N m, or N) to speed (rad/s, or m/s), from 30 periods of the log to 0.4
+        of half the sampling rate; ``low``, ``high``, ``coherence``, ``modes``, ``plot()``.
+
+    Raises
+    ------
+    InputError
+        When an argument cannot be meant, or a file cannot be read or understood.
+    Refused
+        When the log is too short or shows no motion.
+
+    Notes
+    -----
+    Viscous friction is linear and stays in P, and so do dead time, current lag and the hold of the
+    torque. The motion must be that of the motor: behind an elastic coupling a resonance comes
+    without its antiresonance. Coherence does not show friction where the excitation is periodic;
+    ``correction`` does, and above 2 dB no band holds.
+
+    References
+    ----------
+    R. Pintelon and J. Schoukens, System Identification: A Frequency Domain Approach, 2nd ed.,
+    Wiley 2012, ch. 7 (local polynomials, instruments).
+
+    Examples
+    --------
+    A rigid axis of 0.02 kg m2 with 0.3 N m of Coulomb friction, moved to and fro:
+
+    >>> t, rng = 2e-3 * np.arange(8000), np.random.default_rng(0)
+    >>> w = 10.0 * np.sin(20.0 * t) + np.convolve(rng.normal(0.0, 2.0, 8000), np.ones(5), "same")
+    >>> u = 0.02 * np.gradient(w, t) + 0.3 * np.sign(w)
+    >>> found = lg.frequency_response({"t": t, "u": u, "w": w}, lg.Model.of(friction="coulomb"))
+    >>> found.trusted, round(found.friction["Fc"], 1)
+    (True, 0.3)
+    """
+    made = as_model(model)
+    logs, _ = as_logs(record, made.motion, columns=columns, units=units, scale=scale, rate=rate)
+    records = [record_of(log, alone=len(logs) == 1) for log in logs]
+    refuse_dead(records)
+    _refuse_unlike(records)
+    runs = runs_of(records)
+    _refuse_short(runs)
+    known = known_effects(runs, made)
+    reverses = any(len(run.strokes[1]) > 1 for run in runs)
+    dry = "Fc" in made.friction.values
+    found = estimate(known, dry and reverses)
+    said = [*known.said, *([ONE_WAY] if dry and not reverses else [])]
+    said += [message for one in records for message in one.messages]
+    return _result(found, runs, made, said)
+
+
+def _refuse_unlike(records: Sequence[Record]) -> None:
+    steps = [record.dt for record in records]
+    if max(steps) > 1.001 * min(steps):
+        rates = ", ".join(f"{record.source} {record.rate:g} Hz" for record in records)
+        raise InputError(f"runs of one sampling rate are averaged, but there is {rates}.")
+
+
+def _refuse_short(runs: Sequence[Run]) -> None:
+    longest = max(runs, key=lambda run: len(run.u))
+    low, high = LOWEST / (len(longest.u) * longest.dt), 0.5 * HIGHEST / longest.dt
+    if high < low * 10**LEAST_RANGE:
+        raise Refused(
+            f"the longest stretch has {len(longest.u)} samples: its response would reach from "
+            f"{low:.3g} to {high:.3g} Hz only; record longer or faster.",
+            RECORD,
+        )
+
+
+def _result(
+    found: Estimate, runs: Sequence[Run], model: Model, said: Sequence[str]
+) -> FrequencyResponse:
+    r, dt = found.response, runs[0].dt
+    correction, below = _correction(found)
+    told = (GOOD if correction < LARGE else BAD).format(below, correction, RECORD)
+    sure = r.coherence >= CERTAIN
+    thin = [THIN.format(sure.sum(), len(sure), RECORD)] if sure.mean() < FEW else []
+    told = [*([told] if sure.any() else []), *thin]
+    size = np.abs(r.P)
+    mechanics = found.mechanics if sure.sum() >= FEWEST else None
+    modes = () if mechanics is None else mechanics.modes()
+    return FrequencyResponse(
+        frd=ct.FrequencyResponseData(r.P, r.w, dt),
+        raw=ct.FrequencyResponseData(found.raw.P, r.w, dt),
+        frequency=r.w,
+        magnitude=size,
+        phase=np.unwrap(np.angle(r.P)),
+        low=np.where(sure, np.maximum(size - r.radius, 0.0), np.nan),
+        high=np.where(sure, size + r.radius, np.nan),
+        coherence=r.coherence,
+        correction=correction,
+        modes=tuple(mode for mode in modes if _seen(mode, r)),
+        inertia=None if mechanics is None else mechanics.inertia,
+        friction={} if found.friction is None else found.friction.levels,
+        reference=runs[0].E is not None,
+        motion=model.motion,
+        messages=tuple(dict.fromkeys([*told, *said])),
+    )
+
+
+def _correction(found: Estimate) -> tuple[float, float]:
+    """By how many dB friction changes the response at low frequencies, and below how many Hz."""
+    w = found.response.w
+    top = max(2.0 * np.pi * SLOW, 3.0 * float(w[0]))
+    low = w < top
+    change = 20.0 * np.log10(np.abs(found.raw.P[low] / found.response.P[low]))
+    return float(np.median(np.abs(change))), top / (2.0 * np.pi)
+
+
+def _seen(mode: Mode, r: Response) -> bool:
+    """Whether there are certain points about a mode, and its frequency is certain."""
+    if mode.ci95[1] > (1.0 + VAGUE) ** 2 * mode.ci95[0]:
+        return False
+    near = np.abs(np.log(r.w / mode.frequency)) < NEAR
+    return bool((r.coherence[near] >= CERTAIN).any())

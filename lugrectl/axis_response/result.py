@@ -1,0 +1,138 @@
+"""The answer: the response with its band, its modes, and whether friction governs the log."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import control as ct
+import numpy as np
+
+from ..core.display import Row, noticed, number
+from ..core.provenance import Provenance
+from ..core.result import Result
+from ..core.views import view
+from .modes import Mode
+
+CERTAIN = 0.95  # coherence below which nothing is certain
+LARGE = 2.0  # dB of correction above which friction governs a log: no band holds there
+GOOD = "Friction changes the response below {:.3g} Hz by {:.1f} dB: the band holds."
+BAD = (
+    "Friction changes the response below {:.3g} Hz by {:.1f} dB, above 2 dB: it governs this log, "
+    "and the band does not hold there. {}"
+)
+RECORD = (
+    "Record 30 s of quick moves that mostly reverse, with a multisine on the speed reference whose "
+    "torque is about twice the friction, and log the reference."
+)
+THIN = "Only {} of {} points are certain: elsewhere the log excites the axis too little. {}"
+FEW = 0.5  # of the points: with fewer certain ones that is said
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FrequencyResponse(Result):
+    """The frequency response from motor torque less friction to motor speed.
+
+    Attributes
+    ----------
+    frd, raw : control.FrequencyResponseData
+        The response with friction taken out, and without; (rad/s)/(N m), or (m/s)/N, at the log's
+        sample time: the torque is held over each sample, and a dead time is part of it.
+    frequency, magnitude, phase : ndarray
+        In rad/s, as above, and rad.
+    low, high : ndarray
+        The 95 % band of the magnitude; NaN where the coherence is below 0.95.
+    coherence : ndarray
+        The share of the speed's power about each frequency that the response explains.
+    correction : float
+        By how many dB friction changes the response below 10 Hz, the median.
+    trusted : bool
+        Whether that is below 2 dB, and any point certain.
+    modes : tuple of Mode
+        Antiresonances and resonances, ``frequency`` in rad/s, ``damping`` as a ratio, with 95 %
+        intervals ``ci95`` and ``damping_ci95``.
+    inertia : float or None
+        In kg m2 or kg, of the whole axis; None where too few points are certain.
+    friction : dict
+        Levels that were taken out, N m or N. Good for that; identify estimates them.
+    reference : bool
+        Whether a logged reference served as instrument.
+    messages : tuple of str
+        What was noticed, the verdict on friction first.
+    """
+
+    frd: ct.FrequencyResponseData
+    raw: ct.FrequencyResponseData
+    frequency: np.ndarray
+    magnitude: np.ndarray
+    phase: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    coherence: np.ndarray
+    correction: float
+    modes: tuple[Mode, ...] = ()
+    inertia: float | None = None
+    friction: Mapping[str, float] = field(default_factory=dict)
+    reference: bool = False
+    motion: str = "rotary"
+    messages: tuple[str, ...] = ()
+    provenance: Provenance | None = field(default=None, repr=False)
+
+    @property
+    def trusted(self) -> bool:
+        return self.correction < LARGE and bool(self.certain.any())
+
+    @property
+    def certain(self) -> np.ndarray:
+        """Where the coherence is at least 0.95."""
+        return self.coherence >= CERTAIN
+
+    def plot(self) -> Sequence[Any]:
+        """Draw magnitude, phase and coherence, with the band; uncertain points are faint.
+        Returns the Axes."""
+        return view("bode_plot.bode")(self)
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python, as in the JSON document."""
+        raw = np.asarray(self.raw.frdata)[0, 0]
+        return {
+            "schema": 1,
+            "frequency": self.frequency,
+            "magnitude": self.magnitude,
+            "phase": self.phase,
+            "low": self.low,
+            "high": self.high,
+            "coherence": self.coherence,
+            "raw": {"magnitude": np.abs(raw), "phase": np.unwrap(np.angle(raw))},
+            "correction": self.correction,
+            "trusted": self.trusted,
+            "modes": [mode.summary() for mode in self.modes],
+            "inertia": self.inertia,
+            "friction": dict(self.friction),
+            "reference": self.reference,
+            "gains": None,
+            "messages": list(self.messages),
+            "provenance": self.provenance.summary() if self.provenance else None,
+        }
+
+    def _title(self) -> str:
+        sure, all_of = int(self.certain.sum()), len(self.frequency)
+        f = self.frequency[[0, -1]] / (2.0 * np.pi)
+        return f"Frequency response, {f[0]:.3g} to {f[1]:.4g} Hz: {sure} of {all_of} points certain"
+
+    def _rows(self) -> Iterable[Row]:
+        force, mass = ("N m", "kg m2") if self.motion == "rotary" else ("N", "kg")
+        levels = ", ".join(f"{k} {number(v, 3)}" for k, v in self.friction.items())
+        return [
+            *([Row("inertia", number(self.inertia), mass)] if self.inertia else []),
+            *(Row(mode.kind, *_shown(mode)) for mode in self.modes),
+            *([Row("taken out", levels, force)] if levels else []),
+            *noticed(self.messages, "messages"),
+        ]
+
+
+def _shown(mode: Mode) -> tuple[str, str, str]:
+    low, high = (x / (2.0 * np.pi) for x in mode.ci95)
+    hertz = f"({mode.frequency / (2.0 * np.pi):.4g} Hz, {low:.4g} to {high:.4g})"
+    return f"{mode.frequency:.4g}", "rad/s", f"{hertz}, damping {mode.damping:.2g}"

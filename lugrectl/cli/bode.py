@@ -1,0 +1,41 @@
+"""``lugrectl bode``: the frequency response of an axis, with friction taken out."""
+
+from __future__ import annotations
+
+import json
+import sys
+from argparse import Namespace
+
+from ..core.errors import Refused
+from ..core.provenance import stamp
+from .inputs import declared, files, reading
+from .output import print_out
+from .plotting import drawn, format_of
+
+
+def bode(a: Namespace) -> int:
+    """Print the response, and draw it into a file; a refusal is printed as JSON all the same."""
+    from ..axis_response import frequency_response
+    from ..record import read_log
+
+    kind = None if a.out is None else format_of(a.out)
+    model = declared(a)
+    names = files(a.records)
+    logs = [read_log(name, **reading(a), motion=model.motion) for name in names]
+    try:
+        found = stamp(frequency_response(logs, model), a.typed, [*names, model])
+    except Refused as no:
+        if a.json:
+            print_out(_refused(no))
+        raise
+    said = drawn(found, a.out, kind) if kind else ""
+    print_out(found.to_json() if a.json else repr(found))
+    if said:
+        print(f"lugrectl: {said}", file=sys.stderr)
+    return 0
+
+
+def _refused(no: Refused) -> str:
+    arrays = ("frequency", "magnitude", "phase", "low", "high", "coherence", "modes")
+    made = {"schema": 1, **{k: [] for k in arrays}, "gains": None, "reason": str(no)}
+    return json.dumps(made | {"experiment": no.experiment}, indent=2, allow_nan=False)

@@ -1,0 +1,52 @@
+"""The plot of a measured frequency response: magnitude with its band, phase, coherence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .canvas import headed, on_pyplot
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+LINE, RAW, FAINT, MARK = "#2c5f8a", "#d1622b", "#b9c2cd", "#c0392b"
+CERTAIN = 0.95  # the least coherence that is drawn as certain
+
+
+def bode(found: Any) -> Sequence[Axes]:
+    """Magnitude, phase and coherence over Hz; only points of high coherence are drawn in full."""
+    f = found.frequency / (2.0 * np.pi)
+    sure = np.where(found.certain, 1.0, np.nan)
+    raw = np.asarray(found.raw.frdata)[0, 0]
+    unit = "(rad/s)/(N m)" if found.motion == "rotary" else "(m/s)/N"
+
+    def magnitude(ax: Axes) -> None:
+        with np.errstate(divide="ignore"):
+            low, size, high = (20 * np.log10(x) for x in (found.low, found.magnitude, found.high))
+            before = 20 * np.log10(np.abs(raw))
+        ax.semilogx(f, before, color=RAW, lw=0.9, label="as recorded")
+        ax.plot(f, size, color=FAINT, lw=1.0)
+        floor = np.nanmin(size) - 20.0  # a band that reaches 0 ends there
+        ax.fill_between(f, np.maximum(low, floor), high, color=LINE, alpha=0.25, lw=0)
+        ax.plot(f, size * sure, color=LINE, lw=1.5, label="friction taken out")
+        for mode in found.modes:
+            ax.axvline(mode.frequency / (2.0 * np.pi), color=MARK, ls=":", lw=0.9)
+        ax.set(ylabel=f"|P| [dB of {unit}]", xlim=(f[0], f[-1]))
+        headed(ax, "" if found.trusted else "Friction governs this log below 10 Hz")
+
+    def phase(ax: Axes) -> None:
+        turned = np.degrees(np.unwrap(np.angle(raw)))
+        ax.semilogx(f, turned, color=RAW, lw=0.9)
+        ax.plot(f, np.degrees(found.phase), color=FAINT, lw=1.0)
+        ax.plot(f, np.degrees(found.phase) * sure, color=LINE, lw=1.5)
+        ax.set(ylabel="phase [deg]", xlim=(f[0], f[-1]))
+
+    def coherence(ax: Axes) -> None:
+        ax.semilogx(f, found.coherence, color=LINE, lw=1.2)
+        ax.axhline(CERTAIN, color=MARK, ls="--", lw=0.9)
+        ax.set(xlabel="f [Hz]", ylabel="coherence", xlim=(f[0], f[-1]), ylim=(0.0, 1.02))
+
+    return on_pyplot([magnitude, phase, coherence])

@@ -1,0 +1,150 @@
+"""Drives drawn at random: the response with friction taken out against the exact one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+
+from . import drives
+
+pytest.importorskip("numba")
+RANGES = {"1-10 Hz": (1.0, 10.0), "10-50 Hz": (10.0, 50.0), "above 50 Hz": (50.0, np.inf)}
+LIMITS = {"1-10 Hz": (0.04, 0.25), "10-50 Hz": (0.15, 0.8), "above 50 Hz": (0.12, 0.7)}
+QUICK, SLOW = [0, 1, 3, 6, 10, 13, 16, 17], range(100, 120)
+
+
+def answer(drive, model=None, columns=("t", "u", "theta", "r"), **options):
+    log = {k: v for k, v in drives.log(drive, **options).items() if k in columns}
+    return lg.frequency_response(log, lg.Model.of() if model is None else model)
+
+
+def decibel(frd, drive):
+    return np.abs(20 * np.log10(np.abs(np.ravel(frd.frdata) / drive.response(frd.omega))))
+
+
+def errors(found, drive):
+    """|dB| without and with friction taken out, by range."""
+    f, both = found.frequency / (2 * np.pi), [decibel(x, drive) for x in (found.raw, found.frd)]
+    return {k: [e[(f >= a) & (f < b)] for e in both] for k, (a, b) in RANGES.items()}
+
+
+def pooled(found, name, which):
+    """Median and 90 % of the errors in dB."""
+    every = [errors(result, drive)[name][which] for drive, result in found]
+    return np.quantile(np.concatenate(every), [0.5, 0.9])
+
+
+def modes_inside(found):
+    """Whether the interval of each mode found holds the true one, of drives with two masses."""
+    inside = []
+    for drive, result in found:
+        if len(drive.masses) == 2:
+            true = dict(zip(("antiresonance", "resonance"), drive.mode(), strict=True))
+            inside += [m.ci95[0] <= true[m.kind] <= m.ci95[1] for m in result.modes]
+    return inside
+
+
+@pytest.fixture(scope="module")
+def quick():
+    return [(drive, answer(drive)) for drive in map(drives.draw, QUICK)]
+
+
+@pytest.mark.parametrize("name", RANGES)
+def test_friction_taken_out_leaves_the_linear_response(quick, name):
+    raw, taken = pooled(quick, name, 0), pooled(quick, name, 1)
+    assert (taken <= LIMITS[name]).all(), (raw, taken)
+    assert (taken <= 0.7 * raw).all(), (raw, taken)
+
+
+def test_bands_and_intervals_hold_the_truth(quick):
+    inside = []
+    for drive, found in quick:
+        true, sure = np.abs(drive.response(found.frequency)), found.certain
+        inside += list(((found.low <= true) & (true <= found.high))[sure])
+    assert np.mean(inside) > 0.93
+    assert np.mean(modes_inside(quick)) >= 0.9
+
+
+def test_nothing_is_certain_where_the_coherence_is_low(quick):
+    for _, found in quick:
+        assert (np.isnan(found.low) == (found.coherence < 0.95)).all()
+        assert (np.isnan(found.high) == (found.coherence < 0.95)).all()
+    assert any(np.isnan(found.low).any() for _, found in quick)
+
+
+def test_the_inertia_is_that_of_the_whole_axis(quick):
+    ratios = [found.inertia / drive.inertia for drive, found in quick]
+    assert np.abs(np.array(ratios) - 1).max() < 0.01
+
+
+def test_a_log_of_quick_moves_is_trusted(quick):
+    assert all(found.trusted and "the band holds" in found.messages[0] for _, found in quick)
+
+
+@pytest.mark.parametrize("seed", [4, 12])
+def test_a_drive_without_friction_is_not_made_worse(seed):
+    drive = drives.draw(seed, friction=False)
+    found = answer(drive)
+    raw, taken = (np.median(decibel(x, drive)) for x in (found.raw, found.frd))
+    assert taken < 1.05 * raw + 0.002
+    assert found.friction["Fc"] < 0.01 * drive.most
+
+
+def test_without_friction_in_the_model_it_is_the_plain_estimate():
+    found = answer(drives.draw(4, friction=False), lg.Model.of(friction="viscous"), seconds=10.0)
+    assert np.array_equal(found.frd.frdata, found.raw.frdata)
+    assert found.correction == 0.0 and found.friction == {}
+
+
+def test_friction_that_governs_a_log_is_warned_of():
+    drive = replace(drives.draw(12), Fc=0.12 * drives.draw(12).most, Fs=0.15 * drives.draw(12).most)
+    found = answer(drive, moving=False)
+    assert not found.trusted and found.correction > 2
+    assert "does not hold" in found.messages[0] and "moves" in found.messages[0]
+
+
+def test_a_log_without_reference_answers_too(quick):
+    drive = drives.draw(QUICK[2])
+    found = answer(drive, columns=("t", "u", "theta"))
+    assert not found.reference and quick[2][1].reference
+    assert np.median(decibel(found.frd, drive)) < 0.1
+
+
+def test_runs_are_averaged():
+    drive = drives.draw(2)
+    logs = [drives.log(drive, 15.0, run=k) for k in (1, 2, 3)]
+    one, three = (lg.frequency_response(x, lg.Model.of()) for x in (logs[:1], logs))
+    assert len(three.frequency) == len(one.frequency)
+    assert np.median(decibel(three.frd, drive)) < 0.8 * np.median(decibel(one.frd, drive))
+
+
+def test_the_other_effects_of_the_model_are_taken_out():
+    drive = drives.draw(12)
+    log = drives.log(drive)
+    size = 0.5 * drive.Fc
+    # cogging of the logged torque: the same motion would have needed that much more
+    force = 2 * np.pi * np.fft.rfftfreq(len(log["t"]), 1 / drive.rate)
+    ahead = np.exp(1j * force / drive.rate) * (1 + 1j * force * drive.lag)
+    cogging = size * np.sin(7 * (log["theta"] + 0.5 * np.diff(log["theta"], append=0.0)))
+    cogging[-1] = 0.0
+    log["u"] = log["u"] + np.fft.irfft(np.fft.rfft(cogging) * ahead, len(cogging))
+    ripple = {"name": "torque_ripple", "harmonic": 7, "phase": 0.0, "amplitude": size}
+    without = lg.frequency_response(log, lg.Model.of())
+    found = lg.frequency_response(log, lg.Model.of(effects=[ripple]))
+    low = found.frequency < 2 * np.pi * 50
+    left, taken = (np.median(decibel(x.frd, drive)[low]) for x in (without, found))
+    assert taken < 0.5 * left and taken < 0.1
+
+
+@pytest.mark.slow
+@pytest.mark.sample
+def test_twenty_more_drives():
+    found = [(drive, answer(drive)) for drive in map(drives.draw, SLOW)]
+    for name, (median, most) in LIMITS.items():
+        taken = pooled(found, name, 1)
+        assert taken[0] <= 1.3 * median and taken[1] <= 2 * most, (name, taken)
+    assert np.mean(modes_inside(found)) >= 0.85

@@ -1,0 +1,118 @@
+"""What goes in and comes out: channels, refusals, plain data, the picture, the command."""
+
+from __future__ import annotations
+
+import json
+
+import control as ct
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.cli import main
+
+J, Fc = 0.02, 0.3
+MODEL = lg.Model.of(friction="coulomb")
+
+
+def log(n=8000, dt=2e-3, bias=0.0):
+    """A rigid axis with Coulomb friction, jogged with noise on top."""
+    t, rng = dt * np.arange(n), np.random.default_rng(0)
+    w = bias + 10 * np.sin(20 * t) + np.convolve(rng.normal(0, 2, n), np.ones(5), "same")
+    return {"t": t, "u": J * np.gradient(w, t) + Fc * np.sign(w), "w": w}
+
+
+@pytest.fixture(scope="module")
+def found():
+    return lg.frequency_response(log(), MODEL)
+
+
+def test_a_log_of_speed_answers(found):
+    body = np.abs(found.frequency * J * found.magnitude - 1)
+    assert np.median(body[found.frequency < 60]) < 0.03
+    assert found.friction["Fc"] == pytest.approx(Fc, rel=0.05)
+
+
+def test_it_is_an_frd_of_the_sampled_axis(found):
+    assert isinstance(found.frd, ct.FrequencyResponseData) and found.frd.dt == pytest.approx(2e-3)
+    assert np.allclose(np.abs(found.frd.frdata[0, 0]), found.magnitude)
+    assert np.allclose(np.exp(1j * found.phase), np.exp(1j * np.angle(found.frd.frdata[0, 0])))
+    assert isinstance(found, lg.results.FrequencyResponse)
+
+
+def test_plain_data_and_a_short_text(found):
+    made = json.loads(found.to_json())
+    keys = ("frequency", "magnitude", "phase", "low", "high", "coherence")
+    assert {len(made[k]) for k in keys} == {len(found.frequency)}
+    assert made["gains"] is None and made["modes"] == [m.summary() for m in found.modes]
+    assert "kg m2" in repr(found) and len(repr(found).splitlines()) < 15
+
+
+def test_the_picture_shows_magnitude_phase_and_coherence(found):
+    axes = found.plot()
+    assert [ax.get_ylabel().split(" ")[0] for ax in axes] == ["|P|", "phase", "coherence"]
+    line = next(x for x in axes[0].lines if x.get_label() == "friction taken out")
+    assert (np.isnan(line.get_ydata()) == ~found.certain).all()
+    plt.close(axes[0].figure)
+
+
+def test_an_axis_that_never_reverses_keeps_its_response():
+    found = lg.frequency_response(log(bias=40.0), MODEL)
+    assert np.array_equal(found.frd.frdata, found.raw.frdata)
+    assert any("never reverses" in one for one in found.messages)
+
+
+def test_a_log_that_excites_too_little_is_not_trusted():
+    t = 2e-3 * np.arange(8000)
+    w = 10 * np.sin(20 * t)
+    noise = np.random.default_rng(1).normal(0, 0.05, (2, 8000))
+    slow = {"t": t, "u": J * np.gradient(w, t) + Fc * np.sign(w) + noise[0], "w": w + noise[1]}
+    found = lg.frequency_response(slow, MODEL)
+    assert found.certain.mean() < 0.5 and "points are certain" in " ".join(found.messages)
+    assert found.modes == () and not any(np.isfinite(found.low[~found.certain]))
+
+
+def test_what_cannot_be_taken_out_is_named():
+    model = lg.Model.of(friction="coulomb", effects=[{"name": "inertia_step"}])
+    assert any(
+        "inertia_step is not taken" in m for m in lg.frequency_response(log(), model).messages
+    )
+    with pytest.raises(lg.InputError, match="amplitude, phase must be known"):
+        lg.frequency_response(log(), lg.Model.of(friction="coulomb", effects="gravity"))
+
+
+def test_unfit_logs_are_refused():
+    with pytest.raises(lg.Refused, match="longest stretch"):
+        lg.frequency_response(log(n=300), MODEL)
+    with pytest.raises(lg.InputError, match="one sampling rate"):
+        lg.frequency_response([log(), log(dt=1e-3)], MODEL)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    lg.write_model(MODEL, tmp_path / "my.toml")
+    for name, n in (("run.csv", 8000), ("short.csv", 300)):
+        rows = np.column_stack([*log(n).values()])
+        head = "t,u [N m],w [rad/s]"
+        np.savetxt(tmp_path / name, rows, "%.9g", ",", header=head, comments="")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_the_command_prints_and_draws(folder, capsys):
+    assert main(["bode", "run.csv", "--model", "my.toml", "--out", "bode.png"]) == 0
+    said = capsys.readouterr()
+    assert said.out.startswith("Frequency response") and "picture: bode.png" in said.err
+    assert (folder / "bode.png").stat().st_size > 10_000
+    assert main(["bode", "run.csv", "--model", "my.toml", "--json"]) == 0
+    made = json.loads(capsys.readouterr().out)
+    assert made["provenance"]["files"][0]["name"] == "run.csv" and made["coherence"]
+
+
+def test_the_command_refuses_with_a_code_of_its_own(folder, capsys):
+    assert main(["bode", "short.csv", "--model", "my.toml", "--json"]) == 3
+    said = capsys.readouterr()
+    assert json.loads(said.out)["frequency"] == [] and "longest stretch" in said.err
+    assert main(["bode", "run.csv", "--model", "my.toml", "--out", "bode.txt"]) == 2
+    assert "picture must be a file" in capsys.readouterr().err
