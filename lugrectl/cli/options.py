@@ -73,10 +73,7 @@ def parser() -> argparse.ArgumentParser:
         "--model", metavar="MODEL.toml", help="the declared model, if there is one"
     )
     drawing.add_argument("--out", metavar="FILE", help="picture to write: .png, .svg, .pdf or .jpg")
-    axis = _command(made, "bode", bode.bode, "frequency response of the axis, friction taken out")
-    _logs(axis)
-    axis.add_argument("--model", required=True, metavar="MODEL.toml", help="the declared model")
-    axis.add_argument("--out", metavar="FILE", help="picture to write: .png, .svg, .pdf or .jpg")
+    _axis(_command(made, "bode", bode.bode, "frequency response of the axis, friction taken out"))
     paper = _command(made, "reproduce", commands.reproduce, "recompute the source paper")
     paper.add_argument("--out", metavar="DIR", help="write reproduce.html and reproduce.json there")
     _checks(_command(made, "check", lookups.check, "linear checks: l2, spr, bandwidth, stability"))
@@ -88,6 +85,12 @@ def parser() -> argparse.ArgumentParser:
     _command(made, "model", lookups.template, "print a commented model file to start from")
     _command(made, "schema", lookups.schema, "print the JSON schema of report.json")
     return top
+
+
+def _axis(command: argparse.ArgumentParser) -> None:
+    _logs(command)
+    command.add_argument("--model", required=True, metavar="MODEL.toml", help="the declared model")
+    command.add_argument("--out", metavar="FILE", help="picture to write: .png, .svg, .pdf or .jpg")
 
 
 def _command(made: Any, name: str, run: Callable[..., int], what: str) -> argparse.ArgumentParser:

@@ -10,6 +10,7 @@ from ..diagnosis.result import Diagnosis
 from ..estimates.covariance import Joint, Residuals
 from ..estimates.findings import Candidate, Estimate, Finding, FrictionMap, Table, Traces
 from ..estimates.fitted import Parameter, ParameterTable
+from ..hunting import HuntingMap, LimitCycles
 from ..identification.balance import Balance
 from ..identification.selection import Comparison
 from ..linear.band import BandwidthVerdict
@@ -28,8 +29,8 @@ from ..sweeps import Sweep
 __all__ = [
     "Balance", "BandwidthVerdict", "Candidate", "Certificate", "Compared", "ComparedLaw",
     "Comparison", "Compensation", "Design", "DesignChecks", "Diagnosis", "Estimate", "Excitation",
-    "Finding", "Fleet", "FrequencyResponse", "FrictionMap", "Identification", "Joint", "L2Verdict",
-    "LawComparison",
+    "Finding", "Fleet", "FrequencyResponse", "FrictionMap", "HuntingMap",
+    "Identification", "Joint", "L2Verdict", "LawComparison", "LimitCycles",
     "ObserverComparison", "ObserverDesign", "Outcome", "Parameter", "ParameterTable",
     "PassivityVerdict", "RankedObserver", "Recommendation", "Repair", "Reproduction", "Residuals",
     "Run", "SprVerdict", "StabilityVerdict", "Sweep", "Table", "Traces",
