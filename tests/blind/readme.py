@@ -112,7 +112,7 @@ def cycles() -> str:
     )
     rows = [(name, swing(alike[name].cycle), swing(raised[name].cycle)) for name in names]
     head = (
-        "limit cycle, friction believed 1.2 times too high",
+        "cycle after 0.1 rad, friction believed 1.2 times",
         "same gains",
         "same linear feedback",
     )
