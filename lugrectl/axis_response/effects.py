@@ -64,8 +64,8 @@ def _whole(part: Part) -> Part:
     missing = [k for k, v in part.values.items() if v is None]
     if missing:
         raise InputError(
-            f"{part.key}: {', '.join(missing)} must be known to take it out; lugrectl identify "
-            "--out DIR writes a model with the value."
+            f"{part.key}: {', '.join(missing)} must be known to take it out: identify it, and give "
+            "the model with its value."
         )
     return part
 
