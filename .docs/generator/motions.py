@@ -86,10 +86,11 @@ def tracking(m: Motion) -> dict[str, np.ndarray]:
     late = {k: np.interp(m.t - LATE, m.t, getattr(m, k)) for k in ("theta", "w")}
     s = (late["w"] - m.w) + 20.0 * (late["theta"] - m.theta)
     ar = m.a - 20.0 * (late["w"] - m.w)
+    braking = m.u - DRIVE.J * m.a
     return {
         "r": m.theta, "dr": m.w, "ddr": m.a, "a": m.a, "r_cmd": m.theta,
         "y": late["theta"], **late, "e": late["theta"] - m.theta,
-        "s": s, "ar": ar, "u": m.u, "u_cmd": m.u, "Fhat": m.u - DRIVE.J * m.a,
+        "s": s, "ar": ar, "u": m.u, "u_cmd": m.u, "Fhat": braking,
         "ahat": DRIVE.Fc + 0.0 * m.t,
-        "ws": m.w, "wp": m.w, "wp_late": late["w"],
+        "ws": m.w, "wp": m.w, "wp_late": late["w"], "v_late": braking,
     }  # fmt: skip

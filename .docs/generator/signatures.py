@@ -80,8 +80,9 @@ def caption(entry: Entry) -> str:
 
 
 def _closed(entry: Entry) -> bool:
-    """Whether the controller acts on the sliding error: it adapts, so only a loop shows it."""
-    return {"s", "ar"} <= {*entry.inputs}
+    """Whether the controller acts on the sliding error: it adapts, so only a loop shows it. One
+    whose memory is an input does not fit into a ready-made loop."""
+    return {"s", "ar"} <= {*entry.inputs} and "v_late" not in entry.inputs
 
 
 def _effect_words(entry: Entry) -> str:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..blocks.friction import level
 from ..identification.dataset.measured_bristle import along
 from .load_side import LoadMotion
 from .runs import FINER, Run, means
@@ -60,14 +61,14 @@ def _levels(
     and Stribeck term in each interval."""
     z = along(*strokes, distance)
     middle = 0.5 * (z + np.append(0.0, z[:-1]))
-    return z, np.stack([means(middle), means(middle * np.exp(-((speed / vs) ** 2)))], axis=1)
+    return z, np.stack([means(middle), means(middle * level(speed, 0.0, 1.0, vs))], axis=1)
 
 
 def impossible(names: Sequence[str], levels: Sequence[float]) -> str | None:
     """A term whose level no friction has, to be left out; of several, the least certain first."""
     found = dict(zip(names, levels, strict=True))
-    for level, change in (("load Fc", "load dF"), ("Fc", "dF")):
-        whole = found.get(level, 0.0)
+    for key, change in (("load Fc", "load dF"), ("Fc", "dF")):
+        whole = found.get(key, 0.0)
         if change in found and not -FALLS * whole <= found[change] <= STEEPEST * whole:
             return change
     return next((k for k in ("load Fc", "damping", "Fc") if found.get(k, 0.0) < 0.0), None)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..blocks.friction import level
 from .motion import Motion
 
 FALLS = 10  # speeds at which friction may fall to its Coulomb level
@@ -101,7 +102,7 @@ def cosine(s: Stroke) -> np.ndarray:
 
 def fall(vs: float) -> Column:
     """Friction above its Coulomb level near rest (Stribeck)."""
-    return lambda s: -s.integral(np.sign(s.v) * np.exp(-((s.v / vs) ** 2)))
+    return lambda s: -s.integral(np.sign(s.v) * level(s.v, 0.0, 1.0, vs))
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_banded
 
+from ..blocks.friction import level
 from .momentum import Fitted, memory
 
 KNOTS = 150  # of a period
@@ -46,7 +47,7 @@ class Swing:
         slope = p[2] * ds + p[3]
         if len(p) > 4:
             fall, vs = p[4], np.exp(p[5])
-            g = np.exp(-((v / vs) ** 2))
+            g = level(v, 0.0, 1.0, vs)
             columns += [s * g, fall * s * g * 2 * (v / vs) ** 2]
             slope = slope + fall * g * (ds - 2 * s * v / vs**2)
         return np.array(columns), p[0] * np.cos(x) - p[1] * np.sin(x), slope

@@ -69,7 +69,6 @@ LATE = 0.02  # s, above which it is compared with none: slow turning looks like 
 NO_DELAY = 1e-3  # prior of one that is to be none, samples
 FEWEST_CHANGES = 4  # independent changes of u without which inertia looks like a delay
 
-
 # Friction near rest: what no other term shows, as priors in Fc. Half of these: widths of Fc, Fv
 TURNS = (((0.0, 3e-3), 0.7), ((3e-3, 3e-2), 0.5))  # distances, in speed times half-width
 DIPS = ((0.003, 0.3), (0.008, 0.2), (0.02, 0.2), (0.05, 0.1))  # speeds, in top speeds

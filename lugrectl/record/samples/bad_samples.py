@@ -14,9 +14,8 @@ from .rows import Stamped, count, runs
 ONE = "{role} at {place} is {value}, {why}: left out."
 MANY = "{role} is {why} in {rows}, first at {place} ({value}): left out."
 NO_SENSOR = "which no sensor gives"
-_RARE = 0.99  # of the rows change their speed less than a reversal does
-
 OFF = "far off its neighbours"
+_RARE = 0.99  # of the rows change their speed less than a reversal does
 
 
 def leave_out(log: Stamped, role: str, bad: np.ndarray, why: str, many: str = "") -> None:

@@ -30,7 +30,7 @@ def leave_out_stuck(log: Stamped, role: str, a: np.ndarray, b: np.ndarray) -> No
             ):
                 bad[start:stop] = True
     if bad.any():
-        bad |= _kept(x) & (role == "w")
+        bad = bad | _kept(x) if role == "w" else bad
         _say(log, role, bad)
         x = x.copy()
         x[bad] = np.nan
@@ -42,7 +42,7 @@ def _kept(x: np.ndarray) -> np.ndarray:
     made = np.zeros(len(x), bool)
     for a, n in runs(np.r_[False, np.diff(x) == 0]):
         made[a - 1 : a + n] = n >= _LONG and x[a] != 0
-    return made if _differ(x[~made]) else ~np.isfinite(x)
+    return made & _differ(x[~made])
 
 
 def _without_noise(x: np.ndarray, start: int, stop: int) -> bool:
@@ -52,7 +52,7 @@ def _without_noise(x: np.ndarray, start: int, stop: int) -> bool:
 
 def _differ(x: np.ndarray) -> bool:
     """Whether nearly every sample differs from the one before."""
-    return bool(np.mean(np.diff(x) == 0) < 0.05)
+    return len(x) > 1 and bool(np.mean(np.diff(x) == 0) < 0.05)
 
 
 def _same(x: np.ndarray, row: int, way: int) -> tuple[int, int]:
