@@ -16,7 +16,7 @@ from .scatter import SCALE, interval, student
 
 LEVELS = 4  # different speeds, at least
 COVERED = 0.6  # of the moving rows, that must be on plateaus
-PARTS = 8  # of a plateau, whose scatter tells its error
+PARTS = 8  # of a plateau, at most, whose scatter tells its error
 SLOWLY = 2.0  # times its change from row to row, by which a torque wanders: no noise of a loop
 SWINGING = 0.25  # of the torque's RMS, by which its mean is no friction where the speed swings
 LOWEST = 0.25  # of the slowest plateau, where a fall is tried at least
@@ -53,8 +53,8 @@ def staircase(motions: Sequence[Motion], motion: str) -> BenchTest | None:
 def _torque(p: Plateau) -> tuple[float, float]:
     """The mean torque of a plateau and its standard error."""
     u = p.motion.u[p.at]
-    means = np.array([part.mean() for part in np.array_split(u, PARTS)])
-    error = float(np.std(means, ddof=1)) / np.sqrt(PARTS)
+    parts = np.array_split(u, min(PARTS, len(u)))
+    error = float(np.std([part.mean() for part in parts], ddof=1) / np.sqrt(len(parts)))
     slow = float(np.std(u)) > SLOWLY * float(np.std(np.diff(u)))
     if p.swings or slow:
         error = np.hypot(error, SWINGING * float(np.std(u)))

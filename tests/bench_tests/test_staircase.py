@@ -32,3 +32,15 @@ def test_fast_plateaus_say_nothing_of_static_friction():
     (test,) = lg.balance(stairs(2.5)).bench_tests
     assert set(test.values) == {"Fc", "Fv"} and "slow and steady enough for Fs" in test.text
     assert test.values["Fc"].value == pytest.approx(DRIVE.Fc, rel=0.03)
+
+
+def test_short_plateaus_of_a_slow_log_are_plateaus():
+    """At 10 Hz a settled plateau of 2 s has five rows or so."""
+    levels = np.repeat(np.r_[1.0:9.0, -1.0:-9.0:-1.0], 20)
+    u = np.sign(levels) * DRIVE.Fc + DRIVE.Fv * levels
+    log = {"t": np.arange(len(levels)) / 10, "u": u, "w": levels}
+    noise = np.random.default_rng(3).normal(0, 1e-3, (2, len(levels)))
+    log = log | {"u": u + noise[0], "w": levels + noise[1]}
+    (test,) = lg.balance(log).bench_tests
+    assert test.kind == "staircase" and test.values["Fc"].may_be(DRIVE.Fc)
+    assert test.values["Fc"].value == pytest.approx(DRIVE.Fc, rel=0.02)

@@ -11,6 +11,7 @@ NOTHING = 1e-4  # torque, misfit, friction: below the last digit of any log. Hal
 RARE = 0.01  # windows with torque in a dead channel; a step that is the last. Half: CPU
 SMALL = 0.05  # half-width of a certain value in RMS torques; a gain; a column. Half: fewer values
 LITTLE = 0.1  # friction, a part of a sum, spread of a steady speed. Half: fewer maps, longer sums
+KNOWN_INERTIA = 0.5  # half-width of an inertia that is known, in that inertia
 QUARTER = 0.25  # half-width of a certain value, in that value. Half: fewer values
 MAJORITY = 0.5  # rest in a window, coherence, noise in a derivative of u. Half: short strokes lost
 ALL_LEFT = 0.7  # of the torque, above which nothing is explained. Half: measured servos refused

@@ -11,7 +11,7 @@ from ...blocks.block import unit_for
 from ...blocks.model import Model
 from ...core.numeric import rms
 from ...estimates.findings import Estimate
-from .constants import LITTLE, MOST_PARTS, QUARTER, SMALL
+from .constants import KNOWN_INERTIA, LITTLE, MOST_PARTS, QUARTER, SMALL
 from .declared import DELAY, Use
 from .fit import Fit
 from .result import Combination
@@ -61,9 +61,11 @@ class Answer:
 
     def is_certain(self, half: float, torque: float) -> bool:
         """Half-width below 5 % of the torque or a quarter of the value; a phase to a quarter
-        rad."""
+        rad; an inertia to half of itself, because gains and feedforward follow from it."""
         if self.angle:
             return half < QUARTER
+        if self.key == "J":
+            return half < KNOWN_INERTIA * abs(self.value)
         small = half * self.torque < SMALL * torque
         return small or half < QUARTER * abs(self.value)
 

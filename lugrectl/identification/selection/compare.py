@@ -12,6 +12,7 @@ from ...blocks.model import Model
 from ...core.numeric import rms
 from ...record.stretches import Stretch
 from ..balance import Balance, balance
+from ..balance.constants import KNOWN_INERTIA
 from ..balance.speed_channel import sensors_of
 from ..balance.track import tracks_of
 from ..candidates.base_model import WEIGHT, Base, Record
@@ -274,7 +275,7 @@ def _inertia(plain: Balance, declared: dict[str, float]) -> tuple[tuple[float, f
     if known is None or known.ci95 is None:
         return None, bool(declared.get("J"))
     half = max(0.5 * (known.ci95[1] - known.ci95[0]), HELD * abs(known.value))
-    sure = known.value > 0 and half < 0.5 * known.value
+    sure = known.value > 0 and half < KNOWN_INERTIA * known.value
     if known.value > 0 and half < 0.3 * known.value:
         return (known.value - half, known.value + half), True
     return None, sure or bool(declared.get("J"))
