@@ -7,6 +7,7 @@ import math
 import sys
 import textwrap
 from argparse import Namespace
+from collections.abc import Mapping
 from functools import partial
 from importlib import resources
 from typing import Any
@@ -21,18 +22,12 @@ from .plotting import drawn, format_of
 PAPER = {"velocity": {"kp": 1.6, "ki": 0.16}, "position": {"kp": 15.0, "ki": 1.55}}
 PAPER_K2 = 22.0
 _MADE = {"spr": "T", "bandwidth": "loop_tf", "stability": "L"}  # of which transfer function
-_UNITS = {
-    "gain": "",
-    "frequency": "rad/s",
-    "bandwidth": "rad/s",
-    "hertz": "Hz",
-    "margin": "1/s",
-    "band_edge": "rad/s",
-    "gain_margin": "",
-    "phase_margin": "deg",
-    "modulus_margin": "",
-    "delay_margin": "s",
-}
+_BRISTLES = ("J", "sigma0", "sigma1")
+_NEEDED = {"l2": _BRISTLES, "spr": _BRISTLES, "passivity": ("sigma1", "Fc", "Fs", "Fv", "vs")}
+_SHOWN = (
+    *("gain", "frequency", "bandwidth", "hertz", "margin", "band_edge", "gain_margin"),
+    *("phase_margin", "modulus_margin", "delay_margin", "least_Fv", "largest_sigma1", "speed"),
+)
 
 
 def check(a: Namespace) -> int:
@@ -42,6 +37,8 @@ def check(a: Namespace) -> int:
     loop = a.loop or ("position" if a.property == "spr" else "velocity")
     kind = None if a.plot is None else format_of(a.plot, "--plot")
     T = transfer(a)
+    if T is not None and a.property == "passivity":
+        raise InputError("--num: passivity is about the friction of a model; give it --model.")
     p, name = _parameters(a) if T is None else (None, None)
     level = "half-power" if a.half_power else "-3dB"
     verdict_of = {
@@ -49,9 +46,12 @@ def check(a: Namespace) -> int:
         "spr": linear.spr_check,
         "bandwidth": partial(linear.bandwidth_check, level=level),
         "stability": linear.stability_check,
+        "passivity": linear.passivity_check,
     }[a.property]
     if T is not None:
         gains, about, verdict = {}, {"transfer": transfer_facts(a)}, verdict_of(T)
+    elif a.property == "passivity":
+        gains, about, verdict = {}, {}, verdict_of(p)
     elif a.property == "l2":
         gains = {"K2": PAPER_K2 if a.K2 is None else a.K2}
         verdict, about = linear.l2_check(p, **gains), {}
@@ -64,7 +64,7 @@ def check(a: Namespace) -> int:
     facts = {"schema": 1, "check": a.property, **about, "model": name, "gains": gains}
     facts |= verdict.summary()
     said = drawn(verdict, a.plot, kind, "--plot") if kind else ""
-    print_out(_document(facts) if a.json else _check_text(facts))
+    print_out(_document(facts) if a.json else _check_text(facts, verdict._units))
     if said:
         print(f"lugrectl: {said}", file=sys.stderr)
     return 0 if verdict else 1
@@ -77,7 +77,7 @@ def _parameters(a: Namespace) -> tuple[Any, str]:
     if a.model is None:
         return table1(), "Table 1"
     model = read_model(a.model)
-    needed = ("J", "sigma0", "sigma1") if a.property in ("l2", "spr") else ("J",)
+    needed = _NEEDED.get(a.property, ("J",))
     values = model.values()
     if set(needed) - set(values):
         raise InputError(
@@ -89,7 +89,7 @@ def _parameters(a: Namespace) -> tuple[Any, str]:
         raise InputError(
             f"{a.model}: {a.property} needs {' and '.join(missing)}, which the file does not give."
         )
-    return Namespace(**values), model.name
+    return (model if a.property == "passivity" else Namespace(**values)), model.name
 
 
 def _gains(a: Namespace, loop: str) -> dict[str, float]:
@@ -108,31 +108,34 @@ def _unused(a: Namespace) -> None:
         "spr": ("K2", *filters),
         "bandwidth": ("K2",),
         "stability": ("K2", *filters),
+        "passivity": (*loop, *filters, "K2", "dead_time", "dt"),
     }[a.property]
     if a.num is not None:
         names = ("model", "K2", *loop, "prefilter", *filters[1:])
         names = names[: -1 if a.property == "bandwidth" else None]
     extra = [f"--{k.replace('_', '-')}" for k in names if getattr(a, k) is not None]
-    extra += [f"--{a.loop}"] if a.loop and (a.property == "l2" or a.num is not None) else []
+    extra += [f"--{a.loop}"] if a.loop and (a.property in ("l2", "passivity") or a.num) else []
     if extra:
-        said = f"note: {', '.join(extra)} has no effect on {a.property} and was not used."
+        said = f"note: {a.property} does not depend on {', '.join(extra)}: not used."
         print(f"lugrectl: {said}", file=sys.stderr)
 
 
-def _check_text(facts: dict[str, Any]) -> str:
+def _check_text(facts: dict[str, Any], units: Mapping[str, str]) -> str:
     about = f"{facts['loop']} loop of " if "loop" in facts else ""
     gains = ", ".join(f"{k} {v:g}" for k, v in facts["gains"].items())
     gains += ", prefilter 2/(s + 2)" if facts.get("prefilter") else ""
     said = [facts[k].rstrip(".") + "." for k in ("reason", "meaning", "repair") if facts.get(k)]
-    what = f"{about}{facts['model']}, {gains}"
+    what = about + ", ".join(filter(None, (facts["model"], gains)))
     if "transfer" in facts:
         what = written(facts["transfer"])
     lines = [
         f"{_answer(facts)}: {what}",
         *(textwrap.fill(s, 80, initial_indent="  ", subsequent_indent="  ") for s in said),
     ]
-    known = {k: unit for k, unit in _UNITS.items() if k in facts and not math.isnan(facts[k])}
-    lines += [f"  {k}: {facts[k]:.6g} {u}".rstrip() + _where(facts, k) for k, u in known.items()]
+    known = [k for k in _SHOWN if k in facts and not math.isnan(facts[k])]
+    lines += [
+        f"  {k}: {facts[k]:.6g} {units.get(k, '')}".rstrip() + _where(facts, k) for k in known
+    ]
     return "\n".join(lines)
 
 
@@ -153,6 +156,8 @@ def _answer(facts: dict[str, Any]) -> str:
         return "finite L2 gain" if facts["holds"] else "no finite L2 gain"
     if facts["check"] == "spr":
         return "SPR" if facts["holds"] else "not SPR"
+    if facts["check"] == "passivity":
+        return "passive friction" if facts["holds"] else "friction that is not passive"
     if facts["check"] == "stability":
         return "stable loop" if facts["holds"] else "unstable loop"
     if math.isnan(facts["bandwidth"]):

@@ -31,41 +31,20 @@ def parser() -> argparse.ArgumentParser:
     made = top.add_subparsers(dest="command", metavar="COMMAND")
     top.set_defaults(run=lambda a: print(top.format_help(), end="") or 0, parser=top)
     top.format_help = lambda: overview(top, made)
+    for add in (_on_records, _on_models, _looked_up):
+        add(made)
+    return top
+
+
+def _on_records(made: Any) -> None:
     demo = _command(made, "demo", commands.demo, "diagnose a sample record that is included")
     _results(demo, out="lugrectl-demo")
     demo.add_argument(
         "--seed", type=_seed, default=0, metavar="N", help="seed of random numbers (default: 0)"
     )
-    diagnose = _command(made, "diagnose", commands.diagnose, "name what is missing from the model")
-    _records(diagnose)
-    diagnose.add_argument(
-        "--time-limit",
-        type=_positive,
-        default=270.0,
-        metavar="S",
-        help="seconds after which the fit stops itself (default: 270); what was compared before "
-        "stands all the same",
+    _diagnosing(
+        _command(made, "diagnose", commands.diagnose, "name what is missing from the model")
     )
-    diagnose.add_argument(
-        "--least",
-        type=_share,
-        metavar="SHARE",
-        help="smallest torque that matters, as a share of RMS friction torque (default: 0.015)",
-    )
-    diagnose.add_argument(
-        "--alpha",
-        type=_share,
-        metavar="P",
-        help="chance of naming something where nothing is missing (default: 0.01)",
-    )
-    diagnose.add_argument(
-        "--compensate",
-        choices=("velocity", "position"),
-        help="also close this control loop in simulation: friction compensation with the "
-        "declared and with the augmented model, and the tracking error of both, on the exact model "
-        "and on drives like the recorded one",
-    )
-    _fleet(diagnose)
     _records(_command(made, "identify", commands.identify, "fit the declared model only"))
     drawing = _command(made, "plot", plotting.plot, "draw a log as it was read, and its friction")
     _logs(drawing)
@@ -74,17 +53,56 @@ def parser() -> argparse.ArgumentParser:
     )
     drawing.add_argument("--out", metavar="FILE", help="picture to write: .png, .svg, .pdf or .jpg")
     _axis(_command(made, "bode", bode.bode, "frequency response of the axis, friction taken out"))
-    paper = _command(made, "reproduce", commands.reproduce, "recompute the source paper")
-    paper.add_argument("--out", metavar="DIR", help="write reproduce.html and reproduce.json there")
-    _checks(_command(made, "check", lookups.check, "linear checks: l2, spr, bandwidth, stability"))
+
+
+def _on_models(made: Any) -> None:
+    _command(made, "model", lookups.template, "print a commented model file to start from")
+    _checks(
+        _command(made, "check", lookups.check, "checks: l2, spr, bandwidth, stability, passivity")
+    )
     _hunting(_command(made, "hunt", hunting.hunt, "find friction limit cycles of a position loop"))
+
+
+def _looked_up(made: Any) -> None:
     known = _command(made, "effects", lookups.effects, "list the effects, or explain one")
     known.add_argument(
         "name", nargs="?", metavar="NAME", help="an effect; common names such as cogging will do"
     )
-    _command(made, "model", lookups.template, "print a commented model file to start from")
     _command(made, "schema", lookups.schema, "print the JSON schema of report.json")
-    return top
+    paper = _command(made, "reproduce", commands.reproduce, "recompute the source paper")
+    paper.add_argument("--out", metavar="DIR", help="write reproduce.html and reproduce.json there")
+
+
+def _diagnosing(command: argparse.ArgumentParser) -> None:
+    _records(command)
+    command.add_argument(
+        "--time-limit",
+        type=_positive,
+        default=270.0,
+        metavar="S",
+        help="seconds after which the fit stops itself (default: 270); what was compared before "
+        "stands all the same",
+    )
+    command.add_argument(
+        "--least",
+        type=_share,
+        metavar="SHARE",
+        help="smallest torque that matters, as a share of RMS friction torque (default: 0.015)",
+    )
+    command.add_argument(
+        "--alpha",
+        type=_share,
+        metavar="P",
+        help="chance of naming something where nothing is missing (default: 0.01)",
+    )
+    command.add_argument(
+        "--compensate",
+        choices=("velocity", "position"),
+        help="also close this control loop in simulation: friction compensation with the "
+        "declared and with the augmented model, and the tracking error of both, on the exact model "
+        "and on drives like the recorded one",
+    )
+    _fleet(command)
 
 
 def _axis(command: argparse.ArgumentParser) -> None:
@@ -199,12 +217,13 @@ def _checks(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
     add(
         "property",
-        choices=("l2", "spr", "bandwidth", "stability"),
+        choices=("l2", "spr", "bandwidth", "stability", "passivity"),
         help="l2: is the L2 gain of (J s + K2)/(sigma1 s + sigma0), from speed to bristle error "
         "of the proposed observer, finite; spr: is (sigma1 s + sigma0)/(J s^2 + C(s)) for the "
         "position loop, or (sigma1 s + sigma0)/(J s + C(s)) for the velocity loop, strictly "
         "positive real; bandwidth: bandwidth of the closed loop with friction compensated; "
-        "stability: is that loop stable, and what are its gain, phase, modulus and delay margin",
+        "stability: is that loop stable, and what are its gain, phase, modulus and delay margin; "
+        "passivity: can the friction of the model never give back more energy than it stores",
     )
     add("--model", metavar="MODEL.toml", help="default: Table 1 of the source paper")
     loop = command.add_mutually_exclusive_group()

@@ -164,7 +164,6 @@ def passivity(verdict: Any, ax: Any = None) -> Sequence[Axes]:
     def least(own: Axes) -> None:
         own.semilogx(w, power, color=LINE)
         own.axhline(0.0, color="0.4", lw=0.8)
-        own.set_yscale("asinh", linear_width=max(abs(verdict.margin), 1e-300))
         if math.isfinite(verdict.speed):
             label = f"may give energy back above {verdict.speed:.4g} rad/s"
             own.axvline(verdict.speed, color=MARK, ls="--", label=label)

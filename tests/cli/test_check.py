@@ -108,7 +108,7 @@ def test_a_transfer_function_that_cannot_be_understood_is_one_sentence(capsys, l
 
 def test_options_that_a_typed_transfer_function_leaves_without_a_part_are_named(capsys):
     _, _, err = run(capsys, "bandwidth --num 1 --den 1,1 --position --kp 3 --half-power")
-    assert "--kp, --position has no effect" in err and "half-power" not in err
+    assert "does not depend on --kp, --position: not used" in err and "half-power" not in err
 
 
 @pytest.mark.parametrize("what", ["spr", "l2", "bandwidth"])
@@ -159,9 +159,12 @@ def test_a_dead_time_is_in_the_loop_that_is_checked(capsys):
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("", "are required: property (l2, spr, bandwidth, stability)"),
-        ("--kp 3", "are required: property (l2, spr, bandwidth, stability)"),
-        ("foo", "no property 'foo' (choose from 'l2', 'spr', 'bandwidth', 'stability')"),
+        ("", "are required: property (l2, spr, bandwidth, stability, passivity)"),
+        ("--kp 3", "are required: property (l2, spr, bandwidth, stability, passivity)"),
+        (
+            "foo",
+            "no property 'foo' (choose from 'l2', 'spr', 'bandwidth', 'stability', 'passivity')",
+        ),
         ("bandwith", "there is no property 'bandwith' (did you mean bandwidth?)"),
         ("SPR", "there is no property 'SPR' (did you mean spr?)"),
         ("l2 --k2 3", "unrecognized arguments: --k2 3 (did you mean --K2?)"),
@@ -180,3 +183,19 @@ def test_stability_gives_all_margins_of_a_sampled_loop(capsys):
     assert found["Ms"] == pytest.approx(1 / found["modulus_margin"])
     _, text, _ = run(capsys, "stability --num 0.5,0.4 --den 1,-1.2,0.2 --dt 0.01")
     assert f"gain_margin: {found['gain_margin']:.6g} (" in text and " dB, at " in text
+
+
+def test_passivity_of_the_friction_says_which_values_would_do(capsys, tmp_path):
+    code, out, err = run(capsys, "passivity --kp 3")
+    assert code == 1 and out.startswith("friction that is not passive") and "--kp: not used" in err
+    assert "largest_sigma1: 0.1026 N m s/rad" in out and "speed: 4.51246 rad/s" in out
+    code, out, _ = run(capsys, "passivity --json")
+    least = json.loads(out)["least_Fv"]
+    file = tmp_path / "drive.toml"
+    values = f"sigma0 = 260\nsigma1 = 0.6\nFc = 0.285\nFs = 0.335\nvs = 0.01\nFv = {least}"
+    file.write_text(f'[plant]\nJ = 0.0022\n[friction]\nmodel = "lugre"\n{values}\n')
+    assert run(capsys, f"passivity --model {file}")[0] == 0
+    assert "--num: passivity is about" in run(capsys, "passivity --num 1 --den 1,2")[2]
+    file.write_text('[plant]\nJ = 0.0022\n[friction]\nmodel = "coulomb"\nFc = 0.3\nFv = 0.01\n')
+    code, _, err = run(capsys, f"passivity --model {file}")
+    assert code == 2 and "passivity is about LuGre friction" in err

@@ -109,7 +109,7 @@ def test_it_stays_short():
 
 @pytest.mark.parametrize("property", ["l2", "spr", "bandwidth", "stability"])
 def test_the_checks(property, capsys):
-    assert "`lugrectl check l2|spr|bandwidth|stability`" in TEXT
+    assert "`lugrectl check l2|spr|bandwidth|stability|passivity`" in TEXT
     assert main(["check", property]) in (0, 1)
     assert capsys.readouterr().out
 
