@@ -230,6 +230,16 @@ class Base:
         size = float(np.sqrt(np.mean(self.record.rows.a**2))) + 1e-300
         return max(float(self.made.b[0]), 1e-9 * self.view.scale.sigma / size)
 
+    @cached_property
+    def of_any_inertia(self) -> Base:
+        """The same with an inertia that no other answer holds: a part of what that one counted may
+        be a load's."""
+        if self.record.J is None:
+            return self
+        low, high = self.columns.low.copy(), self.columns.high.copy()
+        low[0], high[0] = 0.0, np.inf
+        return replace(self, columns=replace(self.columns, low=low, high=high))
+
     @property
     def written_late(self) -> float:
         """By how much its torque was written down after the motion, s; 0 where it was in time."""

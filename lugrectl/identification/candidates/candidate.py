@@ -202,7 +202,7 @@ def _with_its_inertia(base: Base, entry: Entry, columns: Columns, own: int) -> C
 
 
 def _beside(base: Base, entry: Entry) -> Columns:
-    c = base.columns
+    c = (base.of_any_inertia if entry.inertial else base).columns
     X = c.X
     if entry.u is not None or len(entry.instead):
         X = X.copy()
@@ -210,11 +210,7 @@ def _beside(base: Base, entry: Entry) -> Columns:
         m = base.record.motion
         X[:, 1] = base.record.mean(m.slope(entry.u)) * (1e-9 if entry.timed else 1.0)
     X[:, list(entry.instead)] = 0.0
-    low, high = c.low, c.high
-    if entry.inertial and base.record.J is not None:
-        low, high = low.copy(), high.copy()
-        low[0], high[0] = 0.0, np.inf
-    made = Columns(X, c.prior, low, high)
+    made = Columns(X, c.prior, c.low, c.high)
     return made if entry.columns is None else made + entry.columns
 
 

@@ -49,7 +49,7 @@ def springs(base: Base, block: Block) -> Iterator[Entry]:
     if {"load_inertia", "stiffness", "damping"} - {*block.own} or base.record.motion.dt > 0.02:
         return
     kinds, steps = _places(base, block)
-    known = base.known.get(block.name)
+    known, base = base.known.get(block.name), base.of_any_inertia
     firsts = [_best(base, block, kind) for kind in kinds] if known is None else [known]
     zooms = ZOOMS[2 if known else 0 :]
     polished = [_polished(base, block, first, steps, zooms) for first in firsts if first]

@@ -408,8 +408,9 @@ def _instead(
 
 
 def _large(c: Contender, best: Contender, least: float) -> bool:
-    """Whether a second effect is large enough to be named."""
-    large = c.share > least and c.size > max(UNKNOWN * least, SECOND * best.size)
+    """Whether a second effect is large enough to be named: beside the first, or in what stays."""
+    enough = min(SECOND * best.size, MOST * c.base.left)
+    large = c.share > least and c.size > max(UNKNOWN * least, enough)
     return large and c.gain > SECOND_GAIN * best.gain
 
 
