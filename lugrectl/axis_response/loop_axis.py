@@ -150,6 +150,9 @@ def _measured(
     most = float(np.max((w * np.abs(P) * (1.0 + error))[last]))
     G = P / (1j * w) * _hold(w, dt) / _hold(w, own) * np.exp(-1j * w * late)
     high = np.geomspace(w[-1], min(0.999 * end, ABOVE * w[-1]), BEYOND + 1)[1:]
+    if body is not None:  # a resonance that comes after the last frequency
+        far = np.geomspace(w[-1], high[-1], DENSE)
+        most = max(most, float(np.max(far * np.abs(body.response(far)) * (1.0 + body.radius(far)))))
     return Axis(
         np.r_[w, high],
         np.r_[G, np.zeros(BEYOND)],

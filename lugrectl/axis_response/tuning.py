@@ -93,8 +93,9 @@ def tune(
     Where the response is not certain, the fitted mechanics stands in for it with its interval if
     it agrees with it; else P may be wrong by |P| sqrt(1/coherence - 1), all that it does not
     explain. Below the lowest frequency the axis is a free inertia. Beyond the last one P is any
-    phase of a magnitude that falls as 1/w from its largest value in the last octave: a resonance
-    that is higher still is not covered. A response sampled at another rate is turned into that of
+    phase of a magnitude that falls as 1/w from its largest value in the last octave, or from the
+    peak that the fitted mechanics has there: a resonance of which the log shows nothing is not
+    covered. A response sampled at another rate is turned into that of
     ``rate`` by the ratio of the holds. The torque limit is not in it. The zeros of a P-PI are real,
     those of a PID have a damping of 0.7 or more.
 
