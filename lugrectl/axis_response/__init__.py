@@ -1,6 +1,8 @@
-"""The frequency response of an axis from an ordinary log, with friction taken out."""
+"""The frequency response of an axis with friction taken out, and the gains that it allows."""
 
 from .of_record import frequency_response
 from .result import FrequencyResponse
+from .tuned import Tuning
+from .tuning import tune
 
-__all__ = ["FrequencyResponse", "frequency_response"]
+__all__ = ["FrequencyResponse", "Tuning", "frequency_response", "tune"]

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..blocks.friction import level
-from ..identification.dataset.measured_bristle import along
+from ..blocks.measured_bristle import along
 from .load_side import LoadMotion
 from .runs import FINER, Run, means
 

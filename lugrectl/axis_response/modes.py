@@ -83,6 +83,12 @@ class Mechanics:
     def response(self, w: np.ndarray) -> np.ndarray:
         return np.exp(_log_response(self.x, w, self.dt)[0])
 
+    def radius(self, w: np.ndarray) -> np.ndarray:
+        """Of the 95 % disc of the response, as a share of it."""
+        rates = _log_response(self.x, w, self.dt)[1]
+        variance = np.einsum("ij,jk,ik->i", rates, self.V, rates.conj()).real
+        return np.sqrt(-np.log(0.05) * variance)
+
     def modes(self) -> tuple[Mode, ...]:
         """Every antiresonance and resonance within the measured frequencies, with intervals."""
         made = []

@@ -154,6 +154,7 @@ def _result(
         reference=runs[0].E is not None,
         motion=model.motion,
         messages=tuple(dict.fromkeys([*told, *said])),
+        mechanics=mechanics,
     )
 
 

@@ -13,7 +13,7 @@ from ..core.display import Row, noticed, number
 from ..core.provenance import Provenance
 from ..core.result import Result
 from ..core.views import view
-from .modes import Mode
+from .modes import Mechanics, Mode
 
 CERTAIN = 0.95  # coherence below which nothing is certain
 LARGE = 2.0  # dB of correction above which friction governs a log: no band holds there
@@ -60,6 +60,10 @@ class FrequencyResponse(Result):
         Whether a logged reference served as instrument.
     messages : tuple of str
         What was noticed, the verdict on friction first.
+    mechanics : Mechanics or None
+        The fitted model that inertia and modes are of; :func:`tune` reads it.
+    gains : Tuning or None
+        Of ``lugrectl bode --tune``.
     """
 
     frd: ct.FrequencyResponseData
@@ -77,6 +81,8 @@ class FrequencyResponse(Result):
     reference: bool = False
     motion: str = "rotary"
     messages: tuple[str, ...] = ()
+    mechanics: Mechanics | None = field(default=None, repr=False)
+    gains: Any = None
     provenance: Provenance | None = field(default=None, repr=False)
 
     @property
@@ -111,7 +117,7 @@ class FrequencyResponse(Result):
             "inertia": self.inertia,
             "friction": dict(self.friction),
             "reference": self.reference,
-            "gains": None,
+            "gains": None if self.gains is None else self.gains.summary(),
             "messages": list(self.messages),
             "provenance": self.provenance.summary() if self.provenance else None,
         }

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.fft import irfft, prev_fast_len, rfft, rfftfreq
 
-from ..identification.dataset.measured_bristle import strokes
+from ..blocks.measured_bristle import strokes
 from ..record import Record
 from ..record.record import smallest_step
 

@@ -1,4 +1,4 @@
-"""``lugrectl bode``: the frequency response of an axis, with friction taken out."""
+"""``lugrectl bode``: the frequency response of an axis, with friction taken out, and gains."""
 
 from __future__ import annotations
 
@@ -17,9 +17,13 @@ def bode(a: Namespace) -> int:
     """Print the response, and draw it into a file; a refusal is printed as JSON all the same."""
     from ..axis_response import frequency_response
     from ..record import read_log
+    from .tuning import check_options, of_model, said_of, with_gains
 
     kind = None if a.out is None else format_of(a.out)
+    check_options(a)
     model = declared(a)
+    if not a.records:
+        return of_model(a, model, kind)
     names = files(a.records)
     logs = [read_log(name, **reading(a), motion=model.motion) for name in names]
     try:
@@ -28,10 +32,13 @@ def bode(a: Namespace) -> int:
         if a.json:
             print_out(_refused(no))
         raise
+    found, no = with_gains(found, a, model)
     said = drawn(found, a.out, kind) if kind else ""
-    print_out(found.to_json() if a.json else repr(found))
+    print_out(found.to_json() if a.json else said_of(found))
     if said:
         print(f"lugrectl: {said}", file=sys.stderr)
+    if no:
+        raise no
     return 0
 
 

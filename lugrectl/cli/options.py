@@ -106,9 +106,23 @@ def _diagnosing(command: argparse.ArgumentParser) -> None:
 
 
 def _axis(command: argparse.ArgumentParser) -> None:
-    _logs(command)
-    command.add_argument("--model", required=True, metavar="MODEL.toml", help="the declared model")
-    command.add_argument("--out", metavar="FILE", help="picture to write: .png, .svg, .pdf or .jpg")
+    _logs(command, "*")
+    add = command.add_argument
+    add("--model", required=True, metavar="MODEL.toml", help="the declared model")
+    add("--out", metavar="FILE", help="picture to write: .png, .svg, .pdf or .jpg")
+    gains = command.add_argument_group(
+        "gains",
+        "Without a record they are those of the model, whose values must be known. The controller "
+        "runs at the rate of the record; without one at --rate, else in continuous time.",
+    )
+    what = "also the gains with the most bandwidth for every axis in the band"
+    gains.add_argument("--tune", choices=("P-PI", "PID", "PI"), help=what)
+    what = "with --tune: largest peak of the sensitivity (default: 1.6)"
+    gains.add_argument("--ms", type=_positive, metavar="X", help=what)
+    what = "with --tune: dead time in the loop that the record does not show"
+    gains.add_argument("--dead-time", type=_finite, metavar="S", help=what)
+    what = "with --tune: as little integral action as keeps the loop from hunting"
+    gains.add_argument("--no-hunting", action="store_true", help=what)
 
 
 def _command(made: Any, name: str, run: Callable[..., int], what: str) -> argparse.ArgumentParser:
@@ -138,12 +152,12 @@ def _results(command: argparse.ArgumentParser, out: str | None = None) -> None:
     )
 
 
-def _logs(command: argparse.ArgumentParser) -> None:
+def _logs(command: argparse.ArgumentParser, many: str = "+") -> None:
     """The logs, and how to read them."""
     add = command.add_argument
     add(
         "records",
-        nargs="+",
+        nargs=many,
         metavar="RECORD",
         help="text (CSV and the like), JSON, MAT, NPY, NPZ, HDF5, Parquet or Excel file, or - for "
         "standard input; several files are runs of one drive",

@@ -20,9 +20,8 @@ FLOORS = {  # of each folder, from the ground up: a room imports from lower floo
         {"blocks", "engine", "parallel", "record"},
         {"linear", "loops", "estimates", "simulation"},
         {"design", "hunting", "identification", "sweeps"},
-        {"axis_response", "bench_tests", "compensated_loop"}
-        | {"friction_maps", "observer_comparison", "report"},
-        {"diagnosis", "paper"},
+        {"bench_tests", "compensated_loop", "friction_maps", "observer_comparison", "report"},
+        {"axis_response", "diagnosis", "paper"},
         {"cli"},
         {"__main__", "demo", "results"},
     ],

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...blocks.measured_bristle import along
 from ...blocks.model import Model
-from ..dataset.measured_bristle import along
 from .constants import (
     DIPS,
     ECCENTRIC,

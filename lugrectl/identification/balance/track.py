@@ -10,8 +10,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.polynomial import Polynomial
 
+from ...blocks.measured_bristle import strokes
 from ...record.stretches import Stretch
-from ..dataset.measured_bristle import strokes
 from .constants import DENSE, SHORTEST
 
 _BUMP = (1 - Polynomial([0, 0, 1])) ** 4

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..dataset.measured_bristle import along, strokes
+from ...blocks.measured_bristle import along, strokes
 from ..regression.numbers import TAIL
 from ..regression.smooth_motion import Fine, Motion
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lugrectl.identification.dataset.measured_bristle import along, strokes
+from lugrectl.blocks.measured_bristle import along, strokes
 
 
 def test_a_drive_that_never_moves_has_a_bristle_at_rest():

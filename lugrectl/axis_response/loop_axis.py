@@ -1,0 +1,274 @@
+"""What a controller meets: position over torque, with hold, dead time, and how well it is known.
+
+Each point is a disc of the complex plane. Where the response is certain it is the 95 % disc; where
+it is not, its radius is all that the response does not explain, |P| sqrt(1/coherence - 1); beyond
+the last frequency it is centred at 0, of any phase.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import control as ct
+import numpy as np
+
+from ..blocks.model import Model, as_model
+from ..blocks.plant import plant
+from ..core.errors import InputError, Refused
+from ..core.validation import number, positive
+from ..linear import linearize
+from ..linear.measured import response
+from .effects import LINEAR
+from .modes import Mechanics
+from .result import FrequencyResponse
+
+FINER = 4  # steps between two measured frequencies
+BELOW, ABOVE, BEYOND = 30.0, 30.0, 40  # how far the axis is continued, in so many points
+LEAST_COHERENCE = 0.05  # one of 20 equations in a window: what chance alone explains
+LOW = 4.0  # times the lowest frequency: where the axis is a free inertia
+DENSE, SIDES = 150, np.linspace(-10.0, 10.0, 61)  # points in a decade; half-widths about a mode
+IMAGES = 30  # of the spectrum on either side, of a sampled axis
+LIGHT = 0.5  # damping ratio below which a mode has points of its own
+PEAK = 2.0  # times what is an octave away: a resonance at which a notch may pay
+TOP = "Beyond {:.4g} Hz nothing is known: |P| may be any phase of what falls as 1/f from {:.3g} {}."
+OPEN = (
+    "{} of {} points, {:.3g} to {:.4g} Hz, are not certain: there the fitted mechanics holds where "
+    "it agrees, else P may be wrong by all that it does not explain."
+)
+GOVERNED = "friction governs this log, and the response does not hold: no gains follow from it."
+
+
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """G = theta/u (n,) in rad/(N m) at w (n,) in rad/s, and the radius (n,) of its discs.
+
+    ``known`` is where G itself means something; ``J`` the inertia at low frequencies; ``dt`` the
+    step of the controller in s, None in continuous time; ``peaks`` the resonances in rad/s.
+    """
+
+    w: np.ndarray
+    G: np.ndarray
+    radius: np.ndarray
+    known: np.ndarray
+    J: float
+    dt: float | None
+    dead_time: float
+    peaks: tuple[float, ...] = ()
+    said: tuple[str, ...] = ()
+    motion: str = "rotary"
+    model: Model | None = field(default=None, repr=False)
+
+
+def axis_of(given: Any, dead_time: Any, rate: Any) -> Axis:
+    """The axis of a response, a model or a linear system; InputError for anything else."""
+    late = number(dead_time, "dead_time")
+    if late < 0.0:
+        raise InputError(f"dead_time = {late:g} is negative.")
+    dt = None if rate is None else 1.0 / positive(rate, "rate", "Hz")
+    if isinstance(given, FrequencyResponse):
+        return _of_response(given, late, dt)
+    if isinstance(given, ct.FrequencyResponseData):
+        w, P = response(given, "P")
+        return _measured(
+            w[w > 0], P[w > 0], np.zeros(int((w > 0).sum())), _step(given.dt), late, dt
+        )
+    if isinstance(given, ct.TransferFunction | ct.StateSpace):
+        return _of_system(given, late, dt)
+    model = as_model(given)
+    late += sum(p.values["delay"] or 0.0 for p in model.effects if p.block.name == "input_delay")
+    made = _of_system(_free(model), late, dt)
+    return replace(made, motion=model.motion, model=model)
+
+
+def _of_response(found: FrequencyResponse, late: float, dt: float | None) -> Axis:
+    if not found.trusted:
+        raise Refused(GOVERNED, " ".join(found.messages[:1]))
+    P, error = _discs(found)
+    own, body = _step(found.frd.dt), found.mechanics
+    made = _measured(found.frequency, P, error, own, late, dt, body, found.motion)
+    if found.certain.all():
+        return made
+    f = found.frequency[~found.certain] / (2.0 * np.pi)
+    said = OPEN.format(len(f), len(found.frequency), f[0], f[-1])
+    return replace(made, said=(said, *made.said))
+
+
+def _discs(found: FrequencyResponse) -> tuple[np.ndarray, np.ndarray]:
+    """The response, and how far off it may be as a share of it.
+
+    Where it is not certain, the fitted mechanics takes its place if it lies within that: with its
+    interval, and what it misses where the response is certain.
+    """
+    P, sure, body = np.asarray(found.frd.frdata)[0, 0], found.certain, found.mechanics
+    open_ = np.sqrt(1.0 / np.maximum(found.coherence, LEAST_COHERENCE) - 1.0)
+    error = np.where(sure, found.high / found.magnitude - 1.0, open_)
+    if body is None:
+        return P, error
+    fitted, narrow = body.response(found.frequency), body.radius(found.frequency)
+    narrow = narrow + np.quantile(np.abs(fitted / P - 1.0)[sure], 0.95)
+    better = (np.abs(fitted - P) <= error * np.abs(P)) & (narrow < error)
+    return np.where(better, fitted, P), np.where(better, narrow, error)
+
+
+def _step(dt: Any) -> float | None:
+    """The sample time of a control object, None where it has none."""
+    return None if dt is None or isinstance(dt, bool) or not dt else float(dt)
+
+
+def _measured(
+    w: np.ndarray,
+    P: np.ndarray,
+    error: np.ndarray,
+    own: float | None,
+    late: float,
+    dt: float | None,
+    body: Mechanics | None = None,
+    motion: str = "rotary",
+) -> Axis:
+    """A measured speed over torque with its relative error, made finer and continued.
+
+    Below, it is a free inertia; above, it falls as 1/w from the largest value of the last octave.
+    """
+    J = _inertia(w[error < np.inf], P)
+    x, fine = np.arange(len(w)), np.linspace(0, len(w) - 1, FINER * (len(w) - 1) + 1)
+    at = np.exp(np.interp(fine, x, np.log(w)))
+    ones = np.ones(len(at))
+    shape = ones if body is None else (lambda known: known.num / known.den)(body.shape(at))
+    smooth = P / shape[::FINER]
+    log = np.interp(fine, x, np.log(np.abs(smooth)) + 0j)
+    log += 1j * np.interp(fine, x, np.unwrap(np.angle(smooth)))
+    P, error = np.exp(log) * shape, np.interp(fine, x, error)
+    low = np.geomspace(at[0] / BELOW, at[0], BEYOND, endpoint=False)
+    w, P = np.r_[low, at], np.r_[-1j / (J * low), P]
+    error = np.r_[np.full(BEYOND, np.median(error[at <= LOW * at[0]])), error]
+    dt = own if dt is None else dt
+    end = np.inf if dt is None else np.pi / dt
+    w, P, error = (part[w < end] for part in (w, P, error))
+    last = w > 0.5 * w[-1]
+    most = float(np.max((w * np.abs(P) * (1.0 + error))[last]))
+    G = P / (1j * w) * _hold(w, dt) / _hold(w, own) * np.exp(-1j * w * late)
+    high = np.geomspace(w[-1], min(0.999 * end, ABOVE * w[-1]), BEYOND + 1)[1:]
+    if body is not None:  # a resonance that comes after the last frequency
+        far = np.geomspace(w[-1], high[-1], DENSE)
+        most = max(most, float(np.max(far * np.abs(body.response(far)) * (1.0 + body.radius(far)))))
+    return Axis(
+        np.r_[w, high],
+        np.r_[G, np.zeros(BEYOND)],
+        np.r_[np.abs(G) * error, most / high**2],
+        np.arange(len(w) + BEYOND) < len(w),
+        J,
+        dt,
+        late,
+        _peaks(w, P),
+        (TOP.format(w[-1] / 2 / np.pi, most / w[-1], "(rad/s)/(N m)"),),
+        motion,
+    )
+
+
+def _inertia(w: np.ndarray, P: np.ndarray) -> float:
+    """Of 1/P = B + jwJ, at low frequencies."""
+    low = w <= max(LOW * w[0], w[min(5, len(w) - 1)])
+    J = float(np.median((1.0 / P[: len(w)][low]).imag / w[low]))
+    if not J > 0.0:
+        raise Refused("at low frequencies the response is not that of an inertia.", "")
+    return J
+
+
+def _hold(w: np.ndarray, dt: float | None) -> np.ndarray:
+    """What holding the torque over a sample does to the spectrum."""
+    s = 1j * w
+    return np.ones(len(w), complex) if dt is None else -np.expm1(-s * dt) / (s * dt)
+
+
+def _peaks(w: np.ndarray, P: np.ndarray) -> tuple[float, ...]:
+    """Where w|P| is largest about an octave, by far: the two highest."""
+    size = w * np.abs(P)
+    found = []
+    for k in range(1, len(w) - 1):
+        near = size[(w > w[k] / 2) & (w < w[k] * 2)]
+        if size[k] == near.max() and size[k] > PEAK * np.median(near):
+            found.append(k)
+    return tuple(float(w[k]) for k in sorted(found, key=lambda k: -size[k])[:2])
+
+
+def _free(model: Model) -> ct.StateSpace:
+    """Torque to motor speed of a model, without dry friction and what is not linear."""
+    kept = [p for p in model.effects if p.block.name in LINEAR and p.block.name != "input_delay"]
+    effects = [{"name": p.block.name, **p.values} for p in kept]
+    Fv = model.friction.values.get("Fv")
+    made = Model.of(J=model.J, friction="viscous", Fv=Fv or 0.0, effects=effects)
+    missing = [k for k, v in made.values().items() if v is None]
+    if missing:
+        raise InputError(f"{', '.join(missing)} must be known to tune: identify it first.")
+    return linearize(plant(made), input="u", output="w")
+
+
+def _of_system(system: Any, late: float, dt: float | None) -> Axis:
+    """A linear system from torque to speed."""
+    if (system.ninputs, system.noutputs) != (1, 1):
+        raise InputError("tune needs a system from torque to speed, with one input and one output.")
+    own = _step(system.dt)
+    poles, zeros = np.asarray(system.poles()), np.asarray(system.zeros())
+    if own:
+        poles, zeros = (np.log(x[np.abs(x) > 0] + 0j) / own for x in (poles, zeros))
+    if (np.real(poles) > 1e-6 * np.abs(poles)).any():
+        raise InputError(
+            "the system from torque to speed is not stable: tune is for axes that are."
+        )
+    dt = own if dt is None else dt
+    w = _grid(np.r_[poles, zeros], [x for x in (late, dt) if x], dt or own)
+    if own:
+        P = np.asarray(system(np.exp(1j * w * own)))
+        return _measured(w, P, np.zeros(len(w)), own, late, dt)
+    speed = _evaluated(ct.ss(system))
+    P = speed(w)
+    return Axis(
+        w,
+        _sampled(speed, w, dt, late),
+        np.zeros(len(w)),
+        np.ones(len(w), bool),
+        _inertia(w, P),
+        dt,
+        late,
+        _peaks(w, P),
+    )
+
+
+def _grid(features: np.ndarray, times: Sequence[float], dt: float | None) -> np.ndarray:
+    """Frequencies from far below to far above all poles and zeros, dense about light ones."""
+    size = np.abs(features)
+    marks = np.r_[size[size > 0], [1.0 / t for t in times]]
+    if not len(marks):
+        raise Refused("nothing limits the gains of this axis: give rate or dead_time.", "")
+    end = 0.999 * np.pi / dt if dt else 1e3 * marks.max()
+    low = min(1e-3 * marks.min(), 1e-3 * end)
+    w = np.geomspace(low, end, int(DENSE * np.log10(end / low)))
+    light = features[(np.imag(features) > 0) & (np.abs(np.real(features)) < LIGHT * size)]
+    near = [abs(x) * (1.0 + abs(x.real) / abs(x) * SIDES) for x in light]
+    w = np.unique(np.concatenate([w, *near]))
+    return w[(w >= low) & (w <= end)]
+
+
+def _evaluated(system: ct.StateSpace) -> Callable[[np.ndarray], np.ndarray]:
+    A, B, C, D = (np.asarray(x) for x in (system.A, system.B, system.C[0], system.D))
+
+    def speed(w: np.ndarray) -> np.ndarray:
+        every = 1j * w[:, None, None] * np.eye(len(A)) - A
+        return np.linalg.solve(every, np.broadcast_to(B, (len(w), *B.shape)))[..., 0] @ C + D[0, 0]
+
+    return speed
+
+
+def _sampled(
+    speed: Callable[[np.ndarray], np.ndarray], w: np.ndarray, dt: float | None, late: float
+) -> np.ndarray:
+    """theta/u; of a held torque and a sampled position by the images of the spectrum."""
+    if dt is None:
+        return speed(w) / (1j * w) * np.exp(-1j * w * late)
+    G = np.zeros(len(w), complex)
+    for k in range(-IMAGES, IMAGES + 1):
+        at = w + 2.0 * np.pi * k / dt
+        G += speed(at) / (1j * at) * _hold(at, dt) * np.exp(-1j * at * late)
+    return G

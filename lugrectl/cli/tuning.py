@@ -1,0 +1,60 @@
+"""``lugrectl bode --tune``: the gains that follow from a response, or from a model alone."""
+
+from __future__ import annotations
+
+import sys
+from argparse import Namespace
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from ..core.errors import InputError, Refused
+from ..core.provenance import stamp
+from .output import print_out
+from .plotting import drawn
+
+if TYPE_CHECKING:
+    from ..axis_response import FrequencyResponse
+    from ..blocks.model import Model
+
+
+def check_options(a: Namespace) -> None:
+    """Raise InputError for options of --tune without it, and where there is nothing to do."""
+    given = [k for k in ("ms", "dead_time", "no_hunting") if getattr(a, k)]
+    if given and not a.tune:
+        raise InputError(f"--{given[0].replace('_', '-')} is for gains: use it with --tune.")
+    if not a.records and not a.tune:
+        raise InputError("give a record; without one, --tune P-PI gives the gains of the model.")
+
+
+def with_gains(
+    found: FrequencyResponse, a: Namespace, model: Model
+) -> tuple[FrequencyResponse, Refused | None]:
+    """The response with its gains, or with why there are none."""
+    if not a.tune:
+        return found, None
+    try:
+        return replace(found, gains=_tuned(found, a, model=model)), None
+    except Refused as no:
+        return replace(found, messages=(*found.messages, f"No gains: {no}")), no
+
+
+def said_of(found: FrequencyResponse) -> str:
+    return "\n".join(map(repr, [found, *([found.gains] if found.gains else [])]))
+
+
+def of_model(a: Namespace, model: Model, kind: str | None) -> int:
+    """Print the gains of a model, and draw them into a file."""
+    found = stamp(_tuned(model, a, rate=a.rate), a.typed, [model])
+    said = drawn(found, a.out, kind) if kind else ""
+    print_out(found.to_json() if a.json else repr(found))
+    if said:
+        print(f"lugrectl: {said}", file=sys.stderr)
+    return 0
+
+
+def _tuned(axis: Any, a: Namespace, **known: Any) -> Any:
+    from ..axis_response import tune
+
+    given = {"Ms": a.ms, "dead_time": a.dead_time}
+    known |= {k: v for k, v in given.items() if v is not None}
+    return tune(axis, a.tune, hunting=not a.no_hunting, **known)
