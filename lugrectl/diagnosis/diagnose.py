@@ -259,6 +259,7 @@ def _answered(
         comparison=found,
         joint=won.joint,
         residuals=residuals(won.whole),
+        torque_noise=won.whole.torque_noise,
     )
 
 
