@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -30,7 +32,8 @@ from .member_runs import PERIODS, Choice, Setting, Work
 
 LUGRE = ("J", "sigma0", "sigma1", "Fc", "Fs", "Fv", "vs")
 OBSERVERS = ("natural", "friction_state", "extended_state")
-SCALES = tuple(round(0.1 * k, 1) for k in range(3, 13))
+SCALES = (0.4, 0.6, 0.8, 1.0, 1.2)
+NEAR = (-0.1, -0.05, 0.05, 0.1)  # from the best of them, tried after it
 LAG = 0.4  # rad that sampling and dead time take at three times the controller's pole
 FEWEST, MOST = 20, 50_000  # samples of a run
 CHUNK = 16  # members in a task
@@ -156,17 +159,17 @@ def assure(
     drawn, report = Members(beliefs, 2 * count, seed), reporter(progress)
     pairs = list(zip(drawn, range(seed, seed + 2 * count), strict=True))
     run = _Runs(executor, jobs)
-    choices = [
-        Choice(name, own, c)
-        for name, own in _observers(setting, observers, gains).items()
-        for c in SCALES
-    ]
-    first = run(Work(setting, [None, *choices]), pairs[:count], part_of(report, 0.0, 0.7))
-    tried = [_tried(c, first[:, i + 1], first[:, 0], confidence) for i, c in enumerate(choices)]
-    best = _best(choices, tried, _upper(first[:, 0], confidence), confidence)
+    first = _Tries(partial(run, pairs=pairs[:count]), setting, confidence)
+    for i, (name, own) in enumerate((named := _observers(setting, observers, gains)).items()):
+        part = part_of(report, 0.5 * i / len(named), 0.5 * (i + 1) / len(named))
+        first.add([Choice(name, own, c) for c in SCALES], part)
+    if best := first.best():
+        near = [replace(best, scale=round(best.scale + d, 2)) for d in NEAR]
+        first.add(near, part_of(report, 0.5, 0.7))
+    best = first.best()
     work = Work(setting, [None, *([best] if best else [])], rests=True)
-    last = run(work, pairs[count:], part_of(report, 0.7, 1.0))
-    return _answer(setting, best, tried, last, confidence, beliefs)
+    last = run(work, part_of(report, 0.7, 1.0), pairs=pairs[count:])
+    return _answer(setting, best, first.tried, last, confidence, beliefs)
 
 
 def _sensing(seen: Mapping[str, Any], asked: Mapping[str, Any], motion: str) -> Sensing:
@@ -223,7 +226,7 @@ class _Runs:
         self.executor, self.jobs = executor, whole(jobs, "jobs", 1)
 
     def __call__(
-        self, work: Work, pairs: Sequence[tuple[Model, int]], report: Progress
+        self, work: Work, report: Progress, pairs: Sequence[tuple[Model, int]]
     ) -> np.ndarray:
         parts = [pairs[i : i + CHUNK] for i in range(0, len(pairs), CHUNK)]
         found: dict[int, np.ndarray] = {}
@@ -240,23 +243,39 @@ def _upper(errors: np.ndarray, confidence: float) -> float:
     return float(np.quantile(errors, confidence, method="higher"))
 
 
-def _tried(choice: Choice, errors: np.ndarray, none: np.ndarray, confidence: float) -> Tried:
-    return Tried(
-        choice.observer.removesuffix("_observer"),
-        choice.scale,
-        _upper(errors, confidence),
-        float(np.median(errors)),
-        float(np.mean(errors > none)),
-    )
+class _Tries:
+    """Compensations on the first members, beside none."""
 
+    def __init__(self, run: Any, setting: Setting, confidence: float) -> None:
+        self.run, self.setting, self.confidence = run, setting, confidence
+        self.choices: list[Choice] = []
+        self.tried: list[Tried] = []
+        self.none = np.inf
 
-def _best(
-    choices: Sequence[Choice], tried: Sequence[Tried], none: float, confidence: float
-) -> Choice | None:
-    """The choice of the least upper error; None where no compensation is better, or where more
-    drives than the confidence leaves are worse with each."""
-    able = [i for i, one in enumerate(tried) if one.worse <= 1.0 - confidence and one.upper < none]
-    return choices[min(able, key=lambda i: tried[i].upper)] if able else None
+    def add(self, choices: Sequence[Choice], report: Progress) -> None:
+        """Try these, too."""
+        errors = self.run(Work(self.setting, [None, *choices]), report)
+        self.none = _upper(errors[:, 0], self.confidence)
+        self.choices += choices
+        self.tried += [
+            Tried(
+                choice.observer.removesuffix("_observer"),
+                choice.scale,
+                _upper(own, self.confidence),
+                float(np.median(own)),
+                float(np.mean(own > errors[:, 0])),
+            )
+            for choice, own in zip(choices, errors.T[1:], strict=True)
+        ]
+
+    def best(self) -> Choice | None:
+        """The choice of the least upper error; None where no compensation is better, or where more
+        drives than the confidence leaves are worse with each."""
+        most = 1.0 - self.confidence
+        able = [
+            i for i, one in enumerate(self.tried) if one.worse <= most and one.upper < self.none
+        ]
+        return self.choices[min(able, key=lambda i: self.tried[i].upper)] if able else None
 
 
 def _answer(

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..core.errors import InputError, Refused
 from ..estimates.fitted import Fitted
 from ..estimates.members import Belief, refuse_unknown
@@ -41,14 +43,18 @@ def believed(p: Any) -> tuple[tuple[Belief, ...], Mapping[str, Any]]:
 def seen_in(record: Record | None, torque: float | None) -> dict[str, Any]:
     """A drive as it was recorded, as under "drive" in the JSON document: rate in Hz, noise of theta
     and w and resolution of theta in SI units, random ``torque`` that no model predicts in N m, and
-    the speed of the usual reference."""
+    the speed of the usual reference.
+
+    A noise of theta below that of its rounding is none: a log does not tell the two apart, and
+    noise that is not there would hide what rounding does to a loop.
+    """
     if record is None:
         return {}
     made = sensing_of(record)
     return {
         "rate": 1.0 / made.dt,
         "resolution": made.resolution,
-        "noise": made.noise,
+        "noise": made.noise if made.noise > made.resolution / np.sqrt(12.0) else 0.0,
         "speed_noise": made.speed_noise,
         "torque": torque,
         "speed": speed_of(record),
