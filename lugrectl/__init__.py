@@ -34,7 +34,7 @@ _HOMES = {
     "loops.cascade": "cascade_loop",
     "blocks.catalogue": "controllers effects laws observers",
     "observer_comparison": "ObserverComparison Recommendation compare_observers recommend_observer",
-    "compensated_loop": "Compensation compensate",
+    "compensated_loop": "Assurance Compensation HuntingChance assure compensate hunting_chance",
     "hunting": "HuntingMap LimitCycles hunting_map limit_cycles",
     "paper.equations": "PAPER",
     "design": "Certificate Design ObserverDesign certify design_gains excitation natural_decay",
@@ -156,8 +156,12 @@ if TYPE_CHECKING:
     )
     from .blocks.table import tabulated  # noqa: F401
     from .compensated_loop import (  # noqa: F401
+        Assurance,
         Compensation,
+        HuntingChance,
+        assure,
         compensate,
+        hunting_chance,
     )
     from .core.errors import (  # noqa: F401
         Diverged,

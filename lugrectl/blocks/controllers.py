@@ -108,9 +108,9 @@ def _pid_tracked(e, w, excess, q, kp=KP_ANGLE, ki=KI_ANGLE, kd=KD, tau=TAU, trac
 
 
 @block("controller", name="compensation", out="u", source=f"{PAPER}, section 2")
-def _compensation(Fhat):
-    """u = Fhat."""
-    return Fhat
+def _compensation(Fhat, scale=P(1.0, "1", 0)):
+    """u = scale Fhat."""
+    return scale * Fhat
 
 
 @block("controller", name="feedforward", out="u", source=f"{PAPER}, eq. Canudas_u")
@@ -344,17 +344,20 @@ def pid(
 
 
 def compensation(
+    scale: float = 1.0,
     *,
     name: str = "compensation",
     inputs: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
 ) -> ct.NonlinearIOSystem:
-    """Friction compensation u = Fhat: input Fhat, output u (source paper, section 2).
+    """Friction compensation u = scale Fhat: input Fhat, output u (source paper, section 2).
 
     Its u is added to that of the controller, because both have the same signal name.
 
     Parameters
     ----------
+    scale : float
+        The share of the estimate that is compensated, >= 0; :func:`lugrectl.assure` says how much.
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
@@ -379,7 +382,7 @@ def compensation(
     >>> loop.nstates
     5
     """
-    return _compensation.system(name=name, inputs=inputs, outputs=outputs)
+    return _compensation.system(name=name, inputs=inputs, outputs=outputs, scale=scale)
 
 
 def feedforward(

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
 from ..core.provenance import version
-from . import bode, commands, given, hunting, lookups, plotting
+from . import assuring, bode, commands, given, hunting, lookups, plotting
 from .overview import overview
 
 
@@ -61,6 +61,7 @@ def _on_models(made: Any) -> None:
         _command(made, "check", lookups.check, "checks: l2, spr, bandwidth, stability, passivity")
     )
     _hunting(_command(made, "hunt", hunting.hunt, "find friction limit cycles of a position loop"))
+    _assuring(_command(made, "assure", assuring.assure, "how much compensation to dare"))
 
 
 def _looked_up(made: Any) -> None:
@@ -291,7 +292,14 @@ def _checks(command: argparse.ArgumentParser) -> None:
 
 def _hunting(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
-    add("--model", required=True, metavar="MODEL.toml", help="the drive, all values known")
+    drive = command.add_mutually_exclusive_group(required=True)
+    drive.add_argument("--model", metavar="MODEL.toml", help="the drive, all values known")
+    drive.add_argument(
+        "--report",
+        metavar="report.json",
+        help="a result: the chance of hunting over drives that its covariance draws",
+    )
+    add("--members", type=_count, default=40, metavar="N", help="with --report: drives (40)")
     for gain, what in (
         ("kp", "gain of the position error in N m/rad (default of kp, ki, kd: the paper's if none"),
         ("ki", "of its integral in N m/(rad s)"),
@@ -306,6 +314,38 @@ def _hunting(command: argparse.ArgumentParser) -> None:
     add("--counts", type=_count, metavar="N", help="with --rate: counts of the encoder in a turn")
     ends = "also find the values of a gain between which the loop hunts"
     add("--vary", action="append", metavar="ki=1:50", help=ends)
+    add("--plot", metavar="FILE", help="draw the answer: .png, .svg, .pdf or .jpg")
+
+
+def _assuring(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    add("report", metavar="report.json", help="of diagnose or identify")
+    add(
+        "--confidence",
+        type=_share,
+        default=0.95,
+        metavar="P",
+        help="share of the drives for which the bound of the error holds (default: 0.95)",
+    )
+    add(
+        "--loop",
+        choices=("position", "velocity"),
+        default="position",
+        help="PID on the position (default) or PI on the speed",
+    )
+    for gain in ("kp", "ki", "kd"):
+        more = " (default: all poles at -bandwidth)" if gain == "kp" else ""
+        add(f"--{gain}", type=_finite, metavar="X", help=f"gain of the controller{more}")
+    add("--bandwidth", type=_positive, metavar="X", help="in 1/s, without gains (20 at most)")
+    add("--observer", action="append", metavar="NAME", help="one to try; may be given again")
+    add("--rate", type=_positive, metavar="HZ", help="of the controller (default: as recorded)")
+    add("--dead-time", type=_finite, metavar="S", help="from measurement to torque (default: 0)")
+    add("--counts", type=_count, metavar="N", help="of the encoder in a turn (as recorded)")
+    add("--speed", type=_positive, metavar="X", help="of the reference, a sine, in rad/s")
+    add("--frequency", type=_positive, metavar="HZ", help="of the reference (default: 1)")
+    add("--members", type=_count, metavar="N", help="drives (default: as few as give a bound)")
+    add("--seed", type=_seed, default=0, metavar="N", help="seed of random numbers (default: 0)")
+    add("--jobs", type=_count, default=1, metavar="N", help="processes (default: 1)")
     add("--plot", metavar="FILE", help="draw the answer: .png, .svg, .pdf or .jpg")
 
 

@@ -205,7 +205,7 @@ class _Loop:
         self.rows = {k: np.interp(self.t, way.t, x) for k, x in zip(names, rows, strict=True)}
         self.start = float(way.theta[0])
         blocks = control(task, believed, watcher if believed is not None else None, gains)
-        points = _points(task.model, float(np.max(np.abs(way.w))))
+        points = usual_points(task.model, float(np.max(np.abs(way.w))))
         self.blocks = [
             encoder(drive.sensing, ("theta_s", "w_s")),
             *(at_samples(block, dt, points) for block in blocks),
@@ -221,7 +221,7 @@ class _Loop:
         given = dict(self.rows) | self.drive.sensing.errors(len(self.t), seed)
         random = np.random.default_rng((seed, 1))
         given["n_u"] = random.normal(0.0, self.drive.torque, len(self.t))
-        body = _body(replace(self.task, model=model))
+        body = body_of(replace(self.task, model=model))
         read = {k for block in (body, *self.blocks) for k in block.input_labels}
         given = {k: x for k, x in given.items() if k in read}
         x0 = np.zeros(body.nstates)
@@ -239,7 +239,7 @@ class _Loop:
         return rms(y - self.rows["r"])
 
 
-def _points(model: Model, fastest: float) -> list[dict[str, float]]:
+def usual_points(model: Model, fastest: float) -> list[dict[str, float]]:
     """Usual inputs and states of an observer by name, at rest and in motion."""
     known = {k: v or 0.0 for k, v in model.values().items()}
     torque = max(known.get("Fs", 0.0), known.get("Fc", 0.0))
@@ -253,19 +253,19 @@ def _points(model: Model, fastest: float) -> list[dict[str, float]]:
     ]
 
 
-def _body(task: Task) -> ct.NonlinearIOSystem:
-    """The drive from the command u and its noise n_u to the motion and what its sensors see."""
+def body_of(task: Task, command: str = "u") -> ct.NonlinearIOSystem:
+    """The drive from the command and its noise n_u to the motion and what its sensors see."""
     model = task.model
     parts = [
         plant(model, inputs=["u_act", "d"]),
         sensor(model, outputs=["w_s", "theta_s"]),
-        controllers.compensation(name="command", inputs=["u"], outputs=["u_act"]),
+        controllers.compensation(name="command", inputs=[command], outputs=["u_act"]),
         controllers.compensation(name="torque_noise", inputs=["n_u"], outputs=["u_act"]),
     ]
     parts += [task.table.block()] if task.table is not None else []
     return ct.interconnect(
         parts,
-        inputs=["u", "n_u"],
+        inputs=[command, "n_u"],
         outputs=["theta", "w", "theta_s", "w_s"],
         params={},
         check_unused=False,

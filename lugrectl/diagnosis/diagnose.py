@@ -36,6 +36,7 @@ from .record_length import longer, short
 from .record_length import said as length_of
 from .refusal import refusal, with_plain
 from .result import Diagnosis
+from .rivals import rivals
 from .steady_runs import diagnose_map
 from .study import Job, Prepared, noted, prepared, residuals
 from .winning_model import decided, winner
@@ -259,6 +260,8 @@ def _answered(
         comparison=found,
         joint=won.joint,
         residuals=residuals(won.whole),
+        rivals=rivals(won, found),
+        torque_noise=won.whole.torque_noise,
     )
 
 

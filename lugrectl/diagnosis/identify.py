@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from ..blocks.model import Model
+from ..compensated_loop import seen_in
 from ..core.display import Row, estimated
 from ..core.errors import Refused
 from ..core.progress import Progress, Wanted, reporter, shows_progress
@@ -66,6 +67,8 @@ class Identification(Fitted):
     residuals: Residuals | None = None
     laws: LawComparison | None = None
     records: tuple[Record, ...] = ()
+    torque_noise: float | None = None
+    rivals: ClassVar[tuple[()]] = ()
     verdict: ClassVar[str] = "identified"  # for reports and plots: nothing was added
     effects: ClassVar[tuple[()]] = ()
     depends_on: ClassVar[tuple[()]] = ()
@@ -86,6 +89,8 @@ class Identification(Fitted):
                 "messages": list(self.messages),
                 "plain": self.plain.summary() if self.plain else None,
                 "covariance": self.joint.summary() if self.joint else None,
+                "members": self._drawn_from(),
+                "drive": seen_in(self.record, self.torque_noise) or None,
                 "residuals": self.residuals.summary() if self.residuals else None,
                 "provenance": self.provenance.summary() if self.provenance else None,
             }
@@ -218,6 +223,7 @@ def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
         traces=own.traces,
         joint=won.joint,
         residuals=residuals(won.whole),
+        torque_noise=won.whole.torque_noise,
     )
 
 

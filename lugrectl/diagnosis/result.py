@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ..blocks.model import Model
+from ..compensated_loop import seen_in
 from ..core.display import Row, estimated
 from ..core.provenance import Provenance
 from ..core.result import plain as jsonable
@@ -18,6 +19,7 @@ from ..record import Record
 if TYPE_CHECKING:
     from ..compensated_loop import Compensation
     from ..estimates.covariance import Joint, Residuals
+    from ..estimates.members import Belief
     from ..identification.balance import Balance
     from ..identification.selection import Comparison
     from .law_comparison import LawComparison
@@ -75,6 +77,10 @@ class Diagnosis(Fitted):
         The covariance of the fitted values.
     residuals : Residuals or None
         What one-step predictions leave.
+    rivals : tuple of Belief
+        The models beside the first one from which :meth:`sample` draws, with their weights.
+    torque_noise : float or None
+        Standard deviation of the torque that the model does not predict from sample to sample.
 
     Examples
     --------
@@ -115,6 +121,8 @@ class Diagnosis(Fitted):
     residuals: Residuals | None = None
     laws: LawComparison | None = None
     records: tuple[Record, ...] = ()
+    rivals: tuple[Belief, ...] = ()
+    torque_noise: float | None = None
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as in the JSON document; never NaN or Infinity."""
@@ -146,6 +154,8 @@ class Diagnosis(Fitted):
                 "plain": self.plain.summary() if self.plain else None,
                 **_compared(self.comparison),
                 "covariance": self.joint.summary() if self.joint else None,
+                "members": self._drawn_from(),
+                "drive": seen_in(self.record, self.torque_noise) or None,
                 "residuals": self.residuals.summary() if self.residuals else None,
                 "provenance": self.provenance.summary() if self.provenance else None,
             }

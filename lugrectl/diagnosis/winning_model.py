@@ -28,7 +28,7 @@ from ..identification.likelihood.maximise import Fitted, fit, seen_on, standing
 from ..identification.likelihood.parameters import free_keys
 from ..identification.likelihood.predictor import Predictor
 from ..identification.likelihood.value_discrepancy import with_discrepancy
-from ..identification.selection import ALPHA, Comparison, Named, Valued
+from ..identification.selection import ALPHA, Comparison, Named, Valued, place_of
 from .compare_laws import beaten, predicted
 from .never_worse import determines
 from .other_law import means_the_same
@@ -96,14 +96,9 @@ def _rivals(ready: Prepared, found: Comparison, report: Progress) -> tuple[Winne
     return won if same else winner(ready, again, report), again
 
 
-def _place(found: Comparison) -> int:
-    """The place of the effect that has rivals: gravity that joined the base has none."""
-    return len(found.effects) - 1 if found.effects[0].name == "gravity" else 0
-
-
 def _led_by(found: Comparison, rival: Named) -> Comparison:
     """The comparison with a rival in the place of the best."""
-    place, effects = _place(found), [*found.effects]
+    place, effects = place_of(found.effects), [*found.effects]
     others = (effects[place], *(a for a in found.alternatives if a is not rival))
     effects[place] = rival
     return replace(found, effects=tuple(effects), alternatives=others, valued=None)
@@ -112,7 +107,7 @@ def _led_by(found: Comparison, rival: Named) -> Comparison:
 def _between(won: Winner, found: Comparison) -> Comparison:
     """Rivals of the comparison by their fits: each that predicts the held-out windows as well as
     the best."""
-    place = _place(found)
+    place = place_of(found.effects)
     before, rivals = found.effects[:place], [found.effects[place], *found.alternatives]
     rest, job = found.effects[place + 1 :], won.job
     fits = [_rival(won, (*before, rival, *rest)) for rival in rivals]
@@ -129,7 +124,7 @@ def _between(won: Winner, found: Comparison) -> Comparison:
 def _rival(won: Winner, effects: Sequence[Named]) -> Fitted:
     """The fit of a model with other effects to the training samples."""
     base, data = won.job.base, won.job.data
-    model, _, values = _with(base.predictor.model, effects)
+    model, _, values = with_effects(base.predictor.model, effects)
     predictor = Predictor(model, data)
     start = base.values | {k: v for k, v in won.fit.values.items() if k in base.values} | values
     return fit(predictor, start, free_keys(predictor), base.where, won.fit.noise, anchor=start)
@@ -141,7 +136,7 @@ def winner(ready: Prepared, found: Comparison, report: Progress) -> Winner:
     ready = _aligned(ready, named)
     data, train = ready.data, ready.parts.train
     declared = lifted(completed(ready.model, replace(data, differing=()), train))
-    model, keys, values = _with(declared, named)
+    model, keys, values = with_effects(declared, named)
     known, start = _known(found, declared, named, keys), declared.known() | alike(data)
     predictor, start_with = Predictor(model, data), start | values | _usable(found.plant, model)
     final = _at(predictor, start_with | _usable(known.trained, model), ready)
@@ -275,7 +270,7 @@ def _aligned(ready: Prepared, effects: Sequence[Named]) -> Prepared:
     return replace(ready, data=ready.data.aligned(effect.zeros, float(effect.values["harmonic"])))
 
 
-def _with(
+def with_effects(
     model: Model, effects: Sequence[Named]
 ) -> tuple[Model, tuple[str, ...], dict[str, float]]:
     keys, values = [], {}

@@ -46,7 +46,7 @@ class Joint(Result):
         size = np.sqrt(np.maximum(np.diag(self.matrix), 1e-300))
         return self.matrix / np.outer(size, size)
 
-    def sample(self, n: int, seed: int | None = None) -> dict[str, np.ndarray]:
+    def sample(self, n: int, seed: Any = None) -> dict[str, np.ndarray]:
         """n random sets of parameters: name -> (n,)."""
         n = whole(n, "n, the number of samples,", least=1)
         scale = np.where(self.positive, self.values, 1.0)

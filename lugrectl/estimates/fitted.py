@@ -6,12 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
-import numpy as np
-
 from ..core.display import Grid, Row, brief, grid_html, grid_text, noticed, number, with_interval
 from ..core.errors import InputError
 from ..core.result import NamedRows, Result, library, plain
 from ..core.views import view
+from .members import Belief, Members
 
 if TYPE_CHECKING:
     from ..blocks.model import Model
@@ -86,12 +85,15 @@ class Fitted(Result):
     """What a diagnosis and an identification have in common."""
 
     estimates: Mapping[str, Estimate]
+    model: Model | None
     declared: Model | None
     error: Mapping[str, Any] | None
     record: Record | None
     records: tuple[Record, ...]
     messages: tuple[str, ...]
     joint: Joint | None
+    rivals: tuple[Belief, ...] = ()
+    torque_noise: float | None = None
     residuals: Residuals | None
 
     @property
@@ -104,9 +106,29 @@ class Fitted(Result):
             raise InputError("this result has no fit, and so no covariance of its parameters.")
         return self.joint
 
-    def sample(self, n: int, seed: int | None = None) -> dict[str, np.ndarray]:
-        """n random sets of the fitted parameters, drawn together: name -> (n,)."""
-        return self.covariance.sample(n, seed)
+    def sample(self, n: int = 1000, seed: int | None = 0) -> Members:
+        """n drives as they may be, :class:`Members`: models with values drawn from their joint
+        covariance, inside their bounds.
+
+        Where several models explain the record each is drawn by its weight: those weights with
+        which their mixture predicts left-out blocks best (Yao, Vehtari, Simpson and Gelman, Using
+        Stacking to Average Bayesian Predictive Distributions, Bayesian Analysis 13(3), 2018). Of a
+        value that the log does not determine the declared std counts; without one the members have
+        no value of it, and each is refused with a sentence that names it. Values with an interval
+        but no covariance are drawn independently.
+        """
+        return Members(self.beliefs(), n, seed)
+
+    def beliefs(self) -> tuple[Belief, ...]:
+        """The model with the distribution of its values, and those that explain the record too."""
+        if self.model is None:
+            raise InputError("this result has no model, and so nothing to draw from.")
+        left = 1.0 - sum(one.weight for one in self.rivals)
+        return Belief.of(self.model, self.joint, self.estimates, left), *self.rivals
+
+    def _drawn_from(self) -> list[dict[str, Any]] | None:
+        """As under "members" in the JSON document."""
+        return None if self.model is None else [one.summary() for one in self.beliefs()]
 
     @property
     def parameters(self) -> ParameterTable:

@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike
 from scipy.integrate import OdeSolver
 
 from ..blocks.block import Block
+from ..blocks.model import Model
+from ..blocks.plant import plant
 from ..core.errors import InputError
 from ..core.validation import array, flag, positive, real, shown, within
 
@@ -19,10 +21,13 @@ FINEST = 1e-14  # least rtol: below it a step cannot be distinguished from round
 
 
 def system(given: Any, what: str = "system") -> Any:
-    """A python-control system that can be simulated, a transfer function as a state space.
+    """A python-control system that can be simulated: a transfer function as a state space, a
+    model as its plant.
 
     InputError for anything else, and for a system whose sizes are not known.
     """
+    if isinstance(given, Model):
+        return plant(given)
     if isinstance(given, ct.TransferFunction):
         try:
             given = ct.ss(given)

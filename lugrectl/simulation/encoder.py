@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import control as ct
@@ -31,6 +31,10 @@ class Sensing:
         random = np.random.default_rng(seed)
         sizes = {"n_theta": self.noise, "n_w": self.speed_noise or 0.0}
         return {k: random.normal(0.0, size, samples) for k, size in sizes.items()}
+
+    def still(self) -> Sensing:
+        """The same drive without noise, but with the steps of its encoder."""
+        return replace(self, noise=0.0, speed_noise=None if self.speed_noise is None else 0.0)
 
     def quiet(self) -> Sensing:
         """The same drive with an exact sensor."""

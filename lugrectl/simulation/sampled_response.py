@@ -32,6 +32,7 @@ def simulate_sampled(
     *,
     drive_x0: ArrayLike = 0.0,
     delay: int = 0,
+    params: Mapping[str, Any] | None = None,
     rtol: float = 1e-6,
 ) -> ct.TimeResponseData:
     """The response of a continuous plant with sampled control, blocks connected by signal names.
@@ -56,6 +57,8 @@ def simulate_sampled(
         Number of samples between the measurement and the action of its torque: 0 acts at once, 1
         is a drive that computes for one period. Before the first command the plant's inputs are
         0. An observer in the drive reads the torque at the instant of the command.
+    params : dict, optional
+        Parameters in place of those of the blocks, ``{"plant.Fc": 0.3}``.
     rtol : float
         Error allowed in a step of the plant, relative to the states.
 
@@ -89,6 +92,7 @@ def simulate_sampled(
     rtol = arguments.settings(rtol)
     plant, drive = arguments.system(plant, "plant"), _drive(drive)
     parts = _parts(plant, drive, whole(delay, "delay"))
+    arguments.parameters([part.block for part in parts], params)
     net = Net(plant.name, parts, _outside(parts, plant), 1, earlier=True)
     times = _grid(t, parts)
     warn_of_wiring(net, {} if inputs is None else inputs, None)
@@ -97,7 +101,7 @@ def simulate_sampled(
     flags, column = np.ones((1, len(times))), np.arange(len(times))
     starts = [_start(plant, x0), _drive_start(drive, parts, drive_x0)]
     track = followed(
-        net, Course(times, held, flags, column, True), np.concatenate(starts), None, None, rtol
+        net, Course(times, held, flags, column, True), np.concatenate(starts), params, None, rtol
     )
     shown = [i for i, label in enumerate(net.signals) if not label.endswith(LATE)]
     labels = _drive_states(drive, parts)

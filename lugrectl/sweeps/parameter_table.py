@@ -39,6 +39,8 @@ def _raw(table: Any) -> Mapping[Any, Any]:
         if table.dtype.names is None:
             raise InputError(f"params is an array without names; give {_FORMS}.")
         return {name: table[name] for name in table.dtype.names}
+    if hasattr(table, "columns_of"):  # the members of a result
+        return table.columns_of("plant")
     if hasattr(table, "columns") and hasattr(table, "to_numpy"):
         return {name: table[name].to_numpy() for name in table.columns}
     if isinstance(table, Sequence) and all(isinstance(row, Mapping) for row in table):

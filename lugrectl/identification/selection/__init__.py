@@ -12,7 +12,7 @@ over the same windows of the same log, scored by the density of each block under
 from ..regression.numbers import ALPHA, LEAST
 from ..regression.score import paired, standard_error
 from .compare import alone, compare
-from .comparison import Compared, Comparison, Detectable, Named, Share
+from .comparison import Compared, Comparison, Detectable, Named, Share, place_of
 from .open_values import completed
 from .values import HeldOut, Valued
 
@@ -30,5 +30,6 @@ __all__ = [
     "compare",
     "completed",
     "paired",
+    "place_of",
     "standard_error",
 ]

@@ -34,7 +34,8 @@ from ..regression.score import standard_error
 from ..regression.smooth_motion import Motion, motion_of
 from ..regression.weak_form import Width, quick, rows_of, spacing, usable, widths
 from .budget import budget, detectable
-from .comparison import Compared, Comparison, Named
+from .comparison import Compared, Comparison, Named, place_of
+from .stacking import stacked
 from .table import Table, in_time
 from .values import HeldOut, Valued, valued
 from .verdict import Decision, decide, judged, unit_of, without
@@ -163,6 +164,24 @@ def _held(found: Decision, model: Model, limits: tuple[float, float]) -> Decisio
     return found
 
 
+def _weighed(
+    found: Decision, inside: Sequence[Contender], model: Model
+) -> tuple[tuple[Named, ...], tuple[Named, ...]]:
+    """The effects and the rivals of one of them, with the weights of those models, and the values
+    of each rival's; gravity that joined the base has none."""
+    effects = [_named(c, model) for c in found.effects]
+    rivals = [_named(c, model) for c in found.alternatives]
+    place = place_of(effects) if rivals else 0
+    if rivals and found.effects[place] in inside:
+        whole = [inside[-1].blocks, *(c.blocks for c in found.alternatives)]
+        first, *others = stacked(whole)
+        effects[place] = replace(effects[place], weight=first)
+        for i, (c, weight) in enumerate(zip(found.alternatives, others, strict=True)):
+            chain = [c if one is found.effects[place] else one for one in inside]
+            rivals[i] = replace(rivals[i], weight=weight, valued=valued(c.base, chain, model))
+    return tuple(effects), tuple(rivals)
+
+
 def _inside(found: Decision) -> list[Contender]:
     """The named effects with torques of their own, without gravity that joined the base."""
     return [c for c in found.effects if c is not found.gravity and not found.only_inertia]
@@ -177,10 +196,11 @@ def _result(found: Decision, model: Model, least: float, held_out: HeldOut | Non
     wave = unknown if found.verdict == "unexplained" and not found.events else None
     swings = None if wave is None else wave.values.get(MIDDLE)
     own = valued(base, inside, model, held_out)
+    effects, alternatives = _weighed(found, inside, model)
     return Comparison(
         verdict=found.verdict,
-        effects=tuple(_named(c, model) for c in found.effects),
-        alternatives=tuple(_named(c, model) for c in found.alternatives),
+        effects=effects,
+        alternatives=alternatives,
         depends_on=tuple(sorted(found.depends_on)),
         rows=tuple(_rows(table)),
         budget=tuple(budget(base, inside, unknown, own)),

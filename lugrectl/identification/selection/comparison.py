@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -62,13 +62,22 @@ class Detectable:
 class Named:
     """An effect that the table names, with values to start a fit from.
 
-    ``zeros`` are the shifts of theta (rad), by run, with which it has one phase in all runs.
+    ``zeros`` are the shifts of theta (rad), by run, with which it has one phase in all runs. Of an
+    effect with rivals, ``weight`` is its part in the mixture that predicts left-out blocks best; of
+    a rival, ``valued`` are the values of the model that has it.
     """
 
     name: str
     values: Mapping[str, float]
     share: float
     zeros: Mapping[int, float] = field(default_factory=dict)
+    weight: float = 1.0
+    valued: Valued | None = None
+
+
+def place_of(effects: Sequence[Named]) -> int:
+    """The place of the effect that has rivals: gravity that joined the base has none."""
+    return len(effects) - 1 if effects[0].name == "gravity" else 0
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,78 @@
+"""A probability from a number of members, and a bound that so many of them give."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from ..core.display import Row, Shown
+
+SURE = 0.95  # of a bound, and of the interval of a probability
+
+
+@dataclass(frozen=True, repr=False)
+class Chance(Shown):
+    """``count`` of ``members`` had a property: ``.value``, and ``.ci95`` by Clopper and Pearson."""
+
+    count: int
+    members: int
+
+    @property
+    def value(self) -> float:
+        return self.count / self.members
+
+    @property
+    def ci95(self) -> tuple[float, float]:
+        k, n, tail = self.count, self.members, (1.0 - SURE) / 2.0
+        low = float(stats.beta.ppf(tail, k, n - k + 1)) if k else 0.0
+        return low, float(stats.beta.ppf(1.0 - tail, k + 1, n - k)) if k < n else 1.0
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python."""
+        return {"value": self.value, "ci95": list(self.ci95), "count": self.count,
+                "members": self.members}  # fmt: skip
+
+    def words(self) -> str:
+        low, high = (100.0 * x for x in self.ci95)
+        ends = f"95 % from {low:.2g} to {high:.2g} %, {self.members} members"
+        return f"{100.0 * self.value:.3g} % ({ends})"
+
+    def _title(self) -> str:
+        return self.words()
+
+    def _rows(self) -> Iterable[Row]:
+        return ()
+
+
+def spared(members: int, confidence: float) -> int:
+    """How many members may lie beyond a bound that a new one keeps with ``confidence``: the
+    largest k with P(Bin(members, 1 - confidence) <= k) <= 1 - SURE; -1 where they are too few."""
+    return int(np.searchsorted(
+        stats.binom.cdf(np.arange(members + 1), members, 1.0 - confidence), 1.0 - SURE, "right"
+    )) - 1  # fmt: skip
+
+
+def enough(confidence: float, spare: int = 1) -> int:
+    """The fewest members of which so many may lie beyond the bound."""
+    n = spare + 1
+    while spared(n, confidence) < spare:
+        n += 1
+    return n
+
+
+def bound(values: np.ndarray, confidence: float) -> float:
+    """What a new member's value is below with ``confidence``, itself sure to 95 %."""
+    k = spared(len(values), confidence)
+    return float(np.sort(values)[-1 - k]) if k >= 0 else np.inf
+
+
+def band(values: np.ndarray, level: float = SURE) -> tuple[float, float]:
+    """The interval in which a new member lies with this probability, by the order of the others."""
+    n = len(values)
+    k = max(int((n + 1) * (1.0 - level) / 2.0), 1)
+    ordered = np.sort(values)
+    return float(ordered[k - 1]), float(ordered[n - k])

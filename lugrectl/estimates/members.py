@@ -1,0 +1,221 @@
+"""Models drawn from what a fit knows: by weight, and the values of each jointly."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, overload
+
+import numpy as np
+
+from ..blocks.model import Model, as_model
+from ..core.display import Row, number
+from ..core.errors import InputError, Refused
+from ..core.result import Result, library
+from ..core.validation import whole
+from .covariance import Joint
+from .findings import Estimate
+
+ROUNDS = 50  # of drawing again what is out of bounds, before it is moved to the bound
+INTERVAL = 3.92  # standard deviations in a 95 % interval
+SHOWN = "start, stop and reverse slowly, and pass the speeds of interest"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Belief:
+    """A model, the joint distribution of its values, and its weight among others."""
+
+    model: Model
+    joint: Joint
+    weight: float = 1.0
+
+    @classmethod
+    def of(
+        cls,
+        model: Model,
+        joint: Joint | None,
+        estimates: Mapping[str, Estimate],
+        weight: float = 1.0,
+    ) -> Belief:
+        """What a fit knows; of values that it does not determine, what is declared.
+
+        Those with an interval alone are independent of the others.
+        """
+        known, covered = model.known(), () if joint is None else joint.names
+        sure = [k for k, e in estimates.items() if e.ci95 is not None and not e.held and k in known]
+        inside = [k for k in covered if k in sure]
+        size = {k: (b - a) / INTERVAL for k in sure for a, b in [estimates[k].ci95 or (0.0, 0.0)]}
+        size |= {
+            k: s.std for k, s in model.stated.items() if s.std and k not in sure and k in known
+        }
+        alone = [k for k in size if k not in inside]
+        names, C = (*inside, *alone), np.diag([size[k] ** 2 for k in (*inside, *alone)])
+        if joint is not None:
+            at = [covered.index(k) for k in inside]
+            C[: len(at), : len(at)] = joint.matrix[np.ix_(at, at)]
+        limits = model.declarations()
+        positive = np.array([limits[k].low >= 0.0 and known[k] > 0.0 for k in names], bool)
+        return cls(model, Joint(names, np.array([known[k] for k in names]), C, positive), weight)
+
+    @classmethod
+    def read(cls, given: Mapping[str, Any]) -> Belief:
+        """From an entry of "members" of the JSON document."""
+        names, values = tuple(given["names"]), np.array(given["values"], float)
+        matrix = np.array(given["matrix"], float).reshape(len(names), len(names))
+        joint = Joint(names, values, matrix, np.array(given["positive"], bool))
+        return cls(as_model(given["model"], "members"), joint, float(given["weight"]))
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """Values that are neither determined, nor declared as held or with a std."""
+        own, held = self.model.declarations(), self.model.held()
+        free = [k for k, p in own.items() if p.fitted and not (p.whole or p.choices)]
+        return tuple(k for k in free if k not in held and k not in self.joint.names)
+
+    def drawn(self, n: int, random: np.random.Generator) -> dict[str, np.ndarray]:
+        """n sets of values inside their bounds: name -> (n,)."""
+        made = self.joint.sample(n, random)
+        for _ in range(ROUNDS):
+            out = self._outside(made, n)
+            if not out.any():
+                return made
+            again = self.joint.sample(int(out.sum()), random)
+            for k, v in again.items():
+                made[k][out] = v
+        return {k: np.clip(v, *self._ends(k)) for k, v in made.items()}
+
+    def _ends(self, key: str) -> tuple[float, float]:
+        p, said = self.model.declarations()[key], self.model.stated.get(key)
+        low = max(p.low, -np.inf if said is None or said.low is None else said.low)
+        return low, min(p.high, np.inf if said is None or said.high is None else said.high)
+
+    def _outside(self, made: Mapping[str, np.ndarray], n: int) -> np.ndarray:
+        out = np.zeros(n, bool)
+        for k, v in made.items():
+            low, high = self._ends(k)
+            out |= ~((v >= low) & (v <= high))
+        known = self.model.known()
+        if (
+            {"Fc", "Fs"} & made.keys()
+            and {"Fc", "Fs"} <= known.keys()
+            and known["Fs"] >= known["Fc"]
+        ):
+            out |= made.get("Fs", known["Fs"]) < made.get("Fc", known["Fc"])
+        return out
+
+    def summary(self) -> dict[str, Any]:
+        """As under "members" in the JSON document; :meth:`read` reads it."""
+        joint, model = self.joint, self.model
+        return {
+            "weight": self.weight,
+            "model": model.to_dict() | {"stated": model.statements()},
+            "names": list(joint.names),
+            "values": joint.values.tolist(),
+            "matrix": joint.matrix.tolist(),
+            "positive": joint.positive.tolist(),
+            "unknown": list(self.unknown),
+        }
+
+
+class Members(Result, Sequence[Model]):
+    """Drives as they may be: models drawn by :meth:`sample`, each with a value for everything.
+
+    ``members[0]`` is a :class:`Model`; ``members["J"]`` are the values of all, nan where a member's
+    model has none of that name; ``names`` are those that were drawn. A sweep takes members in
+    place of its table, as the parameters of the block ``plant``.
+
+    Raises
+    ------
+    Refused
+        By ``members[0]``, for a value that the log does not determine and of which nothing is
+        declared; the sentence names it.
+
+    Examples
+    --------
+    >>> t = 1e-2 * np.arange(400)
+    >>> w = np.sin(np.pi * t) + 0.5 * np.sin(8.0 * t)
+    >>> u = 0.002 * np.gradient(w, t) + 0.3 * np.tanh(w / 1e-3) + 0.02 * w
+    >>> fit = lg.identify({"t": t, "u": u, "w": w}, lg.Model.of(friction="coulomb"))
+    >>> members = fit.sample(100)
+    >>> len(members), members.names
+    (100, ('J', 'Fc', 'Fv'))
+    >>> bool(abs(members[0].known()["Fc"] - 0.3) < 0.05)
+    True
+    """
+
+    def __init__(self, beliefs: Sequence[Belief], n: int, seed: int | None) -> None:
+        n, random = whole(n, "n, the number of samples,", least=1), np.random.default_rng(seed)
+        weights = np.array([b.weight for b in beliefs])
+        self.beliefs = tuple(beliefs)
+        self.which = random.choice(len(beliefs), n, p=weights / weights.sum())
+        self.names = tuple(dict.fromkeys(k for b in beliefs for k in b.joint.names))
+        self._columns = {k: np.full(n, np.nan) for k in self.names}
+        for i, belief in enumerate(beliefs):
+            mine = self.which == i
+            for k, v in belief.drawn(int(mine.sum()), random).items() if mine.any() else ():
+                self._columns[k][mine] = v
+
+    def __len__(self) -> int:
+        return len(self.which)
+
+    def keys(self) -> tuple[str, ...]:
+        """The names of the values that were drawn."""
+        return self.names
+
+    @overload
+    def __getitem__(self, index: str) -> np.ndarray: ...
+    @overload
+    def __getitem__(self, index: int) -> Model: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Model]: ...
+    def __getitem__(self, index: Any) -> Any:
+        if isinstance(index, str):
+            if index not in self._columns:
+                raise InputError(f"there is no drawn value '{index}'; there is {self.names}.")
+            return self._columns[index]
+        if isinstance(index, slice):
+            return [self[i] for i in range(*index.indices(len(self)))]
+        belief = self.beliefs[self.which[index]]
+        refuse_unknown(belief)
+        return belief.model.with_values(
+            {k: float(self._columns[k][index]) for k in belief.joint.names}
+        )
+
+    def __iter__(self) -> Iterator[Model]:
+        return (self[i] for i in range(len(self)))
+
+    def columns_of(self, block: str = "plant") -> dict[str, np.ndarray]:
+        """The table of a sweep: the parameters of a block, ``{"plant.Fc": (n,), ...}``."""
+        if len(set(self.which)) > 1:
+            raise InputError("the members are of different models: sweep those of each separately.")
+        refuse_unknown(self.beliefs[self.which[0]])
+        return {f"{block}.{k}": v for k, v in self._columns.items()}
+
+    def summary(self) -> dict[str, Any]:
+        return {"members": len(self), "values": {k: v.tolist() for k, v in self._columns.items()}}
+
+    def to_frame(self) -> Any:
+        """A DataFrame, a row for each member; InputError where pandas is not installed."""
+        return library("pandas").DataFrame(self._columns)
+
+    def _title(self) -> str:
+        return f"{len(self)} members"
+
+    def _rows(self) -> Iterable[Row]:
+        for k, v in self._columns.items():
+            low, middle, high = np.nanquantile(v, (0.025, 0.5, 0.975))
+            unit = next(b for b in self.beliefs if k in b.joint.names).model.unit(k)
+            yield Row(k, float(middle), unit, f"(95 % from {number(low)} to {number(high)})")
+
+
+def refuse_unknown(belief: Belief) -> None:
+    """Refused where a value would be taken as certain that is not."""
+    left = belief.unknown
+    if left:
+        names, many = ", ".join(left), len(left) > 1
+        raise Refused(
+            f"{belief.model.name}: the log does not determine {names}, so no member can be drawn: "
+            f"declare {'each' if many else 'it'} with what is known of it, "
+            f"{left[0]} = {{value = ..., std = ...}} or fixed = true.",
+            f"Record a motion that shows {names}: {SHOWN}.",
+        )
