@@ -44,8 +44,9 @@ GOVERNED = "friction governs this log, and the response does not hold: no gains 
 class Axis:
     """G = theta/u (n,) in rad/(N m) at w (n,) in rad/s, and the radius (n,) of its discs.
 
-    ``known`` is where G itself means something; ``J`` the inertia at low frequencies; ``dt`` the
-    step of the controller in s, None in continuous time; ``peaks`` the resonances in rad/s.
+    ``known`` is where G itself means something; ``J`` the inertia at low frequencies, ``corner``
+    B/J; ``dt`` the step of the controller in s, None in continuous time; ``peaks`` the resonances
+    in rad/s.
     """
 
     w: np.ndarray
@@ -53,6 +54,7 @@ class Axis:
     radius: np.ndarray
     known: np.ndarray
     J: float
+    corner: float
     dt: float | None
     dead_time: float
     peaks: tuple[float, ...] = ()
@@ -131,7 +133,7 @@ def _measured(
 
     Below, it is a free inertia; above, it falls as 1/w from the largest value of the last octave.
     """
-    J = _inertia(w[error < np.inf], P)
+    J, corner = _inertia(w, P)
     x, fine = np.arange(len(w)), np.linspace(0, len(w) - 1, FINER * (len(w) - 1) + 1)
     at = np.exp(np.interp(fine, x, np.log(w)))
     ones = np.ones(len(at))
@@ -159,6 +161,7 @@ def _measured(
         np.r_[np.abs(G) * error, most / high**2],
         np.arange(len(w) + BEYOND) < len(w),
         J,
+        corner,
         dt,
         late,
         _peaks(w, P),
@@ -167,13 +170,14 @@ def _measured(
     )
 
 
-def _inertia(w: np.ndarray, P: np.ndarray) -> float:
-    """Of 1/P = B + jwJ, at low frequencies."""
+def _inertia(w: np.ndarray, P: np.ndarray) -> tuple[float, float]:
+    """J and B/J of 1/P = B + jwJ, at low frequencies."""
     low = w <= max(LOW * w[0], w[min(5, len(w) - 1)])
-    J = float(np.median((1.0 / P[: len(w)][low]).imag / w[low]))
+    resists = 1.0 / P[low]
+    J, B = float(np.median(resists.imag / w[low])), float(np.median(resists.real))
     if not J > 0.0:
         raise Refused("at low frequencies the response is not that of an inertia.", "")
-    return J
+    return J, max(B, 0.0) / J
 
 
 def _hold(w: np.ndarray, dt: float | None) -> np.ndarray:
@@ -227,7 +231,7 @@ def _of_system(system: Any, late: float, dt: float | None) -> Axis:
     held = position if dt is None else ct.sample_system(position, dt)
     G = held(1j * w if dt is None else np.exp(1j * w * dt)) * np.exp(-1j * w * late)
     everywhere = np.ones(len(w), bool)
-    return Axis(w, G, np.zeros(len(w)), everywhere, _inertia(w, P), dt, late, _peaks(w, P))
+    return Axis(w, G, np.zeros(len(w)), everywhere, *_inertia(w, P), dt, late, _peaks(w, P))
 
 
 def _grid(features: np.ndarray, times: Sequence[float], dt: float | None) -> np.ndarray:
