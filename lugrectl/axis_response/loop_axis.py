@@ -7,7 +7,7 @@ the last frequency it is centred at 0, of any phase.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -29,7 +29,7 @@ BELOW, ABOVE, BEYOND = 30.0, 30.0, 40  # how far the axis is continued, in so ma
 LEAST_COHERENCE = 0.05  # one of 20 equations in a window: what chance alone explains
 LOW = 4.0  # times the lowest frequency: where the axis is a free inertia
 DENSE, SIDES = 150, np.linspace(-10.0, 10.0, 61)  # points in a decade; half-widths about a mode
-IMAGES = 30  # of the spectrum on either side, of a sampled axis
+ZERO = 1e-9  # of the fastest pole: a pole or zero that is slower is an integrator
 LIGHT = 0.5  # damping ratio below which a mode has points of its own
 PEAK = 2.0  # times what is an octave away: a resonance at which a notch may pay
 TOP = "Beyond {:.4g} Hz nothing is known: |P| may be any phase of what falls as 1/f from {:.3g} {}."
@@ -44,8 +44,9 @@ GOVERNED = "friction governs this log, and the response does not hold: no gains 
 class Axis:
     """G = theta/u (n,) in rad/(N m) at w (n,) in rad/s, and the radius (n,) of its discs.
 
-    ``known`` is where G itself means something; ``J`` the inertia at low frequencies; ``dt`` the
-    step of the controller in s, None in continuous time; ``peaks`` the resonances in rad/s.
+    ``known`` is where G itself means something; ``J`` the inertia at low frequencies, ``corner``
+    B/J; ``dt`` the step of the controller in s, None in continuous time; ``peaks`` the resonances
+    in rad/s.
     """
 
     w: np.ndarray
@@ -53,6 +54,7 @@ class Axis:
     radius: np.ndarray
     known: np.ndarray
     J: float
+    corner: float
     dt: float | None
     dead_time: float
     peaks: tuple[float, ...] = ()
@@ -131,7 +133,7 @@ def _measured(
 
     Below, it is a free inertia; above, it falls as 1/w from the largest value of the last octave.
     """
-    J = _inertia(w[error < np.inf], P)
+    J, corner = _inertia(w, P)
     x, fine = np.arange(len(w)), np.linspace(0, len(w) - 1, FINER * (len(w) - 1) + 1)
     at = np.exp(np.interp(fine, x, np.log(w)))
     ones = np.ones(len(at))
@@ -159,6 +161,7 @@ def _measured(
         np.r_[np.abs(G) * error, most / high**2],
         np.arange(len(w) + BEYOND) < len(w),
         J,
+        corner,
         dt,
         late,
         _peaks(w, P),
@@ -167,13 +170,14 @@ def _measured(
     )
 
 
-def _inertia(w: np.ndarray, P: np.ndarray) -> float:
-    """Of 1/P = B + jwJ, at low frequencies."""
+def _inertia(w: np.ndarray, P: np.ndarray) -> tuple[float, float]:
+    """J and B/J of 1/P = B + jwJ, at low frequencies."""
     low = w <= max(LOW * w[0], w[min(5, len(w) - 1)])
-    J = float(np.median((1.0 / P[: len(w)][low]).imag / w[low]))
+    resists = 1.0 / P[low]
+    J, B = float(np.median(resists.imag / w[low])), float(np.median(resists.real))
     if not J > 0.0:
         raise Refused("at low frequencies the response is not that of an inertia.", "")
-    return J
+    return J, max(B, 0.0) / J
 
 
 def _hold(w: np.ndarray, dt: float | None) -> np.ndarray:
@@ -222,24 +226,18 @@ def _of_system(system: Any, late: float, dt: float | None) -> Axis:
     if own:
         P = np.asarray(system(np.exp(1j * w * own)))
         return _measured(w, P, np.zeros(len(w)), own, late, dt)
-    speed = _evaluated(ct.ss(system))
-    P = speed(w)
-    return Axis(
-        w,
-        _sampled(speed, w, dt, late),
-        np.zeros(len(w)),
-        np.ones(len(w), bool),
-        _inertia(w, P),
-        dt,
-        late,
-        _peaks(w, P),
-    )
+    P = np.asarray(system(1j * w))
+    position: Any = ct.ss(system) * ct.ss(0, 1, 1, 0)
+    held = position if dt is None else ct.sample_system(position, dt)
+    G = held(1j * w if dt is None else np.exp(1j * w * dt)) * np.exp(-1j * w * late)
+    everywhere = np.ones(len(w), bool)
+    return Axis(w, G, np.zeros(len(w)), everywhere, *_inertia(w, P), dt, late, _peaks(w, P))
 
 
 def _grid(features: np.ndarray, times: Sequence[float], dt: float | None) -> np.ndarray:
     """Frequencies from far below to far above all poles and zeros, dense about light ones."""
     size = np.abs(features)
-    marks = np.r_[size[size > 0], [1.0 / t for t in times]]
+    marks = np.r_[size[size > ZERO * max(size, default=0.0)], [1.0 / t for t in times]]
     if not len(marks):
         raise Refused("nothing limits the gains of this axis: give rate or dead_time.", "")
     end = 0.999 * np.pi / dt if dt else 1e3 * marks.max()
@@ -249,26 +247,3 @@ def _grid(features: np.ndarray, times: Sequence[float], dt: float | None) -> np.
     near = [abs(x) * (1.0 + abs(x.real) / abs(x) * SIDES) for x in light]
     w = np.unique(np.concatenate([w, *near]))
     return w[(w >= low) & (w <= end)]
-
-
-def _evaluated(system: ct.StateSpace) -> Callable[[np.ndarray], np.ndarray]:
-    A, B, C, D = (np.asarray(x) for x in (system.A, system.B, system.C[0], system.D))
-
-    def speed(w: np.ndarray) -> np.ndarray:
-        every = 1j * w[:, None, None] * np.eye(len(A)) - A
-        return np.linalg.solve(every, np.broadcast_to(B, (len(w), *B.shape)))[..., 0] @ C + D[0, 0]
-
-    return speed
-
-
-def _sampled(
-    speed: Callable[[np.ndarray], np.ndarray], w: np.ndarray, dt: float | None, late: float
-) -> np.ndarray:
-    """theta/u; of a held torque and a sampled position by the images of the spectrum."""
-    if dt is None:
-        return speed(w) / (1j * w) * np.exp(-1j * w * late)
-    G = np.zeros(len(w), complex)
-    for k in range(-IMAGES, IMAGES + 1):
-        at = w + 2.0 * np.pi * k / dt
-        G += speed(at) / (1j * at) * _hold(at, dt) * np.exp(-1j * at * late)
-    return G

@@ -4,8 +4,8 @@
 
 A shape is the place of the controller's zeros about its crossover c = kd/J: their geometric mean
 m c and their damping zeta. Of each shape c is raised from far below until the distance is first
-kept no more: that the loop is stable follows from continuity. Most integral action under a bound
-on Ms: Astrom, Panagopoulos and Hagglund, Automatica 34(5), 1998.
+kept no more. Most integral action under a bound on Ms: Astrom, Panagopoulos and Hagglund,
+Automatica 34(5), 1998.
 """
 
 from __future__ import annotations
@@ -133,26 +133,30 @@ class Search:
         return np.min(np.abs(1.0 + self.axis.G * C) - np.abs(C) * self.axis.radius, axis=1)
 
     def highest(self, mean: np.ndarray, zeta: np.ndarray) -> np.ndarray:
-        """The largest c (m,) up to which the distance is kept; 0 where it never is, nan where
-        nothing ends it."""
+        """The c (m,) at which the distance is first kept no more; 0 where it never is, nan where
+        nothing ends it. Below the corner of viscous friction a position loop is of another kind."""
         w = self.axis.w[self.axis.known]
-        levels = np.geomspace(10.0 * w[0], w[-1], STEPS)
-        low, high = np.full(len(mean), 0.0), np.full(len(mean), np.nan)
-        rising = np.ones(len(mean), bool)
-        for c in levels:
+        first = 10.0 * w[0] if self.structure == "PI" else max(10.0 * w[0], self.axis.corner)
+        low, high = np.zeros(len(mean)), np.full(len(mean), np.nan)
+        for c in np.geomspace(first, w[-1], STEPS):
+            rising = np.isnan(high)
             kept = rising & self._keeps(Shape(c, mean, zeta))
-            high[rising & ~kept], low[kept] = c, c
-            rising = kept
-            if not rising.any():
-                break
+            high[rising & ~kept & (low > 0.0)], low[kept] = c, c
+        endless = np.isnan(high) & (low > 0.0)
         for _ in range(HALVINGS):
-            c = np.sqrt(np.maximum(low, levels[0] / 2) * high)
+            c = np.sqrt(low * high)
             kept = self._keeps(Shape(c, mean, zeta))
             low, high = np.where(kept, c, low), np.where(kept, high, c)
-        return np.where(rising, np.nan, low)
+        return np.where(endless, np.nan, low)
 
     def _keeps(self, shape: Shape) -> np.ndarray:
-        return self.distance(self.gains(shape)) >= 1.0 / self.Ms
+        """Whether the loop is stable (Nyquist) and keeps the distance, (m,)."""
+        g, known = self.gains(shape), self.axis.known
+        back = 1.0 + self.controller(g)[:, known] * self.axis.G[known]
+        turned = np.unwrap(np.angle(back))
+        first = turned[:, 0] - 2.0 * np.pi * (turned[:, 0] > 0.0)  # of up to three integrators
+        ends = first + turned[:, -1] - turned[:, 0]
+        return (np.abs(ends) < 0.5 * np.pi) & (self.distance(g) >= 1.0 / self.Ms)
 
     def best(self, about: Shape | None = None) -> Shape:
         """The shape with the most integral action, of all or near one; its c is 0 where no gains

@@ -26,9 +26,13 @@ NONE = (
 ENDLESS = "nothing limits the gains of this axis: give rate or dead_time."
 PAID = "The notch gives {:.0f} % more bandwidth."
 UNPAID = "No notch gives 10 % more bandwidth."
-QUIETER = "To keep the loop from hunting, the integral action is {:.3g} of what Ms allows."
+QUIETER = (
+    "To keep the loop from hunting, the integral action is {:.2g} of what Ms allows: the bandwidth "
+    "is {:.3g} Hz in place of {:.3g} Hz."
+)
 PLAIN = "Any integral action hunts: it is left out, and a load moves the axis by {:.3g} {} a {}."
 UNSEEN = "Limit cycles were not searched: {}"
+UNDECIDED = "neither came to rest"
 MORE = "The notch is not in the search for limit cycles."
 
 
@@ -133,9 +137,10 @@ def tune(
     cycles = None
     try:
         cycles = _cycles(search, shape)
-        if not flag(hunting, "hunting") and cycles is not None and not cycles:
+        if not flag(hunting, "hunting") and cycles is not None and not _rests(cycles):
+            hunts = _bandwidth(search.gains(shape), made.J)
             search, shape, cycles = _quiet(search, shape)
-            said.append(_quieter(search, shape))
+            said.append(_quieter(search, shape, hunts))
     except InputError as no:
         if not hunting:
             raise
@@ -170,25 +175,32 @@ def _quiet(search: Search, shape: Shape) -> tuple[Search, Shape, LimitCycles | N
         return made, made.at(shape), _cycles(made, made.at(shape))
 
     high, best = 1.0, tried(FEWER)
-    while not best[2]:
+    while not _rests(best[2]):
         high = best[0].share
         best = tried(FEWER * high if FEWER * high > LEAST else 0.0)
         if not best[0].share:
             return best
     for _ in range(HALVINGS):
         now = tried(float(np.sqrt(best[0].share * high)))
-        if now[2]:
+        if _rests(now[2]):
             best = now
         else:
             high = now[0].share
     return best
 
 
-def _quieter(search: Search, shape: Shape) -> str:
+def _rests(cycles: LimitCycles | None) -> bool:
+    """Whether every start came to rest: one that neither did nor repeated is no absence."""
+    return bool(cycles) and not any(UNDECIDED in said for said in cycles.messages)
+
+
+def _quieter(search: Search, shape: Shape, before: float) -> str:
+    g, J = search.gains(shape), search.axis.J
     if search.share:
-        return QUIETER.format(search.share)
+        hertz = (x / (2.0 * np.pi) for x in (_bandwidth(g, J), before))
+        return QUIETER.format(search.share, *hertz)
     turn, force = ("rad", "N m") if search.axis.motion == "rotary" else ("m", "N")
-    return PLAIN.format(1.0 / float(search.gains(shape).kp), turn, force)
+    return PLAIN.format(1.0 / float(g.kp), turn, force)
 
 
 def _result(
