@@ -13,7 +13,7 @@ from .. import notebooks
 nbclient = pytest.importorskip("nbclient")
 nbformat = pytest.importorskip("nbformat")
 README = Path(__file__).parents[2] / "README.md"
-PAGES = ["benchmark", "method", "observers", "paper", "tour"]
+PAGES = ["benchmark", "commissioning", "method", "observers", "paper", "tour"]
 each = pytest.mark.parametrize("path", notebooks.paths(), ids=lambda p: p.stem)
 
 
@@ -21,7 +21,7 @@ def code(path):
     return [c for c in nbformat.read(path, as_version=4).cells if c.cell_type == "code"]
 
 
-def test_there_are_five_pages_and_readme_links_to_each():
+def test_there_are_six_pages_and_readme_links_to_each():
     assert [p.stem for p in notebooks.paths()] == PAGES
     text = README.read_text()
     assert [name for name in PAGES if f"notebooks/{name}.ipynb" not in text] == []
