@@ -39,7 +39,7 @@ def load_motion(run: Run, mechanics: Mechanics, friction: float, distance: float
     """The motion of the load, with about so much friction (N m or N) on it."""
     wa, za, ratio, _ = np.exp(mechanics.pairs[0]).tolist()
     share = 1.0 - 1.0 / (1.0 + ratio) ** 2  # of the inertia, on the load
-    steps, speed = _integrated(run, wa, za, friction / (share * mechanics.inertia), distance)
+    steps, speed = _integrated(run, wa, za, friction / (share * mechanics.inertia[0]), distance)
     s = 1j * run.w
     seen = (2.0 * za * wa * s + wa**2) / (s**2 + 2.0 * za * wa * s + wa**2)
     return LoadMotion(steps, speed, seen)

@@ -59,8 +59,14 @@ class Mechanics:
     top: float
 
     @property
-    def inertia(self) -> float:
-        return float(np.exp(self.x[0]))
+    def inertia(self) -> tuple[float, tuple[float, float]]:
+        """The inertia of the whole axis, and its 95 % interval."""
+        return self._value(self.x[0], np.eye(len(self.x))[0])
+
+    def _value(self, log: float, rate: np.ndarray) -> tuple[float, tuple[float, float]]:
+        """A value from its logarithm, with the rates of that by the parameters."""
+        width = 1.96 * float(np.sqrt(rate @ self.V @ rate))
+        return float(np.exp(log)), (float(np.exp(log - width)), float(np.exp(log + width)))
 
     @property
     def pairs(self) -> np.ndarray:
@@ -103,16 +109,9 @@ class Mechanics:
         return tuple(sorted((m for m in made if m.frequency < EDGE * self.top), key=_frequency))
 
     def _mode(self, kind: str, at: float, rate: np.ndarray, damped: int) -> Mode:
-        width = 1.96 * float(np.sqrt(rate @ self.V @ rate))
-        spread = 1.96 * float(np.sqrt(self.V[damped, damped]))
-        zeta = float(np.exp(self.x[damped]))
-        return Mode(
-            kind,
-            float(at),
-            zeta,
-            (float(at * np.exp(-width)), float(at * np.exp(width))),
-            (float(zeta * np.exp(-spread)), float(zeta * np.exp(spread))),
-        )
+        frequency, ci95 = self._value(np.log(at), rate)
+        damping, damping_ci95 = self._value(self.x[damped], np.eye(len(self.x))[damped])
+        return Mode(kind, frequency, damping, ci95, damping_ci95)
 
 
 def _frequency(mode: Mode) -> float:

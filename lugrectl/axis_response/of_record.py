@@ -13,17 +13,23 @@ from ..core.errors import InputError, Refused
 from ..core.provenance import stamped
 from ..record import Record, record_of, refuse_dead
 from ..record.as_record import as_logs
+from ..record.pooling import pooled
 from .effects import known_effects
 from .estimate import HIGHEST, LOWEST, Estimate, estimate
 from .local_response import Response
 from .modes import FEWEST, Mode
-from .result import BAD, CERTAIN, FEW, GOOD, LARGE, RECORD, THIN, FrequencyResponse
+from .result import BAD, CERTAIN, FEW, GOOD, LARGE, RECORD, THIN, FrequencyResponse, unwrapped
 from .runs import Run, runs_of
 
 SLOW = 10.0  # Hz below which friction is looked for
 NEAR = 0.15  # of a mode's frequency: a point so near must be certain
-VAGUE = 0.2  # of its frequency: a mode less certain than that is none
+VAGUE = 0.2  # of its value: a mode or an inertia less certain than that is not given
 LEAST_RANGE = 0.5  # decades of frequency
+NOWHERE = (
+    "the response is certain at no frequency from {:.3g} to {:.3g} Hz: the torque explains at most "
+    "{:.0%} of the speed about {:.3g} Hz, and it must be 95 %. The log excites the axis too little "
+    "there, or something else moves it."
+)
 ONE_WAY = "The axis never reverses: friction is a constant torque there, and nothing is taken out."
 
 
@@ -67,7 +73,7 @@ def frequency_response(
     InputError
         When an argument cannot be meant, or a file cannot be read or understood.
     Refused
-        When the log is too short or shows no motion.
+        When the log is too short, shows no motion, or makes the response certain nowhere.
 
     Notes
     -----
@@ -94,7 +100,7 @@ def frequency_response(
     """
     made = as_model(model)
     logs, _ = as_logs(record, made.motion, columns=columns, units=units, scale=scale, rate=rate)
-    records = [record_of(log, alone=len(logs) == 1) for log in logs]
+    records = pooled([record_of(log, alone=len(logs) == 1) for log in logs])
     refuse_dead(records)
     _refuse_unlike(records)
     runs = runs_of(records)
@@ -103,9 +109,9 @@ def frequency_response(
     reverses = any(len(run.strokes[1]) > 1 for run in runs)
     dry = "Fc" in made.friction.values
     found = estimate(known, dry and reverses)
-    said = [*known.said, *([ONE_WAY] if dry and not reverses else [])]
-    said += [message for one in records for message in one.messages]
-    return _result(found, runs, made, said)
+    _refuse_uncertain(found.response)
+    said = [*known.said, *(message for one in records for message in one.messages)]
+    return _result(found, runs, made, [*_verdict(found, dry), *said])
 
 
 def _refuse_unlike(records: Sequence[Record]) -> None:
@@ -126,34 +132,50 @@ def _refuse_short(runs: Sequence[Run]) -> None:
         )
 
 
+def _refuse_uncertain(r: Response) -> None:
+    best = int(np.argmax(r.coherence))
+    if r.coherence[best] < CERTAIN:
+        f = r.w / (2.0 * np.pi)
+        raise Refused(NOWHERE.format(f[0], f[-1], float(r.coherence[best]), f[best]), RECORD)
+
+
+def _verdict(found: Estimate, dry: bool) -> list[str]:
+    """What friction does to the response, how much of it is certain, and what to record."""
+    correction, below = _correction(found)
+    sure = found.response.coherence >= CERTAIN
+    bad, few = correction >= LARGE, sure.mean() < FEW
+    made = [(BAD if bad else GOOD).format(below, correction)] if found.friction else []
+    made += [ONE_WAY] if dry and not found.friction else []
+    made += [THIN.format(sure.sum(), len(sure))] if few else []
+    return [*made, *([RECORD] if bad or few else [])]
+
+
 def _result(
     found: Estimate, runs: Sequence[Run], model: Model, said: Sequence[str]
 ) -> FrequencyResponse:
     r, dt = found.response, runs[0].dt
-    correction, below = _correction(found)
-    told = (GOOD if correction < LARGE else BAD).format(below, correction, RECORD)
-    sure = r.coherence >= CERTAIN
-    thin = [THIN.format(sure.sum(), len(sure), RECORD)] if sure.mean() < FEW else []
-    told = [*([told] if sure.any() else []), *thin]
-    size = np.abs(r.P)
+    sure, size = r.coherence >= CERTAIN, np.abs(r.P)
     mechanics = found.mechanics if sure.sum() >= FEWEST else None
     modes = () if mechanics is None else mechanics.modes()
+    inertia = None if mechanics is None else mechanics.inertia
+    known = inertia is not None and _narrow(inertia[1])
     return FrequencyResponse(
         frd=ct.FrequencyResponseData(r.P, r.w, dt),
         raw=ct.FrequencyResponseData(found.raw.P, r.w, dt),
         frequency=r.w,
         magnitude=size,
-        phase=np.unwrap(np.angle(r.P)),
+        phase=unwrapped(r.w, r.P, sure),
         low=np.where(sure, np.maximum(size - r.radius, 0.0), np.nan),
         high=np.where(sure, size + r.radius, np.nan),
         coherence=r.coherence,
-        correction=correction,
+        correction=_correction(found)[0],
         modes=tuple(mode for mode in modes if _seen(mode, r)),
-        inertia=None if mechanics is None else mechanics.inertia,
+        inertia=inertia[0] if inertia and known else None,
+        inertia_ci95=inertia[1] if inertia and known else None,
         friction={} if found.friction is None else found.friction.levels,
         reference=runs[0].E is not None,
         motion=model.motion,
-        messages=tuple(dict.fromkeys([*told, *said])),
+        messages=tuple(dict.fromkeys(said)),
         mechanics=mechanics,
     )
 
@@ -169,7 +191,9 @@ def _correction(found: Estimate) -> tuple[float, float]:
 
 def _seen(mode: Mode, r: Response) -> bool:
     """Whether there are certain points about a mode, and its frequency is certain."""
-    if mode.ci95[1] > (1.0 + VAGUE) ** 2 * mode.ci95[0]:
-        return False
     near = np.abs(np.log(r.w / mode.frequency)) < NEAR
-    return bool((r.coherence[near] >= CERTAIN).any())
+    return _narrow(mode.ci95) and bool((r.coherence[near] >= CERTAIN).any())
+
+
+def _narrow(ci95: tuple[float, float]) -> bool:
+    return ci95[1] <= (1.0 + VAGUE) ** 2 * ci95[0]

@@ -9,7 +9,7 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from ..core.display import Row, noticed, number
+from ..core.display import Row, between, noticed, number
 from ..core.provenance import Provenance
 from ..core.result import Result
 from ..core.views import view
@@ -20,13 +20,13 @@ LARGE = 2.0  # dB of correction above which friction governs a log: no band hold
 GOOD = "Friction changes the response below {:.3g} Hz by {:.1f} dB: the band holds."
 BAD = (
     "Friction changes the response below {:.3g} Hz by {:.1f} dB, above 2 dB: it governs this log, "
-    "and the band does not hold there. {}"
+    "and the band does not hold there."
 )
 RECORD = (
     "Record 30 s of quick moves that mostly reverse, with a multisine on the speed reference whose "
     "torque is about twice the friction, and log the reference."
 )
-THIN = "Only {} of {} points are certain: elsewhere the log excites the axis too little. {}"
+THIN = "Only {} of {} points are certain: elsewhere the log excites the axis too little."
 FEW = 0.5  # of the points: with fewer certain ones that is said
 
 
@@ -53,7 +53,9 @@ class FrequencyResponse(Result):
         Antiresonances and resonances, ``frequency`` in rad/s, ``damping`` as a ratio, with 95 %
         intervals ``ci95`` and ``damping_ci95``.
     inertia : float or None
-        In kg m2 or kg, of the whole axis; None where too few points are certain.
+        In kg m2 or kg, of the whole axis; None where the log does not show it.
+    inertia_ci95 : tuple of float or None
+        Its 95 % interval.
     friction : dict
         Levels that were taken out, N m or N. Good for that; identify estimates them.
     reference : bool
@@ -77,6 +79,7 @@ class FrequencyResponse(Result):
     correction: float
     modes: tuple[Mode, ...] = ()
     inertia: float | None = None
+    inertia_ci95: tuple[float, float] | None = None
     friction: Mapping[str, float] = field(default_factory=dict)
     reference: bool = False
     motion: str = "rotary"
@@ -94,6 +97,11 @@ class FrequencyResponse(Result):
         """Where the coherence is at least 0.95."""
         return self.coherence >= CERTAIN
 
+    @property
+    def raw_phase(self) -> np.ndarray:
+        """The phase of ``raw`` in rad, within half a turn of ``phase``."""
+        return self.phase + np.angle(np.ravel(self.raw.frdata) / np.ravel(self.frd.frdata))
+
     def plot(self) -> Sequence[Any]:
         """Draw magnitude, phase and coherence, with the band; uncertain points are faint.
         Returns the Axes."""
@@ -110,11 +118,12 @@ class FrequencyResponse(Result):
             "low": self.low,
             "high": self.high,
             "coherence": self.coherence,
-            "raw": {"magnitude": np.abs(raw), "phase": np.unwrap(np.angle(raw))},
+            "raw": {"magnitude": np.abs(raw), "phase": self.raw_phase},
             "correction": self.correction,
             "trusted": self.trusted,
             "modes": [mode.summary() for mode in self.modes],
             "inertia": self.inertia,
+            "inertia_ci95": self.inertia_ci95,
             "friction": dict(self.friction),
             "reference": self.reference,
             "gains": None if self.gains is None else self.gains.summary(),
@@ -130,12 +139,20 @@ class FrequencyResponse(Result):
     def _rows(self) -> Iterable[Row]:
         force, mass = ("N m", "kg m2") if self.motion == "rotary" else ("N", "kg")
         levels = ", ".join(f"{k} {number(v, 3)}" for k, v in self.friction.items())
+        inertia = f"({between(self.inertia_ci95)})" if self.inertia_ci95 else ""
         return [
-            *([Row("inertia", number(self.inertia), mass)] if self.inertia else []),
+            *([Row("inertia", number(self.inertia), mass, inertia)] if self.inertia else []),
             *(Row(mode.kind, *_shown(mode)) for mode in self.modes),
             *([Row("taken out", levels, force)] if levels else []),
             *noticed(self.messages, "messages"),
         ]
+
+
+def unwrapped(w: np.ndarray, P: np.ndarray, sure: np.ndarray) -> np.ndarray:
+    """The phase, unwrapped along what is certain; the rest is within half a turn of that."""
+    angle = np.angle(P)
+    line = np.interp(w, w[sure], np.unwrap(angle[sure]))
+    return line + np.angle(np.exp(1j * (angle - line)))
 
 
 def _shown(mode: Mode) -> tuple[str, str, str]:

@@ -18,6 +18,8 @@ CERTAIN = 0.95  # the least coherence that is drawn as certain
 
 def bode(found: Any) -> Sequence[Axes]:
     """Magnitude, phase and coherence over Hz; only points of high coherence are drawn in full."""
+    from matplotlib.ticker import LogLocator
+
     f = found.frequency / (2.0 * np.pi)
     sure = np.where(found.certain, 1.0, np.nan)
     raw = np.asarray(found.raw.frdata)[0, 0]
@@ -31,22 +33,38 @@ def bode(found: Any) -> Sequence[Axes]:
         ax.plot(f, size, color=FAINT, lw=1.0)
         floor = np.nanmin(size) - 20.0  # a band that reaches 0 ends there
         ax.fill_between(f, np.maximum(low, floor), high, color=LINE, alpha=0.25, lw=0)
-        ax.plot(f, size * sure, color=LINE, lw=1.5, label="friction taken out")
+        ax.plot(f, size * sure, ".-", color=LINE, lw=1.5, ms=2.5, label="friction taken out")
         for mode in found.modes:
-            ax.axvline(mode.frequency / (2.0 * np.pi), color=MARK, ls=":", lw=0.9)
-        ax.set(ylabel=f"|P| [dB of {unit}]", xlim=(f[0], f[-1]))
+            hertz, first = mode.frequency / (2.0 * np.pi), mode.kind == "antiresonance"
+            ax.axvline(hertz, color=MARK, ls=":" if first else "--", lw=0.9)
+            ax.annotate(
+                f"{hertz:.3g} Hz ",
+                (hertz, 0.02 if first else 0.98),
+                xycoords=("data", "axes fraction"),
+                rotation=90,
+                fontsize="x-small",
+                color=MARK,
+                ha="right",
+                va="bottom" if first else "top",
+            )
+        ax.set(ylabel=f"|P| [dB of {unit}]")
         headed(ax, "" if found.trusted else "Friction governs this log below 10 Hz")
 
     def phase(ax: Axes) -> None:
-        turned = np.degrees(np.unwrap(np.angle(raw)))
-        ax.semilogx(f, turned, color=RAW, lw=0.9)
+        ax.semilogx(f, np.degrees(found.raw_phase), color=RAW, lw=0.9)
         ax.plot(f, np.degrees(found.phase), color=FAINT, lw=1.0)
-        ax.plot(f, np.degrees(found.phase) * sure, color=LINE, lw=1.5)
-        ax.set(ylabel="phase [deg]", xlim=(f[0], f[-1]))
+        ax.plot(f, np.degrees(found.phase) * sure, ".-", color=LINE, lw=1.5, ms=2.5)
+        ax.set(ylabel="phase [deg]")
 
     def coherence(ax: Axes) -> None:
         ax.semilogx(f, found.coherence, color=LINE, lw=1.2)
         ax.axhline(CERTAIN, color=MARK, ls="--", lw=0.9)
-        ax.set(xlabel="f [Hz]", ylabel="coherence", xlim=(f[0], f[-1]), ylim=(0.0, 1.02))
+        ax.set(xlabel="f [Hz]", ylabel="coherence", ylim=(0.0, 1.02))
 
-    return on_pyplot([magnitude, phase, coherence])
+    axes = on_pyplot([magnitude, phase, coherence])
+    for ax in axes:
+        ax.set_xlim(f[0], f[-1])
+        ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        ax.xaxis.set_major_formatter("{x:g}")
+        ax.xaxis.set_minor_formatter("")
+    return axes
