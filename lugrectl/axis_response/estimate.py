@@ -21,7 +21,7 @@ HIGHEST = 0.4  # of half the sampling rate
 FRICTION = 40.0  # Hz up to which friction is fitted: above, it has little power
 LOWEST = 30  # periods in the longest run
 ROUNDS = 2  # with the mechanics that the round before showed
-SURE = 0.01  # by which the mean log residual must fall for friction on the load
+SURE = 0.01  # by which the mean log residual must fall for friction, and once more for the load's
 ON_LOAD = 0.25  # of the friction: with so much on the load its motion is first computed
 
 
@@ -90,15 +90,16 @@ class _Stage:
         return Problem.of(terms, self.moving(), shapes, high)
 
     def friction(self, before: Friction | None) -> Friction:
-        """The friction of motor and, where the residual falls clearly, of the load."""
+        """The friction of motor and of load, each where the residual falls clearly with it."""
         problem = self.problem()
-        if before is None:
-            return fit_friction(problem)
-        start = (before.distance, before.vs)
+        start = None if before is None else (before.distance, before.vs)
         found = fit_friction(problem, start)
-        if self.mechanics is None or not len(self.mechanics.pairs):
+        none = problem.without(found)
+        if found.cost > none.cost - SURE:
+            found = none
+        if before is None or self.mechanics is None or not len(self.mechanics.pairs):
             return found
-        level = before.levels.get("load Fc", 0.0) or ON_LOAD * before.levels["Fc"]
+        level = before.levels.get("load Fc") or ON_LOAD * before.levels.get("Fc", 0.0)
         loads = [load_motion(run, self.mechanics, level, before.distance) for run in self.runs]
         both = fit_friction(problem.with_terms(problem.terms.with_load(loads)), start)
         return both if both.cost < found.cost - SURE else found
@@ -114,6 +115,6 @@ def estimate(known: Known, dry: bool) -> Estimate:
     for _ in range(1 + ROUNDS):
         if dry:
             friction = stage.friction(friction)
-            taken = friction.spectra
+            taken = friction.spectra if friction.levels else None
         stage = stage.knowing(stage.response(taken))
     return Estimate(stage.response(), stage.response(taken), friction, stage.mechanics)

@@ -33,8 +33,8 @@ STEPS = (0.25, 0.12, 0.06)  # of the search, decades
 class Friction:
     """The friction found: its spectrum for each run as a part of the command, N m or N.
 
-    ``distance`` in rad or m, ``vs`` in rad/s or m/s; ``levels`` by term; ``cost`` is the mean log
-    residual.
+    ``distance`` in rad or m, ``vs`` in rad/s or m/s; ``levels`` by term, none where the log shows no
+    friction; ``cost`` is the mean log residual.
     """
 
     spectra: tuple[np.ndarray, ...]
@@ -72,6 +72,12 @@ class Problem:
 
     def with_terms(self, terms: Terms) -> Problem:
         return replace(self, terms=terms)
+
+    def without(self, found: Friction) -> Friction:
+        """The same shapes with no friction."""
+        none = [np.zeros((len(y), 0)) for y in self.left]
+        spectra = tuple(np.zeros_like(F) for F in found.spectra)
+        return replace(found, spectra=spectra, levels={}, cost=_levels(none, self.left)[1])
 
     def tried(self, distance: float, vs: float) -> Friction:
         """The best levels at these shapes."""

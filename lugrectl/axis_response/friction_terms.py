@@ -71,4 +71,6 @@ def impossible(names: Sequence[str], levels: Sequence[float]) -> str | None:
         whole = found.get(key, 0.0)
         if change in found and not -FALLS * whole <= found[change] <= STEEPEST * whole:
             return change
+    if "damping" in found and not found.get("Fc", 0.0) > 0.0:  # of a bristle that is not there
+        return "damping"
     return next((k for k in ("load Fc", "damping", "Fc") if found.get(k, 0.0) < 0.0), None)

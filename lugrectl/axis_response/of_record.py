@@ -30,6 +30,7 @@ NOWHERE = (
     "{:.0%} of the speed about {:.3g} Hz, and it must be 95 %. The log excites the axis too little "
     "there, or something else moves it."
 )
+NONE = "No dry friction shows clearly in the log: nothing is taken out."
 ONE_WAY = "The axis never reverses: friction is a constant torque there, and nothing is taken out."
 
 
@@ -144,8 +145,9 @@ def _verdict(found: Estimate, dry: bool) -> list[str]:
     correction, below = _correction(found)
     sure = found.response.coherence >= CERTAIN
     bad, few = correction >= LARGE, sure.mean() < FEW
-    made = [(BAD if bad else GOOD).format(below, correction)] if found.friction else []
-    made += [ONE_WAY] if dry and not found.friction else []
+    taken = found.friction is not None and found.friction.levels
+    made = [(BAD if bad else GOOD).format(below, correction)] if taken else []
+    made += [] if taken or not dry else [ONE_WAY if found.friction is None else NONE]
     made += [THIN.format(sure.sum(), len(sure))] if few else []
     return [*made, *([RECORD] if bad or few else [])]
 
