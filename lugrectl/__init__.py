@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _HOMES = {
-    "axis_response": "frequency_response tune",
+    "axis_response": "frequency_response response_plan tune",
     "blocks.block": "P",
     "blocks.declaration": "block",
     "blocks.extending": "load_blocks",
@@ -79,7 +79,7 @@ def __dir__() -> list[str]:
 
 
 if TYPE_CHECKING:
-    from .axis_response import frequency_response, tune  # noqa: F401
+    from .axis_response import frequency_response, response_plan, tune  # noqa: F401
     from .blocks.block import P  # noqa: F401
     from .blocks.bristle_observers import (  # noqa: F401
         friction_state_observer,

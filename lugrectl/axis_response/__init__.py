@@ -1,8 +1,16 @@
 """The frequency response of an axis with friction taken out, and the gains that it allows."""
 
 from .of_record import frequency_response
+from .plan import ResponsePlan, response_plan
 from .result import FrequencyResponse
 from .tuned import Tuning
 from .tuning import tune
 
-__all__ = ["FrequencyResponse", "Tuning", "frequency_response", "tune"]
+__all__ = [
+    "FrequencyResponse",
+    "ResponsePlan",
+    "Tuning",
+    "frequency_response",
+    "response_plan",
+    "tune",
+]

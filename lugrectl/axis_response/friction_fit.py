@@ -33,8 +33,8 @@ STEPS = (0.25, 0.12, 0.06)  # of the search, decades
 class Friction:
     """The friction found: its spectrum for each run as a part of the command, N m or N.
 
-    ``distance`` in rad or m, ``vs`` in rad/s or m/s; ``levels`` by term, none where the log shows no
-    friction; ``cost`` is the mean log residual.
+    ``distance`` in rad or m, ``vs`` in rad/s or m/s; ``levels`` by term, none where the log
+    shows no friction; ``cost`` is the mean log residual.
     """
 
     spectra: tuple[np.ndarray, ...]

@@ -124,6 +124,12 @@ def _axis(command: argparse.ArgumentParser) -> None:
     gains.add_argument("--dead-time", type=_finite, metavar="S", help=what)
     what = "with --tune: as little integral action as keeps the loop from hunting"
     gains.add_argument("--no-hunting", action="store_true", help=what)
+    plan = command.add_argument_group("to record a good log", "In place of a record, with --rate.")
+    plan.add_argument("--plan", metavar="FILE.csv", help="write the speed reference to record")
+    most = "largest speed, torque and, if need be, distance from the start, SI units"
+    plan.add_argument("--limits", metavar="w=60,u=3,theta=6", help=most)
+    gain = "gain of the speed loop in N m s/rad or N s/m (default: that of 10 Hz bandwidth)"
+    plan.add_argument("--kp", type=_positive, metavar="X", help=gain)
 
 
 def _command(made: Any, name: str, run: Callable[..., int], what: str) -> argparse.ArgumentParser:

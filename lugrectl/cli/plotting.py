@@ -99,11 +99,11 @@ def drawn(result: Any, out: str | None, kind: str | None, option: str = "--out")
     made = io.BytesIO()
     figure.savefig(made, format=kind, dpi=130)
     plt.close(figure)
-    _write(Path(out), made.getvalue(), option)
+    write(Path(out), made.getvalue(), option)
     return f"picture: {out}"
 
 
-def _write(path: Path, content: bytes, option: str) -> None:
+def write(path: Path, content: bytes, option: str) -> None:
     """Write a file whole or not at all."""
     try:
         write_whole(path, content)

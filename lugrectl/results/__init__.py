@@ -1,6 +1,6 @@
 """The classes of all results, for type hints and ``isinstance``: ``lg.results.SprVerdict``."""
 
-from ..axis_response import FrequencyResponse, Tuning
+from ..axis_response import FrequencyResponse, ResponsePlan, Tuning
 from ..compensated_loop.result import Compensation, Run
 from ..design import Certificate, Design, Excitation, ObserverDesign
 from ..diagnosis.fleet import Fleet, Outcome
@@ -33,5 +33,5 @@ __all__ = [
     "Identification", "Joint", "L2Verdict", "LawComparison", "LimitCycles",
     "ObserverComparison", "ObserverDesign", "Outcome", "Parameter", "ParameterTable",
     "PassivityVerdict", "RankedObserver", "Recommendation", "Repair", "Reproduction", "Residuals",
-    "Run", "SprVerdict", "StabilityVerdict", "Sweep", "Table", "Traces", "Tuning",
+    "ResponsePlan", "Run", "SprVerdict", "StabilityVerdict", "Sweep", "Table", "Traces", "Tuning",
 ]  # fmt: skip

@@ -205,9 +205,14 @@ def log(drive: Drive, seconds: float = 30.0, sine: float = 0.1, moving: bool = T
     g = np.random.default_rng([drive.seed, run])
     n, dt = int(seconds * drive.rate), 1.0 / drive.rate
     v = jogs(g, drive, n) * moving
-    wc = timid(drive)
-    kv = drive.inertia * wc
+    kv = drive.inertia * timid(drive)
     more = multisine(g, n, drive.rate, 4.0, 0.45 * drive.rate) * sine * drive.most / kv
+    return played(drive, np.cumsum(v) * dt, v + more, g)
+
+
+def played(drive: Drive, angle: np.ndarray, speed: np.ndarray, g: np.random.Generator):
+    """The log of a timid P-PI loop with these references."""
+    n, dt, wc = len(angle), 1.0 / drive.rate, timid(drive)
     A, B = drive.matrices()
     sub = round(dt / SUBSTEP)
     s0 = drive.Fc / drive.distance if drive.distance else 0.0
@@ -216,10 +221,10 @@ def log(drive: Drive, seconds: float = 30.0, sine: float = 0.1, moving: bool = T
         len(drive.masses),
         sub,
         dt,
-        np.cumsum(v) * dt,
-        v + more,
+        angle,
+        speed,
         np.zeros(n),
-        kv,
+        drive.inertia * wc,
         5 / wc,
         wc / 5,
         drive.most,
@@ -233,4 +238,4 @@ def log(drive: Drive, seconds: float = 30.0, sine: float = 0.1, moving: bool = T
         g.normal(0.0, drive.ripple, n),
     )
     u = u + g.normal(0.0, drive.noise, n)
-    return {"t": dt * np.arange(n), "u": u, "theta": theta, "r": v + more}
+    return {"t": dt * np.arange(n), "u": u, "theta": theta, "r": speed}
