@@ -1,24 +1,25 @@
 """What a model knows besides friction and inertia, along the measured motion, to be taken out.
 
 Torques of position, speed and time go off the torque; what acts on the torque itself is applied to
-it; what changes the level of friction by a share scales its terms. A delay or lag of the torque
-and the lag of a sensor are linear: they stay in the response.
+it; what changes the level of friction scales its terms, and a change of Fv is a torque. A delay or
+lag of the torque and the lag of a sensor are linear: they stay in the response.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..blocks.model import Model, Part
+from ..blocks.plant import STAGES, stage
 from ..core.errors import InputError
 from .runs import Run
 
 LINEAR = ("input_delay", "actuator_lag", "velocity_sensor_lag", "elastic_coupling")
 LEFT = "{} is not taken out: {}."
-_LEVELS = {"Fc", "Fs"}
+ACTS = {"torque", "input", "Fc", "Fs", "Fv", "+Fc", "+Fs"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,28 +37,31 @@ def known_effects(runs: Sequence[Run], model: Model) -> Known:
     """The effects of a model along the runs; InputError for a value that it leaves open."""
     parts, said = [], []
     for part in model.effects:
-        why = _why_left(part)
+        why = _why_left(part, model.friction.values)
         if why is None:
             parts.append(_whole(part))
         elif why:
             said.append(LEFT.format(part.key, why))
-    made = [_along(run, parts) for run in runs]
+    parts.sort(key=lambda part: STAGES.index(stage(part.block)))
+    made = [_along(run, parts, model.friction.values) for run in runs]
     runs_, resisting, scales = zip(*made, strict=True)
     return Known(runs_, resisting, scales, tuple(said))
 
 
-def _why_left(part: Part) -> str | None:
+def _why_left(part: Part, friction: Mapping[str, float | None]) -> str | None:
     """Why an effect stays; "" where it is a part of the response, None where it is taken out."""
     block = part.block
     if block.name in LINEAR:
         return ""
     if block.states:
         return "it remembers the motion"
-    if "load" in block.inputs or any(p.shared for p in block.parameters.values()):
+    if any(p.shared for p in block.parameters.values()):
         return "it depends on other values of the drive"
-    if not {*block.acts} <= {"torque", "input", *_LEVELS}:
+    if not {*block.acts} <= ACTS:
         return f"it changes {', '.join(block.acts)}"
-    return None
+    needed = [k for act, k in (("+Fc", "Fc"), ("Fv", "Fv")) if act in block.acts]
+    open_ = [k for k in needed if friction.get(k, 0.0) is None]
+    return f"{open_[0]} is not declared" if open_ else None
 
 
 def _whole(part: Part) -> Part:
@@ -70,16 +74,22 @@ def _whole(part: Part) -> Part:
     return part
 
 
-def _along(run: Run, parts: Sequence[Part]) -> tuple[Run, np.ndarray, np.ndarray]:
+def _along(
+    run: Run, parts: Sequence[Part], friction: Mapping[str, float | None]
+) -> tuple[Run, np.ndarray, np.ndarray]:
     middle = np.append(0.5 * (run.theta[1:] + run.theta[:-1]), run.theta[-1])
     signals = {"t": run.t + 0.5 * run.dt, "theta": middle, "w": run.speed, "u": run.u}
-    resisting, level = run.load.copy(), np.ones(len(run.u))
+    signals["load"], resisting, level = run.load, run.load.copy(), np.ones(len(run.u))
     for part in parts:
         given = [signals[name] for name in part.block.reads]
-        made = part.block(*given, **dict(part.values))
-        acts = dict(part.block.deeds(made))
+        acts = dict(part.block.deeds(part.block(*given, **dict(part.values))))
         if "input" in acts:
             signals["u"] = np.broadcast_to(acts["input"], run.u.shape)
-        resisting = resisting + acts.get("torque", 0.0)
-        level = level + acts.get("Fc", 0.0)
+        torque = acts.get("torque", 0.0)
+        resisting = (
+            resisting + torque + acts.get("Fv", 0.0) * (friction.get("Fv") or 0.0) * run.speed
+        )
+        if part.block.load:
+            signals["load"] = signals["load"] + torque
+        level = level + acts.get("Fc", 0.0) + acts.get("+Fc", 0.0) / (friction.get("Fc") or np.inf)
     return replace(run, u=signals["u"]), resisting, level

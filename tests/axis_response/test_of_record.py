@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
+from lugrectl.axis_response.result import unwrapped
 from lugrectl.cli import main
 
 J, Fc = 0.02, 0.3
@@ -63,6 +64,37 @@ def test_an_axis_that_never_reverses_keeps_its_response():
     assert any("never reverses" in one for one in found.messages)
 
 
+def test_a_log_that_shows_nothing_is_refused():
+    one = log()
+    one["u"] = one["u"] + np.random.default_rng(2).normal(0, 500, 8000)
+    with pytest.raises(lg.Refused, match="certain at no frequency") as no:
+        lg.frequency_response(one, MODEL)
+    assert "multisine" in no.value.experiment
+
+
+def test_no_friction_is_taken_out_where_none_shows():
+    one = log()
+    one["u"] = J * np.gradient(one["w"], one["t"]) + 0.1 * one["w"]
+    found = lg.frequency_response(one, MODEL)
+    assert found.friction == {} and found.messages[0].startswith("No dry friction")
+    assert np.array_equal(found.frd.frdata, found.raw.frdata)
+
+
+def test_runs_of_clocks_that_differ_a_little_are_averaged():
+    found = lg.frequency_response([log(), log(dt=2.02e-3)], MODEL)
+    assert any("resampled" in m for m in found.messages)
+    assert found.inertia == pytest.approx(J, rel=0.02)
+    assert found.inertia_ci95[0] < found.inertia < found.inertia_ci95[1]
+
+
+def test_the_phase_is_unwrapped_along_what_is_certain():
+    w, sure = np.arange(1.0, 41.0), np.arange(40) % 3 == 0
+    true = -0.3 * w
+    angle = true + np.where(sure, 0.0, np.random.default_rng(0).uniform(-3, 3, 40))
+    made = unwrapped(w, np.exp(1j * angle), sure)
+    assert np.allclose((made - true)[sure], 0.0) and np.abs(made - true).max() < np.pi + 0.01
+
+
 def test_a_log_that_excites_too_little_is_not_trusted():
     t = 2e-3 * np.arange(8000)
     w = 10 * np.sin(20 * t)
@@ -71,6 +103,28 @@ def test_a_log_that_excites_too_little_is_not_trusted():
     found = lg.frequency_response(slow, MODEL)
     assert found.certain.mean() < 0.5 and "points are certain" in " ".join(found.messages)
     assert found.modes == () and not any(np.isfinite(found.low[~found.certain]))
+
+
+def _drift(t, w):
+    return {"name": "thermal_drift", "ratio": 5.0, "time_constant": 5.0}, 5 - 5 * np.exp(-t / 5)
+
+
+def _weight(t, w):
+    load = np.sin(np.cumsum(w) * (t[1] - t[0]))
+    gravity = {"name": "gravity", "amplitude": 1.0, "phase": 0.0}
+    effect = {"name": "load_dependent_friction", "coefficient": 0.3}
+    return [gravity, effect], np.abs(load) + load * np.sign(w) / Fc
+
+
+@pytest.mark.parametrize("effect", [_drift, _weight])
+def test_effects_on_the_level_of_friction_are_taken_out(effect):
+    one = log()
+    effects, level = effect(one["t"], one["w"])
+    one["u"] = one["u"] + Fc * level * np.sign(one["w"])
+    model = lg.Model.of(friction="coulomb", Fc=Fc, Fv=0.0)
+    made = [lg.frequency_response(one, x) for x in (model, lg.Model.of(model, effects=effects))]
+    left, taken = (np.median(1 - x.coherence[x.frequency < 60]) for x in made)
+    assert taken < 0.5 * left
 
 
 def test_what_cannot_be_taken_out_is_named():
