@@ -123,7 +123,7 @@ def response_plan(
     --------
     >>> plan = lg.response_plan(lg.table1(), rate=1000, w=20, u=1)
     >>> len(plan.t), round(plan.sine, 2), bool(abs(plan.w).max() <= 20)
-    (30000, 0.09, True)
+    (30000, 0.11, True)
     """
     made = as_model(model)
     rate, w, u = positive(rate, "rate", "Hz"), positive(w, "w"), positive(u, "u")
