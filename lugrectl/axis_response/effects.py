@@ -2,22 +2,27 @@
 
 Torques of position, speed and time go off the torque; what acts on the torque itself is applied to
 it; what changes the level of friction scales its terms, and a change of Fv is a torque. A delay or
-lag of the torque and the lag of a sensor are linear: they stay in the response.
+lag of the torque and the lag of a sensor are linear: they stay in the response. So does the load
+behind a gap: taken out is what its torque differs by from that of a load without the gap.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from ..blocks.model import Model, Part
 from ..blocks.plant import STAGES, stage
 from ..core.errors import InputError
+from ..identification.candidates.driven_load import torques
 from .runs import Run
 
 LINEAR = ("input_delay", "actuator_lag", "velocity_sensor_lag", "elastic_coupling")
+GAP = "backlash"
+TIGHT = {"gap": 0.0, "load_friction": 0.0}
 LEFT = "{} is not taken out: {}."
 ACTS = {"torque", "input", "Fc", "Fs", "Fv", "+Fc", "+Fs"}
 
@@ -53,7 +58,7 @@ def _why_left(part: Part, friction: Mapping[str, float | None]) -> str | None:
     block = part.block
     if block.name in LINEAR:
         return ""
-    if block.states:
+    if block.states and block.name != GAP:
         return "it remembers the motion"
     if any(p.shared for p in block.parameters.values()):
         return "it depends on other values of the drive"
@@ -81,8 +86,7 @@ def _along(
     signals = {"t": run.t + 0.5 * run.dt, "theta": middle, "w": run.speed, "u": run.u}
     signals["load"], resisting, level = run.load, run.load.copy(), np.ones(len(run.u))
     for part in parts:
-        given = [signals[name] for name in part.block.reads]
-        acts = dict(part.block.deeds(part.block(*given, **dict(part.values))))
+        acts = _deeds(part, signals, run)
         if "input" in acts:
             signals["u"] = np.broadcast_to(acts["input"], run.u.shape)
         torque = acts.get("torque", 0.0)
@@ -93,3 +97,13 @@ def _along(
             signals["load"] = signals["load"] + torque
         level = level + acts.get("Fc", 0.0) + acts.get("+Fc", 0.0) / (friction.get("Fc") or np.inf)
     return replace(run, u=signals["u"]), resisting, level
+
+
+def _deeds(part: Part, signals: Mapping[str, np.ndarray], run: Run) -> dict[str, np.ndarray]:
+    values: dict[str, Any] = dict(part.values)
+    if part.block.name == GAP:
+        path = np.cumsum(np.append(run.theta[0], run.speed[:-1] * run.dt))
+        with_gap, without = torques(part.block, path, run.dt, [values, values | TIGHT]).T
+        return {"torque": with_gap - without}
+    given = [signals[name] for name in part.block.reads]
+    return dict(part.block.deeds(part.block(*given, **values)))
