@@ -17,11 +17,12 @@ from ..record.pooling import pooled
 from .effects import known_effects
 from .estimate import HIGHEST, LOWEST, Estimate, estimate
 from .local_response import Response
-from .modes import FEWEST
+from .modes import FEWEST, Mode
 from .result import BAD, CERTAIN, FEW, GOOD, LARGE, RECORD, THIN, FrequencyResponse, unwrapped
 from .runs import Run, runs_of
 
 SLOW = 10.0  # Hz below which friction is looked for
+NEAR = 0.4  # of a mode's frequency: a point so near must be certain
 VAGUE = 0.1  # of its value: a mode or an inertia less certain than that is not given
 LEAST_RANGE = 0.5  # decades of frequency
 NOWHERE = (
@@ -170,7 +171,7 @@ def _result(
         high=np.where(sure, size + r.radius, np.nan),
         coherence=r.coherence,
         correction=_correction(found)[0],
-        modes=tuple(mode for mode in modes if _narrow(mode.ci95)),
+        modes=tuple(mode for mode in modes if _seen(mode, r)),
         inertia=inertia[0] if inertia and known else None,
         inertia_ci95=inertia[1] if inertia and known else None,
         friction={} if found.friction is None else found.friction.levels,
@@ -188,6 +189,13 @@ def _correction(found: Estimate) -> tuple[float, float]:
     low = w < top
     change = 20.0 * np.log10(np.abs(found.raw.P[low] / found.response.P[low]))
     return float(np.median(np.abs(change))), top / (2.0 * np.pi)
+
+
+def _seen(mode: Mode, r: Response) -> bool:
+    """Whether its frequency is known, and points about it are certain: in an antiresonance, where
+    the axis hardly moves, none may be."""
+    near = np.abs(np.log(r.w / mode.frequency)) < NEAR
+    return _narrow(mode.ci95) and bool((r.coherence[near] >= CERTAIN).any())
 
 
 def _narrow(ci95: tuple[float, float]) -> bool:
