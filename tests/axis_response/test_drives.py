@@ -14,7 +14,7 @@ from . import drives
 pytest.importorskip("numba")
 RANGES = {"1-10 Hz": (1.0, 10.0), "10-50 Hz": (10.0, 50.0), "above 50 Hz": (50.0, np.inf)}
 LIMITS = {"1-10 Hz": (0.04, 0.25), "10-50 Hz": (0.15, 0.8), "above 50 Hz": (0.12, 0.7)}
-QUICK, SLOW = [0, 1, 3, 6, 10, 13, 16, 17], range(100, 120)
+QUICK, SLOW = [0, 3, 6, 13], range(100, 120)
 
 
 def answer(drive, model=None, columns=("t", "u", "theta", "r"), **options):
@@ -85,13 +85,12 @@ def test_a_log_of_quick_moves_is_trusted(quick):
     assert all(found.trusted and "the band holds" in found.messages[0] for _, found in quick)
 
 
-@pytest.mark.parametrize("seed", [4, 12])
+@pytest.mark.parametrize("seed", [4, pytest.param(12, marks=pytest.mark.slow)])
 def test_a_drive_without_friction_is_not_made_worse(seed):
     drive = drives.draw(seed, friction=False)
     found = answer(drive)
-    raw, taken = (np.median(decibel(x, drive)) for x in (found.raw, found.frd))
-    assert taken < 1.05 * raw + 0.002
-    assert found.friction["Fc"] < 0.01 * drive.most
+    assert np.array_equal(found.frd.frdata, found.raw.frdata) and found.friction == {}
+    assert np.median(decibel(found.frd, drive)) < 0.2
 
 
 def test_without_friction_in_the_model_it_is_the_plain_estimate():
@@ -104,7 +103,7 @@ def test_friction_that_governs_a_log_is_warned_of():
     drive = replace(drives.draw(12), Fc=0.12 * drives.draw(12).most, Fs=0.15 * drives.draw(12).most)
     found = answer(drive, moving=False)
     assert not found.trusted and found.correction > 2
-    assert "does not hold" in found.messages[0] and "moves" in found.messages[0]
+    assert "does not hold" in found.messages[0] and "quick moves" in found.messages[-1]
 
 
 def test_a_log_without_reference_answers_too(quick):
@@ -114,6 +113,8 @@ def test_a_log_without_reference_answers_too(quick):
     assert np.median(decibel(found.frd, drive)) < 0.1
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_runs_are_averaged():
     drive = drives.draw(2)
     logs = [drives.log(drive, 15.0, run=k) for k in (1, 2, 3)]
@@ -141,7 +142,6 @@ def test_the_other_effects_of_the_model_are_taken_out():
 
 
 @pytest.mark.slow
-@pytest.mark.sample
 def test_twenty_more_drives():
     found = [(drive, answer(drive)) for drive in map(drives.draw, SLOW)]
     for name, (median, most) in LIMITS.items():
