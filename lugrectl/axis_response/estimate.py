@@ -92,8 +92,7 @@ class _Stage:
     def friction(self, before: Friction | None) -> Friction:
         """The friction of motor and of load, each where the residual falls clearly with it."""
         problem = self.problem()
-        start = None if before is None else (before.distance, before.vs)
-        found = fit_friction(problem, start)
+        found = fit_friction(problem, before)
         none = problem.without(found)
         if found.cost > none.cost - SURE:
             found = none
@@ -101,7 +100,7 @@ class _Stage:
             return found
         level = before.levels.get("load Fc") or ON_LOAD * before.levels.get("Fc", 0.0)
         loads = [load_motion(run, self.mechanics, level, before.distance) for run in self.runs]
-        both = fit_friction(problem.with_terms(problem.terms.with_load(loads)), start)
+        both = fit_friction(problem.with_terms(problem.terms.with_load(loads)), before)
         return both if both.cost < found.cost - SURE else found
 
 

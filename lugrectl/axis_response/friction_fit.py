@@ -6,8 +6,8 @@ Y = 1/P and T are polynomials in each window; Fc, dF, c are real and common to a
 the spectra of the terms of friction. a = (1 + jw lag) exp(jw delay) takes friction, which does not
 pass the current loop, to the command. Y and T are projected out of each window (Frisch and
 Waugh), so that only the friction is solved for; windows are weighted by what they leave. Two
-shapes are searched: the presliding distance and vs. They serve to take friction out, and are no
-estimates of sigma0 and vs.
+shapes are searched, the presliding distance and vs, and by how much friction acts earlier than its
+motion shows. They serve to take friction out, and are no estimates of sigma0 and vs.
 """
 
 from __future__ import annotations
@@ -26,21 +26,23 @@ BINS, SHARE = 15, 0.035  # half-width of a window: bins of the longest run, shar
 SPACING = 1.4  # of half-widths from window to window
 PASSES = 4  # of weights
 FLOOR = 1e-3  # of the largest residual: no window weighs more
-STEPS = (0.25, 0.12, 0.06)  # of the search, decades
+STEPS = (0.25, 0.12, 0.06)  # of the search, decades and samples
+EARLIEST = 0.6  # samples: a motion in counts shows a reversal late, and rests hide it
 
 
 @dataclass(frozen=True, eq=False)
 class Friction:
     """The friction found: its spectrum for each run as a part of the command, N m or N.
 
-    ``distance`` in rad or m, ``vs`` in rad/s or m/s; ``levels`` by term, none where the log
-    shows no friction; ``cost`` is the mean log residual.
+    ``distance`` in rad or m, ``vs`` in rad/s or m/s, ``early`` in samples; ``levels`` by term, none
+    where the log shows no friction; ``cost`` is the mean log residual.
     """
 
     spectra: tuple[np.ndarray, ...]
     levels: dict[str, float]
     distance: float
     vs: float
+    early: float
     cost: float
 
 
@@ -79,33 +81,37 @@ class Problem:
         spectra = tuple(np.zeros_like(F) for F in found.spectra)
         return replace(found, spectra=spectra, levels={}, cost=_levels(none, self.left)[1])
 
-    def tried(self, distance: float, vs: float) -> Friction:
+    def tried(self, distance: float, vs: float, early: float) -> Friction:
         """The best levels at these shapes."""
-        made = [self.terms.spectra(i, distance, vs) for i in range(len(self.terms.runs))]
+        made = [
+            self.terms.spectra(i, distance, vs) * np.exp(1j * run.w * run.dt * early)[:, None]
+            for i, run in enumerate(self.terms.runs)
+        ]
         shaped = [s.num[:, None] * F for s, F in zip(self.shapes, made, strict=True)]
         both = zip(self.bases, self.windows, strict=True)
         X = [_without(Q, one.rows(shaped)) for Q, one in both]
         levels, cost = _possible(X, self.left, self.terms.names)
         spectra = tuple(F @ np.array([*levels.values()]) for F in made)
-        return Friction(spectra, levels, distance, vs, cost)
+        return Friction(spectra, levels, distance, vs, early, cost)
 
 
-def fit_friction(problem: Problem, start: tuple[float, float] | None = None) -> Friction:
-    """The shapes with the smallest residual: from a grid, or near ``start``, then by steps."""
+def fit_friction(problem: Problem, before: Friction | None = None) -> Friction:
+    """The shapes with the smallest residual: from a grid, or near those before, then by steps."""
     low, high, slow, fast = _ranges(problem.terms.runs)
-    if start is None:
+    if before is None:
         distances = low * 10 ** np.arange(0.0, np.log10(high / low) + 0.01, 0.5)
         speeds = np.geomspace(slow, fast, 5)[1:-1]
-        grid = [(x, v) for x in distances.tolist() for v in speeds.tolist()]
+        grid = [(x, v, 0.0) for x in distances.tolist() for v in speeds.tolist()]
     else:
-        grid = [start]
+        grid = [(before.distance, before.vs, before.early)]
     best = min((problem.tried(*shape) for shape in grid), key=_cost)
-    for step in STEPS if start is None else STEPS[1:]:
+    for step in STEPS if before is None else STEPS[1:]:
         for _ in range(2):
-            for a, b in ((step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step)):
+            for a, b, c in step * np.concatenate([np.eye(3), -np.eye(3)]):
                 distance, vs = best.distance * 10**a, best.vs * 10**b
-                if low <= distance <= high and slow <= vs <= fast:
-                    best = min(best, problem.tried(distance, vs), key=_cost)
+                early = best.early + c
+                if low <= distance <= high and slow <= vs <= fast and abs(early) <= EARLIEST:
+                    best = min(best, problem.tried(distance, vs, early), key=_cost)
     return best
 
 
