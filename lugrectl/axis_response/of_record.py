@@ -22,7 +22,7 @@ from .result import BAD, CERTAIN, FEW, GOOD, LARGE, RECORD, THIN, FrequencyRespo
 from .runs import Run, runs_of
 
 SLOW = 10.0  # Hz below which friction is looked for
-NEAR = 0.4  # of a mode's frequency: a point so near must be certain
+NEAR, TENTH = 0.4, 0.1  # so near a mode's frequency so many points must be certain
 VAGUE = 0.1  # of its value: a mode or an inertia less certain than that is not given
 LEAST_RANGE = 0.5  # decades of frequency
 NOWHERE = (
@@ -192,10 +192,10 @@ def _correction(found: Estimate) -> tuple[float, float]:
 
 
 def _seen(mode: Mode, r: Response) -> bool:
-    """Whether its frequency is known, and points about it are certain: in an antiresonance, where
-    the axis hardly moves, none may be."""
+    """Whether its frequency is known, and some points about it are certain: in an antiresonance,
+    where the axis hardly moves, few are."""
     near = np.abs(np.log(r.w / mode.frequency)) < NEAR
-    return _narrow(mode.ci95) and bool((r.coherence[near] >= CERTAIN).any())
+    return _narrow(mode.ci95) and bool(np.mean(r.coherence[near] >= CERTAIN) >= TENTH)
 
 
 def _narrow(ci95: tuple[float, float]) -> bool:
