@@ -39,7 +39,7 @@ def test_what_it_needs_is_said():
 @pytest.mark.slow
 @pytest.mark.sample
 def test_a_log_so_recorded_answers_better_than_its_jogs_alone():
-    drive = drives.draw(5)
+    drive = drives.draw(5000)
     plan = lg.response_plan(
         lg.Model.of(J=drive.inertia, Fc=drive.Fc), rate=drive.rate, w=60, u=drive.most
     )
