@@ -117,7 +117,7 @@ def tune(
 
     >>> found = lg.tune(ct.tf([1.0], [0.01, 0.01]), "P-PI", dead_time=1e-3, rate=1000.0)
     >>> round(found.margins.Ms, 2), {k: float(f"{v:.2g}") for k, v in found.cascade.items()}
-    (1.6, {'kv': 9.9, 'kp': 1.8, 'ki': 170.0})
+    (1.6, {'kv': 51.0, 'kp': 1.8, 'ki': 91.0})
     """
     if structure not in STRUCTURES:
         raise InputError(f"structure must be one of {', '.join(STRUCTURES)}, not {structure!r}.")
