@@ -79,9 +79,9 @@ def axis_of(given: Any, dead_time: Any, rate: Any) -> Axis:
     if isinstance(given, ct.TransferFunction | ct.StateSpace):
         return _of_system(given, late, dt)
     model = as_model(given)
-    late += sum(p.values["delay"] or 0.0 for p in model.effects if p.block.name == "input_delay")
-    made = _of_system(_free(model), late, dt)
-    return replace(made, motion=model.motion, model=model)
+    own = sum(p.values["delay"] or 0.0 for p in model.effects if p.block.name == "input_delay")
+    made = _of_system(_free(model), late + own, dt)
+    return replace(made, motion=model.motion, model=model, dead_time=late)
 
 
 def _of_response(found: FrequencyResponse, late: float, dt: float | None) -> Axis:

@@ -33,7 +33,7 @@ QUIETER = (
 PLAIN = "Any integral action hunts: it is left out, and a load moves the axis by {:.3g} {} a {}."
 UNSEEN = "Limit cycles were not searched: {}"
 UNDECIDED = "neither came to rest"
-MORE = "The notch is not in the search for limit cycles."
+MORE = "The search for limit cycles is without {}."
 
 
 @stamped("lugrectl.tune")
@@ -117,7 +117,7 @@ def tune(
 
     >>> found = lg.tune(ct.tf([1.0], [0.01, 0.01]), "P-PI", dead_time=1e-3, rate=1000.0)
     >>> round(found.margins.Ms, 2), {k: float(f"{v:.2g}") for k, v in found.cascade.items()}
-    (1.6, {'kv': 9.9, 'kp': 1.8, 'ki': 170.0})
+    (1.6, {'kv': 51.0, 'kp': 1.8, 'ki': 91.0})
     """
     if structure not in STRUCTURES:
         raise InputError(f"structure must be one of {', '.join(STRUCTURES)}, not {structure!r}.")
@@ -131,22 +131,24 @@ def tune(
         raise Refused(ENDLESS, "")
     if not shape.c:
         raise Refused(NONE, "")
+    may_hunt = flag(hunting, "hunting")
     if flag(notch, "notch") and made.peaks:
         search, shape, ratio = search.with_notch(shape)
         said.append(UNPAID if search.notch is None else PAID.format(100.0 * (ratio - 1.0)))
     cycles = None
     try:
         cycles = _cycles(search, shape)
-        if not flag(hunting, "hunting") and cycles is not None and not _rests(cycles):
+        if not may_hunt and cycles is not None and not _rests(cycles):
             hunts = _bandwidth(search.gains(shape), made.J)
             search, shape, cycles = _quiet(search, shape)
             said.append(_quieter(search, shape, hunts))
     except InputError as no:
-        if not hunting:
+        if not may_hunt:
             raise
         said += [UNSEEN.format(no)] if made.model else []
-    if search.notch and cycles is not None:
-        said.append(MORE)
+    left = [*["notch"] * bool(search.notch), *["dead time"] * bool(made.dead_time and not made.dt)]
+    if left and cycles is not None:
+        said.append(MORE.format(" and ".join(left)))
     return _result(search, shape, cycles, (*said, *made.said))
 
 

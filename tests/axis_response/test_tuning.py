@@ -17,7 +17,7 @@ from . import drives, loops
 pytest.importorskip("numba")
 RIGID = ct.tf([1.0], [0.01, 0.01])
 HUNTS = lg.Model.of(J=0.0022, friction="stribeck", Fc=0.285, Fs=0.335, vs=0.01, Fv=0.018)
-QUICK, SLOW = [303, 317], [438, *range(500, 519)]  # 438: a resonance just beyond
+QUICK, SLOW = [303], [438, *range(500, 519)]  # 438: a resonance just beyond
 
 
 def pid(found):
@@ -77,7 +77,7 @@ def test_twenty_more_drives():
 def test_the_margins_are_those_of_a_dense_sweep(quick):
     drive = quick[0][0]
     w = loops.frequencies(drive)
-    w = w[w > 1.0]
+    w = w[w > 1.0][::3]
     found = lg.tune(ct.frd(drive.response(w), w, 1 / drive.rate), "PID", notch=False)
     assert found.margins.Ms == pytest.approx(loops.sensitivity(drive, pid(found)), rel=1e-3)
     assert found.worst == pytest.approx(1.6, rel=1e-3)
@@ -173,7 +173,7 @@ def test_no_hunting_where_none_is_asked_for(structure):
 def test_the_command(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     lg.write_model(lg.Model.of(lg.table1()), "my.toml")
-    log = drives.log(drives.draw(317), 10.0)
+    log = drives.log(drives.draw(317), 6.0)
     rows = np.column_stack([*log.values()])
     np.savetxt("run.csv", rows, "%.9g", ",", header="t,u [N m],theta [rad],r [rad/s]", comments="")
     assert main(["bode", "run.csv", "--model", "my.toml", "--tune", "PI", "--json"]) == 0
