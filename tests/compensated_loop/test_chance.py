@@ -28,4 +28,9 @@ def test_a_band_holds_a_new_member():
     x = np.random.default_rng(0).normal(size=(4000, 94))
     ends = np.array([band(row[1:]) for row in x])
     inside = np.mean((x[:, 0] >= ends[:, 0]) & (x[:, 0] <= ends[:, 1]))
-    assert inside == pytest.approx(0.955, abs=0.01)
+    assert inside == pytest.approx(0.95, abs=0.008)
+
+
+def test_a_band_reaches_to_infinity_beside_members_that_diverge():
+    assert band(np.r_[np.arange(90.0), np.inf, np.inf, np.inf])[1] == np.inf
+    assert band(np.r_[np.arange(92.0), np.inf])[1] == pytest.approx(90.65)
