@@ -95,3 +95,13 @@ def test_members_go_into_a_simulation_a_sweep_and_a_search_for_cycles():
     many = lg.sweep(plant, t, [1.0, 0.0], drawn, outputs=["w"])
     assert np.allclose(many["w"][0], one, rtol=1e-4)
     assert lg.limit_cycles(drawn[0], kp=2.0, ki=1.0, kd=0.1)
+
+
+def test_friction_that_is_hardly_known_is_what_the_torque_of_the_record_overcame():
+    t = 1e-2 * np.arange(400)
+    record = lg.Record(t=t, u=0.5 * np.sin(t), w=np.cos(t))
+    model = lg.Model.of(friction="stribeck", J=0.002, Fc=0.3, Fs=0.35, Fv=0.02, vs=0.1)
+    own = estimates(0.05, **{k: v for k, v in model.known().items() if k != "Fs"})
+    own["Fs"] = Estimate(0.35, "N m", (0.3, 40.0))
+    drawn = Members([Belief.of(model, None, own).moved_by([record])], 500, 0)["Fs"]
+    assert drawn.max() <= 0.5 and np.quantile(drawn, 0.9) > 0.42
