@@ -10,6 +10,7 @@ import numpy as np
 from scipy import stats
 
 from ..core.display import Row, Shown
+from .drive import between
 
 SURE = 0.95  # of a bound, and of the interval of a probability
 
@@ -71,8 +72,8 @@ def bound(values: np.ndarray, confidence: float) -> float:
 
 
 def band(values: np.ndarray, level: float = SURE) -> tuple[float, float]:
-    """The interval in which a new member lies with this probability, by the order of the others."""
-    n = len(values)
-    k = max(int((n + 1) * (1.0 - level) / 2.0), 1)
-    ordered = np.sort(values)
-    return float(ordered[k - 1]), float(ordered[n - k])
+    """The interval in which a new member lies with this probability, by the order of the others:
+    below the k-th of n with k/(n + 1)."""
+    ordered, last, tail = np.sort(values), len(values) - 1, 0.5 * (1.0 - level)
+    low = max(tail * (last + 2) - 1.0, 0.0)
+    return between(ordered, low), between(ordered, last - low)

@@ -58,7 +58,7 @@ class Spread(Shown):
         values = np.sort(self.errors[key])
         places = (len(values) - 1) * np.array([50.0, *ENDS]) / 100.0
         with np.errstate(invalid="ignore"):
-            found = [_between(values, place) for place in places]
+            found = [between(values, place) for place in places]
         return found[0], found[1], found[2]
 
     @property
@@ -104,7 +104,7 @@ class Spread(Shown):
         ]
 
 
-def _between(values: np.ndarray, place: float) -> float:
+def between(values: np.ndarray, place: float) -> float:
     """A quantile; infinite beside an infinite value."""
     low, high = values[math.floor(place)], values[math.ceil(place)]
     if not math.isfinite(high):

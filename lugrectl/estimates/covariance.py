@@ -47,10 +47,15 @@ class Joint(Result):
         return self.matrix / np.outer(size, size)
 
     def sample(self, n: int, seed: Any = None) -> dict[str, np.ndarray]:
-        """n random sets of parameters: name -> (n,)."""
+        """n random sets of parameters: name -> (n,).
+
+        A log-normal one has its value as median, and the logarithm's variance is
+        log(1 + variance/value^2), that of the log-normal distribution with these moments.
+        """
         n = whole(n, "n, the number of samples,", least=1)
-        scale = np.where(self.positive, self.values, 1.0)
-        C = self.matrix / np.outer(scale, scale)
+        ratio = np.sqrt(np.diag(self.matrix)) / np.where(self.positive, self.values, 1.0)
+        size = np.where(self.positive, np.sqrt(np.log1p(ratio**2)), ratio)
+        C = self.correlation * np.outer(size, size)
         w, V = np.linalg.eigh(0.5 * (C + C.T))
         draws = np.random.default_rng(seed).standard_normal((n, len(w)))
         steps = (draws * np.sqrt(np.maximum(w, 0.0))) @ V.T

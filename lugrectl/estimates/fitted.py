@@ -124,7 +124,8 @@ class Fitted(Result):
         if self.model is None:
             raise InputError("this result has no model, and so nothing to draw from.")
         left = 1.0 - sum(one.weight for one in self.rivals)
-        return Belief.of(self.model, self.joint, self.estimates, left), *self.rivals
+        own = Belief.of(self.model, self.joint, self.estimates, left)
+        return tuple(one.moved_by(self.records) for one in (own, *self.rivals))
 
     def _drawn_from(self) -> list[dict[str, Any]] | None:
         """As under "members" in the JSON document."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, overload
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
+from ..blocks.declared_values import Stated
 from ..blocks.model import Model, as_model
 from ..core.display import Row, number
 from ..core.errors import InputError, Refused
@@ -16,7 +17,11 @@ from ..core.validation import whole
 from .covariance import Joint
 from .findings import Estimate
 
+if TYPE_CHECKING:
+    from ..record import Record
+
 ROUNDS = 50  # of drawing again what is out of bounds, before it is moved to the bound
+TORQUE = ("N m", "N")
 INTERVAL = 3.92  # standard deviations in a 95 % interval
 SHOWN = "start, stop and reverse slowly, and pass the speeds of interest"
 
@@ -56,6 +61,17 @@ class Belief:
         limits = model.declarations()
         positive = np.array([limits[k].low >= 0.0 and known[k] > 0.0 for k in names], bool)
         return cls(model, Joint(names, np.array([known[k] for k in names]), C, positive), weight)
+
+    def moved_by(self, records: Sequence[Record]) -> Belief:
+        """The same with friction that the torque of these records overcame, as the drive moved."""
+        known, stated = self.model.known(), dict(self.model.stated)
+        loads = [abs(v) for k, v in known.items() if "." in k and self.model.unit(k) in TORQUE]
+        most = max((float(np.max(np.abs(r.u))) for r in records), default=np.inf) + sum(loads)
+        for k in {"Fc", "Fs"} & known.keys():
+            was = stated.get(k, Stated())
+            if known[k] < most < (np.inf if was.high is None else was.high):
+                stated[k] = replace(was, high=most)
+        return replace(self, model=replace(self.model, stated=stated))
 
     @classmethod
     def read(cls, given: Mapping[str, Any]) -> Belief:

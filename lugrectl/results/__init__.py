@@ -1,7 +1,7 @@
 """The classes of all results, for type hints and ``isinstance``: ``lg.results.SprVerdict``."""
 
 from ..axis_response import FrequencyResponse, ResponsePlan, Tuning
-from ..compensated_loop.result import Compensation, Run
+from ..compensated_loop import Assurance, Compensation, HuntingChance, Run
 from ..design import Certificate, Design, Excitation, ObserverDesign
 from ..diagnosis.fleet import Fleet, Outcome
 from ..diagnosis.identify import Identification
@@ -10,6 +10,7 @@ from ..diagnosis.result import Diagnosis
 from ..estimates.covariance import Joint, Residuals
 from ..estimates.findings import Candidate, Estimate, Finding, FrictionMap, Table, Traces
 from ..estimates.fitted import Parameter, ParameterTable
+from ..estimates.members import Members
 from ..hunting import HuntingMap, LimitCycles
 from ..identification.balance import Balance
 from ..identification.selection import Comparison
@@ -27,10 +28,10 @@ from ..paper.results import Reproduction
 from ..sweeps import Sweep
 
 __all__ = [
-    "Balance", "BandwidthVerdict", "Candidate", "Certificate", "Compared", "ComparedLaw",
-    "Comparison", "Compensation", "Design", "DesignChecks", "Diagnosis", "Estimate", "Excitation",
-    "Finding", "Fleet", "FrequencyResponse", "FrictionMap", "HuntingMap",
-    "Identification", "Joint", "L2Verdict", "LawComparison", "LimitCycles",
+    "Assurance", "Balance", "BandwidthVerdict", "Candidate", "Certificate", "Compared",
+    "ComparedLaw", "Comparison", "Compensation", "Design", "DesignChecks", "Diagnosis", "Estimate",
+    "Excitation", "Finding", "Fleet", "FrequencyResponse", "FrictionMap", "HuntingChance",
+    "HuntingMap", "Identification", "Joint", "L2Verdict", "LawComparison", "LimitCycles", "Members",
     "ObserverComparison", "ObserverDesign", "Outcome", "Parameter", "ParameterTable",
     "PassivityVerdict", "RankedObserver", "Recommendation", "Repair", "Reproduction", "Residuals",
     "ResponsePlan", "Run", "SprVerdict", "StabilityVerdict", "Sweep", "Table", "Traces", "Tuning",

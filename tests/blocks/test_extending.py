@@ -129,6 +129,7 @@ def commands():
 def test_every_command_takes_blocks_and_refuses_a_broken_file(command, mine, capsys):
     needed = dict.fromkeys(["diagnose", "identify", "bode"], ["r.csv", "--model", "m.toml"])
     needed |= {"plot": ["r.csv"], "check": ["l2"], "hunt": ["--model", "m.toml"]}
+    needed |= {"assure": ["report.json"]}
     mine.write_text("import lugrectl\n1 / 0\n")
     code = main([command, *needed.get(command, []), "--blocks", "mine.py"])
     out, err = capsys.readouterr()

@@ -49,6 +49,13 @@ def test_without_an_angle_a_lag_may_be_that_of_the_speed():
         "velocity_sensor_lag",
     }
     assert "position" in found.experiment  # the angle tells which
+    (rival,) = found.rivals  # neither is likelier: members are drawn from both
+    assert rival.weight == pytest.approx(0.5, abs=0.1)
+    drawn = found.sample(400)
+    for name in ("actuator_lag", "velocity_sensor_lag"):
+        own = drawn[f"{name}.time_constant"]
+        assert np.mean(np.isfinite(own)) == pytest.approx(0.5, abs=0.15)
+        assert np.nanmedian(own) == pytest.approx(TAU, rel=0.2)
 
 
 def lagged_speed(w):

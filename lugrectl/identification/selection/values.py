@@ -216,11 +216,11 @@ def _torque(
 ) -> Callable[[Mapping[str, float]], np.ndarray] | None:
     """The torque (m,) of an effect with other values; None where it has no slope."""
     block: Block = REGISTRY["effect", c.name]
-    if c.u is not None:
+    if c.u is not None and "input" in block.acts:
         return lambda v: (
             c.base.record.driving(c.base.u) - c.base.record.driving(applied(c.base, block, dict(v)))
         )
-    if not c.own or c.entry.by_run or c.entry.moved is not None:
+    if not c.own or c.u is not None or c.entry.by_run or c.entry.moved is not None:
         return None
     if LOAD in c.values:
         return lambda v: load_columns(c.base, block, [tuple(v.values())]) @ b
