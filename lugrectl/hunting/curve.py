@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,7 +27,7 @@ class Curve:
 
     torque: Callable[[Any], Any]
 
-    @property
+    @cached_property
     def Fs(self) -> float:
         return float(self.torque(np.array([REST]))[0])
 
@@ -55,6 +56,7 @@ def curve_of(model: Model) -> Curve:
     if block.states:
         return Curve(_level_of(values, block.name))
     values |= {k: SHARP for k, p in block.parameters.items() if p.smooths}
+    values = block.defaults() | values  # bound once: it is asked at each stage of each step
     return Curve(lambda w: block(w, **values)[0] + 0.0 * w)
 
 

@@ -90,20 +90,29 @@ def _many(lanes: Lanes, count: int) -> Lanes:
 
 
 def _with_extrema(lanes: Lanes, x: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The grid with the extrema between its points that come near zero: close pairs of roots."""
+    """The grid with the extrema between its points that come near zero: close pairs of roots.
+
+    A cut brings an extremum closer by less than the cut before; where that is not enough to reach
+    zero, it is left.
+    """
     inner, size = np.arange(1, len(x) - 1), np.abs(D)
     dips = (size[inner] < size[inner - 1]) & (size[inner] <= size[inner + 1]) & (size[inner] < NEAR)
     at = inner[dips & (D[inner - 1] * D[inner] > 0) & (D[inner] * D[inner + 1] > 0)]
     if not len(at):
         return x, D
-    low, high, sign = np.log(x[at - 1]), np.log(x[at + 1]), np.sign(D[at])
+    low, high, sign, now = np.log(x[at - 1]), np.log(x[at + 1]), np.sign(D[at]), D[at]
     for _ in range(DEEPER):
         cut = np.linspace(low, high, PARTS + 1, axis=1)
         values = excess(_many(lanes, cut.size), np.exp(cut).ravel()).reshape(cut.shape)
         best = np.argmin(sign[:, None] * values, axis=1)
-        row = np.arange(len(at))
-        x, D = np.r_[x, np.exp(cut[row, best])], np.r_[D, values[row, best]]
+        row, before = np.arange(len(best)), now
+        now = values[row, best]
+        x, D = np.r_[x, np.exp(cut[row, best])], np.r_[D, now]
         low, high = cut[row, np.maximum(best - 1, 0)], cut[row, np.minimum(best + 1, PARTS)]
+        left = (sign * now > 0.0) & (np.abs(now) < np.abs(now - before))
+        low, high, sign, now = low[left], high[left], sign[left], now[left]
+        if not left.any():
+            break
     order_of = np.argsort(x, kind="stable")
     return x[order_of], D[order_of]
 

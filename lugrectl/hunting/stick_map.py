@@ -16,7 +16,8 @@ from .lanes import Lanes
 from .slip import slip
 
 STICKS, RESTS, GROWS, SWINGS = 0, 1, 2, 3  # fate: next stick, rest, divergence, never a stick
-REVERSALS = 30  # without a stick, after which a loop swings; each takes 2 units off a large error
+REVERSALS = 300  # without a stick, after which a loop swings
+ALIKE = 1e-4  # relative change from reversal to reversal of a swing that repeats
 STOPS = 60  # on one side, after which a loop creeps: it comes to rest
 LARGE = 300.0  # units, ten times the largest start: a swing beyond it grows without bound
 NEVER = 50.0  # the excess of what rests (negative) or never sticks
@@ -66,9 +67,11 @@ def next_stick(lanes: Lanes, x: np.ndarray) -> Turn:
         made.t[active] += np.where(sticks, wait, 0.0)
         grows = np.abs(end.x) > LARGE
         made.fate[active[end.rests]], made.fate[active[grows]] = RESTS, GROWS
-        goes = ~(sticks | end.rests | grows)
-        active, side = active[goes], -side[goes]
-        at, excess = -end.x[goes], -2.0 - end.y[goes]
+        ahead, over = -end.x, -2.0 - end.y
+        repeats = (np.abs(ahead - at) < ALIKE * at) & (np.abs(over - excess) < ALIKE * at)
+        goes = ~(sticks | end.rests | grows | repeats)
+        made.fate[active[repeats & ~sticks & ~end.rests]] = SWINGS
+        active, side, at, excess = active[goes], -side[goes], ahead[goes], over[goes]
         made.reversals[active] += 1
         if not len(active):
             break
