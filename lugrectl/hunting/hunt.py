@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..blocks.model import Model, as_model
-from ..core.errors import Diverged, InputError
+from ..core.errors import InputError
 from ..core.validation import number, positive, whole
 from ..simulation.encoder import Sensing
 from .critical import changes, ranges
@@ -16,7 +16,15 @@ from .curve import curve_of
 from .lanes import Loop
 from .result import LimitCycles
 from .rigid import Answer, rigid_cycles
-from .simulated import ERRORS, LENGTHS, STEPS, continuous_run, loop_run, sampled_run
+from .simulated import (
+    ERRORS,
+    LENGTHS,
+    STEPS,
+    continuous_run,
+    loop_run,
+    sampled_run,
+    sampled_starts,
+)
 from .waiting import GROWS, HUNTS, OPEN, Run, Seen, cycles_of, watched
 
 GAINS = ("kp", "ki", "kd")
@@ -169,7 +177,7 @@ def searched(model: Model, gains: Mapping[str, float], sensing: Sensing | None) 
     law, effects = model.friction.block, [p.key for p in model.effects]
     rigid = None if loop.curve.Fs <= 0.0 else rigid_cycles(loop)
     if sensing is not None:
-        answer = _watched(sampled_run(model, loop, sensing), ERRORS * loop.unit, LENGTHS)
+        answer = _watched(sampled_run(model, loop, sensing), sampled_starts(loop, sensing), LENGTHS)
     elif rigid is None or law.states or effects:
         answer = _with_all(model, loop, rigid)
     else:
@@ -221,18 +229,19 @@ def _of_loop(system: Any) -> LimitCycles:
 
 
 def _watched(run: Run, starts: Any, lengths: tuple[int, ...]) -> Answer:
-    """What persists from some starts; a start that grows without bound ends the search."""
+    """What persists from some starts."""
     starts = [float(s) for s in starts]
-    try:
-        seen: list[Seen] = watched(run, starts, lengths)
-    except Diverged:
-        return Answer([], None, None, True, ["the loop grows without bound"], None)
+    seen: list[Seen] = watched(run, starts, lengths)
     said = [f"searched by simulation from {len(starts)} starts, not proven"]
     left, hunting = (sum(s.fate == fate for s in seen) for fate in (OPEN, HUNTS))
     if 0 < hunting < len(starts):
         said.append(f"{hunting} of {len(starts)} starts led to hunting")
     if left:
         said.append(f"{left} of {len(starts)} starts neither came to rest nor repeated")
-    basin = min((x for x, s in zip(starts, seen, strict=True) if s.fate == HUNTS), default=None)
-    grows = any(s.fate == GROWS for s in seen)
-    return Answer(cycles_of(seen), basin, None, grows, said, None)
+    basin = min(
+        (x for x, s in zip(starts, seen, strict=True) if s.fate in (HUNTS, GROWS)), default=None
+    )
+    grows = sum(s.fate == GROWS for s in seen)
+    if grows:
+        said.append(f"from {grows} of {len(starts)} starts the loop grows without bound")
+    return Answer(cycles_of(seen), basin, None, bool(grows), said, None)

@@ -61,10 +61,11 @@ def settled(J, kp, ki, kd, Fc, Fs, vs, Fv, e, held, turns, step):
 
 
 @njit(cache=True)
-def sampled(J, kp, ki, kd, Fc, Fs, vs, Fv, e, held, dt, q, late, most, parts):
+def sampled(J, kp, ki, kd, Fc, Fs, vs, Fv, e, held, dt, q, late, most, parts, shake=0.0):
     """The same with a controller at samples dt apart (integral: trapezes), counts q (0: none),
     ``late`` samples of dead time, at most so many samples; sizes of half turns scatter, so that it
-    hunts where the last quarter of all half turns is as large as the quarter before."""
+    hunts where the last quarter of all half turns is as large as the quarter before; ``shake`` in
+    counts: noise of the encoder."""
     h, n = dt / parts, len(e)
     fates, sizes, periods = np.full(n, OPEN), np.zeros(n), np.zeros(n)
     peaks, times = np.zeros(800), np.zeros(800)
@@ -73,7 +74,8 @@ def sampled(J, kp, ki, kd, Fc, Fs, vs, Fv, e, held, dt, q, late, most, parts):
         last = q * np.floor(x / q + 0.5) if q else x
         waits, still = np.full(late + 1, total - kp * last), 0
         for m in range(most):
-            seen = q * np.floor(x / q + 0.5) if q else x
+            place = 0.5 + shake * (2.0 * (m * 0.6180339887 % 1.0) - 1.0)  # noise of the encoder
+            seen = q * np.floor(x / q + place) if q else x
             total = total - 0.5 * dt * ki * (seen + last)
             u = total - kp * seen - kd * (seen - last) / dt
             waits[m % (late + 1)], last = u, seen

@@ -73,5 +73,12 @@ def drawn(seed):
     counts = None if random.random() < 0.1 else max(turn, 1)
     options = {**gains, "rate": rate, "dead_time": late / rate, "counts": counts}
     q = 2.0 * np.pi / counts if counts else 0.0
-    sampling = {"dt": 1.0 / rate, "q": q, "late": late, "most": 2_000_000, "parts": 30}
+    sampling = {
+        "dt": 1.0 / rate,
+        "q": q,
+        "late": late,
+        "most": 1_000_000,
+        "parts": 30,
+        "shake": 0.01,
+    }
     return Drawn(kind, model, options, own, sampling)
