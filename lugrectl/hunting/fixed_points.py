@@ -148,7 +148,9 @@ def _described(lanes: Lanes, x: np.ndarray, order: int) -> list[Fixed]:
     three = np.concatenate([x * (1.0 - AWAY), x, x * (1.0 + AWAY)])
     made = turns(_many(lanes, len(three)), three, order)
     before, at, after = (np.arange(len(x)) + k * len(x) for k in range(3))
-    slope = (made.x[after] - made.x[before]) / (2.0 * AWAY * x)
+    sticks = made.fate == STICKS  # beside a border, only one of the neighbours does
+    low, high = (np.where(sticks[k], k, at) for k in (before, after))
+    slope = (made.x[high] - made.x[low]) / np.maximum(three[high] - three[low], AWAY * x)
     whole = 2 // order  # rounds in a period
     sides = np.array([made.high, made.low])  # alike in a symmetric cycle, of which this is half
     wide = sides.max(axis=0) if order == 1 else sides.mean(axis=0)

@@ -72,7 +72,7 @@ def limit_cycles(
     counts : int, optional
         Of the encoder in a turn (in a metre), with ``rate``; none: exact.
     vary : dict, optional
-        ``{"ki": (1, 50)}``: also the values of a gain at which cycles appear or vanish.
+        ``{"ki": (1, 50)}``: also the values of a gain at which hunting begins or ends.
 
     Returns
     -------
@@ -136,7 +136,8 @@ def limit_cycles(
 
     def hunts(**changed: float) -> bool:
         every = dict.fromkeys((*GAINS, "kv")) | (own or PAPER) | changed
-        return not searched(model, pid_gains(**every), sensing)
+        made = searched(model, pid_gains(**every), sensing)
+        return made.diverges or any(c.stable for c in made.cycles)
 
     object.__setattr__(found, "critical", changes(hunts, ends))
     return found

@@ -58,7 +58,8 @@ class LimitCycles(Result):
     messages : tuple of str
         What the answer does not cover.
     critical : dict
-        With ``vary``: by gain the values at which cycles appear or vanish.
+        With ``vary``: by gain the values at which hunting (stable cycles, or growth without
+        bound) begins or ends.
     curve : tuple of two arrays, or None
         Errors at breakaway in rad and log(T(e)/e), how much they grow to the next stick on the
         other side; 50 and -50 stand for growth without a stick and for rest.
