@@ -11,6 +11,7 @@ from ..blocks.model import Model, as_model
 from ..core.errors import InputError
 from ..core.validation import number, positive, whole
 from ..simulation.encoder import Sensing
+from .bristles import bristle_cycles, known
 from .critical import changes, ranges
 from .curve import curve_of
 from .lanes import Loop
@@ -100,10 +101,14 @@ def limit_cycles(
     Absence is proven for Coulomb and viscous friction if (kd + Fv) kp > ki J (Bisoffi, Da Lio,
     Teel and Zaccarian, Global Asymptotic Stability of a PID Control System With Coulomb Friction,
     IEEE Trans. Automatic Control 63(8), 2018). Friction with bristles, effects, sampling and
-    loops of blocks are simulated from several starts: what persists is a cycle, an unstable one is
-    not found, and nothing is proven. Hunting by Stribeck friction: Olsson and Astrom, Friction
-    Generated Limit Cycles, IEEE Trans. Control Systems Technology 9(4), 2001; Hensen, van de
-    Molengraft and Steinbuch, Friction Induced Hunting Limit Cycles, Automatica 39(12), 2003.
+    loops of blocks are simulated from several starts: what persists is a cycle, and nothing is
+    proven. With bristles, Newton on the state at e = 0 then gives multipliers, and unstable cycles
+    where it reaches them from those of the sliding curve. Counts are shaken by a hundredth, so
+    that a swing that locks to a place within one is no hunting.
+
+    Hunting by Stribeck friction: Olsson and Astrom, Friction Generated Limit Cycles, IEEE Trans.
+    Control Systems Technology 9(4), 2001; Hensen, van de Molengraft and Steinbuch, Friction
+    Induced Hunting Limit Cycles, Automatica 39(12), 2003.
 
     Examples
     --------
@@ -212,9 +217,11 @@ def _with_all(model: Model, loop: Loop, rigid: Answer | None) -> Answer:
     seconds += (WAITS * loop.kp / loop.ki if loop.ki else 0.0) + WAITS / loop.wn
     starts = np.r_[[c.amplitude for c in cycles], ERRORS[::3] * (loop.unit or 1.0)]
     made = _watched(continuous_run(model, loop, seconds), starts, LONGER[:2])
+    if loop.ki and known(model):
+        made = made._replace(cycles=bristle_cycles(model, loop, cycles, made.cycles))
     if rigid and rigid.diverges:
         return made._replace(diverges=True, messages=[*made.messages, *rigid.messages])
-    if not any(c.stable for c in cycles) or made.cycles:
+    if not any(c.stable for c in cycles) or any(c.stable for c in made.cycles):
         return made
     size = max(c.amplitude for c in cycles if c.stable)
     said = f"by its sliding curve alone, without bristles, the loop would hunt: +-{size:.3g}"

@@ -102,3 +102,25 @@ def sampled(J, kp, ki, kd, Fc, Fs, vs, Fv, e, held, dt, q, late, most, parts, sh
             sizes[i], periods[i] = now, 2.0 * (times[k - 1] - times[k - 1 - c]) / c
             fates[i] = HUNTS if abs(now / was - 1.0) < 0.02 else OPEN
     return fates, sizes, periods
+
+
+@njit(cache=True)
+def with_bristles(J, kp, ki, kd, Fc, Fs, vs, Fv, sigma0, sigma1, e, turns, step):
+    """Size of the last of so many half turns from breakaway at e with LuGre friction; 0: it came
+    to rest. z is implicit, the rest semi-implicit Euler."""
+    h, x, w, q, z = step * np.sqrt(J / kp), e, 0.0, kp * e - Fs, -Fs / sigma0
+    peak, side, k, still = abs(e), 1.0, 0, abs(e)
+    for _ in range(300_000_000):
+        g = Fc + (Fs - Fc) * np.exp(-((w / vs) ** 2))
+        new = (z + h * w) / (1.0 + h * sigma0 * abs(w) / g)
+        F = sigma0 * new + sigma1 * (new - z) / h + Fv * w
+        z, w = new, w + h * (q - kp * x - kd * w - F) / J
+        x, q = x + h * w, q - h * ki * x
+        peak = max(peak, abs(x))
+        if x * side < 0.0:
+            k, side, still, peak = k + 1, -side, peak, abs(x)
+            if k == turns:
+                return still
+        if abs(x) < 1e-3 * e and abs(w) < 1e-4 * vs:
+            return 0.0
+    return 0.0

@@ -5,7 +5,7 @@ import pytest
 
 import lugrectl as lg
 
-from .brute_force import HUNTS
+from . import brute_force as brute
 from .drawn_loops import drawn
 
 
@@ -17,7 +17,7 @@ def compare(seed):
     loop = drawn(seed)
     found = lg.limit_cycles(loop.model, **loop.options)
     fates, sizes, periods = loop.starts(50)
-    stable, hunts = [c for c in found.cycles if c.stable], fates == HUNTS
+    stable, hunts = [c for c in found.cycles if c.stable], fates == brute.HUNTS
     assert bool(stable) == hunts.any(), seed
     near = [min(stable, key=lambda c: abs(np.log(c.amplitude / s))) for s in sizes[hunts]]
     for cycle in {id(c): c for c in near}.values():
@@ -42,3 +42,37 @@ def test_a_drawn_loop_agrees_with_another_simulation(seed):
 def test_200_drawn_loops_agree_with_another_simulation(first):
     for seed in range(first, first + 20):
         compare(seed)
+
+
+def with_bristles(seed, bend):
+    """A drawn loop with LuGre friction; ``bend`` of its bristles at breakaway in units."""
+    loop = drawn(seed)
+    sigma0 = loop.own["Fs"] / (bend * loop.unit)
+    more = {"sigma0": sigma0, "sigma1": np.sqrt(sigma0 * loop.own["J"])}
+    law = {k: loop.own[k] for k in ("J", "Fc", "Fs", "vs", "Fv")}
+    gains = {k: loop.own[k] for k in ("kp", "ki", "kd")}
+    return lg.Model.of(friction="lugre", **law, **more), gains, loop.own | more
+
+
+def test_bristles_in_a_drawn_loop_agree_with_another_simulation():
+    model, gains, own = with_bristles(61, 3e-3)
+    small, large = lg.limit_cycles(model, **gains).cycles
+    assert large.stable and not small.stable and small.multipliers[0] > 1.0 > large.multipliers[0]
+    size = brute.with_bristles(**own, e=large.amplitude, turns=12, step=1e-3)
+    assert size == pytest.approx(large.amplitude, rel=2e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("seed", "bend"), [(61, 3e-3), (61, 1e-3), (34, 1e-3), (64, 1e-3), (87, 1e-3)]
+)
+def test_what_neither_rests_nor_hunts_follows_the_unstable_cycle_of_bristles(seed, bend):
+    model, gains, own = with_bristles(seed, bend)
+    small, _ = lg.limit_cycles(model, **gains).cycles
+    low, high = 0.3 * small.amplitude, 2.0 * small.amplitude
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        hunts = brute.with_bristles(**own, e=middle, turns=40, step=1e-3) > 0.0
+        low, high = (low, middle) if hunts else (middle, high)
+    size = brute.with_bristles(**own, e=high, turns=4, step=1e-3)
+    assert size == pytest.approx(small.amplitude, rel=0.01)

@@ -39,9 +39,9 @@ def test_the_published_loop_with_bristles():
     model = lg.Model.of(friction="lugre", **LAW, sigma0=1e5, sigma1=1e5**0.5)
     found = lg.limit_cycles(model, **PID)
     (cycle,) = found.cycles
-    assert cycle.amplitude == pytest.approx(63.90e-3, rel=1e-3)
-    assert cycle.period == pytest.approx(24.44, rel=1e-3)
-    assert "not proven" in found.messages[0]
+    assert cycle.amplitude == pytest.approx(63.90e-3, abs=5e-6)
+    assert cycle.period == pytest.approx(24.44, abs=5e-3)
+    assert 0.0 < cycle.multipliers[0] < 0.1 and "not proven" in found.messages[0]
 
 
 def test_readmes_table_of_limit_cycles():
