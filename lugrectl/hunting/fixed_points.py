@@ -16,7 +16,7 @@ POINTS = 140  # of the grid
 NEAR = 1.5  # |D| of an extremum between grid points that may reach zero
 PARTS = 16  # into which a bracket is cut at a time
 DEEPER, CLOSER = 4, 6  # cuts around an extremum, and of a bracket
-ENOUGH = 3  # cuts for a border between rest and growth, which has no root
+ENOUGH = 2  # cuts for a border of rest or growth, which has no root
 JUMP = 1e-3  # |D| at the end of the cuts: not a root
 AWAY = 1e-4  # relative distance at which a multiplier is measured
 CLOSE = np.r_[-np.geomspace(0.3, 1e-3, 12), np.geomspace(1e-3, 0.3, 12)]  # of a fixed point
@@ -77,8 +77,9 @@ def double_points(lanes: Lanes, found: Found) -> list[Fixed]:
     if len(near):
         x, twice = np.r_[x, near], np.r_[twice, excess(_many(lanes, len(near)), near, 2)]
         x, twice = x[np.argsort(x)], twice[np.argsort(x)]
+    known = [*(f.x for f in found.fixed), *found.jumps]
     made: list[Fixed] = []
-    for one in _described(lanes, _roots(lanes, x, twice, 2, [f.x for f in found.fixed])[0], 2):
+    for one in _described(lanes, _roots(lanes, x, twice, 2, known)[0], 2):
         double = any(abs(k.period / one.period - 1.0) < SAME for k in made)
         if not double and all(abs(one.x / f.x - 1.0) > SAME for f in found.fixed):
             made.append(one)  # a cycle e1 -> e2 -> e1 appears at both of its errors
@@ -126,16 +127,19 @@ def _roots(
     if not len(turned):
         return x[:0], x[:0]
     a, b, Da, Db = x[turned], x[turned + 1], D[turned], D[turned + 1]
-    low, high, row = np.log(a), np.log(b), np.arange(len(a))
+    low, high = np.log(a), np.log(b)
     for k in range(CLOSER):
-        if k >= ENOUGH and np.all(np.abs([Da, Db]) >= NEVER):
-            break  # jumps between rest and growth
-        cut = np.linspace(low, high, PARTS + 1, axis=1)
+        smooth = np.maximum(np.abs(Da), np.abs(Db)) < NEVER
+        left = np.flatnonzero(smooth | (k < ENOUGH))
+        if not len(left):
+            break
+        cut, row = np.linspace(low[left], high[left], PARTS + 1, axis=1), np.arange(len(left))
         inside = np.exp(cut[:, 1:-1])
         values = excess(_many(lanes, inside.size), inside.ravel(), order).reshape(inside.shape)
-        every = np.column_stack([Da, values, Db])
-        at = np.argmax((every > 0.0) != (Da > 0.0)[:, None], axis=1)
-        low, high, Da, Db = cut[row, at - 1], cut[row, at], every[row, at - 1], every[row, at]
+        every = np.column_stack([Da[left], values, Db[left]])
+        at = np.argmax((every > 0.0) != (Da[left] > 0.0)[:, None], axis=1)
+        low[left], high[left] = cut[row, at - 1], cut[row, at]
+        Da[left], Db[left] = every[row, at - 1], every[row, at]
     x = np.exp(low + (high - low) * Da / (Da - Db))
     jumps = np.maximum(np.abs(Da), np.abs(Db)) > JUMP
     return x[~jumps], x[jumps]

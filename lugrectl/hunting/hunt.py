@@ -95,8 +95,9 @@ def limit_cycles(
     multiplier of half a turn. D(e) = log(T(e)/e) is followed from 1/1000 to 30 times Fs/kp, its
     extrema and sign changes are located, so that unstable cycles are found too; the smallest
     error at which it becomes positive is the border of the basin of rest. That is every cycle
-    that sticks, of a drive without states but theta and w, in continuous time; of those that
-    never stick only the ones that attract.
+    that sticks, of a drive without states but theta and w, in continuous time. Those that never
+    stick are found by Newton from motions that never stick and from the border of such motions;
+    beyond 30 times Fs/kp nothing is searched.
 
     Absence is proven for Coulomb and viscous friction if (kd + Fv) kp > ki J (Bisoffi, Da Lio,
     Teel and Zaccarian, Global Asymptotic Stability of a PID Control System With Coulomb Friction,

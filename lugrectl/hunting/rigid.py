@@ -1,4 +1,4 @@
-"""Limit cycles of a PID loop around a rigid drive: all that stick, and the swings that attract."""
+"""Limit cycles of a PID loop around a rigid drive: all that stick, and swings that do not."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def rigid_cycles(loop: Loop) -> Answer:
     lanes, said = loop.lanes(1), []
     one = fixed_points(lanes)
     cycles = [_cycle(f, loop) for f in [*one.fixed, *double_points(lanes, one)]]
-    cycles += [_swing(s, loop) for s in swinging(lanes, one.x, one.D)]
+    cycles += [_swing(s, loop) for s in swinging(lanes, one.x, one.D, one.jumps)]
     diverges = not loop.is_stable()
     if not any(c.stable for c in cycles) and np.any(one.D > 0.0) and not diverges:
         cycles += _persisting(loop, one.x, one.D)
@@ -69,9 +69,9 @@ def _cycle(f: Fixed, loop: Loop) -> Cycle:
     return Cycle(size, time, abs(whole) < 1.0, (whole,), f.stops)
 
 
-def _swing(found: tuple[float, float, float], loop: Loop) -> Cycle:
-    size, time, ratio = found
-    return Cycle(size * loop.unit, time / loop.wn, True, (ratio,), 0)
+def _swing(found: tuple[float, float, tuple[float, ...]], loop: Loop) -> Cycle:
+    size, time, turn = found
+    return Cycle(size * loop.unit, time / loop.wn, turn[0] < 1.0, turn, 0)
 
 
 def _border(x: np.ndarray, D: np.ndarray, roots: list[float], jumps: list[float]) -> float | None:

@@ -1,5 +1,7 @@
 """200 drawn loops against a simulation of its own, from 50 starts each."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -76,3 +78,23 @@ def test_what_neither_rests_nor_hunts_follows_the_unstable_cycle_of_bristles(see
         low, high = (low, middle) if hunts else (middle, high)
     size = brute.with_bristles(**own, e=high, turns=4, step=1e-3)
     assert size == pytest.approx(small.amplitude, rel=0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.sample
+@pytest.mark.parametrize("seed", [308, 312])
+def test_what_neither_grows_nor_shrinks_follows_the_unstable_cycle_that_never_sticks(seed):
+    own = drawn(seed).own
+    ki = 1.2 * (own["kd"] + own["Fv"]) * own["kp"] / own["J"]  # beyond Routh's limit
+    loop = replace(drawn(seed), own=own | {"ki": ki})
+    found = lg.limit_cycles(loop.model, **{k: loop.own[k] for k in ("kp", "ki", "kd")})
+    (free,) = [c for c in found.cycles if c.stops == 0]
+    assert found.diverges and not free.stable and free.multipliers[0] > 1.0 > free.multipliers[1]
+    low, high = 0.5 * free.amplitude, 4.0 * free.amplitude
+    for _ in range(30):
+        middle = 0.5 * (low + high)
+        grows = loop.from_breakaway([middle])[0][0] == brute.GROWS
+        low, high = (low, middle) if grows else (middle, high)
+    _, sizes, periods = loop.from_breakaway([low], turns=24)
+    assert sizes[0] == pytest.approx(free.amplitude, rel=0.01)
+    assert periods[0] == pytest.approx(free.period, rel=0.01)

@@ -112,6 +112,8 @@ def test_a_law_of_ones_own_gives_the_same_cycle():
     assert one.amplitude == pytest.approx(two.amplitude, rel=1e-9)
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_hunting_ends_at_the_critical_gain():
     loop = drawn(70)
     model, gains = loop.model, loop.options
