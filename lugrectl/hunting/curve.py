@@ -47,6 +47,17 @@ class Curve:
         return bool(np.abs(F - self.Fs - self.viscous * PROBED).max() <= STRAIGHT * abs(F[-1]))
 
 
+def compensated(curve: Curve, share: float, vd: float, scale: float) -> Curve:
+    """Friction that is ``scale`` times the curve, with ``share`` of the curve added to the torque:
+    in proportion to the speed below ``vd``, so that nothing is added at rest.
+    """
+
+    def torque(w: Any) -> Any:
+        return curve.torque(w) * (scale - share * np.minimum(1.0, w / vd))
+
+    return Curve(torque)
+
+
 def curve_of(model: Model) -> Curve:
     """The sliding curve of a model's law; a law with states slides at its level h(w) + Fv w."""
     block, values = model.friction.block, dict(model.friction.values)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .curve import PROBED
 from .fixed_points import LOW, Fixed, double_points, fixed_points
 from .lanes import Loop
 from .result import Cycle
@@ -17,7 +18,8 @@ COULOMB = (
     "stable (Bisoffi, Da Lio, Teel and Zaccarian, IEEE Trans. Automatic Control 63(8), 2018)"
 )
 NO_INTEGRAL = (
-    "without integral action the energy J w^2/2 + kp e^2/2 falls in every motion, since F(w) w > 0"
+    "without integral action the energy J w^2/2 + kp e^2/2 falls in every motion, since "
+    "(kd w + F(w)) w > 0"
 )
 ROUNDS, AGAIN = 300, 30  # of T, interpolated and itself: what has not come to rest persists
 NEAR = 10.0  # |D| of a half turn that neither rests nor grows
@@ -38,7 +40,8 @@ class Answer(NamedTuple):
 def proven(loop: Loop) -> str | None:
     """Why the loop has no limit cycle, where that is known."""
     if loop.ki == 0.0:
-        return NO_INTEGRAL if loop.kd >= 0.0 else None
+        damped = np.all(loop.kd * PROBED + loop.curve.torque(PROBED) > 0.0)
+        return NO_INTEGRAL if damped else None
     straight = loop.curve.is_straight()
     return COULOMB if straight and loop.is_stable() else None
 

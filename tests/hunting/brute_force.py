@@ -11,9 +11,11 @@ RESTS, HUNTS, OPEN, GROWS = 0, 1, 2, 3
 
 
 @njit(cache=True)
-def slid(e, w, u, J, kd, Fc, Fs, vs, Fv, h):
-    """Error and speed after h: the friction takes what stops w, up to its level."""
+def slid(e, w, u, J, kd, Fc, Fs, vs, Fv, h, share=0.0, vd=1.0):
+    """Error and speed after h: the friction takes what stops w, up to its level. A share of the
+    friction is added to u, in proportion to w below vd."""
     level = Fc + (Fs - Fc) * np.exp(-((w / vs) ** 2))
+    u += share * (level * np.sign(w) + Fv * w) * min(1.0, abs(w) / vd)
     free = w + h * (u - (kd + Fv) * w) / J
     new = np.sign(free) * max(abs(free) - h * level / J, 0.0)
     new = 0.0 if w * new < 0.0 else new
@@ -21,7 +23,7 @@ def slid(e, w, u, J, kd, Fc, Fs, vs, Fv, h):
 
 
 @njit(cache=True)
-def settled(J, kp, ki, kd, Fc, Fs, vs, Fv, e, held, turns, step):
+def settled(J, kp, ki, kd, Fc, Fs, vs, Fv, e, held, turns, step, share=0.0, vd=1.0):
     """Fate, amplitude and period of each start after at most so many half turns.
 
     ``e`` error at w = 0 and ``held`` torque of the integral, arrays. A wait in a stick is skipped.
@@ -41,7 +43,7 @@ def settled(J, kp, ki, kd, Fc, Fs, vs, Fv, e, held, turns, step):
                 wait = (Fs + u * np.sign(x)) / (ki * abs(x)) * (1.0 + 1e-12) + 1e-9 * h
                 q, t = q - ki * x * wait, t + wait
             before = x
-            x, w = slid(x, w, q - kp * x, J, kd, Fc, Fs, vs, Fv, h)
+            x, w = slid(x, w, q - kp * x, J, kd, Fc, Fs, vs, Fv, h, share, vd)
             q, t, peak = q - h * ki * 0.5 * (x + before), t + h, max(peak, abs(x))
             if abs(x) > 1e5 * unit:
                 fates[i] = GROWS

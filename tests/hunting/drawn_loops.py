@@ -23,10 +23,11 @@ class Drawn:
     def unit(self):
         return self.own["Fs"] / self.own["kp"]
 
-    def motions(self, e, held, turns=600, step=1e-3):
+    def motions(self, e, held, turns=600, step=1e-3, share=0.0, vd=1.0):
         """Fates, amplitudes and periods of the other simulation."""
         if self.sampling is None:
-            return brute.settled(**self.own, e=e, held=held, turns=turns, step=step)
+            added = {"share": share, "vd": vd}
+            return brute.settled(**self.own, e=e, held=held, turns=turns, step=step, **added)
         return brute.sampled(**self.own, e=e, held=held, **self.sampling)
 
     def from_breakaway(self, e, **more):
@@ -36,11 +37,11 @@ class Drawn:
         seen = q * np.floor(e / q + 0.5) if q else e
         return self.motions(e, self.own["kp"] * seen - 0.999 * self.own["Fs"], **more)
 
-    def starts(self, count):
+    def starts(self, count, **more):
         """Half of them just before breakaway, half released at rest with no integral."""
         e = self.unit * np.geomspace(0.03, 30.0, count // 2)
-        one = self.from_breakaway(e)
-        two = self.motions(e[:], 0.0 * e)
+        one = self.from_breakaway(e, **more)
+        two = self.motions(e, 0.0 * e, **more)
         return tuple(np.r_[a, b] for a, b in zip(one, two, strict=True))
 
 

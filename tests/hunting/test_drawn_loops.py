@@ -98,3 +98,30 @@ def test_what_neither_grows_nor_shrinks_follows_the_unstable_cycle_that_never_st
     _, sizes, periods = loop.from_breakaway([low], turns=24)
     assert sizes[0] == pytest.approx(free.amplitude, rel=0.01)
     assert periods[0] == pytest.approx(free.period, rel=0.01)
+
+
+def compare_map(seed, share):
+    """A map over ki and the friction against the other simulation at each of its points."""
+    loop = drawn(seed)
+    gains = {k: loop.own[k] for k in ("kp", "ki", "kd")}
+    ends = {"ki": (0.1 * gains["ki"], gains["ki"])}
+    more = {"friction": (0.6, 1.8), "compensation": share, "points": 3}
+    found = lg.hunting_map(loop.model, ends, **gains, **more)
+    for (i, j), region in np.ndenumerate(found.region):
+        ki, true = (float(v[k]) for v, k in zip(found.values, (i, j), strict=True))
+        law = {k: true * loop.own[k] for k in ("Fc", "Fs", "Fv")}
+        own = replace(loop, own=loop.own | law | {"ki": ki})
+        fates, _, _ = own.starts(50, share=share / true, vd=loop.own["vs"])
+        persists = np.isin(fates, (brute.HUNTS, brute.GROWS)).any()
+        assert persists == (region > 0), (seed, share, ki, true, region, np.bincount(fates))
+
+
+def test_a_map_over_wrongly_believed_friction_agrees_with_another_simulation():
+    compare_map(61, 0.3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
+@pytest.mark.parametrize("seed", [1, 10, 20, 34, 64, 87])
+def test_more_maps_over_wrongly_believed_friction(seed, share):
+    compare_map(seed, share)
