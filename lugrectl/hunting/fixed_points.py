@@ -77,6 +77,10 @@ def double_points(lanes: Lanes, found: Found) -> list[Fixed]:
     if len(near):
         x, twice = np.r_[x, near], np.r_[twice, excess(_many(lanes, len(near)), near, 2)]
         x, twice = x[np.argsort(x)], twice[np.argsort(x)]
+    turned = np.flatnonzero((twice[:-1] > 0.0) != (twice[1:] > 0.0))
+    about = np.unique(np.clip(turned[:, None] + np.arange(-1, 3), 0, len(x) - 1))
+    if len(about):  # interpolated ends may change their sign
+        twice[about] = excess(_many(lanes, len(about)), x[about], 2)
     known = [*(f.x for f in found.fixed), *found.jumps]
     made: list[Fixed] = []
     for one in _described(lanes, _roots(lanes, x, twice, 2, known)[0], 2):

@@ -44,6 +44,35 @@ def test_the_published_loop_with_bristles():
     assert 0.0 < cycle.multipliers[0] < 0.1 and "not proven" in found.messages[0]
 
 
+@pytest.mark.parametrize("seed", [0, 3, 14, 22])
+def test_minimal_coulomb_friction_hunts_with_all_stabilizing_gains(seed):
+    """Armstrong and Amin, PID Control in the Presence of Static Friction, Automatica 32(5), 1996:
+    with static friction and next to no Coulomb friction one cycle attracts, at any gains."""
+    random = np.random.default_rng(seed)
+    J, wn = 10 ** random.uniform(-3, 0), 10 ** random.uniform(0, 2)
+    kp, kd = J * wn**2, 2 * random.uniform(0.1, 1.5) * J * wn
+    ki = random.uniform(0.02, 0.98) * kd * kp / J
+    model = drive(J=J, Fc=0.01, Fs=1.0, vs=1e-4 * wn / kp, Fv=0.0)
+    found = lg.limit_cycles(model, kp=kp, ki=ki, kd=kd)
+    (cycle,) = found.cycles
+    assert cycle.stable and cycle.stops == 2 and found.basin == 0.0
+
+
+def test_friction_that_is_more_than_believed_is_what_compensation_tolerates_least():
+    model = drive(vs=0.1)
+    more = {"friction": (0.5, 2.0), "compensation": 0.5, "points": 8}
+    found = lg.hunting_map(model, {"ki": (0.02, 0.5)}, **PID | {"ki": 0.07}, **more)
+    low, high = found.tolerated
+    assert low == pytest.approx(0.5) and 1.0 < high < 2.0 and not found.proven.any()
+    assert f"{low:.3g} to {high:.3g}" in repr(found) and "not proven" in found.messages[0]
+    smooth = drive("coulomb", Fs=None, vs=None)
+    assert lg.hunting_map(
+        smooth, {"ki": (0.1, 1.0)}, **PID, **more | {"compensation": 0.0}, vd=1.0
+    ).proven.all()
+    with pytest.raises(lg.InputError, match="two gains, or one"):
+        lg.hunting_map(model, {"ki": (1, 2), "kd": (1, 2)}, **PID, friction=(0.5, 2.0))
+
+
 def test_readmes_table_of_limit_cycles():
     block = README.split("<!-- figures:cycles -->")[1].split("<!-- end -->")[0]
     rows = dict(re.findall(r"^\|(\w+)\|([^|]+)\|", block, re.M))
