@@ -116,6 +116,8 @@ def compare_map(seed, share):
         assert persists == (region > 0), (seed, share, ki, true, region, np.bincount(fates))
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_a_map_over_wrongly_believed_friction_agrees_with_another_simulation():
     compare_map(61, 0.3)
 
