@@ -28,9 +28,9 @@ def changes(
     return found
 
 
-def ranges(given: Any, what: str) -> dict[str, tuple[float, float]]:
+def ranges(given: Any, what: str, names: tuple[str, ...] = GAINS) -> dict[str, tuple[float, float]]:
     """Gains and their ends; InputError names the argument."""
-    if not isinstance(given, Mapping) or not given or not {*given} <= {*GAINS}:
+    if not isinstance(given, Mapping) or not given or not {*given} <= {*names}:
         example = '{"ki": (1, 50)}'
         raise InputError(f"{what} must be gains and their ends, {example}, not {shown(given)}.")
     made = {}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,7 +27,7 @@ class Curve:
 
     torque: Callable[[Any], Any]
 
-    @property
+    @cached_property
     def Fs(self) -> float:
         return float(self.torque(np.array([REST]))[0])
 
@@ -46,6 +47,17 @@ class Curve:
         return bool(np.abs(F - self.Fs - self.viscous * PROBED).max() <= STRAIGHT * abs(F[-1]))
 
 
+def compensated(curve: Curve, share: float, vd: float, scale: float) -> Curve:
+    """Friction that is ``scale`` times the curve, with ``share`` of the curve added to the torque:
+    in proportion to the speed below ``vd``, so that nothing is added at rest.
+    """
+
+    def torque(w: Any) -> Any:
+        return curve.torque(w) * (scale - share * np.minimum(1.0, w / vd))
+
+    return Curve(torque)
+
+
 def curve_of(model: Model) -> Curve:
     """The sliding curve of a model's law; a law with states slides at its level h(w) + Fv w."""
     block, values = model.friction.block, dict(model.friction.values)
@@ -55,6 +67,7 @@ def curve_of(model: Model) -> Curve:
     if block.states:
         return Curve(_level_of(values, block.name))
     values |= {k: SHARP for k, p in block.parameters.items() if p.smooths}
+    values = block.defaults() | values  # bound once: it is asked at each stage of each step
     return Curve(lambda w: block(w, **values)[0] + 0.0 * w)
 
 

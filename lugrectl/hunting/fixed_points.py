@@ -16,7 +16,7 @@ POINTS = 140  # of the grid
 NEAR = 1.5  # |D| of an extremum between grid points that may reach zero
 PARTS = 16  # into which a bracket is cut at a time
 DEEPER, CLOSER = 4, 6  # cuts around an extremum, and of a bracket
-ENOUGH = 3  # cuts for a border between rest and growth, which has no root
+ENOUGH = 2  # cuts for a border of rest or growth, which has no root
 JUMP = 1e-3  # |D| at the end of the cuts: not a root
 AWAY = 1e-4  # relative distance at which a multiplier is measured
 CLOSE = np.r_[-np.geomspace(0.3, 1e-3, 12), np.geomspace(1e-3, 0.3, 12)]  # of a fixed point
@@ -77,8 +77,13 @@ def double_points(lanes: Lanes, found: Found) -> list[Fixed]:
     if len(near):
         x, twice = np.r_[x, near], np.r_[twice, excess(_many(lanes, len(near)), near, 2)]
         x, twice = x[np.argsort(x)], twice[np.argsort(x)]
+    turned = np.flatnonzero((twice[:-1] > 0.0) != (twice[1:] > 0.0))
+    about = np.unique(np.clip(turned[:, None] + np.arange(-1, 3), 0, len(x) - 1))
+    if len(about):  # interpolated ends may change their sign
+        twice[about] = excess(_many(lanes, len(about)), x[about], 2)
+    known = [*(f.x for f in found.fixed), *found.jumps]
     made: list[Fixed] = []
-    for one in _described(lanes, _roots(lanes, x, twice, 2, [f.x for f in found.fixed])[0], 2):
+    for one in _described(lanes, _roots(lanes, x, twice, 2, known)[0], 2):
         double = any(abs(k.period / one.period - 1.0) < SAME for k in made)
         if not double and all(abs(one.x / f.x - 1.0) > SAME for f in found.fixed):
             made.append(one)  # a cycle e1 -> e2 -> e1 appears at both of its errors
@@ -90,20 +95,29 @@ def _many(lanes: Lanes, count: int) -> Lanes:
 
 
 def _with_extrema(lanes: Lanes, x: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The grid with the extrema between its points that come near zero: close pairs of roots."""
+    """The grid with the extrema between its points that come near zero: close pairs of roots.
+
+    A cut brings an extremum closer by less than the cut before; where that is not enough to reach
+    zero, it is left.
+    """
     inner, size = np.arange(1, len(x) - 1), np.abs(D)
     dips = (size[inner] < size[inner - 1]) & (size[inner] <= size[inner + 1]) & (size[inner] < NEAR)
     at = inner[dips & (D[inner - 1] * D[inner] > 0) & (D[inner] * D[inner + 1] > 0)]
     if not len(at):
         return x, D
-    low, high, sign = np.log(x[at - 1]), np.log(x[at + 1]), np.sign(D[at])
+    low, high, sign, now = np.log(x[at - 1]), np.log(x[at + 1]), np.sign(D[at]), D[at]
     for _ in range(DEEPER):
         cut = np.linspace(low, high, PARTS + 1, axis=1)
         values = excess(_many(lanes, cut.size), np.exp(cut).ravel()).reshape(cut.shape)
         best = np.argmin(sign[:, None] * values, axis=1)
-        row = np.arange(len(at))
-        x, D = np.r_[x, np.exp(cut[row, best])], np.r_[D, values[row, best]]
+        row, before = np.arange(len(best)), now
+        now = values[row, best]
+        x, D = np.r_[x, np.exp(cut[row, best])], np.r_[D, now]
         low, high = cut[row, np.maximum(best - 1, 0)], cut[row, np.minimum(best + 1, PARTS)]
+        left = (sign * now > 0.0) & (np.abs(now) < np.abs(now - before))
+        low, high, sign, now = low[left], high[left], sign[left], now[left]
+        if not left.any():
+            break
     order_of = np.argsort(x, kind="stable")
     return x[order_of], D[order_of]
 
@@ -117,16 +131,19 @@ def _roots(
     if not len(turned):
         return x[:0], x[:0]
     a, b, Da, Db = x[turned], x[turned + 1], D[turned], D[turned + 1]
-    low, high, row = np.log(a), np.log(b), np.arange(len(a))
+    low, high = np.log(a), np.log(b)
     for k in range(CLOSER):
-        if k >= ENOUGH and np.all(np.abs([Da, Db]) >= NEVER):
-            break  # jumps between rest and growth
-        cut = np.linspace(low, high, PARTS + 1, axis=1)
+        smooth = np.maximum(np.abs(Da), np.abs(Db)) < NEVER
+        left = np.flatnonzero(smooth | (k < ENOUGH))
+        if not len(left):
+            break
+        cut, row = np.linspace(low[left], high[left], PARTS + 1, axis=1), np.arange(len(left))
         inside = np.exp(cut[:, 1:-1])
         values = excess(_many(lanes, inside.size), inside.ravel(), order).reshape(inside.shape)
-        every = np.column_stack([Da, values, Db])
-        at = np.argmax((every > 0.0) != (Da > 0.0)[:, None], axis=1)
-        low, high, Da, Db = cut[row, at - 1], cut[row, at], every[row, at - 1], every[row, at]
+        every = np.column_stack([Da[left], values, Db[left]])
+        at = np.argmax((every > 0.0) != (Da[left] > 0.0)[:, None], axis=1)
+        low[left], high[left] = cut[row, at - 1], cut[row, at]
+        Da[left], Db[left] = every[row, at - 1], every[row, at]
     x = np.exp(low + (high - low) * Da / (Da - Db))
     jumps = np.maximum(np.abs(Da), np.abs(Db)) > JUMP
     return x[~jumps], x[jumps]
@@ -139,7 +156,9 @@ def _described(lanes: Lanes, x: np.ndarray, order: int) -> list[Fixed]:
     three = np.concatenate([x * (1.0 - AWAY), x, x * (1.0 + AWAY)])
     made = turns(_many(lanes, len(three)), three, order)
     before, at, after = (np.arange(len(x)) + k * len(x) for k in range(3))
-    slope = (made.x[after] - made.x[before]) / (2.0 * AWAY * x)
+    sticks = made.fate == STICKS  # beside a border, only one of the neighbours does
+    low, high = (np.where(sticks[k], k, at) for k in (before, after))
+    slope = (made.x[high] - made.x[low]) / np.maximum(three[high] - three[low], AWAY * x)
     whole = 2 // order  # rounds in a period
     sides = np.array([made.high, made.low])  # alike in a symmetric cycle, of which this is half
     wide = sides.max(axis=0) if order == 1 else sides.mean(axis=0)

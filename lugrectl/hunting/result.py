@@ -20,6 +20,7 @@ class Cycle(Shown):
     ``amplitude`` is half the peak to peak of theta, ``period`` in s. ``multipliers`` of one turn
     of the cycle: a small distance from it grows by them; stable where all are below 1 in size. They
     are empty where a cycle was found by waiting. ``stops`` in a period; None: not counted.
+    ``scatter``, of the size of half turns about the amplitude: counts make hunting irregular.
     """
 
     amplitude: float
@@ -27,11 +28,12 @@ class Cycle(Shown):
     stable: bool
     multipliers: tuple[float, ...] = ()
     stops: int | None = None
-    _units = {"amplitude": "rad", "period": "s"}
+    scatter: float = 0.0
+    _units = {"amplitude": "rad", "period": "s", "scatter": "rad"}
 
     def summary(self) -> dict[str, Any]:
         """Plain Python."""
-        own = {k: getattr(self, k) for k in ("amplitude", "period", "stable", "stops")}
+        own = {k: getattr(self, k) for k in ("amplitude", "period", "stable", "stops", "scatter")}
         return {**own, "multipliers": list(self.multipliers)}
 
 
@@ -56,7 +58,8 @@ class LimitCycles(Result):
     messages : tuple of str
         What the answer does not cover.
     critical : dict
-        With ``vary``: by gain the values at which cycles appear or vanish.
+        With ``vary``: by gain the values at which hunting (stable cycles, or growth without
+        bound) begins or ends.
     curve : tuple of two arrays, or None
         Errors at breakaway in rad and log(T(e)/e), how much they grow to the next stick on the
         other side; 50 and -50 stand for growth without a stick and for rest.

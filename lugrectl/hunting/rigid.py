@@ -1,4 +1,4 @@
-"""Limit cycles of a PID loop around a rigid drive: all that stick, and the swings that attract."""
+"""Limit cycles of a PID loop around a rigid drive: all that stick, and swings that do not."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .curve import PROBED
 from .fixed_points import LOW, Fixed, double_points, fixed_points
 from .lanes import Loop
 from .result import Cycle
@@ -17,7 +18,8 @@ COULOMB = (
     "stable (Bisoffi, Da Lio, Teel and Zaccarian, IEEE Trans. Automatic Control 63(8), 2018)"
 )
 NO_INTEGRAL = (
-    "without integral action the energy J w^2/2 + kp e^2/2 falls in every motion, since F(w) w > 0"
+    "without integral action the energy J w^2/2 + kp e^2/2 falls in every motion, since "
+    "(kd w + F(w)) w > 0"
 )
 ROUNDS, AGAIN = 300, 30  # of T, interpolated and itself: what has not come to rest persists
 NEAR = 10.0  # |D| of a half turn that neither rests nor grows
@@ -38,7 +40,8 @@ class Answer(NamedTuple):
 def proven(loop: Loop) -> str | None:
     """Why the loop has no limit cycle, where that is known."""
     if loop.ki == 0.0:
-        return NO_INTEGRAL if loop.kd >= 0.0 else None
+        damped = np.all(loop.kd * PROBED + loop.curve.torque(PROBED) > 0.0)
+        return NO_INTEGRAL if damped else None
     straight = loop.curve.is_straight()
     return COULOMB if straight and loop.is_stable() else None
 
@@ -51,7 +54,7 @@ def rigid_cycles(loop: Loop) -> Answer:
     lanes, said = loop.lanes(1), []
     one = fixed_points(lanes)
     cycles = [_cycle(f, loop) for f in [*one.fixed, *double_points(lanes, one)]]
-    cycles += [_swing(s, loop) for s in swinging(lanes, one.x, one.D)]
+    cycles += [_swing(s, loop) for s in swinging(lanes, one.x, one.D, one.jumps)]
     diverges = not loop.is_stable()
     if not any(c.stable for c in cycles) and np.any(one.D > 0.0) and not diverges:
         cycles += _persisting(loop, one.x, one.D)
@@ -69,9 +72,9 @@ def _cycle(f: Fixed, loop: Loop) -> Cycle:
     return Cycle(size, time, abs(whole) < 1.0, (whole,), f.stops)
 
 
-def _swing(found: tuple[float, float, float], loop: Loop) -> Cycle:
-    size, time, ratio = found
-    return Cycle(size * loop.unit, time / loop.wn, True, (ratio,), 0)
+def _swing(found: tuple[float, float, tuple[float, ...]], loop: Loop) -> Cycle:
+    size, time, turn = found
+    return Cycle(size * loop.unit, time / loop.wn, turn[0] < 1.0, turn, 0)
 
 
 def _border(x: np.ndarray, D: np.ndarray, roots: list[float], jumps: list[float]) -> float | None:

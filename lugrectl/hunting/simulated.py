@@ -13,7 +13,7 @@ from ..blocks.drive import dead_time
 from ..blocks.model import Model
 from ..blocks.plant import plant
 from ..core.errors import InputError
-from ..simulation.encoder import Sensing, encoder
+from ..simulation.encoder import Sensing, encoder, rounded
 from ..simulation.response import simulate
 from ..simulation.sampled_block import sampled
 from ..simulation.sampled_response import simulate_sampled
@@ -21,16 +21,27 @@ from .lanes import Loop
 from .waiting import Run
 
 ERRORS = np.geomspace(0.05, 30.0, 10)  # units: errors at breakaway from which it starts
+CELLS = np.linspace(0.55, 3.0, 12)  # counts
+SHAKEN = 0.01  # counts
 LENGTHS = (20_000, 80_000, 320_000)  # samples of a run, longer where it is open
 POINTS = 40_000  # of a run in continuous time
 STEPS = (1e-3, 1e-2, 0.1)  # rad, of the reference of a loop
+
+
+def sampled_starts(loop: Loop, sensing: Sensing) -> np.ndarray:
+    """Errors at breakaway, rad: an error within half a count is rest, and over the first counts
+    what becomes of it depends on its place within one."""
+    cells = CELLS * sensing.resolution
+    every = np.r_[ERRORS * loop.unit, cells[cells > ERRORS[0] * loop.unit]]
+    return np.sort(every[every > 0.5 * sensing.resolution])
 
 
 def sampled_run(model: Model, loop: Loop, sensing: Sensing) -> Run:
     """A run of a sampled PID: from breakaway at an error, for so many samples.
 
     Exact from sample to sample: the encoder's counts, the difference that is its speed, the
-    torque that is held, and its dead time.
+    torque that is held, and its dead time. Counts are shaken by a hundredth: a swing that locks to
+    a place within a count and ends when it is shaken is no hunting.
     """
     body = plant(model, inputs=["u_late", "d"])
     drive = [
@@ -42,11 +53,13 @@ def sampled_run(model: Model, loop: Loop, sensing: Sensing) -> Run:
 
     def run(e: float, length: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         t, x = sensing.dt * np.arange(length), at_breakaway(loop, body, e)
-        own = {"last": e, "q": (loop.kp * e - loop.curve.Fs) / loop.ki, "last_e": e}
+        seen = float(rounded(e, sensing.resolution))
+        own = {"last": seen, "q": (loop.kp * seen - loop.curve.Fs) / loop.ki, "last_e": seen}
         names = [label for block in drive for label in block.state_labels]
         start = [next((v for k, v in own.items() if n.endswith(k)), 0.0) for n in names]
-        done = simulate_sampled(body, drive, t, {"r": 0.0}, x, drive_x0=start)
-        return t, *_motion(done)
+        shaken = np.random.default_rng(0).uniform(-SHAKEN, SHAKEN, length) * sensing.resolution
+        inputs = {"r": 0.0, "n_theta": shaken}
+        return t, *_motion(_quietly(simulate_sampled, body, drive, t, inputs, x, drive_x0=start))
 
     return run
 
@@ -74,7 +87,7 @@ def continuous_run(model: Model, loop: Loop, seconds: float) -> Run:
         t = np.linspace(0.0, times * seconds, POINTS)
         q = (loop.kp * e - loop.curve.Fs) / loop.ki if loop.ki else 0.0
         start = [*at_breakaway(loop, parts[0], e), q]
-        return t, *_motion(simulate(system, t, {"r": 0.0}, start))
+        return t, *_motion(_quietly(simulate, system, t, {"r": 0.0}, start))
 
     return run
 
@@ -90,12 +103,16 @@ def loop_run(system: Any, seconds: float) -> Run:
 
     def run(step: float, times: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         t = np.linspace(0.0, times * seconds, POINTS)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            done = simulate(system, t, {"r": step})
-        return t, *_motion(done)
+        return t, *_motion(_quietly(simulate, system, t, {"r": step}))
 
     return run
+
+
+def _quietly(simulated: Any, *given: Any, **more: Any) -> Any:
+    """A response without its warnings: a drive that chatters at rest is what is looked for."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return simulated(*given, **more)
 
 
 def _motion(done: Any) -> tuple[np.ndarray, np.ndarray]:

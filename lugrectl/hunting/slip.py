@@ -85,18 +85,17 @@ def _begun(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nda
 
 def _rates(lanes: Lanes, state: np.ndarray) -> np.ndarray:
     x, a, y = state
-    forward = np.maximum(a, 0.0)
-    return np.array([-a, y - lanes.delta * a + lanes.drop(forward), lanes.rho * x - a])
+    return np.array([-a, y - lanes.delta * a + lanes.drop(a), lanes.rho * x - a])
 
 
 def _stepped(
     lanes: Lanes, state: np.ndarray, h: np.ndarray, slope: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """The state after a step, and the slopes of all stages; the last is that of the new state."""
-    slopes = np.empty((7, *state.shape))
-    slopes[0], new = slope, state
+    slopes, new = np.empty((7, *state.shape)), state
+    rows, slopes[0] = slopes.reshape(7, -1), slope
     for k, row in enumerate(A, 1):
-        new = state + h * np.tensordot(row[:k], slopes[:k], 1)
+        new = state + h * (row[:k] @ rows[:k]).reshape(state.shape)
         slopes[k] = _rates(lanes, new)
     return new, slopes
 
@@ -104,7 +103,8 @@ def _stepped(
 def _worst(now: np.ndarray, new: np.ndarray, h: np.ndarray, slopes: np.ndarray) -> np.ndarray:
     """The largest error of a step by what is allowed."""
     size = np.maximum(np.abs(now), np.abs(new)) + FLOOR
-    return np.max(np.abs(h * np.tensordot(ERROR, slopes, 1)) / (RTOL * size), axis=0)
+    missed = (ERROR @ slopes.reshape(7, -1)).reshape(now.shape)
+    return np.max(np.abs(h * missed) / (RTOL * size), axis=0)
 
 
 def _creeps(lanes: Lanes, state: np.ndarray, slope: np.ndarray) -> np.ndarray:

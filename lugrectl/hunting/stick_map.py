@@ -15,8 +15,10 @@ import numpy as np
 from .lanes import Lanes
 from .slip import slip
 
-STICKS, RESTS, GROWS, SWINGS = 0, 1, 2, 3  # fate: next stick, rest, divergence, never a stick
-REVERSALS = 30  # without a stick, after which a loop swings; each takes 2 units off a large error
+STICKS, RESTS, GROWS, SWINGS = 0, 1, 2, 3  # fate: next stick, rest, beyond LARGE, never a stick
+REVERSALS = 300  # without a stick, after which a loop swings
+RISES = 4  # reversals at a larger and larger error and torque, after which it goes on so
+ALIKE = 1e-4  # relative change from reversal to reversal of a swing that repeats
 STOPS = 60  # on one side, after which a loop creeps: it comes to rest
 LARGE = 300.0  # units, ten times the largest start: a swing beyond it grows without bound
 NEVER = 50.0  # the excess of what rests (negative) or never sticks
@@ -55,6 +57,7 @@ def next_stick(lanes: Lanes, x: np.ndarray) -> Turn:
     """From breakaway at x > 0 to the next stick, through reversals without one."""
     made, active = Turn.begun(x), np.arange(len(x))
     at, excess, side = x.copy(), np.zeros(len(x)), np.ones(len(x))
+    rises = np.zeros(len(x), int)
     for _ in range(REVERSALS):
         own = lanes[active]
         end = slip(own, at, excess)
@@ -66,9 +69,13 @@ def next_stick(lanes: Lanes, x: np.ndarray) -> Turn:
         made.t[active] += np.where(sticks, wait, 0.0)
         grows = np.abs(end.x) > LARGE
         made.fate[active[end.rests]], made.fate[active[grows]] = RESTS, GROWS
-        goes = ~(sticks | end.rests | grows)
-        active, side = active[goes], -side[goes]
-        at, excess = -end.x[goes], -2.0 - end.y[goes]
+        ahead, over = -end.x, -2.0 - end.y
+        repeats = (np.abs(ahead - at) < ALIKE * at) & (np.abs(over - excess) < ALIKE * at)
+        rises = np.where((ahead > at) & (over > excess), rises + 1, 0)
+        goes = ~(sticks | end.rests | grows | repeats | (rises >= RISES))
+        made.fate[active[(repeats | (rises >= RISES)) & ~sticks & ~end.rests & ~grows]] = SWINGS
+        active, side, at = active[goes], -side[goes], ahead[goes]
+        excess, rises = over[goes], rises[goes]
         made.reversals[active] += 1
         if not len(active):
             break

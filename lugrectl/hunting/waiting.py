@@ -7,12 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..core.errors import Diverged
 from .result import Cycle
 
 RESTS, HUNTS, GROWS, OPEN = "rests", "hunts", "grows", "open"
 STILL = 1e-6  # of its range, by which the torque of a drive at rest still moves
 SHRINKS = 0.9  # of its size a third before: a motion that comes to rest
 STEADY = 0.05  # relative change of a size that persists
+REPEATS = 1e-3  # the same of a mean of half turns, which repeats; or four errors of that mean
 TURNS = 6  # half turns in the last third, at least
 SAME = 0.1  # relative difference of two amplitudes that are one, or twice their scatter
 TINY = 1e-9  # of the start: rounding
@@ -37,7 +39,9 @@ def judged(t: np.ndarray, e: np.ndarray, u: np.ndarray, last: bool) -> Seen:
         return Seen(RESTS)
     peaks, times = half_turns(t[now], e[now])
     if len(peaks) >= TURNS and abs(size - was) <= STEADY * was:
-        return Seen(HUNTS, peaks.mean(), peaks.std(), 2.0 * np.diff(times).mean())
+        drift = abs(peaks.mean() / half_turns(t[before], e[before])[0].mean() - 1.0)
+        if drift <= max(REPEATS, 4.0 * peaks.std() / peaks.mean() / np.sqrt(len(peaks))):
+            return Seen(HUNTS, peaks.mean(), peaks.std(), 2.0 * np.diff(times).mean())
     if not last:
         return Seen(OPEN)
     if size > was / SHRINKS and size > all_of * SHRINKS:
@@ -64,7 +68,10 @@ def watched(run: Run, starts: Iterable[float], lengths: tuple[int, ...]) -> list
     seen = []
     for start in starts:
         for length in lengths:
-            one = judged(*run(start, length), length == lengths[-1])
+            try:
+                one = judged(*run(start, length), length == lengths[-1])
+            except Diverged:
+                one = Seen(GROWS)
             if one.fate != OPEN:
                 break
         seen.append(one)
@@ -72,10 +79,12 @@ def watched(run: Run, starts: Iterable[float], lengths: tuple[int, ...]) -> list
 
 
 def cycles_of(seen: Iterable[Seen]) -> list[Cycle]:
-    """The different cycles among what persists."""
-    made: list[Seen] = []
+    """The different cycles among what persists, each the mean of its starts."""
+    made: list[list[Seen]] = []
     for one in sorted((s for s in seen if s.fate == HUNTS), key=lambda s: s.amplitude):
-        near = [abs(one.amplitude / m.amplitude - 1.0) for m in made]
-        if not near or near[-1] > max(SAME, 2.0 * made[-1].scatter / made[-1].amplitude):
-            made.append(one)
-    return [Cycle(float(s.amplitude), float(s.period), True) for s in made]
+        last = made[-1][-1] if made else one
+        far = one.amplitude - last.amplitude > max(SAME * last.amplitude, 2.0 * last.scatter)
+        made += [[]] if far or not made else []
+        made[-1].append(one)
+    means = [np.mean([s[1:] for s in group], axis=0).tolist() for group in made]
+    return [Cycle(size, period, True, scatter=scatter) for size, scatter, period in means]

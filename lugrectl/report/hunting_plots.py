@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 LINE, STABLE, UNSTABLE = "#2c5f8a", "#c0392b", "#5b6675"
 REGION_COLOURS = ("#cfe8d5", "#f7e3b0", "#f0b8ae")
 NAMES = ("quiet", "can be started", "hunting")
+AXES = {"friction": "friction, times what is believed"}
 MOST = 10.0  # |D| that is drawn: beyond it are rest and growth without a stick
 
 
@@ -51,7 +52,7 @@ def regions(found: Any, ax: Axes) -> Axes:
     if one in found.gains and two in found.gains:
         at = ([found.gains[one]], [found.gains[two]])
         marks += ax.plot(*at, "k*", ms=12, label="your gains")
-    ax.set(xscale="log", yscale="log", xlabel=one, ylabel=two)
+    ax.set(xscale="log", yscale="log", xlabel=one, ylabel=AXES.get(two, two))
     ax.legend(handles=marks, loc="upper left")
     ax.set_title("Where the loop hunts")
     return ax

@@ -1,78 +1,128 @@
-"""A simulation of its own for loops with set-valued friction, many starts at once.
+"""A simulation of its own for loops with set-valued friction, and what became of a motion.
 
 J dw/dt = u - F with F from the resolvent of the friction (implicit in its sign, semi-implicit
 Euler): nothing of the package is used.
 """
 
 import numpy as np
+from numba import njit
+
+RESTS, HUNTS, OPEN, GROWS = 0, 1, 2, 3
 
 
-def settled(J, kp, ki, kd, Fc, Fs, vs, e, held, turns, step=1e-3):
-    """Amplitude and period of each start after so many half turns; 0 where it came to rest.
+@njit(cache=True)
+def slid(e, w, u, J, kd, Fc, Fs, vs, Fv, h, share=0.0, vd=1.0):
+    """Error and speed after h: the friction takes what stops w, up to its level. A share of the
+    friction is added to u, in proportion to w below vd."""
+    level = Fc + (Fs - Fc) * np.exp(-((w / vs) ** 2))
+    u += share * (level * np.sign(w) + Fv * w) * min(1.0, abs(w) / vd)
+    free = w + h * (u - (kd + Fv) * w) / J
+    new = np.sign(free) * max(abs(free) - h * level / J, 0.0)
+    new = 0.0 if w * new < 0.0 else new
+    return e + 0.5 * h * (w + new), new
+
+
+@njit(cache=True)
+def settled(J, kp, ki, kd, Fc, Fs, vs, Fv, e, held, turns, step, share=0.0, vd=1.0):
+    """Fate, amplitude and period of each start after at most so many half turns.
 
     ``e`` error at w = 0 and ``held`` torque of the integral, arrays. A wait in a stick is skipped.
+    It hunts if the mean size of eight half turns repeats; it rests below 1e-5 of Fc/kp.
     """
-    wn = np.sqrt(kp / J)
-    h, n = step / wn, len(e)
-    e, held, w, t = e.copy(), held.copy(), np.zeros(n), np.zeros(n)
-    side, count, peak, began = np.sign(e), np.zeros(n, int), np.abs(e), np.zeros(n)
-    amplitude, period, rests = np.zeros(n), np.zeros(n), np.zeros(n, bool)
-    kept = [[] for _ in range(n)]
-    unit = Fc / kp
-    for _ in range(3_000_000):
-        live = ~rests & (count < turns)
-        if not live.any():
-            break
-        still = live & (w == 0.0)
-        u = held - kp * e
-        stuck = still & (np.abs(u) <= Fs)
-        rests |= stuck & (np.abs(e) < 1e-5 * unit)
-        wait = np.where(stuck, (Fs + u * np.sign(e)) / (ki * np.abs(e) + 1e-300), 0.0)
-        go = live & ~rests
-        wait = np.where(
-            go, np.maximum(wait, 0.0) * (1 + 1e-12) + np.where(stuck, 1e-9 * h, 0.0), 0.0
-        )
-        held = held - ki * e * wait
-        t = t + wait
-        # a step: the friction takes what stops w, up to its level
-        level = Fc + (Fs - Fc) * np.exp(-((w / vs) ** 2))
-        free = w + h * (held - kp * e - kd * w) / J
-        new = np.sign(free) * np.maximum(np.abs(free) - h * level / J, 0.0)
-        new = np.where(w * new < 0.0, 0.0, new)
-        new = np.where(go, new, w)
-        e = np.where(go, e + 0.5 * h * (w + new), e)
-        held = np.where(go, held - h * ki * e, held)
-        w, t = new, np.where(go, t + h, t)
-        peak = np.maximum(peak, np.abs(e))
-        crossed = go & (e * side < 0.0)
-        for i in np.flatnonzero(crossed):
-            kept[i].append((peak[i], t[i] - began[i]))
-        count, side = count + crossed, np.where(crossed, -side, side)
-        peak, began = np.where(crossed, np.abs(e), peak), np.where(crossed, t, began)
-    for i in np.flatnonzero(~rests & (count >= turns)):
-        last = np.array(kept[i][-8:])
-        amplitude[i], period[i] = last[:, 0].mean(), 2.0 * last[:, 1].mean()
-        first = np.array(kept[i][-16:-8])[:, 0].mean()
-        if amplitude[i] < 0.98 * first:  # it still shrinks
-            amplitude[i] = 0.0
-    return amplitude, period
+    h, unit, n = step * np.sqrt(J / kp), Fs / kp, len(e)
+    fates, sizes, periods = np.full(n, OPEN), np.zeros(n), np.zeros(n)
+    peaks, times = np.zeros(turns), np.zeros(turns)
+    for i in range(n):
+        x, q, w, t, k, peak, side = e[i], held[i], 0.0, 0.0, 0, abs(e[i]), np.sign(e[i])
+        for _ in range(100_000_000):
+            u = q - kp * x
+            if w == 0.0 and abs(u) <= Fs:
+                if abs(x) < 1e-5 * unit:
+                    fates[i] = RESTS
+                    break
+                wait = (Fs + u * np.sign(x)) / (ki * abs(x)) * (1.0 + 1e-12) + 1e-9 * h
+                q, t = q - ki * x * wait, t + wait
+            before = x
+            x, w = slid(x, w, q - kp * x, J, kd, Fc, Fs, vs, Fv, h, share, vd)
+            q, t, peak = q - h * ki * 0.5 * (x + before), t + h, max(peak, abs(x))
+            if abs(x) > 1e5 * unit:
+                fates[i] = GROWS
+                break
+            if x * side < 0.0:
+                peaks[k], times[k] = peak, t
+                k, side, peak = k + 1, -side, abs(x)
+                if k >= 24 and k % 8 == 0:
+                    now, was = peaks[k - 8 : k].mean(), peaks[k - 16 : k - 8].mean()
+                    sizes[i], periods[i] = now, (times[k - 1] - times[k - 9]) / 4.0
+                    if abs(now / was - 1.0) < 1e-6:
+                        fates[i] = HUNTS
+                        break
+                if k == turns:
+                    break
+    return fates, sizes, periods
 
 
-def sampled_motion(J, kp, ki, kd, Fc, Fs, vs, Fv, e, rate, counts, seconds, parts=40):
-    """The errors at the samples of a sampled loop from breakaway at e, with an encoder."""
-    dt, q = 1.0 / rate, 2.0 * np.pi / counts
-    h, w, total, last = dt / parts, 0.0, None, q * np.floor(e / q + 0.5)
-    errors = []
-    for _ in range(int(seconds * rate)):
-        seen = q * np.floor(e / q + 0.5)
-        total = (kp * e - Fs) / ki if total is None else total
-        u = -kp * seen + ki * total - kd * (seen - last) / dt
-        total, last = total - dt * seen, seen
-        for _ in range(parts):
-            level = Fc + (Fs - Fc) * np.exp(-((w / vs) ** 2))
-            free = w + h * (u - Fv * w) / J
-            new = np.sign(free) * max(abs(free) - h * level / J, 0.0)
-            new = 0.0 if w * new < 0.0 else new
-            e, w = e + 0.5 * h * (w + new), new
-        errors.append(e)
-    return np.array(errors)
+@njit(cache=True)
+def sampled(J, kp, ki, kd, Fc, Fs, vs, Fv, e, held, dt, q, late, most, parts, shake=0.0):
+    """The same with a controller at samples dt apart (integral: trapezes), counts q (0: none),
+    ``late`` samples of dead time, at most so many samples; sizes of half turns scatter, so that it
+    hunts where the last quarter of all half turns is as large as the quarter before; ``shake`` in
+    counts: noise of the encoder."""
+    h, n = dt / parts, len(e)
+    fates, sizes, periods = np.full(n, OPEN), np.zeros(n), np.zeros(n)
+    peaks, times = np.zeros(800), np.zeros(800)
+    for i in range(n):
+        x, w, total, k, peak, side = e[i], 0.0, held[i], 0, abs(e[i]), np.sign(e[i])
+        last = q * np.floor(x / q + 0.5) if q else x
+        waits, still = np.full(late + 1, total - kp * last), 0
+        for m in range(most):
+            place = 0.5 + shake * (2.0 * (m * 0.6180339887 % 1.0) - 1.0)  # noise of the encoder
+            seen = q * np.floor(x / q + place) if q else x
+            total = total - 0.5 * dt * ki * (seen + last)
+            u = total - kp * seen - kd * (seen - last) / dt
+            waits[m % (late + 1)], last = u, seen
+            u = waits[(m + 1) % (late + 1)]
+            still = still + 1 if w == 0.0 and abs(seen) < 1e-5 * Fs / kp else 0
+            if still > 3 + late and abs(u) <= Fs:
+                fates[i] = RESTS
+                break
+            if w != 0.0 or abs(u) > Fs:
+                for _ in range(parts):
+                    x, w = slid(x, w, u, J, 0.0, Fc, Fs, vs, Fv, h)
+            peak = max(peak, abs(x))
+            if abs(x) > 1e5 * Fs / kp:
+                fates[i] = GROWS
+                break
+            if x * side < 0.0 and k < len(peaks):
+                peaks[k], times[k] = peak, (m + 1) * dt
+                k, side, peak = k + 1, -side, abs(x)
+                if k == len(peaks):
+                    break
+        if fates[i] == OPEN and k >= 24:
+            c = k // 4
+            now, was = peaks[k - c : k].mean(), peaks[k - 2 * c : k - c].mean()
+            sizes[i], periods[i] = now, 2.0 * (times[k - 1] - times[k - 1 - c]) / c
+            fates[i] = HUNTS if abs(now / was - 1.0) < 0.02 else OPEN
+    return fates, sizes, periods
+
+
+@njit(cache=True)
+def with_bristles(J, kp, ki, kd, Fc, Fs, vs, Fv, sigma0, sigma1, e, turns, step):
+    """Size of the last of so many half turns from breakaway at e with LuGre friction; 0: it came
+    to rest. z is implicit, the rest semi-implicit Euler."""
+    h, x, w, q, z = step * np.sqrt(J / kp), e, 0.0, kp * e - Fs, -Fs / sigma0
+    peak, side, k, still = abs(e), 1.0, 0, abs(e)
+    for _ in range(300_000_000):
+        g = Fc + (Fs - Fc) * np.exp(-((w / vs) ** 2))
+        new = (z + h * w) / (1.0 + h * sigma0 * abs(w) / g)
+        F = sigma0 * new + sigma1 * (new - z) / h + Fv * w
+        z, w = new, w + h * (q - kp * x - kd * w - F) / J
+        x, q = x + h * w, q - h * ki * x
+        peak = max(peak, abs(x))
+        if x * side < 0.0:
+            k, side, still, peak = k + 1, -side, peak, abs(x)
+            if k == turns:
+                return still
+        if abs(x) < 1e-3 * e and abs(w) < 1e-4 * vs:
+            return 0.0
+    return 0.0
