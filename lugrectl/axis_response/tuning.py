@@ -138,7 +138,7 @@ def tune(
     cycles = None
     try:
         cycles = _cycles(search, shape)
-        if not may_hunt and cycles is not None and not _rests(cycles):
+        if not may_hunt and cycles is not None and not cycles:
             hunts = _bandwidth(search.gains(shape), made.J)
             search, shape, cycles = _quiet(search, shape)
             said.append(_quieter(search, shape, hunts))
@@ -154,19 +154,22 @@ def tune(
 
 def _cycles(search: Search, shape: Shape) -> LimitCycles | None:
     """The limit cycles with these gains; None without dry friction, InputError where it is not
-    known."""
+    known. Where a sampled loop is still open after the search, those in continuous time count."""
     axis = search.axis
     if axis.model is None:
         raise InputError("whether a loop hunts is a matter of its friction: give model=.")
     if "Fc" not in axis.model.friction.values:
         return None
     model = axis.model if axis.model.J else changed(axis.model, {"J": axis.J}, "model")
-    given: dict[str, Any] = {
-        k: max(float(v), 0.0) for k, v in search.gains(shape)._asdict().items()
-    }
-    if axis.dt is not None and given["ki"]:
-        given |= {"rate": 1.0 / axis.dt, "dead_time": axis.dead_time}
-    return limit_cycles(model, **given)
+    gains = search.gains(shape)._asdict()
+    given: dict[str, Any] = {k: max(float(v), 0.0) for k, v in gains.items()}
+    if axis.dt is None or not given["ki"]:
+        return limit_cycles(model, **given)
+    found = limit_cycles(model, **given, rate=1.0 / axis.dt, dead_time=axis.dead_time)
+    if found and any(UNDECIDED in said for said in found.messages):
+        exact = limit_cycles(model, **given)
+        return found if exact else exact
+    return found
 
 
 def _quiet(search: Search, shape: Shape) -> tuple[Search, Shape, LimitCycles | None]:
@@ -177,23 +180,18 @@ def _quiet(search: Search, shape: Shape) -> tuple[Search, Shape, LimitCycles | N
         return made, made.at(shape), _cycles(made, made.at(shape))
 
     high, best = 1.0, tried(FEWER)
-    while not _rests(best[2]):
+    while not best[2]:
         high = best[0].share
         best = tried(FEWER * high if FEWER * high > LEAST else 0.0)
         if not best[0].share:
             return best
     for _ in range(HALVINGS):
         now = tried(float(np.sqrt(best[0].share * high)))
-        if _rests(now[2]):
+        if now[2]:
             best = now
         else:
             high = now[0].share
     return best
-
-
-def _rests(cycles: LimitCycles | None) -> bool:
-    """Whether every start came to rest: one that neither did nor repeated is no absence."""
-    return bool(cycles) and not any(UNDECIDED in said for said in cycles.messages)
 
 
 def _quieter(search: Search, shape: Shape, before: float) -> str:

@@ -154,7 +154,7 @@ def spans(found, model, late):
     p = model.known()
     own = (p["J"], p["Fc"], p["Fs"], p["vs"], p["Fv"])
     unit = p["Fs"] / pid(found)[0]
-    starts, n = (0.1 * unit, unit, 5 * unit), int(found.rate * (60 + 40 * found.kp / found.ki))
+    starts, n = (0.1 * unit, unit, 5 * unit), int(found.rate * 4 * (60 + 40 * found.kp / found.ki))
     return [loops.rests(*pid(found), 1 / found.rate, late, *own, x, n) for x in starts]
 
 
