@@ -129,6 +129,6 @@ class Assurance(Result):
         gains = {**self.controller, **{f"observer {k}": v for k, v in self.gains.items()}}
         for name, value in gains.items():
             yield Row(name, value)
-        d = self.drive
-        yield Row("reference", f"{number(d['speed'])} at {d['frequency']:g} Hz", "",
-                  f"at {d['rate']:g} samples per second")  # fmt: skip
+        d, speed = self.drive, f"{self.unit.removesuffix('/s')}/s"
+        said = f"{number(d['speed'])} {speed} at {d['frequency']:g} Hz"
+        yield Row("reference", said, "", f"sampled at {d['rate']:g} Hz")

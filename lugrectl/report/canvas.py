@@ -100,8 +100,11 @@ def style() -> Any:
 
 
 def headed(ax: Axes, title: str) -> None:
-    """Set the title, with the legend in one line between it and the axes."""
-    ax.set_title(title, pad=22)
+    """Set the title, with the legend in lines of three between it and the axes."""
+    lines = -(-len(ax.get_legend_handles_labels()[0]) // 3)
+    ax.set_title(title, pad=8 + 14 * lines)
+    if not lines:
+        return
     ax.legend(
         loc="lower left",
         bbox_to_anchor=(0.0, 1.0),
