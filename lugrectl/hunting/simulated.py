@@ -54,7 +54,7 @@ def sampled_run(model: Model, loop: Loop, sensing: Sensing) -> Run:
     def run(e: float, length: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         t, x = sensing.dt * np.arange(length), at_breakaway(loop, body, e)
         seen = float(rounded(e, sensing.resolution))
-        own = {"last": seen, "q": (loop.kp * seen - loop.curve.Fs) / loop.ki, "last_e": seen}
+        own = {"last": seen, "q": _integral(loop, seen), "last_e": seen}
         names = [label for block in drive for label in block.state_labels]
         start = [next((v for k, v in own.items() if n.endswith(k)), 0.0) for n in names]
         shaken = np.random.default_rng(0).uniform(-SHAKEN, SHAKEN, length) * sensing.resolution
@@ -62,6 +62,11 @@ def sampled_run(model: Model, loop: Loop, sensing: Sensing) -> Run:
         return t, *_motion(_quietly(simulate_sampled, body, drive, t, inputs, x, drive_x0=start))
 
     return run
+
+
+def _integral(loop: Loop, e: float) -> float:
+    """The integrator's state at which the torque reaches breakaway; none without integral gain."""
+    return (loop.kp * e - loop.curve.Fs) / loop.ki if loop.ki else 0.0
 
 
 def at_breakaway(loop: Loop, body: Any, e: float) -> list[float]:
@@ -85,8 +90,7 @@ def continuous_run(model: Model, loop: Loop, seconds: float) -> Run:
 
     def run(e: float, times: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         t = np.linspace(0.0, times * seconds, POINTS)
-        q = (loop.kp * e - loop.curve.Fs) / loop.ki if loop.ki else 0.0
-        start = [*at_breakaway(loop, parts[0], e), q]
+        start = [*at_breakaway(loop, parts[0], e), _integral(loop, e)]
         return t, *_motion(_quietly(simulate, system, t, {"r": 0.0}, start))
 
     return run

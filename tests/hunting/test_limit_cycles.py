@@ -106,6 +106,7 @@ def test_without_stiction_absence_is_proven_and_the_map_agrees():
 def test_nothing_hunts_without_an_integral():
     found = lg.limit_cycles(drive(), kp=3.0, kd=6.0)
     assert found and "energy" in found.proof
+    assert lg.limit_cycles(drive(), kp=3.0, kd=6.0, rate=100.0)
 
 
 def test_a_loop_that_grows_is_no_quiet_one():
