@@ -90,7 +90,8 @@ class Problem:
         shaped = [s.num[:, None] * F for s, F in zip(self.shapes, made, strict=True)]
         both = zip(self.bases, self.windows, strict=True)
         X = [_without(Q, one.rows(shaped)) for Q, one in both]
-        levels, cost = _possible(X, self.left, self.terms.names)
+        most = max(float(np.abs(run.u).max()) for run in self.terms.runs)
+        levels, cost = _possible(X, self.left, self.terms.names, most)
         spectra = tuple(F @ np.array([*levels.values()]) for F in made)
         return Friction(spectra, levels, distance, vs, early, cost)
 
@@ -142,14 +143,14 @@ def _without(Q: np.ndarray, rows: np.ndarray) -> np.ndarray:
 
 
 def _possible(
-    X: list[np.ndarray], y: Sequence[np.ndarray], names: Sequence[str]
+    X: list[np.ndarray], y: Sequence[np.ndarray], names: Sequence[str], most: float
 ) -> tuple[dict[str, float], float]:
     """Levels that friction can have, and the cost; fewer terms where all together cannot."""
     kept = list(names)
     while True:
         at = [names.index(k) for k in kept]
         levels, cost = _levels([x[:, at] for x in X], y)
-        wrong = impossible(kept, levels.tolist())
+        wrong = impossible(kept, levels.tolist(), most)
         if wrong is None:
             return {k: 0.0 for k in names} | dict(zip(kept, levels.tolist(), strict=True)), cost
         kept.remove(wrong)

@@ -64,9 +64,15 @@ def _levels(
     return z, np.stack([means(middle), means(middle * level(speed, 0.0, 1.0, vs))], axis=1)
 
 
-def impossible(names: Sequence[str], levels: Sequence[float]) -> str | None:
-    """A term whose level no friction has, to be left out; of several, the least certain first."""
+def impossible(names: Sequence[str], levels: Sequence[float], most: float = np.inf) -> str | None:
+    """A term whose level no friction has, to be left out; of several, the least certain first.
+
+    ``most`` is the largest torque: friction that the axis overcomes is no larger.
+    """
     found = dict(zip(names, levels, strict=True))
+    large = [k for k in ("load Fc", "Fc") if found.get(k, 0.0) > most]
+    if large:
+        return large[0]
     for key, change in (("load Fc", "load dF"), ("Fc", "dF")):
         whole = found.get(key, 0.0)
         if change in found and not -FALLS * whole <= found[change] <= STEEPEST * whole:

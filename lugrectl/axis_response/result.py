@@ -138,7 +138,8 @@ class FrequencyResponse(Result):
 
     def _rows(self) -> Iterable[Row]:
         force, mass = ("N m", "kg m2") if self.motion == "rotary" else ("N", "kg")
-        levels = ", ".join(f"{k} {number(v, 3)}" for k, v in self.friction.items())
+        sizes = {"Fc": self.friction.get("Fc"), "load's Fc": self.friction.get("load Fc")}
+        levels = ", ".join(f"{k} {number(v, 3)}" for k, v in sizes.items() if v)
         inertia = f"({between(self.inertia_ci95)})" if self.inertia_ci95 else ""
         return [
             *([Row("inertia", number(self.inertia), mass, inertia)] if self.inertia else []),

@@ -119,6 +119,7 @@ def tune(
     >>> round(found.margins.Ms, 2), {k: float(f"{v:.2g}") for k, v in found.cascade.items()}
     (1.6, {'kv': 51.0, 'kp': 1.8, 'ki': 91.0})
     """
+    structure = {s.lower(): s for s in STRUCTURES}.get(str(structure).lower(), structure)
     if structure not in STRUCTURES:
         raise InputError(f"structure must be one of {', '.join(STRUCTURES)}, not {structure!r}.")
     if positive(Ms, "Ms") <= 1.0:

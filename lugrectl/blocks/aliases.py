@@ -20,6 +20,7 @@ VARIANTS = (  # kinds of another controller, which its function builds
     "pi_tracked",
     "pid_limited",
     "pid_tracked",
+    "compensation_scaled",
     "sliding_error_velocity",
 )
 # Only names with one meaning: "dead band" may be a backlash or a dead zone, so it is not here.

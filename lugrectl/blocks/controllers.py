@@ -108,7 +108,13 @@ def _pid_tracked(e, w, excess, q, kp=KP_ANGLE, ki=KI_ANGLE, kd=KD, tau=TAU, trac
 
 
 @block("controller", name="compensation", out="u", source=f"{PAPER}, section 2")
-def _compensation(Fhat, scale=P(1.0, "1", 0)):
+def _compensation(Fhat):
+    """u = Fhat; with ``scale=`` u = scale Fhat."""
+    return Fhat
+
+
+@block("controller", name="compensation_scaled", out="u")
+def _compensation_scaled(Fhat, scale=P(1.0, "1", 0)):
     """u = scale Fhat."""
     return scale * Fhat
 
@@ -344,20 +350,21 @@ def pid(
 
 
 def compensation(
-    scale: float = 1.0,
+    scale: float | None = None,
     *,
     name: str = "compensation",
     inputs: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
 ) -> ct.NonlinearIOSystem:
-    """Friction compensation u = scale Fhat: input Fhat, output u (source paper, section 2).
+    """Friction compensation u = Fhat, or scale Fhat (source paper, section 2).
 
     Its u is added to that of the controller, because both have the same signal name.
 
     Parameters
     ----------
-    scale : float
+    scale : float, optional
         The share of the estimate that is compensated, >= 0; :func:`lugrectl.assure` says how much.
+        Default: all, without a parameter ``scale``.
     name, inputs, outputs : str, list of str
         Block name and, in order, other names for the signals.
 
@@ -382,7 +389,10 @@ def compensation(
     >>> loop.nstates
     5
     """
-    return _compensation.system(name=name, inputs=inputs, outputs=outputs, scale=scale)
+    own = {"name": name, "inputs": inputs, "outputs": outputs}
+    if scale is None:
+        return _compensation.system(**own)
+    return _compensation_scaled.system(**own, scale=scale)
 
 
 def feedforward(

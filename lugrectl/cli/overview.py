@@ -8,7 +8,7 @@ from typing import Any
 
 _GROUPS = {
     "On records": ("demo", "diagnose", "identify", "plot", "bode", "compare", "plan"),
-    "On models": ("model", "check", "hunt", "export"),
+    "On models": ("model", "check", "hunt", "assure", "export"),
     "To look up": ("effects", "schema", "reproduce"),
 }
 _REST = "More"

@@ -24,7 +24,9 @@ def believed(p: Any) -> tuple[tuple[Belief, ...], Mapping[str, Any]]:
         if p.model is None:
             raise Refused("the record was refused, so that there is no model to compensate with.")
         return _sure(p.beliefs()), seen_in(p.record, p.torque_noise)
+    what = "p"
     if isinstance(p, (str, Path)):
+        what = str(p)
         try:
             p = json.loads(Path(p).read_text(encoding="utf-8"))
         except OSError as error:
@@ -33,7 +35,7 @@ def believed(p: Any) -> tuple[tuple[Belief, ...], Mapping[str, Any]]:
             raise InputError(f"{p}: not a JSON document ({error}).") from None
     if not isinstance(p, Mapping) or "members" not in p:
         raise InputError(
-            "p must be a result or the report.json of one, written by this version of lugrectl."
+            f"{what} must be a result or the report.json of one, by this version of lugrectl."
         )
     if not p["members"]:
         raise Refused("the record was refused, so that there is no model to compensate with.")

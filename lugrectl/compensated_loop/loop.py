@@ -66,7 +66,7 @@ def control(
         *feedback,
         controllers.feedforward(believed or model, kind, **own),
         observer(made.name, believed or model, inputs=seen, **gains),
-        controllers.compensation(**own),
+        controllers.compensation(1.0, **own),
         controllers.compensation(name="drive", inputs=["u_fb"]),
     ]
     if "s" in made.inputs:

@@ -38,7 +38,10 @@ def with_interval(estimate: Any) -> tuple[str, str]:
         return f"{value:.4g}", f"only {estimate.together}"
     if interval is None or not all(math.isfinite(x) for x in interval):
         return (f"{value:.5g}" if math.isfinite(value) else NONE), NONE
-    return _to_width(value, interval[1] - interval[0]), between(interval)
+    text = _to_width(value, interval[1] - interval[0])
+    if value > 0 and not float(text) and interval[0] >= 0:  # a level is not 0 for being uncertain
+        text = number(value, 1)
+    return text, between(interval)
 
 
 def between(interval: Sequence[float]) -> str:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from ..blocks.model import Model
-from ..compensated_loop import seen_in
 from ..core.display import Row, estimated
 from ..core.errors import Refused
 from ..core.progress import Progress, Wanted, reporter, shows_progress
@@ -90,7 +89,7 @@ class Identification(Fitted):
                 "plain": self.plain.summary() if self.plain else None,
                 "covariance": self.joint.summary() if self.joint else None,
                 "members": self._drawn_from(),
-                "drive": seen_in(self.record, self.torque_noise) or None,
+                "drive": self._drive(),
                 "residuals": self.residuals.summary() if self.residuals else None,
                 "provenance": self.provenance.summary() if self.provenance else None,
             }

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ..blocks.model import Model
-from ..compensated_loop import seen_in
 from ..core.display import Row, estimated
 from ..core.provenance import Provenance
 from ..core.result import plain as jsonable
@@ -155,7 +154,7 @@ class Diagnosis(Fitted):
                 **_compared(self.comparison),
                 "covariance": self.joint.summary() if self.joint else None,
                 "members": self._drawn_from(),
-                "drive": seen_in(self.record, self.torque_noise) or None,
+                "drive": self._drive(),
                 "residuals": self.residuals.summary() if self.residuals else None,
                 "provenance": self.provenance.summary() if self.provenance else None,
             }

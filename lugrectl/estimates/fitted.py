@@ -131,6 +131,10 @@ class Fitted(Result):
         """As under "members" in the JSON document."""
         return None if self.model is None else [one.summary() for one in self.beliefs()]
 
+    def _drive(self) -> dict[str, Any] | None:
+        """The drive as it was recorded, as under "drive" in the JSON document."""
+        return view("believed.seen_in", "compensated_loop")(self.record, self.torque_noise) or None
+
     @property
     def parameters(self) -> ParameterTable:
         """Fitted parameters: name, value, low and high of the 95 % interval, unit, declared."""

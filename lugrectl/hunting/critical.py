@@ -30,7 +30,11 @@ def changes(
 
 def ranges(given: Any, what: str, names: tuple[str, ...] = GAINS) -> dict[str, tuple[float, float]]:
     """Gains and their ends; InputError names the argument."""
-    if not isinstance(given, Mapping) or not given or not {*given} <= {*names}:
+    if isinstance(given, Mapping) and (unknown := [k for k in given if k not in names]):
+        raise InputError(
+            f"{what}: there is no gain {shown(unknown[0])}; known: {', '.join(names)}."
+        )
+    if not isinstance(given, Mapping) or not given:
         example = '{"ki": (1, 50)}'
         raise InputError(f"{what} must be gains and their ends, {example}, not {shown(given)}.")
     made = {}

@@ -184,7 +184,9 @@ def searched(model: Model, gains: Mapping[str, float], sensing: Sensing | None) 
     law, effects = model.friction.block, [p.key for p in model.effects]
     rigid = None if loop.curve.Fs <= 0.0 else rigid_cycles(loop)
     if sensing is not None:
-        answer = _watched(sampled_run(model, loop, sensing), sampled_starts(loop, sensing), LENGTHS)
+        near = [c.amplitude for c in rigid.cycles] if rigid else []
+        starts = np.r_[sampled_starts(loop, sensing), near]
+        answer = _watched(sampled_run(model, loop, sensing), starts, LENGTHS)
     elif rigid is None or law.states or effects:
         answer = _with_all(model, loop, rigid)
     else:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
+from lugrectl.axis_response.friction_terms import impossible
 from lugrectl.axis_response.result import unwrapped
 from lugrectl.cli import main
 
@@ -210,3 +211,9 @@ def test_the_command_refuses_with_a_code_of_its_own(folder, capsys):
     assert json.loads(said.out)["frequency"] == [] and "longest stretch" in said.err
     assert main(["bode", "run.csv", "--model", "my.toml", "--out", "bode.txt"]) == 2
     assert "picture must be a file" in capsys.readouterr().err
+
+
+def test_friction_is_no_larger_than_the_largest_torque():
+    """One stroke: a bristle that never slips grows with the path, whatever its level."""
+    assert impossible(("Fc", "dF", "damping"), (4e6, 0.1, 1.0), most=1.5) == "Fc"
+    assert impossible(("Fc", "dF"), (0.3, 0.1), most=1.5) is None

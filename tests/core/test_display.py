@@ -268,3 +268,8 @@ def test_a_refusal_prints_why_and_what_to_record():
     found = lg.diagnose({"t": t, "u": np.zeros(400), "w": np.sin(t)}, lg.table1())
     assert "u is constant (0)" in repr(found) and "record next  Record a motion" in repr(found)
     assert found.to_dict()["headline"] == found.reason
+
+
+def test_a_level_is_not_zero_for_being_uncertain():
+    assert with_interval(Estimate(0.3002, "N m", (0.0, 5.0))) == ("0.3", "0 to 5")
+    assert float(with_interval(Estimate(2e-5, "N m", (-3e-4, 3e-4)))[0]) == 0.0

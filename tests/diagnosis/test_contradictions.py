@@ -91,7 +91,7 @@ def test_a_copy_of_another_column_is_no_torque(plain, model, of, share):
 def test_the_torque_of_another_run_is_refused(plain, model):
     assert "unexplained" in refused(replace(plain, u=plain.u[::-1].copy()), model)
     noise = np.random.default_rng(1).standard_normal(N)
-    assert "unexplained" in refused(replace(plain, u=noise), model)
+    assert "u is not the torque" in refused(replace(plain, u=noise), model)
 
 
 def test_the_other_sign_is_said(plain, model):

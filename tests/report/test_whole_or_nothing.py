@@ -198,7 +198,7 @@ def test_a_full_disk_is_one_sentence_for_models_and_pictures_too(tmp_path):
         with pytest.raises(lg.InputError, match="m.toml cannot be written: File too large"):
             lg.write_model(model, tmp_path / "m.toml")
         with pytest.raises(lg.InputError, match="picture.png cannot be written"):
-            plotting._write(tmp_path / "picture.png", b"a" * 100, "--out")
+            plotting.write(tmp_path / "picture.png", b"a" * 100, "--out")
     assert (tmp_path / "m.toml").read_text() == before
     assert [p.name for p in tmp_path.iterdir()] == ["m.toml"]
 
